@@ -1,0 +1,76 @@
+"""Fields on a rod as VTK files."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from isorod import stress
+from isorod.disk import Array
+from isorod.errors import InputError
+from isorod.model import Body
+from isorod.results import write_beside
+
+if TYPE_CHECKING:
+    import pyvista
+
+
+def grid(body: Body, nodal: Array, rings: int = 4, around: int = 32, slices: int = 6) -> "pyvista.UnstructuredGrid":
+    """Return the undeformed rod as small cells, with point data ``displacement`` ``(3,)`` and ``von_mises``.
+
+    Every element gets points of its own, so that what jumps between elements is shown as it is.
+
+    Parameters
+    ----------
+    nodal
+        Displacements of the body's nodes, shape ``(nodes, 3)``.
+    rings, around, slices
+        Cells along the radius, round the section and along an element.
+
+    Raises
+    ------
+    InputError
+        If pyvista is not installed.
+    """
+    try:
+        import pyvista
+    except ImportError:
+        raise InputError("VTK files need pyvista, which is not installed: pip install pyvista") from None
+    xi, cells = _disk(rings, around)
+    axis = body.space.axis
+    inside = np.linspace(0.0, 1.0, slices + 1)
+    # Stay inside the element: at a knot the next one would be meant.
+    inside[-1] -= 1e-9
+    u = (axis.breaks[:-1, None] + np.diff(axis.breaks)[:, None] * inside).ravel()
+    points, _ = body.space.rod.grid(xi, u)
+    displacement, _ = body.space.displacement(nodal, xi, u)
+    von_mises = stress.von_mises(stress.cauchy(body, nodal, xi, u))
+
+    below = np.arange(axis.elements)[:, None] * (slices + 1) + np.arange(slices)
+    lower = cells[None, :, :] + xi.shape[0] * below.reshape(-1, 1, 1)
+    corners = np.concatenate([lower, lower + xi.shape[0]], axis=2).reshape(-1, 8)
+    mesh = pyvista.UnstructuredGrid({pyvista.CellType.HEXAHEDRON: corners}, points.reshape(-1, 3))
+    mesh.point_data["displacement"] = displacement.reshape(-1, 3)
+    mesh.point_data["von_mises"] = von_mises.ravel()
+    return mesh
+
+
+def write(body: Body, nodal: Array, path: Path) -> None:
+    """Write the fields of `grid` to a ``.vtu`` file."""
+    mesh = grid(body, nodal)
+    write_beside(path, mesh.save)
+
+
+def _disk(rings: int, around: int) -> tuple[Array, np.ndarray]:
+    """Return points and quadrilaterals of the disk; those at the centre have one corner twice."""
+    angle = 2.0 * np.pi * np.arange(around) / around
+    radius = np.arange(1, rings + 1) / rings
+    ring = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    xi = np.concatenate([[[0.0, 0.0]], (radius[:, None, None] * ring).reshape(-1, 2)])
+    here = np.arange(around)
+    following = (here + 1) % around
+    cells = [np.stack([np.zeros_like(here), 1 + here, 1 + following, np.zeros_like(here)], axis=1)]
+    for k in range(rings - 1):
+        low = 1 + k * around
+        cells.append(np.stack([low + here, low + around + here, low + around + following, low + following], axis=1))
+    return xi, np.concatenate(cells)

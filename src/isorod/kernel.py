@@ -1,0 +1,180 @@
+"""The compiled element loops.
+
+Shapes: ``E`` elements, ``t`` quadrature points along each, ``q`` in the section, ``n`` section functions, ``l = p + 1`` axis
+functions; an element's nodes run layer by layer.  ``section``, ``axial``, ``slopes``, ``inverse``, ``weights`` are those of
+`isorod.space.Table`.  The sums are factorised: sections first, then along the axis.
+"""
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from isorod.disk import Array
+
+_OPTIONS: Any = {"cache": True, "fastmath": {"contract", "reassoc", "nsz", "arcp"}, "error_model": "numpy"}
+_D3 = "f8[:,:,::1]"
+_D4 = "f8[:,:,:,::1]"
+_D5 = "f8[:,:,:,:,::1]"
+_D7 = "f8[:,:,:,:,:,:,::1]"
+
+
+@njit(f"{_D5}({_D3}, {_D3}, {_D3}, {_D5}, {_D4})", **_OPTIONS)
+def deformation_gradients(section: Array, axial: Array, slopes: Array, inverse: Array, nodal: Array) -> Array:
+    """Return ``F`` ``(E, t, q, 3, 3)`` of the nodal displacements ``(E, l, n, 3)``."""
+    elements, along, functions = axial.shape
+    points, _, n = section.shape
+    result = np.empty((elements, along, points, 3, 3))
+    plane = np.empty((3, n))
+    axis = np.empty((3, n))
+    h = np.empty((3, 3))
+    for e in range(elements):
+        for t in range(along):
+            for i in range(n):
+                for a in range(3):
+                    value = 0.0
+                    slope = 0.0
+                    for j in range(functions):
+                        value += axial[e, t, j] * nodal[e, j, i, a]
+                        slope += slopes[e, t, j] * nodal[e, j, i, a]
+                    plane[a, i] = value
+                    axis[a, i] = slope
+            for q in range(points):
+                for a in range(3):
+                    h0 = 0.0
+                    h1 = 0.0
+                    h2 = 0.0
+                    for i in range(n):
+                        h0 += plane[a, i] * section[q, 0, i]
+                        h1 += plane[a, i] * section[q, 1, i]
+                        h2 += axis[a, i] * section[q, 2, i]
+                    h[a, 0] = h0
+                    h[a, 1] = h1
+                    h[a, 2] = h2
+                for a in range(3):
+                    for b in range(3):
+                        result[e, t, q, a, b] = (
+                            h[a, 0] * inverse[e, t, q, 0, b]
+                            + h[a, 1] * inverse[e, t, q, 1, b]
+                            + h[a, 2] * inverse[e, t, q, 2, b]
+                        )
+                    result[e, t, q, a, a] += 1.0
+    return result
+
+
+@njit(f"{_D4}({_D3}, {_D3}, {_D3}, {_D5}, {_D3}, {_D5})", **_OPTIONS)
+def internal_forces(
+    section: Array, axial: Array, slopes: Array, inverse: Array, weights: Array, stress: Array
+) -> Array:
+    """Return the nodal forces ``(E, l, n, 3)`` of the first Piola-Kirchhoff stress ``(E, t, q, 3, 3)``."""
+    elements, along, functions = axial.shape
+    points, _, n = section.shape
+    result = np.zeros((elements, functions, n, 3))
+    plane = np.empty((3, n))
+    axis = np.empty((3, n))
+    s = np.empty((3, 3))
+    for e in range(elements):
+        for t in range(along):
+            plane[:] = 0.0
+            axis[:] = 0.0
+            for q in range(points):
+                for a in range(3):
+                    for d in range(3):
+                        s[a, d] = weights[e, t, q] * (
+                            stress[e, t, q, a, 0] * inverse[e, t, q, d, 0]
+                            + stress[e, t, q, a, 1] * inverse[e, t, q, d, 1]
+                            + stress[e, t, q, a, 2] * inverse[e, t, q, d, 2]
+                        )
+                for a in range(3):
+                    for i in range(n):
+                        plane[a, i] += s[a, 0] * section[q, 0, i] + s[a, 1] * section[q, 1, i]
+                        axis[a, i] += s[a, 2] * section[q, 2, i]
+            for j in range(functions):
+                for i in range(n):
+                    for a in range(3):
+                        result[e, j, i, a] += axial[e, t, j] * plane[a, i] + slopes[e, t, j] * axis[a, i]
+    return result
+
+
+@njit(f"{_D7}({_D3}, {_D3}, {_D3}, {_D5}, {_D3}, {_D7})", **_OPTIONS)
+def stiffness(section: Array, axial: Array, slopes: Array, inverse: Array, weights: Array, tangent: Array) -> Array:
+    """Return element matrices ``(E, l, n, 3, l, n, 3)`` of the tangent moduli ``dP/dF`` ``(E, t, q, 3, 3, 3, 3)``.
+
+    The moduli must have major symmetry, as those of a stored energy do.
+    """
+    elements, along, functions = axial.shape
+    points, _, n = section.shape
+    result = np.empty((elements, functions, n, 3, functions, n, 3))
+    # Section matrices, index [component pair, column function, row function]: both gradients in the section;
+    # row in the section and column along the axis; both along the axis.
+    plane = np.empty((9, n, n))
+    mixed = np.empty((9, n, n))
+    axis = np.empty((9, n, n))
+    block = np.empty((functions, functions, 9, n, n))
+    half = np.empty((3, 3, 9))
+    moduli = np.empty((3, 3, 9))
+    for e in range(elements):
+        block[:] = 0.0
+        for t in range(along):
+            plane[:] = 0.0
+            mixed[:] = 0.0
+            axis[:] = 0.0
+            for q in range(points):
+                w = weights[e, t, q]
+                for d in range(3):
+                    g0 = w * inverse[e, t, q, d, 0]
+                    g1 = w * inverse[e, t, q, d, 1]
+                    g2 = w * inverse[e, t, q, d, 2]
+                    for a in range(3):
+                        for b in range(3):
+                            for c in range(3):
+                                half[d, c, 3 * a + b] = (
+                                    g0 * tangent[e, t, q, a, 0, b, c]
+                                    + g1 * tangent[e, t, q, a, 1, b, c]
+                                    + g2 * tangent[e, t, q, a, 2, b, c]
+                                )
+                for d in range(3):
+                    for c in range(3):
+                        g0 = inverse[e, t, q, c, 0]
+                        g1 = inverse[e, t, q, c, 1]
+                        g2 = inverse[e, t, q, c, 2]
+                        for ab in range(9):
+                            moduli[d, c, ab] = g0 * half[d, 0, ab] + g1 * half[d, 1, ab] + g2 * half[d, 2, ab]
+                for k in range(n):
+                    s0 = section[q, 0, k]
+                    s1 = section[q, 1, k]
+                    s2 = section[q, 2, k]
+                    for ab in range(9):
+                        p0 = moduli[0, 0, ab] * s0 + moduli[0, 1, ab] * s1
+                        p1 = moduli[1, 0, ab] * s0 + moduli[1, 1, ab] * s1
+                        m0 = moduli[0, 2, ab] * s2
+                        m1 = moduli[1, 2, ab] * s2
+                        x = moduli[2, 2, ab] * s2
+                        for i in range(n):
+                            plane[ab, k, i] += p0 * section[q, 0, i] + p1 * section[q, 1, i]
+                            mixed[ab, k, i] += m0 * section[q, 0, i] + m1 * section[q, 1, i]
+                            axis[ab, k, i] += x * section[q, 2, i]
+            for m in range(functions):
+                r = axial[e, t, m]
+                s = slopes[e, t, m]
+                for a in range(3):
+                    for b in range(3):
+                        ab = 3 * a + b
+                        ba = 3 * b + a
+                        for k in range(n):
+                            for i in range(n):
+                                x = r * plane[ab, k, i] + s * mixed[ab, k, i]
+                                y = r * mixed[ba, i, k] + s * axis[ab, k, i]
+                                for j in range(m + 1):
+                                    block[j, m, ab, k, i] += axial[e, t, j] * x + slopes[e, t, j] * y
+        for j in range(functions):
+            for i in range(n):
+                for a in range(3):
+                    for m in range(functions):
+                        for k in range(n):
+                            for b in range(3):
+                                if j <= m:
+                                    result[e, j, i, a, m, k, b] = block[j, m, 3 * a + b, k, i]
+                                else:
+                                    result[e, j, i, a, m, k, b] = block[m, j, 3 * b + a, i, k]
+    return result

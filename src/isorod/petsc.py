@@ -1,0 +1,55 @@
+"""The few PETSc functions that petsc4py does not wrap in every version isorod runs with, called in its own library."""
+
+import ctypes
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from petsc4py import PETSc
+
+_POINTER = ctypes.c_void_p
+
+
+@cache
+def _function(name: str, *arguments: Any) -> Any:
+    function = getattr(ctypes.CDLL(PETSc.__file__), name)
+    function.argtypes = arguments
+    return function
+
+
+def _check(code: int) -> None:
+    if code:
+        raise PETSc.Error(code)
+
+
+def preallocate_coo(matrix: PETSc.Mat, rows: NDArray[Any], columns: NDArray[Any]) -> None:
+    """Preallocate a matrix by global row and column indices; negative ones are ignored."""
+    # PETSc sorts the arrays in place.
+    rows = np.array(rows, dtype=PETSc.IntType)
+    columns = np.array(columns, dtype=PETSc.IntType)
+    call = _function("MatSetPreallocationCOO", _POINTER, ctypes.c_ssize_t, _POINTER, _POINTER)
+    _check(call(matrix.handle, rows.size, rows.ctypes.data, columns.ctypes.data))
+
+
+def set_values_coo(matrix: PETSc.Mat, values: NDArray[np.float64]) -> None:
+    """Set the entries in the order of `preallocate_coo`, repeated ones added up."""
+    values = np.ascontiguousarray(values, dtype=PETSc.ScalarType)
+    call = _function("MatSetValuesCOO", _POINTER, _POINTER, ctypes.c_int)
+    _check(call(matrix.handle, values.ctypes.data, int(PETSc.InsertMode.INSERT_VALUES)))
+
+
+def unused_options() -> list[str]:
+    """Return the PETSc options given on the command line that nothing has asked for so far, as ``-name value``."""
+    count = ctypes.c_int()
+    names = ctypes.POINTER(ctypes.c_char_p)()
+    values = ctypes.POINTER(ctypes.c_char_p)()
+    out = (ctypes.byref(count), ctypes.byref(names), ctypes.byref(values))
+    kinds = (_POINTER, _POINTER, _POINTER, _POINTER)
+    _check(_function("PetscOptionsLeftGet", *kinds)(None, *out))
+    left = []
+    for k in range(count.value):
+        value = values[k]
+        left.append(f"-{names[k].decode()}" + (f" {value.decode()}" if value else ""))
+    _check(_function("PetscOptionsLeftRestore", *kinds)(None, *out))
+    return left

@@ -1,0 +1,104 @@
+"""Results as records, one JSON line a run, and writing that leaves nothing half-done."""
+
+import fcntl
+import json
+import os
+import platform
+import subprocess
+import tempfile
+from collections.abc import Callable, Mapping
+from datetime import UTC, datetime
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from isorod import __version__
+from isorod.errors import InputError
+
+
+def provenance() -> dict[str, Any]:
+    """Return versions, commit, machine and time, to be kept with every result."""
+    versions = {"isorod": __version__, "python": platform.python_version()}
+    for name in ("numpy", "scipy", "numba", "petsc4py"):
+        try:
+            versions[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            continue
+    return {
+        "versions": versions,
+        "commit": _commit(),
+        "machine": {"processor": _processor(), "cores": os.cpu_count(), "system": platform.system()},
+        "time": datetime.now(UTC).isoformat(timespec="seconds"),
+    }
+
+
+def line(record: Mapping[str, Any]) -> str:
+    """Return the record as one line of JSON (no NaN, no infinity)."""
+    return json.dumps(record, allow_nan=False, default=_plain)
+
+
+def append(path: Path, record: Mapping[str, Any]) -> None:
+    """Append the record to a file of JSON lines, as a whole even when several processes do."""
+    data = (line(record) + "\n").encode()
+    with open(path, "ab") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        file.write(data)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def output_folder(path: str) -> Path:
+    """Create a folder for results and prove that it can be written to; raises `InputError`."""
+    folder = Path(path)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as problem:
+        raise InputError(f"results folder {path}: cannot write there ({problem.strerror}); name another") from None
+    return folder
+
+
+def write_beside(path: Path, write: Callable[[Path], object]) -> None:
+    """Let ``write`` make a file beside ``path``, then rename it: the name never shows a half-written file."""
+    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix)
+    os.close(handle)
+    try:
+        write(Path(name))
+        os.chmod(name, 0o666 & ~_umask())
+        os.replace(name, path)
+    except OSError as problem:
+        raise InputError(f"{path}: cannot be written ({problem.strerror})") from None
+    finally:
+        Path(name).unlink(missing_ok=True)
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
+
+
+def _plain(value: Any) -> Any:
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    raise TypeError(f"{type(value).__name__} does not go into a result")
+
+
+def _commit() -> str | None:
+    command = ["git", "-C", str(Path(__file__).parent), "describe", "--always", "--dirty"]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=10, check=False)
+    except (OSError, subprocess.TimeoutExpired):
+        return None
+    return done.stdout.strip() or None
+
+
+def _processor() -> str:
+    try:
+        for text in Path("/proc/cpuinfo").read_text().splitlines():
+            if text.startswith("model name"):
+                return text.split(":", 1)[1].strip()
+    except OSError:
+        pass
+    return platform.processor() or platform.machine()

@@ -1,0 +1,220 @@
+"""The geometry of a rod: disk x axis, ``x(xi, u) = sum_ij T_i(xi) R_j(u) P_ij`` (Lu & Zhou 2011, eqs. 11-13)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from isorod.disk import Array, check_count, harmonic_functions
+from isorod.errors import FoldedRodError, InputError
+from isorod.quadrature import Rule, axis_points, section_points
+from isorod.spline import Axis
+
+
+@dataclass(frozen=True, eq=False)
+class Rod:
+    """A rod given by control points on its surface only.
+
+    Parameters
+    ----------
+    axis
+        NURBS basis along the rod.
+    control_points
+        Shape ``(layers, n, 3)`` in units of length: layer ``j`` belongs to axis function ``j``, point ``i`` to ``T_i``.
+    closed
+        True if the first and the last layer are one and the same (a ring).
+
+    Raises
+    ------
+    InputError
+        If shapes do not fit, a value is not finite, or a closed rod's end layers differ.
+    """
+
+    axis: Axis
+    control_points: Array
+    closed: bool = False
+
+    def __post_init__(self) -> None:
+        points = np.array(self.control_points, dtype=float)
+        object.__setattr__(self, "control_points", points)
+        if points.ndim != 3 or points.shape[0] != self.axis.count or points.shape[2] != 3:
+            raise InputError(
+                f"rod control points: got shape {points.shape}, need ({self.axis.count}, n, 3) for this axis"
+            )
+        check_count(points.shape[1])
+        bad = ~np.isfinite(points).all(axis=2)
+        if bad.any():
+            j, i = np.argwhere(bad)[0]
+            raise InputError(f"rod control point {i} of layer {j} is not finite")
+        if self.closed and not np.array_equal(points[0], points[-1]):
+            raise InputError("closed rod: the last layer of control points must repeat the first")
+
+    @property
+    def section_points(self) -> int:
+        """Number of control points round the section, ``n``."""
+        return self.control_points.shape[1]
+
+    @property
+    def distinct_control_points(self) -> int:
+        """Number of control points, the shared layer of a closed rod counted once."""
+        return (self.axis.count - self.closed) * self.section_points
+
+    @classmethod
+    def sweep(
+        cls,
+        section: ArrayLike,
+        axis: Axis,
+        centers: ArrayLike,
+        rotations: ArrayLike | None = None,
+        stretches: ArrayLike | None = None,
+        closed: bool = False,
+    ) -> "Rod":
+        """Sweep a section along control points of the centre line: ``P_ij = C_j + R_j S_j P_i`` (eq. 13).
+
+        Parameters
+        ----------
+        section
+            Control polygon, shape ``(n, 2)``; its plane is spanned by the first two columns of ``R_j``.
+        centers
+            Control points of the centre line, shape ``(layers, 3)``.
+        rotations, stretches
+            Tensors of shape ``(layers, 3, 3)``; identity where not given.
+        """
+        section = np.asarray(section, dtype=float)
+        centers = np.asarray(centers, dtype=float)
+        if section.ndim != 2 or section.shape[1] != 2:
+            raise InputError(f"section: got shape {section.shape}, need (n, 2)")
+        if centers.shape != (axis.count, 3):
+            raise InputError(f"centre line: got shape {centers.shape}, need ({axis.count}, 3) for this axis")
+        eye = np.broadcast_to(np.eye(3), (axis.count, 3, 3))
+        turn = eye if rotations is None else np.asarray(rotations, dtype=float)
+        stretch = eye if stretches is None else np.asarray(stretches, dtype=float)
+        flat = np.concatenate([section, np.zeros((section.shape[0], 1))], axis=1)
+        points = centers[:, None, :] + np.einsum("jab,jbc,ic->jia", turn, stretch, flat)
+        if closed:
+            points[-1] = points[0]
+        return cls(axis, points, closed)
+
+    def refine(self, parts: int = 1, degree: int | None = None, continuity: int | None = None) -> "Rod":
+        """Return the same rod with more control points (see `Axis.refine`)."""
+        return self._on(self.axis.refine(parts, degree, continuity))
+
+    def insert(self, u: float, multiplicity: int = 1) -> "Rod":
+        """Return the same rod with an axis knot inserted."""
+        return self._on(self.axis.insert(u, multiplicity))
+
+    def _on(self, axis: Axis) -> "Rod":
+        points = self.axis.transfer(axis, self.control_points)
+        if self.closed:
+            points[-1] = points[0]
+        return Rod(axis, points, self.closed)
+
+    def points(self, xi: ArrayLike, u: ArrayLike) -> Array:
+        """Return the positions ``(m, 3)`` of the parameter pairs ``xi`` ``(m, 2)`` and ``u`` ``(m,)``."""
+        values, _ = harmonic_functions(self.section_points, xi)
+        section, _ = self._sections(u)
+        return np.einsum("mi,mia->ma", values, section)
+
+    def grid(self, xi: ArrayLike, u: ArrayLike) -> tuple[Array, Array]:
+        """Return positions ``(len(u), len(xi), 3)`` and Jacobians ``dx/d(xi_1, xi_2, u)`` ``(len(u), len(xi), 3, 3)``."""
+        values, gradients = harmonic_functions(self.section_points, xi)
+        section, along = self._sections(u)
+        jacobian = np.empty((section.shape[0], values.shape[0], 3, 3))
+        jacobian[..., :2] = np.einsum("qib,tia->tqab", gradients, section)
+        jacobian[..., 2] = np.einsum("qi,tia->tqa", values, along)
+        return np.einsum("qi,tia->tqa", values, section), jacobian
+
+    def _sections(self, u: ArrayLike) -> tuple[Array, Array]:
+        """Return the control polygons ``(len(u), n, 3)`` of the sections at ``u``, and their derivatives."""
+        first, values, slopes = self.axis.local(u)
+        near = self.control_points[first[:, None] + np.arange(self.axis.degree + 1)]
+        return np.einsum("tj,tjia->tia", values, near), np.einsum("tj,tjia->tia", slopes, near)
+
+    def volume(self) -> float:
+        """Return the volume (length cubed), by a full quadrature rule."""
+        rule = Rule.full(self.section_points, self.axis.degree + 2)
+        xi, area = section_points(self.section_points, rule)
+        u, length = axis_points(self.axis, rule.axial)
+        _, jacobian = self.grid(xi, u.ravel())
+        return float(np.einsum("tq,t,q->", np.linalg.det(jacobian), length.ravel(), area))
+
+    def check(self) -> float:
+        """Return the smallest Jacobian determinant met on a dense grid, circle and element ends included.
+
+        Raises
+        ------
+        FoldedRodError
+            Where the map folds (determinant not positive): the message names element, ``u``, disk point and position.
+        """
+        n, axis = self.section_points, self.axis
+        radii = np.array([0.25, 0.5, 0.75, 0.9, 1.0])
+        angles = 2.0 * np.pi * np.arange(8 * n) / (8 * n)
+        ring = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+        xi = np.concatenate([[[0.0, 0.0]], (radii[:, None, None] * ring).reshape(-1, 2)])
+        inside = np.linspace(0.0, 1.0, axis.degree + 3)
+        # Both sides of every knot: the axis may have a kink there.
+        inside[0], inside[-1] = 1e-9, 1.0 - 1e-9
+        u = axis.breaks[:-1, None] + np.diff(axis.breaks)[:, None] * inside
+        points, jacobian = self.grid(xi, u.ravel())
+        det = np.linalg.det(jacobian)
+        t, q = np.unravel_index(int(np.argmin(det)), det.shape)
+        if not det[t, q] > 0.0:
+            where = ", ".join(f"{value:.4g}" for value in points[t, q])
+            raise FoldedRodError(
+                f"the rod folds in element {t // inside.size} at u = {u.ravel()[t]:.4g}, disk point "
+                f"({xi[q, 0]:.3f}, {xi[q, 1]:.3f}), position ({where}): Jacobian determinant {det[t, q]:.3g}, must be positive"
+            )
+        return float(det[t, q])
+
+
+@dataclass(frozen=True, eq=False)
+class CenterLine:
+    """A centre line to sweep along: axis and, for each of its functions, ``C_j``, ``R_j``, ``S_j`` of eq. 13."""
+
+    axis: Axis
+    centers: Array
+    rotations: Array
+    stretches: Array
+
+
+def helix(radius: float, pitch: float, turns: int, arcs_per_turn: int = 4) -> CenterLine:
+    """Return a helix about the z axis made of rational quadratic circular arcs, C0 at their joints.
+
+    The section lies in the plane of the radial direction and the helix's binormal.  At the corner control point of an arc
+    (weight ``cos(pi / arcs_per_turn)``) the part of every section vector that is normal to z is stretched by the inverse weight:
+    with ``pitch = 0`` the swept ring is then an exact torus (Lu & Zhou 2011, Fig. 4).
+
+    Parameters
+    ----------
+    radius, pitch
+        Radius and rise per turn, units of length.
+    turns, arcs_per_turn
+        Numbers of turns, and of arcs (elements) in each; at least 1 and 3.
+    """
+    if not (np.isfinite(radius) and radius > 0.0):
+        raise InputError(f"coil radius: got {radius:g}, need a positive length")
+    if not np.isfinite(pitch):
+        raise InputError(f"pitch: got {pitch}, need a finite length")
+    if turns < 1 or arcs_per_turn < 3:
+        raise InputError(f"helix: got {turns} turns of {arcs_per_turn} arcs, need at least 1 turn of at least 3 arcs")
+    arcs = turns * arcs_per_turn
+    knots = np.concatenate([[0.0], np.repeat(np.arange(arcs + 1.0), 2), [arcs]])
+    count = 2 * arcs + 1
+    phi = np.pi / arcs_per_turn * np.arange(count)
+    corner = np.arange(count) % 2 == 1
+    weights = np.where(corner, np.cos(np.pi / arcs_per_turn), 1.0)
+    cos, sin, zero = np.cos(phi), np.sin(phi), np.zeros(count)
+
+    centers = np.stack([radius * cos / weights, radius * sin / weights, pitch * phi / (2.0 * np.pi)], axis=1)
+    slope = np.arctan2(pitch, 2.0 * np.pi * radius)
+    radial = np.stack([cos, sin, zero], axis=1)
+    tangential = np.stack([-sin, cos, zero], axis=1)
+    up = np.array([0.0, 0.0, 1.0])
+    minus_binormal = np.sin(slope) * tangential - np.cos(slope) * up
+    tangent = np.cos(slope) * tangential + np.sin(slope) * up
+    rotations = np.stack([radial, minus_binormal, tangent], axis=2)
+    spread = np.zeros((count, 3, 3))
+    spread[:, 0, 0] = spread[:, 1, 1] = 1.0 / weights
+    spread[:, 2, 2] = 1.0
+    stretches = np.einsum("jba,jbc,jcd->jad", rotations, spread, rotations)
+    return CenterLine(Axis(2, knots, weights), centers, rotations, stretches)

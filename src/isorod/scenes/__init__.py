@@ -1,0 +1,31 @@
+"""Scenes: ready models with parameters, one a file.
+
+A scene is a frozen dataclass whose fields (made with `option`) become command line options.  It has a class attribute
+``analysis`` (``"statics"`` or ``"geometry"``), ``rod()``, and for an analysis ``model()`` and ``measure(solution)``.
+"""
+
+import dataclasses
+from importlib import import_module
+from typing import Any
+
+from isorod.errors import InputError
+
+# Name on the command line: module and class.  Modules are imported only when asked for.
+SCENES = {
+    "flower": ("isorod.scenes.flower", "Flower"),
+    "ring": ("isorod.scenes.ring", "Ring"),
+    "spring": ("isorod.scenes.spring", "Spring"),
+}
+
+
+def option(default: Any, text: str) -> Any:
+    """Return a dataclass field that is a command line option; ``text`` says what it is and in which unit."""
+    return dataclasses.field(default=default, metadata={"help": text})
+
+
+def find(name: str) -> Any:
+    """Return the scene class of that name, or raise `InputError` with the names there are."""
+    if name not in SCENES:
+        raise InputError(f"scene {name!r} is not known; there are: {', '.join(SCENES)}")
+    module, attribute = SCENES[name]
+    return getattr(import_module(module), attribute)

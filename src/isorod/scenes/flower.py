@@ -1,0 +1,33 @@
+"""A bar with a concave, flower-shaped section (Lu & Zhou 2011, Fig. 3); geometry only."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from isorod import section
+from isorod.errors import InputError
+from isorod.rod import Rod
+from isorod.scenes import option
+from isorod.spline import Axis
+
+
+@dataclass(frozen=True)
+class Flower:
+    """Straight bar along z; its map folds where the petals are too deep."""
+
+    analysis: ClassVar[str] = "geometry"
+
+    radius: float = option(1.0, "mean radius of the control polygon, before the factor 1/cos(pi/n) [length]")
+    petals: int = option(4, "number of petals")
+    depth: float = option(0.3, "depth of the petals, relative to the radius, 0 to 1")
+    length: float = option(2.0, "length of the bar [length]")
+    section_points: int = option(16, "control points round the section, at least 3")
+
+    def rod(self) -> Rod:
+        """Return the bar, one quadratic element."""
+        if not (np.isfinite(self.length) and self.length > 0.0):
+            raise InputError(f"length: got {self.length:g}, need a positive length")
+        axis = Axis(2, np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0]), np.ones(3))
+        centers = np.array([0.0, 0.5, 1.0])[:, None] * np.array([0.0, 0.0, self.length])
+        return Rod.sweep(section.flower(self.section_points, self.petals, self.radius, self.depth), axis, centers)

@@ -1,0 +1,69 @@
+"""A helical spring pulled along its axis (Lu & Zhou 2011, section 4.2, Table 1)."""
+
+import warnings
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+from isorod import section
+from isorod.errors import InputError
+from isorod.rod import Rod, helix
+from isorod.scenes import option
+
+if TYPE_CHECKING:
+    from isorod.model import Model
+    from isorod.statics import Equilibrium
+
+ARCS_PER_TURN = 4
+
+
+@dataclass(frozen=True)
+class Spring:
+    """Round wire wound in coils, both end faces clamped, the upper one pulled along the axis."""
+
+    analysis: ClassVar[str] = "statics"
+
+    coils: int = option(3, "number of turns")
+    coil_radius: float = option(6.0, "radius of the helix, to the wire's centre [length]")
+    pitch: float = option(2.60258, "rise per turn [length]")
+    wire_radius: float = option(1.0, "radius of the wire [length]")
+    E: float = option(2.014e4, "Young's modulus [force/area]")
+    nu: float = option(0.3, "Poisson's ratio")
+    pull: float = option(2.0, "displacement of the upper end along the axis [length]")
+    section_points: int = option(8, "control points round the wire, at least 3")
+    elements_per_turn: int = option(8, "elements a turn, a multiple of 4")
+    degree: int = option(3, "degree along the axis, 2 to 6")
+    continuity: int | None = option(None, "continuity at inserted knots, 0 to degree - 1 (degree - 1)")
+    quadrature: str = option("full", "quadrature rule: full, paper or RxSxT such as 2x1x4")
+
+    def rod(self) -> Rod:
+        """Return the wire as first built: four quadratic arcs a turn.
+
+        Warns where neighbouring coils overlap.
+        """
+        line = helix(self.coil_radius, self.pitch, self.coils, ARCS_PER_TURN)
+        outline = section.circle(self.section_points, self.wire_radius)
+        if self.coils > 1 and abs(self.pitch) < 2.0 * self.wire_radius:
+            warnings.warn(
+                f"pitch {self.pitch:g} is less than the wire's diameter {2.0 * self.wire_radius:g}: neighbouring coils overlap "
+                "and nothing keeps them apart",
+                stacklevel=2,
+            )
+        return Rod.sweep(outline, line.axis, line.centers, line.rotations, line.stretches)
+
+    def model(self) -> "Model":
+        """Return the model: neo-Hookean, start clamped, end clamped and displaced by ``(0, 0, pull)``."""
+        from isorod.material import NeoHookean
+        from isorod.model import Body, Model, Support
+        from isorod.space import Space
+
+        if self.elements_per_turn < ARCS_PER_TURN or self.elements_per_turn % ARCS_PER_TURN:
+            raise InputError(f"elements a turn: got {self.elements_per_turn}, need a multiple of {ARCS_PER_TURN}")
+        rod = self.rod()
+        rod.check()
+        space = Space(rod, self.coils * self.elements_per_turn, self.degree, self.continuity, self.quadrature)
+        ends = Support.end(space, "start"), Support.end(space, "end", displacement=(0.0, 0.0, self.pull))
+        return Model([Body(space, NeoHookean(self.E, self.nu))], ends)
+
+    def measure(self, solution: "Equilibrium") -> dict[str, object]:
+        """Return the axial force that holds the upper end [force]."""
+        return {"force": float(solution.reactions[1, 2])}

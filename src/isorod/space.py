@@ -1,0 +1,170 @@
+"""The displacement space on a rod, and everything about it that does not change during an analysis."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from isorod.disk import Array, harmonic_functions
+from isorod.errors import FoldedRodError, InputError
+from isorod.quadrature import Rule, axis_points, section_points
+from isorod.rod import Rod
+from isorod.spline import Axis, Index
+
+
+@dataclass(frozen=True, eq=False)
+class Space:
+    """Displacements ``sum_ij T_i(xi) R_j(u) d_ij`` on a rod.
+
+    Nodes are numbered layer by layer: node ``j n + i`` carries ``T_i R_j``; a closed rod's last layer is its first.
+
+    Parameters
+    ----------
+    rod
+        The geometry.
+    elements
+        Number of elements along the axis: a multiple of the rod's own; the rod's own where not given.
+    degree
+        Degree along the axis, from the rod's own to 6.
+    continuity
+        Continuity at knots the rod does not have, ``0 .. degree - 1``; ``degree - 1`` where not given.
+    quadrature
+        ``"full"``, ``"paper"`` or ``"RxSxT"`` (see `isorod.quadrature`).
+
+    Raises
+    ------
+    InputError
+        If the numbers do not fit each other.
+    """
+
+    rod: Rod
+    elements: int | None = None
+    degree: int | None = None
+    continuity: int | None = None
+    quadrature: str = "full"
+
+    @cached_property
+    def axis(self) -> Axis:
+        """Axis of the displacement space."""
+        own = self.rod.axis.elements
+        elements = own if self.elements is None else self.elements
+        if elements < own or elements % own:
+            raise InputError(f"elements: got {elements}, need a multiple of the {own} elements of the rod itself")
+        return self.rod.axis.refine(elements // own, self.degree, self.continuity)
+
+    @cached_property
+    def rule(self) -> Rule:
+        """Quadrature rule."""
+        return Rule.parse(self.quadrature, self.rod.section_points, self.axis.degree)
+
+    @property
+    def layers(self) -> int:
+        """Number of distinct layers of control points."""
+        return self.axis.count - self.rod.closed
+
+    @property
+    def layer_nodes(self) -> int:
+        """Number of nodes in a layer."""
+        return self.rod.section_points
+
+    @property
+    def nodes(self) -> int:
+        """Number of nodes."""
+        return self.layers * self.layer_nodes
+
+    @cached_property
+    def element_layers(self) -> Index:
+        """Layers of each element, shape ``(elements, p + 1)``."""
+        return (self.axis.first_function[:, None] + np.arange(self.axis.degree + 1)) % self.layers
+
+    @cached_property
+    def element_nodes(self) -> Index:
+        """Nodes of each element, layer by layer, shape ``(elements, (p + 1) n)``."""
+        nodes = self.element_layers[:, :, None] * self.layer_nodes + np.arange(self.layer_nodes)
+        return nodes.reshape(self.axis.elements, -1)
+
+    def tabulate(self, first: int, last: int) -> "Table":
+        """Return the functions and the geometry at the quadrature points of the elements ``first .. last - 1``.
+
+        Raises
+        ------
+        FoldedRodError
+            If the Jacobian is not positive at one of them.
+        """
+        rule, n = self.rule, self.rod.section_points
+        xi, area = section_points(n, rule)
+        u, length = (points[first:last] for points in axis_points(self.axis, rule.axial))
+        values, gradients = harmonic_functions(n, xi)
+        _, axial, slopes = self.axis.local(u.ravel())
+        shape = (*u.shape, self.axis.degree + 1)
+        _, jacobian = self.rod.grid(xi, u.ravel())
+        jacobian = jacobian.reshape(*u.shape, xi.shape[0], 3, 3)
+        det = np.linalg.det(jacobian)
+        if det.size and not det.min() > 0.0:
+            e, t, q = np.unravel_index(int(np.argmin(det)), det.shape)
+            raise FoldedRodError(
+                f"the rod folds in element {first + e} at u = {u[e, t]:.4g}, disk point ({xi[q, 0]:.3f}, {xi[q, 1]:.3f}): "
+                f"Jacobian determinant {det[e, t, q]:.3g}, must be positive"
+            )
+        return Table(
+            first=first,
+            u=u,
+            xi=xi,
+            section=np.ascontiguousarray(np.concatenate([gradients, values[:, :, None]], axis=2).transpose(0, 2, 1)),
+            axial=axial.reshape(shape),
+            slopes=slopes.reshape(shape),
+            inverse=np.ascontiguousarray(np.linalg.inv(jacobian)),
+            weights=det * length[:, :, None] * area,
+        )
+
+    def displacement(self, nodal: ArrayLike, xi: ArrayLike, u: ArrayLike) -> tuple[Array, Array]:
+        """Return displacements and deformation gradients on a grid of disk and axis points.
+
+        Parameters
+        ----------
+        nodal
+            Nodal displacements, shape ``(nodes, 3)``.
+        xi, u
+            Disk points ``(q, 2)`` and axis parameters ``(t,)``.
+
+        Returns
+        -------
+        displacement, deformation_gradient
+            Shapes ``(t, q, 3)`` and ``(t, q, 3, 3)``.
+        """
+        nodal = np.asarray(nodal, dtype=float).reshape(self.layers, self.layer_nodes, 3)
+        values, gradients = harmonic_functions(self.rod.section_points, xi)
+        first, axial, slopes = self.axis.local(u)
+        near = nodal[(first[:, None] + np.arange(self.axis.degree + 1)) % self.layers]
+        section = np.einsum("tj,tjia->tia", axial, near)
+        along = np.einsum("tj,tjia->tia", slopes, near)
+        gradient = np.empty((section.shape[0], values.shape[0], 3, 3))
+        gradient[..., :2] = np.einsum("qib,tia->tqab", gradients, section)
+        gradient[..., 2] = np.einsum("qi,tia->tqa", values, along)
+        _, jacobian = self.rod.grid(xi, u)
+        return np.einsum("qi,tia->tqa", values, section), np.eye(3) + gradient @ np.linalg.inv(jacobian)
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Functions and geometry at the quadrature points of consecutive elements.
+
+    With ``E`` elements, ``t`` points along each, ``q`` in the section, ``n`` section functions, degree ``p``: ``section``
+    ``(q, 3, n)`` holds ``dT/dxi_1, dT/dxi_2, T``; ``axial`` and ``slopes`` ``(E, t, p + 1)`` hold ``R`` and ``dR/du``;
+    ``inverse`` ``(E, t, q, 3, 3)`` is ``d(xi_1, xi_2, u)/dx``; ``weights`` ``(E, t, q)`` are volumes.
+    """
+
+    first: int
+    u: Array
+    xi: Array
+    section: Array
+    axial: Array
+    slopes: Array
+    inverse: Array
+    weights: Array
+
+    @property
+    def elements(self) -> int:
+        """Number of elements."""
+        return self.u.shape[0]

@@ -1,0 +1,191 @@
+"""The NURBS axis of a rod: basis functions, refinement and exact transfer between nested axes."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import BSpline
+from scipy.sparse.linalg import splu
+
+from isorod.errors import InputError
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+MAX_DEGREE = 6
+
+
+@dataclass(frozen=True, eq=False)
+class Axis:
+    """A NURBS basis in one parameter ``u`` (Lu & Zhou 2011, eqs. 8-10).
+
+    Parameters
+    ----------
+    degree
+        Polynomial degree ``p``, 1 to 6.
+    knots
+        Clamped, non-decreasing knot vector, shape ``(m + p + 1,)``; interior multiplicity at most ``p``.
+    weights
+        Positive weights, shape ``(m,)``.
+
+    Raises
+    ------
+    InputError
+        With the first offending entry, if any of this does not hold.
+    """
+
+    degree: int
+    knots: Array
+    weights: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "knots", np.array(self.knots, dtype=float).ravel())
+        object.__setattr__(self, "weights", np.array(self.weights, dtype=float).ravel())
+        p, knots, weights = self.degree, self.knots, self.weights
+        if int(p) != p or not 1 <= p <= MAX_DEGREE:
+            raise InputError(f"axis degree: got {p}, need an integer from 1 to {MAX_DEGREE}")
+        _check_finite("knot", knots)
+        _check_finite("weight", weights)
+        falling = np.flatnonzero(np.diff(knots) < 0.0)
+        if falling.size:
+            k = falling[0]
+            raise InputError(f"knot {k + 1} is {knots[k + 1]:g} after {knots[k]:g}; knots must not decrease")
+        if weights.size != knots.size - p - 1:
+            raise InputError(f"{knots.size} knots of degree {p} need {knots.size - p - 1} weights, got {weights.size}")
+        if (weights <= 0.0).any():
+            k = int(np.argmax(weights <= 0.0))
+            raise InputError(f"weight {k} is {weights[k]:g}; weights must be positive")
+        values, counts = np.unique(knots, return_counts=True)
+        if values.size < 2 or counts[0] != p + 1 or counts[-1] != p + 1:
+            raise InputError(f"the first and the last knot must each stand {p + 1} times (degree {p}, clamped ends)")
+        if (counts[1:-1] > p).any():
+            k = 1 + int(np.argmax(counts[1:-1] > p))
+            raise InputError(f"interior knot {values[k]:g} stands {counts[k]} times; degree {p} allows {p}")
+
+    @property
+    def count(self) -> int:
+        """Number of basis functions ``m``."""
+        return self.weights.size
+
+    @cached_property
+    def breaks(self) -> Array:
+        """Distinct knots, shape ``(elements + 1,)``."""
+        return np.unique(self.knots)
+
+    @property
+    def elements(self) -> int:
+        """Number of non-empty knot spans."""
+        return self.breaks.size - 1
+
+    @cached_property
+    def first_function(self) -> Index:
+        """First of the ``p + 1`` functions that live on each element, shape ``(elements,)``."""
+        spans = np.searchsorted(self.knots, self.breaks[:-1], side="right") - 1
+        return (spans - self.degree).astype(np.int64)
+
+    def local(self, u: ArrayLike) -> tuple[Index, Array, Array]:
+        """Return, for each parameter, the functions that live there.
+
+        Parameters
+        ----------
+        u
+            Parameters within the knot vector, shape ``(t,)``; at a knot the element above it is meant (at the last, below).
+
+        Returns
+        -------
+        first, values, slopes
+            Index of the first of the ``p + 1`` functions ``(t,)``, ``R_j`` and ``dR_j/du``, both ``(t, p + 1)``.
+
+        Raises
+        ------
+        InputError
+            For a parameter outside the knot vector.
+        """
+        where = np.atleast_1d(np.asarray(u, dtype=float))
+        low, high = self.knots[0], self.knots[-1]
+        bad = ~((where >= low) & (where <= high))
+        if bad.any():
+            raise InputError(f"axis parameter {where[np.argmax(bad)]:g} is outside [{low:g}, {high:g}]")
+        p, t = self.degree, self.knots
+        table = BSpline.design_matrix(where, t, p)
+        first = table.indices[:: p + 1].astype(np.int64)
+        lower = np.zeros((where.size, p + 2))
+        lower[:, 1:-1] = BSpline.design_matrix(where, t[1:-1], p - 1).data.reshape(-1, p)
+        index = first[:, None] + np.arange(p + 2)
+        width = t[np.minimum(index + p, t.size - 1)] - t[index]
+        lower[:, 1:-1] *= p / width[:, 1:-1]
+        functions = index[:, :-1]
+        weighted = table.data.reshape(-1, p + 1) * self.weights[functions]
+        slopes = (lower[:, :-1] - lower[:, 1:]) * self.weights[functions]
+        total = weighted.sum(axis=1, keepdims=True)
+        values = weighted / total
+        return first, values, (slopes - values * slopes.sum(axis=1, keepdims=True)) / total
+
+    def refine(self, parts: int = 1, degree: int | None = None, continuity: int | None = None) -> "Axis":
+        """Return the axis whose space contains this one: every element cut in ``parts``, degree raised, C^continuity at new knots.
+
+        Knots that are there already keep the continuity they have (or less, if ``continuity`` asks for less), so that the
+        geometry on the new axis is the same.
+
+        Raises
+        ------
+        InputError
+            If ``degree`` is below this one or above 6, ``continuity`` is not in ``0 .. degree - 1``, or ``parts < 1``.
+        """
+        degree = self.degree if degree is None else degree
+        if int(degree) != degree or not self.degree <= degree <= MAX_DEGREE:
+            raise InputError(f"axis degree: got {degree}, need an integer from {self.degree} to {MAX_DEGREE}")
+        continuity = degree - 1 if continuity is None else continuity
+        if int(continuity) != continuity or not 0 <= continuity < degree:
+            raise InputError(
+                f"continuity: got {continuity}, need an integer from 0 to {degree - 1} with degree {degree}"
+            )
+        if int(parts) != parts or parts < 1:
+            raise InputError(f"parts of an element: got {parts}, need an integer of at least 1")
+        old, counts = np.unique(self.knots, return_counts=True)
+        cuts = np.concatenate([np.linspace(a, b, parts + 1)[:-1] for a, b in pairwise(old)])
+        smoothness = np.full(cuts.size, continuity)
+        smoothness[::parts] = np.minimum(continuity, self.degree - counts[:-1])
+        multiplicity = degree - smoothness
+        multiplicity[0] = degree + 1
+        return self._on_knots(degree, np.concatenate([np.repeat(cuts, multiplicity), np.repeat(old[-1], degree + 1)]))
+
+    def insert(self, u: float, multiplicity: int = 1) -> "Axis":
+        """Return the axis with the knot ``u`` inserted ``multiplicity`` times (its space contains this one)."""
+        present = int(np.count_nonzero(self.knots == u))
+        if not self.knots[0] < u < self.knots[-1]:
+            raise InputError(f"knot {u:g} is not inside ({self.knots[0]:g}, {self.knots[-1]:g})")
+        if multiplicity < 1 or present + multiplicity > self.degree:
+            raise InputError(
+                f"knot {u:g} stands {present} times; {multiplicity} more is not within 1 .. {self.degree - present}"
+            )
+        knots = np.sort(np.concatenate([self.knots, np.full(multiplicity, u)]))
+        return self._on_knots(self.degree, knots)
+
+    def _on_knots(self, degree: int, knots: Array) -> "Axis":
+        flat = Axis(degree, knots, np.ones(knots.size - degree - 1))
+        return Axis(degree, knots, self._spline_transfer(flat, self.weights))
+
+    def transfer(self, finer: "Axis", points: ArrayLike) -> Array:
+        """Return the control points ``(finer.count, ...)`` on a nested finer axis of the function with ``points`` on this one."""
+        values = np.asarray(points, dtype=float)
+        columns = values.reshape(self.count, -1) * self.weights[:, None]
+        moved = self._spline_transfer(finer, columns) / finer.weights[:, None]
+        return moved.reshape(finer.count, *values.shape[1:])
+
+    def _spline_transfer(self, finer: "Axis", columns: Array) -> Array:
+        # Nested spline spaces: collocation at the finer space's Greville points is exact, and well conditioned.
+        p = finer.degree
+        greville = np.array([finer.knots[j + 1 : j + p + 1].mean() for j in range(finer.count)])
+        greville = np.clip(greville, finer.knots[0], finer.knots[-1])
+        coarse = BSpline.design_matrix(greville, self.knots, self.degree) @ columns
+        return splu(BSpline.design_matrix(greville, finer.knots, p).tocsc()).solve(coarse)
+
+
+def _check_finite(name: str, values: Array) -> None:
+    bad = ~np.isfinite(values)
+    if bad.any():
+        k = int(np.argmax(bad))
+        raise InputError(f"{name} {k} is {values[k]}; it must be finite")
