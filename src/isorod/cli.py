@@ -1,39 +1,19 @@
 """The ``isorod`` command."""
 
 import argparse
-import dataclasses
-import difflib
 import os
 import sys
-import types
-import typing
 import warnings
 from collections.abc import Sequence
-from pathlib import Path
 from time import perf_counter
-from typing import Any, NoReturn
+from typing import Any
+
+import numpy as np
 
 from isorod import __version__, options, scenes
 from isorod.errors import InputError, SolveError
 
 _EPILOG = "Options with a single dash go to PETSc untouched (-snes_monitor, -ksp_type gmres, -log_view, -help ...)."
-
-
-class _Parser(argparse.ArgumentParser):
-    """An argument parser whose errors are one line."""
-
-    def error(self, message: str) -> NoReturn:
-        raise InputError(f"{message} (see {self.prog} --help)")
-
-    def known(self, arguments: Sequence[str]) -> argparse.Namespace:
-        """Parse, and name what is not known together with the nearest option there is."""
-        found, unknown = self.parse_known_args(arguments)
-        if unknown:
-            word = unknown[0].split("=")[0]
-            names = [name for action in self._actions for name in action.option_strings]
-            near = difflib.get_close_matches(word, names, 1)
-            self.error(f"option {word} is not known" + (f"; did you mean {near[0]}?" if near else ""))
-        return found
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -43,19 +23,25 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         return _dispatch(arguments)
     except (InputError, SolveError) as problem:
-        if _rank() == 0:
-            print(f"isorod: {problem}", file=sys.stderr)
-        return 2
+        return _fail(str(problem))
+    except MemoryError:
+        return _fail("there is not enough memory for this; take fewer elements, section or quadrature points")
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
 
 
+def _fail(message: str) -> int:
+    if _rank() == 0:
+        print(f"isorod: {message}", file=sys.stderr)
+    return 2
+
+
 def _dispatch(arguments: Sequence[str]) -> int:
     ours, theirs = options.split(arguments)
-    parser = _Parser(prog="isorod", description="Rods as full 3-D continua through surface control points.")
+    parser = options.Parser(prog="isorod", description="Rods as full 3-D continua through surface control points.")
     parser.add_argument("--version", action="version", version=f"isorod {__version__}")
-    commands = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=_Parser)
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=options.Parser)
     run = commands.add_parser("run", help="run a scene", add_help=False)
     run.add_argument("rest", nargs=argparse.REMAINDER)
     commands.add_parser("list", help="list the scenes")
@@ -86,33 +72,31 @@ def _run(ours: Sequence[str], theirs: Sequence[str]) -> int:
     name = ours[0]
     scene_type = scenes.find(name)
     found = _scene_parser(name, scene_type).known(ours[1:])
-    values = {field.name: getattr(found, field.name) for field in dataclasses.fields(scene_type)}
-    folder = None
+    values = options.fields(found, scene_type)
     if found.output is not None:
         from isorod import results
 
-        folder = results.output_folder(found.output)
+        results.check_folder(found.output)
     scene = scene_type(**values)
-    if scene.analysis == "geometry":
-        if theirs:
-            raise InputError(f"option {theirs[0]}: scene {name} is geometry only and uses no PETSc")
-        record = {"scene": name, "analysis": "geometry", **_geometry(scene), "options": values}
-    else:
-        record = _analysis(name, scene, values, theirs, found, folder)
+    # What overflows ends as a number that is not finite, and no such number is reported.
+    with np.errstate(all="ignore"):
+        if scene.analysis == "geometry":
+            if theirs:
+                raise InputError(f"option {theirs[0]}: scene {name} is geometry only and uses no PETSc")
+            record = {"scene": name, "analysis": "geometry", **_geometry(scene), "options": values}
+        else:
+            with options.petsc_errors():
+                record = _analysis(name, scene, values, theirs, found)
     if _rank() == 0:
-        _report(record, found.json, folder)
+        _report(record, found.json, found.output)
     return 0
 
 
-def _scene_parser(name: str, scene_type: Any) -> _Parser:
-    parser = _Parser(prog=f"isorod run {name}", description=_first_line(scene_type), epilog=_EPILOG, allow_abbrev=False)
-    for field in dataclasses.fields(scene_type):
-        kind: Any = field.type
-        if isinstance(kind, types.UnionType):
-            kind = typing.get_args(kind)[0]
-        shown = field.metadata["help"] + ("" if field.default is None else f" ({field.default})")
-        flag = "--" + field.name.replace("_", "-")
-        parser.add_argument(flag, dest=field.name, type=kind, default=field.default, metavar=kind.__name__, help=shown)
+def _scene_parser(name: str, scene_type: Any) -> options.Parser:
+    parser = options.Parser(
+        prog=f"isorod run {name}", description=_first_line(scene_type), epilog=_EPILOG, allow_abbrev=False
+    )
+    options.add_fields(parser, scene_type)
     if scene_type.analysis == "statics":
         parser.add_argument(
             "--load-steps", type=int, default=1, metavar="int", help="equal load steps to start with (1)"
@@ -137,7 +121,6 @@ def _analysis(
     values: dict[str, Any],
     theirs: Sequence[str],
     found: argparse.Namespace,
-    folder: Path | None,
 ) -> dict[str, Any]:
     if found.load_steps < 1:
         raise InputError(f"load steps: got {found.load_steps}, need at least 1")
@@ -175,19 +158,20 @@ def _analysis(
     left = unused_options()
     if left:
         raise InputError(f"PETSc option {', '.join(left)}: nothing used it; check its spelling with -help")
-    if folder is not None and _rank() == 0:
+    if found.output is not None and _rank() == 0:
         from isorod import export
 
+        folder = results.make_folder(found.output)
         for k, body in enumerate(model.bodies):
             export.write(body, model.nodal(solution.displacement, k), folder / f"{name}-{k}.vtu")
     return record
 
 
-def _report(record: dict[str, Any], as_json: bool, folder: Path | None) -> None:
-    if folder is not None:
+def _report(record: dict[str, Any], as_json: bool, output: str | None) -> None:
+    if output is not None:
         from isorod import results
 
-        results.append(folder / "results.jsonl", record)
+        results.append(results.make_folder(output) / "results.jsonl", record)
     if as_json:
         from isorod import results
 
@@ -209,7 +193,7 @@ def _first_line(scene_type: Any) -> str:
 
 def _rank() -> int:
     if "petsc4py.PETSc" not in sys.modules:
-        return 0
+        return int(os.environ.get("OMPI_COMM_WORLD_RANK", os.environ.get("PMI_RANK", "0")))
     from petsc4py import PETSc
 
     return int(PETSc.COMM_WORLD.getRank())

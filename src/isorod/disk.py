@@ -21,15 +21,18 @@ from isorod.errors import InputError
 
 Array = NDArray[np.float64]
 
+# Closed form and tables hold well beyond; the memory of a section's tables (40 n^2) does not.
+MAX_COUNT = 1024
+
 # Below this radius S and S' lose digits to cancellation and their power series, cut after this many terms, does not.
 _SERIES_RADIUS = 0.25
 _SERIES_TERMS = 28
 
 
 def check_count(n: int) -> int:
-    """Return ``n`` if it can be a number of section control points (an integer of at least 3), or raise `InputError`."""
-    if int(n) != n or n < 3:
-        raise InputError(f"section control points: got {n}, need an integer of at least 3")
+    """Return ``n`` if it can be a number of section control points (an integer from 3 to 1024), or raise `InputError`."""
+    if int(n) != n or not 3 <= n <= MAX_COUNT:
+        raise InputError(f"section control points: got {n}, need an integer from 3 to {MAX_COUNT}")
     return int(n)
 
 

@@ -1,9 +1,57 @@
 """The command line, split once: ``--long`` options are ours, ``-single`` ones go to PETSc untouched."""
 
+import argparse
+import dataclasses
+import difflib
+import os
 import re
 import sys
+import types
+import typing
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from typing import Any, NoReturn
+
+from isorod.errors import InputError
+
+
+class Parser(argparse.ArgumentParser):
+    """An argument parser whose errors are one line (`InputError`)."""
+
+    def __init__(self, *arguments: Any, **keywords: Any) -> None:
+        super().__init__(*arguments, **keywords)
+        # argparse itself takes -1e-3 for an option.
+        self._negative_number_matcher = re.compile(r"-(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$")
+
+    def error(self, message: str) -> NoReturn:
+        """Raise `InputError`."""
+        raise InputError(f"{message} (see {self.prog} --help)")
+
+    def known(self, arguments: Sequence[str]) -> argparse.Namespace:
+        """Parse, and name what is not known together with the nearest option there is."""
+        found, unknown = self.parse_known_args(arguments)
+        if unknown:
+            word = unknown[0].split("=")[0]
+            names = [name for action in self._actions for name in action.option_strings]
+            near = difflib.get_close_matches(word, names, 1)
+            self.error(f"option {word} is not known" + (f"; did you mean {near[0]}?" if near else ""))
+        return found
+
+
+def add_fields(parser: argparse.ArgumentParser, scene_type: Any) -> None:
+    """Make each field of a scene a ``--long-option``."""
+    for field in dataclasses.fields(scene_type):
+        kind: Any = field.type
+        if isinstance(kind, types.UnionType):
+            kind = typing.get_args(kind)[0]
+        shown = field.metadata["help"] + ("" if field.default is None else f" ({field.default})")
+        flag = "--" + field.name.replace("_", "-")
+        parser.add_argument(flag, dest=field.name, type=kind, default=field.default, metavar=kind.__name__, help=shown)
+
+
+def fields(found: argparse.Namespace, scene_type: Any) -> dict[str, Any]:
+    """Return a scene's fields as parsed."""
+    return {field.name: getattr(found, field.name) for field in dataclasses.fields(scene_type)}
 
 
 def split(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
@@ -32,7 +80,26 @@ def initialize(arguments: Sequence[str]) -> None:
     """Start PETSc with its part of the command line; must come before anything else imports ``petsc4py.PETSc``."""
     import petsc4py
 
+    for option, value in zip(arguments, arguments[1:], strict=False):
+        # PETSc itself prints a page about this.
+        if option == "-options_file" and not os.access(value, os.R_OK):
+            raise InputError(f"PETSc options file {value}: cannot be read")
     petsc4py.init([sys.argv[0], *arguments])
+
+
+@contextmanager
+def petsc_errors() -> Iterator[None]:
+    """Turn errors that PETSc raises, such as an unknown solver type, into one-line `InputError`."""
+    try:
+        yield
+    except Exception as problem:
+        petsc = sys.modules.get("petsc4py.PETSc")
+        kind = getattr(petsc, "Error", None) if petsc else None
+        if kind is None or not isinstance(problem, kind):
+            raise
+        lines = [re.sub(r"^\[\d+\] ", "", text).strip() for text in str(problem).splitlines()]
+        said = [text for text in lines if text and not re.match(r"error code|\w+\(\) (line|at)", text)]
+        raise InputError(f"PETSc: {' '.join(said) or lines[0]} (see -help)") from None
 
 
 @contextmanager

@@ -1,6 +1,7 @@
 """The few PETSc functions that petsc4py does not wrap in every version isorod runs with, called in its own library."""
 
 import ctypes
+import re
 from functools import cache
 from typing import Any
 
@@ -9,6 +10,9 @@ from numpy.typing import NDArray
 from petsc4py import PETSc
 
 _POINTER = ctypes.c_void_p
+
+# Options that PETSc reads only when it ends.
+_AT_THE_END = re.compile(r"(options_left|options_view|malloc_\w+|memory_view|objects_\w+|log_\w+|citations)$")
 
 
 @cache
@@ -49,6 +53,8 @@ def unused_options() -> list[str]:
     _check(_function("PetscOptionsLeftGet", *kinds)(None, *out))
     left = []
     for k in range(count.value):
+        if _AT_THE_END.match(names[k].decode()):
+            continue
         value = values[k]
         left.append(f"-{names[k].decode()}" + (f" {value.decode()}" if value else ""))
     _check(_function("PetscOptionsLeftRestore", *kinds)(None, *out))

@@ -2,6 +2,7 @@
 
 import fcntl
 import json
+import math
 import os
 import platform
 import subprocess
@@ -13,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from isorod import __version__
-from isorod.errors import InputError
+from isorod.errors import InputError, SolveError
 
 
 def provenance() -> dict[str, Any]:
@@ -33,29 +34,48 @@ def provenance() -> dict[str, Any]:
 
 
 def line(record: Mapping[str, Any]) -> str:
-    """Return the record as one line of JSON (no NaN, no infinity)."""
-    return json.dumps(record, allow_nan=False, default=_plain)
+    """Return the record as one line of JSON; raises `SolveError` if it has a number that is not finite."""
+    try:
+        return json.dumps(record, allow_nan=False, default=_plain)
+    except ValueError:
+        bad = [key for key, value in record.items() if isinstance(value, float) and not math.isfinite(value)]
+        raise SolveError(f"result {', '.join(bad) or 'record'} is not a finite number; check the sizes given") from None
 
 
 def append(path: Path, record: Mapping[str, Any]) -> None:
     """Append the record to a file of JSON lines, as a whole even when several processes do."""
     data = (line(record) + "\n").encode()
-    with open(path, "ab") as file:
-        fcntl.flock(file, fcntl.LOCK_EX)
-        file.write(data)
-        file.flush()
-        os.fsync(file.fileno())
-
-
-def output_folder(path: str) -> Path:
-    """Create a folder for results and prove that it can be written to; raises `InputError`."""
-    folder = Path(path)
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
+        with open(path, "ab") as file:
+            fcntl.flock(file, fcntl.LOCK_EX)
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+    except OSError as problem:
+        raise InputError(f"{path}: cannot be written ({problem.strerror})") from None
+
+
+def check_folder(path: str) -> None:
+    """Raise `InputError` if a results folder of that name cannot be made or written to; makes nothing."""
+    if not path:
+        raise InputError("results folder: got an empty name")
+    place = Path(path).absolute()
+    while not place.exists() and place != place.parent:
+        place = place.parent
+    try:
+        with tempfile.TemporaryFile(dir=place):
             pass
     except OSError as problem:
         raise InputError(f"results folder {path}: cannot write there ({problem.strerror}); name another") from None
+
+
+def make_folder(path: str) -> Path:
+    """Return the results folder, made if need be; raises `InputError`."""
+    folder = Path(path)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as problem:
+        raise InputError(f"results folder {path}: cannot be made ({problem.strerror}); name another") from None
     return folder
 
 

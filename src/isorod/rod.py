@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from isorod.disk import Array, check_count, harmonic_functions
 from isorod.errors import FoldedRodError, InputError
 from isorod.quadrature import Rule, axis_points, section_points
-from isorod.spline import Axis
+from isorod.spline import MAX_ELEMENTS, Axis
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,10 +119,7 @@ class Rod:
         """Return positions ``(len(u), len(xi), 3)`` and Jacobians ``dx/d(xi_1, xi_2, u)`` ``(len(u), len(xi), 3, 3)``."""
         values, gradients = harmonic_functions(self.section_points, xi)
         section, along = self._sections(u)
-        jacobian = np.empty((section.shape[0], values.shape[0], 3, 3))
-        jacobian[..., :2] = np.einsum("qib,tia->tqab", gradients, section)
-        jacobian[..., 2] = np.einsum("qi,tia->tqa", values, along)
-        return np.einsum("qi,tia->tqa", values, section), jacobian
+        return values @ section, section_gradient(values, gradients, section, along)
 
     def _sections(self, u: ArrayLike) -> tuple[Array, Array]:
         """Return the control polygons ``(len(u), n, 3)`` of the sections at ``u``, and their derivatives."""
@@ -167,6 +164,20 @@ class Rod:
         return float(det[t, q])
 
 
+def section_gradient(values: Array, gradients: Array, section: Array, along: Array) -> Array:
+    """Return the derivatives by ``xi_1, xi_2, u`` of a field on a grid, shape ``(t, q, components, 3)``.
+
+    ``values`` ``(q, n)`` and ``gradients`` ``(q, n, 2)`` are the section functions; ``section`` and ``along`` ``(t, n,
+    components)`` the field's section coefficients and their derivatives by ``u``.
+    """
+    q, n, _ = gradients.shape
+    plane = gradients.transpose(0, 2, 1).reshape(2 * q, n) @ section
+    result = np.empty((section.shape[0], q, section.shape[2], 3))
+    result[..., :2] = plane.reshape(-1, q, 2, section.shape[2]).swapaxes(2, 3)
+    result[..., 2] = values @ along
+    return result
+
+
 @dataclass(frozen=True, eq=False)
 class CenterLine:
     """A centre line to sweep along: axis and, for each of its functions, ``C_j``, ``R_j``, ``S_j`` of eq. 13."""
@@ -192,12 +203,14 @@ def helix(radius: float, pitch: float, turns: int, arcs_per_turn: int = 4) -> Ce
         Numbers of turns, and of arcs (elements) in each; at least 1 and 3.
     """
     if not (np.isfinite(radius) and radius > 0.0):
-        raise InputError(f"coil radius: got {radius:g}, need a positive length")
+        raise InputError(f"centre line radius: got {radius:g}, need a positive length")
     if not np.isfinite(pitch):
         raise InputError(f"pitch: got {pitch}, need a finite length")
     if turns < 1 or arcs_per_turn < 3:
         raise InputError(f"helix: got {turns} turns of {arcs_per_turn} arcs, need at least 1 turn of at least 3 arcs")
     arcs = turns * arcs_per_turn
+    if arcs > MAX_ELEMENTS:
+        raise InputError(f"helix: {arcs} arcs are too many; at most {MAX_ELEMENTS}")
     knots = np.concatenate([[0.0], np.repeat(np.arange(arcs + 1.0), 2), [arcs]])
     count = 2 * arcs + 1
     phi = np.pi / arcs_per_turn * np.arange(count)

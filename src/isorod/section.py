@@ -9,6 +9,8 @@ from isorod.errors import InputError
 
 def circle(n: int, radius: float = 1.0) -> Array:
     """Return the ``(n, 2)`` control points of a circle, exact for any ``n >= 3``; ``radius`` in units of length."""
+    if not (np.isfinite(radius) and radius > 0.0):
+        raise InputError(f"section radius: got {radius:g}, need a positive length")
     return ellipse(n, radius, radius)
 
 

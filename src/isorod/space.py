@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from isorod.disk import Array, harmonic_functions
 from isorod.errors import FoldedRodError, InputError
 from isorod.quadrature import Rule, axis_points, section_points
-from isorod.rod import Rod
+from isorod.rod import Rod, section_gradient
 from isorod.spline import Axis, Index
 
 
@@ -139,11 +139,9 @@ class Space:
         near = nodal[(first[:, None] + np.arange(self.axis.degree + 1)) % self.layers]
         section = np.einsum("tj,tjia->tia", axial, near)
         along = np.einsum("tj,tjia->tia", slopes, near)
-        gradient = np.empty((section.shape[0], values.shape[0], 3, 3))
-        gradient[..., :2] = np.einsum("qib,tia->tqab", gradients, section)
-        gradient[..., 2] = np.einsum("qi,tia->tqa", values, along)
+        gradient = section_gradient(values, gradients, section, along)
         _, jacobian = self.rod.grid(xi, u)
-        return np.einsum("qi,tia->tqa", values, section), np.eye(3) + gradient @ np.linalg.inv(jacobian)
+        return values @ section, np.eye(3) + gradient @ np.linalg.inv(jacobian)
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,6 +15,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 MAX_DEGREE = 6
+MAX_ELEMENTS = 1_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,6 +145,8 @@ class Axis:
             )
         if int(parts) != parts or parts < 1:
             raise InputError(f"parts of an element: got {parts}, need an integer of at least 1")
+        if parts * self.elements > MAX_ELEMENTS:
+            raise InputError(f"axis: {parts * self.elements} elements are too many; at most {MAX_ELEMENTS}")
         old, counts = np.unique(self.knots, return_counts=True)
         cuts = np.concatenate([np.linspace(a, b, parts + 1)[:-1] for a, b in pairwise(old)])
         smoothness = np.full(cuts.size, continuity)

@@ -1,0 +1,73 @@
+"""Time one configuration of the cylindrical element: ``python -m comparisons.rod spring --section-points 8 ... --repeat 5``.
+
+Prints one JSON line.  The first run is cold; the others, in the same process, are warm.
+"""
+
+import dataclasses
+import resource
+import statistics
+import sys
+from collections.abc import Sequence
+from time import perf_counter
+from typing import Any
+
+from isorod import options, results, scenes
+from isorod.errors import InputError, SolveError
+
+
+def measure(name: str, values: dict[str, Any], repeat: int, petsc: Sequence[str] = ()) -> dict[str, Any]:
+    """Return a record with the scene's quantities and the wall time of ``repeat`` warm runs after one cold one.
+
+    ``petsc`` must be what PETSc was started with.
+    """
+    from isorod import statics
+
+    scene = scenes.find(name)(**values)
+    runs = []
+    for _ in range(repeat + 1):
+        start = perf_counter()
+        model = scene.model()
+        built = perf_counter()
+        solution = statics.solve(model)
+        seconds = dict(solution.seconds)
+        seconds["setup"] += built - start
+        seconds["total"] = perf_counter() - start
+        runs.append(seconds)
+    warm = {key: statistics.median(run[key] for run in runs[1:]) for key in runs[0]}
+    return {
+        "method": "cylindrical",
+        "scene": name,
+        "options": dataclasses.asdict(scene),
+        **scene.measure(solution),
+        "dofs": model.dofs,
+        "newton_iterations": solution.newton_iterations,
+        "seconds": warm,
+        "cold": runs[0],
+        "runs": runs[1:],
+        "peak_memory_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0,
+        "solver": solution.solver,
+        "petsc_options": " ".join(petsc),
+        **results.provenance(),
+    }
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run the command line."""
+    ours, theirs = options.split(arguments)
+    try:
+        name = ours[0] if ours else ""
+        scene_type = scenes.find(name)
+        parser = options.Parser(prog=f"python -m comparisons.rod {name}")
+        options.add_fields(parser, scene_type)
+        parser.add_argument("--repeat", type=int, default=5, help="warm runs after the cold one (5)")
+        found = parser.known(ours[1:])
+        options.initialize(theirs)
+        print(results.line(measure(name, options.fields(found, scene_type), found.repeat, theirs)))
+    except (InputError, SolveError) as problem:
+        print(f"comparisons.rod: {problem}", file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
