@@ -16,15 +16,15 @@ from isorod.errors import InputError, SolveError
 
 
 def measure(name: str, values: dict[str, Any], repeat: int, petsc: Sequence[str] = ()) -> dict[str, Any]:
-    """Return a record with the scene's quantities and the wall time of ``repeat`` warm runs after one cold one.
+    """Return a record with the scene's quantities and the wall time of ``repeat`` runs, the first one cold.
 
-    ``petsc`` must be what PETSc was started with.
+    ``seconds`` holds the median of the warm runs, or the only run.  ``petsc`` must be what PETSc was started with.
     """
     from isorod import statics
 
     scene = scenes.find(name)(**values)
-    runs = []
-    for _ in range(repeat + 1):
+    runs: list[dict[str, float]] = []
+    for _ in range(repeat):
         start = perf_counter()
         model = scene.model()
         built = perf_counter()
@@ -33,7 +33,8 @@ def measure(name: str, values: dict[str, Any], repeat: int, petsc: Sequence[str]
         seconds["setup"] += built - start
         seconds["total"] = perf_counter() - start
         runs.append(seconds)
-    warm = {key: statistics.median(run[key] for run in runs[1:]) for key in runs[0]}
+    warm = runs[1:] or runs
+    seconds = {key: statistics.median(run[key] for run in warm) for key in runs[0]}
     return {
         "method": "cylindrical",
         "scene": name,
@@ -41,10 +42,10 @@ def measure(name: str, values: dict[str, Any], repeat: int, petsc: Sequence[str]
         **scene.measure(solution),
         "dofs": model.dofs,
         "newton_iterations": solution.newton_iterations,
-        "seconds": warm,
-        "cold": runs[0],
-        "runs": runs[1:],
-        "peak_memory_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0,
+        "seconds": seconds,
+        "warm": repeat > 1,
+        "runs": runs,
+        "peak_memory": 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss,
         "solver": solution.solver,
         "petsc_options": " ".join(petsc),
         **results.provenance(),
@@ -59,7 +60,7 @@ def main(arguments: Sequence[str]) -> int:
         scene_type = scenes.find(name)
         parser = options.Parser(prog=f"python -m comparisons.rod {name}")
         options.add_fields(parser, scene_type)
-        parser.add_argument("--repeat", type=int, default=5, help="warm runs after the cold one (5)")
+        parser.add_argument("--repeat", type=int, default=6, help="runs in this process, the first one cold (6)")
         found = parser.known(ours[1:])
         options.initialize(theirs)
         print(results.line(measure(name, options.fields(found, scene_type), found.repeat, theirs)))

@@ -17,7 +17,7 @@ Let ``J_m`` be the jump of ``Phi'' + Phi`` at the joint angle ``beta_m``.  Integ
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from isorod.errors import InputError
+from isorod.errors import InputError, whole_number
 
 Array = NDArray[np.float64]
 
@@ -31,9 +31,7 @@ _SERIES_TERMS = 28
 
 def check_count(n: int) -> int:
     """Return ``n`` if it can be a number of section control points (an integer from 3 to 1024), or raise `InputError`."""
-    if int(n) != n or not 3 <= n <= MAX_COUNT:
-        raise InputError(f"section control points: got {n}, need an integer from 3 to {MAX_COUNT}")
-    return int(n)
+    return whole_number("section control points", n, 3, MAX_COUNT)
 
 
 def control_points(n: int) -> Array:

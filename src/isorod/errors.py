@@ -11,3 +11,11 @@ class FoldedRodError(InputError):
 
 class SolveError(RuntimeError):
     """An analysis did not reach a solution."""
+
+
+def whole_number(name: str, value: float, low: int, high: int) -> int:
+    """Return ``value`` as an integer, or raise `InputError` if it is not one from ``low`` to ``high``."""
+    # NaN and infinity fail the comparison, before int() sees them.
+    if not low <= value <= high or int(value) != value:
+        raise InputError(f"{name}: got {value}, need an integer from {low} to {high}")
+    return int(value)

@@ -10,6 +10,7 @@ import types
 import typing
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from itertools import pairwise
 from typing import Any, NoReturn
 
 from isorod.errors import InputError
@@ -80,7 +81,7 @@ def initialize(arguments: Sequence[str]) -> None:
     """Start PETSc with its part of the command line; must come before anything else imports ``petsc4py.PETSc``."""
     import petsc4py
 
-    for option, value in zip(arguments, arguments[1:], strict=False):
+    for option, value in pairwise(arguments):
         # PETSc itself prints a page about this.
         if option == "-options_file" and not os.access(value, os.R_OK):
             raise InputError(f"PETSc options file {value}: cannot be read")

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from isorod.disk import Array
-from isorod.errors import InputError
+from isorod.errors import InputError, whole_number
 from isorod.spline import Axis
 
 
@@ -24,9 +24,7 @@ class Rule:
 
     def __post_init__(self) -> None:
         for name in ("radial", "angular", "axial"):
-            value = getattr(self, name)
-            if int(value) != value or not 1 <= value <= 64:
-                raise InputError(f"quadrature: {name} points: got {value}, need an integer from 1 to 64")
+            whole_number(f"quadrature: {name} points", getattr(self, name), 1, 64)
 
     @classmethod
     def paper(cls, degree: int) -> "Rule":

@@ -86,12 +86,18 @@ class Rod:
             raise InputError(f"section: got shape {section.shape}, need (n, 2)")
         if centers.shape != (axis.count, 3):
             raise InputError(f"centre line: got shape {centers.shape}, need ({axis.count}, 3) for this axis")
-        eye = np.broadcast_to(np.eye(3), (axis.count, 3, 3))
-        turn = eye if rotations is None else np.asarray(rotations, dtype=float)
-        stretch = eye if stretches is None else np.asarray(stretches, dtype=float)
+        shape = (axis.count, 3, 3)
+        turn = np.broadcast_to(np.eye(3), shape) if rotations is None else np.asarray(rotations, dtype=float)
+        stretch = np.broadcast_to(np.eye(3), shape) if stretches is None else np.asarray(stretches, dtype=float)
+        for name, tensors in (("rotations", turn), ("stretches", stretch)):
+            if tensors.shape != shape:
+                raise InputError(f"{name}: got shape {tensors.shape}, need {shape} for this axis")
         flat = np.concatenate([section, np.zeros((section.shape[0], 1))], axis=1)
         points = centers[:, None, :] + np.einsum("jab,jbc,ic->jia", turn, stretch, flat)
         if closed:
+            gap = np.abs(points[-1] - points[0]).max()
+            if not gap <= 1e-9 * np.abs(points).max():
+                raise InputError(f"closed rod: the last section is {gap:.3g} away from the first; they must coincide")
             points[-1] = points[0]
         return cls(axis, points, closed)
 

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import BSpline
 from scipy.sparse.linalg import splu
 
-from isorod.errors import InputError
+from isorod.errors import InputError, whole_number
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -45,8 +45,7 @@ class Axis:
         object.__setattr__(self, "knots", np.array(self.knots, dtype=float).ravel())
         object.__setattr__(self, "weights", np.array(self.weights, dtype=float).ravel())
         p, knots, weights = self.degree, self.knots, self.weights
-        if int(p) != p or not 1 <= p <= MAX_DEGREE:
-            raise InputError(f"axis degree: got {p}, need an integer from 1 to {MAX_DEGREE}")
+        whole_number("axis degree", p, 1, MAX_DEGREE)
         _check_finite("knot", knots)
         _check_finite("weight", weights)
         falling = np.flatnonzero(np.diff(knots) < 0.0)
@@ -135,16 +134,10 @@ class Axis:
         InputError
             If ``degree`` is below this one or above 6, ``continuity`` is not in ``0 .. degree - 1``, or ``parts < 1``.
         """
-        degree = self.degree if degree is None else degree
-        if int(degree) != degree or not self.degree <= degree <= MAX_DEGREE:
-            raise InputError(f"axis degree: got {degree}, need an integer from {self.degree} to {MAX_DEGREE}")
+        degree = whole_number("axis degree", self.degree if degree is None else degree, self.degree, MAX_DEGREE)
         continuity = degree - 1 if continuity is None else continuity
-        if int(continuity) != continuity or not 0 <= continuity < degree:
-            raise InputError(
-                f"continuity: got {continuity}, need an integer from 0 to {degree - 1} with degree {degree}"
-            )
-        if int(parts) != parts or parts < 1:
-            raise InputError(f"parts of an element: got {parts}, need an integer of at least 1")
+        whole_number("continuity", continuity, 0, degree - 1)
+        whole_number("parts of an element", parts, 1, MAX_ELEMENTS)
         if parts * self.elements > MAX_ELEMENTS:
             raise InputError(f"axis: {parts * self.elements} elements are too many; at most {MAX_ELEMENTS}")
         old, counts = np.unique(self.knots, return_counts=True)

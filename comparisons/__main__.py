@@ -1,0 +1,51 @@
+"""``python -m comparisons STUDY``: run a study, write its records and the report page."""
+
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+
+from comparisons.study import LEVELS, Run
+from isorod import options, results
+from isorod.errors import InputError, SolveError
+
+STUDIES = ("spring",)
+COMMANDS = (*STUDIES, "verify", "report")
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run the command line; return the exit code: 0, or 2 with one line on standard error."""
+    try:
+        return _main(arguments)
+    except (InputError, SolveError) as problem:
+        print(f"comparisons: {problem}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("comparisons: interrupted; the records written so far are kept", file=sys.stderr)
+        return 130
+
+
+def _main(arguments: Sequence[str]) -> int:
+    parser = options.Parser(prog="python -m comparisons", description="Error against run time, measured here.")
+    parser.add_argument("command", choices=COMMANDS, help="a study; verify: all at quick level; report: the page again")
+    parser.add_argument("--level", choices=LEVELS, help="quick (verify's) or full (a study's own)")
+    parser.add_argument("--results", default="results", metavar="DIR", help="folder of records and report (results)")
+    found = parser.known(arguments)
+    results.check_folder(found.results)
+    folder = results.make_folder(found.results)
+    level = found.level or ("quick" if found.command == "verify" else "full")
+    for study in STUDIES:
+        if found.command in (study, "verify"):
+            run = Run(study, level, folder)
+            import_module(f"comparisons.{study}").run(run)
+            run.record("end", {})
+    from comparisons import report
+
+    page = report.write(folder)
+    for line in report.summary(folder):
+        print(line)
+    print(f"report: {page}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,91 @@
+"""``python -m comparisons.fem spring --cells bricks --degree 2 [-ksp_type cg ...]``: one run, one JSON line."""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NoReturn
+
+from isorod import options, results
+from isorod.errors import InputError, SolveError
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        _fail(message)
+
+
+def _fail(message: object, code: int = 2) -> NoReturn:
+    """Say what was wrong, once for all ranks, and end."""
+    from mpi4py import MPI
+
+    if MPI.COMM_WORLD.rank == 0:
+        print(f"comparisons.fem: {message}", file=sys.stderr, flush=True)
+    sys.exit(code)
+
+
+def _positive(text: str) -> int:
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"got {value}, need at least 1")
+    return value
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(
+        prog="comparisons.fem",
+        description="Finite element reference solutions with dolfinx. Options with a single dash go to PETSc.",
+    )
+    scenes = parser.add_subparsers(dest="scene", required=True, metavar="SCENE", help="spring")
+    it = scenes.add_parser("spring", help="the helical spring, pulled")
+    it.add_argument("--cells", choices=("bricks", "tetrahedra", "paper"), default="bricks")
+    it.add_argument("--around", type=int, default=8, metavar="N", help="cells round the wire")
+    it.add_argument("--layers", type=int, default=48, metavar="N", help="cells along the wire, a multiple of 12")
+    it.add_argument("--rings", type=int, default=1, metavar="N", help="bricks: rings round the core")
+    it.add_argument("--core", type=float, metavar="R", help="bricks: radius of the core's corners")
+    it.add_argument("--order", type=_positive, metavar="N", help="order of the geometry; the degree if not given")
+    it.add_argument("--degree", type=_positive, default=2, metavar="P", help="degree of the displacement")
+    it.add_argument("--quadrature", type=_positive, metavar="Q", help="degree of the quadrature rule")
+    it.add_argument("--family", choices=("Lagrange", "S"), default="Lagrange", help="S: serendipity bricks")
+    it.add_argument("--matrix", metavar="TYPE", help="PETSc matrix type, such as baij")
+    it.add_argument("--flags", default="-O3 -march=native -g0", help="C compiler flags, one word: --flags='-O2'")
+    it.add_argument("--fields", metavar="FILE", help="write displacement and von Mises stress to this .npz file")
+    it.add_argument("--repeat", type=_positive, default=1, metavar="N", help="runs in this process, the first one cold")
+    return parser
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; return the exit code."""
+    ours, petsc = options.split(sys.argv[1:] if arguments is None else arguments)
+    given = vars(_parser().parse_args(ours))
+    options.initialize(petsc)
+    record = _run(given)
+    from mpi4py import MPI
+
+    if MPI.COMM_WORLD.rank == 0:
+        print(results.line(record), flush=True)
+    return 0
+
+
+def _run(given: dict[str, Any]) -> dict[str, Any]:
+    from comparisons.fem import spring
+    from isorod.petsc import unused_options
+
+    given.pop("scene")
+    repeat = given.pop("repeat")
+    fields = given.pop("fields")
+    given["flags"] = tuple(given["flags"].split())
+    try:
+        record = spring.run(spring.Configuration(**given), repeat, fields and Path(fields))
+    except SolveError as problem:
+        _fail(problem, 1)
+    except InputError as problem:
+        _fail(problem)
+    unknown = unused_options()
+    if unknown:
+        _fail(f"PETSc option {', '.join(unknown)}: nothing used it; check its spelling with -help")
+    return record
+
+
+if __name__ == "__main__":
+    sys.exit(main())

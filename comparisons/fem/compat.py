@@ -1,0 +1,142 @@
+"""Every dolfinx name that differs between 0.5.2 (Debian 12), 0.9 (Debian 13) and 0.11; nothing else knows the version."""
+
+import inspect
+import logging
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import basix
+import dolfinx
+import numpy as np
+import ufl
+from dolfinx import fem
+from dolfinx.fem import petsc
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from meshes.mesh import Array, Index
+
+__all__ = [
+    "assemble_matrix",
+    "assemble_vector",
+    "block_element",
+    "create_matrix",
+    "create_mesh",
+    "expression",
+    "form",
+    "function_space",
+    "lift",
+    "petsc_vector",
+    "reference_nodes",
+    "version",
+]
+
+version: str = dolfinx.__version__
+
+# Up to 0.7 elements are UFL's, from 0.8 on basix.ufl's.
+_UFL_ELEMENTS = hasattr(ufl, "VectorElement")
+
+# A form compiled on another rank or by another run is waited for this long, seconds.
+_JIT_TIMEOUT = 600
+
+
+def reference_nodes(shape: str, order: int) -> Array:
+    """Return the nodes of dolfinx's geometry element in its order, shape ``(nodes, 3)``."""
+    variant = basix.LagrangeVariant.equispaced
+    return np.asarray(
+        basix.create_element(basix.ElementFamily.P, getattr(basix.CellType, shape), order, variant).points
+    )
+
+
+def create_mesh(comm: MPI.Comm, cells: Index, points: Array, shape: str, order: int) -> Any:
+    """Return a mesh distributed over ``comm`` from this rank's share of cells and points."""
+    if _UFL_ELEMENTS:
+        cell = ufl.Cell(shape, geometric_dimension=3)
+        scalar = ufl.FiniteElement("Lagrange", cell, order, variant="equispaced")
+        return dolfinx.mesh.create_mesh(comm, cells, points, ufl.Mesh(ufl.VectorElement(scalar)))
+    import basix.ufl
+
+    variant = basix.LagrangeVariant.equispaced
+    domain = ufl.Mesh(basix.ufl.element("Lagrange", shape, order, lagrange_variant=variant, shape=(3,)))
+    names = list(inspect.signature(dolfinx.mesh.create_mesh).parameters)
+    if names.index("x") < 3:
+        return dolfinx.mesh.create_mesh(comm, cells, points, domain)
+    return dolfinx.mesh.create_mesh(comm, cells, domain, points)
+
+
+def block_element(mesh: Any, family: str, degree: int, size: int) -> Any:
+    """Return the element of ``size`` copies of a scalar element."""
+    if _UFL_ELEMENTS:
+        return ufl.VectorElement(family, mesh.ufl_cell(), degree, dim=size)
+    import basix.ufl
+
+    return basix.ufl.element(family, mesh.basix_cell(), degree, shape=(size,))
+
+
+def function_space(mesh: Any, element: Any) -> Any:
+    """Return a function space."""
+    make = getattr(fem, "functionspace", None) or fem.FunctionSpace
+    with _quiet():
+        return make(mesh, element)
+
+
+def _jit(function: Callable[..., Any], flags: Sequence[str]) -> dict[str, Any]:
+    key = "jit_options" if "jit_options" in inspect.signature(function).parameters else "jit_params"
+    return {key: {"cffi_extra_compile_args": list(flags), "timeout": _JIT_TIMEOUT}}
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep the compiler's command lines off the terminal."""
+    before = logging.root.manager.disable
+    logging.disable(logging.INFO)
+    try:
+        yield
+    finally:
+        logging.disable(before)
+
+
+def form(integrals: Any, flags: Sequence[str]) -> Any:
+    """Return a compiled form; ``flags`` go to the C compiler."""
+    with _quiet():
+        return fem.form(integrals, **_jit(fem.form, flags))
+
+
+def expression(value: Any, where: Array, flags: Sequence[str]) -> Callable[[Any, Index], Array]:
+    """Return a function of ``(mesh, cells)`` that evaluates a UFL expression at reference points, shape ``(cells, ...)``."""
+    with _quiet():
+        compiled = fem.Expression(value, where, **_jit(fem.Expression.__init__, flags))
+    if "mesh" in inspect.signature(compiled.eval).parameters:
+        return lambda mesh, cells: np.asarray(compiled.eval(mesh, cells))
+    return lambda mesh, cells: np.asarray(compiled.eval(cells))
+
+
+def petsc_vector(function: Any) -> PETSc.Vec:
+    """Return the PETSc vector that shares a function's memory."""
+    return function.x.petsc_vec if hasattr(function.x, "petsc_vec") else function.vector
+
+
+def create_matrix(bilinear: Any, kind: str | None) -> PETSc.Mat:
+    """Return an empty matrix of a PETSc type (None: PETSc's default)."""
+    return petsc.create_matrix(bilinear, kind) if kind else petsc.create_matrix(bilinear)
+
+
+def assemble_matrix(matrix: PETSc.Mat, bilinear: Any, supports: Sequence[Any]) -> None:
+    """Assemble into ``matrix``, rows and columns of supported degrees of freedom replaced by those of the identity."""
+    matrix.zeroEntries()
+    petsc.assemble_matrix(matrix, bilinear, list(supports))
+    matrix.assemble()
+
+
+def assemble_vector(vector: PETSc.Vec, linear: Any) -> None:
+    """Assemble this rank's cells into ``vector``; contributions to other ranks' entries stay in its ghosts."""
+    with vector.localForm() as local:
+        local.set(0.0)
+    petsc.assemble_vector(vector, linear)
+
+
+def lift(vector: PETSc.Vec, bilinear: Any, supports: Sequence[Any], state: PETSc.Vec) -> None:
+    """Add the tangent's columns of supported degrees of freedom, times what they are still short of, to ``vector``."""
+    # By position: the last argument is called scale up to 0.8 and alpha since.
+    petsc.apply_lifting(vector, [bilinear], [list(supports)], [state], -1.0)

@@ -1,0 +1,302 @@
+"""Static equilibrium with dolfinx: displacement elements, Newton's method by PETSc's SNES driven directly."""
+
+import resource
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from time import perf_counter
+from typing import Any
+
+import dolfinx.fem
+import numpy as np
+import ufl
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from comparisons.fem import compat
+from comparisons.fem.domain import Domain
+from comparisons.fem.material import Energy
+from isorod.errors import SolveError
+from isorod.options import defaults
+from meshes.mesh import Array, Index
+
+DIRECT = {"ksp_type": "preonly", "pc_type": "lu", "pc_factor_mat_solver_type": "mumps"}
+NEWTON = {"snes_linesearch_type": "basic", "snes_rtol": 1e-9, "snes_max_it": 15}
+
+# Preconditioners that want to know the rigid motions.
+_ALGEBRAIC = ("gamg", "ml", "hypre")
+
+FAST = ("-O3", "-march=native", "-g0")
+
+
+@dataclass(frozen=True, eq=False)
+class Held:
+    """Displacement prescribed on a named face of the mesh.
+
+    Parameters
+    ----------
+    face
+        Name of the face.
+    displacement
+        A vector (units of length), or a function of positions ``(3, m)`` that returns displacements ``(3, m)``.
+    """
+
+    face: str
+    displacement: tuple[float, float, float] | Callable[[Array], Array] = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Element:
+    """How the displacement is approximated and integrated.
+
+    Parameters
+    ----------
+    degree
+        Polynomial degree.
+    quadrature
+        Degree of the rule in every form; ``2 degree`` on bricks and ``2 degree - 2``, at least 1, on tetrahedra if None.
+    family
+        Element family, ``"Lagrange"`` or (bricks) ``"S"`` for serendipity.
+    """
+
+    degree: int = 2
+    quadrature: int | None = None
+    family: str = "Lagrange"
+
+    def rule(self, shape: str) -> int:
+        """Return the quadrature degree on a cell shape."""
+        if self.quadrature is not None:
+            return self.quadrature
+        return 2 * self.degree if shape == "hexahedron" else max(1, 2 * self.degree - 2)
+
+
+@dataclass(frozen=True, eq=False)
+class Equilibrium:
+    """A static solution.
+
+    Attributes
+    ----------
+    displacement
+        The dolfinx function.
+    domain, energy
+        What was solved.
+    reactions
+        Force of each support on the body, shape ``(supports, 3)``, the same on every rank.
+    dofs
+        Number of degrees of freedom, supported ones included.
+    newton_iterations, linear_iterations
+        Numbers of linear solves, and of Krylov iterations in all.
+    residual_norms
+        Norm of the residual at each SNES iteration.
+    seconds
+        ``forms`` (symbolic work and compilation or its cache), ``setup`` (space, supports, vectors and matrix), ``assembly``,
+        ``solve`` (the rest of SNES), wall time of this rank.
+    options
+        PETSc options in force, as given.
+    peak_memory
+        Largest resident set of a rank so far, bytes.
+    """
+
+    displacement: Any
+    domain: Domain
+    energy: Energy
+    reactions: Array
+    dofs: int
+    newton_iterations: int
+    linear_iterations: int
+    residual_norms: list[float]
+    seconds: dict[str, float]
+    options: dict[str, str]
+    peak_memory: int = field(default=0)
+
+
+def solve(
+    domain: Domain,
+    energy: Energy,
+    held: Sequence[Held],
+    element: Element | None = None,
+    options: Mapping[str, object] | None = None,
+    flags: Sequence[str] = FAST,
+    matrix_type: str | None = None,
+) -> Equilibrium:
+    """Return the equilibrium under prescribed displacements, in one load step.
+
+    Parameters
+    ----------
+    domain
+        The mesh.
+    energy
+        Stored-energy density per reference volume, a function of the deformation gradient.
+    held
+        Supports; a later one wins where faces meet.
+    element
+        Displacement element and quadrature.
+    options
+        PETSc options that the user's own override; MUMPS and undamped Newton steps if not given.
+    flags
+        C compiler flags for the forms.
+    matrix_type
+        PETSc matrix type.
+
+    Raises
+    ------
+    SolveError
+        If SNES or its linear solver fails.
+    """
+    start = perf_counter()
+    element = element or Element()
+    mesh = domain.mesh
+    space = compat.function_space(mesh, compat.block_element(mesh, element.family, element.degree, 3))
+    u = dolfinx.fem.Function(space)
+    spaces = perf_counter() - start
+
+    start = perf_counter()
+    residual, tangent = _forms(u, energy, element.rule(mesh.ufl_cell().cellname()), flags)
+    forms = perf_counter() - start
+
+    start = perf_counter()
+    supports = [_support(space, domain, one) for one in held]
+    with defaults(NEWTON | dict(DIRECT if options is None else options)):
+        newton = _Newton(u, residual, tangent, [condition for condition, _ in supports], matrix_type)
+        setup = spaces + perf_counter() - start
+        start = perf_counter()
+        newton.solve()
+        reactions = newton.reactions([dofs for _, dofs in supports])
+        total = perf_counter() - start
+        typed = dict(PETSc.Options().getAll())
+        iterations = newton.snes.getIterationNumber(), newton.snes.getLinearSolveIterations()
+        newton.destroy()
+    comm = mesh.comm
+    seconds = {"forms": forms, "setup": setup, "assembly": newton.seconds, "solve": total - newton.seconds}
+    return Equilibrium(
+        displacement=u,
+        domain=domain,
+        energy=energy,
+        reactions=reactions,
+        dofs=space.dofmap.index_map.size_global * space.dofmap.index_map_bs,
+        newton_iterations=iterations[0],
+        linear_iterations=iterations[1],
+        residual_norms=newton.norms,
+        seconds=seconds,
+        options=typed,
+        peak_memory=1024 * comm.allreduce(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, op=MPI.MAX),
+    )
+
+
+def _forms(u: Any, energy: Energy, rule: int, flags: Sequence[str]) -> tuple[Any, Any]:
+    """Return the residual and its derivative, the first and second variation of the stored energy."""
+    space = u.function_space
+    stored = energy(ufl.Identity(3) + ufl.grad(u)) * ufl.dx(metadata={"quadrature_degree": rule})
+    residual = ufl.derivative(stored, u, ufl.TestFunction(space))
+    tangent = ufl.derivative(residual, u, ufl.TrialFunction(space))
+    return compat.form(residual, flags), compat.form(tangent, flags)
+
+
+def _support(space: Any, domain: Domain, held: Held) -> tuple[Any, Index]:
+    """Return the dolfinx condition, and this rank's own degrees of freedom under it (nodes, not components)."""
+    dofs = dolfinx.fem.locate_dofs_topological(space, 2, domain.facets(held.face))
+    value = dolfinx.fem.Function(space)
+    wanted = held.displacement
+    if callable(wanted):
+        value.interpolate(wanted)
+    else:
+        constant = np.array(wanted, dtype=float)[:, None]
+        value.interpolate(lambda x: np.broadcast_to(constant, x.shape))
+    own = dofs[dofs < space.dofmap.index_map.size_local]
+    return dolfinx.fem.dirichletbc(value, dofs), own
+
+
+class _Newton:
+    """SNES on compiled forms."""
+
+    def __init__(self, u: Any, residual: Any, tangent: Any, supports: list[Any], matrix_type: str | None) -> None:
+        self.u, self.residual, self.tangent, self.supports = u, residual, tangent, supports
+        self.state = compat.petsc_vector(u)
+        self.x = self.state.duplicate()
+        self.force = self.state.duplicate()
+        self.matrix = compat.create_matrix(tangent, matrix_type)
+        self.matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+        self.matrix.setOption(PETSc.Mat.Option.SYMMETRY_ETERNAL, True)
+        self.matrix.setOption(PETSc.Mat.Option.SPD, True)
+        self.seconds = 0.0
+        self.norms: list[float] = []
+        self.snes = PETSc.SNES().create(self.state.getComm())
+        self.snes.setFunction(self._residual, self.force)
+        self.snes.setJacobian(self._tangent, self.matrix)
+        self.snes.setMonitor(lambda snes, k, norm: self.norms.append(norm))
+        self.snes.setFromOptions()
+        if self.snes.getKSP().getPC().getType() in _ALGEBRAIC:
+            self.matrix.setNearNullSpace(_rigid_motions(u.function_space, self.state))
+
+    def _copy(self, x: PETSc.Vec) -> None:
+        x.copy(self.state)
+        self.state.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
+
+    def _residual(self, snes: PETSc.SNES, x: PETSc.Vec, out: PETSc.Vec) -> None:
+        start = perf_counter()
+        self._copy(x)
+        compat.assemble_vector(out, self.residual)
+        # Only the first state falls short of the supports, and only then is there anything to lift.
+        if snes.getIterationNumber() == 0:
+            compat.lift(out, self.tangent, self.supports, self.state)
+        out.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        dolfinx.fem.petsc.set_bc(out, self.supports, self.state, -1.0)
+        self.seconds += perf_counter() - start
+
+    def _tangent(self, snes: PETSc.SNES, x: PETSc.Vec, J: PETSc.Mat, P: PETSc.Mat) -> None:
+        start = perf_counter()
+        self._copy(x)
+        compat.assemble_matrix(P, self.tangent, self.supports)
+        if J.handle != P.handle:
+            J.assemble()
+        self.seconds += perf_counter() - start
+
+    def solve(self) -> None:
+        """Solve from rest; the solution ends up in the function."""
+        self.x.set(0.0)
+        self.snes.solve(None, self.x)
+        reason = self.snes.getConvergedReason()
+        if reason < 0:
+            linear = self.snes.getKSP().getConvergedReason()
+            raise SolveError(
+                f"SNES diverged after {self.snes.getIterationNumber()} iterations (reason {reason}, KSP reason {linear}): "
+                "take a smaller displacement, or another solver"
+            )
+        self._copy(self.x)
+
+    def reactions(self, faces: Sequence[Index]) -> Array:
+        """Return the sums of the internal force over the nodes of each support, on every rank."""
+        start = perf_counter()
+        compat.assemble_vector(self.force, self.residual)
+        self.force.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        nodal = self.force.array_r.reshape(-1, 3)
+        sums = np.array([nodal[dofs].sum(axis=0) for dofs in faces]).reshape(-1, 3)
+        total = self.u.function_space.mesh.comm.allreduce(sums, op=MPI.SUM)
+        self.seconds += perf_counter() - start
+        return total
+
+    def destroy(self) -> None:
+        """Free the factors now: PETSc and Python hold each other through the callbacks, and no collector sees it."""
+        for thing in (self.snes, self.matrix, self.force, self.x):
+            thing.destroy()
+
+
+def _rigid_motions(space: Any, like: PETSc.Vec) -> PETSc.NullSpace:
+    """Return the six rigid motions, orthonormal."""
+    own = space.dofmap.index_map.size_local
+    x = space.tabulate_dof_coordinates()[:own]
+    motions = []
+    for a in range(6):
+        vector = like.duplicate()
+        nodal = np.zeros((own, 3))
+        if a < 3:
+            nodal[:, a] = 1.0
+        else:
+            b, c = (a - 2) % 3, (a - 1) % 3
+            nodal[:, b], nodal[:, c] = -x[:, c], x[:, b]
+        vector.array[:] = nodal.ravel()
+        motions.append(vector)
+    for k, vector in enumerate(motions):
+        for other in motions[:k]:
+            vector.axpy(-vector.dot(other), other)
+        vector.normalize()
+    return PETSc.NullSpace().create(vectors=motions, comm=like.getComm())

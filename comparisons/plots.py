@@ -1,0 +1,60 @@
+"""Plots made from result records alone."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from comparisons.records import Record
+from isorod.results import write_beside
+
+# Okabe and Ito's colours: told apart by colour-blind readers too.
+_COLOURS = ("#0072B2", "#009E73", "#56B4E9", "#004D40", "#3F51B5", "#00897B")
+_FEM_COLOURS = ("#D55E00", "#E69F00", "#CC79A7", "#8B0000", "#A0522D", "#FF6F91")
+_MARKERS = "osD^vP"
+
+
+def work_precision(records: Sequence[Record], target: float, quantity: str, path: Path) -> None:
+    """Draw error against warm run time and against unknowns, one curve a family.
+
+    Parameters
+    ----------
+    records
+        Records with ``curve``, ``method``, ``error``, ``dofs``, ``seconds``.
+    target
+        Error marked by a line.
+    quantity
+        What the error is of.
+    """
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    figure, axes = pyplot.subplots(1, 2, figsize=(12.5, 5.2), sharey=True, layout="constrained")
+    styles: dict[str, dict[str, str]] = {}
+    for record in records:
+        if record["curve"] not in styles:
+            same = [curve for curve, style in styles.items() if style["method"] == record["method"]]
+            fem = record["method"] == "fem"
+            colours = _FEM_COLOURS if fem else _COLOURS
+            styles[record["curve"]] = {
+                "method": record["method"],
+                "color": colours[len(same) % len(colours)],
+                "marker": _MARKERS[len(same) % len(_MARKERS)],
+                "linestyle": "--" if fem else "-",
+            }
+    for curve, style in styles.items():
+        points = [record for record in records if record["curve"] == curve]
+        errors = [record["error"] for record in points]
+        look = {key: value for key, value in style.items() if key != "method"}
+        label = f"{curve} (dolfinx)" if style["method"] == "fem" else f"cylindrical, {curve}"
+        axes[0].loglog([record["seconds"]["total"] for record in points], errors, label=label, **look)
+        axes[1].loglog([record["dofs"] for record in points], errors, **look)
+    for axis, label in zip(axes, ("warm run time, one thread [s]", "degrees of freedom"), strict=True):
+        axis.axhline(target, color="black", linewidth=0.8)
+        axis.set_xlabel(label)
+        axis.grid(True, which="both", alpha=0.25)
+    axes[0].set_ylabel(f"relative error of the {quantity}")
+    axes[1].annotate(f"{100 * target:g} %", (1.0, target), xycoords=("axes fraction", "data"), ha="right", va="bottom")
+    figure.legend(loc="outside right center", frameon=False)
+    write_beside(path, lambda where: figure.savefig(where, dpi=130))
+    pyplot.close(figure)
