@@ -4,13 +4,13 @@ Prints one JSON line.  The first run is cold; the others, in the same process, a
 """
 
 import dataclasses
-import resource
 import statistics
 import sys
 from collections.abc import Sequence
 from time import perf_counter
 from typing import Any
 
+from comparisons import timing
 from isorod import options, results, scenes
 from isorod.errors import InputError, SolveError
 
@@ -45,7 +45,7 @@ def measure(name: str, values: dict[str, Any], repeat: int, petsc: Sequence[str]
         "seconds": seconds,
         "warm": repeat > 1,
         "runs": runs,
-        "peak_memory": 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss,
+        "peak_memory": timing.peak_memory(),
         "solver": solution.solver,
         "petsc_options": " ".join(petsc),
         **results.provenance(),

@@ -2,9 +2,11 @@
 
 import json
 import os
+import resource
 import subprocess
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 from isorod.errors import SolveError
@@ -39,3 +41,14 @@ def run(module: str, arguments: Sequence[str], ranks: int = 1, timeout: float = 
         raise SolveError(f"python -m {module} {' '.join(arguments)}: exit code {done.returncode}: {said}")
     record: dict[str, Any] = json.loads(done.stdout.strip().splitlines()[-1])
     return record
+
+
+def peak_memory() -> int:
+    """Return the largest resident set of this process so far, bytes.
+
+    Not ``ru_maxrss``: that starts from the parent's, which is larger where a study starts the measurement.
+    """
+    for text in Path("/proc/self/status").read_text().splitlines():
+        if text.startswith("VmHWM:"):
+            return 1024 * int(text.split()[1])
+    return 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

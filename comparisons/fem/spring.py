@@ -47,7 +47,7 @@ class Configuration:
     rings: int = 1
     core: float | None = None
     degree: int = 2
-    quadrature: int | None = None
+    quadrature: int | str | None = None
     family: str = "Lagrange"
     solver: Mapping[str, object] | None = None
     matrix: str | None = None

@@ -1,6 +1,5 @@
 """Static equilibrium with dolfinx: displacement elements, Newton's method by PETSc's SNES driven directly."""
 
-import resource
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from time import perf_counter
@@ -12,9 +11,10 @@ import ufl
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from comparisons.fem import compat
+from comparisons.fem import compat, quadrature
 from comparisons.fem.domain import Domain
 from comparisons.fem.material import Energy
+from comparisons.timing import peak_memory
 from isorod.errors import SolveError
 from isorod.options import defaults
 from meshes.mesh import Array, Index
@@ -53,17 +53,18 @@ class Element:
     degree
         Polynomial degree.
     quadrature
-        Degree of the rule in every form; ``2 degree`` on bricks and ``2 degree - 2``, at least 1, on tetrahedra if None.
+        Degree of the rule in every form, or the name of one of `comparisons.fem.quadrature.RULES`; ``2 degree`` on bricks and
+        ``2 degree - 2``, at least 1, on tetrahedra if None.
     family
         Element family, ``"Lagrange"`` or (bricks) ``"S"`` for serendipity.
     """
 
     degree: int = 2
-    quadrature: int | None = None
+    quadrature: int | str | None = None
     family: str = "Lagrange"
 
-    def rule(self, shape: str) -> int:
-        """Return the quadrature degree on a cell shape."""
+    def rule(self, shape: str) -> int | str:
+        """Return the quadrature degree, or the rule's name, on a cell shape."""
         if self.quadrature is not None:
             return self.quadrature
         return 2 * self.degree if shape == "hexahedron" else max(1, 2 * self.degree - 2)
@@ -178,14 +179,14 @@ def solve(
         residual_norms=newton.norms,
         seconds=seconds,
         options=typed,
-        peak_memory=1024 * comm.allreduce(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, op=MPI.MAX),
+        peak_memory=comm.allreduce(peak_memory(), op=MPI.MAX),
     )
 
 
-def _forms(u: Any, energy: Energy, rule: int, flags: Sequence[str]) -> tuple[Any, Any]:
+def _forms(u: Any, energy: Energy, rule: int | str, flags: Sequence[str]) -> tuple[Any, Any]:
     """Return the residual and its derivative, the first and second variation of the stored energy."""
     space = u.function_space
-    stored = energy(ufl.Identity(3) + ufl.grad(u)) * ufl.dx(metadata={"quadrature_degree": rule})
+    stored = energy(ufl.Identity(3) + ufl.grad(u)) * ufl.dx(metadata=quadrature.measure(rule))
     residual = ufl.derivative(stored, u, ufl.TestFunction(space))
     tangent = ufl.derivative(residual, u, ufl.TrialFunction(space))
     return compat.form(residual, flags), compat.form(tangent, flags)
@@ -264,12 +265,15 @@ class _Newton:
         self._copy(self.x)
 
     def reactions(self, faces: Sequence[Index]) -> Array:
-        """Return the sums of the internal force over the nodes of each support, on every rank."""
+        """Return the internal force's work on unit translations of each support's nodes, on every rank."""
         start = perf_counter()
         compat.assemble_vector(self.force, self.residual)
         self.force.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-        nodal = self.force.array_r.reshape(-1, 3)
-        sums = np.array([nodal[dofs].sum(axis=0) for dofs in faces]).reshape(-1, 3)
+        # A unit translation has the coefficient 1 at every Lagrange node, not in elements whose unknowns are moments.
+        unit = dolfinx.fem.Function(self.u.function_space)
+        unit.interpolate(lambda x: np.ones_like(x))
+        work = self.force.array_r.reshape(-1, 3) * unit.x.array[: self.force.local_size].reshape(-1, 3)
+        sums = np.array([work[dofs].sum(axis=0) for dofs in faces]).reshape(-1, 3)
         total = self.u.function_space.mesh.comm.allreduce(sums, op=MPI.SUM)
         self.seconds += perf_counter() - start
         return total

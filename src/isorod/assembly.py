@@ -2,14 +2,15 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cached_property
 from time import perf_counter
 
 import numpy as np
 from petsc4py import PETSc
 
-from isorod import kernel
+from isorod import kernel, rigid
 from isorod.disk import Array
-from isorod.model import Body, Model
+from isorod.model import Body, Model, Spin
 from isorod.petsc import preallocate_coo, set_values_coo
 from isorod.space import Table
 from isorod.spline import Index
@@ -27,6 +28,24 @@ class _Part:
         degree = body.space.axis.degree
         self.shape = (nodes.shape[0], degree + 1, body.space.layer_nodes, 3)
         self.slots: Index = np.empty(0, dtype=np.int64)
+
+    @cached_property
+    def mass(self) -> Array:
+        """Element mass matrices of one component, shape ``(E, l n, l n)``."""
+        t = self.table
+        mass = kernel.mass(t.section, t.axial, self.body.density * t.weights)
+        return mass.reshape(mass.shape[0], mass.shape[1] * mass.shape[2], -1)
+
+    def centrifugal(self, local: Array, spin: Spin) -> Array:
+        """Return the centrifugal forces, shape of ``dofs``."""
+        nodes = self.body.space.element_nodes[self.table.first : self.table.first + self.table.elements]
+        arm = self.body.space.positions[nodes] - np.array(spin.center) + local[self.slots].reshape(*nodes.shape, 3)
+        return (self.mass @ arm @ spin.field).reshape(self.dofs.shape)
+
+    def softening(self, spin: Spin) -> Array:
+        """Return the derivatives of the centrifugal forces, shape of ``matrices``."""
+        size = self.dofs.shape[1]
+        return np.einsum("eij,ab->eiajb", self.mass, spin.field).reshape(-1, size, size)
 
     def gradients(self, local: Array) -> Array:
         t = self.table
@@ -122,16 +141,20 @@ class Assembler:
         vector.zeroEntries()
         return vector
 
+    def _empty_matrix(self) -> PETSc.Mat:
+        sizes = (self.rows, self.model.unknowns)
+        matrix = PETSc.Mat().create(self.comm)
+        matrix.setSizes((sizes, sizes))
+        if self.model.whole_nodes:
+            matrix.setBlockSize(3)
+        matrix.setType(PETSc.Mat.Type.AIJ)
+        matrix.setFromOptions()
+        return matrix
+
     def matrix(self) -> PETSc.Mat:
         """Return a new symmetric AIJ matrix, preallocated for the tangent (COO)."""
         with self._timed():
-            sizes = (self.rows, self.model.unknowns)
-            matrix = PETSc.Mat().create(self.comm)
-            matrix.setSizes((sizes, sizes))
-            if self.model.whole_nodes:
-                matrix.setBlockSize(3)
-            matrix.setType(PETSc.Mat.Type.AIJ)
-            matrix.setFromOptions()
+            matrix = self._empty_matrix()
             rows, columns = [], []
             for part in self.parts:
                 free = self.model.free[part.dofs].astype(PETSc.IntType)
@@ -144,6 +167,21 @@ class Assembler:
             self.built.append("tangent")
         return matrix
 
+    def near_null_space(self) -> PETSc.NullSpace:
+        """Return the rigid motions of all bodies on the unknowns, for algebraic multigrid."""
+        vectors: list[PETSc.Vec] = []
+        for b, body in enumerate(self.model.bodies):
+            for motion in rigid.motions(body.space.positions).T:
+                everywhere = np.zeros(self.model.dofs)
+                everywhere[3 * self.model.first_node[b] : 3 * self.model.first_node[b + 1]] = motion
+                vector = self.state(everywhere)
+                for other in vectors:
+                    vector.axpy(-vector.dot(other), other)
+                vector.normalize()
+                vectors.append(vector)
+        self.built.append("near-null space")
+        return PETSc.NullSpace().create(vectors=vectors, comm=self.comm)
+
     def _load(self, x: PETSc.Vec, factor: float) -> None:
         self._scatter.scatter(x, self._near, PETSc.InsertMode.INSERT_VALUES, PETSc.ScatterMode.FORWARD)
         self._local[self._free_slots] = self._near.array_r
@@ -154,10 +192,13 @@ class Assembler:
         out.zeroEntries()
         self._scatter.scatter(self._near, out, PETSc.InsertMode.ADD_VALUES, PETSc.ScatterMode.REVERSE)
 
-    def _forces(self) -> Array:
+    def _forces(self, factor: float) -> Array:
+        spin = self.model.spin
         total = np.zeros(self._local.size)
         for part in self.parts:
             forces = part.forces(part.gradients(self._local))
+            if spin is not None:
+                forces -= factor * part.centrifugal(self._local, spin)
             total += np.bincount(part.slots.ravel(), forces.ravel(), total.size)
         return total
 
@@ -165,14 +206,14 @@ class Assembler:
         """Fill ``out`` with the internal forces on the unknowns (NaN where an element is inverted)."""
         with self._timed():
             self._load(x, factor)
-            self._store(self._forces(), out)
+            self._store(self._forces(factor), out)
 
     def reactions(self, x: PETSc.Vec, factor: float) -> Array:
         """Return the forces of the supports on the model, one a degree of freedom in `Model.held`, on every rank."""
         with self._timed():
             self._load(x, factor)
             forces = np.zeros(self.model.held.size)
-            forces[self._held_index] = self._forces()[self._held_slots]
+            forces[self._held_index] = self._forces(factor)[self._held_slots]
             return np.asarray(self.comm.tompi4py().allreduce(forces))
 
     def tangent(self, x: PETSc.Vec, factor: float, out: PETSc.Mat) -> list[Array]:
@@ -180,20 +221,49 @@ class Assembler:
         with self._timed():
             self._load(x, factor)
             matrices = [part.matrices(part.gradients(self._local)) for part in self.parts]
+            if self.model.spin is not None:
+                for part, block in zip(self.parts, matrices, strict=True):
+                    block -= factor * part.softening(self.model.spin)
             values = [block.ravel() for block in matrices] or [np.empty(0)]
             set_values_coo(out, values[0] if len(values) == 1 else np.concatenate(values))
             return matrices
 
-    def support_forces(self, matrices: list[Array], step: float, out: PETSc.Vec) -> None:
-        """Fill ``out`` with the linearised force when the supports move by ``step`` times their displacements."""
+    def load_forces(self, x: PETSc.Vec, factor: float, matrices: list[Array], step: float, out: PETSc.Vec) -> None:
+        """Fill ``out`` with the linearised change of the residual when the load factor grows by ``step`` at ``x``."""
         with self._timed():
+            self._load(x, factor)
             move = np.zeros(self._local.size)
             move[self._held_slots] = step * self.model.values[self._held_index]
             total = np.zeros(move.size)
             for part, blocks in zip(self.parts, matrices, strict=True):
                 change = np.einsum("eij,ej->ei", blocks, move[part.slots])
+                if self.model.spin is not None:
+                    change -= step * part.centrifugal(self._local, self.model.spin)
                 total += np.bincount(part.slots.ravel(), change.ravel(), total.size)
             self._store(total, out)
+
+    def mass(self, lumped: bool = False) -> PETSc.Mat:
+        """Return the mass matrix of the unknowns, consistent or lumped (row sums on the diagonal)."""
+        with self._timed():
+            matrix = self._empty_matrix()
+            rows, columns, values = [], [], []
+            for part in self.parts:
+                free = self.model.free[part.dofs].reshape(part.dofs.shape[0], -1, 3).astype(PETSc.IntType)
+                if lumped:
+                    rows.append(free.ravel())
+                    columns.append(free.ravel())
+                    values.append(np.repeat(part.mass.sum(axis=2).ravel(), 3))
+                    continue
+                shape = (*part.mass.shape, 3)
+                rows.append(np.broadcast_to(free[:, :, None, :], shape).ravel())
+                columns.append(np.broadcast_to(free[:, None, :, :], shape).ravel())
+                values.append(np.broadcast_to(part.mass[..., None], shape).ravel())
+            empty = [np.empty(0, dtype=PETSc.IntType)]
+            preallocate_coo(matrix, np.concatenate(rows or empty), np.concatenate(columns or empty))
+            set_values_coo(matrix, np.concatenate(values or [np.empty(0)]))
+            matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+            self.built.append("lumped mass" if lumped else "mass")
+        return matrix
 
     def energy(self, x: PETSc.Vec, factor: float) -> float:
         """Return the stored energy of the whole model."""
@@ -203,6 +273,13 @@ class Assembler:
             for part in self.parts:
                 energy += float(np.sum(part.table.weights * part.body.material.energy(part.gradients(self._local))))
             return float(self.comm.tompi4py().allreduce(energy))
+
+    def state(self, displacement: Array) -> PETSc.Vec:
+        """Return the unknowns of a vector of all degrees of freedom."""
+        x = self.vector()
+        first, last = x.getOwnershipRange()
+        x.array_w[:] = displacement[self.model.free >= 0][first:last]
+        return x
 
     def displacement(self, x: PETSc.Vec, factor: float) -> Array:
         """Return all degrees of freedom, shape ``(dofs,)``, on every rank."""

@@ -178,3 +178,27 @@ def stiffness(section: Array, axial: Array, slopes: Array, inverse: Array, weigh
                                 else:
                                     result[e, j, i, a, m, k, b] = block[m, j, 3 * b + a, i, k]
     return result
+
+
+@njit(f"{_D5}({_D3}, {_D3}, {_D3})", **_OPTIONS)
+def mass(section: Array, axial: Array, weights: Array) -> Array:
+    """Return the integrals ``(E, l, n, l, n)`` of products of two functions, the weights being masses."""
+    elements, along, functions = axial.shape
+    points, _, n = section.shape
+    result = np.zeros((elements, functions, n, functions, n))
+    plane = np.empty((n, n))
+    for e in range(elements):
+        for t in range(along):
+            plane[:] = 0.0
+            for q in range(points):
+                for i in range(n):
+                    x = weights[e, t, q] * section[q, 2, i]
+                    for k in range(n):
+                        plane[i, k] += x * section[q, 2, k]
+            for j in range(functions):
+                for i in range(n):
+                    for m in range(functions):
+                        x = axial[e, t, j] * axial[e, t, m]
+                        for k in range(n):
+                            result[e, j, i, m, k] += x * plane[i, k]
+    return result

@@ -14,10 +14,15 @@ from isorod.spline import Index
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """A rod made of one material, with its displacement space."""
+    """A rod made of one material, with its displacement space; ``density`` is mass per reference volume."""
 
     space: Space
     material: Material
+    density: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.density) and self.density >= 0.0):
+            raise InputError(f"density: got {self.density:g}, need a finite mass per volume, not negative")
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +65,32 @@ class Support:
         return cls(nodes, components, displacement, body)
 
 
+@dataclass(frozen=True)
+class Spin:
+    """A steady rotation of the frame in which displacements are measured: centrifugal force, growing with the load factor.
+
+    Parameters
+    ----------
+    velocity
+        Angular velocity vector, radians per time, at load factor 1 (at factor ``f``, ``sqrt(f)`` times as fast).
+    center
+        A point on the axis of rotation.
+    """
+
+    velocity: tuple[float, float, float]
+    center: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        if not np.isfinite([*self.velocity, *self.center]).all():
+            raise InputError(f"spin: velocity {self.velocity}, center {self.center}: both must be finite")
+
+    @property
+    def field(self) -> Array:
+        """Matrix ``|w|^2 1 - w w^T`` that takes the position from the center to the centrifugal acceleration."""
+        w = np.array(self.velocity)
+        return w @ w * np.eye(3) - np.outer(w, w)
+
+
 @dataclass(frozen=True, eq=False)
 class Model:
     """Bodies and supports; degrees of freedom are numbered body by body, node by node, ``x, y, z``.
@@ -72,6 +103,7 @@ class Model:
 
     bodies: Sequence[Body]
     supports: Sequence[Support] = ()
+    spin: Spin | None = None
     first_node: Index = field(init=False)
     held: Index = field(init=False)
     values: Array = field(init=False)

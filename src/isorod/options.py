@@ -85,7 +85,9 @@ def initialize(arguments: Sequence[str]) -> None:
         # PETSc itself prints a page about this.
         if option == "-options_file" and not os.access(value, os.R_OK):
             raise InputError(f"PETSc options file {value}: cannot be read")
-    petsc4py.init([sys.argv[0], *arguments])
+    # A fixed name: PETSc takes the program's for an option if it looks like one.
+    # Its signal handler would answer a closed pipe with a page of text.
+    petsc4py.init(["isorod", "-no_signal_handler", *arguments])
 
 
 @contextmanager

@@ -74,6 +74,11 @@ class Space:
         return self.layers * self.layer_nodes
 
     @cached_property
+    def positions(self) -> Array:
+        """Node positions, shape ``(nodes, 3)``: the control points of the rod on this axis (not points of the rod)."""
+        return self.rod.axis.transfer(self.axis, self.rod.control_points)[: self.layers].reshape(-1, 3)
+
+    @cached_property
     def element_layers(self) -> Index:
         """Layers of each element, shape ``(elements, p + 1)``."""
         return (self.axis.first_function[:, None] + np.arange(self.axis.degree + 1)) % self.layers

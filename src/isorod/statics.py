@@ -6,13 +6,18 @@ from time import perf_counter
 import numpy as np
 from petsc4py import PETSc
 
+from isorod import rigid
 from isorod.assembly import Assembler
 from isorod.disk import Array
 from isorod.errors import SolveError
 from isorod.model import Model
 from isorod.options import defaults
 
-SMALLEST_STEP = 1.0 / 1024.0
+# Preconditioners that ask for the rigid motions.
+MULTIGRID = ("gamg", "ml", "hypre")
+
+# A load step is halved at most this many times.
+HALVINGS = 10
 
 # What a user's option overrides.  The tangent is banded in the numbering along the axis: natural ordering fills nothing in.
 SERIAL_OPTIONS = {
@@ -86,14 +91,21 @@ def solve(model: Model, load_steps: int = 1, comm: PETSc.Comm | None = None) -> 
     Raises
     ------
     SolveError
-        If a step shrinks below 1/1024 of the load: the message names element, axis position and ``det F``.
+        If a rigid motion is free, or a step was halved ten times in vain: the message names element, axis position and
+        ``det F``.
     """
     start = perf_counter()
+    loose = rigid.free_motions(model)
+    if loose:
+        body, motion = loose[0]
+        how = rigid.describe(model.bodies[body].space.positions, motion)
+        raise SolveError(f"supports: body {body} is free to {how}; hold it")
     assembler = Assembler(model, comm)
     solver = _Newton(assembler)
     setup = perf_counter() - start
     assembler.seconds = 0.0
     factor, step, steps, cuts = 0.0, 1.0 / load_steps, 0, 0
+    smallest = step / 2**HALVINGS
     while factor < 1.0:
         target = 1.0 if factor + step > 1.0 - 1e-12 else factor + step
         try:
@@ -101,7 +113,7 @@ def solve(model: Model, load_steps: int = 1, comm: PETSc.Comm | None = None) -> 
         except _Diverged as problem:
             cuts += 1
             step = 0.5 * (target - factor)
-            if step < SMALLEST_STEP:
+            if step < smallest:
                 raise SolveError(f"load factor {target:.6g}: {problem}") from None
             continue
         factor = target
@@ -149,6 +161,8 @@ class _Newton:
             self.snes.setJacobian(self._tangent, self.matrix)
             self.snes.setMonitor(lambda snes, k, norm: self.norms.append(norm))
             self.snes.setFromOptions()
+            if self.snes.getKSP().getPC().getType() in MULTIGRID:
+                self.matrix.setNearNullSpace(assembler.near_null_space())
             self._own_tolerance = "snes_atol" not in typed
 
     def _residual(self, snes: PETSc.SNES, x: PETSc.Vec, out: PETSc.Vec) -> None:
@@ -179,7 +193,7 @@ class _Newton:
     def _advance(self, factor: float, target: float) -> int:
         assembler, snes = self.assembler, self.snes
         matrices = assembler.tangent(self.x, factor, self.matrix)
-        assembler.support_forces(matrices, target - factor, self.force)
+        assembler.load_forces(self.x, factor, matrices, target - factor, self.force)
         del matrices
         scale = self.force.norm()
         ksp = snes.getKSP()
