@@ -33,6 +33,59 @@ def flower(n: int = 16, petals: int = 4, radius: float = 1.0, depth: float = 0.3
     return circle(n, radius) * (1.0 + depth * np.cos(petals * theta))[:, None]
 
 
+def airfoil(n: int = 16) -> Array:
+    """Return the ``(n, 2)`` control points of the paper's blade section, chord about 2 along x; it is given by 16.
+
+    The heights of the unit circle's control points, turned by half an arc, are multiplied by factors linear in the point's number:
+    0.35625 to 0.05 on the upper side from its front on, -0.02 to 0.05 on the lower one (Lu & Zhou 2011, appendix A,
+    where the minus signs are lost).
+    """
+    if n != 16:
+        raise InputError(f"section of the paper's blade: got {n} control points, it is given by 16")
+    angle = 2.0 * np.pi * (np.arange(n) + 0.5) / n
+    factor = np.concatenate([0.35625 - 0.04375 * np.arange(8), -0.02 + 0.01 * np.arange(8)])
+    return np.stack([np.cos(angle), np.sin(angle) * factor], axis=1) / np.cos(np.pi / n)
+
+
+def naca(digits: str, n: int, chord: float = 1.0) -> Array:
+    """Return the ``(n, 2)`` control points fitted to a NACA 4-digit airfoil, its leading edge towards -x, centred in x.
+
+    The outline is sampled at ``x = chord / 2 (1 + cos theta)``, in which it is smooth but for the blunt trailing edge, which the
+    fit rounds off.
+
+    Parameters
+    ----------
+    digits
+        Camber and its position and thickness, as in ``"2412"`` (Jacobs, Ward, Pinkerton, NACA Report 460, 1933).
+    chord
+        Units of length.
+
+    Raises
+    ------
+    InputError
+        If ``digits`` are not four of which the last two are a thickness of at least 1 %, or the chord is not positive.
+    """
+    if len(digits) != 4 or not digits.isdigit() or digits[2:] == "00" or (digits[0] != "0") != (digits[1] != "0"):
+        raise InputError(f"airfoil: got {digits!r}, need a NACA 4-digit number such as 2412 or 0012")
+    if not (np.isfinite(chord) and chord > 0.0):
+        raise InputError(f"chord: got {chord:g}, need a positive length")
+    camber, place, thickness = int(digits[0]) / 100.0, int(digits[1]) / 10.0, int(digits[2:]) / 100.0
+    theta = 2.0 * np.pi * (np.arange(16 * check_count(n)) + 0.5) / (16 * n)
+    x = 0.5 * (1.0 + np.cos(theta))
+    half = 5.0 * thickness * (0.2969 * np.sqrt(x) - x * (0.1260 + x * (0.3516 - x * (0.2843 - 0.1015 * x))))
+    mean = np.zeros_like(x)
+    slope = np.zeros_like(x)
+    if camber:
+        fore = x < place
+        scale = camber / np.where(fore, place, 1.0 - place) ** 2
+        mean = scale * (np.where(fore, 0.0, 1.0 - 2.0 * place) + 2.0 * place * x - x * x)
+        slope = 2.0 * scale * (place - x)
+    tilt = np.arctan(slope)
+    side = np.sign(np.sin(theta))
+    points = np.stack([x - side * half * np.sin(tilt) - 0.5, mean + side * half * np.cos(tilt)], axis=1)
+    return _fit(theta, chord * points, n)
+
+
 def from_points(points: ArrayLike, n: int) -> Array:
     """Return the ``(n, 2)`` control points whose outline fits a closed polyline in the least-squares sense.
 
@@ -61,6 +114,11 @@ def from_points(points: ArrayLike, n: int) -> Array:
     if np.sum(points[:, 0] * edges[:, 1] - points[:, 1] * edges[:, 0]) <= 0.0:
         raise InputError("section points run clockwise; give them counter-clockwise")
     theta = 2.0 * np.pi * np.concatenate([[0.0], np.cumsum(lengths)[:-1]]) / lengths.sum()
+    return _fit(theta, points, n)
+
+
+def _fit(theta: Array, points: Array, n: int) -> Array:
+    """Return the control points whose outline passes nearest to ``points`` at the angles ``theta``."""
     fitted, _, rank, _ = np.linalg.lstsq(boundary_functions(n, theta), points, rcond=None)
     if rank < n:
         raise InputError(f"section points: they determine only {rank} of {n} control points; give more or spread them")

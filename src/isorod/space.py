@@ -30,7 +30,7 @@ class Space:
     continuity
         Continuity at knots the rod does not have, ``0 .. degree - 1``; ``degree - 1`` where not given.
     quadrature
-        ``"full"``, ``"paper"`` or ``"RxSxT"`` (see `isorod.quadrature`).
+        ``"full"``, ``"paper"``, ``"RxS"`` or ``"RxSxT"`` (see `isorod.quadrature`).
 
     Raises
     ------

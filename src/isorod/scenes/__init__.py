@@ -12,6 +12,7 @@ from isorod.errors import InputError
 
 # Name on the command line: module and class.  Modules are imported only when asked for.
 SCENES = {
+    "blade": ("isorod.scenes.blade", "Blade"),
     "flower": ("isorod.scenes.flower", "Flower"),
     "ring": ("isorod.scenes.ring", "Ring"),
     "spring": ("isorod.scenes.spring", "Spring"),

@@ -1,0 +1,264 @@
+"""Vibration modes: ``K x = omega^2 M x`` on the unknowns, by SLEPc."""
+
+from dataclasses import dataclass
+from time import perf_counter
+
+import numpy as np
+from petsc4py import PETSc
+from slepc4py import SLEPc
+
+from isorod import rigid
+from isorod.assembly import Assembler
+from isorod.disk import Array
+from isorod.errors import InputError, SolveError
+from isorod.model import Model
+from isorod.options import defaults
+from isorod.statics import Equilibrium
+
+# What a user's option overrides.
+SERIAL_OPTIONS = {
+    "eps_tol": 1e-10,
+    "st_type": "sinvert",
+    "st_ksp_type": "preonly",
+    "st_pc_type": "lu",
+    "st_pc_factor_mat_ordering_type": "natural",
+}
+PARALLEL_OPTIONS = SERIAL_OPTIONS | {"st_pc_factor_mat_solver_type": "mumps"}
+PARALLEL_OPTIONS.pop("st_pc_factor_mat_ordering_type")
+
+# Eigensolvers that take a preconditioner instead of a spectral transformation.
+PRECONDITIONED = ("lobpcg", "rqcg", "gd", "jd")
+
+# The Sturm count is taken this far (relative) above the last eigenvalue returned.
+_ABOVE = 1e-6
+
+# The shift of a free body lies this share of its first flexible eigenvalue below zero; far from it the modes would cluster.
+_SHIFT = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Modes:
+    """Vibration modes, ascending.
+
+    Attributes
+    ----------
+    model
+        What was solved.
+    frequencies
+        ``omega / 2 pi``, cycles per time, shape ``(modes,)``; of an unstable state negative, ``-sqrt(-omega^2) / 2 pi``.
+    eigenvalues
+        ``omega^2``, shape ``(modes,)``; the rigid modes of a free body come first, near zero.
+    vectors
+        Mode shapes on all degrees of freedom, shape ``(modes, dofs)``, ``x^T M x = 1``.
+    residuals
+        ``|K x - lambda M x| / (|lambda| |M x|)``, shape ``(modes,)``; for rigid modes with the first flexible ``lambda``.
+    rigid
+        Number of rigid modes among them.
+    below
+        Number of eigenvalues below the last one returned, that one included, by the inertia of ``K - tau M`` (Sturm count).
+    shift
+        Shift of the spectral transformation.
+    iterations, seconds, built, solver, ranks
+        As for `isorod.statics.Equilibrium`.
+    """
+
+    model: Model
+    frequencies: Array
+    eigenvalues: Array
+    vectors: Array
+    residuals: Array
+    rigid: int
+    below: int
+    shift: float
+    iterations: int
+    seconds: dict[str, float]
+    built: list[str]
+    solver: dict[str, str]
+    ranks: int
+
+
+def solve(
+    model: Model,
+    modes: int = 10,
+    lumped: bool = False,
+    state: Equilibrium | None = None,
+    comm: PETSc.Comm | None = None,
+) -> Modes:
+    """Return the lowest vibration modes about the state of rest, or about an equilibrium.
+
+    Parameters
+    ----------
+    model
+        Bodies with densities, and supports.
+    modes
+        Number of modes besides the rigid ones.
+    lumped
+        Take the lumped mass matrix.
+    state
+        A static solution of the same model: modes of the deformed, prestressed (and, with a spin, softened) body; gyroscopic
+        forces are left out.
+
+    Raises
+    ------
+    InputError
+        If a density is not positive or there are not as many unknowns as modes.
+    SolveError
+        If SLEPc does not converge, a factorisation fails, or the Sturm count shows that a mode was missed.
+    """
+    start = perf_counter()
+    for b, body in enumerate(model.bodies):
+        if not body.density > 0.0:
+            raise InputError(f"density of body {b}: got {body.density:g}, modes need a positive mass per volume")
+    rigid_modes = len(rigid.free_motions(model)) if state is None else 0
+    wanted = modes + rigid_modes
+    if modes < 1 or wanted > model.unknowns:
+        raise InputError(f"modes: got {modes}, need 1 to {model.unknowns - rigid_modes} (the unknowns there are)")
+    assembler = Assembler(model, comm)
+    stiffness = assembler.matrix()
+    mass = assembler.mass(lumped)
+    x = assembler.vector() if state is None else assembler.state(state.displacement)
+    setup = perf_counter() - start
+    assembler.seconds = 0.0
+    assembler.tangent(x, 0.0 if state is None else 1.0, stiffness)
+    assembly = assembler.seconds
+    problem = _Problem(assembler, stiffness, mass)
+    shift = 0.0
+    if rigid_modes:
+        shift = -_SHIFT * problem.first_flexible(rigid_modes)
+    eps = problem.solve(wanted, shift)
+    eigenvalues, vectors, residuals = problem.pairs(eps, wanted, rigid_modes)
+    below = problem.count_below(eigenvalues[-1])
+    found = sum(1 for k in range(eps.getConverged()) if eps.getEigenvalue(k).real <= _just_above(eigenvalues[-1]))
+    if below != found:
+        raise SolveError(
+            f"modes: {below} eigenvalues lie at or below {eigenvalues[-1]:.6g}, but {found} were found; "
+            "ask for more (-eps_ncv) or shift elsewhere (-st_shift)"
+        )
+    st = eps.getST()
+    ksp = st.getKSP()
+    return Modes(
+        model=model,
+        frequencies=np.sign(eigenvalues) * np.sqrt(np.abs(eigenvalues)) / (2.0 * np.pi),
+        eigenvalues=eigenvalues,
+        vectors=vectors,
+        residuals=residuals,
+        rigid=rigid_modes,
+        below=below,
+        shift=shift,
+        iterations=eps.getIterationNumber(),
+        seconds={"setup": setup, "assembly": assembly, "solve": perf_counter() - start - setup - assembly},
+        built=assembler.built,
+        solver={"eps": eps.getType(), "st": st.getType(), "ksp": ksp.getType(), "pc": ksp.getPC().getType()},
+        ranks=assembler.comm.getSize(),
+    )
+
+
+def _just_above(eigenvalue: float) -> float:
+    return eigenvalue + _ABOVE * abs(eigenvalue)
+
+
+class _Problem:
+    """The pencil ``K - lambda M``."""
+
+    def __init__(self, assembler: Assembler, stiffness: PETSc.Mat, mass: PETSc.Mat) -> None:
+        self.assembler = assembler
+        self.stiffness = stiffness
+        self.mass = mass
+        self.serial = assembler.comm.getSize() == 1
+
+    def _eps(self, count: int, shift: float) -> SLEPc.EPS:
+        eps = SLEPc.EPS().create(self.assembler.comm)
+        eps.setOperators(self.stiffness, self.mass)
+        eps.setProblemType(SLEPc.EPS.ProblemType.GHEP)
+        eps.setDimensions(min(count, self.assembler.model.unknowns))
+        eps.setTarget(shift)
+        return eps
+
+    def first_flexible(self, rigid_modes: int) -> float:
+        """Return a rough value of the first eigenvalue above the rigid modes of a free body."""
+        diagonal = self.stiffness.getDiagonal().sum() / self.mass.getDiagonal().sum()
+        guess = 1e-8 * diagonal
+        for _ in range(8):
+            eps = self._eps(rigid_modes + 2, -guess)
+            eps.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
+            eps.setTolerances(1e-4)
+            st = eps.getST()
+            st.setType(SLEPc.ST.Type.SINVERT)
+            st.setShift(-guess)
+            _direct(st.getKSP())
+            eps.solve()
+            if eps.getConverged() <= rigid_modes:
+                break
+            first = sorted(eps.getEigenvalue(k).real for k in range(eps.getConverged()))[rigid_modes]
+            eps.destroy()
+            # Too far below zero, the shift makes rigid and flexible modes look alike.
+            if first > 0.01 * guess:
+                return float(first)
+            guess = max(10.0 * abs(first), 1e-3 * guess)
+        raise SolveError("modes of a free body: no flexible mode was found to place the shift by; give one (-st_shift)")
+
+    def solve(self, wanted: int, shift: float) -> SLEPc.EPS:
+        """Solve for the lowest ``wanted`` eigenvalues, as the user's options say."""
+        typed = PETSc.Options().getAll().get("eps_type", "krylovschur")
+        if typed in PRECONDITIONED:
+            offered = {key: value for key, value in SERIAL_OPTIONS.items() if key.startswith("eps_")}
+        else:
+            offered = SERIAL_OPTIONS if self.serial else PARALLEL_OPTIONS
+        # Two more than wanted, so that the last one does not lack its twin.
+        eps = self._eps(wanted + 2, shift)
+        eps.setWhichEigenpairs(
+            SLEPc.EPS.Which.SMALLEST_REAL if typed in PRECONDITIONED else SLEPc.EPS.Which.TARGET_MAGNITUDE
+        )
+        with defaults(offered):
+            eps.setFromOptions()
+            eps.solve()
+        if eps.getConverged() < wanted:
+            raise SolveError(
+                f"modes: SLEPc found {eps.getConverged()} of {wanted} in {eps.getIterationNumber()} iterations (reason "
+                f"{eps.getConvergedReason()}); raise -eps_max_it or -eps_ncv, or loosen -eps_tol"
+            )
+        return eps
+
+    def pairs(self, eps: SLEPc.EPS, wanted: int, rigid_modes: int) -> tuple[Array, Array, Array]:
+        """Return the lowest eigenvalues, their vectors on all degrees of freedom, and residuals."""
+        values = np.array([eps.getEigenvalue(k).real for k in range(eps.getConverged())])
+        order = np.argsort(values, kind="stable")[:wanted]
+        scale = abs(values[order[rigid_modes]])
+        x, kx, mx = (self.assembler.vector() for _ in range(3))
+        vectors, residuals = [], []
+        for k in order:
+            eps.getEigenvector(k, x)
+            self.mass.mult(x, mx)
+            self.stiffness.mult(x, kx)
+            kx.axpy(-values[k], mx)
+            residuals.append(kx.norm() / (max(abs(values[k]), scale) * mx.norm()))
+            vector = self.assembler.displacement(x, 0.0) / np.sqrt(x.dot(mx))
+            vectors.append(vector * np.sign(vector[np.argmax(np.abs(vector) > 0.999 * np.abs(vector).max())]))
+        return values[order], np.array(vectors), np.array(residuals)
+
+    def count_below(self, eigenvalue: float) -> int:
+        """Return the number of eigenvalues up to just above the given one, by Sylvester's law of inertia."""
+        shifted = self.stiffness.copy()
+        shifted.axpy(-_just_above(eigenvalue), self.mass, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
+        shifted.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+        pc = PETSc.PC().create(self.assembler.comm)
+        pc.setOptionsPrefix("sturm_")
+        pc.setOperators(shifted)
+        pc.setType(PETSc.PC.Type.CHOLESKY)
+        pc.setFactorSolverType("mumps")
+        pc.setFactorSetUpSolverType()
+        # MUMPS knows the inertia only if its root node is not ScaLAPACK's and it looks for zero pivots.
+        factor = pc.getFactorMatrix()
+        factor.setMumpsIcntl(13, 1)
+        factor.setMumpsIcntl(24, 1)
+        pc.setFromOptions()
+        pc.setUp()
+        negative, _, _ = pc.getFactorMatrix().getInertia()
+        return int(negative)
+
+
+def _direct(ksp: PETSc.KSP) -> None:
+    ksp.setType(PETSc.KSP.Type.PREONLY)
+    pc = ksp.getPC()
+    pc.setType(PETSc.PC.Type.LU)
+    pc.setFactorSolverType("mumps")

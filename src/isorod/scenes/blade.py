@@ -1,0 +1,79 @@
+"""The blade of a small wind turbine: twisted, tapered, clamped at its root (Lu & Zhou 2011, section 4.3, Table 2)."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from isorod import section
+from isorod.errors import InputError
+from isorod.rod import Rod
+from isorod.scenes import option
+from isorod.spline import Axis
+
+if TYPE_CHECKING:
+    from isorod.modal import Modes
+    from isorod.model import Model
+
+
+@dataclass(frozen=True)
+class Blade:
+    """Airfoil section swept along z with linear twist and taper, root face clamped; vibration modes."""
+
+    analysis: ClassVar[str] = "modal"
+
+    length: float = option(8.3, "length [length]")
+    twist: float = option(15.0, "turn of the tip about the axis [degrees]")
+    taper: float = option(0.5, "size of the tip section relative to the root's")
+    E: float = option(3.0e6, "Young's modulus [force/area]")
+    nu: float = option(0.3, "Poisson's ratio")
+    density: float = option(40.0, "mass per volume")
+    airfoil: str = option("paper", "section: paper, or a NACA 4-digit number such as 2412")
+    chord: float = option(2.0, "chord of a NACA section at the root [length]")
+    section_points: int = option(16, "control points round the section, at least 3 (paper: 16)")
+    elements: int = option(20, "elements along the blade")
+    degree: int = option(2, "degree along the axis, 2 to 6")
+    continuity: int | None = option(None, "continuity at inserted knots, 0 to degree - 1 (degree - 1)")
+    quadrature: str = option("paper", "quadrature rule: full, paper, RxS or RxSxT such as 2x1x4")
+    mass: str = option("consistent", "mass matrix: consistent or lumped")
+
+    def rod(self) -> Rod:
+        """Return the blade as first built: one quadratic element, twist and scale 0, 1/2, 1 of the way at its control points."""
+        for name in ("length", "taper"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value > 0.0):
+                raise InputError(f"{name}: got {value:g}, need a positive number")
+        if not np.isfinite(self.twist):
+            raise InputError(f"twist: got {self.twist}, need finite degrees")
+        way = np.array([0.0, 0.5, 1.0])
+        angle = np.radians(self.twist) * way
+        rotations = np.zeros((3, 3, 3))
+        rotations[:, 0, 0] = rotations[:, 1, 1] = np.cos(angle)
+        rotations[:, 1, 0] = np.sin(angle)
+        rotations[:, 0, 1] = -np.sin(angle)
+        rotations[:, 2, 2] = 1.0
+        stretches = (1.0 + (self.taper - 1.0) * way)[:, None, None] * np.eye(3)
+        axis = Axis(2, np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0]), np.ones(3))
+        centers = way[:, None] * np.array([0.0, 0.0, self.length])
+        return Rod.sweep(self._outline(), axis, centers, rotations, stretches)
+
+    def _outline(self) -> Any:
+        if self.airfoil == "paper":
+            return section.airfoil(self.section_points)
+        return section.naca(self.airfoil, self.section_points, self.chord)
+
+    def model(self) -> "Model":
+        """Return the model: linear elastic, root clamped."""
+        from isorod.material import LinearElastic
+        from isorod.model import Body, Model, Support
+        from isorod.space import Space
+
+        rod = self.rod()
+        rod.check()
+        space = Space(rod, self.elements, self.degree, self.continuity, self.quadrature)
+        body = Body(space, LinearElastic(self.E, self.nu), self.density)
+        return Model([body], [Support.end(space, "start")])
+
+    def measure(self, solution: "Modes") -> dict[str, object]:
+        """Return the frequencies [cycles per time]."""
+        return {"frequencies": solution.frequencies}
