@@ -1,0 +1,47 @@
+# Every task sets up what it needs (docker/install: apt packages, .venv) and starts at once when that is done.
+# With PYTHON=... nothing is installed and that interpreter is used: make test PYTHON=python in a conda environment.
+ifdef PYTHON
+INSTALL := true
+else
+INSTALL := docker/install
+PYTHON := .venv/bin/python
+endif
+
+# One thread per rank: fair timings, and mpirun on few cores. No user site: the environment decides the versions.
+export OMP_NUM_THREADS := 1
+export PYTHONNOUSERSITE := 1
+# mpirun refuses root otherwise, which is what containers run as
+export OMPI_ALLOW_RUN_AS_ROOT := 1
+export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
+# ranks of one machine talk through memory: Debian's exclusions and tcp, of which Open MPI 5 complains in containers
+export OMPI_MCA_btl ?= ^uct,openib,ofi,tcp
+
+.PHONY: help verify test test-all lint install clean
+
+help:
+	@echo "make verify    the main job: the spring against the finite element model, quick level, and the report page"
+	@echo "make test      the tests but the slow ones         make test-all   all tests"
+	@echo "make lint      ruff and mypy                       make clean      remove caches and build leftovers"
+	@echo "make install   only set up (the others do it too): apt packages, .venv; Debian 12 or 13"
+	@echo "PYTHON=python  after any of them: use that interpreter and install nothing (conda: environment.yml)"
+
+verify: install
+	@$(PYTHON) -m comparisons verify
+
+test: install
+	@$(PYTHON) -m pytest -m "not slow"
+
+test-all: install
+	@$(PYTHON) -m pytest
+
+lint: install
+	@$(PYTHON) -m ruff check
+	@$(PYTHON) -m ruff format --check
+	@$(PYTHON) -m mypy
+
+install:
+	@$(INSTALL)
+
+clean:
+	@rm -rf .pytest_cache .mypy_cache .ruff_cache .hypothesis build dist src/*.egg-info
+	@find src comparisons meshes tests -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,0 +1,169 @@
+import io
+import subprocess
+import sys
+import types
+from pathlib import Path
+
+import pytest
+
+from isorod import doctor
+
+
+@pytest.mark.parametrize(
+    ("paths", "expected"),
+    [
+        (
+            [
+                "/usr/lib/x86_64-linux-gnu/openblas-serial/libblas.so.3",
+                "/usr/lib/x86_64-linux-gnu/openblas-serial/libopenblas-r0.3.21.so",
+            ],
+            ["OpenBLAS serial"],
+        ),
+        (["/usr/lib/x86_64-linux-gnu/openblas-pthread/libopenblasp-r0.3.29.so"], ["OpenBLAS pthread"]),
+        (["/usr/lib/x86_64-linux-gnu/blas/libblas.so.3.11.0"], ["reference"]),
+        (["/opt/env/lib/librefblas.so.3"], ["reference"]),
+        (["/opt/env/lib/libopenblasp-r0.3.30.so", "/opt/env/lib/libmkl_rt.so.2"], ["MKL", "OpenBLAS"]),
+        (
+            [
+                "/venv/numpy.libs/libscipy_openblas64_-56d6093b.so",
+                "/usr/lib/x86_64-linux-gnu/blas/libblas.so.3.11.0",
+            ],
+            ["OpenBLAS", "reference"],
+        ),
+        (["/usr/lib/x86_64-linux-gnu/libscalapack-openmpi.so.2.2.1", "/lib/libc.so.6"], []),
+    ],
+)
+def test_blas_is_named_from_the_libraries_in_the_process(paths, expected):
+    assert doctor.blas(paths) == expected
+
+
+def test_mapped_libraries_are_read_once_each_and_without_plain_files(tmp_path):
+    maps = tmp_path / "maps"
+    maps.write_text(
+        "7f00-7f01 r--p 00000000 08:01 42 /nowhere/of a name with blanks/libx.so.1\n"
+        "7f01-7f02 r-xp 00001000 08:01 42 /nowhere/of a name with blanks/libx.so.1\n"
+        "7f02-7f03 rw-p 00000000 00:00 0\n"
+        "7f03-7f04 r--p 00000000 08:01 43 /usr/share/locale/file\n"
+        "7ffe-7fff rw-p 00000000 00:00 0 [stack]\n"
+    )
+    assert doctor.mapped_libraries(maps) == ["/nowhere/of a name with blanks/libx.so.1"]
+    assert doctor.mapped_libraries(tmp_path / "none") == []
+
+
+def test_everything_required_is_here():
+    checks = {check.name: check for check in doctor.report()}
+    assert [name for name, check in checks.items() if check.required and not check.ok] == []
+    assert checks["PETSc scalar, index"].value.startswith("float64")
+
+
+def run():
+    stream = io.StringIO()
+    code = doctor.main(stream)
+    return code, stream.getvalue()
+
+
+def test_table_is_aligned_and_says_that_it_can_run():
+    code, text = run()
+    *rows, last = text.splitlines()
+    assert code == 0
+    assert last.startswith("isorod can run here")
+    width = 2 + max(len(check.name) for check in doctor.report())
+    assert all(row[width : width + 2] == "  " and row[width + 2] != " " for row in rows)
+
+
+def test_a_missing_requirement_fails_and_says_how_to_get_it(monkeypatch):
+    monkeypatch.setitem(sys.modules, "numba", None)
+    code, text = run()
+    row = next(line for line in text.splitlines() if line[2:].startswith("numba"))
+    assert code == 1
+    assert row.startswith("X ")
+    assert "missing" in row
+    assert "pip install numba" in row
+    assert text.splitlines()[-1] == "isorod cannot run here: see numba"
+
+
+def test_a_requirement_that_does_not_import_is_one_line(monkeypatch, tmp_path):
+    (tmp_path / "broken_module.py").write_text("raise RuntimeError('compiled against\\nanother NumPy')")
+    monkeypatch.syspath_prepend(tmp_path)
+    check = doctor._required("broken_module", "d", "c")
+    assert not check.ok
+    assert check.value == "does not import: RuntimeError: compiled against another NumPy"
+
+
+def test_a_module_from_the_user_site_is_pointed_out(monkeypatch, tmp_path):
+    (tmp_path / "hiding_module.py").write_text("__version__ = '9'")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(doctor.site, "getusersitepackages", lambda: str(tmp_path))
+    check = doctor._required("hiding_module", "d", "c")
+    assert check.ok
+    assert check.value == "9"
+    assert "PYTHONNOUSERSITE" in check.hint
+
+
+def test_a_missing_option_does_not_fail(monkeypatch):
+    real = doctor.find_spec
+    monkeypatch.setattr(doctor, "find_spec", lambda name: None if name == "gmsh" else real(name))
+    code, text = run()
+    row = next(line for line in text.splitlines() if line[2:].startswith("gmsh"))
+    assert code == 0
+    assert row.startswith("! ")
+    assert "python3-gmsh" in row
+    assert "gmsh" in text.splitlines()[-1]
+
+
+def petsc(scalar, packages):
+    """A PETSc that was built otherwise."""
+    fake = types.ModuleType("petsc4py.PETSc")
+    fake.ScalarType, fake.IntType = type(scalar, (), {}), type("int32", (), {})
+    fake.Sys = types.SimpleNamespace(getVersion=lambda: (3, 99, 0), hasExternalPackage=packages.__contains__)
+    return fake
+
+
+@pytest.mark.parametrize(
+    ("scalar", "packages", "code", "said"),
+    [
+        ("complex128", {"mumps"}, 1, "isorod needs a real PETSc"),
+        ("float64", {"superlu_dist"}, 0, "no MUMPS"),
+    ],
+)
+def test_what_petsc_was_built_with_is_judged(monkeypatch, scalar, packages, code, said):
+    monkeypatch.setitem(sys.modules, "petsc4py.PETSc", petsc(scalar, packages))
+    result, text = run()
+    assert result == code
+    assert said in text
+    assert "PETSc 3.99.0" in text
+
+
+def test_the_reference_blas_is_warned_of(monkeypatch):
+    monkeypatch.setattr(doctor, "mapped_libraries", lambda: ["/usr/lib/x86_64-linux-gnu/blas/libblas.so.3.11.0"])
+    code, text = run()
+    assert code == 0
+    assert "libopenblas0-serial" in text
+
+
+@pytest.mark.parametrize(("threads", "ok"), [("1", True), ("2", False), (None, False)])
+def test_threads_are_judged(monkeypatch, threads, ok):
+    for name in doctor.THREAD_VARIABLES:
+        monkeypatch.delenv(name, raising=False)
+    if threads is not None:
+        monkeypatch.setenv("OMP_NUM_THREADS", threads)
+    check = doctor._threads()
+    assert check.ok is ok
+    assert bool(check.hint) is not ok
+
+
+def test_version_in_the_text_of_a_module(tmp_path):
+    module = tmp_path / "gmsh.py"
+    module.write_text('GMSH_API_VERSION = "4.8.4"\nGMSH_API_VERSION_MAJOR = 4\n')
+    assert doctor._api_version(str(module)) == "API 4.8.4"
+    assert doctor._api_version(None) == ""
+
+
+def test_nothing_heavy_is_imported():
+    heavy = ["dolfinx", "gmsh", "pyvista", "vtk", "matplotlib", "slepc4py.SLEPc"]
+    code = (
+        "import io, sys; from isorod import doctor; assert doctor.main(io.StringIO()) == 0;"
+        f"print([name for name in {heavy} if name in sys.modules])"
+    )
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=Path("/"))
+    assert found.stdout.strip() == "[]"

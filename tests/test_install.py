@@ -1,0 +1,295 @@
+"""docker/install on a stage: a checkout of its own, every tool it may call a link or a stand-in, no network."""
+
+import re
+import shutil
+import subprocess
+import sys
+import time
+import tomllib
+from importlib import metadata
+from itertools import chain
+from pathlib import Path
+
+import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+
+ROOT = Path(__file__).resolve().parent.parent
+TOOLS = "bash sh env dirname basename realpath readlink cat sha256sum grep sed sort comm ls mkdir rm mktemp tail flock cp chmod id"
+
+PYTHON = """#!/bin/sh
+# stands for /usr/bin/python3: makes a venv of stand-ins
+echo "python $*" >>"{log}"
+for venv; do :; done
+mkdir -p "$venv/bin"
+cp "{stage}/venv-python" "$venv/bin/python"
+cp "$venv/bin/python" "$venv/bin/pip" && chmod +x "$venv/bin/pip" "$venv/bin/python"
+"""
+VENV_PYTHON = """#!/bin/sh
+echo "venv $*" >>"{log}"
+[ ! -e "{stage}/pip-fails" ] || {{ echo "no such wheel" >&2; exit 1; }}
+"""
+DPKG = """#!/bin/sh
+shift 2 # -W -f FORMAT NAME...
+for name; do if grep -qx "$name" "{stage}/installed"; then echo "$name:amd64 installed"; fi; done
+"""
+APT = """#!/bin/sh
+echo "apt $*" >>"{log}"
+[ ! -e "{stage}/apt-fails" ] || {{ echo "E: no such mirror"; exit 100; }}
+for name; do echo "$name" >>"{stage}/installed"; done
+"""
+
+
+class Stage:
+    """A checkout with a blank in its path, and stand-ins that write down how they are called."""
+
+    def __init__(self, folder):
+        self.folder, self.log = folder, folder / "log"
+        self.root = folder / "a checkout"
+        self.tools = folder / "tools"
+        self.tools.mkdir()
+        for name in TOOLS.split():
+            (self.tools / name).symlink_to(shutil.which(name))
+        self.tool("python3", PYTHON)
+        self.tool("dpkg-query", DPKG)
+        self.tool("apt-get", APT)
+        self.tool("id", "#!/bin/sh\necho 0\n")
+        (folder / "venv-python").write_text(self.fill(VENV_PYTHON))
+        (folder / "installed").write_text("")
+        (self.root / "docker").mkdir(parents=True)
+        (self.root / "src/isorod").mkdir(parents=True)
+        (self.root / "src/isorod/doctor.py").touch()
+        for name in ("pyproject.toml", "docker/apt.txt", "docker/constraints.txt"):
+            shutil.copy(ROOT / name, self.root / name)
+        script = (ROOT / "docker/install").read_text()
+        changed = script.replace("python=/usr/bin/python3", f'python="{self.tools / "python3"}"')
+        assert changed != script
+        self.install = self.root / "docker/install"
+        self.install.write_text(changed)
+        self.install.chmod(0o755)
+        self.venv = self.root / ".venv"
+        self.stamp = self.venv / ".isorod-installed"
+
+    def fill(self, text):
+        return text.format(stage=self.folder, log=self.log)
+
+    def tool(self, name, text):
+        path = self.tools / name
+        path.unlink(missing_ok=True)
+        path.write_text(self.fill(text))
+        path.chmod(0o755)
+
+    def run(self, *arguments, **environment):
+        """Run the script; return the finished process with what its stand-ins were called with."""
+        self.log.write_text("")
+        done = subprocess.run(
+            [self.root / "docker/install", *arguments],
+            env={"PATH": str(self.tools), **environment},
+            capture_output=True,
+            text=True,
+        )
+        done.calls = self.log.read_text().splitlines()
+        return done
+
+
+@pytest.fixture
+def stage(tmp_path):
+    return Stage(tmp_path)
+
+
+def test_first_run_installs_and_says_so_in_one_line(stage):
+    done = stage.run()
+    assert done.returncode == 0, done.stderr
+    assert len(done.stdout.splitlines()) == 1
+    assert re.search(r"(\d+) of \1 apt packages", done.stdout)
+    update, install, venv, *pip, doctor = done.calls
+    assert update.endswith("update")
+    assert "--no-install-recommends" in install
+    assert "libopenblas0-serial" in install
+    assert venv.startswith("python -m venv --system-site-packages")
+    assert all("--only-binary=:all:" in call and "docker/constraints.txt" in call for call in pip)
+    assert "--editable" in pip[-1]
+    assert doctor == "venv -m isorod.doctor"
+    assert stage.stamp.exists()
+
+
+def test_second_run_does_nothing(stage):
+    stage.run()
+    done = stage.run()
+    assert (done.returncode, done.stdout, done.stderr, done.calls) == (0, "", "", [])
+
+
+def test_only_what_is_absent_is_asked_of_apt(stage):
+    names = [name for name in (ROOT / "docker/apt.txt").read_text().splitlines() if not name.startswith("#")]
+    (stage.folder / "installed").write_text("\n".join(set(names) - {"python3-gmsh"}))
+    install = next(call for call in stage.run().calls if " install " in call)
+    assert install.endswith("--no-install-recommends python3-gmsh")
+
+
+def test_a_package_removed_later_is_noticed(stage):
+    stage.run()
+    left = (stage.folder / "installed").read_text().replace("libopenblas0-serial\n", "")
+    (stage.folder / "installed").write_text(left)
+    assert any(call.endswith("--no-install-recommends libopenblas0-serial") for call in stage.run().calls)
+
+
+@pytest.mark.parametrize("changed", ["docker/constraints.txt", "docker/apt.txt", "pyproject.toml"])
+def test_a_changed_list_is_installed(stage, changed):
+    stage.run()
+    with open(stage.root / changed, "a") as file:
+        file.write("# more\n")
+    assert any("--editable" in call for call in stage.run().calls)
+
+
+@pytest.mark.parametrize(("failing", "said"), [("apt-fails", "no such mirror"), ("pip-fails", "no such wheel")])
+def test_a_failed_run_leaves_no_stamp_and_the_next_one_completes(stage, failing, said):
+    (stage.folder / failing).touch()
+    done = stage.run()
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert done.stderr.splitlines()[-1].startswith("docker/install: ")
+    assert not stage.stamp.exists()
+    (stage.folder / failing).unlink()
+    assert stage.run().returncode == 0
+    assert stage.stamp.exists()
+
+
+def test_an_old_stamp_does_not_survive_a_failed_run(stage):
+    stage.run()
+    original = (stage.root / "pyproject.toml").read_text()
+    (stage.root / "pyproject.toml").write_text(original + "# more\n")
+    (stage.folder / "pip-fails").touch()
+    assert stage.run().returncode == 2
+    (stage.root / "pyproject.toml").write_text(original)
+    assert stage.run().returncode == 2
+
+
+def test_a_moved_checkout_gets_a_venv_of_its_own(stage):
+    stage.run()
+    (stage.venv / "left-over").touch()
+    stage.root = stage.root.rename(stage.folder / "moved")
+    done = stage.run()
+    assert done.returncode == 0
+    assert f"python -m venv --system-site-packages {stage.root}/.venv" in done.calls
+    assert not (stage.root / ".venv/left-over").exists()
+
+
+def test_a_folder_it_did_not_make_is_refused_and_kept(stage):
+    stage.venv.mkdir()
+    (stage.venv / "precious").touch()
+    done = stage.run()
+    assert done.returncode == 2
+    assert "was not made by this script" in done.stderr
+    assert (stage.venv / "precious").exists()
+    assert done.calls == []
+
+
+def test_the_venv_may_lie_elsewhere(stage):
+    place = stage.folder / "else where"
+    assert stage.run(str(place)).returncode == 0
+    assert (place / ".isorod-installed").exists()
+    assert not stage.venv.exists()
+
+
+def test_neither_root_nor_sudo(stage):
+    stage.tool("id", "#!/bin/sh\necho 1000\n")
+    done = stage.run()
+    assert done.returncode == 2
+    assert "not root and no sudo" in done.stderr
+    assert "python3-dolfinx" in done.stderr
+
+
+def test_sudo_where_not_root(stage):
+    stage.tool("id", "#!/bin/sh\necho 1000\n")
+    stage.tool("sudo", '#!/bin/sh\necho "sudo $*" >>"{log}"\nexec "$@"\n')
+    done = stage.run()
+    assert done.returncode == 0, done.stderr
+    assert [call.split()[0] for call in done.calls[:4]] == ["sudo", "apt", "sudo", "apt"]
+
+
+def test_no_apt_here(stage):
+    (stage.tools / "apt-get").unlink()
+    done = stage.run()
+    assert done.returncode == 2
+    assert "environment.yml" in done.stderr
+
+
+# The installation these tests run in, where docker/install made it.
+
+own = pytest.mark.skipif(
+    not (Path(sys.prefix) / ".isorod-installed").exists(), reason="this interpreter's venv is not docker/install's"
+)
+
+
+@own
+def test_install_is_done_and_starts_at_once():
+    seconds = []
+    for _ in range(3):
+        start = time.perf_counter()
+        done = subprocess.run([ROOT / "docker/install", sys.prefix], capture_output=True, text=True)
+        seconds.append(time.perf_counter() - start)
+        assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    assert min(seconds) < 0.2
+
+
+def constraints():
+    """Name to version, as far as a line holds for this interpreter."""
+    lines = (ROOT / "docker/constraints.txt").read_text().splitlines()
+    found = [Requirement(line) for line in lines if line and not line.startswith("#")]
+    return {
+        canonicalize_name(pin.name): str(pin.specifier).removeprefix("==")
+        for pin in found
+        if pin.marker is None or pin.marker.evaluate()
+    }
+
+
+@own
+def test_every_package_in_the_venv_is_pinned():
+    place = next(path for path in sys.path if path.startswith(sys.prefix) and path.endswith("site-packages"))
+    there = {canonicalize_name(d.metadata["Name"]): d.version for d in metadata.distributions(path=[place])}
+    for name in ("isorod", "pip"):
+        there.pop(name)
+    assert {"numpy", "scipy", "petsc4py", "mpi4py"}.isdisjoint(there), "those are the system's"
+    pins = constraints()
+    assert there == {name: pins.get(name) for name in there}
+
+
+@pytest.mark.skipif(sys.version_info[:2] not in {(3, 11), (3, 13)}, reason="pins are for Debian 12 and 13")
+def test_what_the_project_asks_of_the_index_is_pinned():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    asked = [*project["dependencies"], *chain(*project["optional-dependencies"].values())]
+    names = {canonicalize_name(Requirement(text).name) for text in asked} - {"petsc4py", "slepc4py"}
+    assert names <= constraints().keys()
+
+
+# The tasks
+
+
+def make(*arguments):
+    command = ["make", "--no-print-directory", "-n", *arguments]
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout.splitlines()
+
+
+@pytest.mark.parametrize("task", ["verify", "test", "test-all", "lint"])
+def test_each_task_sets_up_first(task):
+    lines = make(task)
+    assert lines[0] == "docker/install"
+    assert all(line.startswith(".venv/bin/python -m ") for line in lines[1:])
+    lines = make(task, "PYTHON=some-python")
+    assert lines[0] == "true"
+    assert all(line.startswith("some-python -m ") for line in lines[1:])
+
+
+def test_the_image_knows_the_tasks_and_no_list_of_packages():
+    tasks = re.search(r"^ +(help .*)\) exec make", (ROOT / "docker/entrypoint").read_text(), re.MULTILINE)
+    known = re.search(r"^\.PHONY: (.*)$", (ROOT / "Makefile").read_text(), re.MULTILINE)
+    assert set(tasks[1].split(" | ")) == set(known[1].split()) - {"install", "clean"}
+    lines = (ROOT / "docker/Dockerfile").read_text().splitlines()
+    assert [line for line in lines if "apt-get" in line or "pip" in line] == []
+    assert any(line.startswith("RUN docker/install") for line in lines)
+
+
+def test_check_refuses_an_unknown_suite():
+    done = subprocess.run([ROOT / "docker/check", "potato"], capture_output=True, text=True)
+    assert done.returncode == 2
+    assert done.stderr.splitlines() == ["docker/check: 'potato' is no suite known here: trixie or bookworm"]
