@@ -24,7 +24,7 @@ def spring(study: Run) -> None:
     scene = scenes.find("spring")(E=published.SPRING_E, nu=published.SPRING_NU, elements_per_turn=8, degree=3)
     model = scene.model()
     solution = statics.solve(model)
-    ours = export.grid(model.bodies[0], model.nodal(solution.displacement))
+    ours = export.grid(model.bodies[0], {"displacement": model.nodal(solution.displacement)})
     bricks = ["--degree", "2", "--around", "8", "--layers", "72"]
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "fields.npz"

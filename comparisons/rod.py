@@ -7,48 +7,42 @@ import dataclasses
 import statistics
 import sys
 from collections.abc import Sequence
-from time import perf_counter
 from typing import Any
 
 from comparisons import timing
-from isorod import options, results, scenes
+from isorod import options, results, run, scenes
 from isorod.errors import InputError, SolveError
 
 
-def measure(name: str, values: dict[str, Any], repeat: int, petsc: Sequence[str] = ()) -> dict[str, Any]:
+def measure(
+    name: str,
+    values: dict[str, Any],
+    repeat: int,
+    settings: dict[str, Any] | None = None,
+    petsc: Sequence[str] = (),
+) -> dict[str, Any]:
     """Return a record with the scene's quantities and the wall time of ``repeat`` runs, the first one cold.
 
-    ``seconds`` holds the median of the warm runs, or the only run.  ``petsc`` must be what PETSc was started with.
+    ``seconds`` holds the median of the warm runs, or the only run.  ``settings`` are those of the scene's analysis; ``petsc``
+    must be what PETSc was started with.
     """
-    from isorod import statics
-
     scene = scenes.find(name)(**values)
     runs: list[dict[str, float]] = []
     for _ in range(repeat):
-        start = perf_counter()
-        model = scene.model()
-        built = perf_counter()
-        solution = statics.solve(model)
-        seconds = dict(solution.seconds)
-        seconds["setup"] += built - start
-        seconds["total"] = perf_counter() - start
+        solution, seconds = run.solve(scene, settings or {})
         runs.append(seconds)
     warm = runs[1:] or runs
-    seconds = {key: statistics.median(run[key] for run in warm) for key in runs[0]}
+    median = {key: statistics.median(one[key] for one in warm) for key in runs[0]}
     return {
         "method": "cylindrical",
         "scene": name,
-        "options": dataclasses.asdict(scene),
-        **scene.measure(solution),
-        "dofs": model.dofs,
-        "newton_iterations": solution.newton_iterations,
-        "seconds": seconds,
+        **run.record(scene, solution, median),
         "warm": repeat > 1,
         "runs": runs,
-        "peak_memory": timing.peak_memory(),
-        "solver": solution.solver,
+        "options": dataclasses.asdict(scene),
+        "settings": settings or {},
         "petsc_options": " ".join(petsc),
-        **results.provenance(),
+        "peak_memory": timing.peak_memory(),
     }
 
 
@@ -63,7 +57,7 @@ def main(arguments: Sequence[str]) -> int:
         parser.add_argument("--repeat", type=int, default=6, help="runs in this process, the first one cold (6)")
         found = parser.known(ours[1:])
         options.initialize(theirs)
-        print(results.line(measure(name, options.fields(found, scene_type), found.repeat, theirs)))
+        print(results.line(measure(name, options.fields(found, scene_type), found.repeat, petsc=theirs)))
     except (InputError, SolveError) as problem:
         print(f"comparisons.rod: {problem}", file=sys.stderr)
         return 2

@@ -13,6 +13,9 @@ import numpy as np
 from isorod import __version__, options, scenes
 from isorod.errors import InputError, SolveError
 
+# Each body with its fields by name.
+Fields = list[tuple[Any, dict[str, Any]]]
+
 _EPILOG = "Options with a single dash go to PETSc untouched (-snes_monitor, -ksp_type gmres, -log_view, -help ...)."
 
 
@@ -74,21 +77,17 @@ def _run(ours: Sequence[str], theirs: Sequence[str]) -> int:
     found = _scene_parser(name, scene_type).known(ours[1:])
     values = options.fields(found, scene_type)
     if found.output is not None:
-        from isorod import results
+        from isorod import export, results
 
         results.check_folder(found.output)
+        if scene_type.analysis != "geometry":
+            export.require()
     scene = scene_type(**values)
     # What overflows ends as a number that is not finite, and no such number is reported.
-    with np.errstate(all="ignore"):
-        if scene.analysis == "geometry":
-            if theirs:
-                raise InputError(f"option {theirs[0]}: scene {name} is geometry only and uses no PETSc")
-            record = {"scene": name, "analysis": "geometry", **_geometry(scene), "options": values}
-        else:
-            with options.petsc_errors():
-                record = _analysis(name, scene, values, theirs, found)
+    with np.errstate(all="ignore"), options.petsc_errors():
+        record, fields = _geometry(scene, theirs) if scene.analysis == "geometry" else _analysis(scene, theirs, found)
     if _rank() == 0:
-        _report(record, found.json, found.output)
+        _report({"scene": name} | record | {"options": values}, fields, found)
     return 0
 
 
@@ -101,89 +100,75 @@ def _scene_parser(name: str, scene_type: Any) -> options.Parser:
         parser.add_argument(
             "--load-steps", type=int, default=1, metavar="int", help="equal load steps to start with (1)"
         )
+    if scene_type.analysis == "modal":
+        parser.add_argument("--modes", type=int, default=10, metavar="int", help="modes besides rigid ones (10)")
+        parser.add_argument(
+            "--mass", choices=("consistent", "lumped"), default="consistent", help="mass matrix (consistent)"
+        )
     parser.add_argument("--json", action="store_true", help="print the result as one line of JSON")
     parser.add_argument("--output", metavar="DIR", help="write the result (and fields as .vtu) into this folder")
     return parser
 
 
-def _geometry(scene: Any) -> dict[str, Any]:
-    rod = scene.rod()
-    return {
-        "smallest_jacobian": rod.check(),
-        "volume": rod.volume(),
-        "control_points": rod.distinct_control_points,
-    }
-
-
-def _analysis(
-    name: str,
-    scene: Any,
-    values: dict[str, Any],
-    theirs: Sequence[str],
-    found: argparse.Namespace,
-) -> dict[str, Any]:
+def _settings(scene: Any, found: argparse.Namespace) -> dict[str, Any]:
+    """Return the keyword arguments of the scene's analysis."""
+    if scene.analysis == "modal":
+        return {"modes": found.modes, "lumped": found.mass == "lumped"}
     if found.load_steps < 1:
         raise InputError(f"load steps: got {found.load_steps}, need at least 1")
+    return {"load_steps": found.load_steps}
+
+
+def _geometry(scene: Any, theirs: Sequence[str]) -> tuple[dict[str, Any], Fields]:
+    if theirs:
+        raise InputError(f"option {theirs[0]}: this scene is geometry only and uses no PETSc")
+    from isorod import run
+
+    return run.geometry(scene), []
+
+
+def _analysis(scene: Any, theirs: Sequence[str], found: argparse.Namespace) -> tuple[dict[str, Any], Fields]:
+    settings = _settings(scene, found)
     begin = perf_counter()
     options.initialize(theirs)
-    from isorod import results, statics
+    from isorod import run
     from isorod.petsc import unused_options
 
-    imported = perf_counter()
-    model = scene.model()
-    built = perf_counter()
-    solution = statics.solve(model, found.load_steps)
-    seconds = {"import": imported - begin, **solution.seconds}
-    seconds["setup"] += built - imported
-    seconds["total"] = perf_counter() - imported
-    record = {
-        "scene": name,
-        "analysis": "statics",
-        **scene.measure(solution),
-        "dofs": model.dofs,
-        "unknowns": model.unknowns,
-        "newton_iterations": solution.newton_iterations,
-        "load_steps": solution.load_steps,
-        "cuts": solution.cuts,
-        "residual_norms": solution.residual_norms,
-        "quadrature": [str(body.space.rule) for body in model.bodies],
-        "built": solution.built,
-        "seconds": seconds,
-        "options": values,
-        "petsc_options": " ".join(theirs),
-        "solver": solution.solver,
-        "ranks": solution.ranks,
-        **results.provenance(),
-    }
+    imported = perf_counter() - begin
+    solution, seconds = run.solve(scene, settings)
+    record = run.record(scene, solution, {"import": imported} | seconds)
     left = unused_options()
     if left:
         raise InputError(f"PETSc option {', '.join(left)}: nothing used it; check its spelling with -help")
-    if found.output is not None and _rank() == 0:
+    fields = [
+        (body, {key: solution.model.nodal(vector, k) for key, vector in run.fields(scene, solution).items()})
+        for k, body in enumerate(solution.model.bodies)
+    ]
+    return record | {"settings": settings, "petsc_options": " ".join(theirs)}, fields
+
+
+def _report(record: dict[str, Any], fields: Fields, found: argparse.Namespace) -> None:
+    from isorod import results
+
+    # Before anything is written: a record that cannot be one is an error.
+    text = results.line(record)
+    if found.output is not None:
         from isorod import export
 
         folder = results.make_folder(found.output)
-        for k, body in enumerate(model.bodies):
-            export.write(body, model.nodal(solution.displacement, k), folder / f"{name}-{k}.vtu")
-    return record
-
-
-def _report(record: dict[str, Any], as_json: bool, output: str | None) -> None:
-    if output is not None:
-        from isorod import results
-
-        results.append(results.make_folder(output) / "results.jsonl", record)
-    if as_json:
-        from isorod import results
-
-        print(results.line(record))
+        for k, (body, nodal) in enumerate(fields):
+            export.write(body, nodal, folder / f"{record['scene']}-{k}.vtu")
+        results.append(folder / "results.jsonl", record)
+    if found.json:
+        print(text)
         return
     for key, value in record.items():
         if key == "seconds":
             value = ", ".join(f"{part} {time:.4f}" for part, time in value.items())
-        elif key in ("options", "versions", "machine"):
+        elif key in ("options", "settings", "solver", "versions", "machine"):
             value = ", ".join(f"{part} {item}" for part, item in value.items())
-        elif isinstance(value, list):
-            value = ", ".join(f"{item:.3e}" if isinstance(item, float) else str(item) for item in value)
+        elif isinstance(value, list | np.ndarray):
+            value = ", ".join(f"{item:.6g}" if isinstance(item, float) else str(item) for item in value)
         print(f"{key.replace('_', ' '):18s} {value}")
 
 

@@ -1,5 +1,7 @@
 """Fields on a rod as VTK files."""
 
+from collections.abc import Mapping
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,15 +17,23 @@ if TYPE_CHECKING:
     import pyvista
 
 
-def grid(body: Body, nodal: Array, rings: int = 4, around: int = 32, slices: int = 6) -> "pyvista.UnstructuredGrid":
-    """Return the undeformed rod as small cells, with point data ``displacement`` ``(3,)`` and ``von_mises``.
+def require() -> None:
+    """Raise `InputError` if pyvista, which writes the files, is not installed."""
+    if find_spec("pyvista") is None:
+        raise InputError("VTK files need pyvista, which is not installed: pip install pyvista")
+
+
+def grid(
+    body: Body, fields: Mapping[str, Array], rings: int = 4, around: int = 32, slices: int = 6
+) -> "pyvista.UnstructuredGrid":
+    """Return the undeformed rod as small cells, with vector fields as point data, and ``von_mises`` beside ``displacement``.
 
     Every element gets points of its own, so that what jumps between elements is shown as it is.
 
     Parameters
     ----------
-    nodal
-        Displacements of the body's nodes, shape ``(nodes, 3)``.
+    fields
+        Values at the body's nodes by name, shape ``(nodes, 3)`` each.
     rings, around, slices
         Cells along the radius, round the section and along an element.
 
@@ -32,10 +42,9 @@ def grid(body: Body, nodal: Array, rings: int = 4, around: int = 32, slices: int
     InputError
         If pyvista is not installed.
     """
-    try:
-        import pyvista
-    except ImportError:
-        raise InputError("VTK files need pyvista, which is not installed: pip install pyvista") from None
+    require()
+    import pyvista
+
     xi, cells = _disk(rings, around)
     axis = body.space.axis
     inside = np.linspace(0.0, 1.0, slices + 1)
@@ -43,21 +52,22 @@ def grid(body: Body, nodal: Array, rings: int = 4, around: int = 32, slices: int
     inside[-1] -= 1e-9
     u = (axis.breaks[:-1, None] + np.diff(axis.breaks)[:, None] * inside).ravel()
     points, _ = body.space.rod.grid(xi, u)
-    displacement, _ = body.space.displacement(nodal, xi, u)
-    von_mises = stress.von_mises(stress.cauchy(body, nodal, xi, u))
 
     below = np.arange(axis.elements)[:, None] * (slices + 1) + np.arange(slices)
     lower = cells[None, :, :] + xi.shape[0] * below.reshape(-1, 1, 1)
     corners = np.concatenate([lower, lower + xi.shape[0]], axis=2).reshape(-1, 8)
     mesh = pyvista.UnstructuredGrid({pyvista.CellType.HEXAHEDRON: corners}, points.reshape(-1, 3))
-    mesh.point_data["displacement"] = displacement.reshape(-1, 3)
-    mesh.point_data["von_mises"] = von_mises.ravel()
+    for name, nodal in fields.items():
+        values, _ = body.space.displacement(nodal, xi, u)
+        mesh.point_data[name] = values.reshape(-1, 3)
+        if name == "displacement":
+            mesh.point_data["von_mises"] = stress.von_mises(stress.cauchy(body, nodal, xi, u)).ravel()
     return mesh
 
 
-def write(body: Body, nodal: Array, path: Path) -> None:
+def write(body: Body, fields: Mapping[str, Array], path: Path) -> None:
     """Write the fields of `grid` to a ``.vtu`` file."""
-    mesh = grid(body, nodal)
+    mesh = grid(body, fields)
     write_beside(path, mesh.save)
 
 

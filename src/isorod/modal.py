@@ -91,7 +91,7 @@ def solve(
     model
         Bodies with densities, and supports.
     modes
-        Number of modes besides the rigid ones.
+        Number of modes besides the rigid ones; ``-eps_nev`` wins over it.
     lumped
         Take the lumped mass matrix.
     state
@@ -109,6 +109,9 @@ def solve(
     for b, body in enumerate(model.bodies):
         if not body.density > 0.0:
             raise InputError(f"density of body {b}: got {body.density:g}, modes need a positive mass per volume")
+    typed = PETSc.Options()
+    if typed.hasName("eps_nev"):
+        modes = typed.getInt("eps_nev")
     rigid_modes = len(rigid.free_motions(model)) if state is None else 0
     wanted = modes + rigid_modes
     if modes < 1 or wanted > model.unknowns:
@@ -211,6 +214,9 @@ class _Problem:
         )
         with defaults(offered):
             eps.setFromOptions()
+            if PETSc.Options().hasName("eps_nev"):
+                _, ncv, mpd = eps.getDimensions()
+                eps.setDimensions(min(wanted + 2, self.assembler.model.unknowns), ncv, mpd)
             eps.solve()
         if eps.getConverged() < wanted:
             raise SolveError(

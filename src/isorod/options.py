@@ -10,6 +10,7 @@ import types
 import typing
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from importlib import import_module
 from itertools import pairwise
 from typing import Any, NoReturn
 
@@ -81,13 +82,17 @@ def initialize(arguments: Sequence[str]) -> None:
     """Start PETSc with its part of the command line; must come before anything else imports ``petsc4py.PETSc``."""
     import petsc4py
 
+    if any(option.startswith(("-eps_", "-st_", "-slepc", "-bv_", "-ds_")) for option in arguments):
+        start: Any = import_module("slepc4py")
+    else:
+        start = petsc4py
     for option, value in pairwise(arguments):
         # PETSc itself prints a page about this.
         if option == "-options_file" and not os.access(value, os.R_OK):
             raise InputError(f"PETSc options file {value}: cannot be read")
     # A fixed name: PETSc takes the program's for an option if it looks like one.
     # Its signal handler would answer a closed pipe with a page of text.
-    petsc4py.init(["isorod", "-no_signal_handler", *arguments])
+    start.init(["isorod", "-no_signal_handler", *arguments])
 
 
 @contextmanager

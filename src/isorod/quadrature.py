@@ -48,7 +48,9 @@ class Rule:
             return cls.full(section_points, degree)
         numbers = re.fullmatch(r"(\d{1,3})x(\d{1,3})(?:x(\d{1,3}))?", text)
         if not numbers:
-            raise InputError(f"quadrature: got {text!r}, need 'paper', 'full', or RxSxT such as 2x1x4")
+            raise InputError(
+                f"quadrature: got {text!r}, need 'paper', 'full' or RxSxT such as 2x1x4 (RxS: T = degree + 1)"
+            )
         radial, angular, axial = numbers.groups()
         return cls(int(radial), int(angular), degree + 1 if axial is None else int(axial))
 

@@ -81,16 +81,18 @@ def make_folder(path: str) -> Path:
 
 def write_beside(path: Path, write: Callable[[Path], object]) -> None:
     """Let ``write`` make a file beside ``path``, then rename it: the name never shows a half-written file."""
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix)
-    os.close(handle)
+    name = ""
     try:
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix)
+        os.close(handle)
         write(Path(name))
         os.chmod(name, 0o666 & ~_umask())
         os.replace(name, path)
     except OSError as problem:
         raise InputError(f"{path}: cannot be written ({problem.strerror})") from None
     finally:
-        Path(name).unlink(missing_ok=True)
+        if name:
+            Path(name).unlink(missing_ok=True)
 
 
 def _umask() -> int:

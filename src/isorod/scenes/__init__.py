@@ -1,7 +1,7 @@
 """Scenes: ready models with parameters, one a file.
 
 A scene is a frozen dataclass whose fields (made with `option`) become command line options.  It has a class attribute
-``analysis`` (``"statics"`` or ``"geometry"``), ``rod()``, and for an analysis ``model()`` and ``measure(solution)``.
+``analysis`` (``"statics"``, ``"modal"`` or ``"geometry"``), ``rod()``, and for an analysis ``model()`` and ``measure(solution)``.
 """
 
 import dataclasses

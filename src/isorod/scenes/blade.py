@@ -35,7 +35,6 @@ class Blade:
     degree: int = option(2, "degree along the axis, 2 to 6")
     continuity: int | None = option(None, "continuity at inserted knots, 0 to degree - 1 (degree - 1)")
     quadrature: str = option("paper", "quadrature rule: full, paper, RxS or RxSxT such as 2x1x4")
-    mass: str = option("consistent", "mass matrix: consistent or lumped")
 
     def rod(self) -> Rod:
         """Return the blade as first built: one quadratic element, twist and scale 0, 1/2, 1 of the way at its control points."""

@@ -36,22 +36,16 @@ class Spring:
     quadrature: str = option("3x2", "quadrature rule: full, paper, RxS or RxSxT such as 2x1x4")
 
     def rod(self) -> Rod:
-        """Return the wire as first built: four quadratic arcs a turn.
-
-        Warns where neighbouring coils overlap.
-        """
+        """Return the wire as first built: four quadratic arcs a turn."""
         line = helix(self.coil_radius, self.pitch, self.coils, ARCS_PER_TURN)
         outline = section.circle(self.section_points, self.wire_radius)
-        if self.coils > 1 and abs(self.pitch) < 2.0 * self.wire_radius:
-            warnings.warn(
-                f"pitch {self.pitch:g} is less than the wire's diameter {2.0 * self.wire_radius:g}: neighbouring coils overlap "
-                "and nothing keeps them apart",
-                stacklevel=2,
-            )
         return Rod.sweep(outline, line.axis, line.centers, line.rotations, line.stretches)
 
     def model(self) -> "Model":
-        """Return the model: neo-Hookean, start clamped, end clamped and displaced by ``(0, 0, pull)``."""
+        """Return the model: neo-Hookean, start clamped, end clamped and displaced by ``(0, 0, pull)``.
+
+        Warns where neighbouring coils overlap.
+        """
         from isorod.material import NeoHookean
         from isorod.model import Body, Model, Support
         from isorod.space import Space
@@ -60,6 +54,12 @@ class Spring:
             raise InputError(f"elements a turn: got {self.elements_per_turn}, need a multiple of {ARCS_PER_TURN}")
         rod = self.rod()
         rod.check()
+        if self.coils > 1 and abs(self.pitch) < 2.0 * self.wire_radius:
+            warnings.warn(
+                f"pitch {self.pitch:g} is less than the wire's diameter {2.0 * self.wire_radius:g}: neighbouring coils overlap "
+                "and nothing keeps them apart",
+                stacklevel=2,
+            )
         space = Space(rod, self.coils * self.elements_per_turn, self.degree, self.continuity, self.quadrature)
         ends = Support.end(space, "start"), Support.end(space, "end", displacement=(0.0, 0.0, self.pull))
         return Model([Body(space, NeoHookean(self.E, self.nu))], ends)
