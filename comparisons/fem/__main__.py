@@ -31,6 +31,10 @@ def _positive(text: str) -> int:
     return value
 
 
+def _rule(text: str) -> int | str:
+    return text if text == "irons14" else _positive(text)
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = _Parser(
         prog="comparisons.fem",
@@ -45,8 +49,13 @@ def _parser() -> argparse.ArgumentParser:
     it.add_argument("--core", type=float, metavar="R", help="bricks: radius of the core's corners")
     it.add_argument("--order", type=_positive, metavar="N", help="order of the geometry; the degree if not given")
     it.add_argument("--degree", type=_positive, default=2, metavar="P", help="degree of the displacement")
-    it.add_argument("--quadrature", type=_positive, metavar="Q", help="degree of the quadrature rule")
-    it.add_argument("--family", choices=("Lagrange", "S"), default="Lagrange", help="S: serendipity bricks")
+    it.add_argument("--quadrature", type=_rule, metavar="Q", help="degree of the quadrature rule, or irons14")
+    it.add_argument(
+        "--family",
+        choices=("Lagrange", "S", "enhanced"),
+        default="Lagrange",
+        help="bricks: S for serendipity, enhanced for 8 nodes with incompatible modes",
+    )
     it.add_argument("--matrix", metavar="TYPE", help="PETSc matrix type, such as baij")
     it.add_argument("--flags", default="-O3 -march=native -g0", help="C compiler flags, one word: --flags='-O2'")
     it.add_argument("--fields", metavar="FILE", help="write displacement and von Mises stress to this .npz file")

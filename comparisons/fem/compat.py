@@ -26,7 +26,10 @@ __all__ = [
     "expression",
     "form",
     "function_space",
+    "geometry_dofs",
+    "interpolation_points",
     "lift",
+    "mixed_element",
     "petsc_vector",
     "reference_nodes",
     "version",
@@ -72,6 +75,27 @@ def block_element(mesh: Any, family: str, degree: int, size: int) -> Any:
     import basix.ufl
 
     return basix.ufl.element(family, mesh.basix_cell(), degree, shape=(size,))
+
+
+def mixed_element(parts: Sequence[Any]) -> Any:
+    """Return the element of several unlike parts."""
+    if _UFL_ELEMENTS:
+        return ufl.MixedElement(list(parts))
+    import basix.ufl
+
+    return basix.ufl.mixed_element(list(parts))
+
+
+def interpolation_points(space: Any) -> Array:
+    """Return the reference points at which an element interpolates, shape ``(points, 3)``."""
+    points = space.element.interpolation_points
+    return np.asarray(points() if callable(points) else points)
+
+
+def geometry_dofs(mesh: Any, cells: int) -> Index:
+    """Return the rows of ``mesh.geometry.x`` that are the nodes of this rank's first cells, shape ``(cells, nodes)``."""
+    dofs = mesh.geometry.dofmap
+    return np.asarray(getattr(dofs, "array", dofs)).reshape(-1, len(dofs.links(0)) if hasattr(dofs, "links") else dofs.shape[1])[:cells]
 
 
 def function_space(mesh: Any, element: Any) -> Any:

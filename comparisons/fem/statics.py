@@ -11,7 +11,7 @@ import ufl
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from comparisons.fem import compat, quadrature
+from comparisons.fem import compat, enhanced, quadrature
 from comparisons.fem.domain import Domain
 from comparisons.fem.material import Energy
 from comparisons.timing import peak_memory
@@ -56,7 +56,7 @@ class Element:
         Degree of the rule in every form, or the name of one of `comparisons.fem.quadrature.RULES`; ``2 degree`` on bricks and
         ``2 degree - 2``, at least 1, on tetrahedra if None.
     family
-        Element family, ``"Lagrange"`` or (bricks) ``"S"`` for serendipity.
+        ``"Lagrange"``, or on bricks ``"S"`` (serendipity) or ``"enhanced"`` (degree 1 with nine incompatible modes a cell).
     """
 
     degree: int = 2
@@ -146,34 +146,40 @@ def solve(
     start = perf_counter()
     element = element or Element()
     mesh = domain.mesh
-    space = compat.function_space(mesh, compat.block_element(mesh, element.family, element.degree, 3))
-    u = dolfinx.fem.Function(space)
-    spaces = perf_counter() - start
+    if element.family == "enhanced":
+        state = dolfinx.fem.Function(enhanced.space(mesh))
+        F = enhanced.deformation_gradient(state)
+    else:
+        space = compat.function_space(mesh, compat.block_element(mesh, element.family, element.degree, 3))
+        state = dolfinx.fem.Function(space)
+        F = ufl.Identity(3) + ufl.grad(state)
+    setup = perf_counter() - start
 
     start = perf_counter()
-    residual, tangent = _forms(u, energy, element.rule(mesh.ufl_cell().cellname()), flags)
+    residual, tangent = _forms(state, F, energy, element.rule(mesh.ufl_cell().cellname()), flags)
     forms = perf_counter() - start
 
     start = perf_counter()
-    supports = [_support(space, domain, one) for one in held]
+    supports = [_Support(state.function_space, domain, one) for one in held]
     with defaults(NEWTON | dict(DIRECT if options is None else options)):
-        newton = _Newton(u, residual, tangent, [condition for condition, _ in supports], matrix_type)
-        setup = spaces + perf_counter() - start
+        newton = _Newton(state, residual, tangent, supports, matrix_type)
+        setup += perf_counter() - start
         start = perf_counter()
         newton.solve()
-        reactions = newton.reactions([dofs for _, dofs in supports])
+        reactions = newton.reactions()
         total = perf_counter() - start
         typed = dict(PETSc.Options().getAll())
         iterations = newton.snes.getIterationNumber(), newton.snes.getLinearSolveIterations()
         newton.destroy()
+    dofmap = state.function_space.dofmap
     comm = mesh.comm
     seconds = {"forms": forms, "setup": setup, "assembly": newton.seconds, "solve": total - newton.seconds}
     return Equilibrium(
-        displacement=u,
+        displacement=state.sub(0).collapse() if element.family == "enhanced" else state,
         domain=domain,
         energy=energy,
         reactions=reactions,
-        dofs=space.dofmap.index_map.size_global * space.dofmap.index_map_bs,
+        dofs=dofmap.index_map.size_global * dofmap.index_map_bs,
         newton_iterations=iterations[0],
         linear_iterations=iterations[1],
         residual_norms=newton.norms,
@@ -183,34 +189,60 @@ def solve(
     )
 
 
-def _forms(u: Any, energy: Energy, rule: int | str, flags: Sequence[str]) -> tuple[Any, Any]:
+def _forms(state: Any, F: Any, energy: Energy, rule: int | str, flags: Sequence[str]) -> tuple[Any, Any]:
     """Return the residual and its derivative, the first and second variation of the stored energy."""
-    space = u.function_space
-    stored = energy(ufl.Identity(3) + ufl.grad(u)) * ufl.dx(metadata=quadrature.measure(rule))
-    residual = ufl.derivative(stored, u, ufl.TestFunction(space))
-    tangent = ufl.derivative(residual, u, ufl.TrialFunction(space))
+    space = state.function_space
+    stored = energy(F) * ufl.dx(metadata=quadrature.measure(rule))
+    residual = ufl.derivative(stored, state, ufl.TestFunction(space))
+    tangent = ufl.derivative(residual, state, ufl.TrialFunction(space))
     return compat.form(residual, flags), compat.form(tangent, flags)
 
 
-def _support(space: Any, domain: Domain, held: Held) -> tuple[Any, Index]:
-    """Return the dolfinx condition, and this rank's own degrees of freedom under it (nodes, not components)."""
-    dofs = dolfinx.fem.locate_dofs_topological(space, 2, domain.facets(held.face))
-    value = dolfinx.fem.Function(space)
-    wanted = held.displacement
-    if callable(wanted):
-        value.interpolate(wanted)
-    else:
-        constant = np.array(wanted, dtype=float)[:, None]
-        value.interpolate(lambda x: np.broadcast_to(constant, x.shape))
-    own = dofs[dofs < space.dofmap.index_map.size_local]
-    return dolfinx.fem.dirichletbc(value, dofs), own
+class _Support:
+    """A support in a space of displacements, or a mixed one whose first part they are.
+
+    Attributes
+    ----------
+    condition
+        The dolfinx condition.
+    dofs, components
+        This rank's own degrees of freedom under it, and the direction 0, 1, 2 of each.
+    unit
+        Coefficients that make a unit translation: 1 at Lagrange nodes, not in elements whose unknowns are moments.
+    """
+
+    def __init__(self, space: Any, domain: Domain, held: Held) -> None:
+        facets = domain.facets(held.face)
+        mixed = space.num_sub_spaces == 2
+        plain = space.sub(0).collapse()[0] if mixed else space
+        value = dolfinx.fem.Function(plain)
+        wanted = held.displacement
+        if callable(wanted):
+            value.interpolate(wanted)
+        else:
+            constant = np.array(wanted, dtype=float)[:, None]
+            value.interpolate(lambda x: np.broadcast_to(constant, x.shape))
+        if mixed:
+            dofs, in_plain = dolfinx.fem.locate_dofs_topological((space.sub(0), plain), 2, facets)
+            self.condition = dolfinx.fem.dirichletbc(value, [dofs, in_plain], space.sub(0))
+        else:
+            nodes = dolfinx.fem.locate_dofs_topological(space, 2, facets)
+            self.condition = dolfinx.fem.dirichletbc(value, nodes)
+            dofs = in_plain = (3 * nodes[:, None] + np.arange(3)).ravel()
+        own = dofs < space.dofmap.index_map.size_local * space.dofmap.index_map_bs
+        translation = dolfinx.fem.Function(plain)
+        translation.interpolate(lambda x: np.ones_like(x))
+        self.dofs: Index = dofs[own]
+        self.components: Index = in_plain[own] % 3
+        self.unit: Array = translation.x.array[in_plain[own]]
 
 
 class _Newton:
     """SNES on compiled forms."""
 
-    def __init__(self, u: Any, residual: Any, tangent: Any, supports: list[Any], matrix_type: str | None) -> None:
-        self.u, self.residual, self.tangent, self.supports = u, residual, tangent, supports
+    def __init__(self, u: Any, residual: Any, tangent: Any, supports: list[_Support], matrix_type: str | None) -> None:
+        self.residual, self.tangent, self.supports = residual, tangent, supports
+        self.conditions = [support.condition for support in supports]
         self.state = compat.petsc_vector(u)
         self.x = self.state.duplicate()
         self.force = self.state.duplicate()
@@ -225,7 +257,7 @@ class _Newton:
         self.snes.setJacobian(self._tangent, self.matrix)
         self.snes.setMonitor(lambda snes, k, norm: self.norms.append(norm))
         self.snes.setFromOptions()
-        if self.snes.getKSP().getPC().getType() in _ALGEBRAIC:
+        if self.snes.getKSP().getPC().getType() in _ALGEBRAIC and u.function_space.dofmap.index_map_bs == 3:
             self.matrix.setNearNullSpace(_rigid_motions(u.function_space, self.state))
 
     def _copy(self, x: PETSc.Vec) -> None:
@@ -238,15 +270,15 @@ class _Newton:
         compat.assemble_vector(out, self.residual)
         # Only the first state falls short of the supports, and only then is there anything to lift.
         if snes.getIterationNumber() == 0:
-            compat.lift(out, self.tangent, self.supports, self.state)
+            compat.lift(out, self.tangent, self.conditions, self.state)
         out.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-        dolfinx.fem.petsc.set_bc(out, self.supports, self.state, -1.0)
+        dolfinx.fem.petsc.set_bc(out, self.conditions, self.state, -1.0)
         self.seconds += perf_counter() - start
 
     def _tangent(self, snes: PETSc.SNES, x: PETSc.Vec, J: PETSc.Mat, P: PETSc.Mat) -> None:
         start = perf_counter()
         self._copy(x)
-        compat.assemble_matrix(P, self.tangent, self.supports)
+        compat.assemble_matrix(P, self.tangent, self.conditions)
         if J.handle != P.handle:
             J.assemble()
         self.seconds += perf_counter() - start
@@ -264,17 +296,14 @@ class _Newton:
             )
         self._copy(self.x)
 
-    def reactions(self, faces: Sequence[Index]) -> Array:
-        """Return the internal force's work on unit translations of each support's nodes, on every rank."""
+    def reactions(self) -> Array:
+        """Return the internal force's work on unit translations of each support, on every rank."""
         start = perf_counter()
         compat.assemble_vector(self.force, self.residual)
         self.force.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-        # A unit translation has the coefficient 1 at every Lagrange node, not in elements whose unknowns are moments.
-        unit = dolfinx.fem.Function(self.u.function_space)
-        unit.interpolate(lambda x: np.ones_like(x))
-        work = self.force.array_r.reshape(-1, 3) * unit.x.array[: self.force.local_size].reshape(-1, 3)
-        sums = np.array([work[dofs].sum(axis=0) for dofs in faces]).reshape(-1, 3)
-        total = self.u.function_space.mesh.comm.allreduce(sums, op=MPI.SUM)
+        force = self.force.array_r
+        sums = np.array([np.bincount(s.components, force[s.dofs] * s.unit, 3) for s in self.supports]).reshape(-1, 3)
+        total = self.force.getComm().tompi4py().allreduce(sums, op=MPI.SUM)
         self.seconds += perf_counter() - start
         return total
 

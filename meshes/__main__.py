@@ -1,0 +1,49 @@
+"""``python -m meshes spring --cells bricks -o spring.msh``: write a mesh of a scene's geometry."""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from typing import NoReturn
+
+from isorod.errors import InputError
+from meshes import gmsh_model, spring
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"{self.prog}: {message}\n")
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(prog="meshes", description="Finite element meshes of the scenes, from the Rod's own map.")
+    scenes = parser.add_subparsers(dest="scene", required=True, metavar="SCENE", help="spring")
+    it = scenes.add_parser("spring", help="the helical spring")
+    it.add_argument("--cells", choices=spring.CELLS, default="bricks")
+    it.add_argument("--around", type=int, default=8, metavar="N", help="cells round the wire (bricks: multiple of 4)")
+    it.add_argument("--layers", type=int, default=48, metavar="N", help="cells along the wire (multiple of 12)")
+    it.add_argument("--order", type=int, default=2, metavar="N", help="order of the geometry")
+    it.add_argument("--rings", type=int, default=1, metavar="N", help="bricks: rings round the core")
+    it.add_argument("--core", type=float, metavar="R", help="bricks: radius of the core's corners, between 0 and 1")
+    it.add_argument("-o", "--output", default="spring.msh", metavar="FILE.msh")
+    return parser
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; return the exit code."""
+    given = _parser().parse_args(arguments)
+    try:
+        mesh = spring.build(given.cells, given.around, given.layers, given.order, given.rings, given.core)
+        gmsh_model.write(mesh, given.output)
+    except InputError as problem:
+        print(f"meshes: {problem}", file=sys.stderr)
+        return 2
+    exact = spring.rod().volume()
+    print(
+        f"{given.output}: {len(mesh.cells)} cells of {mesh.cells.shape[1]} nodes, {len(mesh.points)} nodes, "
+        f"volume {mesh.volume():.6f} ({mesh.volume() / exact - 1.0:+.2e} of the rod's)"
+    )
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

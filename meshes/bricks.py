@@ -1,0 +1,68 @@
+"""Curved bricks of a Rod: a template of its section, tensored with layers along its axis."""
+
+import numpy as np
+
+from isorod.errors import InputError
+from isorod.rod import Rod
+from meshes.mesh import Array, Mesh, lexicographic
+from meshes.template import Template
+
+
+def bricks(rod: Rod, template: Template, layers: int) -> Mesh:
+    """Return bricks of the template's order, every node where the Rod's map puts it.
+
+    Parameters
+    ----------
+    rod
+        An open rod.
+    template
+        Mesh of the disk.
+    layers
+        Number of bricks along the rod, a multiple of its axis elements so that none reaches over a knot.
+
+    Raises
+    ------
+    InputError
+        If the rod is closed, or the layers do not fit its elements, or a brick is inverted.
+    """
+    order = template.order
+    u = axis_positions(rod, layers, order)
+    positions, _ = rod.grid(template.points, u)
+    count = len(template.points)
+
+    along = count * np.arange(order + 1)
+    start = count * order * np.arange(layers)
+    cells = start[:, None, None, None] + along[:, None] + template.quads[:, None, :]
+    side = start[:, None, None, None] + along[:, None] + template.rim[:, None, :]
+    # The start face looks against the axis: transposed, its quadrilaterals turn the other way round.
+    square = np.arange((order + 1) ** 2).reshape(order + 1, order + 1)
+    faces = {
+        "start": template.quads[:, square.T.ravel()],
+        "end": count * order * layers + template.quads,
+        "lateral": side.reshape(-1, (order + 1) ** 2),
+    }
+    mesh = Mesh(
+        "hexahedron",
+        order,
+        positions.reshape(-1, 3),
+        cells.reshape(-1, (order + 1) ** 3),
+        lexicographic(order, 3),
+        faces,
+        lexicographic(order, 2),
+    )
+    mesh.check()
+    return mesh
+
+
+def axis_positions(rod: Rod, layers: int, order: int) -> Array:
+    """Return the axis parameters of the nodes, shape ``(order * layers + 1,)``, the same number in every axis element."""
+    elements = rod.axis.elements
+    if rod.closed:
+        raise InputError("mesh: the rod is closed; only rods with two ends are meshed")
+    if layers < 1 or layers % elements:
+        raise InputError(f"layers: got {layers}, need a positive multiple of the rod's {elements} axis elements")
+    steps = order * layers // elements
+    inside = np.arange(order * layers) % steps / steps
+    element = np.arange(order * layers) // steps
+    u = rod.axis.breaks[element] + np.diff(rod.axis.breaks)[element] * inside
+    return np.append(u, rod.axis.breaks[-1])

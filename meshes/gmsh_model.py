@@ -1,0 +1,85 @@
+"""The one place that talks to gmsh: sessions, and a `Mesh` as discrete entities in a .msh file."""
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+
+from isorod.errors import InputError
+from isorod.results import write_beside
+from meshes.mesh import Array, Mesh, match
+
+_VOLUME = 1
+
+
+@contextmanager
+def gmsh_session() -> Iterator[ModuleType]:
+    """Start gmsh silently with an empty model, and end it again."""
+    import gmsh
+
+    gmsh.initialize(["gmsh"], False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.option.setNumber("General.NumThreads", 1)
+        gmsh.model.add("isorod")
+        yield gmsh
+    finally:
+        gmsh.finalize()
+
+
+def write(mesh: Mesh, path: str | Path) -> None:
+    """Write a mesh as .msh (format 4.1), the boundary and the volume as named physical groups.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written; nothing is left half-written.
+    """
+    path = Path(path)
+    if path.suffix != ".msh":
+        raise InputError(f"mesh file: got {str(path)!r}, need a name that ends in .msh")
+    if not path.parent.is_dir():
+        raise InputError(f"mesh file: folder {str(path.parent)!r} does not exist")
+    if path.is_dir() or not os.access(path.parent, os.W_OK):
+        raise InputError(f"mesh file: cannot write {str(path)!r}")
+
+    def save(beside: Path) -> None:
+        with gmsh_session() as gmsh:
+            _build(gmsh, mesh)
+            gmsh.write(str(beside))
+
+    write_beside(path, save)
+
+
+def _build(gmsh: ModuleType, mesh: Mesh) -> None:
+    """Put a mesh into the current model."""
+    add = gmsh.model.mesh
+    surfaces = {name: k + 1 for k, name in enumerate(mesh.faces)}
+    for tag in surfaces.values():
+        gmsh.model.addDiscreteEntity(2, tag)
+    gmsh.model.addDiscreteEntity(3, _VOLUME, list(surfaces.values()))
+    add.addNodes(3, _VOLUME, np.arange(1, len(mesh.points) + 1), mesh.points.ravel())
+
+    tensor = mesh.shape == "hexahedron"
+    cell, face = ("Hexahedron", "Quadrangle") if tensor else ("Tetrahedron", "Triangle")
+    first = 1
+    groups = [(2, tag, face, mesh.face_reference, mesh.faces[name]) for name, tag in surfaces.items()]
+    for dimension, tag, family, reference, nodes in [*groups, (3, _VOLUME, cell, mesh.reference, mesh.cells)]:
+        kind = add.getElementType(family, mesh.order)
+        order = match(reference, _reference(gmsh, kind, dimension, tensor))
+        numbers = np.arange(first, first + len(nodes))
+        add.addElementsByType(tag, kind, numbers, (nodes[:, order] + 1).ravel())
+        first += len(nodes)
+    for name, tag in surfaces.items():
+        gmsh.model.setPhysicalName(2, gmsh.model.addPhysicalGroup(2, [tag], tag), name)
+    gmsh.model.setPhysicalName(3, gmsh.model.addPhysicalGroup(3, [_VOLUME], len(surfaces) + 1), "volume")
+
+
+def _reference(gmsh: ModuleType, kind: int, dimension: int, tensor: bool) -> Array:
+    """Return gmsh's reference nodes of an element type, in the unit square or cube, triangle or tetrahedron."""
+    _, _, _, count, local, _ = gmsh.model.mesh.getElementProperties(kind)
+    nodes = np.asarray(local).reshape(count, -1)[:, :dimension]
+    return 0.5 * (nodes + 1.0) if tensor else nodes

@@ -1,0 +1,126 @@
+"""A mesh that favours no program: nodes, cells, faces, and where each node of a cell sits in the reference cell."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from isorod.errors import InputError
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+CellShape = Literal["hexahedron", "tetrahedron"]
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """A mesh of Lagrange cells of one shape and order.
+
+    Attributes
+    ----------
+    shape
+        ``"hexahedron"`` or ``"tetrahedron"``.
+    order
+        Polynomial order of the cells' geometry.
+    points
+        Node positions, shape ``(nodes, 3)``, units of length.
+    cells
+        Node numbers, shape ``(cells, nodes per cell)``, ordered as ``reference``.
+    reference
+        Positions of a cell's nodes in the reference cell, shape ``(nodes per cell, 3)``: the unit cube, or the unit simplex.
+    faces
+        Boundary faces by name, node numbers of shape ``(faces, nodes per face)``, ordered as ``face_reference``, outward normal.
+    face_reference
+        Positions of a face's nodes in the unit square or triangle, shape ``(nodes per face, 2)``.
+    """
+
+    shape: CellShape
+    order: int
+    points: Array
+    cells: Index
+    reference: Array
+    faces: Mapping[str, Index]
+    face_reference: Array
+
+    def jacobians(self, where: Array) -> Array:
+        """Return the Jacobian determinants ``(cells, m)`` at the reference points ``where`` ``(m, 3)``."""
+        slopes = gradients(self.shape, self.order, self.reference, where)
+        jacobian = np.einsum("qnb,cna->cqab", slopes, self.points[self.cells])
+        return np.linalg.det(jacobian)
+
+    def volume(self) -> float:
+        """Return the volume of the cells (length cubed); the rule is exact for the polynomial cells."""
+        where, weights = _rule(self.shape, 3 * self.order)
+        return float(np.einsum("cq,q->", self.jacobians(where), weights))
+
+    def check(self) -> float:
+        """Return the smallest Jacobian determinant met at quadrature points and cell vertices.
+
+        Raises
+        ------
+        InputError
+            If it is not positive: the message names the cell and its position.
+        """
+        inner, _ = _rule(self.shape, 2 * self.order + 1)
+        corners = self.reference[np.isin(self.reference, (0.0, 1.0)).all(axis=1)]
+        det = self.jacobians(np.concatenate([inner, corners]))
+        # A corner where two edges are tangent has determinant zero and hurts nobody: no quadrature point is there.
+        slack = 1e-9 * np.abs(det).max()
+        bad = (det[:, : len(inner)] <= 0.0).any(axis=1) | (det < -slack).any(axis=1)
+        if bad.any():
+            cell = int(np.argmax(bad))
+            where = ", ".join(f"{value:.4g}" for value in self.points[self.cells[cell]].mean(axis=0))
+            raise InputError(
+                f"mesh: cell {cell} at ({where}) is inverted (Jacobian determinant {det[cell].min():.3g}); use more cells"
+            )
+        return float(det.min())
+
+
+def lexicographic(order: int, dimension: int) -> Array:
+    """Return the nodes of the unit square or cube of an order, first coordinate fastest, shape ``((order + 1)^d, d)``."""
+    ticks = np.arange(order + 1.0) / order
+    grids = np.meshgrid(*[ticks] * dimension, indexing="ij")
+    return np.stack([grid.ravel() for grid in reversed(grids)], axis=1)
+
+
+def match(given: Array, wanted: Array) -> Index:
+    """Return ``p`` with ``given[p] == wanted`` up to rounding: the same reference nodes in another program's order."""
+    distance = np.linalg.norm(wanted[:, None, :] - given[None, :, :], axis=2)
+    order = distance.argmin(axis=1)
+    if given.shape != wanted.shape or distance[np.arange(len(order)), order].max() > 1e-6:
+        raise ValueError("the two sets of reference nodes differ")
+    return order.astype(np.int64)
+
+
+def _exponents(shape: CellShape, order: int) -> Index:
+    powers = np.stack(np.meshgrid(*[np.arange(order + 1)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    return powers if shape == "hexahedron" else powers[powers.sum(axis=1) <= order]
+
+
+def gradients(shape: CellShape, order: int, nodes: Array, where: Array) -> Array:
+    """Return gradients ``(m, nodes, 3)`` of the Lagrange functions of ``nodes`` at ``where``."""
+    powers = _exponents(shape, order)
+    # Centred coordinates keep the monomials' Vandermonde matrix well conditioned at the orders in use (1 to 4).
+    nodes, where = 2.0 * nodes - 1.0, 2.0 * where - 1.0
+    inverse = np.linalg.inv(np.prod(nodes[:, None, :] ** powers, axis=2))
+    slopes = np.empty((len(where), len(powers), 3))
+    for a in range(3):
+        lowered = powers.copy()
+        lowered[:, a] = np.maximum(powers[:, a] - 1, 0)
+        slopes[:, :, a] = 2.0 * powers[:, a] * np.prod(where[:, None, :] ** lowered, axis=2)
+    return np.einsum("qka,kn->qna", slopes, inverse)
+
+
+def _rule(shape: CellShape, degree: int) -> tuple[Array, Array]:
+    """Return a Gauss rule of a degree on the unit cube, or collapsed onto the unit simplex."""
+    count = degree // 2 + (1 if shape == "hexahedron" else 2)
+    x, w = np.polynomial.legendre.leggauss(count)
+    x, w = 0.5 * (x + 1.0), 0.5 * w
+    a, b, c = (grid.ravel() for grid in np.meshgrid(x, x, x, indexing="ij"))
+    weights = np.einsum("i,j,k->ijk", w, w, w).ravel()
+    if shape == "hexahedron":
+        return np.stack([a, b, c], axis=1), weights
+    points = np.stack([a, b * (1.0 - a), c * (1.0 - a) * (1.0 - b)], axis=1)
+    return points, weights * (1.0 - a) ** 2 * (1.0 - b)

@@ -1,0 +1,89 @@
+"""What several test files share: small rods, PETSc options for one test, and runs in fresh processes."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+from hypothesis import settings
+
+from isorod.rod import Rod
+from isorod.section import circle
+from isorod.spline import Axis
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+# Open MPI refuses to start as root otherwise, which is what containers run as.
+os.environ.setdefault("OMPI_ALLOW_RUN_AS_ROOT", "1")
+os.environ.setdefault("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1")
+
+settings.register_profile("isorod", deadline=None, derandomize=True, max_examples=60, database=None)
+settings.load_profile("isorod")
+
+COMMAND = [sys.executable, "-c", "import sys; from isorod.cli import main; sys.exit(main())"]
+
+
+def straight(
+    n: int = 4, degree: int = 2, breaks: tuple[float, ...] = (0.0, 1.0), radius: float = 1.0, height: float = 1.0
+) -> Rod:
+    """Return a circular cylinder along z on the given knots; layers stand at their Greville heights, so z is linear in u."""
+    breaks_ = np.array(breaks)
+    knots = np.concatenate([np.full(degree, breaks_[0]), breaks_, np.full(degree, breaks_[-1])])
+    count = knots.size - degree - 1
+    greville = np.array([knots[j + 1 : j + degree + 1].mean() for j in range(count)])
+    centers = np.zeros((count, 3))
+    centers[:, 2] = height * (greville - breaks_[0]) / (breaks_[-1] - breaks_[0])
+    return Rod.sweep(circle(n, radius), Axis(degree, knots, np.ones(count)), centers)
+
+
+@pytest.fixture(scope="session")
+def cylinder() -> Callable[..., Rod]:
+    """`straight` as a fixture."""
+    return straight
+
+
+@pytest.fixture
+def petsc_options() -> Iterator[Callable[..., None]]:
+    """Set PETSc options, as if typed by the user, for the length of one test."""
+    from petsc4py import PETSc
+
+    options, names = PETSc.Options(), []
+
+    def put(**values: object) -> None:
+        for name, value in values.items():
+            options[name] = value
+            names.append(name)
+
+    yield put
+    for name in names:
+        options.delValue(name)
+
+
+def _run(command: list[str], **keywords: object) -> subprocess.CompletedProcess[str]:
+    # The environment as Python knows it: Open MPI, once started here, adds variables that would confuse another mpirun.
+    keywords = {"env": dict(os.environ)} | keywords
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False, **keywords)  # type: ignore
+
+
+@pytest.fixture(scope="session")
+def isorod() -> Callable[..., subprocess.CompletedProcess[str]]:
+    """Run the `isorod` command in a fresh process."""
+    return lambda *arguments, **keywords: _run([*COMMAND, *arguments], **keywords)
+
+
+@pytest.fixture(scope="session")
+def python() -> Callable[..., subprocess.CompletedProcess[str]]:
+    """Run a script in a fresh interpreter."""
+    return lambda script, *arguments, **keywords: _run([sys.executable, "-c", script, *arguments], **keywords)
+
+
+@pytest.fixture(scope="session")
+def mpirun() -> Callable[..., subprocess.CompletedProcess[str]]:
+    """Run a Python script, or the `isorod` command where there is none, on several ranks."""
+
+    def run(ranks: int, *arguments: str, script: str | None = None) -> subprocess.CompletedProcess[str]:
+        program = COMMAND if script is None else [sys.executable, "-c", script]
+        return _run(["mpirun", "--oversubscribe", "-n", str(ranks), *program, *arguments])
+
+    return run

@@ -1,0 +1,325 @@
+"""The command: what it prints, which PETSc options it takes, and bad input answered in one line with nothing left behind."""
+
+import json
+import re
+import subprocess
+import sys
+
+import pytest
+
+from isorod import cli, scenes, statics
+
+COARSE = "--coils 1 --elements-per-turn 4 --section-points 3 --degree 2".split()
+
+
+@pytest.fixture
+def refused(capsys, tmp_path, recwarn):
+    """Run in this process; return the one line of complaint, having made sure that it is the only effect."""
+
+    def run(*arguments: str, output: bool = True) -> str:
+        folder = tmp_path / "new" / "results"
+        code = cli.main([*arguments, "--output", str(folder)] if output else list(arguments))
+        out, err = capsys.readouterr()
+        assert (code, out) == (2, "")
+        assert re.fullmatch(r"isorod: .+\n", err), err
+        assert not any(tmp_path.iterdir())
+        return err
+
+    return run
+
+
+BAD = [
+    ("--section-points 2", "section control points: got 2, need an integer"),
+    ("--section-points 0", "section control points: got 0"),
+    ("--section-points -3", "section control points: got -3"),
+    ("--section-points 3.5", "--section-points: invalid int value: '3.5'"),
+    ("--section-points nan", "--section-points: invalid int value: 'nan'"),
+    ("--section-points", "--section-points: expected one argument"),
+    ("--coils 0", "got 0 turns"),
+    ("--coil-radius 0", "radius: got 0, need a positive length"),
+    ("--coil-radius -6", "radius: got -6, need a positive length"),
+    ("--coil-radius nan", "radius: got nan, need a positive length"),
+    ("--coil-radius inf", "radius: got inf"),
+    ("--coil-radius six", "--coil-radius: invalid float value: 'six'"),
+    ("--wire-radius 0", "got 0, need a positive length"),
+    ("--wire-radius -1", "got -1, need a positive length"),
+    ("--wire-radius nan", "got nan, need a positive length"),
+    (
+        "--wire-radius 7 --pitch 14.1",
+        r"folds in element \d+ at u = .*position \(.*Jacobian determinant -.*must be positive",
+    ),
+    ("--coil-radius 0.4", r"folds in element \d+ at u"),
+    ("--pitch nan", "pitch: got nan, need a finite length"),
+    ("--pitch=-inf", "pitch: got -inf, need a finite length"),
+    ("--pull nan", "displacement .*nan.* is not finite"),
+    ("--pull inf", "displacement .*inf.* is not finite"),
+    ("--E 0", "E: got 0, need a positive stress"),
+    ("--E -5", "E: got -5, need a positive stress"),
+    ("--E nan", "E: got nan, need a positive stress"),
+    ("--E inf", "E: got inf, need a positive stress"),
+    ("--nu 0.5", "nu: got 0.5, need -1 < nu < 0.5"),
+    ("--nu 0.7", "nu: got 0.7, need"),
+    ("--nu -1", "nu: got -1, need"),
+    ("--nu nan", "nu: got nan, need"),
+    ("--elements-per-turn 6", "elements a turn: got 6, need a multiple of 4"),
+    ("--elements-per-turn 0", "elements a turn: got 0"),
+    ("--elements-per-turn -4", "elements a turn: got -4"),
+    ("--degree 1", "degree: got 1, need an integer from 2 to 6"),
+    ("--degree 7", "degree: got 7"),
+    ("--degree 3 --continuity 3", "continuity: got 3, need an integer from 0 to 2"),
+    ("--continuity -1", "continuity: got -1"),
+    ("--quadrature best", "quadrature: got 'best', need 'paper', 'full' or RxSxT"),
+    ("--quadrature 2x1x3x4", "quadrature: got '2x1x3x4'"),
+    ("--quadrature 0x1x3", "radial points: got 0, need an integer from 1 to 64"),
+    ("--load-steps 0", "load steps: got 0, need at least 1"),
+    ("--load-steps -2", "load steps: got -2"),
+    ("--section-point 4", "option --section-point is not known; did you mean --section-points?"),
+    ("--nonsense 4", "option --nonsense is not known"),
+    ("stray", "stray"),
+    ("--section-points 5000", "section control points: got 5000, need an integer from 3 to"),
+    ("--coils 100000000", "too many; at most"),
+    ("--elements-per-turn 400000000", "got .*, need an integer from 1 to"),
+    ("--pull 1e6", r"load factor .* element \d+ of body 0, axis position u = .*: det F = "),
+    ("--coil-radius 1e300", "folds in element|not a finite"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "message"), BAD)
+def test_bad_input_to_the_spring_is_one_line(arguments, message, refused):
+    assert re.search(message, refused("run", "spring", *arguments.split()))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ("run ring --a 4.5", "folds in element"),
+        ("run ring --a 0", "got 0, need a positive length"),
+        ("run ring --radius nan", "got nan, need a positive length"),
+        ("run ring --section-points 2", "section control points: got 2"),
+        ("run ring --load-steps 2", "option --load-steps is not known"),
+        ("run ring -snes_monitor", "option -snes_monitor: scene ring is geometry only"),
+        ("run flower --depth 0.95", r"folds in element 0 at u .*disk point .*position"),
+        ("run flower --depth 1", "depth: got 1, need 0 <= depth < 1"),
+        ("run flower --depth nan", "depth: got nan"),
+        ("run flower --length 0", "length: got 0, need a positive length"),
+        ("run flower --radius 1e200", "not a finite number|folds"),
+        ("run coil", "scene 'coil' is not known; there are: .*spring"),
+    ],
+)
+def test_bad_input_to_other_scenes_is_one_line(arguments, message, refused):
+    assert re.search(message, refused(*arguments.split()))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["walk"], "invalid choice: 'walk'"),
+        (["--nonsense"], "option --nonsense is not known"),
+        (["list", "more"], "more"),
+        (["list", "-snes_monitor"], "PETSc options go with 'isorod run SCENE'"),
+        (["run", ""], "scene '' is not known"),
+        (["run", "spring", "--output", ""], "results folder"),
+        (["run", "spring", "--output"], "--output: expected one argument"),
+        (["run", "spring", "--output", "/proc/results"], "results folder /proc/results: cannot write there"),
+        (["run", "spring", "--output", "/dev/null/results"], "results folder /dev/null/results: cannot write there"),
+        (["run", "ring", "--output", "/dev/null"], "results folder /dev/null: cannot write there"),
+        (["run", "spring", "--json=yes"], "--json"),
+    ],
+)
+def test_bad_command_is_one_line(arguments, message, refused):
+    assert message in refused(*arguments, output=False)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ("-nosuch 3", "PETSc option -nosuch 3: nothing used it"),
+        ("-snes_rtoll 1e-3", "PETSc option -snes_rtoll 1e-3: nothing used it"),
+        ("-snes_rtol abc", "abc"),
+        ("-snes_rtol -1", "-1|non-negative|Relative tolerance"),
+        ("-ksp_type nosuch", "nosuch"),
+        ("-snes_linesearch_type nosuch", "nosuch"),
+        ("-mat_type nosuch", "nosuch"),
+        ("-pc_factor_mat_solver_type nosuch", "nosuch"),
+        ("-ksp_type cg -pc_type none -ksp_max_it 2", "linear solver failed"),
+        ("-options_file /no/such/file", "/no/such/file"),
+    ],
+)
+def test_bad_petsc_option_is_one_line(options, message, isorod, tmp_path):
+    done = isorod("run", "spring", *COARSE, "--json", "--output", str(tmp_path / "new"), *options.split())
+    assert (done.returncode, done.stdout) == (2, "")
+    assert re.fullmatch(rf"isorod: .*({message}).*\n", done.stderr), done.stderr
+    assert not any(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("options", "solver"),
+    [
+        ("-ksp_type gmres -pc_type lu", {"ksp": "gmres", "pc": "lu"}),
+        ("-ksp_type cg -pc_type gamg -ksp_rtol 1e-9", {"ksp": "cg", "pc": "gamg"}),
+        ("-pc_type cholesky", {"ksp": "preonly", "pc": "cholesky"}),
+        ("-pc_factor_mat_solver_type mumps", {"pc": "lu", "factor": "mumps"}),
+        ("-snes_type newtontr -snes_rtol 1e-12", {"snes": "newtontr"}),
+        ("-mat_type baij -log_view :/dev/null", {"pc": "lu"}),
+    ],
+)
+def test_petsc_options_of_the_user_win_and_the_force_is_the_same(options, solver, isorod):
+    done = isorod("run", "spring", *COARSE, "--json", *options.split())
+    assert (done.returncode, done.stderr) == (0, "")
+    record = json.loads(done.stdout)
+    assert solver.items() <= record["solver"].items()
+    assert record["petsc_options"] == options
+    assert record["force"] == pytest.approx(coarse_force(), rel=1e-6)
+
+
+def coarse_force():
+    scene = scenes.find("spring")(coils=1, elements_per_turn=4, section_points=3, degree=2)
+    return statics.solve(scene.model()).reactions[1, 2]
+
+
+def test_snes_monitor_and_tolerances(isorod):
+    done = isorod("run", "spring", *COARSE, "-snes_monitor", "-snes_rtol", "1e-14", "--json")
+    assert done.returncode == 0
+    *monitor, text = done.stdout.splitlines()
+    norms = [float(line.split()[-1]) for line in monitor if "SNES Function norm" in line]
+    record = json.loads(text)
+    assert norms == pytest.approx(record["residual_norms"][1:], rel=1e-6)
+    loose = isorod("run", "spring", *COARSE, "--json", "-snes_rtol", "0.1")
+    assert len(json.loads(loose.stdout)["residual_norms"]) < len(record["residual_norms"])
+
+
+def test_help_of_petsc_and_of_the_scene(isorod, capsys):
+    assert "-snes_rtol" in isorod("run", "spring", *COARSE, "-help").stdout
+    with pytest.raises(SystemExit) as ended:
+        cli.main(["run", "spring", "--help"])
+    assert ended.value.code == 0
+    text = capsys.readouterr().out
+    for option in (
+        "--section-points",
+        "--elements-per-turn",
+        "--degree",
+        "--continuity",
+        "--quadrature",
+        "--json",
+        "--output",
+    ):
+        assert option in text
+
+
+def test_json_line_of_the_papers_model(capsys):
+    options = "--section-points 4 --elements-per-turn 24 --degree 2 --continuity 0 --quadrature paper --json"
+    assert cli.main(["run", "spring", *options.split()]) == 0
+    out, err = capsys.readouterr()
+    assert (out.count("\n"), err) == (1, "")
+    record = json.loads(out)
+    assert record["scene"] == "spring"
+    assert record["dofs"] == 1740
+    assert record["force"] == pytest.approx(6.11448, rel=2e-3)
+    assert record["newton_iterations"] >= 2
+    assert {"setup", "assembly", "solve"} <= record["seconds"].keys()
+    assert all(value >= 0 for value in record["seconds"].values())
+    assert record["built"] == ["tangent"]
+    assert record["quadrature"] == ["2x1x3"]
+    assert {"versions", "commit", "machine", "time", "ranks", "solver", "petsc_options", "unknowns"} <= record.keys()
+
+
+def test_without_json_the_result_is_a_table(capsys):
+    assert cli.main(["run", "spring", *COARSE]) == 0
+    out = capsys.readouterr().out
+    lines = dict(re.split(r"\s{2,}", line, maxsplit=1) for line in out.splitlines() if re.search(r"\s{2,}", line))
+    assert float(lines["force"]) == pytest.approx(coarse_force(), rel=1e-8)
+    assert re.search(r"^seconds\s+.*setup .*assembly .*solve ", out, re.M)
+
+
+def test_list_names_every_scene(capsys):
+    assert cli.main(["list"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines] == list(scenes.SCENES)
+
+
+@pytest.mark.parametrize("arguments", [[], ["run"], ["run", "--help"]])
+def test_help_is_no_error(arguments, capsys):
+    assert cli.main(arguments) == 0
+    assert "usage" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("pitch", ["1.9", "0", "-1"])
+def test_pitch_below_the_wires_diameter_warns_in_one_line_and_goes_on(pitch, capsys):
+    assert cli.main(["run", "spring", "--coils", "2", *COARSE[2:], f"--pitch={pitch}", "--json"]) == 0
+    out, err = capsys.readouterr()
+    assert re.fullmatch(r"isorod: warning: pitch .* is less than the wire's diameter 2: .*\n", err)
+    assert json.loads(out)["scene"] == "spring"
+
+
+def test_pitch_above_the_wires_diameter_does_not_warn(capsys):
+    assert cli.main(["run", "spring", *COARSE, "--pitch", "2.1", "--json"]) == 0
+    assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize("value", ["-1e-3", "-1E-3", "-.001", "-0.001"])
+def test_negative_numbers_are_values(value, capsys):
+    assert cli.main(["run", "spring", *COARSE, "--pull", value, "--json"]) == 0
+    record = json.loads(capsys.readouterr().out)
+    assert record["options"]["pull"] == -0.001
+    assert record["force"] < 0
+
+
+def test_output_holds_the_records_and_the_fields(isorod, tmp_path):
+    pyvista = pytest.importorskip("pyvista")
+    folder = tmp_path / "far" / "results"
+    records = []
+    for k in range(2):
+        done = isorod("run", "spring", *COARSE, "--json", "--output", str(folder))
+        assert (done.returncode, done.stderr) == (0, "")
+        records.append(json.loads(done.stdout))
+        assert [json.loads(line) for line in (folder / "results.jsonl").read_text().splitlines()] == records, k
+    assert sorted(file.name for file in folder.iterdir()) == ["results.jsonl", "spring-0.vtu"]
+    mesh = pyvista.read(folder / "spring-0.vtu")
+    assert {"displacement", "von_mises"} <= set(mesh.point_data.keys())
+    assert mesh.point_data["displacement"][-1] == pytest.approx([0, 0, 2], abs=1e-6)
+
+
+def test_output_of_a_geometry_scene_is_its_record(capsys, tmp_path):
+    assert cli.main(["run", "ring", "--json", "--output", str(tmp_path)]) == 0
+    assert (tmp_path / "results.jsonl").read_text() == capsys.readouterr().out
+
+
+def test_results_file_that_cannot_be_written_is_one_line(capsys, tmp_path):
+    (tmp_path / "results.jsonl").mkdir()
+    assert cli.main(["run", "ring", "--json", "--output", str(tmp_path)]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert re.fullmatch(r"isorod: .*results.jsonl.*\n", err)
+
+
+def test_output_without_pyvista_says_so_before_anything_is_made(python, tmp_path):
+    script = "import sys; sys.modules['pyvista'] = None\nfrom isorod import cli; sys.exit(cli.main(sys.argv[1:]))"
+    done = python(script, "run", "spring", *COARSE, "--output", str(tmp_path / "new"))
+    assert (done.returncode, done.stdout) == (2, "")
+    assert re.fullmatch(r"isorod: .*pyvista.*\n", done.stderr), done.stderr
+    assert not any(tmp_path.iterdir())
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("scene", ["spring", "ring"])
+def test_two_ranks_print_one_line(scene, mpirun, tmp_path):
+    done = mpirun(2, "run", scene, "--json", "--output", str(tmp_path))
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count("\n") == 1
+    assert (tmp_path / "results.jsonl").read_text() == done.stdout
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("arguments", ["--nosuch 1", "-ksp_type nosuch"])
+def test_two_ranks_complain_once(arguments, mpirun):
+    done = mpirun(2, "run", "spring", *arguments.split())
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.count("isorod:") == 1
+
+
+def test_output_that_nobody_reads_is_no_traceback():
+    script = "import sys; from isorod.cli import main; sys.exit(main(['list']))"
+    process = subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    process.stdout.close()
+    process.wait()
+    assert b"Traceback" not in process.stderr.read()

@@ -1,0 +1,90 @@
+"""Fields as VTK files."""
+
+import sys
+
+import numpy as np
+import pytest
+
+from isorod import export, statics
+from isorod.errors import InputError
+from isorod.material import LinearElastic
+from isorod.model import Body
+from isorod.scenes.ring import Ring
+from isorod.scenes.spring import Spring
+from isorod.space import Space
+from isorod.stress import cauchy, von_mises
+
+pyvista = pytest.importorskip("pyvista")
+
+
+@pytest.fixture(scope="module")
+def solved():
+    model = Spring(coils=1, section_points=4, elements_per_turn=4).model()
+    return model.bodies[0], model.nodal(statics.solve(model).displacement)
+
+
+def test_every_element_has_points_and_cells_of_its_own(solved):
+    mesh = export.grid(*solved, rings=2, around=8, slices=3)
+    assert mesh.n_points == 4 * (3 + 1) * (1 + 2 * 8)
+    assert mesh.n_cells == 4 * 3 * 2 * 8
+    assert mesh.point_data["displacement"].shape == (mesh.n_points, 3)
+    assert mesh.point_data["von_mises"].shape == (mesh.n_points,)
+
+
+def test_points_and_fields_are_those_of_the_rod(solved):
+    body, nodal = solved
+    mesh = export.grid(body, nodal, rings=2, around=8, slices=3)
+    # point 5 of the section at the first slice of element 2: ring 1, angle 4/8
+    k = 2 * 4 * 17 + 5
+    xi, u = [[-0.5, 0.0]], [2.0]
+    assert np.abs(mesh.points[k] - body.space.rod.points(xi, u)[0]).max() < 1e-6
+    displacement, _ = body.space.displacement(nodal, xi, u)
+    assert np.abs(mesh.point_data["displacement"][k] - displacement[0, 0]).max() < 1e-6
+    assert mesh.point_data["von_mises"][k] == pytest.approx(von_mises(cauchy(body, nodal, xi, u))[0, 0], rel=1e-6)
+
+
+def test_cells_fill_the_rod(solved):
+    mesh = export.grid(*solved, rings=4, around=64, slices=16)
+    sizes = mesh.compute_cell_sizes(length=False, area=False)["Volume"]
+    assert sizes.min() > 0
+    assert sizes.sum() == pytest.approx(solved[0].space.rod.volume(), rel=5e-3)
+
+
+def test_clamped_end_does_not_move_and_the_other_end_moves_as_told(solved):
+    mesh = export.grid(*solved, rings=1, around=8, slices=2)
+    moved = mesh.point_data["displacement"].reshape(-1, 9, 3)
+    assert np.abs(moved[0]).max() == 0
+    assert np.abs(moved[-1] - [0, 0, 2.0]).max() < 1e-6
+
+
+def test_written_file_reads_back(solved, tmp_path):
+    path = tmp_path / "wire.vtu"
+    export.write(*solved, path)
+    mesh, read = export.grid(*solved), pyvista.read(path)
+    assert np.array_equal(read.points, mesh.points)
+    for name in ("displacement", "von_mises"):
+        assert np.array_equal(read.point_data[name], mesh.point_data[name])
+    assert [file.name for file in tmp_path.iterdir()] == ["wire.vtu"]
+
+
+def test_file_that_cannot_be_written_is_refused_in_one_line(solved, tmp_path):
+    (tmp_path / "wire.vtu").mkdir()
+    with pytest.raises(InputError, match=r"wire.vtu: cannot be written") as caught:
+        export.write(*solved, tmp_path / "wire.vtu")
+    assert "\n" not in str(caught.value)
+    assert [file.name for file in tmp_path.iterdir()] == ["wire.vtu"]
+    with pytest.raises(InputError, match="cannot be written"):
+        export.write(*solved, tmp_path / "no such folder" / "wire.vtu")
+
+
+def test_without_pyvista_the_error_says_how_to_get_it(solved, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyvista", None)
+    with pytest.raises(InputError, match="pip install pyvista"):
+        export.grid(*solved)
+
+
+def test_closed_rod_is_exported_too():
+    space = Space(Ring(section_points=5).rod())
+    mesh = export.grid(Body(space, LinearElastic(1.0, 0.3)), np.ones((space.nodes, 3)), rings=1, around=8, slices=2)
+    assert np.abs(mesh.point_data["displacement"] - 1).max() < 1e-6
+    assert np.abs(mesh.point_data["von_mises"]).max() < 1e-6

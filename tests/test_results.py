@@ -1,0 +1,124 @@
+"""Records as JSON lines, and writing that leaves nothing half-done."""
+
+import json
+import os
+import stat
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from isorod import results
+from isorod.errors import InputError, SolveError
+
+
+def test_record_is_one_line_that_reads_back():
+    record = {"a": np.float64(1.5), "b": np.arange(3), "c": np.int64(7), "d": np.bool_(True), "e": "x\ny", "f": None}
+    text = results.line(record)
+    assert "\n" not in text
+    assert json.loads(text) == {"a": 1.5, "b": [0, 1, 2], "c": 7, "d": True, "e": "x\ny", "f": None}
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_a_number_that_is_not_finite_is_no_result(value):
+    with pytest.raises(SolveError, match="force is not a finite number"):
+        results.line({"scene": "spring", "force": value})
+    with pytest.raises(SolveError, match="not a finite number"):
+        results.line({"scene": "spring", "deep": {"list": [1.0, value]}})
+
+
+def test_append_adds_a_line_and_keeps_the_others(tmp_path):
+    path = tmp_path / "results.jsonl"
+    for k in range(3):
+        results.append(path, {"k": k})
+    assert path.read_text() == '{"k": 0}\n{"k": 1}\n{"k": 2}\n'
+    with pytest.raises(SolveError):
+        results.append(path, {"k": np.nan})
+    assert path.read_text().count("\n") == 3
+
+
+def test_append_from_several_processes_mixes_no_lines(tmp_path, python):
+    path = tmp_path / "results.jsonl"
+    script = """
+import os, sys
+from pathlib import Path
+from isorod import results
+who = [os.fork() == 0 for _ in range(3)]
+for k in range(20):
+    results.append(Path(sys.argv[1]), {"k": k, "text": "x" * 50000})
+if not any(who):
+    for _ in range(3):
+        os.wait()
+"""
+    assert python(script, str(path)).returncode == 0
+    lines = path.read_text().splitlines()
+    assert len(lines) == 160
+    assert sorted(json.loads(line)["k"] for line in lines) == sorted(8 * [*range(20)])
+
+
+def test_append_to_what_is_no_file_is_refused(tmp_path):
+    with pytest.raises(InputError, match="cannot be written"):
+        results.append(tmp_path, {"k": 1})
+
+
+def test_provenance_names_versions_commit_machine_and_time():
+    found = json.loads(results.line(results.provenance()))
+    assert {"isorod", "python", "numpy", "scipy", "numba", "petsc4py"} <= found["versions"].keys()
+    assert found["machine"]["cores"] >= 1
+    assert found["machine"]["processor"]
+    assert found["time"].endswith("+00:00")
+    assert "commit" in found
+
+
+@pytest.mark.parametrize("place", ["file/inside", "file", "file/far/inside"])
+def test_a_folder_below_a_file_is_refused(place, tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match=r"results folder .*file.*: cannot write there"):
+        results.check_folder(str(tmp_path / place))
+
+
+def test_a_folder_that_takes_no_files_is_refused():
+    with pytest.raises(InputError, match="results folder /proc/results"):
+        results.check_folder("/proc/results")
+    with pytest.raises(InputError, match="empty name"):
+        results.check_folder("")
+
+
+def test_checking_a_folder_makes_nothing_and_making_it_twice_is_fine(tmp_path):
+    results.check_folder(str(tmp_path / "a" / "b"))
+    assert not list(tmp_path.iterdir())
+    for _ in range(2):
+        assert results.make_folder(str(tmp_path / "a" / "b")) == tmp_path / "a" / "b"
+    assert (tmp_path / "a" / "b").is_dir()
+
+
+def test_write_beside_replaces_a_file_as_a_whole(tmp_path):
+    path = tmp_path / "data.txt"
+    path.write_text("old")
+
+    def write(beside: Path) -> None:
+        beside.write_text("new")
+        assert path.read_text() == "old"
+        assert beside.parent == tmp_path
+        assert beside.suffix == ".txt"
+
+    results.write_beside(path, write)
+    assert path.read_text() == "new"
+    assert [file.name for file in tmp_path.iterdir()] == ["data.txt"]
+    mask = os.umask(0)
+    os.umask(mask)
+    assert stat.S_IMODE(path.stat().st_mode) == 0o666 & ~mask
+
+
+def test_write_beside_that_fails_leaves_the_old_file_and_no_other(tmp_path):
+    path = tmp_path / "data.txt"
+    path.write_text("old")
+
+    def write(beside: Path) -> None:
+        beside.write_text("half")
+        raise OSError(28, "No space left on device")
+
+    with pytest.raises(InputError, match=r"data.txt: cannot be written \(No space left on device\)"):
+        results.write_beside(path, write)
+    assert path.read_text() == "old"
+    assert [file.name for file in tmp_path.iterdir()] == ["data.txt"]

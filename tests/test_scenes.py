@@ -1,0 +1,88 @@
+"""Every scene runs, and loads and builds nothing that it does not need."""
+
+import dataclasses
+import json
+
+import pytest
+
+from isorod import cli, scenes
+from isorod.errors import InputError
+
+GEOMETRY = [name for name in scenes.SCENES if scenes.find(name).analysis == "geometry"]
+SOLVED = [name for name in scenes.SCENES if name not in GEOMETRY]
+STATICS = [name for name in scenes.SCENES if scenes.find(name).analysis == "statics"]
+FOREIGN = "dolfinx ufl basix gmsh pyvista vtkmodules slepc4py matplotlib rich hypothesis pytest".split()
+HEAVY = ["petsc4py", "mpi4py", "numba", *FOREIGN]
+
+LOADED = """
+import json, sys
+sys.argv[:] = ["isorod"]
+{}
+print(json.dumps(sorted({{name.split(".")[0] for name in sys.modules}})))
+"""
+
+
+def loaded(python, script):
+    done = python(LOADED.format(script))
+    assert done.returncode == 0, done.stderr
+    return set(json.loads(done.stdout.splitlines()[-1]))
+
+
+@pytest.mark.parametrize("name", scenes.SCENES)
+def test_scene_runs_and_reports_one_json_line(name, capsys):
+    assert cli.main(["run", name, "--json"]) == 0
+    out, err = capsys.readouterr()
+    assert (out.count("\n"), err) == (1, "")
+    record = json.loads(out)
+    scene = scenes.find(name)
+    assert record["scene"] == name
+    assert record["analysis"] == scene.analysis
+    assert record["options"] == dataclasses.asdict(scene())
+
+
+@pytest.mark.parametrize("name", scenes.SCENES)
+def test_scene_says_what_it_is_and_its_fields_have_help(name):
+    scene = scenes.find(name)
+    assert scene.__doc__.strip()
+    for field in dataclasses.fields(scene):
+        assert field.metadata["help"]
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        setattr(scene(), dataclasses.fields(scene)[0].name, 1)
+
+
+@pytest.mark.parametrize("name", scenes.SCENES)
+def test_rod_of_a_scene_does_not_fold(name):
+    assert scenes.find(name)().rod().check() > 0
+
+
+@pytest.mark.parametrize("name", STATICS)
+def test_statics_builds_the_tangent_and_nothing_else(name, capsys):
+    cli.main(["run", name, "--json"])
+    assert json.loads(capsys.readouterr().out)["built"] == ["tangent"]
+
+
+@pytest.mark.parametrize("name", SOLVED)
+def test_solved_scene_loads_no_foreign_package(name, python):
+    foreign = set(FOREIGN) - ({"slepc4py"} if scenes.find(name).analysis == "modal" else set())
+    assert not loaded(python, f"from isorod import cli; assert cli.main(['run', {name!r}, '--json']) == 0") & foreign
+
+
+@pytest.mark.parametrize("name", GEOMETRY)
+def test_geometry_scene_needs_numpy_and_scipy_alone(name, python):
+    assert not loaded(python, f"from isorod import cli; assert cli.main(['run', {name!r}, '--json']) == 0") & set(HEAVY)
+
+
+def test_geometry_modules_need_numpy_and_scipy_alone(python):
+    modules = "disk", "spline", "section", "rod", "quadrature", "space", "errors", "scenes.spring"
+    assert not loaded(python, f"import isorod.{', isorod.'.join(modules)}") & set(HEAVY)
+
+
+def test_listing_the_scenes_loads_nothing_heavy(python):
+    assert not loaded(python, "from isorod import cli; assert cli.main(['list']) == 0") & set(HEAVY)
+
+
+@pytest.mark.parametrize("name", ["", "Spring", "spring ", "coil", "__init__"])
+def test_an_unknown_scene_is_refused_with_the_names_there_are(name):
+    with pytest.raises(InputError, match=", ".join(scenes.SCENES)) as caught:
+        scenes.find(name)
+    assert repr(name) in str(caught.value)

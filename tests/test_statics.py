@@ -1,0 +1,231 @@
+"""Equilibrium: quadratic Newton, load steps that are cut and retried, and errors that say where."""
+
+import re
+
+import numpy as np
+import pytest
+from petsc4py import PETSc
+
+from isorod import statics
+from isorod.assembly import Assembler
+from isorod.errors import SolveError
+from isorod.material import LinearElastic, NeoHookean
+from isorod.model import Body, Model, Support
+from isorod.scenes.spring import Spring
+from isorod.space import Space
+
+LAW = NeoHookean(1.0, 0.3)
+
+
+@pytest.fixture
+def bar(cylinder):
+    """A clamped bar of radius 1 and height 4 whose upper face is displaced."""
+
+    def make(displacement, law=LAW, n=4, elements=4, degree=2):
+        space = Space(cylinder(n, height=4.0), elements=elements, degree=degree)
+        ends = [Support.end(space, "start"), Support.end(space, "end", displacement=displacement)]
+        return Model([Body(space, law)], ends)
+
+    return make
+
+
+def assert_quadratic(norms, scale):
+    """Each norm is the square of the one before, times a constant; what is at rounding level does not count."""
+    norms = [norm for norm in norms if norm > 1e-13 * scale]
+    orders = [
+        np.log(c / b) / np.log(b / a) for a, b, c in zip(norms, norms[1:], norms[2:], strict=False) if b < 0.1 * a
+    ]
+    print("residual norms", *(f"{norm:.3e}" for norm in norms), "orders", *(f"{order:.2f}" for order in orders))
+    assert len(orders) >= 1
+    assert orders[-1] > 1.8
+
+
+@pytest.mark.parametrize(
+    "displacement",
+    [(3.0, 0.0, 0.0), (1.5, 0.0, -0.5), (1.0, 1.0, 1.0), (0.0, 0.0, -2.0), (0.0, 0.0, 10.0)],
+    ids=["bent", "bent and pressed", "askew", "pressed", "pulled"],
+)
+def test_newton_converges_quadratically(displacement, bar, petsc_options):
+    petsc_options(snes_rtol=1e-14)
+    solution = statics.solve(bar(displacement))
+    assert solution.cuts == 0
+    assert_quadratic(solution.residual_norms[1:], solution.residual_norms[0])
+
+
+def test_newton_converges_quadratically_on_the_spring(petsc_options):
+    """A slender rod: two Newton steps make one order, for stretch follows bending."""
+    petsc_options(snes_rtol=1e-15)
+    norms = statics.solve(Spring(pull=2.0).model()).residual_norms
+    print("residual norms", *(f"{norm:.3e}" for norm in norms))
+    assert norms[-1] < 1e-13 * norms[0]
+    assert len(norms) <= 7
+    high = [norm for norm in norms[1:] if norm > 1e-12 * norms[0]]
+    assert high[-1] < 1e-5 * high[-2]
+
+
+@pytest.mark.parametrize("steps", [2, 3, 7])
+def test_result_does_not_depend_on_the_load_steps(steps, bar):
+    for model in (bar((1.5, 0.5, -0.5)), Spring(coils=1, section_points=4).model()):
+        one, many = statics.solve(model), statics.solve(model, steps)
+        assert many.load_steps > one.load_steps
+        assert np.abs(many.displacement - one.displacement).max() < 1e-8 * np.abs(one.displacement).max()
+        assert np.abs(many.reactions - one.reactions).max() < 1e-8 * np.abs(one.reactions).max()
+
+
+@pytest.mark.parametrize("displacement", [(0.0, 0.0, -3.9), (0.0, 0.0, 100.0)])
+def test_steps_that_diverge_are_cut_and_the_load_still_gets_there(displacement, bar):
+    solution = statics.solve(bar(displacement))
+    assert solution.cuts > 0
+    assert solution.load_steps > 1
+    assert solution.residual_norms[-1] < 1e-8 * solution.residual_norms[0]
+    assert np.abs(solution.reactions.sum(axis=0)).max() < 1e-8 * np.abs(solution.reactions).max()
+    smaller_steps = statics.solve(bar(displacement), 40)
+    assert solution.reactions == pytest.approx(smaller_steps.reactions, rel=1e-7, abs=1e-7)
+
+
+def test_a_bar_pressed_beyond_its_length_is_an_error_that_names_the_place(bar):
+    with pytest.raises(SolveError) as caught:
+        statics.solve(bar((0.0, 0.0, -6.0)))
+    message = str(caught.value)
+    found = re.fullmatch(
+        r"load factor ([\d.]+): .*element (\d) of body 0, axis position u = ([\d.]+): det F = (-?[\d.e+-]+)", message
+    )
+    assert found, message
+    factor, element, u, det = (float(text) for text in found.groups())
+    assert 0 < factor <= 4 / 6 + 1e-3
+    assert element / 4 <= u <= (element + 1) / 4
+    assert det < 0.1
+
+
+def test_a_failed_solve_leaves_nothing_that_disturbs_the_next(bar):
+    before = statics.solve(bar((1.0, 0.0, 0.0)))
+    with pytest.raises(SolveError):
+        statics.solve(bar((0.0, 0.0, -6.0)))
+    after = statics.solve(bar((1.0, 0.0, 0.0)))
+    assert np.array_equal(before.displacement, after.displacement)
+    assert not [name for name in PETSc.Options().getAll() if name.startswith(("snes", "ksp", "pc"))]
+
+
+FREE = {
+    "slides": lambda space: [Support.end(space, "start", "z"), Support.end(space, "end", "z", (0.0, 0.0, 0.5))],
+    "spins": lambda space: [
+        Support.end(space, "start", "z"),
+        Support.end(space, "end", "z", (0.0, 0.0, 0.5)),
+        Support([0], "xy"),
+    ],
+    "turns about two points": lambda space: [
+        Support([0], "xyz"),
+        Support([space.nodes - 1], "xyz", (0.0, 0.0, 0.5)),
+    ],
+    "turns about one point": lambda space: [Support([0], "xyz", (0.0, 0.0, 0.5))],
+    "not held": lambda space: [],
+}
+
+
+@pytest.mark.parametrize("free", FREE)
+@pytest.mark.parametrize(("n", "elements", "p", "E"), [(3, 4, 2, 1.0), (8, 12, 3, 1.0), (16, 40, 2, 1e6)])
+def test_a_free_rigid_motion_is_refused(n, elements, p, E, free, cylinder):
+    straight = Space(cylinder(n, height=4.0), elements=elements, degree=p)
+    curved = Space(Spring(section_points=n, coils=1).rod(), elements=4 * elements, degree=p)
+    for space in (straight, curved):
+        with pytest.raises(SolveError, match=r"body \d is free to (turn about|move along) \(") as caught:
+            statics.solve(Model([Body(space, NeoHookean(E, 0.3))], FREE[free](space)))
+        assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("supports", "motion"),
+    [
+        ("z", r"move along \(|turn about \(0, 0, -?1\)"),
+        ("spin", r"turn about \(0, 0, -?1\)"),
+        ("xy", r"move along \(0, 0, -?1\)"),
+    ],
+)
+def test_the_free_motion_is_named(supports, motion, cylinder):
+    space = Space(cylinder(4, height=4.0), elements=3)
+    held = [Support.end(space, end, supports.replace("spin", "z")) for end in ("start", "end")]
+    if supports == "spin":
+        held += [Support([0], "x"), Support([1], "y")]
+    with pytest.raises(SolveError, match=rf"body 0 is free to ({motion})"):
+        statics.solve(Model([Body(space, LAW)], held))
+
+
+def test_a_second_body_that_is_free_is_refused(bar):
+    held = bar((0.1, 0.0, 0.0))
+    with pytest.raises(SolveError, match=r"body \d is free to (turn about|move along) \("):
+        statics.solve(Model([*held.bodies, *held.bodies], held.supports))
+
+
+def test_nothing_moves_where_nothing_is_displaced(bar):
+    solution = statics.solve(bar((0.0, 0.0, 0.0)))
+    assert not solution.displacement.any()
+    assert not solution.reactions.any()
+
+
+def test_a_model_held_everywhere_has_its_displacements(cylinder):
+    space = Space(cylinder(4))
+    supports = [Support([k], "xyz", (0.1 * k, 0.0, 0.0)) for k in range(space.nodes)]
+    solution = statics.solve(Model([Body(space, LinearElastic(1.0, 0.3))], supports))
+    assert np.array_equal(solution.displacement.reshape(-1, 3)[:, 0], 0.1 * np.arange(12))
+
+
+def test_forces_and_moments_of_the_supports_balance(bar):
+    model = bar((1.5, 0.7, -0.5))
+    solution = statics.solve(model)
+    scale = np.abs(solution.reactions).max()
+    assert np.abs(solution.reactions.sum(axis=0)).max() < 1e-9 * scale
+    space = model.bodies[0].space
+    rest = space.rod.axis.transfer(space.axis, space.rod.control_points).reshape(-1, 3)
+    place = rest + model.nodal(solution.displacement)
+    assembler = Assembler(model)
+    x = assembler.vector()
+    x.array[:] = solution.displacement[model.free >= 0]
+    forces = np.zeros(model.dofs)
+    forces[model.held] = assembler.reactions(x, 1.0)
+    assert np.abs(np.cross(place, forces.reshape(-1, 3)).sum(axis=0)).max() < 1e-8 * scale
+
+
+def test_reaction_is_the_derivative_of_the_energy_by_the_displacement():
+    """dW/d(pull) = force: Castigliano at finite deformation."""
+
+    def energy(pull):
+        model = Spring(coils=1, section_points=4, pull=pull).model()
+        solution = statics.solve(model)
+        assembler = Assembler(model)
+        x = assembler.vector()
+        x.array[:] = solution.displacement[model.free >= 0]
+        return assembler.energy(x, 1.0), solution.reactions[1, 2]
+
+    h = 0.02
+    values = {k: energy(1.5 + k * h)[0] for k in (-3, -2, -1, 1, 2, 3)}
+    slope = sum(w * (values[k] - values[-k]) for k, w in ((1, 3 / 4), (2, -3 / 20), (3, 1 / 60))) / h
+    assert slope == pytest.approx(energy(1.5)[1], rel=1e-7)
+
+
+def test_linear_law_needs_no_newton_step_after_the_predictor(bar):
+    """The predictor of a linear model is its solution, and the answer is proportional to the load."""
+    one, two = (statics.solve(bar((0.1 * k, 0.0, 0.2 * k), LinearElastic(1.0, 0.3))) for k in (1, 2))
+    assert one.residual_norms[1] < 1e-12 * one.residual_norms[0]
+    assert np.abs(two.displacement - 2 * one.displacement).max() < 1e-13
+
+
+def test_small_displacements_make_both_laws_agree(bar):
+    a, b = (statics.solve(bar((1e-6, 0.0, 2e-6), law)) for law in (LAW, LinearElastic(LAW.E, LAW.nu)))
+    assert np.abs(a.reactions - b.reactions).max() < 1e-5 * np.abs(b.reactions).max()
+
+
+def test_record_of_the_run(bar):
+    solution = statics.solve(bar((0.5, 0.0, 0.0)))
+    assert solution.built == ["tangent"]
+    assert solution.solver == {"snes": "newtonls", "ksp": "preonly", "pc": "lu", "factor": "petsc"}
+    assert sorted(solution.seconds) == ["assembly", "setup", "solve"]
+    assert min(solution.seconds.values()) > 0
+    assert solution.newton_iterations == len(solution.residual_norms) - 1
+    assert solution.ranks == 1
+
+
+def test_what_the_user_types_wins(bar, petsc_options):
+    petsc_options(snes_rtol=1e-2, ksp_type="gmres", pc_type="jacobi", ksp_rtol=1e-10)
+    loose = statics.solve(bar((1.5, 0.0, -0.5)))
+    assert (loose.solver["ksp"], loose.solver["pc"]) == ("gmres", "jacobi")
+    assert loose.residual_norms[-1] > 1e-6 * loose.residual_norms[0]
