@@ -20,7 +20,7 @@ pyvista = pytest.importorskip("pyvista")
 @pytest.fixture(scope="module")
 def solved():
     model = Spring(coils=1, section_points=4, elements_per_turn=4).model()
-    return model.bodies[0], model.nodal(statics.solve(model).displacement)
+    return model.bodies[0], {"displacement": model.nodal(statics.solve(model).displacement)}
 
 
 def test_every_element_has_points_and_cells_of_its_own(solved):
@@ -32,14 +32,15 @@ def test_every_element_has_points_and_cells_of_its_own(solved):
 
 
 def test_points_and_fields_are_those_of_the_rod(solved):
-    body, nodal = solved
-    mesh = export.grid(body, nodal, rings=2, around=8, slices=3)
+    body, nodal = solved[0], solved[1]["displacement"]
+    mesh = export.grid(body, {"displacement": nodal, "mode 1": 2 * nodal}, rings=2, around=8, slices=3)
     # point 5 of the section at the first slice of element 2: ring 1, angle 4/8
     k = 2 * 4 * 17 + 5
     xi, u = [[-0.5, 0.0]], [2.0]
     assert np.abs(mesh.points[k] - body.space.rod.points(xi, u)[0]).max() < 1e-6
     displacement, _ = body.space.displacement(nodal, xi, u)
     assert np.abs(mesh.point_data["displacement"][k] - displacement[0, 0]).max() < 1e-6
+    assert np.array_equal(mesh.point_data["mode 1"], 2 * mesh.point_data["displacement"])
     assert mesh.point_data["von_mises"][k] == pytest.approx(von_mises(cauchy(body, nodal, xi, u))[0, 0], rel=1e-6)
 
 
@@ -85,6 +86,7 @@ def test_without_pyvista_the_error_says_how_to_get_it(solved, monkeypatch):
 
 def test_closed_rod_is_exported_too():
     space = Space(Ring(section_points=5).rod())
-    mesh = export.grid(Body(space, LinearElastic(1.0, 0.3)), np.ones((space.nodes, 3)), rings=1, around=8, slices=2)
+    fields = {"displacement": np.ones((space.nodes, 3))}
+    mesh = export.grid(Body(space, LinearElastic(1.0, 0.3)), fields, rings=1, around=8, slices=2)
     assert np.abs(mesh.point_data["displacement"] - 1).max() < 1e-6
     assert np.abs(mesh.point_data["von_mises"]).max() < 1e-6

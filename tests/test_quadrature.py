@@ -39,6 +39,18 @@ def test_section_rule_is_exact_for_monomials_below_its_degree(n, rule):
             assert weights @ (x**a * y**b) == pytest.approx(disk_monomial(a, b), abs=1e-14)
 
 
+@pytest.mark.parametrize("n", [3, 8])
+def test_slices_are_the_arcs(n):
+    """Slice i is arc i, centred on 2 pi i / n: one angular point stands in its middle, several stay within it."""
+    points, _ = section_points(n, Rule.paper(2))
+    middle = np.repeat(np.exp(2j * np.pi * np.arange(n) / n), 2)
+    radii = np.tile([0.5 - 0.5 / np.sqrt(3), 0.5 + 0.5 / np.sqrt(3)], n)
+    assert np.abs(points @ [1, 1j] - radii * middle).max() < 1e-15
+    points, _ = section_points(n, Rule(2, 5, 3))
+    turned = (points @ [1, 1j]).reshape(n, 10) * np.exp(-2j * np.pi * np.arange(n) / n)[:, None]
+    assert np.abs(np.angle(turned)).max() < np.pi / n
+
+
 def test_paper_rule_misses_the_next_even_degree():
     (x, y), weights = section_points(8, Rule.paper(2))[0].T, section_points(8, Rule.paper(2))[1]
     assert abs(weights @ (x**2 + y**2) ** 2 - np.pi / 3) > 1e-2

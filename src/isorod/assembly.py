@@ -36,10 +36,19 @@ class _Part:
         mass = kernel.mass(t.section, t.axial, self.body.density * t.weights)
         return mass.reshape(mass.shape[0], mass.shape[1] * mass.shape[2], -1)
 
+    def lumped_mass(self) -> Array:
+        """Return the element masses of one component, shape ``(E, l n)``."""
+        space = self.body.space
+        carries = space.carries[space.element_nodes[0]]
+        diagonal = np.einsum("eii->ei", self.mass)
+        return np.where(carries, self.mass @ carries.astype(float), diagonal)
+
     def centrifugal(self, local: Array, spin: Spin) -> Array:
         """Return the centrifugal forces, shape of ``dofs``."""
-        nodes = self.body.space.element_nodes[self.table.first : self.table.first + self.table.elements]
-        arm = self.body.space.positions[nodes] - np.array(spin.center) + local[self.slots].reshape(*nodes.shape, 3)
+        space = self.body.space
+        nodes = space.element_nodes[self.table.first : self.table.first + self.table.elements]
+        center = space.carries[nodes, None] * np.array(spin.center)
+        arm = space.positions[nodes] - center + local[self.slots].reshape(*nodes.shape, 3)
         return (self.mass @ arm @ spin.field).reshape(self.dofs.shape)
 
     def softening(self, spin: Spin) -> Array:
@@ -171,7 +180,7 @@ class Assembler:
         """Return the rigid motions of all bodies on the unknowns, for algebraic multigrid."""
         vectors: list[PETSc.Vec] = []
         for b, body in enumerate(self.model.bodies):
-            for motion in rigid.motions(body.space.positions).T:
+            for motion in rigid.motions(body.space).T:
                 everywhere = np.zeros(self.model.dofs)
                 everywhere[3 * self.model.first_node[b] : 3 * self.model.first_node[b + 1]] = motion
                 vector = self.state(everywhere)
@@ -243,7 +252,11 @@ class Assembler:
             self._store(total, out)
 
     def mass(self, lumped: bool = False) -> PETSc.Mat:
-        """Return the mass matrix of the unknowns, consistent or lumped (row sums on the diagonal)."""
+        """Return the mass matrix of the unknowns, consistent or lumped.
+
+        Lumped, the functions that add up to one (`Space.carries`) get their row sums over each other, so that the total mass is
+        right; the others get their diagonal entries.
+        """
         with self._timed():
             matrix = self._empty_matrix()
             rows, columns, values = [], [], []
@@ -252,7 +265,7 @@ class Assembler:
                 if lumped:
                     rows.append(free.ravel())
                     columns.append(free.ravel())
-                    values.append(np.repeat(part.mass.sum(axis=2).ravel(), 3))
+                    values.append(np.repeat(part.lumped_mass().ravel(), 3))
                     continue
                 shape = (*part.mass.shape, 3)
                 rows.append(np.broadcast_to(free[:, :, None, :], shape).ravel())

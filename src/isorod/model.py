@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from isorod.disk import Array
 from isorod.errors import InputError
@@ -36,14 +37,15 @@ class Support:
     components
         Held components, letters of ``"xyz"``.
     displacement
-        Displacement at load factor 1, shape ``(3,)`` in units of length; components that are not held are not read.
+        Displacement at load factor 1, shape ``(3,)`` or one a node ``(m, 3)``, units of length; components that are not held
+        are not read.
     body
         Index of the body in the model.
     """
 
     nodes: Index
     components: str = "xyz"
-    displacement: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    displacement: ArrayLike = (0.0, 0.0, 0.0)
     body: int = 0
 
     @classmethod
@@ -55,14 +57,14 @@ class Support:
         displacement: tuple[float, float, float] = (0.0, 0.0, 0.0),
         body: int = 0,
     ) -> "Support":
-        """Return a support of the whole ``"start"`` or ``"end"`` face."""
+        """Return a support of the whole ``"start"`` or ``"end"`` face: every ``k`` is held, ``k = 0`` carries the displacement."""
         if space.rod.closed:
             raise InputError("support of an end: a closed rod has none")
         layers = {"start": 0, "end": space.layers - 1}
         if which not in layers:
             raise InputError(f"support: got end {which!r}, need 'start' or 'end'")
         nodes = layers[which] * space.layer_nodes + np.arange(space.layer_nodes)
-        return cls(nodes, components, displacement, body)
+        return cls(nodes, components, space.carries[nodes, None] * np.array(displacement, dtype=float), body)
 
 
 @dataclass(frozen=True)
@@ -117,7 +119,7 @@ class Model:
         owner = np.full(values.size, -1)
         for k, support in enumerate(self.supports):
             dofs = self._dofs(support, k, first_node)
-            wanted = np.broadcast_to(self._wanted(support), (len(support.nodes), len(support.components))).ravel()
+            wanted = self._wanted(support, k)
             clash = ~np.isnan(values[dofs]) & (values[dofs] != wanted)
             if clash.any():
                 dof = dofs[np.argmax(clash)]
@@ -152,11 +154,17 @@ class Model:
         return (3 * (first_node[support.body] + nodes)[:, None] + columns).ravel()
 
     @staticmethod
-    def _wanted(support: Support) -> Array:
-        wanted = np.array([support.displacement["xyz".index(letter)] for letter in support.components], dtype=float)
+    def _wanted(support: Support, k: int) -> Array:
+        columns = ["xyz".index(letter) for letter in support.components]
+        given = np.asarray(support.displacement, dtype=float)
+        nodes = np.size(support.nodes)
+        if given.shape not in ((3,), (nodes, 3)):
+            raise InputError(f"support {k}: got displacements of shape {given.shape}, need (3,) or ({nodes}, 3)")
+        wanted = np.broadcast_to(given, (nodes, 3))[:, columns]
         if not np.isfinite(wanted).all():
-            raise InputError(f"support: displacement {support.displacement} is not finite")
-        return wanted
+            bad = wanted[~np.isfinite(wanted)][0]
+            raise InputError(f"support {k}: displacement {bad} is not finite")
+        return wanted.ravel()
 
     @property
     def dofs(self) -> int:
@@ -167,6 +175,11 @@ class Model:
     def unknowns(self) -> int:
         """Number of degrees of freedom that are not held."""
         return self.free.size - self.held.size
+
+    @property
+    def carries(self) -> NDArray[np.bool_]:
+        """Whether a node moves with its rod (`Space.carries`), shape ``(nodes,)``."""
+        return np.concatenate([body.space.carries for body in self.bodies])
 
     @property
     def whole_nodes(self) -> bool:

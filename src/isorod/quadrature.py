@@ -58,11 +58,14 @@ class Rule:
         return f"{self.radial}x{self.angular}x{self.axial}"
 
 
-def section_points(n: int, rule: Rule) -> tuple[Array, Array]:
-    """Return points ``(n r s, 2)`` and weights ``(n r s,)`` on the unit disk; the weights add up to pi."""
+def section_points(n: int, rule: Rule, turn: float = 0.0) -> tuple[Array, Array]:
+    """Return points ``(n r s, 2)`` and weights ``(n r s,)`` on the unit disk; the weights add up to pi.
+
+    The slices are the arcs of ``n`` control points of which the first stands at the angle ``turn``.
+    """
     r, wr = _gauss(rule.radial)
     s, ws = _gauss(rule.angular)
-    theta = 2.0 * np.pi / n * (np.arange(n)[:, None] + s - 0.5)
+    theta = turn + 2.0 * np.pi / n * (np.arange(n)[:, None] + s - 0.5)
     radius = np.broadcast_to(r[None, :, None], (n, r.size, s.size))
     angle = np.broadcast_to(theta[:, None, :], radius.shape)
     points = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=-1)

@@ -4,29 +4,36 @@ import numpy as np
 
 from isorod.disk import Array
 from isorod.model import Model
+from isorod.space import Space
 
 # A motion counts as free if it moves held components by less than this share of its size.
 _TOLERANCE = 1e-8
 
 
-def motions(positions: Array) -> Array:
-    """Return the six infinitesimal rigid motions of nodes at ``positions`` ``(nodes, 3)``, orthonormal, shape ``(3 nodes, 6)``.
+def motions(space: Space) -> Array:
+    """Return the six infinitesimal rigid motions of a space's nodes, orthonormal, shape ``(3 nodes, 6)``.
 
     A rod reproduces them exactly, since its functions reproduce its own map.
     """
-    arm = positions - positions.mean(axis=0)
-    columns = np.zeros((*positions.shape, 6))
+    arm = _arms(space)
+    columns = np.zeros((*arm.shape, 6))
     for a in range(3):
-        columns[:, a, a] = 1.0
+        columns[space.carries, a, a] = 1.0
         columns[:, :, 3 + a] = np.cross(np.eye(3)[a], arm)
     return np.linalg.qr(columns.reshape(-1, 6))[0]
+
+
+def _arms(space: Space) -> Array:
+    """Return the nodes' positions from their mean; zero where a node does not carry the rod."""
+    mean = space.positions[space.carries].mean(axis=0)
+    return (space.positions - mean) * space.carries[:, None]
 
 
 def free_motions(model: Model) -> list[tuple[int, Array]]:
     """Return the rigid motions that the supports leave free: body, and displacements of its nodes ``(nodes, 3)``."""
     found = []
     for b, body in enumerate(model.bodies):
-        basis = motions(body.space.positions)
+        basis = motions(body.space)
         held = model.free[3 * model.first_node[b] : 3 * model.first_node[b + 1]] < 0
         # Rows of held components only; the triangular factor has the same singular values and at most six rows.
         rows = np.linalg.qr(basis[held], mode="r") if held.any() else np.zeros((1, 6))
@@ -38,9 +45,10 @@ def free_motions(model: Model) -> list[tuple[int, Array]]:
     return found
 
 
-def describe(positions: Array, motion: Array) -> str:
-    """Return a motion in words: where it goes, or about which direction it turns."""
-    arm = positions - positions.mean(axis=0)
+def describe(space: Space, motion: Array) -> str:
+    """Return a motion of a space's nodes ``(nodes, 3)`` in words: where it goes, or about which direction it turns."""
+    arm = _arms(space)[space.carries]
+    motion = motion[space.carries]
     shift = motion.mean(axis=0)
     turn, *_ = np.linalg.lstsq(
         np.concatenate([np.cross(np.eye(3)[a], arm).reshape(-1, 1) for a in range(3)], axis=1),

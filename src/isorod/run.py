@@ -41,6 +41,7 @@ def geometry(scene: Any) -> dict[str, Any]:
     """Return the record of a scene that is geometry only."""
     rod = scene.rod()
     return {
+        "analysis": scene.analysis,
         "smallest_jacobian": rod.check(),
         "volume": rod.volume(),
         "control_points": rod.distinct_control_points,

@@ -33,15 +33,14 @@ def flower(n: int = 16, petals: int = 4, radius: float = 1.0, depth: float = 0.3
     return circle(n, radius) * (1.0 + depth * np.cos(petals * theta))[:, None]
 
 
-def airfoil(n: int = 16) -> Array:
-    """Return the ``(n, 2)`` control points of the paper's blade section, chord about 2 along x; it is given by 16.
+def airfoil() -> Array:
+    """Return the 16 control points ``(16, 2)`` of the paper's blade section, chord about 2 along x.
 
     The heights of the unit circle's control points, turned by half an arc, are multiplied by factors linear in the point's number:
     0.35625 to 0.05 on the upper side from its front on, -0.02 to 0.05 on the lower one (Lu & Zhou 2011, appendix A,
     where the minus signs are lost).
     """
-    if n != 16:
-        raise InputError(f"section of the paper's blade: got {n} control points, it is given by 16")
+    n = 16
     angle = 2.0 * np.pi * (np.arange(n) + 0.5) / n
     factor = np.concatenate([0.35625 - 0.04375 * np.arange(8), -0.02 + 0.01 * np.arange(8)])
     return np.stack([np.cos(angle), np.sin(angle) * factor], axis=1) / np.cos(np.pi / n)
@@ -115,6 +114,38 @@ def from_points(points: ArrayLike, n: int) -> Array:
         raise InputError("section points run clockwise; give them counter-clockwise")
     theta = 2.0 * np.pi * np.concatenate([[0.0], np.cumsum(lengths)[:-1]]) / lengths.sum()
     return _fit(theta, points, n)
+
+
+def refinement_turn(n: int, multiple: int) -> float:
+    """Return the angle of the first control point when each of ``n`` arcs is cut in ``multiple``, radians."""
+    return -np.pi / n * (1.0 - 1.0 / multiple)
+
+
+def refine(points: ArrayLike, multiple: int) -> Array:
+    """Return the control points of the same outline with every arc cut in ``multiple``.
+
+    The spaces nest, so the outline and the map of the whole disk stay as they are.  The new points' first angle is
+    `refinement_turn`.
+
+    Parameters
+    ----------
+    points
+        Control points, shape ``(n, ...)``.
+
+    Returns
+    -------
+    Array of shape ``(n multiple, ...)``.
+    """
+    given = np.asarray(points, dtype=float)
+    n = check_count(given.shape[0])
+    fine = check_count(n * multiple)
+    if multiple == 1:
+        return given
+    # The middle of each fine arc: interpolation there is exact and well conditioned.
+    theta = refinement_turn(n, multiple) + 2.0 * np.pi * np.arange(fine) / fine
+    outline = boundary_functions(n, theta) @ given.reshape(n, -1)
+    middle = boundary_functions(fine, theta - theta[0])
+    return np.linalg.solve(middle, outline).reshape(fine, *given.shape[1:])
 
 
 def _fit(theta: Array, points: Array, n: int) -> Array:

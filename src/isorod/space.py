@@ -4,20 +4,23 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from isorod.disk import Array, harmonic_functions
+from isorod import polyharmonic
+from isorod.disk import Array
 from isorod.errors import FoldedRodError, InputError
 from isorod.quadrature import Rule, axis_points, section_points
 from isorod.rod import Rod, section_gradient
+from isorod.section import refine, refinement_turn
 from isorod.spline import Axis, Index
 
 
 @dataclass(frozen=True, eq=False)
 class Space:
-    """Displacements ``sum_ij T_i(xi) R_j(u) d_ij`` on a rod.
+    """Displacements ``sum_ijk g_k(|xi|^2) T_i(xi) R_j(u) d_ijk`` on a rod (see `isorod.polyharmonic`).
 
-    Nodes are numbered layer by layer: node ``j n + i`` carries ``T_i R_j``; a closed rod's last layer is its first.
+    Nodes are numbered layer by layer: node ``(j K + k) n + i`` carries ``g_k T_i R_j``; a closed rod's last layer is its first.
+    The paper's element is the default: ``order`` 1 and the rod's own functions.  All refinements nest, and none moves the rod.
 
     Parameters
     ----------
@@ -29,6 +32,10 @@ class Space:
         Degree along the axis, from the rod's own to 6.
     continuity
         Continuity at knots the rod does not have, ``0 .. degree - 1``; ``degree - 1`` where not given.
+    order
+        Polyharmonic order ``K`` of the section functions, 1 to 6.
+    section_points
+        Number of control points ``n`` round the section: a multiple of the rod's own; the rod's own where not given.
     quadrature
         ``"full"``, ``"paper"``, ``"RxS"`` or ``"RxSxT"`` (see `isorod.quadrature`).
 
@@ -43,6 +50,8 @@ class Space:
     degree: int | None = None
     continuity: int | None = None
     quadrature: str = "full"
+    order: int = 1
+    section_points: int | None = None
 
     @cached_property
     def axis(self) -> Axis:
@@ -56,7 +65,30 @@ class Space:
     @cached_property
     def rule(self) -> Rule:
         """Quadrature rule."""
-        return Rule.parse(self.quadrature, self.rod.section_points, self.axis.degree)
+        return Rule.parse(self.quadrature, self.points_around, self.axis.degree)
+
+    @cached_property
+    def multiple(self) -> int:
+        """How many of this space's section arcs make one of the rod's."""
+        own = self.rod.section_points
+        wanted = own if self.section_points is None else self.section_points
+        if wanted < own or wanted % own:
+            raise InputError(f"section points: got {wanted}, need a multiple of the {own} of the rod itself")
+        return wanted // own
+
+    @property
+    def points_around(self) -> int:
+        """Number of control points round the section, ``n``."""
+        return self.rod.section_points * self.multiple
+
+    @property
+    def turn(self) -> float:
+        """Angle of the first control point, radians."""
+        return refinement_turn(self.rod.section_points, self.multiple)
+
+    def section_functions(self, xi: ArrayLike) -> tuple[Array, Array]:
+        """Return values ``(q, K n)`` and gradients ``(q, K n, 2)`` of the section functions at disk points ``(q, 2)``."""
+        return polyharmonic.functions(self.points_around, self.order, xi, self.turn)
 
     @property
     def layers(self) -> int:
@@ -65,8 +97,8 @@ class Space:
 
     @property
     def layer_nodes(self) -> int:
-        """Number of nodes in a layer."""
-        return self.rod.section_points
+        """Number of nodes in a layer, ``K n``."""
+        return polyharmonic.check_order(self.order) * self.points_around
 
     @property
     def nodes(self) -> int:
@@ -74,9 +106,19 @@ class Space:
         return self.layers * self.layer_nodes
 
     @cached_property
+    def carries(self) -> NDArray[np.bool_]:
+        """Whether a node moves with the rod (``k = 0``: these functions add up to one), shape ``(nodes,)``."""
+        layer = np.arange(self.layer_nodes) < self.points_around
+        return np.tile(layer, self.layers)
+
+    @cached_property
     def positions(self) -> Array:
-        """Node positions, shape ``(nodes, 3)``: the control points of the rod on this axis (not points of the rod)."""
-        return self.rod.axis.transfer(self.axis, self.rod.control_points)[: self.layers].reshape(-1, 3)
+        """Coefficients of the rod's own map, shape ``(nodes, 3)``: control points where the node `carries`, else zero."""
+        own = self.rod.axis.transfer(self.axis, self.rod.control_points)[: self.layers]
+        around = refine(own.swapaxes(0, 1), self.multiple).swapaxes(0, 1)
+        result = np.zeros((self.layers, self.layer_nodes, 3))
+        result[:, : self.points_around] = around
+        return result.reshape(-1, 3)
 
     @cached_property
     def element_layers(self) -> Index:
@@ -85,7 +127,7 @@ class Space:
 
     @cached_property
     def element_nodes(self) -> Index:
-        """Nodes of each element, layer by layer, shape ``(elements, (p + 1) n)``."""
+        """Nodes of each element, layer by layer, shape ``(elements, (p + 1) K n)``."""
         nodes = self.element_layers[:, :, None] * self.layer_nodes + np.arange(self.layer_nodes)
         return nodes.reshape(self.axis.elements, -1)
 
@@ -97,10 +139,10 @@ class Space:
         FoldedRodError
             If the Jacobian is not positive at one of them.
         """
-        rule, n = self.rule, self.rod.section_points
-        xi, area = section_points(n, rule)
+        rule = self.rule
+        xi, area = section_points(self.points_around, rule, self.turn)
         u, length = (points[first:last] for points in axis_points(self.axis, rule.axial))
-        values, gradients = harmonic_functions(n, xi)
+        values, gradients = self.section_functions(xi)
         _, axial, slopes = self.axis.local(u.ravel())
         shape = (*u.shape, self.axis.degree + 1)
         _, jacobian = self.rod.grid(xi, u.ravel())
@@ -139,7 +181,7 @@ class Space:
             Shapes ``(t, q, 3)`` and ``(t, q, 3, 3)``.
         """
         nodal = np.asarray(nodal, dtype=float).reshape(self.layers, self.layer_nodes, 3)
-        values, gradients = harmonic_functions(self.rod.section_points, xi)
+        values, gradients = self.section_functions(xi)
         first, axial, slopes = self.axis.local(u)
         near = nodal[(first[:, None] + np.arange(self.axis.degree + 1)) % self.layers]
         section = np.einsum("tj,tjia->tia", axial, near)

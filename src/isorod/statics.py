@@ -98,7 +98,7 @@ def solve(model: Model, load_steps: int = 1, comm: PETSc.Comm | None = None) -> 
     loose = rigid.free_motions(model)
     if loose:
         body, motion = loose[0]
-        how = rigid.describe(model.bodies[body].space.positions, motion)
+        how = rigid.describe(model.bodies[body].space, motion)
         raise SolveError(f"supports: body {body} is free to {how}; hold it")
     assembler = Assembler(model, comm)
     solver = _Newton(assembler)
@@ -122,7 +122,9 @@ def solve(model: Model, load_steps: int = 1, comm: PETSc.Comm | None = None) -> 
             step *= 2.0
     reactions = np.zeros((max(len(model.supports), 1), 3))
     forces = assembler.reactions(solver.x, 1.0)
-    np.add.at(reactions, (model.support_of, model.held % 3), forces)
+    # Only functions that add up to one take part in the virtual work of a translation.
+    carried = model.carries[model.held // 3]
+    np.add.at(reactions, (model.support_of[carried], model.held[carried] % 3), forces[carried])
     displacement = assembler.displacement(solver.x, 1.0)
     assembly = assembler.seconds
     seconds = {"setup": setup, "assembly": assembly, "solve": perf_counter() - start - setup - assembly}

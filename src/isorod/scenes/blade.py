@@ -30,14 +30,15 @@ class Blade:
     density: float = option(40.0, "mass per volume")
     airfoil: str = option("paper", "section: paper, or a NACA 4-digit number such as 2412")
     chord: float = option(2.0, "chord of a NACA section at the root [length]")
-    section_points: int = option(16, "control points round the section, at least 3 (paper: 16)")
+    section_points: int = option(16, "control points round the section; with the paper's section a multiple of 16")
     elements: int = option(20, "elements along the blade")
+    order: int = option(1, "polyharmonic order K of the section functions, 1 to 6 (paper: 1)")
     degree: int = option(2, "degree along the axis, 2 to 6")
     continuity: int | None = option(None, "continuity at inserted knots, 0 to degree - 1 (degree - 1)")
     quadrature: str = option("paper", "quadrature rule: full, paper, RxS or RxSxT such as 2x1x4")
 
     def rod(self) -> Rod:
-        """Return the blade as first built: one quadratic element, twist and scale 0, 1/2, 1 of the way at its control points."""
+        """Return the blade as first built (16 points round the paper's section): one quadratic element, twist and scale 0, 1/2, 1 of the way at its control points."""
         for name in ("length", "taper"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value > 0.0):
@@ -58,7 +59,7 @@ class Blade:
 
     def _outline(self) -> Any:
         if self.airfoil == "paper":
-            return section.airfoil(self.section_points)
+            return section.airfoil()
         return section.naca(self.airfoil, self.section_points, self.chord)
 
     def model(self) -> "Model":
@@ -69,7 +70,15 @@ class Blade:
 
         rod = self.rod()
         rod.check()
-        space = Space(rod, self.elements, self.degree, self.continuity, self.quadrature)
+        space = Space(
+            rod,
+            elements=self.elements,
+            degree=self.degree,
+            continuity=self.continuity,
+            quadrature=self.quadrature,
+            order=self.order,
+            section_points=self.section_points,
+        )
         body = Body(space, LinearElastic(self.E, self.nu), self.density)
         return Model([body], [Support.end(space, "start")])
 

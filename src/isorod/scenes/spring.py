@@ -31,6 +31,7 @@ class Spring:
     pull: float = option(2.0, "displacement of the upper end along the axis [length]")
     section_points: int = option(8, "control points round the wire, at least 3")
     elements_per_turn: int = option(8, "elements a turn, a multiple of 4")
+    order: int = option(1, "polyharmonic order K of the section functions, 1 to 6 (paper: 1)")
     degree: int = option(3, "degree along the axis, 2 to 6")
     continuity: int | None = option(None, "continuity at inserted knots, 0 to degree - 1 (degree - 1)")
     quadrature: str = option("3x2", "quadrature rule: full, paper, RxS or RxSxT such as 2x1x4")
@@ -60,7 +61,14 @@ class Spring:
                 "and nothing keeps them apart",
                 stacklevel=2,
             )
-        space = Space(rod, self.coils * self.elements_per_turn, self.degree, self.continuity, self.quadrature)
+        space = Space(
+            rod,
+            elements=self.coils * self.elements_per_turn,
+            degree=self.degree,
+            continuity=self.continuity,
+            quadrature=self.quadrature,
+            order=self.order,
+        )
         ends = Support.end(space, "start"), Support.end(space, "end", displacement=(0.0, 0.0, self.pull))
         return Model([Body(space, NeoHookean(self.E, self.nu))], ends)
 
