@@ -34,6 +34,8 @@ class Mesh:
         Boundary faces by name, node numbers of shape ``(faces, nodes per face)``, ordered as ``face_reference``, outward normal.
     face_reference
         Positions of a face's nodes in the unit square or triangle, shape ``(nodes per face, 2)``.
+    parameters
+        The Rod's parameters ``xi_1, xi_2, u`` of each node, shape ``(nodes, 3)``; None if no Rod made the mesh.
     """
 
     shape: CellShape
@@ -43,6 +45,7 @@ class Mesh:
     reference: Array
     faces: Mapping[str, Index]
     face_reference: Array
+    parameters: Array | None = None
 
     def jacobians(self, where: Array) -> Array:
         """Return the Jacobian determinants ``(cells, m)`` at the reference points ``where`` ``(m, 3)``."""

@@ -92,11 +92,11 @@ def o_grid(around: int, rings: int = 1, order: int = 2, core: float | None = Non
         rim_nodes = nodes[border]
         nodes[border] = rim_nodes / np.linalg.norm(rim_nodes, axis=1, keepdims=True)
 
-    quads = [_blocks(number, order)]
+    quads = [blocks(number, order)]
     if rings:
         # Radius first, angle second: counter-clockwise.
         closed = np.concatenate([radial, radial[:, :1]], axis=1)
-        quads.append(_blocks(closed.T, order))
+        quads.append(blocks(closed.T, order))
     rim = np.append(radial[-1], radial[-1][0])
     edges = rim[order * np.arange(around)[:, None] + np.arange(order + 1)]
     return Template(order, nodes, np.concatenate(quads), edges)
@@ -108,7 +108,7 @@ def _balanced_core(cells: int, rings: int) -> float:
     return float(np.clip(cells * np.sqrt(0.5) / (cells * np.sqrt(0.5) + rings), 0.5, 0.75)) if rings else 1.0
 
 
-def _blocks(grid: Index, order: int) -> Index:
+def blocks(grid: Index, order: int) -> Index:
     """Return the cells ``(count, (order + 1)^2)`` of a grid of node numbers, second index of the grid fastest."""
     rows, columns = ((size - 1) // order for size in grid.shape)
     inside = np.arange(order + 1)

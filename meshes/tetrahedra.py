@@ -40,7 +40,8 @@ def tetrahedra(rod: Rod, around: int, layers: int, order: int = 2) -> Mesh:
     xi = points[:, :2]
     xi = xi / np.maximum(1.0, np.linalg.norm(xi, axis=1, keepdims=True))
     shape: CellShape = "tetrahedron"
-    mesh = Mesh(shape, order, rod.points(xi, height), cells, reference, faces, face_reference)
+    parameters = np.concatenate([xi, height[:, None]], axis=1)
+    mesh = Mesh(shape, order, rod.points(xi, height), cells, reference, faces, face_reference, parameters)
     mesh.check()
     return mesh
 

@@ -1,6 +1,6 @@
 """Residual, tangent and energy of a model as PETSc vectors and matrices; elements and rows split along the axis."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import cached_property
 from time import perf_counter
@@ -11,6 +11,7 @@ from petsc4py import PETSc
 from isorod import kernel, rigid
 from isorod.disk import Array
 from isorod.model import Body, Model, Spin
+from isorod.pattern import Pattern
 from isorod.petsc import preallocate_coo, set_values_coo
 from isorod.space import Table
 from isorod.spline import Index
@@ -28,6 +29,13 @@ class _Part:
         degree = body.space.axis.degree
         self.shape = (nodes.shape[0], degree + 1, body.space.layer_nodes, 3)
         self.slots: Index = np.empty(0, dtype=np.int64)
+        self.first_node = first_node
+        self.layers = body.space.element_layers[first:last]
+
+    @cached_property
+    def pattern(self) -> Pattern:
+        """Pattern of the degrees of freedom."""
+        return Pattern(self.layers, 3 * self.body.space.layer_nodes)
 
     @cached_property
     def mass(self) -> Array:
@@ -164,14 +172,11 @@ class Assembler:
         """Return a new symmetric AIJ matrix, preallocated for the tangent (COO)."""
         with self._timed():
             matrix = self._empty_matrix()
-            rows, columns = [], []
+            indices = []
             for part in self.parts:
-                free = self.model.free[part.dofs].astype(PETSc.IntType)
-                shape = (*free.shape, free.shape[1])
-                rows.append(np.broadcast_to(free[:, :, None], shape).ravel())
-                columns.append(np.broadcast_to(free[:, None, :], shape).ravel())
-            empty = [np.empty(0, dtype=PETSc.IntType)]
-            preallocate_coo(matrix, np.concatenate(rows or empty), np.concatenate(columns or empty))
+                free = self.model.free[3 * part.first_node :]
+                indices.append([free[index] for index in part.pattern.indices()])
+            preallocate_coo(matrix, *_joined(indices))
             matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
             self.built.append("tangent")
         return matrix
@@ -233,8 +238,8 @@ class Assembler:
             if self.model.spin is not None:
                 for part, block in zip(self.parts, matrices, strict=True):
                     block -= factor * part.softening(self.model.spin)
-            values = [block.ravel() for block in matrices] or [np.empty(0)]
-            set_values_coo(out, values[0] if len(values) == 1 else np.concatenate(values))
+            merged = [part.pattern.merge(block) for part, block in zip(self.parts, matrices, strict=True)]
+            set_values_coo(out, np.concatenate([np.empty(0), *merged]))
             return matrices
 
     def load_forces(self, x: PETSc.Vec, factor: float, matrices: list[Array], step: float, out: PETSc.Vec) -> None:
@@ -259,21 +264,20 @@ class Assembler:
         """
         with self._timed():
             matrix = self._empty_matrix()
-            rows, columns, values = [], [], []
+            indices, values = [], [np.empty(0)]
             for part in self.parts:
-                free = self.model.free[part.dofs].reshape(part.dofs.shape[0], -1, 3).astype(PETSc.IntType)
                 if lumped:
-                    rows.append(free.ravel())
-                    columns.append(free.ravel())
-                    values.append(np.repeat(part.lumped_mass().ravel(), 3))
-                    continue
-                shape = (*part.mass.shape, 3)
-                rows.append(np.broadcast_to(free[:, :, None, :], shape).ravel())
-                columns.append(np.broadcast_to(free[:, None, :, :], shape).ravel())
-                values.append(np.broadcast_to(part.mass[..., None], shape).ravel())
-            empty = [np.empty(0, dtype=PETSc.IntType)]
-            preallocate_coo(matrix, np.concatenate(rows or empty), np.concatenate(columns or empty))
-            set_values_coo(matrix, np.concatenate(values or [np.empty(0)]))
+                    nodes = part.dofs[:, ::3].ravel() // 3
+                    places, merged = (nodes, nodes), part.lumped_mass().ravel()
+                else:
+                    pattern = Pattern(part.layers, part.body.space.layer_nodes)
+                    row, column = pattern.indices()
+                    places, merged = (part.first_node + row, part.first_node + column), pattern.merge(part.mass)
+                for a in range(3):
+                    indices.append([self.model.free[3 * nodes + a] for nodes in places])
+                    values.append(merged)
+            preallocate_coo(matrix, *_joined(indices))
+            set_values_coo(matrix, np.concatenate(values))
             matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
             self.built.append("lumped mass" if lumped else "mass")
         return matrix
@@ -315,3 +319,9 @@ class Assembler:
             table = part.table
             found.append((float(det.min()), part.index, int(table.first + e), float(table.u[e, t])))
         return min(self.comm.tompi4py().allgather(min(found)))
+
+
+def _joined(indices: Sequence[Sequence[Index]]) -> list[Index]:
+    """Return rows and columns of all parts, those of held degrees of freedom negative."""
+    empty = np.empty(0, dtype=np.int64)
+    return [np.concatenate([empty, *(pair[k] for pair in indices)]) for k in range(2)]

@@ -11,11 +11,15 @@ import numpy as np
 from numba import njit
 
 from isorod.disk import Array
+from isorod.spline import Index
 
 _OPTIONS: Any = {"cache": True, "fastmath": {"contract", "reassoc", "nsz", "arcp"}, "error_model": "numpy"}
 _D3 = "f8[:,:,::1]"
 _D4 = "f8[:,:,:,::1]"
 _D5 = "f8[:,:,:,:,::1]"
+_I1 = "i8[::1]"
+_I2 = "i8[:,::1]"
+_I3 = "i8[:,:,::1]"
 _D7 = "f8[:,:,:,:,:,:,::1]"
 
 
@@ -201,4 +205,41 @@ def mass(section: Array, axial: Array, weights: Array) -> Array:
                         x = axial[e, t, j] * axial[e, t, m]
                         for k in range(n):
                             result[e, j, i, m, k] += x * plane[i, k]
+    return result
+
+
+@njit(f"UniTuple({_I1}, 2)({_I1}, {_I1}, {_I1}, i8, i8)", **_OPTIONS)
+def pattern_indices(layers: Index, first: Index, columns: Index, size: int, total: int) -> tuple[Index, Index]:
+    """Return row and column of each entry of an `isorod.pattern.Pattern`.
+
+    Row layer ``layers[r]`` couples with the layers ``columns[first[r] : first[r + 1]]``.
+    """
+    row = np.empty(total, dtype=np.int64)
+    column = np.empty(total, dtype=np.int64)
+    place = 0
+    for r in range(layers.size):
+        for i in range(size):
+            for c in range(first[r], first[r + 1]):
+                for k in range(size):
+                    row[place] = layers[r] * size + i
+                    column[place] = columns[c] * size + k
+                    place += 1
+    return row, column
+
+
+@njit(f"f8[::1]({_D5}, {_I3}, {_I2}, i8)", **_OPTIONS)
+def merge(blocks: Array, start: Index, width: Index, total: int) -> Array:
+    """Return the sum of element matrices ``(E, l, size, l, size)`` as entries of a pattern.
+
+    Block ``j, m`` of element ``e`` begins at ``start[e, j, m]``; its rows are ``width[e, j]`` entries apart.
+    """
+    elements, functions, size = blocks.shape[:3]
+    result = np.zeros(total)
+    for e in range(elements):
+        for j in range(functions):
+            for i in range(size):
+                for m in range(functions):
+                    place = start[e, j, m] + i * width[e, j]
+                    for k in range(size):
+                        result[place + k] += blocks[e, j, i, m, k]
     return result

@@ -29,7 +29,7 @@ class Blade:
     nu: float = option(0.3, "Poisson's ratio")
     density: float = option(40.0, "mass per volume")
     airfoil: str = option("paper", "section: paper, or a NACA 4-digit number such as 2412")
-    chord: float = option(2.0, "chord of a NACA section at the root [length]")
+    chord: float = option(2.0, "chord of the root section [length]")
     section_points: int = option(16, "control points round the section; with the paper's section a multiple of 16")
     elements: int = option(20, "elements along the blade")
     order: int = option(1, "polyharmonic order K of the section functions, 1 to 6 (paper: 1)")
@@ -59,7 +59,9 @@ class Blade:
 
     def _outline(self) -> Any:
         if self.airfoil == "paper":
-            return section.airfoil()
+            if not (np.isfinite(self.chord) and self.chord > 0.0):
+                raise InputError(f"chord: got {self.chord:g}, need a positive length")
+            return 0.5 * self.chord * section.airfoil()
         return section.naca(self.airfoil, self.section_points, self.chord)
 
     def model(self) -> "Model":

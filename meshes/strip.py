@@ -1,0 +1,113 @@
+"""Quadrilateral templates of the unit disk for flat sections: a rectangular grid, long along one diameter, short across it."""
+
+import numpy as np
+
+from isorod.errors import InputError
+from meshes.mesh import Array, Index
+from meshes.template import Template, blocks
+
+
+def strip(
+    along: int,
+    across: int = 1,
+    order: int = 2,
+    corners: tuple[float, float] = (4.0, 10.0),
+    clustering: float = 0.5,
+    turn: float = 0.0,
+) -> Template:
+    """Return a grid of ``along x across`` quadrilaterals whose four corners lie on the circle.
+
+    A section flat as a blade's is thin where this grid is short, so its cells are nearly square in space, where those of an
+    O-grid become slivers.  At a corner two edges are tangent to the circle: the Jacobian vanishes there, at no quadrature point.
+
+    Parameters
+    ----------
+    along, across
+        Numbers of quadrilaterals along the diameter and across it.
+    order
+        Polynomial order, 1 to 4.
+    corner
+        Angle of the corners off the diameter, degrees, between 0 and 90.
+    clustering
+        0 for cells equally long along the diameter, 1 for cells as long as those of equal angles, short near the ends.
+    turn
+        Angle of the diameter, degrees.
+
+    Raises
+    ------
+    InputError
+        If a number is out of its range.
+    """
+    if along < 1 or across < 1:
+        raise InputError(f"cells of the section: got {along} along and {across} across, need at least 1")
+    if not 1 <= order <= 4:
+        raise InputError(f"order of the cells: got {order}, need 1 to 4")
+    if not all(0.0 < corner < 90.0 for corner in corners):
+        raise InputError(f"corners of the section: got {corners} degrees, need more than 0 and less than 90")
+    if not 0.0 <= clustering <= 1.0:
+        raise InputError(f"clustering: got {clustering:g}, need 0 to 1")
+    s = _nodes(_levels(along, clustering), order)
+    t = _nodes(np.linspace(-1.0, 1.0, across + 1), order)
+    disk = _pull(*np.meshgrid(s, t, indexing="xy"), *np.radians(corners))
+    number = np.arange(s.size * t.size).reshape(t.size, s.size)
+    return _turned(Template(order, disk.reshape(-1, 2), blocks(number, order), _rim(_border(number), order)), turn)
+
+
+def paper_section(corners: tuple[float, float] = (4.0, 10.0), clustering: float = 0.5, turn: float = 0.0) -> Template:
+    """Return straight quadrilaterals with the counts of Lu & Zhou (2011, section 4.3): 69 nodes and 49 quadrilaterals.
+
+    The paper shows no section.  69 nodes and 49 quadrilaterals of a disk have 38 edges on the rim (Euler), which neither a grid
+    nor an O-grid has.  A strip of 16 by 3 lacks one node and one quadrilateral: it is put round a node of the front end.
+    """
+    grid = strip(16, 3, 1, corners, clustering)
+    low, inner, high = (17 * (row + 1) - 1 for row in range(3))
+    points = grid.points.copy()
+    # The node that the cap takes off the rim moves inward, so that no two of the three cells at it are in line.
+    neighbour = points[inner - 1]
+    outside = points[inner]
+    points[inner] = 0.5 * (outside + neighbour)
+    points = np.concatenate([points, outside[None]])
+    cap = len(points) - 1
+    quads = np.concatenate([grid.quads, [[low, cap, inner, high]]])
+    rim = grid.rim.copy()
+    rim[rim == inner] = cap
+    return _turned(Template(1, points, quads, rim), turn)
+
+
+def _levels(along: int, clustering: float) -> Array:
+    v = np.linspace(-1.0, 1.0, along + 1)
+    return (1.0 - clustering) * v + clustering * np.sin(0.5 * np.pi * v)
+
+
+def _nodes(levels: Array, order: int) -> Array:
+    """Return the levels and ``order - 1`` equally spaced nodes between two of them."""
+    inside = levels[:-1, None] + np.diff(levels)[:, None] * np.arange(order) / order
+    return np.append(inside.ravel(), levels[-1])
+
+
+def _pull(s: Array, t: Array, back: float, front: float) -> Array:
+    """Map the square ``(-1, 1)^2`` onto the disk; its corners go to the angles ``back`` and ``front`` off the diameter."""
+    way = 0.5 * (s + 1.0)
+    low, high = -np.cos(back), np.cos(front)
+    x = low + way * (high - low)
+    y = t * np.sqrt(1.0 - x * x)
+    # The short sides bulge onto the circle, and the lines between them the less the farther they are away.
+    x = x + way * (np.sqrt(1.0 - (t * np.sin(front)) ** 2) - high)
+    x = x - (1.0 - way) * (np.sqrt(1.0 - (t * np.sin(back)) ** 2) + low)
+    return np.stack([x, y], axis=-1)
+
+
+def _border(number: Index) -> Index:
+    """Return the border of a grid counter-clockwise, the first node repeated at the end."""
+    sides = [number[0, :-1], number[:-1, -1], number[-1, :0:-1], number[:, 0][::-1]]
+    return np.concatenate(sides)
+
+
+def _rim(border: Index, order: int) -> Index:
+    return border[order * np.arange((border.size - 1) // order)[:, None] + np.arange(order + 1)]
+
+
+def _turned(template: Template, degrees: float) -> Template:
+    angle = np.radians(degrees)
+    rotation = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    return Template(template.order, template.points @ rotation, template.quads, template.rim)
