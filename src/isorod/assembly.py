@@ -13,6 +13,7 @@ from isorod.disk import Array
 from isorod.model import Body, Model, Spin
 from isorod.pattern import Pattern
 from isorod.petsc import preallocate_coo, set_values_coo
+from isorod.small import determinant
 from isorod.space import Table
 from isorod.spline import Index
 
@@ -314,7 +315,7 @@ class Assembler:
         self._load(x, factor)
         found = [(np.inf, -1, -1, np.nan)]
         for part in self.parts:
-            det = np.linalg.det(part.gradients(self._local))
+            det = determinant(part.gradients(self._local))
             e, t, _ = np.unravel_index(int(np.argmin(det)), det.shape)
             table = part.table
             found.append((float(det.min()), part.index, int(table.first + e), float(table.u[e, t])))

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 from isorod.disk import Array, check_count, harmonic_functions
 from isorod.errors import FoldedRodError, InputError
 from isorod.quadrature import Rule, axis_points, section_points
+from isorod.small import determinant
 from isorod.spline import MAX_ELEMENTS, Axis
 
 
@@ -139,7 +140,7 @@ class Rod:
         xi, area = section_points(self.section_points, rule)
         u, length = axis_points(self.axis, rule.axial)
         _, jacobian = self.grid(xi, u.ravel())
-        return float(np.einsum("tq,t,q->", np.linalg.det(jacobian), length.ravel(), area))
+        return float(np.einsum("tq,t,q->", determinant(jacobian), length.ravel(), area))
 
     def check(self) -> float:
         """Return the smallest Jacobian determinant met on a dense grid, circle and element ends included.
@@ -159,7 +160,7 @@ class Rod:
         inside[0], inside[-1] = 1e-9, 1.0 - 1e-9
         u = axis.breaks[:-1, None] + np.diff(axis.breaks)[:, None] * inside
         points, jacobian = self.grid(xi, u.ravel())
-        det = np.linalg.det(jacobian)
+        det = determinant(jacobian)
         t, q = np.unravel_index(int(np.argmin(det)), det.shape)
         if not det[t, q] > 0.0:
             where = ", ".join(f"{value:.4g}" for value in points[t, q])

@@ -12,6 +12,7 @@ from isorod.errors import FoldedRodError, InputError
 from isorod.quadrature import Rule, axis_points, section_points
 from isorod.rod import Rod, section_gradient
 from isorod.section import refine, refinement_turn
+from isorod.small import inverse
 from isorod.spline import Axis, Index
 
 
@@ -147,7 +148,7 @@ class Space:
         shape = (*u.shape, self.axis.degree + 1)
         _, jacobian = self.rod.grid(xi, u.ravel())
         jacobian = jacobian.reshape(*u.shape, xi.shape[0], 3, 3)
-        det = np.linalg.det(jacobian)
+        inverses, det = inverse(jacobian)
         if det.size and not det.min() > 0.0:
             e, t, q = np.unravel_index(int(np.argmin(det)), det.shape)
             raise FoldedRodError(
@@ -161,7 +162,7 @@ class Space:
             section=np.ascontiguousarray(np.concatenate([gradients, values[:, :, None]], axis=2).transpose(0, 2, 1)),
             axial=axial.reshape(shape),
             slopes=slopes.reshape(shape),
-            inverse=np.ascontiguousarray(np.linalg.inv(jacobian)),
+            inverse=inverses,
             weights=det * length[:, :, None] * area,
         )
 
@@ -188,7 +189,7 @@ class Space:
         along = np.einsum("tj,tjia->tia", slopes, near)
         gradient = section_gradient(values, gradients, section, along)
         _, jacobian = self.rod.grid(xi, u)
-        return values @ section, np.eye(3) + gradient @ np.linalg.inv(jacobian)
+        return values @ section, np.eye(3) + gradient @ inverse(jacobian)[0]
 
 
 @dataclass(frozen=True, eq=False)

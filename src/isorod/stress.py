@@ -5,6 +5,7 @@ from numpy.typing import ArrayLike
 
 from isorod.disk import Array
 from isorod.model import Body
+from isorod.small import determinant
 
 
 def cauchy(body: Body, nodal: ArrayLike, xi: ArrayLike, u: ArrayLike) -> Array:
@@ -22,7 +23,7 @@ def cauchy(body: Body, nodal: ArrayLike, xi: ArrayLike, u: ArrayLike) -> Array:
     Array of shape ``(t, q, 3, 3)``, force per current area.
     """
     _, F = body.space.displacement(nodal, xi, u)
-    return np.einsum("tqaA,tqbA->tqab", body.material.stress(F), F) / np.linalg.det(F)[..., None, None]
+    return np.einsum("tqaA,tqbA->tqab", body.material.stress(F), F) / determinant(F)[..., None, None]
 
 
 def von_mises(stress: Array) -> Array:
