@@ -8,7 +8,11 @@ from comparisons import plots, published
 from comparisons.records import Record, newest, part
 from isorod.results import write_beside
 
-TARGETS = (1e-2, 1e-3, 1e-4)
+PAPER_ELEMENTS = {
+    "q1": "8-node bricks, displacements only,",
+    "q2": "27-node bricks (Q2 displacement)",
+    "enhanced": "8-node enhanced-strain bricks (9 modes)",
+}
 
 _STYLE = """
 body { font: 16px/1.5 system-ui, sans-serif; color: #1b1b1b; max-width: 76rem; margin: 2rem auto; padding: 0 1.5rem; }
@@ -37,10 +41,9 @@ def write(folder: Path) -> Path:
 def summary(folder: Path) -> list[str]:
     """Return the main findings of the newest runs, one line each."""
     records = newest(folder, "spring")
-    work = part(records, "work")
     lines = []
-    for target in TARGETS:
-        ours, theirs = (_best(work, method, target) for method in ("cylindrical", "fem"))
+    for target in _targets(records):
+        ours, theirs = (_fastest(records, method, target) for method in ("cylindrical", "fem"))
         if ours and theirs:
             fast, slow = ours["seconds"]["total"], theirs["seconds"]["total"]
             lines.append(
@@ -50,10 +53,14 @@ def summary(folder: Path) -> list[str]:
     return lines
 
 
-def _best(work: Iterable[Record], method: str, target: float) -> Record | None:
-    """Return the fastest record of a method whose error is within the target."""
-    good = [record for record in work if record["method"] == method and record["error"] <= target]
-    return min(good, key=lambda record: record["seconds"]["total"], default=None)
+def _targets(records: list[Record]) -> list[float]:
+    return sorted({record["target"] for record in part(records, "confirm")}, reverse=True)
+
+
+def _fastest(records: list[Record], method: str, target: float, holds: bool = True) -> Record | None:
+    """Return the fastest run of a method within the target, confirmed on finer meshes or (``holds`` False) by luck."""
+    found = [one for one in part(records, "confirm") if one["method"] == method and one["target"] == target]
+    return next((one for one in found if one["holds"] == holds), None)
 
 
 def _table(head: Sequence[str], rows: Iterable[Sequence[object]], text: Sequence[int] = (0,)) -> str:
@@ -68,7 +75,7 @@ def _table(head: Sequence[str], rows: Iterable[Sequence[object]], text: Sequence
 
 
 def _percent(value: float) -> str:
-    return f"{100 * value:.2f} %" if value >= 1e-3 else f"{100 * value:.1g} %"
+    return f"{100 * value:.2g} %"
 
 
 def _milliseconds(value: float) -> str:
@@ -95,7 +102,11 @@ def _spring(records: list[Record], folder: Path) -> list[str]:
         f"{limit['uncertainty']:.1g} away).</p>"
     )
     lines.append('<img src="spring-work-precision.png" alt="error against run time and unknowns, log-log">')
-    lines.append(_reach(work))
+    lines.append(_reach(records))
+    lines.append(
+        "<p>A run counts as reaching an error if it stays within when the axis alone, and the section alone, is refined one step. "
+        "Coarser runs that get there because both errors cancel are listed as such.</p>"
+    )
     lines.append("<h2>Spring: von Mises stress</h2>")
     peaks = " and ".join(f"{peak:.1f}" for peak in picture["largest_von_mises"])
     lines.append(
@@ -124,28 +135,33 @@ def _versions(records: list[Record]) -> dict[str, str]:
     return merged
 
 
-def _reach(work: list[Record]) -> str:
+def _reach(records: list[Record]) -> str:
     rows = []
-    for target in TARGETS:
-        best = [_best(work, method, target) for method in ("cylindrical", "fem")]
-        for record in best:
-            if record is None:
-                continue
-            ratio = ""
-            if record["method"] == "cylindrical" and best[1] is not None:
-                ratio = f"1/{best[1]['seconds']['total'] / record['seconds']['total']:.0f}"
-            rows.append(
-                (
-                    _percent(target),
-                    record["curve"] + (" (dolfinx)" if record["method"] == "fem" else " (cylindrical)"),
-                    f"{record['dofs']:,}",
-                    _milliseconds(record["seconds"]["total"]),
-                    f"{record['peak_memory'] / 2**20:.0f}",
-                    _percent(record["error"]),
-                    ratio,
+    for target in _targets(records):
+        best = _fastest(records, "fem", target)
+        for method, name in (("cylindrical", "cylindrical"), ("fem", "dolfinx")):
+            for holds in (True, False):
+                record = _fastest(records, method, target, holds)
+                if record is None:
+                    continue
+                seconds = record["seconds"]["total"]
+                ratio = (
+                    f"1/{best['seconds']['total'] / seconds:.0f}" if best and method == "cylindrical" and holds else ""
                 )
-            )
-    head = ("to reach", "fastest of its kind", "unknowns", "ms", "peak MiB", "its error", "time ratio")
+                finer = ", ".join(_percent(near["error"]) for near in record["finer"])
+                rows.append(
+                    (
+                        _percent(target),
+                        f"{record['curve']} ({name})" + ("" if holds else ": errors cancel"),
+                        f"{record['dofs']:,}",
+                        _milliseconds(seconds),
+                        f"{record['peak_memory'] / 2**20:.0f}",
+                        _percent(record["error"]),
+                        finer,
+                        ratio,
+                    )
+                )
+    head = ("to reach", "fastest", "unknowns", "ms", "peak MiB", "its error", "one step finer", "time ratio")
     return _table(head, rows, text=(0, 1))
 
 
@@ -173,7 +189,7 @@ def _reference(records: list[Record]) -> str:
     (limit,) = part(records, "converged")
     rows.append((f"extrapolated, order {limit['order']:.1f}", "", f"{limit['force']:.5f}"))
     for record in part(records, "paper mesh"):
-        name = f"{record['element']} on the paper's mesh (O-grid, 72 layers, straight sides)"
+        name = f"{PAPER_ELEMENTS[record['element']]} on the paper's mesh (O-grid, 72 layers, straight sides)"
         rows.append((name, f"{record['dofs']:,}", f"{record['force']:.5f}"))
     rows.append(("printed in the paper (8-node enhanced-strain bricks)", "21,243", f"{published.SPRING_FEM_FORCE:.5f}"))
     return _table(("model", "unknowns", "force"), rows)

@@ -103,7 +103,10 @@ def _scene_parser(name: str, scene_type: Any) -> options.Parser:
     if scene_type.analysis == "modal":
         parser.add_argument("--modes", type=int, default=10, metavar="int", help="modes besides rigid ones (10)")
         parser.add_argument(
-            "--mass", choices=("consistent", "lumped"), default="consistent", help="mass matrix (consistent)"
+            "--mass",
+            choices=("consistent", "lumped"),
+            default="consistent",
+            help="mass matrix (consistent); lumped is right for bending, not for torsion",
         )
     parser.add_argument("--json", action="store_true", help="print the result as one line of JSON")
     parser.add_argument("--output", metavar="DIR", help="write the result (and fields as .vtu) into this folder")

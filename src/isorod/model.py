@@ -113,6 +113,9 @@ class Model:
     support_of: Index = field(init=False)
 
     def __post_init__(self) -> None:
+        for b, body in enumerate(self.bodies):
+            if self.spin is not None and not body.density > 0.0:
+                raise InputError(f"spin: body {b} has no density")
         counts = [body.space.nodes for body in self.bodies]
         first_node = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
         values = np.full(3 * first_node[-1], np.nan)

@@ -64,7 +64,12 @@ def naca(digits: str, n: int, chord: float = 1.0) -> Array:
     InputError
         If ``digits`` are not four of which the last two are a thickness of at least 1 %, or the chord is not positive.
     """
-    if len(digits) != 4 or not digits.isdigit() or digits[2:] == "00" or (digits[0] != "0") != (digits[1] != "0"):
+    if (
+        len(digits) != 4
+        or not (digits.isascii() and digits.isdigit())
+        or digits[2:] == "00"
+        or (digits[0] != "0") != (digits[1] != "0")
+    ):
         raise InputError(f"airfoil: got {digits!r}, need a NACA 4-digit number such as 2412 or 0012")
     if not (np.isfinite(chord) and chord > 0.0):
         raise InputError(f"chord: got {chord:g}, need a positive length")

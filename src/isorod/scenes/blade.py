@@ -43,8 +43,8 @@ class Blade:
             value = getattr(self, name)
             if not (np.isfinite(value) and value > 0.0):
                 raise InputError(f"{name}: got {value:g}, need a positive number")
-        if not np.isfinite(self.twist):
-            raise InputError(f"twist: got {self.twist}, need finite degrees")
+        if not abs(self.twist) <= 90.0:
+            raise InputError(f"twist: got {self.twist:g} degrees, the one element of the blade carries -90 to 90")
         way = np.array([0.0, 0.5, 1.0])
         angle = np.radians(self.twist) * way
         rotations = np.zeros((3, 3, 3))
