@@ -1,6 +1,7 @@
 """The ``isorod`` command."""
 
 import argparse
+import dataclasses
 import os
 import sys
 import warnings
@@ -87,7 +88,7 @@ def _run(ours: Sequence[str], theirs: Sequence[str]) -> int:
     with np.errstate(all="ignore"), options.petsc_errors():
         record, fields = _geometry(scene, theirs) if scene.analysis == "geometry" else _analysis(scene, theirs, found)
     if _rank() == 0:
-        _report({"scene": name} | record | {"options": values}, fields, found)
+        _report({"scene": name, "options": values} | record, fields, found)
     return 0
 
 
@@ -107,6 +108,14 @@ def _scene_parser(name: str, scene_type: Any) -> options.Parser:
             choices=("consistent", "lumped"),
             default="consistent",
             help="mass matrix (consistent); lumped is right for bending, not for torsion",
+        )
+    if scene_type.analysis != "geometry":
+        parser.add_argument("--refine", action="store_true", help="solve on finer spaces too and estimate the error")
+        parser.add_argument(
+            "--tolerance",
+            type=float,
+            metavar="float",
+            help="refine until the relative error is estimated to be below this",
         )
     parser.add_argument("--json", action="store_true", help="print the result as one line of JSON")
     parser.add_argument("--output", metavar="DIR", help="write the result (and fields as .vtu) into this folder")
@@ -138,8 +147,16 @@ def _analysis(scene: Any, theirs: Sequence[str], found: argparse.Namespace) -> t
     from isorod.petsc import unused_options
 
     imported = perf_counter() - begin
-    solution, seconds = run.solve(scene, settings)
-    record = run.record(scene, solution, {"import": imported} | seconds)
+    refined: dict[str, Any] = {}
+    if found.refine or found.tolerance is not None:
+        from isorod import adapt
+
+        reached = adapt.estimate(scene, settings, found.tolerance)
+        scene, solution, seconds = reached.scene, reached.solution, reached.seconds
+        refined = {"error_estimate": reached.error, "changes": reached.changes, "refinements": reached.history}
+    else:
+        solution, seconds = run.solve(scene, settings)
+    record = run.record(scene, solution, {"import": imported} | seconds) | refined
     left = unused_options()
     if left:
         raise InputError(f"PETSc option {', '.join(left)}: nothing used it; check its spelling with -help")
@@ -147,7 +164,8 @@ def _analysis(scene: Any, theirs: Sequence[str], found: argparse.Namespace) -> t
         (body, {key: solution.model.nodal(vector, k) for key, vector in run.fields(scene, solution).items()})
         for k, body in enumerate(solution.model.bodies)
     ]
-    return record | {"settings": settings, "petsc_options": " ".join(theirs)}, fields
+    used = {"options": dataclasses.asdict(scene), "settings": settings, "petsc_options": " ".join(theirs)}
+    return record | used, fields
 
 
 def _report(record: dict[str, Any], fields: Fields, found: argparse.Namespace) -> None:
@@ -168,7 +186,7 @@ def _report(record: dict[str, Any], fields: Fields, found: argparse.Namespace) -
     for key, value in record.items():
         if key == "seconds":
             value = ", ".join(f"{part} {time:.4f}" for part, time in value.items())
-        elif key in ("options", "settings", "solver", "versions", "machine"):
+        elif key in ("options", "settings", "solver", "versions", "machine", "changes"):
             value = ", ".join(f"{part} {item}" for part, item in value.items())
         elif isinstance(value, list | np.ndarray):
             value = ", ".join(f"{item:.6g}" if isinstance(item, float) else str(item) for item in value)

@@ -59,3 +59,16 @@ def unused_options() -> list[str]:
         left.append(f"-{names[k].decode()}" + (f" {value.decode()}" if value else ""))
     _check(_function("PetscOptionsLeftRestore", *kinds)(None, *out))
     return left
+
+
+def componentwise(matrix: PETSc.Mat, components: int) -> PETSc.Mat:
+    """Return the matrix that multiplies each of several interlaced components by the given one (PETSc's MAIJ).
+
+    It stores one entry where a matrix of blocks would store ``components^2``.
+    """
+    made = _POINTER()
+    _check(_function("MatCreateMAIJ", _POINTER, ctypes.c_int, ctypes.POINTER(_POINTER))(matrix.handle, components, ctypes.byref(made)))
+    result = PETSc.Mat().create(matrix.getComm())
+    # petsc4py takes no foreign handle, but its own may become the matrix.
+    _check(_function("MatHeaderReplace", _POINTER, ctypes.POINTER(_POINTER))(result.handle, ctypes.byref(made)))
+    return result

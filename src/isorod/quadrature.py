@@ -40,8 +40,15 @@ class Rule:
         return cls(6, 4 if section_points >= 8 else 6, degree + 1)
 
     @classmethod
-    def parse(cls, text: str, section_points: int, degree: int) -> "Rule":
-        """Return the rule a user names: ``paper``, ``full``, ``RxSxT`` such as ``2x1x4``, or ``RxS`` with ``T = degree + 1``."""
+    def auto(cls, section_points: int, degree: int, order: int) -> "Rule":
+        """Return the cheapest rule found whose error stays below that of the space itself."""
+        return cls(order + 2, 4 if section_points < 5 else 3 if section_points < 8 else 2, degree + 1)
+
+    @classmethod
+    def parse(cls, text: str, section_points: int, degree: int, order: int = 1) -> "Rule":
+        """Return the rule a user names: ``auto``, ``paper``, ``full``, ``RxSxT`` such as ``2x1x4``, or ``RxS`` with ``T = degree + 1``."""
+        if text == "auto":
+            return cls.auto(section_points, degree, order)
         if text == "paper":
             return cls.paper(degree)
         if text == "full":
@@ -49,7 +56,7 @@ class Rule:
         numbers = re.fullmatch(r"(\d{1,3})x(\d{1,3})(?:x(\d{1,3}))?", text)
         if not numbers:
             raise InputError(
-                f"quadrature: got {text!r}, need 'paper', 'full' or RxSxT such as 2x1x4 (RxS: T = degree + 1)"
+                f"quadrature: got {text!r}, need 'auto', 'paper', 'full' or RxSxT such as 2x1x4 (RxS: T = degree + 1)"
             )
         radial, angular, axial = numbers.groups()
         return cls(int(radial), int(angular), degree + 1 if axial is None else int(axial))

@@ -38,7 +38,7 @@ class Space:
     section_points
         Number of control points ``n`` round the section: a multiple of the rod's own; the rod's own where not given.
     quadrature
-        ``"full"``, ``"paper"``, ``"RxS"`` or ``"RxSxT"`` (see `isorod.quadrature`).
+        ``"auto"``, ``"full"``, ``"paper"``, ``"RxS"`` or ``"RxSxT"`` (see `isorod.quadrature`).
 
     Raises
     ------
@@ -50,7 +50,7 @@ class Space:
     elements: int | None = None
     degree: int | None = None
     continuity: int | None = None
-    quadrature: str = "full"
+    quadrature: str = "auto"
     order: int = 1
     section_points: int | None = None
 
@@ -66,7 +66,7 @@ class Space:
     @cached_property
     def rule(self) -> Rule:
         """Quadrature rule."""
-        return Rule.parse(self.quadrature, self.points_around, self.axis.degree)
+        return Rule.parse(self.quadrature, self.points_around, self.axis.degree, self.order)
 
     @cached_property
     def multiple(self) -> int:

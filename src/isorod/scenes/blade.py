@@ -35,7 +35,7 @@ class Blade:
     order: int = option(1, "polyharmonic order K of the section functions, 1 to 6 (paper: 1)")
     degree: int = option(2, "degree along the axis, 2 to 6")
     continuity: int | None = option(None, "continuity at inserted knots, 0 to degree - 1 (degree - 1)")
-    quadrature: str = option("paper", "quadrature rule: full, paper, RxS or RxSxT such as 2x1x4")
+    quadrature: str = option("auto", "quadrature rule: auto, full, paper, RxS or RxSxT such as 2x1x4")
 
     def rod(self) -> Rod:
         """Return the blade as first built (16 points round the paper's section): one quadratic element, twist and scale 0, 1/2, 1 of the way at its control points."""

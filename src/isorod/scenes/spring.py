@@ -34,7 +34,7 @@ class Spring:
     order: int = option(1, "polyharmonic order K of the section functions, 1 to 6 (paper: 1)")
     degree: int = option(3, "degree along the axis, 2 to 6")
     continuity: int | None = option(None, "continuity at inserted knots, 0 to degree - 1 (degree - 1)")
-    quadrature: str = option("3x2", "quadrature rule: full, paper, RxS or RxSxT such as 2x1x4")
+    quadrature: str = option("auto", "quadrature rule: auto, full, paper, RxS or RxSxT such as 2x1x4")
 
     def rod(self) -> Rod:
         """Return the wire as first built: four quadratic arcs a turn."""
