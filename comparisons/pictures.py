@@ -10,6 +10,7 @@ import numpy as np
 from comparisons import published, timing
 from comparisons.study import Run
 from isorod import export, scenes, statics
+from isorod.modal import Modes
 from isorod.results import write_beside
 
 SIZE = (1600, 720)
@@ -17,8 +18,7 @@ SIZE = (1600, 720)
 
 def spring(study: Run) -> None:
     """Render Fig. 8: von Mises stress on the deformed spring, cylindrical element and finite elements on one scale."""
-    if not os.environ.get("DISPLAY"):
-        os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
+    _without_display()
     import pyvista
 
     scene = scenes.find("spring")(E=published.SPRING_E, nu=published.SPRING_NU, elements_per_turn=8, degree=3)
@@ -41,6 +41,54 @@ def spring(study: Run) -> None:
     write_beside(path, lambda where: _side_by_side(panels, published.SPRING_STRESS_SCALE, where))
     peaks = [float(np.max(mesh.point_data["von_mises"])) for mesh, _ in panels]
     study.record("picture", {"file": path.name, "largest_von_mises": peaks, "labels": [label for _, label in panels]})
+
+
+def modes(study: Run, found: Modes, rows: int = 2, exaggeration: float = 0.12) -> None:
+    """Render Fig. 12: mode shapes over the body at rest, coloured by the size of the displacement.
+
+    The largest displacement is drawn as ``exaggeration`` times the body's size.
+    """
+    _without_display()
+    import pyvista
+
+    body = found.model.bodies[0]
+    shapes = {f"mode {k + 1}": found.model.nodal(vector) for k, vector in enumerate(found.vectors)}
+    # Displacements do not jump: merged points leave no faces inside.
+    mesh = export.grid(body, shapes, rings=3, around=48, slices=3).clean(tolerance=1e-6)
+    columns = -(-len(shapes) // rows)
+    plotter = pyvista.Plotter(shape=(rows, columns), off_screen=True, window_size=(1700, 1000), border=False)
+    plotter.set_background("white")
+    rest = mesh.extract_surface(algorithm="dataset_surface")
+    for k, (name, frequency) in enumerate(zip(shapes, found.frequencies, strict=True)):
+        plotter.subplot(*divmod(k, columns))
+        size = np.linalg.norm(mesh.point_data[name], axis=1)
+        mesh.point_data["size"] = size / size.max()
+        moved = mesh.warp_by_vector(name, factor=exaggeration * mesh.length / size.max())
+        plotter.add_mesh(rest.extract_feature_edges(30.0), color="black", line_width=1)
+        plotter.add_mesh(
+            moved.extract_surface(algorithm="dataset_surface"),
+            scalars="size",
+            cmap="viridis",
+            clim=(0.0, 1.0),
+            smooth_shading=True,
+            split_sharp_edges=True,
+            show_scalar_bar=False,
+            ambient=0.35,
+        )
+        plotter.add_text(f"{k + 1}: {frequency:.4g} Hz", position="upper_left", font_size=12, color="black")
+        plotter.camera_position = [(1.0, -1.4, 0.55), (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)]
+        plotter.reset_camera()
+        plotter.camera.zoom(1.35)
+    path = study.folder / "blade-modes.png"
+    write_beside(path, lambda where: plotter.screenshot(str(where)))
+    plotter.close()
+    study.record("picture", {"file": path.name})
+
+
+def _without_display() -> None:
+    """Let VTK draw off screen; must come before pyvista is imported."""
+    if not os.environ.get("DISPLAY"):
+        os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
 
 
 def _side_by_side(panels: Any, scale: tuple[float, float], path: Path) -> None:

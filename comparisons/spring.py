@@ -1,18 +1,14 @@
 """Study ``spring``: Table 1 of Lu & Zhou (2011), the converged finite element value, and error against run time."""
 
-import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from comparisons import pictures, published, rod, timing
 from comparisons.convergence import richardson
 from comparisons.fem import presets
 from comparisons.study import Run, Steps
+from comparisons.work import Curve, WorkPrecision, steps_of
 from isorod import options
-
-# Runs of each configuration, the first one cold: the median is of five.
-REPEAT = "6"
 
 # Errors at which run times are compared: the quick level's reference is not good for the last.
 TARGETS = {"quick": (1e-2, 1e-3), "full": (1e-2, 1e-3, 1e-4)}
@@ -22,15 +18,6 @@ FINER = {
     "cylindrical": (("--elements-per-turn", 4), ("--section-points", 2)),
     "fem": (("--layers", 12), ("--around", 4)),
 }
-
-
-@dataclass(frozen=True)
-class Curve:
-    """A family of discretisations, coarse to fine, that makes one curve of the work-precision diagram."""
-
-    label: str
-    method: str
-    arguments: tuple[str, ...]
 
 
 def _cylindrical(label: str, common: str, elements: Sequence[int]) -> Curve:
@@ -45,6 +32,7 @@ PAPER = "--degree 2 --continuity 0 --quadrature paper"
 CURVES = {
     "quick": (
         _cylindrical("paper, n = 4", f"{PAPER} --section-points 4", (8, 16, 24)),
+        _cylindrical("p = 2, n = 6, 2x1x2", "--degree 2 --section-points 6 --quadrature 2x1x2", (4, 8, 12)),
         _cylindrical("p = 3, n = 6, 2x1x3", "--degree 3 --section-points 6 --quadrature 2x1x3", (4, 8, 12)),
         _cylindrical("K = 2, p = 4, n = 8", "--order 2 --degree 4 --section-points 8", (4, 8)),
         *_fem(presets.QUICK),
@@ -52,6 +40,7 @@ CURVES = {
     "full": (
         _cylindrical("paper, n = 4", f"{PAPER} --section-points 4", (4, 8, 12, 16, 20, 24)),
         _cylindrical("paper, n = 8", f"{PAPER} --section-points 8", (4, 8, 12, 16, 20, 24)),
+        _cylindrical("p = 2, n = 6, 2x1x2", "--degree 2 --section-points 6 --quadrature 2x1x2", (4, 8, 12, 16)),
         _cylindrical("p = 3, n = 6, 2x1x3", "--degree 3 --section-points 6 --quadrature 2x1x3", (4, 8, 12, 16)),
         _cylindrical("p = 3, n = 8", "--degree 3 --section-points 8", (4, 8, 12, 16)),
         _cylindrical("p = 4, n = 8", "--degree 4 --section-points 8", (4, 8, 12)),
@@ -67,9 +56,9 @@ def run(study: Run) -> None:
     """Run the study and append its records."""
     options.initialize([])
     curves, family = CURVES[study.level], presets.CONVERGED[study.level]
-    methods = tuple(FINER)
+    targets = TARGETS[study.level]
     total = len(published.SPRING_GAUSS_POINTS) + len(family.meshes) + len(PAPER_MESH[study.level]) + 1
-    total += sum(len(curve.arguments) for curve in curves) + len(TARGETS[study.level]) * len(methods)
+    total += steps_of(curves, targets)
     with study.progress(total) as steps:
         for extra in published.SPRING_GAUSS_POINTS:
             with steps.step(f"Table 1, {extra} more Gauss points than the degree"):
@@ -79,11 +68,8 @@ def run(study: Run) -> None:
             with steps.step(f"the paper's mesh, {name}"):
                 found = timing.run("comparisons.fem", ["spring", "--preset", name])
                 study.record("paper mesh", found | {"element": name.removeprefix("paper-")})
-        work = [record for curve in curves for record in _work(study, steps, curve, reference)]
-        for target in TARGETS[study.level]:
-            for method in methods:
-                with steps.step(f"fastest {method} within {100 * target:g} %"):
-                    _confirm(study, [one for one in work if one["method"] == method], target, reference)
+        work = WorkPrecision(study, steps, "spring", FINER, lambda found: abs(found["force"] / reference - 1.0))
+        work.run(curves, targets)
         with steps.step("von Mises stress"):
             pictures.spring(study)
 
@@ -117,43 +103,3 @@ def _converged(study: Run, steps: Steps, family: presets.Family) -> float:
     values = {"force": limit.value, "order": limit.order, "uncertainty": limit.distance, "element": family.label}
     study.record("converged", values)
     return limit.value
-
-
-def _measure(method: str, arguments: str, reference: float, repeat: str) -> dict[str, Any]:
-    module = "comparisons.rod" if method == "cylindrical" else "comparisons.fem"
-    found = timing.run(module, ["spring", *arguments.split(), "--repeat", repeat])
-    return found | {"arguments": arguments, "error": abs(found["force"] / reference - 1.0)}
-
-
-def _work(study: Run, steps: Steps, curve: Curve, reference: float) -> list[dict[str, Any]]:
-    """Record error and warm run time along a curve; return the records."""
-    records = []
-    for arguments in curve.arguments:
-        with steps.step(f"{curve.label}: {arguments}"):
-            found = _measure(curve.method, arguments, reference, REPEAT)
-            records.append(study.record("work", found | {"curve": curve.label}))
-    return records
-
-
-def _confirm(study: Run, work: Sequence[dict[str, Any]], target: float, reference: float) -> None:
-    """Record the fastest run within the target that stays within it when axis or section alone is refined.
-
-    On a coarse mesh errors of the axis and of the section can cancel; what is within the target by that luck is recorded too,
-    as not holding.
-    """
-    for found in sorted(work, key=lambda record: record["seconds"]["total"]):
-        if found["error"] > target:
-            continue
-        finer = []
-        for option, step in FINER[found["method"]]:
-            count = re.search(rf"{option} (\d+)", found["arguments"])
-            assert count is not None
-            arguments = found["arguments"].replace(count[0], f"{option} {int(count[1]) + step}")
-            near = _measure(found["method"], arguments, reference, "1")
-            finer.append({"arguments": arguments, "error": near["error"]})
-            if near["error"] > target:
-                break
-        holds = all(near["error"] <= target for near in finer)
-        study.record("confirm", found | {"target": target, "finer": finer, "holds": holds})
-        if holds:
-            return

@@ -55,8 +55,16 @@ class Mesh:
 
     def volume(self) -> float:
         """Return the volume of the cells (length cubed); the rule is exact for the polynomial cells."""
+        return float(self._cell_volumes().sum())
+
+    def node_volumes(self) -> Array:
+        """Return each node's share of the volume, shape ``(nodes,)``: a cell's is shared out equally among its nodes."""
+        shares = np.repeat(self._cell_volumes() / self.cells.shape[1], self.cells.shape[1])
+        return np.bincount(self.cells.ravel(), shares, len(self.points))
+
+    def _cell_volumes(self) -> Array:
         where, weights = _rule(self.shape, 3 * self.order)
-        return float(np.einsum("cq,q->", self.jacobians(where), weights))
+        return self.jacobians(where) @ weights
 
     def check(self) -> float:
         """Return the smallest Jacobian determinant met at quadrature points and cell vertices.

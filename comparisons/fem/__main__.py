@@ -6,8 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
+from comparisons.fem import presets
+from comparisons.fem.quadrature import RULES
 from isorod import options, results
 from isorod.errors import InputError, SolveError
+from meshes import spring
 
 
 class _Parser(argparse.ArgumentParser):
@@ -15,13 +18,13 @@ class _Parser(argparse.ArgumentParser):
         _fail(message)
 
 
-def _fail(message: object, code: int = 2) -> NoReturn:
+def _fail(message: object) -> NoReturn:
     """Say what was wrong, once for all ranks, and end."""
     from mpi4py import MPI
 
     if MPI.COMM_WORLD.rank == 0:
         print(f"comparisons.fem: {message}", file=sys.stderr, flush=True)
-    sys.exit(code)
+    sys.exit(2)
 
 
 def _positive(text: str) -> int:
@@ -32,7 +35,10 @@ def _positive(text: str) -> int:
 
 
 def _rule(text: str) -> int | str:
-    return text if text == "irons14" else _positive(text)
+    try:
+        return text if text in RULES else int(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"got {text!r}, need a degree or {' or '.join(RULES)}") from None
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -42,7 +48,10 @@ def _parser() -> argparse.ArgumentParser:
     )
     scenes = parser.add_subparsers(dest="scene", required=True, metavar="SCENE", help="spring")
     it = scenes.add_parser("spring", help="the helical spring, pulled")
-    it.add_argument("--cells", choices=("bricks", "tetrahedra", "paper"), default="bricks")
+    it.add_argument("--preset", choices=presets.PRESETS, help="start from a configuration; other options change it")
+    it.add_argument(
+        "--cells", choices=spring.CELLS, default="bricks", help="paper: the mesh whose counts the paper gives"
+    )
     it.add_argument("--around", type=int, default=8, metavar="N", help="cells round the wire")
     it.add_argument("--layers", type=int, default=48, metavar="N", help="cells along the wire, a multiple of 12")
     it.add_argument("--rings", type=int, default=1, metavar="N", help="bricks: rings round the core")
@@ -66,7 +75,13 @@ def _parser() -> argparse.ArgumentParser:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit code."""
     ours, petsc = options.split(sys.argv[1:] if arguments is None else arguments)
-    given = vars(_parser().parse_args(ours))
+    parser = _parser()
+    given = vars(parser.parse_args(ours))
+    preset = given.pop("preset")
+    if preset:
+        # Behind the scene's name and before what was typed, which then wins.
+        given = vars(parser.parse_args([ours[0], *presets.PRESETS[preset].split(), *ours[1:]]))
+        del given["preset"]
     options.initialize(petsc)
     record = _run(given)
     from mpi4py import MPI
@@ -77,7 +92,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(given: dict[str, Any]) -> dict[str, Any]:
-    from comparisons.fem import spring
+    from comparisons.fem.spring import Configuration, run
     from isorod.petsc import unused_options
 
     given.pop("scene")
@@ -85,10 +100,9 @@ def _run(given: dict[str, Any]) -> dict[str, Any]:
     fields = given.pop("fields")
     given["flags"] = tuple(given["flags"].split())
     try:
-        record = spring.run(spring.Configuration(**given), repeat, fields and Path(fields))
-    except SolveError as problem:
-        _fail(problem, 1)
-    except InputError as problem:
+        with options.petsc_errors():
+            record = run(Configuration(**given), repeat, fields and Path(fields))
+    except (InputError, SolveError) as problem:
         _fail(problem)
     unknown = unused_options()
     if unknown:

@@ -10,11 +10,13 @@ import basix
 import dolfinx
 import numpy as np
 import ufl
+from cffi import VerificationError
 from dolfinx import fem
 from dolfinx.fem import petsc
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from isorod.errors import InputError, SolveError
 from meshes.mesh import Array, Index
 
 __all__ = [
@@ -95,7 +97,9 @@ def interpolation_points(space: Any) -> Array:
 def geometry_dofs(mesh: Any, cells: int) -> Index:
     """Return the rows of ``mesh.geometry.x`` that are the nodes of this rank's first cells, shape ``(cells, nodes)``."""
     dofs = mesh.geometry.dofmap
-    return np.asarray(getattr(dofs, "array", dofs)).reshape(-1, len(dofs.links(0)) if hasattr(dofs, "links") else dofs.shape[1])[:cells]
+    # An adjacency list up to 0.6, an array of shape (cells, nodes) since.
+    table = dofs.array.reshape(dofs.num_nodes, -1) if hasattr(dofs, "num_nodes") else dofs
+    return np.asarray(table[:cells], dtype=np.int64)
 
 
 def function_space(mesh: Any, element: Any) -> Any:
@@ -112,11 +116,13 @@ def _jit(function: Callable[..., Any], flags: Sequence[str]) -> dict[str, Any]:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Keep the compiler's command lines off the terminal."""
+    """Keep the compiler's command lines off the terminal, and its failures to one line."""
     before = logging.root.manager.disable
     logging.disable(logging.INFO)
     try:
         yield
+    except (VerificationError, RuntimeError) as problem:
+        raise SolveError(f"the C compiler or the form compiler failed: {str(problem).splitlines()[-1]}") from problem
     finally:
         logging.disable(before)
 
@@ -143,7 +149,13 @@ def petsc_vector(function: Any) -> PETSc.Vec:
 
 def create_matrix(bilinear: Any, kind: str | None) -> PETSc.Mat:
     """Return an empty matrix of a PETSc type (None: PETSc's default)."""
-    return petsc.create_matrix(bilinear, kind) if kind else petsc.create_matrix(bilinear)
+    if not kind:
+        return petsc.create_matrix(bilinear)
+    matrix = petsc.create_matrix(bilinear, kind)
+    # dolfinx does not look at what PETSc answers to an unknown type.
+    if matrix.getType() not in (kind, f"seq{kind}", f"mpi{kind}"):
+        raise InputError(f"matrix type: got {kind!r}, need one of PETSc's such as aij, baij or sbaij")
+    return matrix
 
 
 def assemble_matrix(matrix: PETSc.Mat, bilinear: Any, supports: Sequence[Any]) -> None:

@@ -24,6 +24,8 @@ class Domain:
     ----------
     mesh
         The dolfinx mesh.
+    shape
+        Shape of its cells, ``"hexahedron"`` or ``"tetrahedron"``.
     cells
         Number of cells on all ranks.
     faces
@@ -31,6 +33,7 @@ class Domain:
     """
 
     mesh: Any
+    shape: str
     cells: int
     faces: dict[str, Array]
 
@@ -50,7 +53,7 @@ class Domain:
             cells, points = mesh.cells[:, match(mesh.reference, nodes)], mesh.points
         else:
             cells, points = np.empty((0, len(nodes)), dtype=np.int64), np.empty((0, 3))
-        return cls(compat.create_mesh(comm, cells, points, shape, order), count, faces)
+        return cls(compat.create_mesh(comm, cells, points, shape, order), shape, count, faces)
 
     def facets(self, name: str) -> Index:
         """Return this rank's facets of a named face."""

@@ -1,7 +1,8 @@
 """Vibration modes with dolfinx: linear elasticity, ``K x = omega^2 M x`` on the free unknowns, by SLEPc."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from time import perf_counter
 from typing import Any
 
@@ -10,17 +11,21 @@ import numpy as np
 import ufl
 from mpi4py import MPI
 from petsc4py import PETSc
-from slepc4py import SLEPc
 
-from comparisons.fem import compat, quadrature
+from comparisons.fem import compat, enhanced, quadrature
 from comparisons.fem.domain import Domain
-from comparisons.fem.material import lame
+from comparisons.fem.material import linear
+from comparisons.fem.pencil import Pencil, symmetric
 from comparisons.fem.statics import FAST, Element
 from comparisons.timing import peak_memory
-from isorod.errors import InputError, SolveError
+from isorod.errors import InputError
 from isorod.options import defaults
-from meshes.mesh import Array, Index
+from isorod.petsc import componentwise
+from isorod.results import write_beside
+from meshes.mesh import Array, Index, Mesh
 
+# What a user's option overrides.  Measured on the blade (see comparisons.fem.blade): MUMPS' own choice of ordering and one Krylov
+# space without restart are fastest.
 DIRECT = {
     "eps_tol": 1e-10,
     "st_type": "sinvert",
@@ -29,16 +34,12 @@ DIRECT = {
     "st_pc_factor_mat_solver_type": "mumps",
 }
 
-# Eigensolvers that take a preconditioner instead of a spectral transformation.
-PRECONDITIONED = ("lobpcg", "rqcg", "gd", "jd")
-
 RIGID = 6
 
-# The inertia is taken this far (relative) above the last eigenvalue returned.
-_ABOVE = 1e-6
-
-# The shift of a free body lies this share of its first flexible eigenvalue below zero.
+# The shift of a free body lies this share of its first flexible eigenvalue below zero; far from it the modes would cluster.
 _SHIFT = 0.1
+
+_ALGEBRAIC = ("gamg", "ml", "hypre")
 
 
 @dataclass(frozen=True)
@@ -59,7 +60,9 @@ class Modes:
     domain
         What was solved on.
     shapes
-        Mode shapes, one dolfinx function a mode, ``x^T M x = 1``.
+        Mode shapes ``x^T M x = 1``, a PETSc vector each, on the degrees of freedom that are free.
+    displacement, carry
+        Displacement as a UFL expression, and the function that makes it that of such a vector.
     frequencies
         ``omega / 2 pi``, cycles per time, shape ``(modes,)``.
     eigenvalues
@@ -75,8 +78,8 @@ class Modes:
     iterations
         Restarts or iterations of the eigensolver.
     seconds
-        ``forms`` (symbolic work and compilation or its cache), ``setup`` (space, supports, matrices), ``assembly``, ``solve``,
-        and apart from these ``check`` (the inertia), wall time of this rank.
+        ``forms`` (symbolic work and compilation or its cache), ``setup`` (spaces, supports, empty matrices), ``assembly``,
+        ``solve``, and apart from these ``check`` (the inertia), wall time of this rank.
     options
         PETSc and SLEPc options in force, as given.
     peak_memory
@@ -84,7 +87,9 @@ class Modes:
     """
 
     domain: Domain
-    shapes: list[Any]
+    shapes: list[PETSc.Vec]
+    displacement: Any
+    carry: Callable[[PETSc.Vec], None]
     frequencies: Array
     eigenvalues: Array
     residuals: Array
@@ -128,231 +133,265 @@ def solve(
     flags
         C compiler flags for the forms.
     matrix_type
-        PETSc matrix type.
+        PETSc type of the stiffness matrix when it is factored; ``sbaij`` (its upper triangle by blocks) if not given.
     check
-        Count the eigenvalues below the last one as well.
+        Count the eigenvalues below the last one, to prove that none was missed.
 
     Raises
     ------
     InputError
         If the density is not positive or there are fewer unknowns than modes.
     SolveError
-        If SLEPc does not converge, or the count shows that a mode was missed.
+        If SLEPc does not converge, or a mode is missed.
     """
     if not solid.density > 0.0:
         raise InputError(f"density: got {solid.density:g}, modes need a positive mass per volume")
-    start = perf_counter()
     element = element or Element()
-    mesh = domain.mesh
-    comm = mesh.comm
-    space = compat.function_space(mesh, compat.block_element(mesh, element.family, element.degree, 3))
-    spaces = perf_counter() - start
-
-    start = perf_counter()
-    forms = _forms(space, solid, element.rule(mesh.ufl_cell().cellname()), flags)
-    symbolic = perf_counter() - start
-
-    start = perf_counter()
-    pencil = _Pencil(space, forms, _free(space, domain, held), matrix_type)
-    rigid = 0 if held else RIGID
-    wanted = modes + rigid
-    if modes < 1 or wanted > pencil.unknowns:
-        raise InputError(f"modes: got {modes}, need 1 to {pencil.unknowns - rigid} (the unknowns there are)")
-    setup = spaces + perf_counter() - start
-
-    start = perf_counter()
-    pencil.assemble()
-    assembly = perf_counter() - start
-
-    start = perf_counter()
     with defaults(DIRECT if options is None else options):
-        eps = pencil.solve(wanted, -_SHIFT * pencil.first_flexible(rigid) if rigid else 0.0)
-        typed = dict(PETSc.Options().getAll())
-    eigenvalues, residuals, shapes = pencil.pairs(eps, wanted, rigid)
-    solution = perf_counter() - start
+        start = perf_counter()
+        # A shift adds the mass to the stiffness: it then needs the same sparsity.
+        rigid = 0 if held else RIGID
+        shifted = rigid > 0 or PETSc.Options().hasName("st_shift")
+        body = _Body(domain, solid, held, element, flags, matrix_type)
+        if modes < 1 or modes + rigid > body.unknowns:
+            raise InputError(f"modes: got {modes}, need 1 to {body.unknowns - rigid} (the unknowns there are)")
+        spaces = perf_counter() - start
+        start = perf_counter()
+        stiffness = body.stiffness()
+        mass = body.mass_by_blocks() if shifted or not body.plain else body.mass()
+        assembly = perf_counter() - start
+        body.near_null_space(stiffness)
 
-    start = perf_counter()
-    below = pencil.count_below(eigenvalues[-1]) if check else None
-    checking = perf_counter() - start
-    found = sum(1 for k in range(eps.getConverged()) if eps.getEigenvalue(k).real <= _just_above(eigenvalues[-1]))
-    if below is not None and below != found:
-        raise SolveError(
-            f"modes: {below} eigenvalues lie at or below {eigenvalues[-1]:.6g}, but {found} were found; "
-            "ask for more (-eps_ncv) or shift elsewhere (-st_shift)"
-        )
-    seconds = {"forms": symbolic, "setup": setup, "assembly": assembly, "solve": solution, "check": checking}
-    result = Modes(
+        start = perf_counter()
+        pencil = Pencil(stiffness, mass)
+        shift = -_SHIFT * pencil.first_flexible(rigid) if rigid else 0.0
+        solving = perf_counter() - start
+        start = perf_counter()
+        count_mass = None
+        if check:
+            count_mass = body.mass_by_blocks() if mass.getType() != stiffness.getType() else mass
+        counting = perf_counter() - start
+        start = perf_counter()
+        below = pencil.solve(modes + rigid, shift, count_mass)
+        eigenvalues, residuals, shapes = pencil.pairs(modes + rigid, rigid)
+        solving += perf_counter() - start - pencil.checking
+        typed = dict(PETSc.Options().getAll())
+    seconds = {
+        "forms": body.symbolic,
+        "setup": spaces - body.symbolic,
+        "assembly": assembly,
+        "solve": solving,
+        "check": counting + pencil.checking,
+    }
+    return Modes(
         domain=domain,
         shapes=shapes,
+        displacement=body.displacement(),
+        carry=body.carry,
         frequencies=np.sqrt(np.maximum(eigenvalues, 0.0)) / (2.0 * np.pi),
         eigenvalues=eigenvalues,
         residuals=residuals,
         rigid=rigid,
         below=below,
-        dofs=space.dofmap.index_map.size_global * space.dofmap.index_map_bs,
-        unknowns=pencil.unknowns,
-        iterations=eps.getIterationNumber(),
+        dofs=body.dofs,
+        unknowns=body.unknowns,
+        iterations=pencil.iterations,
         seconds=seconds,
         options=typed,
-        peak_memory=comm.allreduce(peak_memory(), op=MPI.MAX),
+        peak_memory=domain.mesh.comm.allreduce(peak_memory(), op=MPI.MAX),
     )
-    eps.destroy()
-    pencil.destroy()
-    return result
 
 
-def _just_above(eigenvalue: float) -> float:
-    return eigenvalue + _ABOVE * abs(eigenvalue)
+class _Body:
+    """Spaces, forms and matrices of a body.
 
+    The stiffness is assembled by 3 x 3 blocks (``baij``): inserting a block at a time is three times faster than entry by entry.
+    Of the mass only one component is assembled, and PETSc's MAIJ applies it to all three: Lanczos steps multiply by it
+    more often than they solve.
+    """
 
-def _forms(space: Any, solid: Solid, rule: int | str, flags: Sequence[str]) -> tuple[Any, Any]:
-    """Return the compiled forms of stiffness and mass."""
-    mu, kappa = lame(solid.E, solid.nu)
-    u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
-    dx = ufl.dx(metadata=quadrature.measure(rule))
-    strain = ufl.sym(ufl.grad(u))
-    stress = 2.0 * mu * strain + kappa * ufl.tr(strain) * ufl.Identity(3)
-    stiffness = ufl.inner(stress, ufl.sym(ufl.grad(v))) * dx
-    mass = solid.density * ufl.inner(u, v) * dx
-    return compat.form(stiffness, flags), compat.form(mass, flags)
-
-
-def _free(space: Any, domain: Domain, held: Sequence[str]) -> Index:
-    """Return this rank's own nodes (blocks of degrees of freedom) that are not held, local numbers."""
-    own = np.ones(space.dofmap.index_map.size_local, dtype=bool)
-    for face in held:
-        nodes = dolfinx.fem.locate_dofs_topological(space, 2, domain.facets(face))
-        own[nodes[nodes < own.size]] = False
-    return np.flatnonzero(own)
-
-
-class _Pencil:
-    """The matrices ``K`` and ``M`` of the free unknowns."""
-
-    def __init__(self, space: Any, forms: tuple[Any, Any], free: Index, matrix_type: str | None) -> None:
-        self.space, self.forms = space, forms
-        self.comm = space.mesh.comm
-        self.unknowns = 3 * self.comm.allreduce(free.size, op=MPI.SUM)
-        self.held = self.unknowns < 3 * space.dofmap.index_map.size_global
-        first = space.dofmap.index_map.local_range[0]
-        self.free = PETSc.IS().createBlock(3, (first + free).astype(PETSc.IntType), comm=self.comm)
-        self.full = [compat.create_matrix(forms[0], matrix_type)]
-        # The same sparsity, without building it again.
-        self.full.append(self.full[0].duplicate())
-        self.vector = self.full[0].createVecRight()
-
-    def assemble(self) -> None:
-        """Assemble both matrices and take out the rows and columns of what is held."""
-        for matrix, form in zip(self.full, self.forms, strict=True):
-            compat.assemble_matrix(matrix, form, [])
-        if self.held:
-            self.stiffness, self.mass = (matrix.createSubMatrix(self.free, self.free) for matrix in self.full)
+    def __init__(
+        self,
+        domain: Domain,
+        solid: Solid,
+        held: Sequence[str],
+        element: Element,
+        flags: Sequence[str],
+        matrix_type: str | None,
+    ) -> None:
+        mesh = domain.mesh
+        self.comm = mesh.comm
+        self.plain = element.family != "enhanced"
+        self.solid, self.flags = solid, flags
+        self.measure = ufl.dx(metadata=quadrature.measure(element.rule(domain.shape)))
+        if self.plain:
+            self.space = compat.function_space(mesh, compat.block_element(mesh, element.family, element.degree, 3))
+            self.scalar = compat.function_space(mesh, compat.block_element(mesh, element.family, element.degree, 1))
+            self.kind, self.final = "baij", matrix_type or "sbaij"
         else:
-            self.stiffness, self.mass = self.full
-        for matrix in (self.stiffness, self.mass):
-            matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
-            matrix.setOption(PETSc.Mat.Option.SYMMETRY_ETERNAL, True)
-            if self.held or matrix is self.mass:
-                matrix.setOption(PETSc.Mat.Option.SPD, True)
+            self.space = enhanced.space(mesh)
+            self.kind, self.final = "aij", matrix_type or "aij"
+        self.state = dolfinx.fem.Function(self.space)
+        self.free = self._free(domain, held)
+        dofmap = self.space.dofmap
+        self.dofs = dofmap.index_map.size_global * dofmap.index_map_bs
+        self.unknowns = self.comm.allreduce(self.free.size * dofmap.index_map_bs, op=MPI.SUM)
+        self.first = dofmap.index_map.local_range[0]
+        start = perf_counter()
+        self.stiffness_form = self._form(linear(solid.E, solid.nu)(self._deformation()))
+        self.mass_form = self._scalar_mass() if self.plain else None
+        self.symbolic = perf_counter() - start
+        self.matrix = compat.create_matrix(self.stiffness_form, self.kind)
 
-    def _eps(self, count: int, shift: float) -> SLEPc.EPS:
-        eps = SLEPc.EPS().create(self.comm)
-        eps.setOperators(self.stiffness, self.mass)
-        eps.setProblemType(SLEPc.EPS.ProblemType.GHEP)
-        eps.setDimensions(min(count, self.unknowns))
-        eps.setTarget(shift)
-        eps.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
-        return eps
+    def _deformation(self) -> Any:
+        return ufl.Identity(3) + ufl.grad(self.state) if self.plain else enhanced.deformation_gradient(self.state)
 
-    def first_flexible(self, rigid: int) -> float:
-        """Return a rough value of the first eigenvalue above the rigid modes of a free body."""
-        guess = 1e-8 * self.stiffness.getDiagonal().sum() / self.mass.getDiagonal().sum()
-        for _ in range(8):
-            eps = self._eps(rigid + 2, -guess)
-            eps.setTolerances(1e-4)
-            st = eps.getST()
-            st.setType(SLEPc.ST.Type.SINVERT)
-            st.setShift(-guess)
-            st.getKSP().setType(PETSc.KSP.Type.PREONLY)
-            st.getKSP().getPC().setType(PETSc.PC.Type.LU)
-            st.getKSP().getPC().setFactorSolverType("mumps")
-            eps.solve()
-            values = sorted(eps.getEigenvalue(k).real for k in range(eps.getConverged()))
-            eps.destroy()
-            if len(values) <= rigid:
-                break
-            # Too far below zero, the shift makes rigid and flexible modes look alike.
-            if values[rigid] > 0.01 * guess:
-                return float(values[rigid])
-            guess = max(10.0 * abs(values[rigid]), 1e-3 * guess)
-        raise SolveError("modes of a free body: no flexible mode was found to place the shift by; give one (-st_shift)")
+    def _form(self, energy: Any) -> Any:
+        """Return the compiled second variation of an energy per volume."""
+        first = ufl.derivative(energy * self.measure, self.state, ufl.TestFunction(self.space))
+        return compat.form(ufl.derivative(first, self.state, ufl.TrialFunction(self.space)), self.flags)
 
-    def solve(self, wanted: int, shift: float) -> SLEPc.EPS:
-        """Solve for the lowest ``wanted`` eigenvalues, as the options say."""
-        # One more than wanted, so that the last one does not lack its twin.
-        eps = self._eps(wanted + 1, shift)
-        if PETSc.Options().getString("eps_type", "krylovschur") in PRECONDITIONED:
-            eps.setWhichEigenpairs(SLEPc.EPS.Which.SMALLEST_REAL)
-        eps.setFromOptions()
-        eps.solve()
-        if eps.getConverged() < wanted:
-            raise SolveError(
-                f"modes: SLEPc found {eps.getConverged()} of {wanted} in {eps.getIterationNumber()} iterations (reason "
-                f"{eps.getConvergedReason()}); raise -eps_max_it or -eps_ncv, or loosen -eps_tol"
-            )
-        return eps
+    def _scalar_mass(self) -> Any:
+        u, v = ufl.TrialFunction(self.scalar), ufl.TestFunction(self.scalar)
+        return compat.form(self.solid.density * ufl.inner(u, v) * self.measure, self.flags)
 
-    def pairs(self, eps: SLEPc.EPS, wanted: int, rigid: int) -> tuple[Array, Array, list[Any]]:
-        """Return the lowest eigenvalues, the residuals and the mode shapes."""
-        values = np.array([eps.getEigenvalue(k).real for k in range(eps.getConverged())])
-        order = np.argsort(values, kind="stable")[:wanted]
-        scale = abs(values[order[rigid]])
-        x, kx, mx = (self.stiffness.createVecRight() for _ in range(3))
-        residuals, shapes = [], []
-        for k in order:
-            eps.getEigenvector(k, x)
-            self.stiffness.mult(x, kx)
-            self.mass.mult(x, mx)
-            x.scale(1.0 / np.sqrt(x.dot(mx)))
-            norm = mx.norm()
-            kx.axpy(-values[k], mx)
-            residuals.append(kx.norm() / (max(abs(values[k]), scale) * norm))
-            shapes.append(self._shape(x))
-        return values[order], np.array(residuals), shapes
+    def _free(self, domain: Domain, held: Sequence[str]) -> Index:
+        """Return this rank's own nodes that are not held (without blocks: degrees of freedom), local numbers."""
+        own = np.ones(self.space.dofmap.index_map.size_local, dtype=bool)
+        for face in held:
+            facets = domain.facets(face)
+            if self.plain:
+                where = dolfinx.fem.locate_dofs_topological(self.space, 2, facets)
+            else:
+                plain = self.space.sub(0).collapse()[0]
+                where = dolfinx.fem.locate_dofs_topological((self.space.sub(0), plain), 2, facets)[0]
+            own[where[where < own.size]] = False
+        return np.flatnonzero(own)
 
-    def _shape(self, x: PETSc.Vec) -> Any:
-        """Return the function of a vector of the free unknowns."""
-        shape = dolfinx.fem.Function(self.space)
-        own = compat.petsc_vector(shape)
-        local = self.free.getIndices() - own.getOwnershipRange()[0]
-        own.array[local] = x.array_r
+    def _rows(self, blocks: int) -> PETSc.IS:
+        rows = (self.first + self.free).astype(PETSc.IntType)
+        return PETSc.IS().createBlock(blocks, rows, comm=self.comm)
+
+    def _reduced(self, matrix: PETSc.Mat, blocks: int, kind: str) -> PETSc.Mat:
+        """Take out the rows and columns of what is held and convert to the type that is factored."""
+        if self.unknowns < self.dofs:
+            rows = self._rows(blocks)
+            matrix = matrix.createSubMatrix(rows, rows)
+        return matrix if matrix.getType() in (f"seq{kind}", f"mpi{kind}") else matrix.convert(kind)
+
+    def stiffness(self) -> PETSc.Mat:
+        """Assemble ``K`` of the free unknowns."""
+        compat.assemble_matrix(self.matrix, self.stiffness_form, [])
+        blocks = self.space.dofmap.index_map_bs
+        symmetric(self.matrix, definite=False)
+        return symmetric(self._reduced(self.matrix, blocks, self.final), definite=self.unknowns < self.dofs)
+
+    def mass(self) -> PETSc.Mat:
+        """Assemble ``M`` of the free unknowns, to multiply with."""
+        if not np.array_equal(_table(self.space), _table(self.scalar)):
+            return self.mass_by_blocks()
+        matrix = compat.create_matrix(self.mass_form, None)
+        compat.assemble_matrix(matrix, self.mass_form, [])
+        return symmetric(componentwise(self._reduced(matrix, 1, "aij"), 3), definite=True)
+
+    def mass_by_blocks(self) -> PETSc.Mat:
+        """Assemble ``M`` of the free unknowns with the type and sparsity of ``K``."""
+        u = self.displacement()
+        form = self._form(0.5 * self.solid.density * ufl.inner(u, u))
+        matrix = self.matrix.duplicate()
+        compat.assemble_matrix(matrix, form, [])
+        symmetric(matrix, definite=False)
+        return symmetric(self._reduced(matrix, self.space.dofmap.index_map_bs, self.final), definite=False)
+
+    def near_null_space(self, stiffness: PETSc.Mat) -> None:
+        """Tell algebraic multigrid the rigid motions."""
+        if PETSc.Options().getString("st_pc_type", "") not in _ALGEBRAIC or not self.plain:
+            return
+        x = self.space.tabulate_dof_coordinates()[self.free]
+        vectors = []
+        for a in range(RIGID):
+            nodal = np.zeros_like(x)
+            if a < 3:
+                nodal[:, a] = 1.0
+            else:
+                b, c = (a - 2) % 3, (a - 1) % 3
+                nodal[:, b], nodal[:, c] = -x[:, c], x[:, b]
+            vector = stiffness.createVecRight()
+            vector.array[:] = nodal.ravel()
+            for other in vectors:
+                vector.axpy(-vector.dot(other), other)
+            vector.normalize()
+            vectors.append(vector)
+        stiffness.setNearNullSpace(PETSc.NullSpace().create(vectors=vectors, comm=self.comm))
+
+    def displacement(self) -> Any:
+        """Return the displacement of the state."""
+        return self.state if self.plain else ufl.split(self.state)[0]
+
+    def carry(self, shape: PETSc.Vec) -> None:
+        """Make a vector of the free unknowns the state."""
+        blocks = self.space.dofmap.index_map_bs
+        own = compat.petsc_vector(self.state)
+        own.set(0.0)
+        own.array[:].reshape(-1, blocks)[self.free] = shape.array_r.reshape(-1, blocks)
         own.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
-        return shape
 
-    def count_below(self, eigenvalue: float) -> int:
-        """Return the number of eigenvalues up to just above the given one, by Sylvester's law of inertia."""
-        shifted = self.stiffness.copy()
-        shifted.axpy(-_just_above(eigenvalue), self.mass, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
-        shifted.setOption(PETSc.Mat.Option.SYMMETRIC, True)
-        shifted.setOption(PETSc.Mat.Option.SPD, False)
-        pc = PETSc.PC().create(self.comm)
-        pc.setOptionsPrefix("sturm_")
-        pc.setOperators(shifted)
-        pc.setType(PETSc.PC.Type.CHOLESKY)
-        pc.setFactorSolverType("mumps")
-        pc.setFactorSetUpSolverType()
-        # MUMPS knows the inertia only if its root node is not ScaLAPACK's and it looks for zero pivots.
-        factor = pc.getFactorMatrix()
-        factor.setMumpsIcntl(13, 1)
-        factor.setMumpsIcntl(24, 1)
-        pc.setFromOptions()
-        pc.setUp()
-        negative, _, _ = pc.getFactorMatrix().getInertia()
-        pc.destroy()
-        shifted.destroy()
-        return int(negative)
 
-    def destroy(self) -> None:
-        """Free the matrices."""
-        for matrix in {m.handle: m for m in (self.stiffness, self.mass, *self.full)}.values():
-            matrix.destroy()
+def _table(space: Any) -> Index:
+    table = space.dofmap.list
+    return np.asarray(getattr(table, "array", table)).ravel()
+
+
+def nodal(found: Modes) -> Array | None:
+    """Return the mode shapes at the nodes of the `Mesh`, shape ``(modes, nodes, 3)``, on rank 0; None elsewhere."""
+    mesh = found.domain.mesh
+    count = mesh.topology.index_map(mesh.topology.dim).size_local
+    cells = np.arange(count, dtype=np.int32)
+    rows = compat.geometry_dofs(mesh, count)
+    numbers = np.asarray(mesh.geometry.input_global_indices)
+    order = (
+        round(rows.shape[1] ** (1.0 / 3.0)) - 1 if found.domain.shape == "hexahedron" else {4: 1, 10: 2}[rows.shape[1]]
+    )
+    where = compat.reference_nodes(found.domain.shape, order)
+    local = np.zeros((len(found.shapes), len(mesh.geometry.x), 3))
+    evaluate = compat.expression(found.displacement, where, FAST)
+    for k, shape in enumerate(found.shapes):
+        found.carry(shape)
+        local[k, rows] = evaluate(mesh, cells).reshape(count, -1, 3)
+    used = np.unique(rows)
+    parts = mesh.comm.gather((numbers[used], local[:, used]), root=0)
+    if parts is None:
+        return None
+    whole = np.zeros((len(found.shapes), 1 + max(int(part[0].max()) for part in parts if part[0].size), 3))
+    for where_to, values in parts:
+        whole[:, where_to] = values
+    return whole
+
+
+def save(found: Modes, mesh: Mesh | None, path: Path) -> None:
+    """Write the mode shapes to an ``.npz`` file, from rank 0, which has the mesh; every rank must call.
+
+    Arrays: ``frequencies`` ``(modes,)``; ``modes`` ``(modes, nodes, 3)`` with ``x^T M x = 1``; of each node its position ``points``
+    ``(nodes, 3)``, its parameters on the Rod ``xi`` ``(nodes, 2)`` and ``u`` ``(nodes,)``, and its share of the volume ``weights``
+    ``(nodes,)``, for inner products; ``cells`` and their ``shape`` and ``order`` as in `meshes.mesh.Mesh`.
+    """
+    values = nodal(found)
+    if values is None or mesh is None or mesh.parameters is None:
+        return
+    arrays = {
+        "frequencies": found.frequencies,
+        "modes": values,
+        "points": mesh.points,
+        "xi": mesh.parameters[:, :2],
+        "u": mesh.parameters[:, 2],
+        "weights": mesh.node_volumes(),
+        "cells": mesh.cells,
+        "shape": np.array(mesh.shape),
+        "order": np.array(mesh.order),
+    }
+
+    def write(where: Path) -> None:
+        with open(where, "wb") as file:
+            np.savez_compressed(file, **arrays)
+
+    write_beside(path, write)

@@ -53,6 +53,19 @@ class Configuration:
     matrix: str | None = None
     flags: Sequence[str] = FAST
 
+    def __post_init__(self) -> None:
+        bricks = self.cells != "tetrahedra"
+        if not 1 <= self.degree <= (4 if bricks else 3):
+            raise InputError(f"degree: got {self.degree}, need 1 to 4 on bricks, 1 to 3 on tetrahedra")
+        if self.family != "Lagrange" and not bricks:
+            raise InputError(f"family {self.family}: bricks only; tetrahedra take Lagrange")
+        if self.family == "enhanced" and (self.degree, self.geometry_order) != (1, 1):
+            raise InputError("family enhanced: it is of degree 1 on bricks of order 1; add --degree 1 --order 1")
+        if isinstance(self.quadrature, str) and not bricks:
+            raise InputError(f"quadrature {self.quadrature}: bricks only; tetrahedra take a degree")
+        if self.quadrature == 0 or (isinstance(self.quadrature, int) and self.quadrature > 20):
+            raise InputError(f"quadrature: got degree {self.quadrature}, need 1 to 20")
+
     @property
     def geometry_order(self) -> int:
         """Order of the mesh: that of the element, at most 2 on tetrahedra; 1 on the paper's mesh."""
@@ -118,7 +131,7 @@ def run(
         save(found, fields)
     warm = runs[1:] or runs
     median = {name: statistics.median(one[name] for one in warm) for name in runs[0]}
-    rule = Element(configuration.degree, configuration.quadrature).rule(where.mesh.ufl_cell().cellname())
+    rule = Element(configuration.degree, configuration.quadrature).rule(where.shape)
     record = {
         "scene": "spring",
         "analysis": "statics",

@@ -138,7 +138,7 @@ def solve(
     element
         Displacement element and quadrature.
     options
-        PETSc options that the user's own override; MUMPS and undamped Newton steps if not given.
+        PETSc options that the user's own override; MUMPS if not given; Newton steps are undamped either way.
     flags
         C compiler flags for the forms.
     matrix_type
@@ -162,7 +162,7 @@ def solve(
     setup = perf_counter() - start
 
     start = perf_counter()
-    residual, tangent = _forms(state, F, energy, element.rule(mesh.ufl_cell().cellname()), flags)
+    residual, tangent = _forms(state, F, energy, element.rule(domain.shape), flags)
     forms = perf_counter() - start
 
     start = perf_counter()
@@ -227,7 +227,7 @@ class _Support:
             value.interpolate(wanted)
         else:
             constant = np.array(wanted, dtype=float)[:, None]
-            value.interpolate(lambda x: np.broadcast_to(constant, x.shape))
+            value.interpolate(lambda x: np.repeat(constant, x.shape[1], axis=1))
         if mixed:
             dofs, in_plain = dolfinx.fem.locate_dofs_topological((space.sub(0), plain), 2, facets)
             self.condition = dolfinx.fem.dirichletbc(value, [dofs, in_plain], space.sub(0))
@@ -295,11 +295,12 @@ class _Newton:
         self.snes.solve(None, self.x)
         reason = self.snes.getConvergedReason()
         if reason < 0:
-            linear = self.snes.getKSP().getConvergedReason()
-            raise SolveError(
-                f"SNES diverged after {self.snes.getIterationNumber()} iterations (reason {reason}, KSP reason {linear}): "
-                "take a smaller displacement, or -pc_type lu where the tangent need not be positive definite"
-            )
+            why = f"SNES diverged after {self.snes.getIterationNumber()} iterations (reason {reason})"
+            if reason == PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE:
+                why += ", its linear solver failed: if the tangent may be indefinite or singular, try -pc_type lu"
+            else:
+                why += ": take a smaller displacement, a finer quadrature or more iterations (-snes_max_it)"
+            raise SolveError(why)
         self._copy(self.x)
 
     def reactions(self) -> Array:

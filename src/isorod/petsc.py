@@ -67,7 +67,11 @@ def componentwise(matrix: PETSc.Mat, components: int) -> PETSc.Mat:
     It stores one entry where a matrix of blocks would store ``components^2``.
     """
     made = _POINTER()
-    _check(_function("MatCreateMAIJ", _POINTER, ctypes.c_int, ctypes.POINTER(_POINTER))(matrix.handle, components, ctypes.byref(made)))
+    _check(
+        _function("MatCreateMAIJ", _POINTER, ctypes.c_int, ctypes.POINTER(_POINTER))(
+            matrix.handle, components, ctypes.byref(made)
+        )
+    )
     result = PETSc.Mat().create(matrix.getComm())
     # petsc4py takes no foreign handle, but its own may become the matrix.
     _check(_function("MatHeaderReplace", _POINTER, ctypes.POINTER(_POINTER))(result.handle, ctypes.byref(made)))

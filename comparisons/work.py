@@ -1,0 +1,92 @@
+"""Error against run time: curves of discretisations, and the fastest that reaches an error and keeps it."""
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+from comparisons import timing
+from comparisons.records import Record
+from comparisons.study import Run, Steps
+
+# Runs of each configuration, the first one cold: the median is of five.
+REPEAT = 6
+
+MODULES = {"cylindrical": "comparisons.rod", "fem": "comparisons.fem"}
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A family of discretisations, coarse to fine, that makes one curve of the work-precision diagram."""
+
+    label: str
+    method: str
+    arguments: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class WorkPrecision:
+    """Measures a scene along curves.
+
+    Parameters
+    ----------
+    study, steps
+        Where records go, and what shows the progress.
+    scene
+        Name of the scene.
+    finer
+        One step finer along the axis, and one in the section, by method: option and what is added to it.
+    error
+        Error of a record.
+    """
+
+    study: Run
+    steps: Steps
+    scene: str
+    finer: Mapping[str, Sequence[tuple[str, int]]]
+    error: Callable[[Record], float]
+
+    def _measure(self, method: str, arguments: str, repeat: int) -> Record:
+        words = [self.scene, *arguments.split(), "--repeat", str(repeat)]
+        found = timing.run(MODULES[method], words)
+        return found | {"arguments": arguments, "error": self.error(found)}
+
+    def run(self, curves: Sequence[Curve], targets: Sequence[float]) -> None:
+        """Record error and warm run time along each curve, then the fastest runs within each target."""
+        work = []
+        for curve in curves:
+            for arguments in curve.arguments:
+                with self.steps.step(f"{curve.label}: {arguments}"):
+                    found = self._measure(curve.method, arguments, REPEAT)
+                    work.append(self.study.record("work", found | {"curve": curve.label}))
+        for target in targets:
+            for method in MODULES:
+                with self.steps.step(f"fastest {method} within {100 * target:g} %"):
+                    self._confirm([one for one in work if one["method"] == method], target)
+
+    def _confirm(self, work: Sequence[Record], target: float) -> None:
+        """Record the fastest run within the target that stays within it when axis or section alone is refined.
+
+        On a coarse mesh errors of the axis and of the section can cancel; what is within the target by that luck is recorded
+        too, as not holding.
+        """
+        for found in sorted(work, key=lambda record: record["seconds"]["total"]):
+            if found["error"] > target:
+                continue
+            finer = []
+            for option, step in self.finer[found["method"]]:
+                count = re.search(rf"{option} (\d+)", found["arguments"])
+                assert count is not None
+                arguments = found["arguments"].replace(count[0], f"{option} {int(count[1]) + step}")
+                near = self._measure(found["method"], arguments, 1)
+                finer.append({"arguments": arguments, "error": near["error"]})
+                if near["error"] > target:
+                    break
+            holds = all(near["error"] <= target for near in finer)
+            self.study.record("confirm", found | {"target": target, "finer": finer, "holds": holds})
+            if holds:
+                return
+
+
+def steps_of(curves: Sequence[Curve], targets: Sequence[float]) -> int:
+    """Return the number of steps that `WorkPrecision.run` shows."""
+    return sum(len(curve.arguments) for curve in curves) + len(targets) * len(MODULES)

@@ -1,0 +1,243 @@
+"""The polyharmonic functions of the section: what determines them, and what keeps stiffness matrices well conditioned."""
+
+import numpy as np
+import pytest
+
+from isorod import polyharmonic
+from isorod.disk import harmonic_functions
+from isorod.errors import InputError
+from isorod.space import Space
+
+ORDERS = [1, 2, 3, 4, 6]
+COUNTS = [3, 4, 8, 16]
+
+# Central differences of order 8: weights of f(x + k h) - f(x - k h), k = 1 .. 4.
+DIFFERENCE = np.array([4 / 5, -1 / 5, 4 / 105, -1 / 280])
+
+
+def disk_points(radius, count=60, seed=0):
+    random = np.random.default_rng(seed)
+    r, t = radius * np.sqrt(random.random(count)), 2 * np.pi * random.random(count)
+    return np.stack([r * np.cos(t), r * np.sin(t)], axis=1)
+
+
+def circle_points(n):
+    """Points of the circle, joints and centres of the arcs among them."""
+    t = np.concatenate([np.pi / n * np.arange(2 * n), np.linspace(0, 6, 40)])
+    return np.stack([np.cos(t), np.sin(t)], axis=1)
+
+
+def polar_rule(radial=12, angular=96):
+    """Points and weights on the disk: exact for polynomials in xi, and for g_k' g_m' whatever K."""
+    s, w = np.polynomial.legendre.leggauss(radial)
+    r, t = np.meshgrid(0.5 * (s + 1), 2 * np.pi * np.arange(angular) / angular, indexing="ij")
+    weights = np.broadcast_to(np.pi / angular * (0.5 * (s + 1) * w)[:, None], r.shape)
+    return np.stack([r * np.cos(t), r * np.sin(t)], axis=-1).reshape(-1, 2), weights.ravel()
+
+
+def radial_factors(n, order, points):
+    """Values ``(q, K)`` and gradients ``(q, K, 2)`` of ``g_k``: the harmonic functions add up to one."""
+    values, gradients = polyharmonic.functions(n, order, points)
+    return values.reshape(-1, order, n).sum(axis=2), gradients.reshape(-1, order, n, 2).sum(axis=2)
+
+
+def distance(space, of):
+    """Largest distance of the columns of ``of`` from the span of the columns of ``space``."""
+    return np.abs(space @ np.linalg.lstsq(space, of, rcond=None)[0] - of).max()
+
+
+@pytest.mark.parametrize("n", COUNTS)
+def test_order_1_is_the_harmonic_functions_to_the_bit(n):
+    points = np.concatenate([disk_points(1.0), circle_points(n)])
+    for own, harmonic in zip(polyharmonic.functions(n, 1, points), harmonic_functions(n, points), strict=True):
+        assert np.array_equal(own, harmonic)
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_a_lower_order_is_the_beginning_of_a_higher_one(order):
+    points = disk_points(1.0)
+    lower, higher = (polyharmonic.functions(5, k, points) for k in (order, 6))
+    for low, high in zip(lower, higher, strict=True):
+        assert np.array_equal(low, high[:, : order * 5])
+
+
+@pytest.mark.parametrize("n", COUNTS)
+@pytest.mark.parametrize("order", ORDERS)
+def test_only_order_0_acts_on_the_circle(n, order):
+    points = circle_points(n)
+    values, gradients = polyharmonic.functions(n, order, points)
+    assert np.array_equal(values[:, :n], harmonic_functions(n, points)[0])
+    assert np.abs(values[:, n:]).max(initial=0.0) < 1e-14
+    # nor does the derivative along the circle, while the one across it does not vanish
+    across = np.einsum("qib,qb->qi", gradients, points)[:, n:].reshape(-1, order - 1, n)
+    along = gradients[:, n:] @ np.array([[0.0, 1.0], [-1.0, 0.0]])
+    assert np.abs(np.einsum("qib,qb->qi", along, points)).max(initial=0.0) < 1e-13
+    assert np.all(np.abs(across.sum(axis=2)) > 0.3)
+
+
+@pytest.mark.parametrize("n", COUNTS)
+@pytest.mark.parametrize("turn", [0.0, 0.3])
+def test_gradient_is_the_derivative_of_the_value(n, turn):
+    points = np.concatenate([disk_points(0.8), [[0.0, 0.0], [0.25, 0.0], [0.0, -0.25]]])
+    _, gradients = polyharmonic.functions(n, 6, points, turn)
+    h = 2e-3
+    for a, direction in enumerate(np.eye(2)):
+        difference = sum(
+            w
+            * (
+                polyharmonic.functions(n, 6, points + k * h * direction, turn)[0]
+                - polyharmonic.functions(n, 6, points - k * h * direction, turn)[0]
+            )
+            for k, w in enumerate(DIFFERENCE, 1)
+        )
+        assert np.abs(difference / h - gradients[:, :, a]).max() < 1e-10
+
+
+def laplacians(n, order, radius, modes):
+    """Iterated Laplacians ``0 .. order`` of every function at ``radius``, mode by mode.
+
+    On a circle ``f = sum_m f_m(r) exp(i m theta)``; ``g_k T_i`` being a polynomial of degree ``K - 1`` in ``r^2`` times a harmonic
+    function, ``f_m`` is ``r^|m|`` times such a polynomial.  It is fitted at more radii than it has coefficients and the
+    residual returned too, so that nothing else passes.
+    """
+    t = 2 * np.pi * np.arange(256) / 256
+    radii = np.linspace(0.15, 0.85, 2 * order + 5)
+    points = (radii[:, None, None] * np.stack([np.cos(t), np.sin(t)], axis=1)).reshape(-1, 2)
+    values = polyharmonic.functions(n, order, points)[0].reshape(radii.size, t.size, -1)
+    waves = np.fft.fft(values, axis=1)[:, :modes] / t.size
+    found, misfit = [], 0.0
+    for m in range(modes):
+        # two powers more than there should be: their coefficients must come out zero
+        powers = m + 2 * np.arange(order + 2)
+        basis = radii[:, None] ** powers
+        fit, *_ = np.linalg.lstsq(basis, waves[:, m], rcond=None)
+        misfit = max(misfit, np.abs(basis @ fit - waves[:, m]).max())
+        iterated = [fit]
+        for _ in range(order):
+            # Laplacian of r^p exp(i m theta) is (p^2 - m^2) r^(p - 2) exp(i m theta)
+            step = (powers**2 - m**2)[:, None] * iterated[-1]
+            iterated.append(np.concatenate([step[1:], 0 * step[:1]]))
+        found.append([np.abs(radius**powers @ fit) for fit in iterated])
+    return np.array(found), misfit
+
+
+@pytest.mark.parametrize("n", [3, 5, 8])
+@pytest.mark.parametrize("order", [1, 2, 3, 4])
+def test_laplacian_applied_as_often_as_the_order_vanishes_and_not_earlier(n, order):
+    found, misfit = laplacians(n, order, 0.5, 4)
+    assert misfit < 1e-14
+    size = found[:, order - 1].max()
+    assert size > 0.1
+    assert found[:, order].max() < 1e-8 * size
+
+
+@pytest.mark.parametrize("n", COUNTS)
+@pytest.mark.parametrize("turn", [0.0, 0.3])
+@pytest.mark.parametrize("order", [2, 3, 4])
+def test_laplacian_by_differences_of_gradients(n, order, turn):
+    """The Laplacian of ``g T`` is ``(4 s g'' + 4 g') T + 4 g' xi . grad T``: of order ``K - 1``, so in the span of K - 1."""
+    points, h = disk_points(0.8, 40 * order), 2e-3
+    laplacian = sum(
+        w
+        * (
+            polyharmonic.functions(n, order, points + k * h * direction, turn)[1][:, :, a]
+            - polyharmonic.functions(n, order, points - k * h * direction, turn)[1][:, :, a]
+        )
+        for k, w in enumerate(DIFFERENCE, 1)
+        for a, direction in enumerate(np.eye(2))
+    )
+    laplacian /= h
+    assert np.abs(laplacian[:, :n]).max() < 1e-9
+    assert np.abs(laplacian[:, n:]).max() > 1.0
+    # T and xi . grad T are harmonic: with factors s^j, j < K - 1, they make whatever the Laplacian is
+    values, gradients = polyharmonic.functions(n, 1, points, turn)
+    dilated = np.einsum("qib,qb->qi", gradients, points)
+    s = np.sum(points**2, axis=1)[:, None]
+    span = np.concatenate([s**j * f for j in range(order - 1) for f in (values, dilated)], axis=1)
+    assert distance(span, laplacian) < 1e-8
+    if order > 2:
+        less = np.concatenate([s**j * f for j in range(order - 2) for f in (values, dilated)], axis=1)
+        assert distance(less, laplacian) > 1e-3
+
+
+@pytest.mark.parametrize("n", COUNTS)
+@pytest.mark.parametrize("order", ORDERS)
+def test_spans_what_powers_of_the_distance_to_the_circle_do(n, order):
+    points = disk_points(1.0, 20 * n)
+    harmonic, _ = harmonic_functions(n, points)
+    gap = 1 - np.sum(points**2, axis=1)[:, None]
+    powers = np.concatenate([gap**k * harmonic for k in range(order)], axis=1)
+    own, _ = polyharmonic.functions(n, order, points)
+    assert distance(own, powers) < 1e-13
+    assert distance(powers, own) < 1e-12
+    assert np.linalg.matrix_rank(own) == order * n
+    if order > 1:
+        assert distance(own[:, : (order - 1) * n], powers) > 1e-4
+
+
+@pytest.mark.parametrize("n", COUNTS)
+def test_gradients_of_the_radial_factors_are_orthonormal(n):
+    points, weights = polar_rule()
+    values, gradients = radial_factors(n, 6, points)
+    assert values[:, 0] == pytest.approx(np.ones(len(points)), abs=1e-13)
+    gram = np.einsum("q,qka,qma->km", weights, gradients, gradients)[1:, 1:]
+    assert np.abs(gram - np.eye(5)).max() < 1e-12
+
+
+@pytest.mark.parametrize("order", [2, 4, 6])
+def test_the_choice_of_radial_factors_conditions_the_gradients(order):
+    """Gram matrix of the gradients on the disk, constants left out, scaled: bounded in K, where powers are not."""
+    n = 8
+    points, weights = polar_rule()
+    values, gradients = polyharmonic.functions(n, order, points)
+    harmonic, slopes = harmonic_functions(n, points)
+    gap = 1 - np.sum(points**2, axis=1)[:, None]
+    powers = np.concatenate(
+        [
+            gap[..., None] ** k * slopes
+            - 2 * k * (gap ** max(k - 1, 0) * harmonic)[..., None] * points[:, None] * (k > 0)
+            for k in range(order)
+        ],
+        axis=1,
+    )
+
+    def condition(gradients):
+        gram = np.einsum("q,qia,qja->ij", weights, gradients, gradients)
+        scale = np.sqrt(np.diag(gram))
+        spectrum = np.linalg.eigvalsh(gram / np.outer(scale, scale))
+        assert abs(spectrum[0]) < 1e-13 < spectrum[1]
+        return spectrum[-1] / spectrum[1]
+
+    print(f"K = {order}: {condition(gradients):.1f}, powers {condition(powers):.3g}")
+    assert condition(gradients) < 100
+    assert condition(powers) > condition(gradients) * 1.5
+
+
+@pytest.mark.parametrize("n", COUNTS)
+@pytest.mark.parametrize("turn", [0.3, -1.1])
+def test_turned_functions_are_the_functions_at_points_turned_back(n, turn):
+    points = disk_points(1.0)
+    c, s = np.cos(turn), np.sin(turn)
+    matrix = np.array([[c, -s], [s, c]])
+    values, gradients = polyharmonic.functions(n, 3, points)
+    turned_values, turned_gradients = polyharmonic.functions(n, 3, points @ matrix.T, turn)
+    assert np.abs(turned_values - values).max() < 1e-13
+    assert np.abs(turned_gradients - gradients @ matrix.T).max() < 1e-12
+
+
+def test_turning_by_one_arc_renumbers_the_functions_of_each_order():
+    n, order, points = 7, 3, disk_points(1.0)
+    values, gradients = polyharmonic.functions(n, order, points)
+    turned = polyharmonic.functions(n, order, points, 2 * np.pi / n)
+    back = [np.roll(f.reshape(len(points), order, n, -1), -1, axis=2).reshape(f.shape) for f in (values, gradients)]
+    assert np.abs(turned[0] - back[0]).max() < 1e-13
+    assert np.abs(turned[1] - back[1]).max() < 1e-12
+
+
+@pytest.mark.parametrize("order", [0, -1, 7, 2.5, np.nan, np.inf])
+def test_refuses_an_order_that_cannot_be(order, cylinder):
+    message = rf"^polyharmonic order: got {order}, need an integer from 1 to 6$"
+    with pytest.raises(InputError, match=message):
+        polyharmonic.functions(4, order, [[0.0, 0.0]])
+    with pytest.raises(InputError, match=message):
+        _ = Space(cylinder(4), order=order).nodes
