@@ -10,18 +10,16 @@ Record = dict[str, Any]
 
 
 def newest(folder: Path, study: str) -> list[Record]:
-    """Return the records of the newest complete run of a study, in order.
+    """Return the records of the newest complete run of a study, in order; none if there is no complete run.
 
     A run is complete when it has its closing record (part ``"end"``).
 
     Raises
     ------
     InputError
-        If there is none, or a line is not JSON.
+        If a line is not JSON.
     """
     path = folder / f"{study}.jsonl"
-    if not path.is_file():
-        raise InputError(f"results {path}: not there; run python -m comparisons {study} first")
     records: list[Record] = []
     for number, text in enumerate(path.read_text().splitlines(), 1):
         try:
@@ -29,9 +27,7 @@ def newest(folder: Path, study: str) -> list[Record]:
         except ValueError:
             raise InputError(f"results {path}: line {number} is not JSON; remove it") from None
     runs = [record["run"] for record in records if record["part"] == "end"]
-    if not runs:
-        raise InputError(f"results {path}: no complete run; run python -m comparisons {study} again")
-    return [record for record in records if record["run"] == runs[-1]]
+    return [record for record in records if runs and record["run"] == runs[-1]]
 
 
 def part(records: list[Record], name: str) -> list[Record]:

@@ -7,7 +7,7 @@ from comparisons import pictures, published, rod, timing
 from comparisons.convergence import richardson
 from comparisons.fem import presets
 from comparisons.study import Run, Steps
-from comparisons.work import Curve, WorkPrecision, steps_of
+from comparisons.work import Curve, WorkPrecision, fem_curves, steps_of
 from isorod import options
 
 # Errors at which run times are compared: the quick level's reference is not good for the last.
@@ -24,10 +24,6 @@ def _cylindrical(label: str, common: str, elements: Sequence[int]) -> Curve:
     return Curve(label, "cylindrical", tuple(f"{common} --elements-per-turn {count}" for count in elements))
 
 
-def _fem(families: Sequence[presets.Family]) -> tuple[Curve, ...]:
-    return tuple(Curve(family.label, "fem", family.arguments) for family in families)
-
-
 PAPER = "--degree 2 --continuity 0 --quadrature paper"
 CURVES = {
     "quick": (
@@ -35,7 +31,7 @@ CURVES = {
         _cylindrical("p = 2, n = 6, 2x1x2", "--degree 2 --section-points 6 --quadrature 2x1x2", (4, 8, 12)),
         _cylindrical("p = 3, n = 6, 2x1x3", "--degree 3 --section-points 6 --quadrature 2x1x3", (4, 8, 12)),
         _cylindrical("K = 2, p = 4, n = 8", "--order 2 --degree 4 --section-points 8", (4, 8)),
-        *_fem(presets.QUICK),
+        *fem_curves(presets.QUICK),
     ),
     "full": (
         _cylindrical("paper, n = 4", f"{PAPER} --section-points 4", (4, 8, 12, 16, 20, 24)),
@@ -46,7 +42,7 @@ CURVES = {
         _cylindrical("p = 4, n = 8", "--degree 4 --section-points 8", (4, 8, 12)),
         _cylindrical("K = 2, p = 3, n = 8", "--order 2 --degree 3 --section-points 8", (4, 8, 16)),
         _cylindrical("K = 2, p = 4, n = 12", "--order 2 --degree 4 --section-points 12", (4, 8, 12)),
-        *_fem(presets.FULL),
+        *fem_curves(presets.FULL),
     ),
 }
 PAPER_MESH = {"quick": ("paper-q1", "paper-enhanced"), "full": ("paper-q1", "paper-q2", "paper-enhanced")}

@@ -44,7 +44,7 @@ class Run:
     def record(self, part: str, values: dict[str, Any]) -> dict[str, Any]:
         """Append a record, complete with provenance, and return it."""
         head = {"study": self.study, "run": self.identity, "level": self.level, "part": part}
-        whole = head | results.provenance() | values
+        whole = results.provenance() | values | head
         results.append(self.path, whole)
         return whole
 

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 from comparisons import timing
 from comparisons.records import Record
@@ -21,6 +22,23 @@ class Curve:
     label: str
     method: str
     arguments: tuple[str, ...]
+
+
+class Family(Protocol):
+    """A finite element and its meshes, coarse to fine."""
+
+    @property
+    def label(self) -> str:
+        """Name of the curve."""
+
+    @property
+    def arguments(self) -> tuple[str, ...]:
+        """Arguments of each run."""
+
+
+def fem_curves(families: Sequence[Family]) -> tuple[Curve, ...]:
+    """Return the curves of families of finite element meshes."""
+    return tuple(Curve(family.label, "fem", tuple(family.arguments)) for family in families)
 
 
 @dataclass(frozen=True)

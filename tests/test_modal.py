@@ -1,8 +1,8 @@
 """Vibration modes: exact solutions of bars and rods, free bodies, prestress, nothing missed, and errors that say what to do."""
 
-import itertools
 import re
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -153,7 +153,8 @@ def bending(modes):
     """Return angular frequencies of the bending modes, having made sure that they come in pairs."""
     omega = rates(modes)[(turning(modes) < 1e-6) & (stretching(modes) < 1e-6)]
     omega = omega[: omega.size // 2 * 2].reshape(-1, 2)
-    assert np.abs(omega[:, 1] / omega[:, 0] - 1.0).max() < 1e-9
+    # Rounding: 1e-16 of the largest eigenvalue, 1e8 times the first one of the most slender bar here.
+    assert np.abs(omega[:, 1] / omega[:, 0] - 1.0).max() < 1e-8
     return omega[:, 0]
 
 
@@ -161,41 +162,41 @@ def bending(modes):
 @pytest.mark.parametrize("slenderness", [10.0, 40.0])
 def test_bending_without_poisson_is_timoshenkos(slenderness, free, bar):
     """Three modes to the error of the axis, C (k h)^2p with p = 5."""
-    model = bar(slenderness, clamped if not free else lambda space: [], nu=0.0, degree=5, elements=12)
+    model = bar(slenderness, clamped if not free else lambda space: [], nu=0.0, degree=5, elements=16)
     found = bending(modal.solve(model, 12))[:3]
     deviation = found / timoshenko(slenderness, free)[:3] - 1.0
     print(deviation)
-    assert np.abs(deviation).max() < 5e-7
+    assert np.abs(deviation).max() < 5e-8
     assert np.abs(deviation[0]) < 1e-9
 
 
 @pytest.mark.parametrize(("free", "exact"), [(True, FREE_FREE), (False, CANTILEVER[:3])], ids=["free", "clamped"])
 def test_bending_of_a_slender_bar_is_euler_and_bernoullis(free, exact, bar):
-    """beta L extrapolated in (R / L)^2 and (R / L)^4 from three slendernesses; left is C (beta R)^6, below 1e-5 at the third mode."""
+    """beta L extrapolated in (R / L)^2 and (R / L)^4 from three slendernesses; left is C (beta R)^6."""
     found = []
     for slenderness in (20.0, 40.0, 80.0):
         model = bar(slenderness, clamped if not free else lambda space: [], nu=0.0, degree=5, elements=12)
         omega = bending(modal.solve(model, 10))[:3]
         found.append(slenderness * np.sqrt(omega / (SPEED * 0.5)))
-    first = [(4 * fine - coarse) / 3 for coarse, fine in itertools.pairwise(found)]
+    first = [(4 * fine - coarse) / 3 for coarse, fine in pairwise(found)]
     limit = (16 * first[1] - first[0]) / 15
     print(np.array(found) / exact - 1.0, limit / exact - 1.0)
     assert np.all(np.diff(np.array(found), axis=0) > 0)
     assert np.abs(found[0] / exact - 1.0).min() > 1e-3
-    assert np.abs(limit / exact - 1.0).max() < 2e-4
-    assert np.abs(limit / exact - 1.0)[0] < 1e-5
+    assert np.all(np.abs(limit / exact - 1.0) < [1e-6, 1e-5, 5e-5])
 
 
-def test_poissons_ratio_leaves_the_slender_limit_where_it_is_as_the_section_is_refined(bar):
+def test_poissons_ratio_leaves_the_slender_limit_as_the_section_is_refined(bar):
     """The anticlastic field x^2 - y^2 is harmonic but not among the functions of n points: its error falls with n."""
     stiff = []
     for n in (4, 8, 16, 32):
-        model = bar(200.0, clamped, n=4, section_points=n, degree=5, elements=6)
-        stiff.append((200.0**2 * bending(modal.solve(model, 2))[0] / (SPEED * 0.5) / CANTILEVER[0] ** 2) ** 2 - 1.0)
+        modes = modal.solve(bar(200.0, section_points=n, degree=5, elements=6), 2)
+        stiff.append((200.0**2 * rates(modes)[0] / (SPEED * 0.5) / FREE_FREE[0] ** 2) ** 2 - 1.0)
     print(stiff)
-    assert stiff[0] > 0.05
-    assert all(b < 0.3 * a for a, b in itertools.pairwise(stiff))
-    assert abs(stiff[-1]) < 1e-3
+    # Shear and rotary inertia, (beta R)^2, are left.
+    assert -6e-4 < stiff[-1] < 0
+    assert stiff[0] > 0.1
+    assert all(b - stiff[-1] < 0.05 * (a - stiff[-1]) for a, b in pairwise(stiff[:-1]))
 
 
 # Pochhammer and Chree: c / sqrt(E / rho) of longitudinal waves in a circular rod of radius 1, nu = 0.3, by k R.
@@ -232,8 +233,8 @@ def test_longitudinal_speed_is_pochhammers_and_chrees(order, wave, bar):
 def test_ring_in_its_plane_is_rayleighs():
     """omega^2 = E I / (rho A R^4) n^2 (n^2 - 1)^2 / (n^2 + 1), extrapolated to a thin ring; in pairs."""
     found = []
-    for thickness in (0.2, 0.1, 0.05):
-        space = Space(Ring(radius=1.0, a=thickness, b=thickness, section_points=4).rod(), elements=16, degree=5)
+    for thickness in (0.1, 0.05, 0.025):
+        space = Space(Ring(radius=1.0, a=thickness, b=thickness, section_points=4).rod(), elements=32, degree=5)
         modes = modal.solve(Model([Body(space, LinearElastic(E, 0.0), RHO)]), 8)
         moved = modes.vectors[modes.rigid :].reshape(-1, space.nodes, 3) ** 2
         flat = rates(modes)[moved[:, :, 2].sum(axis=1) < 1e-3 * moved.sum(axis=(1, 2))][:4].reshape(2, 2)
@@ -241,10 +242,10 @@ def test_ring_in_its_plane_is_rayleighs():
         found.append((flat.mean(axis=1) / (SPEED * thickness / 2)) ** 2)
     n = np.array([2, 3])
     exact = n**2 * (n**2 - 1) ** 2 / (n**2 + 1)
-    first = [(4 * fine - coarse) / 3 for coarse, fine in itertools.pairwise(found)]
+    first = [(4 * fine - coarse) / 3 for coarse, fine in pairwise(found)]
     limit = (16 * first[1] - first[0]) / 15
     print(np.array(found) / exact, limit / exact)
-    assert np.abs(limit / exact - 1.0).max() < 2e-3
+    assert np.abs(limit / exact - 1.0).max() < 1e-5
 
 
 # Free bodies, and the Sturm count
@@ -492,7 +493,7 @@ def test_lumped_mass_of_a_slender_bar_converges_to_the_same_bending(n, bar):
         errors.append(1.0 - modal.solve(model, 2, lumped=True).frequencies[0] / modal.solve(model, 2).frequencies[0])
     print(errors)
     assert 0 < errors[-1] < 2e-3
-    assert all(b < 0.3 * a for a, b in itertools.pairwise(errors))
+    assert all(b < 0.3 * a for a, b in pairwise(errors))
 
 
 @pytest.mark.parametrize("n", [4, 8])
@@ -766,7 +767,6 @@ def record(path):
     found = {}
     for name, modes in (
         ("free", modal.solve(free, 8)),
-        ("lumped", modal.solve(free, 4, lumped=True)),
         ("two", modal.solve(Model([*free.bodies, *free.bodies], clamped(space)), 6)),
         ("pulled", modal.solve(pulled, 6, state=statics.solve(pulled))),
     ):
@@ -785,7 +785,7 @@ def on_one_rank(tmp_path_factory):
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("ranks", [2, 3, 5])
+@pytest.mark.parametrize("ranks", [2, 3, pytest.param(5, marks=pytest.mark.slow)])
 def test_modes_do_not_depend_on_the_number_of_ranks(ranks, on_one_rank, mpirun, tmp_path):
     """Five ranks are more than the elements."""
     path = tmp_path / "ranks.npz"
@@ -795,7 +795,7 @@ def test_modes_do_not_depend_on_the_number_of_ranks(ranks, on_one_rank, mpirun, 
     done = mpirun(ranks, str(path), script=script)
     assert done.returncode == 0, done.stderr
     found = np.load(path)
-    for name in ("free", "lumped", "two", "pulled"):
+    for name in ("free", "two", "pulled"):
         count = int(on_one_rank[f"{name} rigid"])
         assert found[f"{name} rigid"] == count
         assert found[f"{name} below"] == on_one_rank[f"{name} below"]

@@ -17,7 +17,7 @@ def save(found: Equilibrium, path: Path, parts: int = 3) -> None:
     Every brick is cut in ``parts^3`` small ones with points of its own, so that jumps of the stress show.  Serial, bricks only.
     """
     mesh = found.domain.mesh
-    if mesh.ufl_cell().cellname() != "hexahedron" or mesh.comm.size > 1:
+    if found.domain.shape != "hexahedron" or mesh.comm.size > 1:
         raise InputError("fields: only bricks on one rank")
     ticks = np.linspace(0.0, 1.0, parts + 1)
     lattice = np.stack([axis.ravel() for axis in np.meshgrid(ticks, ticks, ticks, indexing="ij")], axis=1)

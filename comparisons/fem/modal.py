@@ -127,7 +127,7 @@ def solve(
     modes
         Number of modes besides the rigid ones.
     element
-        Displacement element and quadrature, the same for stiffness and mass.
+        Displacement element and quadrature of the stiffness; the mass is integrated to twice the element's degree.
     options
         PETSc and SLEPc options that the user's own override; `DIRECT` if not given.
     flags
@@ -224,6 +224,8 @@ class _Body:
         self.plain = element.family != "enhanced"
         self.solid, self.flags = solid, flags
         self.measure = ufl.dx(metadata=quadrature.measure(element.rule(domain.shape)))
+        # Enough points for a mass that is definite, whatever the rule of the stiffness; they cost little in one component.
+        self.mass_measure = ufl.dx(metadata={"quadrature_degree": 2 * element.degree})
         if self.plain:
             self.space = compat.function_space(mesh, compat.block_element(mesh, element.family, element.degree, 3))
             self.scalar = compat.function_space(mesh, compat.block_element(mesh, element.family, element.degree, 1))
@@ -238,7 +240,7 @@ class _Body:
         self.unknowns = self.comm.allreduce(self.free.size * dofmap.index_map_bs, op=MPI.SUM)
         self.first = dofmap.index_map.local_range[0]
         start = perf_counter()
-        self.stiffness_form = self._form(linear(solid.E, solid.nu)(self._deformation()))
+        self.stiffness_form = self._form(linear(solid.E, solid.nu)(self._deformation()) * self.measure)
         self.mass_form = self._scalar_mass() if self.plain else None
         self.symbolic = perf_counter() - start
         self.matrix = compat.create_matrix(self.stiffness_form, self.kind)
@@ -247,13 +249,13 @@ class _Body:
         return ufl.Identity(3) + ufl.grad(self.state) if self.plain else enhanced.deformation_gradient(self.state)
 
     def _form(self, energy: Any) -> Any:
-        """Return the compiled second variation of an energy per volume."""
-        first = ufl.derivative(energy * self.measure, self.state, ufl.TestFunction(self.space))
+        """Return the compiled second variation of an energy."""
+        first = ufl.derivative(energy, self.state, ufl.TestFunction(self.space))
         return compat.form(ufl.derivative(first, self.state, ufl.TrialFunction(self.space)), self.flags)
 
     def _scalar_mass(self) -> Any:
         u, v = ufl.TrialFunction(self.scalar), ufl.TestFunction(self.scalar)
-        return compat.form(self.solid.density * ufl.inner(u, v) * self.measure, self.flags)
+        return compat.form(self.solid.density * ufl.inner(u, v) * self.mass_measure, self.flags)
 
     def _free(self, domain: Domain, held: Sequence[str]) -> Index:
         """Return this rank's own nodes that are not held (without blocks: degrees of freedom), local numbers."""
@@ -297,7 +299,7 @@ class _Body:
     def mass_by_blocks(self) -> PETSc.Mat:
         """Assemble ``M`` of the free unknowns with the type and sparsity of ``K``."""
         u = self.displacement()
-        form = self._form(0.5 * self.solid.density * ufl.inner(u, u))
+        form = self._form(0.5 * self.solid.density * ufl.inner(u, u) * self.mass_measure)
         matrix = self.matrix.duplicate()
         compat.assemble_matrix(matrix, form, [])
         symmetric(matrix, definite=False)

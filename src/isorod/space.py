@@ -50,7 +50,7 @@ class Space:
     elements: int | None = None
     degree: int | None = None
     continuity: int | None = None
-    quadrature: str = "auto"
+    quadrature: str = "full"
     order: int = 1
     section_points: int | None = None
 

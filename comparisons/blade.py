@@ -1,0 +1,138 @@
+"""Study ``blade``: Table 2, Fig. 12 and Fig. 13 of Lu & Zhou (2011), and error against run time for ten modes."""
+
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from comparisons import mac, pictures, published, rod, timing
+from comparisons.convergence import richardson
+from comparisons.fem import blade_presets as presets
+from comparisons.records import Record
+from comparisons.study import Run, Steps
+from comparisons.work import Curve, WorkPrecision, fem_curves, steps_of
+from isorod import modal, options, scenes
+from isorod.errors import SolveError
+
+# Largest error of the ten frequencies at which run times are compared.
+TARGETS = {"quick": (1e-2, 5e-3), "full": (1e-2, 5e-3, 3e-3)}
+
+# One step finer along the axis, and one in the section, by method.
+FINER = {"cylindrical": (("--elements", 4), ("--section-points", 16)), "fem": presets.FINER}
+
+# What the element is without and with more than harmonic functions of the section.
+ELEMENTS = {
+    "K = 1, paper rule": {"section_points": 16, "elements": 20, "degree": 2, "quadrature": "paper"},
+    "K = 1, full rule": {"section_points": 16, "elements": 20, "degree": 2, "quadrature": "full"},
+    "K = 2, n = 16": {"section_points": 16, "elements": 16, "degree": 3, "order": 2, "quadrature": "full"},
+    "K = 2, n = 32": {"section_points": 32, "elements": 16, "degree": 3, "order": 2, "quadrature": "full"},
+    "K = 3, n = 32": {"section_points": 32, "elements": 16, "degree": 3, "order": 3, "quadrature": "full"},
+}
+
+
+def _cylindrical(label: str, common: str, elements: Sequence[int]) -> Curve:
+    return Curve(label, "cylindrical", tuple(f"{common} --elements {count}" for count in elements))
+
+
+CURVES = {
+    "quick": (
+        _cylindrical("paper", "--section-points 16 --degree 2 --quadrature paper", (5, 10, 20)),
+        _cylindrical("K = 2, p = 3, n = 16", "--section-points 16 --order 2 --degree 3", (8, 16)),
+        _cylindrical("K = 2, p = 4, n = 32", "--section-points 32 --order 2 --degree 4", (6,)),
+        *fem_curves(presets.QUICK),
+    ),
+    "full": (
+        _cylindrical("paper", "--section-points 16 --degree 2 --quadrature paper", (5, 10, 15, 20, 25, 30)),
+        _cylindrical("K = 2, p = 3, n = 16", "--section-points 16 --order 2 --degree 3", (4, 8, 12, 16)),
+        _cylindrical("K = 2, p = 4, n = 16", "--section-points 16 --order 2 --degree 4", (4, 6, 8, 12)),
+        _cylindrical("K = 2, p = 4, n = 32", "--section-points 32 --order 2 --degree 4", (4, 6, 8)),
+        _cylindrical("K = 3, p = 4, n = 32", "--section-points 32 --order 3 --degree 4", (4, 8)),
+        *fem_curves(presets.FULL),
+    ),
+}
+
+
+def run(study: Run) -> None:
+    """Run the study and append its records."""
+    options.initialize([])
+    curves, family, targets = CURVES[study.level], presets.CONVERGED[study.level], TARGETS[study.level]
+    total = 1 + len(family.arguments) + len(presets.PAPER) + len(ELEMENTS) + steps_of(curves, targets) + 2
+    with study.progress(total) as steps:
+        with steps.step("Table 2"):
+            _table(study)
+        reference = _converged(study, steps, family.arguments, family.label)
+        for name, arguments in presets.PAPER.items():
+            with steps.step(f"the paper's mesh, {name}"):
+                found = timing.run("comparisons.fem", ["blade", *arguments.split()])
+                study.record("paper mesh", found | {"element": name})
+        for label, values in ELEMENTS.items():
+            with steps.step(f"element {label}"):
+                found = rod.measure("blade", dict(values), repeat=1)
+                study.record("element", found | {"label": label})
+        work = WorkPrecision(study, steps, "blade", FINER, lambda found: largest_error(found["frequencies"], reference))
+        work.run(curves, targets)
+        scene = scenes.find("blade")(section_points=32, elements=16, degree=3, order=2)
+        shapes = modal.solve(scene.model())
+        with steps.step("modal assurance criterion"):
+            _assurance(study, shapes, family.arguments[-2])
+        with steps.step("mode shapes"):
+            pictures.modes(study, shapes)
+
+
+def largest_error(frequencies: Sequence[float], reference: Sequence[float]) -> float:
+    """Return the largest relative error of the frequencies, in their order."""
+    return float(np.max(np.abs(np.array(frequencies) / np.array(reference) - 1.0)))
+
+
+def _table(study: Run) -> None:
+    """Record all entries of Table 2 with the paper's rule."""
+    for elements, frequencies in published.BLADE_FREQUENCIES.items():
+        values: dict[str, Any] = {
+            "length": published.BLADE_LENGTH,
+            "twist": published.BLADE_TWIST,
+            "taper": published.BLADE_TAPER,
+            "elements": elements,
+            "degree": 2,
+            "quadrature": "paper",
+        }
+        found = rod.measure("blade", values, repeat=1)
+        study.record("table 2", found | {"published": frequencies, "elements": elements})
+
+
+def _converged(study: Run, steps: Steps, meshes: Sequence[str], label: str) -> list[float]:
+    """Record the extrapolated frequencies and return them.
+
+    Where a frequency does not approach its limit monotonically, the finest value stands for it.
+    """
+    records: list[Record] = []
+    for arguments in meshes:
+        with steps.step(f"converged values: {label} {arguments}"):
+            found = timing.run("comparisons.fem", ["blade", *arguments.split()])
+            records.append(study.record("convergence", found | {"arguments": arguments}))
+    sizes = [1.0 / record["options"]["layers"] for record in records]
+    limits: list[float] = []
+    orders: list[float | None] = []
+    for values in zip(*(record["frequencies"] for record in records), strict=True):
+        try:
+            limit = richardson(sizes, values)
+            limits.append(limit.value)
+            orders.append(limit.order)
+        except SolveError:
+            limits.append(values[-1])
+            orders.append(None)
+    study.record("converged", {"frequencies": limits, "orders": orders, "element": label})
+    return limits
+
+
+def _assurance(study: Run, found: modal.Modes, arguments: str) -> None:
+    """Record the MAC matrix of our modes and the finite elements'."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "modes.npz"
+        record = timing.run("comparisons.fem", ["blade", *arguments.split(), "--modes-file", str(file)])
+        with np.load(file) as arrays:
+            theirs = arrays["modes"]
+            ours = mac.shapes_at(found, arrays["xi"], arrays["u"])
+    matrix = mac.matrix(ours, theirs)
+    study.record("mac", {"matrix": matrix.tolist(), "dofs": [found.model.dofs, record["dofs"]], "arguments": arguments})
