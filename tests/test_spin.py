@@ -61,7 +61,7 @@ def test_rotating_linear_bar_stretches_as_its_equation_says(speed, hub, bar):
     found, _ = model.bodies[0].space.displacement(model.nodal(solution.displacement), [[0.0, 0.0], [0.3, -0.8]], u)
     # The axis leaves C (k h)^6 or so.
     assert np.abs(found[:, :, 2] - exact[:, None]).max() < 1e-7 * np.abs(exact).max()
-    assert np.abs(found[:, 0, :2]).max() < 1e-12
+    assert np.abs(found[:, 0, :2]).max() < 1e-12 * np.abs(exact).max()
     force = E * np.pi * radius**2 * (k * slope - 1.0)
     assert solution.reactions[0, 2] == pytest.approx(-force, rel=1e-8)
 
@@ -93,8 +93,8 @@ def test_a_bar_that_rotates_too_fast_has_no_equilibrium(bar):
 
 
 def test_spinning_ring_widens_as_a_thin_hoop():
-    """u = rho w^2 R^3 / E, corrected by (a / R)^2 for its thickness: extrapolated."""
-    found = []
+    """u / R = c / (1 - c), c = rho w^2 R^2 / E (it grows into a larger orbit), extrapolated in (thickness / R)^2."""
+    speed, found = 1.0, []
     for thickness in (0.2, 0.1, 0.05):
         space = Space(Ring(radius=1.0, a=thickness, b=thickness, section_points=4).rod(), elements=32, degree=5)
         # Layers of the first quadrant's ends, where the axis has its corners, and opposite.
@@ -102,27 +102,28 @@ def test_spinning_ring_widens_as_a_thin_hoop():
         quarter = space.layers // 4 * space.layer_nodes
         held = [Support(layer + k * quarter, "yx"[k % 2]) for k in range(4)]
         held.append(Support([0], "z"))
-        model = Model([Body(space, LinearElastic(E, 0.0), RHO)], held, Spin((0.0, 0.0, 0.01)))
+        model = Model([Body(space, LinearElastic(E, 0.0), RHO)], held, Spin((0.0, 0.0, speed)))
         solution = statics.solve(model)
         moved, _ = space.displacement(model.nodal(solution.displacement), [[0.0, 0.0]], np.linspace(0, 4, 13))
         radial = np.linalg.norm(moved[:, 0, :2], axis=1)
         assert np.ptp(radial) < 1e-5 * radial.max()
         assert np.abs(moved[:, 0, 2]).max() < 1e-9 * radial.max()
-        found.append(radial.mean() / (RHO * 0.01**2 / E))
+        found.append(radial.mean() / (RHO * speed**2 / E))
     first = [(4 * fine - coarse) / 3 for coarse, fine in pairwise(found)]
     print(found, first)
-    # w^2 itself softens the hoop: 1 / (1 - rho w^2 R^2 / E).
-    assert first[-1] == pytest.approx(1.0 / (1.0 - RHO * 0.01**2 / E), rel=1e-5)
+    assert first[-1] == pytest.approx(1.0 / (1.0 - RHO * speed**2 / E), rel=1e-5)
 
 
 # Forces, tangent, load
 
 
-def askew():
+def askew(speed=1.0):
     """A clamped spring rotating about a line askew to everything."""
     space = Space(Spring(coils=1, section_points=4).rod(), elements=4, order=2)
     supports = [Support.end(space, "start", displacement=(0.3, -0.2, 0.5)), Support([space.nodes - 1], "x")]
-    return Model([Body(space, NeoHookean(5e3, 0.3), RHO)], supports, Spin((0.3, -0.4, 1.0), (1.0, 2.0, -3.0)))
+    return Model(
+        [Body(space, NeoHookean(5e3, 0.3), RHO)], supports, Spin((0.3 * speed, -0.4 * speed, speed), (1.0, 2.0, -3.0))
+    )
 
 
 @pytest.fixture
@@ -133,13 +134,9 @@ def assembler():
 FACTOR = 0.7
 
 
-def state(assembler, seed=0, size=0.03):
+def state(assembler):
     x = assembler.vector()
-    x.array[:] = (
-        size
-        * np.random.default_rng(seed).uniform(-1, 1, x.getSize())
-        * assembler.model.bodies[0].space.carries[assembler.model.free.argsort()[-x.getSize() :] // 3]
-    )
+    x.array[:] = 0.03 * np.random.default_rng(0).uniform(-1, 1, x.getSize())
     return x
 
 
@@ -231,8 +228,8 @@ def test_load_forces_are_the_derivative_by_the_load_factor(assembler):
 
 
 def test_support_forces_hold_the_whole_body_on_its_orbit():
-    """Their sum is mass times the acceleration of the centre, their moment about it that of the moment of momentum."""
-    model = askew()
+    """Their sum is what accelerates the body towards the axis of rotation, their moment likewise."""
+    model = askew(0.1)
     solution = statics.solve(model)
     space, spin, w = model.bodies[0].space, model.spin, np.array(model.spin.velocity)
     table = space.tabulate(0, space.axis.elements)
@@ -247,8 +244,16 @@ def test_support_forces_hold_the_whole_body_on_its_orbit():
     assembler = Assembler(model)
     held = np.zeros(model.dofs)
     held[model.held] = assembler.reactions(assembler.state(solution.displacement), 1.0)
-    nodes = (space.positions + model.nodal(solution.displacement)) if space.order == 1 else None
-    assert nodes is None or np.abs(np.cross(nodes, held.reshape(-1, 3)).sum(axis=0) - moment).max() < 1e-7
+    arm = space.positions + model.nodal(solution.displacement)
+    assert np.abs(np.cross(arm, held.reshape(-1, 3)).sum(axis=0) - moment).max() < 1e-8 * np.abs(moment).max()
+    at_rest = statics.solve(Model(model.bodies, model.supports))
+    assert np.abs(at_rest.reactions.sum(axis=0)).max() < 1e-8 * np.abs(force).max()
+
+
+def test_a_slow_rotation_is_solved_as_well(bar):
+    """Its forces may be below the rounding of the stresses: displacements grow with the square of the speed all the same."""
+    slow, fast = (statics.solve(bar(speed)).displacement for speed in (1e-6, 1e-3))
+    assert np.abs(1e6 * slow - fast).max() < 1e-4 * np.abs(fast).max()
 
 
 def test_result_does_not_depend_on_the_load_steps(bar):
@@ -359,13 +364,14 @@ def test_frequencies_of_a_rotating_bar(speed, hub, spectrum):
 
 def test_southwells_coefficients(spectrum):
     """omega^2 = omega_0^2 + S w^2: S = int (1 - x^2) f'^2 / 2 over int f^2 for the mode f at rest, at small speed."""
-    beta = np.array([1.8751041, 4.6940911])
-    x = np.linspace(0.0, 1.0, 20001)
-    ratio = (np.cosh(beta) + np.cos(beta)) / (np.sinh(beta) + np.sin(beta))
-    shapes = [
-        np.cosh(b * x) - np.cos(b * x) - r * (np.sinh(b * x) - np.sin(b * x)) for b, r in zip(beta, ratio, strict=True)
-    ]
-    south = [np.trapz((1 - x**2) / 2 * np.gradient(f, x) ** 2, x) / np.trapz(f**2, x) for f in shapes]
+    x, w = np.polynomial.legendre.leggauss(40)
+    x, w = 0.5 * (x + 1.0), 0.5 * w
+    south = []
+    for beta in (1.8751041, 4.6940911):
+        ratio = (np.cosh(beta) + np.cos(beta)) / (np.sinh(beta) + np.sin(beta))
+        f = np.cosh(beta * x) - np.cos(beta * x) - ratio * (np.sinh(beta * x) - np.sin(beta * x))
+        df = beta * (np.sinh(beta * x) + np.sin(beta * x) - ratio * (np.cosh(beta * x) - np.cos(beta * x)))
+        south.append(np.sum(w * (1 - x**2) / 2 * df**2) / np.sum(w * f**2))
     assert south == pytest.approx([1.1933, 6.4782], abs=2e-4)
     speed = 0.2
     found = []
@@ -376,10 +382,4 @@ def test_southwells_coefficients(spectrum):
     print(flap, lag, south)
     # The coefficient itself falls with the speed, by a few 1e-4 here.
     assert flap == pytest.approx(south, rel=1e-3)
-    assert lag == pytest.approx(np.array(south) - 1.0, rel=1e-3)
-
-
-def test_without_rotation_the_modes_are_those_of_rest(bar):
-    model = bar(1e-9)
-    turning, still = modal.solve(model, 4, state=statics.solve(model)), modal.solve(bar(0.0), 4)
-    assert turning.eigenvalues == pytest.approx(still.eigenvalues, rel=1e-10)
+    assert lag == pytest.approx([value - 1.0 for value in south], rel=1e-3)

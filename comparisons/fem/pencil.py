@@ -134,6 +134,8 @@ class Pencil:
             kx.axpy(-value, mx)
             residuals.append(kx.norm() / (max(abs(value), scale) * norm))
             x.scale(1.0 / size)
+        for vector in (kx, mx, *(x for _, x in self.found[wanted:])):
+            vector.destroy()
         return values, np.array(residuals), [x for _, x in lowest]
 
     def _count_below(self, eigenvalue: float, mass: PETSc.Mat) -> int:
@@ -154,9 +156,9 @@ class Pencil:
         factor.setMumpsIcntl(24, 1)
         pc.setFromOptions()
         pc.setUp()
-        negative, _, _ = pc.getFactorMatrix().getInertia()
-        pc.destroy()
-        shifted.destroy()
+        negative, _, _ = factor.getInertia()
+        for thing in (factor, pc, shifted):
+            thing.destroy()
         self.checking += perf_counter() - start
         return int(negative)
 

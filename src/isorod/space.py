@@ -18,9 +18,9 @@ from isorod.spline import Axis, Index
 
 @dataclass(frozen=True, eq=False)
 class Space:
-    """Displacements ``sum_ijk g_k(|xi|^2) T_i(xi) R_j(u) d_ijk`` on a rod (see `isorod.polyharmonic`).
+    """Displacements ``sum_jl S_l(xi) R_j(u) d_jl`` on a rod, ``S_l`` the section functions of `isorod.polyharmonic`.
 
-    Nodes are numbered layer by layer: node ``(j K + k) n + i`` carries ``g_k T_i R_j``; a closed rod's last layer is its first.
+    Nodes are numbered layer by layer: node ``j K n + l`` carries ``S_l R_j``; a closed rod's last layer is its first.
     The paper's element is the default: ``order`` 1 and the rod's own functions.  All refinements nest, and none moves the rod.
 
     Parameters

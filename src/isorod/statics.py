@@ -16,6 +16,9 @@ from isorod.options import defaults
 # Preconditioners that ask for the rigid motions.
 MULTIGRID = ("gamg", "ml", "hypre")
 
+# Out-of-balance force, relative to stiffness times size, that is taken for rounding.
+ROUNDING = 1e-15
+
 # A load step is halved at most this many times.
 HALVINGS = 10
 
@@ -150,6 +153,8 @@ class _Newton:
         self.change = assembler.vector()
         self.matrix = assembler.matrix()
         self.factor = 0.0
+        spaces = [body.space for body in assembler.model.bodies]
+        self.size = max(float(np.ptp(space.positions[space.carries], axis=0).max()) for space in spaces)
         self.iterations = 0
         self.norms: list[float] = []
         self._stage = PETSc.Log.Stage("solve")
@@ -210,7 +215,9 @@ class _Newton:
         self.norms = [scale]
         if self._own_tolerance:
             rtol = snes.getTolerances()[0]
-            snes.setTolerances(atol=rtol * scale)
+            # Forces are not known better than rounding of the deformation gradient, which is near one, lets them be.
+            rounding = ROUNDING * self.size * self.matrix.norm(PETSc.NormType.INFINITY)
+            snes.setTolerances(atol=max(rtol * scale, rounding))
         snes.solve(None, self.trial)
         its = snes.getIterationNumber()
         self.iterations += its
