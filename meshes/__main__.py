@@ -6,7 +6,9 @@ from collections.abc import Sequence
 from typing import NoReturn
 
 from isorod.errors import InputError
-from meshes import gmsh_model, spring
+from meshes import blade, gmsh_model, spring
+
+SCENES = {"spring": spring, "blade": blade}
 
 
 class _Parser(argparse.ArgumentParser):
@@ -16,7 +18,7 @@ class _Parser(argparse.ArgumentParser):
 
 def _parser() -> argparse.ArgumentParser:
     parser = _Parser(prog="meshes", description="Finite element meshes of the scenes, from the Rod's own map.")
-    scenes = parser.add_subparsers(dest="scene", required=True, metavar="SCENE", help="spring")
+    scenes = parser.add_subparsers(dest="scene", required=True, metavar="SCENE", help="spring or blade")
     it = scenes.add_parser("spring", help="the helical spring")
     it.add_argument("--cells", choices=spring.CELLS, default="bricks")
     it.add_argument("--around", type=int, default=8, metavar="N", help="cells round the wire (bricks: multiple of 4)")
@@ -25,21 +27,33 @@ def _parser() -> argparse.ArgumentParser:
     it.add_argument("--rings", type=int, default=1, metavar="N", help="bricks: rings round the core")
     it.add_argument("--core", type=float, metavar="R", help="bricks: radius of the core's corners, between 0 and 1")
     it.add_argument("-o", "--output", default="spring.msh", metavar="FILE.msh")
+    it = scenes.add_parser("blade", help="the wind turbine blade")
+    it.add_argument("--cells", choices=blade.CELLS, default="bricks")
+    it.add_argument("--along", type=int, default=6, metavar="N", help="cells along the chord")
+    it.add_argument("--across", type=int, default=1, metavar="N", help="cells across the thickness")
+    it.add_argument("--layers", type=int, default=12, metavar="N", help="cells from root to tip")
+    it.add_argument("--order", type=int, default=2, metavar="N", help="order of the geometry")
+    it.add_argument(
+        "--grading", type=float, default=1.0, metavar="G", help="layer k of N starts at (k / N)^G of the way"
+    )
+    it.add_argument("--clustering", type=float, default=1.0, metavar="C", help="0: cells equally long along the chord")
+    it.add_argument("-o", "--output", default="blade.msh", metavar="FILE.msh")
     return parser
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit code."""
-    given = _parser().parse_args(arguments)
+    given = vars(_parser().parse_args(arguments))
+    scene, output = SCENES[given.pop("scene")], given.pop("output")
     try:
-        mesh = spring.build(given.cells, given.around, given.layers, given.order, given.rings, given.core)
-        gmsh_model.write(mesh, given.output)
+        mesh = scene.build(**given)
+        gmsh_model.write(mesh, output)
     except InputError as problem:
         print(f"meshes: {problem}", file=sys.stderr)
         return 2
-    exact = spring.rod().volume()
+    exact = scene.rod().volume()
     print(
-        f"{given.output}: {len(mesh.cells)} cells of {mesh.cells.shape[1]} nodes, {len(mesh.points)} nodes, "
+        f"{output}: {len(mesh.cells)} cells of {mesh.cells.shape[1]} nodes, {len(mesh.points)} nodes, "
         f"volume {mesh.volume():.6f} ({mesh.volume() / exact - 1.0:+.2e} of the rod's)"
     )
     return 0

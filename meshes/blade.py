@@ -1,13 +1,11 @@
 """Meshes of the blade (Lu & Zhou 2011, section 4.3)."""
 
-import numpy as np
-
 from isorod.errors import InputError
 from isorod.rod import Rod
 from isorod.scenes.blade import Blade
 from meshes.bricks import bricks
 from meshes.mesh import Mesh
-from meshes.split import tetrahedra_of
+from meshes.split import fan, layered
 from meshes.strip import paper_section, strip
 
 CELLS = ("bricks", "tetrahedra", "paper")
@@ -27,16 +25,16 @@ def build(
     across: int = 1,
     layers: int = 12,
     order: int = 2,
-    grading: float = 1.5,
+    grading: float = 1.0,
     corners: tuple[float, float] = (4.0, 10.0),
-    clustering: float = 0.5,
+    clustering: float = 1.0,
 ) -> Mesh:
     """Return a mesh of the blade.
 
     Parameters
     ----------
     cells
-        ``"bricks"``, ``"tetrahedra"`` (six to a brick, on the nodes of order 2), or ``"paper"``: straight 8-node bricks with the
+        ``"bricks"``, ``"tetrahedra"`` (of order 2), or ``"paper"``: straight 8-node bricks with the
         counts that the paper gives (15 layers of 69 nodes, 14 x 49 = 686 bricks), to which the other parameters do not apply.
     along, across, layers
         Numbers of bricks along the chord, across the thickness and from root to tip.
@@ -54,7 +52,8 @@ def build(
         return bricks(body, paper_section(turn=turn), _PAPER_LAYERS)
     if cells not in CELLS:
         raise InputError(f"cells: got {cells!r}, need one of {', '.join(CELLS)}")
-    if cells == "tetrahedra" and order != 2:
-        raise InputError(f"order of tetrahedra: got {order}, need 2")
-    mesh = bricks(body, strip(along, across, order, corners, clustering, turn), layers, grading)
-    return tetrahedra_of(mesh) if cells == "tetrahedra" else mesh
+    if cells == "tetrahedra":
+        if order != 2:
+            raise InputError(f"order of tetrahedra: got {order}, need 2")
+        return layered(body, fan(along, across, clustering, turn), layers, grading)
+    return bricks(body, strip(along, across, order, corners, clustering, turn), layers, grading)

@@ -60,7 +60,7 @@ class Mesh:
     def node_volumes(self) -> Array:
         """Return each node's share of the volume, shape ``(nodes,)``: a cell's is shared out equally among its nodes."""
         shares = np.repeat(self._cell_volumes() / self.cells.shape[1], self.cells.shape[1])
-        return np.bincount(self.cells.ravel(), shares, len(self.points))
+        return np.asarray(np.bincount(self.cells.ravel(), shares, len(self.points)), dtype=float)
 
     def _cell_volumes(self) -> Array:
         where, weights = _rule(self.shape, 3 * self.order)

@@ -12,7 +12,7 @@ def strip(
     across: int = 1,
     order: int = 2,
     corners: tuple[float, float] = (4.0, 10.0),
-    clustering: float = 0.5,
+    clustering: float = 1.0,
     turn: float = 0.0,
 ) -> Template:
     """Return a grid of ``along x across`` quadrilaterals whose four corners lie on the circle.
@@ -46,14 +46,14 @@ def strip(
         raise InputError(f"corners of the section: got {corners} degrees, need more than 0 and less than 90")
     if not 0.0 <= clustering <= 1.0:
         raise InputError(f"clustering: got {clustering:g}, need 0 to 1")
-    s = _nodes(_levels(along, clustering), order)
+    s = _nodes(levels(along, clustering), order)
     t = _nodes(np.linspace(-1.0, 1.0, across + 1), order)
-    disk = _pull(*np.meshgrid(s, t, indexing="xy"), *np.radians(corners))
+    disk = _pull(s[None, :], t[:, None], *np.radians(corners))
     number = np.arange(s.size * t.size).reshape(t.size, s.size)
     return _turned(Template(order, disk.reshape(-1, 2), blocks(number, order), _rim(_border(number), order)), turn)
 
 
-def paper_section(corners: tuple[float, float] = (4.0, 10.0), clustering: float = 0.5, turn: float = 0.0) -> Template:
+def paper_section(corners: tuple[float, float] = (4.0, 10.0), clustering: float = 0.0, turn: float = 0.0) -> Template:
     """Return straight quadrilaterals with the counts of Lu & Zhou (2011, section 4.3): 69 nodes and 49 quadrilaterals.
 
     The paper shows no section.  69 nodes and 49 quadrilaterals of a disk have 38 edges on the rim (Euler), which neither a grid
@@ -64,7 +64,7 @@ def paper_section(corners: tuple[float, float] = (4.0, 10.0), clustering: float 
     points = grid.points.copy()
     # The node that the cap takes off the rim moves inward, so that no two of the three cells at it are in line.
     neighbour = points[inner - 1]
-    outside = points[inner]
+    outside = points[inner].copy()
     points[inner] = 0.5 * (outside + neighbour)
     points = np.concatenate([points, outside[None]])
     cap = len(points) - 1
@@ -74,7 +74,8 @@ def paper_section(corners: tuple[float, float] = (4.0, 10.0), clustering: float 
     return _turned(Template(1, points, quads, rim), turn)
 
 
-def _levels(along: int, clustering: float) -> Array:
+def levels(along: int, clustering: float) -> Array:
+    """Return the ends of ``along`` cells of the interval (-1, 1), shape ``(along + 1,)``; ``clustering`` as in `strip`."""
     v = np.linspace(-1.0, 1.0, along + 1)
     return (1.0 - clustering) * v + clustering * np.sin(0.5 * np.pi * v)
 
@@ -86,7 +87,7 @@ def _nodes(levels: Array, order: int) -> Array:
 
 
 def _pull(s: Array, t: Array, back: float, front: float) -> Array:
-    """Map the square ``(-1, 1)^2`` onto the disk; its corners go to the angles ``back`` and ``front`` off the diameter."""
+    """Map the square ``(-1, 1)^2`` of ``s``, in a row, and ``t``, in a column, onto the disk; its corners go to the angles ``back`` and ``front`` off the diameter."""
     way = 0.5 * (s + 1.0)
     low, high = -np.cos(back), np.cos(front)
     x = low + way * (high - low)
@@ -108,6 +109,10 @@ def _rim(border: Index, order: int) -> Index:
 
 
 def _turned(template: Template, degrees: float) -> Template:
+    return Template(template.order, template.points @ rotation(degrees), template.quads, template.rim)
+
+
+def rotation(degrees: float) -> Array:
+    """Return the matrix that turns row vectors ``(m, 2)`` counter-clockwise."""
     angle = np.radians(degrees)
-    rotation = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
-    return Template(template.order, template.points @ rotation, template.quads, template.rim)
+    return np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])

@@ -192,7 +192,7 @@ CHANGES = {
     "Young's modulus": ({"E": 1.2e7}, 2.0),
     "density": ({"density": 160.0}, 0.5),
     "size": ({"length": 16.6, "chord": 4.0}, 0.5),
-    "all": ({"E": 3.0e6 / 16, "density": 10.0, "length": 8.3e-3, "chord": 2.0e-3}, 500.0),
+    "all": ({"E": 3.0e6 / 16, "density": 10.0, "length": 8.3 / 1024, "chord": 2.0 / 1024}, 512.0),
 }
 
 

@@ -3,14 +3,17 @@
 import argparse
 import sys
 from collections.abc import Sequence
+from importlib import import_module
 from pathlib import Path
 from typing import Any, NoReturn
 
-from comparisons.fem import presets
+from comparisons.fem import blade_presets, presets
 from comparisons.fem.quadrature import RULES
 from isorod import options, results
 from isorod.errors import InputError, SolveError
-from meshes import spring
+from meshes import blade, spring
+
+PRESETS = {"spring": presets.PRESETS, "blade": blade_presets.PRESETS}
 
 
 class _Parser(argparse.ArgumentParser):
@@ -46,16 +49,32 @@ def _parser() -> argparse.ArgumentParser:
         prog="comparisons.fem",
         description="Finite element reference solutions with dolfinx. Options with a single dash go to PETSc.",
     )
-    scenes = parser.add_subparsers(dest="scene", required=True, metavar="SCENE", help="spring")
+    scenes = parser.add_subparsers(dest="scene", required=True, metavar="SCENE", help="spring or blade")
     it = scenes.add_parser("spring", help="the helical spring, pulled")
-    it.add_argument("--preset", choices=presets.PRESETS, help="start from a configuration; other options change it")
-    it.add_argument(
-        "--cells", choices=spring.CELLS, default="bricks", help="paper: the mesh whose counts the paper gives"
-    )
     it.add_argument("--around", type=int, default=8, metavar="N", help="cells round the wire")
     it.add_argument("--layers", type=int, default=48, metavar="N", help="cells along the wire, a multiple of 12")
     it.add_argument("--rings", type=int, default=1, metavar="N", help="bricks: rings round the core")
     it.add_argument("--core", type=float, metavar="R", help="bricks: radius of the core's corners")
+    it.add_argument("--fields", metavar="FILE", help="write displacement and von Mises stress to this .npz file")
+    _add_common(it, "spring", spring.CELLS)
+    it = scenes.add_parser("blade", help="the blade's vibration modes")
+    it.add_argument("--along", type=int, default=6, metavar="N", help="cells along the chord")
+    it.add_argument("--across", type=int, default=1, metavar="N", help="cells across the thickness")
+    it.add_argument("--layers", type=int, default=12, metavar="N", help="cells from root to tip")
+    it.add_argument(
+        "--grading", type=float, default=1.0, metavar="G", help="layer k of N starts at (k / N)^G of the way"
+    )
+    it.add_argument("--clustering", type=float, default=1.0, metavar="C", help="0: cells equally long along the chord")
+    it.add_argument("--modes", type=int, default=10, metavar="N", help="number of modes")
+    it.add_argument("--modes-file", metavar="FILE", help="write the mode shapes to this .npz file")
+    _add_common(it, "blade", blade.CELLS)
+    return parser
+
+
+def _add_common(it: argparse.ArgumentParser, scene: str, cells: Sequence[str]) -> None:
+    """Add the options of element, compiler and timing."""
+    it.add_argument("--preset", choices=PRESETS[scene], help="start from a configuration; other options change it")
+    it.add_argument("--cells", choices=cells, default="bricks", help="paper: the mesh whose counts the paper gives")
     it.add_argument("--order", type=_positive, metavar="N", help="order of the geometry; the degree if not given")
     it.add_argument("--degree", type=_positive, default=2, metavar="P", help="degree of the displacement")
     it.add_argument("--quadrature", type=_rule, metavar="Q", help="degree of the quadrature rule, or irons14")
@@ -67,9 +86,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     it.add_argument("--matrix", metavar="TYPE", help="PETSc matrix type, such as baij")
     it.add_argument("--flags", default="-O3 -march=native -g0", help="C compiler flags, one word: --flags='-O2'")
-    it.add_argument("--fields", metavar="FILE", help="write displacement and von Mises stress to this .npz file")
     it.add_argument("--repeat", type=_positive, default=1, metavar="N", help="runs in this process, the first one cold")
-    return parser
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -80,7 +97,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     preset = given.pop("preset")
     if preset:
         # Behind the scene's name and before what was typed, which then wins.
-        given = vars(parser.parse_args([ours[0], *presets.PRESETS[preset].split(), *ours[1:]]))
+        given = vars(parser.parse_args([ours[0], *PRESETS[ours[0]][preset].split(), *ours[1:]]))
         del given["preset"]
     options.initialize(petsc)
     record = _run(given)
@@ -92,16 +109,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(given: dict[str, Any]) -> dict[str, Any]:
-    from comparisons.fem.spring import Configuration, run
     from isorod.petsc import unused_options
 
-    given.pop("scene")
+    scene = import_module(f"comparisons.fem.{given.pop('scene')}")
     repeat = given.pop("repeat")
-    fields = given.pop("fields")
+    file = given.pop("fields", None) or given.pop("modes_file", None)
+    given.pop("modes_file", None)
     given["flags"] = tuple(given["flags"].split())
     try:
         with options.petsc_errors():
-            record = run(Configuration(**given), repeat, fields and Path(fields))
+            record: dict[str, Any] = scene.run(scene.Configuration(**given), repeat, file and Path(file))
     except (InputError, SolveError) as problem:
         _fail(problem)
     unknown = unused_options()

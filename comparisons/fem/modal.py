@@ -326,7 +326,7 @@ class _Body:
         if PETSc.Options().getString("st_pc_type", "") not in _ALGEBRAIC or not self.plain:
             return
         x = self.space.tabulate_dof_coordinates()[self.free]
-        vectors = []
+        vectors: list[PETSc.Vec] = []
         for a in range(RIGID):
             nodal = np.zeros_like(x)
             if a < 3:
@@ -364,7 +364,6 @@ def nodal(found: Modes) -> Array | None:
     """Return the mode shapes at the nodes of the `Mesh`, shape ``(modes, nodes, 3)``, on rank 0; None elsewhere."""
     mesh = found.domain.mesh
     count = mesh.topology.index_map(mesh.topology.dim).size_local
-    cells = np.arange(count, dtype=np.int32)
     rows = compat.geometry_dofs(mesh, count)
     numbers = np.asarray(mesh.geometry.input_global_indices)
     order = (
@@ -375,7 +374,7 @@ def nodal(found: Modes) -> Array | None:
     evaluate = compat.expression(found.displacement, where, FAST)
     for k, shape in enumerate(found.shapes):
         found.carry(shape)
-        local[k, rows] = evaluate(mesh, cells).reshape(count, -1, 3)
+        local[k, rows] = evaluate(mesh, np.arange(count, dtype=np.int32)).reshape(count, -1, 3)
     used = np.unique(rows)
     parts = mesh.comm.gather((numbers[used], local[:, used]), root=0)
     if parts is None:

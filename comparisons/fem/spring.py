@@ -1,6 +1,5 @@
 """The spring of Lu & Zhou (2011), section 4.2, solved with dolfinx, and the record of a run."""
 
-import statistics
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -8,15 +7,12 @@ from time import perf_counter
 from typing import Any
 
 from mpi4py import MPI
-from petsc4py import PETSc
 
-from comparisons.fem import compat
+from comparisons.fem import runs
 from comparisons.fem.domain import Domain
 from comparisons.fem.fields import save
 from comparisons.fem.material import neo_hookean
 from comparisons.fem.statics import DIRECT, FAST, Element, Equilibrium, Held, solve
-from isorod import results
-from isorod.errors import InputError
 from isorod.scenes.spring import Spring
 from meshes import spring
 from meshes.mesh import Mesh
@@ -55,16 +51,7 @@ class Configuration:
 
     def __post_init__(self) -> None:
         bricks = self.cells != "tetrahedra"
-        if not 1 <= self.degree <= (4 if bricks else 3):
-            raise InputError(f"degree: got {self.degree}, need 1 to 4 on bricks, 1 to 3 on tetrahedra")
-        if self.family != "Lagrange" and not bricks:
-            raise InputError(f"family {self.family}: bricks only; tetrahedra take Lagrange")
-        if self.family == "enhanced" and (self.degree, self.geometry_order) != (1, 1):
-            raise InputError("family enhanced: it is of degree 1 on bricks of order 1; add --degree 1 --order 1")
-        if isinstance(self.quadrature, str) and not bricks:
-            raise InputError(f"quadrature {self.quadrature}: bricks only; tetrahedra take a degree")
-        if self.quadrature == 0 or (isinstance(self.quadrature, int) and self.quadrature > 20):
-            raise InputError(f"quadrature: got degree {self.quadrature}, need 1 to 20")
+        runs.check_element(bricks, self.degree, self.family, self.quadrature, self.geometry_order)
 
     @property
     def geometry_order(self) -> int:
@@ -82,16 +69,7 @@ class Configuration:
 
 def domain(configuration: Configuration, comm: MPI.Comm = MPI.COMM_WORLD) -> Domain:
     """Build the mesh on rank 0 and share it out; an `InputError` is raised on every rank."""
-    mesh, problem = None, None
-    if comm.rank == 0:
-        try:
-            mesh = configuration.mesh()
-        except InputError as error:
-            problem = str(error)
-    problem = comm.bcast(problem, root=0)
-    if problem is not None:
-        raise InputError(problem)
-    return Domain.distribute(mesh, comm)
+    return runs.distribute(configuration.mesh, comm)[0]
 
 
 def equilibrium(where: Domain, configuration: Configuration) -> Equilibrium:
@@ -113,26 +91,17 @@ def run(
 ) -> dict[str, Any]:
     """Solve ``repeat`` times in this process and return the record, the same on every rank.
 
-    The last solution's stress and displacement go to the file ``fields`` if one is named.
-
-    ``seconds`` holds the median of the warm runs (all but the first), or the only run.  Each part is the slowest rank's.
+    The last solution's stress and displacement go to the file ``fields`` if one is named.  ``seconds`` is as in
+    `comparisons.fem.runs.timed`.
     """
     start = perf_counter()
     where = domain(configuration, comm)
     meshing = perf_counter() - start
-    runs: list[dict[str, float]] = []
-    for _ in range(repeat):
-        comm.Barrier()
-        start = perf_counter()
-        found = equilibrium(where, configuration)
-        parts = found.seconds | {"total": perf_counter() - start}
-        runs.append({name: comm.allreduce(value, op=MPI.MAX) for name, value in parts.items()})
+    found, every, median = runs.timed(lambda: equilibrium(where, configuration), repeat, comm)
     if fields is not None:
         save(found, fields)
-    warm = runs[1:] or runs
-    median = {name: statistics.median(one[name] for one in warm) for name in runs[0]}
     rule = Element(configuration.degree, configuration.quadrature).rule(where.shape)
-    record = {
+    return {
         "scene": "spring",
         "analysis": "statics",
         "method": "fem",
@@ -144,13 +113,11 @@ def run(
         "residual_norms": found.residual_norms,
         "seconds": {"mesh": meshing} | median,
         "warm": repeat > 1,
-        "runs": runs,
+        "runs": every,
         "options": asdict(configuration)
         | {"order": configuration.geometry_order, "quadrature": rule, "flags": list(configuration.flags)},
         "petsc_options": found.options,
         "ranks": comm.size,
         "peak_memory": found.peak_memory,
-        **results.provenance(),
+        **runs.provenance(),
     }
-    record["versions"] |= {"dolfinx": compat.version, "petsc": ".".join(map(str, PETSc.Sys.getVersion()))}
-    return record

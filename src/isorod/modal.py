@@ -1,5 +1,6 @@
 """Vibration modes: ``K x = omega^2 M x`` on the unknowns, by SLEPc."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from time import perf_counter
 
@@ -134,7 +135,8 @@ def solve(
     typed = PETSc.Options()
     if typed.hasName("eps_nev"):
         modes = typed.getInt("eps_nev")
-    rigid_modes = len(rigid.free_motions(model)) if state is None else 0
+    loose = rigid.free_motions(model) if state is None else []
+    rigid_modes = len(loose)
     wanted = modes + rigid_modes
     if modes < 1 or wanted > model.unknowns:
         raise InputError(f"modes: got {modes}, need 1 to {model.unknowns - rigid_modes} (the unknowns there are)")
@@ -146,7 +148,7 @@ def solve(
     assembler.seconds = 0.0
     assembler.tangent(x, 0.0 if state is None else 1.0, stiffness)
     assembly = assembler.seconds
-    problem = _Problem(assembler, stiffness, mass)
+    problem = _Problem(assembler, stiffness, mass, loose)
     shift = 0.0
     if rigid_modes:
         shift = -_SHIFT * problem.first_flexible(rigid_modes)
@@ -189,10 +191,13 @@ def _just_above(eigenvalue: float) -> float:
 class _Problem:
     """The pencil ``K - lambda M``."""
 
-    def __init__(self, assembler: Assembler, stiffness: PETSc.Mat, mass: PETSc.Mat) -> None:
+    def __init__(
+        self, assembler: Assembler, stiffness: PETSc.Mat, mass: PETSc.Mat, loose: Sequence[tuple[int, Array]]
+    ) -> None:
         self.assembler = assembler
         self.stiffness = stiffness
         self.mass = mass
+        self.loose = loose
         self.found: list[tuple[float, PETSc.Vec]] = []
         self.check_seconds = 0.0
 
@@ -249,6 +254,10 @@ class _Problem:
             if PETSc.Options().hasName("eps_nev"):
                 _, ncv, mpd = eps.getDimensions()
                 eps.setDimensions(min(wanted + 2, unknowns), ncv, mpd)
+            if typed in PRECONDITIONED and self.loose:
+                # These solvers find no end of a kernel: it is known, and taken out.
+                self._take_rigid_motions()
+                eps.setDeflationSpace([vector for _, vector in self.found])
             eps.solve()
         self._collect(eps)
         if len(self.found) < wanted:
@@ -278,6 +287,23 @@ class _Problem:
             f"modes: {below} eigenvalues lie at or below {last:.6g}, but {below - missing} were found; raise -eps_ncv or shift "
             "elsewhere (-st_shift)"
         )
+
+    def _take_rigid_motions(self) -> None:
+        model = self.assembler.model
+        taken: list[PETSc.Vec] = []
+        for body, motion in self.loose:
+            everywhere = np.zeros(model.dofs)
+            model.nodal(everywhere, body)[:] = motion
+            vector = self.assembler.state(everywhere)
+            image = self.assembler.vector()
+            for other in taken:
+                self.mass.mult(other, image)
+                vector.axpy(-vector.dot(image), other)
+            self.mass.mult(vector, image)
+            vector.scale(1.0 / np.sqrt(vector.dot(image)))
+            taken.append(vector)
+            self.stiffness.mult(vector, image)
+            self.found.append((float(vector.dot(image)), vector))
 
     def _collect(self, eps: SLEPc.EPS) -> None:
         for k in range(eps.getConverged()):

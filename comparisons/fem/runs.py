@@ -1,0 +1,75 @@
+"""What the finite element runs of all scenes share: element options that fit, meshes on all ranks, repeated timing, provenance."""
+
+import statistics
+from collections.abc import Callable
+from time import perf_counter
+from typing import Any, TypeVar
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from comparisons.fem import compat
+from comparisons.fem.domain import Domain
+from isorod import results
+from isorod.errors import InputError
+from meshes.mesh import Mesh
+
+Found = TypeVar("Found")
+
+# Of a run's parts, those that check the result and do not count as its time.
+CHECKS = ("check",)
+
+
+def check_element(bricks: bool, degree: int, family: str, quadrature: int | str | None, order: int) -> None:
+    """Raise `InputError` if element, quadrature and order of the geometry do not go together."""
+    if not 1 <= degree <= (4 if bricks else 3):
+        raise InputError(f"degree: got {degree}, need 1 to 4 on bricks, 1 to 3 on tetrahedra")
+    if family != "Lagrange" and not bricks:
+        raise InputError(f"family {family}: bricks only; tetrahedra take Lagrange")
+    if family == "enhanced" and (degree, order) != (1, 1):
+        raise InputError("family enhanced: it is of degree 1 on bricks of order 1; add --degree 1 --order 1")
+    if isinstance(quadrature, str) and not bricks:
+        raise InputError(f"quadrature {quadrature}: bricks only; tetrahedra take a degree")
+    if quadrature == 0 or (isinstance(quadrature, int) and quadrature > 20):
+        raise InputError(f"quadrature: got degree {quadrature}, need 1 to 20")
+
+
+def distribute(build: Callable[[], Mesh], comm: MPI.Comm) -> tuple[Domain, Mesh | None]:
+    """Build a mesh on rank 0 and share it out; an `InputError` is raised on every rank.  Only rank 0 has the `Mesh`."""
+    mesh, problem = None, None
+    if comm.rank == 0:
+        try:
+            mesh = build()
+        except InputError as error:
+            problem = str(error)
+    problem = comm.bcast(problem, root=0)
+    if problem is not None:
+        raise InputError(problem)
+    return Domain.distribute(mesh, comm), mesh
+
+
+def timed(
+    solve: Callable[[], Found], repeat: int, comm: MPI.Comm
+) -> tuple[Found, list[dict[str, float]], dict[str, float]]:
+    """Solve ``repeat`` times in this process.
+
+    Returns what the last run found, the seconds of each run by part, each the slowest rank's, and their medians over the warm
+    runs (all but the first), or the only run.  ``total`` is without `CHECKS`.
+    """
+    runs: list[dict[str, float]] = []
+    for _ in range(repeat):
+        comm.Barrier()
+        start = perf_counter()
+        found = solve()
+        parts: dict[str, float] = dict(found.seconds)  # type: ignore[attr-defined]
+        parts["total"] = perf_counter() - start - sum(parts.get(name, 0.0) for name in CHECKS)
+        runs.append({name: comm.allreduce(value, op=MPI.MAX) for name, value in parts.items()})
+    warm = runs[1:] or runs
+    return found, runs, {name: statistics.median(one[name] for one in warm) for name in runs[0]}
+
+
+def provenance() -> dict[str, Any]:
+    """Return isorod's provenance with the versions of dolfinx and PETSc."""
+    record = results.provenance()
+    record["versions"] |= {"dolfinx": compat.version, "petsc": ".".join(map(str, PETSc.Sys.getVersion()))}
+    return record
