@@ -8,7 +8,7 @@ from comparisons.study import LEVELS, Run
 from isorod import options, results
 from isorod.errors import InputError, SolveError
 
-STUDIES = ("spring",)
+STUDIES = ("spring", "blade")
 COMMANDS = (*STUDIES, "verify", "report")
 
 

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import pytest
 from hypothesis import settings
+from scipy.sparse import csr_matrix
 
 from isorod.rod import Rod
 from isorod.section import circle
@@ -92,3 +93,9 @@ def mpirun() -> Callable[..., subprocess.CompletedProcess[str]]:
         return _run(["mpirun", *more, "-n", str(ranks), *program, *arguments])
 
     return run
+
+
+def as_array(matrix):
+    """Return a PETSc matrix of one rank as a dense array of its own."""
+    first, column, values = matrix.getValuesCSR()
+    return csr_matrix((values, column, first), shape=matrix.getSize()).toarray()

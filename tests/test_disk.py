@@ -64,7 +64,8 @@ def test_gradient_is_the_derivative_of_the_value(n):
     _, gradients = harmonic_functions(n, points)
     for k, direction in enumerate(np.eye(2)):
         difference = derivative(lambda x: harmonic_functions(n, x)[0], points, direction, 2e-3)
-        assert np.abs(difference - gradients[:, :, k]).max() < 1e-11
+        # Gradients grow with n, and so does the rounding of differences.
+        assert np.abs(difference - gradients[:, :, k]).max() < 1e-12 * n
 
 
 @pytest.mark.parametrize("n", COUNTS)

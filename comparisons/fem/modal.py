@@ -135,7 +135,8 @@ def solve(
     flags
         C compiler flags for the forms.
     matrix_type
-        PETSc type of the stiffness matrix when it is factored; ``sbaij`` (its upper triangle by blocks) if not given.
+        PETSc type of the stiffness matrix when it is factored; if not given ``sbaij``, its upper triangle by blocks, and on
+        several ranks ``aij``.
     check
         Count the eigenvalues below the last one, to prove that none was missed.
 
@@ -237,7 +238,8 @@ class _Body:
         if self.plain:
             self.space = compat.function_space(mesh, compat.block_element(mesh, element.family, element.degree, 3))
             self.scalar = compat.function_space(mesh, compat.block_element(mesh, element.family, element.degree, 1))
-            self.kind, self.final = "baij", matrix_type or "sbaij"
+            # PETSc adds only part of the entries of two parallel sbaij matrices with blocks (MatAXPY, 3.18).
+            self.kind, self.final = "baij", matrix_type or ("sbaij" if self.comm.size == 1 else "aij")
         else:
             self.space = enhanced.space(mesh)
             self.kind, self.final = "aij", matrix_type or "aij"

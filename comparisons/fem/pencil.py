@@ -99,8 +99,10 @@ class Pencil:
             last = self.found[wanted - 1][0]
             below = self._count_below(last, count_mass)
             missing = below - sum(value <= _just_above(last) for value, _ in self.found)
-            if missing <= 0:
+            if missing == 0:
                 return below
+            if missing < 0:
+                raise SolveError(f"modes: found {below - missing} up to {last:.6g}, but the inertia counts {below}")
             before = len(self.found)
             eps.setDeflationSpace([vector for _, vector in self.found])
             eps.setDimensions(min(missing + 2, self.stiffness.getSize()[0] - before))

@@ -32,7 +32,11 @@ def finer(scene: Any) -> dict[str, Any]:
         found["degree"] = scene.degree + 1
     name = "elements" if hasattr(scene, "elements") else "elements_per_turn"
     found[name] = 2 * getattr(scene, name)
-    return {name: dataclasses.replace(scene, **{name: value}) for name, value in found.items()}
+    ahead = {name: dataclasses.replace(scene, **{name: value}) for name, value in found.items()}
+    if "degree" in ahead and scene.continuity is None:
+        # With the continuity that goes with the higher degree the spaces would not nest.
+        ahead["degree"] = dataclasses.replace(ahead["degree"], continuity=scene.degree - 1)
+    return ahead
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -44,20 +44,26 @@ def set_values_coo(matrix: PETSc.Mat, values: NDArray[np.float64]) -> None:
 
 
 def unused_options() -> list[str]:
-    """Return the PETSc options given on the command line that nothing has asked for so far, as ``-name value``."""
+    """Return the PETSc options given on the command line that nothing has asked for so far, as ``-name value``.
+
+    They are forgotten, so that PETSc does not complain of them once more when it ends.
+    """
     count = ctypes.c_int()
     names = ctypes.POINTER(ctypes.c_char_p)()
     values = ctypes.POINTER(ctypes.c_char_p)()
     out = (ctypes.byref(count), ctypes.byref(names), ctypes.byref(values))
     kinds = (_POINTER, _POINTER, _POINTER, _POINTER)
     _check(_function("PetscOptionsLeftGet", *kinds)(None, *out))
-    left = []
+    left, names_left = [], []
     for k in range(count.value):
         if _AT_THE_END.match(names[k].decode()):
             continue
         value = values[k]
+        names_left.append(names[k].decode())
         left.append(f"-{names[k].decode()}" + (f" {value.decode()}" if value else ""))
     _check(_function("PetscOptionsLeftRestore", *kinds)(None, *out))
+    for name in names_left:
+        PETSc.Options().delValue(name)
     return left
 
 

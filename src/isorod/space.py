@@ -21,7 +21,7 @@ class Space:
     """Displacements ``sum_jl S_l(xi) R_j(u) d_jl`` on a rod, ``S_l`` the section functions of `isorod.polyharmonic`.
 
     Nodes are numbered layer by layer: node ``j K n + l`` carries ``S_l R_j``; a closed rod's last layer is its first.
-    The paper's element is the default: ``order`` 1 and the rod's own functions.  All refinements nest, and none moves the rod.
+    The paper's element is the default: ``order`` 1 and the rod's own functions.  Refinements nest (a degree at the same continuity), and none moves the rod.
 
     Parameters
     ----------

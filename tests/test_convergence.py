@@ -1,0 +1,175 @@
+"""Orders of convergence along the axis, 2p in forces and frequencies, where they hold and why not; convergence with K.
+
+For fixed section functions (n and K) the problem is one of ordinary differential equations along the axis with an analytic solution
+on each piece of the rod: order 2p.  At a clamped end the sections cannot contract, and the solution has layers there as short as
+the section functions allow: shorter with n and K, down to the singularity of the 3-D edge.  Elements longer than these layers
+see a solution that is not smooth, and shorter ones at the ends alone bring the order back.
+"""
+
+import numpy as np
+import pytest
+
+from isorod import modal, statics
+from isorod.material import LinearElastic, NeoHookean
+from isorod.model import Body, Model, Support
+from isorod.scenes.ring import Ring
+from isorod.scenes.spring import Spring
+from isorod.space import Space
+
+# mu = rho = 1: shear waves have speed one
+LAW = LinearElastic(2.6, 0.3)
+
+DEGREES = [2, 3, 4, 5]
+
+
+@pytest.fixture(autouse=True)
+def converged(petsc_options):
+    petsc_options(snes_rtol=1e-13, eps_tol=1e-13)
+
+
+def orders(elements, errors):
+    found = -np.diff(np.log(errors)) / np.diff(np.log(elements))
+    print("elements", elements, "errors", *(f"{error:.2e}" for error in errors), "orders", found.round(2))
+    return found
+
+
+def assert_order(degree, found):
+    """From above: what a coarse mesh does not resolve goes faster than the order."""
+    assert 0.97 < found / (2 * degree) < 1.15
+
+
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("p", DEGREES)
+def test_torsional_frequencies_of_a_free_round_bar_are_of_order_2p(p, order, cylinder):
+    """f = m / (2 L) sqrt(G / rho), exact in 3-D; the turning sections are held exactly, so that the axis alone errs."""
+    length, m, elements, errors = 4.0, 2, (8, 12), []
+    for count in elements:
+        space = Space(cylinder(4, height=length), count, p, None, "4x4", order)
+        frequencies = modal.solve(Model([Body(space, LAW, 1.0)]), 10).frequencies
+        errors.append(np.abs(frequencies / (m / (2 * length)) - 1.0).min())
+    assert_order(p, orders(elements, errors)[-1])
+
+
+@pytest.fixture(scope="module")
+def bar_on_rollers(cylinder):
+    """Frequencies of a bar whose faces stay in their planes and are free in them: waves along an endless bar, no layers."""
+
+    def solve(p, elements, order, length=2 * np.pi, modes=12, n=4):
+        space = Space(cylinder(n, height=length), elements, p, None, "8x4", order)
+        held = [Support.end(space, "start", "z"), Support.end(space, "end", "z")]
+        return modal.solve(Model([Body(space, LAW, 1.0)], held), modes).frequencies[3:]
+
+    return solve
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+@pytest.mark.parametrize("p", DEGREES)
+def test_frequencies_of_a_bar_on_rollers_are_of_order_2p(p, order, bar_on_rollers):
+    """Bending and longitudinal waves, against a very fine axis."""
+    fine = bar_on_rollers(6, 16, order)
+    elements = {2: (16, 24), 3: (8, 12), 4: (6, 8), 5: (4, 6)}[p]
+    found = [bar_on_rollers(p, count, order) for count in elements]
+    # the first two bend, in two planes; the third stretches
+    for mode in (0, 2):
+        errors = [frequencies[mode] / fine[mode] - 1.0 for frequencies in found]
+        assert min(errors) > 0.0
+        assert_order(p, orders(elements, errors)[-1])
+
+
+@pytest.mark.parametrize("p", DEGREES)
+def test_frequencies_of_a_free_ring_are_of_order_2p(p):
+    """Curved, rational, kinks of the map at the joints of its arcs, which are knots; no ends."""
+
+    def ring(p, elements):
+        space = Space(Ring().rod(), elements, p, None, "4x4x9")
+        return modal.solve(Model([Body(space, LAW, 1.0)]), 4).frequencies[6:]
+
+    fine = ring(6, 48)
+    elements = {2: (48, 64), 3: (32, 48), 4: (32, 40), 5: (32, 40)}[p]
+    found = [ring(p, count) for count in elements]
+    # the second pair is down to rounding with degree 5
+    for mode in (0, 2) if p < 5 else (0,):
+        assert_order(p, orders(elements, [frequencies[mode] / fine[mode] - 1.0 for frequencies in found])[-1])
+
+
+def spring(p, parts, order=1, levels=0):
+    """Force of one coil of four points round the wire, every element of the rod cut in ``parts``.
+
+    Of ``levels`` each halves the element at either end once more.
+    """
+    scene = Spring(coils=1, section_points=4)
+    rod = scene.rod()
+    for level in range(1, levels + 1):
+        rod = rod.insert(0.5**level).insert(4.0 - 0.5**level)
+    space = Space(rod, parts * rod.axis.elements, p, None, "4x4x9", order)
+    ends = [Support.end(space, "start"), Support.end(space, "end", displacement=(0.0, 0.0, 2.0))]
+    return statics.solve(Model([Body(space, NeoHookean(scene.E, scene.nu))], ends)).reactions[1, 2]
+
+
+@pytest.mark.parametrize(("order", "levels"), [(1, 2), (2, 3)])
+def test_force_of_a_spring_with_short_elements_at_its_ends_is_of_order_2p(order, levels):
+    fine = spring(6, 8, order, levels)
+    for p in DEGREES:
+        parts = (4, 6) if p < 5 else (5, 6)
+        errors = [spring(p, count, order, levels) / fine - 1.0 for count in parts]
+        found = orders(parts, errors)[-1]
+        assert 0.97 * 2 * p < found < 1.35 * 2 * p
+
+
+@pytest.mark.parametrize("p", [3, 4, 5])
+def test_equal_elements_longer_than_the_layers_at_its_ends_cost_the_spring_the_order(p):
+    """What the ends leave is small: 2e-5 of the force with 16 elements a turn."""
+    fine = spring(6, 8, 2, 3)
+    parts = (2, 4, 6)
+    errors = [spring(p, count, 2) / fine - 1.0 for count in parts]
+    assert orders(parts, errors)[-1] < min(2 * p - 2, 5)
+    assert errors[1] < 1e-4
+    assert spring(p, 4, 2, 3) / fine - 1.0 < 0.3 * errors[1]
+
+
+def clamped_bar(rod, p, elements, order):
+    """Shear force that moves one clamped end of a bar against the other."""
+    space = Space(rod, elements, p, None, "6x4", order)
+    ends = [Support.end(space, "start"), Support.end(space, "end", displacement=(0.1, 0.0, 0.0))]
+    return statics.solve(Model([Body(space, LAW)], ends)).reactions[1, 0]
+
+
+@pytest.mark.parametrize("p", DEGREES)
+def test_a_clamped_bar_reaches_order_2p_once_elements_are_shorter_than_its_layers(p, cylinder):
+    rod = cylinder(4, height=4.0)
+    fine = clamped_bar(rod, 6, 60, 1)
+    coarse = (2, 4)
+    assert orders(coarse, [clamped_bar(rod, p, count, 1) / fine - 1.0 for count in coarse])[-1] < 5
+    elements = {2: (16, 24), 3: (24, 32), 4: (32, 40), 5: (16, 24)}[p]
+    found = orders(elements, [clamped_bar(rod, p, count, 1) / fine - 1.0 for count in elements])[-1]
+    assert 0.8 * 2 * p < found < 1.15 * 2 * p
+
+
+@pytest.mark.parametrize("p", DEGREES)
+def test_the_layers_at_a_clamped_end_get_shorter_with_the_order(p, cylinder):
+    """Order 2 sees more of the singular edge: with elements as long as the radius all degrees converge alike."""
+    rod = cylinder(8, height=4.0)
+    fine = clamped_bar(rod, 6, 60, 2)
+    elements = (2, 4)
+    found = orders(elements, [clamped_bar(rod, p, count, 2) / fine - 1.0 for count in elements])[-1]
+    assert 1.7 < found < 2.3
+
+
+# Pochhammer-Chree waves: c / sqrt(E / rho) by kR, nu = 0.3, to ten digits.
+POCHHAMMER = {0.1: 0.9997746423, 0.5: 0.9941452085, 1.0: 0.9735264429}
+
+
+@pytest.mark.parametrize("kR", POCHHAMMER)
+def test_longitudinal_waves_converge_exponentially_with_the_order(kR, bar_on_rollers):
+    """The radial displacement is x, y times Bessel-like functions of r^2: n does not matter, each order adds a power of r^2."""
+    length = np.pi / kR
+    errors = []
+    for order in (1, 2, 3):
+        speeds = 2.0 * length * bar_on_rollers(6, 4, order, length) / np.sqrt(LAW.E)
+        errors.append(np.abs(speeds / POCHHAMMER[kR] - 1.0).min())
+    print(f"kR = {kR}: relative errors", *(f"{error:.2e}" for error in errors))
+    # digits given
+    floor = 1e-10
+    for k, error in enumerate(errors):
+        assert error < 0.02 * kR**2 * (0.004 * kR**2) ** k + floor
+    assert errors[0] > 0.005 * kR**2
