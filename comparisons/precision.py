@@ -36,7 +36,7 @@ def reach(records: list[Record]) -> str:
                 if record is None:
                     continue
                 seconds = record["seconds"]["total"]
-                ratio = ratio(seconds, best["seconds"]["total"]) if best and method == "cylindrical" and holds else ""
+                share = ratio(seconds, best["seconds"]["total"]) if best and method == "cylindrical" and holds else ""
                 finer = ", ".join(percent(near["error"]) for near in record["finer"])
                 rows.append(
                     (
@@ -47,7 +47,7 @@ def reach(records: list[Record]) -> str:
                         f"{record['peak_memory'] / 2**20:.0f}",
                         percent(record["error"]),
                         finer,
-                        ratio,
+                        share,
                     )
                 )
     head = ("to reach", "fastest", "unknowns", "ms", "peak MiB", "its error", "one step finer", "time ratio")
