@@ -47,7 +47,7 @@ def reach(records: list[Record]) -> str:
                         f"{record['peak_memory'] / 2**20:.0f}",
                         percent(record["error"]),
                         finer,
-                        share,
+                        share.removesuffix(" of"),
                     )
                 )
     head = ("to reach", "fastest", "unknowns", "ms", "peak MiB", "its error", "one step finer", "time ratio")
