@@ -48,15 +48,15 @@ CURVES = {
     "quick": (
         _cylindrical("paper", "--section-points 16 --degree 2 --quadrature paper", (5, 10, 20)),
         _cylindrical("K = 2, p = 3, n = 16", "--section-points 16 --order 2 --degree 3", (8, 16)),
-        _cylindrical("K = 2, p = 4, n = 32", "--section-points 32 --order 2 --degree 4", (6,)),
+        _cylindrical("K = 2, p = 3, n = 32", "--section-points 32 --order 2 --degree 3", (16,)),
         *fem_curves(presets.QUICK),
     ),
     "full": (
         _cylindrical("paper", "--section-points 16 --degree 2 --quadrature paper", (5, 10, 15, 20, 25, 30)),
         _cylindrical("K = 2, p = 3, n = 16", "--section-points 16 --order 2 --degree 3", (4, 8, 12, 16)),
         _cylindrical("K = 2, p = 4, n = 16", "--section-points 16 --order 2 --degree 4", (4, 6, 8, 12)),
-        _cylindrical("K = 2, p = 4, n = 32", "--section-points 32 --order 2 --degree 4", (4, 6, 8)),
-        _cylindrical("K = 3, p = 4, n = 32", "--section-points 32 --order 3 --degree 4", (4, 8)),
+        _cylindrical("K = 2, p = 3, n = 32", "--section-points 32 --order 2 --degree 3", (8, 12, 16)),
+        _cylindrical("K = 3, p = 3, n = 32", "--section-points 32 --order 3 --degree 3", (12, 16)),
         *fem_curves(presets.FULL),
     ),
 }

@@ -12,6 +12,7 @@ import pytest
 from isorod import modal, statics
 from isorod.material import LinearElastic, NeoHookean
 from isorod.model import Body, Model, Support
+from isorod.scenes.blade import Blade
 from isorod.scenes.ring import Ring
 from isorod.scenes.spring import Spring
 from isorod.space import Space
@@ -173,3 +174,39 @@ def test_longitudinal_waves_converge_exponentially_with_the_order(kR, bar_on_rol
     for k, error in enumerate(errors):
         assert error < 0.02 * kR**2 * (0.004 * kR**2) ** k + floor
     assert errors[0] > 0.005 * kR**2
+
+
+def spring_force(p, elements, order, rule, n=8):
+    space = Space(Spring(coils=1).rod(), elements, p, None, rule, order, n)
+    ends = [Support.end(space, "start"), Support.end(space, "end", displacement=(0.0, 0.0, 2.0))]
+    return statics.solve(Model([Body(space, LAW)], ends)).reactions[1, 2]
+
+
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("p", DEGREES)
+def test_the_default_rule_errs_less_than_the_space_of_a_spring(p, order):
+    fine = f"10x4x{p + 5}"
+    exact = spring_force(p, 8, order, fine)
+    error = abs(spring_force(p, 8, order, "auto") / exact - 1.0)
+    finer = [(p, 16, order, 8), (p + 1, 8, order, 8), (p, 8, order + 1, 8), (p, 8, order, 16)]
+    changes = [abs(spring_force(*space, fine, n) / exact - 1.0) for *space, n in finer]
+    print(f"p = {p}, K = {order}: rule {error:.1e}, elements, p, K, n:", *(f"{change:.1e}" for change in changes))
+    assert error < 0.5 * max(changes)
+    assert error < max(changes[2:]) + 0.05 * max(changes[:2])
+
+
+def blade_frequencies(order, n, rule):
+    space = Space(Blade().rod(), 8, 3, None, rule, order, n)
+    model = Model([Body(space, LinearElastic(3e6, 0.3), 40.0)], [Support.end(space, "start")])
+    return modal.solve(model).frequencies
+
+
+@pytest.mark.parametrize("order", [1, 2, pytest.param(3, marks=pytest.mark.slow)])
+def test_the_default_rule_errs_less_than_the_section_functions_of_the_blade(order):
+    exact = blade_frequencies(order, 16, "10x4x5")
+    error = np.abs(blade_frequencies(order, 16, "auto") / exact - 1.0).max()
+    changes = [
+        np.abs(blade_frequencies(order + more, n, "8x3x5") / exact - 1.0).max() for more, n in ((1, 16), (0, 32))
+    ]
+    print(f"K = {order}: rule {error:.1e}, K + 1, 2 n:", *(f"{change:.1e}" for change in changes))
+    assert error < 0.5 * max(changes)

@@ -213,6 +213,16 @@ def test_a_rod_has_exactly_six_zero_eigenvalues(name, order, rule):
     assert values[6] > 1e-9
 
 
+@pytest.mark.parametrize(("n", "order"), [(16, 4), (32, 1), (32, 3), (64, 1), (64, 2)])
+def test_the_default_rule_sees_the_waves_of_a_section_of_many_points(n, order, cylinder):
+    """A wave of order n / 2 lives within 1 / n of the circle; a rule that looks nowhere near there has it nearly free."""
+    auto, fine = (
+        spectrum(stiffness(Space(cylinder(n, height=2.0), order=order, quadrature=rule))) for rule in ("auto", "13x2")
+    )
+    print(f"smallest eigenvalue over that of a fine rule: {auto[6] / fine[6]:.2g}")
+    assert auto[6] > 0.01 * fine[6]
+
+
 def conditions(space):
     """Condition numbers of the scaled stiffness with one end held, and free without the six zeros."""
     held, free = spectrum(stiffness(space, [Support.end(space, "start")])), spectrum(stiffness(space))
