@@ -60,7 +60,11 @@ def runs(work: list[Record]) -> str:
     for record in work:
         seconds = record["seconds"]
         options = record["petsc_options"]
-        text = options if isinstance(options, str) else " ".join(f"-{key} {value}" for key, value in options.items())
+        text = (
+            options
+            if isinstance(options, str)
+            else " ".join(f"-{key} {value}" for key, value in options.items() if value)
+        )
         solver = text or " ".join(f"{key} {value}" for key, value in record.get("solver", {}).items())
         rows.append(
             (

@@ -17,7 +17,7 @@ h1, h2 { line-height: 1.2; } h2 { margin-top: 2.5rem; border-bottom: 1px solid #
 table { border-collapse: collapse; margin: 1rem 0; font-variant-numeric: tabular-nums; font-size: .9rem; }
 th, td { padding: .2rem .7rem; text-align: right; border-bottom: 1px solid #e3e3e3; }
 th { border-bottom: 2px solid #888; vertical-align: bottom; } td:first-child, th:first-child { text-align: left; }
-td.text, th.text { text-align: left; } .wide { overflow-x: auto; } code { font-size: .85em; }
+td.text, th.text { text-align: left; white-space: nowrap; } .wide { overflow-x: auto; } code { font-size: .85em; }
 img { max-width: 100%; height: auto; } .big { font-size: 1.25rem; } .small { color: #555; font-size: .85rem; }
 """
 

@@ -102,6 +102,8 @@ class Assembler:
         self.comm = PETSc.COMM_WORLD if comm is None else comm
         self.seconds = 0.0
         self.built: list[str] = []
+        # petsc4py keeps what Python has let go until it is told to destroy it, on all ranks together.
+        PETSc.garbage_cleanup()
         self._stage = PETSc.Log.Stage("assembly")
         with self._timed():
             self._split()
