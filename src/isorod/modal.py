@@ -278,7 +278,8 @@ class _Problem:
                 )
             before = len(self.found)
             eps.setDeflationSpace([vector for _, vector in self.found])
-            eps.setDimensions(min(missing + 2, unknowns - before))
+            # SLEPc wants room for one vector more than it is asked for.
+            eps.setDimensions(max(1, min(missing + 2, unknowns - before - 1)))
             eps.solve()
             self._collect(eps)
             if len(self.found) == before:
