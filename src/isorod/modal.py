@@ -278,8 +278,10 @@ class _Problem:
                 )
             before = len(self.found)
             eps.setDeflationSpace([vector for _, vector in self.found])
-            # SLEPc wants room for one vector more than it is asked for.
-            eps.setDimensions(max(1, min(missing + 2, unknowns - before - 1)))
+            # All three: SLEPc 3.22 keeps from the first solve what is not given, and it need not fit the new count.
+            count = max(1, min(missing + 2, unknowns - before - 1))
+            room = min(max(2 * count, count + 15), unknowns - before)
+            eps.setDimensions(count, room, room)
             eps.solve()
             self._collect(eps)
             if len(self.found) == before:
