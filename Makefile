@@ -19,7 +19,7 @@ export OMPI_MCA_btl ?= ^uct,openib,ofi,tcp
 .PHONY: help verify test test-all lint install clean
 
 help:
-	@echo "make verify    the main job: the spring against the finite element model, quick level, and the report page"
+	@echo "make verify    the main job: spring and blade against finite elements, quick level, and the report page"
 	@echo "make test      the tests but the slow ones         make test-all   all tests"
 	@echo "make lint      ruff and mypy                       make clean      remove caches and build leftovers"
 	@echo "make install   only set up (the others do it too): apt packages, .venv; Debian 12 or 13"
