@@ -20,15 +20,20 @@ from isorod.errors import SolveError
 TARGETS = {"quick": (1e-2, 5e-3), "full": (1e-2, 5e-3, 3e-3)}
 
 # One step finer along the axis, and one in the section, by method.
-FINER = {"cylindrical": (("--elements", 4), ("--section-points", 16)), "fem": presets.FINER}
+FINER = {
+    "cylindrical": (("--elements", 4), ("--section-points", 16), ("--section-degree", 1)),
+    "fem": presets.FINER,
+}
 
 # What the element is without and with more than harmonic functions of the section.
-ELEMENTS = {
+ELEMENTS: dict[str, dict[str, Any]] = {
     "K = 1, paper rule": {"section_points": 16, "elements": 20, "degree": 2, "quadrature": "paper"},
     "K = 1, full rule": {"section_points": 16, "elements": 20, "degree": 2, "quadrature": "full"},
     "K = 2, n = 16": {"section_points": 16, "elements": 16, "degree": 3, "order": 2, "quadrature": "full"},
     "K = 2, n = 32": {"section_points": 32, "elements": 16, "degree": 3, "order": 2, "quadrature": "full"},
     "K = 3, n = 32": {"section_points": 32, "elements": 16, "degree": 3, "order": 3, "quadrature": "full"},
+    "polynomials, N = 3": {"section_degree": 3, "elements": 12, "degree": 4},
+    "polynomials, N = 5": {"section_degree": 5, "elements": 20, "degree": 5},
 }
 
 
@@ -49,14 +54,26 @@ CURVES = {
         _cylindrical("paper", "--section-points 16 --degree 2 --quadrature paper", (5, 10, 20)),
         _cylindrical("K = 2, p = 3, n = 16", "--section-points 16 --order 2 --degree 3", (8, 16)),
         _cylindrical("K = 2, p = 3, n = 32", "--section-points 32 --order 2 --degree 3", (16,)),
+        _cylindrical(
+            "polynomials N = 3, p = 4, 3x1x2", "--section-degree 3 --degree 4 --quadrature 3x1x2", (8, 10, 12)
+        ),
+        _cylindrical("polynomials N = 4, p = 4", "--section-degree 4 --degree 4", (8, 12, 16)),
         *fem_curves(presets.QUICK),
     ),
     "full": (
         _cylindrical("paper", "--section-points 16 --degree 2 --quadrature paper", (5, 10, 15, 20, 25, 30)),
+        _cylindrical("K = 1, p = 3, n = 16", "--section-points 16 --degree 3", (6, 12, 18)),
+        _cylindrical("K = 2, p = 2, n = 32", "--section-points 32 --order 2 --degree 2", (8, 16, 24)),
         _cylindrical("K = 2, p = 3, n = 16", "--section-points 16 --order 2 --degree 3", (4, 8, 12, 16)),
         _cylindrical("K = 2, p = 4, n = 16", "--section-points 16 --order 2 --degree 4", (4, 6, 8, 12)),
         _cylindrical("K = 2, p = 3, n = 32", "--section-points 32 --order 2 --degree 3", (8, 12, 16)),
         _cylindrical("K = 3, p = 3, n = 32", "--section-points 32 --order 3 --degree 3", (12, 16)),
+        _cylindrical(
+            "polynomials N = 3, p = 4, 3x1x2", "--section-degree 3 --degree 4 --quadrature 3x1x2", (6, 8, 9, 10, 12)
+        ),
+        _cylindrical("polynomials N = 3, p = 4", "--section-degree 3 --degree 4", (8, 10, 12, 16)),
+        _cylindrical("polynomials N = 4, p = 4", "--section-degree 4 --degree 4", (8, 10, 12, 16, 20)),
+        _cylindrical("polynomials N = 5, p = 5", "--section-degree 5 --degree 5", (8, 10, 12, 16, 20)),
         *fem_curves(presets.FULL),
     ),
 }

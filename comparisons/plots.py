@@ -9,7 +9,8 @@ from isorod.results import write_beside
 # Okabe and Ito's colours: told apart by colour-blind readers too.
 _COLOURS = ("#0072B2", "#009E73", "#56B4E9", "#004D40", "#3F51B5", "#00BFA5", "#1A237E", "#7CB342")
 _FEM_COLOURS = ("#D55E00", "#E69F00", "#CC79A7", "#8B0000", "#A0522D", "#FF6F91", "#6A1B9A", "#9E9D24")
-_MARKERS = "osD^vPX*"
+# One fewer than colours, so that no two of many curves look alike.
+_MARKERS = "osD^vPX"
 
 
 def work_precision(records: Sequence[Record], target: float, quantity: str, path: Path) -> None:

@@ -15,7 +15,7 @@ TARGETS = {"quick": (1e-2, 1e-3), "full": (1e-2, 1e-3, 1e-4)}
 
 # One step finer along the axis, and one in the section, by method.
 FINER = {
-    "cylindrical": (("--elements-per-turn", 4), ("--section-points", 2)),
+    "cylindrical": (("--elements-per-turn", 4), ("--section-points", 2), ("--section-degree", 1)),
     "fem": (("--layers", 12), ("--around", 4)),
 }
 
@@ -28,20 +28,25 @@ PAPER = "--degree 2 --continuity 0 --quadrature paper"
 CURVES = {
     "quick": (
         _cylindrical("paper, n = 4", f"{PAPER} --section-points 4", (8, 16, 24)),
-        _cylindrical("p = 2, n = 6, 2x1x2", "--degree 2 --section-points 6 --quadrature 2x1x2", (4, 8, 12)),
-        _cylindrical("p = 3, n = 6, 2x1x3", "--degree 3 --section-points 6 --quadrature 2x1x3", (4, 8, 12)),
-        _cylindrical("K = 2, p = 4, n = 8", "--order 2 --degree 4 --section-points 8", (4, 8)),
+        _cylindrical("K = 1, p = 2, 2x1x2", "--degree 2 --section-points 6 --quadrature 2x1x2", (4, 8, 12)),
+        _cylindrical("K = 1, p = 3, 2x1x3", "--degree 3 --section-points 6 --quadrature 2x1x3", (4, 8, 12)),
+        _cylindrical("K = 2, p = 4", "--order 2 --degree 4 --section-points 8", (4, 8)),
+        _cylindrical("polynomials N = 3, p = 4", "--section-degree 3 --degree 4", (4, 8)),
         *fem_curves(presets.QUICK),
     ),
     "full": (
         _cylindrical("paper, n = 4", f"{PAPER} --section-points 4", (4, 8, 12, 16, 20, 24)),
         _cylindrical("paper, n = 8", f"{PAPER} --section-points 8", (4, 8, 12, 16, 20, 24)),
-        _cylindrical("p = 2, n = 6, 2x1x2", "--degree 2 --section-points 6 --quadrature 2x1x2", (4, 8, 12, 16)),
-        _cylindrical("p = 3, n = 6, 2x1x3", "--degree 3 --section-points 6 --quadrature 2x1x3", (4, 8, 12, 16)),
-        _cylindrical("p = 3, n = 8", "--degree 3 --section-points 8", (4, 8, 12, 16)),
-        _cylindrical("p = 4, n = 8", "--degree 4 --section-points 8", (4, 8, 12)),
+        _cylindrical("K = 1, p = 2, 2x1x2", "--degree 2 --section-points 6 --quadrature 2x1x2", (4, 8, 12, 16)),
+        _cylindrical("K = 1, p = 3, 2x1x3", "--degree 3 --section-points 6 --quadrature 2x1x3", (4, 8, 12, 16)),
+        _cylindrical("K = 1, p = 3, n = 8", "--degree 3 --section-points 8", (4, 8, 12, 16)),
+        _cylindrical("K = 1, p = 4, n = 8", "--degree 4 --section-points 8", (4, 8, 12)),
         _cylindrical("K = 2, p = 3, n = 8", "--order 2 --degree 3 --section-points 8", (4, 8, 16)),
         _cylindrical("K = 2, p = 4, n = 12", "--order 2 --degree 4 --section-points 12", (4, 8, 12)),
+        _cylindrical("K = 2, p = 5, n = 12", "--order 2 --degree 5 --section-points 12", (4, 8)),
+        _cylindrical("K = 3, p = 4, n = 12", "--order 3 --degree 4 --section-points 12", (4, 8)),
+        _cylindrical("polynomials N = 2, p = 3", "--section-degree 2 --degree 3 --quadrature 2x1x3", (4, 8, 12)),
+        _cylindrical("polynomials N = 3, p = 4", "--section-degree 3 --degree 4", (4, 8, 12, 16)),
         *fem_curves(presets.FULL),
     ),
 }

@@ -52,7 +52,8 @@ class WorkPrecision:
     scene
         Name of the scene.
     finer
-        One step finer along the axis, and one in the section, by method: option and what is added to it.
+        One step finer along the axis, and one in the section, by method: option and what is added to it.  Options that a run does
+        not have are passed over.
     error
         Error of a record.
     """
@@ -93,13 +94,14 @@ class WorkPrecision:
             finer = []
             for option, step in self.finer[found["method"]]:
                 count = re.search(rf"{option} (\d+)", found["arguments"])
-                assert count is not None
+                if count is None:
+                    continue
                 arguments = found["arguments"].replace(count[0], f"{option} {int(count[1]) + step}")
                 near = self._measure(found["method"], arguments, 1)
                 finer.append({"arguments": arguments, "error": near["error"]})
                 if near["error"] > target:
                     break
-            holds = all(near["error"] <= target for near in finer)
+            holds = len(finer) > 1 and all(near["error"] <= target for near in finer)
             self.study.record("confirm", found | {"target": target, "finer": finer, "holds": holds})
             if holds:
                 return

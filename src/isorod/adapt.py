@@ -1,7 +1,7 @@
 """Refinement of a scene's space, and an estimate of the error of what the scene measures.
 
-The spaces nest, so the change of a quantity when the space is refined in one direction - polyharmonic order, section points,
-degree, elements - tells how much that direction contributes to its error.  The estimate is the sum of the changes.
+The spaces nest, so the change of a quantity when the space is refined in one direction - polyharmonic order and section points or
+the degree of polynomials across the section, degree, elements - tells how much that direction contributes to its error.  The estimate is the sum of the changes.
 """
 
 import dataclasses
@@ -14,6 +14,7 @@ from isorod import run
 from isorod.disk import MAX_COUNT, Array
 from isorod.errors import InputError, SolveError
 from isorod.polyharmonic import MAX_ORDER
+from isorod.polynomial import MAX_DEGREE as MAX_SECTION_DEGREE
 from isorod.spline import MAX_DEGREE
 
 # Refinements tried before giving up, and unknowns beyond which no space is tried.
@@ -24,10 +25,14 @@ MAX_UNKNOWNS = 400_000
 def finer(scene: Any) -> dict[str, Any]:
     """Return the scene on the next finer space in each direction, by the name of its option."""
     found: dict[str, int] = {}
-    if scene.order < MAX_ORDER:
-        found["order"] = scene.order + 1
-    if 2 * scene.section_points <= MAX_COUNT:
-        found["section_points"] = 2 * scene.section_points
+    if scene.section_degree is not None:
+        if scene.section_degree < MAX_SECTION_DEGREE:
+            found["section_degree"] = scene.section_degree + 1
+    else:
+        if scene.order < MAX_ORDER:
+            found["order"] = scene.order + 1
+        if 2 * scene.section_points <= MAX_COUNT:
+            found["section_points"] = 2 * scene.section_points
     if scene.degree < MAX_DEGREE:
         found["degree"] = scene.degree + 1
     name = "elements" if hasattr(scene, "elements") else "elements_per_turn"
@@ -71,7 +76,7 @@ def estimate(scene: Any, settings: Mapping[str, Any], tolerance: float | None = 
     Parameters
     ----------
     scene
-        A scene with ``order``, ``section_points``, ``degree`` and ``elements`` or ``elements_per_turn``.
+        A scene with ``order``, ``section_points``, ``section_degree``, ``degree`` and ``elements`` or ``elements_per_turn``.
     settings
         Keyword arguments of the scene's analysis.
     tolerance

@@ -14,6 +14,8 @@ Let ``J_m`` be the jump of ``Phi'' + Phi`` at the joint angle ``beta_m``.  Integ
 ``c_0 = 1/n`` and ``c_1 = cos(alpha) exp(-i theta_i) / n`` follow from ``sum Phi_i = 1`` and ``sum Phi_i Q_i = xi``.
 """
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -23,6 +25,9 @@ Array = NDArray[np.float64]
 
 # Closed form and tables hold well beyond; the memory of a section's tables (40 n^2) does not.
 MAX_COUNT = 1024
+
+# Tables up to this many values are kept: a rod's check, its geometry and its space meet the same points again and again.
+_KEPT_SIZE = 2**16
 
 # Below this radius S and S' lose digits to cancellation and their power series, cut after this many terms, does not.
 _SERIES_RADIUS = 0.25
@@ -81,15 +86,28 @@ def harmonic_functions(n: int, xi: ArrayLike) -> tuple[Array, Array]:
     Returns
     -------
     values, gradients
-        Shapes ``(m, n)`` and ``(m, n, 2)`` (Lu & Zhou 2011, eq. 4, in the closed form of this module's header).
+        Shapes ``(m, n)`` and ``(m, n, 2)`` (Lu & Zhou 2011, eq. 4, in the closed form of this module's header); not to be written to.
 
     Raises
     ------
     InputError
         If a point lies outside the disk by more than rounding, or is not finite.
     """
-    points = np.asarray(xi, dtype=float).reshape(-1, 2)
+    points = np.ascontiguousarray(xi, dtype=float).reshape(-1, 2)
     check_count(n)
+    if n * points.shape[0] <= _KEPT_SIZE:
+        return _kept(n, points.tobytes())
+    return _tabulate(n, points)
+
+
+@lru_cache(maxsize=32)
+def _kept(n: int, points: bytes) -> tuple[Array, Array]:
+    values, gradients = _tabulate(n, np.frombuffer(points).reshape(-1, 2))
+    values.flags.writeable = gradients.flags.writeable = False
+    return values, gradients
+
+
+def _tabulate(n: int, points: Array) -> tuple[Array, Array]:
     radius = np.hypot(points[:, 0], points[:, 1])
     bad = ~(radius <= 1.0 + 1e-12)
     if bad.any():

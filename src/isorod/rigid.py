@@ -3,6 +3,7 @@
 import numpy as np
 
 from isorod.disk import Array
+from isorod.errors import SolveError
 from isorod.model import Model
 from isorod.space import Space
 
@@ -24,9 +25,9 @@ def motions(space: Space) -> Array:
 
 
 def _arms(space: Space) -> Array:
-    """Return the nodes' positions from their mean; zero where a node does not carry the rod."""
+    """Return the coefficients of the position from a point near the middle."""
     mean = space.positions[space.carries].mean(axis=0)
-    return (space.positions - mean) * space.carries[:, None]
+    return space.positions - mean * space.carries[:, None]
 
 
 def free_motions(model: Model) -> list[tuple[int, Array]]:
@@ -34,9 +35,14 @@ def free_motions(model: Model) -> list[tuple[int, Array]]:
     found = []
     for b, body in enumerate(model.bodies):
         basis = motions(body.space)
-        held = model.free[3 * model.first_node[b] : 3 * model.first_node[b + 1]] < 0
-        # Rows of held components only; the triangular factor has the same singular values and at most six rows.
-        rows = np.linalg.qr(basis[held], mode="r") if held.any() else np.zeros((1, 6))
+        free = model.free[3 * model.first_node[b] : 3 * model.first_node[b + 1]]
+        held = free < 0
+        _, first, unknown = np.unique(free, return_index=True, return_inverse=True)
+        # Rows of held components, and of what tied ones move apart; the triangular factor has the same singular values and at most
+        # six rows.
+        apart = (basis - basis[first[unknown]])[~held & (first[unknown] != np.arange(free.size))]
+        kept = np.concatenate([basis[held], apart])
+        rows = np.linalg.qr(kept, mode="r") if kept.size else np.zeros((1, 6))
         _, sizes, turns = np.linalg.svd(rows, full_matrices=True)
         full = np.zeros(6)
         full[: sizes.size] = sizes
@@ -45,14 +51,22 @@ def free_motions(model: Model) -> list[tuple[int, Array]]:
     return found
 
 
+def refuse_free(model: Model) -> None:
+    """Raise `SolveError` if a rigid motion is free, and name it."""
+    loose = free_motions(model)
+    if loose:
+        body, motion = loose[0]
+        how = describe(model.bodies[body].space, motion)
+        raise SolveError(f"supports: body {body} is free to {how}; hold it")
+
+
 def describe(space: Space, motion: Array) -> str:
     """Return a motion of a space's nodes ``(nodes, 3)`` in words: where it goes, or about which direction it turns."""
-    arm = _arms(space)[space.carries]
-    motion = motion[space.carries]
-    shift = motion.mean(axis=0)
+    arm = _arms(space)
+    shift = motion[space.carries].mean(axis=0)
     turn, *_ = np.linalg.lstsq(
         np.concatenate([np.cross(np.eye(3)[a], arm).reshape(-1, 1) for a in range(3)], axis=1),
-        (motion - shift).ravel(),
+        (motion - shift * space.carries[:, None]).ravel(),
         rcond=None,
     )
     size = np.abs(arm).max()

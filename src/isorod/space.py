@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from isorod import polyharmonic
 from isorod.disk import Array
 from isorod.errors import FoldedRodError, InputError
+from isorod.polynomial import Polynomials
 from isorod.quadrature import Rule, axis_points, section_points
 from isorod.rod import Rod, section_gradient
 from isorod.section import refine, refinement_turn
@@ -39,6 +40,8 @@ class Space:
         Number of control points ``n`` round the section: a multiple of the rod's own; the rod's own where not given.
     quadrature
         ``"auto"``, ``"full"``, ``"paper"``, ``"RxS"`` or ``"RxSxT"`` (see `isorod.quadrature`).
+    section_degree
+        Polynomials of this degree in the section's coordinates (`isorod.polynomial`) take the place of the functions of control points.
 
     Raises
     ------
@@ -53,6 +56,16 @@ class Space:
     quadrature: str = "full"
     order: int = 1
     section_points: int | None = None
+    section_degree: int | None = None
+
+    @cached_property
+    def polynomials(self) -> Polynomials | None:
+        """Polynomial section functions, where they are asked for."""
+        if self.section_degree is None:
+            return None
+        if self.order != 1 or self.section_points not in (None, self.rod.section_points):
+            raise InputError("section degree: polynomials take the place of order and section points; leave those out")
+        return Polynomials(self.rod, self.section_degree)
 
     @cached_property
     def axis(self) -> Axis:
@@ -66,7 +79,7 @@ class Space:
     @cached_property
     def rule(self) -> Rule:
         """Quadrature rule."""
-        return Rule.parse(self.quadrature, self.points_around, self.axis.degree, self.order)
+        return Rule.parse(self.quadrature, self.points_around, self.axis.degree, self.order, self.section_degree)
 
     @cached_property
     def multiple(self) -> int:
@@ -89,6 +102,8 @@ class Space:
 
     def section_functions(self, xi: ArrayLike) -> tuple[Array, Array]:
         """Return values ``(q, K n)`` and gradients ``(q, K n, 2)`` of the section functions at disk points ``(q, 2)``."""
+        if self.polynomials:
+            return self.polynomials.functions(xi)
         return polyharmonic.functions(self.points_around, self.order, xi, self.turn)
 
     @property
@@ -98,7 +113,9 @@ class Space:
 
     @property
     def layer_nodes(self) -> int:
-        """Number of nodes in a layer, ``K n``."""
+        """Number of nodes in a layer, ``K n`` (or the number of polynomials)."""
+        if self.polynomials:
+            return self.polynomials.count
         return polyharmonic.check_order(self.order) * self.points_around
 
     @property
@@ -108,14 +125,16 @@ class Space:
 
     @cached_property
     def carries(self) -> NDArray[np.bool_]:
-        """Whether a node moves with the rod (``k = 0``: these functions add up to one), shape ``(nodes,)``."""
-        layer = np.arange(self.layer_nodes) < self.points_around
+        """Whether a node moves with the rod (its function is one of those that add up to one), shape ``(nodes,)``."""
+        layer = self.polynomials.carries if self.polynomials else np.arange(self.layer_nodes) < self.points_around
         return np.tile(layer, self.layers)
 
     @cached_property
     def positions(self) -> Array:
-        """Coefficients of the rod's own map, shape ``(nodes, 3)``: control points where the node `carries`, else zero."""
+        """Coefficients of the rod's own map, shape ``(nodes, 3)``: control points of ``k = 0`` and zero, or those of polynomials."""
         own = self.rod.axis.transfer(self.axis, self.rod.control_points)[: self.layers]
+        if self.polynomials:
+            return self.polynomials.positions(own).reshape(-1, 3)
         around = refine(own.swapaxes(0, 1), self.multiple).swapaxes(0, 1)
         result = np.zeros((self.layers, self.layer_nodes, 3))
         result[:, : self.points_around] = around

@@ -33,6 +33,9 @@ class Blade:
     section_points: int = option(16, "control points round the section; with the paper's section a multiple of 16")
     elements: int = option(20, "elements along the blade")
     order: int = option(1, "polyharmonic order K of the section functions, 1 to 6 (paper: 1)")
+    section_degree: int | None = option(
+        None, "polynomials of this degree across the section, 1 to 8, in place of order and section points (none)"
+    )
     degree: int = option(2, "degree along the axis, 2 to 6")
     continuity: int | None = option(None, "continuity at inserted knots, 0 to degree - 1 (degree - 1)")
     quadrature: str = option("auto", "quadrature rule: auto, full, paper, RxS or RxSxT such as 2x1x4")
@@ -79,6 +82,7 @@ class Blade:
             continuity=self.continuity,
             quadrature=self.quadrature,
             order=self.order,
+            section_degree=self.section_degree,
             section_points=self.section_points,
         )
         body = Body(space, LinearElastic(self.E, self.nu), self.density)

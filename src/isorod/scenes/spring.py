@@ -27,13 +27,17 @@ class Spring:
     pitch: float = option(2.60258, "rise per turn [length]")
     wire_radius: float = option(1.0, "radius of the wire [length]")
     E: float = option(2.014e4, "Young's modulus [force/area]")
-    nu: float = option(0.3, "Poisson's ratio")
+    nu: float = option(0.3, "Poisson's ratio, up to 0.5")
     pull: float = option(2.0, "displacement of the upper end along the axis [length]")
     section_points: int = option(8, "control points round the wire, at least 3")
     elements_per_turn: int = option(8, "elements a turn, a multiple of 4")
     order: int = option(1, "polyharmonic order K of the section functions, 1 to 6 (paper: 1)")
+    section_degree: int | None = option(
+        None, "polynomials of this degree across the section, 1 to 8, in place of order and section points (none)"
+    )
     degree: int = option(3, "degree along the axis, 2 to 6")
     continuity: int | None = option(None, "continuity at inserted knots, 0 to degree - 1 (degree - 1)")
+    formulation: str = option("displacement", "displacement, or mixed: displacement and pressure, for nu near or at 0.5")
     quadrature: str = option("auto", "quadrature rule: auto, full, paper, RxS or RxSxT such as 2x1x4")
 
     def rod(self) -> Rod:
@@ -68,9 +72,10 @@ class Spring:
             continuity=self.continuity,
             quadrature=self.quadrature,
             order=self.order,
+            section_degree=self.section_degree,
         )
         ends = Support.end(space, "start"), Support.end(space, "end", displacement=(0.0, 0.0, self.pull))
-        return Model([Body(space, NeoHookean(self.E, self.nu))], ends)
+        return Model([Body(space, NeoHookean(self.E, self.nu), formulation=self.formulation)], ends)
 
     def measure(self, solution: "Equilibrium") -> dict[str, object]:
         """Return the axial force that holds the upper end [force]."""

@@ -1,0 +1,127 @@
+"""Polynomials of the section's own coordinates, in the place of the functions that belong to control points.
+
+Where all sections of a rod are affine images of one, ``x = c(u) + A(u) X(xi)``, the coordinates ``X = (X_1, X_2)`` of that section
+are functions on the disk, and so are their polynomials: a Taylor expansion across the rod, as higher-order beam theories use it
+(Carrera, Cinefra, Petrolo & Zappino, Finite Element Analysis of Structures through Unified Formulation, 2014).  Displacements of a
+slender body are smooth across it, so that ten polynomials do what a hundred functions of control points do; they see nothing of a
+corner, a point load or a contact patch.
+"""
+
+from functools import cached_property
+from math import ceil, pi
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from isorod.disk import Array, harmonic_functions
+from isorod.errors import InputError, whole_number
+from isorod.quadrature import Rule, section_points
+from isorod.rod import Rod
+from isorod.small import determinant
+from isorod.spline import Index
+
+MAX_DEGREE = 8
+
+# Layers may differ from affine images of the widest by this share of its size.
+_TOLERANCE = 1e-9
+
+
+class Polynomials:
+    """Polynomials of total degree ``N`` in the principal coordinates of a rod's section.
+
+    The first function is 1, the others are orthogonal to it and to each other over the section.  In the thinner direction the degree
+    is held to ``max(2, N t)``, ``t`` the ratio of the section's extents but at least one half: bending strains the thickness
+    quadratically, and what is of higher degree there is small.
+
+    Parameters
+    ----------
+    rod
+        The geometry.
+    degree
+        Total degree ``N``, 1 to 8.
+
+    Raises
+    ------
+    InputError
+        If the degree is out of range, or the rod's sections are not affine images of each other.
+    """
+
+    def __init__(self, rod: Rod, degree: int) -> None:
+        degree = whole_number("section degree", degree, 1, MAX_DEGREE)
+        points = rod.control_points
+        arms = points - points.mean(axis=1, keepdims=True)
+        widest = arms[int(np.argmax(np.linalg.norm(arms, axis=(1, 2))))]
+        _, sizes, directions = np.linalg.svd(widest)
+        self._polygon = widest @ directions[:2].T
+        images = np.linalg.lstsq(self._polygon, arms.swapaxes(0, 1).reshape(arms.shape[1], -1), rcond=None)[0]
+        gap = arms - (self._polygon @ images).reshape(arms.shape[1], -1, 3).swapaxes(0, 1)
+        worst = int(np.argmax(np.abs(gap).max(axis=(1, 2))))
+        if not np.abs(gap[worst]).max() <= _TOLERANCE * sizes[0]:
+            raise InputError(
+                f"section degree: layer {worst} of the rod's control points is not an affine image of the others; polynomials need "
+                "sections of one shape"
+            )
+        n = rod.section_points
+        xi, area = section_points(n, Rule(degree + 4, 4 + ceil(2.0 * pi * degree / n), 1))
+        values, gradients = harmonic_functions(n, xi)
+        jacobian = np.zeros((xi.shape[0], 3, 3))
+        jacobian[:, :2, :2] = np.einsum("qia,ib->qab", gradients, self._polygon)
+        jacobian[:, 2, 2] = 1.0
+        weights = area * np.abs(determinant(jacobian))
+        centroid = weights @ (values @ self._polygon) / weights.sum()
+        self._polygon = self._polygon - centroid
+        place = values @ self._polygon
+        _, axes = np.linalg.eigh((place * weights[:, None]).T @ place)
+        extents = np.ptp(place @ axes[:, ::-1], axis=0)
+        self._polygon = self._polygon @ axes[:, ::-1] / (0.5 * extents)
+        across = max(2, ceil(degree * max(0.5, extents.min() / extents.max()) - 1e-9))
+        self._powers = np.array(
+            [(total - b, b) for total in range(degree + 1) for b in range(min(total, across) + 1)], dtype=np.int64
+        )
+        self._mix = np.eye(self.count)
+        root = np.sqrt(weights / weights.sum())[:, None]
+        triangle = np.linalg.qr(root * self.functions(xi)[0], mode="r")
+        self._mix = np.linalg.inv(triangle * np.sign(np.diag(triangle))[:, None])
+
+    @property
+    def count(self) -> int:
+        """Number of functions."""
+        return self._powers.shape[0]
+
+    @property
+    def powers(self) -> Index:
+        """Exponents of the monomials that the functions are made of, shape ``(count, 2)``."""
+        return self._powers
+
+    @cached_property
+    def carries(self) -> np.ndarray:
+        """Whether a function is one of those that add up to one (the first alone does), shape ``(count,)``."""
+        return np.arange(self.count) == 0
+
+    def functions(self, xi: ArrayLike) -> tuple[Array, Array]:
+        """Return values ``(m, count)`` and gradients ``(m, count, 2)`` at disk points ``(m, 2)``."""
+        harmonic, slopes = harmonic_functions(self._polygon.shape[0], xi)
+        place = harmonic @ self._polygon
+        turns = np.einsum("qia,ib->qab", slopes, self._polygon)
+        exponent = np.arange(self._powers.max() + 1)
+        power = place[:, :, None] ** exponent
+        slope = np.zeros_like(power)
+        slope[:, :, 1:] = exponent[1:] * power[:, :, :-1]
+        a, b = self._powers.T
+        values = power[:, 0, a] * power[:, 1, b]
+        by_first = slope[:, 0, a] * power[:, 1, b]
+        by_second = power[:, 0, a] * slope[:, 1, b]
+        mixed = np.stack([by_first @ self._mix, by_second @ self._mix], axis=2)
+        gradients = np.einsum("qma,qab->qmb", mixed, turns.swapaxes(1, 2))
+        return values @ self._mix, gradients
+
+    def positions(self, polygons: Array) -> Array:
+        """Return the coefficients ``(layers, count, 3)`` of layers of control points ``(layers, n, 3)`` of the same rod."""
+        plane = np.concatenate([np.ones((self._polygon.shape[0], 1)), self._polygon], axis=1)
+        affine = np.linalg.pinv(plane) @ polygons
+        linear = np.flatnonzero(self._powers.sum(axis=1) <= 1)
+        order = [0, *(1 if self._powers[k, 0] else 2 for k in linear[1:])]
+        result = np.zeros((polygons.shape[0], self.count, 3))
+        # monomials = functions @ inverse(mix); those of degree 0 and 1 come first.
+        result[:, :3] = np.linalg.inv(self._mix[:3, :3]) @ affine[:, order]
+        return result

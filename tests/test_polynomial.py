@@ -1,0 +1,177 @@
+"""Polynomials of the section's coordinates as section functions."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from isorod import modal, rigid, statics
+from isorod.assembly import Assembler
+from isorod.errors import InputError
+from isorod.material import LinearElastic
+from isorod.model import Body, Model
+from isorod.polynomial import MAX_DEGREE, Polynomials
+from isorod.quadrature import Rule, section_points
+from isorod.rod import Rod
+from isorod.scenes.blade import Blade
+from isorod.scenes.flower import Flower
+from isorod.scenes.ring import Ring
+from isorod.scenes.spring import Spring
+from isorod.section import ellipse
+from isorod.small import determinant
+from isorod.space import Space
+from isorod.spline import Axis
+
+RODS = {"blade": Blade().rod(), "spring": Spring(coils=1).rod(), "ring": Ring().rod()}
+
+# Ten frequencies of the blade in three dimensions (comparisons blade), Hz.
+BLADE = np.array([0.18270, 0.75321, 1.37144, 1.87792, 2.10732, 3.51163, 4.35131, 5.26911, 5.63964, 6.88225])
+
+
+def prism(a, b, n=8):
+    axis = Axis(2, np.repeat([0.0, 1.0], 3), np.ones(3))
+    return Rod.sweep(ellipse(n, a, b), axis, np.outer([0.0, 0.5, 1.0], [0.0, 0.0, 1.0]))
+
+
+def disk(count):
+    random = np.random.default_rng(1)
+    r, t = np.sqrt(random.random(count)) * 0.98, 2 * np.pi * random.random(count)
+    return np.stack([r * np.cos(t), r * np.sin(t)], axis=1)
+
+
+@pytest.mark.parametrize("name", RODS)
+@pytest.mark.parametrize("degree", [1, 3, MAX_DEGREE])
+def test_the_first_is_one_and_all_are_orthogonal(name, degree):
+    rod = RODS[name]
+    xi, area = section_points(rod.section_points, Rule(14, 24, 1))
+    values, _ = Polynomials(rod, degree).functions(xi)
+    # Sections are affine images of each other: any one's measure is the first's up to a factor.
+    _, jacobian = rod.grid(xi, [0.3])
+    inside = np.linalg.norm(np.cross(jacobian[0, :, :, 0], jacobian[0, :, :, 1]), axis=1)
+    weights = area * inside / (area @ inside)
+    assert values[:, 0] == pytest.approx(1.0, abs=1e-12)
+    assert np.abs((values * weights[:, None]).T @ values - np.eye(values.shape[1])).max() < 1e-3
+
+
+def test_gradients_are_those_of_the_values():
+    functions, xi, h = Polynomials(RODS["blade"], 6), disk(30), 1e-6
+    _, gradients = functions.functions(xi)
+    for b, step in enumerate(h * np.eye(2)):
+        slope = (functions.functions(xi + step)[0] - functions.functions(xi - step)[0]) / (2 * h)
+        assert np.abs(slope - gradients[:, :, b]).max() < 1e-7 * np.abs(gradients).max()
+
+
+@pytest.mark.parametrize("name", RODS)
+def test_positions_are_the_rod_itself(name):
+    rod = RODS[name]
+    space = Space(rod, 2 * rod.axis.elements, 3, section_degree=3)
+    xi, u = disk(20), np.linspace(rod.axis.breaks[0], rod.axis.breaks[-1], 9)
+    values, _ = space.section_functions(xi)
+    first, axial, _ = space.axis.local(u)
+    layers = (first[:, None] + np.arange(space.axis.degree + 1)) % space.layers
+    nodal = space.positions.reshape(space.layers, space.layer_nodes, 3)
+    placed = values @ np.einsum("tj,tjia->tia", axial, nodal[layers])
+    assert placed == pytest.approx(rod.grid(xi, u)[0], abs=1e-12 * np.abs(rod.control_points).max())
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "degree", "expected"),
+    [(1.0, 1.0, 3, 10), (1.0, 1.0, 5, 21), (1.0, 0.2, 3, 9), (1.0, 0.2, 4, 12), (0.2, 1.0, 4, 12), (1.0, 0.2, 5, 18)],
+)
+def test_a_thin_section_takes_fewer_across_its_thickness(a, b, degree, expected):
+    assert Polynomials(prism(a, b), degree).count == expected
+
+
+@pytest.mark.parametrize("section_degree", [1, 2, 4])
+@pytest.mark.parametrize("name", ["blade", "spring"])
+def test_six_zero_eigenvalues_and_they_are_the_rigid_motions(name, section_degree):
+    space = Space(RODS[name], degree=2, quadrature="auto", section_degree=section_degree)
+    model = Model([Body(space, LinearElastic(1.0, 0.3), 1.0)])
+    assembler = Assembler(model)
+    stiffness = assembler.matrix()
+    assembler.tangent(assembler.vector(), 0.0, stiffness)
+    indptr, columns, values = stiffness.getValuesCSR()
+    dense = np.zeros((model.unknowns, model.unknowns))
+    dense[np.repeat(np.arange(model.unknowns), np.diff(indptr)), columns] = values
+    sizes = np.linalg.eigvalsh(dense)
+    assert np.count_nonzero(np.abs(sizes) < 1e-11 * sizes[-1]) == 6
+    assert np.abs(dense @ rigid.motions(space)).max() < 1e-11 * sizes[-1]
+
+
+def test_mass_is_the_rods():
+    space = Space(RODS["blade"], 4, quadrature="full", section_degree=4)
+    model = Model([Body(space, LinearElastic(1.0, 0.3), 2.0)])
+    assembler = Assembler(model)
+    ones = assembler.state((space.carries[:, None] * np.array([1.0, 0.0, 0.0])).ravel())
+    for lumped in (False, True):
+        image = assembler.vector()
+        assembler.mass(lumped).mult(ones, image)
+        assert ones.dot(image) == pytest.approx(2.0 * RODS["blade"].volume(), rel=1e-6)
+
+
+@pytest.mark.parametrize("a, b", [(1.0, 1.0), (1.0, 0.5), (1.0, 0.3)])
+def test_torsion_constant_of_an_ellipse_is_exact(a, b):
+    """The warping of an ellipse is x y."""
+    from test_exactness import torsion_constant
+
+    exact = np.pi * a**3 * b**3 / (a**2 + b**2)
+    assert torsion_constant(Space(prism(a, b), quadrature="8x4", section_degree=2)) == pytest.approx(exact, rel=1e-10)
+    stiff = torsion_constant(Space(prism(a, b), quadrature="8x4", section_degree=1))
+    assert stiff == pytest.approx(np.pi * a * b * (a**2 + b**2) / 4, rel=1e-10)
+
+
+def test_blade_within_half_a_percent_with_405_unknowns():
+    scene = Blade(section_degree=3, degree=4, elements=12)
+    found = modal.solve(scene.model())
+    assert found.model.unknowns == 405
+    assert np.abs(found.frequencies / BLADE - 1.0).max() < 5e-3
+
+
+def test_blade_converges_with_the_degree():
+    """By Rayleigh's principle each frequency falls when the degree grows, and none falls below the 3-D value."""
+    found = [
+        modal.solve(Blade(section_degree=degree, degree=4, elements=12, quadrature="full").model()).frequencies
+        for degree in (2, 3, 4, 5)
+    ]
+    for coarse, fine in pairwise(found):
+        assert (fine <= coarse * (1.0 + 1e-9)).all()
+    errors = [np.abs(f / BLADE - 1.0).max() for f in found]
+    assert errors[0] > 0.05
+    assert errors[-1] < 3e-3
+    assert (found[-1] > BLADE * (1.0 - 2e-4)).all()
+
+
+def test_spring_agrees_with_control_points():
+    """Both converge to the same three-dimensional solution: 6.0992 with K = 2, n = 8 and 16 elements a turn."""
+    scene = Spring(section_degree=3, degree=4, elements_per_turn=8)
+    force = statics.solve(scene.model()).reactions[1, 2]
+    assert force == pytest.approx(6.09902, rel=3e-4)
+
+
+@pytest.mark.parametrize("degree", [0, -1, MAX_DEGREE + 1, 2.5, float("nan")])
+def test_degrees_out_of_range_are_refused(degree):
+    with pytest.raises(InputError, match=r"section degree: got .*, need an integer from 1 to 8"):
+        Polynomials(RODS["blade"], degree)
+
+
+def test_sections_of_different_shape_are_refused():
+    rod = RODS["blade"]
+    points = rod.control_points.copy()
+    points[2, 3] += [0.0, 0.01, 0.0]
+    with pytest.raises(InputError, match=r"section degree: layer 2 .* is not an affine image"):
+        Polynomials(Rod(rod.axis, points), 2)
+
+
+@pytest.mark.parametrize("other", [{"order": 2}, {"section_points": 32}])
+def test_order_and_section_points_have_no_say(other):
+    with pytest.raises(InputError, match="section degree: polynomials take the place of order and section points"):
+        _ = Space(RODS["blade"], section_degree=2, **other).layer_nodes
+
+
+def test_a_concave_section_is_no_matter():
+    rod = Flower().rod()
+    xi, area = section_points(rod.section_points, Rule(8, 6, 1))
+    values, gradients = Polynomials(rod, 4).functions(xi)
+    assert np.isfinite(values).all()
+    assert np.isfinite(gradients).all()
+    assert determinant(rod.grid(xi, [0.5])[1]).shape == (1, area.size)
