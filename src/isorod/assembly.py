@@ -4,12 +4,15 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import cached_property
 from time import perf_counter
+from typing import TYPE_CHECKING
 
 import numpy as np
 from petsc4py import PETSc
 
 from isorod import kernel, rigid
 from isorod.disk import Array
+from isorod.errors import InputError
+from isorod.extrapolation import Extrapolation, pays
 from isorod.model import Body, Model, Spin
 from isorod.pattern import Pattern
 from isorod.petsc import preallocate_coo, set_values_coo
@@ -17,32 +20,44 @@ from isorod.small import determinant
 from isorod.space import Table
 from isorod.spline import Index
 
+if TYPE_CHECKING:
+    from isorod.contact_operator import ContactOperator
 
-class _Part:
+
+class Part:
     """The elements of one body that this rank assembles."""
 
-    def __init__(self, body: Body, index: int, first_node: int, first: int, last: int) -> None:
+    def __init__(self, body: Body, index: int, first_node: int, first_dof: int, first: int, last: int) -> None:
         self.body = body
         self.index = index
         self.table: Table = body.space.tabulate(first, last)
-        nodes = first_node + body.space.element_nodes[first:last]
-        self.dofs: Index = (3 * nodes[:, :, None] + np.arange(3)).reshape(nodes.shape[0], -1)
-        degree = body.space.axis.degree
-        self.shape = (nodes.shape[0], degree + 1, body.space.layer_nodes, 3)
-        self.slots: Index = np.empty(0, dtype=np.int64)
-        self.first_node = first_node
+        self.laws = body.laws_at(self.table.u)
         self.layers = body.space.element_layers[first:last]
+        self.width = self.layer_dofs(body)
+        dofs = first_dof + self.width * self.layers[:, :, None] + np.arange(self.width)
+        self.dofs: Index = dofs.reshape(self.layers.shape[0], -1)
+        self.shape = (*self.layers.shape, body.space.layer_nodes, 3)
+        self.slots: Index = np.empty(0, dtype=np.int64)
+        self.extrapolation: Extrapolation | None = None
+        self.first_node = first_node
+        self.first_dof = first_dof
+
+    @staticmethod
+    def layer_dofs(body: Body) -> int:
+        """Return the number of degrees of freedom of a layer."""
+        return 3 * body.space.layer_nodes
 
     @cached_property
     def pattern(self) -> Pattern:
         """Pattern of the degrees of freedom."""
-        return Pattern(self.layers, 3 * self.body.space.layer_nodes)
+        return Pattern(self.layers, self.width)
 
     @cached_property
     def mass(self) -> Array:
         """Element mass matrices of one component, shape ``(E, l n, l n)``."""
         t = self.table
-        mass = kernel.mass(t.section, t.axial, self.body.density * t.weights)
+        density = self.body.densities[t.first : t.first + t.elements, None, None]
+        mass = kernel.mass(t.section, t.axial, density * t.weights)
         return mass.reshape(mass.shape[0], mass.shape[1] * mass.shape[2], -1)
 
     def lumped_mass(self) -> Array:
@@ -57,28 +72,41 @@ class _Part:
         space = self.body.space
         nodes = space.element_nodes[self.table.first : self.table.first + self.table.elements]
         center = space.carries[nodes, None] * np.array(spin.center)
-        arm = space.positions[nodes] - center + local[self.slots].reshape(*nodes.shape, 3)
-        return (self.mass @ arm @ spin.field).reshape(self.dofs.shape)
+        arm = space.positions[nodes] - center + self.nodal(local).reshape(*nodes.shape, 3)
+        return (self.mass @ arm @ spin.field).reshape(nodes.shape[0], -1)
 
     def softening(self, spin: Spin) -> Array:
         """Return the derivatives of the centrifugal forces, shape of ``matrices``."""
-        size = self.dofs.shape[1]
+        size = 3 * self.mass.shape[1]
         return np.einsum("eij,ab->eiajb", self.mass, spin.field).reshape(-1, size, size)
 
-    def gradients(self, local: Array) -> Array:
-        t = self.table
-        nodal = local[self.slots].reshape(self.shape)
-        return kernel.deformation_gradients(t.section, t.axial, t.slopes, t.inverse, nodal)
+    def nodal(self, local: Array) -> Array:
+        """Return the nodal displacements, shape ``(E, l, n, 3)``, of this rank's degrees of freedom ``local``."""
+        return local[self.slots].reshape(self.shape)
 
-    def forces(self, F: Array) -> Array:
+    def gradients(self, local: Array) -> Array:
+        """Return the deformation gradients, shape ``(E, t, q, 3, 3)``."""
         t = self.table
-        stress = self.body.material.stress(F)
+        return kernel.deformation_gradients(t.section, t.axial, t.slopes, t.inverse, self.nodal(local))
+
+    def energy(self, local: Array, factor: float) -> float:
+        """Return the stored energy."""
+        return float(np.sum(self.table.weights * self.laws.at(factor).energy(self.gradients(local))))
+
+    def forces(self, local: Array, factor: float) -> Array:
+        """Return the internal forces, shape of ``dofs``."""
+        t = self.table
+        stress = self.laws.at(factor).stress(self.gradients(local))
         forces = kernel.internal_forces(t.section, t.axial, t.slopes, t.inverse, t.weights, stress)
         return forces.reshape(self.dofs.shape)
 
-    def matrices(self, F: Array) -> Array:
+    def matrices(self, local: Array, factor: float) -> Array:
+        """Return the element tangents, shape ``(E, l n 3, l n 3)``."""
         t = self.table
-        tangent = np.ascontiguousarray(self.body.material.tangent(F))
+        F, laws = self.gradients(local), self.laws.at(factor)
+        tangent = np.ascontiguousarray(laws.tangent(F))
+        if self.extrapolation is not None:
+            tangent = self.extrapolation.tangent(F, laws.stress(F), tangent)
         matrices = kernel.stiffness(t.section, t.axial, t.slopes, t.inverse, t.weights, tangent)
         return matrices.reshape(*self.dofs.shape, self.dofs.shape[1])
 
@@ -86,27 +114,42 @@ class _Part:
 class Assembler:
     """Assembles a model over a communicator.
 
-    Unknowns are the degrees of freedom that are not held, in their order; the displacement of a state ``x`` at
-    load factor ``f`` is ``x`` on those and ``f`` times the prescribed value on the others.
+    Unknowns are the degrees of freedom that are not held, in their order, tied ones once; the displacement of a state ``x`` at
+    load factor ``f`` is ``x`` on those plus what the supports prescribe (`Model.prescribed`).
 
     Attributes
     ----------
+    contact
+        Contact of the bodies (`isorod.contact_operator.ContactOperator`), or None.
     seconds
         Wall time spent in assembly so far.
     built
         Names of the operators that were built.
+    carried
+        Norm of the nodal forces of supports and loads at the last residual.
+    free, unknowns
+        As in the model; a subclass may have more degrees of freedom.
+    first
+        First degree of freedom of each body, and their number.
     """
+
+    # What a subclass may add to.
+    part = Part
+    formulations: tuple[str, ...] = ("displacement",)
 
     def __init__(self, model: Model, comm: PETSc.Comm | None = None) -> None:
         self.model = model
         self.comm = PETSc.COMM_WORLD if comm is None else comm
         self.seconds = 0.0
         self.built: list[str] = []
+        self.carried = 0.0
         # petsc4py keeps what Python has let go until it is told to destroy it, on all ranks together.
         PETSc.garbage_cleanup()
         self._stage = PETSc.Log.Stage("assembly")
         with self._timed():
+            self._number()
             self._split()
+            self.contact = self._contact()
 
     @contextmanager
     def _timed(self) -> Iterator[None]:
@@ -118,55 +161,88 @@ class Assembler:
             self._stage.pop()
             self.seconds += perf_counter() - start
 
+    def _contact(self) -> "ContactOperator | None":
+        if not self.model.contacts:
+            return None
+        if self.comm.getSize() > 1:
+            raise InputError("contact runs on one MPI rank so far; start without mpirun")
+        from isorod.contact_operator import ContactOperator
+
+        self.built.append("contact")
+        return ContactOperator(self.model)
+
+    def _number(self) -> None:
+        """Number the degrees of freedom, and the unknowns."""
+        model = self.model
+        for b, body in enumerate(model.bodies):
+            if body.formulation not in self.formulations:
+                raise InputError(f"body {b}: formulation {body.formulation!r} is for statics alone")
+        self.free, self.unknowns = model.free, model.unknowns
+        self.first = 3 * model.first_node
+        self.block = 3 if model.whole_nodes else 1
+
     def _split(self) -> None:
         model, size, rank = self.model, self.comm.getSize(), self.comm.getRank()
         counts = np.array([body.space.axis.elements for body in model.bodies])
         first_element = np.concatenate([[0], np.cumsum(counts)])
         bounds = first_element[-1] * np.arange(size + 1) // size
         self.parts = []
-        owner = np.empty(model.first_node[-1], dtype=np.int64)
+        owner = np.empty(self.first[-1], dtype=np.int64)
         for b, body in enumerate(model.bodies):
             low, high = (int(np.clip(x - first_element[b], 0, counts[b])) for x in bounds[rank : rank + 2])
             if high > low:
-                self.parts.append(_Part(body, b, int(model.first_node[b]), low, high))
+                self.parts.append(self.part(body, b, int(model.first_node[b]), int(self.first[b]), low, high))
             # A layer belongs to the rank of the first element that has it, so that rows follow the elements.
             touching = body.space.element_layers
             first_touch = np.full(body.space.layers, counts[b])
             np.minimum.at(first_touch, touching.ravel(), np.repeat(np.arange(counts[b]), touching.shape[1]))
             ranks = np.searchsorted(bounds, first_element[b] + first_touch, side="right") - 1
-            owner[model.first_node[b] : model.first_node[b + 1]] = np.repeat(ranks, body.space.layer_nodes)
+            owner[self.first[b] : self.first[b + 1]] = np.repeat(ranks, self.part.layer_dofs(body))
 
-        is_free = model.free >= 0
-        self.rows = int(np.count_nonzero(is_free & (np.repeat(owner, 3) == rank)))
+        self.rows = np.unique(self.free[(self.free >= 0) & (owner == rank)]).size
         window = np.unique(np.concatenate([np.empty(0, np.int64), *(part.dofs.ravel() for part in self.parts)]))
         for part in self.parts:
             part.slots = np.searchsorted(window, part.dofs)
         self._local = np.zeros(window.size)
-        self._free_slots = np.flatnonzero(is_free[window])
-        self._held_slots = np.flatnonzero(~is_free[window])
-        self._held_index = np.searchsorted(model.held, window[self._held_slots])
-        free = model.free[window[self._free_slots]].astype(PETSc.IntType)
+        self._free_slots = np.flatnonzero(self.free[window] >= 0)
+        places = self._places()
+        self._moved_slots = np.flatnonzero(np.isin(window, places))
+        self._moved = np.searchsorted(places, window[self._moved_slots])
+        is_bound = np.isin(self._moved, model.bound)
+        self._bound_slots = self._moved_slots[is_bound]
+        self._bound_index = np.searchsorted(model.bound, self._moved[is_bound])
+        # Each rank loads its own degrees of freedom only, so that shared ones are loaded once.
+        self._external = np.zeros(window.size)
+        if model.loads:
+            self._external[self._moved_slots] = np.where(owner[places] == rank, model.external, 0.0)[self._moved]
+        free = self.free[window[self._free_slots]].astype(PETSc.IntType)
         x = self.vector()
         self._near = PETSc.Vec().createSeq(free.size)
         self._scatter = PETSc.Scatter().create(x, PETSc.IS().createGeneral(free, PETSc.COMM_SELF), self._near, None)
         self._everything: tuple[PETSc.Scatter, PETSc.Vec] | None = None
 
+    def _places(self) -> Index:
+        """Return the assembler's number of each of the model's degrees of freedom, ascending."""
+        numbers = [np.empty(0, np.int64)]
+        for b, body in enumerate(self.model.bodies):
+            layers = np.arange(body.space.layers)[:, None] * self.part.layer_dofs(body)
+            numbers.append((self.first[b] + layers + np.arange(3 * body.space.layer_nodes)).ravel())
+        return np.concatenate(numbers)
+
     def vector(self) -> PETSc.Vec:
         """Return a new zero vector of unknowns."""
         vector = PETSc.Vec().create(self.comm)
-        vector.setSizes((self.rows, self.model.unknowns))
-        if self.model.whole_nodes:
-            vector.setBlockSize(3)
+        vector.setSizes((self.rows, self.unknowns))
+        vector.setBlockSize(self.block)
         vector.setFromOptions()
         vector.zeroEntries()
         return vector
 
     def _empty_matrix(self) -> PETSc.Mat:
-        sizes = (self.rows, self.model.unknowns)
+        sizes = (self.rows, self.unknowns)
         matrix = PETSc.Mat().create(self.comm)
         matrix.setSizes((sizes, sizes))
-        if self.model.whole_nodes:
-            matrix.setBlockSize(3)
+        matrix.setBlockSize(self.block)
         matrix.setType(PETSc.Mat.Type.AIJ)
         matrix.setFromOptions()
         return matrix
@@ -175,14 +251,20 @@ class Assembler:
         """Return a new symmetric AIJ matrix, preallocated for the tangent (COO)."""
         with self._timed():
             matrix = self._empty_matrix()
-            indices = []
-            for part in self.parts:
-                free = self.model.free[3 * part.first_node :]
-                indices.append([free[index] for index in part.pattern.indices()])
-            preallocate_coo(matrix, *_joined(indices))
+            self._preallocate(matrix)
             matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
             self.built.append("tangent")
         return matrix
+
+    def _preallocate(self, matrix: PETSc.Mat) -> None:
+        indices = []
+        for part in self.parts:
+            free = self.free[part.first_dof :]
+            indices.append([free[index] for index in part.pattern.indices()])
+        if self.contact is not None:
+            indices.append([self.model.free[self.contact.rows], self.model.free[self.contact.columns]])
+            matrix.setAttr("contact_version", self.contact.version)
+        preallocate_coo(matrix, *_joined(indices))
 
     def near_null_space(self) -> PETSc.NullSpace:
         """Return the rigid motions of all bodies on the unknowns, for algebraic multigrid."""
@@ -201,8 +283,9 @@ class Assembler:
 
     def _load(self, x: PETSc.Vec, factor: float) -> None:
         self._scatter.scatter(x, self._near, PETSc.InsertMode.INSERT_VALUES, PETSc.ScatterMode.FORWARD)
-        self._local[self._free_slots] = self._near.array_r
-        self._local[self._held_slots] = factor * self.model.values[self._held_index]
+        self._local[:] = 0.0
+        self._local[self._moved_slots] = self.model.prescribed(factor)[self._moved]
+        self._local[self._free_slots] += self._near.array_r
 
     def _store(self, local: Array, out: PETSc.Vec) -> None:
         self._near.array_w[:] = local[self._free_slots]
@@ -213,35 +296,70 @@ class Assembler:
         spin = self.model.spin
         total = np.zeros(self._local.size)
         for part in self.parts:
-            forces = part.forces(part.gradients(self._local))
+            forces = part.forces(self._local, factor)
             if spin is not None:
                 forces -= factor * part.centrifugal(self._local, spin)
             total += np.bincount(part.slots.ravel(), forces.ravel(), total.size)
-        return total
+        if self.contact is not None:
+            total -= self.contact.forces(self._local)[0]
+        return total - factor * self._external
+
+    def extrapolate(self) -> None:
+        """Let the next tangent be exact, and those of slender bodies after it extrapolate the stress (`isorod.extrapolation`)."""
+        for part in self.parts:
+            part.extrapolation = Extrapolation() if part.laws.objective and pays(part.body.space.rod) else None
 
     def residual(self, x: PETSc.Vec, factor: float, out: PETSc.Vec) -> None:
-        """Fill ``out`` with the internal forces on the unknowns (NaN where an element is inverted)."""
+        """Fill ``out`` with the internal less the external forces on the unknowns (NaN where an element is inverted)."""
         with self._timed():
             self._load(x, factor)
-            self._store(self._forces(factor), out)
+            forces = self._forces(factor)
+            self._store(forces, out)
+            own = float(np.sum(forces[self._bound_slots] ** 2) + np.sum((factor * self._external) ** 2))
+            self.carried = float(np.sqrt(self.comm.tompi4py().allreduce(own)))
 
     def reactions(self, x: PETSc.Vec, factor: float) -> Array:
-        """Return the forces of the supports on the model, one a degree of freedom in `Model.held`, on every rank."""
+        """Return the forces of the supports on the model, one a degree of freedom in `Model.bound`, on every rank."""
         with self._timed():
             self._load(x, factor)
-            forces = np.zeros(self.model.held.size)
-            forces[self._held_index] = self._forces(factor)[self._held_slots]
+            forces = np.zeros(self.model.bound.size)
+            forces[self._bound_index] = self._forces(factor)[self._bound_slots]
             return np.asarray(self.comm.tompi4py().allreduce(forces))
+
+    def imbalance(self, x: PETSc.Vec, factor: float) -> tuple[Array, Array]:
+        """Return the resultant ``(3,)`` of the forces on what no support holds, and what rounding makes of those in `Model.bound`.
+
+        The latter is the change of the internal forces, none but for rounding, when everything moves by the model's size.
+        """
+        with self._timed():
+            self._load(x, factor)
+            carried = self.model.carries[self._moved // 3]
+            loose = carried & ~np.isin(self._moved, self.model.bound)
+            total = self._forces(factor)[self._moved_slots]
+            resultant = np.bincount(self._moved[loose] % 3, total[loose], 3)
+            change = np.zeros(self._local.size)
+            for sign in (-1.0, 1.0):
+                for part in self.parts:
+                    change += sign * np.bincount(part.slots.ravel(), part.forces(self._local, factor).ravel(), change.size)
+                self._local[self._moved_slots[carried]] += self.model.size
+            noise = np.zeros(self.model.bound.size)
+            noise[self._bound_index] = change[self._bound_slots]
+            comm = self.comm.tompi4py()
+            return np.asarray(comm.allreduce(resultant)), np.asarray(comm.allreduce(noise))
 
     def tangent(self, x: PETSc.Vec, factor: float, out: PETSc.Mat) -> list[Array]:
         """Fill ``out`` with the tangent stiffness and return the element matrices of this rank's parts."""
         with self._timed():
             self._load(x, factor)
-            matrices = [part.matrices(part.gradients(self._local)) for part in self.parts]
+            matrices = [part.matrices(self._local, factor) for part in self.parts]
             if self.model.spin is not None:
                 for part, block in zip(self.parts, matrices, strict=True):
                     block -= factor * part.softening(self.model.spin)
             merged = [part.pattern.merge(block) for part, block in zip(self.parts, matrices, strict=True)]
+            if self.contact is not None:
+                merged.append(self.contact.tangent(self._local))
+                if out.getAttr("contact_version") != self.contact.version:
+                    self._preallocate(out)
             set_values_coo(out, np.concatenate([np.empty(0), *merged]))
             return matrices
 
@@ -250,13 +368,18 @@ class Assembler:
         with self._timed():
             self._load(x, factor)
             move = np.zeros(self._local.size)
-            move[self._held_slots] = step * self.model.values[self._held_index]
-            total = np.zeros(move.size)
+            move[self._moved_slots] = (self.model.prescribed(factor + step) - self.model.prescribed(factor))[self._moved]
+            total = -step * self._external
             for part, blocks in zip(self.parts, matrices, strict=True):
                 change = np.einsum("eij,ej->ei", blocks, move[part.slots])
                 if self.model.spin is not None:
                     change -= step * part.centrifugal(self._local, self.model.spin)
+                if part.laws.loaded:
+                    # Stress is linear in the activation.
+                    change += step * (part.forces(self._local, 1.0) - part.forces(self._local, 0.0))
                 total += np.bincount(part.slots.ravel(), change.ravel(), total.size)
+            if self.contact is not None:
+                total += self.contact.product(move)
             self._store(total, out)
 
     def mass(self, lumped: bool = False) -> PETSc.Mat:
@@ -286,31 +409,56 @@ class Assembler:
         return matrix
 
     def energy(self, x: PETSc.Vec, factor: float) -> float:
-        """Return the stored energy of the whole model."""
+        """Return the stored energy of the whole model, that of contact included."""
         with self._timed():
             self._load(x, factor)
-            energy = 0.0
-            for part in self.parts:
-                energy += float(np.sum(part.table.weights * part.body.material.energy(part.gradients(self._local))))
+            energy = sum(part.energy(self._local, factor) for part in self.parts)
+            if self.contact is not None:
+                energy += self.contact.forces(self._local)[1]
             return float(self.comm.tompi4py().allreduce(energy))
 
     def state(self, displacement: Array) -> PETSc.Vec:
         """Return the unknowns of a vector of all degrees of freedom."""
         x = self.vector()
         first, last = x.getOwnershipRange()
-        x.array_w[:] = displacement[self.model.free >= 0][first:last]
+        x.array_w[:] = self._unknowns(displacement)[first:last]
         return x
 
-    def displacement(self, x: PETSc.Vec, factor: float) -> Array:
-        """Return all degrees of freedom, shape ``(dofs,)``, on every rank."""
+    def _unknowns(self, displacement: Array) -> Array:
+        # A tied unknown is read off the first of those that share it.
+        _, first = np.unique(self.model.free, return_index=True)
+        return displacement[first[first.size - self.model.unknowns :]]
+
+    def _gathered(self, x: PETSc.Vec) -> Array:
+        """Return all unknowns, on every rank."""
         if self._everything is None:
             self._everything = PETSc.Scatter.toAll(x)
         scatter, everything = self._everything
         scatter.scatter(x, everything, PETSc.InsertMode.INSERT_VALUES, PETSc.ScatterMode.FORWARD)
-        result = np.empty(self.model.dofs)
-        result[self.model.free >= 0] = everything.array_r
-        result[self.model.held] = factor * self.model.values
+        return np.array(everything.array_r)
+
+    def _displacements(self, unknowns: Array) -> Array:
+        """Return those unknowns that are displacements, in the model's order."""
+        return unknowns
+
+    def displacement(self, x: PETSc.Vec, factor: float) -> Array:
+        """Return all degrees of freedom, shape ``(dofs,)``, on every rank."""
+        result = self.model.prescribed(factor)
+        is_free = self.model.free >= 0
+        result[is_free] += self._displacements(self._gathered(x))[self.model.free[is_free]]
         return result
+
+    def pressures(self, x: PETSc.Vec) -> "Sequence[Array | None]":
+        """Return the pressures of mixed bodies (`isorod.mixed`): none here."""
+        return ()
+
+    def jacobians(self, x: PETSc.Vec, factor: float) -> list[Array]:
+        """Return ``det F`` at the points of this rank's parts, one where a linear law does not care."""
+        self._load(x, factor)
+        return [
+            determinant(part.gradients(self._local)) if part.laws.objective else np.ones(part.table.weights.shape)
+            for part in self.parts
+        ]
 
     def smallest_jacobian(self, x: PETSc.Vec, factor: float) -> tuple[float, int, int, float]:
         """Return the smallest ``det F`` over all ranks, with its body, element and axis parameter ``u``."""

@@ -1,29 +1,174 @@
 """What every analysis takes: bodies (a space with a material) and supports."""
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from isorod.constraint import Motion, number
 from isorod.disk import Array
-from isorod.errors import InputError
-from isorod.material import Material
-from isorod.space import Space
+from isorod.errors import InputError, representable
+from isorod.laws import Laws
+from isorod.load import Load
+from isorod.material import Material, NeoHookean
+from isorod.space import Space, Table
 from isorod.spline import Index
+
+if TYPE_CHECKING:
+    from isorod.contact import Contact
+    from isorod.pressure import Pressures
+
+
+# How a body's equilibrium is stated.
+FORMULATIONS = ("displacement", "mixed")
+
+# Ratio of moduli from which a smooth joint is warned of: bars in series err by 4 % at 10, by 13 % at 100 (p = 3, four elements each).
+_JUMP = 10.0
 
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """A rod made of one material, with its displacement space; ``density`` is mass per reference volume."""
+    """A rod with its displacement space and material.
+
+    Parameters
+    ----------
+    space
+        The displacement space.
+    material
+        One law for the whole rod, or one for each element of the space, shape ``(elements,)``.
+    density
+        Mass per reference volume, one for the whole rod or one for each element of the space.
+    formulation
+        ``"displacement"``, or ``"mixed"``: displacement and pressure (`isorod.mixed`), which does not lock near incompressibility and
+        takes a Poisson's ratio of 0.5; statics alone knows it.
+
+    Raises
+    ------
+    InputError
+        If the number of laws or densities is not that of the elements, a density is negative or not finite, or the formulation is not
+        known or not one for the material.
+    """
 
     space: Space
-    material: Material
-    density: float = 0.0
+    material: Material | Sequence[Material]
+    density: float | Sequence[float] = 0.0
+    formulation: str = "displacement"
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.density) and self.density >= 0.0):
-            raise InputError(f"density: got {self.density:g}, need a finite mass per volume, not negative")
+        given = np.asarray(self.density, dtype=float)
+        if given.shape not in ((), (self.space.axis.elements,)):
+            raise InputError(
+                f"density: got shape {given.shape}, need one or one for each of the {self.space.axis.elements} elements"
+            )
+        bad = ~(np.isfinite(given) & (given >= 0.0))
+        if bad.any():
+            raise InputError(f"density: got {given[bad].flat[0]:g}, need a finite mass per volume, not negative")
+        if given.any():
+            representable("density", float(given[given > 0.0].min()))
+            representable("density", float(given.max()))
+        if isinstance(self.material, Sequence) and len(self.material) != self.space.axis.elements:
+            raise InputError(
+                f"material: got {len(self.material)} laws for {self.space.axis.elements} elements, need one law or one an element"
+            )
+
+        if self.formulation not in FORMULATIONS:
+            raise InputError(f"formulation: got {self.formulation!r}, need one of {', '.join(FORMULATIONS)}")
+        for e, law in enumerate(self.laws):
+            if self.formulation == "displacement" and not np.isfinite(getattr(law, "lame", 0.0)):
+                raise InputError(f"material of element {e}: incompressible (nu = 0.5); that takes formulation 'mixed'")
+        self._warn_of_smooth_joints()
+
+    @cached_property
+    def pressures(self) -> "Pressures | None":
+        """The pressure space of the mixed formulation.
+
+        Raises
+        ------
+        InputError
+            If the space has none, or a law is not split for it or has ``nu <= 0``.
+        """
+        if self.formulation != "mixed":
+            return None
+        from isorod.pressure import Pressures
+
+        for e, law in enumerate(self.laws):
+            if not getattr(law, "nu", 0.0) > 0.0:
+                raise InputError(f"material of element {e}: the mixed formulation needs a Poisson's ratio nu > 0")
+        return Pressures(self.space)
+
+    @cached_property
+    def pressure_unit(self) -> float:
+        """What the unknown pressures of the mixed formulation are counted in: the middle shear modulus, force/area."""
+        return float(np.median([getattr(law, "mu", 1.0) for law in self.laws]))
+
+    def _warn_of_smooth_joints(self) -> None:
+        """Warn where stiffness jumps at a knot at which displacements are smooth: strains, which jump too, cannot follow."""
+        axis = self.space.axis
+        moduli = np.array([getattr(law, "E", np.nan) for law in self.laws])
+        jumps = np.exp(np.abs(np.diff(np.log(moduli)))) * (1.0 - 1e-9)
+        times = np.searchsorted(axis.knots, axis.breaks[1:-1], "right") - np.searchsorted(axis.knots, axis.breaks[1:-1])
+        smooth = (jumps > _JUMP) & (times < axis.degree)
+        if smooth.any():
+            k = int(np.argmax(np.where(smooth, jumps, 0.0)))
+            warnings.warn(
+                f"stiffness jumps by {jumps[k]:.3g} at u = {axis.breaks[k + 1]:.4g}, where displacements are smooth: errors of a tenth and "
+                "more; take continuity 0, or a rod with that knot repeated (Rod.insert)",
+                stacklevel=4,
+            )
+
+    @cached_property
+    def densities(self) -> Array:
+        """The mass per reference volume of each element, shape ``(elements,)``."""
+        return np.broadcast_to(np.asarray(self.density, dtype=float), (self.space.axis.elements,))
+
+    @cached_property
+    def laws(self) -> tuple[Material, ...]:
+        """The law of each element, shape ``(elements,)``."""
+        if isinstance(self.material, Sequence):
+            return tuple(self.material)
+        return (self.material,) * self.space.axis.elements
+
+    def laws_at(self, u: Array) -> Laws:
+        """Return the laws at axis parameters, for deformation gradients of shape ``u.shape + (q, 3, 3)``.
+
+        Parameters
+        ----------
+        u
+            Shape ``(E,)`` or ``(E, t)``, each row within one element; at a knot the element above it is meant.
+        """
+        breaks = self.space.axis.breaks
+        elements = np.searchsorted(breaks[1:-1], u.reshape(u.shape[0], -1)[:, 0], side="right")
+        laws = Laws.of([self.laws[e] for e in elements])
+        return laws.along(self._tangents(u)[..., None, :]) if laws.follow else laws
+
+    def _tangents(self, u: Array) -> Array:
+        return self.space.rod.tangents(u.ravel()).reshape(*u.shape, 3)
+
+    def parameters(self) -> Array:
+        """Return the constants of each element's law as `isorod.muscle.point_stress` takes them, shape ``(elements, 5)``.
+
+        Raises
+        ------
+        InputError
+            If a law is neither neo-Hookean nor muscle, or the formulation is mixed.
+        """
+        if self.formulation != "displacement":
+            raise InputError(f"formulation {self.formulation!r} is for statics alone")
+        for e, law in enumerate(self.laws):
+            if not isinstance(law, NeoHookean):
+                raise InputError(f"material of element {e}: got {type(law).__name__}, need NeoHookean or Muscle here")
+        return np.array([law.parameters for law in self.laws if isinstance(law, NeoHookean)])
+
+    def fibres(self, table: Table) -> Array:
+        """Return the unit fibre directions at the quadrature points, shape ``(E, t, q, 3)``; zero where the law has none."""
+        result = np.zeros((*table.weights.shape, 3))
+        for law, first, last in self.laws_at(table.u).runs:
+            result[first:last] = getattr(law, "fibre", 0.0)
+        return result
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,12 +186,23 @@ class Support:
         are not read.
     body
         Index of the body in the model.
+    turn
+        Rotation vector at load factor 1, radians, of any length; at factor ``f`` the nodes' displacement is
+        ``f displacement + (R(f turn) - 1) arm`` with the exact rotation ``R``.
+    arms
+        Coefficients of the position from the centre of that rotation, shape ``(m, 3)``; zero where not given.
+    tied
+        Components, letters of ``"xyz"``, in which the nodes turn with the others but translate freely, as one: those that carry
+        the rod (`Space.carries`) share one unknown.
     """
 
     nodes: Index
     components: str = "xyz"
     displacement: ArrayLike = (0.0, 0.0, 0.0)
     body: int = 0
+    turn: ArrayLike = (0.0, 0.0, 0.0)
+    arms: ArrayLike | None = None
+    tied: str = ""
 
     @classmethod
     def end(
@@ -56,15 +212,27 @@ class Support:
         components: str = "xyz",
         displacement: tuple[float, float, float] = (0.0, 0.0, 0.0),
         body: int = 0,
+        turn: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        center: tuple[float, float, float] | None = None,
+        tied: str = "",
     ) -> "Support":
-        """Return a support of the whole ``"start"`` or ``"end"`` face: every ``k`` is held, ``k = 0`` carries the displacement."""
+        """Return a support of the whole ``"start"`` or ``"end"`` face: every ``k`` is held, ``k = 0`` carries the displacement.
+
+        With a ``turn`` (rotation vector, radians at load factor 1) the face moves as a rigid body: at factor ``f`` its point ``x``
+        is displaced by ``R(f turn) (x - c) - (x - c) + f displacement``; the ``center`` ``c`` is the mean of the face's nodes where
+        not given.  In the components ``tied`` the face turns too, but is free to translate as a whole; ``components`` are those
+        held, so that ``components="x", tied="yz"`` holds one translation of a rigid face.
+        """
         if space.rod.closed:
             raise InputError("support of an end: a closed rod has none")
         layers = {"start": 0, "end": space.layers - 1}
         if which not in layers:
             raise InputError(f"support: got end {which!r}, need 'start' or 'end'")
         nodes = layers[which] * space.layer_nodes + np.arange(space.layer_nodes)
-        return cls(nodes, components, space.carries[nodes, None] * np.array(displacement, dtype=float), body)
+        carries, arms = space.carries[nodes, None], space.positions[nodes]
+        middle = arms[carries[:, 0]].mean(axis=0) if center is None else np.array(center, dtype=float)
+        moved = carries * np.array(displacement, dtype=float)
+        return cls(nodes, components, moved, body, turn, arms - carries * middle, tied)
 
 
 @dataclass(frozen=True)
@@ -95,100 +263,135 @@ class Spin:
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """Bodies and supports; degrees of freedom are numbered body by body, node by node, ``x, y, z``.
+    """Bodies, supports, loads and contacts; degrees of freedom are numbered body by body, node by node, ``x, y, z``.
+
+    Attributes
+    ----------
+    held, values
+        Degrees of freedom that supports hold, and their displacements at load factor 1.
+    bound, support_of
+        Degrees of freedom that supports hold or tie, and by which support.
+    free
+        Unknown of each degree of freedom, -1 if it is held; tied ones share an unknown.
 
     Raises
     ------
     InputError
-        If a support names a body, a node or a component that is not there, or two supports contradict each other.
+        If a support, a load or a contact names a body, a node, an element or a component that is not there, or two supports contradict each
+        other.
     """
 
     bodies: Sequence[Body]
     supports: Sequence[Support] = ()
     spin: Spin | None = None
+    contacts: "Sequence[Contact]" = ()
+    loads: Sequence[Load] = ()
     first_node: Index = field(init=False)
     held: Index = field(init=False)
     values: Array = field(init=False)
     free: Index = field(init=False)
+    bound: Index = field(init=False)
     support_of: Index = field(init=False)
+    motions: tuple[Motion, ...] = field(init=False)
 
     def __post_init__(self) -> None:
         for b, body in enumerate(self.bodies):
-            if self.spin is not None and not body.density > 0.0:
+            if self.spin is not None and not body.densities.min() > 0.0:
                 raise InputError(f"spin: body {b} has no density")
+        for k, contact in enumerate(self.contacts):
+            contact.check(k, self.bodies)
         counts = [body.space.nodes for body in self.bodies]
         first_node = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
-        values = np.full(3 * first_node[-1], np.nan)
-        owner = np.full(values.size, -1)
-        for k, support in enumerate(self.supports):
-            dofs = self._dofs(support, k, first_node)
-            wanted = self._wanted(support, k)
-            clash = ~np.isnan(values[dofs]) & (values[dofs] != wanted)
-            if clash.any():
-                dof = dofs[np.argmax(clash)]
-                raise InputError(
-                    f"support {k}: node {dof // 3}, component {'xyz'[dof % 3]} is held elsewhere at another displacement"
-                )
-            values[dofs] = wanted
-            owner[dofs] = k
-        held = np.flatnonzero(~np.isnan(values))
-        free = np.full(values.size, -1, dtype=np.int64)
-        free[np.isnan(values)] = np.arange(values.size - held.size)
-        for name, array in (
-            ("first_node", first_node),
-            ("held", held),
-            ("values", values[held]),
-            ("free", free),
-            ("support_of", owner[held]),
-        ):
-            object.__setattr__(self, name, array)
+        motions = tuple(self._motion(support, k, first_node) for k, support in enumerate(self.supports))
+        numbering = number(motions, 3 * int(first_node[-1]))
+        for name, value in (("first_node", first_node), ("motions", motions), *numbering._asdict().items()):
+            object.__setattr__(self, name, value)
+        object.__setattr__(self, "values", self.prescribed(1.0)[self.held])
+        for k, load in enumerate(self.loads):
+            if not 0 <= load.body < len(self.bodies):
+                raise InputError(f"load {k}: body {load.body} is not one of the {len(self.bodies)} bodies")
 
-    def _dofs(self, support: Support, k: int, first_node: Index) -> Index:
+    def _motion(self, support: Support, k: int, first_node: Index) -> Motion:
         if not 0 <= support.body < len(self.bodies):
             raise InputError(f"support {k}: body {support.body} is not one of the {len(self.bodies)} bodies")
+        space = self.bodies[support.body].space
         nodes = np.asarray(support.nodes, dtype=np.int64)
-        bad = (nodes < 0) | (nodes >= self.bodies[support.body].space.nodes)
+        bad = (nodes < 0) | (nodes >= space.nodes)
         if bad.any():
             raise InputError(f"support {k}: node {nodes[np.argmax(bad)]} is not in body {support.body}")
-        letters = sorted(set(support.components))
+        letters = support.components + support.tied
         if not letters or set(letters) - set("xyz"):
-            raise InputError(f"support {k}: got components {support.components!r}, need some of 'xyz'")
-        columns = np.array(["xyz".index(letter) for letter in support.components])
-        return (3 * (first_node[support.body] + nodes)[:, None] + columns).ravel()
-
-    @staticmethod
-    def _wanted(support: Support, k: int) -> Array:
-        columns = ["xyz".index(letter) for letter in support.components]
+            raise InputError(f"support {k}: got components {letters!r}, need some of 'xyz'")
+        if set(support.components) & set(support.tied):
+            raise InputError(
+                f"support {k}: components {support.components!r} held and {support.tied!r} tied, need one or the other"
+            )
+        columns = np.array(["xyz".index(letter) for letter in letters])
+        tied = np.array([letter in support.tied for letter in letters]) & space.carries[nodes, None]
         given = np.asarray(support.displacement, dtype=float)
-        nodes = np.size(support.nodes)
-        if given.shape not in ((3,), (nodes, 3)):
-            raise InputError(f"support {k}: got displacements of shape {given.shape}, need (3,) or ({nodes}, 3)")
-        wanted = np.broadcast_to(given, (nodes, 3))[:, columns]
-        if not np.isfinite(wanted).all():
-            bad = wanted[~np.isfinite(wanted)][0]
-            raise InputError(f"support {k}: displacement {bad} is not finite")
-        return wanted.ravel()
+        if given.shape not in ((3,), (nodes.size, 3)):
+            raise InputError(f"support {k}: got displacements of shape {given.shape}, need (3,) or ({nodes.size}, 3)")
+        rates = np.broadcast_to(given, (nodes.size, 3))[:, columns]
+        if not np.isfinite(rates).all():
+            raise InputError(f"support {k}: displacement {rates[~np.isfinite(rates)][0]} is not finite")
+        turn = np.asarray(support.turn, dtype=float)
+        if turn.shape != (3,) or not np.isfinite(turn).all():
+            raise InputError(f"support {k}: got turn {support.turn}, need three finite components in radians")
+        arms = np.zeros((nodes.size, 3)) if support.arms is None else np.asarray(support.arms, dtype=float)
+        if arms.shape != (nodes.size, 3) or not np.isfinite(arms).all():
+            raise InputError(f"support {k}: got arms of shape {arms.shape}, need ({nodes.size}, 3) finite numbers")
+        full = np.repeat(arms[:, None], columns.size, axis=1)
+        if tied.any():
+            leader = arms[np.argmax(space.carries[nodes])]
+            full[tied] -= leader
+        dofs = 3 * (first_node[support.body] + nodes)[:, None] + columns
+        return Motion(dofs.ravel(), np.where(tied, 0.0, rates).ravel(), full.reshape(-1, 3), turn, tied.ravel())
+
+    def prescribed(self, factor: float) -> Array:
+        """Return what supports add to the unknowns at a load factor, shape ``(dofs,)``.
+
+        The displacement of a state is ``x[free] + prescribed(factor)``, the first part left out where ``free`` is -1.
+        """
+        result = np.zeros(3 * int(self.first_node[-1]))
+        for motion in self.motions:
+            result[motion.dofs] = motion.at(factor)
+        return result
+
+    @cached_property
+    def external(self) -> Array:
+        """Nodal forces of the loads at load factor 1, shape ``(dofs,)``."""
+        result = np.zeros((int(self.first_node[-1]), 3))
+        for load in self.loads:
+            first, last = self.first_node[load.body : load.body + 2]
+            result[first:last] += load.nodal(self.bodies[load.body].space)
+        return result.ravel()
 
     @property
     def dofs(self) -> int:
         """Number of degrees of freedom, held ones included."""
         return self.free.size
 
+    @cached_property
+    def size(self) -> float:
+        """The largest extent of a body along an axis, units of length."""
+        places = [body.space.positions[body.space.carries] for body in self.bodies]
+        return max(float(np.ptp(one, axis=0).max()) for one in places)
+
     @property
     def unknowns(self) -> int:
-        """Number of degrees of freedom that are not held."""
-        return self.free.size - self.held.size
+        """Number of degrees of freedom that are not held, tied ones counted once."""
+        return int(self.free.max(initial=-1)) + 1
 
     @property
     def carries(self) -> NDArray[np.bool_]:
         """Whether a node moves with its rod (`Space.carries`), shape ``(nodes,)``."""
         return np.concatenate([body.space.carries for body in self.bodies])
 
-    @property
+    @cached_property
     def whole_nodes(self) -> bool:
-        """True if each node is free or held as a whole, so that matrices have blocks of 3."""
+        """True if each node is free or held as a whole, and none is tied, so that matrices have blocks of 3."""
         free = np.count_nonzero((self.free >= 0).reshape(-1, 3), axis=1)
-        return bool(((free == 0) | (free == 3)).all())
+        return bool(((free == 0) | (free == 3)).all()) and self.bound.size == self.held.size
 
     def nodal(self, displacement: Array, body: int = 0) -> Array:
         """Return one body's part ``(nodes, 3)`` of a vector of all degrees of freedom."""

@@ -1,33 +1,47 @@
 """Static equilibrium: SNES with load continuation."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from time import perf_counter
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from petsc4py import PETSc
 
-from isorod import rigid
+from isorod import balance, hourglass, rigid
 from isorod.assembly import Assembler
+from isorod.convergence import Balance, squeezed
 from isorod.disk import Array
 from isorod.errors import SolveError
 from isorod.model import Model
 from isorod.options import defaults
 
+if TYPE_CHECKING:
+    from isorod.contact_result import ContactResult
+
 # Preconditioners that ask for the rigid motions.
 MULTIGRID = ("gamg", "ml", "hypre")
 
-# Out-of-balance force, relative to stiffness times size, that is taken for rounding.
-ROUNDING = 1e-15
+# Share of a load step by which the residual is differentiated where supports turn.
+_DELTA = 1e-6
 
 # A load step is halved at most this many times.
 HALVINGS = 10
+
+# Multipliers of the augmented Lagrangian are updated at most this many times.
+AUGMENTATIONS = 50
 
 # What a user's option overrides.
 OPTIONS = {"snes_linesearch_type": "basic", "snes_rtol": 1e-9, "snes_max_it": 15, "ksp_type": "preonly"}
 # The tangent is banded in the numbering along the axis: natural ordering fills nothing in.  Where the band is wide, a
 # supernodal factorisation wins all the same (measured: they meet at about 150 unknowns an element).
-BANDED = {"pc_type": "lu", "pc_factor_mat_ordering_type": "natural"}
-SPARSE = {"pc_type": "cholesky", "pc_factor_mat_solver_type": "mumps"}
+BANDED: dict[str, object] = {
+    "pc_type": "lu",
+    "pc_factor_mat_ordering_type": "natural",
+    # PETSc's own bound is absolute: a modulus of 1e-12 would be refused.
+    "pc_factor_zeropivot": 1e-300,
+}
+SPARSE: dict[str, object] = {"pc_type": "cholesky", "pc_factor_mat_solver_type": "mumps"}
 WIDE = 150
 
 
@@ -55,6 +69,14 @@ class Equilibrium:
         Types of SNES, KSP, PC and factorisation used.
     ranks
         Number of MPI ranks.
+    contacts
+        Outcome of each contact of the model.
+    augmentations
+        Updates of the multipliers of contact.
+    pressures
+        Pressure coefficients of each body, ``(layers, count)`` of its `isorod.pressure.Pressures`, or None; empty if no body is mixed.
+    moments
+        Moment of each support on the model about the mean of its nodes' present positions, shape ``(supports, 3)``.
     """
 
     model: Model
@@ -68,6 +90,28 @@ class Equilibrium:
     built: list[str]
     solver: dict[str, str]
     ranks: int
+    contacts: "Sequence[ContactResult]" = ()
+    augmentations: int = 0
+    pressures: "Sequence[Array | None]" = ()
+    moments: Array = field(default_factory=lambda: np.zeros((0, 3)))
+
+
+def factorisation(assembler: Assembler) -> dict[str, object]:
+    """Return the options of the direct solver that suits a model: banded where its elements are narrow, MUMPS else."""
+    width = max(3 * body.space.element_nodes.shape[1] for body in assembler.model.bodies)
+    # Contact couples bodies, which are far from each other in the numbering.
+    # The mixed formulation's tangent is indefinite and needs pivots.
+    mixed = any(body.formulation == "mixed" for body in assembler.model.bodies)
+    banded = assembler.comm.getSize() == 1 and width <= WIDE and assembler.contact is None and not mixed
+    return BANDED if banded else SPARSE
+
+
+def _assembler(model: Model, comm: PETSc.Comm | None) -> Assembler:
+    if all(body.formulation == "displacement" for body in model.bodies):
+        return Assembler(model, comm)
+    from isorod.mixed import MixedAssembler
+
+    return MixedAssembler(model, comm)
 
 
 class _Diverged(Exception):
@@ -78,7 +122,8 @@ def solve(model: Model, load_steps: int = 1, comm: PETSc.Comm | None = None) -> 
     """Bring the supports to their displacements and return the equilibrium.
 
     Each load step starts with the linear predictor of the tangent at the last equilibrium, then SNES.  A step in which SNES
-    diverges or an element inverts (``det F <= 0``) is halved and tried again; after quick steps the step doubles.
+    diverges or an element inverts (``det F <= 0``) is halved and tried again; after quick steps the step doubles.  Where a contact
+    says how deep a point may penetrate, multipliers are added at the end until none is deeper (Uzawa's augmented Lagrangian).
 
     Parameters
     ----------
@@ -91,15 +136,11 @@ def solve(model: Model, load_steps: int = 1, comm: PETSc.Comm | None = None) -> 
     ------
     SolveError
         If a rigid motion is free, or a step was halved ten times in vain: the message names element, axis position and
-        ``det F``.
+        ``det F``; or penetration does not fall to what the contact asks for.
     """
     start = perf_counter()
-    loose = rigid.free_motions(model)
-    if loose:
-        body, motion = loose[0]
-        how = rigid.describe(model.bodies[body].space, motion)
-        raise SolveError(f"supports: body {body} is free to {how}; hold it")
-    assembler = Assembler(model, comm)
+    rigid.refuse_free(model)
+    assembler = _assembler(model, comm)
     solver = _Newton(assembler)
     setup = perf_counter() - start
     assembler.seconds = 0.0
@@ -119,18 +160,26 @@ def solve(model: Model, load_steps: int = 1, comm: PETSc.Comm | None = None) -> 
         steps += 1
         if iterations <= 4:
             step *= 2.0
+    augmentations = _augment(solver)
     reactions = np.zeros((max(len(model.supports), 1), 3))
     forces = assembler.reactions(solver.x, 1.0)
     # Only functions that add up to one take part in the virtual work of a translation.
-    carried = model.carries[model.held // 3]
-    np.add.at(reactions, (model.support_of[carried], model.held[carried] % 3), forces[carried])
+    carried = model.carries[model.bound // 3]
+    np.add.at(reactions, (model.support_of[carried], model.bound[carried] % 3), forces[carried])
     displacement = assembler.displacement(solver.x, 1.0)
+    moments = _moments(model, displacement, forces)
+    balance.check(assembler, solver.x, displacement, reactions, moments, solver.norms[-1])
     assembly = assembler.seconds
     seconds = {"setup": setup, "assembly": assembly, "solve": perf_counter() - start - setup - assembly}
+    if hourglass.suspected(model):
+        begin = perf_counter()
+        hourglass.check_energy(model, displacement, assembler.energy(solver.x, 1.0), comm)
+        seconds["check"] = perf_counter() - begin
     return Equilibrium(
         model=model,
         displacement=displacement,
         reactions=reactions,
+        moments=moments,
         load_steps=steps,
         cuts=cuts,
         newton_iterations=solver.iterations,
@@ -139,7 +188,53 @@ def solve(model: Model, load_steps: int = 1, comm: PETSc.Comm | None = None) -> 
         built=assembler.built,
         solver=solver.types(),
         ranks=assembler.comm.getSize(),
+        contacts=() if assembler.contact is None else assembler.contact.results(displacement),
+        augmentations=augmentations,
+        pressures=assembler.pressures(solver.x),
     )
+
+
+def _moments(model: Model, displacement: Array, forces: Array) -> Array:
+    """Return each support's moment: the work of its nodal forces on a rotation, in which coefficients turn like positions."""
+    nodal = np.zeros((model.dofs // 3, 3))
+    nodal.ravel()[model.bound] = forces
+    owner = np.full(model.dofs, -1)
+    owner[model.bound] = model.support_of
+    places = np.concatenate([body.space.positions for body in model.bodies]) + displacement.reshape(-1, 3)
+    result = np.zeros((max(len(model.supports), 1), 3))
+    for k in range(len(model.supports)):
+        mine = (owner.reshape(-1, 3) == k).any(axis=1)
+        carries = mine & model.carries
+        if not carries.any():
+            continue
+        arms = places - model.carries[:, None] * places[carries].mean(axis=0)
+        own = np.where(owner.reshape(-1, 3) == k, nodal, 0.0)
+        result[k] = np.cross(arms[mine], own[mine]).sum(axis=0)
+    return result
+
+
+def _augment(solver: "_Newton") -> int:
+    """Update the multipliers of contact at the full load until penetrations are as asked for; return how often."""
+    contact = solver.assembler.contact
+    if contact is None:
+        return 0
+    for count in range(AUGMENTATIONS):
+        excess = contact.augment(solver.assembler.displacement(solver.x, 1.0))
+        if excess is None:
+            return count
+        try:
+            solver.advance(1.0, 1.0)
+        except _Diverged as problem:
+            raise SolveError(f"augmented Lagrangian, update {count + 1}: {problem}") from None
+    raise SolveError(f"{excess} after {AUGMENTATIONS} updates of the multipliers; raise the penalty")
+
+
+class _Past(NamedTuple):
+    """The equilibrium before the last: how much lower its load factor was, its state, and the path's slope there."""
+
+    step: float
+    x: PETSc.Vec
+    rate: PETSc.Vec
 
 
 class _Newton:
@@ -153,14 +248,13 @@ class _Newton:
         self.change = assembler.vector()
         self.matrix = assembler.matrix()
         self.factor = 0.0
-        spaces = [body.space for body in assembler.model.bodies]
-        self.size = max(float(np.ptp(space.positions[space.carries], axis=0).max()) for space in spaces)
+        self.balance = Balance(assembler)
+        self._history: _Past | None = None
+        self._rate = self.change
         self.iterations = 0
         self.norms: list[float] = []
         self._stage = PETSc.Log.Stage("solve")
-        width = max(3 * body.space.element_nodes.shape[1] for body in assembler.model.bodies)
-        banded = assembler.comm.getSize() == 1 and width <= WIDE
-        with defaults(OPTIONS | (BANDED if banded else SPARSE)) as typed:
+        with defaults(OPTIONS | factorisation(assembler)) as typed:
             self.snes = PETSc.SNES().create(assembler.comm)
             self.snes.setFunction(self._residual, assembler.vector())
             self.snes.setJacobian(self._tangent, self.matrix)
@@ -169,6 +263,8 @@ class _Newton:
             if self.snes.getKSP().getPC().getType() in MULTIGRID:
                 self.matrix.setNearNullSpace(assembler.near_null_space())
             self._own_tolerance = "snes_atol" not in typed
+            if self._own_tolerance:
+                self.snes.setConvergenceTest(self.balance.test)
 
     def _residual(self, snes: PETSc.SNES, x: PETSc.Vec, out: PETSc.Vec) -> None:
         self.assembler.residual(x, self.factor, out)
@@ -197,8 +293,12 @@ class _Newton:
 
     def _advance(self, factor: float, target: float) -> int:
         assembler, snes = self.assembler, self.snes
+        assembler.extrapolate()
         matrices = assembler.tangent(self.x, factor, self.matrix)
-        assembler.load_forces(self.x, factor, matrices, target - factor, self.force)
+        # A cubic predictor takes the path's slope, the first step the whole way of supports that turn.
+        share = 1.0 if self._history is None else _DELTA
+        assembler.load_forces(self.x, factor, matrices, share * (target - factor), self.force)
+        self.force.scale(1.0 / share)
         del matrices
         scale = self.force.norm()
         ksp = snes.getKSP()
@@ -211,13 +311,15 @@ class _Newton:
                 "motion is not held, or the preconditioner does not fit (try -ksp_type preonly -pc_type lu)"
             )
         self.trial.waxpy(-1.0, self.change, self.x)
+        if self._bend(target - factor):
+            # The extrapolated stress belongs to a straight step.
+            assembler.extrapolate()
         self.factor = target
+        before = assembler.jacobians(self.x, factor)
+        self._refuse_squeezed(before)
         self.norms = [scale]
         if self._own_tolerance:
-            rtol = snes.getTolerances()[0]
-            # Forces are not known better than rounding of the deformation gradient, which is near one, lets them be.
-            rounding = ROUNDING * self.size * self.matrix.norm(PETSc.NormType.INFINITY)
-            snes.setTolerances(atol=max(rtol * scale, rounding))
+            self.balance.update(self.matrix, scale)
         snes.solve(None, self.trial)
         its = snes.getIterationNumber()
         self.iterations += its
@@ -225,6 +327,33 @@ class _Newton:
             det, body, element, u = assembler.smallest_jacobian(self.trial, target)
             at = f"element {element} of body {body}, axis position u = {u:.4g}: det F = {det:.3g}"
             why = "an element inverts" if not det > 0.0 else f"SNES diverged (reason {snes.getConvergedReason()})"
-            raise _Diverged(f"{why} however small the load step; worst place: {at}")
+            raise _Diverged(f"{why} however small the load step; worst place: {at}{hourglass.hint(assembler.model)}")
+        self._refuse_squeezed(before)
+        self._history = _Past(target - factor, self.x.copy(), self._rate)
         self.trial.copy(self.x)
         return its + 1
+
+    def _bend(self, step: float) -> bool:
+        """Make the predictor follow the curve of the path, by the cubic through the last two equilibria with their tangents."""
+        self._rate = self.change.copy()
+        self._rate.scale(-1.0 / step if step else 0.0)
+        if self._history is None or not step or not self.balance.plain:
+            return False
+        length, past, slope = self._history
+        gap = past - self.x
+        gap.axpy(length, self._rate)
+        turn = slope - self._rate
+        turn.scale(length)
+        share = step / length
+        # x + v t + a t^2 + b t^3 with the values and slopes of both ends.
+        gap.scale(3.0 * share**2 + 2.0 * share**3)
+        gap.axpy(share**2 + share**3, turn)
+        if not gap.norm() <= self.change.norm():
+            return False
+        self.trial.axpy(1.0, gap)
+        return True
+
+    def _refuse_squeezed(self, before: list[Array]) -> None:
+        problem = squeezed(self.assembler, before, self.trial, self.factor)
+        if problem is not None:
+            raise _Diverged(problem)

@@ -4,11 +4,19 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from isorod.disk import Array
+from isorod.errors import InputError
 from isorod.model import Body
 from isorod.small import determinant
 
 
-def cauchy(body: Body, nodal: ArrayLike, xi: ArrayLike, u: ArrayLike) -> Array:
+def cauchy(
+    body: Body,
+    nodal: ArrayLike,
+    xi: ArrayLike,
+    u: ArrayLike,
+    factor: float = 1.0,
+    pressure: ArrayLike | None = None,
+) -> Array:
     """Return the Cauchy stress ``P F^T / det F`` at a grid of points.
 
     Parameters
@@ -17,13 +25,32 @@ def cauchy(body: Body, nodal: ArrayLike, xi: ArrayLike, u: ArrayLike) -> Array:
         Displacements of the body's nodes, shape ``(nodes, 3)``.
     xi, u
         Disk points ``(q, 2)`` and axis parameters ``(t,)``; at a knot the element above it is meant.
+    factor
+        Load factor, which a muscle's activation follows.
+    pressure
+        Pressure coefficients of a body with the mixed formulation (`isorod.statics.Equilibrium.pressures`).
 
     Returns
     -------
     Array of shape ``(t, q, 3, 3)``, force per current area.
+
+    Raises
+    ------
+    InputError
+        If a mixed body's pressure is missing.
     """
     _, F = body.space.displacement(nodal, xi, u)
-    return np.einsum("tqaA,tqbA->tqab", body.material.stress(F), F) / determinant(F)[..., None, None]
+    laws = body.laws_at(np.asarray(u, dtype=float)).at(factor)
+    if body.pressures is None:
+        stress = laws.stress(F)
+    else:
+        if pressure is None:
+            raise InputError("stress of a body with the mixed formulation: its pressure is missing")
+        from isorod.mixed import shear_laws, volume_change
+
+        own = body.pressures.evaluate(pressure, xi, u)
+        stress = shear_laws(laws).stress(F) + own[..., None, None] * volume_change(laws, F)[1]
+    return np.einsum("tqaA,tqbA->tqab", stress, F) / determinant(F)[..., None, None]
 
 
 def von_mises(stress: Array) -> Array:
