@@ -58,7 +58,7 @@ def _dispatch(arguments: Sequence[str]) -> int:
     if found.command == "list":
         for name in scenes.SCENES:
             scene = scenes.find(name)
-            print(f"{name:10s} {scene.analysis:10s} {_first_line(scene)}")
+            print(f"{name:10s} {scenes.analyses(scene)[0]:10s} {_first_line(scene)}")
         return 0
     if found.command == "doctor":
         from isorod import doctor
@@ -81,7 +81,7 @@ def _run(ours: Sequence[str], theirs: Sequence[str]) -> int:
         from isorod import export, results
 
         results.check_folder(found.output)
-        if scene_type.analysis != "geometry":
+        if scenes.analyses(scene_type) != ("geometry",):
             export.require()
     scene = scene_type(**values)
     # What overflows ends as a number that is not finite, and no such number is reported.
@@ -97,11 +97,12 @@ def _scene_parser(name: str, scene_type: Any) -> options.Parser:
         prog=f"isorod run {name}", description=_first_line(scene_type), epilog=_EPILOG, allow_abbrev=False
     )
     options.add_fields(parser, scene_type)
-    if scene_type.analysis == "statics":
+    analyses = scenes.analyses(scene_type)
+    if "statics" in analyses:
         parser.add_argument(
             "--load-steps", type=int, default=1, metavar="int", help="equal load steps to start with (1)"
         )
-    if scene_type.analysis == "modal":
+    if "modal" in analyses:
         parser.add_argument("--modes", type=int, default=10, metavar="int", help="modes besides rigid ones (10)")
         parser.add_argument(
             "--mass",
@@ -109,7 +110,17 @@ def _scene_parser(name: str, scene_type: Any) -> options.Parser:
             default="consistent",
             help="mass matrix (consistent); lumped is right for bending, not for torsion",
         )
-    if scene_type.analysis != "geometry":
+    if "dynamics" in analyses:
+        parser.add_argument("--checkpoint", metavar="FILE", help="keep the state of the run in this file")
+        parser.add_argument(
+            "--checkpoint-every",
+            type=float,
+            default=30.0,
+            metavar="float",
+            help="seconds of run time between checkpoints (30)",
+        )
+        parser.add_argument("--resume", action="store_true", help="continue the run whose state is in the checkpoint")
+    if "statics" in analyses or "modal" in analyses:
         parser.add_argument("--refine", action="store_true", help="solve on finer spaces too and estimate the error")
         parser.add_argument(
             "--tolerance",
@@ -126,6 +137,9 @@ def _settings(scene: Any, found: argparse.Namespace) -> dict[str, Any]:
     """Return the keyword arguments of the scene's analysis."""
     if scene.analysis == "modal":
         return {"modes": found.modes, "lumped": found.mass == "lumped"}
+    if scene.analysis == "dynamics":
+        keep = {"checkpoint": found.checkpoint, "every": found.checkpoint_every, "resume": found.resume}
+        return scene.settings() | keep | {"progress": True}
     if found.load_steps < 1:
         raise InputError(f"load steps: got {found.load_steps}, need at least 1")
     return {"load_steps": found.load_steps}
@@ -148,7 +162,9 @@ def _analysis(scene: Any, theirs: Sequence[str], found: argparse.Namespace) -> t
 
     imported = perf_counter() - begin
     refined: dict[str, Any] = {}
-    if found.refine or found.tolerance is not None:
+    if getattr(found, "refine", False) or getattr(found, "tolerance", None) is not None:
+        if scene.analysis == "dynamics":
+            raise InputError("--refine and --tolerance: not for dynamics; compare runs with other elements and orders")
         from isorod import adapt
 
         reached = adapt.estimate(scene, settings, found.tolerance)
@@ -160,8 +176,13 @@ def _analysis(scene: Any, theirs: Sequence[str], found: argparse.Namespace) -> t
     left = unused_options()
     if left:
         raise InputError(f"PETSc option {', '.join(left)}: nothing used it; check its spelling with -help")
+    pressures = getattr(solution, "pressures", ())
+
+    def more(k: int) -> dict[str, Any]:
+        return {"pressure": pressures[k]} if pressures and pressures[k] is not None else {}
+
     fields = [
-        (body, {key: solution.model.nodal(vector, k) for key, vector in run.fields(scene, solution).items()})
+        (body, {key: solution.model.nodal(vector, k) for key, vector in run.fields(scene, solution).items()} | more(k))
         for k, body in enumerate(solution.model.bodies)
     ]
     used = {"options": dataclasses.asdict(scene), "settings": settings, "petsc_options": " ".join(theirs)}
@@ -188,6 +209,8 @@ def _report(record: dict[str, Any], fields: Fields, found: argparse.Namespace) -
             value = ", ".join(f"{part} {time:.4f}" for part, time in value.items())
         elif key in ("options", "settings", "solver", "versions", "machine", "changes"):
             value = ", ".join(f"{part} {item}" for part, item in value.items())
+        elif "times" in record and isinstance(value, np.ndarray) and value.shape[:1] == record["times"].shape:
+            key, value = f"{key} (end)", ", ".join(f"{item:.6g}" for item in value[-1].ravel())
         elif isinstance(value, list | np.ndarray):
             value = ", ".join(f"{item:.6g}" if isinstance(item, float) else str(item) for item in value)
         print(f"{key.replace('_', ' '):18s} {value}")

@@ -28,6 +28,8 @@ def grid(
 ) -> "pyvista.UnstructuredGrid":
     """Return the undeformed rod as small cells, with vector fields as point data, and ``von_mises`` beside ``displacement``.
 
+    With a field ``pressure``, the coefficients of the mixed formulation (`isorod.statics.Equilibrium.pressures`), comes ``mean_stress``.
+
     Every element gets points of its own, so that what jumps between elements is shown as it is.
 
     Parameters
@@ -57,11 +59,17 @@ def grid(
     lower = cells[None, :, :] + xi.shape[0] * below.reshape(-1, 1, 1)
     corners = np.concatenate([lower, lower + xi.shape[0]], axis=2).reshape(-1, 8)
     mesh = pyvista.UnstructuredGrid({pyvista.CellType.HEXAHEDRON: corners}, points.reshape(-1, 3))
+    pressure = fields.get("pressure")
     for name, nodal in fields.items():
+        if name == "pressure":
+            continue
         values, _ = body.space.displacement(nodal, xi, u)
         mesh.point_data[name] = values.reshape(-1, 3)
         if name == "displacement":
-            mesh.point_data["von_mises"] = stress.von_mises(stress.cauchy(body, nodal, xi, u)).ravel()
+            cauchy = stress.cauchy(body, nodal, xi, u, pressure=pressure)
+            mesh.point_data["von_mises"] = stress.von_mises(cauchy).ravel()
+            if pressure is not None:
+                mesh.point_data["mean_stress"] = np.trace(cauchy, axis1=-2, axis2=-1).ravel() / 3.0
     return mesh
 
 

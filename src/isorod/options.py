@@ -41,13 +41,16 @@ class Parser(argparse.ArgumentParser):
 
 
 def add_fields(parser: argparse.ArgumentParser, scene_type: Any) -> None:
-    """Make each field of a scene a ``--long-option``."""
+    """Make each field of a scene a ``--long-option``; one that is true or false (false where not given) takes no value."""
     for field in dataclasses.fields(scene_type):
         kind: Any = field.type
         if isinstance(kind, types.UnionType):
             kind = typing.get_args(kind)[0]
         shown = field.metadata["help"] + ("" if field.default is None else f" ({field.default})")
         flag = "--" + field.name.replace("_", "-")
+        if kind is bool:
+            parser.add_argument(flag, dest=field.name, action="store_true", help=field.metadata["help"])
+            continue
         parser.add_argument(flag, dest=field.name, type=kind, default=field.default, metavar=kind.__name__, help=shown)
 
 

@@ -11,15 +11,34 @@ from isorod.errors import InputError
 
 # What a record keeps of each kind of solution, besides what the scene measures.
 KEPT = {
-    "statics": ("newton_iterations", "load_steps", "cuts", "residual_norms"),
+    "statics": ("newton_iterations", "linear_iterations", "load_steps", "cuts", "residual_norms"),
     "modal": ("residuals", "rigid", "below", "shift", "iterations"),
+    "dynamics": (
+        "times",
+        "reactions",
+        "contact_force",
+        "contact_area",
+        "penetration",
+        "kinetic",
+        "stored",
+        "contact_energy",
+        "muscle_work",
+        "dissipated",
+        "energy_error",
+        "momentum_error",
+        "steps",
+        "time_step",
+        "critical_step",
+        "microseconds_a_step",
+        "resumed",
+    ),
 }
 
 
 def solve(scene: Any, settings: Mapping[str, Any]) -> tuple[Any, dict[str, float]]:
     """Build a scene's model and solve it with its analysis; return the solution and the wall times.
 
-    ``settings`` are keyword arguments of the analysis (`isorod.statics.solve`, `isorod.modal.solve`).  PETSc must be running.
+    ``settings`` are keyword arguments of the analysis (`solve` of `isorod.statics`, `isorod.modal`, `isorod.dynamics`).  PETSc must be running.
     """
     try:
         analysis = import_module(f"isorod.{scene.analysis}")
@@ -57,7 +76,9 @@ def record(scene: Any, solution: Any, seconds: Mapping[str, float]) -> dict[str,
         **scene.measure(solution),
         "dofs": model.dofs,
         "unknowns": model.unknowns,
+        **_pressures(model),
         **{key: getattr(solution, key) for key in KEPT[scene.analysis]},
+        **_contact(solution),
         "quadrature": [str(body.space.rule) for body in model.bodies],
         "built": solution.built,
         "seconds": dict(seconds),
@@ -67,8 +88,23 @@ def record(scene: Any, solution: Any, seconds: Mapping[str, float]) -> dict[str,
     }
 
 
+def _contact(solution: Any) -> dict[str, float]:
+    """Return the area in contact and the deepest penetration of an equilibrium, all contacts together; nothing where it has none."""
+    found = getattr(solution, "contacts", ())
+    if not found:
+        return {}
+    return {"contact_area": sum(one.area for one in found), "penetration": max(one.penetration for one in found)}
+
+
+def _pressures(model: Any) -> dict[str, int]:
+    count = sum(body.pressures.size for body in model.bodies if body.pressures is not None)
+    return {"pressures": count} if count else {}
+
+
 def fields(scene: Any, solution: Any) -> dict[str, Array]:
     """Return the fields of a solution by name, each a vector of all degrees of freedom."""
     if scene.analysis == "statics":
         return {"displacement": solution.displacement}
+    if scene.analysis == "dynamics":
+        return {"displacement": solution.displacement[-1], "velocity": solution.velocity[-1]}
     return {f"mode_{k + 1}": vector for k, vector in enumerate(solution.vectors)}

@@ -1,7 +1,9 @@
 """Scenes: ready models with parameters, one a file.
 
 A scene is a frozen dataclass whose fields (made with `option`) become command line options.  It has a class attribute
-``analysis`` (``"statics"``, ``"modal"`` or ``"geometry"``), ``rod()``, and for an analysis ``model()`` and ``measure(solution)``.
+``analysis`` (``"statics"``, ``"modal"``, ``"dynamics"`` or ``"geometry"``), ``rod()``, and for an analysis ``model()`` and
+``measure(solution)``; for dynamics also ``settings()``, the keyword arguments of `isorod.dynamics.solve`.  A scene with a choice of
+analyses lists them in a class attribute ``analyses``, the default first, and has ``analysis`` as a property.
 """
 
 import dataclasses
@@ -12,6 +14,7 @@ from isorod.errors import InputError
 
 # Name on the command line: module and class.  Modules are imported only when asked for.
 SCENES = {
+    "biceps": ("isorod.scenes.biceps", "Biceps"),
     "blade": ("isorod.scenes.blade", "Blade"),
     "flower": ("isorod.scenes.flower", "Flower"),
     "ring": ("isorod.scenes.ring", "Ring"),
@@ -22,6 +25,11 @@ SCENES = {
 def option(default: Any, text: str) -> Any:
     """Return a dataclass field that is a command line option; ``text`` says what it is and in which unit."""
     return dataclasses.field(default=default, metadata={"help": text})
+
+
+def analyses(scene_type: Any) -> tuple[str, ...]:
+    """Return the analyses a scene class offers, the default first."""
+    return tuple(getattr(scene_type, "analyses", None) or (scene_type.analysis,))
 
 
 def find(name: str) -> Any:

@@ -1,0 +1,219 @@
+"""A model as the compiled loops of explicit dynamics take it: plain arrays, and state vectors in their own order."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg import eigh_tridiagonal
+
+from isorod import explicit_loop
+from isorod.disk import Array
+from isorod.errors import InputError
+from isorod.explicit_kernel import GEOMETRY, POINTS, Mesh, internal_forces
+from isorod.explicit_loop import Course, Motion
+from isorod.model import Body, Model
+from isorod.spline import Index
+
+if TYPE_CHECKING:
+    from isorod.contact_kernel import Packed
+
+# Relative accuracy of the highest eigenvalue, and the most iterations spent on it.
+_TOLERANCE = 1e-3
+_LANCZOS = 100
+_MIXED = 0.05
+
+# What `isorod.contact_kernel.Packed` holds besides history and work space.
+_FIXED = ("surfaces", "turns", "layers", "passes", "penalty", "rigid", "around", "along", "areas")
+
+
+def order(model: Model) -> Index:
+    """Return the place of each degree of freedom in a state vector (see `isorod.explicit_kernel`), shape ``(dofs,)``."""
+    places = []
+    for body, first in zip(model.bodies, model.first_node[:-1], strict=True):
+        size = body.space.layer_nodes
+        local = np.arange(body.space.nodes)[:, None]
+        places.append(3 * first + 3 * size * (local // size) + size * np.arange(3) + local % size)
+    return np.concatenate(places).ravel()
+
+
+def pack(model: Model) -> Mesh:
+    """Return the elements of all bodies as plain arrays.
+
+    Raises
+    ------
+    InputError
+        If a law is neither neo-Hookean nor muscle.
+    """
+    elements, layers, laws = [], [], []
+    sections: list[Array] = []
+    axial: list[Array] = []
+    geometry: list[Array] = []
+    longest = max(body.space.axis.degree for body in model.bodies) + 1
+    for index, (body, first) in enumerate(zip(model.bodies, model.first_node[:-1], strict=True)):
+        space = body.space
+        table = space.tabulate(0, space.axis.elements)
+        points = table.section.shape[0]
+        blocks = -(-points // POINTS)
+        along, functions = table.axial.shape[1:]
+        rows = np.zeros((space.axis.elements, 7), dtype=np.uint64)
+        rows[:, :4] = space.layer_nodes, blocks, along, functions
+        each = np.arange(space.axis.elements)
+        rows[:, 4] = sum(part.size for part in sections)
+        rows[:, 5] = sum(part.size for part in axial) + each * (2 * along * functions)
+        rows[:, 6] = sum(part.size for part in geometry) + each * (along * blocks * GEOMETRY * POINTS)
+        elements.append(rows)
+        layer = np.zeros((space.axis.elements, longest), dtype=np.uint64)
+        layer[:, :functions] = 3 * (first + space.layer_nodes * space.element_layers)
+        layers.append(layer)
+        sections.append(_blocks(table.section.transpose(2, 1, 0)).transpose(2, 0, 1, 3).ravel())
+        axial.append(np.stack([table.axial, table.slopes], axis=2).ravel())
+        fibres = body.fibres(table)
+        inside = np.einsum("etqdA,etqA->etqd", table.inverse, fibres)
+        flat = table.inverse.reshape(*table.weights.shape, 9)
+        values = np.concatenate([flat, table.weights[..., None], fibres, inside], axis=-1)
+        geometry.append(_blocks(np.moveaxis(values, -1, 2)).swapaxes(2, 3).ravel())
+        laws.append(_laws(body, index))
+    return Mesh(
+        elements=np.concatenate(elements),
+        layers=np.concatenate(layers),
+        sections=np.concatenate(sections),
+        axial=np.concatenate(axial),
+        geometry=np.concatenate(geometry),
+        laws=np.concatenate(laws),
+    )
+
+
+def _blocks(values: Array) -> Array:
+    """Return the last axis cut in blocks of ``POINTS``, the last one filled up with zeros, shape ``(..., blocks, POINTS)``."""
+    short = -values.shape[-1] % POINTS
+    values = np.concatenate([values, np.zeros((*values.shape[:-1], short))], axis=-1)
+    return values.reshape(*values.shape[:-1], -1, POINTS)
+
+
+def _laws(body: Body, index: int) -> Array:
+    try:
+        laws = body.parameters()
+    except InputError as problem:
+        raise InputError(f"body {index}: {problem}") from None
+    laws[:, 2] *= [getattr(law, "activation", 0.0) for law in body.laws]
+    return laws
+
+
+class System:
+    """A model in motion: its compiled arrays, the state, and what can be asked of both.
+
+    Parameters
+    ----------
+    model
+        Bodies with densities, supports, contacts.
+    mass
+        Lumped mass of the unknowns, shape ``(unknowns,)``.
+    """
+
+    def __init__(self, model: Model, mass: Array) -> None:
+        self.model = model
+        self.mesh = pack(model)
+        self.places = order(model)
+        self.free = self.places[model.free >= 0]
+        everywhere = np.zeros(model.dofs)
+        everywhere[self.free] = mass
+        inverse = np.zeros(model.dofs)
+        inverse[self.free] = 1.0 / mass
+        self.motion = Motion(
+            displacement=np.zeros(model.dofs),
+            velocity=np.zeros(model.dofs),
+            forces=np.zeros(model.dofs),
+            mass=everywhere,
+            inverse_mass=inverse,
+            held=self.places[model.held].astype(np.uint64),
+            impulse=np.zeros(model.held.size),
+            sums=np.zeros(5),
+        )
+        # Vector of the highest frequency found last.
+        self.highest = np.zeros(self.free.size)
+        # The smallest size of a quadrature point's surroundings, for finite differences.
+        volumes = self.mesh.geometry.reshape(-1, GEOMETRY, POINTS)[:, 9]
+        self._size = float(volumes[volumes > 0.0].min()) ** (1.0 / 3.0)
+        self.packed: Packed | None = None
+        if model.contacts:
+            from isorod import contact, explicit_faces
+
+            self.packed = contact.pack(model)
+            self.faces = explicit_faces.pack(model)
+            reference = [body.space.positions for body in model.bodies]
+            self._reference = np.concatenate(reference).ravel()
+            self._work = np.empty((2, model.dofs // 3, 3))
+
+    @property
+    def starts(self) -> Array:
+        """Start values of the closest-point searches: all that contact remembers."""
+        return np.empty((0, 3)) if self.packed is None else self.packed.starts
+
+    @property
+    def contact_data(self) -> tuple[Array | Index, ...]:
+        """What does not change of the contacts."""
+        return () if self.packed is None else (*(getattr(self.packed, name) for name in _FIXED), *self.faces)
+
+    def advance(self, course: Course, steps: int) -> tuple[int, int]:
+        """Take steps; return how many were taken, and the outcome (see `isorod.explicit_loop`)."""
+        if self.packed is None:
+            return explicit_loop.advance(self.mesh, self.motion, course, steps)
+        from isorod import explicit_contact
+
+        places = self.places.astype(np.uint64)
+        return explicit_contact.advance(
+            self.mesh, self.motion, course, steps, self.packed, self.faces, self._reference, places
+        )
+
+    def forces(self, displacement: Array, activation: float) -> tuple[Array, tuple[float, ...]]:
+        """Return internal less contact forces, and what contact says (`isorod.explicit_contact.subtract`); changes no state."""
+        forces = np.empty_like(displacement)
+        if internal_forces(self.mesh, displacement, activation, forces) > 0.0:
+            forces[:] = np.nan
+        if self.packed is None:
+            return forces, (0.0,) * 7
+        from isorod import explicit_contact
+
+        starts = self.packed.starts.copy()
+        places = self.places.astype(np.uint64)
+        said = explicit_contact.subtract(
+            self.packed, self.faces, self._reference, places, displacement, forces, self._work[0], self._work[1]
+        )
+        self.packed.starts[:] = starts
+        return forces, said
+
+    def critical_step(self, displacement: Array, activation: float) -> float:
+        """Return ``2 / omega`` of the highest frequency about a state: the largest stable time step; zero if the state cannot be.
+
+        Lanczos iteration on ``M^-1/2 K M^-1/2``, ``K`` by central differences of the forces, until the residual bounds the error
+        of the frequency to half of ``_TOLERANCE``.  It starts near the last vector found.
+        """
+        root = np.sqrt(self.motion.inverse_mass[self.free])
+        count = min(root.size, _LANCZOS)
+        basis = np.zeros((count, root.size))
+        diagonal, beside = np.zeros(count), np.zeros(count)
+        # A fixed start, so that a run is the same each time; something of every vector is in it, should another be the highest now.
+        vector = np.random.default_rng(0).standard_normal(root.size)
+        vector = self.highest + _MIXED / np.linalg.norm(vector) * vector
+        trial = [displacement.copy(), displacement.copy()]
+        highest = 0.0
+        for k in range(count):
+            basis[k] = vector / np.linalg.norm(vector)
+            move = root * basis[k]
+            size = 1e-5 * self._size / np.abs(move).max()
+            for sign, u in zip((1.0, -1.0), trial, strict=True):
+                u[self.free] = displacement[self.free] + sign * size * move
+            ahead, behind = (self.forces(u, activation)[0] for u in trial)
+            vector = root * (ahead - behind)[self.free] / (2.0 * size)
+            if not np.isfinite(vector).all():
+                return 0.0
+            diagonal[k] = basis[k] @ vector
+            # Twice: once leaves what rounding brings back.
+            for _ in range(2):
+                vector -= (basis[: k + 1] @ vector) @ basis[: k + 1]
+            beside[k] = np.linalg.norm(vector)
+            values, vectors = eigh_tridiagonal(diagonal[: k + 1], beside[:k])
+            highest = float(values[-1])
+            if beside[k] * abs(vectors[-1, -1]) <= _TOLERANCE * abs(highest):
+                self.highest[:] = vectors[:, -1] @ basis[: k + 1]
+                break
+        return 2.0 / np.sqrt(highest) if highest > 0.0 else np.inf

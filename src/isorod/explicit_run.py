@@ -1,0 +1,351 @@
+"""A motion under way: the time step and its stability, the balances, the state that a checkpoint keeps."""
+
+import hashlib
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from isorod import __version__, kernel
+from isorod.disk import Array
+from isorod.errors import InputError, SolveError
+from isorod.explicit import System
+from isorod.explicit_kernel import energies
+from isorod.explicit_loop import BLOWN, DONE, INVERTED, LOST, Course, activation
+from isorod.small import determinant
+
+# The step taken where none is given, and what an unstable one is advised to be, in critical steps.
+_SAFE = 0.9
+
+# The critical step is estimated again at an output after this many steps, or when activation has grown or contact begun.
+_STEPS = 50
+
+# An interval has blown up at this many times the energy there can be, or where the balance is off by this share of the work done; it
+# is taken again with half the step so many times.
+_GROWTH = 10.0
+_OUTCOMES = {
+    INVERTED: "an element inverts",
+    BLOWN: "there is more kinetic energy than there can be",
+    LOST: "a closest point in contact was not found",
+}
+_IMBALANCE = 0.05
+_HALVINGS = 6
+
+# Steps that no one will wait for.
+_MOST = 1e12
+
+
+class Run:
+    """A motion under way; for the parameters see `isorod.dynamics.solve`.
+
+    Attributes
+    ----------
+    index, taken
+        Intervals between outputs completed, and steps.
+    count
+        Steps in an interval.
+    rows
+        What was recorded so far, by the names of `isorod.dynamics.History`.
+    estimates
+        Time and value of each estimate of the critical step.
+    """
+
+    def __init__(
+        self, system: System, end_time: float, outputs: int, time_step: float | None, damping: float, ramp: float
+    ) -> None:
+        self.system = system
+        self.outputs, self.given = outputs, time_step
+        self.damping, self.ramp = float(damping), float(ramp)
+        self.interval = end_time / outputs
+        self.index, self.taken, self.count = 0, 0, 1
+        self.rows: dict[str, list[Any]] = {}
+        self.estimates: list[tuple[float, float]] = []
+        # Steps taken, activation, and whether there was contact at the last estimate.
+        self._estimated = np.zeros(3)
+        # Energy at the start; momentum that stays when all impulses are taken off.
+        self._energy = 0.0
+        self._momentum = np.zeros(3)
+        model, motion = system.model, system.motion
+        self._carried = model.carries.repeat(3) * motion.mass[system.places]
+        # Active fibres do at most 2/3 of their stress as work, over the whole range of their stretch.
+        volumes = np.concatenate(
+            [body.space.tabulate(0, body.space.axis.elements).weights.sum(axis=(1, 2)) for body in model.bodies]
+        )
+        self._available = 2.0 / 3.0 * float(volumes @ system.mesh.laws[:, 2])
+        # Of a body at rest, rounding of its forces may be all there is.
+        self._noise = 1e-12 * float(volumes @ system.mesh.laws[:, 0])
+
+    @property
+    def time(self) -> float:
+        """Time of the last output."""
+        return self.index * self.interval
+
+    @property
+    def step(self) -> float:
+        """Time step."""
+        return self.interval / self.count
+
+    def begin(self, displacement: Array, velocity: Array) -> None:
+        """Place the bodies, choose the time step, and take the first output."""
+        system, motion = self.system, self.system.motion
+        motion.displacement[system.places] = displacement
+        motion.velocity[system.places] = velocity
+        critical = min(system.critical_step(motion.displacement, level) for level in (0.0, 1.0))
+        if not critical > 0.0:
+            raise InputError(f"initial state: an element is inverted; {self._worst(motion.displacement)}")
+        self.estimates.append((0.0, critical))
+        if self.given is not None and self.given > critical:
+            raise InputError(
+                f"time step {self.given:.4g}: not stable, the critical step is {critical:.4g}; take at most {_SAFE * critical:.3g}"
+            )
+        self._divide(_SAFE * critical if self.given is None else self.given)
+        self._stagger(motion.velocity.copy(), 0.0, 0.0)
+        self._momentum = self._free_momentum()
+        seen = self._measure()
+        self._energy = _total(seen)
+        self._estimated[:] = 0.0, activation(0.0, self.ramp), seen["contact_area"] > 0.0
+        self._balance(seen)
+        self._record(seen)
+
+    def advance(self) -> float:
+        """Take the steps to the next output and record it; return the wall time of the steps.
+
+        An interval that blows up is taken again with half the step, unless the step is the user's.
+        """
+        system, motion = self.system, self.system.motion
+        last = motion.displacement.copy()
+        before = [array.copy() for array in (*motion, system.starts)]
+        seconds = 0.0
+        for halvings in range(_HALVINGS + 1):
+            limit = _GROWTH * (abs(self._energy) + self._available) + self._noise
+            course = Course(self.time, self.step, self.ramp, self.damping, limit)
+            start = perf_counter()
+            taken, outcome = system.advance(course, self.count)
+            seconds += perf_counter() - start
+            self.index += 1
+            seen = self._measure()
+            problem = _OUTCOMES.get(outcome, "")
+            if outcome == DONE and not np.isfinite(seen["kinetic"]):
+                problem = _OUTCOMES[INVERTED]
+            elif outcome == DONE:
+                error = self._balance(seen)
+                problem = (
+                    "" if abs(error) <= _IMBALANCE else f"the energy balance is off by {error:.2g} of the work done"
+                )
+            if not problem:
+                break
+            self.index -= 1
+            if self.given is not None or halvings == _HALVINGS:
+                raise self._blown(taken, last, problem)
+            for array, kept in zip((*motion, system.starts), before, strict=True):
+                array[:] = kept
+            self._restep(0.5 * self.step)
+        self.taken += taken
+        self._record(seen)
+        self._watch(seen)
+        return seconds
+
+    def _divide(self, longest: float) -> None:
+        """Cut the interval in equal steps, none longer than the given one."""
+        count = np.ceil(self.interval / longest - 1e-9)
+        if not count * self.outputs < _MOST:
+            raise InputError(
+                f"time step {longest:.4g}: {count * self.outputs:.3g} steps to the end at {self.interval * self.outputs:.4g}, at most "
+                f"{_MOST:.0e} can be taken"
+            )
+        self.count = max(1, int(count))
+
+    def _stagger(self, velocity: Array, dissipated: float, work: float) -> None:
+        """Take the velocity, given at the time of the displacement, back by half a step.
+
+        What half a step adds to the sums is taken off, so that dissipation and muscle work are as given.
+        """
+        system, motion = self.system, self.system.motion
+        forces, _ = system.forces(motion.displacement, activation(self.time, self.ramp))
+        motion.velocity[:] = velocity + 0.5 * self.step * (motion.inverse_mass * forces + self.damping * velocity)
+        seen = self._measure()
+        motion.sums[0] += dissipated - seen["dissipated"]
+        motion.sums[1] += work - seen["muscle_work"]
+
+    def _measure(self) -> dict[str, Any]:
+        """Return the state by the names of `isorod.dynamics.History`; changes nothing of it."""
+        system, motion, dt = self.system, self.system.motion, self.step
+        now, before = (activation(time, self.ramp) for time in (self.time, self.time - dt))
+        forces, (contact_energy, normal, area, deepest, *_) = system.forces(motion.displacement, now)
+        half = 0.5 * self.damping * dt
+        behind = motion.velocity
+        ahead = ((1.0 - half) * behind - dt * motion.inverse_mass * forces) / (1.0 + half)
+        velocity = 0.5 * (behind + ahead)
+        stored, active = energies(system.mesh, motion.displacement)
+        held = np.zeros(system.model.dofs)
+        held[system.model.held] = forces[motion.held]
+        return {
+            "times": self.time,
+            "displacement": motion.displacement[system.places],
+            "velocity": velocity[system.places],
+            "reactions": self._by_support(held[system.model.held]),
+            "contact_force": normal,
+            "contact_area": area,
+            "penetration": max(0.0, -deepest),
+            "kinetic": 0.5 * float(np.sum(motion.mass * behind * ahead)),
+            "stored": stored,
+            "contact_energy": contact_energy,
+            "muscle_work": motion.sums[1] + 0.5 * (now - before) * active - now * active,
+            "dissipated": motion.sums[0] + half * float(np.sum(motion.mass * behind * velocity)),
+        }
+
+    def _record(self, seen: dict[str, Any]) -> None:
+        """Keep an output."""
+        for name, value in seen.items():
+            self.rows.setdefault(name, []).append(value)
+
+    def _balance(self, seen: dict[str, Any]) -> float:
+        """Add the balances to an output; return the error of the energy."""
+        work, dissipated = self.rows.get("muscle_work", []), self.rows.get("dissipated", [])
+        scale = max(map(abs, [self._energy, seen["muscle_work"], seen["dissipated"], *work, *dissipated]))
+        error = _total(seen) - self._energy - seen["muscle_work"] + seen["dissipated"]
+        motion = self.system.motion
+        amount = float(np.sum(self._carried * np.abs(motion.velocity[self.system.places])))
+        amount += float(np.abs(self._by_support(motion.impulse)).sum() + np.abs(motion.sums[2:]).sum())
+        loose = float(np.linalg.norm(self._free_momentum() - self._momentum))
+        seen["energy_error"] = error / scale if scale > self._noise else 0.0
+        seen["momentum_error"] = loose / amount if amount > 0.0 else 0.0
+        return float(seen["energy_error"])
+
+    def _by_support(self, held: Array) -> Array:
+        """Return the sums of what belongs to the held degrees of freedom, shape ``(supports, 3)``."""
+        model = self.system.model
+        result = np.zeros((max(len(model.supports), 1), 3))
+        # Only functions that add up to one take part in the virtual work of a translation.
+        carried = model.carries[model.held // 3]
+        np.add.at(result, (model.support_of[carried], model.held[carried] % 3), held[carried])
+        return result
+
+    def _free_momentum(self) -> Array:
+        """Return the momentum half a step ago less all impulses so far: a constant."""
+        system, motion = self.system, self.system.motion
+        moved = motion.displacement - 0.5 * self.step * motion.velocity
+        mass_times = self._carried * (motion.velocity + self.damping * moved)[system.places]
+        return mass_times.reshape(-1, 3).sum(axis=0) - self._by_support(motion.impulse).sum(axis=0) - motion.sums[2:]
+
+    def _watch(self, seen: dict[str, Any]) -> None:
+        """Estimate the critical step again where it may have fallen, and shorten the step or stop."""
+        system, motion = self.system, self.system.motion
+        level, touching = activation(self.time, self.ramp), seen["contact_area"] > 0.0
+        steps, last_level, touched = self._estimated
+        stiffer = level > last_level or (touching and not touched)
+        if not stiffer and self.taken - steps < _STEPS:
+            return
+        critical = system.critical_step(motion.displacement, level)
+        self.estimates.append((self.time, critical))
+        self._estimated[:] = self.taken, level, touching
+        if self.step <= critical and (self.given is not None or self.step <= 0.5 * (1.0 + _SAFE) * critical):
+            return
+        if self.given is not None:
+            raise SolveError(
+                f"step {self.taken}, time {self.time:.6g}: the time step {self.step:.4g} is no longer stable, the critical one is "
+                f"{critical:.4g} now; take at most {_SAFE * critical:.3g}"
+            )
+        self._restep(_SAFE * critical)
+
+    def _restep(self, longest: float) -> None:
+        """Go on from the last output with another step."""
+        before = self._free_momentum()
+        velocity = np.zeros(self.system.model.dofs)
+        velocity[self.system.places] = self.rows["velocity"][-1]
+        self._divide(longest)
+        self._stagger(velocity, self.rows["dissipated"][-1], self.rows["muscle_work"][-1])
+        self._momentum += self._free_momentum() - before
+        # The energy that the scheme conserves depends on the step (`History.kinetic`).
+        self._energy += _total(self._measure()) - _total({name: values[-1] for name, values in self.rows.items()})
+
+    def _blown(self, taken: int, last: Array, what: str) -> SolveError:
+        """Return the error of a run that blew up after some steps from the last output, at the displacement ``last``."""
+        time = self.time + taken * self.step
+        critical = self.system.critical_step(last, activation(self.time, self.ramp))
+        advice = (
+            f"take at most {_SAFE * critical:.3g}"
+            if self.step > critical
+            else "try a smaller one, or a finer or thicker body where it happened"
+        )
+        return SolveError(
+            f"step {self.taken + taken}, time {time:.6g}: {what}; {self._worst(self.system.motion.displacement)}; the time step is "
+            f"{self.step:.4g}, the critical one was {critical:.4g} at the output before: {advice}"
+        )
+
+    def _worst(self, displacement: Array) -> str:
+        """Return which element is the most compressed."""
+        model = self.system.model
+        everywhere = displacement[self.system.places]
+        found: list[tuple[float, str]] = []
+        for b, body in enumerate(model.bodies):
+            table = body.space.tabulate(0, body.space.axis.elements)
+            shape = (table.elements, body.space.axis.degree + 1, body.space.layer_nodes, 3)
+            nodal = model.nodal(everywhere, b)[body.space.element_nodes].reshape(shape)
+            F = kernel.deformation_gradients(table.section, table.axial, table.slopes, table.inverse, nodal)
+            det = determinant(F)
+            det = np.where(np.isfinite(det), det, -np.inf)
+            e, t, _ = np.unravel_index(int(np.argmin(det)), det.shape)
+            where = f"element {e} of body {b} at u = {table.u[e, t]:.4g}"
+            found.append((float(det.min()), f"smallest det F = {det.min():.3g} in {where}"))
+        return min(found)[1]
+
+    def identity(self, displacement: Array, velocity: Array) -> dict[str, Any]:
+        """Return what a checkpoint must have in common with this run."""
+        system = self.system
+        digest = hashlib.sha256()
+        for array in (
+            *system.mesh,
+            system.motion.mass,
+            system.motion.held,
+            displacement,
+            velocity,
+            *system.contact_data,
+        ):
+            digest.update(np.ascontiguousarray(array).tobytes())
+        return {
+            "version": __version__,
+            "end_time": self.interval * self.outputs,
+            "outputs": self.outputs,
+            "time_step": self.given,
+            "damping": self.damping,
+            "ramp": self.ramp,
+            "model": digest.hexdigest(),
+        }
+
+    def state(self) -> dict[str, Array]:
+        """Return all that is needed to continue (see `restore`)."""
+        motion = self.system.motion
+        return {
+            "finished": np.array(self.index == self.outputs),
+            "counts": np.array([self.index, self.taken, self.count]),
+            "displacement": motion.displacement,
+            "velocity": motion.velocity,
+            "impulse": motion.impulse,
+            "sums": motion.sums,
+            "starts": self.system.starts,
+            "estimates": np.array(self.estimates),
+            "estimated": self._estimated,
+            "highest": self.system.highest,
+            "energy": np.array(self._energy),
+            "momentum": self._momentum,
+        } | {f"row_{name}": np.array(values) for name, values in self.rows.items()}
+
+    def restore(self, state: dict[str, Array]) -> None:
+        """Continue from a state."""
+        motion = self.system.motion
+        self.index, self.taken, self.count = (int(value) for value in state["counts"])
+        for name in ("displacement", "velocity", "impulse", "sums"):
+            getattr(motion, name)[:] = state[name]
+        self.system.starts[:] = state["starts"]
+        self.system.highest[:] = state["highest"]
+        self.estimates = [(float(time), float(value)) for time, value in state["estimates"]]
+        self._estimated = state["estimated"]
+        self._energy = float(state["energy"])
+        self._momentum = state["momentum"]
+        self.rows = {name[4:]: list(values) for name, values in state.items() if name.startswith("row_")}
+
+
+def _total(seen: dict[str, Any]) -> float:
+    """Return the energy of an output, all kinds together."""
+    return float(seen["kinetic"] + seen["stored"] + seen["contact_energy"])

@@ -1,0 +1,95 @@
+"""`isorod run` of a scene that asks for dynamics: the record, checkpoints, one-line errors, and what is not loaded."""
+
+import json
+
+import numpy as np
+import pytest
+
+SMALL = (
+    "run",
+    "biceps",
+    "--elements",
+    "5",
+    "--end-elements",
+    "0",
+    "--order",
+    "1",
+    "--end-time",
+    "0.004",
+    "--outputs",
+    "8",
+)
+
+
+def refused(result):
+    """The one line of a run that was refused."""
+    assert result.returncode == 2, result.stdout + result.stderr
+    assert not result.stdout
+    (line,) = result.stderr.splitlines()
+    return line
+
+
+def test_record_and_resume(isorod, tmp_path):
+    file = str(tmp_path / "state")
+    first = isorod(*SMALL, "--json", "--checkpoint", file, "--checkpoint-every", "0")
+    assert first.returncode == 0, first.stderr
+    # No progress bar where there is no terminal.
+    assert first.stderr == ""
+    record = json.loads(first.stdout)
+    assert record["analysis"] == "dynamics"
+    assert record["steps"] == 160 and record["time_step"] == pytest.approx(2.5e-5)
+    assert len(record["times"]) == len(record["kinetic"]) == len(record["contact_force"]) == 9
+    assert np.shape(record["reactions"]) == (9, 4, 3)
+    assert record["microseconds_a_step"] > 0.0
+    assert np.abs(record["energy_error"]).max() < 1e-3
+    assert np.abs(record["momentum_error"]).max() < 1e-10
+    assert set(record["built"]) == {"lumped mass", "contact"}
+    again = isorod(*SMALL, "--json", "--checkpoint", file, "--resume")
+    assert again.returncode == 0, again.stderr
+    assert json.loads(again.stdout)["reactions"] == record["reactions"]
+    assert "other run: damping" in refused(isorod(*SMALL, "--checkpoint", file, "--resume", "--damping", "1"))
+    assert "there is none; start without --resume" in refused(isorod(*SMALL, "--checkpoint", file + "x", "--resume"))
+
+
+def test_text_shows_the_last_output(isorod):
+    result = isorod(*SMALL)
+    assert result.returncode == 0, result.stderr
+    (time,) = [line.split()[-1] for line in result.stdout.splitlines() if line.startswith("times (end)")]
+    assert float(time) == 0.004
+
+
+def test_one_line_errors(isorod):
+    assert "not stable, the critical step is" in refused(isorod(*SMALL, "--time-step", "1e-3"))
+    assert "resume: no checkpoint is named" in refused(isorod(*SMALL, "--resume"))
+    assert "density" in refused(isorod(*SMALL, "--density", "0"))
+
+
+@pytest.mark.mpi
+def test_several_ranks_get_one_line(mpirun):
+    result = mpirun(2, *SMALL)
+    assert result.returncode != 0
+    lines = [line for line in result.stderr.splitlines() if line.startswith("isorod:")]
+    assert lines == ["isorod: dynamics runs on one rank, got 2: start it without mpirun"]
+    assert "Traceback" not in result.stderr
+
+
+def test_a_model_without_contact_loads_none(python):
+    script = """
+import sys
+from isorod import options
+options.initialize([])
+from isorod import dynamics
+from isorod.material import NeoHookean
+from isorod.model import Body, Model
+from isorod.scenes.spring import Spring
+from isorod.space import Space
+dynamics.solve(Model([Body(Space(Spring(coils=1, section_points=4).rod()), NeoHookean(1.0, 0.3), 1.0)]), 1e-3, outputs=1)
+print([name for name in sys.modules if "contact" in name or "slepc" in name or name == "isorod.explicit_faces"])
+"""
+    result = python(script)
+    assert result.stdout.strip() == "[]", result.stderr
+
+
+def test_a_model_in_dynamics_builds_no_tangent(isorod):
+    record = json.loads(isorod(*SMALL, "--json").stdout)
+    assert "tangent" not in record["built"]

@@ -1,0 +1,154 @@
+"""The compiled forces, energies and critical step of explicit dynamics against those of the assembler."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+
+from isorod import explicit, explicit_faces
+from isorod.assembly import Assembler
+from isorod.contact import Contact, Plane
+from isorod.errors import InputError
+from isorod.explicit_kernel import energies, internal_forces
+from isorod.material import LinearElastic, NeoHookean
+from isorod.model import Body, Model, Support
+from isorod.muscle import Muscle
+from isorod.rod import Rod, helix
+from isorod.section import circle
+from isorod.space import Space
+
+ELASTIC = NeoHookean(20.0, 0.3)
+MUSCLE = Muscle(30.0, 0.45, sigma_max=30.0, m1=35.0, m2=0.5, activation=0.8, fibre=(0.2, -0.3, 1.0))
+
+
+def ring():
+    line = helix(3.0, 0.0, 1)
+    return Rod.sweep(circle(5, 0.7), line.axis, line.centers, line.rotations, line.stretches, closed=True)
+
+
+def two_bodies(cylinder, order, law):
+    first = Space(cylinder(4, height=3.0), elements=3, order=order, quadrature="auto")
+    second = Space(ring(), degree=3, continuity=1, order=3 - order, quadrature="paper")
+    bodies = [Body(first, [ELASTIC, law, ELASTIC], 1.0), Body(second, law, 2.0)]
+    return Model(bodies, [Support.end(first, "start")])
+
+
+def deformed(model, stretch, seed=0):
+    """A random homogeneous deformation and some noise, with the size asked for."""
+    rng = np.random.default_rng(seed)
+    positions = np.concatenate([body.space.positions for body in model.bodies])
+    noise = np.where(model.carries[:, None], 1.0, 0.2) * rng.standard_normal(positions.shape)
+    displacement = (positions @ (np.diag(stretch) - np.eye(3)) + 0.05 * noise).ravel()
+    displacement[model.held] = model.values
+    return displacement
+
+
+# In turn: det F near 1; beyond the logarithm's series above and below; fibres beyond the range of active force and of the
+# exponential's series; fibres too short for it.
+STRETCHES = [(1.0, 1.05, 1.0), (1.5, 1.5, 1.4), (0.7, 0.75, 0.7), (0.6, 0.6, 3.0), (1.3, 1.3, 0.4)]
+
+
+@pytest.mark.parametrize("stretch", STRETCHES, ids=str)
+@pytest.mark.parametrize("order", [1, 2])
+def test_forces_and_energies_are_the_assemblers(stretch, order, cylinder):
+    model = two_bodies(cylinder, order, MUSCLE)
+    mesh, places = explicit.pack(model), explicit.order(model)
+    displacement = deformed(model, stretch)
+    assembler = Assembler(model)
+    x, expected = assembler.state(displacement), assembler.vector()
+    u, forces = np.empty(model.dofs), np.empty(model.dofs)
+    u[places] = displacement
+    for factor in (0.0, 0.6):
+        assembler.residual(x, factor, expected)
+        assert internal_forces(mesh, u, factor, forces) == 0.0
+        found = forces[places][model.free >= 0]
+        error = np.abs(found - expected.array).max() / np.abs(expected.array).max()
+        stored, active = energies(mesh, u)
+        energy = assembler.energy(x, factor)
+        print(
+            f"stretch {stretch}, activation {factor}: forces {error:.1e}, energy {(stored + factor * active) / energy - 1:.1e}"
+        )
+        assert error < 1e-12
+        assert stored + factor * active == pytest.approx(energy, rel=1e-12)
+
+
+def test_points_are_counted_where_the_body_is_inverted(cylinder):
+    model = Model([Body(Space(cylinder(4), quadrature="paper"), ELASTIC, 1.0)])
+    mesh, places = explicit.pack(model), explicit.order(model)
+    positions = model.bodies[0].space.positions
+    points = model.bodies[0].space.tabulate(0, 1).weights.size
+    u, forces = np.zeros(model.dofs), np.empty(model.dofs)
+    assert internal_forces(mesh, u, 1.0, forces) == 0
+    assert not forces.any()
+    u[places] = (-2.0 * positions * [0.0, 0.0, 1.0]).ravel()
+    assert internal_forces(mesh, u, 1.0, forces) == points
+    u[:] = np.nan
+    assert internal_forces(mesh, u, 1.0, forces) >= points
+
+
+def system(model, moving=None):
+    mass = Assembler(model).mass(lumped=True).getDiagonal().array_r.copy()
+    return explicit.System(moving or model, mass)
+
+
+@pytest.mark.parametrize("level", [0.0, 1.0])
+def test_critical_step_is_that_of_the_eigenvalue_problem(level, cylinder):
+    """The largest eigenvalue of the assembled tangent and the lumped mass, in a deformed state."""
+    space = Space(cylinder(4, height=3.0), elements=3, quadrature="auto")
+    model = Model([Body(space, MUSCLE, 1.0)], [Support.end(space, "start")])
+    displacement = deformed(model, (1.0, 1.0, 1.1), seed=2)
+    assembler = Assembler(model)
+    matrix = assembler.matrix()
+    assembler.tangent(assembler.state(displacement), level, matrix)
+    dense = matrix.convert("dense").getDenseArray()
+    mass = assembler.mass(lumped=True).getDiagonal().array_r
+    largest = eigh(dense, np.diag(mass), eigvals_only=True)[-1]
+    made = system(model)
+    made.motion.displacement[made.places] = displacement
+    found = made.critical_step(made.motion.displacement, level)
+    print(f"critical step {found:.8g}, exact {2 / np.sqrt(largest):.8g}")
+    assert found == pytest.approx(2.0 / np.sqrt(largest), rel=1e-4)
+
+
+def test_a_law_without_compiled_stress_is_refused(cylinder):
+    model = Model([Body(Space(cylinder(4)), LinearElastic(1.0, 0.3), 1.0)])
+    with pytest.raises(InputError, match="body 0: material of element 0: got LinearElastic, need NeoHookean or Muscle"):
+        explicit.pack(model)
+
+
+@pytest.mark.parametrize("which, normal", [("start", (0.0, 0.0, 1.0)), ("end", (0.0, 0.0, -2.0))])
+@pytest.mark.parametrize("order", [1, 2])
+def test_an_end_face_pressed_into_a_plane(which, normal, order, cylinder):
+    """Pushed in by a uniform depth: force and energy of the penalty on the whole face, and minus the energy's derivative."""
+    space = Space(cylinder(6, radius=0.5, height=3.0), order=order, quadrature="full")
+    penalty, depth, area = 7.0, 0.01, 0.25 * np.pi
+    height = depth if which == "start" else 3.0 - depth
+    wall = Contact(0, Plane((0.3, 0.2, height), normal), penalty, faces=(which,), points=(1, 1))
+    model = Model([Body(space, ELASTIC, 1.0)], contacts=[wall])
+    made = system(replace(model, contacts=()), model)
+    zero = np.zeros(model.dofs)
+    forces, (energy, normal_force, touching, deepest, *total) = made.forces(zero, 0.0)
+    assert touching == pytest.approx(area, rel=1e-6)
+    assert normal_force == pytest.approx(penalty * depth * area, rel=1e-6)
+    assert energy == pytest.approx(0.5 * penalty * depth**2 * area, rel=1e-6)
+    assert deepest == pytest.approx(-depth)
+    np.testing.assert_allclose(total, [0.0, 0.0, np.sign(normal[2]) * normal_force], atol=1e-15)
+    # Internal forces vanish at rest: what is left is minus contact's.
+    way = 1e-3 * depth * np.random.default_rng(0).standard_normal(model.dofs)
+    ahead, behind = (made.forces(sign * way, 0.0)[1][0] for sign in (1.0, -1.0))
+    assert ahead - behind == pytest.approx(2.0 * forces @ way, rel=1e-6)
+
+
+def test_faces_are_checked(cylinder):
+    plane = Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+    with pytest.raises(InputError, match=r"got faces \('top',\), need some of 'start' and 'end'"):
+        Contact(0, plane, 1.0, faces=("top",))
+    with pytest.raises(InputError, match="end faces meet planes alone"):
+        Contact(0, 1, 1.0, faces=("end",))
+    closed = Model([Body(Space(ring()), ELASTIC, 1.0)], contacts=[Contact(0, plane, 1.0, faces=("end",))])
+    with pytest.raises(InputError, match="contact 0: a closed rod has no end faces"):
+        explicit_faces.pack(closed)
+    bar = Model([Body(Space(cylinder(4)), ELASTIC, 1.0)], contacts=[Contact(0, plane, 1.0, faces=("end",))])
+    with pytest.raises(InputError, match="contact 0: contact of end faces is for dynamics alone"):
+        Assembler(bar)

@@ -1,0 +1,208 @@
+"""Checkpoints: a run that was killed continues to the last bit; files that are not there, foreign, damaged or do not fit on the disk."""
+
+import dataclasses
+import errno
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from isorod import checkpoint, dynamics
+from isorod.contact import Contact, Plane
+from isorod.errors import InputError
+from isorod.material import NeoHookean
+from isorod.model import Body, Model, Support
+from isorod.muscle import Muscle
+from isorod.space import Space
+
+# A muscle that shortens, touches a plane and then another rod, with a step that is the run's own choice: all there is of state.
+SCRIPT = """
+import sys
+sys.path.insert(0, {folder!r})
+from test_resume import run
+run({file!r}, {resume})
+"""
+SETTINGS = {"end_time": 1.5, "outputs": 300, "damping": 0.5, "ramp": 0.3}
+
+
+def model(penalty=200.0):
+    from conftest import straight
+
+    law = Muscle(100.0, 0.3, sigma_max=80.0, m1=35.0, m2=0.5, activation=1.0, fibre=(0.0, 0.0, 1.0))
+    muscle = Space(straight(4, height=4.0), elements=4, quadrature="auto")
+    rod = straight(4, height=4.0)
+    rod = dataclasses.replace(rod, control_points=rod.control_points + np.array([2.02, 0.0, 0.0]))
+    other = Space(rod, elements=2, quadrature="paper")
+    supports = [Support.end(muscle, "start"), Support.end(other, "start", body=1)]
+    contacts = [Contact(0, 1, penalty), Contact(0, Plane((-1.02, 0.0, 0.0), (1.0, 0.0, 0.0)), penalty)]
+    return Model([Body(muscle, law, 2.0), Body(other, NeoHookean(50.0, 0.3), 2.0)], supports, contacts=contacts)
+
+
+def run(file, resume, **changed):
+    return dynamics.solve(
+        changed.pop("model", None) or model(), checkpoint=file, every=0.0, resume=resume, **(SETTINGS | changed)
+    )
+
+
+def assert_same(first, second):
+    """To the last bit."""
+    for name in (
+        "times",
+        "displacement",
+        "velocity",
+        "reactions",
+        "contact_force",
+        "contact_area",
+        "energy_error",
+        "estimates",
+    ):
+        assert np.array_equal(getattr(first, name), getattr(second, name)), name
+    assert first.steps == second.steps and first.time_step == second.time_step
+
+
+@pytest.fixture(scope="module")
+def whole():
+    """The run as it is when nothing happens to it."""
+    return dynamics.solve(model(), **SETTINGS)
+
+
+def test_the_run_has_all_there_is_of_state(whole):
+    assert whole.contact_force.max() > 0.0
+    assert whole.muscle_work[-1] > 0.0
+    assert len(whole.estimates) > 2
+    assert np.abs(whole.energy_error).max() < 1e-2
+
+
+def test_a_killed_run_continues_to_the_last_bit(whole, tmp_path):
+    """Killed without warning three times, at random."""
+    file = tmp_path / "state"
+    chance = random.Random(1)
+    folder = os.path.dirname(__file__)
+    script = SCRIPT.format(folder=folder, file=str(file), resume="{resume}")
+    reached = []
+    for attempt in range(3):
+        code = script.format(resume=attempt > 0)
+        process = subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.PIPE)
+        before = file.stat().st_mtime_ns if file.exists() else 0
+        while process.poll() is None and (not file.exists() or file.stat().st_mtime_ns == before):
+            time.sleep(0.001)
+        time.sleep(0.2 * chance.random())
+        process.send_signal(signal.SIGKILL)
+        _, said = process.communicate()
+        assert process.returncode == -signal.SIGKILL, said.decode()
+        # Nothing half-written took the file's name, and what was beside it does no harm.
+        reached.append(int(checkpoint._load(file)[1]["counts"][0]))
+    print("killed at outputs", reached)
+    assert 0 < reached[-1] < SETTINGS["outputs"]
+    history = run(file, True)
+    assert history.resumed == reached[-1] * SETTINGS["end_time"] / SETTINGS["outputs"]
+    assert_same(history, whole)
+    # A finished run has nothing left to do.
+    again = run(file, True)
+    assert_same(again, whole)
+    assert again.microseconds_a_step == 0.0
+
+
+def stop_after(outputs, monkeypatch):
+    """Let the run end with an error once so many checkpoints were written."""
+    true, count = checkpoint.write, [0]
+
+    def write(*arguments):
+        true(*arguments)
+        count[0] += 1
+        if count[0] > outputs:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(checkpoint, "write", write)
+
+
+@pytest.fixture
+def stopped(tmp_path, monkeypatch):
+    """A checkpoint of a run that was stopped."""
+    file = tmp_path / "state"
+    with monkeypatch.context() as patch:
+        # After the ramp, where the critical step is not estimated at each output.
+        stop_after(100, patch)
+        with pytest.raises(KeyboardInterrupt):
+            run(file, False)
+    return file
+
+
+def test_an_unfinished_run_is_not_overwritten(stopped, whole):
+    with pytest.raises(InputError, match="is of an unfinished run; continue it with --resume, or remove it"):
+        run(stopped, False)
+    assert_same(run(stopped, True), whole)
+    # The finished one may be.
+    assert_same(run(stopped, False), whole)
+
+
+def test_a_foreign_checkpoint_is_refused(stopped):
+    with pytest.raises(InputError, match=r"belongs to another run: damping 0\.5 there, 0\.6 here"):
+        run(stopped, True, damping=0.6)
+    with pytest.raises(InputError, match=r"belongs to another run: time step None there, 0\.001 here"):
+        run(stopped, True, time_step=0.001)
+    with pytest.raises(InputError, match="belongs to another model"):
+        run(stopped, True, model=model(penalty=201.0))
+    with pytest.raises(InputError, match="belongs to another model"):
+        run(stopped, True, velocity=np.full(model().dofs, 1e-3))
+
+
+def test_a_missing_checkpoint_is_named(tmp_path):
+    with pytest.raises(InputError, match=r"state: there is none; start without --resume"):
+        run(tmp_path / "state", True)
+
+
+def test_a_damaged_checkpoint_is_refused(stopped):
+    content = stopped.read_bytes()
+    chance = random.Random(2)
+    for _ in range(40):
+        damaged = bytearray(content)
+        damaged[chance.randrange(len(content))] ^= 1 << chance.randrange(8)
+        stopped.write_bytes(damaged)
+        with pytest.raises(InputError, match="is damaged or no checkpoint"):
+            run(stopped, True)
+    for wrong in (b"", content[:-1], content[: len(content) // 2], b"hello\n", content + b"x"):
+        stopped.write_bytes(wrong)
+        with pytest.raises(InputError, match="is damaged or no checkpoint"):
+            run(stopped, True)
+        with pytest.raises(InputError, match="is damaged or no checkpoint"):
+            run(stopped, False)
+
+
+def test_a_place_that_cannot_be_written_to_is_known_before_the_first_step(tmp_path):
+    with pytest.raises(
+        InputError, match=r"checkpoint .*/nowhere/state: cannot be written \(No such file or directory\); make room"
+    ):
+        run(tmp_path / "nowhere" / "state", False)
+    # A device would be read for ever.
+    for place in (tmp_path, "/dev/full"):
+        for resume in (False, True):
+            with pytest.raises(InputError, match="is no file; name another"):
+                run(place, resume)
+
+
+def test_a_full_disk_leaves_the_last_checkpoint(tmp_path, monkeypatch, whole):
+    """The disk is full at the tenth checkpoint: one line says so, and the ninth is good to continue from."""
+    file = tmp_path / "state"
+    true, count = os.fsync, [0]
+
+    def fsync(descriptor):
+        count[0] += 1
+        if count[0] == 10:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        true(descriptor)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "fsync", fsync)
+        with pytest.raises(
+            InputError, match=r"^checkpoint .*state: cannot be written \(No space left on device\); make room[^\n]*$"
+        ):
+            run(file, False)
+    assert [path.name for path in tmp_path.iterdir()] == ["state"]
+    assert int(checkpoint._load(file)[1]["counts"][0]) == 8
+    assert_same(run(file, True), whole)
