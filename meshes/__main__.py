@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from typing import NoReturn
 
 from isorod.errors import InputError
-from meshes import blade, gmsh_model, spring
+from meshes import biceps, blade, gmsh_model, spring
 
-SCENES = {"spring": spring, "blade": blade}
+SCENES = {"spring": spring, "blade": blade, "biceps": biceps}
 
 
 class _Parser(argparse.ArgumentParser):
@@ -18,7 +18,7 @@ class _Parser(argparse.ArgumentParser):
 
 def _parser() -> argparse.ArgumentParser:
     parser = _Parser(prog="meshes", description="Finite element meshes of the scenes, from the Rod's own map.")
-    scenes = parser.add_subparsers(dest="scene", required=True, metavar="SCENE", help="spring or blade")
+    scenes = parser.add_subparsers(dest="scene", required=True, metavar="SCENE", help="spring, blade or biceps")
     it = scenes.add_parser("spring", help="the helical spring")
     it.add_argument("--cells", choices=spring.CELLS, default="bricks")
     it.add_argument("--around", type=int, default=8, metavar="N", help="cells round the wire (bricks: multiple of 4)")
@@ -38,6 +38,15 @@ def _parser() -> argparse.ArgumentParser:
     )
     it.add_argument("--clustering", type=float, default=1.0, metavar="C", help="0: cells equally long along the chord")
     it.add_argument("-o", "--output", default="blade.msh", metavar="FILE.msh")
+    it = scenes.add_parser("biceps", help="both branches of the biceps")
+    it.add_argument("--cells", choices=biceps.CELLS, default="tetrahedra")
+    it.add_argument("--size", type=float, default=0.3325, metavar="H", help="tetrahedra: length of the edges [cm]")
+    it.add_argument("--around", type=int, default=8, metavar="N", help="bricks round a branch (multiple of 4)")
+    it.add_argument("--layers", type=int, default=6, metavar="N", help="bricks along each element of the axis")
+    it.add_argument("--order", type=int, default=1, metavar="N", help="order of the geometry")
+    it.add_argument("--rings", type=int, default=1, metavar="N", help="bricks: rings round the core")
+    it.add_argument("--cuts", type=int, default=1, metavar="N", help="bricks: cuts of the axis elements at held ends")
+    it.add_argument("-o", "--output", default="biceps.msh", metavar="FILE.msh")
     return parser
 
 
@@ -51,7 +60,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except InputError as problem:
         print(f"meshes: {problem}", file=sys.stderr)
         return 2
-    exact = scene.rod().volume()
+    exact = sum(rod.volume() for rod in (scene.rods() if scene is biceps else [scene.rod()]))
     print(
         f"{output}: {len(mesh.cells)} cells of {mesh.cells.shape[1]} nodes, {len(mesh.points)} nodes, "
         f"volume {mesh.volume():.6f} ({mesh.volume() / exact - 1.0:+.2e} of the rod's)"

@@ -12,8 +12,6 @@ from isorod.errors import InputError
 from isorod.results import write_beside
 from meshes.mesh import Array, Mesh, match
 
-_VOLUME = 1
-
 
 @contextmanager
 def gmsh_session() -> Iterator[ModuleType]:
@@ -31,7 +29,7 @@ def gmsh_session() -> Iterator[ModuleType]:
 
 
 def write(mesh: Mesh, path: str | Path) -> None:
-    """Write a mesh as .msh (format 4.1), the boundary and the volume as named physical groups.
+    """Write a mesh as .msh (format 4.1), the boundary and the volume, or its regions, as named physical groups.
 
     Raises
     ------
@@ -60,14 +58,18 @@ def _build(gmsh: ModuleType, mesh: Mesh) -> None:
     surfaces = {name: k + 1 for k, name in enumerate(mesh.faces)}
     for tag in surfaces.values():
         gmsh.model.addDiscreteEntity(2, tag)
-    gmsh.model.addDiscreteEntity(3, _VOLUME, list(surfaces.values()))
-    add.addNodes(3, _VOLUME, np.arange(1, len(mesh.points) + 1), mesh.points.ravel())
+    regions = mesh.regions or {"volume": np.arange(len(mesh.cells))}
+    volumes = {name: k + 1 for k, name in enumerate(regions)}
+    for tag in volumes.values():
+        gmsh.model.addDiscreteEntity(3, tag, list(surfaces.values()))
+    add.addNodes(3, 1, np.arange(1, len(mesh.points) + 1), mesh.points.ravel())
 
     tensor = mesh.shape == "hexahedron"
     cell, face = ("Hexahedron", "Quadrangle") if tensor else ("Tetrahedron", "Triangle")
     first = 1
     groups = [(2, tag, face, mesh.face_reference, mesh.faces[name]) for name, tag in surfaces.items()]
-    for dimension, tag, family, reference, nodes in [*groups, (3, _VOLUME, cell, mesh.reference, mesh.cells)]:
+    groups += [(3, tag, cell, mesh.reference, mesh.cells[regions[name]]) for name, tag in volumes.items()]
+    for dimension, tag, family, reference, nodes in groups:
         kind = add.getElementType(family, mesh.order)
         order = match(reference, _reference(gmsh, kind, dimension, tensor))
         numbers = np.arange(first, first + len(nodes))
@@ -75,7 +77,8 @@ def _build(gmsh: ModuleType, mesh: Mesh) -> None:
         first += len(nodes)
     for name, tag in surfaces.items():
         gmsh.model.setPhysicalName(2, gmsh.model.addPhysicalGroup(2, [tag], tag), name)
-    gmsh.model.setPhysicalName(3, gmsh.model.addPhysicalGroup(3, [_VOLUME], len(surfaces) + 1), "volume")
+    for name, tag in volumes.items():
+        gmsh.model.setPhysicalName(3, gmsh.model.addPhysicalGroup(3, [tag], len(surfaces) + tag), name)
 
 
 def _reference(gmsh: ModuleType, kind: int, dimension: int, tensor: bool) -> Array:

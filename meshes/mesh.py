@@ -1,7 +1,7 @@
 """A mesh that favours no program: nodes, cells, faces, and where each node of a cell sits in the reference cell."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -36,6 +36,8 @@ class Mesh:
         Positions of a face's nodes in the unit square or triangle, shape ``(nodes per face, 2)``.
     parameters
         The Rod's parameters ``xi_1, xi_2, u`` of each node, shape ``(nodes, 3)``; None if no Rod made the mesh.
+    regions
+        Cell numbers by name, where parts of the volume differ (in material, say); empty if they do not.
     """
 
     shape: CellShape
@@ -46,6 +48,7 @@ class Mesh:
     faces: Mapping[str, Index]
     face_reference: Array
     parameters: Array | None = None
+    regions: Mapping[str, Index] = field(default_factory=dict)
 
     def jacobians(self, where: Array) -> Array:
         """Return the Jacobian determinants ``(cells, m)`` at the reference points ``where`` ``(m, 3)``."""

@@ -12,9 +12,10 @@ from meshes.strip import levels, rotation
 
 _CORNERS = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
 # Node numbers amid the corners of the 10-node tetrahedron.
-_AMID = {(0, 1): 4, (0, 2): 5, (0, 3): 6, (1, 2): 7, (1, 3): 8, (2, 3): 9}
+AMID = {(0, 1): 4, (0, 2): 5, (0, 3): 6, (1, 2): 7, (1, 3): 8, (2, 3): 9}
+REFERENCE = np.concatenate([_CORNERS, [0.5 * (_CORNERS[a] + _CORNERS[b]) for a, b in AMID]])
 _OUTWARD = ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3))
-_FACE_REFERENCE = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.5, 0.0], [0.5, 0.5], [0.0, 0.5]])
+FACE_REFERENCE = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.5, 0.0], [0.5, 0.5], [0.0, 0.5]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +116,7 @@ def layered(rod: Rod, section: Triangles, layers: int, grading: float = 1.0) -> 
             ((a, 0), (a, 2), (b, 2), (c, 2)),
         ):
             nodes = [node + count * level for node, level in prism_part]
-            for p, q in _AMID:
+            for p, q in AMID:
                 (one, low), (other, high) = prism_part[p], prism_part[q]
                 nodes.append(section.amid[min(one, other), max(one, other)] + count * (low + high) // 2)
             one_layer.append(nodes)
@@ -124,19 +125,18 @@ def layered(rod: Rod, section: Triangles, layers: int, grading: float = 1.0) -> 
     corners = points[cells[:, :4]]
     mirrored = np.linalg.det(corners[:, 1:] - corners[:, :1]) < 0.0
     cells[mirrored] = cells[mirrored][:, [0, 2, 1, 3, 5, 4, 6, 7, 9, 8]]
-    reference = np.concatenate([_CORNERS, [0.5 * (_CORNERS[a] + _CORNERS[b]) for a, b in _AMID]])
     parameters = np.concatenate([np.tile(section.points, (u.size, 1)), np.repeat(u, count)[:, None]], axis=1)
-    faces = _faces(cells, parameters[:, 2])
-    mesh = Mesh("tetrahedron", 2, points, cells, reference, faces, _FACE_REFERENCE, parameters)
+    faces = named_faces(cells, parameters[:, 2])
+    mesh = Mesh("tetrahedron", 2, points, cells, REFERENCE, faces, FACE_REFERENCE, parameters)
     mesh.check()
     return mesh
 
 
-def _faces(cells: Index, u: Array) -> dict[str, Index]:
+def named_faces(cells: Index, u: Array) -> dict[str, Index]:
     """Return the boundary triangles by name, 6 nodes each, outward normal; ``u`` is the axis parameter of each node."""
     every = []
     for a, b, c in _OUTWARD:
-        edges = [_AMID[min(p, q), max(p, q)] for p, q in ((a, b), (b, c), (c, a))]
+        edges = [AMID[min(p, q), max(p, q)] for p, q in ((a, b), (b, c), (c, a))]
         every.append(cells[:, [a, b, c, *edges]])
     triangles = np.concatenate(every)
     _, where, count = np.unique(np.sort(triangles[:, :3], axis=1), axis=0, return_index=True, return_counts=True)

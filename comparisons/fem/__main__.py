@@ -1,19 +1,24 @@
 """``python -m comparisons.fem spring --cells bricks --degree 2 [-ksp_type cg ...]``: one run, one JSON line."""
 
 import argparse
+import dataclasses
 import sys
 from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any, NoReturn
 
-from comparisons.fem import blade_presets, presets
+from comparisons.fem import biceps_presets, blade_presets, presets
 from comparisons.fem.quadrature import RULES
 from isorod import options, results
 from isorod.errors import InputError, SolveError
-from meshes import blade, spring
+from isorod.scenes.biceps import Biceps
+from meshes import biceps, blade, spring
 
-PRESETS = {"spring": presets.PRESETS, "blade": blade_presets.PRESETS}
+PRESETS = {"spring": presets.PRESETS, "blade": blade_presets.PRESETS, "biceps": biceps_presets.PRESETS}
+
+# Parameters of the biceps that are options here too.
+BICEPS = ("activation", "nu", "penalty", "fibre", "ramp", "damping", "end_time", "outputs")
 
 
 class _Parser(argparse.ArgumentParser):
@@ -49,7 +54,7 @@ def _parser() -> argparse.ArgumentParser:
         prog="comparisons.fem",
         description="Finite element reference solutions with dolfinx. Options with a single dash go to PETSc.",
     )
-    scenes = parser.add_subparsers(dest="scene", required=True, metavar="SCENE", help="spring or blade")
+    scenes = parser.add_subparsers(dest="scene", required=True, metavar="SCENE", help="spring, blade or biceps")
     it = scenes.add_parser("spring", help="the helical spring, pulled")
     it.add_argument("--around", type=int, default=8, metavar="N", help="cells round the wire")
     it.add_argument("--layers", type=int, default=48, metavar="N", help="cells along the wire, a multiple of 12")
@@ -68,11 +73,35 @@ def _parser() -> argparse.ArgumentParser:
     it.add_argument("--modes", type=int, default=10, metavar="N", help="number of modes")
     it.add_argument("--modes-file", metavar="FILE", help="write the mode shapes to this .npz file")
     _add_common(it, "blade", blade.CELLS)
+    _add_biceps(scenes.add_parser("biceps", help="the biceps' equilibrium, or its motion"))
     return parser
 
 
+def _add_biceps(it: argparse.ArgumentParser) -> None:
+    it.add_argument("--preset", choices=PRESETS["biceps"], help="start from a configuration; other options change it")
+    it.add_argument("--analysis", choices=("statics", "dynamics"), default="statics")
+    it.add_argument("--cells", choices=biceps.CELLS, default="tetrahedra")
+    it.add_argument("--size", type=float, default=0.3325, metavar="H", help="tetrahedra: length of the edges [cm]")
+    it.add_argument("--around", type=int, default=8, metavar="N", help="bricks round a branch, a multiple of 4")
+    it.add_argument("--layers", type=int, default=6, metavar="N", help="bricks along each element of the axis")
+    it.add_argument("--rings", type=int, default=1, metavar="N", help="bricks: rings round the core")
+    it.add_argument("--cuts", type=int, default=1, metavar="N", help="bricks: cuts of the axis elements at held ends")
+    it.add_argument("--degree", type=_positive, default=2, metavar="P", help="degree of displacement and geometry")
+    it.add_argument("--quadrature", type=_positive, metavar="Q", help="degree of the quadrature rule")
+    it.add_argument("--parts", type=int, metavar="N", help="contact: rules to a facet's edge; 0: points at the nodes")
+    it.add_argument("--time-step", type=float, metavar="DT", help="dynamics: time step [s] (0.9 of the critical one)")
+    for field in dataclasses.fields(Biceps):
+        if field.name in BICEPS:
+            name = f"--{field.name.replace('_', '-')}"
+            it.add_argument(name, type=type(field.default), default=field.default, help=field.metadata["help"])
+    it.add_argument("--fields", metavar="FILE", help="write nodes, positions and cells to this .npz file")
+    _add_run(it)
+    # Those that suit the analysis.
+    it.set_defaults(flags="")
+
+
 def _add_common(it: argparse.ArgumentParser, scene: str, cells: Sequence[str]) -> None:
-    """Add the options of element, compiler and timing."""
+    """Add the options of element and matrix, and those of `_add_run`."""
     it.add_argument("--preset", choices=PRESETS[scene], help="start from a configuration; other options change it")
     it.add_argument("--cells", choices=cells, default="bricks", help="paper: the mesh whose counts the paper gives")
     it.add_argument("--order", type=_positive, metavar="N", help="order of the geometry; the degree if not given")
@@ -85,6 +114,11 @@ def _add_common(it: argparse.ArgumentParser, scene: str, cells: Sequence[str]) -
         help="bricks: S for serendipity, enhanced for 8 nodes with incompatible modes",
     )
     it.add_argument("--matrix", metavar="TYPE", help="PETSc matrix type, such as baij")
+    _add_run(it)
+
+
+def _add_run(it: argparse.ArgumentParser) -> None:
+    """Add the options of compiler and timing."""
     it.add_argument("--flags", default="-O3 -march=native -g0", help="C compiler flags, one word: --flags='-O2'")
     it.add_argument("--repeat", type=_positive, default=1, metavar="N", help="runs in this process, the first one cold")
 
@@ -116,6 +150,8 @@ def _run(given: dict[str, Any]) -> dict[str, Any]:
     file = given.pop("fields", None) or given.pop("modes_file", None)
     given.pop("modes_file", None)
     given["flags"] = tuple(given["flags"].split())
+    if scene.__name__.endswith("biceps"):
+        given["scene"] = Biceps(**{name: given.pop(name) for name in BICEPS})
     try:
         with options.petsc_errors():
             record: dict[str, Any] = scene.run(scene.Configuration(**given), repeat, file and Path(file))

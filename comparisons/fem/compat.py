@@ -20,9 +20,11 @@ from isorod.errors import InputError, SolveError
 from meshes.mesh import Array, Index
 
 __all__ = [
+    "assemble_array",
     "assemble_matrix",
     "assemble_vector",
     "block_element",
+    "cell_dofs",
     "create_matrix",
     "create_mesh",
     "expression",
@@ -32,8 +34,10 @@ __all__ = [
     "interpolation_points",
     "lift",
     "mixed_element",
+    "original_cells",
     "petsc_vector",
     "reference_nodes",
+    "scalar_element",
     "version",
 ]
 
@@ -79,6 +83,15 @@ def block_element(mesh: Any, family: str, degree: int, size: int) -> Any:
     return basix.ufl.element(family, mesh.basix_cell(), degree, shape=(size,))
 
 
+def scalar_element(mesh: Any, family: str, degree: int) -> Any:
+    """Return a scalar element."""
+    if _UFL_ELEMENTS:
+        return ufl.FiniteElement(family, mesh.ufl_cell(), degree)
+    import basix.ufl
+
+    return basix.ufl.element(family, mesh.basix_cell(), degree)
+
+
 def mixed_element(parts: Sequence[Any]) -> Any:
     """Return the element of several unlike parts."""
     if _UFL_ELEMENTS:
@@ -100,6 +113,19 @@ def geometry_dofs(mesh: Any, cells: int) -> Index:
     # An adjacency list up to 0.6, an array of shape (cells, nodes) since.
     table = dofs.array.reshape(dofs.num_nodes, -1) if hasattr(dofs, "num_nodes") else dofs
     return np.asarray(table[:cells], dtype=np.int64)
+
+
+def original_cells(mesh: Any) -> Index:
+    """Return for each of this rank's cells its row in the cells that the mesh was made from, shape ``(cells,)``."""
+    return np.asarray(mesh.topology.original_cell_index, dtype=np.int64)
+
+
+def cell_dofs(space: Any, cells: int) -> Index:
+    """Return the blocked degrees of freedom of this rank's first cells, shape ``(cells, functions)``."""
+    table = space.dofmap.list
+    # An adjacency list up to 0.6, an array since.
+    rows = table.array.reshape(table.num_nodes, -1) if hasattr(table, "num_nodes") else table
+    return np.asarray(rows[:cells], dtype=np.int64)
 
 
 def function_space(mesh: Any, element: Any) -> Any:
@@ -170,6 +196,12 @@ def assemble_vector(vector: PETSc.Vec, linear: Any) -> None:
     with vector.localForm() as local:
         local.set(0.0)
     petsc.assemble_vector(vector, linear)
+
+
+def assemble_array(array: Array, linear: Any) -> None:
+    """Assemble into an array as long as a function's ``x.array``; serial."""
+    array[:] = 0.0
+    fem.assemble_vector(array, linear)
 
 
 def lift(vector: PETSc.Vec, bilinear: Any, supports: Sequence[Any], state: PETSc.Vec) -> None:

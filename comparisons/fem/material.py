@@ -39,3 +39,39 @@ def linear(young: float, poisson: float) -> Energy:
         return mu * ufl.inner(strain, strain) + 0.5 * kappa * ufl.tr(strain) ** 2
 
     return energy
+
+
+def muscle(young: float, poisson: float, sigma_max: float, m1: float, m2: float, activation: Any, fibre: Any) -> Energy:
+    """Return the neo-Hookean matrix with active and passive fibres (Lu & Zhou 2011, eqs. 16-19).
+
+    ``dW/dlambda = activation sigma_max max(0, 1 - 4 (1 - lambda)^2)``, and where the fibre is stretched ``m1 lambda (exp(m2
+    (lambda^2 - 1)) - 1)`` more, ``lambda = |F f|``.
+
+    Parameters
+    ----------
+    young, poisson
+        Matrix.
+    sigma_max, m1, m2
+        Largest active stress, factor and exponent of the passive fibres, as in `isorod.muscle.Muscle`.
+    activation
+        From 0 to 1: a UFL scalar such as a dolfinx Constant.
+    fibre
+        Unit vector in UFL, constant or a field.
+    """
+    matrix = neo_hookean(young, poisson)
+
+    def energy(F: Any) -> Any:
+        along = ufl.dot(F, fibre)
+        squared = ufl.inner(along, along)
+        short = ufl.sqrt(squared) - 1.0
+        # No force beyond half the length; the energy is then constant.
+        limit = 1.0 / 3.0
+        inside = short - 4.0 / 3.0 * short**3
+        active = ufl.conditional(ufl.gt(short, 0.5), limit, ufl.conditional(ufl.lt(short, -0.5), -limit, inside))
+        total = matrix(F) + activation * sigma_max * active
+        if m1 == 0.0 or m2 == 0.0:
+            return total
+        growth = (ufl.exp(m2 * (squared - 1.0)) - 1.0) / m2 - (squared - 1.0)
+        return total + ufl.conditional(ufl.gt(squared, 1.0), 0.5 * m1 * growth, 0.0)
+
+    return energy

@@ -168,7 +168,7 @@ def solve(
     start = perf_counter()
     supports = [_Support(state.function_space, domain, one) for one in held]
     with defaults(NEWTON | dict(DIRECT if options is None else options)):
-        newton = _Newton(state, residual, tangent, supports, matrix_type)
+        newton = Newton(state, residual, tangent, supports, matrix_type)
         setup += perf_counter() - start
         start = perf_counter()
         newton.solve()
@@ -243,10 +243,10 @@ class _Support:
         self.unit: Array = translation.x.array[in_plain[own]]
 
 
-class _Newton:
-    """SNES on compiled forms."""
+class Newton:
+    """SNES on compiled forms; a subclass may add forces that no form knows, and their derivative."""
 
-    def __init__(self, u: Any, residual: Any, tangent: Any, supports: list[_Support], matrix_type: str | None) -> None:
+    def __init__(self, u: Any, residual: Any, tangent: Any, supports: Sequence[Any], matrix_type: str | None) -> None:
         self.residual, self.tangent, self.supports = residual, tangent, supports
         self.conditions = [support.condition for support in supports]
         self.state = compat.petsc_vector(u)
@@ -274,6 +274,7 @@ class _Newton:
         start = perf_counter()
         self._copy(x)
         compat.assemble_vector(out, self.residual)
+        self.add_forces(out)
         # Only the first state falls short of the supports, and only then is there anything to lift.
         if snes.getIterationNumber() == 0:
             compat.lift(out, self.tangent, self.conditions, self.state)
@@ -285,13 +286,23 @@ class _Newton:
         start = perf_counter()
         self._copy(x)
         compat.assemble_matrix(P, self.tangent, self.conditions)
+        self.add_stiffness(P)
         if J.handle != P.handle:
             J.assemble()
         self.seconds += perf_counter() - start
 
-    def solve(self) -> None:
-        """Solve from rest; the solution ends up in the function."""
-        self.x.set(0.0)
+    def add_forces(self, out: PETSc.Vec) -> None:
+        """Add to the internal forces; nothing here."""
+
+    def add_stiffness(self, matrix: PETSc.Mat) -> None:
+        """Add to their derivative; nothing here."""
+
+    def solve(self, first: PETSc.Vec | None = None) -> None:
+        """Solve from rest, or from a state ``first``; the solution ends up in the function."""
+        if first is None:
+            self.x.set(0.0)
+        else:
+            first.copy(self.x)
         self.snes.solve(None, self.x)
         reason = self.snes.getConvergedReason()
         if reason < 0:

@@ -1,0 +1,243 @@
+"""The biceps of Lu & Zhou (2011), section 5, in dolfinx: equilibrium or motion, and the record of a run."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from comparisons.fem import dynamics, pressed, runs
+from comparisons.fem.branches import Branches
+from comparisons.fem.contact import Contact, Pressing, surface_points
+from comparisons.fem.statics import DIRECT, FAST, Element
+from isorod.errors import InputError
+from isorod.scenes.biceps import Biceps
+from meshes import biceps
+from meshes.mesh import Array, Mesh
+
+ANALYSES = ("statics", "dynamics")
+
+# Parts of a facet's edge between points at which the surface is measured.
+_MEASURED = 8
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """A mesh of the biceps, an element on it, and what is asked for.
+
+    Parameters
+    ----------
+    analysis
+        ``"statics"``: the equilibrium at full activation; ``"dynamics"``: the motion, by explicit central differences.
+    cells, size, around, layers, rings, cuts
+        See `meshes.biceps.build`.
+    degree
+        Degree of displacement and geometry, 1 or 2.
+    quadrature
+        Degree of the rule in every form; None: 1 point on linear tetrahedra, else as in `comparisons.fem.statics.Element`.
+    parts
+        See `comparisons.fem.contact.Contact`; None: 3 for statics; for dynamics the nodes on degree 1, else 1.
+    time_step
+        Seconds; None: `comparisons.fem.dynamics.SAFETY` of the critical one.
+    solver
+        PETSc options of statics; the user's own win.
+    flags
+        C compiler flags of the forms; those of `comparisons.fem.statics`, or of `comparisons.fem.dynamics`, if empty.
+    scene
+        The parameters of the biceps; of dynamics too, but for the time step.
+    """
+
+    analysis: str = "statics"
+    cells: str = "tetrahedra"
+    size: float = 0.3325
+    around: int = 8
+    layers: int = 6
+    rings: int = 1
+    cuts: int = 1
+    degree: int = 2
+    quadrature: int | None = None
+    parts: int | None = None
+    time_step: float | None = None
+    solver: Mapping[str, object] | None = None
+    flags: Sequence[str] = ()
+    scene: Biceps = field(default_factory=Biceps)
+
+    def __post_init__(self) -> None:
+        if self.analysis not in ANALYSES:
+            raise InputError(f"analysis: got {self.analysis!r}, need one of {', '.join(ANALYSES)}")
+        if self.degree not in (1, 2):
+            raise InputError(f"degree: got {self.degree}, need 1 or 2")
+        runs.check_element(self.cells == "bricks", self.degree, "Lagrange", self.quadrature, self.degree)
+        scene = self.scene
+        if not 0.0 <= scene.activation <= 1.0:
+            raise InputError(f"activation: got {scene.activation:g}, need 0 (at rest) to 1 (fully active)")
+        if scene.fibre not in ("y", "tangent"):
+            raise InputError(f"fibre: got {scene.fibre!r}, need 'y' or 'tangent'")
+        for name in ("damping", "ramp"):
+            value = getattr(scene, name)
+            if not (np.isfinite(value) and value >= 0.0):
+                raise InputError(f"{name}: got {value:g}, need a finite number, not negative")
+        if self.analysis == "dynamics" and not (
+            scene.outputs >= 1 and np.isfinite(scene.end_time) and scene.end_time > 0.0
+        ):
+            raise InputError(
+                f"outputs: got {scene.outputs} up to {scene.end_time:g} s, need at least 1 and a positive time"
+            )
+        if self.parts is not None and not 0 <= self.parts <= 8:
+            raise InputError(f"parts: got {self.parts}, need 0 to 8")
+        if self.time_step is not None and not (np.isfinite(self.time_step) and self.time_step > 0.0):
+            raise InputError(f"time step: got {self.time_step:g}, need a positive time")
+
+    @property
+    def compiler_flags(self) -> Sequence[str]:
+        """C compiler flags."""
+        return self.flags or (FAST if self.analysis == "statics" else dynamics.FASTER)
+
+    @property
+    def contact_parts(self) -> int:
+        """Parts of a contact facet's edge, 0 for its nodes."""
+        if self.parts is not None:
+            return self.parts
+        if self.analysis == "statics":
+            return 3
+        return 0 if self.degree == 1 else 1
+
+    def mesh(self) -> Mesh:
+        """Return the mesh."""
+        return biceps.build(
+            self.cells, self.size, self.around, self.layers, self.degree, self.rings, self.cuts, self.scene.rods()
+        )
+
+
+def belly_bulge(mesh: Mesh, positions: Array) -> float:
+    """Return half the growth of the bellies' extent in z, the larger of both branches, as `Biceps.measure` does [length]."""
+    found = []
+    for branch in biceps.BRANCHES:
+        supports, shares = surface_points(mesh, f"{branch} belly", 1 if mesh.order == 1 else _MEASURED)
+        now, rest = (np.einsum("mb,mb->m", shares, nodes[supports, 2]) for nodes in (positions, mesh.points))
+        found.append(0.5 * (np.ptp(now) - np.ptp(rest)))
+    return float(max(found))
+
+
+def run(
+    configuration: Configuration, repeat: int = 1, file: Path | None = None, comm: MPI.Comm = MPI.COMM_WORLD
+) -> dict[str, Any]:
+    """Solve ``repeat`` times in this process and return the record.
+
+    ``seconds`` is as in `comparisons.fem.runs.timed`; of dynamics ``step`` is that of one step, without samples and critical steps.
+    The last state goes to ``file``, an ``.npz`` with ``points``, ``positions``, ``cells`` and ``belly_0`` and ``belly_1``, if one is named.
+    """
+    if comm.size > 1:
+        raise InputError("biceps: only on one rank")
+    scene = configuration.scene
+    start = perf_counter()
+    mesh = configuration.mesh()
+    meshing = perf_counter() - start
+    element = Element(configuration.degree, configuration.quadrature)
+    rule = element.rule(mesh.shape)
+    assert isinstance(rule, int)
+
+    def once() -> pressed.Rest | dynamics.Motion:
+        branches = Branches(scene, mesh, rule, configuration.compiler_flags)
+        first, second = (f"{branch} belly" for branch in biceps.BRANCHES)
+        contact = Contact(mesh, first, second, scene.penalty, configuration.contact_parts)
+        if configuration.analysis == "statics":
+            options = DIRECT if configuration.solver is None else configuration.solver
+            return pressed.solve(branches, contact, scene.activation, options=options)
+        times = [scene.end_time * (k + 1) / scene.outputs for k in range(scene.outputs)]
+        return dynamics.solve(
+            branches,
+            contact,
+            scene.density,
+            times,
+            lambda time: scene.activation * (min(time / scene.ramp, 1.0) if scene.ramp > 0.0 else 1.0),
+            scene.damping,
+            configuration.time_step,
+        )
+
+    found, every, median = runs.timed(once, repeat, comm)
+    if isinstance(found, pressed.Rest):
+        specific = _state(mesh, found.positions, found.reactions, found.stored, found.contact) | {
+            "steps": found.steps,
+            "cuts": found.cuts,
+            "newton_iterations": found.newton_iterations,
+            "residual_norms": found.residual_norms,
+            "petsc_options": found.options,
+        }
+        positions = found.positions
+    else:
+        last = found.samples[-1]
+        specific = _state(mesh, last.positions, last.reactions, last.stored, last.contact) | {
+            "steps": found.steps,
+            "time_step": found.time_step,
+            "critical_step": found.critical_step,
+            "history": _history(mesh, found.samples),
+        }
+        positions = last.positions
+    if file is not None:
+        _save(file, mesh, positions)
+    return {
+        "scene": "biceps",
+        "analysis": configuration.analysis,
+        "method": "fem",
+        **specific,
+        "dofs": 3 * len(mesh.points),
+        "nodes": len(mesh.points),
+        "cells": len(mesh.cells),
+        "seconds": {"mesh": meshing} | median,
+        "warm": repeat > 1,
+        "runs": every,
+        "options": asdict(configuration)
+        | {"quadrature": rule, "parts": configuration.contact_parts, "flags": list(configuration.compiler_flags)},
+        "ranks": 1,
+        "peak_memory": found.peak_memory,
+        **runs.provenance(),
+    }
+
+
+def _state(mesh: Mesh, positions: Array, reactions: Array, stored: float, contact: Pressing) -> dict[str, Any]:
+    """Return what `Biceps.measure` does, and energies."""
+    return {
+        "end_force": np.linalg.norm(reactions, axis=1),
+        "end_force_x": reactions[:, 0],
+        "end_force_y": reactions[:, 1],
+        "belly_bulge": belly_bulge(mesh, positions),
+        "contact_force": contact.normal_force,
+        "contact_resultant": contact.force,
+        "contact_area": contact.area,
+        "penetration": max(0.0, -contact.gap),
+        "stored_energy": stored,
+        "contact_energy": contact.energy,
+    }
+
+
+def _history(mesh: Mesh, samples: Sequence[dynamics.Sample]) -> dict[str, Any]:
+    """Return the course of the motion, one entry a sample."""
+    return {
+        "time": [one.time for one in samples],
+        "activation": [one.activation for one in samples],
+        "end_force": [np.linalg.norm(one.reactions, axis=1) for one in samples],
+        "belly_bulge": [belly_bulge(mesh, one.positions) for one in samples],
+        "contact_force": [one.contact.normal_force for one in samples],
+        "contact_area": [one.contact.area for one in samples],
+        "kinetic_energy": [one.kinetic for one in samples],
+        "stored_energy": [one.stored for one in samples],
+        "contact_energy": [one.contact.energy for one in samples],
+        "dissipated_energy": [one.dissipated for one in samples],
+    }
+
+
+def _save(path: Path, mesh: Mesh, positions: Array) -> None:
+    from isorod.results import write_beside
+
+    arrays = {"points": mesh.points, "positions": positions, "cells": mesh.cells}
+    arrays |= {f"belly_{k}": mesh.faces[f"{branch} belly"] for k, branch in enumerate(biceps.BRANCHES)}
+
+    def write(where: Path) -> None:
+        with open(where, "wb") as out:
+            np.savez_compressed(out, **arrays)
+
+    write_beside(path, write)

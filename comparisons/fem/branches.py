@@ -1,0 +1,151 @@
+"""The biceps' two branches in dolfinx: isoparametric displacement, laws of tendon and muscle, held ends.  Serial."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import dolfinx.fem
+import dolfinx.mesh
+import numpy as np
+import ufl
+from mpi4py import MPI
+
+from comparisons.fem import compat, quadrature
+from comparisons.fem.material import Energy, muscle, neo_hookean
+from comparisons.fem.statics import FAST
+from isorod.scenes.biceps import Biceps
+from meshes.biceps import BRANCHES
+from meshes.mesh import Array, Index, Mesh, match
+
+ENDS = tuple(f"{branch} {end}" for branch in BRANCHES for end in ("start", "end"))
+_TENDONS, _MUSCLE = 1, 2
+
+
+@dataclass(frozen=True, eq=False)
+class End:
+    """An end face that does not move, in the form in which `comparisons.fem.statics` takes supports."""
+
+    condition: Any
+    dofs: Index
+    components: Index
+    unit: Array
+
+
+class Branches:
+    """Both branches as one dolfinx mesh whose parts share no node.
+
+    Parameters
+    ----------
+    scene
+        The laws' parameters and the rods.
+    mesh
+        From `meshes.biceps.build`, of order 1 or 2.
+    rule
+        Quadrature degree.
+    flags
+        C compiler flags.
+
+    Attributes
+    ----------
+    state
+        The displacement; a dolfinx function.
+    activation
+        A dolfinx constant.
+    node_dofs
+        Blocked degree of freedom of each of the mesh's nodes, shape ``(nodes,)``.
+    """
+
+    def __init__(self, scene: Biceps, mesh: Mesh, rule: int, flags: Sequence[str] = FAST) -> None:
+        self.scene, self.source, self.rule, self.flags = scene, mesh, rule, flags
+        order = match(mesh.reference, compat.reference_nodes(mesh.shape, mesh.order))
+        self.mesh = compat.create_mesh(MPI.COMM_SELF, mesh.cells[:, order], mesh.points, mesh.shape, mesh.order)
+        self.space = compat.function_space(self.mesh, compat.block_element(self.mesh, "Lagrange", mesh.order, 3))
+        self.state = dolfinx.fem.Function(self.space)
+        self.activation = dolfinx.fem.Constant(self.mesh, 0.0)
+        rows = compat.original_cells(self.mesh)
+        self.node_dofs: Index = np.empty(len(mesh.points), dtype=np.int64)
+        self.node_dofs[mesh.cells[rows][:, order]] = compat.cell_dofs(self.space, len(rows))
+        tags = np.full(len(mesh.cells), _TENDONS, dtype=np.int32)
+        for branch in BRANCHES:
+            tags[mesh.regions[f"{branch} muscle"]] = _MUSCLE
+        regions = dolfinx.mesh.meshtags(self.mesh, 3, np.arange(len(rows), dtype=np.int32), tags[rows])
+        dx = ufl.Measure("dx", domain=self.mesh, subdomain_data=regions, metadata=quadrature.measure(rule))
+        self._parts = [(self._tendon, dx(_TENDONS)), (self._muscle, dx(_MUSCLE))]
+        F = ufl.Identity(3) + ufl.grad(self.state)
+        self._stored = sum(law(F) * part for law, part in self._parts)
+        self._virtual_work = ufl.derivative(self._stored, self.state, ufl.TestFunction(self.space))
+
+    @property
+    def unknowns(self) -> int:
+        """Number of degrees of freedom, held ones included."""
+        return 3 * len(self.source.points)
+
+    @property
+    def _tendon(self) -> Energy:
+        return neo_hookean(self.scene.tendon_factor * self.scene.E, self.scene.nu)
+
+    @property
+    def _muscle(self) -> Energy:
+        one = self.scene
+        return muscle(one.E, one.nu, one.sigma_max, one.m1, one.m2, self.activation, self._fibre())
+
+    def _fibre(self) -> Any:
+        if self.scene.fibre == "y":
+            return ufl.as_vector([0.0, 1.0, 0.0])
+        # The centre lines' tangents at the nodes, and unit vectors between them.
+        assert self.source.parameters is not None
+        nodal = np.empty((len(self.source.points), 3))
+        for branch, rod in zip(BRANCHES, self.scene.rods(), strict=True):
+            nodes = np.unique(
+                np.concatenate(
+                    [
+                        self.source.cells[self.source.regions[f"{branch} {part}"]].ravel()
+                        for part in ("muscle", "tendons")
+                    ]
+                )
+            )
+            nodal[nodes] = rod.tangents(self.source.parameters[nodes, 2])
+        field = dolfinx.fem.Function(self.space)
+        field.x.array[:] = self.to_dofs(nodal)
+        return field / ufl.sqrt(ufl.inner(field, field))
+
+    def to_dofs(self, nodal: Array) -> Array:
+        """Return values by node ``(nodes, 3)`` as coefficients of the space, shape ``(3 nodes,)``."""
+        result = np.empty_like(nodal)
+        result[self.node_dofs] = nodal
+        return result.ravel()
+
+    def to_nodes(self, coefficients: Array) -> Array:
+        """Return coefficients of the space ``(3 nodes,)`` by node, shape ``(nodes, 3)``."""
+        return coefficients.reshape(-1, 3)[self.node_dofs]
+
+    @cached_property
+    def residual(self) -> Any:
+        """The internal forces, a compiled form."""
+        return compat.form(self._virtual_work, self.flags)
+
+    @cached_property
+    def tangent(self) -> Any:
+        """Their derivative, a compiled form."""
+        return compat.form(ufl.derivative(self._virtual_work, self.state, ufl.TrialFunction(self.space)), self.flags)
+
+    @cached_property
+    def energy(self) -> Any:
+        """The stored energy, a compiled form."""
+        return compat.form(self._stored, self.flags)
+
+    def stored(self) -> float:
+        """Return the stored energy of tendons and muscles at the present state and activation."""
+        return float(dolfinx.fem.assemble_scalar(self.energy))
+
+    def ends(self) -> list[End]:
+        """Return the four held ends, in the order of `ENDS`."""
+        zero = dolfinx.fem.Function(self.space)
+        found = []
+        for name in ENDS:
+            blocks = np.sort(self.node_dofs[np.unique(self.source.faces[name])]).astype(np.int32)
+            dofs = (3 * blocks[:, None] + np.arange(3)).ravel()
+            condition = dolfinx.fem.dirichletbc(zero, blocks)
+            found.append(End(condition, dofs, dofs % 3, np.ones(dofs.size)))
+        return found

@@ -1,0 +1,313 @@
+"""Frictionless penalty contact between two surfaces of a mesh, in two passes of half weight each.
+
+Energy ``sum 1/2 penalty gap^2 dA`` over the points of either surface that are inside the other one, ``dA`` on the reference surface: the
+same continuous problem as `isorod.contact`.  Everything is numbered as in `meshes.mesh.Mesh`; nothing here knows dolfinx.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy import sparse
+from scipy.spatial import cKDTree
+
+from comparisons.fem import contact_kernel as kernel
+from isorod.errors import InputError
+from meshes.mesh import Array, Index, Mesh
+
+
+class Pressing(NamedTuple):
+    """State of a contact.
+
+    Attributes
+    ----------
+    energy
+        Penalty energy.
+    normal_force
+        Sum of the forces' sizes.
+    area
+        Reference area in contact, the mean of both sides.
+    force
+        Resultant on the first surface, shape ``(3,)``.
+    gap
+        The smallest one, negative where the surfaces are inside each other.
+    """
+
+    energy: float
+    normal_force: float
+    area: float
+    force: Array
+    gap: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Points:
+    """Quadrature points of a surface: positions ``sum_b shares[m, b] nodes[supports[m, b]]``, reference areas ``weights``."""
+
+    supports: Index
+    shares: Array
+    weights: Array
+
+
+class _Side:
+    """The points of one surface against the facets of the other; ``facet`` remembers where each of them was closest."""
+
+    def __init__(self, points: _Points, facets: Index, like: "_Facet") -> None:
+        self.points, self.facets, self.like = points, np.ascontiguousarray(facets), like
+        self.neighbours = _neighbours(facets)
+        # Of all points those near the facets, and what was found for them.
+        self.near: Index = np.arange(len(points.weights))
+        self.facet: Index = np.zeros(len(points.weights), dtype=np.int64)
+        self._select()
+
+    def _select(self) -> None:
+        self.supports = np.ascontiguousarray(self.points.supports[self.near])
+        self.shares = np.ascontiguousarray(self.points.shares[self.near])
+        self.weights = self.points.weights[self.near]
+        count = len(self.near)
+        self.x, self.xi, self.gap = np.empty((count, 3)), np.empty((count, 2)), np.empty(count)
+
+    def search(self, nodes: Array, reach: float) -> None:
+        """Keep the points within ``reach`` of the facets, starting from the facets with the nearest centres."""
+        points = self.points
+        x = np.empty((len(points.weights), 3))
+        kernel.place(nodes, points.supports, points.shares, x)
+        corners = nodes[self.facets]
+        centres = corners.mean(axis=1)
+        # A facet bulges no farther from its centre than twice as far as its nodes are.
+        size = 2.0 * np.sqrt(((corners - centres[:, None]) ** 2).sum(axis=2).max())
+        distance, facet = cKDTree(centres).query(x, distance_upper_bound=reach + size)
+        found = np.isfinite(distance)
+        self.near, self.facet = np.flatnonzero(found), facet[found].astype(np.int64)
+        self._select()
+        self.update(nodes)
+        close = self.gap < reach
+        self.near, self.facet = self.near[close], self.facet[close]
+        self._select()
+
+    def update(self, nodes: Array) -> None:
+        """Find the closest points of those near, from where they were."""
+        one = self.like
+        kernel.place(nodes, self.supports, self.shares, self.x)
+        kernel.closest(
+            self.x,
+            nodes,
+            self.facets,
+            self.neighbours,
+            one.coefficients,
+            one.powers,
+            one.triangle,
+            self.facet,
+            self.xi,
+            self.gap,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class _Facet:
+    """The functions of a facet, see `comparisons.fem.contact_kernel`."""
+
+    coefficients: Array
+    powers: Index
+    triangle: bool
+
+    @classmethod
+    def of(cls, mesh: Mesh) -> "_Facet":
+        triangle = mesh.shape == "tetrahedron"
+        powers = np.stack(np.meshgrid(*[np.arange(mesh.order + 1)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
+        if triangle:
+            powers = powers[powers.sum(axis=1) <= mesh.order]
+        monomials = np.prod(mesh.face_reference[:, None, :] ** powers, axis=2)
+        return cls(np.ascontiguousarray(np.linalg.inv(monomials)), np.ascontiguousarray(powers), triangle)
+
+    def values(self, where: Array) -> tuple[Array, Array]:
+        """Return the functions ``(m, n)`` and their gradients ``(m, n, 2)`` at points ``(m, 2)``."""
+        values = np.prod(where[:, None, :] ** self.powers, axis=2) @ self.coefficients
+        slopes = np.empty((len(where), self.coefficients.shape[1], 2))
+        for a in range(2):
+            lowered = self.powers.copy()
+            lowered[:, a] = np.maximum(lowered[:, a] - 1, 0)
+            slopes[:, :, a] = (self.powers[:, a] * np.prod(where[:, None, :] ** lowered, axis=2)) @ self.coefficients
+        return values, slopes
+
+
+class Contact:
+    """Penalty contact between two named faces of a mesh.
+
+    Parameters
+    ----------
+    mesh
+        Its faces' nodes carry the displacement too: the element is isoparametric.
+    first, second
+        Names of faces.
+    penalty
+        Force per volume: pressure over penetration.
+    parts
+        Each facet is cut in ``parts^2`` of equal shape, each with a rule exact to twice the order: contact that begins inside a facet wants
+        more points than its functions do.  0: the nodes, as usual in explicit dynamics; order 1 only.
+    reach
+        Points farther apart than this are left alone until the surfaces have moved half of it; units of length.
+    """
+
+    def __init__(self, mesh: Mesh, first: str, second: str, penalty: float, parts: int = 1, reach: float = 0.1) -> None:
+        if not (np.isfinite(penalty) and penalty > 0.0):
+            raise InputError(f"penalty: got {penalty:g}, need a positive force per volume")
+        if parts == 0 and mesh.order != 1:
+            raise InputError(f"contact at nodes: got facets of order {mesh.order}, need order 1")
+        self.penalty, self.reach = penalty, reach
+        like = _Facet.of(mesh)
+        faces = [mesh.faces[first], mesh.faces[second]]
+        points = [_gauss(mesh, like, face, parts) if parts else _nodal(mesh, like, face) for face in faces]
+        self.sides = (_Side(points[0], faces[1], like), _Side(points[1], faces[0], like))
+        self._nodes: Index = np.unique(np.concatenate([face.ravel() for face in faces]))
+        self._searched: Array | None = None
+
+    def area(self, side: int) -> float:
+        """Return the reference area of a surface."""
+        return 2.0 * float(self.sides[side].points.weights.sum())
+
+    def _find(self, nodes: Array) -> None:
+        here = nodes[self._nodes]
+        if self._searched is None or ((here - self._searched) ** 2).sum(axis=1).max() > (0.5 * self.reach) ** 2:
+            for side in self.sides:
+                side.search(nodes, self.reach)
+            self._searched = here
+        for side in self.sides:
+            side.update(nodes)
+
+    def add_forces(self, nodes: Array, out: Array) -> Pressing:
+        """Add the gradient of the energy to ``out``; both arrays of shape ``(nodes, 3)``, ``nodes`` the present positions."""
+        self._find(nodes)
+        totals = np.zeros((2, 7))
+        totals[:, 6] = self.reach
+        for side, sums in zip(self.sides, totals, strict=True):
+            one = side.like
+            kernel.add_forces(
+                side.x,
+                nodes,
+                side.supports,
+                side.shares,
+                side.weights,
+                self.penalty,
+                side.facets,
+                one.coefficients,
+                one.powers,
+                side.facet,
+                side.xi,
+                side.gap,
+                out,
+                sums,
+            )
+        energy, normal, area = totals[:, :3].sum(axis=0)
+        force = totals[0, 3:6] - totals[1, 3:6]
+        return Pressing(float(energy), float(normal), float(area), force, float(totals[:, 6].min()))
+
+    def stiffness(self, nodes: Array) -> sparse.coo_array:
+        """Return the second derivative of the energy, rows and columns ``3 node + component``; entries repeat."""
+        self._find(nodes)
+        rows, columns, values = [], [], []
+        for side in self.sides:
+            active = np.flatnonzero(side.gap < 0.0)
+            one = side.like
+            n = side.supports.shape[1] + side.facets.shape[1]
+            numbers = np.empty((len(active), n), dtype=np.int64)
+            blocks = np.empty((len(active), 3 * n, 3 * n))
+            kernel.stiffness(
+                side.x[active],
+                nodes,
+                side.supports[active],
+                side.shares[active],
+                side.weights[active],
+                self.penalty,
+                side.facets,
+                one.coefficients,
+                one.powers,
+                one.triangle,
+                side.facet[active],
+                side.xi[active],
+                numbers,
+                blocks,
+            )
+            unknowns = (3 * numbers[:, :, None] + np.arange(3)).reshape(len(active), 3 * n)
+            rows.append(np.broadcast_to(unknowns[:, :, None], blocks.shape).ravel())
+            columns.append(np.broadcast_to(unknowns[:, None, :], blocks.shape).ravel())
+            values.append(blocks.ravel())
+        size = 3 * len(nodes)
+        where = (np.concatenate(rows), np.concatenate(columns))
+        return sparse.coo_array((np.concatenate(values), where), shape=(size, size))
+
+
+def surface_points(mesh: Mesh, face: str, parts: int) -> tuple[Index, Array]:
+    """Return points on a named face as in `_Points`, ``(m, n)`` nodes and shares: a lattice of ``parts`` to an edge on each facet."""
+    like, nodes = _Facet.of(mesh), mesh.faces[face]
+    a, b = (grid.ravel() for grid in np.meshgrid(*[np.arange(parts + 1) / parts] * 2, indexing="ij"))
+    where = np.stack([a, b], axis=1)
+    values, _ = like.values(where[a + b < 1.0 + 0.5 / parts] if like.triangle else where)
+    shares = np.broadcast_to(values, (len(nodes), *values.shape)).reshape(-1, values.shape[1])
+    return np.repeat(nodes, len(values), axis=0), shares
+
+
+def _gauss(mesh: Mesh, like: _Facet, face: Index, parts: int) -> _Points:
+    """Return Gauss points, half the reference area for weight."""
+    where, weights = _split(*_rule(mesh.order, like.triangle), parts, like.triangle)
+    values, slopes = like.values(where)
+    areas = _stretch(mesh, face, slopes) * weights
+    shares = np.broadcast_to(values, (len(face), *values.shape)).reshape(-1, values.shape[1])
+    supports = np.repeat(face, len(where), axis=0)
+    return _Points(supports, np.ascontiguousarray(shares), 0.5 * areas.ravel())
+
+
+def _nodal(mesh: Mesh, like: _Facet, face: Index) -> _Points:
+    """Return the nodes, with their share of the facets' areas, halved, for weight."""
+    _, slopes = like.values(mesh.face_reference)
+    areas = _stretch(mesh, face, slopes) * (0.5 if like.triangle else 1.0) / face.shape[1]
+    nodes, where = np.unique(face, return_inverse=True)
+    weights = 0.5 * np.bincount(where.ravel(), areas.ravel())
+    return _Points(nodes[:, None].astype(np.int64), np.ones((nodes.size, 1)), weights)
+
+
+def _stretch(mesh: Mesh, face: Index, slopes: Array) -> Array:
+    """Return the area per area of the reference facet, shape ``(facets, points)``."""
+    tangents = np.einsum("qna,fni->fqai", slopes, mesh.points[face])
+    return np.asarray(np.linalg.norm(np.cross(tangents[:, :, 0], tangents[:, :, 1]), axis=2))
+
+
+def _rule(order: int, triangle: bool) -> tuple[Array, Array]:
+    """Return a rule of degree ``2 order`` or more on the unit square; on the unit triangle 3 or 6 points (Dunavant 1985)."""
+    if not triangle:
+        x, w = np.polynomial.legendre.leggauss(order + 1)
+        a, b = (grid.ravel() for grid in np.meshgrid(0.5 * (x + 1.0), 0.5 * (x + 1.0), indexing="ij"))
+        return np.stack([a, b], axis=1), 0.25 * np.outer(w, w).ravel()
+    if order == 1:
+        orbits = [(1.0 / 6.0, 1.0 / 3.0)]
+    else:
+        orbits = [(0.445948490915965, 0.223381589678011), (0.091576213509771, 0.109951743655322)]
+    where = [[(r, r), (1.0 - 2.0 * r, r), (r, 1.0 - 2.0 * r)] for r, _ in orbits]
+    return np.array(where).reshape(-1, 2), np.repeat([0.5 * w for _, w in orbits], 3)
+
+
+def _split(where: Array, weights: Array, parts: int, triangle: bool) -> tuple[Array, Array]:
+    """Return a rule repeated on each of the ``parts^2`` equal parts of its square or triangle."""
+    grid = [(i, j) for i in range(parts) for j in range(parts)]
+    if not triangle:
+        pieces = [where + np.array(corner) for corner in grid]
+    else:
+        pieces = [where + np.array([i, j]) for i, j in grid if i + j < parts]
+        # Between those upright, the ones that stand on their heads.
+        pieces += [np.array([i + 1, j + 1]) - where for i, j in grid if i + j < parts - 1]
+    return np.concatenate(pieces) / parts, np.tile(weights, len(pieces)) / parts**2
+
+
+def _neighbours(facets: Index) -> Index:
+    """Return for each facet those that share a node with it, shape ``(facets, most)``, filled up with -1."""
+    count, n = facets.shape
+    touch = sparse.csr_array((np.ones(facets.size), (np.repeat(np.arange(count), n), facets.ravel())))
+    pairs = (touch @ touch.T).tocoo()
+    other = pairs.row != pairs.col
+    row, column = pairs.row[other], pairs.col[other]
+    order = np.argsort(row, kind="stable")
+    row, column = row[order], column[order]
+    first = np.searchsorted(row, np.arange(count + 1))
+    table = np.full((count, int(np.diff(first).max(initial=1))), -1, dtype=np.int64)
+    table[row, np.arange(row.size) - first[row]] = column
+    return table
