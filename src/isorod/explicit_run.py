@@ -21,7 +21,7 @@ _SAFE = 0.9
 _STEPS = 50
 
 # An interval has blown up at this many times the energy there can be, or where the balance is off by this share of the work done; it
-# is taken again with half the step so many times.
+# is taken again with a step shorter by this factor, so many times.
 _GROWTH = 10.0
 _OUTCOMES = {
     INVERTED: "an element inverts",
@@ -29,7 +29,8 @@ _OUTCOMES = {
     LOST: "a closest point in contact was not found",
 }
 _IMBALANCE = 0.05
-_HALVINGS = 6
+_SHORTER = 0.8
+_RETRIES = 15
 
 # Steps that no one will wait for.
 _MOST = 1e12
@@ -110,13 +111,13 @@ class Run:
     def advance(self) -> float:
         """Take the steps to the next output and record it; return the wall time of the steps.
 
-        An interval that blows up is taken again with half the step, unless the step is the user's.
+        An interval that blows up is taken again with a shorter step, unless the step is the user's.
         """
         system, motion = self.system, self.system.motion
         last = motion.displacement.copy()
         before = [array.copy() for array in (*motion, system.starts)]
         seconds = 0.0
-        for halvings in range(_HALVINGS + 1):
+        for retries in range(_RETRIES + 1):
             limit = _GROWTH * (abs(self._energy) + self._available) + self._noise
             course = Course(self.time, self.step, self.ramp, self.damping, limit)
             start = perf_counter()
@@ -135,11 +136,11 @@ class Run:
             if not problem:
                 break
             self.index -= 1
-            if self.given is not None or halvings == _HALVINGS:
+            if self.given is not None or retries == _RETRIES:
                 raise self._blown(taken, last, problem)
             for array, kept in zip((*motion, system.starts), before, strict=True):
                 array[:] = kept
-            self._restep(0.5 * self.step)
+            self._restep(_SHORTER * self.step)
         self.taken += taken
         self._record(seen)
         self._watch(seen)
