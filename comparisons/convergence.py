@@ -11,10 +11,13 @@ from isorod.errors import SolveError
 
 @dataclass(frozen=True)
 class Limit:
-    """Richardson's limit, the observed order, and how far the finest value is from the limit."""
+    """Richardson's limit, the observed order, and how far the finest value is from the limit.
+
+    Where none can be told (`extrapolate`), the finest value, None, and how far it is from the one before.
+    """
 
     value: float
-    order: float
+    order: float | None
     distance: float
 
 
@@ -47,3 +50,17 @@ def richardson(sizes: Sequence[float], values: Sequence[float]) -> Limit:
         raise SolveError(f"extrapolation: {f:.8g}, {g:.8g}, {h:.8g} show no order of convergence") from None
     limit = h + (h - g) * c**order / (b**order - c**order)
     return Limit(float(limit), float(order), abs(float(h - limit)))
+
+
+def extrapolate(sizes: Sequence[float], values: Sequence[float]) -> Limit:
+    """Return `richardson`'s limit, or the finest value where the values do not approach one monotonically with first order at least.
+
+    One value alone has distance zero.
+    """
+    try:
+        limit = richardson(sizes, values)
+    except (SolveError, ValueError):
+        limit = None
+    if limit is None or limit.order is None or limit.order < 1.0:
+        return Limit(float(values[-1]), None, abs(float(values[-1] - values[-2])) if len(values) > 1 else 0.0)
+    return limit

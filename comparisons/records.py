@@ -1,9 +1,11 @@
 """Reading results back: the newest run of a study."""
 
 import json
+import warnings
 from pathlib import Path
 from typing import Any
 
+from isorod import results
 from isorod.errors import InputError
 
 Record = dict[str, Any]
@@ -14,20 +16,36 @@ def newest(folder: Path, study: str) -> list[Record]:
 
     A run is complete when it has its closing record (part ``"end"``).
 
+    Warns of a last line that is torn, as of a run that was killed, and leaves it out.
+
     Raises
     ------
     InputError
-        If a line is not JSON.
+        If the file cannot be read, or another line is no record of a study.
     """
     path = folder / f"{study}.jsonl"
     records: list[Record] = []
-    for number, text in enumerate(path.read_text().splitlines(), 1):
+    try:
+        *lines, last = path.read_bytes().split(b"\n")
+    except OSError as problem:
+        raise InputError(f"results {path}: cannot be read ({problem.strerror})") from None
+    if last and results.is_torn(last):
+        warnings.warn(f"results {path}: the last line is torn, as of a run that was killed; left out", stacklevel=2)
+    elif last:
+        lines.append(last)
+    for number, text in enumerate(lines, 1):
         try:
-            records.append(json.loads(text))
-        except ValueError:
-            raise InputError(f"results {path}: line {number} is not JSON; remove it") from None
+            record = json.loads(text, parse_constant=_refuse)
+            record["run"], record["part"]
+        except (ValueError, KeyError, TypeError, RecursionError):
+            raise InputError(f"results {path}: line {number} is not JSON, or no record of a study; remove it") from None
+        records.append(record)
     runs = [record["run"] for record in records if record["part"] == "end"]
     return [record for record in records if runs and record["run"] == runs[-1]]
+
+
+def _refuse(name: str) -> float:
+    raise ValueError(f"{name} is no result")
 
 
 def part(records: list[Record], name: str) -> list[Record]:

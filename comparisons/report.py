@@ -1,15 +1,22 @@
 """The report page, made from result files alone."""
 
 import html
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
-from comparisons import precision, report_blade, report_spring
+from comparisons import precision, report_biceps, report_blade, report_spring, report_stability
 from comparisons.records import Record, newest
 from isorod.errors import InputError
 from isorod.results import write_beside
 
-# Study: what its error is of, and its part of the page.
-STUDIES = {"spring": ("force", report_spring.section), "blade": ("ten frequencies", report_blade.section)}
+# Study: its main findings, and its part of the page.
+STUDIES: dict[str, tuple[Callable[[list[Record]], list[str]], Callable[[list[Record], Path], list[str]]]] = {
+    "spring": (partial(precision.summary, "spring", "force"), report_spring.section),
+    "blade": (partial(precision.summary, "blade", "ten frequencies"), report_blade.section),
+    "biceps": (report_biceps.summary, report_biceps.section),
+    "stability": (report_stability.summary, report_stability.section),
+}
 
 _STYLE = """
 body { font: 16px/1.5 system-ui, sans-serif; color: #1b1b1b; max-width: 76rem; margin: 2rem auto; padding: 0 1.5rem; }
@@ -17,7 +24,8 @@ h1, h2 { line-height: 1.2; } h2 { margin-top: 2.5rem; border-bottom: 1px solid #
 table { border-collapse: collapse; margin: 1rem 0; font-variant-numeric: tabular-nums; font-size: .9rem; }
 th, td { padding: .2rem .7rem; text-align: right; border-bottom: 1px solid #e3e3e3; }
 th { border-bottom: 2px solid #888; vertical-align: bottom; } td:first-child, th:first-child { text-align: left; }
-td.text, th.text { text-align: left; white-space: nowrap; } .wide { overflow-x: auto; } code { font-size: .85em; }
+td.text, th.text { text-align: left; white-space: nowrap; }
+.failures td { white-space: nowrap; } .failures td.text:last-child { white-space: normal; min-width: 22rem; } .wide { overflow-x: auto; } code { font-size: .85em; }
 img { max-width: 100%; height: auto; } .big { font-size: 1.25rem; } .small { color: #555; font-size: .85rem; }
 """
 
@@ -49,7 +57,7 @@ def write(folder: Path) -> Path:
 def summary(folder: Path) -> list[str]:
     """Return the main findings of the newest runs, one line each."""
     found = _found(folder)
-    return [line for study in found for line in precision.summary(study, STUDIES[study][0], found[study])]
+    return [line for study in found for line in STUDIES[study][0](found[study])]
 
 
 def _found(folder: Path) -> dict[str, list[Record]]:

@@ -9,6 +9,7 @@ from isorod import export, statics
 from isorod.errors import InputError
 from isorod.material import LinearElastic
 from isorod.model import Body
+from isorod.scenes.biceps import Biceps
 from isorod.scenes.ring import Ring
 from isorod.scenes.spring import Spring
 from isorod.space import Space
@@ -90,3 +91,13 @@ def test_closed_rod_is_exported_too():
     mesh = export.grid(Body(space, LinearElastic(1.0, 0.3)), fields, rings=1, around=8, slices=2)
     assert np.abs(mesh.point_data["displacement"] - 1).max() < 1e-6
     assert np.abs(mesh.point_data["von_mises"]).max() < 1e-6
+
+
+def test_load_factor_is_the_muscle_s_activation():
+    model = Biceps(elements=5, activation=0.5).model()
+    body = model.bodies[0]
+    rest = {"displacement": np.zeros((body.space.nodes, 3))}
+    for factor in (0.0, 0.6, 1.0):
+        stresses = export.grid(body, rest, rings=1, around=4, slices=1, factor=factor).point_data["von_mises"]
+        # Active fibres alone pull in an undeformed muscle, with up to 30 N/cm^2.
+        assert stresses.max() == pytest.approx(0.5 * factor * 30.0, abs=1e-9)

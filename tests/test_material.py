@@ -136,7 +136,7 @@ def test_any_leading_shape_and_memory_layout(law):
         (-1.0, 0.3, "E: got -1, need"),
         (np.nan, 0.3, "E: got nan, need"),
         (np.inf, 0.3, "E: got inf, need"),
-        (1.0, 0.5, "nu: got 0.5, need -1 < nu < 0.5"),
+        (1.0, 0.51, "nu: got 0.51, need -1 < nu <= 0.5"),
         (1.0, 0.7, "nu: got 0.7, need"),
         (1.0, -1.0, "nu: got -1, need"),
         (1.0, np.nan, "nu: got nan, need"),

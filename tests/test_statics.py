@@ -42,7 +42,7 @@ def assert_quadratic(norms, scale):
 
 @pytest.mark.parametrize(
     "displacement",
-    [(3.0, 0.0, 0.0), (1.5, 0.0, -0.5), (1.0, 1.0, 1.0), (0.0, 0.0, -2.0), (0.0, 0.0, 10.0)],
+    [(3.0, 0.0, 0.0), (1.5, 0.0, -0.5), (1.0, 1.0, 1.0), (0.0, 0.0, -2.0), (0.0, 0.0, 5.0)],
     ids=["bent", "bent and pressed", "askew", "pressed", "pulled"],
 )
 def test_newton_converges_quadratically(displacement, bar, petsc_options):
@@ -53,14 +53,12 @@ def test_newton_converges_quadratically(displacement, bar, petsc_options):
 
 
 def test_newton_converges_quadratically_on_the_spring(petsc_options):
-    """A slender rod: two Newton steps make one order, for stretch follows bending."""
+    """A slender rod, whose stretch follows its bending: stresses are extrapolated, or two Newton steps would make one order."""
     petsc_options(snes_rtol=1e-15)
     norms = statics.solve(Spring(pull=2.0).model()).residual_norms
-    print("residual norms", *(f"{norm:.3e}" for norm in norms))
     assert norms[-1] < 1e-13 * norms[0]
-    assert len(norms) <= 7
-    high = [norm for norm in norms[1:] if norm > 1e-12 * norms[0]]
-    assert high[-1] < 1e-5 * high[-2]
+    assert len(norms) <= 6
+    assert_quadratic(norms[1:], norms[0])
 
 
 @pytest.mark.parametrize("steps", [2, 3, 7])
@@ -81,6 +79,15 @@ def test_steps_that_diverge_are_cut_and_the_load_still_gets_there(displacement, 
     assert np.abs(solution.reactions.sum(axis=0)).max() < 1e-8 * np.abs(solution.reactions).max()
     smaller_steps = statics.solve(bar(displacement), 40)
     assert solution.reactions == pytest.approx(smaller_steps.reactions, rel=1e-7, abs=1e-7)
+
+
+def test_a_large_step_does_not_end_in_an_equilibrium_of_no_meaning(bar):
+    """One step of linear prediction crushes the bar across; Newton's method would converge from there, with points near inversion."""
+    model = bar((0.0, 0.0, 12.5))
+    one, many = statics.solve(model), statics.solve(model, 40)
+    assert one.reactions == pytest.approx(many.reactions, rel=1e-7, abs=1e-7)
+    assembler = Assembler(model)
+    assert assembler.smallest_jacobian(assembler.state(one.displacement), 1.0)[0] > 1.0
 
 
 def test_a_bar_pressed_beyond_its_length_is_an_error_that_names_the_place(bar):

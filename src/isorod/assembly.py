@@ -134,7 +134,7 @@ class Assembler:
     """
 
     # What a subclass may add to.
-    part = Part
+    part: type[Part] = Part
     formulations: tuple[str, ...] = ("displacement",)
 
     def __init__(self, model: Model, comm: PETSc.Comm | None = None) -> None:
@@ -340,7 +340,8 @@ class Assembler:
             change = np.zeros(self._local.size)
             for sign in (-1.0, 1.0):
                 for part in self.parts:
-                    change += sign * np.bincount(part.slots.ravel(), part.forces(self._local, factor).ravel(), change.size)
+                    forces = part.forces(self._local, factor).ravel()
+                    change += sign * np.bincount(part.slots.ravel(), forces, change.size)
                 self._local[self._moved_slots[carried]] += self.model.size
             noise = np.zeros(self.model.bound.size)
             noise[self._bound_index] = change[self._bound_slots]
@@ -368,7 +369,8 @@ class Assembler:
         with self._timed():
             self._load(x, factor)
             move = np.zeros(self._local.size)
-            move[self._moved_slots] = (self.model.prescribed(factor + step) - self.model.prescribed(factor))[self._moved]
+            grown = self.model.prescribed(factor + step) - self.model.prescribed(factor)
+            move[self._moved_slots] = grown[self._moved]
             total = -step * self._external
             for part, blocks in zip(self.parts, matrices, strict=True):
                 change = np.einsum("eij,ej->ei", blocks, move[part.slots])

@@ -24,7 +24,7 @@ def require() -> None:
 
 
 def grid(
-    body: Body, fields: Mapping[str, Array], rings: int = 4, around: int = 32, slices: int = 6
+    body: Body, fields: Mapping[str, Array], rings: int = 4, around: int = 32, slices: int = 6, factor: float = 1.0
 ) -> "pyvista.UnstructuredGrid":
     """Return the undeformed rod as small cells, with vector fields as point data, and ``von_mises`` beside ``displacement``.
 
@@ -38,6 +38,8 @@ def grid(
         Values at the body's nodes by name, shape ``(nodes, 3)`` each.
     rings, around, slices
         Cells along the radius, round the section and along an element.
+    factor
+        Load factor of the stress, which a muscle's activation follows.
 
     Raises
     ------
@@ -66,7 +68,7 @@ def grid(
         values, _ = body.space.displacement(nodal, xi, u)
         mesh.point_data[name] = values.reshape(-1, 3)
         if name == "displacement":
-            cauchy = stress.cauchy(body, nodal, xi, u, pressure=pressure)
+            cauchy = stress.cauchy(body, nodal, xi, u, factor, pressure)
             mesh.point_data["von_mises"] = stress.von_mises(cauchy).ravel()
             if pressure is not None:
                 mesh.point_data["mean_stress"] = np.trace(cauchy, axis1=-2, axis2=-1).ravel() / 3.0

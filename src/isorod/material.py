@@ -41,6 +41,21 @@ class Material(Protocol):
         """Return the law where the rod's unit tangent is ``tangent``, shape ``(..., 3)``."""
 
 
+class Split(Protocol):
+    """What the mixed formulation (`isorod.mixed`) asks of a law besides: ``W = psi + lame/2 theta^2``."""
+
+    logarithmic: ClassVar[bool]
+    """Whether ``theta`` is ``ln J``; the trace of the strain if not."""
+
+    @property
+    def lame(self) -> float:
+        """Lame's first parameter, force / area; may be infinite."""
+
+    @property
+    def shear(self) -> Material:
+        """The law ``psi``."""
+
+
 @dataclass(frozen=True)
 class _Isotropic:
     E: float  # force / area

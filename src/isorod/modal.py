@@ -121,7 +121,9 @@ def solve(
     start = perf_counter()
     for b, body in enumerate(model.bodies):
         if not body.densities.min() > 0.0:
-            raise InputError(f"density of body {b}: got {body.densities.min():g}, modes need a positive mass per volume")
+            raise InputError(
+                f"density of body {b}: got {body.densities.min():g}, modes need a positive mass per volume"
+            )
         if state is not None and any(isinstance(law, LinearElastic) for law in body.laws):
             raise InputError(
                 f"modes about a state: body {b} is linear elastic, whose tangent knows no stress; take NeoHookean"
@@ -245,9 +247,11 @@ class _Problem:
         if typed in PRECONDITIONED:
             eps.setWhichEigenpairs(SLEPc.EPS.Which.SMALLEST_REAL)
             offered = PRECONDITIONED_OPTIONS | (LOBPCG_OPTIONS if typed == "lobpcg" else {})
+            if PETSc.Options().getAll().get("st_pc_type", "cholesky") not in ("lu", "cholesky"):
+                offered = {name: value for name, value in offered.items() if not name.startswith("st_pc_")}
         else:
             eps.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
-            offered = OPTIONS | {f"st_{name}": value for name, value in factorisation(self.assembler).items()}
+            offered = OPTIONS | factorisation(self.assembler, "st_")
         eps.getST().setShift(shift)
         with defaults(offered):
             eps.setFromOptions()
@@ -274,7 +278,8 @@ class _Problem:
             if missing < 0:
                 raise SolveError(
                     f"modes: {below} eigenvalues lie at or below {last:.6g}, but {below - missing} were found: some are no modes; "
-                    "tighten -eps_tol, take the default -eps_type, or stiffness differs more along the model than double precision bears"
+                    "tighten -eps_tol, take the default -eps_type, or stiffness differs more along the model than double "
+                    f"precision bears{hourglass.hint(self.assembler.model)}"
                 )
             before = len(self.found)
             eps.setDeflationSpace([vector for _, vector in self.found])

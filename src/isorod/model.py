@@ -97,7 +97,7 @@ class Body:
 
         for e, law in enumerate(self.laws):
             if not getattr(law, "nu", 0.0) > 0.0:
-                raise InputError(f"material of element {e}: the mixed formulation needs a Poisson's ratio nu > 0")
+                raise InputError(f"material of element {e}: the mixed formulation needs an isotropic law with nu > 0")
         return Pressures(self.space)
 
     @cached_property
@@ -336,7 +336,7 @@ class Model:
             raise InputError(f"support {k}: displacement {rates[~np.isfinite(rates)][0]} is not finite")
         turn = np.asarray(support.turn, dtype=float)
         if turn.shape != (3,) or not np.isfinite(turn).all():
-            raise InputError(f"support {k}: got turn {support.turn}, need three finite components in radians")
+            raise InputError(f"support {k}: got turn {turn.tolist()}, need three finite components in radians")
         arms = np.zeros((nodes.size, 3)) if support.arms is None else np.asarray(support.arms, dtype=float)
         if arms.shape != (nodes.size, 3) or not np.isfinite(arms).all():
             raise InputError(f"support {k}: got arms of shape {arms.shape}, need ({nodes.size}, 3) finite numbers")

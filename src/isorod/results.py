@@ -7,11 +7,12 @@ import os
 import platform
 import subprocess
 import tempfile
+import warnings
 from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from isorod import __version__
 from isorod.errors import InputError, SolveError
@@ -43,16 +44,46 @@ def line(record: Mapping[str, Any]) -> str:
 
 
 def append(path: Path, record: Mapping[str, Any]) -> None:
-    """Append the record to a file of JSON lines, as a whole even when several processes do."""
+    """Append the record to a file of JSON lines, as a whole even when several processes do.
+
+    What a process killed while it wrote has left of a line is taken off first, with a warning; whole lines stay.
+    """
     data = (line(record) + "\n").encode()
     try:
-        with open(path, "ab") as file:
+        with open(path, "a+b") as file:
             fcntl.flock(file, fcntl.LOCK_EX)
+            data = _mend(file, path) + data
             file.write(data)
             file.flush()
             os.fsync(file.fileno())
     except OSError as problem:
         raise InputError(f"{path}: cannot be written ({problem.strerror})") from None
+
+
+def is_torn(text: bytes) -> bool:
+    """Return whether a last line without its end of line is but the beginning of a record."""
+    try:
+        return not isinstance(json.loads(text), dict)
+    except (ValueError, RecursionError):
+        return True
+
+
+def _mend(file: BinaryIO, path: Path) -> bytes:
+    """Cut a torn last line off a file that is locked; return the end of line that a whole one lacks."""
+    size = file.seek(0, os.SEEK_END)
+    tail = b""
+    while size > len(tail) and b"\n" not in tail:
+        start = max(0, size - 2 * len(tail) - 4096)
+        file.seek(start)
+        tail = file.read(size - start)
+    tail = tail.rpartition(b"\n")[2]
+    if not tail:
+        return b""
+    if not is_torn(tail):
+        return b"\n"
+    warnings.warn(f"{path}: the last line is torn, as of a run that was killed; it is removed", stacklevel=3)
+    file.truncate(size - len(tail))
+    return b""
 
 
 def check_folder(path: str) -> None:

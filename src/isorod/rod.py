@@ -12,7 +12,6 @@ from isorod.quadrature import Rule, axis_points, section_points
 from isorod.small import determinant
 from isorod.spline import MAX_ELEMENTS, Axis
 
-
 # Sections between layers of control points may be this much smaller than the smallest of these before that is warned of, or refused.
 # Layers that turn by 45 degrees over a quadratic element leave 96 %, by 90 degrees 85 %, by 180 degrees half.
 _SHRINKS = 0.95

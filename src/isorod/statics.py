@@ -59,6 +59,8 @@ class Equilibrium:
         Force of each support on the model, shape ``(supports, 3)``.
     load_steps, cuts, newton_iterations
         Steps taken, steps cut and retried, and linear solves in all (each step's predictor counted).
+    linear_iterations
+        Iterations of the linear solver in all those solves (one each where it is direct).
     residual_norms
         Norms of the out-of-balance force in the last load step: before the predictor, then at each SNES iteration.
     seconds
@@ -92,26 +94,36 @@ class Equilibrium:
     ranks: int
     contacts: "Sequence[ContactResult]" = ()
     augmentations: int = 0
+    linear_iterations: int = 0
     pressures: "Sequence[Array | None]" = ()
     moments: Array = field(default_factory=lambda: np.zeros((0, 3)))
 
 
-def factorisation(assembler: Assembler) -> dict[str, object]:
-    """Return the options of the direct solver that suits a model: banded where its elements are narrow, MUMPS else."""
+def factorisation(assembler: Assembler, prefix: str = "") -> dict[str, object]:
+    """Return the options of the direct solver that suits a model: banded where its elements are narrow, MUMPS else.
+
+    Where another preconditioner is typed there are none: it may take some of them for its own.
+    """
+    if PETSc.Options().getAll().get(f"{prefix}pc_type", "lu") not in ("lu", "cholesky"):
+        return {}
     width = max(3 * body.space.element_nodes.shape[1] for body in assembler.model.bodies)
     # Contact couples bodies, which are far from each other in the numbering.
     # The mixed formulation's tangent is indefinite and needs pivots.
-    mixed = any(body.formulation == "mixed" for body in assembler.model.bodies)
-    banded = assembler.comm.getSize() == 1 and width <= WIDE and assembler.contact is None and not mixed
-    return BANDED if banded else SPARSE
+    suits = width <= WIDE and assembler.contact is None and not _is_mixed(assembler.model)
+    chosen = BANDED if suits and assembler.comm.getSize() == 1 else SPARSE
+    return {f"{prefix}{name}": value for name, value in chosen.items()}
 
 
 def _assembler(model: Model, comm: PETSc.Comm | None) -> Assembler:
-    if all(body.formulation == "displacement" for body in model.bodies):
+    if not _is_mixed(model):
         return Assembler(model, comm)
     from isorod.mixed import MixedAssembler
 
     return MixedAssembler(model, comm)
+
+
+def _is_mixed(model: Model) -> bool:
+    return any(body.formulation == "mixed" for body in model.bodies)
 
 
 class _Diverged(Exception):
@@ -119,10 +131,11 @@ class _Diverged(Exception):
 
 
 def solve(model: Model, load_steps: int = 1, comm: PETSc.Comm | None = None) -> Equilibrium:
-    """Bring the supports to their displacements and return the equilibrium.
+    """Bring supports and loads to their full values and return the equilibrium.
 
-    Each load step starts with the linear predictor of the tangent at the last equilibrium, then SNES.  A step in which SNES
-    diverges or an element inverts (``det F <= 0``) is halved and tried again; after quick steps the step doubles.  Where a contact
+    Each load step starts with a predictor, linear from the last equilibrium or, once there are two, the cubic through both with their
+    tangents, then SNES (`isorod.convergence` says when it has converged).  A step in which SNES diverges, an element inverts
+    (``det F <= 0``) or loses most of its volume is halved and tried again; after quick steps the step doubles.  Where a contact
     says how deep a point may penetrate, multipliers are added at the end until none is deeper (Uzawa's augmented Lagrangian).
 
     Parameters
@@ -168,7 +181,8 @@ def solve(model: Model, load_steps: int = 1, comm: PETSc.Comm | None = None) -> 
     np.add.at(reactions, (model.support_of[carried], model.bound[carried] % 3), forces[carried])
     displacement = assembler.displacement(solver.x, 1.0)
     moments = _moments(model, displacement, forces)
-    balance.check(assembler, solver.x, displacement, reactions, moments, solver.norms[-1])
+    rtol = solver.snes.getTolerances()[0]
+    balance.check(assembler, solver.x, displacement, reactions, moments, solver.norms[-1], rtol)
     assembly = assembler.seconds
     seconds = {"setup": setup, "assembly": assembly, "solve": perf_counter() - start - setup - assembly}
     if hourglass.suspected(model):
@@ -183,6 +197,7 @@ def solve(model: Model, load_steps: int = 1, comm: PETSc.Comm | None = None) -> 
         load_steps=steps,
         cuts=cuts,
         newton_iterations=solver.iterations,
+        linear_iterations=solver.linear_iterations,
         residual_norms=solver.norms,
         seconds=seconds,
         built=assembler.built,
@@ -252,6 +267,7 @@ class _Newton:
         self._history: _Past | None = None
         self._rate = self.change
         self.iterations = 0
+        self.linear_iterations = 0
         self.norms: list[float] = []
         self._stage = PETSc.Log.Stage("solve")
         with defaults(OPTIONS | factorisation(assembler)) as typed:
@@ -305,10 +321,12 @@ class _Newton:
         ksp.setOperators(self.matrix)
         ksp.solve(self.force, self.change)
         self.iterations += 1
+        self.linear_iterations += ksp.getIterationNumber()
         if ksp.getConvergedReason() < 0 or not np.isfinite(self.change.norm()):
+            advice = {"ksp_type": "preonly", **(SPARSE if _is_mixed(assembler.model) else {"pc_type": "lu"})}
             raise SolveError(
                 f"the linear solver failed at load factor {factor:.6g} (KSP reason {ksp.getConvergedReason()}): a free rigid "
-                "motion is not held, or the preconditioner does not fit (try -ksp_type preonly -pc_type lu)"
+                f"motion is not held, or the preconditioner does not fit (try {' '.join(f'-{k} {v}' for k, v in advice.items())})"
             )
         self.trial.waxpy(-1.0, self.change, self.x)
         if self._bend(target - factor):
@@ -323,10 +341,13 @@ class _Newton:
         snes.solve(None, self.trial)
         its = snes.getIterationNumber()
         self.iterations += its
+        self.linear_iterations += snes.getLinearSolveIterations()
         if snes.getConvergedReason() < 0:
             det, body, element, u = assembler.smallest_jacobian(self.trial, target)
             at = f"element {element} of body {body}, axis position u = {u:.4g}: det F = {det:.3g}"
             why = "an element inverts" if not det > 0.0 else f"SNES diverged (reason {snes.getConvergedReason()})"
+            if snes.getConvergedReason() == PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE:
+                why = f"the linear solver does not converge (KSP reason {ksp.getConvergedReason()})"
             raise _Diverged(f"{why} however small the load step; worst place: {at}{hourglass.hint(assembler.model)}")
         self._refuse_squeezed(before)
         self._history = _Past(target - factor, self.x.copy(), self._rate)
@@ -337,7 +358,7 @@ class _Newton:
         """Make the predictor follow the curve of the path, by the cubic through the last two equilibria with their tangents."""
         self._rate = self.change.copy()
         self._rate.scale(-1.0 / step if step else 0.0)
-        if self._history is None or not step or not self.balance.plain:
+        if self._history is None or not step or self.assembler.contact is not None:
             return False
         length, past, slope = self._history
         gap = past - self.x

@@ -1,0 +1,186 @@
+"""Static equilibrium near and at incompressibility with dolfinx: Taylor-Hood elements, displacement of one degree more than pressure.
+
+Stationary point of ``integral of mu/2 (I1 - 2 ln J - 3) + p ln J - p^2 / (2 kappa)``: for the pressure that is left, the neo-Hookean law of
+the other solutions; ``kappa`` may be infinite.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from time import perf_counter
+from typing import Any
+
+import dolfinx.fem
+import numpy as np
+import ufl
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from comparisons.fem import compat, quadrature
+from comparisons.fem.domain import Domain
+from comparisons.fem.statics import FAST, NEWTON, Held, Newton, _Support
+from isorod.material import NeoHookean
+from isorod.options import defaults
+from meshes.mesh import Array
+
+# Symmetric and indefinite: no SPD shortcut. 2: approximate minimum fill.
+DIRECT = {"ksp_type": "preonly", "pc_type": "cholesky", "pc_factor_mat_solver_type": "mumps", "mat_mumps_icntl_7": 2}
+
+
+@dataclass(frozen=True, eq=False)
+class Guided:
+    """One component of the displacement prescribed on a named face, the others free.
+
+    Its reaction is the work of the forces there on the displacement itself, in the component's place.
+
+    Parameters
+    ----------
+    face
+        Name of the face.
+    component
+        0, 1 or 2.
+    displacement
+        Function of positions ``(3, m)`` that returns the component's displacements ``(m,)``.
+    """
+
+    face: str
+    component: int
+    displacement: Callable[[Array], Array]
+
+
+@dataclass(frozen=True, eq=False)
+class Equilibrium:
+    """A static solution.
+
+    Attributes
+    ----------
+    state
+        The dolfinx function of displacement and pressure, the latter in units of the shear modulus.
+    reactions
+        Force of each support on the body (work of a guided one), shape ``(supports, 3)``, the same on every rank.
+    deflections
+        Mean displacement of each loaded face, by its name, shape ``(3,)``.
+    dofs, newton_iterations
+        Numbers of degrees of freedom and of linear solves.
+    seconds
+        Wall time.
+    """
+
+    state: Any
+    reactions: Array
+    deflections: dict[str, Array]
+    dofs: int
+    newton_iterations: int
+    seconds: float
+
+
+def solve(
+    domain: Domain,
+    law: NeoHookean,
+    held: Sequence[Held | Guided],
+    loads: Mapping[str, tuple[float, float, float]] | None = None,
+    degree: int = 2,
+    steps: int = 1,
+    options: Mapping[str, object] | None = None,
+    flags: Sequence[str] = FAST,
+) -> Equilibrium:
+    """Return the equilibrium under prescribed displacements and dead loads, in equal load steps.
+
+    Parameters
+    ----------
+    domain
+        The mesh.
+    law
+        Constants of the material.
+    held
+        Supports, with constant displacements or guided; a later one wins where faces meet.
+    loads
+        Total force by the name of the face over which it is spread uniformly.
+    degree
+        Degree of the displacement, at least 2.
+    steps
+        Number of load steps.
+    options
+        PETSc options; MUMPS where not given.
+    flags
+        C compiler flags for the forms.
+
+    Raises
+    ------
+    SolveError
+        If SNES or its linear solver fails.
+    """
+    start = perf_counter()
+    mesh = domain.mesh
+    parts = [compat.block_element(mesh, "Lagrange", degree, 3), compat.scalar_element(mesh, "Lagrange", degree - 1)]
+    state = dolfinx.fem.Function(compat.function_space(mesh, compat.mixed_element(parts)))
+    u, pressure = ufl.split(state)
+    F = ufl.Identity(3) + ufl.grad(u)
+    log = ufl.ln(ufl.det(F))
+    p = law.mu * pressure
+    stored = 0.5 * law.mu * (ufl.inner(F, F) - 2.0 * log - 3.0) + p * log - (0.5 / law.lame) * p**2
+    rule = 2 * degree if domain.shape == "hexahedron" else 2 * degree - 2
+    energy = stored * ufl.dx(metadata=quadrature.measure(rule))
+    factor = dolfinx.fem.Constant(mesh, PETSc.ScalarType(0.0))
+    faces = {name: _measure(domain, name, rule) for name in loads or {}}
+    areas = {
+        name: _integral(mesh, dolfinx.fem.Constant(mesh, PETSc.ScalarType(1.0)) * ds, flags)
+        for name, ds in faces.items()
+    }
+    for name, force in (loads or {}).items():
+        energy -= factor * ufl.inner(ufl.as_vector([part / areas[name] for part in force]), u) * faces[name]
+    residual = ufl.derivative(energy, state, ufl.TestFunction(state.function_space))
+    tangent = ufl.derivative(residual, state, ufl.TrialFunction(state.function_space))
+    compiled = compat.form(residual, flags), compat.form(tangent, flags)
+
+    iterations = 0
+    first = None
+    with defaults(NEWTON | dict(DIRECT if options is None else options)):
+        for k in range(1, steps + 1):
+            factor.value = k / steps
+            supports = [_support(state.function_space, domain, one, k / steps) for one in held]
+            newton = Newton(state, *compiled, supports, None)
+            newton.matrix.setOption(PETSc.Mat.Option.SPD, False)
+            newton.solve(first)
+            reactions = newton.reactions()
+            iterations += newton.snes.getIterationNumber()
+            first = newton.x.copy()
+            newton.destroy()
+    deflections = {
+        name: np.array([_integral(mesh, u[a] * ds, flags) for a in range(3)]) / areas[name]
+        for name, ds in faces.items()
+    }
+    dofmap = state.function_space.dofmap
+    dofs = dofmap.index_map.size_global * dofmap.index_map_bs
+    return Equilibrium(state, reactions, deflections, dofs, iterations, perf_counter() - start)
+
+
+class _Guide:
+    """A guided component, as `comparisons.fem.statics.Newton` takes supports."""
+
+    def __init__(self, space: Any, domain: Domain, guided: Guided, factor: float) -> None:
+        part = space.sub(0).sub(guided.component)
+        plain = part.collapse()[0]
+        value = dolfinx.fem.Function(plain)
+        value.interpolate(lambda x: factor * guided.displacement(x))
+        dofs, in_plain = dolfinx.fem.locate_dofs_topological((part, plain), 2, domain.facets(guided.face))
+        self.condition = dolfinx.fem.dirichletbc(value, [dofs, in_plain], part)
+        own = dofs < space.dofmap.index_map.size_local * space.dofmap.index_map_bs
+        self.dofs = dofs[own]
+        self.components = np.full(self.dofs.size, guided.component)
+        self.unit = value.x.array[in_plain[own]]
+
+
+def _support(space: Any, domain: Domain, one: Held | Guided, factor: float) -> "_Support | _Guide":
+    if isinstance(one, Guided):
+        return _Guide(space, domain, one, factor)
+    return _Support(space, domain, Held(one.face, tuple(factor * np.array(one.displacement))))
+
+
+def _measure(domain: Domain, name: str, rule: int) -> Any:
+    facets = np.sort(domain.facets(name)).astype(np.int32)
+    tags = dolfinx.mesh.meshtags(domain.mesh, 2, facets, np.ones(facets.size, dtype=np.int32))
+    return ufl.Measure("ds", domain=domain.mesh, subdomain_data=tags, metadata={"quadrature_degree": rule})(1)
+
+
+def _integral(mesh: Any, integrand: Any, flags: Sequence[str]) -> float:
+    return float(mesh.comm.allreduce(dolfinx.fem.assemble_scalar(compat.form(integrand, flags)), op=MPI.SUM))

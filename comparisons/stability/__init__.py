@@ -1,0 +1,50 @@
+"""Study ``stability``: how far the element and the solvers hold, swept to where they fail; one file a case.
+
+A case is a module of this package, listed in `CASES`, with
+
+- ``NAME`` and ``TITLE``, one line;
+- ``LIMITS``, sentences that state the limits in numbers, or a function that makes them from the case's records;
+- ``run(level)``, an iterator of records, one a point of a sweep (`comparisons.stability.point`);
+- ``plot(records, path)``, which draws the case's figure from its records (`comparisons.stability.figure` has one for sweeps);
+- ``COLUMNS`` where its tables show more than a point has at least: heading by key of the records.
+
+Cases whose module is not there are left out.
+"""
+
+from collections.abc import Sequence
+from importlib import import_module
+from importlib.util import find_spec
+from typing import Any
+
+from comparisons.records import Record
+from comparisons.study import Run
+from isorod import options
+
+CASES = ("incompressible", "slender", "large", "contrast", "sections", "stepping", "tuning")
+
+
+def find(name: str) -> Any:
+    """Return the module of a case."""
+    return import_module(f"{__name__}.{name}")
+
+
+def available() -> list[str]:
+    """Return the names of the cases that are there, in order."""
+    return [name for name in CASES if find_spec(f"{__name__}.{name}")]
+
+
+def limits(case: Any, records: list[Record]) -> list[str]:
+    """Return the sentences that state the limits of a case."""
+    return list(case.LIMITS(records) if callable(case.LIMITS) else case.LIMITS)
+
+
+def run(study: Run, names: Sequence[str] = ()) -> None:
+    """Run the cases (all where none is named) and append their records."""
+    options.initialize([])
+    wanted = list(names) or available()
+    with study.progress(len(wanted)) as steps:
+        for name in wanted:
+            case = find(name)
+            with steps.step(case.TITLE):
+                records = [study.record("point", {"case": name} | record) for record in case.run(study.level)]
+            study.record("case", {"case": name, "title": case.TITLE, "limits": limits(case, records)})

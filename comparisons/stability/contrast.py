@@ -1,0 +1,237 @@
+"""Stiffness and density that jump along one rod, 1 to 1e8 and on to where double precision gives up."""
+
+import warnings
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.optimize import brentq
+
+from comparisons.records import Record
+from comparisons.stability import figure
+from comparisons.stability.bars import bar, petsc
+from comparisons.stability.point import measure, reach, sweeps
+from isorod import modal, statics
+from isorod.material import LinearElastic, NeoHookean
+from isorod.model import Body, Model, Support
+from isorod.space import Space
+
+NAME = "contrast"
+TITLE = "stiffness and density contrast in one rod"
+COLUMNS = {
+    "soft_end": "error at the soft end",
+    "balance": "residual / first",
+    "rigid_limit": "to the rigid limit",
+    "newton": "Newton iterations",
+    "residual": "eigenresidual",
+    "warned": "warning",
+}
+
+# A tendon of this length, then a muscle, radius 1 (stretching, bending) or 0.1 (modes).
+JOINT, LENGTH = 4.0, 10.0
+STRETCH, SIDEWAYS = 2.0, 3.0
+
+SOLVERS: dict[str, dict[str, Any]] = {
+    "banded LU (default)": {},
+    "Cholesky, MUMPS": {"pc_type": "cholesky", "pc_factor_mat_solver_type": "mumps"},
+    "CG + ICC": {"ksp_type": "cg", "pc_type": "icc", "ksp_max_it": 2000},
+    "CG + GAMG": {"ksp_type": "cg", "pc_type": "gamg", "ksp_max_it": 2000},
+}
+
+STRETCHED = "stiffness contrast, stretched"
+BENT = "stiffness contrast, bent"
+MODES = "contrast, longitudinal modes"
+KNOT = "stiffness contrast, no knot at the joint"
+
+
+def LIMITS(records: list[Record]) -> list[str]:
+    """Return the limits, from the records."""
+    found = sweeps(records)
+    lines = []
+    for sweep, curves in found.items():
+        tolerance = next(iter(curves.values()))[0]["tolerance"]
+        reached = ", ".join(
+            f"{series} {'nowhere' if reach(curve) is None else f'up to {reach(curve):.0e}'}"
+            for series, curve in curves.items()
+        )
+        lines.append(f"{sweep}, error within {tolerance:g}: {reached}.")
+    stretched = [one for one in found[STRETCHED]["banded LU (default)"] if "failure" not in one]
+    lost = max(one["error"] / one["value"] for one in stretched if one["value"] >= 1e6)
+    soft = max(one["soft_end"] for one in stretched)
+    lines.append(
+        f"The force that the stiff end reports loses as many digits as the contrast has: its error is {lost:.0e} times the contrast. "
+        f"That of the soft end is right to {soft:.0e} throughout."
+    )
+    return lines
+
+
+def run(level: str) -> Iterator[dict[str, Any]]:
+    """Yield the points."""
+    every = 2 if level == "quick" else 1
+    contrasts = [float(f"1e{k}") for k in range(0, 17, every)]
+    for series, options in SOLVERS.items():
+        iterative = "ksp_type" in options
+        for contrast in contrasts[:5] if iterative and level == "quick" else contrasts:
+            with petsc(options):
+                yield measure(
+                    STRETCHED,
+                    contrast,
+                    partial(_stretched, contrast, True),
+                    series=series,
+                    reference="exact: bars in series, neo-Hookean, nu = 0",
+                    tolerance=1e-6,
+                )
+    for contrast in (1.0, 3.0, 10.0, 30.0, 100.0, 1e4, 1e8):
+        yield measure(
+            KNOT,
+            contrast,
+            partial(_smooth, contrast),
+            series="C2 across the joint",
+            reference="exact: bars in series, neo-Hookean, nu = 0",
+            tolerance=1e-2,
+        )
+    for contrast in contrasts[: 5 if level == "quick" else 13]:
+        yield measure(
+            BENT,
+            contrast,
+            partial(_bent, contrast),
+            series="tendon clamped, muscle's end moved sideways",
+            reference="the same on twice the elements, degree 5, polynomials of degree 4",
+            tolerance=1e-2,
+        )
+    for series, direction in MODE_SERIES.items():
+        for contrast in contrasts:
+            yield measure(
+                MODES,
+                contrast,
+                partial(_modes, contrast, *direction),
+                series=series,
+                reference="exact: longitudinal modes of a bar of two materials, nu = 0, fixed - free, first four",
+                tolerance=1e-6,
+            )
+
+
+def plot(records: list[Record], path: Path) -> None:
+    """Draw the case's figure."""
+    figure.draw(records, path)
+
+
+def _space(joint: bool, elements: int = 4, degree: int = 3, order: int | None = None) -> Space:
+    rod = bar([0.0, JOINT, LENGTH], degree, 0 if joint else degree - 1)
+    return Space(rod, elements=2 * elements, section_degree=order, quadrature="auto")
+
+
+def _halves(space: Space, first: Any, second: Any) -> list[Any]:
+    half = space.axis.elements // 2
+    return [first] * half + [second] * half
+
+
+def _stretched(contrast: float, joint: bool) -> dict[str, Any]:
+    space = _space(joint)
+    body = Body(space, _halves(space, NeoHookean(contrast, 0.0), NeoHookean(1.0, 0.0)))
+    ends = Support.end(space, "start"), Support.end(space, "end", displacement=(0.0, 0.0, STRETCH))
+    found = statics.solve(Model([body], ends))
+    exact = np.pi * force_in_series(contrast, 1.0, JOINT, LENGTH - JOINT, STRETCH)
+    stiff, soft = (float(abs(sign * found.reactions[k, 2] / exact - 1.0)) for k, sign in ((0, -1.0), (1, 1.0)))
+    return {
+        "error": max(stiff, soft),
+        "soft_end": soft,
+        "balance": found.residual_norms[-1] / found.residual_norms[0],
+        "newton": found.newton_iterations,
+    }
+
+
+def _smooth(contrast: float) -> dict[str, Any]:
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        found = _stretched(contrast, False)
+    return found | ({"warned": str(said[0].message)} if said else {})
+
+
+def force_in_series(first: float, second: float, first_length: float, second_length: float, pull: float) -> float:
+    """Return the stress in bars in series pulled by ``pull``: ``P = E/2 (stretch - 1/stretch)``, neo-Hookean with nu = 0."""
+
+    def strain(stress: float) -> float:
+        # stretch - 1 of stretch - 1/stretch = 2 half, without cancellation.
+        half = stress
+        return half + half * half / (1.0 + np.hypot(half, 1.0))
+
+    def gap(stress: float) -> float:
+        return first_length * strain(stress / first) + second_length * strain(stress / second) - pull
+
+    return float(brentq(gap, 0.0, 10.0 * max(first, second), xtol=1e-300, rtol=1e-15))
+
+
+def _bent(contrast: float) -> dict[str, Any]:
+    def force(space: Space) -> tuple[float, int, float]:
+        body = Body(space, _halves(space, NeoHookean(contrast, 0.3), NeoHookean(1.0, 0.3)))
+        ends = Support.end(space, "start"), Support.end(space, "end", displacement=(SIDEWAYS, 0.0, 0.0))
+        found = statics.solve(Model([body], ends))
+        return float(found.reactions[1, 0]), found.newton_iterations, found.residual_norms[-1] / found.residual_norms[0]
+
+    coarse, newton, balance = force(_space(True, 4, 3, 3))
+    fine, _, _ = force(_space(True, 8, 5, 4))
+    # A tendon without end is a wall: the muscle alone on the same elements.
+    alone = Space(bar([JOINT, LENGTH], 3), elements=4, section_degree=3, quadrature="auto")
+    ends = Support.end(alone, "start"), Support.end(alone, "end", displacement=(SIDEWAYS, 0.0, 0.0))
+    wall = float(statics.solve(Model([Body(alone, NeoHookean(1.0, 0.3))], ends)).reactions[1, 0])
+    return {
+        "error": abs(coarse / fine - 1.0),
+        "rigid_limit": abs(coarse / wall - 1.0),
+        "newton": newton,
+        "balance": balance,
+    }
+
+
+# Young's modulus and density of both halves as powers of the contrast.
+MODE_SERIES = {
+    "stiff half fixed": (1, 0, 0, 0),
+    "stiff half free": (0, 0, 1, 0),
+    "heavy half fixed": (0, 1, 0, 0),
+    "heavy half free": (0, 0, 0, 1),
+}
+
+
+def _modes(contrast: float, first_E: int, first_density: int, second_E: int, second_density: int) -> dict[str, Any]:
+    E = contrast**first_E, contrast**second_E
+    density = contrast**first_density, contrast**second_density
+    rod = bar([0.0, JOINT, LENGTH], 6, 0, radius=0.1)
+    space = Space(rod, elements=16, section_degree=1, quadrature="auto")
+    laws = [LinearElastic(one, 0.0) for one in E]
+    body = Body(space, _halves(space, *laws), _halves(space, *density))
+    # Only along the axis: the lateral motions of a bar with nu = 0 are others' modes.
+    supports = [Support(np.arange(space.nodes), "xy"), Support.end(space, "start", "z")]
+    found = modal.solve(Model([body], supports), 4)
+    exact = longitudinal((E[0], E[1]), (density[0], density[1]), (JOINT, LENGTH - JOINT), 4)
+    return {
+        "error": float(np.max(np.abs(found.frequencies / exact - 1.0))),
+        "residual": float(found.residuals.max()),
+    }
+
+
+def longitudinal(
+    E: tuple[float, float], density: tuple[float, float], lengths: tuple[float, float], count: int
+) -> np.ndarray:
+    """Return the lowest longitudinal frequencies of a bar of two materials, fixed at its start, free at its end.
+
+    ``tan(k_1 L_1) tan(k_2 L_2) = Z_1 / Z_2`` with ``Z = sqrt(E rho)``, as the condition that the phase of the motion, which grows
+    with the frequency, reaches odd multiples of a quarter turn at the free end.
+    """
+    ratio = np.sqrt(E[1] * density[1] / (E[0] * density[0]))
+    first, second = (length * np.sqrt(rho / e) for length, rho, e in zip(lengths, density, E, strict=True))
+
+    def phase(omega: float) -> float:
+        p = omega * first
+        refraction = np.arctan2((ratio - 1.0) * np.sin(p) * np.cos(p), np.cos(p) ** 2 + ratio * np.sin(p) ** 2)
+        return p + refraction + omega * second
+
+    found = []
+    for k in range(count):
+        target = (k + 0.5) * np.pi
+        high = 1e-12 / (first + second)
+        while phase(high) < target:
+            high *= 2.0
+        found.append(brentq(lambda omega, target=target: phase(omega) - target, 0.0, high, xtol=1e-300, rtol=1e-15))
+    return np.array(found) / (2.0 * np.pi)

@@ -1,0 +1,249 @@
+"""Large deformation: roll-up, stretch, twist, buckling with the branch behind it, and snap-through."""
+
+from collections.abc import Iterator
+from functools import cache, partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.optimize import brentq
+from scipy.special import ellipe, ellipk
+
+from comparisons.records import Record
+from comparisons.stability import figure
+from comparisons.stability.point import measure, reach, sweeps
+from comparisons.stability.rods import arch, straight
+from isorod import continuation, statics
+from isorod.load import SectionLoad
+from isorod.material import NeoHookean
+from isorod.model import Body, Model, Support
+from isorod.rod import Rod
+from isorod.section import ellipse
+from isorod.space import Space
+from isorod.spline import Axis, Index
+
+NAME = "large"
+TITLE = "large deformation: roll-up, stretch, twist, buckling, snap-through"
+COLUMNS = {
+    "moment": "error of the moment",
+    "steps": "load steps",
+    "cuts": "cut",
+    "newton": "Newton iterations",
+    "limit": "limit load",
+}
+
+ROLL = "roll-up, times round"
+STRETCH = "stretch of a bar"
+TWIST = "twist, turns over a length of 20 R"
+EULER = "Euler's load, length over radius"
+BRANCH = "post-buckling branch, load over Euler's"
+ARCH = "snap-through of a shallow arch, elements"
+
+# A bar may be pressed to nothing and pulled as far as it likes: the study goes on to where it fails.
+LAW = NeoHookean(1.0, 0.3)
+SOFT = NeoHookean(3.0, 0.499999)
+EI = 0.25 * np.pi
+SPAN, RISE = 100.0, 5.0
+CROWN = 1e-3 * EI
+
+
+def LIMITS(records: list[Record]) -> list[str]:
+    """Return the limits, from the records."""
+    lines = []
+    for sweep, curves in sweeps(records).items():
+        for series, curve in curves.items():
+            last, tolerance = reach(curve), curve[0]["tolerance"]
+            held = [record["value"] for record in curve if "failure" not in record and record["error"] <= tolerance]
+            where = "nowhere" if not held else f"for all of {len(held)} points from {min(held):g} to {max(held):g}"
+            if len(held) < len(curve):
+                where = (
+                    f"for {len(held)} of {len(curve)} points, in order up to {last if last is None else f'{last:g}'}"
+                )
+            lines.append(f"{sweep}{f', {series}' if series else ''}: error within {tolerance:g} {where}.")
+    loads = [record for record in sweeps(records).get(EULER, {}).get("", []) if "signed" in record]
+    if len(loads) >= 2:
+        a, b = loads[-2:]
+        x, y = a["value"] ** -2.0, b["value"] ** -2.0
+        lines.append(
+            f"Euler's load extrapolated to no thickness: {(a['signed'] * y - b['signed'] * x) / (y - x):.0e} from the exact one."
+        )
+    twisted = [record for record in sweeps(records).get(TWIST, {}).get("", []) if "failure" not in record]
+    if twisted:
+        most = max(twisted, key=lambda record: record["value"])
+        lines.append(
+            f"A twist of {most['value']:g} turns takes {most['steps']} load steps, {most['newton']} Newton iterations."
+        )
+    return lines
+
+
+def run(level: str) -> Iterator[dict[str, Any]]:
+    """Yield the points."""
+    full = level != "quick"
+    for length in (100.0, 1000.0):
+        for turns in (0.5, 1.0, 2.0, 3.0) if full else (1.0, 2.0) if length < 1000.0 else (1.0,):
+            yield measure(
+                ROLL,
+                turns,
+                partial(_roll, turns, length),
+                series=f"L/r = {length:g}",
+                reference="circle of the elastica; moment EI 2 pi turns / L",
+                tolerance=1e-3,
+            )
+    for stretch in (0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 2.0, 5.0, 10.0, 20.0, 50.0) if full else (0.1, 0.3, 2.0, 10.0):
+        yield measure(
+            STRETCH,
+            stretch,
+            partial(_stretch, stretch),
+            reference="exact: homogeneous uniaxial stress, neo-Hookean, nu = 0.3; force",
+            tolerance=1e-8,
+        )
+    for turns in (1, 2, 5, 10) if full else (2,):
+        yield measure(
+            TWIST,
+            turns,
+            partial(_twist, turns),
+            reference="Rivlin: pi mu tau R^4 / 2, mixed form, nu = 0.499999, centre line held straight; torque",
+            tolerance=1e-3,
+        )
+    for length in (10.0, 20.0, 50.0, 100.0, 200.0, 500.0) if full else (20.0, 50.0):
+        yield measure(
+            EULER,
+            length,
+            partial(_euler, length),
+            reference="pi^2 EI / (4 L^2)",
+            tolerance=5e-3,
+        )
+    yield from _branch(200.0)
+    finest = (16, 5) if full else (8, 5)
+    for elements in (2, 4, 8, 12) if full else (2, 4):
+        yield measure(
+            ARCH,
+            elements,
+            partial(_arch, elements, *finest),
+            reference=f"the same with {finest[0]} elements of degree {finest[1]}; first limit load",
+            tolerance=5e-3,
+        )
+
+
+def plot(records: list[Record], path: Path) -> None:
+    """Draw the case's figure."""
+    figure.draw(records, path)
+
+
+def _space(rod: Rod, elements: int, degree: int = 4) -> Space:
+    """Return a space without locking."""
+    return Space(rod, elements, degree, continuity=0, section_degree=3, quadrature=f"{degree}x5x{degree}")
+
+
+def _line(space: Space, last: int = 0) -> Index:
+    """Return the nodes of the centre line but for the clamped start and, unless ``last`` is 1, the end."""
+    return np.arange(1, space.layers - 1 + last) * space.layer_nodes
+
+
+def _counts(found: statics.Equilibrium) -> dict[str, Any]:
+    return {"steps": found.load_steps, "cuts": found.cuts, "newton": found.newton_iterations}
+
+
+def _roll(turns: float, length: float) -> dict[str, Any]:
+    space = _space(straight(length), max(8, round(8 * turns)))
+    supports = [
+        Support.end(space, "start"),
+        Support(_line(space), "y"),
+        Support.end(space, "end", "y", turn=(0.0, 2.0 * np.pi * turns, 0.0), tied="xz"),
+    ]
+    found = statics.solve(Model([Body(space, NeoHookean(1.0, 0.0))], supports), round(16 * turns))
+    k, s = 2.0 * np.pi * turns, np.linspace(0.1, 1.0, 10)
+    exact = np.stack([(1.0 - np.cos(k * s)) / k, 0.0 * s, np.sin(k * s) / k - s], axis=1)
+    shape = space.displacement(found.model.nodal(found.displacement), [[0.0, 0.0]], s)[0][:, 0] / length
+    moment = float(found.moments[2, 1] / (EI * k / length) - 1.0)
+    return {"error": float(np.abs(shape - exact).max()), "moment": moment} | _counts(found)
+
+
+def _stretch(stretch: float) -> dict[str, Any]:
+    axis = Axis(2, np.repeat([0.0, 1.0], 3), np.ones(3))
+    rod = Rod.sweep(ellipse(8, 1.0, 0.8), axis, np.outer([0.0, 0.5, 1.0], [0.0, 0.0, 10.0]))
+    space = Space(rod, elements=4, section_degree=2, quadrature="auto")
+    across = brentq(lambda a: LAW.mu * (a * a - 1.0) + LAW.lame * np.log(a * a * stretch), 1e-6, 1e3)
+    stress = LAW.mu * (stretch - 1.0 / stretch) + LAW.lame * np.log(across**2 * stretch) / stretch
+    along = int(np.argmax(np.abs(space.positions[: space.layer_nodes, 0])))
+    supports = [
+        Support.end(space, "start", "z"),
+        Support.end(space, "end", "z", (0.0, 0.0, 10.0 * (stretch - 1.0))),
+        Support(np.array([0]), "xy"),
+        Support(np.array([(space.layers - 1) * space.layer_nodes]), "xy"),
+        Support(np.array([along]), "y"),
+    ]
+    found = statics.solve(Model([Body(space, LAW)], supports))
+    exact = stress * rod.volume() / 10.0
+    return {"error": float(abs(found.reactions[1, 2] / exact - 1.0))} | _counts(found)
+
+
+def _twist(turns: int) -> dict[str, Any]:
+    space = Space(straight(20.0), 8 * turns, 3, section_degree=3, quadrature="auto")
+    supports = [
+        Support.end(space, "start"),
+        Support(_line(space), "xy"),
+        Support.end(space, "end", turn=(0.0, 0.0, 2.0 * np.pi * turns)),
+    ]
+    found = statics.solve(Model([Body(space, SOFT, formulation="mixed")], supports), 4 * turns)
+    exact = 0.5 * np.pi * SOFT.mu * 2.0 * np.pi * turns / 20.0
+    return {"error": float(abs(found.moments[2, 2] / exact - 1.0))} | _counts(found)
+
+
+@cache
+def _column(length: float) -> Model:
+    """Return a clamped-free column in a plane; Euler's load is half of that at factor 1."""
+    space = _space(straight(length), 8)
+    force = 2.0 * np.pi**2 * EI / (4.0 * length**2)
+    supports = [Support.end(space, "start"), Support(_line(space, 1), "y")]
+    return Model(
+        [Body(space, NeoHookean(1.0, 0.0))], supports, loads=[SectionLoad.end(space, "end", (0.0, 0.0, -force))]
+    )
+
+
+def _euler(length: float) -> dict[str, Any]:
+    signed = 2.0 * continuation.critical(_column(length), 0.1).factor - 1.0
+    return {"error": abs(signed), "signed": signed}
+
+
+def _branch(length: float) -> Iterator[dict[str, Any]]:
+    """Yield the points of the branch: larger error of the tip's deflection and height over length."""
+    model = _column(length)
+    space = model.bodies[0].space
+    path = continuation.follow(model, 0.02, 60, start=continuation.critical(model, 0.1))
+    tip = (space.layers - 1) * space.layer_nodes
+    across, along = abs(path.at(tip, "x")) / length, 1.0 + path.at(tip, "z") / length
+    for factor, w, z, negative in zip(2.0 * path.factors, across, along, path.negative, strict=True):
+        if factor > 1.0 + 20.0 / length**2:
+            m = brentq(lambda m, factor=factor: (2.0 / np.pi * ellipk(m)) ** 2 - factor, 1e-14, 1.0 - 1e-12)
+            gaps = w - 2.0 * np.sqrt(m) / ellipk(m), z - (2.0 * ellipe(m) / ellipk(m) - 1.0)
+            yield measure(
+                BRANCH,
+                float(factor),
+                partial(dict, error=float(np.abs(gaps).max()), negative=int(negative)),
+                reference=f"elastica, elliptic integrals; L/r = {length:g}, part of the length",
+                tolerance=5e-3,
+            )
+
+
+@cache
+def _limit(elements: int, degree: int) -> float:
+    """Return the first limit load of the arch."""
+    space = _space(arch(SPAN, RISE), elements, degree)
+    loads = [SectionLoad((0.0, 0.0, -CROWN), u=0.5)]
+    model = Model([Body(space, LAW)], [Support.end(space, "start"), Support.end(space, "end")], loads=loads)
+    path = continuation.follow(model, 0.1, 30, longest=0.4, bounds=(-5.0, 5.0))
+    top = int(np.argmax(np.diff(path.factors) < 0.0))
+    near = slice(top - 2, top + 3)
+    w = np.array(
+        [space.displacement(model.nodal(d), [[0.0, 0.0]], [0.5])[0][0, 0, 2] for d in path.displacements[near]]
+    )
+    quartic = np.polynomial.Polynomial.fit(w, path.factors[near], 4)
+    places = quartic.deriv().roots()
+    real = places[np.isreal(places)].real
+    return float(quartic(real[np.argmin(np.abs(real - w[2]))]))
+
+
+def _arch(elements: int, finest: int, degree: int) -> dict[str, Any]:
+    limit = _limit(elements, 4)
+    return {"error": abs(limit / _limit(finest, degree) - 1.0), "limit": limit}

@@ -1,0 +1,262 @@
+"""Thin, concave, eccentric and twisted sections, and elements of very different lengths, up to where the map folds and past it."""
+
+import warnings
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.optimize import brentq
+
+from comparisons.records import Record
+from comparisons.stability import figure
+from comparisons.stability.bars import bar
+from comparisons.stability.point import holds, measure, reach, sweeps
+from comparisons.stability.prism import STIFFNESSES, condition, stiffness
+from isorod import modal, section
+from isorod.disk import harmonic_functions
+from isorod.material import LinearElastic
+from isorod.model import Body, Model, Support
+from isorod.rod import Rod, helix
+from isorod.scenes.blade import Blade
+from isorod.scenes.flower import Flower
+from isorod.space import Space
+
+NAME = "sections"
+TITLE = "thin and distorted sections, short elements"
+COLUMNS = {
+    "condition": "condition number",
+    "scaled": "after diagonal scaling",
+    "first": "first frequency",
+    "rule": "auto against full rule",
+    "jacobian": "smallest Jacobian",
+    "fold": "folds at",
+    "warned": "warning",
+}
+
+RATIOS = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
+ELEMENTS: dict[str, dict[str, Any]] = {
+    "K = 1, n = 8": {"section_points": 8},
+    "K = 1, n = 16": {"section_points": 16},
+    "K = 2, n = 16": {"section_points": 16, "order": 2},
+    "polynomials N = 2": {"section_degree": 2},
+}
+THINNED = "trailing edge thinner by"
+BLADES: dict[str, dict[str, Any]] = {
+    "K = 2, p = 3, n = 32, 16 elements": {"section_points": 32, "order": 2, "degree": 3, "elements": 16},
+    "polynomials N = 4, p = 4, 12 elements": {"section_degree": 4, "degree": 4, "elements": 12},
+}
+SHAPES = {"symmetric": True, "paper's": False}
+FINE: dict[str, Any] = {"section_degree": 6, "degree": 5, "elements": 16}
+DEPTH = "petal depth of the flower"
+OFFSET = "section off the ring's centre line, inwards"
+TWIST = "twist over one element [degrees]"
+LENGTHS = "ratio of element lengths"
+
+
+def LIMITS(records: list[Record]) -> list[str]:
+    """Return the limits, from the records."""
+    found = sweeps(records)
+    lines = []
+    for sweep, curves in found.items():
+        if sweep in (DEPTH, OFFSET):
+            continue
+        tolerance = next(iter(curves.values()))[0]["tolerance"]
+        reached = ", ".join(
+            f"{series or 'holds'} {'nowhere' if reach(curve) is None else f'up to {reach(curve):g}'}"
+            for series, curve in curves.items()
+        )
+        lines.append(f"{sweep}, error within {tolerance:g}: {reached}.")
+    for sweep in (DEPTH, OFFSET):
+        (curve,) = found[sweep].values()
+        refused = [one["value"] for one in curve if "failure" in one]
+        good = [one["value"] for one in curve if holds(one)]
+        lines.append(
+            f"{sweep}: the map folds at {curve[0]['fold']:.5f}; right up to {max(good):.5f}, refused from {min(refused):.5f} on."
+        )
+    lines.append(
+        "Twist: sections that shrink below 95 % between layers of control points are warned of, below 70 % refused. Layers that differ by "
+        "whole turns look untwisted and cannot be told from it."
+    )
+    return lines
+
+
+def run(level: str) -> Iterator[dict[str, Any]]:
+    """Yield the points."""
+    quick = level == "quick"
+    for kind, name in STIFFNESSES.items():
+        for series, element in ELEMENTS.items():
+            for ratio in RATIOS:
+                yield measure(
+                    f"ellipse 1 : x, {name}",
+                    ratio,
+                    partial(_ellipse, ratio, element, kind),
+                    series=series,
+                    reference="exact (Saint-Venant)",
+                    tolerance=1e-3,
+                )
+    for name, symmetric in SHAPES.items():
+        for series, element in list(BLADES.items())[1 if quick else 0 :]:
+            for ratio in (1.0, 10.0, 100.0) if quick else (1.0, 1.5, 2.0, 2.5, 3.0, 10.0, 30.0, 100.0, 1000.0):
+                yield measure(
+                    THINNED,
+                    ratio,
+                    partial(_blade, ratio, element, symmetric),
+                    series=f"{name}, {series}",
+                    reference=f"the same blade, polynomials N = {FINE['section_degree']}, p = {FINE['degree']}, 16 elements, full rule; ten modes",
+                    tolerance=2e-2,
+                )
+    yield from _flowers()
+    yield from _rings()
+    for series, (degree, parts) in {"quadratic": (2, 1), "cubic": (3, 1), "quadratic, twice as many": (2, 2)}.items():
+        for degrees in (15.0, 30.0, 45.0, 90.0, 120.0, 180.0, 270.0, 360.0, 540.0):
+            yield measure(
+                TWIST,
+                degrees,
+                partial(_twisted, degrees, degree, parts),
+                series=series,
+                reference="exact volume of the twisted prism",
+                tolerance=0.1,
+            )
+    for kind in ("torsion", "weak"):
+        for ratio in (1.0, 1e2, 1e4, 1e6, 1e8, 1e10):
+            yield measure(
+                LENGTHS,
+                ratio,
+                partial(_short, ratio, kind),
+                series=STIFFNESSES[kind],
+                reference="exact (Saint-Venant), one element of three short",
+                tolerance=1e-6,
+            )
+
+
+def plot(records: list[Record], path: Path) -> None:
+    """Draw the case's figure."""
+    figure.draw(records, path)
+
+
+def _ellipse(ratio: float, element: dict[str, Any], kind: str) -> dict[str, Any]:
+    n = element.get("section_points", 8)
+    rod = bar([0.0, 4.0], 2, section=section.ellipse(n, 1.0, 1.0 / ratio))
+    space = Space(rod, **element)
+    found, exact, model = stiffness(space, kind, 1.0, 1.0 / ratio, 4.0)
+    plain, scaled = condition(model)
+    return {"error": abs(found / exact - 1.0), "condition": plain, "scaled": scaled}
+
+
+def _short(ratio: float, kind: str) -> dict[str, Any]:
+    middle = 2.0 / ratio
+    space = Space(
+        bar([0.0, 2.0, 2.0 + middle, 4.0 + middle], 3, section=section.ellipse(8, 1.0, 0.5)), section_degree=2
+    )
+    found, exact, model = stiffness(space, kind, 1.0, 0.5, 4.0 + middle)
+    plain, scaled = condition(model)
+    return {"error": abs(found / exact - 1.0), "condition": plain, "scaled": scaled}
+
+
+def thinned(ratio: float, symmetric: bool) -> np.ndarray:
+    """Return the paper's airfoil with its last control points ``ratio`` times as near to the chord, ``(16, 2)``.
+
+    As in the paper, the heights of a circle's control points are multiplied by factors that are linear in the point's number; at the
+    trailing edge 0.05 is divided by the ratio.  Made symmetric, the section has the same thickness and is convex.
+    """
+    angle = 2.0 * np.pi * (np.arange(16) + 0.5) / 16
+    front = (0.168, 0.168) if symmetric else (0.35625, -0.02)
+    upper, lower = (np.linspace(one, 0.05 / ratio, 8) for one in front)
+    factor = np.concatenate([upper, lower[::-1] if symmetric else lower])
+    return np.stack([np.cos(angle), np.sin(angle) * factor], axis=1) / np.cos(np.pi / 16)
+
+
+def _blade(ratio: float, element: dict[str, Any], symmetric: bool) -> dict[str, Any]:
+    scene = Blade()
+    whole = scene.rod()
+    # The scene's own sweep, of another section.
+    factors = 1.0 + (scene.taper - 1.0) * np.array([0.0, 0.5, 1.0])
+    angles = np.radians(scene.twist) * np.array([0.0, 0.5, 1.0])
+    turns = np.array([[[np.cos(t), -np.sin(t), 0.0], [np.sin(t), np.cos(t), 0.0], [0.0, 0.0, 1.0]] for t in angles])
+    heights = np.array([0.0, 0.5, 1.0])[:, None] * np.array([0.0, 0.0, scene.length])
+    rod = Rod.sweep(thinned(ratio, symmetric), whole.axis, heights, turns, factors[:, None, None] * np.eye(3))
+    rod.check()
+
+    def frequencies(element: dict[str, Any], quadrature: str) -> np.ndarray:
+        space = Space(rod, quadrature=quadrature, **element)
+        body = Body(space, LinearElastic(scene.E, scene.nu), scene.density)
+        return modal.solve(Model([body], [Support.end(space, "start")]), 10).frequencies
+
+    found, full, fine = frequencies(element, "auto"), frequencies(element, "full"), frequencies(FINE, "full")
+    return {
+        "error": float(np.max(np.abs(found / fine - 1.0))),
+        "rule": float(np.max(np.abs(found / full - 1.0))),
+        "first": float(found[0]),
+    }
+
+
+def _outline_area(polygon: np.ndarray) -> float:
+    """Return the area inside the outline of a control polygon, by Green's theorem on a fine polyline."""
+    theta = 2.0 * np.pi * np.arange(20000) / 20000
+    values, _ = harmonic_functions(polygon.shape[0], np.stack([np.cos(theta), np.sin(theta)], axis=1))
+    x, y = (values @ polygon).T
+    return float(0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
+
+
+def _smallest(depth: float) -> float:
+    """Return the smallest Jacobian of the flower's section on a grid 50 times as fine as `Rod.check`'s; on the circle, as it is there."""
+    polygon = section.flower(16, 4, 1.0, depth)
+    theta = 2.0 * np.pi * np.arange(6400) / 6400
+    _, slopes = harmonic_functions(16, np.stack([np.cos(theta), np.sin(theta)], axis=1))
+    a = np.einsum("qia,ib->qab", slopes, polygon)
+    return float((a[:, 0, 0] * a[:, 1, 1] - a[:, 0, 1] * a[:, 1, 0]).min())
+
+
+def _flowers() -> Iterator[dict[str, Any]]:
+    fold = float(brentq(_smallest, 0.1, 0.9))
+
+    def solve(depth: float) -> dict[str, Any]:
+        rod = Flower(depth=depth).rod()
+        smallest = rod.check()
+        exact = 2.0 * _outline_area(section.flower(16, 4, 1.0, depth))
+        if depth > fold:
+            return {"error": 1.0, "jacobian": smallest}
+        return {"error": abs(rod.volume() / exact - 1.0), "jacobian": smallest}
+
+    for depth in (0.0, 0.1, 0.2, 0.3, *(fold * (1.0 + gap) for gap in (-1e-2, -1e-3, 1e-3, 1e-2)), 0.6, 0.8, 0.95):
+        yield measure(DEPTH, depth, partial(solve, depth), reference="area of the outline", tolerance=1e-3, fold=fold)
+
+
+def _rings() -> Iterator[dict[str, Any]]:
+    radius, wire = 2.0, 0.5
+    line = helix(radius, 0.0, 1)
+
+    def solve(offset: float) -> dict[str, Any]:
+        outline = section.circle(8, wire) - np.array([offset, 0.0])
+        rod = Rod.sweep(outline, line.axis, line.centers, line.rotations, line.stretches, closed=True)
+        smallest = rod.check()
+        if offset > radius - wire:
+            return {"error": 1.0, "jacobian": smallest}
+        exact = 2.0 * np.pi * (radius - offset) * np.pi * wire**2
+        return {"error": abs(rod.volume() / exact - 1.0), "jacobian": smallest}
+
+    fold = radius - wire
+    for offset in (0.0, 0.5, 1.0, 1.4, 1.49, 1.499, 1.501, 1.51, 1.6, 2.0):
+        yield measure(
+            OFFSET, offset, partial(solve, offset), reference="Pappus' volume of the torus", tolerance=1e-6, fold=fold
+        )
+
+
+def _twisted(degrees: float, degree: int, parts: int) -> dict[str, Any]:
+    # Layers turn in proportion to their height.
+    straight = bar(np.linspace(0.0, 4.0, parts + 1).tolist(), degree, section=section.ellipse(8, 1.0, 0.5))
+    heights = straight.control_points[:, :, 2].mean(axis=1)
+    angle = np.radians(degrees) * parts * heights / 4.0
+    turns = np.zeros((angle.size, 3, 3))
+    turns[:, 0, 0] = turns[:, 1, 1] = np.cos(angle)
+    turns[:, 1, 0], turns[:, 0, 1] = np.sin(angle), -np.sin(angle)
+    turns[:, 2, 2] = 1.0
+    rod = replace(straight, control_points=np.einsum("jab,jib->jia", turns, straight.control_points))
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        smallest = rod.check()
+    found = {"error": abs(rod.volume() / (np.pi * 0.5 * 4.0) - 1.0), "jacobian": smallest}
+    return found | ({"warned": str(said[0].message)} if said else {})

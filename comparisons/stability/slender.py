@@ -1,0 +1,147 @@
+"""Slender cantilevers, length over radius 10 to 1e6, under a dead tip load: locking, conditioning, rounding, Newton's iterations."""
+
+from collections.abc import Iterator
+from contextlib import nullcontext
+from functools import cache, partial
+from pathlib import Path
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+from scipy.sparse import csr_matrix
+
+from comparisons.records import Record
+from comparisons.stability import figure
+from comparisons.stability.point import measure, reach, sweeps
+from comparisons.stability.rods import straight
+from isorod import statics
+from isorod.assembly import Assembler
+from isorod.load import SectionLoad
+from isorod.material import NeoHookean
+from isorod.model import Body, Model, Support
+from isorod.space import Space
+
+NAME = "slender"
+TITLE = "slenderness: a cantilever under a dead tip load"
+COLUMNS = {
+    "elastica": "against the elastica",
+    "condition": "condition number",
+    "scaled": "with unit diagonal",
+    "newton": "Newton iterations",
+    "steps": "load steps",
+    "floor": "last residual / load",
+}
+
+# Deflection over length of the inextensible elastica at P L^2 / EI (elliptic integrals).
+ELASTICA = {1.0: 0.30172077, 10.0: 0.81060902}
+
+# As many points as their degree along C0 elements keep membrane and shear from locking.
+REDUCED = {"elements": 8, "degree": 4, "continuity": 0, "section_degree": 3, "quadrature": "4x5x4"}
+SERIES: dict[str, dict[str, Any]] = {
+    "polynomials, C0, p points along": REDUCED,
+    "polynomials, C0, p + 2 points (full)": REDUCED | {"quadrature": "full"},
+    "polynomials, smooth, full": REDUCED | {"quadrature": "full", "continuity": 3},
+    "control points, K = 2, C0, p points": {
+        "elements": 8,
+        "degree": 4,
+        "continuity": 0,
+        "order": 2,
+        "section_points": 8,
+        "quadrature": "4x2x4",
+    },
+}
+PLAIN_NEWTON = "polynomials, C0, p points, Newton without extrapolated stress"
+TOLERANCE = 1e-4
+
+
+def LIMITS(records: list[Record]) -> list[str]:
+    """Return the limits, from the records."""
+    lines = []
+    for sweep, curves in sweeps(records).items():
+        for series, curve in curves.items():
+            last = reach(curve)
+            lines.append(
+                f"{sweep}, {series}: error within {TOLERANCE:g} {'nowhere' if last is None else f'up to L/r = {last:.0e}'}."
+            )
+        ours, plain = (curves[name] for name in (next(iter(SERIES)), PLAIN_NEWTON))
+        done = [
+            (a["newton"], b["newton"])
+            for a, b in zip(ours, plain, strict=True)
+            if "failure" not in a and "failure" not in b
+        ]
+        lines.append(f"{sweep}: Newton iterations {done[-1][0]} with extrapolated stress, {done[-1][1]} without.")
+    return lines
+
+
+def run(level: str) -> Iterator[dict[str, Any]]:
+    """Yield the points."""
+    loads = (1.0,) if level == "quick" else (1.0, 10.0)
+    lengths = [10.0, 1e3, 1e5] if level == "quick" else [10.0 ** (k / 2) for k in range(2, 13)]
+    for load in loads:
+        for series, space in (SERIES | {PLAIN_NEWTON: REDUCED}).items():
+            for length in lengths:
+                yield measure(
+                    f"length over radius, P L^2 / EI = {load:g}",
+                    length,
+                    partial(_cantilever, length, load, space, series == PLAIN_NEWTON),
+                    series=series,
+                    reference="up to 1e3 the same with 16 elements of degree 5, else the inextensible elastica",
+                    tolerance=TOLERANCE,
+                )
+
+
+def plot(records: list[Record], path: Path) -> None:
+    """Draw the case's figure."""
+    figure.draw(records, path)
+
+
+def _solve(length: float, load: float, space: dict[str, Any]) -> tuple[float, statics.Equilibrium]:
+    force = load * 0.25 * np.pi / length**2
+    made = Space(straight(length, 8 if "order" in space else 4), **space)
+    model = Model(
+        [Body(made, NeoHookean(1.0, 0.0))],
+        [Support.end(made, "start")],
+        loads=[SectionLoad.end(made, "end", (force, 0.0, 0.0))],
+    )
+    found = statics.solve(model)
+    tip = made.displacement(model.nodal(found.displacement), [[0.0, 0.0]], [1.0])[0][0, 0, 0]
+    return float(tip) / length, found
+
+
+@cache
+def _reference(length: float, load: float) -> float:
+    return _solve(length, load, REDUCED | {"elements": 16, "degree": 5, "quadrature": "5x5x5"})[0]
+
+
+def _cantilever(length: float, load: float, space: dict[str, Any], plain: bool) -> dict[str, Any]:
+    with patch.object(Assembler, "extrapolate", lambda self: None) if plain else nullcontext():
+        tip, found = _solve(length, load, space)
+    exact = ELASTICA[load]
+    if length <= 1e3:
+        exact = _reference(length, load)
+    condition, scaled = _conditions(found)
+    return {
+        "error": abs(tip / exact - 1.0),
+        "elastica": abs(tip / ELASTICA[load] - 1.0),
+        "condition": condition,
+        "scaled": scaled,
+        "newton": found.newton_iterations,
+        "steps": found.load_steps,
+        "floor": found.residual_norms[-1] * length**2 / (load * 0.25 * np.pi),
+        "unknowns": found.model.unknowns,
+    }
+
+
+def _conditions(found: statics.Equilibrium) -> tuple[float, float]:
+    """Return the condition number of the tangent, and that with its diagonal scaled to one; what is beyond 1e16 is a lower bound."""
+    assembler = Assembler(found.model)
+    matrix = assembler.matrix()
+    assembler.tangent(assembler.state(found.displacement), 1.0, matrix)
+    first, column, values = matrix.getValuesCSR()
+    dense = csr_matrix((values, column, first), shape=matrix.getSize()).toarray()
+    root = 1.0 / np.sqrt(np.abs(np.diag(dense)))
+    result = []
+    for K in (dense, root[:, None] * dense * root):
+        sizes = np.abs(np.linalg.eigvalsh(K))
+        result.append(float(sizes.max() / max(sizes.min(), np.finfo(float).tiny)))
+    return result[0], result[1]

@@ -1,0 +1,58 @@
+"""Taylor-Hood elements in dolfinx: exact where a solution is known, and beside the mixed formulation of rods."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip("dolfinx")
+
+from isorod import options
+
+options.initialize([])
+
+from comparisons.fem import mixed  # noqa: E402
+from comparisons.fem.domain import Domain  # noqa: E402
+from comparisons.fem.statics import Held  # noqa: E402
+from comparisons.stability import incompressible  # noqa: E402
+from comparisons.stability.bars import bar  # noqa: E402
+from meshes.bricks import bricks  # noqa: E402
+from meshes.template import o_grid  # noqa: E402
+
+
+@pytest.mark.parametrize("nu", [0.499999, 0.5])
+def test_uniform_stretch_is_exact(nu):
+    """A bar of which only the two ends and one component of the side move as they must; the rest follows."""
+    stretch = 1.2
+    shrink = stretch**-0.5 - 1.0
+    mesh = bricks(bar((0.0, 2.0)), o_grid(8, 1, 2), 2)
+    held = [
+        mixed.Guided("lateral", 1, lambda x: shrink * x[1]),
+        mixed.Guided("start", 0, lambda x: shrink * x[0]),
+        mixed.Guided("start", 2, lambda x: 0.0 * x[2]),
+        mixed.Guided("end", 2, lambda x: (stretch - 1.0) * x[2]),
+    ]
+    found = mixed.solve(Domain.distribute(mesh), incompressible.law(nu), held, steps=2)
+    # A guided face reports force times displacement.
+    force = (stretch - stretch**-2) * mesh.volume() / 2.0
+    assert found.reactions[3, 2] == pytest.approx(force * (stretch - 1.0) * 2.0, rel=1e-5)
+    assert np.abs(found.reactions[:3]).max() < 1e-5
+
+
+def test_dead_load_and_reaction_balance():
+    domain = Domain.distribute(bricks(bar((0.0, 4.0)), o_grid(8, 1, 2), 4))
+    found = mixed.solve(domain, incompressible.law(0.5), [Held("start")], {"end": (0.0, 0.05, 0.02)})
+    assert found.reactions[0] == pytest.approx([0.0, -0.05, -0.02], abs=1e-9)
+    assert found.deflections["end"][1] > 0.05
+
+
+@pytest.mark.parametrize("nu", [0.3, 0.499999])
+def test_rods_and_bricks_agree_on_the_pinched_section(nu):
+    coarse = incompressible.reference(incompressible.PINCHED, nu, 8, 1, 12)
+    ours, _ = incompressible.pinched(nu, "mixed", order=3)
+    assert ours == pytest.approx(coarse, rel=5e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", incompressible.MESHES)
+def test_stored_references_are_those_of_the_meshes_named(case):
+    found = incompressible.reference(case, incompressible.RATIOS[2], *incompressible.MESHES[case])
+    assert found == pytest.approx(incompressible.REFERENCE[case][2], rel=1e-6)

@@ -1,0 +1,391 @@
+"""The stability study at quick level: the limits it claims, and that every failure is one line with exit code 2."""
+
+import dataclasses
+import re
+import warnings
+from typing import ClassVar
+
+import numpy as np
+import pytest
+
+from comparisons import html, report_stability, stability
+from comparisons.records import newest, part
+from comparisons.stability import contrast, point, sections, tuning
+from comparisons.stability.bars import bar, petsc
+from comparisons.stability.prism import stiffness
+from comparisons.study import Run
+from isorod import modal, statics
+from isorod.errors import FoldedRodError, InputError, SolveError
+from isorod.material import LinearElastic, NeoHookean
+from isorod.model import Body, Model, Support
+from isorod.scenes.blade import Blade
+from isorod.scenes.spring import Spring
+from isorod.space import Space
+
+OWN = (contrast, sections, tuning)
+
+
+@pytest.fixture(scope="module")
+def points():
+    """The points of a case at quick level, by sweep and series; each case runs once."""
+    found = {}
+
+    def get(case):
+        if case.NAME not in found:
+            found[case.NAME] = list(case.run("quick"))
+        return point.sweeps(found[case.NAME])
+
+    return get
+
+
+def one(points, value):
+    """Return the point of a curve at a value."""
+    (found,) = (record for record in points if record["value"] == value)
+    return found
+
+
+# --- the framework
+
+
+def test_a_failure_becomes_a_record_and_a_defect_does_not():
+    def refuse():
+        raise InputError("no")
+
+    def crash():
+        raise ZeroDivisionError
+
+    found = point.measure("x", 1.0, refuse, tolerance=0.1)
+    assert found["failure"] == "no"
+    assert "error" not in found
+    assert not point.holds(found)
+    with pytest.raises(ZeroDivisionError):
+        point.measure("x", 1.0, crash)
+
+
+def test_reach_ends_where_the_first_point_fails():
+    records = [{"value": v, "error": e, "tolerance": 0.1} for v, e in ((1, 0.0), (2, 0.1), (3, 0.2), (4, 0.0))]
+    assert point.reach(records) == 2
+    assert point.reach(records[2:]) is None
+    assert not point.holds({"error": np.nan, "tolerance": 0.1})
+
+
+def test_the_page_shows_limits_tables_and_failures(tmp_path, monkeypatch):
+    class Made:
+        NAME = "contrast"
+        TITLE = "made up"
+        LIMITS = ("holds up to 2 < 3",)
+        COLUMNS: ClassVar = {"newton": "iterations"}
+
+        @staticmethod
+        def run(level):
+            yield {"sweep": "s", "value": 1.0, "error": 1e-3, "newton": 4, "tolerance": 0.1, "seconds": 0.1}
+            yield {"sweep": "s", "value": 2.0, "error": 0.5, "newton": 5, "tolerance": 0.1, "seconds": 0.1}
+            yield {"sweep": "s", "value": 3.0, "failure": "a < b", "tolerance": 0.1, "seconds": 0.1}
+
+        plot = staticmethod(contrast.plot)
+
+    monkeypatch.setattr(stability, "find", lambda name: Made)
+    study = Run("stability", "quick", tmp_path)
+    stability.run(study, ["contrast"])
+    study.record("end", {})
+    records = newest(tmp_path, "stability")
+    page = "\n".join(report_stability.section(records, tmp_path))
+    assert "holds up to 2 &lt; 3" in page
+    assert "a &lt; b" in page
+    assert "outside tolerance" in page
+    assert (tmp_path / "stability-contrast.png").stat().st_size > 10_000
+    assert report_stability.summary(records) == [
+        "stability: 1 cases, 3 points: 1 hold, 1 refused with one line, 1 outside their tolerance"
+    ]
+    assert len(part(records, "point")) == 3
+    assert html.table(("a",), [("<",)]).count("&lt;") == 1
+
+
+def test_every_case_there_is_has_what_the_study_needs():
+    for name in stability.available():
+        case = stability.find(name)
+        assert case.NAME == name
+        assert case.TITLE
+        assert callable(case.run)
+        assert callable(case.plot)
+        assert hasattr(case, "LIMITS")
+
+
+@pytest.mark.parametrize("case", OWN, ids=lambda case: case.NAME)
+def test_failures_are_one_line(case, points):
+    failures = [
+        record["failure"]
+        for curves in points(case).values()
+        for curve in curves.values()
+        for record in curve
+        if "failure" in record
+    ]
+    assert all(text and "\n" not in text for text in failures)
+
+
+# --- stiffness and density contrast
+
+
+def test_bars_in_series_are_exact_in_the_linear_limit():
+    assert contrast.force_in_series(3.0, 5.0, 2.0, 4.0, 1e-9) == pytest.approx(1e-9 / (2 / 3 + 4 / 5), rel=1e-8)
+
+
+def test_longitudinal_modes_of_one_material_are_those_of_the_uniform_bar():
+    exact = (2 * np.arange(4) + 1) / (4 * 10.0) * np.sqrt(2.0 / 3.0)
+    assert contrast.longitudinal((2.0, 2.0), (3.0, 3.0), (4.0, 6.0), 4) == pytest.approx(exact, rel=1e-13)
+
+
+@pytest.mark.parametrize("solver", ["banded LU (default)", "Cholesky, MUMPS", "CG + ICC"])
+def test_stretched_rod_holds_to_a_contrast_of_1e8(solver, points):
+    curve = points(contrast)[contrast.STRETCHED][solver]
+    assert point.reach(curve) >= 1e8
+    # Double precision gives up at contrast * 1e-15, never silently.
+    for record in curve:
+        if "failure" in record:
+            assert record["value"] >= 1e11
+            assert "do not balance" in record["failure"]
+        else:
+            assert record["error"] < max(1e-14 * record["value"], 1e-9)
+            assert record["soft_end"] < 1e-12
+
+
+def test_multigrid_does_not_hold_and_says_so(points):
+    curve = points(contrast)[contrast.STRETCHED]["CG + GAMG"]
+    assert point.reach(curve) >= 1e2
+    assert all("linear solver failed" in record["failure"] for record in curve if "failure" in record)
+    assert all(record["error"] < 1e-6 for record in curve if "error" in record)
+
+
+def test_bent_rod_tends_to_the_muscle_held_by_a_wall(points):
+    (curve,) = points(contrast)[contrast.BENT].values()
+    assert point.reach(curve) >= 1e8
+    for value in (1e4, 1e6):
+        assert one(curve, value)["rigid_limit"] < 10.0 / value
+    assert one(curve, 1e8)["rigid_limit"] < 1e-4
+
+
+def test_modes_follow_the_transcendental_equation(points):
+    curves = points(contrast)[contrast.MODES]
+    for series in ("stiff half fixed", "heavy half fixed", "heavy half free"):
+        assert point.reach(curves[series]) >= 1e16
+    assert point.reach(curves["stiff half free"]) >= 1e8
+    for record in curves["stiff half free"]:
+        assert "failure" in record or record["error"] < 1e-4
+
+
+def test_a_joint_without_a_knot_is_warned_of():
+    space = Space(bar([0.0, 4.0, 10.0], 3), elements=2)
+    laws = [NeoHookean(100.0, 0.0), NeoHookean(1.0, 0.0)]
+    with pytest.warns(UserWarning, match="stiffness jumps by 100 at u = 4"):
+        Body(space, laws)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        Body(Space(bar([0.0, 4.0, 10.0], 3, 0), elements=2), laws)
+        Body(space, [NeoHookean(2.0, 0.0), NeoHookean(1.0, 0.0)])
+
+
+def test_densities_belong_to_elements():
+    space = Space(bar([0.0, 4.0, 10.0], 2), elements=2)
+    law = LinearElastic(1.0, 0.0)
+    for wrong in ([1.0, 2.0, 3.0], [1.0, -1.0], [1.0, np.nan]):
+        with pytest.raises(InputError, match="density"):
+            Body(space, law, wrong)
+    assert Body(space, law, [1.0, 2.0]).densities.tolist() == [1.0, 2.0]
+    with pytest.raises(InputError, match="density of body 0: got 0"):
+        modal.solve(Model([Body(space, law, [1.0, 0.0])], [Support.end(space, "start")]), 1)
+
+
+def test_laws_given_one_by_one_are_linear_elastic_too():
+    space = Space(bar([0.0, 4.0, 10.0], 2), elements=2)
+    body = Body(space, [LinearElastic(1.0, 0.0)] * 2, 1.0)
+    model = Model([body], [Support.end(space, "start"), Support.end(space, "end", displacement=(0.0, 0.0, 0.1))])
+    with pytest.raises(InputError, match="linear elastic"):
+        modal.solve(model, 1, state=statics.solve(model))
+
+
+# --- sections
+
+
+def test_polynomials_hold_on_every_ellipse(points):
+    for kind in ("torsion constant", "bending the thin way", "bending the wide way"):
+        curve = points(sections)[f"ellipse 1 : x, {kind}"]["polynomials N = 2"]
+        assert max(record["error"] for record in curve) < 1e-10
+        assert max(record["scaled"] for record in curve) < 1e6
+
+
+def test_control_points_converge_on_thin_ellipses(points):
+    torsion = points(sections)["ellipse 1 : x, torsion constant"]
+    thin = {series: one(curve, 20.0)["error"] for series, curve in torsion.items()}
+    assert thin["K = 1, n = 16"] < thin["K = 1, n = 8"] / 16
+    # Harmonic functions hold the anticlastic curvature back: 1 / (1 - nu^2) in a strip.
+    bending = points(sections)["ellipse 1 : x, bending the thin way"]["K = 1, n = 16"]
+    assert one(bending, 100.0)["error"] == pytest.approx(1.0 / (1.0 - 0.3**2) - 1.0, rel=0.02)
+    assert one(points(sections)["ellipse 1 : x, bending the thin way"]["K = 2, n = 16"], 5.0)["error"] < 1e-3
+
+
+def test_stiffness_of_a_circle_is_exact_in_all_three_ways():
+    space = Space(bar([0.0, 3.0], 2), section_degree=2)
+    for kind in ("torsion", "weak", "strong"):
+        found, exact, _ = stiffness(space, kind, 1.0, 1.0, 3.0)
+        assert found == pytest.approx(exact, rel=1e-11)
+
+
+def test_thinned_blade_converges_without_spurious_modes(points):
+    curves = points(sections)[sections.THINNED]
+    symmetric = next(curve for series, curve in curves.items() if series.startswith("symmetric"))
+    assert point.reach(symmetric) == 100.0
+    for record in symmetric:
+        assert record["error"] < 5e-3
+        assert record["rule"] < 1e-3
+    papers = next(curve for series, curve in curves.items() if series.startswith("paper"))
+    assert all("folds" in record["failure"] for record in papers if record["value"] > 2.0)
+
+
+@pytest.mark.parametrize("sweep", [sections.DEPTH, sections.OFFSET])
+def test_folds_are_found_within_a_thousandth(sweep, points):
+    (curve,) = points(sections)[sweep].values()
+    for record in curve:
+        past = record["value"] > record["fold"]
+        assert ("failure" in record) == past
+        assert not past or "folds" in record["failure"]
+        assert past or record["error"] < record["tolerance"]
+    assert any(0.0 < record["value"] / record["fold"] - 1.0 < 1.1e-3 for record in curve)
+
+
+def test_twist_is_right_warned_of_or_refused(points):
+    for curve in points(sections)[sections.TWIST].values():
+        for record in curve:
+            assert point.holds(record) or "failure" in record or "shrinks" in record["warned"]
+        assert "failure" in one(curve, 360.0)
+        assert one(curve, 45.0)["error"] < 0.1
+
+
+def test_twist_warns_only_where_sections_shrink():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        Spring().rod().check()
+        Blade().rod().check()
+    with pytest.warns(UserWarning, match="shrinks to 85 %"):
+        Blade(twist=90.0, taper=1.0).rod().check()
+
+
+def test_short_elements_do_not_matter(points):
+    for curve in points(sections)[sections.LENGTHS].values():
+        assert point.reach(curve) == 1e10
+        assert max(record["error"] for record in curve) < 1e-10
+        assert max(record["scaled"] for record in curve) < 2.0 * curve[0]["scaled"]
+
+
+# --- what used to be a wrong number
+
+
+@pytest.mark.parametrize("scene", [Blade(elements=4, quadrature="1x1x3"), Spring(quadrature="1x1x4")])
+def test_one_radial_point_is_refused(scene):
+    with pytest.raises(InputError, match="half of the bending stiffness"):
+        scene.model().bodies[0].space.tabulate(0, 1)
+
+
+def test_hourglass_modes_are_refused():
+    with pytest.raises(SolveError, match="does not see the energy"):
+        modal.solve(Blade(elements=6, order=2, quadrature="paper").model(), 4)
+    with pytest.raises(SolveError, match=r"2x1x1 has fewer points than 'auto'"):
+        modal.solve(Blade(elements=6, quadrature="2x1x1").model(), 4)
+
+
+@pytest.mark.parametrize(
+    "scene", [Spring(quadrature="paper"), Spring(quadrature="2x1x2", degree=2, elements_per_turn=4)]
+)
+def test_the_papers_rules_pass(scene):
+    found = statics.solve(scene.model())
+    assert found.seconds["check"] > 0.0
+    assert scene.measure(found)["force"] == pytest.approx(6.057, rel=0.02)
+
+
+def test_default_rules_are_not_checked():
+    assert "check" not in statics.solve(dataclasses.replace(Spring(), coils=1).model()).seconds
+
+
+@pytest.mark.parametrize("pull", [1e-300, 1e-20, 1e-13, 1e-10])
+def test_displacements_that_leave_no_digits_are_refused(pull):
+    with pytest.raises(SolveError, match="double precision"):
+        statics.solve(Spring(pull=pull).model())
+
+
+def test_small_displacements_are_right():
+    force = {pull: statics.solve(Spring(pull=pull).model()).reactions[1, 2] for pull in (1e-3, 1e-8)}
+    assert force[1e-8] / 1e-8 == pytest.approx(force[1e-3] / 1e-3, rel=1e-3)
+
+
+def test_moments_alone_are_no_imbalance():
+    space = Space(bar([0.0, 4.0], 2), section_degree=2)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        stiffness(space, "weak", 1.0, 1.0, 4.0)
+
+
+def test_a_translation_is_no_imbalance():
+    space = Space(bar([0.0, 4.0], 2), section_degree=2)
+    ends = [Support.end(space, end, displacement=(1.0, 2.0, 3.0)) for end in ("start", "end")]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        found = statics.solve(Model([Body(space, NeoHookean(1.0, 0.3))], ends))
+    assert np.abs(found.reactions).max() < 1e-13
+
+
+def test_loose_tolerances_are_refused():
+    with petsc({"snes_atol": 1e9}), pytest.raises(SolveError, match="tolerances of SNES are loose"):
+        statics.solve(Spring(pull=6.0).model())
+
+
+@pytest.mark.parametrize("modulus", [1e-60, 1e-12, 1e60])
+def test_units_do_not_matter(modulus):
+    scaled, plain = (statics.solve(Spring(E=E).model()).reactions[1, 2] / E for E in (modulus, 1.0))
+    assert scaled == pytest.approx(plain, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("blade --density 1e-300", r"density: got 1e-300, need 1e-100 to 1e100; choose other units"),
+        ("blade --E 1e300", r"Young's modulus E: got 1e\+300, need 1e-100 to 1e100; choose other units"),
+        ("spring --E 1e-300", r"Young's modulus E: got 1e-300"),
+        ("blade --quadrature 1x1x1", r"one radial point"),
+        ("spring --quadrature 2x1x1", r"quadrature 2x1x1 has fewer points than 'auto'"),
+        ("spring --pull 1e-13", r"vanish beside the size"),
+    ],
+)
+def test_the_command_fails_with_one_line(line, message, isorod):
+    done = isorod("run", *line.split(), "--json")
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert re.search(message, done.stderr)
+
+
+def test_a_fold_between_layers_is_an_input_error():
+    assert issubclass(FoldedRodError, InputError)
+
+
+# --- solver options
+
+
+def test_lines_of_options_agree_with_the_default_or_fail_with_exit_code_2(points):
+    for curves in points(tuning).values():
+        (curve,) = curves.values()
+        assert point.holds(curve[0])
+        for record in curve:
+            if "failure" in record:
+                assert record["code"] in (2, None)
+                assert record["said"] == 1 if record["code"] else "no result within" in record["failure"]
+            else:
+                assert record["error"] <= tuning.TOLERANCE
+                assert record["milliseconds"] > 0.0
+
+
+def test_each_case_recommends_a_line_that_was_run(points):
+    records = [record for curves in points(tuning).values() for curve in curves.values() for record in curve]
+    lines = tuning.LIMITS(records)
+    assert len(lines) == len(tuning.CASES["quick"])
+    for text in lines:
+        (line,) = re.findall(r"`isorod run (.+?)`", text)
+        assert line in {record["line"] for record in records if point.holds(record)}
