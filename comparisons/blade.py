@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 
 from comparisons import mac, pictures, published, rod, timing
-from comparisons.convergence import richardson
+from comparisons.convergence import extrapolate
 from comparisons.fem import blade_presets as presets
 from comparisons.records import Record
 from comparisons.study import Run, Steps
 from comparisons.work import Curve, WorkPrecision, fem_curves, steps_of
 from isorod import modal, options, scenes
-from isorod.errors import SolveError
 
 # Largest error of the ten frequencies at which run times are compared.
 TARGETS = {"quick": (1e-2, 5e-3), "full": (1e-2, 5e-3, 3e-3)}
@@ -135,21 +134,11 @@ def _converged(study: Run, steps: Steps, meshes: Sequence[str], label: str) -> l
     records: list[Record] = []
     for arguments in meshes:
         with steps.step(f"converged values: {label} {arguments}"):
-            found = timing.run("comparisons.fem", ["blade", *arguments.split()])
-            records.append(study.record("convergence", found | {"arguments": arguments}))
+            record = timing.run("comparisons.fem", ["blade", *arguments.split()])
+            records.append(study.record("convergence", record | {"arguments": arguments}))
     sizes = [1.0 / record["options"]["layers"] for record in records]
-    limits: list[float] = []
-    orders: list[float | None] = []
-    for values in zip(*(record["frequencies"] for record in records), strict=True):
-        try:
-            limit = richardson(sizes, values)
-            if limit.order < 1.0:
-                raise SolveError("extrapolation: slower than first order")
-            limits.append(limit.value)
-            orders.append(limit.order)
-        except SolveError:
-            limits.append(values[-1])
-            orders.append(None)
+    found = [extrapolate(sizes, values) for values in zip(*(record["frequencies"] for record in records), strict=True)]
+    limits, orders = [limit.value for limit in found], [limit.order for limit in found]
     study.record("converged", {"frequencies": limits, "orders": orders, "element": label})
     return limits
 

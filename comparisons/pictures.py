@@ -15,10 +15,22 @@ from isorod.results import write_beside
 
 SIZE = (1600, 720)
 
+# The scale of stresses, at the right of a panel.
+BAR: dict[str, Any] = {
+    "title": "von Mises",
+    "vertical": True,
+    "position_x": 0.89,
+    "position_y": 0.15,
+    "height": 0.7,
+    "color": "black",
+    "n_labels": 6,
+    "fmt": "%.0f",
+}
+
 
 def spring(study: Run) -> None:
     """Render Fig. 8: von Mises stress on the deformed spring, cylindrical element and finite elements on one scale."""
-    _without_display()
+    without_display()
     import pyvista
 
     scene = scenes.find("spring")(E=published.SPRING_E, nu=published.SPRING_NU, elements_per_turn=8, degree=3)
@@ -48,7 +60,7 @@ def modes(study: Run, found: Modes, rows: int = 2, exaggeration: float = 0.12) -
 
     The largest displacement is drawn as ``exaggeration`` times the body's size.
     """
-    _without_display()
+    without_display()
     import pyvista
 
     body = found.model.bodies[0]
@@ -85,10 +97,24 @@ def modes(study: Run, found: Modes, rows: int = 2, exaggeration: float = 0.12) -
     study.record("picture", {"file": path.name})
 
 
-def _without_display() -> None:
+def without_display() -> None:
     """Let VTK draw off screen; must come before pyvista is imported."""
     if not os.environ.get("DISPLAY"):
         os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
+
+
+def add_von_mises(plotter: Any, mesh: Any, scale: tuple[float, float], bar: dict[str, Any] | None) -> None:
+    """Add the deformed surface of a mesh with ``displacement`` and ``von_mises``, coloured by the latter; ``bar`` describes its scale."""
+    plotter.add_mesh(
+        mesh.warp_by_vector("displacement").extract_surface(algorithm="dataset_surface"),
+        scalars="von_mises",
+        clim=scale,
+        cmap="turbo",
+        smooth_shading=True,
+        split_sharp_edges=True,
+        show_scalar_bar=bar is not None,
+        scalar_bar_args=bar,
+    )
 
 
 def _side_by_side(panels: Any, scale: tuple[float, float], path: Path) -> None:
@@ -98,26 +124,7 @@ def _side_by_side(panels: Any, scale: tuple[float, float], path: Path) -> None:
     plotter.set_background("white")
     for column, (mesh, label) in enumerate(panels):
         plotter.subplot(0, column)
-        surface = mesh.warp_by_vector("displacement").extract_surface(algorithm="dataset_surface")
-        plotter.add_mesh(
-            surface,
-            scalars="von_mises",
-            clim=scale,
-            cmap="turbo",
-            smooth_shading=True,
-            split_sharp_edges=True,
-            show_scalar_bar=column == len(panels) - 1,
-            scalar_bar_args={
-                "title": "von Mises",
-                "vertical": True,
-                "position_x": 0.89,
-                "position_y": 0.15,
-                "height": 0.7,
-                "color": "black",
-                "n_labels": 6,
-                "fmt": "%.0f",
-            },
-        )
+        add_von_mises(plotter, mesh, scale, BAR if column == len(panels) - 1 else None)
         plotter.add_text(label, position="upper_left", font_size=14, color="black")
         plotter.camera_position = "xz"
         plotter.camera.elevation = 25

@@ -7,10 +7,10 @@ from comparisons.records import Record
 from isorod.results import write_beside
 
 # Okabe and Ito's colours: told apart by colour-blind readers too.
-_COLOURS = ("#0072B2", "#009E73", "#56B4E9", "#004D40", "#3F51B5", "#00BFA5", "#1A237E", "#7CB342")
-_FEM_COLOURS = ("#D55E00", "#E69F00", "#CC79A7", "#8B0000", "#A0522D", "#FF6F91", "#6A1B9A", "#9E9D24")
+COLOURS = ("#0072B2", "#009E73", "#56B4E9", "#004D40", "#3F51B5", "#00BFA5", "#1A237E", "#7CB342")
+FEM_COLOURS = ("#D55E00", "#E69F00", "#CC79A7", "#8B0000", "#A0522D", "#FF6F91", "#6A1B9A", "#9E9D24")
 # One fewer than colours, so that no two of many curves look alike.
-_MARKERS = "osD^vPX"
+MARKERS = "osD^vPX"
 
 
 def work_precision(records: Sequence[Record], target: float, quantity: str, path: Path) -> None:
@@ -36,11 +36,11 @@ def work_precision(records: Sequence[Record], target: float, quantity: str, path
         if record["curve"] not in styles:
             same = [curve for curve, style in styles.items() if style["method"] == record["method"]]
             fem = record["method"] == "fem"
-            colours = _FEM_COLOURS if fem else _COLOURS
+            colours = FEM_COLOURS if fem else COLOURS
             styles[record["curve"]] = {
                 "method": record["method"],
                 "color": colours[len(same) % len(colours)],
-                "marker": _MARKERS[len(same) % len(_MARKERS)],
+                "marker": MARKERS[len(same) % len(MARKERS)],
                 "linestyle": "--" if fem else "-",
             }
     for curve, style in styles.items():
@@ -82,7 +82,7 @@ def convergence(entries: Sequence[Record], path: Path) -> float:
     figure, axis = pyplot.subplots(figsize=(6.2, 4.6), layout="constrained")
     for k in range(3):
         label = f"mode {k + 1}, slope {slopes[k]:.2f}"
-        axis.loglog(elements, errors[:, k], color=_COLOURS[k], marker=_MARKERS[k], label=label)
+        axis.loglog(elements, errors[:, k], color=COLOURS[k], marker=MARKERS[k], label=label)
     guide = errors[0].mean() * (elements / elements[0]) ** -3.0
     axis.loglog(elements, guide, color="black", linewidth=0.8, linestyle=":", label="slope 3")
     axis.set_xlabel("elements")

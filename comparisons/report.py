@@ -1,7 +1,8 @@
 """The report page, made from result files alone."""
 
 import html
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
@@ -40,9 +41,11 @@ def write(folder: Path) -> Path:
     """
     found = _found(folder)
     body = [f"<p class=big>{html.escape(line)}</p>" for line in summary(folder)]
-    body.append(_provenance(found))
+    with _read(folder, *found):
+        body.append(_provenance(found))
     for study, records in found.items():
-        body.extend(STUDIES[study][1](records, folder))
+        with _read(folder, study):
+            body.extend(STUDIES[study][1](records, folder))
     page = (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>isorod: error against run time</title>\n'
         f"<style>{_STYLE}</style></head>\n<body>\n<h1>isorod: error against run time</h1>\n"
@@ -56,8 +59,25 @@ def write(folder: Path) -> Path:
 
 def summary(folder: Path) -> list[str]:
     """Return the main findings of the newest runs, one line each."""
-    found = _found(folder)
-    return [line for study in found for line in STUDIES[study][0](found[study])]
+    lines = []
+    for study, records in _found(folder).items():
+        with _read(folder, study):
+            lines += STUDIES[study][0](records)
+    return lines
+
+
+@contextmanager
+def _read(folder: Path, *studies: str) -> Iterator[None]:
+    """Raise `InputError` where records lack what the page is made of."""
+    try:
+        yield
+    except InputError:
+        raise
+    except (KeyError, ValueError, TypeError, IndexError, AttributeError) as problem:
+        raise InputError(
+            f"results {folder}: the newest run of {' or '.join(studies)} is damaged or of another version "
+            f"({type(problem).__name__}: {' '.join(str(problem).split())}); run the study again"
+        ) from problem
 
 
 def _found(folder: Path) -> dict[str, list[Record]]:

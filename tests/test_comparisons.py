@@ -57,9 +57,16 @@ def test_no_complete_run_is_no_records(tmp_path):
 
 
 def test_a_damaged_line_is_named(tmp_path):
+    for text in ('{"run": 1, "pa', '{"run": 1}', '{"run": 1, "part": "one", "force": NaN}', "[1]", "\xff"):
+        (tmp_path / "spring.jsonl").write_bytes(b'{"run": 1, "part": "end"}\n' + text.encode("latin-1") + b"\n")
+        with pytest.raises(InputError, match="line 2 is not JSON"):
+            records.newest(tmp_path, "spring")
+
+
+def test_a_torn_last_line_is_left_out_with_a_word(tmp_path):
     (tmp_path / "spring.jsonl").write_text('{"run": 1, "part": "end"}\n{"run": 1, "pa')
-    with pytest.raises(InputError, match="line 2 is not JSON"):
-        records.newest(tmp_path, "spring")
+    with pytest.warns(UserWarning, match="last line is torn"):
+        assert records.newest(tmp_path, "spring") == [{"run": 1, "part": "end"}]
 
 
 def measured(forces, times, monkeypatch, tmp_path, target=1e-2):

@@ -19,13 +19,16 @@ from comparisons.fem import biceps_presets, compat, dynamics, pressed
 from comparisons.fem.biceps import Configuration, belly_bulge, run
 from comparisons.fem.branches import Branches
 from comparisons.fem.contact import Contact
+from comparisons.fem.fields import Sampler
 from comparisons.fem.material import muscle
 from isorod.errors import InputError, SolveError
+from isorod.material import NeoHookean
 from isorod.muscle import Muscle
 from isorod.rod import Rod
 from isorod.scenes.biceps import Biceps
 from isorod.section import circle
 from isorod.spline import Axis
+from isorod.stress import von_mises
 from meshes import biceps, gmsh_model
 from meshes.biceps import BRANCHES
 
@@ -228,6 +231,39 @@ def branches_of(degree: int, **options) -> tuple[Branches, Contact, Biceps]:
     mesh = biceps.build("bricks", around=4, layers=1, cuts=0, order=degree)
     contact = Contact(mesh, "first belly", "second belly", scene.penalty)
     return Branches(scene, mesh, 2 * degree), contact, scene
+
+
+def test_stress_of_tendon_and_muscle_on_small_cells(tmp_path):
+    """A homogeneous deformation has the von Mises stress of isorod's laws, each on its cells."""
+    scene = Biceps(activation=0.7)
+    mesh = biceps.build(**COARSE, order=2)
+    branches = Branches(scene, mesh, 4)
+    F = np.eye(3) + 0.1 * np.random.default_rng(2).normal(size=(3, 3))
+    branches.state.x.array[:] = branches.to_dofs(mesh.points @ (F - np.eye(3)).T)
+    branches.activation.value = scene.activation
+    sampler = Sampler(branches.state, branches.laws(), 2)
+    displacement, found = sampler.state()
+    assert displacement == pytest.approx(sampler.points @ (F - np.eye(3)).T, abs=1e-10)
+    tendon = NeoHookean(scene.tendon_factor * scene.E, scene.nu)
+    muscle = Muscle(scene.E, scene.nu, scene.sigma_max, scene.m1, scene.m2, scene.activation, (0.0, 1.0, 0.0))
+    expected = [float(von_mises(law.stress(F) @ F.T / np.linalg.det(F))) for law in (tendon, muscle)]
+    inside = (sampler.points[sampler.cells].mean(axis=1)[:, 1] - scene.tendon_length) * (
+        scene.tendon_length + scene.belly_length - sampler.points[sampler.cells].mean(axis=1)[:, 1]
+    ) > 0.0
+    assert 0 < inside.sum() < inside.size
+    assert found[sampler.cells[inside]] == pytest.approx(expected[1], rel=1e-9)
+    assert found[sampler.cells[~inside]] == pytest.approx(expected[0], rel=1e-9)
+
+
+def test_file_has_the_fields_of_every_sample(tmp_path):
+    file = tmp_path / "fields.npz"
+    scene = Biceps(end_time=2e-4, outputs=2)
+    run(Configuration("dynamics", **COARSE, scene=scene), file=file)
+    with np.load(file) as arrays:
+        assert arrays["times"] == pytest.approx([1e-4, 2e-4], rel=0.2)
+        assert arrays["displacement"].shape == (2, *arrays["small_points"].shape)
+        assert arrays["von_mises"].shape == (2, len(arrays["small_points"]))
+        assert (arrays["von_mises"][1].max() > arrays["von_mises"][0].max()) and arrays["von_mises"].min() >= 0.0
 
 
 def test_fibres_along_the_branch():

@@ -9,19 +9,22 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from comparisons.fem import dynamics, pressed, runs
+from comparisons.fem import dynamics, fields, pressed, runs
 from comparisons.fem.branches import Branches
 from comparisons.fem.contact import Contact, Pressing, surface_points
 from comparisons.fem.statics import DIRECT, FAST, Element
 from isorod.errors import InputError
 from isorod.scenes.biceps import Biceps
 from meshes import biceps
-from meshes.mesh import Array, Mesh
+from meshes.mesh import Array, Index, Mesh
 
 ANALYSES = ("statics", "dynamics")
 
 # Parts of a facet's edge between points at which the surface is measured.
 _MEASURED = 8
+
+# Small cells along a brick's edge in pictures.
+_SMALL = 3
 
 
 @dataclass(frozen=True)
@@ -128,7 +131,9 @@ def run(
     """Solve ``repeat`` times in this process and return the record.
 
     ``seconds`` is as in `comparisons.fem.runs.timed`; of dynamics ``step`` is that of one step, without samples and critical steps.
-    The last state goes to ``file``, an ``.npz`` with ``points``, ``positions``, ``cells`` and ``belly_0`` and ``belly_1``, if one is named.
+    The last state goes to ``file``, an ``.npz`` with ``points``, ``positions``, ``cells`` and ``belly_0`` and ``belly_1``, if one is named;
+    of bricks also all samples, ``times`` ``(s,)``, ``displacement`` ``(s, m, 3)`` and ``von_mises`` ``(s, m)`` on small cells,
+    ``small_points`` and ``small_cells``.
     """
     if comm.size > 1:
         raise InputError("biceps: only on one rank")
@@ -178,7 +183,10 @@ def run(
         }
         positions = last.positions
     if file is not None:
-        _save(file, mesh, positions)
+        states = [(0.0, scene.activation, positions)]
+        if isinstance(found, dynamics.Motion):
+            states = [(one.time, one.activation, one.positions) for one in found.samples]
+        _save(file, mesh, positions, Branches(scene, mesh, rule, configuration.compiler_flags), states)
     return {
         "scene": "biceps",
         "analysis": configuration.analysis,
@@ -230,14 +238,23 @@ def _history(mesh: Mesh, samples: Sequence[dynamics.Sample]) -> dict[str, Any]:
     }
 
 
-def _save(path: Path, mesh: Mesh, positions: Array) -> None:
-    from isorod.results import write_beside
-
-    arrays = {"points": mesh.points, "positions": positions, "cells": mesh.cells}
+def _save(
+    path: Path, mesh: Mesh, positions: Array, branches: Branches, states: Sequence[tuple[float, float, Array]]
+) -> None:
+    """Write mesh and last positions, and of bricks the fields at every state: time, activation, positions of the nodes."""
+    arrays: dict[str, Array | Index] = {"points": mesh.points, "positions": positions, "cells": mesh.cells}
     arrays |= {f"belly_{k}": mesh.faces[f"{branch} belly"] for k, branch in enumerate(biceps.BRANCHES)}
-
-    def write(where: Path) -> None:
-        with open(where, "wb") as out:
-            np.savez_compressed(out, **arrays)
-
-    write_beside(path, write)
+    if mesh.shape == "hexahedron":
+        sampler = fields.Sampler(branches.state, branches.laws(), _SMALL)
+        shown = []
+        for _, activation, nodes in states:
+            branches.state.x.array[:] = branches.to_dofs(nodes - mesh.points)
+            branches.activation.value = activation
+            shown.append(sampler.state())
+        arrays |= {"small_points": sampler.points, "small_cells": sampler.cells}
+        arrays |= {"times": np.array([time for time, _, _ in states])}
+        arrays |= {
+            "displacement": np.array([one for one, _ in shown]),
+            "von_mises": np.array([one for _, one in shown]),
+        }
+    fields.write(path, **arrays)

@@ -69,7 +69,8 @@ class Branches:
         tags = np.full(len(mesh.cells), _TENDONS, dtype=np.int32)
         for branch in BRANCHES:
             tags[mesh.regions[f"{branch} muscle"]] = _MUSCLE
-        regions = dolfinx.mesh.meshtags(self.mesh, 3, np.arange(len(rows), dtype=np.int32), tags[rows])
+        self._tags = tags[rows]
+        regions = dolfinx.mesh.meshtags(self.mesh, 3, np.arange(len(rows), dtype=np.int32), self._tags)
         dx = ufl.Measure("dx", domain=self.mesh, subdomain_data=regions, metadata=quadrature.measure(rule))
         self._parts = [(self._tendon, dx(_TENDONS)), (self._muscle, dx(_MUSCLE))]
         F = ufl.Identity(3) + ufl.grad(self.state)
@@ -80,6 +81,12 @@ class Branches:
     def unknowns(self) -> int:
         """Number of degrees of freedom, held ones included."""
         return 3 * len(self.source.points)
+
+    def laws(self) -> list[tuple[Energy, Index]]:
+        """Return tendon and muscle, each with its cells."""
+        return [
+            (law, np.flatnonzero(self._tags == tag)) for law, tag in ((self._tendon, _TENDONS), (self._muscle, _MUSCLE))
+        ]
 
     @property
     def _tendon(self) -> Energy:

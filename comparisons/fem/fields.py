@@ -40,7 +40,8 @@ class Sampler:
         lattice = np.stack([axis.ravel() for axis in np.meshgrid(ticks, ticks, ticks, indexing="ij")], axis=1)
         count = mesh.topology.index_map(mesh.topology.dim).size_local
         self._shape = count, len(lattice)
-        self._parts = []
+        # dolfinx numbers cells with 32 bits.
+        self._parts: list[tuple[Any, Any]] = []
         for law, rows in laws:
             F = ufl.variable(ufl.Identity(3) + ufl.grad(displacement))
             stress = ufl.diff(law(F), F) * F.T / ufl.det(F)

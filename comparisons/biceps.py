@@ -1,0 +1,229 @@
+"""Study ``biceps``: Figs. 14-16 of Lu & Zhou (2011), equilibrium and motion of two muscles in contact beside finite elements."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from petsc4py import PETSc
+
+from comparisons import pictures_biceps, timing
+from comparisons.convergence import extrapolate
+from comparisons.fem import biceps_presets as presets
+from comparisons.records import Record
+from comparisons.study import Run, Steps
+from isorod import options
+from isorod import run as runs
+from isorod.assembly import Assembler
+from isorod.disk import Array
+from isorod.dynamics import History
+from isorod.model import Model
+from isorod.results import write_beside
+from isorod.scenes.biceps import Biceps
+from isorod.statics import Equilibrium
+
+# What is compared at the equilibrium, and the deviation from the converged finite elements it may have.
+QUANTITIES = {"end_force": 0.02, "belly_bulge": 0.02, "contact_force": 0.05}
+
+# Deviation of the motion's end forces after `END_TIME` from the equilibrium's, and errors of energy and momentum in shares of the work done.
+AT_REST, BALANCE = 5e-3, 1e-3
+# Its time over that of explicit dynamics with finite elements.
+SPEED = 1e-2
+END_TIME = 0.25
+
+# Curves of spaces for the equilibrium, coarse to fine.
+SPACES: dict[str, dict[str, tuple[str, ...]]] = {
+    "quick": {
+        "paper: K = 1, n = 8, 5 elements": ("--elements 5 --end-elements 0",),
+        "K = 1, n = 8": ("--elements 10",),
+        "K = 2, n = 8": ("--order 2 --elements 10",),
+    },
+    "full": {
+        "paper: K = 1, n = 8, 5 elements": ("--elements 5 --end-elements 0",),
+        "K = 1, n = 8": ("--elements 5", "--elements 10", "--elements 20"),
+        "K = 2, n = 8": ("--order 2 --elements 5", "--order 2 --elements 10"),
+        "K = 2, n = 8, two end elements": (
+            "--order 2 --elements 5 --end-elements 2",
+            "--order 2 --elements 10 --end-elements 2",
+        ),
+        "K = 2, n = 12": ("--order 2 --section-points 12 --elements 5", "--order 2 --section-points 12 --elements 10"),
+        "K = 2, n = 16": ("--order 2 --section-points 16 --elements 10",),
+    },
+}
+# Runs of each, the first one cold.
+REPEAT = {"quick": 2, "full": 4}
+
+# Uniformly refined meshes whose extrapolated values are the reference, and others that are measured beside them.
+CONVERGED = {
+    "quick": presets.CONVERGED.arguments[:2],
+    "full": presets.CONVERGED.arguments[:3],
+}
+# The mesh of pictures and curves, one of these.
+BRICKS = {"quick": CONVERGED["quick"][0], "full": CONVERGED["full"][1]}
+OTHERS: dict[str, dict[str, tuple[str, ...]]] = {
+    "quick": {},
+    "full": {"P1 tetrahedra": ("--degree 1 --size 0.5", "--degree 1 --size 0.3325")},
+}
+
+# The motion: with the paper's element refined, and with biharmonic functions of the section.
+MOTIONS: dict[str, dict[str, Any]] = {"K = 1": {}, "K = 2": {"order": 2, "time_step": 0.0}}
+PICTURED = "K = 2"
+INTERVALS = 500
+
+# Seconds and samples of the motion on the paper's mesh, and on that of the pictures.
+SHORT = {"quick": (1e-3, 2), "full": (0.015, 30)}
+LONG = {"quick": (0.015, 15), "full": (0.030, 60)}
+
+
+def run(study: Run) -> None:
+    """Run the study and append its records."""
+    options.initialize([])
+    level = study.level
+    total = (
+        len(CONVERGED[level])
+        + sum(map(len, SPACES[level].values()))
+        + sum(map(len, OTHERS[level].values()))
+        + len(MOTIONS)
+    )
+    with study.progress(total + 3) as steps:
+        reference = _converged(study, steps)
+        _statics(study, steps, reference)
+        _motions(study, steps)
+        _fem_motions(study, steps)
+        with steps.step("pictures"):
+            pictures_biceps.run(study, Biceps(**MOTIONS[PICTURED]))
+
+
+def errors(found: Record, reference: Record) -> dict[str, float]:
+    """Return the relative error of each of `QUANTITIES`, of the end forces the largest."""
+    return {name: float(np.max(np.abs(np.array(found[name]) / np.array(reference[name]) - 1.0))) for name in QUANTITIES}
+
+
+def _converged(study: Run, steps: Steps) -> Record:
+    """Record equilibria on finer and finer meshes, and what they tend to; return that."""
+    label = presets.CONVERGED.label
+    found = [_fem(study, steps, "convergence", label, arguments) for arguments in CONVERGED[study.level]]
+    sizes = [1.0 / record["options"]["layers"] for record in found]
+    values: Record = {"end_force": []}
+    limits: dict[str, Any] = {}
+    for name in QUANTITIES:
+        courses = np.atleast_2d(np.array([record[name] for record in found]).T)
+        every = [extrapolate(sizes, course) for course in courses]
+        value = [limit.value for limit in every]
+        values[name] = value if name == "end_force" else value[0]
+        worst = max(every, key=lambda limit: limit.distance / abs(limit.value))
+        limits[name] = {"order": worst.order, "uncertainty": worst.distance / abs(worst.value)}
+    study.record("converged", values | {"limits": limits, "element": label})
+    for record in found:
+        _work(study, record, values)
+    return values
+
+
+def _fem(study: Run, steps: Steps, part: str, curve: str, arguments: str) -> Record:
+    """Record an equilibrium of finite elements."""
+    with steps.step(f"equilibrium, {curve} {arguments}"):
+        words = ["biceps", *arguments.split()]
+        if arguments == BRICKS[study.level]:
+            words += ["--fields", str(study.folder / pictures_biceps.FEM_REST)]
+        found = timing.run("comparisons.fem", words)
+        return study.record(part, found | {"arguments": arguments, "curve": curve})
+
+
+def _work(study: Run, found: Record, reference: Record) -> None:
+    """Record a run of the work-precision diagram."""
+    study.record("work", found | {"error": errors(found, reference)})
+
+
+def _statics(study: Run, steps: Steps, reference: Record) -> None:
+    """Record error and run time of the equilibrium, element and finite elements."""
+    for curve, every in SPACES[study.level].items():
+        for arguments in every:
+            with steps.step(f"equilibrium, {curve} {arguments}"):
+                words = ["biceps", "--statics", *arguments.split(), "--repeat", str(REPEAT[study.level])]
+                found = timing.run("comparisons.rod", words)
+            _work(study, found | {"arguments": arguments, "curve": curve}, reference)
+    for curve, every in OTHERS[study.level].items():
+        for arguments in every:
+            _work(study, _fem(study, steps, "other mesh", curve, arguments), reference)
+
+
+def _motions(study: Run, steps: Steps) -> None:
+    """Record the whole motion and how near it ends to its own equilibrium; one goes to a file for pictures."""
+    for label, values in MOTIONS.items():
+        with steps.step(f"motion to {END_TIME:g} s, {label}"):
+            scene = Biceps(**values, end_time=END_TIME, outputs=INTERVALS)
+            history, seconds = runs.solve(scene, scene.settings())
+            still, _ = runs.solve(Biceps(**values, statics=True), {})
+            rest = scene.measure(still)
+            record = runs.record(scene, history, seconds) | {"label": label, "equilibrium": rest}
+            record["options"] = {name: getattr(scene, name) for name in scene.__dataclass_fields__}
+            record["equilibrium"]["contact_area"] = still.contacts[0].area
+            record["from_equilibrium"] = errors(record | {"contact_force": float(history.contact_force[-1])}, rest)
+            # Forces of supports by their size, as the equilibrium has them.
+            record["end_force_history"] = np.linalg.norm(history.reactions, axis=2)
+            study.record("motion", record)
+            study.record("inertia", {"label": label, "ratios": inertia(history.model)})
+            if label == PICTURED:
+                _save(study.folder / pictures_biceps.MOTION, history, still)
+
+
+def inertia(model: Model) -> dict[str, float]:
+    """Return kinetic energies with the lumped mass, which explicit dynamics uses, over those with the consistent one.
+
+    Of sections that move ``across`` the rods as a whole, and that ``swell`` in proportion to their size, at rest where they are held.
+    """
+    assembler = Assembler(model, PETSc.COMM_SELF)
+    consistent, lumped = assembler.mass(), assembler.mass(lumped=True)
+    velocities: dict[str, list[Array]] = {"across": [], "swell": []}
+    for body in model.bodies:
+        space = body.space
+        net = space.positions.reshape(space.layers, -1, 3)
+        # Functions that do not move with the rod keep out of both.
+        moves = space.carries.reshape(space.layers, -1, 1)
+        centers = net.sum(axis=1, keepdims=True) / moves.sum(axis=1, keepdims=True)
+        velocities["across"].append(moves * [1.0, 0.0, 0.0] + 0.0 * net)
+        velocities["swell"].append(moves * (net - centers) * [1.0, 0.0, 1.0])
+    ratios = {}
+    for name, parts in velocities.items():
+        velocity = assembler.state(np.concatenate([part.reshape(-1) for part in parts]))
+        moved = velocity.duplicate()
+        energies = []
+        for mass in (lumped, consistent):
+            mass.mult(velocity, moved)
+            energies.append(velocity.dot(moved))
+        ratios[name] = float(energies[0] / energies[1])
+    return ratios
+
+
+def _save(path: Path, history: History, still: Equilibrium) -> None:
+    """Write ``times`` ``(o,)``, ``displacement`` ``(o, dofs)`` and, at rest, ``equilibrium`` ``(dofs,)`` to an ``.npz`` file."""
+
+    def write(where: Path) -> None:
+        with open(where, "wb") as file:
+            # Pictures need no more digits.
+            displacement = history.displacement.astype(np.float32)
+            np.savez_compressed(file, times=history.times, displacement=displacement, equilibrium=still.displacement)
+
+    write_beside(path, write)
+
+
+def _fem_motions(study: Run, steps: Steps) -> None:
+    """Record a part of the motion on the paper's mesh, and on bricks, whose fields go to a file for pictures."""
+    end, outputs = SHORT[study.level]
+    with steps.step(f"motion to {end:g} s, the paper's mesh"):
+        words = [*presets.PRESETS["paper"].split(), "--end-time", str(end), "--outputs", str(outputs)]
+        found = timing.run("comparisons.fem", ["biceps", *words])
+        study.record("fem motion", found | {"label": "P1 tetrahedra", "arguments": " ".join(words)})
+    end, outputs = LONG[study.level]
+    with steps.step(f"motion to {end:g} s, bricks"):
+        words = [
+            "--analysis",
+            "dynamics",
+            *BRICKS[study.level].split(),
+            "--end-time",
+            str(end),
+            "--outputs",
+            str(outputs),
+        ]
+        file = study.folder / pictures_biceps.FEM_MOTION
+        found = timing.run("comparisons.fem", ["biceps", *words, "--fields", str(file)])
+        study.record("fem motion", found | {"label": "Q2 bricks", "arguments": " ".join(words), "file": file.name})

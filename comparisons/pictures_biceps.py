@@ -1,0 +1,231 @@
+"""Pictures and animation of the biceps, from the files that the study's runs leave: Figs. 14-16 of Lu & Zhou (2011)."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from comparisons.pictures import BAR, add_von_mises, without_display
+from comparisons.study import Run
+from isorod import export
+from isorod.model import Model
+from isorod.results import write_beside
+from isorod.scenes.biceps import Biceps
+
+# Files of fields: motion and equilibrium of the element, and of the finite elements.
+MOTION, FEM_MOTION, FEM_REST = "biceps-motion.npz", "biceps-fem-motion.npz", "biceps-fem-equilibrium.npz"
+
+# Times of the pictures [s], and the scale of the stress [N/cm^2].
+TIMES = (0.005, 0.010, 0.015)
+SCALE = (0.0, 150.0)
+
+# Direction from the bellies to the eye, y being up.
+_EYE = np.array([0.25, 0.12, 1.0])
+_MIDDLE = (0.0, 10.6, 0.0)
+_HALF_HEIGHT = 11.8
+_CIRCLE = 2.0 * np.pi * np.arange(49) / 48
+_FRAME = (540, 520)
+_FRAMES_A_SECOND = 12
+_NAMES = ("cylindrical element", "Q2 bricks (dolfinx)")
+
+
+@dataclass(frozen=True)
+class _Ours:
+    """The element's states as meshes with ``displacement`` and ``von_mises``."""
+
+    scene: Biceps
+    model: Model
+    times: Any
+    displacement: Any
+    equilibrium: Any
+
+    def mesh(self, displacement: Any, activation: float = 1.0) -> Any:
+        """Return both branches, one after the other; ``activation`` is a share of the final one."""
+        grids = []
+        for b, body in enumerate(self.model.bodies):
+            fields = {"displacement": self.model.nodal(displacement, b)}
+            grids.append(export.grid(body, fields, rings=1, around=40, slices=4, factor=activation))
+        return grids[0].merge(grids[1], merge_points=False)
+
+    def at(self, time: float) -> Any:
+        """Return the mesh at an output."""
+        k = int(np.argmin(np.abs(self.times - time)))
+        share = min(1.0, self.times[k] / self.scene.ramp) if self.scene.ramp > 0.0 else 1.0
+        return self.mesh(self.displacement[k].astype(float), share)
+
+    def borders(self) -> Any:
+        """Return the circles between elements, as lines, of the initial shape."""
+        ring = np.stack([np.cos(_CIRCLE), np.sin(_CIRCLE)], axis=1)
+        lines = [body.space.rod.grid(ring, body.space.axis.breaks)[0] for body in self.model.bodies]
+        return _lines(np.concatenate(lines))
+
+    def net(self) -> Any:
+        """Return the control points of the initial shape."""
+        return np.concatenate([body.space.rod.control_points.reshape(-1, 3) for body in self.model.bodies])
+
+
+@dataclass(frozen=True)
+class _Theirs:
+    """The finite elements' states."""
+
+    arrays: dict[str, Any]
+
+    @staticmethod
+    def read(path: Path) -> "_Theirs":
+        """Read a file of `comparisons.fem.biceps`."""
+        with np.load(path) as arrays:
+            return _Theirs({name: arrays[name] for name in arrays})
+
+    @property
+    def times(self) -> Any:
+        """Times of the states [s]."""
+        return self.arrays["times"]
+
+    def at(self, time: float) -> Any:
+        """Return the mesh at the sample next to a time."""
+        import pyvista
+
+        k = int(np.argmin(np.abs(self.times - time)))
+        mesh = pyvista.UnstructuredGrid(
+            {pyvista.CellType.HEXAHEDRON: self.arrays["small_cells"]}, self.arrays["small_points"]
+        )
+        mesh.point_data["displacement"] = self.arrays["displacement"][k]
+        mesh.point_data["von_mises"] = self.arrays["von_mises"][k]
+        return mesh
+
+    def borders(self) -> Any:
+        """Return the edges of the bricks, as lines, of the initial shape."""
+        points = self.arrays["small_points"].reshape(len(self.arrays["cells"]), -1, 3)
+        ticks = round(points.shape[1] ** (1 / 3))
+        box = points.reshape(-1, ticks, ticks, ticks, 3)
+        lines = []
+        for a in (0, -1):
+            for b in (0, -1):
+                lines += [box[:, :, a, b], box[:, a, :, b], box[:, a, b, :]]
+        return _lines(np.concatenate(lines))
+
+
+def run(study: Run, scene: Biceps) -> None:
+    """Draw the pictures and the animation from the files in the study's folder, and record their names.
+
+    ``scene`` is the one whose motion was kept.
+    """
+    without_display()
+    with np.load(study.folder / MOTION) as arrays:
+        ours = _Ours(scene, scene.model(), arrays["times"], arrays["displacement"], arrays["equilibrium"])
+    moving, still = (_Theirs.read(study.folder / name) for name in (FEM_MOTION, FEM_REST))
+    picture, animation = study.folder / "biceps-von-mises.png", study.folder / "biceps.gif"
+    write_beside(picture, lambda where: _picture(ours, moving, still, where))
+    write_beside(animation, lambda where: _animation(ours, moving, where))
+    dofs = [ours.model.dofs, 3 * len(still.arrays["points"])]
+    study.record("picture", {"file": picture.name, "animation": animation.name, "dofs": dofs, "scale": SCALE})
+
+
+def _picture(ours: _Ours, moving: _Theirs, still: _Theirs, path: Path) -> None:
+    import pyvista
+
+    columns = 2 + len(TIMES)
+    # The last column is for the scale.
+    plotter = pyvista.Plotter(
+        shape=(2, columns + 1),
+        off_screen=True,
+        window_size=(1640, 1180),
+        border=False,
+        col_weights=[1.0] * columns + [0.45],
+    )
+    plotter.set_background("white")
+    dofs = ours.model.dofs, 3 * len(still.arrays["points"])
+    rest = ours.mesh(ours.equilibrium), still.at(0.0)
+    sides: tuple[_Ours | _Theirs, ...] = (ours, moving)
+    for row, (side, name) in enumerate(zip(sides, _NAMES, strict=True)):
+        plotter.subplot(row, 0)
+        # Undeformed, as its displacement is not asked for.
+        plotter.add_mesh(
+            side.at(0.0).extract_surface(algorithm="dataset_surface"), color="#e9d8c8", smooth_shading=True
+        )
+        plotter.add_mesh(side.borders(), color="#333333", line_width=1)
+        if row == 0:
+            plotter.add_points(ours.net(), color="#b02020", point_size=5, render_points_as_spheres=True)
+        plotter.add_text(f"{name}\n{dofs[row]:,} unknowns", position="upper_left", font_size=10, color="black")
+        _look(plotter)
+        for column in range(1, columns):
+            plotter.subplot(row, column)
+            last = column == columns - 1
+            mesh = rest[row] if last else side.at(TIMES[column - 1])
+            add_von_mises(plotter, mesh, SCALE, None)
+            text = "equilibrium" if last else f"{1e3 * TIMES[column - 1]:g} ms"
+            plotter.add_text(text, position="upper_left", font_size=11, color="black")
+            _look(plotter)
+        plotter.subplot(row, columns)
+    _scale(plotter, BAR | {"title": "von Mises\nN/cm²", "position_x": 0.38})
+    plotter.screenshot(str(path))
+    plotter.close()
+
+
+def _scale(plotter: Any, bar: dict[str, Any]) -> None:
+    """Draw the scale alone into a panel."""
+    import pyvista
+
+    nothing = pyvista.PolyData(np.zeros((2, 3)))
+    nothing["von_mises"] = np.array(SCALE)
+    actor = plotter.add_mesh(nothing, scalars="von_mises", clim=SCALE, cmap="turbo", opacity=0.0, show_scalar_bar=False)
+    plotter.add_scalar_bar(mapper=actor.mapper, **bar)
+
+
+def _animation(ours: _Ours, moving: _Theirs, path: Path) -> None:
+    """Draw both motions beside each other at the finite elements' samples, as a GIF."""
+    import pyvista
+    from PIL import Image
+
+    frames = []
+    sides: tuple[_Ours | _Theirs, ...] = (ours, moving)
+    for time in [0.0, *moving.times]:
+        plotter = pyvista.Plotter(shape=(1, 2), off_screen=True, window_size=_FRAME, border=False)
+        plotter.set_background("white")
+        for column, (side, name) in enumerate(zip(sides, _NAMES, strict=True)):
+            plotter.subplot(0, column)
+            mesh = side.at(time)
+            if time == 0.0:
+                mesh.point_data["displacement"][:] = 0.0
+                mesh.point_data["von_mises"][:] = 0.0
+            add_von_mises(plotter, mesh, SCALE, None)
+            plotter.add_text(name, position="upper_left", font_size=10, color="black")
+            if column == 0:
+                plotter.add_text(f"{1e3 * time:.1f} ms", position="lower_left", font_size=12, color="black")
+            _look(plotter)
+        image = Image.fromarray(plotter.screenshot(return_img=True))
+        plotter.close()
+        frames.append(image)
+    palette = _palette()
+    first, *others = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
+    first.save(path, save_all=True, append_images=others, duration=1000 // _FRAMES_A_SECOND, loop=0, optimize=True)
+
+
+def _palette() -> Any:
+    """Return an image with one palette for all frames, so that colours do not flicker: the scale's in several lights, and greys."""
+    from matplotlib import colormaps
+    from PIL import Image
+
+    scale = colormaps["turbo"](np.linspace(0.0, 1.0, 44))[:, :3]
+    lights = np.concatenate([scale * light for light in (1.0, 0.87, 0.72, 0.55, 0.35)])
+    greys = np.linspace(0.0, 1.0, 36)[:, None] * np.ones(3)
+    image = Image.new("P", (1, 1))
+    image.putpalette(np.round(255.0 * np.concatenate([lights, greys])).astype(np.uint8).tobytes())
+    return image
+
+
+def _look(plotter: Any) -> None:
+    """Look at both branches, their tendons upright, in the same way in every panel."""
+    plotter.camera_position = [tuple(np.array(_MIDDLE) + 60.0 * _EYE), _MIDDLE, (0.0, 1.0, 0.0)]
+    plotter.enable_parallel_projection()
+    plotter.camera.parallel_scale = _HALF_HEIGHT
+
+
+def _lines(points: Any) -> Any:
+    """Return polylines through points ``(lines, points, 3)``."""
+    import pyvista
+
+    count, each = points.shape[:2]
+    cells = np.concatenate([np.full((count, 1), each), np.arange(count * each).reshape(count, each)], axis=1)
+    return pyvista.PolyData(points.reshape(-1, 3), lines=cells.ravel())

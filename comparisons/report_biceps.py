@@ -1,0 +1,217 @@
+"""The biceps' part of the report page."""
+
+import html
+from pathlib import Path
+
+import numpy as np
+
+from comparisons import plots_biceps
+from comparisons.biceps import AT_REST, BALANCE, END_TIME, QUANTITIES, SPEED, errors
+from comparisons.html import percent, table
+from comparisons.precision import ratio
+from comparisons.records import Record, part
+
+
+def section(records: list[Record], folder: Path) -> list[str]:
+    """Write the plots of a run of the study and return its HTML."""
+    (limit,), (picture,) = part(records, "converged"), part(records, "picture")
+    motions, theirs = part(records, "motion"), part(records, "fem motion")
+    # The others are there for the time of their steps.
+    curves = [record for record in theirs if len(record["history"]["time"]) > 2]
+    plots_biceps.courses(motions, curves, folder / "biceps-motion.png")
+    plots_biceps.work(part(records, "work"), QUANTITIES, folder / "biceps-work.png")
+    ours, fem = picture["dofs"]
+    lines = ["<h2>Biceps: equilibrium and motion, von Mises stress</h2>"]
+    lines.append(
+        f"<p>Two muscles between tendons are activated within {1e3 * motions[0]['options']['ramp']:g} ms, swell and press on each "
+        f"other. Cylindrical element ({ours:,} unknowns) above, 27-node bricks in dolfinx ({fem:,}) below, one scale.</p>"
+    )
+    lines.append(
+        f'<img src="{picture["file"]}" alt="initial shape, and von Mises stress at 5, 10, 15 ms and at equilibrium">'
+    )
+    lines.append(f'<p><img src="{picture["animation"]}" alt="both motions, animated"></p>')
+    lines.append("<h2>Biceps: what was asked and what was found</h2>")
+    lines.append(_clauses(motions, limit, theirs))
+    lines.append("<h2>Biceps: the motion against time</h2>")
+    lines.append('<img src="biceps-motion.png" alt="bulge, end forces, contact force and area against time">')
+    lines.append(
+        "<p>Dashed lines at the right: the element's own equilibrium, found without following the motion.</p>"
+        + _deviations(motions, curves)
+        + _inertia(part(records, "inertia"))
+    )
+    lines.append("<h2>Biceps: what a step costs</h2>")
+    lines.append(_speed(motions, theirs))
+    lines.append("<h2>Biceps: the equilibrium, error against run time</h2>")
+    lines.append('<img src="biceps-work.png" alt="error of three quantities against run time, log-log">')
+    lines.append(_equilibria(records, limit))
+    return lines
+
+
+def summary(records: list[Record]) -> list[str]:
+    """Return the study's main findings, one line each."""
+    (limit,) = part(records, "converged")
+    motions = part(records, "motion")
+    rests = [
+        f"{record['label']} end forces {percent(found['end_force'])}, bulge {percent(found['belly_bulge'])}, contact force "
+        f"{percent(found['contact_force'])}"
+        for record in motions
+        for found in (errors(record["equilibrium"], limit),)
+    ]
+    lines = [f"biceps, equilibrium against converged dolfinx: {'; '.join(rests)}"]
+    fem = whole(part(records, "fem motion")[0])
+    for record in motions:
+        lines.append(
+            f"biceps, {1e3 * END_TIME:g} ms of motion: cylindrical element {record['label']} {record['seconds']['loop']:.1f} s "
+            f"({record['microseconds_a_step']:.0f} us a step), dolfinx on the paper's mesh {fem:.0f} s (from "
+            f"{1e3 * _end(part(records, 'fem motion')[0]):g} ms): {ratio(record['seconds']['loop'], fem)} the time"
+        )
+    return lines
+
+
+def whole(record: Record) -> float:
+    """Return the seconds that a finite element run would take for the whole motion: time of a step by number of steps."""
+    return float(record["seconds"]["step"] * END_TIME / record["time_step"])
+
+
+def deviation(motion: Record, theirs: Record, name: str) -> float:
+    """Return the root mean square of the difference of two courses over the finite elements' time, over that of theirs.
+
+    ``name`` is a key of their ``history``; our course is interpolated at their times.
+    """
+    own = next(own for own, fem, _, _ in plots_biceps.COURSES if fem == name)
+    times, values = np.array(theirs["history"]["time"]), np.array(theirs["history"][name])
+    course = np.array(motion[own])
+    columns = course.reshape(len(course), -1).T
+    found = np.array([np.interp(times, motion["times"], column) for column in columns]).T.reshape(values.shape)
+    return float(np.linalg.norm(found - values) / np.linalg.norm(values))
+
+
+def _end(record: Record) -> float:
+    return float(record["history"]["time"][-1])
+
+
+def _clauses(motions: list[Record], limit: Record, theirs: list[Record]) -> str:
+    """Return the table of what is asked of the motion and the equilibrium."""
+    rows = []
+    wanted = {name: percent(bound) for name, bound in QUANTITIES.items()}
+    for record in motions:
+        found = errors(record["equilibrium"], limit)
+        held = [
+            (f"{name.replace('_', ' ')} at equilibrium, against converged dolfinx", found[name], QUANTITIES[name])
+            for name in wanted
+        ]
+        held.append(
+            (
+                f"end forces after {1e3 * END_TIME:g} ms, against the equilibrium",
+                record["from_equilibrium"]["end_force"],
+                AT_REST,
+            )
+        )
+        held.append(("energy balance, share of the work done", float(np.abs(record["energy_error"]).max()), BALANCE))
+        held.append(("momentum balance, share of the impulses", float(np.abs(record["momentum_error"]).max()), BALANCE))
+        text = f"time of the motion, share of that of {theirs[0]['label']} in dolfinx"
+        held.append((text, record["seconds"]["loop"] / whole(theirs[0]), SPEED))
+        for text, value, bound in held:
+            rows.append((record["label"], text, percent(value), percent(bound), "yes" if value <= bound else "no"))
+    return table(("element", "", "found", "asked", "holds"), rows, text=(0, 1, 4))
+
+
+def _deviations(motions: list[Record], theirs: list[Record]) -> str:
+    names = [fem for _, fem, _, _ in plots_biceps.COURSES]
+    rows = [
+        (
+            f"{record['label']} against {other['label']}, to {1e3 * _end(other):.0f} ms",
+            *(percent(deviation(record, other, name)) for name in names),
+        )
+        for other in theirs
+        for record in motions
+    ]
+    head = ("root mean square deviation of the courses", *(name.replace("_", " ") for name in names))
+    return table(head, rows)
+
+
+def _inertia(found: list[Record]) -> str:
+    """Return what the lumped mass makes of the kinetic energy."""
+    rows = [(record["label"], *(f"{record['ratios'][name]:.3f}" for name in ("across", "swell"))) for record in found]
+    head = ("kinetic energy, lumped mass over consistent", "sections that move as a whole", "sections that swell")
+    return (
+        "<p>Where a ratio below is not one, the mass that the steps use changes the inertia of that motion: courses then differ from "
+        "the bricks' in time, while the equilibrium they end in does not.</p>" + table(head, rows)
+    )
+
+
+def _speed(motions: list[Record], theirs: list[Record]) -> str:
+    rows = []
+    for record in motions:
+        seconds = record["seconds"]["loop"]
+        rows.append(
+            (
+                f"cylindrical, {record['label']}",
+                f"{record['dofs']:,}",
+                f"{1e6 * record['time_step']:.3g}",
+                f"{record['steps']:,}",
+                f"{record['microseconds_a_step']:.0f}",
+                f"{seconds:.2f}",
+                "",
+                *(f"1/{whole(other) / seconds:.0f}" for other in theirs),
+            )
+        )
+    for record in theirs:
+        step = record["seconds"]["step"]
+        rows.append(
+            (
+                f"dolfinx, {record['label']}",
+                f"{record['dofs']:,}",
+                f"{1e6 * record['time_step']:.3g}",
+                f"{END_TIME / record['time_step']:,.0f}",
+                f"{1e6 * step:,.0f}",
+                f"{whole(record):.0f}",
+                f"{record['steps']:,} steps, {1e3 * _end(record):.3g} ms",
+            )
+        )
+    head = (
+        "",
+        "unknowns",
+        "time step µs",
+        f"steps in {1e3 * END_TIME:g} ms",
+        "µs a step",
+        f"s for {1e3 * END_TIME:g} ms",
+        "measured over",
+        *(f"share of {record['label']}" for record in theirs),
+    )
+    rows = [row + ("",) * (len(head) - len(row)) for row in rows]
+    return table(head, rows, text=(0, 6)) + (
+        f"<p>The finite elements' {1e3 * END_TIME:g} ms are not run: they are the measured time of a step (forces, contact and update; "
+        "without samples and critical steps) by the number of steps at the last time step taken.</p>"
+    )
+
+
+def _equilibria(records: list[Record], limit: Record) -> str:
+    marks = [f"±{percent(limit['limits'][name]['uncertainty'])}" for name in QUANTITIES]
+    rows = [("converged", "", "", *_values(limit), "", *marks, "")]
+    for record in part(records, "work"):
+        rows.append(
+            (
+                record["curve"] + " (dolfinx)" if record["method"] == "fem" else "cylindrical",
+                # Said by the curve's name.
+                record["arguments"].removeprefix("--cells bricks --degree 2 "),
+                f"{record['dofs']:,}",
+                *_values(record),
+                f"{record['contact_area']:.3g}",
+                *(percent(record["error"][name]) for name in QUANTITIES),
+                f"{record['seconds']['total']:.3g}",
+            )
+        )
+    quantities = "lower end N", "bulge cm", "contact N"
+    head = ("", "arguments", "unknowns", *quantities, "area cm²", "error: ends", "bulge", "contact", "s")
+    # Numbers stay with their units.
+    kept = [(*row[:2], *(text.replace(" ", "\u00a0") for text in row[2:])) for row in rows]
+    return table(head, kept, text=(0, 1)) + (
+        f"<p>Reference: {html.escape(limit['element'])}, uniformly refined; extrapolated where the values approach a limit, else the "
+        "finest, with its distance from the one before. The area in contact has no reference: the bellies touch along a strip "
+        "too narrow for the bricks as for the element's points of contact, and it does not settle.</p>"
+    )
+
+
+def _values(record: Record) -> tuple[str, ...]:
+    return f"{record['end_force'][0]:.5g}", f"{record['belly_bulge']:.4g}", f"{record['contact_force']:.4g}"

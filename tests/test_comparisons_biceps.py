@@ -1,0 +1,120 @@
+"""What the biceps' study reports: errors, deviations of courses, times by the step, its part of the page."""
+
+import numpy as np
+import pytest
+
+from comparisons import biceps, records, report_biceps
+from comparisons.convergence import extrapolate
+from comparisons.study import Run
+from isorod.scenes.biceps import Biceps
+
+TIMES = [0.0, 0.1, 0.2]
+REST = {"end_force": [100.0, 98.0, 100.0, 98.0], "belly_bulge": 0.2, "contact_force": 10.0, "contact_area": 3.0}
+
+
+def test_error_of_the_end_forces_is_that_of_the_worst_end():
+    found = REST | {"end_force": [101.0, 98.0, 100.0, 93.1], "belly_bulge": 0.19, "contact_force": 12.0}
+    assert biceps.errors(found, REST) == pytest.approx({"end_force": 0.05, "belly_bulge": 0.05, "contact_force": 0.2})
+
+
+def test_extrapolation_falls_back_on_the_finest_value():
+    limit = extrapolate([0.4, 0.2, 0.1], [1.0 + h**2 for h in (0.4, 0.2, 0.1)])
+    assert (limit.value, limit.order) == pytest.approx((1.0, 2.0))
+    # Slower than first order, not monotone, two meshes alone.
+    for values in ([1.0 + h**0.3 for h in (0.4, 0.2, 0.1)], [1.0, 2.0, 1.5], [2.0, 1.5]):
+        limit = extrapolate([0.4, 0.2, 0.1][: len(values)], values)
+        assert limit.order is None
+        assert (limit.value, limit.distance) == pytest.approx((values[-1], abs(values[-1] - values[-2])))
+
+
+def motion(scale=1.0):
+    """Return a made-up record of the element's motion whose courses grow linearly in time."""
+    force = scale * np.array(TIMES)
+    return {
+        "label": "K = 1",
+        "times": TIMES,
+        "belly_bulge_history": (0.1 * force).tolist(),
+        "end_force_history": np.outer(force, REST["end_force"]).tolist(),
+        "contact_force": (50.0 * force).tolist(),
+        "contact_area": (3.0 * force).tolist(),
+        "equilibrium": REST,
+        "from_equilibrium": {"end_force": 1e-3},
+        "energy_error": [0.0, 2e-3, 1e-5],
+        "momentum_error": [0.0, 1e-15, 1e-15],
+        "seconds": {"loop": 2.0},
+        "time_step": 2.5e-5,
+        "steps": 10000,
+        "microseconds_a_step": 200.0,
+        "dofs": 768,
+        "options": {"ramp": 2.5e-3},
+    }
+
+
+def fem_motion():
+    """Return a made-up record of the finite elements' motion, the same courses at other times."""
+    times = [0.05, 0.1, 0.15]
+    force = np.array(times)
+    return {
+        "label": "Q2 bricks",
+        "time_step": 1e-5,
+        "steps": 15000,
+        "dofs": 20000,
+        "seconds": {"step": 0.01},
+        "history": {
+            "time": times,
+            "belly_bulge": (0.1 * force).tolist(),
+            "end_force": np.outer(force, REST["end_force"]).tolist(),
+            "contact_force": (50.0 * force).tolist(),
+            "contact_area": (3.0 * force).tolist(),
+        },
+    }
+
+
+@pytest.mark.parametrize("name", ["belly_bulge", "end_force", "contact_force", "contact_area"])
+def test_courses_are_compared_at_the_finite_elements_times(name):
+    assert report_biceps.deviation(motion(), fem_motion(), name) == pytest.approx(0.0, abs=1e-14)
+    assert report_biceps.deviation(motion(0.9), fem_motion(), name) == pytest.approx(0.1)
+
+
+def test_the_whole_motion_is_the_time_of_a_step_by_the_number_of_steps():
+    assert report_biceps.whole(fem_motion()) == pytest.approx(0.01 * 25000)
+
+
+def test_page_says_what_holds_and_what_does_not(tmp_path):
+    run = Run("biceps", "quick", tmp_path)
+    run.record(
+        "converged", REST | {"limits": {name: {"uncertainty": 1e-3} for name in biceps.QUANTITIES}, "element": "Q2"}
+    )
+    for method, scale in (("cylindrical", 1.03), ("fem", 1.0)):
+        found = REST | {"end_force": [scale * force for force in REST["end_force"]]}
+        found |= {"error": biceps.errors(found, REST), "curve": "a", "arguments": "--b", "method": method, "dofs": 9}
+        run.record("work", found | {"seconds": {"total": 1.0}})
+    run.record("motion", motion())
+    run.record("fem motion", fem_motion())
+    run.record("picture", {"file": "a.png", "animation": "a.gif", "dofs": [768, 20000]})
+    run.record("end", {})
+    found = records.newest(tmp_path, "biceps")
+    page = "\n".join(report_biceps.section(found, tmp_path))
+    # Of the seven clauses only the energy's (2e-3) is broken: 250 s of dolfinx against 2 s.
+    assert page.count("<td class=text>yes</td>") == 6
+    assert page.count("<td class=text>no</td>") == 1
+    assert (tmp_path / "biceps-motion.png").stat().st_size > 10_000
+    assert (tmp_path / "biceps-work.png").stat().st_size > 10_000
+    assert "3 %" in page
+    assert "1/125 of the time" in report_biceps.summary(found)[1]
+
+
+def test_palette_has_the_scale_and_white():
+    pictures = pytest.importorskip("comparisons.pictures_biceps")
+    colours = np.array(pictures._palette().getpalette()).reshape(-1, 3)
+    assert len(colours) == 256
+    for wanted in ((255, 255, 255), (0, 0, 0), (48, 18, 59), (122, 4, 3)):
+        assert np.abs(colours - wanted).sum(axis=1).min() <= 3
+
+
+@pytest.mark.parametrize("points", [8, 16])
+def test_mass_lumped_into_control_points_doubles_the_inertia_of_swelling(points):
+    """All mass on the control polygon's circle, of radius R / cos(pi / n), against that of a disk, half of it at R."""
+    found = biceps.inertia(Biceps(section_points=points, elements=20).model())
+    assert found["across"] == pytest.approx(1.0, abs=3e-3)
+    assert found["swell"] == pytest.approx(2.0 / np.cos(np.pi / points) ** 2, rel=3e-3)
