@@ -119,6 +119,21 @@ def test_energy_is_kept_over_ten_periods(cylinder):
     assert np.abs(history.energy_error[-20:]).max() < 2.0 * np.abs(history.energy_error[:20]).max()
 
 
+def test_the_energy_error_of_violent_motion_is_of_second_order(cylinder):
+    """All modes at once: what central differences leave of the energy is inherent to them, and falls with the square of the step."""
+    model = bar(cylinder)
+    critical = dynamics.solve(model, 1e-9, outputs=1).critical_step
+    errors = []
+    for share in (0.2, 0.1, 0.05):
+        history = dynamics.solve(
+            model, 100 * critical, share * critical, outputs=50, velocity=velocities(model, size=0.1)
+        )
+        errors.append(np.abs(history.energy_error).max())
+    orders = np.log2(np.array(errors[:-1]) / errors[1:])
+    print("errors", errors, "orders", orders)
+    np.testing.assert_allclose(orders, 2.0, atol=0.1)
+
+
 def test_free_flight_is_exact(cylinder):
     model = bar(cylinder, held="")
     start = np.array([1.0, -2.0, 3.0])

@@ -1,4 +1,4 @@
-"""Explicit dynamics: central differences with lumped mass, damping, activation and contact, and the balances that prove them."""
+"""Dynamics, explicit or implicit, with damping, activation and contact, and the balances that prove them."""
 
 import sys
 from dataclasses import dataclass, replace
@@ -35,8 +35,8 @@ class History:
     contact_force, contact_area, penetration
         Sum of normal forces, reference area in contact, and the deepest penetration, all pairs together.
     kinetic, stored, contact_energy
-        Energies: ``v- M v+ / 2`` with the velocities half a step before and after, which the scheme conserves where forces are linear;
-        matrix and passive fibres; penalty.
+        Energies: of explicit steps ``v- M v+ / 2`` with the velocities half a step before and after, which the scheme conserves where
+        forces are linear, of implicit ones ``v M v / 2``; matrix and passive fibres; penalty.
     muscle_work, dissipated
         Work done by active fibres, and taken by damping.
     energy_error
@@ -44,11 +44,13 @@ class History:
     momentum_error
         Change of linear momentum less the impulses of supports, obstacles and damping, over the sum of their sizes and the initial one.
     steps, time_step, critical_step
-        Number of steps taken, the last time step, and the smallest critical one met.
+        Number of steps taken, the last time step, and the smallest critical one of explicit steps met.
     estimates
         Time and value of each estimate of the critical step, shape ``(estimates, 2)``.
     microseconds_a_step
         Wall time of the compiled loop; zero if there was nothing left to do.
+    newton_iterations, cuts
+        Of implicit steps, since the run was last continued: Newton iterations in all, and steps halved and tried again.
     resumed
         Time at which the run continued from a checkpoint, or None.
     seconds, built, solver, ranks
@@ -75,6 +77,8 @@ class History:
     critical_step: float
     estimates: Array
     microseconds_a_step: float
+    newton_iterations: int
+    cuts: int
     resumed: float | None
     seconds: dict[str, float]
     built: list[str]
@@ -95,11 +99,13 @@ def solve(
     every: float = 30.0,
     resume: bool = False,
     progress: bool = False,
+    integrator: str = "explicit",
 ) -> History:
     """Integrate the motion of a model from time zero.
 
-    Supports keep their displacement (at load factor 1) throughout.  The mass is lumped: right for bending and stretching, while the
-    polar inertia of a section is up to twice too large.
+    Supports keep their displacement (at load factor 1) throughout.  Explicit steps are central differences with lumped mass: right for
+    bending and stretching, while the polar inertia of a section is up to twice too large.  Implicit ones conserve energy and momenta with
+    the consistent mass, whatever the step (`isorod.implicit`); contact keeps energy to second order.
 
     Parameters
     ----------
@@ -109,7 +115,7 @@ def solve(
         Time to reach.
     time_step
         Largest step; the one taken divides the time between outputs.  Where not given, 0.9 of the critical step, and made
-        smaller when the bodies stiffen.
+        smaller when the bodies stiffen; implicit steps must be given.
     outputs
         Number of equal intervals between outputs.
     damping
@@ -122,13 +128,15 @@ def solve(
         File to keep the state in, at outputs at least this many seconds of wall time apart; whether to continue from it.
     progress
         Show how far it is on standard error, if that is a terminal.
+    integrator
+        ``"explicit"`` or ``"implicit"``.
 
     Raises
     ------
     InputError
-        If a number is out of range, the time step is not stable at the start, or a checkpoint cannot be used.
+        If a number is out of range, the explicit time step is not stable at the start, or a checkpoint cannot be used.
     SolveError
-        If the motion blows up: the message names step, time, element, and the critical time step.
+        If the motion blows up: the message names step, time, element, and the critical time step; or an implicit step does not converge.
     """
     start = perf_counter()
     _check(model, end_time, time_step, damping, ramp, every)
@@ -138,7 +146,7 @@ def solve(
     # For the mass alone: contact has its own forces here.
     assembler = Assembler(replace(model, contacts=()), PETSc.COMM_SELF)
     mass = assembler.mass(lumped=True).getDiagonal().array_r.copy()
-    run = Run(System(model, mass), end_time, outputs, time_step, damping, ramp)
+    run = _run_of(integrator)(System(model, mass), end_time, outputs, time_step, damping, ramp)
     initial = _nodal(model, "displacement", displacement), _nodal(model, "velocity", velocity)
     path = None if checkpoint is None else Path(checkpoint)
     identity = {} if path is None else run.identity(*initial)
@@ -167,12 +175,24 @@ def solve(
         critical_step=min(value for _, value in run.estimates),
         estimates=np.array(run.estimates),
         microseconds_a_step=1e6 * loop / max(run.taken - first, 1),
+        newton_iterations=run.newton_iterations,
+        cuts=run.cuts,
         resumed=resumed if resume else None,
         seconds={"setup": setup, "loop": loop, "solve": perf_counter() - start - setup},
-        built=[*assembler.built, *(["contact"] if model.contacts else [])],
-        solver={"time integration": "central differences"},
+        built=[*assembler.built, *run.built, *(["contact"] if model.contacts else [])],
+        solver=run.solver(),
         ranks=1,
     )
+
+
+def _run_of(integrator: str) -> type[Run]:
+    if integrator == "explicit":
+        return Run
+    if integrator != "implicit":
+        raise InputError(f"integrator: got {integrator!r}, need 'explicit' or 'implicit'")
+    from isorod.implicit_run import ImplicitRun
+
+    return ImplicitRun
 
 
 def _show(run: Run, first: int, loop: float) -> None:

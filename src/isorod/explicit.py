@@ -71,7 +71,7 @@ def pack(model: Model) -> Mesh:
         flat = table.inverse.reshape(*table.weights.shape, 9)
         values = np.concatenate([flat, table.weights[..., None], fibres, inside], axis=-1)
         geometry.append(_blocks(np.moveaxis(values, -1, 2)).swapaxes(2, 3).ravel())
-        laws.append(_laws(body, index))
+        laws.append(element_laws(body, index))
     return Mesh(
         elements=np.concatenate(elements),
         layers=np.concatenate(layers),
@@ -89,7 +89,8 @@ def _blocks(values: Array) -> Array:
     return values.reshape(*values.shape[:-1], -1, POINTS)
 
 
-def _laws(body: Body, index: int) -> Array:
+def element_laws(body: Body, index: int) -> Array:
+    """Return `isorod.model.Body.parameters` of a body with its fibres' stress at their final activation, shape ``(elements, 5)``."""
     try:
         laws = body.parameters()
     except InputError as problem:

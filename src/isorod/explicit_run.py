@@ -1,6 +1,7 @@
 """A motion under way: the time step and its stability, the balances, the state that a checkpoint keeps."""
 
 import hashlib
+from collections.abc import Sequence
 from time import perf_counter
 from typing import Any
 
@@ -28,7 +29,7 @@ _OUTCOMES = {
     BLOWN: "there is more kinetic energy than there can be",
     LOST: "a closest point in contact was not found",
 }
-_IMBALANCE = 0.05
+IMBALANCE = 0.05
 _SHORTER = 0.8
 _RETRIES = 15
 
@@ -50,6 +51,12 @@ class Run:
     estimates
         Time and value of each estimate of the critical step.
     """
+
+    integrator = "explicit"
+    # What an implicit run has of its own.
+    newton_iterations = 0
+    cuts = 0
+    built: Sequence[str] = ()
 
     def __init__(
         self, system: System, end_time: float, outputs: int, time_step: float | None, damping: float, ramp: float
@@ -76,6 +83,10 @@ class Run:
         # Of a body at rest, rounding of its forces may be all there is.
         self._noise = 1e-12 * float(volumes @ system.mesh.laws[:, 0])
 
+    def solver(self) -> dict[str, str]:
+        """Return the names of the methods at work."""
+        return {"time integration": "central differences"}
+
     @property
     def time(self) -> float:
         """Time of the last output."""
@@ -95,18 +106,22 @@ class Run:
         if not critical > 0.0:
             raise InputError(f"initial state: an element is inverted; {self._worst(motion.displacement)}")
         self.estimates.append((0.0, critical))
-        if self.given is not None and self.given > critical:
-            raise InputError(
-                f"time step {self.given:.4g}: not stable, the critical step is {critical:.4g}; take at most {_SAFE * critical:.3g}"
-            )
-        self._divide(_SAFE * critical if self.given is None else self.given)
-        self._stagger(motion.velocity.copy(), 0.0, 0.0)
+        self._choose(critical)
         self._momentum = self._free_momentum()
         seen = self._measure()
         self._energy = _total(seen)
         self._estimated[:] = 0.0, activation(0.0, self.ramp), seen["contact_area"] > 0.0
         self._balance(seen)
         self._record(seen)
+
+    def _choose(self, critical: float) -> None:
+        """Choose the time step, given the critical one, and make the state what the scheme starts from."""
+        if self.given is not None and self.given > critical:
+            raise InputError(
+                f"time step {self.given:.4g}: not stable, the critical step is {critical:.4g}; take at most {_SAFE * critical:.3g}"
+            )
+        self._divide(_SAFE * critical if self.given is None else self.given)
+        self._stagger(self.system.motion.velocity.copy(), 0.0, 0.0)
 
     def advance(self) -> float:
         """Take the steps to the next output and record it; return the wall time of the steps.
@@ -131,7 +146,7 @@ class Run:
             elif outcome == DONE:
                 error = self._balance(seen)
                 problem = (
-                    "" if abs(error) <= _IMBALANCE else f"the energy balance is off by {error:.2g} of the work done"
+                    "" if abs(error) <= IMBALANCE else f"the energy balance is off by {error:.2g} of the work done"
                 )
             if not problem:
                 break
@@ -206,7 +221,7 @@ class Run:
         scale = max(map(abs, [self._energy, seen["muscle_work"], seen["dissipated"], *work, *dissipated]))
         error = _total(seen) - self._energy - seen["muscle_work"] + seen["dissipated"]
         motion = self.system.motion
-        amount = float(np.sum(self._carried * np.abs(motion.velocity[self.system.places])))
+        amount = float(np.abs(self._moving(motion.velocity[self.system.places])).sum())
         amount += float(np.abs(self._by_support(motion.impulse)).sum() + np.abs(motion.sums[2:]).sum())
         loose = float(np.linalg.norm(self._free_momentum() - self._momentum))
         seen["energy_error"] = error / scale if scale > self._noise else 0.0
@@ -222,11 +237,15 @@ class Run:
         np.add.at(result, (model.support_of[carried], model.held[carried] % 3), held[carried])
         return result
 
+    def _moving(self, velocity: Array) -> Array:
+        """Return the momentum of each degree of freedom that moves with its rod, zero for the others."""
+        return self._carried * velocity
+
     def _free_momentum(self) -> Array:
         """Return the momentum half a step ago less all impulses so far: a constant."""
         system, motion = self.system, self.system.motion
         moved = motion.displacement - 0.5 * self.step * motion.velocity
-        mass_times = self._carried * (motion.velocity + self.damping * moved)[system.places]
+        mass_times = self._moving((motion.velocity + self.damping * moved)[system.places])
         return mass_times.reshape(-1, 3).sum(axis=0) - self._by_support(motion.impulse).sum(axis=0) - motion.sums[2:]
 
     def _watch(self, seen: dict[str, Any]) -> None:
@@ -306,6 +325,7 @@ class Run:
             digest.update(np.ascontiguousarray(array).tobytes())
         return {
             "version": __version__,
+            "integrator": self.integrator,
             "end_time": self.interval * self.outputs,
             "outputs": self.outputs,
             "time_step": self.given,

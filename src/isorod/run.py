@@ -30,6 +30,8 @@ KEPT = {
         "time_step",
         "critical_step",
         "microseconds_a_step",
+        "newton_iterations",
+        "cuts",
         "resumed",
     ),
 }

@@ -1,0 +1,256 @@
+"""Steps in time: explicit ones about the critical length and by the million, implicit ones of any length, and where these begin to pay."""
+
+from collections.abc import Callable, Iterator
+from functools import cache, partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from petsc4py import PETSc
+
+from comparisons.records import Record
+from comparisons.stability import figure
+from comparisons.stability.bars import bar
+from comparisons.stability.point import measure, reach, sweeps
+from isorod import dynamics, modal
+from isorod.assembly import Assembler
+from isorod.disk import Array
+from isorod.explicit import System
+from isorod.explicit_run import Run
+from isorod.material import NeoHookean
+from isorod.model import Body, Model, Support
+from isorod.space import Space
+
+NAME = "stepping"
+TITLE = "steps in time, explicit and implicit"
+COLUMNS = {
+    "drift": "energy drift",
+    "momentum": "momentum error",
+    "newton": "Newton iterations a step",
+    "explicit_steps": "explicit steps",
+    "explicit_seconds": "explicit time (s)",
+    "implicit_steps": "implicit steps",
+    "implicit_seconds": "implicit time (s)",
+}
+
+# A bar of radius 1, held at its start, the first quarter of which may be a tendon; the wave speed is 7.
+LENGTH, JOINT, E, DENSITY = 8.0, 2.0, 100.0, 2.0
+# Random velocities of all control points: of strains that stay small, and so that some elements lose half their volume.
+GENTLE, VIOLENT = 1e-3, 0.3
+# How far the free end would swing if it went on swinging in the lowest mode, in lengths.
+SWINGS = {"small": 1e-3, "large": 0.3}
+TOLERANCE = 1e-3
+
+# More steps are not tried for accuracy.
+MOST = 4096
+
+# Of the runs in different shares of the critical step, in critical steps.
+DURATION = 400
+
+SHARE = "time step / critical one"
+LONG = "explicit steps taken, undamped"
+LARGE = "implicit time step / critical one"
+CONTRAST = "stiffness ratio of tendon and muscle"
+
+
+def LIMITS(records: list[Record]) -> list[str]:
+    """Return the limits, from the records."""
+    found = sweeps(records)
+    lines = []
+    for series, curve in found[SHARE].items():
+        reached = reach(curve)
+        until = "nowhere" if reached is None else f"up to {reached:g} critical steps"
+        lines.append(f"{series}, {DURATION} critical steps long: energy kept to {TOLERANCE:g} {until}.")
+    over = [one["value"] for one in records if one["sweep"] == SHARE and "failure" in one and one["value"] > 1.0]
+    lines.append(
+        f"Of the {len(over)} runs in steps longer than the critical one, each blows up and says so with the critical step; where the step is "
+        "checked at the start, as it is for users, they do not begin."
+    )
+    for series, curve in found[LONG].items():
+        last = curve[-1]
+        if "failure" in last:
+            lines.append(f"{series}: {last['failure']}.")
+            continue
+        lines.append(
+            f"{series}, {last['value']:.0e} steps: energy within {last['error']:.1e}, drift {last['drift']:.1e}."
+        )
+    for series, curve in found[LARGE].items():
+        done = [one for one in curve if "failure" not in one]
+        lines.append(
+            f"{series}: energy kept to {max(one['error'] for one in done):.0e} in steps of up to {max(one['value'] for one in done):g} "
+            "critical ones."
+        )
+    curve = [one for one in found[CONTRAST][SERIES] if "failure" not in one]
+    pays = [one["value"] for one in curve if one["implicit_seconds"] < one["explicit_seconds"]]
+    ratio = curve[-1]["explicit_steps"] / curve[-1]["implicit_steps"]
+    lines.append(
+        f"Tendon {curve[-1]['value']:.0e} times as stiff as the muscle: {ratio:.0f} explicit steps to an implicit one for an error of "
+        f"{TOLERANCE:g}; implicit steps take less time "
+        + (f"from a ratio of {min(pays):.0e} on." if pays else "nowhere in this sweep.")
+    )
+    return lines
+
+
+SERIES = "tendon clamped, muscle swinging, one period"
+
+
+def run(level: str) -> Iterator[dict[str, Any]]:
+    """Yield the points."""
+    full = level != "quick"
+    shares = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99, 1.01, 1.05, 1.1)
+    balance = "energy at the start"
+    for series, size in (("explicit, all modes, small", GENTLE), ("explicit, all modes, violent", VIOLENT)):
+        for share in shares:
+            yield measure(
+                SHARE, share, partial(_share, share, size), series=series, reference=balance, tolerance=TOLERANCE
+            )
+    yield from _long(1_000_000 if full else 100_000)
+    for series, size in (("implicit, all modes, small", GENTLE), ("implicit, all modes, violent", VIOLENT)):
+        for steps in (1.0, 10.0, 100.0, 1000.0):
+            yield measure(
+                LARGE,
+                steps,
+                partial(_large, steps, size, 100 if full else 30),
+                series=series,
+                reference=balance,
+                tolerance=TOLERANCE,
+            )
+    for ratio in (1.0, 10.0, 1e2, 1e3, 1e4, 1e5, 1e6) if full else (1.0, 1e3, 1e6):
+        yield measure(
+            CONTRAST,
+            ratio,
+            partial(_contrast, ratio),
+            series=SERIES,
+            reference="the same in steps of half the length",
+            tolerance=TOLERANCE,
+        )
+
+
+def plot(records: list[Record], path: Path) -> None:
+    """Draw the case's figure."""
+    figure.draw(records, path)
+
+
+def _model(ratio: float = 1.0, elements: int = 4) -> Model:
+    space = Space(bar([0.0, JOINT, LENGTH], 2, 0), elements=elements, quadrature="auto")
+    half = space.axis.elements // 2
+    laws = [NeoHookean(ratio * E, 0.3)] * half + [NeoHookean(E, 0.3)] * half
+    return Model([Body(space, laws, DENSITY)], [Support.end(space, "start")])
+
+
+def _random(model: Model, size: float) -> Array:
+    return size * np.random.default_rng(0).standard_normal(model.dofs)
+
+
+def _swing(model: Model, size: float) -> tuple[Array, float]:
+    """Return velocities of the lowest mode, of an amplitude of so many lengths, and its period."""
+    found = modal.solve(model, 1)
+    frequency, shape = float(found.frequencies[0]), found.vectors[0]
+    scale = 2.0 * np.pi * frequency * size * LENGTH / np.abs(_end(model, shape)).max()
+    return scale * shape, 1.0 / frequency
+
+
+def _end(model: Model, displacement: Array) -> Array:
+    """Return the mean displacement of the free end."""
+    space = model.bodies[0].space
+    last = np.arange(space.nodes - space.layer_nodes, space.nodes)
+    return np.asarray(model.nodal(displacement)[last[space.carries[last]]].mean(axis=0))
+
+
+def _critical(model: Model) -> float:
+    return dynamics.solve(model, 1e-9, outputs=1).critical_step
+
+
+class _Bold(Run):
+    """Explicit steps that are not refused at the start for their length."""
+
+    def _choose(self, critical: float) -> None:
+        super()._choose(max(critical, self.given or 0.0))
+
+
+def _share(share: float, size: float) -> dict[str, Any]:
+    model = _model()
+    step = share * _critical(model)
+    steps = round(DURATION / 8 / share)
+    mass = Assembler(model, PETSc.COMM_SELF).mass(lumped=True).getDiagonal().array_r.copy()
+    motion = _Bold(System(model, mass), 8 * steps * step, 8, step, 0.0, 0.0)
+    motion.begin(np.zeros(model.dofs), np.where(model.free >= 0, _random(model, size), 0.0))
+    while motion.index < motion.outputs:
+        motion.advance()
+    return _balances(motion.rows)
+
+
+def _balances(rows: Any) -> dict[str, Any]:
+    return {
+        "error": float(np.abs(rows["energy_error"]).max()),
+        "momentum": float(np.abs(rows["momentum_error"]).max()),
+    }
+
+
+def _long(steps: int) -> Iterator[dict[str, Any]]:
+    """Yield points of one run a series: the energy error up to so many steps, and its mean there less that at the start."""
+    model = _model(elements=2)
+    critical = _critical(model)
+    for name, share in (("small", 0.9), ("large", 0.9), ("large", 0.5)):
+        velocity, _ = _swing(model, SWINGS[name])
+
+        @cache
+        def errors(share: float = share, velocity: Array = velocity) -> Array:
+            step = share * critical
+            return dynamics.solve(model, steps * step, step, outputs=1000, velocity=velocity).energy_error
+
+        def point(count: int, errors: Callable[[], Array] = errors) -> dict[str, Any]:
+            here = errors()[: 1 + 1000 * count // steps]
+            tenth = max(1, here.size // 10)
+            drift = float(abs(here[-tenth:].mean() - here[1 : tenth + 1].mean()))
+            return {"error": float(np.abs(here).max()), "drift": drift}
+
+        for count in [10**k for k in range(3, 7) if 10**k <= steps]:
+            yield measure(
+                LONG,
+                float(count),
+                partial(point, count),
+                series=f"{name} swing, {share} critical steps",
+                reference="energy at the start",
+                tolerance=TOLERANCE,
+            )
+
+
+def _large(steps: float, size: float, count: int) -> dict[str, Any]:
+    model = _model()
+    step = steps * _critical(model)
+    found = dynamics.solve(model, count * step, step, outputs=10, velocity=_random(model, size), integrator="implicit")
+    rows = {"energy_error": found.energy_error, "momentum_error": found.momentum_error}
+    return _balances(rows) | {"newton": found.newton_iterations / found.steps, "implicit_steps": found.steps}
+
+
+def _contrast(ratio: float) -> dict[str, Any]:
+    model = _model(ratio)
+    velocity, end_time = _swing(model, SWINGS["large"])
+
+    def end(steps: int, integrator: str) -> tuple[Array, dynamics.History]:
+        found = dynamics.solve(model, end_time, end_time / steps, outputs=1, velocity=velocity, integrator=integrator)
+        return _end(model, found.displacement[-1]), found
+
+    def enough(steps: int, integrator: str) -> tuple[float, dynamics.History]:
+        """Return the error and the run with the fewest steps, of those and twice, four times ... as many, that are enough."""
+        place, found = end(steps, integrator)
+        while True:
+            finer, next_one = end(2 * steps, integrator)
+            error = float(np.abs(finer - place).max() / (SWINGS["large"] * LENGTH))
+            if error <= TOLERANCE or steps >= MOST:
+                return error, found
+            steps, place, found = 2 * steps, finer, next_one
+
+    error, implicit = enough(64, "implicit")
+    stable = int(np.ceil(end_time / (0.9 * _critical(model))))
+    # So many steps that stability asks for are enough for accuracy.
+    explicit_error, explicit = enough(stable, "explicit") if stable < MOST else (0.0, end(stable, "explicit")[1])
+    return {
+        "error": max(error, explicit_error),
+        "explicit_steps": explicit.steps,
+        "explicit_seconds": explicit.seconds["loop"],
+        "implicit_steps": implicit.steps,
+        "implicit_seconds": implicit.seconds["loop"],
+        "newton": implicit.newton_iterations / implicit.steps,
+    }
