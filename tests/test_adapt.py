@@ -58,7 +58,7 @@ def test_an_estimate_changes_nothing():
     assert set(reached.changes) == {"order", "section_points", "degree", "elements_per_turn"}
 
 
-@pytest.mark.parametrize("tolerance", [0.0, -1e-3, 1.0, float("nan"), float("inf")])
+@pytest.mark.parametrize("tolerance", [0.0, -1e-3, 1e-30, 1.0, float("nan"), float("inf")])
 def test_a_tolerance_out_of_range_is_refused(tolerance):
     with pytest.raises(InputError, match=r"tolerance: got .*, need a relative error between 0 and 1"):
         adapt.estimate(Spring(), {}, tolerance)

@@ -322,3 +322,20 @@ def test_output_that_nobody_reads_is_no_traceback():
     process.stdout.close()
     process.wait()
     assert b"Traceback" not in process.stderr.read()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["run", "flower", "--length=--"], "argument --length: expected one argument"),
+        (["run", "spring", "--elements-per-turn=--"], "argument --elements-per-turn: expected one argument"),
+        (["run", "spring", "--no\nsense"], "option --no sense is not known"),
+        (
+            ["run", "flower", "--petals=851173383449305907028419411968"],
+            "flower petals: got 851173383449305907028419411968",
+        ),
+        (["run", "blade", "--section-points=1000000000"], "section control points: got 1000000000"),
+    ],
+)
+def test_what_generated_input_found_is_one_line(arguments, message, refused):
+    assert message in refused(*arguments)

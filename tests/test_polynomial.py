@@ -175,3 +175,13 @@ def test_a_concave_section_is_no_matter():
     assert np.isfinite(values).all()
     assert np.isfinite(gradients).all()
     assert determinant(rod.grid(xi, [0.5])[1]).shape == (1, area.size)
+
+
+@pytest.mark.parametrize(
+    ("sizes", "message"),
+    [((1e300, 1.0), "section's extent: got"), ((1.0, 1e-300), "sections have no area"), ((5e-324, 5e-324), "extent")],
+)
+def test_sections_without_area_or_beyond_double_precision_are_refused(sizes, message, cylinder):
+    rod = cylinder()
+    with pytest.raises(InputError, match=message):
+        Polynomials(Rod(rod.axis, rod.control_points * [*sizes, 1.0]), 2)

@@ -3,6 +3,10 @@
 import json
 import os
 import stat
+import subprocess
+import sys
+import time
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -122,3 +126,73 @@ def test_write_beside_that_fails_leaves_the_old_file_and_no_other(tmp_path):
         results.write_beside(path, write)
     assert path.read_text() == "old"
     assert [file.name for file in tmp_path.iterdir()] == ["data.txt"]
+
+
+def test_a_torn_last_line_is_taken_off_with_a_word_and_a_whole_one_is_kept(tmp_path):
+    path = tmp_path / "results.jsonl"
+    path.write_text('{"k": 0}\n{"k": 1, "text": "' + 20000 * "x")
+    with pytest.warns(UserWarning, match=r"results.jsonl: the last line is torn"):
+        results.append(path, {"k": 2})
+    assert path.read_text() == '{"k": 0}\n{"k": 2}\n'
+    path.write_text('{"k": 0}\n{"k": 1}')
+    results.append(path, {"k": 2})
+    assert path.read_text() == '{"k": 0}\n{"k": 1}\n{"k": 2}\n'
+    path.write_text('{"k"')
+    with pytest.warns(UserWarning, match="torn"):
+        results.append(path, {"k": 2})
+    assert path.read_text() == '{"k": 2}\n'
+
+
+WRITER = """
+import io, os, random, signal, sys
+from pathlib import Path
+from isorod import results
+
+class Killed(io.FileIO):
+    # Now and then death comes in the middle of a line.
+    def write(self, data):
+        if random.random() < 0.05:
+            super().write(data[: random.randrange(1, len(data))])
+            os.kill(os.getpid(), signal.SIGKILL)
+        return super().write(data)
+
+random.seed(int(sys.argv[2]))
+results.open = lambda path, mode: Killed(path, mode.replace("b", ""))
+for k in range(100000):
+    results.append(Path(sys.argv[1]), {"who": sys.argv[2], "k": k, "text": "x" * 100000})
+    os.write(1, b"%d\\n" % k)
+"""
+
+
+def test_writers_killed_and_restarted_lose_and_tear_no_line(tmp_path):
+    path, rng = tmp_path / "results.jsonl", np.random.default_rng(0)
+    acknowledged = []
+
+    def start() -> None:
+        who = str(len(acknowledged))
+        acknowledged.append(tmp_path / who)
+        with open(acknowledged[-1], "wb") as out, open(tmp_path / "words", "ab") as words:
+            running.append(subprocess.Popen([sys.executable, "-c", WRITER, str(path), who], stdout=out, stderr=words))
+
+    running: list[subprocess.Popen[bytes]] = []
+    for _ in range(4):
+        start()
+    for _ in range(16):
+        time.sleep(rng.uniform(0.05, 0.25))
+        running[rng.integers(len(running))].kill()
+        for process in [one for one in running if one.poll() is not None]:
+            running.remove(process)
+            start()
+    for process in running:
+        process.kill()
+        process.wait()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        results.append(path, {"who": "last", "k": 0})
+    found = {(record["who"], record["k"]) for record in map(json.loads, path.read_bytes().splitlines())}
+    promised = {(file.name, int(k)) for file in acknowledged for k in file.read_text().split()}
+    assert len(promised) > 20
+    assert promised <= found
+    words = (tmp_path / "words").read_text()
+    assert "the last line is torn" in words
+    assert "Traceback" not in words

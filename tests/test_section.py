@@ -101,3 +101,9 @@ def test_section_map_of_the_flower_is_one_to_one():
 def test_refuses_what_is_no_section(make, message):
     with pytest.raises(InputError, match=message):
         make()
+
+
+@pytest.mark.parametrize("petals", [-1, 10**30, 2.5])
+def test_flower_of_a_number_of_petals_that_is_none_is_refused(petals):
+    with pytest.raises(InputError, match=r"flower petals: got .*, need an integer from 0 to"):
+        flower(16, petals)

@@ -315,3 +315,11 @@ def test_the_command_line_refuses_it_in_one_line(arguments, message, capsys):
     assert out == ""
     assert re.fullmatch(r"isorod: .+\n", err), err
     assert message in err
+
+
+def test_more_points_than_memory_holds_are_refused_before_they_are_made(cylinder):
+    space = Space(cylinder(), elements=10_000, quadrature="64x64x64")
+    with pytest.raises(
+        InputError, match=r"10485760000 quadrature points need 2.5e\+03 GiB and more, there are .*fewer"
+    ):
+        space.tabulate(0, 10_000)

@@ -17,6 +17,8 @@ from isorod.polyharmonic import MAX_ORDER
 from isorod.polynomial import MAX_DEGREE as MAX_SECTION_DEGREE
 from isorod.spline import MAX_DEGREE
 
+# Solutions are not converged to less than this.
+SMALLEST = 1e-10
 # Refinements tried before giving up, and unknowns beyond which no space is tried.
 MAX_STEPS = 24
 MAX_UNKNOWNS = 400_000
@@ -85,12 +87,12 @@ def estimate(scene: Any, settings: Mapping[str, Any], tolerance: float | None = 
     Raises
     ------
     InputError
-        If the tolerance is not positive, or the quadrature does not follow the space.
+        If the tolerance is out of range, or the quadrature does not follow the space.
     SolveError
         If the tolerance is not reached within 24 refinements or 400,000 unknowns.
     """
-    if tolerance is not None and not 0.0 < tolerance < 1.0:
-        raise InputError(f"tolerance: got {tolerance:g}, need a relative error between 0 and 1")
+    if tolerance is not None and not SMALLEST <= tolerance < 1.0:
+        raise InputError(f"tolerance: got {tolerance:g}, need a relative error between 0 and 1, not below {SMALLEST:g}")
     if scene.quadrature not in ("auto", "full"):
         raise InputError(
             f"quadrature: got {scene.quadrature!r}, refinement needs a rule that follows the space: auto or full"

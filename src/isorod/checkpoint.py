@@ -4,6 +4,8 @@ import hashlib
 import io
 import json
 import os
+import zipfile
+import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -17,6 +19,7 @@ from isorod.results import write_beside
 # Raised whenever what is stored, or what is computed from it, changes.
 _FORMAT = 1
 _HEAD = b"isorod checkpoint "
+_DAMAGED = "is damaged or no checkpoint; remove it, or name another file"
 
 
 def write(path: Path, identity: Mapping[str, Any], arrays: Mapping[str, Array]) -> None:
@@ -94,8 +97,10 @@ def _load(path: Path) -> tuple[dict[str, Any], dict[str, Array]]:
         raise InputError(f"checkpoint {path}: cannot be read ({problem.strerror})") from None
     line, _, data = content.partition(b"\n")
     if line != _HEAD + hashlib.sha256(data).hexdigest().encode():
-        raise InputError(f"checkpoint {path}: is damaged or no checkpoint; remove it, or name another file")
-    with np.load(io.BytesIO(data), allow_pickle=False) as file:
-        arrays = {name: file[name] for name in file.files}
-    found = json.loads(str(arrays.pop("identity")))
-    return found, arrays
+        raise InputError(f"checkpoint {path}: {_DAMAGED}")
+    try:
+        with np.load(io.BytesIO(data), allow_pickle=False) as file:
+            arrays = {name: file[name] for name in file.files}
+        return json.loads(str(arrays.pop("identity"))), arrays
+    except (ValueError, KeyError, EOFError, AttributeError, NotImplementedError, zipfile.BadZipFile, zlib.error):
+        raise InputError(f"checkpoint {path}: {_DAMAGED}") from None

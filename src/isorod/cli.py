@@ -37,7 +37,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _fail(message: str) -> int:
     if _rank() == 0:
-        print(f"isorod: {message}", file=sys.stderr)
+        # What is quoted of the input may have line ends.
+        print(f"isorod: {' '.join(message.split())}", file=sys.stderr)
     return 2
 
 
@@ -111,6 +112,12 @@ def _scene_parser(name: str, scene_type: Any) -> options.Parser:
             help="mass matrix (consistent); lumped is right for bending, not for torsion",
         )
     if "dynamics" in analyses:
+        parser.add_argument(
+            "--integrator",
+            choices=("explicit", "implicit"),
+            default="explicit",
+            help="steps in time (explicit); implicit ones may be of any length",
+        )
         parser.add_argument("--checkpoint", metavar="FILE", help="keep the state of the run in this file")
         parser.add_argument(
             "--checkpoint-every",
@@ -139,6 +146,7 @@ def _settings(scene: Any, found: argparse.Namespace) -> dict[str, Any]:
         return {"modes": found.modes, "lumped": found.mass == "lumped"}
     if scene.analysis == "dynamics":
         keep = {"checkpoint": found.checkpoint, "every": found.checkpoint_every, "resume": found.resume}
+        keep["integrator"] = found.integrator
         return scene.settings() | keep | {"progress": True}
     if found.load_steps < 1:
         raise InputError(f"load steps: got {found.load_steps}, need at least 1")
@@ -230,4 +238,4 @@ def _rank() -> int:
 
 def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
     if _rank() == 0:
-        print(f"isorod: warning: {message}", file=sys.stderr)
+        print(f"isorod: warning: {' '.join(str(message).split())}", file=sys.stderr)

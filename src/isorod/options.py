@@ -31,6 +31,10 @@ class Parser(argparse.ArgumentParser):
 
     def known(self, arguments: Sequence[str]) -> argparse.Namespace:
         """Parse, and name what is not known together with the nearest option there is."""
+        for word in arguments:
+            # argparse itself makes an empty list of this value.
+            if word.startswith("--") and word.endswith("=--"):
+                self.error(f"argument {word[:-3]}: expected one argument")
         found, unknown = self.parse_known_args(arguments)
         if unknown:
             word = unknown[0].split("=")[0]

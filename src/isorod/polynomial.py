@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from isorod.disk import Array, harmonic_functions
-from isorod.errors import InputError, whole_number
+from isorod.errors import InputError, representable, whole_number
 from isorod.quadrature import Rule, section_points
 from isorod.rod import Rod
 from isorod.small import determinant
@@ -24,6 +24,9 @@ MAX_DEGREE = 8
 
 # Layers may differ from affine images of the widest by this share of its size.
 _TOLERANCE = 1e-9
+
+# A section this much thinner than it is wide is none.
+_FLAT = 1e-12
 
 
 class Polynomials:
@@ -50,8 +53,11 @@ class Polynomials:
         degree = whole_number("section degree", degree, 1, MAX_DEGREE)
         points = rod.control_points
         arms = points - points.mean(axis=1, keepdims=True)
+        representable("section's extent", float(np.abs(arms).max()))
         widest = arms[int(np.argmax(np.linalg.norm(arms, axis=(1, 2))))]
         _, sizes, directions = np.linalg.svd(widest)
+        if not sizes[1] > _FLAT * sizes[0]:
+            raise InputError("section degree: the rod's sections have no area; polynomials need some")
         self._polygon = widest @ directions[:2].T
         images = np.linalg.lstsq(self._polygon, arms.swapaxes(0, 1).reshape(arms.shape[1], -1), rcond=None)[0]
         gap = arms - (self._polygon @ images).reshape(arms.shape[1], -1, 3).swapaxes(0, 1)

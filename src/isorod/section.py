@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isorod.disk import Array, boundary_functions, check_count, control_points
-from isorod.errors import InputError
+from isorod.disk import MAX_COUNT, Array, boundary_functions, check_count, control_points
+from isorod.errors import InputError, whole_number
 
 
 def circle(n: int, radius: float = 1.0) -> Array:
@@ -30,6 +30,7 @@ def flower(n: int = 16, petals: int = 4, radius: float = 1.0, depth: float = 0.3
     theta = 2.0 * np.pi * np.arange(check_count(n)) / n
     if not 0.0 <= depth < 1.0:
         raise InputError(f"flower depth: got {depth:g}, need 0 <= depth < 1")
+    whole_number("flower petals", petals, 0, MAX_COUNT)
     return circle(n, radius) * (1.0 + depth * np.cos(petals * theta))[:, None]
 
 

@@ -1,5 +1,6 @@
 """The displacement space on a rod, and everything about it that does not change during an analysis."""
 
+import os
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -7,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from isorod import polyharmonic
-from isorod.disk import Array
+from isorod.disk import Array, check_count
 from isorod.errors import FoldedRodError, InputError
 from isorod.polynomial import Polynomials
 from isorod.quadrature import Rule, axis_points, section_points
@@ -15,6 +16,9 @@ from isorod.rod import Rod, section_gradient
 from isorod.section import refine, refinement_turn
 from isorod.small import inverse
 from isorod.spline import Axis, Index
+
+# Jacobian matrices, their inverses, and what both are made of.
+_BYTES_A_POINT = 8 * 32
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +92,7 @@ class Space:
         wanted = own if self.section_points is None else self.section_points
         if wanted < own or wanted % own:
             raise InputError(f"section points: got {wanted}, need a multiple of the {own} of the rod itself")
-        return wanted // own
+        return check_count(wanted) // own
 
     @property
     def points_around(self) -> int:
@@ -156,10 +160,13 @@ class Space:
 
         Raises
         ------
+        InputError
+            If they do not fit in memory.
         FoldedRodError
             If the Jacobian is not positive at one of them.
         """
         rule = self.rule
+        _refuse_beyond_memory((last - first) * rule.axial * self.points_around * rule.radial * rule.angular)
         xi, area = section_points(self.points_around, rule, self.turn)
         u, length = (points[first:last] for points in axis_points(self.axis, rule.axial))
         values, gradients = self.section_functions(xi)
@@ -209,6 +216,16 @@ class Space:
         gradient = section_gradient(values, gradients, section, along)
         _, jacobian = self.rod.grid(xi, u)
         return values @ section, np.eye(3) + gradient @ inverse(jacobian)[0]
+
+
+def _refuse_beyond_memory(points: int) -> None:
+    """Raise `InputError` if not even the geometry at that many quadrature points fits: the system would kill the process later."""
+    there, needed = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"), _BYTES_A_POINT * points
+    if needed > there:
+        raise InputError(
+            f"{points} quadrature points need {needed / 2**30:.3g} GiB and more, there are {there / 2**30:.3g}; take fewer elements, "
+            "section or quadrature points"
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -153,8 +153,16 @@ def solve(model: Model, load_steps: int = 1, comm: PETSc.Comm | None = None) -> 
     """
     start = perf_counter()
     rigid.refuse_free(model)
-    assembler = _assembler(model, comm)
-    solver = _Newton(assembler)
+    solver = _Newton(_assembler(model, comm))
+    try:
+        return _solve(solver, load_steps, start)
+    finally:
+        solver.destroy()
+
+
+def _solve(solver: "_Newton", load_steps: int, start: float) -> Equilibrium:
+    assembler = solver.assembler
+    model = assembler.model
     setup = perf_counter() - start
     assembler.seconds = 0.0
     factor, step, steps, cuts = 0.0, 1.0 / load_steps, 0, 0
@@ -187,7 +195,7 @@ def solve(model: Model, load_steps: int = 1, comm: PETSc.Comm | None = None) -> 
     seconds = {"setup": setup, "assembly": assembly, "solve": perf_counter() - start - setup - assembly}
     if hourglass.suspected(model):
         begin = perf_counter()
-        hourglass.check_energy(model, displacement, assembler.energy(solver.x, 1.0), comm)
+        hourglass.check_energy(model, displacement, assembler.energy(solver.x, 1.0), assembler.comm)
         seconds["check"] = perf_counter() - begin
     return Equilibrium(
         model=model,
@@ -281,6 +289,11 @@ class _Newton:
             self._own_tolerance = "snes_atol" not in typed
             if self._own_tolerance:
                 self.snes.setConvergenceTest(self.balance.test)
+
+    def destroy(self) -> None:
+        """Give back matrix, factors and work vectors, which SNES and this object, each holding the other, would keep for long."""
+        for one in (self.snes, self.matrix, self.trial, self.force, self.change):
+            one.destroy()
 
     def _residual(self, snes: PETSc.SNES, x: PETSc.Vec, out: PETSc.Vec) -> None:
         self.assembler.residual(x, self.factor, out)

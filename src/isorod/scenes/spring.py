@@ -37,7 +37,9 @@ class Spring:
     )
     degree: int = option(3, "degree along the axis, 2 to 6")
     continuity: int | None = option(None, "continuity at inserted knots, 0 to degree - 1 (degree - 1)")
-    formulation: str = option("displacement", "displacement, or mixed: displacement and pressure, for nu near or at 0.5")
+    formulation: str = option(
+        "displacement", "displacement, or mixed: displacement and pressure, for nu near or at 0.5"
+    )
     quadrature: str = option("auto", "quadrature rule: auto, full, paper, RxS or RxSxT such as 2x1x4")
 
     def rod(self) -> Rod:
