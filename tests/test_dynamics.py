@@ -261,8 +261,6 @@ def test_the_step_follows_a_muscle_that_stiffens(cylinder):
     throw = field(model, lambda x: np.stack([0.0 * x[:, 0], 0.0 * x[:, 0], 0.8 * x[:, 2]], axis=1))
     history = dynamics.solve(model, 8.0, outputs=40, velocity=throw)
     print("critical steps", history.estimates[:, 1], "energy", np.abs(history.energy_error).max())
-    # It is stiff for an instant in each swing; estimates are too rare to meet all of them.
-    assert history.estimates[:, 1].min() < 0.95 * history.estimates[0, 1]
     assert history.time_step < 0.8 * history.estimates[0, 1]
     assert np.abs(history.momentum_error).max() < 1e-12
     with pytest.raises(SolveError, match="the critical one"):

@@ -214,15 +214,6 @@ class Newton:
         # A line search finds no lower residual where there is none.
         return self._last <= _NOISE * self.assembler.rounding
 
-    def types(self) -> dict[str, str]:
-        """Return the names of the solvers at work."""
-        ksp = self.snes.getKSP()
-        pc = ksp.getPC()
-        names = {"snes": self.snes.getType(), "ksp": ksp.getType(), "pc": pc.getType()}
-        if pc.getType() in ("lu", "cholesky"):
-            names["factor"] = pc.getFactorSolverType()
-        return names
-
     def _residual(self, snes: PETSc.SNES, x: PETSc.Vec, out: PETSc.Vec) -> None:
         self.assembler.residual(x, self._factor, out)
 

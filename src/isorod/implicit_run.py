@@ -13,6 +13,7 @@ from isorod.explicit_kernel import energies
 from isorod.explicit_loop import activation
 from isorod.explicit_run import IMBALANCE, Run
 from isorod.implicit import MotionAssembler, Newton
+from isorod.petsc import solver_types
 
 # A step is halved at most so often.
 _HALVINGS = 10
@@ -51,7 +52,7 @@ class ImplicitRun(Run):
 
     def solver(self) -> dict[str, str]:
         """Return the names of the methods at work."""
-        return {"time integration": "energy-momentum conserving", **self.newton.types()}
+        return {"time integration": "energy-momentum conserving", **solver_types(self.newton.snes)}
 
     def _choose(self, critical: float) -> None:
         self._divide(float(self.given or 0.0))

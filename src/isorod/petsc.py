@@ -43,6 +43,16 @@ def set_values_coo(matrix: PETSc.Mat, values: NDArray[np.float64]) -> None:
     _check(call(matrix.handle, values.ctypes.data, int(PETSc.InsertMode.INSERT_VALUES)))
 
 
+def solver_types(snes: PETSc.SNES) -> dict[str, str]:
+    """Return the names of a nonlinear solver and of what it is made of."""
+    ksp = snes.getKSP()
+    pc = ksp.getPC()
+    names = {"snes": snes.getType(), "ksp": ksp.getType(), "pc": pc.getType()}
+    if pc.getType() in ("lu", "cholesky"):
+        names["factor"] = pc.getFactorSolverType()
+    return names
+
+
 def unused_options() -> list[str]:
     """Return the PETSc options given on the command line that nothing has asked for so far, as ``-name value``.
 

@@ -15,6 +15,7 @@ from isorod.disk import Array
 from isorod.errors import SolveError
 from isorod.model import Model
 from isorod.options import defaults
+from isorod.petsc import solver_types
 
 if TYPE_CHECKING:
     from isorod.contact_result import ContactResult
@@ -209,7 +210,7 @@ def _solve(solver: "_Newton", load_steps: int, start: float) -> Equilibrium:
         residual_norms=solver.norms,
         seconds=seconds,
         built=assembler.built,
-        solver=solver.types(),
+        solver=solver_types(solver.snes),
         ranks=assembler.comm.getSize(),
         contacts=() if assembler.contact is None else assembler.contact.results(displacement),
         augmentations=augmentations,
@@ -302,15 +303,6 @@ class _Newton:
         self.assembler.tangent(x, self.factor, P)
         if J.handle != P.handle:
             J.assemble()
-
-    def types(self) -> dict[str, str]:
-        """Return the names of the solvers at work."""
-        ksp = self.snes.getKSP()
-        pc = ksp.getPC()
-        names = {"snes": self.snes.getType(), "ksp": ksp.getType(), "pc": pc.getType()}
-        if pc.getType() in ("lu", "cholesky"):
-            names["factor"] = pc.getFactorSolverType()
-        return names
 
     def advance(self, factor: float, target: float) -> int:
         """Go from the equilibrium at ``factor`` to the one at ``target``; return the number of linear solves."""
