@@ -9,13 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from petsc4py import PETSc
 
-from isorod import kernel, rigid
+from isorod import kernel, petsc, rigid
 from isorod.disk import Array
 from isorod.errors import InputError
 from isorod.extrapolation import Extrapolation, pays
 from isorod.model import Body, Model, Spin
 from isorod.pattern import Pattern
-from isorod.petsc import preallocate_coo, set_values_coo
 from isorod.small import determinant
 from isorod.space import Table
 from isorod.spline import Index
@@ -238,33 +237,29 @@ class Assembler:
         vector.zeroEntries()
         return vector
 
-    def _empty_matrix(self) -> PETSc.Mat:
-        sizes = (self.rows, self.unknowns)
-        matrix = PETSc.Mat().create(self.comm)
-        matrix.setSizes((sizes, sizes))
-        matrix.setBlockSize(self.block)
-        matrix.setType(PETSc.Mat.Type.AIJ)
-        matrix.setFromOptions()
-        return matrix
+    def _matrix(self, indices: Sequence[Sequence[Index]]) -> PETSc.Mat:
+        """Return a new symmetric matrix with room for rows and columns of each part."""
+        made = petsc.matrix(self.comm, (self.rows, self.unknowns), self.block, *_joined(indices))
+        made.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+        return made
 
     def matrix(self) -> PETSc.Mat:
-        """Return a new symmetric AIJ matrix, preallocated for the tangent (COO)."""
+        """Return a new symmetric AIJ matrix, preallocated for the tangent."""
         with self._timed():
-            matrix = self._empty_matrix()
-            self._preallocate(matrix)
-            matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+            made = self._matrix(self._tangent_indices())
+            if self.contact is not None:
+                made.setAttr("contact_version", self.contact.version)
             self.built.append("tangent")
-        return matrix
+        return made
 
-    def _preallocate(self, matrix: PETSc.Mat) -> None:
-        indices = []
+    def _tangent_indices(self) -> list[Sequence[Index]]:
+        indices: list[Sequence[Index]] = []
         for part in self.parts:
             free = self.free[part.first_dof :]
             indices.append([free[index] for index in part.pattern.indices()])
         if self.contact is not None:
             indices.append([self.model.free[self.contact.rows], self.model.free[self.contact.columns]])
-            matrix.setAttr("contact_version", self.contact.version)
-        preallocate_coo(matrix, *_joined(indices))
+        return indices
 
     def near_null_space(self) -> PETSc.NullSpace:
         """Return the rigid motions of all bodies on the unknowns, for algebraic multigrid."""
@@ -360,8 +355,9 @@ class Assembler:
             if self.contact is not None:
                 merged.append(self.contact.tangent(self._local))
                 if out.getAttr("contact_version") != self.contact.version:
-                    self._preallocate(out)
-            set_values_coo(out, np.concatenate([np.empty(0), *merged]))
+                    petsc.preallocate(out, *_joined(self._tangent_indices()))
+                    out.setAttr("contact_version", self.contact.version)
+            petsc.set_values(out, np.concatenate([np.empty(0), *merged]))
             return matrices
 
     def load_forces(self, x: PETSc.Vec, factor: float, matrices: list[Array], step: float, out: PETSc.Vec) -> None:
@@ -391,7 +387,6 @@ class Assembler:
         right; the others get their diagonal entries.
         """
         with self._timed():
-            matrix = self._empty_matrix()
             indices, values = [], [np.empty(0)]
             for part in self.parts:
                 if lumped:
@@ -404,9 +399,8 @@ class Assembler:
                 for a in range(3):
                     indices.append([self.model.free[3 * nodes + a] for nodes in places])
                     values.append(merged)
-            preallocate_coo(matrix, *_joined(indices))
-            set_values_coo(matrix, np.concatenate(values))
-            matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+            matrix = self._matrix(indices)
+            petsc.set_values(matrix, np.concatenate(values))
             self.built.append("lumped mass" if lumped else "mass")
         return matrix
 

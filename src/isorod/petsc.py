@@ -11,6 +11,10 @@ from petsc4py import PETSc
 
 _POINTER = ctypes.c_void_p
 
+# Attribute of a matrix whose arrays were made here: which of the given entries is where, and the arrays.
+_ARRAYS = "isorod_arrays"
+_Arrays = tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]]
+
 # Options that PETSc reads only when it ends.
 _AT_THE_END = re.compile(r"(options_left|options_view|malloc_\w+|memory_view|objects_\w+|log_\w+|citations)$")
 
@@ -27,8 +31,55 @@ def _check(code: int) -> None:
         raise PETSc.Error(code)
 
 
-def preallocate_coo(matrix: PETSc.Mat, rows: NDArray[Any], columns: NDArray[Any]) -> None:
-    """Preallocate a matrix by global row and column indices; negative ones are ignored."""
+def matrix(
+    comm: PETSc.Comm, sizes: tuple[int, int], block: int, rows: NDArray[Any], columns: NDArray[Any]
+) -> PETSc.Mat:
+    """Return a new square AIJ matrix, or what ``-mat_type`` says, with room for given entries.
+
+    Parameters
+    ----------
+    sizes, block
+        Number of rows here and in all, and the block size.
+    rows, columns
+        Global indices of each entry; negative ones are ignored.  `set_values` takes the values in this order.
+    """
+    made = PETSc.Mat()
+    arrays = None
+    if comm.getSize() == 1 and not PETSc.Options().hasName("mat_type"):
+        # PETSc's COO preallocation spends most of its time on sorting what is sorted.
+        arrays = _compressed_rows(sizes[1], rows, columns)
+    if arrays is None:
+        made.create(comm)
+        made.setSizes((sizes, sizes))
+        made.setBlockSize(block)
+        made.setType(PETSc.Mat.Type.AIJ)
+        made.setFromOptions()
+        preallocate(made, rows, columns)
+        return made
+    made.createAIJWithArrays((sizes, sizes), arrays[1:], comm=comm)
+    made.setBlockSize(block)
+    made.setFromOptions()
+    made.setAttr(_ARRAYS, arrays)
+    return made
+
+
+def _compressed_rows(size: int, rows: NDArray[Any], columns: NDArray[Any]) -> _Arrays | None:
+    """Return which entry comes where, and compressed rows: starts, columns, zeros; None if two entries are at one place."""
+    places = np.flatnonzero((rows >= 0) & (columns >= 0))
+    row, column = rows[places], columns[places]
+    keys = row * size + column
+    if not (np.diff(keys) > 0).all():
+        order = np.argsort(keys, kind="stable")
+        if not (np.diff(keys[order]) > 0).all():
+            return None
+        places, row, column = places[order], row[order], column[order]
+    start = np.searchsorted(row, np.arange(size + 1)).astype(PETSc.IntType)
+    return places, start, column.astype(PETSc.IntType), np.zeros(places.size, dtype=PETSc.ScalarType)
+
+
+def preallocate(matrix: PETSc.Mat, rows: NDArray[Any], columns: NDArray[Any]) -> None:
+    """Preallocate a matrix, once more perhaps, by global row and column indices (COO); negative ones are ignored."""
+    matrix.setAttr(_ARRAYS, None)
     # PETSc sorts the arrays in place.
     rows = np.array(rows, dtype=PETSc.IntType)
     columns = np.array(columns, dtype=PETSc.IntType)
@@ -36,11 +87,17 @@ def preallocate_coo(matrix: PETSc.Mat, rows: NDArray[Any], columns: NDArray[Any]
     _check(call(matrix.handle, rows.size, rows.ctypes.data, columns.ctypes.data))
 
 
-def set_values_coo(matrix: PETSc.Mat, values: NDArray[np.float64]) -> None:
-    """Set the entries in the order of `preallocate_coo`, repeated ones added up."""
-    values = np.ascontiguousarray(values, dtype=PETSc.ScalarType)
-    call = _function("MatSetValuesCOO", _POINTER, _POINTER, ctypes.c_int)
-    _check(call(matrix.handle, values.ctypes.data, int(PETSc.InsertMode.INSERT_VALUES)))
+def set_values(matrix: PETSc.Mat, values: NDArray[np.float64]) -> None:
+    """Set the entries in the order in which the matrix got room for them, repeated ones added up."""
+    arrays = matrix.getAttr(_ARRAYS)
+    if arrays is None:
+        values = np.ascontiguousarray(values, dtype=PETSc.ScalarType)
+        call = _function("MatSetValuesCOO", _POINTER, _POINTER, ctypes.c_int)
+        _check(call(matrix.handle, values.ctypes.data, int(PETSc.InsertMode.INSERT_VALUES)))
+        return
+    places, _, _, mine = arrays
+    np.take(values, places, out=mine, mode="clip")
+    matrix.assemble()
 
 
 def solver_types(snes: PETSc.SNES) -> dict[str, str]:

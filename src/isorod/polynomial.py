@@ -17,7 +17,6 @@ from isorod.disk import Array, harmonic_functions
 from isorod.errors import InputError, representable, whole_number
 from isorod.quadrature import Rule, section_points
 from isorod.rod import Rod
-from isorod.small import determinant
 from isorod.spline import Index
 
 MAX_DEGREE = 8
@@ -70,10 +69,8 @@ class Polynomials:
         n = rod.section_points
         xi, area = section_points(n, Rule(degree + 4, 4 + ceil(2.0 * pi * degree / n), 1))
         values, gradients = harmonic_functions(n, xi)
-        jacobian = np.zeros((xi.shape[0], 3, 3))
-        jacobian[:, :2, :2] = np.einsum("qia,ib->qab", gradients, self._polygon)
-        jacobian[:, 2, 2] = 1.0
-        weights = area * np.abs(determinant(jacobian))
+        jacobian = np.tensordot(gradients, self._polygon, (1, 0))
+        weights = area * np.abs(jacobian[:, 0, 0] * jacobian[:, 1, 1] - jacobian[:, 0, 1] * jacobian[:, 1, 0])
         centroid = weights @ (values @ self._polygon) / weights.sum()
         self._polygon = self._polygon - centroid
         place = values @ self._polygon
@@ -86,7 +83,8 @@ class Polynomials:
         )
         self._mix = np.eye(self.count)
         root = np.sqrt(weights / weights.sum())[:, None]
-        triangle = np.linalg.qr(root * self.functions(xi)[0], mode="r")
+        powers = self._monomials(values @ self._polygon)
+        triangle = np.linalg.qr(root * self._products(powers[0], powers[1]), mode="r")
         self._mix = np.linalg.inv(triangle * np.sign(np.diag(triangle))[:, None])
 
     @property
@@ -107,19 +105,26 @@ class Polynomials:
     def functions(self, xi: ArrayLike) -> tuple[Array, Array]:
         """Return values ``(m, count)`` and gradients ``(m, count, 2)`` at disk points ``(m, 2)``."""
         harmonic, slopes = harmonic_functions(self._polygon.shape[0], xi)
-        place = harmonic @ self._polygon
-        turns = np.einsum("qia,ib->qab", slopes, self._polygon)
-        exponent = np.arange(self._powers.max() + 1)
-        power = place[:, :, None] ** exponent
-        slope = np.zeros_like(power)
-        slope[:, :, 1:] = exponent[1:] * power[:, :, :-1]
+        # By the disk's coordinates: the section's own.
+        turns = np.tensordot(slopes, self._polygon, (1, 0))
+        first, second = self._monomials(harmonic @ self._polygon)
+        by_first = self._products(_slopes(first), second) @ self._mix
+        by_second = self._products(first, _slopes(second)) @ self._mix
+        gradients = [by_first * turns[:, k, :1] + by_second * turns[:, k, 1:] for k in range(2)]
+        return self._products(first, second) @ self._mix, np.stack(gradients, axis=2)
+
+    def _monomials(self, place: Array) -> Array:
+        """Return the powers of both coordinates ``(m, 2)`` up to the highest there is, shape ``(2, m, N + 1)``."""
+        result = np.empty((2, place.shape[0], self._powers.max() + 1))
+        result[:, :, 0] = 1.0
+        for k in range(1, result.shape[2]):
+            result[:, :, k] = result[:, :, k - 1] * place.T
+        return result
+
+    def _products(self, first: Array, second: Array) -> Array:
         a, b = self._powers.T
-        values = power[:, 0, a] * power[:, 1, b]
-        by_first = slope[:, 0, a] * power[:, 1, b]
-        by_second = power[:, 0, a] * slope[:, 1, b]
-        mixed = np.stack([by_first @ self._mix, by_second @ self._mix], axis=2)
-        gradients = np.einsum("qma,qab->qmb", mixed, turns.swapaxes(1, 2))
-        return values @ self._mix, gradients
+        product: Array = first[:, a] * second[:, b]
+        return product
 
     def positions(self, polygons: Array) -> Array:
         """Return the coefficients ``(layers, count, 3)`` of layers of control points ``(layers, n, 3)`` of the same rod."""
@@ -131,3 +136,10 @@ class Polynomials:
         # monomials = functions @ inverse(mix); those of degree 0 and 1 come first.
         result[:, :3] = np.linalg.inv(self._mix[:3, :3]) @ affine[:, order]
         return result
+
+
+def _slopes(powers: Array) -> Array:
+    """Return the derivatives of powers ``(m, N + 1)`` by what is raised."""
+    result = np.zeros_like(powers)
+    result[:, 1:] = np.arange(1, powers.shape[1]) * powers[:, :-1]
+    return result

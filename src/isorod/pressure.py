@@ -2,11 +2,12 @@
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import BSpline
 
+from isorod import bspline
 from isorod.disk import Array
 from isorod.errors import InputError
 from isorod.space import Space, Table
+from isorod.spline import Index
 
 # Half the range of an orthonormal linear function over a round section.
 _REACH = 2.0
@@ -71,11 +72,9 @@ class Pressures:
         tables = [np.polynomial.legendre.legvander(place[:, k], int(self._powers.max())) for k in range(2)]
         return np.ascontiguousarray(tables[0][:, self._powers[:, 0]] * tables[1][:, self._powers[:, 1]])
 
-    def axial_functions(self, u: Array) -> tuple[Array, Array]:
+    def axial_functions(self, u: Array) -> tuple[Index, Array]:
         """Return the first layer ``(t,)`` and the values ``(t, p)`` of the functions at axis parameters ``(t,)``."""
-        table = BSpline.design_matrix(u, self._knots, self.degree)
-        width = self.degree + 1
-        return table.indices[::width].astype(np.int64), table.data.reshape(-1, width)
+        return bspline.table(self._knots, self.degree, u)[:2]
 
     def tabulate(self, table: Table) -> tuple[Array, Array]:
         """Return section values ``(q, count)`` and axial values ``(E, t, p)`` at the points of a table of the space."""

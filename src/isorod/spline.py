@@ -5,14 +5,11 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import BSpline
-from scipy.sparse.linalg import splu
+from numpy.typing import ArrayLike
 
+from isorod import bspline
+from isorod.bspline import Array, Index
 from isorod.errors import InputError, whole_number
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 MAX_DEGREE = 6
 MAX_ELEMENTS = 1_000_000
@@ -108,17 +105,9 @@ class Axis:
         bad = ~((where >= low) & (where <= high))
         if bad.any():
             raise InputError(f"axis parameter {where[np.argmax(bad)]:g} is outside [{low:g}, {high:g}]")
-        p, t = self.degree, self.knots
-        table = BSpline.design_matrix(where, t, p)
-        first = table.indices[:: p + 1].astype(np.int64)
-        lower = np.zeros((where.size, p + 2))
-        lower[:, 1:-1] = BSpline.design_matrix(where, t[1:-1], p - 1).data.reshape(-1, p)
-        index = first[:, None] + np.arange(p + 2)
-        width = t[np.minimum(index + p, t.size - 1)] - t[index]
-        lower[:, 1:-1] *= p / width[:, 1:-1]
-        functions = index[:, :-1]
-        weighted = table.data.reshape(-1, p + 1) * self.weights[functions]
-        slopes = (lower[:, :-1] - lower[:, 1:]) * self.weights[functions]
+        first, values, slopes = bspline.table(self.knots, self.degree, where)
+        weights = self.weights[first[:, None] + np.arange(self.degree + 1)]
+        weighted, slopes = weights * values, weights * slopes
         total = weighted.sum(axis=1, keepdims=True)
         values = weighted / total
         return first, values, (slopes - values * slopes.sum(axis=1, keepdims=True)) / total
@@ -161,23 +150,16 @@ class Axis:
         return self._on_knots(self.degree, knots)
 
     def _on_knots(self, degree: int, knots: Array) -> "Axis":
-        flat = Axis(degree, knots, np.ones(knots.size - degree - 1))
-        return Axis(degree, knots, self._spline_transfer(flat, self.weights))
+        return Axis(
+            degree, knots, bspline.transfer(self.knots, self.degree, knots, degree, self.weights[:, None])[:, 0]
+        )
 
     def transfer(self, finer: "Axis", points: ArrayLike) -> Array:
         """Return the control points ``(finer.count, ...)`` on a nested finer axis of the function with ``points`` on this one."""
         values = np.asarray(points, dtype=float)
         columns = values.reshape(self.count, -1) * self.weights[:, None]
-        moved = self._spline_transfer(finer, columns) / finer.weights[:, None]
+        moved = bspline.transfer(self.knots, self.degree, finer.knots, finer.degree, columns) / finer.weights[:, None]
         return moved.reshape(finer.count, *values.shape[1:])
-
-    def _spline_transfer(self, finer: "Axis", columns: Array) -> Array:
-        # Nested spline spaces: collocation at the finer space's Greville points is exact, and well conditioned.
-        p = finer.degree
-        greville = np.array([finer.knots[j + 1 : j + p + 1].mean() for j in range(finer.count)])
-        greville = np.clip(greville, finer.knots[0], finer.knots[-1])
-        coarse = BSpline.design_matrix(greville, self.knots, self.degree) @ columns
-        return splu(BSpline.design_matrix(greville, finer.knots, p).tocsc()).solve(coarse)
 
 
 def _check_finite(name: str, values: Array) -> None:
