@@ -2,112 +2,24 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from functools import cached_property
 from time import perf_counter
 from typing import TYPE_CHECKING
 
 import numpy as np
 from petsc4py import PETSc
 
-from isorod import kernel, petsc, rigid
+from isorod import petsc, rigid
 from isorod.disk import Array
 from isorod.errors import InputError
 from isorod.extrapolation import Extrapolation, pays
-from isorod.model import Body, Model, Spin
+from isorod.model import Model
+from isorod.part import Part
 from isorod.pattern import Pattern
 from isorod.small import determinant
-from isorod.space import Table
 from isorod.spline import Index
 
 if TYPE_CHECKING:
     from isorod.contact_operator import ContactOperator
-
-
-class Part:
-    """The elements of one body that this rank assembles."""
-
-    def __init__(self, body: Body, index: int, first_node: int, first_dof: int, first: int, last: int) -> None:
-        self.body = body
-        self.index = index
-        self.table: Table = body.space.tabulate(first, last)
-        self.laws = body.laws_at(self.table.u)
-        self.layers = body.space.element_layers[first:last]
-        self.width = self.layer_dofs(body)
-        dofs = first_dof + self.width * self.layers[:, :, None] + np.arange(self.width)
-        self.dofs: Index = dofs.reshape(self.layers.shape[0], -1)
-        self.shape = (*self.layers.shape, body.space.layer_nodes, 3)
-        self.slots: Index = np.empty(0, dtype=np.int64)
-        self.extrapolation: Extrapolation | None = None
-        self.first_node = first_node
-        self.first_dof = first_dof
-
-    @staticmethod
-    def layer_dofs(body: Body) -> int:
-        """Return the number of degrees of freedom of a layer."""
-        return 3 * body.space.layer_nodes
-
-    @cached_property
-    def pattern(self) -> Pattern:
-        """Pattern of the degrees of freedom."""
-        return Pattern(self.layers, self.width)
-
-    @cached_property
-    def mass(self) -> Array:
-        """Element mass matrices of one component, shape ``(E, l n, l n)``."""
-        t = self.table
-        density = self.body.densities[t.first : t.first + t.elements, None, None]
-        mass = kernel.mass(t.section, t.axial, density * t.weights)
-        return mass.reshape(mass.shape[0], mass.shape[1] * mass.shape[2], -1)
-
-    def lumped_mass(self) -> Array:
-        """Return the element masses of one component, shape ``(E, l n)``."""
-        space = self.body.space
-        carries = space.carries[space.element_nodes[0]]
-        diagonal = np.einsum("eii->ei", self.mass)
-        return np.where(carries, self.mass @ carries.astype(float), diagonal)
-
-    def centrifugal(self, local: Array, spin: Spin) -> Array:
-        """Return the centrifugal forces, shape of ``dofs``."""
-        space = self.body.space
-        nodes = space.element_nodes[self.table.first : self.table.first + self.table.elements]
-        center = space.carries[nodes, None] * np.array(spin.center)
-        arm = space.positions[nodes] - center + self.nodal(local).reshape(*nodes.shape, 3)
-        return (self.mass @ arm @ spin.field).reshape(nodes.shape[0], -1)
-
-    def softening(self, spin: Spin) -> Array:
-        """Return the derivatives of the centrifugal forces, shape of ``matrices``."""
-        size = 3 * self.mass.shape[1]
-        return np.einsum("eij,ab->eiajb", self.mass, spin.field).reshape(-1, size, size)
-
-    def nodal(self, local: Array) -> Array:
-        """Return the nodal displacements, shape ``(E, l, n, 3)``, of this rank's degrees of freedom ``local``."""
-        return local[self.slots].reshape(self.shape)
-
-    def gradients(self, local: Array) -> Array:
-        """Return the deformation gradients, shape ``(E, t, q, 3, 3)``."""
-        t = self.table
-        return kernel.deformation_gradients(t.section, t.axial, t.slopes, t.inverse, self.nodal(local))
-
-    def energy(self, local: Array, factor: float) -> float:
-        """Return the stored energy."""
-        return float(np.sum(self.table.weights * self.laws.at(factor).energy(self.gradients(local))))
-
-    def forces(self, local: Array, factor: float) -> Array:
-        """Return the internal forces, shape of ``dofs``."""
-        t = self.table
-        stress = self.laws.at(factor).stress(self.gradients(local))
-        forces = kernel.internal_forces(t.section, t.axial, t.slopes, t.inverse, t.weights, stress)
-        return forces.reshape(self.dofs.shape)
-
-    def matrices(self, local: Array, factor: float) -> Array:
-        """Return the element tangents, shape ``(E, l n 3, l n 3)``."""
-        t = self.table
-        F, laws = self.gradients(local), self.laws.at(factor)
-        tangent = np.ascontiguousarray(laws.tangent(F))
-        if self.extrapolation is not None:
-            tangent = self.extrapolation.tangent(F, laws.stress(F), tangent)
-        matrices = kernel.stiffness(t.section, t.axial, t.slopes, t.inverse, t.weights, tangent)
-        return matrices.reshape(*self.dofs.shape, self.dofs.shape[1])
 
 
 class Assembler:

@@ -15,13 +15,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from petsc4py import PETSc
 
-from isorod.assembly import Assembler, Part
+from isorod.assembly import Assembler
 from isorod.convergence import ROUNDING
 from isorod.disk import Array
 from isorod.explicit import element_laws
 from isorod.implicit_kernel import contract, evaluate
 from isorod.model import Body, Model
 from isorod.options import defaults
+from isorod.part import Part
 from isorod.statics import factorisation
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from numba import njit
 from petsc4py import PETSc
 
 from isorod import kernel
-from isorod.assembly import Assembler, Part
+from isorod.assembly import Assembler
 from isorod.disk import Array
 from isorod.errors import InputError
 from isorod.extrapolation import Extrapolation
@@ -20,6 +20,7 @@ from isorod.kernel import _D3, _D5
 from isorod.laws import Laws, Run
 from isorod.material import Split
 from isorod.model import Body, Spin
+from isorod.part import Part
 from isorod.small import inverse
 
 _OPTIONS: Any = {"cache": True, "fastmath": {"contract", "reassoc", "nsz", "arcp"}, "error_model": "numpy"}
