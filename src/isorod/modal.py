@@ -15,6 +15,7 @@ from isorod.errors import InputError, SolveError
 from isorod.material import LinearElastic
 from isorod.model import Model
 from isorod.options import defaults
+from isorod.petsc import negative_eigenvalues
 from isorod.statics import Equilibrium, factorisation
 
 # What a user's option overrides.  Purification mends vectors where the mass is singular; here it is not, and it costs a tenth.
@@ -342,21 +343,10 @@ class _Problem:
         shifted = self.stiffness.copy()
         shifted.axpy(-_just_above(eigenvalue), self.mass, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
         shifted.setOption(PETSc.Mat.Option.SYMMETRIC, True)
-        pc = PETSc.PC().create(self.assembler.comm)
-        pc.setOptionsPrefix("sturm_")
-        pc.setOperators(shifted)
-        pc.setType(PETSc.PC.Type.CHOLESKY)
-        pc.setFactorSolverType("mumps")
-        pc.setFactorSetUpSolverType()
-        # MUMPS knows the inertia only if its root node is not ScaLAPACK's and it looks for zero pivots.
-        factor = pc.getFactorMatrix()
-        factor.setMumpsIcntl(13, 1)
-        factor.setMumpsIcntl(24, 1)
-        pc.setFromOptions()
-        pc.setUp()
-        negative, _, _ = pc.getFactorMatrix().getInertia()
+        negative = negative_eigenvalues(shifted)
+        shifted.destroy()
         self.check_seconds += perf_counter() - start
-        return int(negative)
+        return negative
 
 
 def _direct(ksp: PETSc.KSP) -> None:

@@ -100,6 +100,26 @@ def set_values(matrix: PETSc.Mat, values: NDArray[np.float64]) -> None:
     matrix.assemble()
 
 
+def negative_eigenvalues(matrix: PETSc.Mat) -> int:
+    """Return the number of negative eigenvalues of a symmetric matrix (Sylvester's law of inertia), by MUMPS; options ``-sturm_...``."""
+    pc = PETSc.PC().create(matrix.getComm())
+    pc.setOptionsPrefix("sturm_")
+    pc.setOperators(matrix)
+    pc.setType(PETSc.PC.Type.CHOLESKY)
+    pc.setFactorSolverType("mumps")
+    pc.setFactorSetUpSolverType()
+    # MUMPS knows the inertia only if its root node is not ScaLAPACK's and it looks for zero pivots.
+    factor = pc.getFactorMatrix()
+    factor.setMumpsIcntl(13, 1)
+    factor.setMumpsIcntl(24, 1)
+    pc.setFromOptions()
+    pc.setUp()
+    negative, _, _ = factor.getInertia()
+    for thing in (factor, pc):
+        thing.destroy()
+    return int(negative)
+
+
 def solver_types(snes: PETSc.SNES) -> dict[str, str]:
     """Return the names of a nonlinear solver and of what it is made of."""
     ksp = snes.getKSP()
