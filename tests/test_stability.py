@@ -173,6 +173,17 @@ def test_modes_follow_the_transcendental_equation(points):
         assert "failure" in record or record["error"] < 1e-4
 
 
+@pytest.mark.parametrize("integrator", ["explicit", "implicit"])
+def test_motion_errs_by_its_steps_and_its_mass_not_by_the_contrast(integrator, points):
+    curves = points(contrast)[contrast.MOTION]
+    of_one = {series: curve for series, curve in curves.items() if series.startswith(integrator)}
+    assert len(of_one) == 4
+    for series, curve in of_one.items():
+        assert point.reach(curve) == 1e4, series
+        # Rigid half or massless half: the limit is reached long before.
+        assert one(curve, 1e4)["error"] == pytest.approx(one(curve, 1e2)["error"], rel=0.3)
+
+
 def test_a_joint_without_a_knot_is_warned_of():
     space = Space(bar([0.0, 4.0, 10.0], 3), elements=2)
     laws = [NeoHookean(100.0, 0.0), NeoHookean(1.0, 0.0)]

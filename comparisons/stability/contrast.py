@@ -1,7 +1,7 @@
 """Stiffness and density that jump along one rod, 1 to 1e8 and on to where double precision gives up."""
 
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ from comparisons.records import Record
 from comparisons.stability import figure
 from comparisons.stability.bars import bar, petsc
 from comparisons.stability.point import measure, reach, sweeps
-from isorod import modal, statics
+from isorod import dynamics, modal, statics
 from isorod.material import LinearElastic, NeoHookean
 from isorod.model import Body, Model, Support
 from isorod.space import Space
@@ -27,6 +27,7 @@ COLUMNS = {
     "newton": "Newton iterations",
     "residual": "eigenresidual",
     "warned": "warning",
+    "steps": "time steps",
 }
 
 # A tendon of this length, then a muscle, radius 1 (stretching, bending) or 0.1 (modes).
@@ -43,6 +44,7 @@ SOLVERS: dict[str, dict[str, Any]] = {
 STRETCHED = "stiffness contrast, stretched"
 BENT = "stiffness contrast, bent"
 MODES = "contrast, longitudinal modes"
+MOTION = "contrast, a quarter of the slowest longitudinal swing"
 KNOT = "stiffness contrast, no knot at the joint"
 
 
@@ -51,12 +53,13 @@ def LIMITS(records: list[Record]) -> list[str]:
     found = sweeps(records)
     lines = []
     for sweep, curves in found.items():
-        tolerance = next(iter(curves.values()))[0]["tolerance"]
-        reached = ", ".join(
-            f"{series} {'nowhere' if reach(curve) is None else f'up to {reach(curve):.0e}'}"
-            for series, curve in curves.items()
-        )
-        lines.append(f"{sweep}, error within {tolerance:g}: {reached}.")
+        for tolerance in sorted({curve[0]["tolerance"] for curve in curves.values()}, reverse=True):
+            reached = ", ".join(
+                f"{series} {'nowhere' if reach(curve) is None else f'up to {reach(curve):.0e}'}"
+                for series, curve in curves.items()
+                if curve[0]["tolerance"] == tolerance
+            )
+            lines.append(f"{sweep}, error within {tolerance:g}: {reached}.")
     stretched = [one for one in found[STRETCHED]["banded LU (default)"] if "failure" not in one]
     lost = max(one["error"] / one["value"] for one in stretched if one["value"] >= 1e6)
     soft = max(one["soft_end"] for one in stretched)
@@ -111,6 +114,17 @@ def run(level: str) -> Iterator[dict[str, Any]]:
                 reference="exact: longitudinal modes of a bar of two materials, nu = 0, fixed - free, first four",
                 tolerance=1e-6,
             )
+    for integrator, tolerance in MOTION_TOLERANCE.items():
+        for series, direction in MODE_SERIES.items():
+            for contrast in contrasts[: 3 if level == "quick" else 9]:
+                yield measure(
+                    MOTION,
+                    contrast,
+                    partial(_motion, contrast, integrator, *direction),
+                    series=f"{integrator}, {series}",
+                    reference="exact: period of the slowest longitudinal mode",
+                    tolerance=tolerance,
+                )
 
 
 def plot(records: list[Record], path: Path) -> None:
@@ -185,6 +199,12 @@ def _bent(contrast: float) -> dict[str, Any]:
     }
 
 
+# Implicit steps in a quarter of a period.
+STEPS = 100
+
+# Explicit dynamics lumps the mass along the axis: an error of eight quadratic elements, not of the contrast.
+MOTION_TOLERANCE = {"explicit": 2e-2, "implicit": 1e-3}
+
 # Young's modulus and density of both halves as powers of the contrast.
 MODE_SERIES = {
     "stiff half fixed": (1, 0, 0, 0),
@@ -194,21 +214,41 @@ MODE_SERIES = {
 }
 
 
-def _modes(contrast: float, first_E: int, first_density: int, second_E: int, second_density: int) -> dict[str, Any]:
-    E = contrast**first_E, contrast**second_E
-    density = contrast**first_density, contrast**second_density
-    rod = bar([0.0, JOINT, LENGTH], 6, 0, radius=0.1)
-    space = Space(rod, elements=16, section_degree=1, quadrature="auto")
-    laws = [LinearElastic(one, 0.0) for one in E]
-    body = Body(space, _halves(space, *laws), _halves(space, *density))
-    # Only along the axis: the lateral motions of a bar with nu = 0 are others' modes.
-    supports = [Support(np.arange(space.nodes), "xy"), Support.end(space, "start", "z")]
-    found = modal.solve(Model([body], supports), 4)
-    exact = longitudinal((E[0], E[1]), (density[0], density[1]), (JOINT, LENGTH - JOINT), 4)
+def _modes(contrast: float, *powers: int) -> dict[str, Any]:
+    model, exact = _halved(contrast, powers, LinearElastic, 6, 16)
+    found = modal.solve(model, 4)
     return {
         "error": float(np.max(np.abs(found.frequencies / exact - 1.0))),
         "residual": float(found.residuals.max()),
     }
+
+
+def _halved(
+    contrast: float, powers: Sequence[int], law: Callable[[float, float], Any], degree: int, elements: int
+) -> tuple[Model, np.ndarray]:
+    """Return a thin bar that moves along its axis alone, one end held, and its four lowest frequencies."""
+    first_E, first_density, second_E, second_density = (contrast**power for power in powers)
+    rod = bar([0.0, JOINT, LENGTH], degree, 0, radius=0.1)
+    space = Space(rod, elements=elements, section_degree=1, quadrature="auto")
+    laws = _halves(space, law(first_E, 0.0), law(second_E, 0.0))
+    body = Body(space, laws, _halves(space, first_density, second_density))
+    # Only along the axis: the lateral motions of a bar with nu = 0 are others' modes.
+    supports = [Support(np.arange(space.nodes), "xy"), Support.end(space, "start", "z")]
+    exact = longitudinal((first_E, second_E), (first_density, second_density), (JOINT, LENGTH - JOINT), 4)
+    return Model([body], supports), exact
+
+
+def _motion(contrast: float, integrator: str, *powers: int) -> dict[str, Any]:
+    """Let the slowest mode go from its largest amplitude for a quarter of its period, at the end of which it passes zero."""
+    model, exact = _halved(contrast, powers, NeoHookean, 2, 8)
+    shape = modal.solve(model, 1).vectors[0]
+    start = 1e-6 * shape / np.abs(shape).max()
+    quarter = 0.25 / exact[0]
+    step = quarter / STEPS if integrator == "implicit" else None
+    found = dynamics.solve(model, quarter, step, outputs=1, displacement=start, integrator=integrator)
+    # cos(omega t) near omega t = pi / 2.
+    reached = float(found.displacement[-1] @ start / (start @ start))
+    return {"error": abs(np.arccos(reached) / (0.5 * np.pi) - 1.0), "steps": found.steps}
 
 
 def longitudinal(
