@@ -221,6 +221,27 @@ def test_small_displacements_make_both_laws_agree(bar):
     assert np.abs(a.reactions - b.reactions).max() < 1e-5 * np.abs(b.reactions).max()
 
 
+def test_the_last_iteration_takes_the_tangent_of_the_one_before(bar, monkeypatch, petsc_options):
+    """One assembly and factorisation less, and the displacements of a tolerance that lets Newton's method go on."""
+    built = []
+    tangent = Assembler.tangent
+
+    def counted(self, x, factor, out):
+        built.append(factor)
+        return tangent(self, x, factor, out)
+
+    monkeypatch.setattr(Assembler, "tangent", counted)
+    found = statics.solve(bar((1.0, 1.0, 1.0)))
+    assert found.load_steps == 1
+    assert len(built) == found.newton_iterations - 1
+    built.clear()
+    petsc_options(snes_rtol=1e-14)
+    exact = statics.solve(bar((1.0, 1.0, 1.0)))
+    assert len(built) == exact.newton_iterations >= found.newton_iterations
+    assert found.displacement == pytest.approx(exact.displacement, abs=1e-9)
+    assert found.reactions == pytest.approx(exact.reactions, rel=1e-9, abs=1e-9)
+
+
 def test_record_of_the_run(bar):
     solution = statics.solve(bar((0.5, 0.0, 0.0)))
     assert solution.built == ["tangent"]

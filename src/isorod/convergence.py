@@ -94,6 +94,15 @@ class Balance:
             return True
         return force <= rtol * min(self._scale, self.assembler.carried)
 
+    def near(self, before: float, force: float, snes: PETSc.SNES) -> bool:
+        """Return whether one more iteration with the last tangent, which took the residual from ``before`` to ``force``, should do.
+
+        Newton's method brings an error ``e`` to ``c e^2``, and with the tangent of the iteration before to ``2 c e e_before``: the
+        residual falls by twice the last ratio.  A margin of five is left.
+        """
+        wanted = snes.getTolerances()[0] * min(self._scale, self.assembler.carried)
+        return 10.0 * force * force <= wanted * before
+
     def test(self, snes: PETSc.SNES, iteration: int, norms: tuple[float, float, float]) -> PETSc.SNES.ConvergedReason:
         """Return SNES's reason to stop, if there is one; ``norms`` are those of state, correction and residual."""
         reasons = PETSc.SNES.ConvergedReason

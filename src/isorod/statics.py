@@ -300,6 +300,9 @@ class _Newton:
         self.assembler.residual(x, self.factor, out)
 
     def _tangent(self, snes: PETSc.SNES, x: PETSc.Vec, J: PETSc.Mat, P: PETSc.Mat) -> None:
+        if self._own_tolerance and len(self.norms) > 1 and self.balance.near(self.norms[-2], self.norms[-1], snes):
+            # The last tangent, with its factors, is good enough for the last iteration.
+            return
         self.assembler.tangent(x, self.factor, P)
         if J.handle != P.handle:
             J.assemble()
