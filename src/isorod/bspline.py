@@ -1,17 +1,12 @@
-"""B-spline functions at many parameters, and collocation with them; compiled, because every set-up needs them several times."""
-
-from typing import Any
+"""B-spline functions at many parameters, and collocation with them."""
 
 import numpy as np
-from numba import njit
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from scipy.linalg import solve_banded
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
-
-_OPTIONS: Any = {"cache": True, "error_model": "numpy"}
 
 
 def table(knots: Array, degree: int, u: Array) -> tuple[Index, Array, Array]:
@@ -31,8 +26,18 @@ def table(knots: Array, degree: int, u: Array) -> tuple[Index, Array, Array]:
     """
     last = np.searchsorted(knots, knots[-1], side="left") - 1
     span = np.minimum(np.searchsorted(knots, u, side="right") - 1, last)
-    values, slopes = np.empty((2, u.size, degree + 1))
-    _fill(np.ascontiguousarray(knots), degree, np.ascontiguousarray(u), span, values, slopes)
+    values, slopes = np.ones((u.size, 1)), np.zeros((u.size, degree + 1))
+    # The recurrence of Cox and de Boor, degree by degree.
+    for d in range(1, degree + 1):
+        reach = span[:, None] + np.arange(1, d + 1)
+        low, high = knots[reach - d], knots[reach]
+        rise = values / (high - low)
+        values = np.zeros((u.size, d + 1))
+        values[:, :-1] = (high - u[:, None]) * rise
+        values[:, 1:] += (u[:, None] - low) * rise
+        if d == degree:
+            slopes[:, :-1] = -d * rise
+            slopes[:, 1:] += d * rise
     return span - degree, values, slopes
 
 
@@ -51,30 +56,3 @@ def transfer(knots: Array, degree: int, finer: Array, finer_degree: int, columns
     band[p + np.arange(greville.size)[:, None] - column, column] = values
     result: Array = solve_banded((p, p), band, wanted, check_finite=False)
     return result
-
-
-@njit("void(f8[::1], i8, f8[::1], i8[::1], f8[:,::1], f8[:,::1])", **_OPTIONS)
-def _fill(knots: Array, p: int, u: Array, span: Index, values: Array, slopes: Array) -> None:
-    """Fill values and slopes by the recurrence of Cox and de Boor, degree by degree."""
-    for t in range(u.size):
-        s = span[t]
-        values[t, 0] = 1.0
-        slopes[t, 0] = 0.0
-        for d in range(1, p + 1):
-            # Function s - d + j of degree d is made of functions j - 1 and j of degree d - 1, counted from s - d + 1.
-            below = 0.0
-            steep = 0.0
-            for j in range(d + 1):
-                here = 0.0
-                rise = 0.0
-                if j < d:
-                    low = knots[s - d + 1 + j]
-                    width = knots[s + 1 + j] - low
-                    rise = values[t, j] / width
-                    here = (knots[s + 1 + j] - u[t]) * rise
-                if d == p:
-                    slopes[t, j] = p * (steep - rise)
-                values[t, j] = below + here
-                if j < d:
-                    below = (u[t] - low) * rise
-                    steep = rise
