@@ -4,6 +4,7 @@ import sys
 from collections.abc import Sequence
 from importlib import import_module
 
+from comparisons.stability import CASES
 from comparisons.study import LEVELS, Run
 from isorod import options, results
 from isorod.errors import InputError, SolveError
@@ -32,15 +33,24 @@ def _main(arguments: Sequence[str]) -> int:
         "command", choices=COMMANDS, help="a study; verify: spring and blade at quick level; report: the page again"
     )
     parser.add_argument("--level", choices=LEVELS, help="quick (verify's) or full (a study's own)")
+    parser.add_argument(
+        "--case",
+        action="append",
+        choices=CASES,
+        default=[],
+        help="of the stability study, this case alone (repeat for more)",
+    )
     parser.add_argument("--results", default="results", metavar="DIR", help="folder of records and report (results)")
     found = parser.known(arguments)
+    if found.case and found.command != "stability":
+        parser.error(f"--case {found.case[0]}: only the stability study has cases")
     results.check_folder(found.results)
     folder = results.make_folder(found.results)
     level = found.level or ("quick" if found.command == "verify" else "full")
     for study in STUDIES:
         if found.command == study or (found.command == "verify" and study in VERIFIED):
             run = Run(study, level, folder)
-            import_module(f"comparisons.{study}").run(run)
+            import_module(f"comparisons.{study}").run(run, *([found.case] if found.case else []))
             run.record("end", {})
     from comparisons import report
 

@@ -7,13 +7,10 @@ A case is a module of this package, listed in `CASES`, with
 - ``run(level)``, an iterator of records, one a point of a sweep (`comparisons.stability.point`);
 - ``plot(records, path)``, which draws the case's figure from its records (`comparisons.stability.figure` has one for sweeps);
 - ``COLUMNS`` where its tables show more than a point has at least: heading by key of the records.
-
-Cases whose module is not there are left out.
 """
 
 from collections.abc import Sequence
 from importlib import import_module
-from importlib.util import find_spec
 from typing import Any
 
 from comparisons.records import Record
@@ -28,11 +25,6 @@ def find(name: str) -> Any:
     return import_module(f"{__name__}.{name}")
 
 
-def available() -> list[str]:
-    """Return the names of the cases that are there, in order."""
-    return [name for name in CASES if find_spec(f"{__name__}.{name}")]
-
-
 def limits(case: Any, records: list[Record]) -> list[str]:
     """Return the sentences that state the limits of a case."""
     return list(case.LIMITS(records) if callable(case.LIMITS) else case.LIMITS)
@@ -41,7 +33,7 @@ def limits(case: Any, records: list[Record]) -> list[str]:
 def run(study: Run, names: Sequence[str] = ()) -> None:
     """Run the cases (all where none is named) and append their records."""
     options.initialize([])
-    wanted = list(names) or available()
+    wanted = names or CASES
     with study.progress(len(wanted)) as steps:
         for name in wanted:
             case = find(name)

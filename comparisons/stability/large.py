@@ -11,7 +11,7 @@ from scipy.special import ellipe, ellipk
 
 from comparisons.records import Record
 from comparisons.stability import figure
-from comparisons.stability.point import measure, reach, sweeps
+from comparisons.stability.point import holds, measure, sweeps
 from comparisons.stability.rods import arch, straight
 from isorod import continuation, statics
 from isorod.load import SectionLoad
@@ -52,13 +52,11 @@ def LIMITS(records: list[Record]) -> list[str]:
     lines = []
     for sweep, curves in sweeps(records).items():
         for series, curve in curves.items():
-            last, tolerance = reach(curve), curve[0]["tolerance"]
-            held = [record["value"] for record in curve if "failure" not in record and record["error"] <= tolerance]
-            where = "nowhere" if not held else f"for all of {len(held)} points from {min(held):g} to {max(held):g}"
-            if len(held) < len(curve):
-                where = (
-                    f"for {len(held)} of {len(curve)} points, in order up to {last if last is None else f'{last:g}'}"
-                )
+            tolerance = curve[0]["tolerance"]
+            held, lost = ([f"{one['value']:g}" for one in curve if holds(one) == good] for good in (True, False))
+            where = f"at {', '.join(held)}" if held else "nowhere"
+            if held and lost:
+                where += f", not at {', '.join(lost)}"
             lines.append(f"{sweep}{f', {series}' if series else ''}: error within {tolerance:g} {where}.")
     loads = [record for record in sweeps(records).get(EULER, {}).get("", []) if "signed" in record]
     if len(loads) >= 2:
