@@ -37,7 +37,7 @@ def section(records: list[Record], folder: Path) -> list[str]:
     lines.append(
         "<p>Dashed lines at the right: the element's own equilibrium, found without following the motion.</p>"
         + _deviations(motions, curves)
-        + _inertia(part(records, "inertia"))
+        + _inertia(motions)
     )
     lines.append("<h2>Biceps: what a step costs</h2>")
     lines.append(_speed(motions, theirs))
@@ -130,13 +130,18 @@ def _deviations(motions: list[Record], theirs: list[Record]) -> str:
     return table(head, rows)
 
 
-def _inertia(found: list[Record]) -> str:
-    """Return what the lumped mass makes of the kinetic energy."""
-    rows = [(record["label"], *(f"{record['ratios'][name]:.3f}" for name in ("across", "swell"))) for record in found]
-    head = ("kinetic energy, lumped mass over consistent", "sections that move as a whole", "sections that swell")
+def _inertia(motions: list[Record]) -> str:
+    """Return how much of the kinetic energy is in mass that was added for the time step."""
+    rows = []
+    for record in motions:
+        energy, share = np.array(record["kinetic"]), np.array(record["added_mass"])
+        rows.append(
+            (record["label"], f"{1e6 * record['time_step']:.3g}", percent(float(energy @ share / energy.sum())))
+        )
+    head = ("mass added for the time step", "time step µs", "share of the kinetic energy, mean")
     return (
-        "<p>Where a ratio below is not one, the mass that the steps use changes the inertia of that motion: courses then differ from "
-        "the bricks' in time, while the equilibrium they end in does not.</p>" + table(head, rows)
+        "<p>The mass is consistent; for steps longer than its critical one, some is added to fast waves. Courses then differ a little in "
+        "time, while the equilibrium they end in does not.</p>" + table(head, rows)
     )
 
 

@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from isorod import dynamics, explicit_run, modal, statics
-from isorod.assembly import Assembler
+from isorod import dynamics, explicit, explicit_mass, explicit_run, implicit, modal, statics
 from isorod.contact import Contact, Plane
 from isorod.errors import InputError, SolveError
 from isorod.material import NeoHookean
@@ -39,11 +38,11 @@ def velocities(model, seed=0, size=1.0):
     return values
 
 
-def lumped(model):
-    """Lumped masses of all degrees of freedom, zero where held."""
-    mass = np.zeros(model.dofs)
-    mass[model.free >= 0] = Assembler(replace(model, contacts=())).mass(lumped=True).getDiagonal().array_r
-    return mass
+def momenta(model, velocity):
+    """Consistent mass times velocities ``(o, dofs)``, by nodes that move with their rod: shape ``(o, nodes, 3)``."""
+    assembler = implicit.MotionAssembler(replace(model, contacts=()))
+    moving = np.array([assembler.momenta(one) for one in velocity])
+    return moving.reshape(len(velocity), -1, 3) * model.carries[:, None]
 
 
 @pytest.mark.parametrize("mode", [0, 2, 5])
@@ -51,7 +50,7 @@ def lumped(model):
 def test_a_mode_moves_as_central_differences_move_one_mass(mode, damping, cylinder):
     """Released from a small mode shape: the recurrence of one degree of freedom, whose roots are known."""
     model = bar(cylinder)
-    modes = modal.solve(model, modes=mode + 1, lumped=True)
+    modes = modal.solve(model, modes=mode + 1)
     shape, square = modes.vectors[mode], modes.eigenvalues[mode]
     step = 0.5 * dynamics.solve(model, 1e-9, outputs=1).critical_step
     size = 1e-7 / np.abs(shape).max()
@@ -107,7 +106,7 @@ def test_second_order_in_the_time_step(cylinder):
 def test_energy_is_kept_over_ten_periods(cylinder):
     """Free bending with large rotations; the period is that of the first bending mode."""
     model = bar(cylinder, radius=0.3)
-    period = 1.0 / modal.solve(model, modes=1, lumped=True).frequencies[0]
+    period = 1.0 / modal.solve(model, modes=1).frequencies[0]
     swing = field(model, lambda x: np.stack([0.2 * x[:, 2] ** 2 / LENGTH, 0.0 * x[:, 0], 0.0 * x[:, 0]], axis=1))
     history = dynamics.solve(model, 10.0 * period, 0.02, outputs=100, velocity=swing)
     top = history.displacement[:, -3]
@@ -164,9 +163,8 @@ def test_tumbling_keeps_momentum_and_angular_momentum(cylinder):
     space = model.bodies[0].space
     wild = velocities(model, size=0.3) + field(model, lambda x: np.cross([0.3, 2.0, 0.5], x))
     history = dynamics.solve(model, 4.0, 0.02, outputs=8, velocity=wild)
-    mass = lumped(model).reshape(-1, 3)
     places = space.positions + history.displacement.reshape(len(history.times), -1, 3)
-    moving = mass * history.velocity.reshape(places.shape)
+    moving = momenta(model, history.velocity)
     momentum, angular = moving.sum(axis=1), np.cross(places, moving).sum(axis=1)
     assert np.abs(momentum - momentum[0]).max() < 1e-11 * np.abs(moving).sum()
     assert np.abs(angular - angular[0]).max() < 1e-11 * np.abs(moving).sum()
@@ -174,13 +172,54 @@ def test_tumbling_keeps_momentum_and_angular_momentum(cylinder):
     assert np.abs(history.momentum_error).max() < 1e-12
 
 
+def test_a_step_beyond_the_critical_one_keeps_energy_and_momenta(cylinder):
+    """With the mass that is added for it; without supports, so that angular momentum is the mass's own."""
+    model = bar(cylinder, held="", elements=8)
+    space = model.bodies[0].space
+    critical = dynamics.solve(model, 1e-9, outputs=1).critical_step
+    tumble = field(model, lambda x: np.cross([0.1, 0.7, 0.2], x) + 0.1 * x)
+    history = dynamics.solve(model, 8.0, 2.0 * critical, outputs=16, velocity=tumble)
+    assert history.critical_step > history.time_step > 1.9 * critical
+    assert history.added_mass.min() > 0.0
+    mass = explicit_mass.Mass(model, explicit.order(model))
+    mass.scaling = mass.needed(2.0 * critical, critical)
+    moving = np.array([mass.momenta(one) for one in history.velocity]).reshape(len(history.times), -1, 3)
+    places = space.positions + history.displacement.reshape(moving.shape)
+    momentum, angular = (model.carries[:, None] * moving).sum(axis=1), np.cross(places, moving).sum(axis=1)
+    size = np.abs(moving).sum()
+    print(f"momentum {np.ptp(momentum, axis=0).max() / size:.1e}, angular {np.ptp(angular, axis=0).max() / size:.1e}")
+    assert np.abs(momentum - momentum[0]).max() < 1e-11 * size
+    assert np.abs(angular - angular[0]).max() < 1e-7 * size
+    assert np.abs(history.energy_error).max() < 2e-3
+    assert np.abs(history.momentum_error).max() < 1e-12
+
+
+def test_added_mass_is_an_error_of_second_order_in_the_step(cylinder):
+    """A bar that swings, with steps beyond the critical one of sections of order 2."""
+    space = Space(cylinder(8, radius=0.3, height=LENGTH), elements=8, order=2, quadrature="auto")
+    model = Model([Body(space, NeoHookean(E, 0.45), DENSITY)], [Support.end(space, "start")])
+    modes = modal.solve(model, modes=1)
+    period, shape = 1.0 / modes.frequencies[0], modes.vectors[0] / np.abs(modes.vectors[0]).max()
+    critical = dynamics.solve(model, 1e-9, outputs=1).critical_step
+    end = np.argmax(np.abs(shape))
+    runs = [
+        dynamics.solve(model, 2.0 * period, share * critical, outputs=40, velocity=1e-3 * shape)
+        for share in (0.5, 2.5, 5.0)
+    ]
+    exact, *found = (run.displacement[:, end] for run in runs)
+    errors = [np.linalg.norm(one - exact) / np.linalg.norm(exact) for one in found]
+    print("errors", errors, "steps", [run.steps for run in runs])
+    assert runs[2].critical_step > runs[2].time_step
+    assert errors[1] < 0.1
+    assert errors[0] < 0.3 * errors[1]
+
+
 def test_momentum_changes_by_the_supports_impulse(cylinder):
     """From the outputs alone: the mean of two reactions times the step is the change of momentum."""
     model = bar(cylinder)
     history = dynamics.solve(model, 1.0, 0.01, outputs=100, velocity=velocities(model, size=0.2))
     assert history.steps == 100
-    mass = lumped(model)
-    momentum = (mass * history.velocity).reshape(101, -1, 3).sum(axis=1)
+    momentum = momenta(model, history.velocity).sum(axis=1)
     impulse = 0.5 * history.time_step * (history.reactions[1:, 0] + history.reactions[:-1, 0])
     np.testing.assert_allclose(np.diff(momentum, axis=0), impulse, atol=1e-12 * np.abs(history.reactions).max())
     assert np.abs(history.momentum_error).max() < 1e-12
@@ -250,7 +289,10 @@ def test_an_element_that_inverts_is_named(cylinder):
 
 
 def test_an_unstable_step_is_refused_and_the_critical_one_named(cylinder):
-    with pytest.raises(InputError, match=r"time step 1: not stable, the critical step is 0.1\d+; take at most"):
+    with pytest.raises(
+        InputError,
+        match=r"time step 1: not stable, the critical step is 0.1\d+ with as much mass as may be added; take at most",
+    ):
         dynamics.solve(bar(cylinder), 1.0, 1.0, outputs=1)
 
 
@@ -265,6 +307,9 @@ def test_the_step_follows_a_muscle_that_stiffens(cylinder):
     assert np.abs(history.momentum_error).max() < 1e-12
     with pytest.raises(SolveError, match="the critical one"):
         dynamics.solve(model, 8.0, 0.99 * history.estimates[0, 1], outputs=40, velocity=throw)
+    # Where mass was added a shorter step would have less, and be no more stable.
+    with pytest.raises(SolveError, match="give none, for one that follows the critical step of the consistent mass"):
+        dynamics.solve(model, 8.0, 1.05 * history.estimates[0, 1], outputs=40, velocity=throw)
 
 
 def test_a_bar_thrown_at_a_wall_comes_back(cylinder):
@@ -279,8 +324,8 @@ def test_a_bar_thrown_at_a_wall_comes_back(cylinder):
     history = dynamics.solve(model, contact_time, outputs=200, velocity=thrown)
     force = history.reactions[:, 0, 2] / (DENSITY * SPEED * speed * np.pi)
     inside = (history.times > 0.05 * contact_time) & (history.times < 0.95 * contact_time)
-    moving = lumped(model)
-    after = (moving * history.velocity[-1])[2::3].sum() / moving[2::3].sum()
+    mass = DENSITY * model.bodies[0].space.rod.volume()
+    after = momenta(model, history.velocity[-1:])[0, :, 2].sum() / mass
     print(f"force / rho c v A {force[inside].mean():.4f}, velocity after {after / speed:.4f}")
     assert force[inside].mean() == pytest.approx(1.0, rel=0.01)
     assert after == pytest.approx(speed, rel=0.02)
@@ -298,8 +343,7 @@ def test_a_bar_bounces_off_a_plane(cylinder):
     assert history.penetration.max() > 0.0
     assert np.abs(history.momentum_error).max() < 1e-12
     assert np.abs(history.energy_error).max() < 1e-3
-    mass = lumped(model).reshape(-1, 3)
-    momentum = (mass * history.velocity.reshape(501, -1, 3)).sum(axis=1)
+    momentum = momenta(model, history.velocity).sum(axis=1)
     impulse = 0.5 * history.time_step * (history.contact_force[1:] + history.contact_force[:-1])
     np.testing.assert_allclose(np.diff(momentum[:, 0]), -impulse, atol=1e-10 * momentum[0, 0])
     assert momentum[-1, 0] < -0.3 * momentum[0, 0]
@@ -320,8 +364,7 @@ def test_head_on_impact(cylinder):
     stress = history.contact_force / np.pi / (DENSITY * SPEED * speed)
     touching = history.times[stress > 0.5]
     lasted = touching[-1] - touching[0] + history.times[1]
-    mass = lumped(model)[2::3]
-    after = history.velocity[:, 2::3] @ mass / mass.sum()
+    after = momenta(model, history.velocity[-1:])[:, :, 2].sum(axis=1) / (DENSITY * model.bodies[0].space.rod.volume())
     middle = stress[(history.times > 0.1 * contact_time) & (history.times < 0.9 * contact_time)]
     print(f"contact / (2 L / c) {lasted / contact_time:.4f}, stress / rho c v {middle.mean():.4f}")
     print(f"velocity {after[-1] / speed:.4f}, energy {np.abs(history.energy_error).max():.1e}")

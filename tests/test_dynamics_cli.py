@@ -43,7 +43,7 @@ def test_record_and_resume(isorod, tmp_path):
     assert record["microseconds_a_step"] > 0.0
     assert np.abs(record["energy_error"]).max() < 1e-3
     assert np.abs(record["momentum_error"]).max() < 1e-10
-    assert set(record["built"]) == {"lumped mass", "contact"}
+    assert set(record["built"]) == {"mass", "contact"}
     again = isorod(*SMALL, "--json", "--checkpoint", file, "--resume")
     assert again.returncode == 0, again.stderr
     assert json.loads(again.stdout)["reactions"] == record["reactions"]

@@ -1,7 +1,5 @@
 """The compiled forces, energies and critical step of explicit dynamics against those of the assembler."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.linalg import eigh
@@ -87,14 +85,9 @@ def test_points_are_counted_where_the_body_is_inverted(cylinder):
     assert internal_forces(mesh, u, 1.0, forces) >= points
 
 
-def system(model, moving=None):
-    mass = Assembler(model).mass(lumped=True).getDiagonal().array_r.copy()
-    return explicit.System(moving or model, mass)
-
-
 @pytest.mark.parametrize("level", [0.0, 1.0])
 def test_critical_step_is_that_of_the_eigenvalue_problem(level, cylinder):
-    """The largest eigenvalue of the assembled tangent and the lumped mass, in a deformed state."""
+    """The largest eigenvalue of the assembled tangent and mass, in a deformed state."""
     space = Space(cylinder(4, height=3.0), elements=3, quadrature="auto")
     model = Model([Body(space, MUSCLE, 1.0)], [Support.end(space, "start")])
     displacement = deformed(model, (1.0, 1.0, 1.1), seed=2)
@@ -102,13 +95,66 @@ def test_critical_step_is_that_of_the_eigenvalue_problem(level, cylinder):
     matrix = assembler.matrix()
     assembler.tangent(assembler.state(displacement), level, matrix)
     dense = matrix.convert("dense").getDenseArray()
-    mass = assembler.mass(lumped=True).getDiagonal().array_r
-    largest = eigh(dense, np.diag(mass), eigvals_only=True)[-1]
-    made = system(model)
+    mass = assembler.mass().convert("dense").getDenseArray()
+    largest = eigh(dense, mass, eigvals_only=True)[-1]
+    made = explicit.System(model)
     made.motion.displacement[made.places] = displacement
     found = made.critical_step(made.motion.displacement, level)
     print(f"critical step {found:.8g}, exact {2 / np.sqrt(largest):.8g}")
     assert found == pytest.approx(2.0 / np.sqrt(largest), rel=1e-4)
+
+
+def test_forces_are_divided_by_the_assemblers_mass(cylinder):
+    """Of a body with components held at some nodes of a layer, and of a closed one."""
+    model = two_bodies(cylinder, 2, ELASTIC)
+    partly = Support(np.array([25, 26, 30]), "x")
+    model = Model(model.bodies, [*model.supports, partly])
+    made = explicit.System(model)
+    dense = Assembler(model).mass().convert("dense").getDenseArray()
+    forces = np.random.default_rng(0).standard_normal(model.dofs)
+    free = model.free >= 0
+    for scaling in (0.0, 0.1):
+        made.scale(scaling)
+        velocity = made.velocity(forces)
+        assert not velocity[made.places[~free]].any()
+        np.testing.assert_allclose(made.momenta(velocity)[made.free], forces[made.free], rtol=1e-9, atol=1e-11)
+        if scaling == 0.0:
+            found = velocity[made.places][free]
+            np.testing.assert_allclose(dense @ found, forces[made.places][free], rtol=1e-9, atol=1e-11)
+
+
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("points", [4, 8])
+def test_inertia_of_translation_swelling_and_rotation(order, points, cylinder):
+    """Kinetic energies of a cylinder; mass for a longer step changes that of translations by nothing."""
+    radius, height, density = 0.5, 3.0, 2.0
+    space = Space(cylinder(points, radius=radius, height=height), elements=4, order=order, quadrature="full")
+    made = explicit.System(Model([Body(space, ELASTIC, density)]))
+    whole = density * np.pi * radius**2 * height
+    moved, x = space.carries[:, None] * [1.0, 0.0, 0.0], space.positions
+    polar = 0.5 * radius**2
+    fields = {
+        "along": (moved, 1.0),
+        "swelling": (x * [1.0, 1.0, 0.0], polar),
+        "twisting": (np.cross([0.0, 0.0, 1.0], x), polar),
+        "tumbling": (np.cross([1.0, 0.0, 0.0], x), 0.5 * polar + height**2 / 3.0),
+    }
+    for name, (velocity, square) in fields.items():
+        energy = velocity.ravel() @ made.mass.momenta(velocity.ravel())
+        print(f"{name}: {energy / (whole * square) - 1.0:.1e}")
+        assert energy == pytest.approx(whole * square, rel=1e-6)
+    made.scale(made.mass.most)
+    energies = {name: velocity.ravel() @ made.mass.momenta(velocity.ravel()) for name, (velocity, _) in fields.items()}
+    assert energies["along"] == pytest.approx(whole, rel=1e-6)
+    # Twice its own inertia is added to the lighter of the section's directions.
+    assert energies["twisting"] == pytest.approx(3.0 * whole * polar, rel=1e-6)
+    assert made.mass.added(moved.ravel()) == pytest.approx(0.0, abs=1e-9 * whole)
+
+
+def test_too_few_quadrature_points_for_a_mass(cylinder):
+    model = Model([Body(Space(cylinder(8), order=3, quadrature="2x1"), ELASTIC, 1.0)])
+    with pytest.raises(InputError, match="quadrature: too few points for a positive mass of body 0; take 'auto'"):
+        explicit.System(model)
 
 
 def test_a_law_without_compiled_stress_is_refused(cylinder):
@@ -126,7 +172,7 @@ def test_an_end_face_pressed_into_a_plane(which, normal, order, cylinder):
     height = depth if which == "start" else 3.0 - depth
     wall = Contact(0, Plane((0.3, 0.2, height), normal), penalty, faces=(which,), points=(1, 1))
     model = Model([Body(space, ELASTIC, 1.0)], contacts=[wall])
-    made = system(replace(model, contacts=()), model)
+    made = explicit.System(model)
     zero = np.zeros(model.dofs)
     forces, (energy, normal_force, touching, deepest, *total) = made.forces(zero, 0.0)
     assert touching == pytest.approx(area, rel=1e-6)

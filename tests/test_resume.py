@@ -100,7 +100,7 @@ def test_a_killed_run_continues_to_the_last_bit(whole, tmp_path):
     print("killed at outputs", reached)
     assert 0 < reached[-1] < SETTINGS["outputs"]
     history = run(file, True)
-    assert history.resumed == reached[-1] * SETTINGS["end_time"] / SETTINGS["outputs"]
+    assert history.resumed == reached[-1] * (SETTINGS["end_time"] / SETTINGS["outputs"])
     assert_same(history, whole)
     # A finished run has nothing left to do.
     again = run(file, True)

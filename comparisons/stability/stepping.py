@@ -6,14 +6,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from petsc4py import PETSc
 
 from comparisons.records import Record
 from comparisons.stability import figure
 from comparisons.stability.bars import bar
 from comparisons.stability.point import measure, reach, sweeps
 from isorod import dynamics, modal
-from isorod.assembly import Assembler
 from isorod.disk import Array
 from isorod.explicit import System
 from isorod.explicit_run import Run
@@ -172,8 +170,7 @@ def _share(share: float, size: float) -> dict[str, Any]:
     model = _model()
     step = share * _critical(model)
     steps = round(DURATION / 8 / share)
-    mass = Assembler(model, PETSc.COMM_SELF).mass(lumped=True).getDiagonal().array_r.copy()
-    motion = _Bold(System(model, mass), 8 * steps * step, 8, step, 0.0, 0.0)
+    motion = _Bold(System(model), 8 * steps * step, 8, step, 0.0, 0.0)
     motion.begin(np.zeros(model.dofs), np.where(model.free >= 0, _random(model, size), 0.0))
     while motion.index < motion.outputs:
         motion.advance()

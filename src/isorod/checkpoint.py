@@ -17,7 +17,7 @@ from isorod.errors import InputError
 from isorod.results import write_beside
 
 # Raised whenever what is stored, or what is computed from it, changes.
-_FORMAT = 1
+_FORMAT = 2
 _HEAD = b"isorod checkpoint "
 _DAMAGED = "is damaged or no checkpoint; remove it, or name another file"
 

@@ -8,8 +8,10 @@ from scipy.linalg import eigh_tridiagonal
 from isorod import explicit_loop
 from isorod.disk import Array
 from isorod.errors import InputError
+from isorod.explicit_cholesky import solve
 from isorod.explicit_kernel import GEOMETRY, POINTS, Mesh, internal_forces
 from isorod.explicit_loop import Course, Motion
+from isorod.explicit_mass import Mass
 from isorod.model import Body, Model
 from isorod.spline import Index
 
@@ -106,30 +108,30 @@ class System:
     ----------
     model
         Bodies with densities, supports, contacts.
-    mass
-        Lumped mass of the unknowns, shape ``(unknowns,)``.
+
+    Attributes
+    ----------
+    mass, factors
+        The mass, and what steps divide by it; see `scale`.
     """
 
-    def __init__(self, model: Model, mass: Array) -> None:
+    def __init__(self, model: Model) -> None:
         self.model = model
         self.mesh = pack(model)
         self.places = order(model)
         self.free = self.places[model.free >= 0]
-        everywhere = np.zeros(model.dofs)
-        everywhere[self.free] = mass
-        inverse = np.zeros(model.dofs)
-        inverse[self.free] = 1.0 / mass
+        self.mass = Mass(model, self.places)
+        self.factors = self.mass.factors()
         self.motion = Motion(
             displacement=np.zeros(model.dofs),
             velocity=np.zeros(model.dofs),
+            momenta=np.zeros(model.dofs),
             forces=np.zeros(model.dofs),
-            mass=everywhere,
-            inverse_mass=inverse,
             held=self.places[model.held].astype(np.uint64),
             impulse=np.zeros(model.held.size),
             sums=np.zeros(5),
         )
-        # Vector of the highest frequency found last.
+        # Momenta of the highest frequency found last.
         self.highest = np.zeros(self.free.size)
         # The smallest size of a quadrature point's surroundings, for finite differences.
         volumes = self.mesh.geometry.reshape(-1, GEOMETRY, POINTS)[:, 9]
@@ -157,13 +159,30 @@ class System:
     def advance(self, course: Course, steps: int) -> tuple[int, int]:
         """Take steps; return how many were taken, and the outcome (see `isorod.explicit_loop`)."""
         if self.packed is None:
-            return explicit_loop.advance(self.mesh, self.motion, course, steps)
+            return explicit_loop.advance(self.mesh, self.motion, self.factors, course, steps)
         from isorod import explicit_contact
 
         places = self.places.astype(np.uint64)
         return explicit_contact.advance(
-            self.mesh, self.motion, course, steps, self.packed, self.faces, self._reference, places
+            self.mesh, self.motion, self.factors, course, steps, self.packed, self.faces, self._reference, places
         )
+
+    def scale(self, scaling: float) -> None:
+        """Add mass; see `isorod.explicit_mass`."""
+        self.mass.scaling = scaling
+        self.factors = self.mass.factors()
+
+    def momenta(self, velocity: Array) -> Array:
+        """Return mass times velocity, held degrees of freedom included, both state vectors."""
+        result = np.empty_like(velocity)
+        result[self.places] = self.mass.momenta(velocity[self.places])
+        return result
+
+    def velocity(self, momenta: Array) -> Array:
+        """Return the velocity that free degrees of freedom have with their momenta, both state vectors; zero where held."""
+        result = np.zeros_like(momenta)
+        solve(self.factors, momenta, result)
+        return result
 
     def forces(self, displacement: Array, activation: float) -> tuple[Array, tuple[float, ...]]:
         """Return internal less contact forces, and what contact says (`isorod.explicit_contact.subtract`); changes no state."""
@@ -185,36 +204,42 @@ class System:
     def critical_step(self, displacement: Array, activation: float) -> float:
         """Return ``2 / omega`` of the highest frequency about a state: the largest stable time step; zero if the state cannot be.
 
-        Lanczos iteration on ``M^-1/2 K M^-1/2``, ``K`` by central differences of the forces, until the residual bounds the error
-        of the frequency to half of ``_TOLERANCE``.  It starts near the last vector found.
+        Lanczos iteration on ``M^-1 K``, symmetric in the inner product of ``M``, ``K`` by central differences of the forces, until the
+        residual bounds the error of the frequency to half of ``_TOLERANCE``.  It starts near the last vector found.
         """
-        root = np.sqrt(self.motion.inverse_mass[self.free])
-        count = min(root.size, _LANCZOS)
-        basis = np.zeros((count, root.size))
+        free = self.free
+        count = min(free.size, _LANCZOS)
+        # Orthonormal vectors, and the mass times each.
+        basis, momenta = np.zeros((count, free.size)), np.zeros((count, free.size))
         diagonal, beside = np.zeros(count), np.zeros(count)
         # A fixed start, so that a run is the same each time; something of every vector is in it, should another be the highest now.
-        vector = np.random.default_rng(0).standard_normal(root.size)
-        vector = self.highest + _MIXED / np.linalg.norm(vector) * vector
+        noise = np.random.default_rng(0).standard_normal(free.size)
+        image = np.zeros_like(displacement)
+        image[free] = noise
+        image[free] *= _MIXED / np.sqrt(noise @ self.velocity(image)[free])
+        image[free] += self.highest
+        vector = self.velocity(image)[free]
+        size = np.sqrt(vector @ image[free])
         trial = [displacement.copy(), displacement.copy()]
         highest = 0.0
         for k in range(count):
-            basis[k] = vector / np.linalg.norm(vector)
-            move = root * basis[k]
-            size = 1e-5 * self._size / np.abs(move).max()
+            basis[k], momenta[k] = vector / size, image[free] / size
+            step = 1e-5 * self._size / np.abs(basis[k]).max()
             for sign, u in zip((1.0, -1.0), trial, strict=True):
-                u[self.free] = displacement[self.free] + sign * size * move
+                u[free] = displacement[free] + sign * step * basis[k]
             ahead, behind = (self.forces(u, activation)[0] for u in trial)
-            vector = root * (ahead - behind)[self.free] / (2.0 * size)
-            if not np.isfinite(vector).all():
+            image[free] = (ahead - behind)[free] / (2.0 * step)
+            if not np.isfinite(image).all():
                 return 0.0
-            diagonal[k] = basis[k] @ vector
+            diagonal[k] = basis[k] @ image[free]
             # Twice: once leaves what rounding brings back.
             for _ in range(2):
-                vector -= (basis[: k + 1] @ vector) @ basis[: k + 1]
-            beside[k] = np.linalg.norm(vector)
+                image[free] -= (basis[: k + 1] @ image[free]) @ momenta[: k + 1]
+            vector = self.velocity(image)[free]
+            beside[k] = size = np.sqrt(max(vector @ image[free], 0.0))
             values, vectors = eigh_tridiagonal(diagonal[: k + 1], beside[:k])
             highest = float(values[-1])
             if beside[k] * abs(vectors[-1, -1]) <= _TOLERANCE * abs(highest):
-                self.highest[:] = vectors[:, -1] @ basis[: k + 1]
+                self.highest[:] = vectors[:, -1] @ momenta[: k + 1]
                 break
         return 2.0 / np.sqrt(highest) if highest > 0.0 else np.inf

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from isorod.contact_kernel import PACKED, Packed, add_forces
 from isorod.disk import Array
+from isorod.explicit_cholesky import FACTORS, Factors
 from isorod.explicit_faces import FACES, Faces
 from isorod.explicit_faces import add_forces as add_face_forces
 from isorod.explicit_kernel import MESH, Mesh
@@ -69,10 +70,13 @@ def subtract(
     return energy, normal, area, deepest, x, y, z
 
 
-@njit(types.UniTuple(types.int64, 2)(MESH, MOTION, COURSE, types.int64, PACKED, FACES, _F1, _PLACES), **_OPTIONS)
+@njit(
+    types.UniTuple(types.int64, 2)(MESH, MOTION, FACTORS, COURSE, types.int64, PACKED, FACES, _F1, _PLACES), **_OPTIONS
+)
 def advance(
     mesh: Mesh,
     motion: Motion,
+    factors: Factors,
     course: Course,
     steps: int,
     packed: Packed,
@@ -94,6 +98,6 @@ def advance(
         motion.sums[2] += course.step * x
         motion.sums[3] += course.step * y
         motion.sums[4] += course.step * z
-        if not move(motion, course):
+        if not move(motion, factors, course):
             return k + 1, BLOWN
     return steps, DONE

@@ -18,8 +18,9 @@ from isorod.disk import Array
 
 _OPTIONS: Any = {"cache": True, "fastmath": {"contract", "reassoc", "nsz", "arcp"}, "error_model": "numpy"}
 
-# Points in a block.  Measured: blocks of 16 or less are unrolled before they are vectorised, and three times slower.
-POINTS = 24
+# Points in a block: half of those in a section of order 2 with 8 control points.  Measured: blocks of 16 or less are unrolled before they
+# are vectorised, and three times slower, those of 24 in part.
+POINTS = 32
 
 # Rows of a block's geometry: the inverse Jacobian (9), the volume, the fibre (3), and the fibre seen from the disk x axis (3).
 GEOMETRY = 16
@@ -71,51 +72,40 @@ _u, _f = types.uint64, types.float64
 @njit(types.void(_F1, _u, _F1, _u, _F1), **_OPTIONS)
 def _gradients(sections: Array, start: int, coefficients: Array, n: int, work: Array) -> None:
     """Fill rows 0-8 of the work space with the gradients on disk x axis at the points of a block."""
-    n3 = _3 * n
     for k in range(_9 * _W):
         work[k] = 0.0
     i = _0
-    # Four functions at a time: a row is read and written once for four multiplications.
+    # Four functions at a time and three components: a row of a function is read once, one of the work space for four multiplications.
     while i + _4 <= n:
-        s = start + i * _R[3]
-        for a in range(_3):
-            h = a * _R[3]
-            p = a * n + i
-            c0, c1, c2, c3 = coefficients[p], coefficients[p + _1], coefficients[p + _2], coefficients[p + _3]
+        for d in range(_3):
+            # Behind the coefficients are their derivatives along the axis, which go with the functions themselves.
+            p = i if d < _2 else _3 * n + i
+            q, r = p + n, p + _2 * n
+            x0, x1, x2, x3 = coefficients[p], coefficients[p + _1], coefficients[p + _2], coefficients[p + _3]
+            y0, y1, y2, y3 = coefficients[q], coefficients[q + _1], coefficients[q + _2], coefficients[q + _3]
+            z0, z1, z2, z3 = coefficients[r], coefficients[r + _1], coefficients[r + _2], coefficients[r + _3]
+            s, h = start + i * _R[3] + d * _W, d * _W
             for k in range(_W):
-                work[h + k] += (
-                    c0 * sections[s + k]
-                    + c1 * sections[s + _R[3] + k]
-                    + c2 * sections[s + _R[6] + k]
-                    + c3 * sections[s + _R[9] + k]
+                f0, f1, f2, f3 = (
+                    sections[s + k],
+                    sections[s + _R[3] + k],
+                    sections[s + _R[6] + k],
+                    sections[s + _R[9] + k],
                 )
-            for k in range(_W):
-                work[h + _R[1] + k] += (
-                    c0 * sections[s + _R[1] + k]
-                    + c1 * sections[s + _R[4] + k]
-                    + c2 * sections[s + _R[7] + k]
-                    + c3 * sections[s + _R[10] + k]
-                )
-            p += n3
-            c0, c1, c2, c3 = coefficients[p], coefficients[p + _1], coefficients[p + _2], coefficients[p + _3]
-            for k in range(_W):
-                work[h + _R[2] + k] += (
-                    c0 * sections[s + _R[2] + k]
-                    + c1 * sections[s + _R[5] + k]
-                    + c2 * sections[s + _R[8] + k]
-                    + c3 * sections[s + _R[11] + k]
-                )
+                work[h + k] += x0 * f0 + x1 * f1 + x2 * f2 + x3 * f3
+                work[h + _R[3] + k] += y0 * f0 + y1 * f1 + y2 * f2 + y3 * f3
+                work[h + _R[6] + k] += z0 * f0 + z1 * f1 + z2 * f2 + z3 * f3
         i += _4
     while i < n:
-        s = start + i * _R[3]
-        for a in range(_3):
-            h = a * _R[3]
-            p = a * n + i
-            c0, c1 = coefficients[p], coefficients[p + n3]
+        for d in range(_3):
+            p = i if d < _2 else _3 * n + i
+            x, y, z = coefficients[p], coefficients[p + n], coefficients[p + _2 * n]
+            s, h = start + i * _R[3] + d * _W, d * _W
             for k in range(_W):
-                work[h + k] += c0 * sections[s + k]
-                work[h + _R[1] + k] += c0 * sections[s + _R[1] + k]
-                work[h + _R[2] + k] += c1 * sections[s + _R[2] + k]
+                f = sections[s + k]
+                work[h + k] += x * f
+                work[h + _R[3] + k] += y * f
+                work[h + _R[6] + k] += z * f
         i += _1
 
 
@@ -266,15 +256,21 @@ def _add_resultants(sections: Array, start: int, work: Array, n: int, resultants
     n3 = _3 * n
     for i in range(n):
         s = start + i * _R[3]
-        for a in range(_3):
-            h = a * _R[3]
-            x = 0.0
-            y = 0.0
-            for k in range(_W):
-                x += work[h + k] * sections[s + k] + work[h + _R[1] + k] * sections[s + _R[1] + k]
-                y += work[h + _R[2] + k] * sections[s + _R[2] + k]
-            resultants[a * n + i] += x
-            resultants[n3 + a * n + i] += y
+        x0 = x1 = x2 = y0 = y1 = y2 = 0.0
+        for k in range(_W):
+            f, g, h = sections[s + k], sections[s + _R[1] + k], sections[s + _R[2] + k]
+            x0 += work[k] * f + work[_R[1] + k] * g
+            x1 += work[_R[3] + k] * f + work[_R[4] + k] * g
+            x2 += work[_R[6] + k] * f + work[_R[7] + k] * g
+            y0 += work[_R[2] + k] * h
+            y1 += work[_R[5] + k] * h
+            y2 += work[_R[8] + k] * h
+        resultants[i] += x0
+        resultants[n + i] += x1
+        resultants[_2 * n + i] += x2
+        resultants[n3 + i] += y0
+        resultants[n3 + n + i] += y1
+        resultants[n3 + _2 * n + i] += y2
 
 
 @njit(types.void(MESH, _u, _u, _F1, _F1), **_OPTIONS)

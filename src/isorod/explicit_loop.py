@@ -1,7 +1,7 @@
 """The compiled steps in time: central differences with half-step velocities, mass-proportional damping, and activation.
 
-``(v+ - v-) / dt = -M^-1 f(u) - c (v+ + v-) / 2``, ``u+ = u + dt v+``: explicit, of second order, and stable up to ``omega dt = 2``
-with or without damping.
+``(p+ - p-) / dt = -f(u) - c (p+ + p-) / 2``, ``u+ = u + dt v+`` with momenta ``p = M v``: explicit, of second order, and stable up to
+``omega dt = 2`` with or without damping.
 """
 
 from typing import Any, NamedTuple
@@ -11,6 +11,7 @@ from numba import njit, types
 from numpy.typing import NDArray
 
 from isorod.disk import Array
+from isorod.explicit_cholesky import FACTORS, Factors, solve
 from isorod.explicit_kernel import MESH, Mesh, energies, internal_forces
 
 # The state is only added to: nothing may be reordered here, so that results do not depend on how a loop was vectorised.
@@ -25,12 +26,10 @@ class Motion(NamedTuple):
 
     Attributes
     ----------
-    displacement, velocity
-        ``u`` at the time reached, and ``v`` half a step before it.
+    displacement, velocity, momenta
+        ``u`` at the time reached, ``v`` and ``p`` half a step before it; both are zero where held.
     forces
         Internal less contact forces of the last evaluation.
-    mass, inverse_mass
-        Lumped mass, and its inverse, which is zero where held.
     held
         Places of the held degrees of freedom.
     impulse
@@ -42,9 +41,8 @@ class Motion(NamedTuple):
 
     displacement: Array
     velocity: Array
+    momenta: Array
     forces: Array
-    mass: Array
-    inverse_mass: Array
     held: NDArray[np.uint64]
     impulse: Array
     sums: Array
@@ -74,7 +72,7 @@ class Course(NamedTuple):
 
 _f = types.float64
 _F1 = types.Array(_f, 1, "C")
-MOTION = types.NamedTuple([_F1, _F1, _F1, _F1, _F1, types.Array(types.uint64, 1, "C"), _F1, _F1], Motion)
+MOTION = types.NamedTuple([_F1, _F1, _F1, _F1, types.Array(types.uint64, 1, "C"), _F1, _F1], Motion)
 COURSE = types.NamedUniTuple(_f, 5, Course)
 
 
@@ -98,34 +96,36 @@ def load(mesh: Mesh, motion: Motion, course: Course, k: int) -> float:
     return internal_forces(mesh, motion.displacement, now, motion.forces)
 
 
-@njit(types.boolean(MOTION, COURSE), **_OPTIONS)
-def move(motion: Motion, course: Course) -> bool:
+@njit(types.boolean(MOTION, FACTORS, COURSE), **_OPTIONS)
+def move(motion: Motion, factors: Factors, course: Course) -> bool:
     """Take one step with the forces evaluated; return whether the kinetic energy stays below the limit."""
-    u, v, dt = motion.displacement, motion.velocity, course.step
+    u, v, p, dt = motion.displacement, motion.velocity, motion.momenta, course.step
     for h in range(motion.held.size):
-        motion.impulse[h] += dt * motion.forces[motion.held[h]]
+        place = motion.held[h]
+        motion.impulse[h] += dt * motion.forces[place]
+        motion.forces[place] = 0.0
     half = 0.5 * course.damping * dt
     keep, push = (1.0 - half) / (1.0 + half), dt / (1.0 + half)
-    double_kinetic = 0.0
-    dissipated = 0.0
+    # Twice the kinetic energies before and after, and the product of both velocities.
+    before = mixed = after = 0.0
     for d in range(u.size):
-        before = v[d]
-        after = keep * before - push * motion.inverse_mass[d] * motion.forces[d]
-        mean = 0.5 * (before + after)
-        dissipated += motion.mass[d] * mean * mean
-        double_kinetic += motion.mass[d] * after * after
-        v[d] = after
-        u[d] += dt * after
-    motion.sums[0] += dt * course.damping * dissipated
-    return 0.5 * double_kinetic <= course.limit
+        before += v[d] * p[d]
+        p[d] = keep * p[d] - push * motion.forces[d]
+        mixed += v[d] * p[d]
+    solve(factors, p, v)
+    for d in range(u.size):
+        after += v[d] * p[d]
+        u[d] += dt * v[d]
+    motion.sums[0] += dt * course.damping * 0.25 * (before + 2.0 * mixed + after)
+    return 0.5 * after <= course.limit
 
 
-@njit(types.UniTuple(types.int64, 2)(MESH, MOTION, COURSE, types.int64), **_OPTIONS)
-def advance(mesh: Mesh, motion: Motion, course: Course, steps: int) -> tuple[int, int]:
+@njit(types.UniTuple(types.int64, 2)(MESH, MOTION, FACTORS, COURSE, types.int64), **_OPTIONS)
+def advance(mesh: Mesh, motion: Motion, factors: Factors, course: Course, steps: int) -> tuple[int, int]:
     """Take a number of steps without contact; return how many were taken, and the outcome."""
     for k in range(steps):
         if load(mesh, motion, course, k) > 0.0:
             return k, INVERTED
-        if not move(motion, course):
+        if not move(motion, factors, course):
             return k + 1, BLOWN
     return steps, DONE

@@ -56,7 +56,7 @@ class Run:
     # What an implicit run has of its own.
     newton_iterations = 0
     cuts = 0
-    built: Sequence[str] = ()
+    built: Sequence[str] = ("mass",)
 
     def __init__(
         self, system: System, end_time: float, outputs: int, time_step: float | None, damping: float, ramp: float
@@ -73,8 +73,9 @@ class Run:
         # Energy at the start; momentum that stays when all impulses are taken off.
         self._energy = 0.0
         self._momentum = np.zeros(3)
-        model, motion = system.model, system.motion
-        self._carried = model.carries.repeat(3) * motion.mass[system.places]
+        model = system.model
+        # Only functions that add up to one take part in the virtual work of a translation.
+        self._carried = model.carries.repeat(3) * (model.free >= 0)
         # Active fibres do at most 2/3 of their stress as work, over the whole range of their stretch.
         volumes = np.concatenate(
             [body.space.tabulate(0, body.space.axis.elements).weights.sum(axis=(1, 2)) for body in model.bodies]
@@ -102,7 +103,7 @@ class Run:
         system, motion = self.system, self.system.motion
         motion.displacement[system.places] = displacement
         motion.velocity[system.places] = velocity
-        critical = min(system.critical_step(motion.displacement, level) for level in (0.0, 1.0))
+        critical = self._critical()
         if not critical > 0.0:
             raise InputError(f"initial state: an element is inverted; {self._worst(motion.displacement)}")
         self.estimates.append((0.0, critical))
@@ -114,12 +115,28 @@ class Run:
         self._balance(seen)
         self._record(seen)
 
+    def _critical(self) -> float:
+        """Return the critical step at the start, with and without activation."""
+        return min(self.system.critical_step(self.system.motion.displacement, level) for level in (0.0, 1.0))
+
     def _choose(self, critical: float) -> None:
-        """Choose the time step, given the critical one, and make the state what the scheme starts from."""
+        """Choose the time step, given the critical one, and the mass it takes, and make the state what the scheme starts from."""
         if self.given is not None and self.given > critical:
-            raise InputError(
-                f"time step {self.given:.4g}: not stable, the critical step is {critical:.4g}; take at most {_SAFE * critical:.3g}"
-            )
+            mass = self.system.mass
+            scaling = mass.needed(self.given, critical)
+            self.system.scale(scaling)
+            critical = self._critical()
+            # Stress and active fibres may ask for more.
+            while self.given > critical and scaling < mass.most:
+                scaling = min(2.0 * scaling, mass.most)
+                self.system.scale(scaling)
+                critical = self._critical()
+            self.estimates[-1] = (0.0, critical)
+            if self.given > critical:
+                raise InputError(
+                    f"time step {self.given:.4g}: not stable, the critical step is {critical:.4g} with as much mass as may be added; take at "
+                    f"most {_SAFE * critical:.3g}"
+                )
         self._divide(_SAFE * critical if self.given is None else self.given)
         self._stagger(self.system.motion.velocity.copy(), 0.0, 0.0)
 
@@ -131,6 +148,7 @@ class Run:
         system, motion = self.system, self.system.motion
         last = motion.displacement.copy()
         before = [array.copy() for array in (*motion, system.starts)]
+        sums = self._energy, self._momentum.copy(), self.count
         seconds = 0.0
         for retries in range(_RETRIES + 1):
             limit = _GROWTH * (abs(self._energy) + self._available) + self._noise
@@ -153,9 +171,11 @@ class Run:
             self.index -= 1
             if self.given is not None or retries == _RETRIES:
                 raise self._blown(taken, last, problem)
+            shorter = _SHORTER * self.step
             for array, kept in zip((*motion, system.starts), before, strict=True):
                 array[:] = kept
-            self._restep(_SHORTER * self.step)
+            self._energy, self._momentum[:], self.count = sums
+            self._restep(shorter)
         self.taken += taken
         self._record(seen)
         self._watch(seen)
@@ -178,7 +198,10 @@ class Run:
         """
         system, motion = self.system, self.system.motion
         forces, _ = system.forces(motion.displacement, activation(self.time, self.ramp))
-        motion.velocity[:] = velocity + 0.5 * self.step * (motion.inverse_mass * forces + self.damping * velocity)
+        momenta = system.momenta(velocity)
+        motion.momenta[:] = momenta + 0.5 * self.step * (forces + self.damping * momenta)
+        motion.momenta[motion.held] = 0.0
+        motion.velocity[:] = system.velocity(motion.momenta)
         seen = self._measure()
         motion.sums[0] += dissipated - seen["dissipated"]
         motion.sums[1] += work - seen["muscle_work"]
@@ -190,24 +213,27 @@ class Run:
         forces, (contact_energy, normal, area, deepest, *_) = system.forces(motion.displacement, now)
         half = 0.5 * self.damping * dt
         behind = motion.velocity
-        ahead = ((1.0 - half) * behind - dt * motion.inverse_mass * forces) / (1.0 + half)
+        ahead = system.velocity(((1.0 - half) * motion.momenta - dt * forces) / (1.0 + half))
         velocity = 0.5 * (behind + ahead)
         stored, active = energies(system.mesh, motion.displacement)
-        held = np.zeros(system.model.dofs)
-        held[system.model.held] = forces[motion.held]
+        # What is held resists the acceleration of its neighbours too.
+        resisted = system.momenta((ahead - behind) / dt + self.damping * velocity)
+        held = (forces + resisted)[motion.held]
+        moving = system.mass.added(velocity[system.places]), float(velocity @ system.momenta(velocity))
         return {
             "times": self.time,
             "displacement": motion.displacement[system.places],
             "velocity": velocity[system.places],
-            "reactions": self._by_support(held[system.model.held]),
+            "reactions": self._by_support(held),
             "contact_force": normal,
             "contact_area": area,
             "penetration": max(0.0, -deepest),
-            "kinetic": 0.5 * float(np.sum(motion.mass * behind * ahead)),
+            "kinetic": 0.5 * float(motion.momenta @ ahead),
+            "added_mass": moving[0] / moving[1] if moving[1] > 0.0 else 0.0,
             "stored": stored,
             "contact_energy": contact_energy,
             "muscle_work": motion.sums[1] + 0.5 * (now - before) * active - now * active,
-            "dissipated": motion.sums[0] + half * float(np.sum(motion.mass * behind * velocity)),
+            "dissipated": motion.sums[0] + half * float(motion.momenta @ velocity),
         }
 
     def _record(self, seen: dict[str, Any]) -> None:
@@ -221,7 +247,7 @@ class Run:
         scale = max(map(abs, [self._energy, seen["muscle_work"], seen["dissipated"], *work, *dissipated]))
         error = _total(seen) - self._energy - seen["muscle_work"] + seen["dissipated"]
         motion = self.system.motion
-        amount = float(np.abs(self._moving(motion.velocity[self.system.places])).sum())
+        amount = float(np.abs(self._moving(motion.velocity)).sum())
         amount += float(np.abs(self._by_support(motion.impulse)).sum() + np.abs(motion.sums[2:]).sum())
         loose = float(np.linalg.norm(self._free_momentum() - self._momentum))
         seen["energy_error"] = error / scale if scale > self._noise else 0.0
@@ -238,15 +264,15 @@ class Run:
         return result
 
     def _moving(self, velocity: Array) -> Array:
-        """Return the momentum of each degree of freedom that moves with its rod, zero for the others."""
-        return self._carried * velocity
+        """Return the momenta that a state vector has of the free degrees of freedom that move with their rods, in the model's order."""
+        return self._carried * self.system.mass.momenta(velocity[self.system.places])
 
     def _free_momentum(self) -> Array:
         """Return the momentum half a step ago less all impulses so far: a constant."""
-        system, motion = self.system, self.system.motion
+        motion = self.system.motion
         moved = motion.displacement - 0.5 * self.step * motion.velocity
-        mass_times = self._moving((motion.velocity + self.damping * moved)[system.places])
-        return mass_times.reshape(-1, 3).sum(axis=0) - self._by_support(motion.impulse).sum(axis=0) - motion.sums[2:]
+        moving = self._moving(motion.velocity + self.damping * moved)
+        return moving.reshape(-1, 3).sum(axis=0) - self._by_support(motion.impulse).sum(axis=0) - motion.sums[2:]
 
     def _watch(self, seen: dict[str, Any]) -> None:
         """Estimate the critical step again where it may have fallen, and shorten the step or stop."""
@@ -264,7 +290,7 @@ class Run:
         if self.given is not None:
             raise SolveError(
                 f"step {self.taken}, time {self.time:.6g}: the time step {self.step:.4g} is no longer stable, the critical one is "
-                f"{critical:.4g} now; take at most {_SAFE * critical:.3g}"
+                f"{critical:.4g} now; {self._advice(critical)}"
             )
         self._restep(_SAFE * critical)
 
@@ -279,15 +305,20 @@ class Run:
         # The energy that the scheme conserves depends on the step (`History.kinetic`).
         self._energy += _total(self._measure()) - _total({name: values[-1] for name, values in self.rows.items()})
 
+    def _advice(self, critical: float) -> str:
+        """Return what to do about a critical step that has fallen below the user's."""
+        if self.system.mass.scaling > 0.0:
+            # With a shorter one there is less mass added, and the critical step falls too.
+            return "give none, for one that follows the critical step of the consistent mass"
+        return f"take at most {_SAFE * critical:.3g}"
+
     def _blown(self, taken: int, last: Array, what: str) -> SolveError:
         """Return the error of a run that blew up after some steps from the last output, at the displacement ``last``."""
         time = self.time + taken * self.step
         critical = self.system.critical_step(last, activation(self.time, self.ramp))
-        advice = (
-            f"take at most {_SAFE * critical:.3g}"
-            if self.step > critical
-            else "try a smaller one, or a finer or thicker body where it happened"
-        )
+        advice = "try a smaller one, or a finer or thicker body where it happened"
+        if self.step > critical:
+            advice = self._advice(critical)
         return SolveError(
             f"step {self.taken + taken}, time {time:.6g}: {what}; {self._worst(self.system.motion.displacement)}; the time step is "
             f"{self.step:.4g}, the critical one was {critical:.4g} at the output before: {advice}"
@@ -316,7 +347,11 @@ class Run:
         digest = hashlib.sha256()
         for array in (
             *system.mesh,
-            system.motion.mass,
+            *(
+                array
+                for part in (*system.mass.consistent, *system.mass.stiffness)
+                for array in (part.data, part.indices)
+            ),
             system.motion.held,
             displacement,
             velocity,
@@ -336,18 +371,20 @@ class Run:
 
     def state(self) -> dict[str, Array]:
         """Return all that is needed to continue (see `restore`)."""
-        motion = self.system.motion
+        system, motion = self.system, self.system.motion
         return {
             "finished": np.array(self.index == self.outputs),
             "counts": np.array([self.index, self.taken, self.count]),
             "displacement": motion.displacement,
             "velocity": motion.velocity,
+            "momenta": motion.momenta,
+            "scaling": np.array(system.mass.scaling),
             "impulse": motion.impulse,
             "sums": motion.sums,
-            "starts": self.system.starts,
+            "starts": system.starts,
             "estimates": np.array(self.estimates),
             "estimated": self._estimated,
-            "highest": self.system.highest,
+            "highest": system.highest,
             "energy": np.array(self._energy),
             "momentum": self._momentum,
         } | {f"row_{name}": np.array(values) for name, values in self.rows.items()}
@@ -356,7 +393,8 @@ class Run:
         """Continue from a state."""
         motion = self.system.motion
         self.index, self.taken, self.count = (int(value) for value in state["counts"])
-        for name in ("displacement", "velocity", "impulse", "sums"):
+        self.system.scale(float(state["scaling"]))
+        for name in ("displacement", "velocity", "momenta", "impulse", "sums"):
             getattr(motion, name)[:] = state[name]
         self.system.starts[:] = state["starts"]
         self.system.highest[:] = state["highest"]

@@ -135,15 +135,16 @@ class ImplicitRun(Run):
             "kinetic": 0.5 * float(velocity @ momenta),
             "stored": energies(system.mesh, motion.displacement)[0],
             "contact_energy": contact_energy,
+            "added_mass": 0.0,
             "muscle_work": motion.sums[1],
             "dissipated": motion.sums[0],
         }
 
     def _moving(self, velocity: Array) -> Array:
-        return self._carried * self.assembler.momenta(velocity)
+        return self._carried * self.assembler.momenta(velocity[self.system.places])
 
     def _free_momentum(self) -> Array:
         """Return the momentum less all impulses so far: a constant."""
-        system, motion = self.system, self.system.motion
-        moving = self._moving((motion.velocity + self.damping * motion.displacement)[system.places])
+        motion = self.system.motion
+        moving = self._moving(motion.velocity + self.damping * motion.displacement)
         return moving.reshape(-1, 3).sum(axis=0) - self._by_support(motion.impulse).sum(axis=0) - motion.sums[2:]

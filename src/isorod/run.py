@@ -22,6 +22,7 @@ KEPT = {
         "kinetic",
         "stored",
         "contact_energy",
+        "added_mass",
         "muscle_work",
         "dissipated",
         "energy_error",
