@@ -252,10 +252,10 @@ def test_the_papers_time_step_is_stable(order):
     assert np.abs(history.energy_error).max() < 1e-3
     assert np.abs(history.momentum_error).max() < 1e-12
     # What is added to the mass carries little of the kinetic energy.
-    assert history.kinetic @ history.added_mass < 0.05 * history.kinetic.sum()
+    assert 0.0 < history.added_mass < 0.05
     consistent = dynamics.solve(scene.model(), **dataclasses.replace(scene, end_time=1e-3, time_step=0.0).settings())
     assert consistent.time_step < 0.5 * history.time_step
-    assert not consistent.added_mass.any()
+    assert consistent.added_mass == 0.0
 
 
 def test_the_papers_step_moves_as_the_consistent_mass_does():

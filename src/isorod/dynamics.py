@@ -36,8 +36,8 @@ class History:
     kinetic, stored, contact_energy
         Energies: of explicit steps ``v- M v+ / 2`` with the velocities half a step before and after, which the scheme conserves where
         forces are linear, of implicit ones ``v M v / 2``; matrix and passive fibres; penalty.
-    added_mass
-        Share of the kinetic energy that belongs to mass added for the time step (`isorod.explicit_mass`).
+    added_kinetic
+        Kinetic energy of the mass added for the time step (`isorod.explicit_mass`), shape ``(o,)``.
     muscle_work, dissipated
         Work done by active fibres, and taken by damping.
     energy_error
@@ -69,7 +69,7 @@ class History:
     kinetic: Array
     stored: Array
     contact_energy: Array
-    added_mass: Array
+    added_kinetic: Array
     muscle_work: Array
     dissipated: Array
     energy_error: Array
@@ -86,6 +86,12 @@ class History:
     built: list[str]
     solver: dict[str, str]
     ranks: int
+
+    @property
+    def added_mass(self) -> float:
+        """Share of the kinetic energy, over all outputs, that is in mass added for the time step."""
+        total = float(self.kinetic.sum())
+        return float(self.added_kinetic.sum()) / total if total > 0.0 else 0.0
 
 
 def solve(

@@ -219,7 +219,6 @@ class Run:
         # What is held resists the acceleration of its neighbours too.
         resisted = system.momenta((ahead - behind) / dt + self.damping * velocity)
         held = (forces + resisted)[motion.held]
-        moving = system.mass.added(velocity[system.places]), float(velocity @ system.momenta(velocity))
         return {
             "times": self.time,
             "displacement": motion.displacement[system.places],
@@ -229,7 +228,7 @@ class Run:
             "contact_area": area,
             "penetration": max(0.0, -deepest),
             "kinetic": 0.5 * float(motion.momenta @ ahead),
-            "added_mass": moving[0] / moving[1] if moving[1] > 0.0 else 0.0,
+            "added_kinetic": 0.5 * system.mass.added(velocity[system.places]),
             "stored": stored,
             "contact_energy": contact_energy,
             "muscle_work": motion.sums[1] + 0.5 * (now - before) * active - now * active,

@@ -135,7 +135,7 @@ class ImplicitRun(Run):
             "kinetic": 0.5 * float(velocity @ momenta),
             "stored": energies(system.mesh, motion.displacement)[0],
             "contact_energy": contact_energy,
-            "added_mass": 0.0,
+            "added_kinetic": 0.0,
             "muscle_work": motion.sums[1],
             "dissipated": motion.sums[0],
         }
