@@ -55,7 +55,7 @@ def work_precision(records: Sequence[Record], target: float, quantity: str, path
         axis.set_xlabel(label)
         axis.grid(True, which="both", alpha=0.25)
     axes[0].set_ylabel(f"relative error of the {quantity}")
-    axes[1].annotate(f"{100 * target:g} %", (1.0, target), xycoords=("axes fraction", "data"), ha="right", va="bottom")
+    axes[1].annotate(f"{100 * target:g} %", (0.01, target), xycoords=("axes fraction", "data"), va="bottom")
     figure.legend(loc="outside right center", frameon=False)
     write_beside(path, lambda where: figure.savefig(where, dpi=130))
     pyplot.close(figure)

@@ -1,5 +1,7 @@
 """Error against run time as tables: what reaches an error fastest, and every run."""
 
+import html
+
 from comparisons.html import milliseconds, percent, table
 from comparisons.records import Record, part
 
@@ -93,6 +95,15 @@ def runs(work: list[Record]) -> str:
         "solver",
     )
     return table(head, rows, text=(0, 1, 9))
+
+
+def refused(records: list[Record]) -> list[str]:
+    """Return what was refused on the way, with its one line, as a list; nothing if all ran."""
+    found = part(records, "refused")
+    lines = [
+        f"<li>{html.escape(one['curve'])}, {one['arguments']}: {html.escape(one['message'])}</li>" for one in found
+    ]
+    return ["<p class=small>Refused:</p><ul class=small>", *lines, "</ul>"] if lines else []
 
 
 def summary(study: str, quantity: str, records: list[Record]) -> list[str]:

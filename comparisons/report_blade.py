@@ -8,7 +8,7 @@ import numpy as np
 
 from comparisons import plots, published
 from comparisons.html import percent, table
-from comparisons.precision import LUCK, reach, runs
+from comparisons.precision import LUCK, reach, refused, runs
 from comparisons.records import Record, part
 
 MODES = tuple(f"mode {k}" for k in range(1, 11))
@@ -48,6 +48,7 @@ def section(records: list[Record], folder: Path) -> list[str]:
     lines.append(_assurance(part(records, "mac")[0]))
     lines.append("<h2>Blade: every run</h2>")
     lines.append(runs(work))
+    lines.extend(refused(records))
     return lines
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from comparisons import plots, published
 from comparisons.html import table
-from comparisons.precision import LUCK, reach, runs
+from comparisons.precision import LUCK, reach, refused, runs
 from comparisons.records import Record, part
 
 PAPER_ELEMENTS = {
@@ -47,6 +47,7 @@ def section(records: list[Record], folder: Path) -> list[str]:
     lines.append(_reference(records))
     lines.append("<h2>Spring: every run</h2>")
     lines.append(runs(work))
+    lines.extend(refused(records))
     return lines
 
 

@@ -8,6 +8,7 @@ from typing import Protocol
 from comparisons import timing
 from comparisons.records import Record
 from comparisons.study import Run, Steps
+from isorod.errors import SolveError
 
 # Runs of each configuration, the first one cold: the median is of five.
 REPEAT = 6
@@ -70,12 +71,17 @@ class WorkPrecision:
         return found | {"arguments": arguments, "error": self.error(found)}
 
     def run(self, curves: Sequence[Curve], targets: Sequence[float]) -> None:
-        """Record error and warm run time along each curve, then the fastest runs within each target."""
+        """Record error and warm run time along each curve, or that a run was refused, then the fastest runs within each target."""
         work = []
         for curve in curves:
             for arguments in curve.arguments:
                 with self.steps.step(f"{curve.label}: {arguments}"):
-                    found = self._measure(curve.method, arguments, REPEAT)
+                    try:
+                        found = self._measure(curve.method, arguments, REPEAT)
+                    except SolveError as problem:
+                        refused = {"curve": curve.label, "arguments": arguments, "message": str(problem)}
+                        self.study.record("refused", refused)
+                        continue
                     work.append(self.study.record("work", found | {"curve": curve.label}))
         for target in targets:
             for method in MODULES:
@@ -91,13 +97,17 @@ class WorkPrecision:
         for found in sorted(work, key=lambda record: record["seconds"]["total"]):
             if found["error"] > target:
                 continue
-            finer = []
+            finer: list[Record] = []
             for option, step in self.finer[found["method"]]:
                 count = re.search(rf"{option} (\d+)", found["arguments"])
                 if count is None:
                     continue
                 arguments = found["arguments"].replace(count[0], f"{option} {int(count[1]) + step}")
-                near = self._measure(found["method"], arguments, 1)
+                try:
+                    near = self._measure(found["method"], arguments, 1)
+                except SolveError:
+                    finer = []
+                    break
                 finer.append({"arguments": arguments, "error": near["error"]})
                 if near["error"] > target:
                     break

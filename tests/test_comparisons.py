@@ -115,6 +115,27 @@ def test_errors_that_cancel_do_not_count(monkeypatch, tmp_path):
     assert held is None or held["seconds"]["total"] > lucky["seconds"]["total"]
 
 
+def test_a_refused_run_is_recorded_and_the_study_goes_on(monkeypatch, tmp_path):
+    def forces(n, p):
+        if n == 4 or (n, p) == (16, 10):
+            raise SolveError(f"too few & far between: {n}")
+        return 1.0 + 1.0 / n**2
+
+    found = measured(forces, lambda n, p: n * p, monkeypatch, tmp_path)
+    refused = records.part(found, "refused")
+    assert len(refused) == 4
+    assert "too few &amp; far between: 4" in "".join(precision.refused(found))
+    assert precision.refused([]) == []
+    # With 16 and 8, one step finer in the section is refused: that does not hold.
+    best = precision.fastest(found, "fem", 1e-2)
+    assert best is not None
+    assert best["arguments"] == "--elements 16 --points 4"
+    tight = measured(forces, lambda n, p: n * (20 - p), monkeypatch, tmp_path, 5e-3)
+    lucky = precision.fastest(tight, "fem", 5e-3, holds=False)
+    assert lucky is not None
+    assert lucky["arguments"] == "--elements 16 --points 8"
+
+
 def test_published_tables_have_the_paper_s_sizes():
     assert sum(len(forces) for forces in published.SPRING_FORCE.values()) == 18
     assert sum(len(frequencies) for frequencies in published.BLADE_FREQUENCIES.values()) == 60

@@ -152,11 +152,12 @@ class Assembler:
     def _matrix(self, indices: Sequence[Sequence[Index]]) -> PETSc.Mat:
         """Return a new symmetric matrix with room for rows and columns of each part."""
         made = petsc.matrix(self.comm, (self.rows, self.unknowns), self.block, *_joined(indices))
-        made.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+        for option in (PETSc.Mat.Option.SYMMETRIC, PETSc.Mat.Option.SYMMETRY_ETERNAL):
+            made.setOption(option, True)
         return made
 
     def matrix(self) -> PETSc.Mat:
-        """Return a new symmetric AIJ matrix, preallocated for the tangent."""
+        """Return a new symmetric matrix with room for the tangent: AIJ, or what ``-mat_type`` says."""
         with self._timed():
             made = self._matrix(self._tangent_indices())
             if self.contact is not None:

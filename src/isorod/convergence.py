@@ -94,7 +94,7 @@ class Balance:
             return True
         return force <= rtol * min(self._scale, self.assembler.carried)
 
-    def near(self, before: float, force: float, snes: PETSc.SNES) -> bool:
+    def reuses_tangent(self, before: float, force: float, snes: PETSc.SNES) -> bool:
         """Return whether one more iteration with the last tangent, which took the residual from ``before`` to ``force``, should do.
 
         Newton's method brings an error ``e`` to ``c e^2``, and with the tangent of the iteration before to ``2 c e e_before``: the

@@ -186,7 +186,8 @@ class Newton:
         self.assembler = assembler
         self.iterations = 0
         self.matrix = assembler.matrix()
-        self.matrix.setOption(PETSc.Mat.Option.SYMMETRIC, False)
+        for option in (PETSc.Mat.Option.SYMMETRY_ETERNAL, PETSc.Mat.Option.SYMMETRIC):
+            self.matrix.setOption(option, False)
         self.x = assembler.vector()
         self._factor = 0.0
         self._last = np.inf

@@ -66,6 +66,8 @@ def matrix(
 def _compressed_rows(size: int, rows: NDArray[Any], columns: NDArray[Any]) -> _Arrays | None:
     """Return which entry comes where, and compressed rows: starts, columns, zeros; None if two entries are at one place."""
     places = np.flatnonzero((rows >= 0) & (columns >= 0))
+    if places.size > np.iinfo(PETSc.IntType).max:
+        return None
     row, column = rows[places], columns[places]
     keys = row * size + column
     if not (np.diff(keys) > 0).all():
@@ -104,20 +106,21 @@ def negative_eigenvalues(matrix: PETSc.Mat) -> int:
     """Return the number of negative eigenvalues of a symmetric matrix (Sylvester's law of inertia), by MUMPS; options ``-sturm_...``."""
     pc = PETSc.PC().create(matrix.getComm())
     pc.setOptionsPrefix("sturm_")
-    pc.setOperators(matrix)
-    pc.setType(PETSc.PC.Type.CHOLESKY)
-    pc.setFactorSolverType("mumps")
-    pc.setFactorSetUpSolverType()
-    # MUMPS knows the inertia only if its root node is not ScaLAPACK's and it looks for zero pivots.
-    factor = pc.getFactorMatrix()
-    factor.setMumpsIcntl(13, 1)
-    factor.setMumpsIcntl(24, 1)
-    pc.setFromOptions()
-    pc.setUp()
-    negative, _, _ = factor.getInertia()
-    for thing in (factor, pc):
-        thing.destroy()
-    return int(negative)
+    try:
+        pc.setOperators(matrix)
+        pc.setType(PETSc.PC.Type.CHOLESKY)
+        pc.setFactorSolverType("mumps")
+        pc.setFactorSetUpSolverType()
+        # MUMPS knows the inertia only if its root node is not ScaLAPACK's and it looks for zero pivots.
+        factor = pc.getFactorMatrix()
+        factor.setMumpsIcntl(13, 1)
+        factor.setMumpsIcntl(24, 1)
+        pc.setFromOptions()
+        pc.setUp()
+        negative, _, _ = factor.getInertia()
+        return int(negative)
+    finally:
+        pc.destroy()
 
 
 def solver_types(snes: PETSc.SNES) -> dict[str, str]:

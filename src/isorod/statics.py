@@ -288,6 +288,7 @@ class _Newton:
             if self.snes.getKSP().getPC().getType() in MULTIGRID:
                 self.matrix.setNearNullSpace(assembler.near_null_space())
             self._own_tolerance = "snes_atol" not in typed
+            self._may_reuse = self._own_tolerance and not PETSc.Options().hasName("snes_test_jacobian")
             if self._own_tolerance:
                 self.snes.setConvergenceTest(self.balance.test)
 
@@ -300,10 +301,10 @@ class _Newton:
         self.assembler.residual(x, self.factor, out)
 
     def _tangent(self, snes: PETSc.SNES, x: PETSc.Vec, J: PETSc.Mat, P: PETSc.Mat) -> None:
-        if self._own_tolerance and len(self.norms) > 1 and self.balance.near(self.norms[-2], self.norms[-1], snes):
-            # The last tangent, with its factors, is good enough for the last iteration.
-            return
-        self.assembler.tangent(x, self.factor, P)
+        # The last tangent, with its factors, may be good enough for the last iteration.
+        own = self._may_reuse and snes.handle == self.snes.handle and P.handle == self.matrix.handle
+        if not (own and len(self.norms) > 1 and self.balance.reuses_tangent(self.norms[-2], self.norms[-1], snes)):
+            self.assembler.tangent(x, self.factor, P)
         if J.handle != P.handle:
             J.assemble()
 
