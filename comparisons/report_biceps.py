@@ -37,7 +37,7 @@ def section(records: list[Record], folder: Path) -> list[str]:
     lines.append(
         "<p>Dashed lines at the right: the element's own equilibrium, found without following the motion.</p>"
         + _deviations(motions, curves)
-        + _inertia(motions)
+        + _added_mass(motions)
     )
     lines.append("<h2>Biceps: what a step costs</h2>")
     lines.append(_speed(motions, theirs))
@@ -130,11 +130,11 @@ def _deviations(motions: list[Record], theirs: list[Record]) -> str:
     return table(head, rows)
 
 
-def _inertia(motions: list[Record]) -> str:
+def _added_mass(motions: list[Record]) -> str:
     """Return how much of the kinetic energy is in mass that was added for the time step."""
     rows = []
     for record in motions:
-        rows.append((record["label"], f"{1e6 * record['time_step']:.3g}", percent(record["added_mass"])))
+        rows.append((record["label"], f"{1e6 * record['time_step']:.3g}", percent(record["added_kinetic_share"])))
     head = ("mass added for the time step", "time step µs", "share of the kinetic energy, mean")
     return (
         "<p>The mass is consistent; for steps longer than its critical one, some is added to fast waves. Courses then differ a little in "

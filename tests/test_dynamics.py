@@ -181,9 +181,9 @@ def test_a_step_beyond_the_critical_one_keeps_energy_and_momenta(cylinder):
     history = dynamics.solve(model, 8.0, 2.0 * critical, outputs=16, velocity=tumble)
     assert history.critical_step > history.time_step > 1.9 * critical
     assert history.added_kinetic.min() > 0.0
-    assert 0.0 < history.added_mass < 1.0
+    assert 0.0 < history.added_kinetic_share < 1.0
     mass = explicit_mass.Mass(model, explicit.order(model))
-    mass.scaling = mass.needed(2.0 * critical, critical)
+    mass.scaling = mass.scaling_for(history.time_step, critical)
     moving = np.array([mass.momenta(one) for one in history.velocity]).reshape(len(history.times), -1, 3)
     places = space.positions + history.displacement.reshape(moving.shape)
     momentum, angular = (model.carries[:, None] * moving).sum(axis=1), np.cross(places, moving).sum(axis=1)
@@ -193,6 +193,16 @@ def test_a_step_beyond_the_critical_one_keeps_energy_and_momenta(cylinder):
     assert np.abs(angular - angular[0]).max() < 1e-7 * size
     assert np.abs(history.energy_error).max() < 2e-3
     assert np.abs(history.momentum_error).max() < 1e-12
+
+
+def test_mass_is_added_for_the_step_taken_not_for_the_one_allowed(cylinder):
+    """Outputs closer than the critical step need none, however long a step is given."""
+    model = bar(cylinder, held="")
+    critical = dynamics.solve(model, 1e-9, outputs=1).critical_step
+    drift = field(model, lambda x: np.broadcast_to([0.0, 0.0, 1.0], x.shape))
+    history = dynamics.solve(model, 5.0 * critical, 3.0 * critical, outputs=10, velocity=drift)
+    assert history.time_step == pytest.approx(0.5 * critical)
+    assert history.added_kinetic_share == 0.0
 
 
 def test_added_mass_is_an_error_of_second_order_in_the_step(cylinder):
@@ -309,8 +319,11 @@ def test_the_step_follows_a_muscle_that_stiffens(cylinder):
     with pytest.raises(SolveError, match="the critical one"):
         dynamics.solve(model, 8.0, 0.99 * history.estimates[0, 1], outputs=40, velocity=throw)
     # Where mass was added a shorter step would have less, and be no more stable.
-    with pytest.raises(SolveError, match="give none, for one that follows the critical step of the consistent mass"):
-        dynamics.solve(model, 8.0, 1.05 * history.estimates[0, 1], outputs=40, velocity=throw)
+    longer = 1.05 * history.estimates[0, 1]
+    with pytest.raises(
+        SolveError, match=r"give none \(--time-step 0\), for one that follows the critical step of the consistent mass"
+    ):
+        dynamics.solve(model, 120.0 * longer, longer, outputs=40, velocity=throw)
 
 
 def test_a_bar_thrown_at_a_wall_comes_back(cylinder):

@@ -143,7 +143,7 @@ def test_inertia_of_translation_swelling_and_rotation(order, points, cylinder):
         energy = velocity.ravel() @ made.mass.momenta(velocity.ravel())
         print(f"{name}: {energy / (whole * square) - 1.0:.1e}")
         assert energy == pytest.approx(whole * square, rel=1e-6)
-    made.scale(made.mass.most)
+    made.scale(made.mass.largest_scaling)
     energies = {name: velocity.ravel() @ made.mass.momenta(velocity.ravel()) for name, (velocity, _) in fields.items()}
     assert energies["along"] == pytest.approx(whole, rel=1e-6)
     # Twice its own inertia is added to the lighter of the section's directions.

@@ -61,8 +61,8 @@ def LIMITS(records: list[Record]) -> list[str]:
         lines.append(f"{series}, {DURATION} critical steps long: energy kept to {TOLERANCE:g} {until}.")
     over = [one["value"] for one in records if one["sweep"] == SHARE and "failure" in one and one["value"] > 1.0]
     lines.append(
-        f"Of the {len(over)} runs in steps longer than the critical one, each blows up and says so with the critical step; where the step is "
-        "checked at the start, as it is for users, they do not begin."
+        f"Of the {len(over)} runs in steps longer than the critical one, without mass added for them, each blows up and says so with the "
+        "critical step; users' steps of that length get mass added at the start, or are refused."
     )
     for series, curve in found[LONG].items():
         last = curve[-1]
@@ -160,10 +160,10 @@ def _critical(model: Model) -> float:
 
 
 class _Bold(Run):
-    """Explicit steps that are not refused at the start for their length."""
+    """Explicit steps that get no mass added for their length, and are not refused for it."""
 
-    def _choose(self, critical: float) -> None:
-        super()._choose(max(critical, self.given or 0.0))
+    def _add_mass(self, critical: float) -> None:
+        """Add none."""
 
 
 def _share(share: float, size: float) -> dict[str, Any]:

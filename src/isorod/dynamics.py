@@ -45,7 +45,7 @@ class History:
     momentum_error
         Change of linear momentum less the impulses of supports, obstacles and damping, over the sum of their sizes and the initial one.
     steps, time_step, critical_step
-        Number of steps taken, the last time step, and the smallest critical one of explicit steps met.
+        Number of steps taken, the last time step, and the smallest critical one of explicit steps met, with the mass that was added.
     estimates
         Time and value of each estimate of the critical step, shape ``(estimates, 2)``.
     microseconds_a_step
@@ -88,7 +88,7 @@ class History:
     ranks: int
 
     @property
-    def added_mass(self) -> float:
+    def added_kinetic_share(self) -> float:
         """Share of the kinetic energy, over all outputs, that is in mass added for the time step."""
         total = float(self.kinetic.sum())
         return float(self.added_kinetic.sum()) / total if total > 0.0 else 0.0
@@ -142,7 +142,8 @@ def solve(
     Raises
     ------
     InputError
-        If a number is out of range, the explicit time step is not stable at the start, or a checkpoint cannot be used.
+        If a number is out of range, the explicit time step is not stable at the start with as much mass as may be added, or a checkpoint
+        cannot be used.
     SolveError
         If the motion blows up: the message names step, time, element, and the critical time step; or an implicit step does not converge.
     """

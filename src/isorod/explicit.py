@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import eigh_tridiagonal
 
-from isorod import explicit_loop
+from isorod import explicit_loop, kernel
 from isorod.disk import Array
 from isorod.errors import InputError
 from isorod.explicit_cholesky import solve
@@ -13,6 +13,7 @@ from isorod.explicit_kernel import GEOMETRY, POINTS, Mesh, internal_forces
 from isorod.explicit_loop import Course, Motion
 from isorod.explicit_mass import Mass
 from isorod.model import Body, Model
+from isorod.small import determinant
 from isorod.spline import Index
 
 if TYPE_CHECKING:
@@ -169,6 +170,8 @@ class System:
 
     def scale(self, scaling: float) -> None:
         """Add mass; see `isorod.explicit_mass`."""
+        if scaling == self.mass.scaling:
+            return
         self.mass.scaling = scaling
         self.factors = self.mass.factors()
 
@@ -201,6 +204,23 @@ class System:
         self.packed.starts[:] = starts
         return forces, said
 
+    def worst(self, displacement: Array) -> str:
+        """Return which element is the most compressed."""
+        model = self.model
+        everywhere = displacement[self.places]
+        found: list[tuple[float, str]] = []
+        for b, body in enumerate(model.bodies):
+            table = body.space.tabulate(0, body.space.axis.elements)
+            shape = (table.elements, body.space.axis.degree + 1, body.space.layer_nodes, 3)
+            nodal = model.nodal(everywhere, b)[body.space.element_nodes].reshape(shape)
+            F = kernel.deformation_gradients(table.section, table.axial, table.slopes, table.inverse, nodal)
+            det = determinant(F)
+            det = np.where(np.isfinite(det), det, -np.inf)
+            e, t, _ = np.unravel_index(int(np.argmin(det)), det.shape)
+            where = f"element {e} of body {b} at u = {table.u[e, t]:.4g}"
+            found.append((float(det.min()), f"smallest det F = {det.min():.3g} in {where}"))
+        return min(found)[1]
+
     def critical_step(self, displacement: Array, activation: float) -> float:
         """Return ``2 / omega`` of the highest frequency about a state: the largest stable time step; zero if the state cannot be.
 
@@ -221,7 +241,7 @@ class System:
         vector = self.velocity(image)[free]
         size = np.sqrt(vector @ image[free])
         trial = [displacement.copy(), displacement.copy()]
-        highest = 0.0
+        highest = missing = 0.0
         for k in range(count):
             basis[k], momenta[k] = vector / size, image[free] / size
             step = 1e-5 * self._size / np.abs(basis[k]).max()
@@ -239,7 +259,11 @@ class System:
             beside[k] = size = np.sqrt(max(vector @ image[free], 0.0))
             values, vectors = eigh_tridiagonal(diagonal[: k + 1], beside[:k])
             highest = float(values[-1])
-            if beside[k] * abs(vectors[-1, -1]) <= _TOLERANCE * abs(highest):
+            missing = beside[k] * abs(vectors[-1, -1])
+            if missing <= _TOLERANCE * abs(highest):
                 self.highest[:] = vectors[:, -1] @ momenta[: k + 1]
                 break
+        else:
+            # Rather too short a step than too long a one.
+            highest += missing
         return 2.0 / np.sqrt(highest) if highest > 0.0 else np.inf

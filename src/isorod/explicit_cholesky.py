@@ -1,4 +1,4 @@
-"""Cholesky factors within the profile of a matrix, and what a compiled time step solves with them."""
+"""Cholesky factors within the profile (skyline) of a matrix, and what a compiled time step solves with them."""
 
 from typing import Any, NamedTuple
 
@@ -48,6 +48,8 @@ FACTORS = types.NamedTuple([_U2, _U1, _U1, _F1, _F1, _U2], Factors)
 
 def factorise(matrix: csr_matrix) -> tuple[NDArray[np.uint64], NDArray[np.uint64], Array, Array] | None:
     """Return ``first``, ``starts`` and ``values`` of `Factors` and the diagonal of a matrix's factor; None if it is not positive definite."""
+    if not (matrix.diagonal() > 0.0).all():
+        return None
     matrix.sort_indices()
     size = matrix.shape[0]
     first = matrix.indices[matrix.indptr[:-1]].astype(np.int64)
@@ -77,7 +79,7 @@ def _factorise(first: NDArray[np.uint64], starts: NDArray[np.uint64], values: Ar
         for k in range(i - left):
             square -= values[start + k] ** 2
         # Rounding leaves this much of a singular matrix; NaN fails the comparison.
-        if not square > 1e-14 * diagonal[i]:
+        if not square > 1e-12 * diagonal[i]:
             return False
         diagonal[i] = np.sqrt(square)
     return True

@@ -14,7 +14,7 @@ from isorod.disk import Array
 from isorod.explicit_cholesky import FACTORS, Factors, solve
 from isorod.explicit_kernel import MESH, Mesh, energies, internal_forces
 
-# The state is only added to: nothing may be reordered here, so that results do not depend on how a loop was vectorised.
+# Forces, and velocities from momenta, are sums whose order the compiler chose once; here nothing is reordered.
 _OPTIONS: Any = {"cache": True, "error_model": "numpy"}
 
 # Outcomes of a run of steps: done; det F <= 0; more kinetic energy than there can be; no closest point found in contact.

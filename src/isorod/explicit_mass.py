@@ -7,7 +7,7 @@ What limits the step is pressure waves across thin sections and short elements, 
 is far slower.  A step ``dt`` longer than the critical one ``t0`` is made stable by mass that grows with the wave number, in proportion
 to stiffness (Olovsson, Simonsson & Unosson, Int. J. Numer. Meth. Engng 63 (2005) 1436-1445),
 
-    M = M0 + s G,    G = int E grad S . grad S dV,    E = lambda + 2 mu + 2 m1 m2,    s = SHARE (dt^2 - t0^2) / 4,
+    M = M0 + s G,    G = int E grad S . grad S dV,    E = lambda + 2 mu + 2 m1 m2,    s = SAFETY (dt^2 - t0^2) / 4,
 
 the last term of ``E`` that of passive fibres.  Translations keep their mass exactly; the error of slow motions is of second order in the
 step.  It is largest where sections turn about the axis: ``G`` cannot tell that from swelling.  In the biceps, at six critical steps,
@@ -30,7 +30,7 @@ from isorod.spline import Index
 
 # The stiffness that is allowed for, in ``G``: three bounds that of isotropic bodies at rest, as ``div^2 <= 3 |grad|^2``; 1.5 was measured of
 # the biceps at rest and 1.9 in motion, where compression and fibres stiffen it.
-SHARE = 2.5
+SAFETY = 2.5
 # The most inertia that may be added to a section that turns or swells, of its own.
 _MOST = 2.0
 
@@ -49,20 +49,20 @@ class Mass:
     ----------
     consistent, stiffness
         ``M0`` and ``G`` of each body.
-    scaling, most
-        ``s`` of the module header, time squared, and the largest that `needed` returns: that which trebles the inertia of a section that turns.
+    scaling, largest_scaling
+        ``s`` of the module header, time squared, and the largest that `scaling_for` returns: that which trebles the inertia of a section that turns.
     """
 
     def __init__(self, model: Model, places: Index) -> None:
         self._model, self._places = model, places
         parts = [_matrices(body) for body in model.bodies]
         self.consistent, self.stiffness = [part[0] for part in parts], [part[1] for part in parts]
-        self.most = _MOST * min(part[2] for part in parts)
+        self.largest_scaling = _MOST * min(part[2] for part in parts)
         self.scaling = 0.0
 
-    def needed(self, step: float, critical: float) -> float:
+    def scaling_for(self, step: float, critical: float) -> float:
         """Return the ``scaling`` for a step longer than the critical one of the consistent mass, at most what there may be."""
-        return min(0.25 * SHARE * (step - critical) * (step + critical), self.most)
+        return min(0.25 * SAFETY * (step - critical) * (step + critical), self.largest_scaling)
 
     def momenta(self, velocity: Array) -> Array:
         """Return the momenta of all degrees of freedom, shape ``(dofs,)``, in the model's order as the velocities are."""

@@ -7,13 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from isorod import __version__, kernel
+from isorod import __version__
 from isorod.disk import Array
 from isorod.errors import InputError, SolveError
 from isorod.explicit import System
 from isorod.explicit_kernel import energies
 from isorod.explicit_loop import BLOWN, DONE, INVERTED, LOST, Course, activation
-from isorod.small import determinant
 
 # The step taken where none is given, and what an unstable one is advised to be, in critical steps.
 _SAFE = 0.9
@@ -105,7 +104,7 @@ class Run:
         motion.velocity[system.places] = velocity
         critical = self._critical()
         if not critical > 0.0:
-            raise InputError(f"initial state: an element is inverted; {self._worst(motion.displacement)}")
+            raise InputError(f"initial state: an element is inverted; {self.system.worst(motion.displacement)}")
         self.estimates.append((0.0, critical))
         self._choose(critical)
         self._momentum = self._free_momentum()
@@ -116,29 +115,33 @@ class Run:
         self._record(seen)
 
     def _critical(self) -> float:
-        """Return the critical step at the start, with and without activation."""
+        """Return the critical step at the start, with the mass there is, without activation and with all of it."""
         return min(self.system.critical_step(self.system.motion.displacement, level) for level in (0.0, 1.0))
 
     def _choose(self, critical: float) -> None:
         """Choose the time step, given the critical one, and the mass it takes, and make the state what the scheme starts from."""
-        if self.given is not None and self.given > critical:
-            mass = self.system.mass
-            scaling = mass.needed(self.given, critical)
+        self._divide(_SAFE * critical if self.given is None else self.given)
+        if self.given is not None and self.step > critical:
+            self._add_mass(critical)
+        self._stagger(self.system.motion.velocity.copy(), 0.0, 0.0)
+
+    def _add_mass(self, critical: float) -> None:
+        """Add mass until the step is stable; ``critical`` is the critical step of the consistent mass."""
+        mass = self.system.mass
+        scaling = mass.scaling_for(self.step, critical)
+        self.system.scale(scaling)
+        critical = self._critical()
+        # Stress and active fibres may ask for more.
+        while self.step > critical and scaling < mass.largest_scaling:
+            scaling = min(2.0 * scaling, mass.largest_scaling)
             self.system.scale(scaling)
             critical = self._critical()
-            # Stress and active fibres may ask for more.
-            while self.given > critical and scaling < mass.most:
-                scaling = min(2.0 * scaling, mass.most)
-                self.system.scale(scaling)
-                critical = self._critical()
-            self.estimates[-1] = (0.0, critical)
-            if self.given > critical:
-                raise InputError(
-                    f"time step {self.given:.4g}: not stable, the critical step is {critical:.4g} with as much mass as may be added; take at "
-                    f"most {_SAFE * critical:.3g}"
-                )
-        self._divide(_SAFE * critical if self.given is None else self.given)
-        self._stagger(self.system.motion.velocity.copy(), 0.0, 0.0)
+        self.estimates[-1] = (0.0, critical)
+        if self.step > critical:
+            raise InputError(
+                f"time step {self.step:.4g}: not stable, the critical step is {critical:.4g} with as much mass as may be added; take at "
+                f"most {_SAFE * critical:.3g}"
+            )
 
     def advance(self) -> float:
         """Take the steps to the next output and record it; return the wall time of the steps.
@@ -308,7 +311,7 @@ class Run:
         """Return what to do about a critical step that has fallen below the user's."""
         if self.system.mass.scaling > 0.0:
             # With a shorter one there is less mass added, and the critical step falls too.
-            return "give none, for one that follows the critical step of the consistent mass"
+            return "give none (--time-step 0), for one that follows the critical step of the consistent mass"
         return f"take at most {_SAFE * critical:.3g}"
 
     def _blown(self, taken: int, last: Array, what: str) -> SolveError:
@@ -319,26 +322,9 @@ class Run:
         if self.step > critical:
             advice = self._advice(critical)
         return SolveError(
-            f"step {self.taken + taken}, time {time:.6g}: {what}; {self._worst(self.system.motion.displacement)}; the time step is "
+            f"step {self.taken + taken}, time {time:.6g}: {what}; {self.system.worst(self.system.motion.displacement)}; the time step is "
             f"{self.step:.4g}, the critical one was {critical:.4g} at the output before: {advice}"
         )
-
-    def _worst(self, displacement: Array) -> str:
-        """Return which element is the most compressed."""
-        model = self.system.model
-        everywhere = displacement[self.system.places]
-        found: list[tuple[float, str]] = []
-        for b, body in enumerate(model.bodies):
-            table = body.space.tabulate(0, body.space.axis.elements)
-            shape = (table.elements, body.space.axis.degree + 1, body.space.layer_nodes, 3)
-            nodal = model.nodal(everywhere, b)[body.space.element_nodes].reshape(shape)
-            F = kernel.deformation_gradients(table.section, table.axial, table.slopes, table.inverse, nodal)
-            det = determinant(F)
-            det = np.where(np.isfinite(det), det, -np.inf)
-            e, t, _ = np.unravel_index(int(np.argmin(det)), det.shape)
-            where = f"element {e} of body {b} at u = {table.u[e, t]:.4g}"
-            found.append((float(det.min()), f"smallest det F = {det.min():.3g} in {where}"))
-        return min(found)[1]
 
     def identity(self, displacement: Array, velocity: Array) -> dict[str, Any]:
         """Return what a checkpoint must have in common with this run."""
@@ -346,11 +332,7 @@ class Run:
         digest = hashlib.sha256()
         for array in (
             *system.mesh,
-            *(
-                array
-                for part in (*system.mass.consistent, *system.mass.stiffness)
-                for array in (part.data, part.indices)
-            ),
+            *(body.densities for body in system.model.bodies),
             system.motion.held,
             displacement,
             velocity,

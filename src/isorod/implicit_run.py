@@ -88,7 +88,7 @@ class ImplicitRun(Run):
             if halvings == _HALVINGS:
                 raise SolveError(
                     f"step {self.taken + 1}, time {time:.6g}: SNES diverged (reason {self.newton.snes.getConvergedReason()}) in a time step "
-                    f"of {self.step:.4g} however often it was halved; {self._worst(motion.displacement)}"
+                    f"of {self.step:.4g} however often it was halved; {self.system.worst(motion.displacement)}"
                 )
             self._step(time, 0.5 * dt, halvings + 1)
             self._step(time + 0.5 * dt, 0.5 * dt, halvings + 1)

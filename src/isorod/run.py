@@ -29,7 +29,7 @@ KEPT = {
         "momentum_error",
         "steps",
         "time_step",
-        "added_mass",
+        "added_kinetic_share",
         "critical_step",
         "microseconds_a_step",
         "newton_iterations",
