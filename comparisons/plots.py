@@ -51,11 +51,11 @@ def work_precision(records: Sequence[Record], target: float, quantity: str, path
         axes[0].loglog([record["seconds"]["total"] for record in points], errors, label=label, **look)
         axes[1].loglog([record["dofs"] for record in points], errors, **look)
     for axis, label in zip(axes, ("warm run time, one thread [s]", "degrees of freedom"), strict=True):
-        axis.axhline(target, color="black", linewidth=0.8)
+        line = axis.axhline(target, color="black", linewidth=0.8)
         axis.set_xlabel(label)
         axis.grid(True, which="both", alpha=0.25)
+    line.set_label(f"{100 * target:g} %")
     axes[0].set_ylabel(f"relative error of the {quantity}")
-    axes[1].annotate(f"{100 * target:g} %", (0.01, target), xycoords=("axes fraction", "data"), va="bottom")
     figure.legend(loc="outside right center", frameon=False)
     write_beside(path, lambda where: figure.savefig(where, dpi=130))
     pyplot.close(figure)
