@@ -55,6 +55,8 @@ def _family(label: str, common: str, *meshes: tuple[int, int]) -> Family:
 
 # Section and axis refined together.
 _AMG = "-ksp_type cg -pc_type gamg -ksp_rtol 1e-8"
+# Fewer tangents, for more iterations.
+_QN = "-snes_type qn -snes_qn_scale_type jacobian -snes_linesearch_type cp -snes_max_it 200"
 FULL = (
     _family("S2 bricks", _S2, (4, 24), (8, 48), (12, 60), (16, 84)),
     _family("S3 bricks", _S3, (4, 24), (8, 24), (12, 24), (16, 36)),
@@ -68,11 +70,15 @@ FULL = (
     ),
     _family("P2 tetrahedra", f"{_P} 2", (8, 48), (12, 60), (16, 96)),
     _family("P1 tetrahedra", f"{_P} 1", (8, 72), (16, 144), (24, 288)),
+    _family("S2 bricks, quasi-Newton", f"{_S2} {_QN}", (8, 48), (12, 60), (16, 84)),
+    _family("S3 bricks, quasi-Newton", f"{_S3} {_QN}", (4, 24), (12, 24)),
+    _family("S4 bricks, quasi-Newton", f"{_S4} {_QN}", (4, 24), (8, 24)),
     _family("Q2 bricks, CG + GAMG", f"{_Q2} {_AMG}", (4, 24), (8, 48), (12, 60)),
     _family("P2 tetrahedra, CG + GAMG", f"{_P} 2 {_AMG}", (8, 48), (12, 60)),
 )
 QUICK = (
     _family("S2 bricks", _S2, (8, 48), (12, 60)),
+    _family("S2 bricks, quasi-Newton", f"{_S2} {_QN}", (8, 48), (12, 60)),
     _family("S4 bricks", _S4, (4, 24), (8, 24)),
     _family("Q2 bricks", _Q2, (4, 24), (12, 60)),
     _family("P2 tetrahedra", f"{_P} 2", (8, 48), (12, 60)),

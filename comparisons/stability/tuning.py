@@ -76,7 +76,7 @@ EIGEN = {
     "Krylov-Schur, LU, PETSc": "-eps_type krylovschur -st_pc_type lu -st_pc_factor_mat_solver_type petsc",
     "Krylov-Schur, CG + ICC": "-eps_type krylovschur -st_ksp_type cg -st_ksp_rtol 1e-11 -st_pc_type icc",
     "Krylov-Schur, CG + GAMG": "-eps_type krylovschur -st_ksp_type cg -st_ksp_rtol 1e-11 -st_pc_type gamg",
-    "Lanczos": "-eps_type lanczos",
+    "Lanczos": "-eps_type lanczos -eps_lanczos_reorthog full",
     "Arnoldi": "-eps_type arnoldi",
     "subspace iteration": "-eps_type subspace",
     "LOBPCG": "-eps_type lobpcg",
