@@ -199,7 +199,7 @@ def plot(records: list[Record], path: Path) -> None:
     import matplotlib
 
     matplotlib.use("Agg")
-    from matplotlib import pyplot
+    from matplotlib import pyplot, ticker
 
     cases = sweeps(records)
     counts = [sum(map(len, curves.values())) for curves in cases.values()]
@@ -220,8 +220,9 @@ def plot(records: list[Record], path: Path) -> None:
         axis.set_yticks(range(len(points)), [str(one["value"]) for one in points])
         axis.set_ylim(len(points) - 0.4, -0.6)
         axis.set_xscale("log")
-        for which in (axis.xaxis.set_major_formatter, axis.xaxis.set_minor_formatter):
-            which("{x:g}")
+        axis.xaxis.set_major_locator(ticker.LogLocator(subs=(1.0, 2.0, 5.0)))
+        axis.xaxis.set_major_formatter("{x:g}")
+        axis.xaxis.set_minor_formatter(ticker.NullFormatter())
         axis.set_xlim(left=0.5 * smallest)
         axis.set_title(f"isorod run {case}", fontsize="medium", loc="left")
         axis.grid(True, axis="x", which="both", alpha=0.25)
