@@ -30,7 +30,8 @@ def work_precision(records: Sequence[Record], target: float, quantity: str, path
     matplotlib.use("Agg")
     from matplotlib import pyplot
 
-    figure, axes = pyplot.subplots(1, 2, figsize=(12.5, 5.2), sharey=True, layout="constrained")
+    curves = len({record["curve"] for record in records})
+    figure, axes = pyplot.subplots(1, 2, figsize=(12.5, max(5.2, 0.26 * curves)), sharey=True, layout="constrained")
     styles: dict[str, dict[str, str]] = {}
     for record in records:
         if record["curve"] not in styles:

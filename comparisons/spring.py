@@ -28,7 +28,8 @@ PAPER = "--degree 2 --continuity 0 --quadrature paper"
 CURVES = {
     "quick": (
         _cylindrical("paper, n = 4", f"{PAPER} --section-points 4", (8, 16, 24)),
-        _cylindrical("K = 1, p = 2, 2x1x2", "--degree 2 --section-points 6 --quadrature 2x1x2", (4, 8, 12)),
+        _cylindrical("K = 1, p = 2, n = 5, 2x1x2", "--degree 2 --section-points 5 --quadrature 2x1x2", (4, 8, 12)),
+        _cylindrical("K = 1, p = 2, n = 6, 2x1x2", "--degree 2 --section-points 6 --quadrature 2x1x2", (4, 8, 12)),
         _cylindrical("K = 1, p = 3, 2x1x3", "--degree 3 --section-points 6 --quadrature 2x1x3", (4, 8, 12)),
         _cylindrical("K = 2, p = 4", "--order 2 --degree 4 --section-points 8", (4, 8)),
         _cylindrical("polynomials N = 3, p = 4", "--section-degree 3 --degree 4", (4, 8)),
@@ -37,7 +38,8 @@ CURVES = {
     "full": (
         _cylindrical("paper, n = 4", f"{PAPER} --section-points 4", (4, 8, 12, 16, 20, 24)),
         _cylindrical("paper, n = 8", f"{PAPER} --section-points 8", (4, 8, 12, 16, 20, 24)),
-        _cylindrical("K = 1, p = 2, 2x1x2", "--degree 2 --section-points 6 --quadrature 2x1x2", (4, 8, 12, 16)),
+        _cylindrical("K = 1, p = 2, n = 5, 2x1x2", "--degree 2 --section-points 5 --quadrature 2x1x2", (4, 8, 12, 16)),
+        _cylindrical("K = 1, p = 2, n = 6, 2x1x2", "--degree 2 --section-points 6 --quadrature 2x1x2", (4, 8, 12, 16)),
         _cylindrical("K = 1, p = 3, 2x1x3", "--degree 3 --section-points 6 --quadrature 2x1x3", (4, 8, 12, 16)),
         _cylindrical("K = 1, p = 3, n = 8", "--degree 3 --section-points 8", (4, 8, 12, 16)),
         _cylindrical("K = 1, p = 4, n = 8", "--degree 4 --section-points 8", (4, 8, 12)),

@@ -171,11 +171,16 @@ class Rod:
         # Both sides of every knot: the axis may have a kink there.
         inside[0], inside[-1] = 1e-9, 1.0 - 1e-9
         u = axis.breaks[:-1, None] + np.diff(axis.breaks)[:, None] * inside
-        points, jacobian = self.grid(xi, u.ravel())
-        det = determinant(jacobian)
+        values, gradients = harmonic_functions(n, xi)
+        section, along = self._sections(u.ravel())
+        # Component by component: no array of Jacobian matrices is needed.
+        polygons, turns = (np.ascontiguousarray(np.moveaxis(one, 2, 0)) for one in (section, along))
+        (a, b, c), (d, e, f) = (polygons @ np.ascontiguousarray(gradients[:, :, k].T) for k in range(2))
+        g, h, i = turns @ np.ascontiguousarray(values.T)
+        det = g * (b * f - c * e) + h * (c * d - a * f) + i * (a * e - b * d)
         t, q = np.unravel_index(int(np.argmin(det)), det.shape)
         if not det[t, q] > 0.0:
-            where = ", ".join(f"{value:.4g}" for value in points[t, q])
+            where = ", ".join(f"{value:.4g}" for value in values[q] @ section[t])
             raise FoldedRodError(
                 f"the rod folds in element {t // inside.size} at u = {u.ravel()[t]:.4g}, disk point "
                 f"({xi[q, 0]:.3f}, {xi[q, 1]:.3f}), position ({where}): Jacobian determinant {det[t, q]:.3g}, must be positive"
