@@ -21,6 +21,8 @@ from isorod.spline import Index
 if TYPE_CHECKING:
     from isorod.contact_operator import ContactOperator
 
+_SYMMETRIC = (PETSc.Mat.Option.SYMMETRIC, PETSc.Mat.Option.SYMMETRY_ETERNAL)
+
 
 class Assembler:
     """Assembles a model over a communicator.
@@ -149,10 +151,11 @@ class Assembler:
         vector.zeroEntries()
         return vector
 
-    def _matrix(self, indices: Sequence[Sequence[Index]]) -> PETSc.Mat:
-        """Return a new symmetric matrix with room for rows and columns of each part."""
-        made = petsc.matrix(self.comm, (self.rows, self.unknowns), self.block, *_joined(indices))
-        for option in (PETSc.Mat.Option.SYMMETRIC, PETSc.Mat.Option.SYMMETRY_ETERNAL):
+    def _matrix(self, indices: Sequence[Sequence[Index]], components: int = 1) -> PETSc.Mat:
+        """Return a new symmetric matrix of one of several components, with room for rows and columns of each part."""
+        rows, unknowns, block = (size // components for size in (self.rows, self.unknowns, self.block))
+        made = petsc.matrix(self.comm, (rows, unknowns), block, *_joined(indices))
+        for option in _SYMMETRIC:
             made.setOption(option, True)
         return made
 
@@ -301,21 +304,41 @@ class Assembler:
         """
         with self._timed():
             indices, values = [], [np.empty(0)]
-            for part in self.parts:
-                if lumped:
-                    nodes = part.dofs[:, ::3].ravel() // 3
-                    places, merged = (nodes, nodes), part.lumped_mass().ravel()
-                else:
-                    pattern = Pattern(part.layers, part.body.space.layer_nodes)
-                    row, column = pattern.indices()
-                    places, merged = (part.first_node + row, part.first_node + column), pattern.merge(part.mass)
+            for rows, columns, merged in self._masses(lumped):
                 for a in range(3):
-                    indices.append([self.model.free[3 * nodes + a] for nodes in places])
+                    indices.append((self.model.free[3 * rows + a], self.model.free[3 * columns + a]))
                     values.append(merged)
             matrix = self._matrix(indices)
             petsc.set_values(matrix, np.concatenate(values))
             self.built.append("lumped mass" if lumped else "mass")
         return matrix
+
+    def mass_operator(self, lumped: bool = False) -> PETSc.Mat:
+        """Return the mass matrix to multiply with: one component's (PETSc's MAIJ), where none of a node's is held without the others."""
+        if not self.model.whole_nodes or PETSc.Options().hasName("mat_type"):
+            return self.mass(lumped)
+        with self._timed():
+            unknown = self.model.free[::3] // 3
+            found = list(self._masses(lumped))
+            one = self._matrix([(unknown[rows], unknown[columns]) for rows, columns, _ in found], 3)
+            petsc.set_values(one, np.concatenate([np.empty(0), *(merged for _, _, merged in found)]))
+            matrix = petsc.componentwise(one, 3)
+            for option in _SYMMETRIC:
+                matrix.setOption(option, True)
+            one.destroy()
+            self.built.append("lumped mass" if lumped else "mass")
+        return matrix
+
+    def _masses(self, lumped: bool) -> Iterator[tuple[Index, Index, Array]]:
+        """Yield node by node, for each part, rows, columns and entries of the mass of one component."""
+        for part in self.parts:
+            if lumped:
+                nodes = part.dofs[:, ::3].ravel() // 3
+                yield nodes, nodes, part.lumped_mass().ravel()
+            else:
+                pattern = Pattern(part.layers, part.body.space.layer_nodes)
+                row, column = pattern.indices()
+                yield part.first_node + row, part.first_node + column, pattern.merge(part.mass)
 
     def energy(self, x: PETSc.Vec, factor: float) -> float:
         """Return the stored energy of the whole model, that of contact included."""
@@ -349,6 +372,14 @@ class Assembler:
     def _displacements(self, unknowns: Array) -> Array:
         """Return those unknowns that are displacements, in the model's order."""
         return unknowns
+
+    def shapes(self, vectors: Sequence[PETSc.Vec]) -> Array:
+        """Return all degrees of freedom of motions that move no support, shape ``(len(vectors), dofs)``, on every rank."""
+        result = np.zeros((len(vectors), self.model.dofs))
+        is_free = self.model.free >= 0
+        unknowns = np.stack([self._displacements(self._gathered(x)) for x in vectors])
+        result[:, is_free] = unknowns[:, self.model.free[is_free]]
+        return result
 
     def displacement(self, x: PETSc.Vec, factor: float) -> Array:
         """Return all degrees of freedom, shape ``(dofs,)``, on every rank."""

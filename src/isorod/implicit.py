@@ -240,5 +240,5 @@ class Newton:
 
 def _direct(assembler: Assembler) -> dict[str, object]:
     """Return the options of the direct solver: that of statics, but the tangent of a step is not symmetric."""
-    chosen = factorisation(assembler)
+    chosen = factorisation(assembler, symmetric=False)
     return chosen | {"pc_type": "lu"} if chosen else chosen

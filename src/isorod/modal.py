@@ -15,7 +15,7 @@ from isorod.errors import InputError, SolveError
 from isorod.material import LinearElastic
 from isorod.model import Model
 from isorod.options import defaults
-from isorod.petsc import negative_eigenvalues
+from isorod.petsc import negative_eigenvalues, pc_name
 from isorod.statics import Equilibrium, factorisation
 
 # What a user's option overrides.  Purification mends vectors where the mass is singular; here it is not, and it costs a tenth.
@@ -33,6 +33,12 @@ LOBPCG_OPTIONS = {"eps_tol": 1e-7, "eps_lobpcg_blocksize": 1, "st_ksp_type": "pr
 
 # Eigensolvers that take a preconditioner instead of a spectral transformation.
 PRECONDITIONED = ("lobpcg", "rqcg", "gd", "jd")
+
+# Options after which the eigensolver still wants no more of the mass than its products.
+_HARMLESS = (
+    *("eps_nev", "eps_ncv", "eps_mpd", "eps_tol", "eps_max_it", "eps_purify", "eps_krylovschur", "eps_conv"),
+    *("eps_monitor", "eps_view", "eps_error", "st_ksp", "st_pc"),
+)
 
 # The Sturm count is taken this far (relative) above the last eigenvalue returned.
 _ABOVE = 1e-6
@@ -138,14 +144,12 @@ def solve(
     if modes < 1 or wanted > model.unknowns:
         raise InputError(f"modes: got {modes}, need 1 to {model.unknowns - rigid_modes} (the unknowns there are)")
     assembler = Assembler(model, comm)
-    stiffness = assembler.matrix()
-    mass = assembler.mass(lumped)
+    problem = _Problem(assembler, lumped, loose)
     x = assembler.vector() if state is None else assembler.state(state.displacement)
     setup = perf_counter() - start
     assembler.seconds = 0.0
-    assembler.tangent(x, 0.0 if state is None else 1.0, stiffness)
+    assembler.tangent(x, 0.0 if state is None else 1.0, problem.stiffness)
     assembly = assembler.seconds
-    problem = _Problem(assembler, stiffness, mass, loose)
     shift = 0.0
     if rigid_modes:
         shift = -_SHIFT * problem.first_flexible(rigid_modes)
@@ -182,7 +186,7 @@ def solve(
             "check": problem.check_seconds,
         },
         built=assembler.built,
-        solver={"eps": eps.getType(), "st": st.getType(), "ksp": ksp.getType(), "pc": ksp.getPC().getType()},
+        solver={"eps": eps.getType(), "st": st.getType(), "ksp": ksp.getType(), "pc": pc_name(ksp.getPC())},
         ranks=assembler.comm.getSize(),
     )
 
@@ -194,12 +198,13 @@ def _just_above(eigenvalue: float) -> float:
 class _Problem:
     """The pencil ``K - lambda M``."""
 
-    def __init__(
-        self, assembler: Assembler, stiffness: PETSc.Mat, mass: PETSc.Mat, loose: Sequence[tuple[int, Array]]
-    ) -> None:
+    def __init__(self, assembler: Assembler, lumped: bool, loose: Sequence[tuple[int, Array]]) -> None:
         self.assembler = assembler
-        self.stiffness = stiffness
-        self.mass = mass
+        self.stiffness = assembler.matrix()
+        self.lumped = lumped
+        only_multiplies = not loose and _only_multiplies()
+        self.mass = assembler.mass_operator(lumped) if only_multiplies else assembler.mass(lumped)
+        self._entries = None if only_multiplies else self.mass
         self.loose = loose
         self.found: list[tuple[float, PETSc.Vec]] = []
         self.check_seconds = 0.0
@@ -316,7 +321,7 @@ class _Problem:
 
     def _collect(self, eps: SLEPc.EPS) -> None:
         for k in range(eps.getConverged()):
-            vector = self.assembler.vector()
+            vector = self.stiffness.createVecRight()
             value = eps.getEigenpair(k, vector).real
             self.found.append((value, vector))
         self.found.sort(key=lambda pair: pair[0])
@@ -326,27 +331,38 @@ class _Problem:
         lowest = self.found[:wanted]
         values = np.array([value for value, _ in lowest])
         scale = abs(values[rigid_modes])
-        kx, mx = self.assembler.vector(), self.assembler.vector()
-        vectors, residuals = [], []
+        kx, mx = self.stiffness.createVecs()
+        sizes, residuals = [], []
         for value, x in lowest:
             self.mass.mult(x, mx)
             self.stiffness.mult(x, kx)
             kx.axpy(-value, mx)
             residuals.append(kx.norm() / (max(abs(value), scale) * mx.norm()))
-            vector = self.assembler.displacement(x, 0.0) / np.sqrt(x.dot(mx))
-            vectors.append(vector * np.sign(vector[np.argmax(np.abs(vector) > 0.999 * np.abs(vector).max())]))
-        return values, np.array(vectors), np.array(residuals)
+            sizes.append(np.sqrt(x.dot(mx)))
+        vectors = self.assembler.shapes([x for _, x in lowest]) / np.array(sizes)[:, None]
+        # The first of the largest components is positive.
+        large = np.abs(vectors) > 0.999 * np.abs(vectors).max(axis=1, keepdims=True)
+        signs = np.sign(vectors[np.arange(len(lowest)), large.argmax(axis=1)])
+        return values, vectors * signs[:, None], np.array(residuals)
 
     def count_below(self, eigenvalue: float) -> int:
         """Return the number of eigenvalues up to just above the given one, by Sylvester's law of inertia."""
         start = perf_counter()
+        if self._entries is None:
+            self._entries = self.assembler.mass(self.lumped)
         shifted = self.stiffness.copy()
-        shifted.axpy(-_just_above(eigenvalue), self.mass, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
+        shifted.axpy(-_just_above(eigenvalue), self._entries, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
         shifted.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         negative = negative_eigenvalues(shifted)
         shifted.destroy()
         self.check_seconds += perf_counter() - start
         return negative
+
+
+def _only_multiplies() -> bool:
+    """Return whether the eigensolver takes the mass only to multiply with, as the default with a shift of zero does."""
+    typed = (name for name in PETSc.Options().getAll() if name.startswith(("eps_", "st_")))
+    return all(name.startswith(_HARMLESS) for name in typed)
 
 
 def _direct(ksp: PETSc.KSP) -> None:

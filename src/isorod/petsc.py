@@ -123,11 +123,22 @@ def negative_eigenvalues(matrix: PETSc.Mat) -> int:
         pc.destroy()
 
 
+def set_singular(pc: PETSc.PC, singular: bool) -> None:
+    """Say whether a preconditioner met a zero pivot: linear solves with it then fail."""
+    # PC_FACTOR_NUMERIC_ZEROPIVOT, PC_NOERROR.
+    _check(_function("PCSetFailedReason", _POINTER, ctypes.c_int)(pc.handle, 2 if singular else 0))
+
+
+def pc_name(pc: PETSc.PC) -> str:
+    """Return the type of a preconditioner, of one that is written in Python the name of its class."""
+    return type(pc.getPythonContext()).__name__.lower() if pc.getType() == "python" else str(pc.getType())
+
+
 def solver_types(snes: PETSc.SNES) -> dict[str, str]:
     """Return the names of a nonlinear solver and of what it is made of."""
     ksp = snes.getKSP()
     pc = ksp.getPC()
-    names = {"snes": snes.getType(), "ksp": ksp.getType(), "pc": pc.getType()}
+    names = {"snes": snes.getType(), "ksp": ksp.getType(), "pc": pc_name(pc)}
     if pc.getType() in ("lu", "cholesky"):
         names["factor"] = pc.getFactorSolverType()
     return names

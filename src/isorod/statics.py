@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from petsc4py import PETSc
 
-from isorod import balance, hourglass, rigid
+from isorod import balance, banded, hourglass, rigid
 from isorod.assembly import Assembler
 from isorod.convergence import Balance, squeezed
 from isorod.disk import Array
@@ -34,9 +34,11 @@ AUGMENTATIONS = 50
 
 # What a user's option overrides.
 OPTIONS = {"snes_linesearch_type": "basic", "snes_rtol": 1e-9, "snes_max_it": 15, "ksp_type": "preonly"}
-# The tangent is banded in the numbering along the axis: natural ordering fills nothing in.  Where the band is wide, a
+# The tangent of rods is banded in the numbering along the axis; where nothing else is typed, LAPACK factorises the band.
+BAND: dict[str, object] = {"pc_type": "python", "pc_python_type": banded.NAME}
+# PETSc's own factors, typed or of a tangent that is not symmetric: natural ordering fills nothing in.  Where the band is wide, a
 # supernodal factorisation wins all the same (measured: they meet at about 150 unknowns an element).
-BANDED: dict[str, object] = {
+ROWS: dict[str, object] = {
     "pc_type": "lu",
     "pc_factor_mat_ordering_type": "natural",
     # PETSc's own bound is absolute: a modulus of 1e-12 would be refused.
@@ -100,18 +102,23 @@ class Equilibrium:
     moments: Array = field(default_factory=lambda: np.zeros((0, 3)))
 
 
-def factorisation(assembler: Assembler, prefix: str = "") -> dict[str, object]:
-    """Return the options of the direct solver that suits a model: banded where its elements are narrow, MUMPS else.
+def factorisation(assembler: Assembler, prefix: str = "", symmetric: bool = True) -> dict[str, object]:
+    """Return the options of the direct solver that suits a model: `isorod.banded` where its matrices are, else MUMPS.
 
-    Where another preconditioner is typed there are none: it may take some of them for its own.
+    Where a factorisation is typed, its ordering; where another preconditioner is, there are none: it may take some of them for its own.
     """
-    if PETSc.Options().getAll().get(f"{prefix}pc_type", "lu") not in ("lu", "cholesky"):
+    typed = PETSc.Options().getAll()
+    own = [name for name in typed if name.startswith(f"{prefix}pc_")] + [name for name in typed if name == "mat_type"]
+    if typed.get(f"{prefix}pc_type", "lu") not in ("lu", "cholesky"):
         return {}
     width = max(3 * body.space.element_nodes.shape[1] for body in assembler.model.bodies)
     # Contact couples bodies, which are far from each other in the numbering.
     # The mixed formulation's tangent is indefinite and needs pivots.
-    suits = width <= WIDE and assembler.contact is None and not _is_mixed(assembler.model)
-    chosen = BANDED if suits and assembler.comm.getSize() == 1 else SPARSE
+    plain = assembler.contact is None and not _is_mixed(assembler.model) and assembler.comm.getSize() == 1
+    if plain and symmetric and not own and banded.suits(assembler.model):
+        chosen = BAND
+    else:
+        chosen = ROWS if plain and width <= WIDE else SPARSE
     return {f"{prefix}{name}": value for name, value in chosen.items()}
 
 
