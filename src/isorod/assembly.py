@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from time import perf_counter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from petsc4py import PETSc
@@ -119,11 +119,16 @@ class Assembler:
         self._local = np.zeros(window.size)
         self._free_slots = np.flatnonzero(self.free[window] >= 0)
         places = self._places()
-        self._moved_slots = np.flatnonzero(np.isin(window, places))
-        self._moved = np.searchsorted(places, window[self._moved_slots])
-        is_bound = np.isin(self._moved, model.bound)
-        self._bound_slots = self._moved_slots[is_bound]
-        self._bound_index = np.searchsorted(model.bound, self._moved[is_bound])
+        of_place = np.full(self.free.size, -1)
+        of_place[places] = np.arange(places.size)
+        moved = of_place[window]
+        self._moved_slots = np.flatnonzero(moved >= 0)
+        self._moved = moved[self._moved_slots]
+        of_bound = np.full(model.dofs, -1)
+        of_bound[model.bound] = np.arange(model.bound.size)
+        bound = of_bound[self._moved]
+        self._bound_slots = self._moved_slots[bound >= 0]
+        self._bound_index = bound[bound >= 0]
         # Each rank loads its own degrees of freedom only, so that shared ones are loaded once.
         self._external = np.zeros(window.size)
         if model.loads:
@@ -154,7 +159,7 @@ class Assembler:
     def _matrix(self, indices: Sequence[Sequence[Index]], components: int = 1) -> PETSc.Mat:
         """Return a new symmetric matrix of one of several components, with room for rows and columns of each part."""
         rows, unknowns, block = (size // components for size in (self.rows, self.unknowns, self.block))
-        made = petsc.matrix(self.comm, (rows, unknowns), block, *_joined(indices))
+        made = petsc.matrix(self.comm, (rows, unknowns), block, *_rows_and_columns(indices))
         for option in _SYMMETRIC:
             made.setOption(option, True)
         return made
@@ -171,8 +176,7 @@ class Assembler:
     def _tangent_indices(self) -> list[Sequence[Index]]:
         indices: list[Sequence[Index]] = []
         for part in self.parts:
-            free = self.free[part.first_dof :]
-            indices.append([free[index] for index in part.pattern.indices()])
+            indices.append(part.pattern.indices(self.free[part.first_dof :]))
         if self.contact is not None:
             indices.append([self.model.free[self.contact.rows], self.model.free[self.contact.columns]])
         return indices
@@ -271,9 +275,9 @@ class Assembler:
             if self.contact is not None:
                 merged.append(self.contact.tangent(self._local))
                 if out.getAttr("contact_version") != self.contact.version:
-                    petsc.preallocate(out, *_joined(self._tangent_indices()))
+                    petsc.preallocate(out, *_rows_and_columns(self._tangent_indices()))
                     out.setAttr("contact_version", self.contact.version)
-            petsc.set_values(out, np.concatenate([np.empty(0), *merged]))
+            petsc.set_values(out, _joined(merged, float))
             return matrices
 
     def load_forces(self, x: PETSc.Vec, factor: float, matrices: list[Array], step: float, out: PETSc.Vec) -> None:
@@ -303,13 +307,13 @@ class Assembler:
         right; the others get their diagonal entries.
         """
         with self._timed():
-            indices, values = [], [np.empty(0)]
-            for rows, columns, merged in self._masses(lumped):
-                for a in range(3):
-                    indices.append((self.model.free[3 * rows + a], self.model.free[3 * columns + a]))
+            indices, values = [], []
+            for a in range(3):
+                for pair, merged in self._masses(lumped, self.model.free[a::3]):
+                    indices.append(pair)
                     values.append(merged)
             matrix = self._matrix(indices)
-            petsc.set_values(matrix, np.concatenate(values))
+            petsc.set_values(matrix, _joined(values, float))
             self.built.append("lumped mass" if lumped else "mass")
         return matrix
 
@@ -318,10 +322,9 @@ class Assembler:
         if not self.model.whole_nodes or PETSc.Options().hasName("mat_type"):
             return self.mass(lumped)
         with self._timed():
-            unknown = self.model.free[::3] // 3
-            found = list(self._masses(lumped))
-            one = self._matrix([(unknown[rows], unknown[columns]) for rows, columns, _ in found], 3)
-            petsc.set_values(one, np.concatenate([np.empty(0), *(merged for _, _, merged in found)]))
+            found = list(self._masses(lumped, self.model.free[::3] // 3))
+            one = self._matrix([pair for pair, _ in found], 3)
+            petsc.set_values(one, _joined([merged for _, merged in found], float))
             matrix = petsc.componentwise(one, 3)
             for option in _SYMMETRIC:
                 matrix.setOption(option, True)
@@ -329,16 +332,15 @@ class Assembler:
             self.built.append("lumped mass" if lumped else "mass")
         return matrix
 
-    def _masses(self, lumped: bool) -> Iterator[tuple[Index, Index, Array]]:
-        """Yield node by node, for each part, rows, columns and entries of the mass of one component."""
+    def _masses(self, lumped: bool, number: Index) -> Iterator[tuple[tuple[Index, Index], Array]]:
+        """Yield for each part the entries of the mass of one component, and what ``number`` says of the nodes of their rows and columns."""
         for part in self.parts:
             if lumped:
-                nodes = part.dofs[:, ::3].ravel() // 3
-                yield nodes, nodes, part.lumped_mass().ravel()
+                nodes = number[part.dofs[:, ::3].ravel() // 3]
+                yield (nodes, nodes), part.lumped_mass().ravel()
             else:
                 pattern = Pattern(part.layers, part.body.space.layer_nodes)
-                row, column = pattern.indices()
-                yield part.first_node + row, part.first_node + column, pattern.merge(part.mass)
+                yield pattern.indices(number[part.first_node :]), pattern.merge(part.mass)
 
     def energy(self, x: PETSc.Vec, factor: float) -> float:
         """Return the stored energy of the whole model, that of contact included."""
@@ -412,7 +414,13 @@ class Assembler:
         return min(self.comm.tompi4py().allgather(min(found)))
 
 
-def _joined(indices: Sequence[Sequence[Index]]) -> list[Index]:
+def _rows_and_columns(indices: Sequence[Sequence[Index]]) -> list[Index]:
     """Return rows and columns of all parts, those of held degrees of freedom negative."""
-    empty = np.empty(0, dtype=np.int64)
-    return [np.concatenate([empty, *(pair[k] for pair in indices)]) for k in range(2)]
+    return [_joined([pair[k] for pair in indices], int) for k in range(2)]
+
+
+def _joined(arrays: Sequence[Any], kind: type) -> Any:
+    """Return one array of several, or of none."""
+    if len(arrays) == 1:
+        return arrays[0]
+    return np.concatenate([np.empty(0, dtype=kind), *arrays])

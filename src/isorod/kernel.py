@@ -20,7 +20,6 @@ _D5 = "f8[:,:,:,:,::1]"
 _I1 = "i8[::1]"
 _I2 = "i8[:,::1]"
 _I3 = "i8[:,:,::1]"
-_D7 = "f8[:,:,:,:,:,:,::1]"
 
 
 @njit(f"{_D5}({_D3}, {_D3}, {_D3}, {_D5}, {_D4})", **_OPTIONS)
@@ -100,90 +99,6 @@ def internal_forces(
     return result
 
 
-@njit(f"{_D7}({_D3}, {_D3}, {_D3}, {_D5}, {_D3}, {_D7})", **_OPTIONS)
-def stiffness(section: Array, axial: Array, slopes: Array, inverse: Array, weights: Array, tangent: Array) -> Array:
-    """Return element matrices ``(E, l, n, 3, l, n, 3)`` of the tangent moduli ``dP/dF`` ``(E, t, q, 3, 3, 3, 3)``.
-
-    The moduli must have major symmetry, as those of a stored energy do.
-    """
-    elements, along, functions = axial.shape
-    points, _, n = section.shape
-    result = np.empty((elements, functions, n, 3, functions, n, 3))
-    # Section matrices, index [component pair, column function, row function]: both gradients in the section;
-    # row in the section and column along the axis; both along the axis.
-    plane = np.empty((9, n, n))
-    mixed = np.empty((9, n, n))
-    axis = np.empty((9, n, n))
-    block = np.empty((functions, functions, 9, n, n))
-    half = np.empty((3, 3, 9))
-    moduli = np.empty((3, 3, 9))
-    for e in range(elements):
-        block[:] = 0.0
-        for t in range(along):
-            plane[:] = 0.0
-            mixed[:] = 0.0
-            axis[:] = 0.0
-            for q in range(points):
-                w = weights[e, t, q]
-                for d in range(3):
-                    g0 = w * inverse[e, t, q, d, 0]
-                    g1 = w * inverse[e, t, q, d, 1]
-                    g2 = w * inverse[e, t, q, d, 2]
-                    for a in range(3):
-                        for b in range(3):
-                            for c in range(3):
-                                half[d, c, 3 * a + b] = (
-                                    g0 * tangent[e, t, q, a, 0, b, c]
-                                    + g1 * tangent[e, t, q, a, 1, b, c]
-                                    + g2 * tangent[e, t, q, a, 2, b, c]
-                                )
-                for d in range(3):
-                    for c in range(3):
-                        g0 = inverse[e, t, q, c, 0]
-                        g1 = inverse[e, t, q, c, 1]
-                        g2 = inverse[e, t, q, c, 2]
-                        for ab in range(9):
-                            moduli[d, c, ab] = g0 * half[d, 0, ab] + g1 * half[d, 1, ab] + g2 * half[d, 2, ab]
-                for k in range(n):
-                    s0 = section[q, 0, k]
-                    s1 = section[q, 1, k]
-                    s2 = section[q, 2, k]
-                    for ab in range(9):
-                        p0 = moduli[0, 0, ab] * s0 + moduli[0, 1, ab] * s1
-                        p1 = moduli[1, 0, ab] * s0 + moduli[1, 1, ab] * s1
-                        m0 = moduli[0, 2, ab] * s2
-                        m1 = moduli[1, 2, ab] * s2
-                        x = moduli[2, 2, ab] * s2
-                        for i in range(n):
-                            plane[ab, k, i] += p0 * section[q, 0, i] + p1 * section[q, 1, i]
-                            mixed[ab, k, i] += m0 * section[q, 0, i] + m1 * section[q, 1, i]
-                            axis[ab, k, i] += x * section[q, 2, i]
-            for m in range(functions):
-                r = axial[e, t, m]
-                s = slopes[e, t, m]
-                for a in range(3):
-                    for b in range(3):
-                        ab = 3 * a + b
-                        ba = 3 * b + a
-                        for k in range(n):
-                            for i in range(n):
-                                x = r * plane[ab, k, i] + s * mixed[ab, k, i]
-                                y = r * mixed[ba, i, k] + s * axis[ab, k, i]
-                                for j in range(m + 1):
-                                    block[j, m, ab, k, i] += axial[e, t, j] * x + slopes[e, t, j] * y
-        for j in range(functions):
-            for i in range(n):
-                for a in range(3):
-                    for m in range(functions):
-                        for k in range(n):
-                            for b in range(3):
-                                if j <= m:
-                                    result[e, j, i, a, m, k, b] = block[j, m, 3 * a + b, k, i]
-                                else:
-                                    result[e, j, i, a, m, k, b] = block[m, j, 3 * b + a, i, k]
-    return result
-
-
 @njit(f"{_D5}({_D3}, {_D3}, {_D3})", **_OPTIONS)
 def mass(section: Array, axial: Array, weights: Array) -> Array:
     """Return the integrals ``(E, l, n, l, n)`` of products of two functions, the weights being masses."""
@@ -208,9 +123,44 @@ def mass(section: Array, axial: Array, weights: Array) -> Array:
     return result
 
 
-@njit(f"UniTuple({_I1}, 2)({_I1}, {_I1}, {_I1}, i8, i8)", **_OPTIONS)
-def pattern_indices(layers: Index, first: Index, columns: Index, size: int, total: int) -> tuple[Index, Index]:
-    """Return row and column of each entry of an `isorod.pattern.Pattern`.
+@njit(f"Tuple(({_I1}, {_I1}, {_I1}, {_I3}, {_I2}, i8))({_I2}, i8)", **_OPTIONS)
+def pattern(element_layers: Index, size: int) -> tuple[Index, Index, Index, Index, Index, int]:
+    """Return how elements couple layers of ``size`` entries, row by row (`isorod.pattern.Pattern`).
+
+    Those are the layers that have rows; where the columns of each begin, and the columns' layers; where the block ``j, m`` of an
+    element begins, and how far its rows are apart; the number of entries.
+    """
+    elements, functions = element_layers.shape
+    count = element_layers.max() + 1
+    keys = np.empty(elements * functions * functions, dtype=np.int64)
+    place = 0
+    for e in range(elements):
+        for j in range(functions):
+            for m in range(functions):
+                keys[place] = element_layers[e, j] * count + element_layers[e, m]
+                place += 1
+    pairs = np.unique(keys)
+    columns = pairs % count
+    layers = np.unique(pairs // count)
+    first = np.searchsorted(pairs, layers * count)
+    first = np.append(first, pairs.size)
+    start = np.empty((elements, functions, functions), dtype=np.int64)
+    width = np.empty((elements, functions), dtype=np.int64)
+    for e in range(elements):
+        for j in range(functions):
+            row = np.searchsorted(layers, element_layers[e, j])
+            width[e, j] = (first[row + 1] - first[row]) * size
+            for m in range(functions):
+                pair = np.searchsorted(pairs, element_layers[e, j] * count + element_layers[e, m])
+                start[e, j, m] = size * (first[row] * size + pair - first[row])
+    return layers, first, columns, start, width, pairs.size * size * size
+
+
+@njit(f"UniTuple({_I1}, 2)({_I1}, {_I1}, {_I1}, i8, i8, {_I1})", **_OPTIONS)
+def pattern_indices(
+    layers: Index, first: Index, columns: Index, size: int, total: int, number: Index
+) -> tuple[Index, Index]:
+    """Return the numbers of row and column of each entry of an `isorod.pattern.Pattern`.
 
     Row layer ``layers[r]`` couples with the layers ``columns[first[r] : first[r + 1]]``.
     """
@@ -219,10 +169,12 @@ def pattern_indices(layers: Index, first: Index, columns: Index, size: int, tota
     place = 0
     for r in range(layers.size):
         for i in range(size):
+            own = number[layers[r] * size + i]
             for c in range(first[r], first[r + 1]):
+                other = columns[c] * size
                 for k in range(size):
-                    row[place] = layers[r] * size + i
-                    column[place] = columns[c] * size + k
+                    row[place] = own
+                    column[place] = number[other + k]
                     place += 1
     return row, column
 

@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 from petsc4py import PETSc
 
-from isorod import kernel
+from isorod import kernel, stiffness_kernel
 from isorod.assembly import Assembler
 from isorod.disk import Array
 from isorod.errors import InputError
@@ -184,7 +184,7 @@ class MixedPart(Part):
         if self.extrapolation is not None:
             stress = laws.stress(F) + p[..., None, None] * slope
             tangent = self._pressed(self.extrapolation.tangent(F, stress, tangent), p, slope)
-        stiffness = kernel.stiffness(t.section, t.axial, t.slopes, t.inverse, t.weights, tangent)
+        stiffness = stiffness_kernel.stiffness(t.section, t.axial, t.slopes, t.inverse, t.weights, tangent)
         both = coupling(t.section, t.axial, t.slopes, t.inverse, t.weights, slope, self.across, self.along)
         values = np.ascontiguousarray(np.repeat(self.across[:, None, :], 3, axis=1))
         own = kernel.mass(values, self.along, -self.compliance * t.weights)

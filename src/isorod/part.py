@@ -11,6 +11,7 @@ from isorod.model import Body, Spin
 from isorod.pattern import Pattern
 from isorod.space import Table
 from isorod.spline import Index
+from isorod.stiffness_kernel import stiffness
 
 
 class Part:
@@ -96,5 +97,5 @@ class Part:
         tangent = np.ascontiguousarray(laws.tangent(F))
         if self.extrapolation is not None:
             tangent = self.extrapolation.tangent(F, laws.stress(F), tangent)
-        matrices = kernel.stiffness(t.section, t.axial, t.slopes, t.inverse, t.weights, tangent)
+        matrices = stiffness(t.section, t.axial, t.slopes, t.inverse, t.weights, tangent)
         return matrices.reshape(*self.dofs.shape, self.dofs.shape[1])

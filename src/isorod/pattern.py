@@ -24,24 +24,16 @@ class Pattern:
     """
 
     def __init__(self, element_layers: Index, size: int) -> None:
-        count = element_layers.max() + 1
-        keys = element_layers[:, :, None] * count + element_layers[:, None, :]
-        pairs, where = np.unique(keys, return_inverse=True)
-        row_layer, column_layer = np.divmod(pairs, count)
-        layers, first, columns = np.unique(row_layer, return_index=True, return_counts=True)
-        widths = columns * size
-        base = np.concatenate([[0], np.cumsum(widths * size)])
-        place = np.searchsorted(layers, row_layer)
-        start = base[place] + (np.arange(pairs.size) - first[place]) * size
         self.size = size
-        self.total = int(base[-1])
-        self._start = np.ascontiguousarray(start[where].reshape(keys.shape))
-        self._width = np.ascontiguousarray(widths[np.searchsorted(layers, element_layers)])
-        self._layers, self._first, self._column_layer = layers, np.append(first, pairs.size), column_layer
+        self._layers, self._first, self._columns, self._start, self._width, self.total = kernel.pattern(
+            np.ascontiguousarray(element_layers), size
+        )
 
-    def indices(self) -> tuple[Index, Index]:
-        """Return row and column of each entry, ``layer size + place``, shape ``(total,)``."""
-        return kernel.pattern_indices(self._layers, self._first, self._column_layer, self.size, self.total)
+    def indices(self, number: Index) -> tuple[Index, Index]:
+        """Return row and column of each entry, shape ``(total,)``, as numbers of what is at ``layer size + place``."""
+        return kernel.pattern_indices(
+            self._layers, self._first, self._columns, self.size, self.total, np.ascontiguousarray(number)
+        )
 
     def merge(self, blocks: Array) -> Array:
         """Return the entries ``(total,)`` of the sum of element matrices ``(E, l size, l size)``."""

@@ -6,6 +6,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
@@ -65,18 +66,41 @@ def matrix(
 
 def _compressed_rows(size: int, rows: NDArray[Any], columns: NDArray[Any]) -> _Arrays | None:
     """Return which entry comes where, and compressed rows: starts, columns, zeros; None if two entries are at one place."""
-    places = np.flatnonzero((rows >= 0) & (columns >= 0))
-    if places.size > np.iinfo(PETSc.IntType).max:
+    if rows.size > np.iinfo(PETSc.IntType).max:
         return None
-    row, column = rows[places], columns[places]
-    keys = row * size + column
-    if not (np.diff(keys) > 0).all():
-        order = np.argsort(keys, kind="stable")
-        if not (np.diff(keys[order]) > 0).all():
+    start = np.zeros(size + 1, dtype=PETSc.IntType)
+    places, column = np.empty(rows.size, dtype=np.int64), np.empty(rows.size, dtype=PETSc.IntType)
+    total = _compress(rows, columns, start, places, column)
+    if total < 0:
+        order = np.lexsort((columns, rows))
+        total = _compress(rows[order], columns[order], start, places, column)
+        if total < 0:
             return None
-        places, row, column = places[order], row[order], column[order]
-    start = np.searchsorted(row, np.arange(size + 1)).astype(PETSc.IntType)
-    return places, start, column.astype(PETSc.IntType), np.zeros(places.size, dtype=PETSc.ScalarType)
+        places = order[places[:total]]
+    return places[:total], start, column[:total], np.zeros(total, dtype=PETSc.ScalarType)
+
+
+@njit(cache=True)
+def _compress(rows: Any, columns: Any, start: Any, places: Any, column: Any) -> int:
+    """Fill compressed rows with the entries that are no negative ones, and return their number, or -1 if they do not ascend."""
+    total = 0
+    last_row, last_column = -1, -1
+    for k in range(rows.size):
+        i, j = rows[k], columns[k]
+        if i < 0 or j < 0:
+            continue
+        if i < last_row or (i == last_row and j <= last_column):
+            return -1
+        while last_row < i:
+            last_row += 1
+            start[last_row] = total
+        last_column = j
+        places[total] = k
+        column[total] = j
+        total += 1
+    for i in range(last_row + 1, start.size):
+        start[i] = total
+    return total
 
 
 def preallocate(matrix: PETSc.Mat, rows: NDArray[Any], columns: NDArray[Any]) -> None:

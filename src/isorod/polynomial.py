@@ -54,12 +54,12 @@ class Polynomials:
         arms = points - points.mean(axis=1, keepdims=True)
         representable("section's extent", float(np.abs(arms).max()))
         widest = arms[int(np.argmax(np.linalg.norm(arms, axis=(1, 2))))]
-        _, sizes, directions = np.linalg.svd(widest)
+        images, sizes, directions = np.linalg.svd(widest, full_matrices=False)
         if not sizes[1] > _FLAT * sizes[0]:
             raise InputError("section degree: the rod's sections have no area; polynomials need some")
         self._polygon = widest @ directions[:2].T
-        images = np.linalg.lstsq(self._polygon, arms.swapaxes(0, 1).reshape(arms.shape[1], -1), rcond=None)[0]
-        gap = arms - (self._polygon @ images).reshape(arms.shape[1], -1, 3).swapaxes(0, 1)
+        onto = images[:, :2]
+        gap = arms - onto @ (onto.T @ arms)
         worst = int(np.argmax(np.abs(gap).max(axis=(1, 2))))
         if not np.abs(gap[worst]).max() <= _TOLERANCE * sizes[0]:
             raise InputError(
@@ -69,8 +69,8 @@ class Polynomials:
         n = rod.section_points
         xi, area = section_points(n, Rule(degree + 4, 4 + ceil(2.0 * pi * degree / n), 1))
         values, gradients = harmonic_functions(n, xi)
-        jacobian = np.tensordot(gradients, self._polygon, (1, 0))
-        weights = area * np.abs(jacobian[:, 0, 0] * jacobian[:, 1, 1] - jacobian[:, 0, 1] * jacobian[:, 1, 0])
+        (a, b), (c, d) = ((gradients[:, :, k] @ self._polygon).T for k in range(2))
+        weights = area * np.abs(a * d - b * c)
         centroid = weights @ (values @ self._polygon) / weights.sum()
         self._polygon = self._polygon - centroid
         place = values @ self._polygon
@@ -106,11 +106,11 @@ class Polynomials:
         """Return values ``(m, count)`` and gradients ``(m, count, 2)`` at disk points ``(m, 2)``."""
         harmonic, slopes = harmonic_functions(self._polygon.shape[0], xi)
         # By the disk's coordinates: the section's own.
-        turns = np.tensordot(slopes, self._polygon, (1, 0))
+        turns = [slopes[:, :, k] @ self._polygon for k in range(2)]
         first, second = self._monomials(harmonic @ self._polygon)
         by_first = self._products(_slopes(first), second) @ self._mix
         by_second = self._products(first, _slopes(second)) @ self._mix
-        gradients = [by_first * turns[:, k, :1] + by_second * turns[:, k, 1:] for k in range(2)]
+        gradients = [by_first * turns[k][:, :1] + by_second * turns[k][:, 1:] for k in range(2)]
         return self._products(first, second) @ self._mix, np.stack(gradients, axis=2)
 
     def _monomials(self, place: Array) -> Array:
@@ -129,7 +129,7 @@ class Polynomials:
     def positions(self, polygons: Array) -> Array:
         """Return the coefficients ``(layers, count, 3)`` of layers of control points ``(layers, n, 3)`` of the same rod."""
         plane = np.concatenate([np.ones((self._polygon.shape[0], 1)), self._polygon], axis=1)
-        affine = np.linalg.pinv(plane) @ polygons
+        affine = np.linalg.solve(plane.T @ plane, plane.T @ polygons)
         linear = np.flatnonzero(self._powers.sum(axis=1) <= 1)
         order = [0, *(1 if self._powers[k, 0] else 2 for k in linear[1:])]
         result = np.zeros((polygons.shape[0], self.count, 3))

@@ -6,7 +6,7 @@ the axis.  The paper's rule is ``r = 2, s = 1, t = p + 1``; it under-integrates,
 
 import re
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from math import ceil, log2, pi
 
 import numpy as np
@@ -88,8 +88,9 @@ class Rule:
         return f"{self.radial}x{self.angular}x{self.axial}"
 
 
+@lru_cache(maxsize=32)
 def section_points(n: int, rule: Rule, turn: float = 0.0) -> tuple[Array, Array]:
-    """Return points ``(n r s, 2)`` and weights ``(n r s,)`` on the unit disk; the weights add up to pi.
+    """Return points ``(n r s, 2)`` and weights ``(n r s,)`` on the unit disk, not to be written to; the weights add up to pi.
 
     The slices are the arcs of ``n`` control points of which the first stands at the angle ``turn``.
     """
@@ -100,7 +101,10 @@ def section_points(n: int, rule: Rule, turn: float = 0.0) -> tuple[Array, Array]
     angle = np.broadcast_to(theta[:, None, :], radius.shape)
     points = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=-1)
     weights = np.broadcast_to(2.0 * np.pi / n * (r * wr)[:, None] * ws, radius.shape)
-    return points.reshape(-1, 2), weights.reshape(-1).copy()
+    found = points.reshape(-1, 2), weights.reshape(-1).copy()
+    for array in found:
+        array.flags.writeable = False
+    return found
 
 
 def axis_points(axis: Axis, count: int) -> tuple[Array, Array]:

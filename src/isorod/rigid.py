@@ -20,7 +20,8 @@ def motions(space: Space) -> Array:
     columns = np.zeros((*arm.shape, 6))
     for a in range(3):
         columns[space.carries, a, a] = 1.0
-        columns[:, :, 3 + a] = np.cross(np.eye(3)[a], arm)
+        b, c = (a + 1) % 3, (a + 2) % 3
+        columns[:, b, 3 + a], columns[:, c, 3 + a] = -arm[:, c], arm[:, b]
     return np.linalg.qr(columns.reshape(-1, 6))[0]
 
 

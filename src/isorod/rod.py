@@ -167,7 +167,7 @@ class Rod:
         angles = 2.0 * np.pi * np.arange(8 * n) / (8 * n)
         ring = np.stack([np.cos(angles), np.sin(angles)], axis=1)
         xi = np.concatenate([[[0.0, 0.0]], (radii[:, None, None] * ring).reshape(-1, 2)])
-        inside = np.linspace(0.0, 1.0, axis.degree + 3)
+        inside = np.arange(axis.degree + 3) / (axis.degree + 2)
         # Both sides of every knot: the axis may have a kink there.
         inside[0], inside[-1] = 1e-9, 1.0 - 1e-9
         u = axis.breaks[:-1, None] + np.diff(axis.breaks)[:, None] * inside
@@ -185,19 +185,21 @@ class Rod:
                 f"the rod folds in element {t // inside.size} at u = {u.ravel()[t]:.4g}, disk point "
                 f"({xi[q, 0]:.3f}, {xi[q, 1]:.3f}), position ({where}): Jacobian determinant {det[t, q]:.3g}, must be positive"
             )
-        self._check_turns(u)
+        self._check_turns(u, section)
         return float(det[t, q])
 
-    def _check_turns(self, u: Array) -> None:
-        """Refuse or warn of sections that shrink between layers of control points because these turn too far."""
+    def _check_turns(self, u: Array, section: Array) -> None:
+        """Refuse or warn of sections, control polygons at the parameters ``u``, that shrink between layers that turn too far."""
 
         def sizes(polygons: Array) -> Array:
-            return np.linalg.norm(polygons - polygons.mean(axis=1, keepdims=True), axis=(1, 2))
+            arms = polygons - polygons.mean(axis=1, keepdims=True)
+            size: Array = np.sqrt(np.einsum("jia,jia->j", arms, arms))
+            return size
 
         axis = self.axis
         layers = sizes(self.control_points)
         near = axis.first_function[:, None] + np.arange(axis.degree + 1)
-        shares = sizes(self._sections(u.ravel())[0]).reshape(u.shape) / layers[near].min(axis=1)[:, None]
+        shares = sizes(section).reshape(u.shape) / layers[near].min(axis=1)[:, None]
         e, t = np.unravel_index(int(np.argmin(shares)), shares.shape)
         if shares[e, t] < _SHRINKS:
             text = (

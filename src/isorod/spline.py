@@ -45,16 +45,17 @@ class Axis:
         whole_number("axis degree", p, 1, MAX_DEGREE)
         _check_finite("knot", knots)
         _check_finite("weight", weights)
-        falling = np.flatnonzero(np.diff(knots) < 0.0)
-        if falling.size:
-            k = falling[0]
+        rise = knots[1:] - knots[:-1]
+        if (rise < 0.0).any():
+            k = int(np.argmax(rise < 0.0))
             raise InputError(f"knot {k + 1} is {knots[k + 1]:g} after {knots[k]:g}; knots must not decrease")
         if weights.size != knots.size - p - 1:
             raise InputError(f"{knots.size} knots of degree {p} need {knots.size - p - 1} weights, got {weights.size}")
         if (weights <= 0.0).any():
             k = int(np.argmax(weights <= 0.0))
             raise InputError(f"weight {k} is {weights[k]:g}; weights must be positive")
-        values, counts = np.unique(knots, return_counts=True)
+        heads = np.concatenate([[0], np.flatnonzero(rise) + 1, [knots.size]])
+        values, counts = knots[heads[:-1]], heads[1:] - heads[:-1]
         if values.size < 2 or counts[0] != p + 1 or counts[-1] != p + 1:
             raise InputError(f"the first and the last knot must each stand {p + 1} times (degree {p}, clamped ends)")
         if (counts[1:-1] > p).any():
@@ -102,9 +103,9 @@ class Axis:
         """
         where = np.atleast_1d(np.asarray(u, dtype=float))
         low, high = self.knots[0], self.knots[-1]
-        bad = ~((where >= low) & (where <= high))
-        if bad.any():
-            raise InputError(f"axis parameter {where[np.argmax(bad)]:g} is outside [{low:g}, {high:g}]")
+        inside = (where >= low) & (where <= high)
+        if not inside.all():
+            raise InputError(f"axis parameter {where[np.argmin(inside)]:g} is outside [{low:g}, {high:g}]")
         first, values, slopes = bspline.table(self.knots, self.degree, where)
         weights = self.weights[first[:, None] + np.arange(self.degree + 1)]
         weighted, slopes = weights * values, weights * slopes
@@ -163,7 +164,7 @@ class Axis:
 
 
 def _check_finite(name: str, values: Array) -> None:
-    bad = ~np.isfinite(values)
-    if bad.any():
-        k = int(np.argmax(bad))
+    good = np.isfinite(values)
+    if not good.all():
+        k = int(np.argmin(good))
         raise InputError(f"{name} {k} is {values[k]}; it must be finite")
