@@ -245,7 +245,7 @@ def test_the_last_iteration_takes_the_tangent_of_the_one_before(bar, monkeypatch
 def test_record_of_the_run(bar):
     solution = statics.solve(bar((0.5, 0.0, 0.0)))
     assert solution.built == ["tangent"]
-    assert solution.solver == {"snes": "newtonls", "ksp": "preonly", "pc": "lu", "factor": "petsc"}
+    assert solution.solver == {"snes": "newtonls", "ksp": "preonly", "pc": "banded"}
     assert sorted(solution.seconds) == ["assembly", "setup", "solve"]
     assert min(solution.seconds.values()) > 0
     assert solution.newton_iterations == len(solution.residual_norms) - 1

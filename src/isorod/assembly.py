@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from time import perf_counter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from petsc4py import PETSc
@@ -74,6 +74,10 @@ class Assembler:
             self._stage.pop()
             self.seconds += perf_counter() - start
 
+    def _note(self, operator: str) -> None:
+        if operator not in self.built:
+            self.built.append(operator)
+
     def _contact(self) -> "ContactOperator | None":
         if not self.model.contacts:
             return None
@@ -81,7 +85,7 @@ class Assembler:
             raise InputError("contact runs on one MPI rank so far; start without mpirun")
         from isorod.contact_operator import ContactOperator
 
-        self.built.append("contact")
+        self._note("contact")
         return ContactOperator(self.model)
 
     def _number(self) -> None:
@@ -102,7 +106,7 @@ class Assembler:
         self.parts = []
         owner = np.empty(self.first[-1], dtype=np.int64)
         for b, body in enumerate(model.bodies):
-            low, high = (int(np.clip(x - first_element[b], 0, counts[b])) for x in bounds[rank : rank + 2])
+            low, high = (min(max(int(x - first_element[b]), 0), int(counts[b])) for x in bounds[rank : rank + 2])
             if high > low:
                 self.parts.append(self.part(body, b, int(model.first_node[b]), int(self.first[b]), low, high))
             # A layer belongs to the rank of the first element that has it, so that rows follow the elements.
@@ -112,7 +116,7 @@ class Assembler:
             ranks = np.searchsorted(bounds, first_element[b] + first_touch, side="right") - 1
             owner[self.first[b] : self.first[b + 1]] = np.repeat(ranks, self.part.layer_dofs(body))
 
-        self.rows = np.unique(self.free[(self.free >= 0) & (owner == rank)]).size
+        self.rows = self.unknowns if size == 1 else np.unique(self.free[(self.free >= 0) & (owner == rank)]).size
         window = np.unique(np.concatenate([np.empty(0, np.int64), *(part.dofs.ravel() for part in self.parts)]))
         for part in self.parts:
             part.slots = np.searchsorted(window, part.dofs)
@@ -156,10 +160,17 @@ class Assembler:
         vector.zeroEntries()
         return vector
 
-    def _matrix(self, indices: Sequence[Sequence[Index]], components: int = 1) -> PETSc.Mat:
-        """Return a new symmetric matrix of one of several components, with room for rows and columns of each part."""
+    def _matrix(self, entries: Sequence["_Entries"], components: int = 1) -> PETSc.Mat:
+        """Return a new symmetric matrix of one of several components, with room for entries."""
         rows, unknowns, block = (size // components for size in (self.rows, self.unknowns, self.block))
-        made = petsc.matrix(self.comm, (rows, unknowns), block, *_rows_and_columns(indices))
+        alone = entries[0] if len(entries) == 1 and isinstance(entries[0], _Numbered) else None
+        made = petsc.matrix(
+            self.comm,
+            (rows, unknowns),
+            block,
+            lambda: _rows_and_columns(entries),
+            None if alone is None else lambda: alone.pattern.compressed_rows(alone.number, unknowns),
+        )
         for option in _SYMMETRIC:
             made.setOption(option, True)
         return made
@@ -167,19 +178,17 @@ class Assembler:
     def matrix(self) -> PETSc.Mat:
         """Return a new symmetric matrix with room for the tangent: AIJ, or what ``-mat_type`` says."""
         with self._timed():
-            made = self._matrix(self._tangent_indices())
+            made = self._matrix(self._tangent_entries())
             if self.contact is not None:
                 made.setAttr("contact_version", self.contact.version)
-            self.built.append("tangent")
+            self._note("tangent")
         return made
 
-    def _tangent_indices(self) -> list[Sequence[Index]]:
-        indices: list[Sequence[Index]] = []
-        for part in self.parts:
-            indices.append(part.pattern.indices(self.free[part.first_dof :]))
+    def _tangent_entries(self) -> list["_Entries"]:
+        entries: list[_Entries] = [_Numbered(part.pattern, self.free[part.first_dof :]) for part in self.parts]
         if self.contact is not None:
-            indices.append([self.model.free[self.contact.rows], self.model.free[self.contact.columns]])
-        return indices
+            entries.append((self.model.free[self.contact.rows], self.model.free[self.contact.columns]))
+        return entries
 
     def near_null_space(self) -> PETSc.NullSpace:
         """Return the rigid motions of all bodies on the unknowns, for algebraic multigrid."""
@@ -193,7 +202,7 @@ class Assembler:
                     vector.axpy(-vector.dot(other), other)
                 vector.normalize()
                 vectors.append(vector)
-        self.built.append("near-null space")
+        self._note("near-null space")
         return PETSc.NullSpace().create(vectors=vectors, comm=self.comm)
 
     def _load(self, x: PETSc.Vec, factor: float) -> None:
@@ -275,7 +284,7 @@ class Assembler:
             if self.contact is not None:
                 merged.append(self.contact.tangent(self._local))
                 if out.getAttr("contact_version") != self.contact.version:
-                    petsc.preallocate(out, *_rows_and_columns(self._tangent_indices()))
+                    petsc.preallocate(out, *_rows_and_columns(self._tangent_entries()))
                     out.setAttr("contact_version", self.contact.version)
             petsc.set_values(out, _joined(merged, float))
             return matrices
@@ -307,14 +316,10 @@ class Assembler:
         right; the others get their diagonal entries.
         """
         with self._timed():
-            indices, values = [], []
-            for a in range(3):
-                for pair, merged in self._masses(lumped, self.model.free[a::3]):
-                    indices.append(pair)
-                    values.append(merged)
-            matrix = self._matrix(indices)
-            petsc.set_values(matrix, _joined(values, float))
-            self.built.append("lumped mass" if lumped else "mass")
+            found = [one for a in range(3) for one in self._masses(lumped, self.model.free[a::3])]
+            matrix = self._matrix([entries for entries, _ in found])
+            petsc.set_values(matrix, _joined([merged for _, merged in found], float))
+            self._note("lumped mass" if lumped else "mass")
         return matrix
 
     def mass_operator(self, lumped: bool = False) -> PETSc.Mat:
@@ -323,24 +328,24 @@ class Assembler:
             return self.mass(lumped)
         with self._timed():
             found = list(self._masses(lumped, self.model.free[::3] // 3))
-            one = self._matrix([pair for pair, _ in found], 3)
+            one = self._matrix([entries for entries, _ in found], 3)
             petsc.set_values(one, _joined([merged for _, merged in found], float))
             matrix = petsc.componentwise(one, 3)
             for option in _SYMMETRIC:
                 matrix.setOption(option, True)
             one.destroy()
-            self.built.append("lumped mass" if lumped else "mass")
+            self._note("lumped mass" if lumped else "mass")
         return matrix
 
-    def _masses(self, lumped: bool, number: Index) -> Iterator[tuple[tuple[Index, Index], Array]]:
-        """Yield for each part the entries of the mass of one component, and what ``number`` says of the nodes of their rows and columns."""
+    def _masses(self, lumped: bool, number: Index) -> Iterator[tuple["_Entries", Array]]:
+        """Yield for each part where in a matrix with ``number`` of each node the mass of one component is, and that mass."""
         for part in self.parts:
             if lumped:
                 nodes = number[part.dofs[:, ::3].ravel() // 3]
                 yield (nodes, nodes), part.lumped_mass().ravel()
             else:
                 pattern = Pattern(part.layers, part.body.space.layer_nodes)
-                yield pattern.indices(number[part.first_node :]), pattern.merge(part.mass)
+                yield _Numbered(pattern, number[part.first_node :]), pattern.merge(part.mass)
 
     def energy(self, x: PETSc.Vec, factor: float) -> float:
         """Return the stored energy of the whole model, that of contact included."""
@@ -365,6 +370,8 @@ class Assembler:
 
     def _gathered(self, x: PETSc.Vec) -> Array:
         """Return all unknowns, on every rank."""
+        if self.comm.getSize() == 1:
+            return np.array(x.array_r)
         if self._everything is None:
             self._everything = PETSc.Scatter.toAll(x)
         scatter, everything = self._everything
@@ -414,9 +421,21 @@ class Assembler:
         return min(self.comm.tompi4py().allgather(min(found)))
 
 
-def _rows_and_columns(indices: Sequence[Sequence[Index]]) -> list[Index]:
-    """Return rows and columns of all parts, those of held degrees of freedom negative."""
-    return [_joined([pair[k] for pair in indices], int) for k in range(2)]
+class _Numbered(NamedTuple):
+    """The entries of a pattern: what is at ``layer size + place`` has this number, negative if it is held."""
+
+    pattern: Pattern
+    number: Index
+
+
+# Or rows and columns of each.
+_Entries = _Numbered | tuple[Index, Index]
+
+
+def _rows_and_columns(entries: Sequence[_Entries]) -> tuple[Index, Index]:
+    """Return rows and columns of all entries, those of held degrees of freedom negative."""
+    pairs = [one.pattern.indices(one.number) if isinstance(one, _Numbered) else one for one in entries]
+    return _joined([pair[0] for pair in pairs], int), _joined([pair[1] for pair in pairs], int)
 
 
 def _joined(arrays: Sequence[Any], kind: type) -> Any:

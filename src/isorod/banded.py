@@ -7,6 +7,8 @@ the analysis that a solver for any sparsity begins with.
 Options ``-pc_type python -pc_python_type isorod.banded.Banded`` name it; it is what isorod offers where it suits (`suits`).
 """
 
+import atexit
+import gc
 from typing import Any
 
 import numpy as np
@@ -24,6 +26,15 @@ NAME = f"{__name__}.Banded"
 _WIDE = 1.5
 
 _OPTIONS: Any = {"cache": True, "error_model": "numpy"}
+
+
+@atexit.register
+def _clean_up() -> None:
+    """Destroy what PETSc keeps for later: at its own end, after Python's, preconditioners written in Python crash."""
+    gc.collect()
+    for comm in (PETSc.COMM_SELF, PETSc.COMM_WORLD):
+        if not PETSc.Sys.isFinalized() and comm.getSize() == 1:
+            PETSc.garbage_cleanup(comm)
 
 
 def suits(model: Model) -> bool:

@@ -1,15 +1,18 @@
 """B-spline functions at many parameters, and collocation with them."""
 
+from functools import lru_cache
+
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.linalg import lapack
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
+# Tables up to this many values are kept: runs meet the same knots and parameters again and again.
+_KEPT_SIZE = 2**14
 
-@njit("Tuple((i8[::1], f8[:,::1], f8[:,::1]))(f8[::1], i8, f8[::1])", cache=True, error_model="numpy")
+
 def table(knots: Array, degree: int, u: Array) -> tuple[Index, Array, Array]:
     """Return, for each parameter, the B-splines that live there.
 
@@ -23,29 +26,37 @@ def table(knots: Array, degree: int, u: Array) -> tuple[Index, Array, Array]:
     Returns
     -------
     first, values, slopes
-        Index of the first of the ``p + 1`` functions ``(t,)``, ``N_j`` and ``dN_j/du``, both ``(t, p + 1)``.
+        Index of the first of the ``p + 1`` functions ``(t,)``, ``N_j`` and ``dN_j/du``, both ``(t, p + 1)``; not to be written to.
     """
-    last = np.searchsorted(knots, knots[-1]) - 1
-    first = np.empty(u.size, dtype=np.int64)
-    values = np.zeros((u.size, degree + 1))
-    slopes = np.zeros((u.size, degree + 1))
-    for t in range(u.size):
-        span = min(np.searchsorted(knots, u[t], side="right") - 1, last)
-        first[t] = span - degree
-        values[t, 0] = 1.0
-        # The recurrence of Cox and de Boor, degree by degree.
-        for d in range(1, degree + 1):
-            passed = 0.0
-            for k in range(d):
-                low, high = knots[span + 1 + k - d], knots[span + 1 + k]
-                rise = values[t, k] / (high - low)
-                values[t, k] = passed + (high - u[t]) * rise
-                passed = (u[t] - low) * rise
-                if d == degree:
-                    slopes[t, k] -= d * rise
-                    slopes[t, k + 1] += d * rise
-            values[t, d] = passed
-    return first, values, slopes
+    if (degree + 1) * u.size + knots.size > _KEPT_SIZE:
+        return _tabulate(knots, degree, u)
+    return _kept(knots.tobytes(), degree, u.tobytes())
+
+
+@lru_cache(maxsize=64)
+def _kept(knots: bytes, degree: int, u: bytes) -> tuple[Index, Array, Array]:
+    found = _tabulate(np.frombuffer(knots), degree, np.frombuffer(u))
+    for array in found:
+        array.flags.writeable = False
+    return found
+
+
+def _tabulate(knots: Array, degree: int, u: Array) -> tuple[Index, Array, Array]:
+    last = np.searchsorted(knots, knots[-1], side="left") - 1
+    span = np.minimum(np.searchsorted(knots, u, side="right") - 1, last)
+    values, slopes = np.ones((u.size, 1)), np.zeros((u.size, degree + 1))
+    # The recurrence of Cox and de Boor, degree by degree.
+    for d in range(1, degree + 1):
+        reach = span[:, None] + np.arange(1, d + 1)
+        low, high = knots[reach - d], knots[reach]
+        rise = values / (high - low)
+        values = np.zeros((u.size, d + 1))
+        values[:, :-1] = (high - u[:, None]) * rise
+        values[:, 1:] += (u[:, None] - low) * rise
+        if d == degree:
+            slopes[:, :-1] = -d * rise
+            slopes[:, 1:] += d * rise
+    return span - degree, values, slopes
 
 
 def transfer(knots: Array, degree: int, finer: Array, finer_degree: int, columns: Array) -> Array:

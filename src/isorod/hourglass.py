@@ -31,7 +31,7 @@ def suspected(model: Model) -> bool:
         # Where elements of degree p are joined without continuous slopes, p points along each leave no motion free of energy: the
         # slope of no polynomial vanishes at all of them.  That is what keeps slender rods from locking, and the full rule sees the
         # very energy that locks.
-        _, multiplicity = np.unique(space.axis.knots, return_counts=True)
+        multiplicity = space.axis.multiplicities
         least = good.axial - 1 if (multiplicity[1:-1] >= space.axis.degree).all() else good.axial
         if given.radial < good.radial or given.angular < good.angular or given.axial < least:
             return True

@@ -14,12 +14,49 @@ from isorod.disk import Array
 from isorod.spline import Index
 
 _OPTIONS: Any = {"cache": True, "fastmath": {"contract", "reassoc", "nsz", "arcp"}, "error_model": "numpy"}
+_D2 = "f8[:,::1]"
 _D3 = "f8[:,:,::1]"
+# Kept tables are not to be written to.
+_R2 = "Array(f8, 2, 'C', readonly=True)"
+_R3 = "Array(f8, 3, 'C', readonly=True)"
 _D4 = "f8[:,:,:,::1]"
 _D5 = "f8[:,:,:,:,::1]"
 _I1 = "i8[::1]"
 _I2 = "i8[:,::1]"
 _I3 = "i8[:,:,::1]"
+
+
+@njit(f"Tuple(({_D4}, {_D2}))({_R2}, {_R3}, {_D3}, {_D3})", **_OPTIONS)
+def inverse_jacobians(values: Array, gradients: Array, section: Array, along: Array) -> tuple[Array, Array]:
+    """Return ``d(xi_1, xi_2, u)/dx`` ``(u, q, 3, 3)`` and ``det dx/d(xi_1, xi_2, u)`` ``(u, q)`` of a rod.
+
+    ``values`` ``(q, n)`` and ``gradients`` ``(q, n, 2)`` are the rod's section functions, ``section`` and ``along`` ``(u, n, 3)`` its control
+    polygons and their derivatives.
+    """
+    places, n, _ = section.shape
+    points = values.shape[0]
+    inverse = np.empty((places, points, 3, 3))
+    det = np.empty((places, points))
+    g = np.empty((3, 3))
+    for t in range(places):
+        for q in range(points):
+            g[:] = 0.0
+            for i in range(n):
+                for a in range(3):
+                    g[a, 0] += gradients[q, i, 0] * section[t, i, a]
+                    g[a, 1] += gradients[q, i, 1] * section[t, i, a]
+                    g[a, 2] += values[q, i] * along[t, i, a]
+            for d in range(3):
+                d1, d2 = (d + 1) % 3, (d + 2) % 3
+                for a in range(3):
+                    a1, a2 = (a + 1) % 3, (a + 2) % 3
+                    inverse[t, q, d, a] = g[a1, d1] * g[a2, d2] - g[a1, d2] * g[a2, d1]
+            volume = g[0, 0] * inverse[t, q, 0, 0] + g[1, 0] * inverse[t, q, 0, 1] + g[2, 0] * inverse[t, q, 0, 2]
+            det[t, q] = volume
+            for d in range(3):
+                for a in range(3):
+                    inverse[t, q, d, a] /= volume
+    return inverse, det
 
 
 @njit(f"{_D5}({_D3}, {_D3}, {_D3}, {_D5}, {_D4})", **_OPTIONS)
@@ -177,6 +214,45 @@ def pattern_indices(
                     column[place] = number[other + k]
                     place += 1
     return row, column
+
+
+@njit(**_OPTIONS)
+def pattern_rows(
+    layers: Index, first: Index, columns: Index, size: int, number: Index, places: Index, start: Any, column: Any
+) -> int:
+    """Fill ``start`` and ``column`` with the compressed rows of the entries of a pattern that have a number, ``places`` with which they are.
+
+    Returns how many there are, or -1 if rows or columns do not ascend.
+    """
+    total = 0
+    place = 0
+    row = -1
+    for r in range(layers.size):
+        for i in range(size):
+            own = number[layers[r] * size + i]
+            if own < 0:
+                place += size * (first[r + 1] - first[r])
+                continue
+            if own <= row:
+                return -1
+            while row < own:
+                row += 1
+                start[row] = total
+            last = -1
+            for c in range(first[r], first[r + 1]):
+                for k in range(size):
+                    other = number[columns[c] * size + k]
+                    if other >= 0:
+                        if other <= last:
+                            return -1
+                        last = other
+                        column[total] = other
+                        places[total] = place
+                        total += 1
+                    place += 1
+    for i in range(row + 1, start.size):
+        start[i] = total
+    return total
 
 
 @njit(f"f8[::1]({_D5}, {_I3}, {_I2}, i8)", **_OPTIONS)

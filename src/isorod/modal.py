@@ -43,6 +43,11 @@ _HARMLESS = (
 # The Sturm count is taken this far (relative) above the last eigenvalue returned.
 _ABOVE = 1e-6
 
+# Vectors of the Krylov space beyond two a mode: on the blade it converges without a restart then.  SLEPc's own, 7, restarts and solves
+# five times more.  From many modes on it bounds the space, and is left to.
+_ROOM = 10
+_MANY = 500
+
 # Rounds of deflation until no eigenvalue is missing, and the residual above which a mode is refused.
 _ROUNDS = 12
 _BAD_RESIDUAL = 1e-5
@@ -257,6 +262,8 @@ class _Problem:
                 offered = {name: value for name, value in offered.items() if not name.startswith("st_pc_")}
         else:
             eps.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
+            if wanted < _MANY:
+                eps.setDimensions(min(wanted + 2, unknowns), min(2 * wanted + _ROOM, unknowns))
             offered = OPTIONS | factorisation(self.assembler, "st_")
         eps.getST().setShift(shift)
         with defaults(offered):

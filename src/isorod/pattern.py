@@ -6,9 +6,11 @@ entries to sort, and finds them sorted.
 """
 
 import numpy as np
+from petsc4py import PETSc
 
 from isorod import kernel
 from isorod.disk import Array
+from isorod.petsc import Rows
 from isorod.spline import Index
 
 
@@ -34,6 +36,18 @@ class Pattern:
         return kernel.pattern_indices(
             self._layers, self._first, self._columns, self.size, self.total, np.ascontiguousarray(number)
         )
+
+    def compressed_rows(self, number: Index, size: int) -> Rows | None:
+        """Return the entries that have a number as the compressed rows of a matrix of ``size``, or None if numbers do not ascend."""
+        start = np.empty(size + 1, dtype=PETSc.IntType)
+        places, column = np.empty(self.total, dtype=np.int64), np.empty(self.total, dtype=PETSc.IntType)
+        count = kernel.pattern_rows(
+            *(self._layers, self._first, self._columns, self.size),
+            *(np.ascontiguousarray(number), places, start, column),
+        )
+        if count < 0 or self.total > np.iinfo(PETSc.IntType).max:
+            return None
+        return Rows(places[:count], start, column[:count])
 
     def merge(self, blocks: Array) -> Array:
         """Return the entries ``(total,)`` of the sum of element matrices ``(E, l size, l size)``."""

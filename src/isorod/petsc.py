@@ -2,8 +2,9 @@
 
 import ctypes
 import re
+from collections.abc import Callable
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -14,7 +15,6 @@ _POINTER = ctypes.c_void_p
 
 # Attribute of a matrix whose arrays were made here: which of the given entries is where, and the arrays.
 _ARRAYS = "isorod_arrays"
-_Arrays = tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]]
 
 # Options that PETSc reads only when it ends.
 _AT_THE_END = re.compile(r"(options_left|options_view|malloc_\w+|memory_view|objects_\w+|log_\w+|citations)$")
@@ -32,8 +32,20 @@ def _check(code: int) -> None:
         raise PETSc.Error(code)
 
 
+class Rows(NamedTuple):
+    """Compressed rows: which of the given entries comes where, first entry of each row, columns."""
+
+    places: NDArray[Any]
+    start: NDArray[Any]
+    column: NDArray[Any]
+
+
 def matrix(
-    comm: PETSc.Comm, sizes: tuple[int, int], block: int, rows: NDArray[Any], columns: NDArray[Any]
+    comm: PETSc.Comm,
+    sizes: tuple[int, int],
+    block: int,
+    indices: Callable[[], tuple[NDArray[Any], NDArray[Any]]],
+    compressed: Callable[[], Rows | None] | None = None,
 ) -> PETSc.Mat:
     """Return a new square AIJ matrix, or what ``-mat_type`` says, with room for given entries.
 
@@ -41,31 +53,36 @@ def matrix(
     ----------
     sizes, block
         Number of rows here and in all, and the block size.
-    rows, columns
-        Global indices of each entry; negative ones are ignored.  `set_values` takes the values in this order.
+    indices
+        Returns global rows and columns of each entry; negative ones are ignored.  `set_values` takes the values in this order.
+    compressed
+        On one rank, a quicker way to compressed rows than through the indices.
     """
     made = PETSc.Mat()
-    arrays = None
+    found = None
     if comm.getSize() == 1 and not PETSc.Options().hasName("mat_type"):
         # PETSc's COO preallocation spends most of its time on sorting what is sorted.
-        arrays = _compressed_rows(sizes[1], rows, columns)
-    if arrays is None:
+        found = compressed() if compressed is not None else None
+        if found is None:
+            found = _compressed_rows(sizes[1], *indices())
+    if found is None:
         made.create(comm)
         made.setSizes((sizes, sizes))
         made.setBlockSize(block)
         made.setType(PETSc.Mat.Type.AIJ)
         made.setFromOptions()
-        preallocate(made, rows, columns)
+        preallocate(made, *indices())
         return made
-    made.createAIJWithArrays((sizes, sizes), arrays[1:], comm=comm)
+    values = np.zeros(found.places.size, dtype=PETSc.ScalarType)
+    made.createAIJWithArrays((sizes, sizes), (found.start, found.column, values), comm=comm)
     made.setBlockSize(block)
     made.setFromOptions()
-    made.setAttr(_ARRAYS, arrays)
+    made.setAttr(_ARRAYS, (found, values))
     return made
 
 
-def _compressed_rows(size: int, rows: NDArray[Any], columns: NDArray[Any]) -> _Arrays | None:
-    """Return which entry comes where, and compressed rows: starts, columns, zeros; None if two entries are at one place."""
+def _compressed_rows(size: int, rows: NDArray[Any], columns: NDArray[Any]) -> Rows | None:
+    """Return the compressed rows of entries, or None if two are at one place."""
     if rows.size > np.iinfo(PETSc.IntType).max:
         return None
     start = np.zeros(size + 1, dtype=PETSc.IntType)
@@ -77,7 +94,7 @@ def _compressed_rows(size: int, rows: NDArray[Any], columns: NDArray[Any]) -> _A
         if total < 0:
             return None
         places = order[places[:total]]
-    return places[:total], start, column[:total], np.zeros(total, dtype=PETSc.ScalarType)
+    return Rows(places[:total], start, column[:total])
 
 
 @njit(cache=True)
@@ -121,8 +138,8 @@ def set_values(matrix: PETSc.Mat, values: NDArray[np.float64]) -> None:
         call = _function("MatSetValuesCOO", _POINTER, _POINTER, ctypes.c_int)
         _check(call(matrix.handle, values.ctypes.data, int(PETSc.InsertMode.INSERT_VALUES)))
         return
-    places, _, _, mine = arrays
-    np.take(values, places, out=mine, mode="clip")
+    rows, mine = arrays
+    np.take(values, rows.places, out=mine, mode="clip")
     matrix.assemble()
 
 

@@ -12,6 +12,7 @@ from math import ceil, pi
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.linalg import lapack
 
 from isorod.disk import Array, harmonic_functions
 from isorod.errors import InputError, representable, whole_number
@@ -53,7 +54,7 @@ class Polynomials:
         points = rod.control_points
         arms = points - points.mean(axis=1, keepdims=True)
         representable("section's extent", float(np.abs(arms).max()))
-        widest = arms[int(np.argmax(np.linalg.norm(arms, axis=(1, 2))))]
+        widest = arms[int(np.argmax(np.einsum("jia,jia->j", arms, arms)))]
         images, sizes, directions = np.linalg.svd(widest, full_matrices=False)
         if not sizes[1] > _FLAT * sizes[0]:
             raise InputError("section degree: the rod's sections have no area; polynomials need some")
@@ -84,7 +85,7 @@ class Polynomials:
         self._mix = np.eye(self.count)
         root = np.sqrt(weights / weights.sum())[:, None]
         powers = self._monomials(values @ self._polygon)
-        triangle = np.linalg.qr(root * self._products(powers[0], powers[1]), mode="r")
+        triangle = np.triu(lapack.dgeqrf(root * self._products(powers[0], powers[1]))[0][: self.count])
         self._mix = np.linalg.inv(triangle * np.sign(np.diag(triangle))[:, None])
 
     @property

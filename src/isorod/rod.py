@@ -2,6 +2,7 @@
 
 import warnings
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -99,8 +100,7 @@ class Rod:
         for name, tensors in (("rotations", turn), ("stretches", stretch)):
             if tensors.shape != shape:
                 raise InputError(f"{name}: got shape {tensors.shape}, need {shape} for this axis")
-        flat = np.concatenate([section, np.zeros((section.shape[0], 1))], axis=1)
-        points = centers[:, None, :] + np.einsum("jab,jbc,ic->jia", turn, stretch, flat)
+        points = centers[:, None, :] + section @ (turn @ stretch)[:, :, :2].swapaxes(1, 2)
         if closed:
             gap = np.abs(points[-1] - points[0]).max()
             if not gap <= 1e-9 * np.abs(points).max():
@@ -134,6 +134,15 @@ class Rod:
         section, along = self._sections(u)
         return values @ section, section_gradient(values, gradients, section, along)
 
+    def inverse_jacobians(self, xi: ArrayLike, u: ArrayLike) -> tuple[Array, Array]:
+        """Return ``d(xi_1, xi_2, u)/dx`` ``(len(u), len(xi), 3, 3)`` and the Jacobian determinants ``(len(u), len(xi))``."""
+        # Geometry alone does without compiled code.
+        from isorod import kernel
+
+        values, gradients = harmonic_functions(self.section_points, xi)
+        found: tuple[Array, Array] = kernel.inverse_jacobians(values, gradients, *self._sections(u))
+        return found
+
     def tangents(self, u: ArrayLike) -> Array:
         """Return the unit tangents ``(len(u), 3)`` of the centre line, the image of the disk's centre."""
         # At the centre every harmonic function is 1 / n.
@@ -162,25 +171,21 @@ class Rod:
         FoldedRodError
             Where the map folds (determinant not positive): the message names element, ``u``, disk point and position.
         """
-        n, axis = self.section_points, self.axis
-        radii = np.array([0.25, 0.5, 0.75, 0.9, 1.0])
-        angles = 2.0 * np.pi * np.arange(8 * n) / (8 * n)
-        ring = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-        xi = np.concatenate([[[0.0, 0.0]], (radii[:, None, None] * ring).reshape(-1, 2)])
+        axis = self.axis
+        xi, values, across = _dense_grid(self.section_points)
         inside = np.arange(axis.degree + 3) / (axis.degree + 2)
         # Both sides of every knot: the axis may have a kink there.
         inside[0], inside[-1] = 1e-9, 1.0 - 1e-9
         u = axis.breaks[:-1, None] + np.diff(axis.breaks)[:, None] * inside
-        values, gradients = harmonic_functions(n, xi)
         section, along = self._sections(u.ravel())
         # Component by component: no array of Jacobian matrices is needed.
         polygons, turns = (np.ascontiguousarray(np.moveaxis(one, 2, 0)) for one in (section, along))
-        (a, b, c), (d, e, f) = (polygons @ np.ascontiguousarray(gradients[:, :, k].T) for k in range(2))
-        g, h, i = turns @ np.ascontiguousarray(values.T)
+        (a, b, c), (d, e, f) = (polygons @ one for one in across)
+        g, h, i = turns @ values
         det = g * (b * f - c * e) + h * (c * d - a * f) + i * (a * e - b * d)
         t, q = np.unravel_index(int(np.argmin(det)), det.shape)
         if not det[t, q] > 0.0:
-            where = ", ".join(f"{value:.4g}" for value in values[q] @ section[t])
+            where = ", ".join(f"{value:.4g}" for value in values[:, q] @ section[t])
             raise FoldedRodError(
                 f"the rod folds in element {t // inside.size} at u = {u.ravel()[t]:.4g}, disk point "
                 f"({xi[q, 0]:.3f}, {xi[q, 1]:.3f}), position ({where}): Jacobian determinant {det[t, q]:.3g}, must be positive"
@@ -209,6 +214,18 @@ class Rod:
             if shares[e, t] < _SHRUNK:
                 raise FoldedRodError(text)
             warnings.warn(text, stacklevel=3)
+
+
+@lru_cache(maxsize=8)
+def _dense_grid(n: int) -> tuple[Array, Array, tuple[Array, Array]]:
+    """Return points of the disk ``(m, 2)``, circle included, and of the harmonic functions there values and both derivatives, ``(n, m)``."""
+    radii = np.array([0.25, 0.5, 0.75, 0.9, 1.0])
+    angles = 2.0 * np.pi * np.arange(8 * n) / (8 * n)
+    ring = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    xi = np.concatenate([[[0.0, 0.0]], (radii[:, None, None] * ring).reshape(-1, 2)])
+    values, gradients = harmonic_functions(n, xi)
+    first, second = (np.ascontiguousarray(gradients[:, :, k].T) for k in range(2))
+    return xi, np.ascontiguousarray(values.T), (first, second)
 
 
 def section_gradient(values: Array, gradients: Array, section: Array, along: Array) -> Array:

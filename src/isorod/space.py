@@ -172,9 +172,8 @@ class Space:
         values, gradients = self.section_functions(xi)
         _, axial, slopes = self.axis.local(u.ravel())
         shape = (*u.shape, self.axis.degree + 1)
-        _, jacobian = self.rod.grid(xi, u.ravel())
-        jacobian = jacobian.reshape(*u.shape, xi.shape[0], 3, 3)
-        inverses, det = inverse(jacobian)
+        inverses, det = self.rod.inverse_jacobians(xi, u.ravel())
+        inverses, det = inverses.reshape(*u.shape, -1, 3, 3), det.reshape(*u.shape, -1)
         if det.size and not det.min() > 0.0:
             e, t, q = np.unravel_index(int(np.argmin(det)), det.shape)
             raise FoldedRodError(

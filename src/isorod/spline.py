@@ -1,8 +1,7 @@
 """The NURBS axis of a rod: basis functions, refinement and exact transfer between nested axes."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,6 +27,11 @@ class Axis:
     weights
         Positive weights, shape ``(m,)``.
 
+    Attributes
+    ----------
+    breaks, multiplicities
+        Distinct knots, and how often each stands, both of shape ``(elements + 1,)``.
+
     Raises
     ------
     InputError
@@ -37,6 +41,8 @@ class Axis:
     degree: int
     knots: Array
     weights: Array
+    breaks: Array = field(init=False)
+    multiplicities: Index = field(init=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "knots", np.array(self.knots, dtype=float).ravel())
@@ -55,7 +61,9 @@ class Axis:
             k = int(np.argmax(weights <= 0.0))
             raise InputError(f"weight {k} is {weights[k]:g}; weights must be positive")
         heads = np.concatenate([[0], np.flatnonzero(rise) + 1, [knots.size]])
-        values, counts = knots[heads[:-1]], heads[1:] - heads[:-1]
+        values, counts = knots[heads[:-1]], np.diff(heads)
+        object.__setattr__(self, "breaks", values)
+        object.__setattr__(self, "multiplicities", counts)
         if values.size < 2 or counts[0] != p + 1 or counts[-1] != p + 1:
             raise InputError(f"the first and the last knot must each stand {p + 1} times (degree {p}, clamped ends)")
         if (counts[1:-1] > p).any():
@@ -66,11 +74,6 @@ class Axis:
     def count(self) -> int:
         """Number of basis functions ``m``."""
         return self.weights.size
-
-    @cached_property
-    def breaks(self) -> Array:
-        """Distinct knots, shape ``(elements + 1,)``."""
-        return np.unique(self.knots)
 
     @property
     def elements(self) -> int:
@@ -130,8 +133,8 @@ class Axis:
         whole_number("parts of an element", parts, 1, MAX_ELEMENTS)
         if parts * self.elements > MAX_ELEMENTS:
             raise InputError(f"axis: {parts * self.elements} elements are too many; at most {MAX_ELEMENTS}")
-        old, counts = np.unique(self.knots, return_counts=True)
-        cuts = np.concatenate([np.linspace(a, b, parts + 1)[:-1] for a, b in pairwise(old)])
+        old, counts = self.breaks, self.multiplicities
+        cuts = np.linspace(old[:-1], old[1:], parts, endpoint=False, axis=1).ravel()
         smoothness = np.full(cuts.size, continuity)
         smoothness[::parts] = np.minimum(continuity, self.degree - counts[:-1])
         multiplicity = degree - smoothness

@@ -32,9 +32,7 @@ def _pull_back(moduli: Array, half: Array, weight: float, inverse: Array, tangen
         for a in range(3):
             for b in range(3):
                 for c in range(3):
-                    half[c, 3 * a + b] = (
-                        g0 * tangent[a, 0, b, c] + g1 * tangent[a, 1, b, c] + g2 * tangent[a, 2, b, c]
-                    )
+                    half[c, 3 * a + b] = g0 * tangent[a, 0, b, c] + g1 * tangent[a, 1, b, c] + g2 * tangent[a, 2, b, c]
         for c in range(3):
             for ab in range(9):
                 moduli[d, c, ab] = (
@@ -106,9 +104,7 @@ def stiffness(section: Array, axial: Array, slopes: Array, inverse: Array, weigh
                     x = moduli[2, 2, _UPPER[h]]
                     for k in range(n):
                         to_whole[q, h, k] = x * section[q, 2, k]
-            np.dot(
-                across.reshape(n, 2 * points), to_across.reshape(2 * points, 15 * n), mixed_plane.reshape(n, 15 * n)
-            )
+            np.dot(across.reshape(n, 2 * points), to_across.reshape(2 * points, 15 * n), mixed_plane.reshape(n, 15 * n))
             np.dot(whole, to_whole.reshape(points, 6 * n), axis.reshape(n, 6 * n))
             for i in range(n):
                 for a in range(3):
