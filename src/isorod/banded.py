@@ -55,7 +55,7 @@ class Banded:
         self._band: Array | None = None
         self._pivots: Any = None
 
-    def setUp(self, pc: PETSc.PC) -> None:  # noqa: N802
+    def setUp(self, pc: PETSc.PC) -> None:
         """Factorise the matrix of a PETSc preconditioner; a singular one makes the solve fail."""
         _, matrix = pc.getOperators()
         start, column, values = matrix.getValuesCSR()
@@ -79,7 +79,7 @@ class Banded:
         solution.array_w[:] = found
 
     # The matrix is symmetric.
-    applyTranspose = apply  # noqa: N815
+    applyTranspose = apply
 
 
 @njit(**_OPTIONS)
