@@ -104,20 +104,24 @@ class Assembler:
         first_element = np.concatenate([[0], np.cumsum(counts)])
         bounds = first_element[-1] * np.arange(size + 1) // size
         self.parts = []
-        owner = np.empty(self.first[-1], dtype=np.int64)
+        owner = np.zeros(self.first[-1], dtype=np.int64)
         for b, body in enumerate(model.bodies):
             low, high = (min(max(int(x - first_element[b]), 0), int(counts[b])) for x in bounds[rank : rank + 2])
             if high > low:
                 self.parts.append(self.part(body, b, int(model.first_node[b]), int(self.first[b]), low, high))
-            # A layer belongs to the rank of the first element that has it, so that rows follow the elements.
-            touching = body.space.element_layers
-            first_touch = np.full(body.space.layers, counts[b])
-            np.minimum.at(first_touch, touching.ravel(), np.repeat(np.arange(counts[b]), touching.shape[1]))
-            ranks = np.searchsorted(bounds, first_element[b] + first_touch, side="right") - 1
-            owner[self.first[b] : self.first[b + 1]] = np.repeat(ranks, self.part.layer_dofs(body))
+            if size > 1:
+                # A layer belongs to the rank of the first element that has it, so that rows follow the elements.
+                touching = body.space.element_layers
+                first_touch = np.full(body.space.layers, counts[b])
+                np.minimum.at(first_touch, touching.ravel(), np.repeat(np.arange(counts[b]), touching.shape[1]))
+                ranks = np.searchsorted(bounds, first_element[b] + first_touch, side="right") - 1
+                owner[self.first[b] : self.first[b + 1]] = np.repeat(ranks, self.part.layer_dofs(body))
 
-        self.rows = self.unknowns if size == 1 else np.unique(self.free[(self.free >= 0) & (owner == rank)]).size
-        window = np.unique(np.concatenate([np.empty(0, np.int64), *(part.dofs.ravel() for part in self.parts)]))
+        if size == 1:
+            self.rows, window = self.unknowns, np.arange(owner.size)
+        else:
+            self.rows = np.unique(self.free[(self.free >= 0) & (owner == rank)]).size
+            window = np.unique(np.concatenate([np.empty(0, np.int64), *(part.dofs.ravel() for part in self.parts)]))
         for part in self.parts:
             part.slots = np.searchsorted(window, part.dofs)
         self._local = np.zeros(window.size)

@@ -43,11 +43,6 @@ _HARMLESS = (
 # The Sturm count is taken this far (relative) above the last eigenvalue returned.
 _ABOVE = 1e-6
 
-# Vectors of the Krylov space beyond two a mode: on the blade it converges without a restart then.  SLEPc's own, 7, restarts and solves
-# five times more.  From many modes on it bounds the space, and is left to.
-_ROOM = 10
-_MANY = 500
-
 # Rounds of deflation until no eigenvalue is missing, and the residual above which a mode is refused.
 _ROUNDS = 12
 _BAD_RESIDUAL = 1e-5
@@ -253,8 +248,8 @@ class _Problem:
         """
         typed = PETSc.Options().getAll().get("eps_type", "krylovschur")
         unknowns = self.assembler.model.unknowns
-        # Two more than wanted, so that the last one seldom lacks its twin.
-        eps = self._eps(wanted + 2, shift)
+        # One more than wanted, so that the last one seldom lacks its twin; another one more would cost ten modes a restart.
+        eps = self._eps(wanted + 1, shift)
         if typed in PRECONDITIONED:
             eps.setWhichEigenpairs(SLEPc.EPS.Which.SMALLEST_REAL)
             offered = PRECONDITIONED_OPTIONS | (LOBPCG_OPTIONS if typed == "lobpcg" else {})
@@ -262,15 +257,13 @@ class _Problem:
                 offered = {name: value for name, value in offered.items() if not name.startswith("st_pc_")}
         else:
             eps.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
-            if wanted < _MANY:
-                eps.setDimensions(min(wanted + 2, unknowns), min(2 * wanted + _ROOM, unknowns))
             offered = OPTIONS | factorisation(self.assembler, "st_")
         eps.getST().setShift(shift)
         with defaults(offered):
             eps.setFromOptions()
             if PETSc.Options().hasName("eps_nev"):
                 _, ncv, mpd = eps.getDimensions()
-                eps.setDimensions(min(wanted + 2, unknowns), ncv, mpd)
+                eps.setDimensions(min(wanted + 1, unknowns), ncv, mpd)
             if typed in PRECONDITIONED and self.loose:
                 # These solvers find no end of a kernel: it is known, and taken out.
                 self._take_rigid_motions()

@@ -74,7 +74,8 @@ class Pressures:
 
     def axial_functions(self, u: Array) -> tuple[Index, Array]:
         """Return the first layer ``(t,)`` and the values ``(t, p)`` of the functions at axis parameters ``(t,)``."""
-        return bspline.table(self._knots, self.degree, u)[:2]
+        first, values, _ = bspline.table(self._knots, self.degree, u)
+        return first.copy(), values.copy()
 
     def tabulate(self, table: Table) -> tuple[Array, Array]:
         """Return section values ``(q, count)`` and axial values ``(E, t, p)`` at the points of a table of the space."""

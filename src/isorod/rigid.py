@@ -38,11 +38,13 @@ def free_motions(model: Model) -> list[tuple[int, Array]]:
         basis = motions(body.space)
         free = model.free[3 * model.first_node[b] : 3 * model.first_node[b + 1]]
         held = free < 0
-        _, first, unknown = np.unique(free, return_index=True, return_inverse=True)
-        # Rows of held components, and of what tied ones move apart; the triangular factor has the same singular values and at most
-        # six rows.
-        apart = (basis - basis[first[unknown]])[~held & (first[unknown] != np.arange(free.size))]
-        kept = np.concatenate([basis[held], apart])
+        kept = basis[held]
+        if model.bound.size > model.held.size:
+            # What tied components move apart.
+            _, first, unknown = np.unique(free, return_index=True, return_inverse=True)
+            apart = (basis - basis[first[unknown]])[~held & (first[unknown] != np.arange(free.size))]
+            kept = np.concatenate([kept, apart])
+        # The triangular factor has the same singular values and at most six rows.
         rows = np.linalg.qr(kept, mode="r") if kept.size else np.zeros((1, 6))
         _, sizes, turns = np.linalg.svd(rows, full_matrices=True)
         full = np.zeros(6)
