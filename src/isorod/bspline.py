@@ -64,14 +64,25 @@ def transfer(knots: Array, degree: int, finer: Array, finer_degree: int, columns
 
     Collocation at the finer splines' Greville points is exact for nested spaces, and well conditioned.
     """
-    p = finer_degree
-    greville = np.clip(np.convolve(finer[1:-1], np.full(p, 1.0 / p), "valid"), finer[0], finer[-1])
-    first, values, _ = table(knots, degree, greville)
+    given = knots.tobytes(), degree, finer.tobytes(), finer_degree
+    collocate = _kept_collocation if finer.size <= _KEPT_SIZE else _collocation
+    (first, values), factors = collocate(*given)
     wanted = np.einsum("tj,tjc->tc", values, columns[first[:, None] + np.arange(degree + 1)])
-    first, values, _ = table(finer, p, greville)
+    p = finer_degree
+    result: Array = lapack.dgbtrs(factors[0], p, p, wanted, factors[1])[0]
+    return np.ascontiguousarray(result)
+
+
+def _collocation(knots: bytes, degree: int, finer: bytes, p: int) -> tuple[tuple[Index, Array], tuple[Array, Index]]:
+    """Return a spline's functions at a finer one's Greville points, and the factors of the matrix of the finer one's own there."""
+    fine = np.frombuffer(finer)
+    greville = np.clip(np.convolve(fine[1:-1], np.full(p, 1.0 / p), "valid"), fine[0], fine[-1])
+    first, values, _ = table(fine, p, greville)
     column = first[:, None] + np.arange(p + 1)
     # LAPACK's band storage, with room for row exchanges.
     band = np.zeros((3 * p + 1, greville.size))
     band[2 * p + np.arange(greville.size)[:, None] - column, column] = values
-    result: Array = lapack.dgbsv(p, p, band, wanted)[2]
-    return np.ascontiguousarray(result)
+    return table(np.frombuffer(knots), degree, greville)[:2], lapack.dgbtrf(band, p, p)[:2]
+
+
+_kept_collocation = lru_cache(maxsize=8)(_collocation)

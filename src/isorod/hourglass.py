@@ -60,12 +60,17 @@ def check_modes(
     stiffness, mass = assembler.matrix(), assembler.mass(lumped)
     assembler.tangent(x, 0.0 if state is None else 1.0, stiffness)
     image = assembler.vector()
-    for k, (value, vector) in enumerate(zip(eigenvalues, vectors, strict=True)):
+    energies = []
+    for vector in vectors:
         mode = assembler.state(vector)
         stiffness.mult(mode, image)
         energy = mode.dot(image)
         mass.mult(mode, image)
-        energy /= mode.dot(image)
+        energies.append(energy / mode.dot(image))
+        mode.destroy()
+    for one in (x, stiffness, mass, image):
+        one.destroy()
+    for k, (value, energy) in enumerate(zip(eigenvalues, energies, strict=True)):
         if energy > FACTOR * abs(value):
             raise SolveError(
                 f"quadrature {_rules(model)}: a full rule gives mode {k + 1} {np.sqrt(energy / max(abs(value), 1e-300)):.2g} times the "

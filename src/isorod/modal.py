@@ -202,9 +202,8 @@ class _Problem:
         self.assembler = assembler
         self.stiffness = assembler.matrix()
         self.lumped = lumped
-        only_multiplies = not loose and _only_multiplies()
-        self.mass = assembler.mass_operator(lumped) if only_multiplies else assembler.mass(lumped)
-        self._entries = None if only_multiplies else self.mass
+        self._only_multiplies = not loose and _only_multiplies()
+        self.mass = assembler.mass_operator(lumped) if self._only_multiplies else assembler.mass(lumped)
         self.loose = loose
         self.found: list[tuple[float, PETSc.Vec]] = []
         self.check_seconds = 0.0
@@ -330,31 +329,35 @@ class _Problem:
         """Return the lowest eigenvalues, their vectors on all degrees of freedom, and residuals."""
         lowest = self.found[:wanted]
         values = np.array([value for value, _ in lowest])
-        scale = abs(values[rigid_modes])
         kx, mx = self.stiffness.createVecs()
-        sizes, residuals = [], []
-        for value, x in lowest:
+        # Own entries of each vector, and of its products with both matrices.
+        local = np.empty((3, wanted, kx.getLocalSize()))
+        for k, (_, x) in enumerate(lowest):
             self.mass.mult(x, mx)
             self.stiffness.mult(x, kx)
-            kx.axpy(-value, mx)
-            residuals.append(kx.norm() / (max(abs(value), scale) * mx.norm()))
-            sizes.append(np.sqrt(x.dot(mx)))
-        vectors = self.assembler.shapes([x for _, x in lowest]) / np.array(sizes)[:, None]
+            for place, vector in zip(local[:, k], (x, kx, mx), strict=True):
+                place[:] = vector.array_r
+        own, stiff, heavy = local
+        products = [np.sum(one, axis=1) for one in (own * heavy, (stiff - values[:, None] * heavy) ** 2, heavy**2)]
+        amount, gap, size = self.assembler.comm.tompi4py().allreduce(np.array(products))
+        residuals = np.sqrt(gap / size) / np.maximum(np.abs(values), abs(values[rigid_modes]))
+        vectors = self.assembler.shapes([x for _, x in lowest]) / np.sqrt(amount)[:, None]
         # The first of the largest components is positive.
         large = np.abs(vectors) > 0.999 * np.abs(vectors).max(axis=1, keepdims=True)
-        signs = np.sign(vectors[np.arange(len(lowest)), large.argmax(axis=1)])
-        return values, vectors * signs[:, None], np.array(residuals)
+        signs = np.sign(vectors[np.arange(wanted), large.argmax(axis=1)])
+        return values, vectors * signs[:, None], residuals
 
     def count_below(self, eigenvalue: float) -> int:
         """Return the number of eigenvalues up to just above the given one, by Sylvester's law of inertia."""
         start = perf_counter()
-        if self._entries is None:
-            self._entries = self.assembler.mass(self.lumped)
+        entries = self.assembler.mass(self.lumped) if self._only_multiplies else self.mass
         shifted = self.stiffness.copy()
-        shifted.axpy(-_just_above(eigenvalue), self._entries, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
+        shifted.axpy(-_just_above(eigenvalue), entries, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
         shifted.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         negative = negative_eigenvalues(shifted)
         shifted.destroy()
+        if self._only_multiplies:
+            entries.destroy()
         self.check_seconds += perf_counter() - start
         return negative
 

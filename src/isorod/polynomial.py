@@ -7,7 +7,7 @@ slender body are smooth across it, so that ten polynomials do what a hundred fun
 corner, a point load or a contact patch.
 """
 
-from functools import cached_property
+from functools import cached_property, lru_cache
 from math import ceil, pi
 
 import numpy as np
@@ -67,10 +67,8 @@ class Polynomials:
                 f"section degree: layer {worst} of the rod's control points is not an affine image of the others; polynomials need "
                 "sections of one shape"
             )
-        n = rod.section_points
-        xi, area = section_points(n, Rule(degree + 4, 4 + ceil(2.0 * pi * degree / n), 1))
-        values, gradients = harmonic_functions(n, xi)
-        (a, b), (c, d) = ((gradients[:, :, k] @ self._polygon).T for k in range(2))
+        area, values, (first, second) = _points(rod.section_points, degree)
+        (a, b), (c, d) = (first @ self._polygon).T, (second @ self._polygon).T
         weights = area * np.abs(a * d - b * c)
         centroid = weights @ (values @ self._polygon) / weights.sum()
         self._polygon = self._polygon - centroid
@@ -137,6 +135,15 @@ class Polynomials:
         # monomials = functions @ inverse(mix); those of degree 0 and 1 come first.
         result[:, :3] = np.linalg.inv(self._mix[:3, :3]) @ affine[:, order]
         return result
+
+
+@lru_cache(maxsize=8)
+def _points(n: int, degree: int) -> tuple[Array, Array, tuple[Array, Array]]:
+    """Return weights ``(m,)`` of points of the disk, and of the harmonic functions there values and both derivatives, ``(m, n)``."""
+    xi, area = section_points(n, Rule(degree + 4, 4 + ceil(2.0 * pi * degree / n), 1))
+    values, gradients = harmonic_functions(n, xi)
+    first, second = (np.ascontiguousarray(gradients[:, :, k]) for k in range(2))
+    return area, values, (first, second)
 
 
 def _slopes(powers: Array) -> Array:
