@@ -330,16 +330,17 @@ class _Problem:
         lowest = self.found[:wanted]
         values = np.array([value for value, _ in lowest])
         kx, mx = self.stiffness.createVecs()
-        # Own entries of each vector, and of its products with both matrices.
-        local = np.empty((3, wanted, kx.getLocalSize()))
-        for k, (_, x) in enumerate(lowest):
+        # Of each vector x^T M x, |K x - lambda M x|^2, |M x|^2.
+        products = np.empty((3, wanted))
+        for k, (value, x) in enumerate(lowest):
             self.mass.mult(x, mx)
             self.stiffness.mult(x, kx)
-            for place, vector in zip(local[:, k], (x, kx, mx), strict=True):
-                place[:] = vector.array_r
-        own, stiff, heavy = local
-        products = [np.sum(one, axis=1) for one in (own * heavy, (stiff - values[:, None] * heavy) ** 2, heavy**2)]
-        amount, gap, size = self.assembler.comm.tompi4py().allreduce(np.array(products))
+            own, stiff, heavy = x.array_r, kx.array_r, mx.array_r
+            gap = stiff - value * heavy
+            products[:, k] = own @ heavy, gap @ gap, heavy @ heavy
+        if self.assembler.comm.getSize() > 1:
+            products = self.assembler.comm.tompi4py().allreduce(products)
+        amount, gap, size = products
         residuals = np.sqrt(gap / size) / np.maximum(np.abs(values), abs(values[rigid_modes]))
         vectors = self.assembler.shapes([x for _, x in lowest]) / np.sqrt(amount)[:, None]
         # The first of the largest components is positive.

@@ -12,7 +12,6 @@ from math import ceil, pi
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import lapack
 
 from isorod.disk import Array, harmonic_functions
 from isorod.errors import InputError, representable, whole_number
@@ -67,24 +66,18 @@ class Polynomials:
                 f"section degree: layer {worst} of the rod's control points is not an affine image of the others; polynomials need "
                 "sections of one shape"
             )
-        area, values, (first, second) = _points(rod.section_points, degree)
-        (a, b), (c, d) = (first @ self._polygon).T, (second @ self._polygon).T
-        weights = area * np.abs(a * d - b * c)
-        centroid = weights @ (values @ self._polygon) / weights.sum()
-        self._polygon = self._polygon - centroid
-        place = values @ self._polygon
-        _, axes = np.linalg.eigh((place * weights[:, None]).T @ place)
-        extents = np.ptp(place @ axes[:, ::-1], axis=0)
-        self._polygon = self._polygon @ axes[:, ::-1] / (0.5 * extents)
+        # Geometry alone does without compiled code.
+        from isorod import polynomial_kernel
+
+        area, values, first, second = _points(rod.section_points, degree)
+        self._polygon, extents, share = polynomial_kernel.principal_frame(
+            np.ascontiguousarray(self._polygon), area, values, first, second
+        )
         across = max(2, ceil(degree * max(0.5, extents.min() / extents.max()) - 1e-9))
         self._powers = np.array(
             [(total - b, b) for total in range(degree + 1) for b in range(min(total, across) + 1)], dtype=np.int64
         )
-        self._mix = np.eye(self.count)
-        root = np.sqrt(weights / weights.sum())[:, None]
-        powers = self._monomials(values @ self._polygon)
-        triangle = np.triu(lapack.dgeqrf(root * self._products(powers[0], powers[1]))[0][: self.count])
-        self._mix = np.linalg.inv(triangle * np.sign(np.diag(triangle))[:, None])
+        self._mix = polynomial_kernel.orthogonalise(self._polygon, share, values, self._powers)
 
     @property
     def count(self) -> int:
@@ -103,27 +96,11 @@ class Polynomials:
 
     def functions(self, xi: ArrayLike) -> tuple[Array, Array]:
         """Return values ``(m, count)`` and gradients ``(m, count, 2)`` at disk points ``(m, 2)``."""
-        harmonic, slopes = harmonic_functions(self._polygon.shape[0], xi)
-        # By the disk's coordinates: the section's own.
-        turns = [slopes[:, :, k] @ self._polygon for k in range(2)]
-        first, second = self._monomials(harmonic @ self._polygon)
-        by_first = self._products(_slopes(first), second) @ self._mix
-        by_second = self._products(first, _slopes(second)) @ self._mix
-        gradients = [by_first * turns[k][:, :1] + by_second * turns[k][:, 1:] for k in range(2)]
-        return self._products(first, second) @ self._mix, np.stack(gradients, axis=2)
+        from isorod import polynomial_kernel
 
-    def _monomials(self, place: Array) -> Array:
-        """Return the powers of both coordinates ``(m, 2)`` up to the highest there is, shape ``(2, m, N + 1)``."""
-        result = np.empty((2, place.shape[0], self._powers.max() + 1))
-        result[:, :, 0] = 1.0
-        for k in range(1, result.shape[2]):
-            result[:, :, k] = result[:, :, k - 1] * place.T
-        return result
-
-    def _products(self, first: Array, second: Array) -> Array:
-        a, b = self._powers.T
-        product: Array = first[:, a] * second[:, b]
-        return product
+        tables = harmonic_functions(self._polygon.shape[0], xi)
+        found: tuple[Array, Array] = polynomial_kernel.functions(*tables, self._polygon, self._powers, self._mix)
+        return found
 
     def positions(self, polygons: Array) -> Array:
         """Return the coefficients ``(layers, count, 3)`` of layers of control points ``(layers, n, 3)`` of the same rod."""
@@ -138,16 +115,8 @@ class Polynomials:
 
 
 @lru_cache(maxsize=8)
-def _points(n: int, degree: int) -> tuple[Array, Array, tuple[Array, Array]]:
+def _points(n: int, degree: int) -> tuple[Array, Array, Array, Array]:
     """Return weights ``(m,)`` of points of the disk, and of the harmonic functions there values and both derivatives, ``(m, n)``."""
     xi, area = section_points(n, Rule(degree + 4, 4 + ceil(2.0 * pi * degree / n), 1))
     values, gradients = harmonic_functions(n, xi)
-    first, second = (np.ascontiguousarray(gradients[:, :, k]) for k in range(2))
-    return area, values, (first, second)
-
-
-def _slopes(powers: Array) -> Array:
-    """Return the derivatives of powers ``(m, N + 1)`` by what is raised."""
-    result = np.zeros_like(powers)
-    result[:, 1:] = np.arange(1, powers.shape[1]) * powers[:, :-1]
-    return result
+    return area, values, np.ascontiguousarray(gradients[:, :, 0]), np.ascontiguousarray(gradients[:, :, 1])

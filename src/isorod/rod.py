@@ -202,9 +202,9 @@ class Rod:
             return size
 
         axis = self.axis
-        layers = sizes(self.control_points)
+        found = sizes(np.concatenate([self.control_points, section]))
         near = axis.first_function[:, None] + np.arange(axis.degree + 1)
-        shares = sizes(section).reshape(u.shape) / layers[near].min(axis=1)[:, None]
+        shares = found[axis.count :].reshape(u.shape) / found[near].min(axis=1)[:, None]
         e, t = np.unravel_index(int(np.argmin(shares)), shares.shape)
         if shares[e, t] < _SHRINKS:
             text = (

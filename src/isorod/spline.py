@@ -1,7 +1,7 @@
 """The NURBS axis of a rod: basis functions, refinement and exact transfer between nested axes."""
 
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,6 +12,9 @@ from isorod.errors import InputError, whole_number
 
 MAX_DEGREE = 6
 MAX_ELEMENTS = 1_000_000
+
+# Refinements up to this many elements are kept: the same ones are asked for again and again.
+_KEPT_ELEMENTS = 1000
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,8 +136,13 @@ class Axis:
         whole_number("parts of an element", parts, 1, MAX_ELEMENTS)
         if parts * self.elements > MAX_ELEMENTS:
             raise InputError(f"axis: {parts * self.elements} elements are too many; at most {MAX_ELEMENTS}")
+        if parts * self.elements > _KEPT_ELEMENTS:
+            return self._refined(parts, degree, continuity)
+        return _kept_refinement(self.degree, self.knots.tobytes(), self.weights.tobytes(), parts, degree, continuity)
+
+    def _refined(self, parts: int, degree: int, continuity: int) -> "Axis":
         old, counts = self.breaks, self.multiplicities
-        cuts = np.linspace(old[:-1], old[1:], parts, endpoint=False, axis=1).ravel()
+        cuts = (old[:-1, None] + np.arange(parts) * (np.diff(old)[:, None] / parts)).ravel()
         smoothness = np.full(cuts.size, continuity)
         smoothness[::parts] = np.minimum(continuity, self.degree - counts[:-1])
         multiplicity = degree - smoothness
@@ -164,6 +172,11 @@ class Axis:
         columns = values.reshape(self.count, -1) * self.weights[:, None]
         moved = bspline.transfer(self.knots, self.degree, finer.knots, finer.degree, columns) / finer.weights[:, None]
         return moved.reshape(finer.count, *values.shape[1:])
+
+
+@lru_cache(maxsize=32)
+def _kept_refinement(own: int, knots: bytes, weights: bytes, parts: int, degree: int, continuity: int) -> Axis:
+    return Axis(own, np.frombuffer(knots), np.frombuffer(weights))._refined(parts, degree, continuity)
 
 
 def _check_finite(name: str, values: Array) -> None:
