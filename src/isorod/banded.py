@@ -8,7 +8,7 @@ Options ``-pc_type python -pc_python_type isorod.banded.Banded`` name it; it is 
 """
 
 import atexit
-import gc
+import weakref
 from typing import Any
 
 import numpy as np
@@ -25,16 +25,10 @@ NAME = f"{__name__}.Banded"
 # A band this many times wider than the layers of an element holds more zeros than entries.
 _WIDE = 1.5
 
+# Those that a preconditioner still has.
+_ALIVE: "weakref.WeakSet[Banded]" = weakref.WeakSet()
+
 _OPTIONS: Any = {"cache": True, "error_model": "numpy"}
-
-
-@atexit.register
-def _clean_up() -> None:
-    """Destroy what PETSc keeps for later: at its own end, after Python's, preconditioners written in Python crash."""
-    gc.collect()
-    for comm in (PETSc.COMM_SELF, PETSc.COMM_WORLD):
-        if not PETSc.Sys.isFinalized() and comm.getSize() == 1:
-            PETSc.garbage_cleanup(comm)
 
 
 def suits(model: Model) -> bool:
@@ -54,6 +48,12 @@ class Banded:
     def __init__(self) -> None:
         self._band: Array | None = None
         self._pivots: Any = None
+        self.handle = 0
+
+    def create(self, pc: PETSc.PC) -> None:
+        """Remember whose this is."""
+        self.handle = pc.handle
+        _ALIVE.add(self)
 
     def setUp(self, pc: PETSc.PC) -> None:
         """Factorise the matrix of a PETSc preconditioner; a singular one makes the solve fail."""
@@ -114,3 +114,10 @@ def _whole_band(lower: Array) -> Array:
     for d in range(1, width + 1):
         result[2 * width - d, d:] = lower[: n - d, d]
     return result
+
+
+@atexit.register
+def _leave() -> None:
+    """Take away from PETSc, which ends after Python, what it could then no longer destroy."""
+    for one in list(_ALIVE):
+        petsc.forget(one.handle)

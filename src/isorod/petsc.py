@@ -170,6 +170,11 @@ def set_singular(pc: PETSc.PC, singular: bool) -> None:
     _check(_function("PCSetFailedReason", _POINTER, ctypes.c_int)(pc.handle, 2 if singular else 0))
 
 
+def forget(handle: int) -> None:
+    """Make a preconditioner, given by its handle, one that does nothing and has nothing."""
+    _check(_function("PCSetType", _POINTER, ctypes.c_char_p)(handle, b"none"))
+
+
 def pc_name(pc: PETSc.PC) -> str:
     """Return the type of a preconditioner, of one that is written in Python the name of its class."""
     return type(pc.getPythonContext()).__name__.lower() if pc.getType() == "python" else str(pc.getType())
