@@ -56,6 +56,7 @@ CURVES = {
         _cylindrical(
             "polynomials N = 3, p = 4, 3x1x2", "--section-degree 3 --degree 4 --quadrature 3x1x2", (8, 10, 12)
         ),
+        _cylindrical("polynomials N = 3, p = 6, 3x1x3", "--section-degree 3 --degree 6 --quadrature 3x1x3", (4, 5, 6)),
         _cylindrical("polynomials N = 4, p = 4", "--section-degree 4 --degree 4", (8, 12, 16)),
         *fem_curves(presets.QUICK),
     ),
@@ -69,6 +70,9 @@ CURVES = {
         _cylindrical("K = 3, p = 3, n = 32", "--section-points 32 --order 3 --degree 3", (12, 16)),
         _cylindrical(
             "polynomials N = 3, p = 4, 3x1x2", "--section-degree 3 --degree 4 --quadrature 3x1x2", (6, 8, 9, 10, 12)
+        ),
+        _cylindrical(
+            "polynomials N = 3, p = 6, 3x1x3", "--section-degree 3 --degree 6 --quadrature 3x1x3", (4, 5, 6, 7, 8)
         ),
         _cylindrical("polynomials N = 3, p = 4", "--section-degree 3 --degree 4", (8, 10, 12, 16)),
         _cylindrical("polynomials N = 4, p = 4", "--section-degree 4 --degree 4", (8, 10, 12, 16, 20)),

@@ -28,6 +28,7 @@ PAPER = "--degree 2 --continuity 0 --quadrature paper"
 CURVES = {
     "quick": (
         _cylindrical("paper, n = 4", f"{PAPER} --section-points 4", (8, 16, 24)),
+        _cylindrical("K = 1, p = 2, n = 4, 2x1x2", "--degree 2 --section-points 4 --quadrature 2x1x2", (4, 8, 12)),
         _cylindrical("K = 1, p = 2, n = 5, 2x1x2", "--degree 2 --section-points 5 --quadrature 2x1x2", (4, 8, 12)),
         _cylindrical("K = 1, p = 2, n = 6, 2x1x2", "--degree 2 --section-points 6 --quadrature 2x1x2", (4, 8, 12)),
         _cylindrical("K = 1, p = 3, 2x1x3", "--degree 3 --section-points 6 --quadrature 2x1x3", (4, 8, 12)),
@@ -38,6 +39,7 @@ CURVES = {
     "full": (
         _cylindrical("paper, n = 4", f"{PAPER} --section-points 4", (4, 8, 12, 16, 20, 24)),
         _cylindrical("paper, n = 8", f"{PAPER} --section-points 8", (4, 8, 12, 16, 20, 24)),
+        _cylindrical("K = 1, p = 2, n = 4, 2x1x2", "--degree 2 --section-points 4 --quadrature 2x1x2", (4, 8, 12, 16)),
         _cylindrical("K = 1, p = 2, n = 5, 2x1x2", "--degree 2 --section-points 5 --quadrature 2x1x2", (4, 8, 12, 16)),
         _cylindrical("K = 1, p = 2, n = 6, 2x1x2", "--degree 2 --section-points 6 --quadrature 2x1x2", (4, 8, 12, 16)),
         _cylindrical("K = 1, p = 3, 2x1x3", "--degree 3 --section-points 6 --quadrature 2x1x3", (4, 8, 12, 16)),
