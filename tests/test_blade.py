@@ -358,6 +358,10 @@ def refused(blade, tmp_path):
         ("--twist 360", "twist: got 360 degrees, the one element of the blade carries -90 to 90"),
         ("--twist -91", "twist: got -91 degrees"),
         ("--chord 0 --airfoil 2412", "chord: got 0, need a positive length"),
+        (
+            "--chord 1e-8",
+            r"body 0 is free to turn about \(.*\), as far as 1e-8 of its size tells.*hold it, or give a shift",
+        ),
         ("--airfoil 24", "airfoil: got '24', need a NACA 4-digit number such as 2412"),
         ("--airfoil 2400", "airfoil: got '2400'"),
         ("--airfoil clarky", "airfoil: got 'clarky'"),

@@ -106,6 +106,24 @@ def test_the_fastest_run_within_the_target_is_reported(monkeypatch, tmp_path):
     assert precision.fastest(found, "fem", 1e-2, holds=False) is None
 
 
+def test_the_fastest_of_both_sides_are_measured_again_in_turn(monkeypatch, tmp_path):
+    """Along the curves the machine is busy, and in the first turn again."""
+    fastest = []
+
+    def times(n, p):
+        if (n, p) == (16, 4):
+            fastest.append(len(fastest))
+        return n * p * (1.0 if len(fastest) > 4 else 5.0)
+
+    found = measured(lambda n, p: 1.0 + 1.0 / n**2, times, monkeypatch, tmp_path)
+    assert len(fastest) == 2 + 2 * work.TURNS
+    for method in work.MODULES:
+        best = precision.fastest(found, method, 1e-2)
+        assert best is not None
+        assert best["turns"] == [320.0, 64.0, 64.0]
+        assert best["seconds"]["total"] == 64.0
+
+
 def test_errors_that_cancel_do_not_count(monkeypatch, tmp_path):
     # Axis and section errors cancel exactly at 4 elements, 4 points.
     found = measured(lambda n, p: 1.0 + 1.0 / n**2 - 1.0 / p**2, lambda n, p: n * p, monkeypatch, tmp_path)

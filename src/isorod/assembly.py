@@ -3,18 +3,18 @@
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from time import perf_counter
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from petsc4py import PETSc
 
 from isorod import petsc, rigid
 from isorod.disk import Array
+from isorod.entries import Entries, Numbered, joined, rows_and_columns
 from isorod.errors import InputError
 from isorod.extrapolation import Extrapolation, pays
 from isorod.model import Model
 from isorod.part import Part
-from isorod.pattern import Pattern
 from isorod.small import determinant
 from isorod.spline import Index
 
@@ -164,15 +164,15 @@ class Assembler:
         vector.zeroEntries()
         return vector
 
-    def _matrix(self, entries: Sequence["_Entries"], components: int = 1) -> PETSc.Mat:
+    def _matrix(self, entries: Sequence[Entries], components: int = 1) -> PETSc.Mat:
         """Return a new symmetric matrix of one of several components, with room for entries."""
         rows, unknowns, block = (size // components for size in (self.rows, self.unknowns, self.block))
-        alone = entries[0] if len(entries) == 1 and isinstance(entries[0], _Numbered) else None
+        alone = entries[0] if len(entries) == 1 and isinstance(entries[0], Numbered) else None
         made = petsc.matrix(
             self.comm,
             (rows, unknowns),
             block,
-            lambda: _rows_and_columns(entries),
+            lambda: rows_and_columns(entries),
             None if alone is None else lambda: alone.pattern.compressed_rows(alone.number, unknowns),
         )
         for option in _SYMMETRIC:
@@ -188,8 +188,8 @@ class Assembler:
             self._note("tangent")
         return made
 
-    def _tangent_entries(self) -> list["_Entries"]:
-        entries: list[_Entries] = [_Numbered(part.pattern, self.free[part.first_dof :]) for part in self.parts]
+    def _tangent_entries(self) -> list[Entries]:
+        entries: list[Entries] = [Numbered(part.pattern, self.free[part.first_dof :]) for part in self.parts]
         if self.contact is not None:
             entries.append((self.model.free[self.contact.rows], self.model.free[self.contact.columns]))
         return entries
@@ -288,9 +288,9 @@ class Assembler:
             if self.contact is not None:
                 merged.append(self.contact.tangent(self._local))
                 if out.getAttr("contact_version") != self.contact.version:
-                    petsc.preallocate(out, *_rows_and_columns(self._tangent_entries()))
+                    petsc.preallocate(out, *rows_and_columns(self._tangent_entries()))
                     out.setAttr("contact_version", self.contact.version)
-            petsc.set_values(out, _joined(merged, float))
+            petsc.set_values(out, joined(merged, float))
             return matrices
 
     def load_forces(self, x: PETSc.Vec, factor: float, matrices: list[Array], step: float, out: PETSc.Vec) -> None:
@@ -320,9 +320,9 @@ class Assembler:
         right; the others get their diagonal entries.
         """
         with self._timed():
-            found = [one for a in range(3) for one in self._masses(lumped, self.model.free[a::3])]
+            found = [part.mass_entries(lumped, self.model.free[a::3]) for a in range(3) for part in self.parts]
             matrix = self._matrix([entries for entries, _ in found])
-            petsc.set_values(matrix, _joined([merged for _, merged in found], float))
+            petsc.set_values(matrix, joined([merged for _, merged in found], float))
             self._note("lumped mass" if lumped else "mass")
         return matrix
 
@@ -331,25 +331,15 @@ class Assembler:
         if not self.model.whole_nodes or PETSc.Options().hasName("mat_type"):
             return self.mass(lumped)
         with self._timed():
-            found = list(self._masses(lumped, self.model.free[::3] // 3))
+            found = [part.mass_entries(lumped, self.model.free[::3] // 3) for part in self.parts]
             one = self._matrix([entries for entries, _ in found], 3)
-            petsc.set_values(one, _joined([merged for _, merged in found], float))
+            petsc.set_values(one, joined([merged for _, merged in found], float))
             matrix = petsc.componentwise(one, 3)
             for option in _SYMMETRIC:
                 matrix.setOption(option, True)
             one.destroy()
             self._note("lumped mass" if lumped else "mass")
         return matrix
-
-    def _masses(self, lumped: bool, number: Index) -> Iterator[tuple["_Entries", Array]]:
-        """Yield for each part where in a matrix with ``number`` of each node the mass of one component is, and that mass."""
-        for part in self.parts:
-            if lumped:
-                nodes = number[part.dofs[:, ::3].ravel() // 3]
-                yield (nodes, nodes), part.lumped_mass().ravel()
-            else:
-                pattern = Pattern(part.layers, part.body.space.layer_nodes)
-                yield _Numbered(pattern, number[part.first_node :]), pattern.merge(part.mass)
 
     def energy(self, x: PETSc.Vec, factor: float) -> float:
         """Return the stored energy of the whole model, that of contact included."""
@@ -423,27 +413,3 @@ class Assembler:
             table = part.table
             found.append((float(det.min()), part.index, int(table.first + e), float(table.u[e, t])))
         return min(self.comm.tompi4py().allgather(min(found)))
-
-
-class _Numbered(NamedTuple):
-    """The entries of a pattern: what is at ``layer size + place`` has this number, negative if it is held."""
-
-    pattern: Pattern
-    number: Index
-
-
-# Or rows and columns of each.
-_Entries = _Numbered | tuple[Index, Index]
-
-
-def _rows_and_columns(entries: Sequence[_Entries]) -> tuple[Index, Index]:
-    """Return rows and columns of all entries, those of held degrees of freedom negative."""
-    pairs = [one.pattern.indices(one.number) if isinstance(one, _Numbered) else one for one in entries]
-    return _joined([pair[0] for pair in pairs], int), _joined([pair[1] for pair in pairs], int)
-
-
-def _joined(arrays: Sequence[Any], kind: type) -> Any:
-    """Return one array of several, or of none."""
-    if len(arrays) == 1:
-        return arrays[0]
-    return np.concatenate([np.empty(0, dtype=kind), *arrays])

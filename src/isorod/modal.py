@@ -237,7 +237,12 @@ class _Problem:
             if first > 0.01 * guess:
                 return float(first)
             guess = max(10.0 * abs(first), 1e-3 * guess)
-        raise SolveError("modes of a free body: no flexible mode was found to place the shift by; give one (-st_shift)")
+        body, motion = self.loose[0]
+        how = rigid.describe(self.assembler.model.bodies[body].space, motion)
+        raise SolveError(
+            f"modes: body {body} is free to {how}, as far as 1e-8 of its size tells, and no flexible mode was found to place the shift by; "
+            "hold it, or give a shift (-st_shift)"
+        )
 
     def solve(self, wanted: int, shift: float) -> tuple[SLEPc.EPS, int]:
         """Find the lowest ``wanted`` eigenvalues, as the user's options say; return the solver and the Sturm count.

@@ -6,6 +6,7 @@ import numpy as np
 
 from isorod import kernel
 from isorod.disk import Array
+from isorod.entries import Entries, Numbered
 from isorod.extrapolation import Extrapolation
 from isorod.model import Body, Spin
 from isorod.pattern import Pattern
@@ -49,6 +50,14 @@ class Part:
         density = self.body.densities[t.first : t.first + t.elements, None, None]
         mass = kernel.mass(t.section, t.axial, density * t.weights)
         return mass.reshape(mass.shape[0], mass.shape[1] * mass.shape[2], -1)
+
+    def mass_entries(self, lumped: bool, number: Index) -> tuple[Entries, Array]:
+        """Return where in a matrix with ``number`` of each of the model's nodes the mass of one component is, and that mass."""
+        if lumped:
+            nodes = number[self.dofs[:, ::3].ravel() // 3]
+            return (nodes, nodes), self.lumped_mass().ravel()
+        pattern = Pattern(self.layers, self.body.space.layer_nodes)
+        return Numbered(pattern, number[self.first_node :]), pattern.merge(self.mass)
 
     def lumped_mass(self) -> Array:
         """Return the element masses of one component, shape ``(E, l n)``."""
