@@ -7,7 +7,8 @@ from comparisons.records import Record, part
 
 LUCK = (
     "<p>A run counts as reaching an error if it stays within when the axis alone, and the section alone, is refined one step. "
-    "Coarser runs that get there because both errors cancel are listed as such.</p>"
+    "Coarser runs that get there because both errors cancel are listed as such. The fastest of both sides were measured again, in turn; "
+    "the least of their median times counts.</p>"
 )
 
 
