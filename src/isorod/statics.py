@@ -108,7 +108,7 @@ def factorisation(assembler: Assembler, prefix: str = "", symmetric: bool = True
     Where a factorisation is typed, its ordering; where another preconditioner is, there are none: it may take some of them for its own.
     """
     typed = PETSc.Options().getAll()
-    own = [name for name in typed if name.startswith(f"{prefix}pc_")] + [name for name in typed if name == "mat_type"]
+    own = any(name.startswith(f"{prefix}pc_") or name == "mat_type" for name in typed)
     if typed.get(f"{prefix}pc_type", "lu") not in ("lu", "cholesky"):
         return {}
     width = max(3 * body.space.element_nodes.shape[1] for body in assembler.model.bodies)
