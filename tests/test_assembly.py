@@ -109,7 +109,7 @@ def residual(assembler, x, factor=0.7):
 
 def tangent(assembler, x, factor=0.7):
     matrix = assembler.matrix()
-    blocks = assembler.tangent(x, factor, matrix)
+    blocks = assembler.tangent(x, factor, matrix, keep=True)
     return matrix, blocks
 
 
@@ -304,7 +304,7 @@ def record(path):
         x.array[:] = 0.03 * np.random.default_rng(0).uniform(-1, 1, x.getSize())[low:high]
         assembler.residual(x, 0.7, out)
         matrix = assembler.matrix()
-        blocks = assembler.tangent(x, 0.7, matrix)
+        blocks = assembler.tangent(x, 0.7, matrix, keep=True)
         support = assembler.vector()
         assembler.load_forces(x, 0.7, blocks, 1.0, support)
         if assembler.model.bodies[0].density:

@@ -106,7 +106,7 @@ def test_predictor_is_the_derivative_by_the_load_factor():
     for factor in (0.6 - h, 0.6 + h):
         assembler.residual(x, factor, out)
         values.append(out.array_r.copy())
-    matrices = assembler.tangent(x, 0.6, matrix)
+    matrices = assembler.tangent(x, 0.6, matrix, keep=True)
     assembler.load_forces(x, 0.6, matrices, 1e-7, out)
     assert out.array_r * 1e7 == pytest.approx((values[1] - values[0]) / (2 * h), rel=1e-5, abs=1e-7)
 

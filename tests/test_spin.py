@@ -221,7 +221,7 @@ def test_rotation_softens_the_tangent_by_the_mass(assembler):
 def test_load_forces_are_the_derivative_by_the_load_factor(assembler):
     """At fixed unknowns; supports move and the rotation grows."""
     x = state(assembler)
-    blocks = assembler.tangent(x, FACTOR, assembler.matrix())
+    blocks = assembler.tangent(x, FACTOR, assembler.matrix(), keep=True)
     out = assembler.vector()
     assembler.load_forces(x, FACTOR, blocks, 2.0, out)
     expected = 2.0 * slope(lambda step: residual(assembler, x, FACTOR + step), 1e-3)

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from functools import cached_property
 from time import perf_counter
 from typing import TYPE_CHECKING
 
@@ -12,6 +13,7 @@ from isorod import petsc, rigid
 from isorod.disk import Array
 from isorod.entries import Entries, Numbered, joined, rows_and_columns
 from isorod.errors import InputError
+from isorod.exchange import Exchange
 from isorod.extrapolation import Extrapolation, pays
 from isorod.model import Model
 from isorod.part import Part
@@ -117,35 +119,30 @@ class Assembler:
                 ranks = np.searchsorted(bounds, first_element[b] + first_touch, side="right") - 1
                 owner[self.first[b] : self.first[b + 1]] = np.repeat(ranks, self.part.layer_dofs(body))
 
-        if size == 1:
-            self.rows, window = self.unknowns, np.arange(owner.size)
-        else:
+        window = None
+        self.rows = self.unknowns
+        if size > 1:
             self.rows = np.unique(self.free[(self.free >= 0) & (owner == rank)]).size
             window = np.unique(np.concatenate([np.empty(0, np.int64), *(part.dofs.ravel() for part in self.parts)]))
+        self._owner = owner
+        self._exchange = Exchange(self.vector(), self.free, window, self._places(), model.bound)
         for part in self.parts:
-            part.slots = np.searchsorted(window, part.dofs)
-        self._local = np.zeros(window.size)
-        self._free_slots = np.flatnonzero(self.free[window] >= 0)
-        places = self._places()
-        of_place = np.full(self.free.size, -1)
-        of_place[places] = np.arange(places.size)
-        moved = of_place[window]
-        self._moved_slots = np.flatnonzero(moved >= 0)
-        self._moved = moved[self._moved_slots]
-        of_bound = np.full(model.dofs, -1)
-        of_bound[model.bound] = np.arange(model.bound.size)
-        bound = of_bound[self._moved]
-        self._bound_slots = self._moved_slots[bound >= 0]
-        self._bound_index = bound[bound >= 0]
-        # Each rank loads its own degrees of freedom only, so that shared ones are loaded once.
-        self._external = np.zeros(window.size)
-        if model.loads:
-            self._external[self._moved_slots] = np.where(owner[places] == rank, model.external, 0.0)[self._moved]
-        free = self.free[window[self._free_slots]].astype(PETSc.IntType)
-        x = self.vector()
-        self._near = PETSc.Vec().createSeq(free.size)
-        self._scatter = PETSc.Scatter().create(x, PETSc.IS().createGeneral(free, PETSc.COMM_SELF), self._near, None)
-        self._everything: tuple[PETSc.Scatter, PETSc.Vec] | None = None
+            part.slots = self._exchange.slots(part.dofs)
+            count = part.body.space.layers
+            held = self.free[part.first_dof :][: count * part.width].reshape(count, -1).max(axis=1) < 0
+            part.free_layers = np.where(held[part.layers], -1, part.layers)
+        self._local = np.zeros(self._exchange.size)
+
+    @cached_property
+    def _external(self) -> Array:
+        """Forces of the loads at load factor 1."""
+        result = np.zeros(self._exchange.size)
+        if self.model.loads:
+            # Each rank loads its own degrees of freedom only, so that shared ones are loaded once.
+            mine = self._owner[self._places()] == self.comm.getRank()
+            moved, slots = self._exchange.moved
+            result[slots] = np.where(mine, self.model.external, 0.0)[moved]
+        return result
 
     def _places(self) -> Index:
         """Return the assembler's number of each of the model's degrees of freedom, ascending."""
@@ -210,15 +207,10 @@ class Assembler:
         return PETSc.NullSpace().create(vectors=vectors, comm=self.comm)
 
     def _load(self, x: PETSc.Vec, factor: float) -> None:
-        self._scatter.scatter(x, self._near, PETSc.InsertMode.INSERT_VALUES, PETSc.ScatterMode.FORWARD)
+        moved, slots = self._exchange.moved
         self._local[:] = 0.0
-        self._local[self._moved_slots] = self.model.prescribed(factor)[self._moved]
-        self._local[self._free_slots] += self._near.array_r
-
-    def _store(self, local: Array, out: PETSc.Vec) -> None:
-        self._near.array_w[:] = local[self._free_slots]
-        out.zeroEntries()
-        self._scatter.scatter(self._near, out, PETSc.InsertMode.ADD_VALUES, PETSc.ScatterMode.REVERSE)
+        self._local[slots] = self.model.prescribed(factor)[moved]
+        self._exchange.add_unknowns(x, self._local)
 
     def _forces(self, factor: float) -> Array:
         spin = self.model.spin
@@ -242,8 +234,8 @@ class Assembler:
         with self._timed():
             self._load(x, factor)
             forces = self._forces(factor)
-            self._store(forces, out)
-            own = float(np.sum(forces[self._bound_slots] ** 2) + np.sum((factor * self._external) ** 2))
+            self._exchange.store(forces, out)
+            own = float(np.sum(forces[self._exchange.bound[1]] ** 2) + np.sum((factor * self._external) ** 2))
             self.carried = float(np.sqrt(self.comm.tompi4py().allreduce(own)))
 
     def reactions(self, x: PETSc.Vec, factor: float) -> Array:
@@ -251,7 +243,8 @@ class Assembler:
         with self._timed():
             self._load(x, factor)
             forces = np.zeros(self.model.bound.size)
-            forces[self._bound_index] = self._forces(factor)[self._bound_slots]
+            bound, slots = self._exchange.bound
+            forces[bound] = self._forces(factor)[slots]
             return np.asarray(self.comm.tompi4py().allreduce(forces))
 
     def imbalance(self, x: PETSc.Vec, factor: float) -> tuple[Array, Array]:
@@ -261,30 +254,36 @@ class Assembler:
         """
         with self._timed():
             self._load(x, factor)
-            carried = self.model.carries[self._moved // 3]
-            loose = carried & ~np.isin(self._moved, self.model.bound)
-            total = self._forces(factor)[self._moved_slots]
-            resultant = np.bincount(self._moved[loose] % 3, total[loose], 3)
+            moved, slots = self._exchange.moved
+            carried = self.model.carries[moved // 3]
+            loose = carried & ~np.isin(moved, self.model.bound)
+            total = self._forces(factor)[slots]
+            resultant = np.bincount(moved[loose] % 3, total[loose], 3)
             change = np.zeros(self._local.size)
             for sign in (-1.0, 1.0):
                 for part in self.parts:
                     forces = part.forces(self._local, factor).ravel()
                     change += sign * np.bincount(part.slots.ravel(), forces, change.size)
-                self._local[self._moved_slots[carried]] += self.model.size
+                self._local[slots[carried]] += self.model.size
             noise = np.zeros(self.model.bound.size)
-            noise[self._bound_index] = change[self._bound_slots]
+            bound, slots = self._exchange.bound
+            noise[bound] = change[slots]
             comm = self.comm.tompi4py()
             return np.asarray(comm.allreduce(resultant)), np.asarray(comm.allreduce(noise))
 
-    def tangent(self, x: PETSc.Vec, factor: float, out: PETSc.Mat) -> list[Array]:
-        """Fill ``out`` with the tangent stiffness and return the element matrices of this rank's parts."""
+    def tangent(self, x: PETSc.Vec, factor: float, out: PETSc.Mat, keep: bool = False) -> list[Array]:
+        """Fill ``out`` with the tangent stiffness and return, if they are to be kept, the element matrices of this rank's parts."""
         with self._timed():
             self._load(x, factor)
-            matrices = [part.matrices(self._local, factor) for part in self.parts]
-            if self.model.spin is not None:
-                for part, block in zip(self.parts, matrices, strict=True):
-                    block -= factor * part.softening(self.model.spin)
-            merged = [part.pattern.merge(block) for part, block in zip(self.parts, matrices, strict=True)]
+            matrices = []
+            if keep or self.model.spin is not None:
+                matrices = [part.matrices(self._local, factor) for part in self.parts]
+                if self.model.spin is not None:
+                    for part, block in zip(self.parts, matrices, strict=True):
+                        block -= factor * part.softening(self.model.spin)
+                merged = [part.pattern.merge(block) for part, block in zip(self.parts, matrices, strict=True)]
+            else:
+                merged = [part.entries(self._local, factor) for part in self.parts]
             if self.contact is not None:
                 merged.append(self.contact.tangent(self._local))
                 if out.getAttr("contact_version") != self.contact.version:
@@ -297,9 +296,9 @@ class Assembler:
         """Fill ``out`` with the linearised change of the residual when the load factor grows by ``step`` at ``x``."""
         with self._timed():
             self._load(x, factor)
+            moved, slots = self._exchange.moved
             move = np.zeros(self._local.size)
-            grown = self.model.prescribed(factor + step) - self.model.prescribed(factor)
-            move[self._moved_slots] = grown[self._moved]
+            move[slots] = (self.model.prescribed(factor + step) - self.model.prescribed(factor))[moved]
             total = -step * self._external
             for part, blocks in zip(self.parts, matrices, strict=True):
                 change = np.einsum("eij,ej->ei", blocks, move[part.slots])
@@ -311,7 +310,7 @@ class Assembler:
                 total += np.bincount(part.slots.ravel(), change.ravel(), total.size)
             if self.contact is not None:
                 total += self.contact.product(move)
-            self._store(total, out)
+            self._exchange.store(total, out)
 
     def mass(self, lumped: bool = False) -> PETSc.Mat:
         """Return the mass matrix of the unknowns, consistent or lumped.
@@ -362,16 +361,6 @@ class Assembler:
         _, first = np.unique(self.model.free, return_index=True)
         return displacement[first[first.size - self.model.unknowns :]]
 
-    def _gathered(self, x: PETSc.Vec) -> Array:
-        """Return all unknowns, on every rank."""
-        if self.comm.getSize() == 1:
-            return np.array(x.array_r)
-        if self._everything is None:
-            self._everything = PETSc.Scatter.toAll(x)
-        scatter, everything = self._everything
-        scatter.scatter(x, everything, PETSc.InsertMode.INSERT_VALUES, PETSc.ScatterMode.FORWARD)
-        return np.array(everything.array_r)
-
     def _displacements(self, unknowns: Array) -> Array:
         """Return those unknowns that are displacements, in the model's order."""
         return unknowns
@@ -380,7 +369,7 @@ class Assembler:
         """Return all degrees of freedom of motions that move no support, shape ``(len(vectors), dofs)``, on every rank."""
         result = np.zeros((len(vectors), self.model.dofs))
         is_free = self.model.free >= 0
-        unknowns = np.stack([self._displacements(self._gathered(x)) for x in vectors])
+        unknowns = np.stack([self._displacements(self._exchange.all_unknowns(x)) for x in vectors])
         result[:, is_free] = unknowns[:, self.model.free[is_free]]
         return result
 
@@ -388,7 +377,7 @@ class Assembler:
         """Return all degrees of freedom, shape ``(dofs,)``, on every rank."""
         result = self.model.prescribed(factor)
         is_free = self.model.free >= 0
-        result[is_free] += self._displacements(self._gathered(x))[self.model.free[is_free]]
+        result[is_free] += self._displacements(self._exchange.all_unknowns(x))[self.model.free[is_free]]
         return result
 
     def pressures(self, x: PETSc.Vec) -> "Sequence[Array | None]":

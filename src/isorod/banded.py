@@ -58,7 +58,7 @@ class Banded:
     def setUp(self, pc: PETSc.PC) -> None:
         """Factorise the matrix of a PETSc preconditioner; a singular one makes the solve fail."""
         _, matrix = pc.getOperators()
-        start, column, values = matrix.getValuesCSR()
+        start, column, values = petsc.compressed_rows(matrix)
         width = _bandwidth(start, column)
         lower = _lower_band(start, column, values, width)
         self._pivots = None
@@ -94,13 +94,16 @@ def _bandwidth(start: Any, column: Any) -> int:
 
 @njit(**_OPTIONS)
 def _lower_band(start: Any, column: Any, values: Array, width: int) -> Array:
-    """Return the entries on and below the diagonal, shape ``(n, width + 1)``: row ``j`` holds column ``j`` from the diagonal on."""
+    """Return the entries on and below the diagonal, shape ``(n, width + 1)``: row ``j`` holds column ``j`` from the diagonal on.
+
+    They are read off above the diagonal, where those of a column are a row and lie side by side.
+    """
     n = start.size - 1
     result = np.zeros((n, width + 1))
-    for i in range(n):
-        for k in range(start[i], start[i + 1]):
-            j = column[k]
-            if j > i:
+    for j in range(n):
+        for k in range(start[j + 1] - 1, start[j] - 1, -1):
+            i = column[k]
+            if i < j:
                 break
             result[j, i - j] = values[k]
     return result

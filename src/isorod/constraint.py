@@ -75,28 +75,30 @@ def number(motions: Sequence[Motion], dofs: int) -> Numbering:
     InputError
         If two supports contradict each other.
     """
-    values = np.full((len(_SAMPLES), dofs), np.nan)
     owner = np.full(dofs, -1)
-    leader = np.arange(dofs)
     tied = np.zeros(dofs, dtype=bool)
+    leader = np.arange(dofs)
+    values = np.full((len(_SAMPLES), dofs), np.nan) if len(motions) > 1 else None
     for k, motion in enumerate(motions):
-        wanted = np.stack([motion.at(factor) for factor in _SAMPLES])
-        before = owner[motion.dofs] >= 0
-        differs = (values[:, motion.dofs] != wanted).any(axis=0)
-        clash = before & (differs | tied[motion.dofs] | motion.tied)
-        if clash.any():
-            dof = motion.dofs[np.argmax(clash)]
-            raise InputError(
-                f"support {k}: node {dof // 3}, component {'xyz'[dof % 3]} is held elsewhere at another displacement"
-            )
-        values[:, motion.dofs] = wanted
+        if values is not None:
+            wanted = np.stack([motion.at(factor) for factor in _SAMPLES])
+            before = owner[motion.dofs] >= 0
+            differs = (values[:, motion.dofs] != wanted).any(axis=0)
+            clash = before & (differs | tied[motion.dofs] | motion.tied)
+            if clash.any():
+                dof = motion.dofs[np.argmax(clash)]
+                raise InputError(
+                    f"support {k}: node {dof // 3}, component {'xyz'[dof % 3]} is held elsewhere at another displacement"
+                )
+            values[:, motion.dofs] = wanted
         owner[motion.dofs] = k
-        for a in range(3):
-            together = motion.dofs[motion.tied & (motion.dofs % 3 == a)]
-            leader[together] = together.min(initial=dofs)
-            tied[together] = True
+        if motion.tied.any():
+            for a in range(3):
+                together = motion.dofs[motion.tied & (motion.dofs % 3 == a)]
+                leader[together] = together.min(initial=dofs)
+                tied[together] = True
     bound = owner >= 0
     held = bound & ~tied
     leads = ~held & (leader == np.arange(dofs))
     free = np.where(held, -1, (np.cumsum(leads) - 1)[leader])
-    return Numbering(np.flatnonzero(held), np.flatnonzero(bound), owner[bound], free.astype(np.int64))
+    return Numbering(np.flatnonzero(held), np.flatnonzero(bound), owner[bound], free)

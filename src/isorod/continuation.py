@@ -251,7 +251,7 @@ class _Path:
 
     def factorise(self, x: PETSc.Vec, factor: float) -> None:
         """Set the tangent and its factorisation, the derivative of the residual by the load factor, and count negative eigenvalues."""
-        matrices = self.assembler.tangent(x, factor, self.matrix)
+        matrices = self.assembler.tangent(x, factor, self.matrix, keep=True)
         self.assembler.load_forces(x, factor, matrices, _DELTA, self.slope)
         del matrices
         self.slope.scale(1.0 / _DELTA)

@@ -4,7 +4,7 @@ Rules chosen by `isorod.quadrature` themselves are good; one that a user gives i
 result again and solves nothing.
 """
 
-from dataclasses import replace
+from dataclasses import astuple, replace
 
 import numpy as np
 from petsc4py import PETSc
@@ -14,6 +14,7 @@ from isorod.disk import Array
 from isorod.errors import SolveError
 from isorod.model import Model
 from isorod.quadrature import Rule
+from isorod.space import Space
 
 # A result is refused if the full rule sees this many times the energy.  Measured: paper's rule 1.0 to 1.3, 2x1x2 on a spring of four
 # quadratic elements a turn 1.9; where hourglass modes are left, 100 and far more.
@@ -26,8 +27,7 @@ def suspected(model: Model) -> bool:
         if body.formulation != "displacement":
             continue
         space = body.space
-        good = Rule.auto(space.points_around, space.axis.degree, space.order, space.section_degree)
-        given = space.rule
+        good, given = _chosen(space), space.rule
         # Where elements of degree p are joined without continuous slopes, p points along each leave no motion free of energy: the
         # slope of no polynomial vanishes at all of them.  That is what keeps slender rods from locking, and the full rule sees the
         # very energy that locks.
@@ -38,9 +38,14 @@ def suspected(model: Model) -> bool:
     return False
 
 
-def fully(model: Model) -> Model:
-    """Return the model with the full rule in all bodies."""
-    return replace(model, bodies=[replace(body, space=replace(body.space, quadrature="full")) for body in model.bodies])
+def well(model: Model) -> Model:
+    """Return the model with rules that have, in each direction, the points that `isorod.quadrature` would choose, or more."""
+    bodies = []
+    for body in model.bodies:
+        good, given = _chosen(body.space), body.space.rule
+        rule = Rule(*(max(pair) for pair in zip(astuple(good), astuple(given), strict=True)))
+        bodies.append(replace(body, space=replace(body.space, quadrature=str(rule))))
+    return replace(model, bodies=bodies)
 
 
 def check_modes(
@@ -55,7 +60,7 @@ def check_modes(
     state
         Displacement about which they are, or None.
     """
-    assembler = Assembler(fully(model), comm)
+    assembler = Assembler(well(model), comm)
     x = assembler.vector() if state is None else assembler.state(state)
     stiffness, mass = assembler.matrix(), assembler.mass(lumped)
     assembler.tangent(x, 0.0 if state is None else 1.0, stiffness)
@@ -80,11 +85,15 @@ def check_modes(
 
 def check_energy(model: Model, displacement: Array, energy: float, comm: PETSc.Comm | None) -> None:
     """Raise `SolveError` if the full rule sees much more stored energy than the model's rule, or an inverted point."""
-    assembler = Assembler(fully(model), comm)
+    assembler = Assembler(well(model), comm)
     full = assembler.energy(assembler.state(displacement), 1.0)
     if not full <= FACTOR * energy:
         seen = f"{full / energy:.2g} times the stored energy" if full > 0.0 and energy > 0.0 else "inverted points"
         raise SolveError(f"quadrature {_rules(model)}: a full rule sees {seen}; take more points, or 'auto'")
+
+
+def _chosen(space: Space) -> Rule:
+    return Rule.auto(space.points_around, space.axis.degree, space.order, space.section_degree)
 
 
 def hint(model: Model) -> str:

@@ -162,9 +162,9 @@ class MotionAssembler(Assembler):
             total += np.bincount(part.dofs.ravel(), part.masses(velocity).ravel(), total.size)
         return total
 
-    def tangent(self, x: PETSc.Vec, factor: float, out: PETSc.Mat) -> list[Array]:
+    def tangent(self, x: PETSc.Vec, factor: float, out: PETSc.Mat, keep: bool = True) -> list[Array]:
         """Fill ``out`` with the derivative of the residual and return the element matrices."""
-        matrices = super().tangent(x, factor, out)
+        matrices = super().tangent(x, factor, out, keep=True)
         if self.rounding == 0.0:
             largest = max(float(np.abs(block).sum(axis=2).max()) for block in matrices)
             light = min(part.inertia * float(np.abs(part.mass).sum(axis=2).max()) for part in self.parts)

@@ -37,25 +37,32 @@ def inverse_jacobians(values: Array, gradients: Array, section: Array, along: Ar
     points = values.shape[0]
     inverse = np.empty((places, points, 3, 3))
     det = np.empty((places, points))
-    g = np.empty((3, 3))
+    # Columns of the Jacobian, at all places at once.
+    polygons = np.empty((2, n, 3 * places))
+    for t in range(places):
+        for i in range(n):
+            for a in range(3):
+                polygons[0, i, 3 * t + a] = section[t, i, a]
+                polygons[1, i, 3 * t + a] = along[t, i, a]
+    first = np.dot(np.ascontiguousarray(gradients[:, :, 0]), polygons[0])
+    second = np.dot(np.ascontiguousarray(gradients[:, :, 1]), polygons[0])
+    third = np.dot(values, polygons[1])
     for t in range(places):
         for q in range(points):
-            g[:] = 0.0
-            for i in range(n):
-                for a in range(3):
-                    g[a, 0] += gradients[q, i, 0] * section[t, i, a]
-                    g[a, 1] += gradients[q, i, 1] * section[t, i, a]
-                    g[a, 2] += values[q, i] * along[t, i, a]
-            for d in range(3):
-                d1, d2 = (d + 1) % 3, (d + 2) % 3
-                for a in range(3):
-                    a1, a2 = (a + 1) % 3, (a + 2) % 3
-                    inverse[t, q, d, a] = g[a1, d1] * g[a2, d2] - g[a1, d2] * g[a2, d1]
-            volume = g[0, 0] * inverse[t, q, 0, 0] + g[1, 0] * inverse[t, q, 0, 1] + g[2, 0] * inverse[t, q, 0, 2]
+            f0, f1, f2 = first[q, 3 * t], first[q, 3 * t + 1], first[q, 3 * t + 2]
+            s0, s1, s2 = second[q, 3 * t], second[q, 3 * t + 1], second[q, 3 * t + 2]
+            t0, t1, t2 = third[q, 3 * t], third[q, 3 * t + 1], third[q, 3 * t + 2]
+            c0, c1, c2 = s1 * t2 - s2 * t1, s2 * t0 - s0 * t2, s0 * t1 - s1 * t0
+            volume = f0 * c0 + f1 * c1 + f2 * c2
+            by = 1.0 / volume
             det[t, q] = volume
-            for d in range(3):
-                for a in range(3):
-                    inverse[t, q, d, a] /= volume
+            inverse[t, q, 0, 0], inverse[t, q, 0, 1], inverse[t, q, 0, 2] = by * c0, by * c1, by * c2
+            inverse[t, q, 1, 0] = by * (t1 * f2 - t2 * f1)
+            inverse[t, q, 1, 1] = by * (t2 * f0 - t0 * f2)
+            inverse[t, q, 1, 2] = by * (t0 * f1 - t1 * f0)
+            inverse[t, q, 2, 0] = by * (f1 * s2 - f2 * s1)
+            inverse[t, q, 2, 1] = by * (f2 * s0 - f0 * s2)
+            inverse[t, q, 2, 2] = by * (f0 * s1 - f1 * s0)
     return inverse, det
 
 
@@ -162,10 +169,10 @@ def mass(section: Array, axial: Array, weights: Array) -> Array:
 
 @njit(f"Tuple(({_I1}, {_I1}, {_I1}, {_I3}, {_I2}, i8))({_I2}, i8)", **_OPTIONS)
 def pattern(element_layers: Index, size: int) -> tuple[Index, Index, Index, Index, Index, int]:
-    """Return how elements couple layers of ``size`` entries, row by row (`isorod.pattern.Pattern`).
+    """Return how elements couple layers of ``size`` entries, row by row (`isorod.pattern.Pattern`); negative layers are none.
 
     Those are the layers that have rows; where the columns of each begin, and the columns' layers; where the block ``j, m`` of an
-    element begins, and how far its rows are apart; the number of entries.
+    element begins, -1 if it has no place, and how far its rows are apart; the number of entries.
     """
     elements, functions = element_layers.shape
     count = element_layers.max() + 1
@@ -174,20 +181,25 @@ def pattern(element_layers: Index, size: int) -> tuple[Index, Index, Index, Inde
     for e in range(elements):
         for j in range(functions):
             for m in range(functions):
-                keys[place] = element_layers[e, j] * count + element_layers[e, m]
-                place += 1
-    pairs = np.unique(keys)
+                if element_layers[e, j] >= 0 and element_layers[e, m] >= 0:
+                    keys[place] = element_layers[e, j] * count + element_layers[e, m]
+                    place += 1
+    pairs = np.unique(keys[:place])
     columns = pairs % count
     layers = np.unique(pairs // count)
     first = np.searchsorted(pairs, layers * count)
     first = np.append(first, pairs.size)
-    start = np.empty((elements, functions, functions), dtype=np.int64)
-    width = np.empty((elements, functions), dtype=np.int64)
+    start = np.full((elements, functions, functions), -1, dtype=np.int64)
+    width = np.zeros((elements, functions), dtype=np.int64)
     for e in range(elements):
         for j in range(functions):
+            if element_layers[e, j] < 0:
+                continue
             row = np.searchsorted(layers, element_layers[e, j])
             width[e, j] = (first[row + 1] - first[row]) * size
             for m in range(functions):
+                if element_layers[e, m] < 0:
+                    continue
                 pair = np.searchsorted(pairs, element_layers[e, j] * count + element_layers[e, m])
                 start[e, j, m] = size * (first[row] * size + pair - first[row])
     return layers, first, columns, start, width, pairs.size * size * size
@@ -220,36 +232,44 @@ def pattern_indices(
 def pattern_rows(
     layers: Index, first: Index, columns: Index, size: int, number: Index, places: Index, start: Any, column: Any
 ) -> int:
-    """Fill ``start`` and ``column`` with the compressed rows of the entries of a pattern that have a number, ``places`` with which they are.
+    """Fill ``start`` and ``column`` with the compressed rows of the entries of a pattern that have a number, ``places`` with which they are (if it has room: it need not where all are).
 
     Returns how many there are, or -1 if rows or columns do not ascend.
     """
     total = 0
     place = 0
     row = -1
+    near = np.empty(size * np.diff(first).max() if layers.size else 0, dtype=np.int64)
     for r in range(layers.size):
+        # All rows of a layer have the same columns.
+        width = size * (first[r + 1] - first[r])
+        count = 0
+        last = -1
+        ascend = True
+        for c in range(first[r], first[r + 1]):
+            for k in range(size):
+                other = number[columns[c] * size + k]
+                if other >= 0:
+                    ascend = ascend and other > last
+                    last = other
+                    column[total + count] = other
+                    near[count] = (c - first[r]) * size + k
+                    count += 1
+        begin = total
         for i in range(size):
             own = number[layers[r] * size + i]
-            if own < 0:
-                place += size * (first[r + 1] - first[r])
-                continue
-            if own <= row:
-                return -1
-            while row < own:
-                row += 1
-                start[row] = total
-            last = -1
-            for c in range(first[r], first[r + 1]):
-                for k in range(size):
-                    other = number[columns[c] * size + k]
-                    if other >= 0:
-                        if other <= last:
-                            return -1
-                        last = other
-                        column[total] = other
-                        places[total] = place
-                        total += 1
-                    place += 1
+            if own >= 0:
+                if own <= row or not ascend:
+                    return -1
+                while row < own:
+                    row += 1
+                    start[row] = total
+                if total > begin:
+                    column[total : total + count] = column[begin : begin + count]
+                for k in range(count if places.size else 0):
+                    places[total + k] = place + near[k]
+                total += count
+            place += width
     for i in range(row + 1, start.size):
         start[i] = total
     return total
@@ -259,7 +279,7 @@ def pattern_rows(
 def merge(blocks: Array, start: Index, width: Index, total: int) -> Array:
     """Return the sum of element matrices ``(E, l, size, l, size)`` as entries of a pattern.
 
-    Block ``j, m`` of element ``e`` begins at ``start[e, j, m]``; its rows are ``width[e, j]`` entries apart.
+    Block ``j, m`` of element ``e`` begins at ``start[e, j, m]``, negative if it has no place; its rows are ``width[e, j]`` entries apart.
     """
     elements, functions, size = blocks.shape[:3]
     result = np.zeros(total)
@@ -267,6 +287,8 @@ def merge(blocks: Array, start: Index, width: Index, total: int) -> Array:
         for j in range(functions):
             for i in range(size):
                 for m in range(functions):
+                    if start[e, j, m] < 0:
+                        continue
                     place = start[e, j, m] + i * width[e, j]
                     for k in range(size):
                         result[place + k] += blocks[e, j, i, m, k]

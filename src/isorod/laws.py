@@ -63,6 +63,12 @@ class Laws:
         """Whether all laws have a second Piola-Kirchhoff stress that no rotation changes."""
         return not any(isinstance(law, LinearElastic) for law, _, _ in self.runs)
 
+    @property
+    def isotropic(self) -> Array | None:
+        """Lame's parameters of each law, shape ``(places, 2)``, if all are linear elastic."""
+        found = [np.tile((law.lame, law.mu), (last - first, 1)) for law, first, last in self.runs if isinstance(law, LinearElastic)]
+        return self._joined(found) if len(found) == len(self.runs) else None
+
     def energy(self, F: Array) -> Array:
         """Return the stored energy per reference volume, shape ``F.shape[:-2]``."""
         return self._joined([law.energy(F[first:last]) for law, first, last in self.runs])

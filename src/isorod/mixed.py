@@ -184,7 +184,8 @@ class MixedPart(Part):
         if self.extrapolation is not None:
             stress = laws.stress(F) + p[..., None, None] * slope
             tangent = self._pressed(self.extrapolation.tangent(F, stress, tangent), p, slope)
-        stiffness = stiffness_kernel.stiffness(t.section, t.axial, t.slopes, t.inverse, t.weights, tangent)
+        none = np.zeros((tangent.shape[0], 2))
+        stiffness = stiffness_kernel.stiffness(t.section, t.axial, t.slopes, t.inverse, t.weights, tangent, none)
         both = coupling(t.section, t.axial, t.slopes, t.inverse, t.weights, slope, self.across, self.along)
         values = np.ascontiguousarray(np.repeat(self.across[:, None, :], 3, axis=1))
         own = kernel.mass(values, self.along, -self.compliance * t.weights)
@@ -195,6 +196,10 @@ class MixedPart(Part):
         result[:, :-1, self.moves :, :, : self.moves] = both.transpose(0, 3, 4, 1, 2)
         result[:, :-1, self.moves :, :-1, self.moves :] = own
         return result.reshape(elements, layers * self.width, -1)
+
+    def entries(self, local: Array, factor: float) -> Array:
+        """Return the sum of the second derivatives as entries of the pattern."""
+        return self.pattern.merge(self.matrices(local, factor))
 
     def _pressed(self, tangent: Array, p: Array, slope: Array) -> Array:
         """Return an extrapolated tangent with the pressure's share: its change since the last tangent, times ``F0^-1 F0^-T``."""
@@ -282,7 +287,7 @@ class MixedAssembler(Assembler):
 
     def pressures(self, x: PETSc.Vec) -> list[Array | None]:
         """Return each body's pressure coefficients (`isorod.pressure.Pressures`), force per area; None where it has none."""
-        unknowns = self._gathered(x)[self._number_of]
+        unknowns = self._exchange.all_unknowns(x)[self._number_of]
         found: list[Array | None] = []
         first = self.model.unknowns
         for body in self.model.bodies:

@@ -107,6 +107,8 @@ class Body:
 
     def _warn_of_smooth_joints(self) -> None:
         """Warn where stiffness jumps at a knot at which displacements are smooth: strains, which jump too, cannot follow."""
+        if not isinstance(self.material, Sequence):
+            return
         axis = self.space.axis
         moduli = np.array([getattr(law, "E", np.nan) for law in self.laws])
         jumps = np.exp(np.abs(np.diff(np.log(moduli)))) * (1.0 - 1e-9)
@@ -229,10 +231,13 @@ class Support:
         if which not in layers:
             raise InputError(f"support: got end {which!r}, need 'start' or 'end'")
         nodes = layers[which] * space.layer_nodes + np.arange(space.layer_nodes)
-        carries, arms = space.carries[nodes, None], space.positions[nodes]
-        middle = arms[carries[:, 0]].mean(axis=0) if center is None else np.array(center, dtype=float)
-        moved = carries * np.array(displacement, dtype=float)
-        return cls(nodes, components, moved, body, turn, arms - carries * middle, tied)
+        carries = space.carries[nodes, None]
+        arms = None
+        if np.any(turn):
+            arms = space.positions[nodes]
+            middle = arms[carries[:, 0]].mean(axis=0) if center is None else np.array(center, dtype=float)
+            arms = arms - carries * middle
+        return cls(nodes, components, carries * np.array(displacement, dtype=float), body, turn, arms, tied)
 
 
 @dataclass(frozen=True)
@@ -337,13 +342,14 @@ class Model:
         turn = np.asarray(support.turn, dtype=float)
         if turn.shape != (3,) or not np.isfinite(turn).all():
             raise InputError(f"support {k}: got turn {turn.tolist()}, need three finite components in radians")
-        arms = np.zeros((nodes.size, 3)) if support.arms is None else np.asarray(support.arms, dtype=float)
-        if arms.shape != (nodes.size, 3) or not np.isfinite(arms).all():
-            raise InputError(f"support {k}: got arms of shape {arms.shape}, need ({nodes.size}, 3) finite numbers")
-        full = np.repeat(arms[:, None], columns.size, axis=1)
-        if tied.any():
-            leader = arms[np.argmax(space.carries[nodes])]
-            full[tied] -= leader
+        full = np.zeros((nodes.size, columns.size, 3))
+        if support.arms is not None:
+            arms = np.asarray(support.arms, dtype=float)
+            if arms.shape != (nodes.size, 3) or not np.isfinite(arms).all():
+                raise InputError(f"support {k}: got arms of shape {arms.shape}, need ({nodes.size}, 3) finite numbers")
+            full += arms[:, None]
+            if tied.any():
+                full[tied] -= arms[np.argmax(space.carries[nodes])]
         dofs = 3 * (first_node[support.body] + nodes)[:, None] + columns
         return Motion(dofs.ravel(), np.where(tied, 0.0, rates).ravel(), full.reshape(-1, 3), turn, tied.ravel())
 

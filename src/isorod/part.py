@@ -12,8 +12,7 @@ from isorod.model import Body, Spin
 from isorod.pattern import Pattern
 from isorod.space import Table
 from isorod.spline import Index
-from isorod.stiffness_kernel import stiffness
-
+from isorod.stiffness_kernel import merged_stiffness, stiffness
 
 class Part:
     """The elements of one body that this rank assembles."""
@@ -29,6 +28,8 @@ class Part:
         self.dofs: Index = dofs.reshape(self.layers.shape[0], -1)
         self.shape = (*self.layers.shape, body.space.layer_nodes, 3)
         self.slots: Index = np.empty(0, dtype=np.int64)
+        # As `layers`, negative where supports hold all of a layer; the assembler, which knows, fills it in.
+        self.free_layers: Index = self.layers
         self.extrapolation: Extrapolation | None = None
         self.first_node = first_node
         self.first_dof = first_dof
@@ -40,8 +41,8 @@ class Part:
 
     @cached_property
     def pattern(self) -> Pattern:
-        """Pattern of the degrees of freedom."""
-        return Pattern(self.layers, self.width)
+        """Pattern of the degrees of freedom, those of layers left out that supports hold."""
+        return Pattern(self.free_layers, self.width)
 
     @cached_property
     def mass(self) -> Array:
@@ -56,7 +57,7 @@ class Part:
         if lumped:
             nodes = number[self.dofs[:, ::3].ravel() // 3]
             return (nodes, nodes), self.lumped_mass().ravel()
-        pattern = Pattern(self.layers, self.body.space.layer_nodes)
+        pattern = Pattern(self.free_layers, self.body.space.layer_nodes)
         return Numbered(pattern, number[self.first_node :]), pattern.merge(self.mass)
 
     def lumped_mass(self) -> Array:
@@ -102,9 +103,25 @@ class Part:
     def matrices(self, local: Array, factor: float) -> Array:
         """Return the element tangents, shape ``(E, l n 3, l n 3)``."""
         t = self.table
-        F, laws = self.gradients(local), self.laws.at(factor)
+        matrices = stiffness(t.section, t.axial, t.slopes, t.inverse, t.weights, *self._moduli(local, factor))
+        return matrices.reshape(*self.dofs.shape, self.dofs.shape[1])
+
+    def entries(self, local: Array, factor: float) -> Array:
+        """Return the sum of the element tangents as entries of the pattern; they themselves, much larger, are not kept."""
+        t, moduli = self.table, self._moduli(local, factor)
+        found: Array = merged_stiffness(
+            t.section, t.axial, t.slopes, t.inverse, t.weights, *moduli, *self.pattern.places
+        )
+        return found
+
+    def _moduli(self, local: Array, factor: float) -> tuple[Array, Array]:
+        """Return the moduli as `isorod.stiffness_kernel.stiffness` takes them: at points, or Lame's parameters of elements."""
+        laws, elements = self.laws.at(factor), self.layers.shape[0]
+        isotropic = laws.isotropic
+        if isotropic is not None:
+            return np.empty((elements, 0, 0, 3, 3, 3, 3)), isotropic
+        F = self.gradients(local)
         tangent = np.ascontiguousarray(laws.tangent(F))
         if self.extrapolation is not None:
             tangent = self.extrapolation.tangent(F, laws.stress(F), tangent)
-        matrices = stiffness(t.section, t.axial, t.slopes, t.inverse, t.weights, tangent)
-        return matrices.reshape(*self.dofs.shape, self.dofs.shape[1])
+        return tangent, np.zeros((elements, 2))

@@ -20,7 +20,7 @@ class Pattern:
     Parameters
     ----------
     element_layers
-        Layers of each element, shape ``(E, l)``.
+        Layers of each element, shape ``(E, l)``; negative where supports hold a layer, which then has no entries.
     size
         Entries of a layer: nodes, or degrees of freedom.
     """
@@ -31,6 +31,11 @@ class Pattern:
             np.ascontiguousarray(element_layers), size
         )
 
+    @property
+    def places(self) -> tuple[Index, Index, int]:
+        """Where each element's blocks of layers begin, how far their rows are apart, and the number of entries, as `isorod.kernel.pattern` says."""
+        return self._start, self._width, self.total
+
     def indices(self, number: Index) -> tuple[Index, Index]:
         """Return row and column of each entry, shape ``(total,)``, as numbers of what is at ``layer size + place``."""
         return kernel.pattern_indices(
@@ -39,15 +44,17 @@ class Pattern:
 
     def compressed_rows(self, number: Index, size: int) -> Rows | None:
         """Return the entries that have a number as the compressed rows of a matrix of ``size``, or None if numbers do not ascend."""
-        start = np.empty(size + 1, dtype=PETSc.IntType)
-        places, column = np.empty(self.total, dtype=np.int64), np.empty(self.total, dtype=PETSc.IntType)
+        there = number[: number.size // self.size * self.size].reshape(-1, self.size)[self._layers]
+        whole = bool((there >= 0).all())
+        start, column = np.empty(size + 1, dtype=PETSc.IntType), np.empty(self.total, dtype=PETSc.IntType)
+        places = np.empty(0 if whole else self.total, dtype=np.int64)
         count = kernel.pattern_rows(
             *(self._layers, self._first, self._columns, self.size),
             *(np.ascontiguousarray(number), places, start, column),
         )
         if count < 0 or self.total > np.iinfo(PETSc.IntType).max:
             return None
-        return Rows(places[:count], start, column[:count])
+        return Rows(None if whole else places[:count], start, column[:count])
 
     def merge(self, blocks: Array) -> Array:
         """Return the entries ``(total,)`` of the sum of element matrices ``(E, l size, l size)``."""

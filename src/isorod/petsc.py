@@ -33,9 +33,9 @@ def _check(code: int) -> None:
 
 
 class Rows(NamedTuple):
-    """Compressed rows: which of the given entries comes where, first entry of each row, columns."""
+    """Compressed rows: which of the given entries comes where (None: as they come), first entry of each row, columns."""
 
-    places: NDArray[Any]
+    places: NDArray[Any] | None
     start: NDArray[Any]
     column: NDArray[Any]
 
@@ -73,7 +73,7 @@ def matrix(
         made.setFromOptions()
         preallocate(made, *indices())
         return made
-    values = np.zeros(found.places.size, dtype=PETSc.ScalarType)
+    values = np.zeros(found.column.size, dtype=PETSc.ScalarType)
     made.createAIJWithArrays((sizes, sizes), (found.start, found.column, values), comm=comm)
     made.setBlockSize(block)
     made.setFromOptions()
@@ -139,8 +139,21 @@ def set_values(matrix: PETSc.Mat, values: NDArray[np.float64]) -> None:
         _check(call(matrix.handle, values.ctypes.data, int(PETSc.InsertMode.INSERT_VALUES)))
         return
     rows, mine = arrays
-    np.take(values, rows.places, out=mine, mode="clip")
+    if rows.places is None:
+        mine[:] = values
+    else:
+        np.take(values, rows.places, out=mine, mode="clip")
     matrix.assemble()
+
+
+def compressed_rows(matrix: PETSc.Mat) -> tuple[NDArray[Any], NDArray[Any], NDArray[np.float64]]:
+    """Return first entry of each row, columns and values of a matrix on one rank, not to be written to."""
+    arrays = matrix.getAttr(_ARRAYS)
+    if arrays is None:
+        start, column, values = matrix.getValuesCSR()
+        return start, column, values
+    rows, mine = arrays
+    return rows.start, rows.column, mine
 
 
 def negative_eigenvalues(matrix: PETSc.Mat) -> int:

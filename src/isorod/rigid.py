@@ -6,9 +6,13 @@ from isorod.disk import Array
 from isorod.errors import SolveError
 from isorod.model import Model
 from isorod.space import Space
+from isorod.spline import Index
 
 # A motion counts as free if it moves held components by less than this share of its size.
 _TOLERANCE = 1e-8
+
+# A face of this share of the rod's size holds all of its motions, without a closer look.
+_FACE = 1e-4
 
 
 def motions(space: Space) -> Array:
@@ -31,12 +35,28 @@ def _arms(space: Space) -> Array:
     return space.positions - mean * space.carries[:, None]
 
 
+def _clamped(space: Space, free: Index) -> bool:
+    """Return whether supports hold all of an end face that is not small beside the rod; ``free`` is as in the model, of this space."""
+    if space.rod.closed:
+        return False
+    points = space.rod.control_points
+    held = free.reshape(space.layers, -1)[[0, -1]] < 0
+    for face in np.flatnonzero(held.all(axis=1)):
+        arms = points[-face] - points[-face].mean(axis=0)
+        across = np.sqrt(max(np.linalg.eigvalsh(arms.T @ arms)[1], 0.0))
+        if across > _FACE * np.abs(points - points[0, 0]).max():
+            return True
+    return False
+
+
 def free_motions(model: Model) -> list[tuple[int, Array]]:
     """Return the rigid motions that the supports leave free: body, and displacements of its nodes ``(nodes, 3)``."""
     found = []
     for b, body in enumerate(model.bodies):
-        basis = motions(body.space)
         free = model.free[3 * model.first_node[b] : 3 * model.first_node[b + 1]]
+        if _clamped(body.space, free):
+            continue
+        basis = motions(body.space)
         held = free < 0
         kept = basis[held]
         if model.bound.size > model.held.size:

@@ -326,7 +326,7 @@ class _Newton:
     def _advance(self, factor: float, target: float) -> int:
         assembler, snes = self.assembler, self.snes
         assembler.extrapolate()
-        matrices = assembler.tangent(self.x, factor, self.matrix)
+        matrices = assembler.tangent(self.x, factor, self.matrix, keep=True)
         # A cubic predictor takes the path's slope, the first step the whole way of supports that turn.
         share = 1.0 if self._history is None else _DELTA
         assembler.load_forces(self.x, factor, matrices, share * (target - factor), self.force)
