@@ -48,15 +48,19 @@ def _cylindrical(label: str, common: str, elements: Sequence[int]) -> Curve:
     return Curve(label, "cylindrical", tuple(f"{common} --elements {count}" for count in elements))
 
 
+def _half_smooth(degree: int, rule: str, elements: Sequence[int]) -> Curve:
+    """Return the curve of C3 axes of degree 6: of all degrees and continuities the fewest unknowns, with 5 points along an element."""
+    common = f"--section-degree {degree} --degree 6 --continuity 3 --quadrature {rule}"
+    return _cylindrical(f"polynomials N = {degree}, p = 6, C3, {rule}", common, elements)
+
+
 CURVES = {
     "quick": (
         _cylindrical("paper", "--section-points 16 --degree 2 --quadrature paper", (5, 10, 20)),
         _cylindrical("K = 2, p = 3, n = 16", "--section-points 16 --order 2 --degree 3", (8, 16)),
         _cylindrical("K = 2, p = 3, n = 32", "--section-points 32 --order 2 --degree 3", (16,)),
-        _cylindrical(
-            "polynomials N = 3, p = 4, 3x1x2", "--section-degree 3 --degree 4 --quadrature 3x1x2", (8, 10, 12)
-        ),
         _cylindrical("polynomials N = 3, p = 6, 3x1x3", "--section-degree 3 --degree 6 --quadrature 3x1x3", (4, 5, 6)),
+        _half_smooth(3, "3x1x5", (2, 3)),
         _cylindrical("polynomials N = 4, p = 4", "--section-degree 4 --degree 4", (8, 12, 16)),
         *fem_curves(presets.QUICK),
     ),
@@ -83,6 +87,9 @@ CURVES = {
             "polynomials N = 5, p = 5, 4x2x3", "--section-degree 5 --degree 5 --quadrature 4x2x3", (8, 10, 12, 14)
         ),
         _cylindrical("polynomials N = 5, p = 5", "--section-degree 5 --degree 5", (8, 10, 12, 16, 20)),
+        _half_smooth(3, "3x1x5", (2, 3, 4)),
+        _half_smooth(4, "4x2x5", (2, 3, 4)),
+        _half_smooth(5, "4x2x5", (2, 3, 4)),
         *fem_curves(presets.FULL),
     ),
 }

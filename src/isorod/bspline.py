@@ -9,7 +9,7 @@ from scipy.linalg import lapack
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-# Tables up to this many values are kept: runs meet the same knots and parameters again and again.
+# Matrices up to this many knots are kept: runs meet the same ones again and again.
 _KEPT_SIZE = 2**14
 
 
@@ -26,22 +26,8 @@ def table(knots: Array, degree: int, u: Array) -> tuple[Index, Array, Array]:
     Returns
     -------
     first, values, slopes
-        Index of the first of the ``p + 1`` functions ``(t,)``, ``N_j`` and ``dN_j/du``, both ``(t, p + 1)``; not to be written to.
+        Index of the first of the ``p + 1`` functions ``(t,)``, ``N_j`` and ``dN_j/du``, both ``(t, p + 1)``.
     """
-    if (degree + 1) * u.size + knots.size > _KEPT_SIZE:
-        return _tabulate(knots, degree, u)
-    return _kept(knots.tobytes(), degree, u.tobytes())
-
-
-@lru_cache(maxsize=64)
-def _kept(knots: bytes, degree: int, u: bytes) -> tuple[Index, Array, Array]:
-    found = _tabulate(np.frombuffer(knots), degree, np.frombuffer(u))
-    for array in found:
-        array.flags.writeable = False
-    return found
-
-
-def _tabulate(knots: Array, degree: int, u: Array) -> tuple[Index, Array, Array]:
     last = np.searchsorted(knots, knots[-1], side="left") - 1
     span = np.minimum(np.searchsorted(knots, u, side="right") - 1, last)
     values, slopes = np.ones((u.size, 1)), np.zeros((u.size, degree + 1))

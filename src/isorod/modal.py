@@ -335,14 +335,14 @@ class _Problem:
         lowest = self.found[:wanted]
         values = np.array([value for value, _ in lowest])
         kx, mx = self.stiffness.createVecs()
-        # Of each vector x^T M x, |K x - lambda M x|^2, |M x|^2.
-        products = np.empty((3, wanted))
-        for k, (value, x) in enumerate(lowest):
+        own, stiff, heavy = np.empty((3, wanted, mx.getLocalSize()))
+        for k, (_, x) in enumerate(lowest):
             self.mass.mult(x, mx)
             self.stiffness.mult(x, kx)
-            own, stiff, heavy = x.array_r, kx.array_r, mx.array_r
-            gap = stiff - value * heavy
-            products[:, k] = own @ heavy, gap @ gap, heavy @ heavy
+            own[k], stiff[k], heavy[k] = x.array_r, kx.array_r, mx.array_r
+        gap = stiff - values[:, None] * heavy
+        # Of each vector x^T M x, |K x - lambda M x|^2, |M x|^2.
+        products = np.stack([np.einsum("ki,ki->k", *pair) for pair in ((own, heavy), (gap, gap), (heavy, heavy))])
         if self.assembler.comm.getSize() > 1:
             products = self.assembler.comm.tompi4py().allreduce(products)
         amount, gap, size = products

@@ -43,8 +43,11 @@ def _clamped(space: Space, free: Index) -> bool:
     held = free.reshape(space.layers, -1)[[0, -1]] < 0
     for face in np.flatnonzero(held.all(axis=1)):
         arms = points[-face] - points[-face].mean(axis=0)
-        across = np.sqrt(max(np.linalg.eigvalsh(arms.T @ arms)[1], 0.0))
-        if across > _FACE * np.abs(points - points[0, 0]).max():
+        spread = arms.T @ arms
+        # Of the eigenvalues a >= b >= c of that, (ab + bc + ca) / (a + b + c) is 2 b at most.
+        trace = spread.trace()
+        second = (trace**2 - (spread * spread).sum()) / (4.0 * trace) if trace > 0.0 else 0.0
+        if second > (_FACE * np.abs(points - points[0, 0]).max()) ** 2:
             return True
     return False
 

@@ -185,8 +185,8 @@ class Space:
             u=u,
             xi=xi,
             section=np.ascontiguousarray(np.concatenate([gradients, values[:, :, None]], axis=2).transpose(0, 2, 1)),
-            axial=axial.reshape(shape),
-            slopes=slopes.reshape(shape),
+            axial=axial.reshape(shape).copy(),
+            slopes=slopes.reshape(shape).copy(),
             inverse=inverses,
             weights=det * length[:, :, None] * area,
         )

@@ -13,6 +13,9 @@ from isorod.errors import InputError, whole_number
 MAX_DEGREE = 6
 MAX_ELEMENTS = 1_000_000
 
+# Tables up to this many values are kept: runs meet the same knots and parameters again and again.
+_KEPT_SIZE = 2**14
+
 # Refinements up to this many elements are kept: the same ones are asked for again and again.
 _KEPT_ELEMENTS = 1000
 
@@ -100,24 +103,17 @@ class Axis:
         Returns
         -------
         first, values, slopes
-            Index of the first of the ``p + 1`` functions ``(t,)``, ``R_j`` and ``dR_j/du``, both ``(t, p + 1)``.
+            Index of the first of the ``p + 1`` functions ``(t,)``, ``R_j`` and ``dR_j/du``, both ``(t, p + 1)``; not to be written to.
 
         Raises
         ------
         InputError
             For a parameter outside the knot vector.
         """
-        where = np.atleast_1d(np.asarray(u, dtype=float))
-        low, high = self.knots[0], self.knots[-1]
-        inside = (where >= low) & (where <= high)
-        if not inside.all():
-            raise InputError(f"axis parameter {where[np.argmin(inside)]:g} is outside [{low:g}, {high:g}]")
-        first, values, slopes = bspline.table(self.knots, self.degree, where)
-        weights = self.weights[first[:, None] + np.arange(self.degree + 1)]
-        weighted, slopes = weights * values, weights * slopes
-        total = weighted.sum(axis=1, keepdims=True)
-        values = weighted / total
-        return first, values, (slopes - values * slopes.sum(axis=1, keepdims=True)) / total
+        where = np.ascontiguousarray(np.atleast_1d(np.asarray(u, dtype=float)))
+        if (self.degree + 1) * where.size + self.knots.size > _KEPT_SIZE:
+            return _local(self.knots, self.degree, self.weights, where)
+        return _kept_local(self.knots.tobytes(), self.degree, self.weights.tobytes(), where.tobytes())
 
     def refine(self, parts: int = 1, degree: int | None = None, continuity: int | None = None) -> "Axis":
         """Return the axis whose space contains this one: every element cut in ``parts``, degree raised, C^continuity at new knots.
@@ -172,6 +168,27 @@ class Axis:
         columns = values.reshape(self.count, -1) * self.weights[:, None]
         moved = bspline.transfer(self.knots, self.degree, finer.knots, finer.degree, columns) / finer.weights[:, None]
         return moved.reshape(finer.count, *values.shape[1:])
+
+
+def _local(knots: Array, degree: int, weights: Array, u: Array) -> tuple[Index, Array, Array]:
+    low, high = knots[0], knots[-1]
+    inside = (u >= low) & (u <= high)
+    if not inside.all():
+        raise InputError(f"axis parameter {u[np.argmin(inside)]:g} is outside [{low:g}, {high:g}]")
+    first, values, slopes = bspline.table(knots, degree, u)
+    near = weights[first[:, None] + np.arange(degree + 1)]
+    weighted, slopes = near * values, near * slopes
+    total = weighted.sum(axis=1, keepdims=True)
+    values = weighted / total
+    return first, values, (slopes - values * slopes.sum(axis=1, keepdims=True)) / total
+
+
+@lru_cache(maxsize=64)
+def _kept_local(knots: bytes, degree: int, weights: bytes, u: bytes) -> tuple[Index, Array, Array]:
+    found = _local(np.frombuffer(knots), degree, np.frombuffer(weights), np.frombuffer(u))
+    for array in found:
+        array.flags.writeable = False
+    return found
 
 
 @lru_cache(maxsize=32)

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from isorod.modal import Modes
     from isorod.model import Model
 
+_AXIS = Axis(2, np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0]), np.ones(3))
+
 
 @dataclass(frozen=True)
 class Blade:
@@ -56,9 +58,8 @@ class Blade:
         rotations[:, 0, 1] = -np.sin(angle)
         rotations[:, 2, 2] = 1.0
         stretches = (1.0 + (self.taper - 1.0) * way)[:, None, None] * np.eye(3)
-        axis = Axis(2, np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0]), np.ones(3))
         centers = way[:, None] * np.array([0.0, 0.0, self.length])
-        return Rod.sweep(self._outline(), axis, centers, rotations, stretches)
+        return Rod.sweep(self._outline(), _AXIS, centers, rotations, stretches)
 
     def _outline(self) -> Any:
         if self.airfoil == "paper":
