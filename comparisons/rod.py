@@ -26,9 +26,15 @@ def measure(
     ``seconds`` holds the median of the warm runs, or the only run.  ``settings`` are those of the scene's analysis; ``petsc``
     must be what PETSc was started with.
     """
+    from petsc4py import PETSc
+
     scene = scenes.find(name)(**values)
     runs: list[dict[str, float]] = []
+    solution = None
     for _ in range(repeat):
+        # What the last run left does not count as the next one's.
+        solution = None
+        PETSc.garbage_cleanup()
         solution, seconds = run.solve(scene, settings or {})
         runs.append(seconds)
     warm = runs[1:] or runs

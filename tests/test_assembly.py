@@ -19,6 +19,7 @@ from isorod.scenes.spring import Spring
 from isorod.section import circle
 from isorod.space import Space
 from isorod.spline import Axis
+from isorod.stiffness_kernel import stiffness
 
 
 def spring(rule="full"):
@@ -128,6 +129,29 @@ def test_tangent_is_the_derivative_of_the_residual(assembler, seed):
     product = (matrix * moved(x, v - x.array_r)).array_r
     expected = difference(lambda t: residual(assembler, moved(x, t * v)))
     assert np.linalg.norm(product - expected) < 1e-6 * np.linalg.norm(expected)
+
+
+def test_tangent_is_the_same_whether_element_matrices_are_kept(assembler):
+    """Kept, they are added up; not kept, blocks of them go where they belong at once."""
+    x = deformed(assembler)
+    kept, _ = tangent(assembler, x)
+    matrix = assembler.matrix()
+    assert assembler.tangent(x, 0.7, matrix) == []
+    gap = as_array(matrix) - as_array(kept)
+    assert np.abs(gap).max() < 1e-14 * np.abs(as_array(kept)).max()
+
+
+@pytest.mark.parametrize("refinement", [{}, {"order": 2}, {"section_degree": 3}], ids=["paper", "K = 2", "polynomials"])
+def test_lames_parameters_stand_for_moduli_at_points(refinement):
+    """Linear elastic elements, two of them of another law, against the general kernel."""
+    space = Space(Spring(coils=1, section_points=5).rod(), elements=4, **refinement)
+    soft, stiff = LinearElastic(80.0, 0.35), LinearElastic(900.0, 0.1)
+    (part,) = Assembler(Model([Body(space, [soft, stiff, stiff, soft])]), PETSc.COMM_SELF).parts
+    t, F = part.table, np.broadcast_to(np.eye(3), (*part.table.weights.shape, 3, 3))
+    moduli = np.ascontiguousarray(part.laws.tangent(F))
+    expected = stiffness(t.section, t.axial, t.slopes, t.inverse, t.weights, moduli, np.zeros((4, 2)))
+    found = part.matrices(np.zeros(space.nodes * 3), 0.0)
+    assert np.abs(found - expected.reshape(found.shape)).max() < 1e-13 * np.abs(expected).max()
 
 
 def test_every_column_of_the_tangent_is_right(assembler):
@@ -305,6 +329,7 @@ def record(path):
         assembler.residual(x, 0.7, out)
         matrix = assembler.matrix()
         blocks = assembler.tangent(x, 0.7, matrix, keep=True)
+        assembler.tangent(x, 0.7, matrix)
         support = assembler.vector()
         assembler.load_forces(x, 0.7, blocks, 1.0, support)
         if assembler.model.bodies[0].density:

@@ -107,7 +107,7 @@ def test_load_forces_include_contact_of_held_nodes(petsc_options):
     assembler = Assembler(model)
     x, out = assembler.vector(), assembler.vector()
     matrix = assembler.matrix()
-    matrices = assembler.tangent(x, 0.5, matrix)
+    matrices = assembler.tangent(x, 0.5, matrix, keep=True)
     assembler.load_forces(x, 0.5, matrices, 1e-4, out)
     sides = []
     for factor in (0.5 - 1e-4, 0.5 + 1e-4):

@@ -16,6 +16,7 @@ from isorod.scenes.blade import Blade
 from isorod.scenes.ring import Ring
 from isorod.scenes.spring import Spring
 from isorod.space import Space
+from isorod.spline import Axis
 
 LAW = LinearElastic(1.0, 0.3)
 
@@ -131,6 +132,16 @@ def test_unit_of_length_does_not_matter(name, size, cylinder):
     supports, expected = SUPPORTS[name]
     space = bar(cylinder, height=6.0 * size, radius=size)
     assert len(rigid.free_motions(Model([Body(space, LAW)], supports(space)))) == expected
+
+
+@pytest.mark.parametrize(("shape", "expected"), [((0.0, 0.0), 3), ((1.0, 0.0), 1), ((1e-3, 1e-3), 0)])
+def test_an_end_that_is_a_point_or_an_edge_does_not_hold_a_rod(shape, expected):
+    """A cone by its tip, a wedge by its edge, and a blunt cone."""
+    circle = control_points(4)
+    layers = [np.column_stack([circle * scale, np.full(4, z)]) for scale, z in (((1.0, 1.0), 0.0), (shape, 5.0))]
+    space = Space(Rod(Axis(1, [0.0, 0.0, 1.0, 1.0], [1.0, 1.0]), np.array(layers)), elements=3, degree=2)
+    assert len(rigid.free_motions(Model([Body(space, LAW)], [Support.end(space, "end")]))) == expected
+    assert not rigid.free_motions(Model([Body(space, LAW)], [Support.end(space, "start")]))
 
 
 @pytest.mark.parametrize("slenderness", [10.0, 1e3, 1e5])

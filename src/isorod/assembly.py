@@ -290,7 +290,7 @@ class Assembler:
                     petsc.preallocate(out, *rows_and_columns(self._tangent_entries()))
                     out.setAttr("contact_version", self.contact.version)
             petsc.set_values(out, joined(merged, float))
-            return matrices
+            return matrices if keep else []
 
     def load_forces(self, x: PETSc.Vec, factor: float, matrices: list[Array], step: float, out: PETSc.Vec) -> None:
         """Fill ``out`` with the linearised change of the residual when the load factor grows by ``step`` at ``x``."""

@@ -66,7 +66,11 @@ class Laws:
     @property
     def isotropic(self) -> Array | None:
         """Lame's parameters of each law, shape ``(places, 2)``, if all are linear elastic."""
-        found = [np.tile((law.lame, law.mu), (last - first, 1)) for law, first, last in self.runs if isinstance(law, LinearElastic)]
+        found = [
+            np.tile((law.lame, law.mu), (last - first, 1))
+            for law, first, last in self.runs
+            if isinstance(law, LinearElastic)
+        ]
         return self._joined(found) if len(found) == len(self.runs) else None
 
     def energy(self, F: Array) -> Array:

@@ -14,6 +14,7 @@ from isorod.space import Table
 from isorod.spline import Index
 from isorod.stiffness_kernel import merged_stiffness, stiffness
 
+
 class Part:
     """The elements of one body that this rank assembles."""
 
@@ -108,11 +109,9 @@ class Part:
 
     def entries(self, local: Array, factor: float) -> Array:
         """Return the sum of the element tangents as entries of the pattern; they themselves, much larger, are not kept."""
-        t, moduli = self.table, self._moduli(local, factor)
-        found: Array = merged_stiffness(
-            t.section, t.axial, t.slopes, t.inverse, t.weights, *moduli, *self.pattern.places
-        )
-        return found
+        t, (tangent, isotropic), (start, width, total) = self.table, self._moduli(local, factor), self.pattern.places
+        geometry = t.section, t.axial, t.slopes, t.inverse, t.weights
+        return merged_stiffness(*geometry, tangent, isotropic, start, width, total)
 
     def _moduli(self, local: Array, factor: float) -> tuple[Array, Array]:
         """Return the moduli as `isorod.stiffness_kernel.stiffness` takes them: at points, or Lame's parameters of elements."""

@@ -142,7 +142,14 @@ def _work(section: Array, along: int, functions: int) -> _Work:
 
 @njit(**_OPTIONS)
 def _blocks(
-    section: Array, axial: Array, slopes: Array, inverse: Array, weights: Array, tangent: Array, isotropic: Array, w: _Work
+    section: Array,
+    axial: Array,
+    slopes: Array,
+    inverse: Array,
+    weights: Array,
+    tangent: Array,
+    isotropic: Array,
+    w: _Work,
 ) -> None:
     """Fill ``w.block`` with one element's blocks of axis functions ``j <= m``, in this order; the arrays are those of the element."""
     along, functions = axial.shape
