@@ -12,7 +12,8 @@ pytest.importorskip("dolfinx")
 from comparisons.fem import blade_presets as presets
 from comparisons.fem.blade import Configuration, run, vibrations
 from comparisons.fem.domain import Domain
-from comparisons.fem.modal import RIGID, Solid, nodal, solve
+from comparisons.fem.modal import RIGID, Solid, solve
+from comparisons.fem.mode_shapes import nodal
 from comparisons.fem.statics import Element
 from isorod.errors import InputError, SolveError
 from meshes import blade

@@ -10,7 +10,8 @@ from mpi4py import MPI
 
 from comparisons.fem import runs
 from comparisons.fem.domain import Domain
-from comparisons.fem.modal import DIRECT, Modes, Solid, save, solve
+from comparisons.fem.modal import DIRECT, Modes, Solid, solve
+from comparisons.fem.mode_shapes import save
 from comparisons.fem.statics import FAST, Element
 from isorod.errors import InputError
 from isorod.scenes.blade import Blade
@@ -106,7 +107,7 @@ def run(
 ) -> dict[str, Any]:
     """Solve ``repeat`` times in this process and return the record, the same on every rank.
 
-    The last solution's mode shapes go to ``modes_file`` if one is named (see `comparisons.fem.modal.save`).  ``seconds`` is as in
+    The last solution's mode shapes go to ``modes_file`` if one is named (see `comparisons.fem.mode_shapes.save`).  ``seconds`` is as in
     `comparisons.fem.runs.timed`; its ``check`` is the Sturm count.
     """
     start = perf_counter()

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from time import perf_counter
 from typing import Any
 
@@ -21,8 +20,7 @@ from comparisons.timing import peak_memory
 from isorod.errors import InputError
 from isorod.options import defaults
 from isorod.petsc import componentwise
-from isorod.results import write_beside
-from meshes.mesh import Array, Index, Mesh
+from meshes.mesh import Array, Index
 
 # What a user's option overrides.  Measured on the blade (see comparisons.fem.blade): MUMPS' own choice of ordering and one Krylov
 # space without restart are fastest.
@@ -360,57 +358,3 @@ class _Body:
 def _table(space: Any) -> Index:
     table = space.dofmap.list
     return np.asarray(getattr(table, "array", table)).ravel()
-
-
-def nodal(found: Modes) -> Array | None:
-    """Return the mode shapes at the nodes of the `Mesh`, shape ``(modes, nodes, 3)``, on rank 0; None elsewhere."""
-    mesh = found.domain.mesh
-    count = mesh.topology.index_map(mesh.topology.dim).size_local
-    rows = compat.geometry_dofs(mesh, count)
-    numbers = np.asarray(mesh.geometry.input_global_indices)
-    order = (
-        round(rows.shape[1] ** (1.0 / 3.0)) - 1 if found.domain.shape == "hexahedron" else {4: 1, 10: 2}[rows.shape[1]]
-    )
-    where = compat.reference_nodes(found.domain.shape, order)
-    local = np.zeros((len(found.shapes), len(mesh.geometry.x), 3))
-    evaluate = compat.expression(found.displacement, where, FAST)
-    for k, shape in enumerate(found.shapes):
-        found.carry(shape)
-        local[k, rows] = evaluate(mesh, np.arange(count, dtype=np.int32)).reshape(count, -1, 3)
-    used = np.unique(rows)
-    parts = mesh.comm.gather((numbers[used], local[:, used]), root=0)
-    if parts is None:
-        return None
-    whole = np.zeros((len(found.shapes), 1 + max(int(part[0].max()) for part in parts if part[0].size), 3))
-    for where_to, values in parts:
-        whole[:, where_to] = values
-    return whole
-
-
-def save(found: Modes, mesh: Mesh | None, path: Path) -> None:
-    """Write the mode shapes to an ``.npz`` file, from rank 0, which has the mesh; every rank must call.
-
-    Arrays: ``frequencies`` ``(modes,)``; ``modes`` ``(modes, nodes, 3)`` with ``x^T M x = 1``; of each node its position ``points``
-    ``(nodes, 3)``, its parameters on the Rod ``xi`` ``(nodes, 2)`` and ``u`` ``(nodes,)``, and its share of the volume ``weights``
-    ``(nodes,)``, for inner products; ``cells`` and their ``shape`` and ``order`` as in `meshes.mesh.Mesh`.
-    """
-    values = nodal(found)
-    if values is None or mesh is None or mesh.parameters is None:
-        return
-    arrays = {
-        "frequencies": found.frequencies,
-        "modes": values,
-        "points": mesh.points,
-        "xi": mesh.parameters[:, :2],
-        "u": mesh.parameters[:, 2],
-        "weights": mesh.node_volumes(),
-        "cells": mesh.cells,
-        "shape": np.array(mesh.shape),
-        "order": np.array(mesh.order),
-    }
-
-    def write(where: Path) -> None:
-        with open(where, "wb") as file:
-            np.savez_compressed(file, **arrays)
-
-    write_beside(path, write)
