@@ -125,7 +125,7 @@ class Assembler:
             self.rows = np.unique(self.free[(self.free >= 0) & (owner == rank)]).size
             window = np.unique(np.concatenate([np.empty(0, np.int64), *(part.dofs.ravel() for part in self.parts)]))
         self._owner = owner
-        self._exchange = Exchange(self.vector(), self.free, window, self._places(), model.bound)
+        self._exchange = Exchange(self.vector, self.free, window, self._places, model.bound)
         for part in self.parts:
             part.slots = self._exchange.slots(part.dofs)
             count = part.body.space.layers
@@ -134,12 +134,17 @@ class Assembler:
         self._local = np.zeros(self._exchange.size)
 
     @cached_property
+    def _constant(self) -> bool:
+        """Whether no state changes the tangent, which then is not loaded; on all ranks alike, since loading one takes them all."""
+        return self.contact is None and all(body.linear for body in self.model.bodies)
+
+    @cached_property
     def _external(self) -> Array:
         """Forces of the loads at load factor 1."""
         result = np.zeros(self._exchange.size)
         if self.model.loads:
             # Each rank loads its own degrees of freedom only, so that shared ones are loaded once.
-            mine = self._owner[self._places()] == self.comm.getRank()
+            mine = self._owner[self._exchange.places] == self.comm.getRank()
             moved, slots = self._exchange.moved
             result[slots] = np.where(mine, self.model.external, 0.0)[moved]
         return result
@@ -274,7 +279,8 @@ class Assembler:
     def tangent(self, x: PETSc.Vec, factor: float, out: PETSc.Mat, keep: bool = False) -> list[Array]:
         """Fill ``out`` with the tangent stiffness and return, if they are to be kept, the element matrices of this rank's parts."""
         with self._timed():
-            self._load(x, factor)
+            if not self._constant:
+                self._load(x, factor)
             matrices = []
             if keep or self.model.spin is not None:
                 matrices = [part.matrices(self._local, factor) for part in self.parts]
@@ -365,11 +371,14 @@ class Assembler:
         """Return those unknowns that are displacements, in the model's order."""
         return unknowns
 
-    def shapes(self, vectors: Sequence[PETSc.Vec]) -> Array:
-        """Return all degrees of freedom of motions that move no support, shape ``(len(vectors), dofs)``, on every rank."""
-        result = np.zeros((len(vectors), self.model.dofs))
+    def all_unknowns(self, x: PETSc.Vec) -> Array:
+        """Return all unknowns of a vector, on every rank."""
+        return self._exchange.all_unknowns(x)
+
+    def shapes(self, unknowns: Array) -> Array:
+        """Return all degrees of freedom ``(m, dofs)`` of motions ``(m, unknowns)`` that move no support."""
+        result = np.zeros((unknowns.shape[0], self.model.dofs))
         is_free = self.model.free >= 0
-        unknowns = np.stack([self._displacements(self._exchange.all_unknowns(x)) for x in vectors])
         result[:, is_free] = unknowns[:, self.model.free[is_free]]
         return result
 
@@ -377,7 +386,7 @@ class Assembler:
         """Return all degrees of freedom, shape ``(dofs,)``, on every rank."""
         result = self.model.prescribed(factor)
         is_free = self.model.free >= 0
-        result[is_free] += self._displacements(self._exchange.all_unknowns(x))[self.model.free[is_free]]
+        result[is_free] += self._displacements(self.all_unknowns(x))[self.model.free[is_free]]
         return result
 
     def pressures(self, x: PETSc.Vec) -> "Sequence[Array | None]":

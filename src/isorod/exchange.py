@@ -1,5 +1,6 @@
 """The degrees of freedom that a rank's elements have, and how their values come from vectors of unknowns and go there."""
 
+from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
@@ -15,19 +16,26 @@ class Exchange:
     Parameters
     ----------
     vector
-        A vector of unknowns.
+        Returns a vector of unknowns.
     free
         Unknown of each of the assembler's degrees of freedom, -1 if it is held.
     window
         Those that this rank has, ascending; None where it has them all.
     places
-        The assembler's number of each of the model's degrees of freedom, ascending.
+        Returns the assembler's number of each of the model's degrees of freedom, ascending.
     bound
         The model's degrees of freedom that supports hold or tie.
     """
 
-    def __init__(self, vector: PETSc.Vec, free: Index, window: Index | None, places: Index, bound: Index) -> None:
-        self._vector, self._window, self._places, self._bound = vector, window, places, bound
+    def __init__(
+        self,
+        vector: Callable[[], PETSc.Vec],
+        free: Index,
+        window: Index | None,
+        places: Callable[[], Index],
+        bound: Index,
+    ) -> None:
+        self._vector, self._window, self._number, self._bound = vector, window, places, bound
         mine = free if window is None else free[window]
         self._slots = np.flatnonzero(mine >= 0)
         self._unknowns = mine[self._slots]
@@ -60,7 +68,7 @@ class Exchange:
     def _scatter(self) -> tuple[PETSc.Scatter, PETSc.Vec]:
         near = PETSc.Vec().createSeq(self._unknowns.size)
         unknowns = PETSc.IS().createGeneral(self._unknowns.astype(PETSc.IntType), PETSc.COMM_SELF)
-        return PETSc.Scatter().create(self._vector, unknowns, near, None), near
+        return PETSc.Scatter().create(self._vector(), unknowns, near, None), near
 
     def all_unknowns(self, x: PETSc.Vec) -> Array:
         """Return all unknowns, on every rank."""
@@ -72,15 +80,20 @@ class Exchange:
 
     @cached_property
     def _everything(self) -> tuple[PETSc.Scatter, PETSc.Vec]:
-        return PETSc.Scatter.toAll(self._vector)
+        return PETSc.Scatter.toAll(self._vector())
+
+    @cached_property
+    def places(self) -> Index:
+        """The assembler's number of each of the model's degrees of freedom."""
+        return self._number()
 
     @cached_property
     def moved(self) -> tuple[Index, Index]:
         """The model's degrees of freedom that this rank has, and their slots."""
         if self._window is None:
-            return np.arange(self._places.size), self._places
-        of_place = np.full(max(int(self._window.max(initial=-1)), int(self._places.max(initial=-1))) + 1, -1)
-        of_place[self._places] = np.arange(self._places.size)
+            return np.arange(self.places.size), self.places
+        of_place = np.full(max(int(self._window.max(initial=-1)), int(self.places.max(initial=-1))) + 1, -1)
+        of_place[self.places] = np.arange(self.places.size)
         moved = of_place[self._window]
         slots = np.flatnonzero(moved >= 0)
         return moved[slots], slots
@@ -89,7 +102,7 @@ class Exchange:
     def bound(self) -> tuple[Index, Index]:
         """Those of the model's held or tied degrees of freedom, counted among these, that this rank has, and their slots."""
         moved, slots = self.moved
-        of_bound = np.full(self._places.size, -1)
+        of_bound = np.full(self.places.size, -1)
         of_bound[self._bound] = np.arange(self._bound.size)
         number = of_bound[moved]
         return number[number >= 0], slots[number >= 0]

@@ -287,7 +287,7 @@ class MixedAssembler(Assembler):
 
     def pressures(self, x: PETSc.Vec) -> list[Array | None]:
         """Return each body's pressure coefficients (`isorod.pressure.Pressures`), force per area; None where it has none."""
-        unknowns = self._exchange.all_unknowns(x)[self._number_of]
+        unknowns = self.all_unknowns(x)[self._number_of]
         found: list[Array | None] = []
         first = self.model.unknowns
         for body in self.model.bodies:

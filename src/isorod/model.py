@@ -14,7 +14,7 @@ from isorod.disk import Array
 from isorod.errors import InputError, representable
 from isorod.laws import Laws
 from isorod.load import Load
-from isorod.material import Material, NeoHookean
+from isorod.material import LinearElastic, Material, NeoHookean
 from isorod.space import Space, Table
 from isorod.spline import Index
 
@@ -133,6 +133,11 @@ class Body:
         if isinstance(self.material, Sequence):
             return tuple(self.material)
         return (self.material,) * self.space.axis.elements
+
+    @cached_property
+    def linear(self) -> bool:
+        """Whether its stiffness is the same in all states."""
+        return self.formulation == "displacement" and all(isinstance(law, LinearElastic) for law in self.laws)
 
     def laws_at(self, u: Array) -> Laws:
         """Return the laws at axis parameters, for deformation gradients of shape ``u.shape + (q, 3, 3)``.
@@ -272,8 +277,8 @@ class Model:
 
     Attributes
     ----------
-    held, values
-        Degrees of freedom that supports hold, and their displacements at load factor 1.
+    held
+        Degrees of freedom that supports hold.
     bound, support_of
         Degrees of freedom that supports hold or tie, and by which support.
     free
@@ -293,7 +298,6 @@ class Model:
     loads: Sequence[Load] = ()
     first_node: Index = field(init=False)
     held: Index = field(init=False)
-    values: Array = field(init=False)
     free: Index = field(init=False)
     bound: Index = field(init=False)
     support_of: Index = field(init=False)
@@ -311,7 +315,6 @@ class Model:
         numbering = number(motions, 3 * int(first_node[-1]))
         for name, value in (("first_node", first_node), ("motions", motions), *numbering._asdict().items()):
             object.__setattr__(self, name, value)
-        object.__setattr__(self, "values", self.prescribed(1.0)[self.held])
         for k, load in enumerate(self.loads):
             if not 0 <= load.body < len(self.bodies):
                 raise InputError(f"load {k}: body {load.body} is not one of the {len(self.bodies)} bodies")
@@ -362,6 +365,11 @@ class Model:
         for motion in self.motions:
             result[motion.dofs] = motion.at(factor)
         return result
+
+    @cached_property
+    def values(self) -> Array:
+        """Displacements at load factor 1 of the degrees of freedom in ``held``."""
+        return self.prescribed(1.0)[self.held]
 
     @cached_property
     def external(self) -> Array:
