@@ -127,6 +127,23 @@ def test_blade_within_half_a_percent_with_405_unknowns():
     assert np.abs(found.frequencies / BLADE - 1.0).max() < 5e-3
 
 
+@pytest.mark.parametrize(
+    ("degree", "rule", "elements", "unknowns", "bound"),
+    [
+        (3, "3x1x5", 2, 243, 3.6e-3),
+        (3, "3x1x5", 6, 567, 4.3e-3),
+        (4, "4x2x5", 2, 324, 1.7e-3),
+        (5, "4x2x5", 3, 648, 4e-4),
+    ],
+)
+def test_blade_on_half_smooth_axes(degree, rule, elements, unknowns, bound):
+    """C3 knots of degree 6 and 5 points along an element: what the section leaves, on two elements already, and no hourglass modes."""
+    scene = Blade(section_degree=degree, degree=6, continuity=3, elements=elements, quadrature=rule)
+    found = modal.solve(scene.model())
+    assert found.model.unknowns == unknowns
+    assert np.abs(found.frequencies / BLADE - 1.0).max() < bound
+
+
 def test_blade_converges_with_the_degree():
     """By Rayleigh's principle each frequency falls when the degree grows, and none falls below the 3-D value."""
     found = [
