@@ -16,7 +16,7 @@ class Exchange:
     Parameters
     ----------
     vector
-        Returns a vector of unknowns.
+        A vector of unknowns; None where this rank has them all.
     free
         Unknown of each of the assembler's degrees of freedom, -1 if it is held.
     window
@@ -29,7 +29,7 @@ class Exchange:
 
     def __init__(
         self,
-        vector: Callable[[], PETSc.Vec],
+        vector: PETSc.Vec | None,
         free: Index,
         window: Index | None,
         places: Callable[[], Index],
@@ -68,7 +68,7 @@ class Exchange:
     def _scatter(self) -> tuple[PETSc.Scatter, PETSc.Vec]:
         near = PETSc.Vec().createSeq(self._unknowns.size)
         unknowns = PETSc.IS().createGeneral(self._unknowns.astype(PETSc.IntType), PETSc.COMM_SELF)
-        return PETSc.Scatter().create(self._vector(), unknowns, near, None), near
+        return PETSc.Scatter().create(self._vector, unknowns, near, None), near
 
     def all_unknowns(self, x: PETSc.Vec) -> Array:
         """Return all unknowns, on every rank."""
@@ -80,7 +80,7 @@ class Exchange:
 
     @cached_property
     def _everything(self) -> tuple[PETSc.Scatter, PETSc.Vec]:
-        return PETSc.Scatter.toAll(self._vector())
+        return PETSc.Scatter.toAll(self._vector)
 
     @cached_property
     def places(self) -> Index:
