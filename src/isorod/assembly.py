@@ -1,6 +1,6 @@
 """Residual, tangent and energy of a model as PETSc vectors and matrices; elements and rows split along the axis."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import cached_property, partial
 from time import perf_counter
@@ -13,26 +13,16 @@ from isorod import petsc, rigid
 from isorod.disk import Array
 from isorod.entries import Entries, Numbered, joined, rows_and_columns
 from isorod.errors import InputError
-from isorod.exchange import Exchange
+from isorod.exchange import Exchange, numbers
 from isorod.extrapolation import Extrapolation, pays
-from isorod.model import Body, Model
+from isorod.model import Model
 from isorod.part import Part
 from isorod.small import determinant
-from isorod.spline import Index
 
 if TYPE_CHECKING:
     from isorod.contact_operator import ContactOperator
 
 _SYMMETRIC = (PETSc.Mat.Option.SYMMETRIC, PETSc.Mat.Option.SYMMETRY_ETERNAL)
-
-
-def _places(model: Model, first: Index, layer_dofs: Callable[[Body], int]) -> Index:
-    """Return an assembler's number of each of the model's degrees of freedom, ascending."""
-    numbers = [np.empty(0, np.int64)]
-    for b, body in enumerate(model.bodies):
-        layers = np.arange(body.space.layers)[:, None] * layer_dofs(body)
-        numbers.append((first[b] + layers + np.arange(3 * body.space.layer_nodes)).ravel())
-    return np.concatenate(numbers)
 
 
 class Assembler:
@@ -135,7 +125,7 @@ class Assembler:
             window = np.unique(np.concatenate([np.empty(0, np.int64), *(part.dofs.ravel() for part in self.parts)]))
         self._owner = owner
         # No method of this object: Python would not let go of it, and of its matrices, before it looks for cycles.
-        places = partial(_places, model, self.first, self.part.layer_dofs)
+        places = partial(numbers, model, self.first, self.part.layer_dofs)
         self._exchange = Exchange(self.vector() if size > 1 else None, self.free, window, places, model.bound)
         for part in self.parts:
             part.slots = self._exchange.slots(part.dofs)

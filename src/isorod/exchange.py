@@ -7,7 +7,17 @@ import numpy as np
 from petsc4py import PETSc
 
 from isorod.disk import Array
+from isorod.model import Body, Model
 from isorod.spline import Index
+
+
+def numbers(model: Model, first: Index, layer_dofs: Callable[[Body], int]) -> Index:
+    """Return an assembler's number of each of the model's degrees of freedom, ascending."""
+    found = [np.empty(0, np.int64)]
+    for b, body in enumerate(model.bodies):
+        layers = np.arange(body.space.layers)[:, None] * layer_dofs(body)
+        found.append((first[b] + layers + np.arange(3 * body.space.layer_nodes)).ravel())
+    return np.concatenate(found)
 
 
 class Exchange:
