@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from conftest import as_array
 from scipy.linalg import eigh
 
 from isorod import explicit, explicit_faces
@@ -94,8 +95,8 @@ def test_critical_step_is_that_of_the_eigenvalue_problem(level, cylinder):
     assembler = Assembler(model)
     matrix = assembler.matrix()
     assembler.tangent(assembler.state(displacement), level, matrix)
-    dense = matrix.convert("dense").getDenseArray()
-    mass = assembler.mass().convert("dense").getDenseArray()
+    dense = as_array(matrix)
+    mass = as_array(assembler.mass())
     largest = eigh(dense, mass, eigvals_only=True)[-1]
     made = explicit.System(model)
     made.motion.displacement[made.places] = displacement
@@ -110,7 +111,7 @@ def test_forces_are_divided_by_the_assemblers_mass(cylinder):
     partly = Support(np.array([25, 26, 30]), "x")
     model = Model(model.bodies, [*model.supports, partly])
     made = explicit.System(model)
-    dense = Assembler(model).mass().convert("dense").getDenseArray()
+    dense = as_array(Assembler(model).mass())
     forces = np.random.default_rng(0).standard_normal(model.dofs)
     free = model.free >= 0
     for scaling in (0.0, 0.1):
