@@ -6,8 +6,9 @@ from importlib import import_module
 
 from comparisons.stability import CASES
 from comparisons.study import LEVELS, Run
-from isorod import options, results
+from isorod import options
 from isorod.errors import InputError, SolveError
+from isorod.output import results
 
 STUDIES = ("spring", "blade", "biceps", "stability")
 # What the main job runs.

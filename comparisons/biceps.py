@@ -11,9 +11,9 @@ from comparisons.fem import biceps_presets as presets
 from comparisons.records import Record
 from comparisons.study import Run, Steps
 from isorod import options
-from isorod import run as runs
+from isorod.command import run as runs
 from isorod.dynamics import History
-from isorod.results import write_beside
+from isorod.output.results import write_beside
 from isorod.scenes.biceps import Biceps
 from isorod.statics import Equilibrium
 

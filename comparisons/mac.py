@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from isorod.disk import Array
+from isorod.arrays import Array
 from isorod.modal import Modes
 
 

@@ -9,9 +9,10 @@ import numpy as np
 
 from comparisons import published, timing
 from comparisons.study import Run
-from isorod import export, scenes, statics
+from isorod import scenes, statics
 from isorod.modal import Modes
-from isorod.results import write_beside
+from isorod.output import vtk
+from isorod.output.results import write_beside
 
 SIZE = (1600, 720)
 
@@ -36,7 +37,7 @@ def spring(study: Run) -> None:
     scene = scenes.find("spring")(E=published.SPRING_E, nu=published.SPRING_NU, elements_per_turn=8, degree=3)
     model = scene.model()
     solution = statics.solve(model)
-    ours = export.grid(model.bodies[0], {"displacement": model.nodal(solution.displacement)})
+    ours = vtk.grid(model.bodies[0], {"displacement": model.nodal(solution.displacement)})
     bricks = ["--degree", "2", "--around", "8", "--layers", "72"]
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "fields.npz"
@@ -66,7 +67,7 @@ def modes(study: Run, found: Modes, rows: int = 2, exaggeration: float = 0.12) -
     body = found.model.bodies[0]
     shapes = {f"mode {k + 1}": found.model.nodal(vector) for k, vector in enumerate(found.vectors)}
     # Displacements do not jump: merged points leave no faces inside.
-    mesh = export.grid(body, shapes, rings=3, around=48, slices=3).clean(tolerance=1e-6)
+    mesh = vtk.grid(body, shapes, rings=3, around=48, slices=3).clean(tolerance=1e-6)
     columns = -(-len(shapes) // rows)
     plotter = pyvista.Plotter(shape=(rows, columns), off_screen=True, window_size=(1700, 1000), border=False)
     plotter.set_background("white")

@@ -8,9 +8,9 @@ import numpy as np
 
 from comparisons.pictures import BAR, add_von_mises, without_display
 from comparisons.study import Run
-from isorod import export
 from isorod.model import Model
-from isorod.results import write_beside
+from isorod.output import vtk
+from isorod.output.results import write_beside
 from isorod.scenes.biceps import Biceps
 
 # Files of fields: motion and equilibrium of the element, and of the finite elements.
@@ -45,7 +45,7 @@ class _Ours:
         grids = []
         for b, body in enumerate(self.model.bodies):
             fields = {"displacement": self.model.nodal(displacement, b)}
-            grids.append(export.grid(body, fields, rings=1, around=40, slices=4, factor=activation))
+            grids.append(vtk.grid(body, fields, rings=1, around=40, slices=4, factor=activation))
         return grids[0].merge(grids[1], merge_points=False)
 
     def at(self, time: float) -> Any:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from comparisons.records import Record
-from isorod.results import write_beside
+from isorod.output.results import write_beside
 
 # Okabe and Ito's colours: told apart by colour-blind readers too.
 COLOURS = ("#0072B2", "#009E73", "#56B4E9", "#004D40", "#3F51B5", "#00BFA5", "#1A237E", "#7CB342")

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from comparisons.plots import COLOURS, FEM_COLOURS, MARKERS
 from comparisons.records import Record
-from isorod.results import write_beside
+from isorod.output.results import write_beside
 
 # Records' key of ours and of the finite elements' history, the equilibrium's key, and the axis label.
 COURSES = (

@@ -5,8 +5,8 @@ import warnings
 from pathlib import Path
 from typing import Any
 
-from isorod import results
 from isorod.errors import InputError
+from isorod.output import results
 
 Record = dict[str, Any]
 

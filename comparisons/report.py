@@ -9,7 +9,7 @@ from pathlib import Path
 from comparisons import precision, report_biceps, report_blade, report_spring, report_stability
 from comparisons.records import Record, newest
 from isorod.errors import InputError
-from isorod.results import write_beside
+from isorod.output.results import write_beside
 
 # Study: its main findings, and its part of the page.
 STUDIES: dict[str, tuple[Callable[[list[Record]], list[str]], Callable[[list[Record], Path], list[str]]]] = {

@@ -10,8 +10,10 @@ from collections.abc import Sequence
 from typing import Any
 
 from comparisons import timing
-from isorod import options, results, run, scenes
+from isorod import options, scenes
+from isorod.command import run
 from isorod.errors import InputError, SolveError
+from isorod.output import results
 
 
 def measure(

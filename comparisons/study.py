@@ -11,7 +11,7 @@ from uuid import uuid4
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from isorod import results
+from isorod.output import results
 
 LEVELS = ("quick", "full")
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from isorod.errors import InputError
-from isorod.rod import Rod
+from isorod.geometry.rod import Rod
 from isorod.scenes.biceps import Biceps
 from meshes.bricks import bricks
 from meshes.free import free

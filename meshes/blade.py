@@ -1,7 +1,7 @@
 """Meshes of the blade (Lu & Zhou 2011, section 4.3)."""
 
 from isorod.errors import InputError
-from isorod.rod import Rod
+from isorod.geometry.rod import Rod
 from isorod.scenes.blade import Blade
 from meshes.bricks import bricks
 from meshes.mesh import Mesh

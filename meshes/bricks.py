@@ -3,7 +3,7 @@
 import numpy as np
 
 from isorod.errors import InputError
-from isorod.rod import Rod
+from isorod.geometry.rod import Rod
 from meshes.mesh import Array, Mesh, lexicographic
 from meshes.template import Template
 

@@ -5,7 +5,7 @@ from types import ModuleType
 import numpy as np
 
 from isorod.errors import InputError
-from isorod.rod import Rod
+from isorod.geometry.rod import Rod
 from meshes.gmsh_model import gmsh_session
 from meshes.mesh import Array, Index, Mesh
 from meshes.split import AMID, FACE_REFERENCE, REFERENCE, named_faces

@@ -9,7 +9,7 @@ from types import ModuleType
 import numpy as np
 
 from isorod.errors import InputError
-from isorod.results import write_beside
+from isorod.output.results import write_beside
 from meshes.mesh import Array, Mesh, match
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from isorod.errors import InputError
-from isorod.rod import Rod
+from isorod.geometry.rod import Rod
 from meshes.bricks import axis_positions
 from meshes.mesh import Array, Index, Mesh
 from meshes.strip import levels, rotation

@@ -1,7 +1,7 @@
 """Meshes of the spring (Lu & Zhou 2011, section 4.2)."""
 
 from isorod.errors import InputError
-from isorod.rod import Rod
+from isorod.geometry.rod import Rod
 from isorod.scenes.spring import Spring
 from meshes.bricks import bricks
 from meshes.mesh import Mesh

@@ -3,7 +3,7 @@
 import numpy as np
 
 from isorod.errors import InputError
-from isorod.rod import Rod
+from isorod.geometry.rod import Rod
 from meshes.bricks import axis_positions
 from meshes.gmsh_model import gmsh_session
 from meshes.mesh import Array, CellShape, Index, Mesh

@@ -11,9 +11,9 @@ import pytest
 from hypothesis import settings
 from scipy.sparse import csr_matrix
 
-from isorod.rod import Rod
-from isorod.section import circle
-from isorod.spline import Axis
+from isorod.geometry.axis import Axis
+from isorod.geometry.rod import Rod
+from isorod.geometry.section import circle
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 # Open MPI refuses to start as root otherwise, which is what containers run as.
@@ -23,7 +23,7 @@ os.environ.setdefault("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1")
 settings.register_profile("isorod", deadline=None, derandomize=True, max_examples=60, database=None)
 settings.load_profile("isorod")
 
-COMMAND = [sys.executable, "-c", "import sys; from isorod.cli import main; sys.exit(main())"]
+COMMAND = [sys.executable, "-c", "import sys; from isorod.command.cli import main; sys.exit(main())"]
 
 
 def straight(

@@ -14,13 +14,14 @@ from time import perf_counter
 import numpy as np
 import pytest
 
-from isorod import cli, contact, muscle, section
-from isorod.load import BodyForce, SectionLoad
-from isorod.material import LinearElastic, NeoHookean
-from isorod.model import Body, Model, Spin, Support
-from isorod.rod import Rod, helix
+from isorod.command import cli
+from isorod.contact import tables
+from isorod.geometry import section
+from isorod.geometry.axis import Axis
+from isorod.geometry.rod import Rod, helix
+from isorod.material import LinearElastic, NeoHookean, muscle
+from isorod.model import Body, BodyForce, Model, SectionLoad, Spin, Support
 from isorod.space import Space
-from isorod.spline import Axis
 
 # Seconds that no input may take; most take hundredths of one.
 LIMIT = 30.0
@@ -238,8 +239,8 @@ class Maker:
         spin = Spin(self.vector(), self.vector()) if self.rng.random() < 0.1 else None
         contacts = []
         if self.rng.random() < 0.2:
-            place = contact.Plane(self.vector(), self.vector())
-            obstacle = self.choice(place, contact.Cylinder(place.point, place.normal, self.number()))
+            place = tables.Plane(self.vector(), self.vector())
+            obstacle = self.choice(place, tables.Cylinder(place.point, place.normal, self.number()))
             deepest = self.seldom(None, 0.1, *EDGES)
-            contacts.append(contact.Contact(self.seldom(0, 1, -1), obstacle, self.number(), penetration=deepest))
+            contacts.append(tables.Contact(self.seldom(0, 1, -1), obstacle, self.number(), penetration=deepest))
         return Model([body], supports, spin, contacts, loads)

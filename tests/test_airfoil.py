@@ -5,10 +5,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from isorod.disk import boundary_functions
 from isorod.errors import InputError
+from isorod.geometry.disk import boundary_functions
+from isorod.geometry.section import airfoil, naca
 from isorod.scenes.blade import Blade
-from isorod.section import airfoil, naca
 
 # Lu & Zhou, CMAME 200 (2011) 233-241, appendix A: control points of the root section; the minus signs that print lost are put back.
 SECTION = [

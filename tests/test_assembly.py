@@ -8,18 +8,18 @@ from conftest import as_array
 from petsc4py import PETSc
 
 from isorod import statics
-from isorod.assembly import Assembler
+from isorod.assembly.assembler import Assembler
+from isorod.assembly.stiffness_kernel import stiffness
 from isorod.errors import InputError
+from isorod.geometry.axis import Axis
+from isorod.geometry.rod import Rod
+from isorod.geometry.section import circle
 from isorod.material import LinearElastic, NeoHookean
+from isorod.material.muscle import Muscle
 from isorod.model import Body, Model, Spin, Support
-from isorod.muscle import Muscle
-from isorod.rod import Rod
 from isorod.scenes.ring import Ring
 from isorod.scenes.spring import Spring
-from isorod.section import circle
 from isorod.space import Space
-from isorod.spline import Axis
-from isorod.stiffness_kernel import stiffness
 
 
 def spring(rule="full"):

@@ -6,14 +6,16 @@ from conftest import as_array
 from petsc4py import PETSc
 from scipy.sparse import csr_matrix
 
-from isorod import banded, modal, statics
-from isorod.assembly import Assembler
+from isorod import modal, statics
+from isorod.assembly.assembler import Assembler
 from isorod.material import NeoHookean
 from isorod.model import Body, Model, Support
+from isorod.petsc import banded
 from isorod.scenes.blade import Blade
 from isorod.scenes.ring import Ring
 from isorod.scenes.spring import Spring
 from isorod.space import Space
+from isorod.statics import analysis
 
 MUMPS = {"pc_type": "cholesky", "pc_factor_mat_solver_type": "mumps"}
 
@@ -101,7 +103,7 @@ def two_springs():
 def test_is_offered_where_the_matrix_is_banded(model, expected):
     model = model()
     assert banded.suits(model) == expected
-    chosen = statics.factorisation(Assembler(model))
+    chosen = analysis.factorisation(Assembler(model))
     assert (chosen["pc_type"] == "python") == expected
     width = 3 * model.bodies[0].space.element_nodes.shape[1]
     assembler = Assembler(model)
@@ -182,9 +184,9 @@ def test_a_program_ends_as_it_would_without(last, code, python):
     """PETSc destroys at its end, after Python's, what was kept: a preconditioner written in Python must not be among that."""
     done = python(
         "from isorod import options; options.initialize([])\n"
-        "from isorod import statics, modal\n"
+        "from isorod import modal, statics; from isorod.statics import analysis\n"
         "from isorod.scenes.spring import Spring; from isorod.scenes.blade import Blade\n"
-        "solver = statics._Newton(statics._assembler(Spring(coils=1, section_points=4).model(), None))\n"
+        "solver = analysis._Newton(analysis._assembler(Spring(coils=1, section_points=4).model(), None))\n"
         "solver.advance(0.0, 1.0)\n"
         "modes = modal.solve(Blade(elements=4).model(), 2)\n"
         f"{last}"

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
-from isorod import cli, dynamics, run, statics
-from isorod.contact import Contact, Plane
+from isorod import dynamics, statics
+from isorod.command import cli, run
+from isorod.contact.tables import Contact, Plane
 from isorod.errors import InputError
 from isorod.material import NeoHookean
+from isorod.material.muscle import Muscle
 from isorod.model import Model, Support
-from isorod.muscle import Muscle
 from isorod.scenes.biceps import Biceps
 
 THETA = 2 * np.pi * np.arange(128) / 128

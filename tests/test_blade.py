@@ -6,7 +6,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from isorod import cli, modal, scenes
+from isorod import modal, scenes
+from isorod.command import cli
 from isorod.model import Model
 from isorod.scenes.blade import Blade
 

@@ -7,12 +7,14 @@ import numpy as np
 import pytest
 from petsc4py import PETSc
 
-from isorod import cli, modal
+from isorod import modal
+from isorod.command import cli
 from isorod.scenes.blade import Blade
 
 ALONE = """
 import json, sys
-from isorod import cli, material
+from isorod import material
+from isorod.command import cli
 
 def refuse(*_):
     raise AssertionError("a nonlinear law was evaluated")

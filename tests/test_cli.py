@@ -7,7 +7,8 @@ import sys
 
 import pytest
 
-from isorod import cli, scenes, statics
+from isorod import scenes, statics
+from isorod.command import cli
 
 COARSE = "--coils 1 --elements-per-turn 4 --section-points 3 --degree 2".split()
 
@@ -317,7 +318,7 @@ def test_two_ranks_complain_once(arguments, mpirun):
 
 
 def test_output_that_nobody_reads_is_no_traceback():
-    script = "import sys; from isorod.cli import main; sys.exit(main(['list']))"
+    script = "import sys; from isorod.command.cli import main; sys.exit(main(['list']))"
     process = subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
     process.stdout.close()
     process.wait()

@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 from scipy.sparse import coo_matrix
 
-from isorod.contact import Contact, Cylinder, Plane, pack
-from isorod.contact_kernel import add_forces
-from isorod.contact_operator import ContactOperator
-from isorod.contact_surface import EDGE, END, FREE, closest, surface_gap
+from isorod.contact.force_kernel import add_forces
+from isorod.contact.operator import ContactOperator
+from isorod.contact.surface_kernel import EDGE, END, FREE, closest, surface_gap
+from isorod.contact.tables import Contact, Cylinder, Plane, pack
 from isorod.errors import InputError
+from isorod.geometry.axis import Axis
+from isorod.geometry.rod import Rod, helix
+from isorod.geometry.section import circle
 from isorod.material import NeoHookean
 from isorod.model import Body, Model
-from isorod.rod import Rod, helix
-from isorod.section import circle
 from isorod.space import Space
-from isorod.spline import Axis
 
 LAW = NeoHookean(1.0, 0.3)
 RADIUS = 0.8  # of the ring's wire

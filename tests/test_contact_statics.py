@@ -8,14 +8,15 @@ import pytest
 from conftest import as_array, straight
 
 from isorod import statics
-from isorod.assembly import Assembler
-from isorod.contact import Contact, Cylinder, Plane
-from isorod.contact_operator import ContactOperator
+from isorod.assembly.assembler import Assembler
+from isorod.contact.operator import ContactOperator
+from isorod.contact.tables import Contact, Cylinder, Plane
 from isorod.errors import SolveError
+from isorod.geometry.rod import Rod
 from isorod.material import LinearElastic, NeoHookean
 from isorod.model import Body, Model, Support
-from isorod.rod import Rod
 from isorod.space import Space
+from isorod.statics import analysis
 
 LAW = NeoHookean(1000.0, 0.3)
 ACROSS = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])  # z to x
@@ -145,7 +146,7 @@ def test_augmented_lagrangian_takes_penetration_away_and_agrees_with_a_high_pena
 
 
 def test_augmented_lagrangian_that_does_not_get_there_says_so(monkeypatch):
-    monkeypatch.setattr(statics, "AUGMENTATIONS", 1)
+    monkeypatch.setattr(analysis, "AUGMENTATIONS", 1)
     with pytest.raises(
         SolveError, match=r"contact 0: penetration .* after 1 updates of the multipliers; raise the penalty"
     ):
@@ -177,6 +178,7 @@ from isorod import options
 options.initialize([])
 from petsc4py import PETSc
 from isorod import statics
+from isorod.statics import analysis
 from isorod.errors import InputError
 from test_contact_statics import crossing
 try:

@@ -5,16 +5,16 @@ import pytest
 from scipy.optimize import brentq
 from scipy.special import ellipe, ellipk
 
-from isorod import continuation, statics
-from isorod.assembly import Assembler
+from isorod import statics
+from isorod.assembly.assembler import Assembler
 from isorod.errors import InputError, SolveError
-from isorod.load import SectionLoad
+from isorod.geometry.axis import Axis
+from isorod.geometry.rod import Rod
+from isorod.geometry.section import circle
 from isorod.material import NeoHookean
-from isorod.model import Body, Model, Support
-from isorod.rod import Rod
-from isorod.section import circle
+from isorod.model import Body, Model, SectionLoad, Support
 from isorod.space import Space
-from isorod.spline import Axis
+from isorod.statics import continuation
 
 
 def quadratic(centers, rotations=None):

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from isorod.disk import boundary_functions, control_points, harmonic_functions
 from isorod.errors import InputError
+from isorod.geometry.disk import boundary_functions, control_points, harmonic_functions
 
 COUNTS = [3, 4, 5, 8, 16, 40]
 

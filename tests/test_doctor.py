@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from isorod import doctor
+from isorod.command import doctor
 
 
 @pytest.mark.parametrize(

@@ -7,12 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from isorod import dynamics, explicit, explicit_mass, explicit_run, implicit, modal, statics
-from isorod.contact import Contact, Plane
+from isorod import dynamics, modal, statics
+from isorod.contact.tables import Contact, Plane
+from isorod.dynamics.explicit import run, system
+from isorod.dynamics.explicit.mass import Mass
+from isorod.dynamics.implicit.assembler import MotionAssembler
 from isorod.errors import InputError, SolveError
 from isorod.material import NeoHookean
+from isorod.material.muscle import Muscle
 from isorod.model import Body, Model, Spin, Support
-from isorod.muscle import Muscle
 from isorod.space import Space
 
 E, DENSITY, LENGTH = 100.0, 2.0, 4.0
@@ -40,7 +43,7 @@ def velocities(model, seed=0, size=1.0):
 
 def momenta(model, velocity):
     """Consistent mass times velocities ``(o, dofs)``, by nodes that move with their rod: shape ``(o, nodes, 3)``."""
-    assembler = implicit.MotionAssembler(replace(model, contacts=()))
+    assembler = MotionAssembler(replace(model, contacts=()))
     moving = np.array([assembler.momenta(one) for one in velocity])
     return moving.reshape(len(velocity), -1, 3) * model.carries[:, None]
 
@@ -182,7 +185,7 @@ def test_a_step_beyond_the_critical_one_keeps_energy_and_momenta(cylinder):
     assert history.critical_step > history.time_step > 1.9 * critical
     assert history.added_kinetic.min() > 0.0
     assert 0.0 < history.added_kinetic_share < 1.0
-    mass = explicit_mass.Mass(model, explicit.order(model))
+    mass = Mass(model, system.order(model))
     mass.scaling = mass.scaling_for(history.time_step, critical)
     moving = np.array([mass.momenta(one) for one in history.velocity]).reshape(len(history.times), -1, 3)
     places = space.positions + history.displacement.reshape(moving.shape)
@@ -267,8 +270,8 @@ def test_slow_activation_ends_in_the_static_equilibrium(cylinder):
 
 def at_share_of_critical(monkeypatch, model, share):
     """Run at a share of the critical step, which is told to be larger than it is."""
-    true = explicit_run.System.critical_step
-    monkeypatch.setattr(explicit_run.System, "critical_step", lambda *arguments: 10.0 * true(*arguments))
+    true = run.System.critical_step
+    monkeypatch.setattr(run.System, "critical_step", lambda *arguments: 10.0 * true(*arguments))
     made = dynamics.solve(model, 1e-9, outputs=1).critical_step / 10.0
     return dynamics.solve(model, 3000 * share * made, share * made, outputs=10, velocity=velocities(model, size=1e-3))
 

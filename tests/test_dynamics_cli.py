@@ -84,7 +84,7 @@ from isorod.model import Body, Model
 from isorod.scenes.spring import Spring
 from isorod.space import Space
 dynamics.solve(Model([Body(Space(Spring(coils=1, section_points=4).rod()), NeoHookean(1.0, 0.3), 1.0)]), 1e-3, outputs=1)
-print([name for name in sys.modules if "contact" in name or "slepc" in name or name == "isorod.explicit_faces"])
+print([name for name in sys.modules if "contact" in name or "slepc" in name or name == "isorod.dynamics.explicit.end_faces"])
 """
     result = python(script)
     assert result.stdout.strip() == "[]", result.stderr

@@ -5,14 +5,14 @@ import pytest
 from scipy.optimize import brentq
 
 from isorod import statics
-from isorod.assembly import Assembler
+from isorod.assembly.assembler import Assembler
+from isorod.geometry.axis import Axis
+from isorod.geometry.rod import Rod
+from isorod.geometry.section import ellipse
 from isorod.material import LinearElastic, NeoHookean
 from isorod.model import Body, Model, Support
-from isorod.rod import Rod
 from isorod.scenes.spring import Spring
-from isorod.section import ellipse
 from isorod.space import Space
-from isorod.spline import Axis
 
 # section 4.1: E, nu; the unit cylinder is stretched by half its height
 LAW = NeoHookean(1e6, 0.3)

@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 
 from isorod import statics
-from isorod.assembly import Assembler
+from isorod.assembly.assembler import Assembler
+from isorod.geometry.axis import Axis
+from isorod.geometry.quadrature import Rule, section_points
+from isorod.geometry.rod import Rod
+from isorod.geometry.section import airfoil, ellipse
 from isorod.material import LinearElastic
 from isorod.model import Body, Model, Support
-from isorod.quadrature import Rule, section_points
-from isorod.rod import Rod
-from isorod.section import airfoil, ellipse
 from isorod.space import Space
-from isorod.spline import Axis
 
 LENGTH = 2.0
 

@@ -5,15 +5,16 @@ import sys
 import numpy as np
 import pytest
 
-from isorod import export, statics
+from isorod import statics
 from isorod.errors import InputError
 from isorod.material import LinearElastic
 from isorod.model import Body
+from isorod.output import vtk
+from isorod.output.stress import cauchy, von_mises
 from isorod.scenes.biceps import Biceps
 from isorod.scenes.ring import Ring
 from isorod.scenes.spring import Spring
 from isorod.space import Space
-from isorod.stress import cauchy, von_mises
 
 pyvista = pytest.importorskip("pyvista")
 
@@ -25,7 +26,7 @@ def solved():
 
 
 def test_every_element_has_points_and_cells_of_its_own(solved):
-    mesh = export.grid(*solved, rings=2, around=8, slices=3)
+    mesh = vtk.grid(*solved, rings=2, around=8, slices=3)
     assert mesh.n_points == 4 * (3 + 1) * (1 + 2 * 8)
     assert mesh.n_cells == 4 * 3 * 2 * 8
     assert mesh.point_data["displacement"].shape == (mesh.n_points, 3)
@@ -34,7 +35,7 @@ def test_every_element_has_points_and_cells_of_its_own(solved):
 
 def test_points_and_fields_are_those_of_the_rod(solved):
     body, nodal = solved[0], solved[1]["displacement"]
-    mesh = export.grid(body, {"displacement": nodal, "mode 1": 2 * nodal}, rings=2, around=8, slices=3)
+    mesh = vtk.grid(body, {"displacement": nodal, "mode 1": 2 * nodal}, rings=2, around=8, slices=3)
     # point 5 of the section at the first slice of element 2: ring 1, angle 4/8
     k = 2 * 4 * 17 + 5
     xi, u = [[-0.5, 0.0]], [2.0]
@@ -46,14 +47,14 @@ def test_points_and_fields_are_those_of_the_rod(solved):
 
 
 def test_cells_fill_the_rod(solved):
-    mesh = export.grid(*solved, rings=4, around=64, slices=16)
+    mesh = vtk.grid(*solved, rings=4, around=64, slices=16)
     sizes = mesh.compute_cell_sizes(length=False, area=False)["Volume"]
     assert sizes.min() > 0
     assert sizes.sum() == pytest.approx(solved[0].space.rod.volume(), rel=5e-3)
 
 
 def test_clamped_end_does_not_move_and_the_other_end_moves_as_told(solved):
-    mesh = export.grid(*solved, rings=1, around=8, slices=2)
+    mesh = vtk.grid(*solved, rings=1, around=8, slices=2)
     moved = mesh.point_data["displacement"].reshape(-1, 9, 3)
     assert np.abs(moved[0]).max() == 0
     assert np.abs(moved[-1] - [0, 0, 2.0]).max() < 1e-6
@@ -61,8 +62,8 @@ def test_clamped_end_does_not_move_and_the_other_end_moves_as_told(solved):
 
 def test_written_file_reads_back(solved, tmp_path):
     path = tmp_path / "wire.vtu"
-    export.write(*solved, path)
-    mesh, read = export.grid(*solved), pyvista.read(path)
+    vtk.write(*solved, path)
+    mesh, read = vtk.grid(*solved), pyvista.read(path)
     assert np.array_equal(read.points, mesh.points)
     for name in ("displacement", "von_mises"):
         assert np.array_equal(read.point_data[name], mesh.point_data[name])
@@ -72,23 +73,23 @@ def test_written_file_reads_back(solved, tmp_path):
 def test_file_that_cannot_be_written_is_refused_in_one_line(solved, tmp_path):
     (tmp_path / "wire.vtu").mkdir()
     with pytest.raises(InputError, match=r"wire.vtu: cannot be written") as caught:
-        export.write(*solved, tmp_path / "wire.vtu")
+        vtk.write(*solved, tmp_path / "wire.vtu")
     assert "\n" not in str(caught.value)
     assert [file.name for file in tmp_path.iterdir()] == ["wire.vtu"]
     with pytest.raises(InputError, match="cannot be written"):
-        export.write(*solved, tmp_path / "no such folder" / "wire.vtu")
+        vtk.write(*solved, tmp_path / "no such folder" / "wire.vtu")
 
 
 def test_without_pyvista_the_error_says_how_to_get_it(solved, monkeypatch):
     monkeypatch.setitem(sys.modules, "pyvista", None)
     with pytest.raises(InputError, match="pip install pyvista"):
-        export.grid(*solved)
+        vtk.grid(*solved)
 
 
 def test_closed_rod_is_exported_too():
     space = Space(Ring(section_points=5).rod())
     fields = {"displacement": np.ones((space.nodes, 3))}
-    mesh = export.grid(Body(space, LinearElastic(1.0, 0.3)), fields, rings=1, around=8, slices=2)
+    mesh = vtk.grid(Body(space, LinearElastic(1.0, 0.3)), fields, rings=1, around=8, slices=2)
     assert np.abs(mesh.point_data["displacement"] - 1).max() < 1e-6
     assert np.abs(mesh.point_data["von_mises"]).max() < 1e-6
 
@@ -98,6 +99,6 @@ def test_load_factor_is_the_muscle_s_activation():
     body = model.bodies[0]
     rest = {"displacement": np.zeros((body.space.nodes, 3))}
     for factor in (0.0, 0.6, 1.0):
-        stresses = export.grid(body, rest, rings=1, around=4, slices=1, factor=factor).point_data["von_mises"]
+        stresses = vtk.grid(body, rest, rings=1, around=4, slices=1, factor=factor).point_data["von_mises"]
         # Active fibres alone pull in an undeformed muscle, with up to 30 N/cm^2.
         assert stresses.max() == pytest.approx(0.5 * factor * 30.0, abs=1e-9)

@@ -23,13 +23,13 @@ from comparisons.fem.contact import Contact
 from comparisons.fem.fields import Sampler
 from comparisons.fem.material import muscle
 from isorod.errors import InputError, SolveError
+from isorod.geometry.axis import Axis
+from isorod.geometry.rod import Rod
+from isorod.geometry.section import circle
 from isorod.material import NeoHookean
-from isorod.muscle import Muscle
-from isorod.rod import Rod
+from isorod.material.muscle import Muscle
+from isorod.output.stress import von_mises
 from isorod.scenes.biceps import Biceps
-from isorod.section import circle
-from isorod.spline import Axis
-from isorod.stress import von_mises
 from meshes import biceps, gmsh_model
 from meshes.biceps import BRANCHES
 

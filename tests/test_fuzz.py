@@ -21,9 +21,10 @@ from fuzzing import EDGES, Hang, Maker, is_finite, judge, limited
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from isorod import checkpoint, dynamics, options, results, scenes, statics
+from isorod import dynamics, options, scenes, statics
 from isorod.errors import InputError, SolveError
-from isorod.quadrature import Rule
+from isorod.geometry.quadrature import Rule
+from isorod.output import checkpoint, results
 
 # Quick and full number of examples of each family.
 SHARES = {

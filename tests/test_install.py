@@ -58,7 +58,7 @@ class Stage:
         (folder / "installed").write_text("")
         (self.root / "docker").mkdir(parents=True)
         (self.root / "src/isorod").mkdir(parents=True)
-        (self.root / "src/isorod/doctor.py").touch()
+        (self.root / "src/isorod/command/doctor.py").touch()
         for name in ("pyproject.toml", "docker/apt.txt", "docker/constraints.txt"):
             shutil.copy(ROOT / name, self.root / name)
         script = (ROOT / "docker/install").read_text()
@@ -109,7 +109,7 @@ def test_first_run_installs_and_says_so_in_one_line(stage):
     assert venv.startswith("python -m venv --system-site-packages")
     assert all("--only-binary=:all:" in call and "docker/constraints.txt" in call for call in pip)
     assert "--editable" in pip[-1]
-    assert doctor == "venv -m isorod.doctor"
+    assert doctor == "venv -m isorod.command.doctor"
     assert stage.stamp.exists()
 
 

@@ -4,18 +4,18 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from isorod import dynamics, rigid, statics
-from isorod.assembly import Assembler
-from isorod.constraint import rotation
+from isorod import dynamics, statics
+from isorod.assembly.assembler import Assembler
+from isorod.checks import rigid_motions
 from isorod.errors import InputError, SolveError
-from isorod.load import BodyForce, SectionLoad
+from isorod.geometry.axis import Axis
+from isorod.geometry.rod import Rod
+from isorod.geometry.section import circle, ellipse
 from isorod.material import LinearElastic, NeoHookean
-from isorod.model import Body, Model, Support
-from isorod.rod import Rod
+from isorod.model import Body, BodyForce, Model, SectionLoad, Support
+from isorod.model.numbering import rotation
 from isorod.scenes.spring import Spring
-from isorod.section import circle, ellipse
 from isorod.space import Space
-from isorod.spline import Axis
 
 LAW = NeoHookean(1.0, 0.3)
 
@@ -323,9 +323,9 @@ def test_free_motions_under_ties(cylinder):
     body = Body(space, LAW)
     # A face tied in all components holds rotations, not translations.
     model = Model([body], [Support.end(space, "end", "", tied="xyz")])
-    assert len(rigid.free_motions(model)) == 3
+    assert len(rigid_motions.free_motions(model)) == 3
     model = Model([body], [Support.end(space, "end", "z", tied="xy")])
-    assert len(rigid.free_motions(model)) == 2
+    assert len(rigid_motions.free_motions(model)) == 2
     with pytest.raises(SolveError, match=r"free to move along"):
         statics.solve(model)
 
@@ -371,7 +371,7 @@ options.initialize([])
 import numpy as np
 from petsc4py import PETSc
 from isorod import statics
-from isorod.load import BodyForce, SectionLoad
+from isorod.model import BodyForce, SectionLoad
 from isorod.material import NeoHookean
 from isorod.model import Body, Model, Support
 from isorod.scenes.spring import Spring

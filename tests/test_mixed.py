@@ -12,16 +12,23 @@ from isorod import options
 options.initialize([])
 
 from comparisons.stability.bars import bar  # noqa: E402
-from isorod import modal, rigid, statics, stress  # noqa: E402
-from isorod.assembly import Assembler  # noqa: E402
-from isorod.contact import Contact, Plane  # noqa: E402
+from isorod import modal, statics  # noqa: E402
+from isorod.assembly.assembler import Assembler  # noqa: E402
+from isorod.assembly.mixed import MixedAssembler  # noqa: E402
+from isorod.checks import rigid_motions  # noqa: E402
+from isorod.contact.tables import Contact, Plane  # noqa: E402
 from isorod.errors import InputError, SolveError  # noqa: E402
-from isorod.load import SectionLoad  # noqa: E402
+from isorod.geometry.rod import Rod  # noqa: E402
 from isorod.material import LinearElastic, NeoHookean  # noqa: E402
-from isorod.mixed import MixedAssembler  # noqa: E402
-from isorod.model import Body, Model, Spin, Support  # noqa: E402
-from isorod.muscle import Muscle  # noqa: E402
-from isorod.rod import Rod  # noqa: E402
+from isorod.material.muscle import Muscle  # noqa: E402
+from isorod.model import (  # noqa: E402
+    Body,
+    Model,
+    SectionLoad,
+    Spin,
+    Support,
+)
+from isorod.output import stress  # noqa: E402
 from isorod.scenes.ring import Ring  # noqa: E402
 from isorod.scenes.spring import Spring  # noqa: E402
 from isorod.space import Space  # noqa: E402
@@ -176,7 +183,7 @@ def test_rigid_motions_are_all_that_a_free_incompressible_body_has(cylinder):
         tangent = assembler.matrix()
         assembler.tangent(assembler.vector(), 1.0, tangent)
         K = as_array(tangent)
-        for motion in rigid.motions(where).T:
+        for motion in rigid_motions.motions(where).T:
             assert np.abs(K @ assembler.state(motion).array).max() < 1e-12 * np.abs(K).max()
         values = np.linalg.eigvalsh(K)
         size = np.abs(values).max()
@@ -382,10 +389,10 @@ def test_nothing_of_it_is_imported_unless_asked_for(python):
         "import sys; from isorod import options; options.initialize([]); from isorod import statics\n"
         "from isorod.scenes.spring import Spring\n"
         "statics.solve(Spring(coils=1, formulation=sys.argv[1]).model())\n"
-        "print([name for name in ('isorod.mixed', 'isorod.pressure') if name in sys.modules])"
+        "print([name for name in ('isorod.assembly.mixed', 'isorod.space.pressure') if name in sys.modules])"
     )
     assert python(script, "displacement").stdout.strip() == "[]"
-    assert python(script, "mixed").stdout.strip() == "['isorod.mixed', 'isorod.pressure']"
+    assert python(script, "mixed").stdout.strip() == "['isorod.assembly.mixed', 'isorod.space.pressure']"
 
 
 def test_command_runs_it_and_says_what_is_wrong(isorod, tmp_path):

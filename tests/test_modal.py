@@ -10,10 +10,12 @@ from petsc4py import PETSc
 from scipy.linalg import eigh
 from vibrations import FREE, RHO, E, bars, clamped, mac, matrices, rates, sliding, turning
 
-from isorod import modal, rigid, statics
-from isorod.assembly import Assembler
+from isorod import modal, statics
+from isorod.assembly.assembler import Assembler
+from isorod.checks import rigid_motions
 from isorod.errors import SolveError
 from isorod.material import LinearElastic, NeoHookean
+from isorod.modal import analysis
 from isorod.model import Body, Model, Support
 from isorod.scenes.blade import Blade
 from isorod.scenes.spring import Spring
@@ -42,7 +44,7 @@ def test_a_free_body_has_six_rigid_modes_and_all_the_others(name, bar):
     assert np.abs(modes.eigenvalues[6:] - exact[6:14]).max() < 10 * rounding + 1e-10 * exact[6]
     assert modes.below == np.count_nonzero(exact < exact[13] * (1 + 1e-6))
     assert -modes.eigenvalues[6] < modes.shift < 0
-    motions = rigid.motions(model.bodies[0].space)
+    motions = rigid_motions.motions(model.bodies[0].space)
     for vector in modes.vectors[:6]:
         assert np.linalg.norm(vector - motions @ (motions.T @ vector)) < 1e-6 * np.linalg.norm(vector)
     assert np.linalg.matrix_rank(motions.T @ modes.vectors[:6].T, tol=1e-3) == 6
@@ -118,8 +120,8 @@ def test_as_many_modes_as_there_are_unknowns(wanted, bar):
 @pytest.mark.parametrize("error", [-1, 1, 5])
 def test_a_count_that_disagrees_is_refused(error, bar, monkeypatch):
     """More or fewer eigenvalues found than the inertia of K - tau M tells."""
-    count = modal._Problem.count_below
-    monkeypatch.setattr(modal._Problem, "count_below", lambda self, value: count(self, value) + error)
+    count = analysis._Problem.count_below
+    monkeypatch.setattr(analysis._Problem, "count_below", lambda self, value: count(self, value) + error)
     with pytest.raises(SolveError, match=r"modes: \d+ eigenvalues lie at or below [\d.]+, but \d+ were found"):
         modal.solve(bar(6.0, clamped), 4)
 
@@ -132,7 +134,7 @@ def test_sturm_count_is_the_number_of_smaller_eigenvalues(below, bar):
     assembler = Assembler(model)
     stiffness = assembler.matrix()
     assembler.tangent(assembler.vector(), 0.0, stiffness)
-    problem = modal._Problem(assembler, False, [])
+    problem = analysis._Problem(assembler, False, [])
     assembler.tangent(assembler.vector(), 0.0, problem.stiffness)
     k = distinct[below]
     assert problem.count_below(0.5 * (exact[k] + exact[k + 1])) == k + 1

@@ -10,7 +10,7 @@ from scipy.linalg import eigh
 from vibrations import RHO, E
 
 from isorod import modal, statics
-from isorod.assembly import Assembler
+from isorod.assembly.assembler import Assembler
 from isorod.errors import SolveError
 from isorod.material import LinearElastic, NeoHookean
 from isorod.model import Body, Model, Support

@@ -10,13 +10,13 @@ from scipy.optimize import brentq
 
 from isorod import statics
 from isorod.errors import InputError
+from isorod.geometry.rod import Rod, helix
+from isorod.geometry.section import circle
 from isorod.material import LinearElastic, NeoHookean
+from isorod.material.muscle import Muscle, point_stress
 from isorod.model import Body, Model, Support
-from isorod.muscle import Muscle, point_stress
-from isorod.rod import Rod, helix
-from isorod.section import circle
+from isorod.output.stress import cauchy
 from isorod.space import Space
-from isorod.stress import cauchy
 
 EYE = np.eye(3)
 WEIGHTS = (4 / 5, -1 / 5, 4 / 105, -1 / 280)

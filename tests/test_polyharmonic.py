@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from isorod import polyharmonic
-from isorod.disk import harmonic_functions
 from isorod.errors import InputError
-from isorod.space import Space
+from isorod.geometry.disk import harmonic_functions
+from isorod.space import Space, polyharmonic
 
 ORDERS = [1, 2, 3, 4, 6]
 COUNTS = [3, 4, 8, 16]

@@ -5,22 +5,23 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from isorod import modal, rigid, statics
-from isorod.assembly import Assembler
+from isorod import modal, statics
+from isorod.assembly.assembler import Assembler
+from isorod.checks import rigid_motions
 from isorod.errors import InputError
+from isorod.geometry.axis import Axis
+from isorod.geometry.quadrature import Rule, section_points
+from isorod.geometry.rod import Rod
+from isorod.geometry.section import ellipse
 from isorod.material import LinearElastic
 from isorod.model import Body, Model
-from isorod.polynomial import MAX_DEGREE, Polynomials
-from isorod.quadrature import Rule, section_points
-from isorod.rod import Rod
 from isorod.scenes.blade import Blade
 from isorod.scenes.flower import Flower
 from isorod.scenes.ring import Ring
 from isorod.scenes.spring import Spring
-from isorod.section import ellipse
-from isorod.small import determinant
 from isorod.space import Space
-from isorod.spline import Axis
+from isorod.space.polynomial import MAX_DEGREE, Polynomials
+from isorod.tensors import determinant
 
 RODS = {"blade": Blade().rod(), "spring": Spring(coils=1).rod(), "ring": Ring().rod()}
 
@@ -95,7 +96,7 @@ def test_six_zero_eigenvalues_and_they_are_the_rigid_motions(name, section_degre
     dense[np.repeat(np.arange(model.unknowns), np.diff(indptr)), columns] = values
     sizes = np.linalg.eigvalsh(dense)
     assert np.count_nonzero(np.abs(sizes) < 1e-11 * sizes[-1]) == 6
-    assert np.abs(dense @ rigid.motions(space)).max() < 1e-11 * sizes[-1]
+    assert np.abs(dense @ rigid_motions.motions(space)).max() < 1e-11 * sizes[-1]
 
 
 def test_mass_is_the_rods():

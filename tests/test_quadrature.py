@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from isorod.errors import InputError
-from isorod.quadrature import Rule, axis_points, section_points
-from isorod.spline import Axis
+from isorod.geometry.axis import Axis
+from isorod.geometry.quadrature import Rule, axis_points, section_points
 
 RULES = [Rule(2, 1, 3), Rule(1, 1, 1), Rule(3, 2, 3), Rule(4, 4, 3), Rule(6, 3, 3)]
 

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from isorod import results
 from isorod.errors import InputError, SolveError
+from isorod.output import results
 
 
 def test_record_is_one_line_that_reads_back():
@@ -46,7 +46,7 @@ def test_append_from_several_processes_mixes_no_lines(tmp_path, python):
     script = """
 import os, sys
 from pathlib import Path
-from isorod import results
+from isorod.output import results
 who = [os.fork() == 0 for _ in range(3)]
 for k in range(20):
     results.append(Path(sys.argv[1]), {"k": k, "text": "x" * 50000})
@@ -146,7 +146,7 @@ def test_a_torn_last_line_is_taken_off_with_a_word_and_a_whole_one_is_kept(tmp_p
 WRITER = """
 import io, os, random, signal, sys
 from pathlib import Path
-from isorod import results
+from isorod.output import results
 
 class Killed(io.FileIO):
     # Now and then death comes in the middle of a line.

@@ -12,12 +12,13 @@ import time
 import numpy as np
 import pytest
 
-from isorod import checkpoint, dynamics
-from isorod.contact import Contact, Plane
+from isorod import dynamics
+from isorod.contact.tables import Contact, Plane
 from isorod.errors import InputError
 from isorod.material import NeoHookean
+from isorod.material.muscle import Muscle
 from isorod.model import Body, Model, Support
-from isorod.muscle import Muscle
+from isorod.output import checkpoint
 from isorod.space import Space
 
 # A muscle that shortens, touches a plane and then another rod, with a step that is the run's own choice: all there is of state.

@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 from conftest import as_array
 
-from isorod import rigid
-from isorod.assembly import Assembler
-from isorod.disk import control_points
+from isorod.assembly.assembler import Assembler
+from isorod.checks import rigid_motions
+from isorod.geometry.axis import Axis
+from isorod.geometry.disk import control_points
+from isorod.geometry.rod import Rod
 from isorod.material import LinearElastic, NeoHookean
 from isorod.model import Body, Model, Support
-from isorod.rod import Rod
 from isorod.scenes.blade import Blade
 from isorod.scenes.ring import Ring
 from isorod.scenes.spring import Spring
 from isorod.space import Space
-from isorod.spline import Axis
 
 LAW = LinearElastic(1.0, 0.3)
 
@@ -49,7 +49,7 @@ def motions_of_points(points):
 
 
 def test_motions_are_orthonormal_and_strain_free(space):
-    motions = rigid.motions(space)
+    motions = rigid_motions.motions(space)
     assert motions.shape == (3 * space.nodes, 6)
     assert np.abs(motions.T @ motions - np.eye(6)).max() < 1e-13
     assembler = Assembler(Model([Body(space, LAW)]))
@@ -65,7 +65,7 @@ def test_motions_move_the_points_of_the_rod_rigidly(space):
     xi, u = np.array([[0.0, 0.0], [0.9, 0.1], [-0.4, 0.7]]), np.linspace(*space.axis.knots[[0, -1]], 7)
     points, _ = space.rod.grid(xi, u)
     expected = motions_of_points(points.reshape(-1, 3))
-    moved = np.array([space.displacement(motion, xi, u)[0].ravel() for motion in rigid.motions(space).T]).T
+    moved = np.array([space.displacement(motion, xi, u)[0].ravel() for motion in rigid_motions.motions(space).T]).T
     for a, b in ((expected, moved), (moved, expected)):
         fit, *_ = np.linalg.lstsq(a, b, rcond=None)
         assert np.abs(a @ fit - b).max() < 1e-12 * np.abs(b).max()
@@ -103,14 +103,14 @@ def test_number_of_free_motions(name, cylinder):
     supports, expected = SUPPORTS[name]
     space = bar(cylinder)
     model = Model([Body(space, LAW)], supports(space))
-    found = rigid.free_motions(model)
+    found = rigid_motions.free_motions(model)
     assert len(found) == expected
     for body, motion in found:
         assert body == 0
         assert np.abs(motion.ravel()[model.held]).max(initial=0.0) < 1e-13 * np.abs(motion).max()
         assert np.linalg.norm(motion) == pytest.approx(1.0, abs=1e-12)
-        fit, *_ = np.linalg.lstsq(rigid.motions(space), motion.ravel(), rcond=None)
-        assert np.abs(rigid.motions(space) @ fit - motion.ravel()).max() < 1e-13
+        fit, *_ = np.linalg.lstsq(rigid_motions.motions(space), motion.ravel(), rcond=None)
+        assert np.abs(rigid_motions.motions(space) @ fit - motion.ravel()).max() < 1e-13
 
 
 @pytest.mark.parametrize("name", SUPPORTS)
@@ -131,7 +131,7 @@ def test_free_motions_are_the_null_space_of_the_held_tangent(name, cylinder):
 def test_unit_of_length_does_not_matter(name, size, cylinder):
     supports, expected = SUPPORTS[name]
     space = bar(cylinder, height=6.0 * size, radius=size)
-    assert len(rigid.free_motions(Model([Body(space, LAW)], supports(space)))) == expected
+    assert len(rigid_motions.free_motions(Model([Body(space, LAW)], supports(space)))) == expected
 
 
 @pytest.mark.parametrize(("shape", "expected"), [((0.0, 0.0), 3), ((1.0, 0.0), 1), ((1e-3, 1e-3), 0)])
@@ -140,27 +140,27 @@ def test_an_end_that_is_a_point_or_an_edge_does_not_hold_a_rod(shape, expected):
     circle = control_points(4)
     layers = [np.column_stack([circle * scale, np.full(4, z)]) for scale, z in (((1.0, 1.0), 0.0), (shape, 5.0))]
     space = Space(Rod(Axis(1, [0.0, 0.0, 1.0, 1.0], [1.0, 1.0]), np.array(layers)), elements=3, degree=2)
-    assert len(rigid.free_motions(Model([Body(space, LAW)], [Support.end(space, "end")]))) == expected
-    assert not rigid.free_motions(Model([Body(space, LAW)], [Support.end(space, "start")]))
+    assert len(rigid_motions.free_motions(Model([Body(space, LAW)], [Support.end(space, "end")]))) == expected
+    assert not rigid_motions.free_motions(Model([Body(space, LAW)], [Support.end(space, "start")]))
 
 
 @pytest.mark.parametrize("slenderness", [10.0, 1e3, 1e5])
 def test_a_slender_bar_is_held_by_its_end_face_and_not_by_its_axis(slenderness, cylinder):
     space = bar(cylinder, height=slenderness)
-    assert not rigid.free_motions(Model([Body(space, LAW)], [Support.end(space, "start")]))
+    assert not rigid_motions.free_motions(Model([Body(space, LAW)], [Support.end(space, "start")]))
     held = [Support.end(space, "start", "z"), Support.end(space, "end", "xy"), Support([0], "xy")]
-    assert not rigid.free_motions(Model([Body(space, LAW)], held))
+    assert not rigid_motions.free_motions(Model([Body(space, LAW)], held))
     held[1:] = [Support.end(space, "end", "z"), Support([0], "xy")]
-    ((_, motion),) = rigid.free_motions(Model([Body(space, LAW)], held))
-    assert re.fullmatch(r"turn about \(0, 0, -?1\)", rigid.describe(space, motion))
+    ((_, motion),) = rigid_motions.free_motions(Model([Body(space, LAW)], held))
+    assert re.fullmatch(r"turn about \(0, 0, -?1\)", rigid_motions.describe(space, motion))
 
 
 def test_only_nodes_that_carry_the_rod_hold_it(cylinder):
     """The functions of higher order vanish in every rigid motion."""
     space = bar(cylinder, order=2)
     inner = np.flatnonzero(~space.carries)
-    assert len(rigid.free_motions(Model([Body(space, LAW)], [Support(inner)]))) == 6
-    assert not rigid.free_motions(Model([Body(space, LAW)], [Support.end(space, "start")]))
+    assert len(rigid_motions.free_motions(Model([Body(space, LAW)], [Support(inner)]))) == 6
+    assert not rigid_motions.free_motions(Model([Body(space, LAW)], [Support.end(space, "start")]))
 
 
 def test_ring_held_in_its_planes_of_symmetry():
@@ -169,9 +169,9 @@ def test_ring_held_in_its_planes_of_symmetry():
     layer = np.arange(space.layer_nodes)
     first, second = [layer, layer + 2 * quarter], [layer + quarter, layer + 3 * quarter]
     held = [Support(nodes, "y") for nodes in first] + [Support(nodes, "x") for nodes in second]
-    ((_, motion),) = rigid.free_motions(Model([Body(space, LAW)], held))
-    assert re.fullmatch(r"move along \(0, 0, -?1\)", rigid.describe(space, motion))
-    assert not rigid.free_motions(Model([Body(space, LAW)], [*held, Support([0], "z")]))
+    ((_, motion),) = rigid_motions.free_motions(Model([Body(space, LAW)], held))
+    assert re.fullmatch(r"move along \(0, 0, -?1\)", rigid_motions.describe(space, motion))
+    assert not rigid_motions.free_motions(Model([Body(space, LAW)], [*held, Support([0], "z")]))
 
 
 @pytest.mark.parametrize("held", [(), (0,), (1,), (0, 1), (0, 2), (0, 1, 2)])
@@ -179,7 +179,7 @@ def test_every_body_counts_for_itself(held, cylinder):
     spaces = [bar(cylinder), Space(Ring().rod()), bar(cylinder, n=3)]
     supports = [Support([0, 1, 5], body=b) for b in held]
     model = Model([Body(space, NeoHookean(2.0, 0.3)) for space in spaces], supports)
-    found = rigid.free_motions(model)
+    found = rigid_motions.free_motions(model)
     assert [b for b, _ in found] == [b for b in range(3) if b not in held for _ in range(6)]
     for b, motion in found:
         assert motion.shape == (spaces[b].nodes, 3)
@@ -208,14 +208,14 @@ def test_motions_are_described(axis, what, sign, size, space):
     arm = space.positions - space.positions[space.carries].mean(axis=0)
     direction = sign * np.eye(3)[axis]
     motion = size * carried * (direction if what == "move along" else np.cross(direction, arm))
-    said, where = words(rigid.describe(space, motion))
+    said, where = words(rigid_motions.describe(space, motion))
     assert said == what
     assert np.array_equal(where, direction)
 
 
 def test_a_turn_about_a_far_axis_is_a_turn(space):
     arm = space.carries[:, None] * (space.positions - [50.0, 3.0, -20.0])
-    said, where = words(rigid.describe(space, np.cross([0.6, 0.0, 0.8], arm)))
+    said, where = words(rigid_motions.describe(space, np.cross([0.6, 0.0, 0.8], arm)))
     assert said == "turn about"
     assert np.abs(where - [0.6, 0.0, 0.8]).max() < 1e-3
 
@@ -230,8 +230,8 @@ def test_a_turn_about_a_far_axis_is_a_turn(space):
 )
 def test_the_turn_about_two_held_nodes_is_named_by_their_line(held, what, direction, cylinder):
     space, _ = oblique(cylinder)
-    ((_, motion),) = rigid.free_motions(Model([Body(space, LAW)], held(space)))
-    said, where = words(rigid.describe(space, motion))
+    ((_, motion),) = rigid_motions.free_motions(Model([Body(space, LAW)], held(space)))
+    said, where = words(rigid_motions.describe(space, motion))
     line = direction(space)
     assert said == what
     assert np.abs(np.cross(where, line / np.linalg.norm(line))).max() < 2e-3  # three digits are shown

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from isorod.errors import FoldedRodError, InputError
-from isorod.rod import Rod, helix
+from isorod.geometry.axis import Axis
+from isorod.geometry.rod import Rod, helix
+from isorod.geometry.section import circle, flower
 from isorod.scenes.flower import Flower
 from isorod.scenes.ring import Ring
 from isorod.scenes.spring import Spring
-from isorod.section import circle, flower
-from isorod.spline import Axis
 
 
 def disk_points(count=40, seed=0):

@@ -5,7 +5,8 @@ import json
 
 import pytest
 
-from isorod import cli, scenes
+from isorod import scenes
+from isorod.command import cli
 from isorod.errors import InputError
 
 GEOMETRY = [name for name in scenes.SCENES if scenes.find(name)().analysis == "geometry"]
@@ -77,7 +78,7 @@ def test_scene_of_one_passive_body_loads_no_muscle_contact_or_dynamics(name, pyt
     done = python(
         "import sys; from isorod import cli\n"
         f"assert cli.main(['run', {name!r}, '--json']) == 0\n"
-        "print([m for m in sys.modules if m.startswith(('isorod.muscle', 'isorod.contact', 'isorod.dynamics', 'isorod.explicit'))])"
+        "print([m for m in sys.modules if m.startswith(('isorod.material.muscle', 'isorod.contact', 'isorod.dynamics', 'isorod.dynamics.explicit.system'))])"
     )
     assert done.stdout.splitlines()[-1] == "[]", done.stderr
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from isorod.disk import boundary_functions, harmonic_functions
 from isorod.errors import InputError
-from isorod.section import circle, ellipse, flower, from_points
+from isorod.geometry.disk import boundary_functions, harmonic_functions
+from isorod.geometry.section import circle, ellipse, flower, from_points
 
 THETA = np.linspace(0, 2 * np.pi, 97)
 

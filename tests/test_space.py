@@ -7,16 +7,17 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_matrix
 
-from isorod import cli, modal, statics
-from isorod.assembly import Assembler
+from isorod import modal, statics
+from isorod.assembly.assembler import Assembler
+from isorod.command import cli
 from isorod.errors import InputError
+from isorod.geometry.rod import Rod
+from isorod.geometry.section import flower, refine, refinement_turn
 from isorod.material import LinearElastic
 from isorod.model import Body, Model, Support
-from isorod.rod import Rod
 from isorod.scenes.blade import Blade
 from isorod.scenes.ring import Ring
 from isorod.scenes.spring import Spring
-from isorod.section import flower, refine, refinement_turn
 from isorod.space import Space
 
 RODS = {

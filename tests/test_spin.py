@@ -9,7 +9,7 @@ from numpy.polynomial import Polynomial
 from scipy.linalg import eigh
 
 from isorod import modal, statics
-from isorod.assembly import Assembler
+from isorod.assembly.assembler import Assembler
 from isorod.errors import InputError, SolveError
 from isorod.material import LinearElastic, NeoHookean
 from isorod.model import Body, Model, Spin, Support

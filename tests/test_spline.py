@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from isorod.errors import InputError
-from isorod.spline import Axis
+from isorod.geometry.axis import Axis
 
 
 def cox_de_boor(knots, p, j, u):

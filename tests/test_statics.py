@@ -7,7 +7,7 @@ import pytest
 from petsc4py import PETSc
 
 from isorod import statics
-from isorod.assembly import Assembler
+from isorod.assembly.assembler import Assembler
 from isorod.errors import SolveError
 from isorod.material import LinearElastic, NeoHookean
 from isorod.model import Body, Model, Support

@@ -5,9 +5,9 @@ import pytest
 
 from isorod.material import LinearElastic, NeoHookean
 from isorod.model import Body
+from isorod.output.stress import cauchy, von_mises
 from isorod.scenes.spring import Spring
 from isorod.space import Space
-from isorod.stress import cauchy, von_mises
 
 XI = np.array([[0.0, 0.0], [0.4, -0.3], [1.0, 0.0]])
 U = np.array([0.0, 0.3, 1.0])

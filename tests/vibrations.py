@@ -4,7 +4,7 @@ import numpy as np
 from conftest import as_array
 from petsc4py import PETSc
 
-from isorod.assembly import Assembler
+from isorod.assembly.assembler import Assembler
 from isorod.material import LinearElastic
 from isorod.model import Body, Model, Support
 from isorod.scenes.blade import Blade

@@ -10,8 +10,9 @@ from typing import Any, NoReturn
 
 from comparisons.fem import biceps_presets, blade_presets, presets
 from comparisons.fem.quadrature import RULES
-from isorod import options, results
+from isorod import options
 from isorod.errors import InputError, SolveError
+from isorod.output import results
 from isorod.scenes.biceps import Biceps
 from meshes import biceps, blade, spring
 
@@ -143,7 +144,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(given: dict[str, Any]) -> dict[str, Any]:
-    from isorod.petsc import unused_options
+    from isorod.petsc.matrix import unused_options
 
     scene = import_module(f"comparisons.fem.{given.pop('scene')}")
     repeat = given.pop("repeat")

@@ -11,7 +11,7 @@ from comparisons.fem import compat
 from comparisons.fem.material import Energy
 from comparisons.fem.statics import FAST, Equilibrium
 from isorod.errors import InputError
-from isorod.results import write_beside
+from isorod.output.results import write_beside
 from meshes.mesh import Array, Index
 
 

@@ -52,7 +52,7 @@ def muscle(young: float, poisson: float, sigma_max: float, m1: float, m2: float,
     young, poisson
         Matrix.
     sigma_max, m1, m2
-        Largest active stress, factor and exponent of the passive fibres, as in `isorod.muscle.Muscle`.
+        Largest active stress, factor and exponent of the passive fibres, as in `isorod.material.muscle.Muscle`.
     activation
         From 0 to 1: a UFL scalar such as a dolfinx Constant.
     fibre

@@ -19,7 +19,7 @@ from comparisons.fem.statics import FAST, Element
 from comparisons.timing import peak_memory
 from isorod.errors import InputError
 from isorod.options import defaults
-from isorod.petsc import componentwise
+from isorod.petsc.matrix import componentwise
 from meshes.mesh import Array, Index
 
 # What a user's option overrides.  Measured on the blade (see comparisons.fem.blade): MUMPS' own choice of ordering and one Krylov

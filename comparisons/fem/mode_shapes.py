@@ -7,7 +7,7 @@ import numpy as np
 from comparisons.fem import compat
 from comparisons.fem.modal import Modes
 from comparisons.fem.statics import FAST
-from isorod.results import write_beside
+from isorod.output.results import write_beside
 from meshes.mesh import Array, Mesh
 
 

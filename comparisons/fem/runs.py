@@ -10,8 +10,8 @@ from petsc4py import PETSc
 
 from comparisons.fem import compat
 from comparisons.fem.domain import Domain
-from isorod import results
 from isorod.errors import InputError
+from isorod.output import results
 from meshes.mesh import Mesh
 
 Found = TypeVar("Found")

@@ -19,9 +19,10 @@ from petsc4py import PETSc
 
 from comparisons.fem import compat
 from comparisons.fem.statics import FAST
-from isorod import results, section
-from isorod.disk import harmonic_functions
 from isorod.errors import InputError
+from isorod.geometry import section
+from isorod.geometry.disk import harmonic_functions
+from isorod.output import results
 from meshes.mesh import Array, Index, lexicographic, match
 from meshes.template import o_grid
 

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from isorod.rod import Rod
-from isorod.section import circle
-from isorod.spline import Axis
+from isorod.geometry.axis import Axis
+from isorod.geometry.rod import Rod
+from isorod.geometry.section import circle
 
 
 def bar(

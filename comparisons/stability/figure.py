@@ -7,7 +7,7 @@ import numpy as np
 
 from comparisons.records import Record
 from comparisons.stability.point import sweeps
-from isorod.results import write_beside
+from isorod.output.results import write_beside
 
 # Okabe and Ito's colours: told apart by colour-blind readers too.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")

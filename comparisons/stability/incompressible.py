@@ -12,9 +12,8 @@ from comparisons.stability import figure
 from comparisons.stability.bars import bar
 from comparisons.stability.point import measure, reach, sweeps
 from isorod import statics
-from isorod.load import SectionLoad
 from isorod.material import NeoHookean
-from isorod.model import Body, Model, Support
+from isorod.model import Body, Model, SectionLoad, Support
 from isorod.scenes.spring import Spring
 from isorod.space import Space
 from meshes.mesh import Array

@@ -13,14 +13,15 @@ from comparisons.records import Record
 from comparisons.stability import figure
 from comparisons.stability.point import holds, measure, sweeps
 from comparisons.stability.rods import arch, straight
-from isorod import continuation, statics
-from isorod.load import SectionLoad
+from isorod import statics
+from isorod.arrays import Index
+from isorod.geometry.axis import Axis
+from isorod.geometry.rod import Rod
+from isorod.geometry.section import ellipse
 from isorod.material import NeoHookean
-from isorod.model import Body, Model, Support
-from isorod.rod import Rod
-from isorod.section import ellipse
+from isorod.model import Body, Model, SectionLoad, Support
 from isorod.space import Space
-from isorod.spline import Axis, Index
+from isorod.statics import continuation
 
 NAME = "large"
 TITLE = "large deformation: roll-up, stretch, twist, buckling, snap-through"

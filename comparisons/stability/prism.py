@@ -3,7 +3,7 @@
 import numpy as np
 
 from isorod import statics
-from isorod.assembly import Assembler
+from isorod.assembly.assembler import Assembler
 from isorod.material import LinearElastic
 from isorod.model import Body, Model, Support
 from isorod.space import Space

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from isorod.rod import Rod
-from isorod.section import circle
-from isorod.spline import Axis
+from isorod.geometry.axis import Axis
+from isorod.geometry.rod import Rod
+from isorod.geometry.section import circle
 
 
 def straight(length: float, points: int = 4) -> Rod:

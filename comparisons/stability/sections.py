@@ -15,11 +15,12 @@ from comparisons.stability import figure
 from comparisons.stability.bars import bar
 from comparisons.stability.point import holds, measure, reach, sweeps
 from comparisons.stability.prism import STIFFNESSES, condition, stiffness
-from isorod import modal, section
-from isorod.disk import harmonic_functions
+from isorod import modal
+from isorod.geometry import section
+from isorod.geometry.disk import harmonic_functions
+from isorod.geometry.rod import Rod, helix
 from isorod.material import LinearElastic
 from isorod.model import Body, Model, Support
-from isorod.rod import Rod, helix
 from isorod.scenes.blade import Blade
 from isorod.scenes.flower import Flower
 from isorod.space import Space

@@ -15,10 +15,9 @@ from comparisons.stability import figure
 from comparisons.stability.point import measure, reach, sweeps
 from comparisons.stability.rods import straight
 from isorod import statics
-from isorod.assembly import Assembler
-from isorod.load import SectionLoad
+from isorod.assembly.assembler import Assembler
 from isorod.material import NeoHookean
-from isorod.model import Body, Model, Support
+from isorod.model import Body, Model, SectionLoad, Support
 from isorod.space import Space
 
 NAME = "slender"

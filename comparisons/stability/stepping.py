@@ -12,9 +12,9 @@ from comparisons.stability import figure
 from comparisons.stability.bars import bar
 from comparisons.stability.point import measure, reach, sweeps
 from isorod import dynamics, modal
-from isorod.disk import Array
-from isorod.explicit import System
-from isorod.explicit_run import Run
+from isorod.arrays import Array
+from isorod.dynamics.explicit.run import Run
+from isorod.dynamics.explicit.system import System
 from isorod.material import NeoHookean
 from isorod.model import Body, Model, Support
 from isorod.space import Space

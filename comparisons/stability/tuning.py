@@ -18,7 +18,7 @@ from comparisons.records import Record
 from comparisons.stability.figure import COLOURS
 from comparisons.stability.point import holds, sweeps
 from isorod.errors import SolveError
-from isorod.results import write_beside
+from isorod.output.results import write_beside
 
 NAME = "tuning"
 TITLE = "solver options for spring, blade and biceps statics"
@@ -156,7 +156,7 @@ def run(level: str) -> Iterator[dict[str, Any]]:
 
 def _command(line: str, limit: float, warm: int) -> dict[str, Any]:
     """Run ``isorod run`` with a line; return what the record says, or the ``failure`` and the exit ``code``."""
-    program = [sys.executable, "-c", "import sys; from isorod.cli import main; sys.exit(main())"]
+    program = [sys.executable, "-c", "import sys; from isorod.command.cli import main; sys.exit(main())"]
     try:
         done = subprocess.run(
             [*program, "run", *line.split(), "--json"],

@@ -5,17 +5,17 @@ from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 import numpy as np
 
-from isorod import section
-from isorod.disk import Array
+from isorod.arrays import Array
 from isorod.errors import InputError, whole_number
-from isorod.rod import Rod
+from isorod.geometry import section
+from isorod.geometry.axis import Axis
+from isorod.geometry.rod import Rod
 from isorod.scenes import option
-from isorod.spline import Axis
 
 if TYPE_CHECKING:
-    from isorod.dynamics import History
-    from isorod.model import Model
-    from isorod.statics import Equilibrium
+    from isorod.dynamics.analysis import History
+    from isorod.model.model import Model
+    from isorod.statics.analysis import Equilibrium
 
 # Elements of a branch as first built: tendon, three of muscle, tendon.
 ELEMENTS = 5
@@ -39,7 +39,7 @@ class Biceps:
     paper cannot narrow near the ends and hold with 16 % too much force; cut once there, and the others in two, 2.4 % too much with
     ``order`` 1, 0.4 % with 2 (and, with ``end_elements`` 2, 0.7 % too little).
 
-    The time step is the paper's, six critical steps of the consistent mass: see `isorod.explicit_mass`.
+    The time step is the paper's, six critical steps of the consistent mass: see `isorod.dynamics.explicit.mass`.
     """
 
     analyses: ClassVar[tuple[str, ...]] = ("dynamics", "statics")
@@ -151,11 +151,11 @@ class Biceps:
 
         Bodies are the branches at ``x < 0`` and ``x > 0``; supports the lower and the upper end of the one, then of the other.
         """
-        from isorod.contact import Contact
-        from isorod.material import NeoHookean
-        from isorod.model import Body, Model, Support
-        from isorod.muscle import Muscle
-        from isorod.space import Space
+        from isorod.contact.tables import Contact
+        from isorod.material.law import NeoHookean
+        from isorod.material.muscle import Muscle
+        from isorod.model.model import Body, Model, Support
+        from isorod.space.space import Space
 
         if self.fibre not in ("y", "tangent"):
             raise InputError(f"fibre: got {self.fibre!r}, need 'y' or 'tangent'")

@@ -5,15 +5,15 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from isorod import section
 from isorod.errors import InputError
-from isorod.rod import Rod
+from isorod.geometry import section
+from isorod.geometry.axis import Axis
+from isorod.geometry.rod import Rod
 from isorod.scenes import option
-from isorod.spline import Axis
 
 if TYPE_CHECKING:
-    from isorod.modal import Modes
-    from isorod.model import Model
+    from isorod.modal.analysis import Modes
+    from isorod.model.model import Model
 
 _AXIS = Axis(2, np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0]), np.ones(3))
 
@@ -70,9 +70,9 @@ class Blade:
 
     def model(self) -> "Model":
         """Return the model: linear elastic, root clamped."""
-        from isorod.material import LinearElastic
-        from isorod.model import Body, Model, Support
-        from isorod.space import Space
+        from isorod.material.law import LinearElastic
+        from isorod.model.model import Body, Model, Support
+        from isorod.space.space import Space
 
         rod = self.rod()
         rod.check()

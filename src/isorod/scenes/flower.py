@@ -5,11 +5,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from isorod import section
 from isorod.errors import InputError
-from isorod.rod import Rod
+from isorod.geometry import section
+from isorod.geometry.axis import Axis
+from isorod.geometry.rod import Rod
 from isorod.scenes import option
-from isorod.spline import Axis
 
 
 @dataclass(frozen=True)

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-from isorod import section
-from isorod.rod import Rod, helix
+from isorod.geometry import section
+from isorod.geometry.rod import Rod, helix
 from isorod.scenes import option
 
 

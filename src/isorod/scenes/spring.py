@@ -4,14 +4,14 @@ import warnings
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from isorod import section
 from isorod.errors import InputError
-from isorod.rod import Rod, helix
+from isorod.geometry import section
+from isorod.geometry.rod import Rod, helix
 from isorod.scenes import option
 
 if TYPE_CHECKING:
-    from isorod.model import Model
-    from isorod.statics import Equilibrium
+    from isorod.model.model import Model
+    from isorod.statics.analysis import Equilibrium
 
 ARCS_PER_TURN = 4
 
@@ -53,9 +53,9 @@ class Spring:
 
         Warns where neighbouring coils overlap.
         """
-        from isorod.material import NeoHookean
-        from isorod.model import Body, Model, Support
-        from isorod.space import Space
+        from isorod.material.law import NeoHookean
+        from isorod.model.model import Body, Model, Support
+        from isorod.space.space import Space
 
         if self.elements_per_turn < ARCS_PER_TURN or self.elements_per_turn % ARCS_PER_TURN:
             raise InputError(f"elements a turn: got {self.elements_per_turn}, need a multiple of {ARCS_PER_TURN}")

@@ -1,0 +1,1 @@
+"""From element integrals to PETSc matrices and vectors."""

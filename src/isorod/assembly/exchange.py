@@ -1,0 +1,117 @@
+"""The degrees of freedom that a rank's elements have, and how their values come from vectors of unknowns and go there."""
+
+from collections.abc import Callable
+from functools import cached_property
+
+import numpy as np
+from petsc4py import PETSc
+
+from isorod.arrays import Array, Index
+from isorod.model.model import Body, Model
+
+
+def numbers(model: Model, first: Index, layer_dofs: Callable[[Body], int]) -> Index:
+    """Return an assembler's number of each of the model's degrees of freedom, ascending."""
+    found = [np.empty(0, np.int64)]
+    for b, body in enumerate(model.bodies):
+        layers = np.arange(body.space.layers)[:, None] * layer_dofs(body)
+        found.append((first[b] + layers + np.arange(3 * body.space.layer_nodes)).ravel())
+    return np.concatenate(found)
+
+
+class Exchange:
+    """Values of a rank's degrees of freedom, in slots; what an analysis does not ask for is not made.
+
+    Parameters
+    ----------
+    vector
+        A vector of unknowns; None where this rank has them all.
+    free
+        Unknown of each of the assembler's degrees of freedom, -1 if it is held.
+    window
+        Those that this rank has, ascending; None where it has them all.
+    places
+        Returns the assembler's number of each of the model's degrees of freedom, ascending.
+    bound
+        The model's degrees of freedom that supports hold or tie.
+    """
+
+    def __init__(
+        self,
+        vector: PETSc.Vec | None,
+        free: Index,
+        window: Index | None,
+        places: Callable[[], Index],
+        bound: Index,
+    ) -> None:
+        self._vector, self._window, self._number, self._bound = vector, window, places, bound
+        mine = free if window is None else free[window]
+        self._slots = np.flatnonzero(mine >= 0)
+        self._unknowns = mine[self._slots]
+        self.size = mine.size
+
+    def slots(self, dofs: Index) -> Index:
+        """Return the slots of degrees of freedom that this rank has."""
+        return dofs if self._window is None else np.searchsorted(self._window, dofs)
+
+    def add_unknowns(self, x: PETSc.Vec, local: Array) -> None:
+        """Add the unknowns to the slots of the degrees of freedom that are not held."""
+        if self._window is None:
+            local[self._slots] += x.array_r[self._unknowns]
+            return
+        scatter, near = self._scatter
+        scatter.scatter(x, near, PETSc.InsertMode.INSERT_VALUES, PETSc.ScatterMode.FORWARD)
+        local[self._slots] += near.array_r
+
+    def store(self, local: Array, out: PETSc.Vec) -> None:
+        """Fill a vector of unknowns with the sums of what is in their slots, on all ranks."""
+        if self._window is None:
+            out.array_w[:] = np.bincount(self._unknowns, local[self._slots], out.getLocalSize())
+            return
+        scatter, near = self._scatter
+        near.array_w[:] = local[self._slots]
+        out.zeroEntries()
+        scatter.scatter(near, out, PETSc.InsertMode.ADD_VALUES, PETSc.ScatterMode.REVERSE)
+
+    @cached_property
+    def _scatter(self) -> tuple[PETSc.Scatter, PETSc.Vec]:
+        near = PETSc.Vec().createSeq(self._unknowns.size)
+        unknowns = PETSc.IS().createGeneral(self._unknowns.astype(PETSc.IntType), PETSc.COMM_SELF)
+        return PETSc.Scatter().create(self._vector, unknowns, near, None), near
+
+    def all_unknowns(self, x: PETSc.Vec) -> Array:
+        """Return all unknowns, on every rank."""
+        if self._window is None:
+            return np.array(x.array_r)
+        scatter, everything = self._everything
+        scatter.scatter(x, everything, PETSc.InsertMode.INSERT_VALUES, PETSc.ScatterMode.FORWARD)
+        return np.array(everything.array_r)
+
+    @cached_property
+    def _everything(self) -> tuple[PETSc.Scatter, PETSc.Vec]:
+        return PETSc.Scatter.toAll(self._vector)
+
+    @cached_property
+    def places(self) -> Index:
+        """The assembler's number of each of the model's degrees of freedom."""
+        return self._number()
+
+    @cached_property
+    def moved(self) -> tuple[Index, Index]:
+        """The model's degrees of freedom that this rank has, and their slots."""
+        if self._window is None:
+            return np.arange(self.places.size), self.places
+        of_place = np.full(max(int(self._window.max(initial=-1)), int(self.places.max(initial=-1))) + 1, -1)
+        of_place[self.places] = np.arange(self.places.size)
+        moved = of_place[self._window]
+        slots = np.flatnonzero(moved >= 0)
+        return moved[slots], slots
+
+    @cached_property
+    def bound(self) -> tuple[Index, Index]:
+        """Those of the model's held or tied degrees of freedom, counted among these, that this rank has, and their slots."""
+        moved, slots = self.moved
+        of_bound = np.full(self.places.size, -1)
+        of_bound[self._bound] = np.arange(self._bound.size)
+        number = of_bound[moved]
+        return number[number >= 0], slots[number >= 0]

@@ -1,0 +1,300 @@
+"""The mixed formulation: displacement and pressure, free of locking near incompressibility.
+
+Stationary point of ``integral of psi(F) + p theta(F) - p^2 / (2 kappa)`` (Herrmann, AIAA J. 3 (1965) 1896-1900; Simo, Taylor & Pister,
+CMAME 51 (1985) 177-208), where a law is ``W = psi + kappa/2 theta^2``: ``theta = ln J`` or, linear, ``tr e``.  The pressure, positive in
+tension, is ``p = kappa theta`` in the mean; ``kappa`` may be infinite, and ``theta`` is then zero in the mean.
+"""
+
+from typing import Any, cast
+
+import numpy as np
+from numba import njit
+from petsc4py import PETSc
+
+from isorod.arrays import Array
+from isorod.assembly import element_kernel, stiffness_kernel
+from isorod.assembly.assembler import Assembler
+from isorod.assembly.element_kernel import _D3, _D5
+from isorod.assembly.extrapolation import Extrapolation
+from isorod.assembly.part import Part
+from isorod.errors import InputError
+from isorod.material.along_rod import Laws, Run
+from isorod.material.law import Split
+from isorod.model.model import Body, Spin
+from isorod.tensors import inverse
+
+_OPTIONS: Any = {"cache": True, "fastmath": {"contract", "reassoc", "nsz", "arcp"}, "error_model": "numpy"}
+_D2 = "f8[:,::1]"
+_D6 = "f8[:,:,:,:,:,::1]"
+_D7 = "f8[:,:,:,:,:,:,::1]"
+
+
+@njit(f"{_D6}({_D3}, {_D3}, {_D3}, {_D5}, {_D3}, {_D5}, {_D2}, {_D3})", **_OPTIONS)
+def coupling(
+    section: Array,
+    axial: Array,
+    slopes: Array,
+    inverse: Array,
+    weights: Array,
+    slope: Array,
+    across: Array,
+    along: Array,
+) -> Array:
+    """Return the matrices ``(E, l, n, 3, l - 1, m)`` of displacements and pressures.
+
+    ``slope`` ``(E, t, q, 3, 3)`` is ``d theta / dF``; ``across`` ``(q, m)`` and ``along`` ``(E, t, l - 1)`` are the pressure functions, the
+    rest is as in `isorod.assembly.element_kernel`.
+    """
+    elements, points_along, functions = axial.shape
+    points, _, n = section.shape
+    pressures = across.shape[1]
+    result = np.zeros((elements, functions, n, 3, functions - 1, pressures))
+    plane = np.empty((n, 3, pressures))
+    axis = np.empty((n, 3, pressures))
+    for e in range(elements):
+        for t in range(points_along):
+            plane[:] = 0.0
+            axis[:] = 0.0
+            for q in range(points):
+                for a in range(3):
+                    s = np.empty(3)
+                    for d in range(3):
+                        s[d] = weights[e, t, q] * (
+                            slope[e, t, q, a, 0] * inverse[e, t, q, d, 0]
+                            + slope[e, t, q, a, 1] * inverse[e, t, q, d, 1]
+                            + slope[e, t, q, a, 2] * inverse[e, t, q, d, 2]
+                        )
+                    for i in range(n):
+                        x = s[0] * section[q, 0, i] + s[1] * section[q, 1, i]
+                        y = s[2] * section[q, 2, i]
+                        for k in range(pressures):
+                            plane[i, a, k] += x * across[q, k]
+                            axis[i, a, k] += y * across[q, k]
+            for j in range(functions):
+                for i in range(n):
+                    for a in range(3):
+                        for m in range(functions - 1):
+                            x = along[e, t, m] * axial[e, t, j]
+                            y = along[e, t, m] * slopes[e, t, j]
+                            for k in range(pressures):
+                                result[e, j, i, a, m, k] += x * plane[i, a, k] + y * axis[i, a, k]
+    return result
+
+
+@njit(f"void({_D7}, {_D5}, {_D3})", **_OPTIONS)
+def _add_curvature(tangent: Array, slope: Array, pressure: Array) -> None:
+    """Add ``p d^2 ln J / dF^2 = -p G_aB G_bA`` to tangent moduli ``(E, t, q, 3, 3, 3, 3)``, ``G = F^-T``."""
+    elements, along, points = pressure.shape
+    for e in range(elements):
+        for t in range(along):
+            for q in range(points):
+                for a in range(3):
+                    for A in range(3):
+                        for b in range(3):
+                            for B in range(3):
+                                tangent[e, t, q, a, A, b, B] -= (
+                                    pressure[e, t, q] * slope[e, t, q, a, B] * slope[e, t, q, b, A]
+                                )
+
+
+def shear_laws(laws: Laws) -> Laws:
+    """Return the laws without their bulk terms."""
+    return Laws([Run(cast(Split, law).shear, first, last) for law, first, last in laws.runs])
+
+
+def volume_change(laws: Laws, F: Array) -> tuple[Array, Array]:
+    """Return ``theta`` and ``d theta / dF`` at deformation gradients ``(E, t, q, 3, 3)``; NaN where ``ln J`` has no value."""
+    theta, slope = np.empty(F.shape[:-2]), np.empty(F.shape)
+    for law, first, last in laws.runs:
+        part = F[first:last]
+        if cast(Split, law).logarithmic:
+            inverses, det = inverse(part)
+            theta[first:last] = np.log(np.where(det > 0.0, det, np.nan))
+            slope[first:last] = np.swapaxes(inverses, -1, -2)
+        else:
+            theta[first:last] = np.trace(part, axis1=-2, axis2=-1) - 3.0
+            slope[first:last] = np.eye(3)
+    return theta, slope
+
+
+class MixedPart(Part):
+    """The elements of one body; a layer of a mixed one holds its displacements, then its pressures."""
+
+    def __init__(self, body: Body, *arguments: int) -> None:
+        super().__init__(body, *arguments)
+        self.moves = 3 * body.space.layer_nodes
+        self.mixed = body.pressures is not None
+        self._last: tuple[Extrapolation | None, Array, Array] | None = None
+        if body.pressures is not None:
+            self.across, self.along = body.pressures.tabulate(self.table)
+            self.across *= body.pressure_unit
+            self.laws = shear_laws(self.laws)
+            first, last = self.table.first, self.table.first + self.table.elements
+            self.compliance = np.array([1.0 / cast(Split, law).lame for law in body.laws[first:last]])[:, None, None]
+
+    @staticmethod
+    def layer_dofs(body: Body) -> int:
+        """Return the number of degrees of freedom of a layer."""
+        return 3 * body.space.layer_nodes + (body.pressures.count if body.pressures is not None else 0)
+
+    def nodal(self, local: Array) -> Array:
+        """Return the nodal displacements, shape ``(E, l, n, 3)``."""
+        own = local[self.slots].reshape(*self.layers.shape, -1)[:, :, : self.moves]
+        return np.ascontiguousarray(own).reshape(self.shape)
+
+    def pressure(self, local: Array) -> Array:
+        """Return the pressure at the quadrature points, shape ``(E, t, q)``."""
+        near = local[self.slots].reshape(*self.layers.shape, -1)[:, :-1, self.moves :]
+        return np.ascontiguousarray(np.einsum("etj,ejk->etk", self.along, near) @ self.across.T)
+
+    def energy(self, local: Array, factor: float) -> float:
+        """Return the value of the functional: at a solution, the stored energy."""
+        if not self.mixed:
+            return super().energy(local, factor)
+        F, p = self.gradients(local), self.pressure(local)
+        density = self.laws.at(factor).energy(F) + p * volume_change(self.laws, F)[0] - 0.5 * self.compliance * p**2
+        return float(np.sum(self.table.weights * density))
+
+    def forces(self, local: Array, factor: float) -> Array:
+        """Return the derivatives by displacements and pressures, shape of ``dofs``."""
+        if not self.mixed:
+            return super().forces(local, factor)
+        t = self.table
+        F, p = self.gradients(local), self.pressure(local)
+        theta, slope = volume_change(self.laws, F)
+        stress = self.laws.at(factor).stress(F) + p[..., None, None] * slope
+        forces = element_kernel.internal_forces(t.section, t.axial, t.slopes, t.inverse, t.weights, stress)
+        result = self._padded(forces)
+        gap = (t.weights * (theta - self.compliance * p)) @ self.across
+        result[:, :-1, self.moves :] = np.einsum("etj,etk->ejk", self.along, gap)
+        return result.reshape(self.dofs.shape)
+
+    def matrices(self, local: Array, factor: float) -> Array:
+        """Return the second derivatives, shape ``(E, l width, l width)``."""
+        if not self.mixed:
+            return super().matrices(local, factor)
+        t = self.table
+        F, p = self.gradients(local), self.pressure(local)
+        _, slope = volume_change(self.laws, F)
+        laws = self.laws.at(factor)
+        tangent = np.array(laws.tangent(F), order="C")
+        for law, first, last in self.laws.runs:
+            if cast(Split, law).logarithmic:
+                _add_curvature(tangent[first:last], slope[first:last], p[first:last])
+        if self.extrapolation is not None:
+            stress = laws.stress(F) + p[..., None, None] * slope
+            tangent = self._pressed(self.extrapolation.tangent(F, stress, tangent), p, slope)
+        none = np.zeros((tangent.shape[0], 2))
+        stiffness = stiffness_kernel.stiffness(t.section, t.axial, t.slopes, t.inverse, t.weights, tangent, none)
+        both = coupling(t.section, t.axial, t.slopes, t.inverse, t.weights, slope, self.across, self.along)
+        values = np.ascontiguousarray(np.repeat(self.across[:, None, :], 3, axis=1))
+        own = element_kernel.mass(values, self.along, -self.compliance * t.weights)
+        elements, layers = self.layers.shape
+        both = both.reshape(elements, layers, self.moves, layers - 1, -1)
+        result = self._padded_matrices(stiffness)
+        result[:, :, : self.moves, :-1, self.moves :] = both
+        result[:, :-1, self.moves :, :, : self.moves] = both.transpose(0, 3, 4, 1, 2)
+        result[:, :-1, self.moves :, :-1, self.moves :] = own
+        return result.reshape(elements, layers * self.width, -1)
+
+    def entries(self, local: Array, factor: float) -> Array:
+        """Return the sum of the second derivatives as entries of the pattern."""
+        return self.pattern.merge(self.matrices(local, factor))
+
+    def _pressed(self, tangent: Array, p: Array, slope: Array) -> Array:
+        """Return an extrapolated tangent with the pressure's share: its change since the last tangent, times ``F0^-1 F0^-T``."""
+        last, self._last = self._last, (self.extrapolation, p, slope)
+        if last is None or last[0] is not self.extrapolation:
+            return tangent
+        share = (p - last[1])[..., None, None] * (np.swapaxes(last[2], -1, -2) @ last[2])
+        # The extrapolation remembers its own array.
+        result = tangent.copy()
+        for a in range(3):
+            result[..., a, :, a, :] += share
+        return result
+
+    def centrifugal(self, local: Array, spin: Spin) -> Array:
+        """Return the centrifugal forces, shape of ``dofs``."""
+        return self._padded(super().centrifugal(local, spin)).reshape(self.dofs.shape)
+
+    def softening(self, spin: Spin) -> Array:
+        """Return the derivatives of the centrifugal forces, shape of ``matrices``."""
+        return self._padded_matrices(super().softening(spin)).reshape(*self.dofs.shape, -1)
+
+    def _padded(self, forces: Array) -> Array:
+        """Return nodal forces with room for pressures, shape ``(E, l, width)``."""
+        result = np.zeros((*self.layers.shape, self.width))
+        result[:, :, : self.moves] = forces.reshape(*self.layers.shape, -1)
+        return result
+
+    def _padded_matrices(self, matrices: Array) -> Array:
+        """Return matrices of displacements with room for pressures, shape ``(E, l, width, l, width)``."""
+        elements, layers = self.layers.shape
+        result = np.zeros((elements, layers, self.width, layers, self.width))
+        result[:, :, : self.moves, :, : self.moves] = matrices.reshape(elements, layers, self.moves, layers, self.moves)
+        return result
+
+
+class MixedAssembler(Assembler):
+    """Assembles a model some of whose bodies have the mixed formulation: their tangent is symmetric and indefinite.
+
+    Raises
+    ------
+    InputError
+        If the model has contacts.
+    """
+
+    part = MixedPart
+    formulations = ("displacement", "mixed")
+
+    def _number(self) -> None:
+        model = self.model
+        if model.contacts:
+            raise InputError("contact: a model with the mixed formulation takes none so far")
+        super()._number()
+        first, labels, count = [0], [], model.unknowns
+        for b, body in enumerate(model.bodies):
+            own = model.free[3 * model.first_node[b] : 3 * model.first_node[b + 1]].reshape(body.space.layers, -1)
+            pressures = np.full((own.shape[0], self.part.layer_dofs(body) - own.shape[1]), -1)
+            if body.pressures is not None:
+                pressures[: body.pressures.layers] = count + np.arange(body.pressures.size).reshape(
+                    -1, body.pressures.count
+                )
+                count += body.pressures.size
+            labels.append(np.concatenate([own, pressures], axis=1).ravel())
+            first.append(first[-1] + labels[-1].size)
+        label = np.concatenate(labels)
+        # Unknowns in the order in which they first appear: a layer's pressures follow its displacements, and the band is narrow.
+        _, appears = np.unique(label[label >= 0], return_index=True)
+        self._number_of = np.empty(count, dtype=np.int64)
+        self._number_of[np.argsort(appears)] = np.arange(count)
+        self.free = np.where(label >= 0, self._number_of[label], -1)
+        self.unknowns = count
+        self.first = np.array(first, dtype=np.int64)
+        self.block = 1
+
+    def mass(self, lumped: bool = False) -> PETSc.Mat:
+        """Raise `InputError`: pressures have no mass, and no analysis takes that."""
+        raise InputError("mass matrix: a model with the mixed formulation has none")
+
+    def _unknowns(self, displacement: Array) -> Array:
+        result = np.zeros(self.unknowns)
+        result[self._number_of[: self.model.unknowns]] = super()._unknowns(displacement)
+        return result
+
+    def _displacements(self, unknowns: Array) -> Array:
+        return unknowns[self._number_of[: self.model.unknowns]]
+
+    def pressures(self, x: PETSc.Vec) -> list[Array | None]:
+        """Return each body's pressure coefficients (`isorod.space.pressure.Pressures`), force per area; None where it has none."""
+        unknowns = self.all_unknowns(x)[self._number_of]
+        found: list[Array | None] = []
+        first = self.model.unknowns
+        for body in self.model.bodies:
+            if body.pressures is None:
+                found.append(None)
+                continue
+            mine = unknowns[first : first + body.pressures.size]
+            found.append(body.pressure_unit * mine.reshape(-1, body.pressures.count))
+            first += body.pressures.size
+        return found

@@ -1,0 +1,1 @@
+"""What proves a result, or refuses it."""

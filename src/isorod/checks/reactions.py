@@ -1,0 +1,83 @@
+"""Whether an equilibrium's support forces mean anything: they must balance, and stand out from rounding."""
+
+import warnings
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from isorod.arrays import Array
+from isorod.errors import SolveError
+
+if TYPE_CHECKING:
+    from petsc4py import PETSc
+
+    from isorod.assembly.assembler import Assembler
+
+# The forces of an equilibrium balance to this share of the largest support force (or moment over size), or there is no result.
+TOLERANCE = 1e-3
+
+# Displacements below this share of the size leave fewer than three digits of a slender rod's strains.
+_VANISHES = 1e-11
+
+# A support force counts as one if it is this many times what rounding alone makes there.
+_SIGNIFICANT = 10.0
+
+
+def check(
+    assembler: "Assembler",
+    x: "PETSc.Vec",
+    displacement: Array,
+    reactions: Array,
+    moments: Array,
+    out_of_balance: float,
+    rtol: float,
+) -> None:
+    """Raise `SolveError` where displacements vanish or support forces do not balance; warn where these are rounding.
+
+    The deformation gradient is near one and known to 1e-16, so that stresses carry an error of 1e-16 times the stiffness whatever
+    their size.  A support of stiff material, or of a very slender rod, then reports forces that are nothing else, and SNES, whose
+    tolerance takes this into account, converges.
+
+    Parameters
+    ----------
+    displacement
+        All degrees of freedom, shape ``(dofs,)``.
+    reactions, moments
+        Force and moment of each support on the model, shape ``(supports, 3)``.
+    out_of_balance
+        Norm of the residual at the end.
+    rtol
+        Relative tolerance of SNES: where it is looser, balance is asked for to this only.
+    """
+    model, tolerance = assembler.model, max(TOLERANCE, rtol)
+    moved = float(np.abs(displacement).max())
+    if model.prescribed(1.0).any() and moved < _VANISHES * model.size:
+        raise SolveError(
+            f"displacements of {moved:.2g} vanish beside the size {model.size:.2g} in double precision; prescribe larger ones: the response is "
+            "linear there"
+        )
+    largest = float(np.linalg.norm(reactions, axis=1).max())
+    # Where supports carry moments alone, their forces vanish.
+    load = max(largest, float(np.linalg.norm(moments, axis=1).max()) / model.size)
+    # No sum over n entries is larger than sqrt(n) times their norm.
+    if np.sqrt(model.unknowns) * out_of_balance <= tolerance * load:
+        return
+    resultant, noise = assembler.imbalance(x, 1.0)
+    gap = float(np.linalg.norm(resultant))
+    if gap <= tolerance * load:
+        return
+    carried = model.carries[model.bound // 3]
+    rounding = np.zeros_like(reactions)
+    np.add.at(rounding, (model.support_of[carried], model.bound[carried] % 3), noise[carried])
+    sizes = np.linalg.norm(reactions, axis=1)
+    if (sizes > _SIGNIFICANT * np.linalg.norm(rounding, axis=1)).any():
+        raise SolveError(
+            f"support forces do not balance: {gap:.2g} is left over, the largest of them is {largest:.2g}: the tolerances of SNES are loose, or "
+            "displacements are too small, or stiffness differs too much along the model, for double precision"
+        )
+    if model.loads:
+        raise SolveError(
+            f"loads are no more than rounding of the stiffness: {gap:.2g} of them is left over, supports carry {largest:.2g}: the model is "
+            "too slender, or too stiff for them, for double precision"
+        )
+    warnings.warn(f"support forces are no more than rounding: {largest:.2g}, known to {gap:.2g}", stacklevel=3)

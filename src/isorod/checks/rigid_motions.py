@@ -1,0 +1,102 @@
+"""Rigid motions of a model: which the supports leave free, and the near-null space they make."""
+
+import numpy as np
+
+from isorod.arrays import Array, Index
+from isorod.errors import SolveError
+from isorod.model.model import Model
+from isorod.space.space import Space
+
+# A motion counts as free if it moves held components by less than this share of its size.
+_TOLERANCE = 1e-8
+
+# A face of this share of the rod's size holds all of its motions, without a closer look.
+_FACE = 1e-4
+
+
+def motions(space: Space) -> Array:
+    """Return the six infinitesimal rigid motions of a space's nodes, orthonormal, shape ``(3 nodes, 6)``.
+
+    A rod reproduces them exactly, since its functions reproduce its own map.
+    """
+    arm = _arms(space)
+    columns = np.zeros((*arm.shape, 6))
+    for a in range(3):
+        columns[space.carries, a, a] = 1.0
+        b, c = (a + 1) % 3, (a + 2) % 3
+        columns[:, b, 3 + a], columns[:, c, 3 + a] = -arm[:, c], arm[:, b]
+    return np.linalg.qr(columns.reshape(-1, 6))[0]
+
+
+def _arms(space: Space) -> Array:
+    """Return the coefficients of the position from a point near the middle."""
+    mean = space.positions[space.carries].mean(axis=0)
+    return space.positions - mean * space.carries[:, None]
+
+
+def _clamped(space: Space, free: Index) -> bool:
+    """Return whether supports hold all of an end face that is not small beside the rod; ``free`` is as in the model, of this space."""
+    if space.rod.closed:
+        return False
+    points = space.rod.control_points
+    held = free.reshape(space.layers, -1)[[0, -1]] < 0
+    for face in np.flatnonzero(held.all(axis=1)):
+        arms = points[-face] - points[-face].mean(axis=0)
+        spread = arms.T @ arms
+        # Of the eigenvalues a >= b >= c of that, (ab + bc + ca) / (a + b + c) is 2 b at most.
+        trace = spread.trace()
+        second = (trace**2 - (spread * spread).sum()) / (4.0 * trace) if trace > 0.0 else 0.0
+        if second > (_FACE * np.abs(points - points[0, 0]).max()) ** 2:
+            return True
+    return False
+
+
+def free_motions(model: Model) -> list[tuple[int, Array]]:
+    """Return the rigid motions that the supports leave free: body, and displacements of its nodes ``(nodes, 3)``."""
+    found = []
+    for b, body in enumerate(model.bodies):
+        free = model.free[3 * model.first_node[b] : 3 * model.first_node[b + 1]]
+        if _clamped(body.space, free):
+            continue
+        basis = motions(body.space)
+        held = free < 0
+        kept = basis[held]
+        if model.bound.size > model.held.size:
+            # What tied components move apart.
+            _, first, unknown = np.unique(free, return_index=True, return_inverse=True)
+            apart = (basis - basis[first[unknown]])[~held & (first[unknown] != np.arange(free.size))]
+            kept = np.concatenate([kept, apart])
+        # The triangular factor has the same singular values and at most six rows.
+        rows = np.linalg.qr(kept, mode="r") if kept.size else np.zeros((1, 6))
+        _, sizes, turns = np.linalg.svd(rows, full_matrices=True)
+        full = np.zeros(6)
+        full[: sizes.size] = sizes
+        for k in np.flatnonzero(full < _TOLERANCE):
+            found.append((b, (basis @ turns[k]).reshape(-1, 3)))
+    return found
+
+
+def refuse_free(model: Model) -> None:
+    """Raise `SolveError` if a rigid motion is free, and name it."""
+    loose = free_motions(model)
+    if loose:
+        body, motion = loose[0]
+        how = describe(model.bodies[body].space, motion)
+        raise SolveError(f"supports: body {body} is free to {how}; hold it")
+
+
+def describe(space: Space, motion: Array) -> str:
+    """Return a motion of a space's nodes ``(nodes, 3)`` in words: where it goes, or about which direction it turns."""
+    arm = _arms(space)
+    shift = motion[space.carries].mean(axis=0)
+    turn, *_ = np.linalg.lstsq(
+        np.concatenate([np.cross(np.eye(3)[a], arm).reshape(-1, 1) for a in range(3)], axis=1),
+        (motion - shift * space.carries[:, None]).ravel(),
+        rcond=None,
+    )
+    size = np.abs(arm).max()
+    turns = np.linalg.norm(turn) * size > 1e-6 * np.abs(motion).max()
+    axis = turn if turns else shift
+    axis = axis / np.linalg.norm(axis)
+    words = ", ".join(f"{value + 0.0:.3g}" for value in np.where(np.abs(axis) < 1e-9, 0.0, axis))
+    return f"turn about ({words})" if turns else f"move along ({words})"

@@ -1,0 +1,1 @@
+"""How contact of lateral surfaces is computed."""

@@ -1,0 +1,93 @@
+"""What comes out of a contact: forces, area, penetration, and the pressure at each point."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from isorod.arrays import Array, Index
+from isorod.contact.surface_kernel import Packed
+from isorod.contact.tables import Contact
+from isorod.model.model import Model
+from isorod.space.space import Space
+
+
+@dataclass(frozen=True, eq=False)
+class ContactResult:
+    """The outcome of one contact.
+
+    Attributes
+    ----------
+    force
+        Total normal force, the integral of the pressure.
+    area
+        Reference area in contact (the mean of both surfaces, if there are two).
+    penetration
+        Depth of the deepest point, length, not negative.
+    relative_penetration
+        The same, relative to the smallest radius of the elements that take part (mean distance of a section's outline from its
+        centre).
+    body
+        Body whose surface each point belongs to, shape ``(q,)``; points of both bodies are listed.
+    positions
+        Present positions of the points, shape ``(q, 3)``.
+    pressure
+        Pressure at the points, force per reference area, zero out of contact, shape ``(q,)``.
+    areas
+        Reference areas of the points; where both bodies have points, each half counted, shape ``(q,)``.
+    """
+
+    force: float
+    area: float
+    penetration: float
+    relative_penetration: float
+    body: Index
+    positions: Array
+    pressure: Array
+    areas: Array
+
+
+def slave_points(model: Model, packed: Packed) -> Iterator[tuple[Contact, Index]]:
+    """Yield each contact of a model with the numbers of its slave points."""
+    first = [*packed.passes[:, 2].tolist(), packed.areas.size]
+    k = 0
+    for contact in model.contacts:
+        begin, k = k, k + len(contact.sides)
+        yield contact, np.arange(first[begin], first[k])
+
+
+def measure(model: Model, packed: Packed) -> list[ContactResult]:
+    """Return the outcome of each contact of a model as the last call of `isorod.contact.force_kernel.add_forces` left it."""
+    results = []
+    sides = [body for contact in model.contacts for body, _ in contact.sides]
+    bodies = np.repeat(sides, np.diff([*packed.passes[:, 2], packed.areas.size]))
+    for contact, chosen in slave_points(model, packed):
+        gap, pressure = packed.states[chosen, 0], packed.states[chosen, 1]
+        areas = packed.areas[chosen]
+        touching = pressure > 0.0
+        depth = float(max(0.0, -gap[touching].min(initial=0.0)))
+        radius = min(_radius(model.bodies[body].space, elements) for body, elements in contact.sides)
+        results.append(
+            ContactResult(
+                force=float(areas @ pressure),
+                area=float(areas[touching].sum()),
+                penetration=depth,
+                relative_penetration=depth / radius,
+                body=bodies[chosen],
+                positions=packed.places[chosen].copy(),
+                pressure=pressure.copy(),
+                areas=areas.copy(),
+            )
+        )
+    return results
+
+
+def _radius(space: Space, elements: Sequence[int] | None) -> float:
+    """Return the smallest mean distance of a section's outline from its centre, over the middles of elements."""
+    breaks = space.axis.breaks
+    middles = 0.5 * (breaks[1:] + breaks[:-1])
+    theta = np.linspace(0.0, 2.0 * np.pi, 8 * space.points_around, endpoint=False)
+    circle = np.stack([np.cos(theta), np.sin(theta)], axis=1)
+    outline, _ = space.rod.grid(circle, middles if elements is None else middles[list(elements)])
+    spokes = outline - outline.mean(axis=1, keepdims=True)
+    return float(np.linalg.norm(spokes, axis=2).mean(axis=1).min())

@@ -1,0 +1,248 @@
+"""Dynamics, explicit or implicit, with damping, activation and contact, and the balances that prove them."""
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import ArrayLike
+from petsc4py import PETSc
+
+from isorod.arrays import Array
+from isorod.dynamics.explicit.run import Run
+from isorod.dynamics.explicit.system import System
+from isorod.errors import InputError, whole_number
+from isorod.model.model import Model
+from isorod.output import checkpoint as files
+
+
+@dataclass(frozen=True, eq=False)
+class History:
+    """A motion, at its outputs.
+
+    Attributes
+    ----------
+    model
+        What was solved.
+    times
+        Shape ``(o,)``; all arrays below begin with this axis.
+    displacement, velocity
+        All degrees of freedom, shape ``(o, dofs)``.
+    reactions
+        Force of each support on the model, shape ``(o, supports, 3)``.
+    contact_force, contact_area, penetration
+        Sum of normal forces, reference area in contact, and the deepest penetration, all pairs together.
+    kinetic, stored, contact_energy
+        Energies: of explicit steps ``v- M v+ / 2`` with the velocities half a step before and after, which the scheme conserves where
+        forces are linear, of implicit ones ``v M v / 2``; matrix and passive fibres; penalty.
+    added_kinetic
+        Kinetic energy of the mass added for the time step (`isorod.dynamics.explicit.mass`), shape ``(o,)``.
+    muscle_work, dissipated
+        Work done by active fibres, and taken by damping.
+    energy_error
+        Energies less their initial sum less work, over the work done: the largest so far of muscle work, dissipation and initial energy.
+    momentum_error
+        Change of linear momentum less the impulses of supports, obstacles and damping, over the sum of their sizes and the initial one.
+    steps, time_step, critical_step
+        Number of steps taken, the last time step, and the smallest critical one of explicit steps met, with the mass that was added.
+    estimates
+        Time and value of each estimate of the critical step, shape ``(estimates, 2)``.
+    microseconds_a_step
+        Wall time of the compiled loop; zero if there was nothing left to do.
+    newton_iterations, cuts
+        Of implicit steps, since the run was last continued: Newton iterations in all, and steps halved and tried again.
+    resumed
+        Time at which the run continued from a checkpoint, or None.
+    seconds, built, solver, ranks
+        As for `isorod.statics.Equilibrium`; ``loop`` is the part of ``solve`` spent in compiled steps.
+    """
+
+    model: Model
+    times: Array
+    displacement: Array
+    velocity: Array
+    reactions: Array
+    contact_force: Array
+    contact_area: Array
+    penetration: Array
+    kinetic: Array
+    stored: Array
+    contact_energy: Array
+    added_kinetic: Array
+    muscle_work: Array
+    dissipated: Array
+    energy_error: Array
+    momentum_error: Array
+    steps: int
+    time_step: float
+    critical_step: float
+    estimates: Array
+    microseconds_a_step: float
+    newton_iterations: int
+    cuts: int
+    resumed: float | None
+    seconds: dict[str, float]
+    built: list[str]
+    solver: dict[str, str]
+    ranks: int
+
+    @property
+    def added_kinetic_share(self) -> float:
+        """Share of the kinetic energy, over all outputs, that is in mass added for the time step."""
+        total = float(self.kinetic.sum())
+        return float(self.added_kinetic.sum()) / total if total > 0.0 else 0.0
+
+
+def solve(
+    model: Model,
+    end_time: float,
+    time_step: float | None = None,
+    outputs: int = 50,
+    damping: float = 0.0,
+    ramp: float = 0.0,
+    displacement: ArrayLike | None = None,
+    velocity: ArrayLike | None = None,
+    checkpoint: str | Path | None = None,
+    every: float = 30.0,
+    resume: bool = False,
+    progress: bool = False,
+    integrator: str = "explicit",
+) -> History:
+    """Integrate the motion of a model from time zero.
+
+    Supports keep their displacement (at load factor 1) throughout.  Explicit steps are central differences with the consistent mass; for a
+    step longer than its critical one, mass is added to fast waves (`isorod.dynamics.explicit.mass`).  Implicit ones conserve energy and momenta
+    whatever the step (`isorod.dynamics.implicit.assembler`); contact keeps energy to second order.
+
+    Parameters
+    ----------
+    model
+        Bodies with densities, neo-Hookean or muscle.
+    end_time
+        Time to reach.
+    time_step
+        Largest step; the one taken divides the time between outputs.  Where not given, 0.9 of the critical step of the consistent mass,
+        and made smaller when the bodies stiffen; implicit steps must be given.
+    outputs
+        Number of equal intervals between outputs.
+    damping
+        Mass-proportional damping ``c``, 1/time: ``M a + c M v + f = 0``.
+    ramp
+        Time in which the activation of muscles grows linearly to that of their laws.
+    displacement, velocity
+        Initial values of all degrees of freedom, shape ``(dofs,)``; those of held ones are not read.
+    checkpoint, every, resume
+        File to keep the state in, at outputs at least this many seconds of wall time apart; whether to continue from it.
+    progress
+        Show how far it is on standard error, if that is a terminal.
+    integrator
+        ``"explicit"`` or ``"implicit"``.
+
+    Raises
+    ------
+    InputError
+        If a number is out of range, the explicit time step is not stable at the start with as much mass as may be added, or a checkpoint
+        cannot be used.
+    SolveError
+        If the motion blows up: the message names step, time, element, and the critical time step; or an implicit step does not converge.
+    """
+    start = perf_counter()
+    _check(model, end_time, time_step, damping, ramp, every)
+    outputs = whole_number("outputs", outputs, 1, 1_000_000)
+    if resume and checkpoint is None:
+        raise InputError("resume: no checkpoint is named; give the file the run was to keep its state in")
+    run = _run_of(integrator)(System(model), end_time, outputs, time_step, damping, ramp)
+    initial = _nodal(model, "displacement", displacement), _nodal(model, "velocity", velocity)
+    path = None if checkpoint is None else Path(checkpoint)
+    identity = {} if path is None else run.identity(*initial)
+    if path is not None and resume:
+        run.restore(files.read(path, identity))
+    else:
+        if path is not None:
+            files.refuse_unfinished(path)
+        run.begin(*initial)
+        if path is not None:
+            files.write(path, identity, run.state())
+    resumed, first = run.time, run.taken
+    setup, loop, saved = perf_counter() - start, 0.0, perf_counter()
+    while run.index < outputs:
+        loop += run.advance()
+        if path is not None and (perf_counter() - saved >= every or run.index == outputs):
+            files.write(path, identity, run.state())
+            saved = perf_counter()
+        if progress and sys.stderr.isatty():
+            _show(run, first, loop)
+    return History(
+        model=model,
+        **{name: np.array(values) for name, values in run.rows.items()},
+        steps=run.taken,
+        time_step=run.step,
+        critical_step=min(value for _, value in run.estimates),
+        estimates=np.array(run.estimates),
+        microseconds_a_step=1e6 * loop / max(run.taken - first, 1),
+        newton_iterations=run.newton_iterations,
+        cuts=run.cuts,
+        resumed=resumed if resume else None,
+        seconds={"setup": setup, "loop": loop, "solve": perf_counter() - start - setup},
+        built=[*run.built, *(["contact"] if model.contacts else [])],
+        solver=run.solver(),
+        ranks=1,
+    )
+
+
+def _run_of(integrator: str) -> type[Run]:
+    if integrator == "explicit":
+        return Run
+    if integrator != "implicit":
+        raise InputError(f"integrator: got {integrator!r}, need 'explicit' or 'implicit'")
+    from isorod.dynamics.implicit.run import ImplicitRun
+
+    return ImplicitRun
+
+
+def _show(run: Run, first: int, loop: float) -> None:
+    done = run.index / run.outputs
+    speed = f"{1e6 * loop / max(run.taken - first, 1):.0f} us a step"
+    end = "\n" if run.index == run.outputs else ""
+    bar = "=" * int(30 * done)
+    print(f"\r[{bar:30s}] time {run.time:.4g}, step {run.taken}, {speed}  ", end=end, file=sys.stderr, flush=True)
+
+
+def _check(model: Model, end_time: float, time_step: float | None, damping: float, ramp: float, every: float) -> None:
+    ranks = PETSc.COMM_WORLD.getSize()
+    if ranks > 1:
+        raise InputError(f"dynamics runs on one rank, got {ranks}: start it without mpirun")
+    positive = {"end time": end_time} | ({} if time_step is None else {"time step": time_step})
+    for name, value in positive.items():
+        if not (np.isfinite(value) and value > 0.0):
+            raise InputError(f"{name}: got {value:g}, need a positive time")
+    for name, value, what in (
+        ("damping", damping, "1/time"),
+        ("ramp", ramp, "a time"),
+        ("time between checkpoints", every, "seconds"),
+    ):
+        if not (np.isfinite(value) and value >= 0.0):
+            raise InputError(f"{name}: got {value:g}, need {what}, not negative")
+    if model.spin is not None:
+        raise InputError("spin: dynamics in a rotating frame is not there; give the bodies a velocity instead")
+    if model.loads:
+        raise InputError("loads: dynamics takes none yet")
+    for k, motion in enumerate(model.motions):
+        if motion.tied.any():
+            raise InputError(f"support {k}: dynamics takes no tied components")
+    if not model.unknowns:
+        raise InputError("supports: they hold everything, nothing is left to move")
+    for b, body in enumerate(model.bodies):
+        if not body.densities.min() > 0.0:
+            raise InputError(
+                f"density of body {b}: got {body.densities.min():g}, dynamics needs a positive mass per volume"
+            )
+
+
+def _nodal(model: Model, name: str, given: ArrayLike | None) -> Array:
+    values = np.zeros(model.dofs) if given is None else np.array(given, dtype=float)
+    if values.shape != (model.dofs,) or not np.isfinite(values).all():
+        raise InputError(f"initial {name}: got shape {values.shape}, need ({model.dofs},) finite numbers")
+    values[model.held] = model.values if name == "displacement" else 0.0
+    return values

@@ -1,0 +1,103 @@
+"""The compiled steps of `isorod.dynamics.explicit.step_kernel` with contact; loaded by models that have contacts."""
+
+from typing import Any
+
+import numpy as np
+from numba import njit, types
+from numpy.typing import NDArray
+
+from isorod.arrays import Array
+from isorod.contact.force_kernel import PACKED, Packed, add_forces
+from isorod.dynamics.explicit.cholesky import FACTORS, Factors
+from isorod.dynamics.explicit.element_kernel import MESH, Mesh
+from isorod.dynamics.explicit.end_faces import FACES, Faces
+from isorod.dynamics.explicit.end_faces import add_forces as add_face_forces
+from isorod.dynamics.explicit.step_kernel import BLOWN, COURSE, DONE, INVERTED, LOST, MOTION, Course, Motion, load, move
+
+_f = types.float64
+_F1 = types.Array(_f, 1, "C")
+_F2 = types.Array(_f, 2, "C")
+_PLACES = types.Array(types.uint64, 1, "C")
+_OPTIONS: Any = {"cache": True, "error_model": "numpy"}
+
+
+@njit(types.UniTuple(_f, 7)(PACKED, FACES, _F1, _PLACES, _F1, _F1, _F2, _F2), **_OPTIONS)
+def subtract(
+    packed: Packed,
+    faces: Faces,
+    reference: Array,
+    places: NDArray[np.uint64],
+    displacement: Array,
+    forces: Array,
+    positions: Array,
+    scratch: Array,
+) -> tuple[float, float, float, float, float, float, float]:
+    """Subtract the contact forces from a state vector of internal forces.
+
+    Parameters
+    ----------
+    packed, faces
+        From `isorod.contact.pack` and `isorod.dynamics.explicit.end_faces.pack`.
+    reference
+        Coefficients of the undeformed bodies, numbered as the model's degrees of freedom, shape ``(dofs,)``.
+    places
+        From `isorod.dynamics.explicit.system.order`, shape ``(dofs,)``.
+    displacement, forces
+        State vectors.
+    positions, scratch
+        Work space, shape ``(nodes, 3)``.
+
+    Returns
+    -------
+    energy, normal force, area in contact, deepest gap, and the sum of all forces (zero but for rigid obstacles)
+        As `isorod.contact.force_kernel.add_forces`; NaN where a closest-point search failed.
+    """
+    for d in range(places.size):
+        positions[d // 3, d % 3] = reference[d] + displacement[places[d]]
+    scratch[:] = 0.0
+    energy, normal, area, deepest = add_forces(packed, positions, scratch)
+    on_faces = add_face_forces(faces, positions, scratch)
+    energy, normal, area = energy + on_faces[0], normal + on_faces[1], area + on_faces[2]
+    deepest = min(deepest, on_faces[3])
+    x = y = z = 0.0
+    if area > 0.0:
+        for d in range(places.size):
+            forces[places[d]] -= scratch[d // 3, d % 3]
+        for node in range(scratch.shape[0]):
+            x += faces.carries[node] * scratch[node, 0]
+            y += faces.carries[node] * scratch[node, 1]
+            z += faces.carries[node] * scratch[node, 2]
+    return energy, normal, area, deepest, x, y, z
+
+
+@njit(
+    types.UniTuple(types.int64, 2)(MESH, MOTION, FACTORS, COURSE, types.int64, PACKED, FACES, _F1, _PLACES), **_OPTIONS
+)
+def advance(
+    mesh: Mesh,
+    motion: Motion,
+    factors: Factors,
+    course: Course,
+    steps: int,
+    packed: Packed,
+    faces: Faces,
+    reference: Array,
+    places: NDArray[np.uint64],
+) -> tuple[int, int]:
+    """Take a number of steps with contact; return how many were taken, and the outcome."""
+    positions = np.empty((places.size // 3, 3))
+    scratch = np.empty((places.size // 3, 3))
+    for k in range(steps):
+        if load(mesh, motion, course, k) > 0.0:
+            return k, INVERTED
+        energy, _, _, _, x, y, z = subtract(
+            packed, faces, reference, places, motion.displacement, motion.forces, positions, scratch
+        )
+        if not energy >= 0.0:
+            return k, LOST
+        motion.sums[2] += course.step * x
+        motion.sums[3] += course.step * y
+        motion.sums[4] += course.step * z
+        if not move(motion, factors, course):
+            return k + 1, BLOWN
+    return steps, DONE

@@ -1,0 +1,161 @@
+"""The mass of explicit dynamics: consistent, with as much added to fast waves as a step longer than its critical one takes.
+
+A body's consistent mass ``M0`` is the same for x, y and z, and couples neighbouring layers.  Lumped on the control points it would be
+wrong: a section that swells would carry twice its kinetic energy and more, and waves of five elements' length be a sixth too slow.
+
+What limits the step is pressure waves across thin sections and short elements, while what bends and swells near-incompressible bodies
+is far slower.  A step ``dt`` longer than the critical one ``t0`` is made stable by mass that grows with the wave number, in proportion
+to stiffness (Olovsson, Simonsson & Unosson, Int. J. Numer. Meth. Engng 63 (2005) 1436-1445),
+
+    M = M0 + s G,    G = int E grad S . grad S dV,    E = lambda + 2 mu + 2 m1 m2,    s = SAFETY (dt^2 - t0^2) / 4,
+
+the last term of ``E`` that of passive fibres.  Translations keep their mass exactly; the error of slow motions is of second order in the
+step.  It is largest where sections turn about the axis: ``G`` cannot tell that from swelling.  In the biceps, at six critical steps,
+stiff thin tendons that turn get 1.5 times their inertia more, the muscle 3 %; of the contracted muscle's frequencies below 300 Hz those
+of twisting fall by 2 to 16 %, all others by 1.5 % in the mean and 5 % at most.  As ``G`` is the same for x, y and z, linear and angular momentum
+are kept.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix, csr_matrix
+
+from isorod.arrays import Array, Index
+from isorod.assembly import element_kernel
+from isorod.dynamics.explicit.cholesky import Factors, factorise
+from isorod.errors import InputError
+from isorod.model.model import Body, Model
+from isorod.space.space import Table
+
+# The stiffness that is allowed for, in ``G``: three bounds that of isotropic bodies at rest, as ``div^2 <= 3 |grad|^2``; 1.5 was measured of
+# the biceps at rest and 1.9 in motion, where compression and fibres stiffen it.
+SAFETY = 2.5
+# The most inertia that may be added to a section that turns or swells, of its own.
+_MOST = 2.0
+
+
+class Mass:
+    """Mass matrices of a model's bodies, for one component.
+
+    Parameters
+    ----------
+    model
+        Bodies with densities.
+    places
+        From `isorod.dynamics.explicit.system.order`, shape ``(dofs,)``.
+
+    Attributes
+    ----------
+    consistent, stiffness
+        ``M0`` and ``G`` of each body.
+    scaling, largest_scaling
+        ``s`` of the module header, time squared, and the largest that `scaling_for` returns: that which trebles the inertia of a section that turns.
+    """
+
+    def __init__(self, model: Model, places: Index) -> None:
+        self._model, self._places = model, places
+        parts = [_matrices(body) for body in model.bodies]
+        self.consistent, self.stiffness = [part[0] for part in parts], [part[1] for part in parts]
+        self.largest_scaling = _MOST * min(part[2] for part in parts)
+        self.scaling = 0.0
+
+    def scaling_for(self, step: float, critical: float) -> float:
+        """Return the ``scaling`` for a step longer than the critical one of the consistent mass, at most what there may be."""
+        return min(0.25 * SAFETY * (step - critical) * (step + critical), self.largest_scaling)
+
+    def momenta(self, velocity: Array) -> Array:
+        """Return the momenta of all degrees of freedom, shape ``(dofs,)``, in the model's order as the velocities are."""
+        return self._times(velocity, 1.0)
+
+    def added(self, velocity: Array) -> float:
+        """Return twice the kinetic energy in what was added to the consistent mass."""
+        return float(velocity @ self._times(velocity, 0.0)) if self.scaling else 0.0
+
+    def _times(self, velocity: Array, share: float) -> Array:
+        result = np.zeros((self._model.dofs // 3, 3))
+        for b, (mass, stiffness) in enumerate(zip(self.consistent, self.stiffness, strict=True)):
+            nodes = slice(self._model.first_node[b], self._model.first_node[b + 1])
+            moving = self._model.nodal(velocity, b)
+            result[nodes] = share * (mass @ moving) + self.scaling * (stiffness @ moving)
+        return result.ravel()
+
+    def factors(self) -> Factors:
+        """Return the factors of the mass matrices' parts that are free.
+
+        Raises
+        ------
+        InputError
+            If a matrix is not positive definite.
+        """
+        systems, places = [], []
+        firsts: list[NDArray[np.uint64]] = []
+        rows: list[NDArray[np.uint64]] = []
+        values: list[Array] = []
+        inverse: list[Array] = []
+        for b, (mass, stiffness) in enumerate(zip(self.consistent, self.stiffness, strict=True)):
+            dofs = 3 * np.arange(self._model.first_node[b], self._model.first_node[b + 1])[:, None] + np.arange(3)
+            free = self._model.free[dofs] >= 0
+            whole = mass + self.scaling * stiffness
+            # Components that are free at the same nodes share a matrix.
+            masks, group = np.unique(free, axis=1, return_inverse=True)
+            for k, mask in enumerate(masks.T):
+                components = np.flatnonzero(group.ravel() == k)
+                if not mask.any():
+                    continue
+                found = factorise(csr_matrix(whole[mask][:, mask]))
+                if found is None:
+                    raise InputError(f"quadrature: too few points for a positive mass of body {b}; take 'auto'")
+                begins, starts, entries, diagonal = found
+                systems.append((diagonal.size, sum(part.size for part in inverse)))
+                firsts.append(begins)
+                rows.append(starts + np.uint64(sum(part.size for part in values)))
+                values.append(entries)
+                inverse.append(1.0 / diagonal)
+                places.append(self._places[dofs[mask][:, np.resize(components, 3)]].T)
+        return Factors(
+            systems=np.array(systems, dtype=np.uint64),
+            first=np.concatenate(firsts),
+            starts=np.concatenate(rows),
+            values=np.concatenate(values),
+            inverse=np.concatenate(inverse),
+            places=np.ascontiguousarray(np.concatenate(places, axis=1), dtype=np.uint64),
+        )
+
+
+def _matrices(body: Body) -> tuple[csr_matrix, csr_matrix, float]:
+    """Return ``M0`` and ``G`` of a body, shape ``(nodes, nodes)``, and the ``s`` that first doubles the inertia of a section that turns."""
+    space = body.space
+    parameters = body.parameters()
+    masses, stiffnesses, longest = [], [], np.inf
+    for e in range(space.axis.elements):
+        table = space.tabulate(e, e + 1)
+        mu, lame, _, m1, m2 = parameters[e]
+        modulus, density = lame + 2.0 * mu + 2.0 * m1 * m2, body.densities[e]
+        functions = table.axial.shape[2] * table.section.shape[2]
+        masses.append(
+            element_kernel.mass(table.section, table.axial, density * table.weights).reshape(functions, functions)
+        )
+        plane = np.einsum("tj,qdi->tqdji", table.axial[0], table.section[:, :2])
+        axis = np.einsum("tj,qi->tqji", table.slopes[0], table.section[:, 2])[:, :, None]
+        gradient = np.swapaxes(table.inverse[0], -1, -2) @ np.concatenate([plane, axis], axis=2).reshape(
+            *table.weights.shape[1:], 3, functions
+        )
+        weighted = modulus * table.weights[0, :, :, None, None] * gradient
+        stiffnesses.append(gradient.reshape(-1, functions).T @ weighted.reshape(-1, functions))
+        longest = min(longest, density / modulus * _gyration(space.positions[space.element_nodes[e]], table))
+    nodes = space.element_nodes
+    rows = np.repeat(nodes, nodes.shape[1], axis=1).ravel()
+    columns = np.tile(nodes, (1, nodes.shape[1])).ravel()
+    shape = (space.nodes, space.nodes)
+    both = (coo_matrix((np.stack(part).ravel(), (rows, columns)), shape).tocsr() for part in (masses, stiffnesses))
+    return *both, longest
+
+
+def _gyration(positions: Array, table: Table) -> float:
+    """Return the square of the smallest radius of gyration of the sections of one element, across both of their principal axes."""
+    nodal = positions.reshape(table.axial.shape[2], -1, 3)
+    x = np.einsum("qi,tj,jia->tqa", table.section[:, 2], table.axial[0], nodal)
+    share = table.weights[0] / table.weights[0].sum(axis=1, keepdims=True)
+    x -= np.einsum("tq,tqa->ta", share, x)[:, None]
+    # The third is that of the section's normal, if it is plane.
+    return float(np.linalg.eigvalsh(np.einsum("tq,tqa,tqb->tab", share, x, x))[:, 1].min())

@@ -1,0 +1,131 @@
+"""The compiled steps in time: central differences with half-step velocities, mass-proportional damping, and activation.
+
+``(p+ - p-) / dt = -f(u) - c (p+ + p-) / 2``, ``u+ = u + dt v+`` with momenta ``p = M v``: explicit, of second order, and stable up to
+``omega dt = 2`` with or without damping.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import njit, types
+from numpy.typing import NDArray
+
+from isorod.arrays import Array
+from isorod.dynamics.explicit.cholesky import FACTORS, Factors, solve
+from isorod.dynamics.explicit.element_kernel import MESH, Mesh, energies, internal_forces
+
+# Forces, and velocities from momenta, are sums whose order the compiler chose once; here nothing is reordered.
+_OPTIONS: Any = {"cache": True, "error_model": "numpy"}
+
+# Outcomes of a run of steps: done; det F <= 0; more kinetic energy than there can be; no closest point found in contact.
+DONE, INVERTED, BLOWN, LOST = 0, 1, 2, 3
+
+
+class Motion(NamedTuple):
+    """State vectors, shape ``(dofs,)``, and sums over the steps taken.
+
+    Attributes
+    ----------
+    displacement, velocity, momenta
+        ``u`` at the time reached, ``v`` and ``p`` half a step before it; both are zero where held.
+    forces
+        Internal less contact forces of the last evaluation.
+    held
+        Places of the held degrees of freedom.
+    impulse
+        Time integral of the supports' forces on the model, shape of ``held``.
+    sums
+        Dissipated energy, ``sum W dalpha`` (``W`` the energy of active fibres at full activation ``alpha = 1``), and the impulse of rigid
+        obstacles on the model, shape ``(5,)``.
+    """
+
+    displacement: Array
+    velocity: Array
+    momenta: Array
+    forces: Array
+    held: NDArray[np.uint64]
+    impulse: Array
+    sums: Array
+
+
+class Course(NamedTuple):
+    """What a run of steps is told.
+
+    Attributes
+    ----------
+    begin, step
+        Time at the first step, and time step.
+    ramp
+        Time in which the activation grows linearly from 0 to 1; zero for full activation throughout.
+    damping
+        Mass-proportional damping ``c``, 1/time.
+    limit
+        Kinetic energy above which the run stops.
+    """
+
+    begin: float
+    step: float
+    ramp: float
+    damping: float
+    limit: float
+
+
+_f = types.float64
+_F1 = types.Array(_f, 1, "C")
+MOTION = types.NamedTuple([_F1, _F1, _F1, _F1, types.Array(types.uint64, 1, "C"), _F1, _F1], Motion)
+COURSE = types.NamedUniTuple(_f, 5, Course)
+
+
+@njit(_f(_f, _f), **_OPTIONS)
+def activation(time: float, ramp: float) -> float:
+    """Return the share of the full activation at a time."""
+    if time >= ramp or ramp <= 0.0:
+        return 1.0
+    return max(time, 0.0) / ramp
+
+
+@njit(_f(MESH, MOTION, COURSE, types.int64), **_OPTIONS)
+def load(mesh: Mesh, motion: Motion, course: Course, k: int) -> float:
+    """Evaluate the internal forces of step ``k`` of a run and its share of ``sum W dalpha``; return the number of inverted points."""
+    time = course.begin + k * course.step
+    now = activation(time, course.ramp)
+    # Half of the change to the next step and half of that from the last one: the trapezoidal rule.
+    change = 0.5 * (activation(time + course.step, course.ramp) - activation(time - course.step, course.ramp))
+    if change > 0.0:
+        motion.sums[1] += change * energies(mesh, motion.displacement)[1]
+    return internal_forces(mesh, motion.displacement, now, motion.forces)
+
+
+@njit(types.boolean(MOTION, FACTORS, COURSE), **_OPTIONS)
+def move(motion: Motion, factors: Factors, course: Course) -> bool:
+    """Take one step with the forces evaluated; return whether the kinetic energy stays below the limit."""
+    u, v, p, dt = motion.displacement, motion.velocity, motion.momenta, course.step
+    for h in range(motion.held.size):
+        place = motion.held[h]
+        motion.impulse[h] += dt * motion.forces[place]
+        motion.forces[place] = 0.0
+    half = 0.5 * course.damping * dt
+    keep, push = (1.0 - half) / (1.0 + half), dt / (1.0 + half)
+    # Twice the kinetic energies before and after, and the product of both velocities.
+    before = mixed = after = 0.0
+    for d in range(u.size):
+        before += v[d] * p[d]
+        p[d] = keep * p[d] - push * motion.forces[d]
+        mixed += v[d] * p[d]
+    solve(factors, p, v)
+    for d in range(u.size):
+        after += v[d] * p[d]
+        u[d] += dt * v[d]
+    motion.sums[0] += dt * course.damping * 0.25 * (before + 2.0 * mixed + after)
+    return 0.5 * after <= course.limit
+
+
+@njit(types.UniTuple(types.int64, 2)(MESH, MOTION, FACTORS, COURSE, types.int64), **_OPTIONS)
+def advance(mesh: Mesh, motion: Motion, factors: Factors, course: Course, steps: int) -> tuple[int, int]:
+    """Take a number of steps without contact; return how many were taken, and the outcome."""
+    for k in range(steps):
+        if load(mesh, motion, course, k) > 0.0:
+            return k, INVERTED
+        if not move(motion, factors, course):
+            return k + 1, BLOWN
+    return steps, DONE

@@ -1,0 +1,270 @@
+"""A model as the compiled loops of explicit dynamics take it: plain arrays, and state vectors in their own order."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg import eigh_tridiagonal
+
+from isorod.arrays import Array, Index
+from isorod.assembly import element_kernel
+from isorod.dynamics.explicit import step_kernel
+from isorod.dynamics.explicit.cholesky import solve
+from isorod.dynamics.explicit.element_kernel import GEOMETRY, POINTS, Mesh, internal_forces
+from isorod.dynamics.explicit.mass import Mass
+from isorod.dynamics.explicit.step_kernel import Course, Motion
+from isorod.errors import InputError
+from isorod.model.model import Body, Model
+from isorod.tensors import determinant
+
+if TYPE_CHECKING:
+    from isorod.contact.force_kernel import Packed
+
+# Relative accuracy of the highest eigenvalue, and the most iterations spent on it.
+_TOLERANCE = 1e-3
+_LANCZOS = 100
+_MIXED = 0.05
+
+# What `isorod.contact.force_kernel.Packed` holds besides history and work space.
+_FIXED = ("surfaces", "turns", "layers", "passes", "penalty", "rigid", "around", "along", "areas")
+
+
+def order(model: Model) -> Index:
+    """Return the place of each degree of freedom in a state vector (see `isorod.dynamics.explicit.element_kernel`), shape ``(dofs,)``."""
+    places = []
+    for body, first in zip(model.bodies, model.first_node[:-1], strict=True):
+        size = body.space.layer_nodes
+        local = np.arange(body.space.nodes)[:, None]
+        places.append(3 * first + 3 * size * (local // size) + size * np.arange(3) + local % size)
+    return np.concatenate(places).ravel()
+
+
+def pack(model: Model) -> Mesh:
+    """Return the elements of all bodies as plain arrays.
+
+    Raises
+    ------
+    InputError
+        If a law is neither neo-Hookean nor muscle.
+    """
+    elements, layers, laws = [], [], []
+    sections: list[Array] = []
+    axial: list[Array] = []
+    geometry: list[Array] = []
+    longest = max(body.space.axis.degree for body in model.bodies) + 1
+    for index, (body, first) in enumerate(zip(model.bodies, model.first_node[:-1], strict=True)):
+        space = body.space
+        table = space.tabulate(0, space.axis.elements)
+        points = table.section.shape[0]
+        blocks = -(-points // POINTS)
+        along, functions = table.axial.shape[1:]
+        rows = np.zeros((space.axis.elements, 7), dtype=np.uint64)
+        rows[:, :4] = space.layer_nodes, blocks, along, functions
+        each = np.arange(space.axis.elements)
+        rows[:, 4] = sum(part.size for part in sections)
+        rows[:, 5] = sum(part.size for part in axial) + each * (2 * along * functions)
+        rows[:, 6] = sum(part.size for part in geometry) + each * (along * blocks * GEOMETRY * POINTS)
+        elements.append(rows)
+        layer = np.zeros((space.axis.elements, longest), dtype=np.uint64)
+        layer[:, :functions] = 3 * (first + space.layer_nodes * space.element_layers)
+        layers.append(layer)
+        sections.append(_blocks(table.section.transpose(2, 1, 0)).transpose(2, 0, 1, 3).ravel())
+        axial.append(np.stack([table.axial, table.slopes], axis=2).ravel())
+        fibres = body.fibres(table)
+        inside = np.einsum("etqdA,etqA->etqd", table.inverse, fibres)
+        flat = table.inverse.reshape(*table.weights.shape, 9)
+        values = np.concatenate([flat, table.weights[..., None], fibres, inside], axis=-1)
+        geometry.append(_blocks(np.moveaxis(values, -1, 2)).swapaxes(2, 3).ravel())
+        laws.append(element_laws(body, index))
+    return Mesh(
+        elements=np.concatenate(elements),
+        layers=np.concatenate(layers),
+        sections=np.concatenate(sections),
+        axial=np.concatenate(axial),
+        geometry=np.concatenate(geometry),
+        laws=np.concatenate(laws),
+    )
+
+
+def _blocks(values: Array) -> Array:
+    """Return the last axis cut in blocks of ``POINTS``, the last one filled up with zeros, shape ``(..., blocks, POINTS)``."""
+    short = -values.shape[-1] % POINTS
+    values = np.concatenate([values, np.zeros((*values.shape[:-1], short))], axis=-1)
+    return values.reshape(*values.shape[:-1], -1, POINTS)
+
+
+def element_laws(body: Body, index: int) -> Array:
+    """Return `isorod.model.Body.parameters` of a body with its fibres' stress at their final activation, shape ``(elements, 5)``."""
+    try:
+        laws = body.parameters()
+    except InputError as problem:
+        raise InputError(f"body {index}: {problem}") from None
+    laws[:, 2] *= [getattr(law, "activation", 0.0) for law in body.laws]
+    return laws
+
+
+class System:
+    """A model in motion: its compiled arrays, the state, and what can be asked of both.
+
+    Parameters
+    ----------
+    model
+        Bodies with densities, supports, contacts.
+
+    Attributes
+    ----------
+    mass, factors
+        The mass, and what steps divide by it; see `scale`.
+    """
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+        self.mesh = pack(model)
+        self.places = order(model)
+        self.free = self.places[model.free >= 0]
+        self.mass = Mass(model, self.places)
+        self.factors = self.mass.factors()
+        self.motion = Motion(
+            displacement=np.zeros(model.dofs),
+            velocity=np.zeros(model.dofs),
+            momenta=np.zeros(model.dofs),
+            forces=np.zeros(model.dofs),
+            held=self.places[model.held].astype(np.uint64),
+            impulse=np.zeros(model.held.size),
+            sums=np.zeros(5),
+        )
+        # Momenta of the highest frequency found last.
+        self.highest = np.zeros(self.free.size)
+        # The smallest size of a quadrature point's surroundings, for finite differences.
+        volumes = self.mesh.geometry.reshape(-1, GEOMETRY, POINTS)[:, 9]
+        self._size = float(volumes[volumes > 0.0].min()) ** (1.0 / 3.0)
+        self.packed: Packed | None = None
+        if model.contacts:
+            from isorod.contact import tables
+            from isorod.dynamics.explicit import end_faces
+
+            self.packed = tables.pack(model)
+            self.faces = end_faces.pack(model)
+            reference = [body.space.positions for body in model.bodies]
+            self._reference = np.concatenate(reference).ravel()
+            self._work = np.empty((2, model.dofs // 3, 3))
+
+    @property
+    def starts(self) -> Array:
+        """Start values of the closest-point searches: all that contact remembers."""
+        return np.empty((0, 3)) if self.packed is None else self.packed.starts
+
+    @property
+    def contact_data(self) -> tuple[Array | Index, ...]:
+        """What does not change of the contacts."""
+        return () if self.packed is None else (*(getattr(self.packed, name) for name in _FIXED), *self.faces)
+
+    def advance(self, course: Course, steps: int) -> tuple[int, int]:
+        """Take steps; return how many were taken, and the outcome (see `isorod.dynamics.explicit.step_kernel`)."""
+        if self.packed is None:
+            return step_kernel.advance(self.mesh, self.motion, self.factors, course, steps)
+        from isorod.dynamics.explicit import contact_step_kernel
+
+        places = self.places.astype(np.uint64)
+        return contact_step_kernel.advance(
+            self.mesh, self.motion, self.factors, course, steps, self.packed, self.faces, self._reference, places
+        )
+
+    def scale(self, scaling: float) -> None:
+        """Add mass; see `isorod.dynamics.explicit.mass`."""
+        if scaling == self.mass.scaling:
+            return
+        self.mass.scaling = scaling
+        self.factors = self.mass.factors()
+
+    def momenta(self, velocity: Array) -> Array:
+        """Return mass times velocity, held degrees of freedom included, both state vectors."""
+        result = np.empty_like(velocity)
+        result[self.places] = self.mass.momenta(velocity[self.places])
+        return result
+
+    def velocity(self, momenta: Array) -> Array:
+        """Return the velocity that free degrees of freedom have with their momenta, both state vectors; zero where held."""
+        result = np.zeros_like(momenta)
+        solve(self.factors, momenta, result)
+        return result
+
+    def forces(self, displacement: Array, activation: float) -> tuple[Array, tuple[float, ...]]:
+        """Return internal less contact forces, and what contact says (`isorod.dynamics.explicit.contact_step_kernel.subtract`); changes no state."""
+        forces = np.empty_like(displacement)
+        if internal_forces(self.mesh, displacement, activation, forces) > 0.0:
+            forces[:] = np.nan
+        if self.packed is None:
+            return forces, (0.0,) * 7
+        from isorod.dynamics.explicit import contact_step_kernel
+
+        starts = self.packed.starts.copy()
+        places = self.places.astype(np.uint64)
+        said = contact_step_kernel.subtract(
+            self.packed, self.faces, self._reference, places, displacement, forces, self._work[0], self._work[1]
+        )
+        self.packed.starts[:] = starts
+        return forces, said
+
+    def worst(self, displacement: Array) -> str:
+        """Return which element is the most compressed."""
+        model = self.model
+        everywhere = displacement[self.places]
+        found: list[tuple[float, str]] = []
+        for b, body in enumerate(model.bodies):
+            table = body.space.tabulate(0, body.space.axis.elements)
+            shape = (table.elements, body.space.axis.degree + 1, body.space.layer_nodes, 3)
+            nodal = model.nodal(everywhere, b)[body.space.element_nodes].reshape(shape)
+            F = element_kernel.deformation_gradients(table.section, table.axial, table.slopes, table.inverse, nodal)
+            det = determinant(F)
+            det = np.where(np.isfinite(det), det, -np.inf)
+            e, t, _ = np.unravel_index(int(np.argmin(det)), det.shape)
+            where = f"element {e} of body {b} at u = {table.u[e, t]:.4g}"
+            found.append((float(det.min()), f"smallest det F = {det.min():.3g} in {where}"))
+        return min(found)[1]
+
+    def critical_step(self, displacement: Array, activation: float) -> float:
+        """Return ``2 / omega`` of the highest frequency about a state: the largest stable time step; zero if the state cannot be.
+
+        Lanczos iteration on ``M^-1 K``, symmetric in the inner product of ``M``, ``K`` by central differences of the forces, until the
+        residual bounds the error of the frequency to half of ``_TOLERANCE``.  It starts near the last vector found.
+        """
+        free = self.free
+        count = min(free.size, _LANCZOS)
+        # Orthonormal vectors, and the mass times each.
+        basis, momenta = np.zeros((count, free.size)), np.zeros((count, free.size))
+        diagonal, beside = np.zeros(count), np.zeros(count)
+        # A fixed start, so that a run is the same each time; something of every vector is in it, should another be the highest now.
+        noise = np.random.default_rng(0).standard_normal(free.size)
+        image = np.zeros_like(displacement)
+        image[free] = noise
+        image[free] *= _MIXED / np.sqrt(noise @ self.velocity(image)[free])
+        image[free] += self.highest
+        vector = self.velocity(image)[free]
+        size = np.sqrt(vector @ image[free])
+        trial = [displacement.copy(), displacement.copy()]
+        highest = missing = 0.0
+        for k in range(count):
+            basis[k], momenta[k] = vector / size, image[free] / size
+            step = 1e-5 * self._size / np.abs(basis[k]).max()
+            for sign, u in zip((1.0, -1.0), trial, strict=True):
+                u[free] = displacement[free] + sign * step * basis[k]
+            ahead, behind = (self.forces(u, activation)[0] for u in trial)
+            image[free] = (ahead - behind)[free] / (2.0 * step)
+            if not np.isfinite(image).all():
+                return 0.0
+            diagonal[k] = basis[k] @ image[free]
+            # Twice: once leaves what rounding brings back.
+            for _ in range(2):
+                image[free] -= (basis[: k + 1] @ image[free]) @ momenta[: k + 1]
+            vector = self.velocity(image)[free]
+            beside[k] = size = np.sqrt(max(vector @ image[free], 0.0))
+            values, vectors = eigh_tridiagonal(diagonal[: k + 1], beside[:k])
+            highest = float(values[-1])
+            missing = beside[k] * abs(vectors[-1, -1])
+            if missing <= _TOLERANCE * abs(highest):
+                self.highest[:] = vectors[:, -1] @ momenta[: k + 1]
+                break
+        else:
+            # Rather too short a step than too long a one.
+            highest += missing
+        return 2.0 / np.sqrt(highest) if highest > 0.0 else np.inf

@@ -1,0 +1,1 @@
+"""Implicit steps that keep energy and momentum."""

@@ -1,0 +1,244 @@
+"""Implicit dynamics: an energy-momentum conserving step of second order, solved by SNES.
+
+Between the states ``(u_0, v_0)`` and ``(u_1, v_1)`` of a step ``dt`` (Simo & Tarnow, ZAMP 43 (1992) 757-792; Gonzalez, CMAME 190 (2000)
+1763-1783),
+
+    u_1 - u_0 = dt (v_0 + v_1) / 2,    M (v_1 - v_0) / dt + c M (v_0 + v_1) / 2 + f(u_0, u_1) = 0,
+
+where the internal forces ``f`` do exactly the work ``W(u_1) - W(u_0)`` on ``u_1 - u_0`` (`isorod.dynamics.implicit.stress_kernel`).  So whatever the step,
+energy, momentum and angular momentum stay what they are but for damping, supports and activation, which is that at the middle of the
+step.  Contact has its forces at the mean of both states: they keep both momenta, and the energy to second order.
+"""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from petsc4py import PETSc
+
+from isorod.arrays import Array
+from isorod.assembly.assembler import Assembler
+from isorod.assembly.part import Part
+from isorod.dynamics.explicit.system import element_laws
+from isorod.dynamics.implicit.stress_kernel import contract, evaluate
+from isorod.model.model import Body, Model
+from isorod.options import defaults
+from isorod.statics.analysis import factorisation
+from isorod.statics.convergence import ROUNDING
+
+if TYPE_CHECKING:
+    from isorod.dynamics.implicit.contact import MidpointContact
+
+# What a user's option overrides.
+OPTIONS = {"snes_linesearch_type": "bt", "snes_rtol": 1e-10, "snes_max_it": 25, "ksp_type": "preonly"}
+
+# Where Newton's iterations no longer reduce the out-of-balance force by this factor, so many times its rounding is accepted.
+_STALLED = 0.3
+_NOISE = 10.0
+
+
+class MotionPart(Part):
+    """The elements of one body during a step."""
+
+    def __init__(self, body: Body, index: int, first_node: int, first_dof: int, first: int, last: int) -> None:
+        super().__init__(body, index, first_node, first_dof, first, last)
+        t = self.table
+        self._parameters = element_laws(body, index)[first:last]
+        self._fibres = body.fibres(t).reshape(t.elements, -1, 3)
+        self._weights = t.weights.reshape(t.elements, -1, 1, 1)
+        # Derivatives along and across of all functions of an element, then by place: (E, t q, 3, l n).
+        plane = np.einsum("etj,qdi->etqdji", t.axial, t.section[:, :2])
+        axis = np.einsum("etj,qi->etqji", t.slopes, t.section[:, 2])[:, :, :, None]
+        derivatives = np.concatenate([plane, axis], axis=3).reshape(*t.weights.shape, 3, -1)
+        gradient = np.swapaxes(t.inverse, -1, -2) @ derivatives
+        self._gradient = gradient.reshape(t.elements, -1, *gradient.shape[-2:])
+        self._start = np.empty((t.elements, self._gradient.shape[1], 3, 3))
+        self.inertia = 0.0
+
+    def begin(self, displacement: Array) -> None:
+        """Set the state a step starts from, all degrees of freedom."""
+        self._start[:] = self._changes(displacement)
+        self._start += np.eye(3)
+
+    def _changes(self, local: Array) -> Array:
+        """Return the displacement gradients, shape ``(E, t q, 3, 3)``."""
+        elements, points, _, functions = self._gradient.shape
+        changes = self._gradient.reshape(elements, -1, functions) @ local[self.dofs].reshape(elements, functions, 3)
+        return np.ascontiguousarray(np.swapaxes(changes.reshape(elements, points, 3, 3), -1, -2))
+
+    def _evaluate(self, local: Array, factor: float, wanted: bool) -> tuple[Array, Array]:
+        changes = self._changes(local)
+        stress = np.empty_like(changes)
+        moduli = np.empty((*changes.shape, 3, 3) if wanted else (changes.shape[0], 0, 3, 3, 3, 3))
+        for e, row in enumerate(self._parameters):
+            evaluate(self._start[e], changes[e], row, self._fibres[e], factor, stress[e], moduli[e])
+        return stress, moduli
+
+    def forces(self, local: Array, factor: float) -> Array:
+        """Return the internal forces of the change ``local`` of the displacement, shape of ``dofs``."""
+        stress, _ = self._evaluate(local, factor, False)
+        elements, _, _, functions = self._gradient.shape
+        stress = np.swapaxes(self._weights * stress, -1, -2).reshape(elements, -1, 3)
+        rows = self._gradient.reshape(elements, -1, functions)
+        return (np.swapaxes(rows, -1, -2) @ stress).reshape(self.dofs.shape)
+
+    def matrices(self, local: Array, factor: float) -> Array:
+        """Return the derivatives of internal and inertial forces, shape ``(E, l n 3, l n 3)``; they are not symmetric."""
+        _, moduli = self._evaluate(local, factor, True)
+        elements, points, _, functions = self._gradient.shape
+        result = np.empty((elements, functions, 3, functions, 3))
+        right = np.empty((points, 3, 9, functions))
+        for e in range(elements):
+            contract(self._weights[e].ravel(), moduli[e], self._gradient[e], right)
+            block = self._gradient[e].reshape(-1, functions).T @ right.reshape(3 * points, -1)
+            result[e] = block.reshape(functions, 3, 3, functions).swapaxes(2, 3)
+        for a in range(3):
+            result[:, :, a, :, a] += self.inertia * self.mass
+        return result.reshape(*self.dofs.shape, self.dofs.shape[1])
+
+    def masses(self, local: Array) -> Array:
+        """Return the mass matrix times a vector of all degrees of freedom, shape of ``dofs``."""
+        return (self.mass @ local[self.dofs].reshape(self.dofs.shape[0], -1, 3)).reshape(self.dofs.shape)
+
+
+class MotionAssembler(Assembler):
+    """Assembles the balance of a step; unknowns are the changes of the displacement.
+
+    Attributes
+    ----------
+    amount
+        Sum of the norms of inertial and internal forces at the last residual.
+    rounding
+        What rounding makes of the residual.
+    """
+
+    part = MotionPart
+    parts: list[MotionPart]  # type: ignore[assignment]
+    contact: "MidpointContact | None"
+
+    def __init__(self, model: Model) -> None:
+        super().__init__(model, PETSc.COMM_SELF)
+        self.amount = self.rounding = 0.0
+        self._rates = 0.0, 0.0
+        self._velocity = np.zeros(model.dofs)
+
+    def _contact(self) -> "MidpointContact | None":
+        if not self.model.contacts:
+            return None
+        from isorod.dynamics.implicit.contact import MidpointContact
+
+        self.built.append("contact")
+        return MidpointContact(self.model)
+
+    def begin(self, step: float, damping: float, displacement: Array, velocity: Array) -> None:
+        """Set the state a step starts from (all degrees of freedom), its length and the damping."""
+        self._velocity = velocity
+        self._rates = 2.0 / step**2 + damping / step, 2.0 / step
+        self.rounding = 0.0
+        for part in self.parts:
+            part.begin(displacement)
+            part.inertia = self._rates[0]
+        if self.contact is not None:
+            self.contact.start = displacement
+
+    def _load(self, x: PETSc.Vec, factor: float) -> None:
+        # Supports stay where they are: their displacements do not change.
+        super()._load(x, 0.0)
+
+    def _forces(self, factor: float) -> Array:
+        internal = np.zeros(self.model.dofs)
+        for part in self.parts:
+            internal += np.bincount(part.dofs.ravel(), part.forces(self._local, factor).ravel(), internal.size)
+        if self.contact is not None:
+            internal -= self.contact.forces(self._local)[0]
+        change, past = self._rates
+        inertial = self.momenta(change * self._local - past * self._velocity)
+        self.amount = float(np.linalg.norm(inertial) + np.linalg.norm(internal))
+        return inertial + internal
+
+    def momenta(self, velocity: Array) -> Array:
+        """Return the consistent mass matrix times a vector, both of all degrees of freedom."""
+        total = np.zeros(self.model.dofs)
+        for part in self.parts:
+            total += np.bincount(part.dofs.ravel(), part.masses(velocity).ravel(), total.size)
+        return total
+
+    def tangent(self, x: PETSc.Vec, factor: float, out: PETSc.Mat, keep: bool = True) -> list[Array]:
+        """Fill ``out`` with the derivative of the residual and return the element matrices."""
+        matrices = super().tangent(x, factor, out, keep=True)
+        if self.rounding == 0.0:
+            largest = max(float(np.abs(block).sum(axis=2).max()) for block in matrices)
+            light = min(part.inertia * float(np.abs(part.mass).sum(axis=2).max()) for part in self.parts)
+            # Inertia acts on changes, which are small, and adds no rounding to speak of.
+            self.rounding = ROUNDING * self.model.size * np.sqrt(self.unknowns) * max(largest - light, 0.0)
+        return matrices
+
+
+class Newton:
+    """SNES on the balance of a step.
+
+    Attributes
+    ----------
+    iterations
+        Newton iterations so far.
+    """
+
+    def __init__(self, assembler: MotionAssembler) -> None:
+        self.assembler = assembler
+        self.iterations = 0
+        self.matrix = assembler.matrix()
+        for option in (PETSc.Mat.Option.SYMMETRY_ETERNAL, PETSc.Mat.Option.SYMMETRIC):
+            self.matrix.setOption(option, False)
+        self.x = assembler.vector()
+        self._factor = 0.0
+        self._last = np.inf
+        with defaults(OPTIONS | _direct(assembler)) as typed:
+            self.snes = PETSc.SNES().create(assembler.comm)
+            self.snes.setFunction(self._residual, assembler.vector())
+            self.snes.setJacobian(self._tangent, self.matrix)
+            self.snes.setFromOptions()
+            if "snes_atol" not in typed:
+                self.snes.setConvergenceTest(self._test)
+
+    def solve(self, guess: Array, factor: float) -> Array | None:
+        """Return the change of displacement (all degrees of freedom) from a guess of it; None where SNES diverges."""
+        self._factor = factor
+        self._last = np.inf
+        self.assembler.state(guess).copy(self.x)
+        self.snes.solve(None, self.x)
+        self.iterations += self.snes.getIterationNumber()
+        if self.snes.getConvergedReason() < 0 and not self._accurate():
+            return None
+        change = np.zeros(self.assembler.model.dofs)
+        change[self.assembler.model.free >= 0] = self.x.array_r
+        return change
+
+    def _accurate(self) -> bool:
+        # A line search finds no lower residual where there is none.
+        return self._last <= _NOISE * self.assembler.rounding
+
+    def _residual(self, snes: PETSc.SNES, x: PETSc.Vec, out: PETSc.Vec) -> None:
+        self.assembler.residual(x, self._factor, out)
+
+    def _tangent(self, snes: PETSc.SNES, x: PETSc.Vec, J: PETSc.Mat, P: PETSc.Mat) -> None:
+        self.assembler.tangent(x, self._factor, P)
+        if J.handle != P.handle:
+            J.assemble()
+
+    def _test(self, snes: PETSc.SNES, iteration: int, norms: tuple[float, float, float]) -> PETSc.SNES.ConvergedReason:
+        reasons = PETSc.SNES.ConvergedReason
+        force = norms[2]
+        if not np.isfinite(force):
+            return reasons.DIVERGED_FNORM_NAN
+        stalled = iteration > 0 and force > _STALLED * self._last
+        self._last = force
+        if force <= snes.getTolerances()[0] * self.assembler.amount:
+            return reasons.CONVERGED_FNORM_RELATIVE
+        if stalled and force <= _NOISE * self.assembler.rounding:
+            return reasons.CONVERGED_FNORM_ABS
+        return reasons.CONVERGED_ITERATING
+
+
+def _direct(assembler: Assembler) -> dict[str, object]:
+    """Return the options of the direct solver: that of statics, but the tangent of a step is not symmetric."""
+    chosen = factorisation(assembler, symmetric=False)
+    return chosen | {"pc_type": "lu"} if chosen else chosen

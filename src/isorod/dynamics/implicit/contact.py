@@ -1,0 +1,34 @@
+"""Contact at the mean of the states at both ends of a step, for implicit dynamics; loaded by models that have contacts."""
+
+from isorod.arrays import Array
+from isorod.contact.operator import ContactOperator
+from isorod.errors import InputError
+from isorod.model.model import Model
+
+
+class MidpointContact(ContactOperator):
+    """Contact of a step, as functions of the change of the displacement.
+
+    Attributes
+    ----------
+    start
+        Displacement at the start of the step, shape ``(dofs,)``.
+    """
+
+    def __init__(self, model: Model) -> None:
+        for k, contact in enumerate(model.contacts):
+            if contact.faces or contact.penetration is not None:
+                what = "contact of end faces" if contact.faces else "a largest penetration"
+                where = "explicit dynamics" if contact.faces else "statics"
+                raise InputError(f"contact {k}: {what} is for {where} alone")
+        super().__init__(model)
+        self.start = self._base.ravel() * 0.0
+
+    def _positions(self, displacement: Array) -> Array:
+        return super()._positions(self.start + 0.5 * displacement)
+
+    def tangent(self, displacement: Array) -> Array:
+        """Set and return ``values``, the derivatives of the forces by the change (see `isorod.contact.operator`)."""
+        super().tangent(displacement)
+        self.values *= 0.5
+        return self.values

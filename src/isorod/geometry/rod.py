@@ -1,0 +1,298 @@
+"""The geometry of a rod: disk x axis, ``x(xi, u) = sum_ij T_i(xi) R_j(u) P_ij`` (Lu & Zhou 2011, eqs. 11-13)."""
+
+import warnings
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from isorod.arrays import Array
+from isorod.errors import FoldedRodError, InputError
+from isorod.geometry.axis import MAX_ELEMENTS, Axis
+from isorod.geometry.disk import check_count, harmonic_functions
+from isorod.geometry.quadrature import Rule, axis_points, section_points
+from isorod.tensors import determinant
+
+# Sections between layers of control points may be this much smaller than the smallest of these before that is warned of, or refused.
+# Layers that turn by 45 degrees over a quadratic element leave 96 %, by 90 degrees 85 %, by 180 degrees half.
+_SHRINKS = 0.95
+_SHRUNK = 0.7
+
+
+@dataclass(frozen=True, eq=False)
+class Rod:
+    """A rod given by control points on its surface only.
+
+    Parameters
+    ----------
+    axis
+        NURBS basis along the rod.
+    control_points
+        Shape ``(layers, n, 3)`` in units of length: layer ``j`` belongs to axis function ``j``, point ``i`` to ``T_i``.
+    closed
+        True if the first and the last layer are one and the same (a ring).
+
+    Raises
+    ------
+    InputError
+        If shapes do not fit, a value is not finite, or a closed rod's end layers differ.
+    """
+
+    axis: Axis
+    control_points: Array
+    closed: bool = False
+
+    def __post_init__(self) -> None:
+        points = np.array(self.control_points, dtype=float)
+        object.__setattr__(self, "control_points", points)
+        if points.ndim != 3 or points.shape[0] != self.axis.count or points.shape[2] != 3:
+            raise InputError(
+                f"rod control points: got shape {points.shape}, need ({self.axis.count}, n, 3) for this axis"
+            )
+        check_count(points.shape[1])
+        bad = ~np.isfinite(points).all(axis=2)
+        if bad.any():
+            j, i = np.argwhere(bad)[0]
+            raise InputError(f"rod control point {i} of layer {j} is not finite")
+        if self.closed and not np.array_equal(points[0], points[-1]):
+            raise InputError("closed rod: the last layer of control points must repeat the first")
+
+    @property
+    def section_points(self) -> int:
+        """Number of control points round the section, ``n``."""
+        return self.control_points.shape[1]
+
+    @property
+    def distinct_control_points(self) -> int:
+        """Number of control points, the shared layer of a closed rod counted once."""
+        return (self.axis.count - self.closed) * self.section_points
+
+    @classmethod
+    def sweep(
+        cls,
+        section: ArrayLike,
+        axis: Axis,
+        centers: ArrayLike,
+        rotations: ArrayLike | None = None,
+        stretches: ArrayLike | None = None,
+        closed: bool = False,
+    ) -> "Rod":
+        """Sweep a section along control points of the centre line: ``P_ij = C_j + R_j S_j P_i`` (eq. 13).
+
+        Parameters
+        ----------
+        section
+            Control polygon, shape ``(n, 2)``; its plane is spanned by the first two columns of ``R_j``.
+        centers
+            Control points of the centre line, shape ``(layers, 3)``.
+        rotations, stretches
+            Tensors of shape ``(layers, 3, 3)``; identity where not given.
+        """
+        section = np.asarray(section, dtype=float)
+        centers = np.asarray(centers, dtype=float)
+        if section.ndim != 2 or section.shape[1] != 2:
+            raise InputError(f"section: got shape {section.shape}, need (n, 2)")
+        if centers.shape != (axis.count, 3):
+            raise InputError(f"centre line: got shape {centers.shape}, need ({axis.count}, 3) for this axis")
+        shape = (axis.count, 3, 3)
+        turn = np.broadcast_to(np.eye(3), shape) if rotations is None else np.asarray(rotations, dtype=float)
+        stretch = np.broadcast_to(np.eye(3), shape) if stretches is None else np.asarray(stretches, dtype=float)
+        for name, tensors in (("rotations", turn), ("stretches", stretch)):
+            if tensors.shape != shape:
+                raise InputError(f"{name}: got shape {tensors.shape}, need {shape} for this axis")
+        points = centers[:, None, :] + section @ (turn @ stretch)[:, :, :2].swapaxes(1, 2)
+        if closed:
+            gap = np.abs(points[-1] - points[0]).max()
+            if not gap <= 1e-9 * np.abs(points).max():
+                raise InputError(f"closed rod: the last section is {gap:.3g} away from the first; they must coincide")
+            points[-1] = points[0]
+        return cls(axis, points, closed)
+
+    def refine(self, parts: int = 1, degree: int | None = None, continuity: int | None = None) -> "Rod":
+        """Return the same rod with more control points (see `Axis.refine`)."""
+        return self._on(self.axis.refine(parts, degree, continuity))
+
+    def insert(self, u: float, multiplicity: int = 1) -> "Rod":
+        """Return the same rod with an axis knot inserted."""
+        return self._on(self.axis.insert(u, multiplicity))
+
+    def _on(self, axis: Axis) -> "Rod":
+        points = self.axis.transfer(axis, self.control_points)
+        if self.closed:
+            points[-1] = points[0]
+        return Rod(axis, points, self.closed)
+
+    def points(self, xi: ArrayLike, u: ArrayLike) -> Array:
+        """Return the positions ``(m, 3)`` of the parameter pairs ``xi`` ``(m, 2)`` and ``u`` ``(m,)``."""
+        values, _ = harmonic_functions(self.section_points, xi)
+        section, _ = self._sections(u)
+        return np.einsum("mi,mia->ma", values, section)
+
+    def grid(self, xi: ArrayLike, u: ArrayLike) -> tuple[Array, Array]:
+        """Return positions ``(len(u), len(xi), 3)`` and Jacobians ``dx/d(xi_1, xi_2, u)`` ``(len(u), len(xi), 3, 3)``."""
+        values, gradients = harmonic_functions(self.section_points, xi)
+        section, along = self._sections(u)
+        return values @ section, section_gradient(values, gradients, section, along)
+
+    def inverse_jacobians(self, xi: ArrayLike, u: ArrayLike) -> tuple[Array, Array]:
+        """Return ``d(xi_1, xi_2, u)/dx`` ``(len(u), len(xi), 3, 3)`` and the Jacobian determinants ``(len(u), len(xi))``."""
+        # Geometry alone does without compiled code.
+        from isorod.assembly import element_kernel
+
+        values, gradients = harmonic_functions(self.section_points, xi)
+        found: tuple[Array, Array] = element_kernel.inverse_jacobians(values, gradients, *self._sections(u))
+        return found
+
+    def tangents(self, u: ArrayLike) -> Array:
+        """Return the unit tangents ``(len(u), 3)`` of the centre line, the image of the disk's centre."""
+        # At the centre every harmonic function is 1 / n.
+        along = self._sections(u)[1].mean(axis=1)
+        return along / np.linalg.norm(along, axis=1, keepdims=True)
+
+    def _sections(self, u: ArrayLike) -> tuple[Array, Array]:
+        """Return the control polygons ``(len(u), n, 3)`` of the sections at ``u``, and their derivatives."""
+        first, values, slopes = self.axis.local(u)
+        near = self.control_points[first[:, None] + np.arange(self.axis.degree + 1)]
+        return np.einsum("tj,tjia->tia", values, near), np.einsum("tj,tjia->tia", slopes, near)
+
+    def volume(self) -> float:
+        """Return the volume (length cubed), by a full quadrature rule."""
+        rule = Rule.full(self.section_points, self.axis.degree + 2)
+        xi, area = section_points(self.section_points, rule)
+        u, length = axis_points(self.axis, rule.axial)
+        _, jacobian = self.grid(xi, u.ravel())
+        return float(np.einsum("tq,t,q->", determinant(jacobian), length.ravel(), area))
+
+    def check(self) -> float:
+        """Return the smallest Jacobian determinant met on a dense grid, circle and element ends included.
+
+        Raises
+        ------
+        FoldedRodError
+            Where the map folds (determinant not positive): the message names element, ``u``, disk point and position.
+        """
+        axis = self.axis
+        xi, values, across = _dense_grid(self.section_points)
+        inside = np.arange(axis.degree + 3) / (axis.degree + 2)
+        # Both sides of every knot: the axis may have a kink there.
+        inside[0], inside[-1] = 1e-9, 1.0 - 1e-9
+        u = axis.breaks[:-1, None] + np.diff(axis.breaks)[:, None] * inside
+        section, along = self._sections(u.ravel())
+        # Component by component: no array of Jacobian matrices is needed.
+        polygons, turns = (np.ascontiguousarray(np.moveaxis(one, 2, 0)) for one in (section, along))
+        (a, b, c), (d, e, f) = (polygons @ one for one in across)
+        g, h, i = turns @ values
+        det = g * (b * f - c * e) + h * (c * d - a * f) + i * (a * e - b * d)
+        t, q = np.unravel_index(int(np.argmin(det)), det.shape)
+        if not det[t, q] > 0.0:
+            where = ", ".join(f"{value:.4g}" for value in values[:, q] @ section[t])
+            raise FoldedRodError(
+                f"the rod folds in element {t // inside.size} at u = {u.ravel()[t]:.4g}, disk point "
+                f"({xi[q, 0]:.3f}, {xi[q, 1]:.3f}), position ({where}): Jacobian determinant {det[t, q]:.3g}, must be positive"
+            )
+        self._check_turns(u, section)
+        return float(det[t, q])
+
+    def _check_turns(self, u: Array, section: Array) -> None:
+        """Refuse or warn of sections, control polygons at the parameters ``u``, that shrink between layers that turn too far."""
+
+        def sizes(polygons: Array) -> Array:
+            arms = polygons - polygons.mean(axis=1, keepdims=True)
+            size: Array = np.sqrt(np.einsum("jia,jia->j", arms, arms))
+            return size
+
+        axis = self.axis
+        found = sizes(np.concatenate([self.control_points, section]))
+        near = axis.first_function[:, None] + np.arange(axis.degree + 1)
+        shares = found[axis.count :].reshape(u.shape) / found[near].min(axis=1)[:, None]
+        e, t = np.unravel_index(int(np.argmin(shares)), shares.shape)
+        if shares[e, t] < _SHRINKS:
+            text = (
+                f"element {e} at u = {u[e, t]:.4g}: the section shrinks to {100 * shares[e, t]:.0f} % between layers of control points, "
+                "which turn too far; take more elements"
+            )
+            if shares[e, t] < _SHRUNK:
+                raise FoldedRodError(text)
+            warnings.warn(text, stacklevel=3)
+
+
+@lru_cache(maxsize=8)
+def _dense_grid(n: int) -> tuple[Array, Array, tuple[Array, Array]]:
+    """Return points of the disk ``(m, 2)``, circle included, and of the harmonic functions there values and both derivatives, ``(n, m)``."""
+    radii = np.array([0.25, 0.5, 0.75, 0.9, 1.0])
+    angles = 2.0 * np.pi * np.arange(8 * n) / (8 * n)
+    ring = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    xi = np.concatenate([[[0.0, 0.0]], (radii[:, None, None] * ring).reshape(-1, 2)])
+    values, gradients = harmonic_functions(n, xi)
+    first, second = (np.ascontiguousarray(gradients[:, :, k].T) for k in range(2))
+    return xi, np.ascontiguousarray(values.T), (first, second)
+
+
+def section_gradient(values: Array, gradients: Array, section: Array, along: Array) -> Array:
+    """Return the derivatives by ``xi_1, xi_2, u`` of a field on a grid, shape ``(t, q, components, 3)``.
+
+    ``values`` ``(q, n)`` and ``gradients`` ``(q, n, 2)`` are the section functions; ``section`` and ``along`` ``(t, n,
+    components)`` the field's section coefficients and their derivatives by ``u``.
+    """
+    q, n, _ = gradients.shape
+    plane = gradients.transpose(0, 2, 1).reshape(2 * q, n) @ section
+    result = np.empty((section.shape[0], q, section.shape[2], 3))
+    result[..., :2] = plane.reshape(-1, q, 2, section.shape[2]).swapaxes(2, 3)
+    result[..., 2] = values @ along
+    return result
+
+
+@dataclass(frozen=True, eq=False)
+class CenterLine:
+    """A centre line to sweep along: axis and, for each of its functions, ``C_j``, ``R_j``, ``S_j`` of eq. 13."""
+
+    axis: Axis
+    centers: Array
+    rotations: Array
+    stretches: Array
+
+
+def helix(radius: float, pitch: float, turns: int, arcs_per_turn: int = 4) -> CenterLine:
+    """Return a helix about the z axis made of rational quadratic circular arcs, C0 at their joints.
+
+    The section lies in the plane of the radial direction and the helix's binormal.  At the corner control point of an arc
+    (weight ``cos(pi / arcs_per_turn)``) the part of every section vector that is normal to z is stretched by the inverse weight:
+    with ``pitch = 0`` the swept ring is then an exact torus (Lu & Zhou 2011, Fig. 4).
+
+    Parameters
+    ----------
+    radius, pitch
+        Radius and rise per turn, units of length.
+    turns, arcs_per_turn
+        Numbers of turns, and of arcs (elements) in each; at least 1 and 3.
+    """
+    if not (np.isfinite(radius) and radius > 0.0):
+        raise InputError(f"centre line radius: got {radius:g}, need a positive length")
+    if not np.isfinite(pitch):
+        raise InputError(f"pitch: got {pitch}, need a finite length")
+    if turns < 1 or arcs_per_turn < 3:
+        raise InputError(f"helix: got {turns} turns of {arcs_per_turn} arcs, need at least 1 turn of at least 3 arcs")
+    arcs = turns * arcs_per_turn
+    if arcs > MAX_ELEMENTS:
+        raise InputError(f"helix: {arcs} arcs are too many; at most {MAX_ELEMENTS}")
+    knots = np.concatenate([[0.0], np.repeat(np.arange(arcs + 1.0), 2), [arcs]])
+    count = 2 * arcs + 1
+    phi = np.pi / arcs_per_turn * np.arange(count)
+    corner = np.arange(count) % 2 == 1
+    weights = np.where(corner, np.cos(np.pi / arcs_per_turn), 1.0)
+    cos, sin, zero = np.cos(phi), np.sin(phi), np.zeros(count)
+
+    centers = np.stack([radius * cos / weights, radius * sin / weights, pitch * phi / (2.0 * np.pi)], axis=1)
+    slope = np.arctan2(pitch, 2.0 * np.pi * radius)
+    radial = np.stack([cos, sin, zero], axis=1)
+    tangential = np.stack([-sin, cos, zero], axis=1)
+    up = np.array([0.0, 0.0, 1.0])
+    minus_binormal = np.sin(slope) * tangential - np.cos(slope) * up
+    tangent = np.cos(slope) * tangential + np.sin(slope) * up
+    rotations = np.stack([radial, minus_binormal, tangent], axis=2)
+    spread = np.zeros((count, 3, 3))
+    spread[:, 0, 0] = spread[:, 1, 1] = 1.0 / weights
+    spread[:, 2, 2] = 1.0
+    stretches = np.einsum("jba,jbc,jcd->jad", rotations, spread, rotations)
+    return CenterLine(Axis(2, knots, weights), centers, rotations, stretches)

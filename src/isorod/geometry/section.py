@@ -1,0 +1,163 @@
+"""Control polygons of cross sections: the outline is ``sum_i Phi_i(theta) P_i``."""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from isorod.arrays import Array
+from isorod.errors import InputError, whole_number
+from isorod.geometry.disk import MAX_COUNT, boundary_functions, check_count, control_points
+
+
+def circle(n: int, radius: float = 1.0) -> Array:
+    """Return the ``(n, 2)`` control points of a circle, exact for any ``n >= 3``; ``radius`` in units of length."""
+    if not (np.isfinite(radius) and radius > 0.0):
+        raise InputError(f"section radius: got {radius:g}, need a positive length")
+    return ellipse(n, radius, radius)
+
+
+def ellipse(n: int, a: float, b: float) -> Array:
+    """Return the ``(n, 2)`` control points of an ellipse with half axes ``a`` and ``b``, exact for any ``n >= 3``."""
+    for name, value in (("a", a), ("b", b)):
+        if not (np.isfinite(value) and value > 0.0):
+            raise InputError(f"section half axis {name}: got {value:g}, need a positive length")
+    return control_points(n) * np.array([a, b])
+
+
+def flower(n: int = 16, petals: int = 4, radius: float = 1.0, depth: float = 0.3) -> Array:
+    """Return the ``(n, 2)`` control points of a flower, concave between its petals (Lu & Zhou 2011, Fig. 3).
+
+    The polygon's radius is ``radius * (1 + depth cos(petals theta))``.  Whether the map folds is for `Rod.check` to say.
+    """
+    theta = 2.0 * np.pi * np.arange(check_count(n)) / n
+    if not 0.0 <= depth < 1.0:
+        raise InputError(f"flower depth: got {depth:g}, need 0 <= depth < 1")
+    whole_number("flower petals", petals, 0, MAX_COUNT)
+    return circle(n, radius) * (1.0 + depth * np.cos(petals * theta))[:, None]
+
+
+def airfoil() -> Array:
+    """Return the 16 control points ``(16, 2)`` of the paper's blade section, chord about 2 along x.
+
+    The heights of the unit circle's control points, turned by half an arc, are multiplied by factors linear in the point's number:
+    0.35625 to 0.05 on the upper side from its front on, -0.02 to 0.05 on the lower one (Lu & Zhou 2011, appendix A,
+    where the minus signs are lost).
+    """
+    n = 16
+    angle = 2.0 * np.pi * (np.arange(n) + 0.5) / n
+    factor = np.concatenate([0.35625 - 0.04375 * np.arange(8), -0.02 + 0.01 * np.arange(8)])
+    return np.stack([np.cos(angle), np.sin(angle) * factor], axis=1) / np.cos(np.pi / n)
+
+
+def naca(digits: str, n: int, chord: float = 1.0) -> Array:
+    """Return the ``(n, 2)`` control points fitted to a NACA 4-digit airfoil, its leading edge towards -x, centred in x.
+
+    The outline is sampled at ``x = chord / 2 (1 + cos theta)``, in which it is smooth but for the blunt trailing edge, which the
+    fit rounds off.
+
+    Parameters
+    ----------
+    digits
+        Camber and its position and thickness, as in ``"2412"`` (Jacobs, Ward, Pinkerton, NACA Report 460, 1933).
+    chord
+        Units of length.
+
+    Raises
+    ------
+    InputError
+        If ``digits`` are not four of which the last two are a thickness of at least 1 %, or the chord is not positive.
+    """
+    if (
+        len(digits) != 4
+        or not (digits.isascii() and digits.isdigit())
+        or digits[2:] == "00"
+        or (digits[0] != "0") != (digits[1] != "0")
+    ):
+        raise InputError(f"airfoil: got {digits!r}, need a NACA 4-digit number such as 2412 or 0012")
+    if not (np.isfinite(chord) and chord > 0.0):
+        raise InputError(f"chord: got {chord:g}, need a positive length")
+    camber, place, thickness = int(digits[0]) / 100.0, int(digits[1]) / 10.0, int(digits[2:]) / 100.0
+    theta = 2.0 * np.pi * (np.arange(16 * check_count(n)) + 0.5) / (16 * n)
+    x = 0.5 * (1.0 + np.cos(theta))
+    half = 5.0 * thickness * (0.2969 * np.sqrt(x) - x * (0.1260 + x * (0.3516 - x * (0.2843 - 0.1015 * x))))
+    mean = np.zeros_like(x)
+    slope = np.zeros_like(x)
+    if camber:
+        fore = x < place
+        scale = camber / np.where(fore, place, 1.0 - place) ** 2
+        mean = scale * (np.where(fore, 0.0, 1.0 - 2.0 * place) + 2.0 * place * x - x * x)
+        slope = 2.0 * scale * (place - x)
+    tilt = np.arctan(slope)
+    side = np.sign(np.sin(theta))
+    points = np.stack([x - side * half * np.sin(tilt) - 0.5, mean + side * half * np.cos(tilt)], axis=1)
+    return _fit(theta, chord * points, n)
+
+
+def from_points(points: ArrayLike, n: int) -> Array:
+    """Return the ``(n, 2)`` control points whose outline fits a closed polyline in the least-squares sense.
+
+    Parameters
+    ----------
+    points
+        Points of the outline in counter-clockwise order, shape ``(m, 2)``, ``m >= n``, the first not repeated; the first point
+        stands at the angle 0 of the disk and the others at angles in proportion to the arc length.
+    n
+        Number of control points.
+
+    Raises
+    ------
+    InputError
+        If there are too few points, two neighbours coincide, a value is not finite, or the order is clockwise.
+    """
+    points = np.asarray(points, dtype=float)
+    if points.ndim != 2 or points.shape[1] != 2 or points.shape[0] < check_count(n):
+        raise InputError(f"section points: got an array of shape {points.shape}, need (m, 2) with m >= {n}")
+    if not np.isfinite(points).all():
+        raise InputError(f"section point {np.argmax(~np.isfinite(points).all(axis=1))} is not finite")
+    edges = np.roll(points, -1, axis=0) - points
+    lengths = np.hypot(edges[:, 0], edges[:, 1])
+    if (lengths == 0.0).any():
+        raise InputError(f"section point {np.argmax(lengths == 0.0)} coincides with the next one")
+    if np.sum(points[:, 0] * edges[:, 1] - points[:, 1] * edges[:, 0]) <= 0.0:
+        raise InputError("section points run clockwise; give them counter-clockwise")
+    theta = 2.0 * np.pi * np.concatenate([[0.0], np.cumsum(lengths)[:-1]]) / lengths.sum()
+    return _fit(theta, points, n)
+
+
+def refinement_turn(n: int, multiple: int) -> float:
+    """Return the angle of the first control point when each of ``n`` arcs is cut in ``multiple``, radians."""
+    return -np.pi / n * (1.0 - 1.0 / multiple)
+
+
+def refine(points: ArrayLike, multiple: int) -> Array:
+    """Return the control points of the same outline with every arc cut in ``multiple``.
+
+    The spaces nest, so the outline and the map of the whole disk stay as they are.  The new points' first angle is
+    `refinement_turn`.
+
+    Parameters
+    ----------
+    points
+        Control points, shape ``(n, ...)``.
+
+    Returns
+    -------
+    Array of shape ``(n multiple, ...)``.
+    """
+    given = np.asarray(points, dtype=float)
+    n = check_count(given.shape[0])
+    fine = check_count(n * multiple)
+    if multiple == 1:
+        return given
+    # The middle of each fine arc: interpolation there is exact and well conditioned.
+    theta = refinement_turn(n, multiple) + 2.0 * np.pi * np.arange(fine) / fine
+    outline = boundary_functions(n, theta) @ given.reshape(n, -1)
+    middle = boundary_functions(fine, theta - theta[0])
+    return np.linalg.solve(middle, outline).reshape(fine, *given.shape[1:])
+
+
+def _fit(theta: Array, points: Array, n: int) -> Array:
+    """Return the control points whose outline passes nearest to ``points`` at the angles ``theta``."""
+    fitted, _, rank, _ = np.linalg.lstsq(boundary_functions(n, theta), points, rcond=None)
+    if rank < n:
+        raise InputError(f"section points: they determine only {rank} of {n} control points; give more or spread them")
+    return fitted

@@ -1,0 +1,90 @@
+"""The material laws along one body, evaluated at all its points at once."""
+
+from collections.abc import Sequence
+from itertools import groupby
+from typing import NamedTuple
+
+import numpy as np
+
+from isorod.arrays import Array
+from isorod.material.law import LinearElastic, Material
+
+
+class Run(NamedTuple):
+    """Places ``first .. last - 1`` along the body that have one law."""
+
+    law: Material
+    first: int
+    last: int
+
+
+class Laws:
+    """A law for each place along a body: entry ``k`` of every array's first axis obeys law ``k``.
+
+    Parameters
+    ----------
+    runs
+        Consecutive places of one law each, shape of the whole ``(places,)``.
+    """
+
+    def __init__(self, runs: Sequence[Run]) -> None:
+        self.runs = tuple(runs)
+
+    @classmethod
+    def of(cls, laws: Sequence[Material]) -> "Laws":
+        """Return the laws given one by one."""
+        runs, first = [], 0
+        for _, same in groupby(laws, id):
+            members = list(same)
+            runs.append(Run(members[0], first, first + len(members)))
+            first += len(members)
+        return cls(runs)
+
+    def along(self, tangents: Array) -> "Laws":
+        """Return the laws where the rod's unit tangents are ``tangents``, shape ``(places, ..., 3)``."""
+        return Laws([Run(law.along(tangents[first:last]), first, last) for law, first, last in self.runs])
+
+    def at(self, factor: float) -> "Laws":
+        """Return the laws at a load factor."""
+        return Laws([Run(law.at(factor), first, last) for law, first, last in self.runs])
+
+    @property
+    def follow(self) -> bool:
+        """Whether a law asks for the rod's tangents (`along`)."""
+        return any(law.follows for law, _, _ in self.runs)
+
+    @property
+    def loaded(self) -> bool:
+        """Whether a law changes with the load factor."""
+        return any(law.at(0.5) is not law for law, _, _ in self.runs)
+
+    @property
+    def objective(self) -> bool:
+        """Whether all laws have a second Piola-Kirchhoff stress that no rotation changes."""
+        return not any(isinstance(law, LinearElastic) for law, _, _ in self.runs)
+
+    @property
+    def isotropic(self) -> Array | None:
+        """Lame's parameters of each law, shape ``(places, 2)``, if all are linear elastic."""
+        found = [
+            np.tile((law.lame, law.mu), (last - first, 1))
+            for law, first, last in self.runs
+            if isinstance(law, LinearElastic)
+        ]
+        return self._joined(found) if len(found) == len(self.runs) else None
+
+    def energy(self, F: Array) -> Array:
+        """Return the stored energy per reference volume, shape ``F.shape[:-2]``."""
+        return self._joined([law.energy(F[first:last]) for law, first, last in self.runs])
+
+    def stress(self, F: Array) -> Array:
+        """Return the first Piola-Kirchhoff stress, shape of ``F``."""
+        return self._joined([law.stress(F[first:last]) for law, first, last in self.runs])
+
+    def tangent(self, F: Array) -> Array:
+        """Return ``dP/dF``, shape ``F.shape + (3, 3)``."""
+        return self._joined([law.tangent(F[first:last]) for law, first, last in self.runs])
+
+    @staticmethod
+    def _joined(pieces: Sequence[Array]) -> Array:
+        return pieces[0] if len(pieces) == 1 else np.concatenate(pieces)

@@ -1,0 +1,104 @@
+"""Dead loads: forces that keep their direction and size while the rod moves, and grow with the load factor."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from isorod.arrays import Array
+from isorod.errors import InputError
+from isorod.geometry.quadrature import section_points
+from isorod.space.space import Space
+
+
+class Load(Protocol):
+    """What a model asks of a load."""
+
+    @property
+    def body(self) -> int:
+        """Index of the body in the model."""
+
+    def nodal(self, space: Space) -> Array:
+        """Return the consistent nodal forces at load factor 1, shape ``(nodes, 3)``."""
+
+
+@dataclass(frozen=True)
+class SectionLoad:
+    """A force spread uniformly over a cross-section: ``t = force / A`` on the section's reference area ``A``.
+
+    Its nodal forces are ``f_jl = R_j(u) (force / A) int S_l dA``; the potential is ``-force . (mean displacement of the section)``.
+
+    Parameters
+    ----------
+    force
+        Total force at load factor 1, shape ``(3,)``.
+    u
+        Axis parameter of the section: 0 is the start face, 1 (the default) the end face of a rod whose axis runs from 0 to 1.
+    body
+        Index of the body in the model.
+    """
+
+    force: tuple[float, float, float]
+    u: float | None = None
+    body: int = 0
+
+    def __post_init__(self) -> None:
+        _check("section load: force", self.force)
+
+    @classmethod
+    def end(cls, space: Space, which: str, force: tuple[float, float, float], body: int = 0) -> "SectionLoad":
+        """Return a load on the whole ``"start"`` or ``"end"`` face."""
+        if space.rod.closed:
+            raise InputError("load on an end: a closed rod has none")
+        ends = {"start": 0, "end": -1}
+        if which not in ends:
+            raise InputError(f"load: got end {which!r}, need 'start' or 'end'")
+        return cls(force, float(space.axis.breaks[ends[which]]), body)
+
+    def nodal(self, space: Space) -> Array:
+        """Return the nodal forces, shape ``(nodes, 3)``."""
+        low, high = space.axis.breaks[[0, -1]]
+        u = high if self.u is None else self.u
+        if not low <= u <= high:
+            raise InputError(f"section load: got u = {u}, need an axis parameter from {low:g} to {high:g}")
+        xi, area = section_points(space.points_around, space.rule, space.turn)
+        _, jacobian = space.rod.grid(xi, [u])
+        area = area * np.linalg.norm(np.cross(jacobian[0, :, :, 0], jacobian[0, :, :, 1]), axis=1)
+        share = area @ space.section_functions(xi)[0] / area.sum()
+        first, values, _ = space.axis.local([u])
+        layers = (first[0] + np.arange(values.shape[1])) % space.layers
+        result = np.zeros((space.layers, space.layer_nodes, 3))
+        result[layers] = values[0][:, None, None] * share[:, None] * np.array(self.force)
+        return result.reshape(-1, 3)
+
+
+@dataclass(frozen=True)
+class BodyForce:
+    """A uniform force per reference volume, such as weight ``density * gravity``: ``f_jl = density int S_l R_j dV``.
+
+    Parameters
+    ----------
+    density
+        Force per reference volume at load factor 1, shape ``(3,)``.
+    body
+        Index of the body in the model.
+    """
+
+    density: tuple[float, float, float]
+    body: int = 0
+
+    def __post_init__(self) -> None:
+        _check("body force: density", self.density)
+
+    def nodal(self, space: Space) -> Array:
+        """Return the nodal forces, shape ``(nodes, 3)``."""
+        table = space.tabulate(0, space.axis.elements)
+        volumes = np.einsum("etj,etq,qn->ejn", table.axial, table.weights, table.section[:, 2])
+        total = np.bincount(space.element_nodes.ravel(), volumes.ravel(), space.nodes)
+        return total[:, None] * np.array(self.density)
+
+
+def _check(name: str, vector: tuple[float, float, float]) -> None:
+    given = np.asarray(vector, dtype=float)
+    if given.shape != (3,) or not np.isfinite(given).all():
+        raise InputError(f"{name}: got {vector}, need three finite components")

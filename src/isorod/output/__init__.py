@@ -1,0 +1,1 @@
+"""Results: records, checkpoints, stresses and VTK files."""

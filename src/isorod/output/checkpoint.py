@@ -1,0 +1,106 @@
+"""Checkpoints: the state of a run in one file, from which it continues to the last bit."""
+
+import hashlib
+import io
+import json
+import os
+import zipfile
+import zlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from isorod.arrays import Array
+from isorod.errors import InputError
+from isorod.output.results import write_beside
+
+# Raised whenever what is stored, or what is computed from it, changes.
+_FORMAT = 2
+_HEAD = b"isorod checkpoint "
+_DAMAGED = "is damaged or no checkpoint; remove it, or name another file"
+
+
+def write(path: Path, identity: Mapping[str, Any], arrays: Mapping[str, Array]) -> None:
+    """Write a checkpoint: beside the name, then renamed, so that the last one stays until the new one is complete.
+
+    Parameters
+    ----------
+    identity
+        What a run must have in common with the checkpoint to continue from it: plain numbers and strings.
+    arrays
+        The state, ``finished`` among it.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
+    """
+    content = io.BytesIO()
+    np.savez(content, identity=np.array(json.dumps({"format": _FORMAT} | dict(identity))), **arrays)
+    data = content.getvalue()
+
+    def save(name: Path) -> None:
+        with open(name, "wb") as file:
+            file.write(_HEAD + hashlib.sha256(data).hexdigest().encode() + b"\n" + data)
+            file.flush()
+            # A full disk must be known before the last checkpoint is given up.
+            os.fsync(file.fileno())
+
+    try:
+        write_beside(path, save)
+    except InputError as problem:
+        raise InputError(f"checkpoint {problem}; make room there or name another file with --checkpoint") from None
+
+
+def read(path: Path, identity: Mapping[str, Any]) -> dict[str, Array]:
+    """Return the state in a checkpoint.
+
+    Raises
+    ------
+    InputError
+        If there is none, it cannot be read, is damaged, or belongs to another run: the message says in what they differ.
+    """
+    found, arrays = _load(path)
+    wanted = {"format": _FORMAT} | dict(identity)
+    for name in wanted:
+        if found.get(name) != wanted[name]:
+            what = name.replace("_", " ")
+            if name == "model":
+                raise InputError(
+                    f"checkpoint {path}: belongs to another model; give the same scene options, or another file"
+                )
+            raise InputError(
+                f"checkpoint {path}: belongs to another run: {what} {found.get(name)} there, {wanted[name]} here"
+            )
+    return arrays
+
+
+def refuse_unfinished(path: Path) -> None:
+    """Raise `InputError` if the file is there and is not the checkpoint of a run that has reached its end."""
+    if not path.exists():
+        return
+    _, arrays = _load(path)
+    if not arrays["finished"]:
+        raise InputError(f"checkpoint {path}: is of an unfinished run; continue it with --resume, or remove it")
+
+
+def _load(path: Path) -> tuple[dict[str, Any], dict[str, Array]]:
+    if path.exists() and not path.is_file():
+        raise InputError(f"checkpoint {path}: is no file; name another")
+    try:
+        content = path.read_bytes()
+    except FileNotFoundError:
+        raise InputError(f"checkpoint {path}: there is none; start without --resume") from None
+    except OSError as problem:
+        raise InputError(f"checkpoint {path}: cannot be read ({problem.strerror})") from None
+    line, _, data = content.partition(b"\n")
+    if line != _HEAD + hashlib.sha256(data).hexdigest().encode():
+        raise InputError(f"checkpoint {path}: {_DAMAGED}")
+    try:
+        with np.load(io.BytesIO(data), allow_pickle=False) as file:
+            arrays = {name: file[name] for name in file.files}
+        return json.loads(str(arrays.pop("identity"))), arrays
+    except (ValueError, KeyError, EOFError, AttributeError, NotImplementedError, zipfile.BadZipFile, zlib.error):
+        raise InputError(f"checkpoint {path}: {_DAMAGED}") from None

@@ -1,0 +1,60 @@
+"""Cauchy and von Mises stress."""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from isorod.arrays import Array
+from isorod.errors import InputError
+from isorod.model.model import Body
+from isorod.tensors import determinant
+
+
+def cauchy(
+    body: Body,
+    nodal: ArrayLike,
+    xi: ArrayLike,
+    u: ArrayLike,
+    factor: float = 1.0,
+    pressure: ArrayLike | None = None,
+) -> Array:
+    """Return the Cauchy stress ``P F^T / det F`` at a grid of points.
+
+    Parameters
+    ----------
+    nodal
+        Displacements of the body's nodes, shape ``(nodes, 3)``.
+    xi, u
+        Disk points ``(q, 2)`` and axis parameters ``(t,)``; at a knot the element above it is meant.
+    factor
+        Load factor, which a muscle's activation follows.
+    pressure
+        Pressure coefficients of a body with the mixed formulation (`isorod.statics.Equilibrium.pressures`).
+
+    Returns
+    -------
+    Array of shape ``(t, q, 3, 3)``, force per current area.
+
+    Raises
+    ------
+    InputError
+        If a mixed body's pressure is missing.
+    """
+    _, F = body.space.displacement(nodal, xi, u)
+    laws = body.laws_at(np.asarray(u, dtype=float)).at(factor)
+    if body.pressures is None:
+        stress = laws.stress(F)
+    else:
+        if pressure is None:
+            raise InputError("stress of a body with the mixed formulation: its pressure is missing")
+        from isorod.assembly.mixed import shear_laws, volume_change
+
+        own = body.pressures.evaluate(pressure, xi, u)
+        stress = shear_laws(laws).stress(F) + own[..., None, None] * volume_change(laws, F)[1]
+    return np.einsum("tqaA,tqbA->tqab", stress, F) / determinant(F)[..., None, None]
+
+
+def von_mises(stress: Array) -> Array:
+    """Return ``sqrt(3/2 s:s)`` of the stress deviator ``s``, shape ``stress.shape[:-2]``."""
+    mean = np.trace(stress, axis1=-2, axis2=-1) / 3.0
+    deviator = stress - mean[..., None, None] * np.eye(3)
+    return np.sqrt(1.5 * np.sum(deviator**2, axis=(-2, -1)))

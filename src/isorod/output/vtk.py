@@ -1,0 +1,96 @@
+"""Fields on a rod as VTK files."""
+
+from collections.abc import Mapping
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from isorod.arrays import Array
+from isorod.errors import InputError
+from isorod.model.model import Body
+from isorod.output import stress
+from isorod.output.results import write_beside
+
+if TYPE_CHECKING:
+    import pyvista
+
+
+def require() -> None:
+    """Raise `InputError` if pyvista, which writes the files, is not installed."""
+    if find_spec("pyvista") is None:
+        raise InputError("VTK files need pyvista, which is not installed: pip install pyvista")
+
+
+def grid(
+    body: Body, fields: Mapping[str, Array], rings: int = 4, around: int = 32, slices: int = 6, factor: float = 1.0
+) -> "pyvista.UnstructuredGrid":
+    """Return the undeformed rod as small cells, with vector fields as point data, and ``von_mises`` beside ``displacement``.
+
+    With a field ``pressure``, the coefficients of the mixed formulation (`isorod.statics.Equilibrium.pressures`), comes ``mean_stress``.
+
+    Every element gets points of its own, so that what jumps between elements is shown as it is.
+
+    Parameters
+    ----------
+    fields
+        Values at the body's nodes by name, shape ``(nodes, 3)`` each.
+    rings, around, slices
+        Cells along the radius, round the section and along an element.
+    factor
+        Load factor of the stress, which a muscle's activation follows.
+
+    Raises
+    ------
+    InputError
+        If pyvista is not installed.
+    """
+    require()
+    import pyvista
+
+    xi, cells = _disk(rings, around)
+    axis = body.space.axis
+    inside = np.linspace(0.0, 1.0, slices + 1)
+    # Stay inside the element: at a knot the next one would be meant.
+    inside[-1] -= 1e-9
+    u = (axis.breaks[:-1, None] + np.diff(axis.breaks)[:, None] * inside).ravel()
+    points, _ = body.space.rod.grid(xi, u)
+
+    below = np.arange(axis.elements)[:, None] * (slices + 1) + np.arange(slices)
+    lower = cells[None, :, :] + xi.shape[0] * below.reshape(-1, 1, 1)
+    corners = np.concatenate([lower, lower + xi.shape[0]], axis=2).reshape(-1, 8)
+    mesh = pyvista.UnstructuredGrid({pyvista.CellType.HEXAHEDRON: corners}, points.reshape(-1, 3))
+    pressure = fields.get("pressure")
+    for name, nodal in fields.items():
+        if name == "pressure":
+            continue
+        values, _ = body.space.displacement(nodal, xi, u)
+        mesh.point_data[name] = values.reshape(-1, 3)
+        if name == "displacement":
+            cauchy = stress.cauchy(body, nodal, xi, u, factor, pressure)
+            mesh.point_data["von_mises"] = stress.von_mises(cauchy).ravel()
+            if pressure is not None:
+                mesh.point_data["mean_stress"] = np.trace(cauchy, axis1=-2, axis2=-1).ravel() / 3.0
+    return mesh
+
+
+def write(body: Body, fields: Mapping[str, Array], path: Path) -> None:
+    """Write the fields of `grid` to a ``.vtu`` file."""
+    mesh = grid(body, fields)
+    write_beside(path, mesh.save)
+
+
+def _disk(rings: int, around: int) -> tuple[Array, np.ndarray]:
+    """Return points and quadrilaterals of the disk; those at the centre have one corner twice."""
+    angle = 2.0 * np.pi * np.arange(around) / around
+    radius = np.arange(1, rings + 1) / rings
+    ring = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    xi = np.concatenate([[[0.0, 0.0]], (radius[:, None, None] * ring).reshape(-1, 2)])
+    here = np.arange(around)
+    following = (here + 1) % around
+    cells = [np.stack([np.zeros_like(here), 1 + here, 1 + following, np.zeros_like(here)], axis=1)]
+    for k in range(rings - 1):
+        low = 1 + k * around
+        cells.append(np.stack([low + here, low + around + here, low + around + following, low + following], axis=1))
+    return xi, np.concatenate(cells)

@@ -1,0 +1,1 @@
+"""PETSc matrices and solvers that know no model."""

@@ -1,0 +1,122 @@
+"""Polynomials of the section's own coordinates, in the place of the functions that belong to control points.
+
+Where all sections of a rod are affine images of one, ``x = c(u) + A(u) X(xi)``, the coordinates ``X = (X_1, X_2)`` of that section
+are functions on the disk, and so are their polynomials: a Taylor expansion across the rod, as higher-order beam theories use it
+(Carrera, Cinefra, Petrolo & Zappino, Finite Element Analysis of Structures through Unified Formulation, 2014).  Displacements of a
+slender body are smooth across it, so that ten polynomials do what a hundred functions of control points do; they see nothing of a
+corner, a point load or a contact patch.
+"""
+
+from functools import cached_property, lru_cache
+from math import ceil, pi
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from isorod.arrays import Array, Index
+from isorod.errors import InputError, representable, whole_number
+from isorod.geometry.disk import harmonic_functions
+from isorod.geometry.quadrature import Rule, section_points
+from isorod.geometry.rod import Rod
+
+MAX_DEGREE = 8
+
+# Layers may differ from affine images of the widest by this share of its size.
+_TOLERANCE = 1e-9
+
+# A section this much thinner than it is wide is none.
+_FLAT = 1e-12
+
+
+class Polynomials:
+    """Polynomials of total degree ``N`` in the principal coordinates of a rod's section.
+
+    The first function is 1, the others are orthogonal to it and to each other over the section.  In the thinner direction the degree
+    is held to ``max(2, N t)``, ``t`` the ratio of the section's extents but at least one half: bending strains the thickness
+    quadratically, and what is of higher degree there is small.
+
+    Parameters
+    ----------
+    rod
+        The geometry.
+    degree
+        Total degree ``N``, 1 to 8.
+
+    Raises
+    ------
+    InputError
+        If the degree is out of range, or the rod's sections are not affine images of each other.
+    """
+
+    def __init__(self, rod: Rod, degree: int) -> None:
+        degree = whole_number("section degree", degree, 1, MAX_DEGREE)
+        points = rod.control_points
+        arms = points - points.mean(axis=1, keepdims=True)
+        representable("section's extent", float(np.abs(arms).max()))
+        widest = arms[int(np.argmax(np.einsum("jia,jia->j", arms, arms)))]
+        images, sizes, directions = np.linalg.svd(widest, full_matrices=False)
+        if not sizes[1] > _FLAT * sizes[0]:
+            raise InputError("section degree: the rod's sections have no area; polynomials need some")
+        self._polygon = widest @ directions[:2].T
+        onto = images[:, :2]
+        gap = arms - onto @ (onto.T @ arms)
+        worst = int(np.argmax(np.abs(gap).max(axis=(1, 2))))
+        if not np.abs(gap[worst]).max() <= _TOLERANCE * sizes[0]:
+            raise InputError(
+                f"section degree: layer {worst} of the rod's control points is not an affine image of the others; polynomials need "
+                "sections of one shape"
+            )
+        # Geometry alone does without compiled code.
+        from isorod.space import polynomial_kernel
+
+        area, values, first, second = _points(rod.section_points, degree)
+        self._polygon, extents, share = polynomial_kernel.principal_frame(
+            np.ascontiguousarray(self._polygon), area, values, first, second
+        )
+        across = max(2, ceil(degree * max(0.5, extents.min() / extents.max()) - 1e-9))
+        self._powers = np.array(
+            [(total - b, b) for total in range(degree + 1) for b in range(min(total, across) + 1)], dtype=np.int64
+        )
+        self._mix = polynomial_kernel.orthogonalise(self._polygon, share, values, self._powers)
+
+    @property
+    def count(self) -> int:
+        """Number of functions."""
+        return self._powers.shape[0]
+
+    @property
+    def powers(self) -> Index:
+        """Exponents of the monomials that the functions are made of, shape ``(count, 2)``."""
+        return self._powers
+
+    @cached_property
+    def carries(self) -> np.ndarray:
+        """Whether a function is one of those that add up to one (the first alone does), shape ``(count,)``."""
+        return np.arange(self.count) == 0
+
+    def functions(self, xi: ArrayLike) -> tuple[Array, Array]:
+        """Return values ``(m, count)`` and gradients ``(m, count, 2)`` at disk points ``(m, 2)``."""
+        from isorod.space import polynomial_kernel
+
+        tables = harmonic_functions(self._polygon.shape[0], xi)
+        found: tuple[Array, Array] = polynomial_kernel.functions(*tables, self._polygon, self._powers, self._mix)
+        return found
+
+    def positions(self, polygons: Array) -> Array:
+        """Return the coefficients ``(layers, count, 3)`` of layers of control points ``(layers, n, 3)`` of the same rod."""
+        plane = np.concatenate([np.ones((self._polygon.shape[0], 1)), self._polygon], axis=1)
+        affine = np.linalg.solve(plane.T @ plane, plane.T @ polygons)
+        linear = np.flatnonzero(self._powers.sum(axis=1) <= 1)
+        order = [0, *(1 if self._powers[k, 0] else 2 for k in linear[1:])]
+        result = np.zeros((polygons.shape[0], self.count, 3))
+        # monomials = functions @ inverse(mix); those of degree 0 and 1 come first.
+        result[:, :3] = np.linalg.inv(self._mix[:3, :3]) @ affine[:, order]
+        return result
+
+
+@lru_cache(maxsize=8)
+def _points(n: int, degree: int) -> tuple[Array, Array, Array, Array]:
+    """Return weights ``(m,)`` of points of the disk, and of the harmonic functions there values and both derivatives, ``(m, n)``."""
+    xi, area = section_points(n, Rule(degree + 4, 4 + ceil(2.0 * pi * degree / n), 1))
+    values, gradients = harmonic_functions(n, xi)
+    return area, values, np.ascontiguousarray(gradients[:, :, 0]), np.ascontiguousarray(gradients[:, :, 1])

@@ -1,0 +1,97 @@
+"""What `isorod.space.polynomial` computes over the points of a section, compiled."""
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from isorod.arrays import Array, Index
+
+_OPTIONS: Any = {"cache": True, "error_model": "numpy"}
+
+
+@njit(**_OPTIONS)
+def principal_frame(
+    polygon: Array, area: Array, values: Array, first: Array, second: Array
+) -> tuple[Array, Array, Array]:
+    """Return a section's control polygon ``(n, 2)`` in its principal coordinates, each over half its extent; extents; shares of the area.
+
+    ``area``, ``values``, ``first`` and ``second`` are weights ``(m,)`` of points of the disk and, there, the harmonic functions and their
+    derivatives ``(m, n)``.
+    """
+    a, b = first @ polygon, second @ polygon
+    share = area * np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
+    share /= share.sum()
+    place = values @ polygon
+    centroid = share @ place
+    place -= centroid
+    inertia = np.zeros((2, 2))
+    for q in range(share.size):
+        for i in range(2):
+            for k in range(2):
+                inertia[i, k] += share[q] * place[q, i] * place[q, k]
+    # The wider direction first.
+    axes = np.ascontiguousarray(np.linalg.eigh(inertia)[1][:, ::-1])
+    turned = place @ axes
+    extents = np.empty(2)
+    for k in range(2):
+        extents[k] = turned[:, k].max() - turned[:, k].min()
+    return (polygon - centroid) @ axes / (0.5 * extents), extents, share
+
+
+@njit(**_OPTIONS)
+def orthogonalise(polygon: Array, share: Array, values: Array, powers: Index) -> Array:
+    """Return the matrix that makes monomials orthogonal over the section, shape ``(count, count)``."""
+    first, second = _monomials(values @ polygon, powers.max())
+    weighted = np.empty((share.size, powers.shape[0]))
+    for q in range(share.size):
+        for k in range(powers.shape[0]):
+            weighted[q, k] = np.sqrt(share[q]) * first[q, powers[k, 0]] * second[q, powers[k, 1]]
+    triangle = np.linalg.qr(weighted)[1]
+    for k in range(triangle.shape[0]):
+        if triangle[k, k] < 0.0:
+            triangle[k] *= -1.0
+    # The inverse of the triangular factor, its rows made positive on the diagonal.
+    return np.linalg.inv(triangle)
+
+
+@njit(**_OPTIONS)
+def functions(harmonic: Array, slopes: Array, polygon: Array, powers: Index, mix: Array) -> tuple[Array, Array]:
+    """Return values ``(m, count)`` and gradients ``(m, count, 2)`` by the disk's coordinates, from the harmonic functions'."""
+    points, count = harmonic.shape[0], powers.shape[0]
+    n = polygon.shape[0]
+    first, second = _monomials(harmonic @ polygon, powers.max())
+    values = np.zeros((points, count))
+    gradients = np.zeros((points, count, 2))
+    turn = np.empty((2, 2))
+    for q in range(points):
+        turn[:] = 0.0
+        for i in range(n):
+            for k in range(2):
+                for c in range(2):
+                    turn[k, c] += slopes[q, i, k] * polygon[i, c]
+        for m in range(count):
+            a, b = powers[m, 0], powers[m, 1]
+            value = first[q, a] * second[q, b]
+            by_first = a * first[q, max(a - 1, 0)] * second[q, b]
+            by_second = b * first[q, a] * second[q, max(b - 1, 0)]
+            x = by_first * turn[0, 0] + by_second * turn[0, 1]
+            y = by_first * turn[1, 0] + by_second * turn[1, 1]
+            # ``mix`` is triangular.
+            for k in range(m, count):
+                values[q, k] += value * mix[m, k]
+                gradients[q, k, 0] += x * mix[m, k]
+                gradients[q, k, 1] += y * mix[m, k]
+    return values, gradients
+
+
+@njit(**_OPTIONS)
+def _monomials(place: Array, degree: int) -> tuple[Array, Array]:
+    """Return the powers of both coordinates ``(m, 2)`` up to the highest there is, shape ``(m, degree + 1)`` each."""
+    first = np.ones((place.shape[0], degree + 1))
+    second = np.ones((place.shape[0], degree + 1))
+    for q in range(place.shape[0]):
+        for k in range(1, degree + 1):
+            first[q, k] = first[q, k - 1] * place[q, 0]
+            second[q, k] = second[q, k - 1] * place[q, 1]
+    return first, second

@@ -1,0 +1,252 @@
+"""The displacement space on a rod, and everything about it that does not change during an analysis."""
+
+import os
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from isorod.arrays import Array, Index
+from isorod.errors import FoldedRodError, InputError
+from isorod.geometry.axis import Axis
+from isorod.geometry.disk import check_count
+from isorod.geometry.quadrature import Rule, axis_points, section_points
+from isorod.geometry.rod import Rod, section_gradient
+from isorod.geometry.section import refine, refinement_turn
+from isorod.space import polyharmonic
+from isorod.space.polynomial import Polynomials
+from isorod.tensors import inverse
+
+# Jacobian matrices, their inverses, and what both are made of.
+_BYTES_A_POINT = 8 * 32
+
+
+@dataclass(frozen=True, eq=False)
+class Space:
+    """Displacements ``sum_jl S_l(xi) R_j(u) d_jl`` on a rod, ``S_l`` the section functions of `isorod.space.polyharmonic`.
+
+    Nodes are numbered layer by layer: node ``j K n + l`` carries ``S_l R_j``; a closed rod's last layer is its first.
+    The paper's element is the default: ``order`` 1 and the rod's own functions.  Refinements nest (a degree at the same continuity), and none moves the rod.
+
+    Parameters
+    ----------
+    rod
+        The geometry.
+    elements
+        Number of elements along the axis: a multiple of the rod's own; the rod's own where not given.
+    degree
+        Degree along the axis, from the rod's own to 6.
+    continuity
+        Continuity at knots the rod does not have, ``0 .. degree - 1``; ``degree - 1`` where not given.
+    order
+        Polyharmonic order ``K`` of the section functions, 1 to 6.
+    section_points
+        Number of control points ``n`` round the section: a multiple of the rod's own; the rod's own where not given.
+    quadrature
+        ``"auto"``, ``"full"``, ``"paper"``, ``"RxS"`` or ``"RxSxT"`` (see `isorod.geometry.quadrature`).
+    section_degree
+        Polynomials of this degree in the section's coordinates (`isorod.space.polynomial`) take the place of the functions of control points.
+
+    Raises
+    ------
+    InputError
+        If the numbers do not fit each other.
+    """
+
+    rod: Rod
+    elements: int | None = None
+    degree: int | None = None
+    continuity: int | None = None
+    quadrature: str = "full"
+    order: int = 1
+    section_points: int | None = None
+    section_degree: int | None = None
+
+    @cached_property
+    def polynomials(self) -> Polynomials | None:
+        """Polynomial section functions, where they are asked for."""
+        if self.section_degree is None:
+            return None
+        if self.order != 1 or self.section_points not in (None, self.rod.section_points):
+            raise InputError("section degree: polynomials take the place of order and section points; leave those out")
+        return Polynomials(self.rod, self.section_degree)
+
+    @cached_property
+    def axis(self) -> Axis:
+        """Axis of the displacement space."""
+        own = self.rod.axis.elements
+        elements = own if self.elements is None else self.elements
+        if elements < own or elements % own:
+            raise InputError(f"elements: got {elements}, need a multiple of the {own} elements of the rod itself")
+        return self.rod.axis.refine(elements // own, self.degree, self.continuity)
+
+    @cached_property
+    def rule(self) -> Rule:
+        """Quadrature rule."""
+        return Rule.parse(self.quadrature, self.points_around, self.axis.degree, self.order, self.section_degree)
+
+    @cached_property
+    def multiple(self) -> int:
+        """How many of this space's section arcs make one of the rod's."""
+        own = self.rod.section_points
+        wanted = own if self.section_points is None else self.section_points
+        if wanted < own or wanted % own:
+            raise InputError(f"section points: got {wanted}, need a multiple of the {own} of the rod itself")
+        return check_count(wanted) // own
+
+    @property
+    def points_around(self) -> int:
+        """Number of control points round the section, ``n``."""
+        return self.rod.section_points * self.multiple
+
+    @property
+    def turn(self) -> float:
+        """Angle of the first control point, radians."""
+        return refinement_turn(self.rod.section_points, self.multiple)
+
+    def section_functions(self, xi: ArrayLike) -> tuple[Array, Array]:
+        """Return values ``(q, K n)`` and gradients ``(q, K n, 2)`` of the section functions at disk points ``(q, 2)``."""
+        if self.polynomials:
+            return self.polynomials.functions(xi)
+        return polyharmonic.functions(self.points_around, self.order, xi, self.turn)
+
+    @property
+    def layers(self) -> int:
+        """Number of distinct layers of control points."""
+        return self.axis.count - self.rod.closed
+
+    @property
+    def layer_nodes(self) -> int:
+        """Number of nodes in a layer, ``K n`` (or the number of polynomials)."""
+        if self.polynomials:
+            return self.polynomials.count
+        return polyharmonic.check_order(self.order) * self.points_around
+
+    @property
+    def nodes(self) -> int:
+        """Number of nodes."""
+        return self.layers * self.layer_nodes
+
+    @cached_property
+    def carries(self) -> NDArray[np.bool_]:
+        """Whether a node moves with the rod (its function is one of those that add up to one), shape ``(nodes,)``."""
+        layer = self.polynomials.carries if self.polynomials else np.arange(self.layer_nodes) < self.points_around
+        return np.tile(layer, self.layers)
+
+    @cached_property
+    def positions(self) -> Array:
+        """Coefficients of the rod's own map, shape ``(nodes, 3)``: control points of ``k = 0`` and zero, or those of polynomials."""
+        own = self.rod.axis.transfer(self.axis, self.rod.control_points)[: self.layers]
+        if self.polynomials:
+            return self.polynomials.positions(own).reshape(-1, 3)
+        around = refine(own.swapaxes(0, 1), self.multiple).swapaxes(0, 1)
+        result = np.zeros((self.layers, self.layer_nodes, 3))
+        result[:, : self.points_around] = around
+        return result.reshape(-1, 3)
+
+    @cached_property
+    def element_layers(self) -> Index:
+        """Layers of each element, shape ``(elements, p + 1)``."""
+        return (self.axis.first_function[:, None] + np.arange(self.axis.degree + 1)) % self.layers
+
+    @cached_property
+    def element_nodes(self) -> Index:
+        """Nodes of each element, layer by layer, shape ``(elements, (p + 1) K n)``."""
+        nodes = self.element_layers[:, :, None] * self.layer_nodes + np.arange(self.layer_nodes)
+        return nodes.reshape(self.axis.elements, -1)
+
+    def tabulate(self, first: int, last: int) -> "Table":
+        """Return the functions and the geometry at the quadrature points of the elements ``first .. last - 1``.
+
+        Raises
+        ------
+        InputError
+            If they do not fit in memory.
+        FoldedRodError
+            If the Jacobian is not positive at one of them.
+        """
+        rule = self.rule
+        _refuse_beyond_memory((last - first) * rule.axial * self.points_around * rule.radial * rule.angular)
+        xi, area = section_points(self.points_around, rule, self.turn)
+        u, length = (points[first:last] for points in axis_points(self.axis, rule.axial))
+        values, gradients = self.section_functions(xi)
+        _, axial, slopes = self.axis.local(u.ravel())
+        shape = (*u.shape, self.axis.degree + 1)
+        inverses, det = self.rod.inverse_jacobians(xi, u.ravel())
+        inverses, det = inverses.reshape(*u.shape, -1, 3, 3), det.reshape(*u.shape, -1)
+        if det.size and not det.min() > 0.0:
+            e, t, q = np.unravel_index(int(np.argmin(det)), det.shape)
+            raise FoldedRodError(
+                f"the rod folds in element {first + e} at u = {u[e, t]:.4g}, disk point ({xi[q, 0]:.3f}, {xi[q, 1]:.3f}): "
+                f"Jacobian determinant {det[e, t, q]:.3g}, must be positive"
+            )
+        return Table(
+            first=first,
+            u=u,
+            xi=xi,
+            section=np.ascontiguousarray(np.concatenate([gradients, values[:, :, None]], axis=2).transpose(0, 2, 1)),
+            axial=axial.reshape(shape).copy(),
+            slopes=slopes.reshape(shape).copy(),
+            inverse=inverses,
+            weights=det * length[:, :, None] * area,
+        )
+
+    def displacement(self, nodal: ArrayLike, xi: ArrayLike, u: ArrayLike) -> tuple[Array, Array]:
+        """Return displacements and deformation gradients on a grid of disk and axis points.
+
+        Parameters
+        ----------
+        nodal
+            Nodal displacements, shape ``(nodes, 3)``.
+        xi, u
+            Disk points ``(q, 2)`` and axis parameters ``(t,)``.
+
+        Returns
+        -------
+        displacement, deformation_gradient
+            Shapes ``(t, q, 3)`` and ``(t, q, 3, 3)``.
+        """
+        nodal = np.asarray(nodal, dtype=float).reshape(self.layers, self.layer_nodes, 3)
+        values, gradients = self.section_functions(xi)
+        first, axial, slopes = self.axis.local(u)
+        near = nodal[(first[:, None] + np.arange(self.axis.degree + 1)) % self.layers]
+        section = np.einsum("tj,tjia->tia", axial, near)
+        along = np.einsum("tj,tjia->tia", slopes, near)
+        gradient = section_gradient(values, gradients, section, along)
+        _, jacobian = self.rod.grid(xi, u)
+        return values @ section, np.eye(3) + gradient @ inverse(jacobian)[0]
+
+
+def _refuse_beyond_memory(points: int) -> None:
+    """Raise `InputError` if not even the geometry at that many quadrature points fits: the system would kill the process later."""
+    there, needed = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"), _BYTES_A_POINT * points
+    if needed > there:
+        raise InputError(
+            f"{points} quadrature points need {needed / 2**30:.3g} GiB and more, there are {there / 2**30:.3g}; take fewer elements, "
+            "section or quadrature points"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Functions and geometry at the quadrature points of consecutive elements.
+
+    With ``E`` elements, ``t`` points along each, ``q`` in the section, ``n`` section functions, degree ``p``: ``section``
+    ``(q, 3, n)`` holds ``dT/dxi_1, dT/dxi_2, T``; ``axial`` and ``slopes`` ``(E, t, p + 1)`` hold ``R`` and ``dR/du``;
+    ``inverse`` ``(E, t, q, 3, 3)`` is ``d(xi_1, xi_2, u)/dx``; ``weights`` ``(E, t, q)`` are volumes.
+    """
+
+    first: int
+    u: Array
+    xi: Array
+    section: Array
+    axial: Array
+    slopes: Array
+    inverse: Array
+    weights: Array
+
+    @property
+    def elements(self) -> int:
+        """Number of elements."""
+        return self.u.shape[0]

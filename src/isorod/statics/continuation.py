@@ -1,0 +1,366 @@
+"""Equilibrium paths beyond limit points and bifurcations: pseudo-arclength continuation.
+
+State and load factor are unknowns together; each step ends on the plane at arc length ``s`` along the tangent of the path (Riks; Keller,
+Numerical solution of bifurcation and nonlinear eigenvalue problems, 1977).  The bordered system is solved by two solves with one
+factorisation of the tangent stiffness, whose inertia tells how many eigenvalues are negative: where the number changes, the path has
+a limit point or meets another.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from petsc4py import PETSc
+
+from isorod.arrays import Array, Index
+from isorod.assembly.assembler import Assembler
+from isorod.checks import rigid_motions
+from isorod.errors import InputError, SolveError
+from isorod.model.model import Model
+from isorod.options import defaults
+from isorod.statics.convergence import Balance, squeezed, worst_place
+
+# What a user's option overrides; Cholesky because the inertia comes with it.
+OPTIONS = {"ksp_type": "preonly", "pc_type": "cholesky", "pc_factor_mat_solver_type": "mumps"}
+
+# Share of the carried forces that may stay out of balance, corrections of a step, and how often a step is halved.
+RTOL = 1e-9
+CORRECTIONS = 12
+HALVINGS = 12
+
+# The number of corrections that leaves the step as it is.
+WANTED = 5
+
+# Step of the load factor by which the residual is differentiated.
+_DELTA = 1e-6
+
+# Relative width of the bracket of a critical load factor in which its eigenvalue is taken for linear.
+_BRACKET = 1e-4
+
+# Steps of inverse iteration, and the change of the eigenvalue at which it ends.
+_INVERSE = 200
+_SETTLED = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """Equilibria along a path.
+
+    Attributes
+    ----------
+    model
+        What was solved.
+    factors
+        Load factors, shape ``(m,)``.
+    displacements
+        All degrees of freedom, shape ``(m, dofs)``.
+    negative
+        Number of negative eigenvalues of the tangent stiffness, 0 where the equilibrium is stable, -1 where the factorisation chosen
+        does not tell; shape ``(m,)``.
+    corrections, cuts
+        Linear solves in all, and steps cut and retried.
+    """
+
+    model: Model
+    factors: Array
+    displacements: Array
+    negative: Index
+    corrections: int
+    cuts: int
+
+    def at(self, node: int, component: str, body: int = 0) -> Array:
+        """Return the displacement of a node's coefficient along the path, shape ``(m,)``."""
+        return self.displacements[:, 3 * (self.model.first_node[body] + node) + "xyz".index(component)]
+
+
+@dataclass(frozen=True, eq=False)
+class Critical:
+    """A point where the tangent stiffness is singular.
+
+    Attributes
+    ----------
+    factor
+        Load factor.
+    displacement, mode
+        All degrees of freedom there, and of the critical mode (largest entry 1), shape ``(dofs,)``.
+    """
+
+    factor: float
+    displacement: Array
+    mode: Array
+
+
+def follow(
+    model: Model,
+    step: float,
+    steps: int,
+    bounds: tuple[float, float] = (-np.inf, 1.0),
+    start: Critical | None = None,
+    longest: float | None = None,
+    comm: PETSc.Comm | None = None,
+) -> Path:
+    """Follow the path of equilibria from the unloaded state, or the branch that leaves a critical point.
+
+    Arc length is measured so that the load factor counts as it is, and displacements by their norm: on the path from the unloaded
+    state in units of what the initial stiffness would have at load factor 1; on a branch by the root mean square over the unknowns in
+    units of the model's largest extent.
+
+    Parameters
+    ----------
+    model
+        Bodies, supports and loads.
+    step
+        Arc length of the first step.
+    steps
+        Number of points after the first.
+    bounds
+        The path ends with the first point whose load factor lies outside.
+    start
+        Critical point to start at in the direction of its mode; the unloaded state, towards higher load, where not given.
+    longest
+        Longest step; four times the first where not given.
+
+    Raises
+    ------
+    InputError
+        If a number is out of range, or the model has contacts.
+    SolveError
+        If a rigid motion is free, or a step was halved twelve times in vain.
+    """
+    if not (np.isfinite(step) and step > 0.0):
+        raise InputError(f"arc length: got {step:g}, need a positive step")
+    if steps < 1:
+        raise InputError(f"steps of the path: got {steps}, need at least 1")
+    longest = 4.0 * step if longest is None else longest
+    if not longest >= step:
+        raise InputError(f"longest step: got {longest:g}, need at least the first, {step:g}")
+    path = _Path(model, comm)
+    if start is not None:
+        path.begin(start)
+    smallest = step / 2**HALVINGS
+    path.tangent(None if start is None else path.state(start.mode))
+    rows = [path.row()]
+    cuts = 0
+    while len(rows) <= steps:
+        try:
+            count = path.advance(step)
+        except _Cut as problem:
+            cuts += 1
+            step *= 0.5
+            if step < smallest:
+                raise SolveError(f"path, point {len(rows)}, load factor {path.factor:.6g}: {problem}") from None
+            continue
+        path.tangent()
+        rows.append(path.row())
+        if not bounds[0] <= path.factor <= bounds[1]:
+            break
+        step = min(longest, step * float(np.clip(WANTED / max(count, 1), 0.5, 2.0)))
+    factors, displacements, negative = zip(*rows, strict=True)
+    return Path(model, np.array(factors), np.array(displacements), np.array(negative), path.corrections, cuts)
+
+
+def critical(model: Model, step: float, highest: float = 1.0, comm: PETSc.Comm | None = None) -> Critical:
+    """Return the first critical point on the path that starts unloaded, found by the inertia of the tangent stiffness.
+
+    The load grows by ``step`` until an eigenvalue turns negative; bisection and, at the end, linear interpolation of that eigenvalue
+    find where.
+
+    Raises
+    ------
+    SolveError
+        If there is none up to the load factor ``highest``, or the path has a limit point before (use `follow`).
+    """
+    if not (np.isfinite(step) and step > 0.0):
+        raise InputError(f"load step: got {step:g}, need a positive number")
+    path = _Path(model, comm)
+    path.factorise(path.x, 0.0)
+    first, low, high = path.negative, _Point(0.0, path.x.copy()), None
+    while high is None or high.factor - low.factor > _BRACKET * high.factor:
+        if low.factor >= highest:
+            raise SolveError(f"no critical point up to load factor {highest:g}")
+        path.go(low)
+        path.load(min(highest, low.factor + step) if high is None else 0.5 * (low.factor + high.factor))
+        point = _Point(path.factor, path.x.copy())
+        if path.negative > first:
+            high = point
+        else:
+            low = point
+    values = []
+    for point in (low, high):
+        path.factorise(point.x, point.factor)
+        values.append(path.lowest())
+    (stable, mode), (unstable, _) = values
+    share = stable / (stable - unstable) if stable > 0.0 > unstable else 0.5
+    path.go(low)
+    path.x.axpby(share, 1.0 - share, high.x)
+    path.factor += share * (high.factor - low.factor)
+    factor, displacement, _ = path.row()
+    shape = path.assembler.displacement(mode, 0.0)
+    return Critical(factor, displacement, shape / shape[np.argmax(np.abs(shape))])
+
+
+class _Point(NamedTuple):
+    factor: float
+    x: PETSc.Vec
+
+
+class _Cut(Exception):
+    """A step did not converge."""
+
+
+class _Path:
+    """A point on the path, its tangent, and the solver of the bordered system."""
+
+    def __init__(self, model: Model, comm: PETSc.Comm | None) -> None:
+        if model.contacts:
+            raise InputError("continuation takes no contacts")
+        rigid_motions.refuse_free(model)
+        self.assembler = Assembler(model, comm)
+        self.x, self.factor = self.assembler.vector(), 0.0
+        self.matrix = self.assembler.matrix()
+        self.balance = Balance(self.assembler)
+        self.slope = self.assembler.vector()
+        self.residual = self.assembler.vector()
+        self.direction, self.rise = self.assembler.vector(), 0.0
+        self.weight = 1.0 / (model.unknowns * self.balance.size**2)
+        self.negative = -1
+        self.corrections = 0
+        with defaults(OPTIONS):
+            self.ksp = PETSc.KSP().create(self.assembler.comm)
+            self.ksp.setOperators(self.matrix)
+            pc = self.ksp.getPC()
+            pc.setType(PETSc.PC.Type.CHOLESKY)
+            pc.setFactorSolverType("mumps")
+            self.ksp.setFromOptions()
+        self._counts = pc.getType() == PETSc.PC.Type.CHOLESKY and pc.getFactorSolverType() == "mumps"
+        self._set_up = False
+
+    def begin(self, start: Critical) -> None:
+        """Go to a critical point."""
+        self.state(start.displacement).copy(self.x)
+        self.factor = start.factor
+
+    def state(self, displacement: Array) -> PETSc.Vec:
+        """Return the unknowns of a vector of all degrees of freedom."""
+        return self.assembler.state(displacement)
+
+    def row(self) -> tuple[float, Array, int]:
+        """Return load factor, displacements and number of negative eigenvalues."""
+        return self.factor, self.assembler.displacement(self.x, self.factor), self.negative
+
+    def factorise(self, x: PETSc.Vec, factor: float) -> None:
+        """Set the tangent and its factorisation, the derivative of the residual by the load factor, and count negative eigenvalues."""
+        matrices = self.assembler.tangent(x, factor, self.matrix, keep=True)
+        self.assembler.load_forces(x, factor, matrices, _DELTA, self.slope)
+        del matrices
+        self.slope.scale(1.0 / _DELTA)
+        self.ksp.setOperators(self.matrix)
+        if self._counts and not self._set_up:
+            pc = self.ksp.getPC()
+            pc.setFactorSetUpSolverType()
+            # MUMPS knows the inertia only if its root node is not ScaLAPACK's and it looks for zero pivots.
+            pc.getFactorMatrix().setMumpsIcntl(13, 1)
+            pc.getFactorMatrix().setMumpsIcntl(24, 1)
+            self._set_up = True
+        self.ksp.setUp()
+        if self._counts:
+            self.negative = int(self.ksp.getPC().getFactorMatrix().getInertia()[0])
+
+    def solve(self, right: PETSc.Vec) -> PETSc.Vec:
+        """Return the solution of the tangent for a right-hand side."""
+        result = right.duplicate()
+        self.ksp.solve(right, result)
+        self.corrections += 1
+        return result
+
+    def tangent(self, along: PETSc.Vec | None = None) -> None:
+        """Set the unit tangent at the point, in the sense of the last one; or along a given mode at a constant load."""
+        self.assembler.extrapolate()
+        self.factorise(self.x, self.factor)
+        if along is not None:
+            along.copy(self.direction)
+            self.rise = 0.0
+        else:
+            grown = self.solve(self.slope)
+            grown.scale(-1.0)
+            first = not self.direction.norm() > 0.0 and self.rise == 0.0
+            if first:
+                self.weight = 1.0 / max(grown.dot(grown), np.finfo(float).tiny)
+            forward = 1.0 if first else self.weight * self.direction.dot(grown) + self.rise
+            grown.copy(self.direction)
+            self.rise = 1.0
+            if forward < 0.0:
+                self.direction.scale(-1.0)
+                self.rise = -1.0
+        length = np.sqrt(self.weight * self.direction.dot(self.direction) + self.rise**2)
+        self.direction.scale(1.0 / length)
+        self.rise /= length
+
+    def advance(self, step: float) -> int:
+        """Go an arc length along the path; return the number of corrections."""
+        assembler, x = self.assembler, self.x.copy()
+        factor = self.factor + step * self.rise
+        x.axpy(step, self.direction)
+        before = assembler.jacobians(self.x, self.factor)
+        self._refuse_squeezed(before, x, factor)
+        for count in range(CORRECTIONS + 1):
+            assembler.residual(x, factor, self.residual)
+            force = self.residual.norm()
+            if not np.isfinite(force):
+                raise _Cut(worst_place(assembler, x, factor, "an element inverts"))
+            if count and self.balance.reached(self.residual, force, RTOL):
+                self._refuse_squeezed(before, x, factor)
+                x.copy(self.x)
+                self.factor = factor
+                return count
+            self.factorise(x, factor)
+            self.balance.update(self.matrix, assembler.carried)
+            back, grown = self.solve(self.residual), self.solve(self.slope)
+            offset = x - self.x
+            gap = self.weight * self.direction.dot(offset) + self.rise * (factor - self.factor) - step
+            below = self.rise - self.weight * self.direction.dot(grown)
+            change = (self.weight * self.direction.dot(back) - gap) / below
+            if not np.isfinite(change):
+                raise _Cut("the bordered system is singular")
+            x.axpy(-1.0, back)
+            x.axpy(-change, grown)
+            factor += change
+        raise _Cut(worst_place(assembler, x, factor, f"no balance after {CORRECTIONS} corrections"))
+
+    def load(self, factor: float) -> None:
+        """Go to another load factor and set the tangent there."""
+        self.direction.zeroEntries()
+        self.rise = 1.0
+        self.assembler.extrapolate()
+        try:
+            self.advance(factor - self.factor)
+        except _Cut as problem:
+            raise SolveError(f"load factor {factor:.6g}: {problem}") from None
+        self.factorise(self.x, factor)
+
+    def go(self, point: "_Point") -> None:
+        """Go back to a point."""
+        point.x.copy(self.x)
+        self.factor = point.factor
+
+    def _refuse_squeezed(self, before: list[Array], x: PETSc.Vec, factor: float) -> None:
+        problem = squeezed(self.assembler, before, x, factor)
+        if problem is not None:
+            raise _Cut(problem)
+
+    def lowest(self) -> tuple[float, PETSc.Vec]:
+        """Return the eigenvalue of the tangent that is nearest to zero, and its vector of unit length, by inverse iteration."""
+        vector = self.assembler.vector()
+        rows = slice(*vector.getOwnershipRange())
+        vector.array_w[:] = np.random.default_rng(1).standard_normal(self.assembler.model.unknowns)[rows]
+        value = np.inf
+        for _ in range(_INVERSE):
+            vector.normalize()
+            following = self.solve(vector)
+            newer = 1.0 / vector.dot(following)
+            vector = following
+            if abs(newer - value) <= _SETTLED * abs(newer):
+                break
+            value = newer
+        vector.normalize()
+        return float(newer), vector

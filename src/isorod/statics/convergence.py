@@ -1,0 +1,121 @@
+"""When an equilibrium counts as found.
+
+A slender rod's bending forces are smaller than its stretching forces by the square of its slenderness.  A tolerance relative to the
+forces of a load step's linear predictor, which stretches what should bend, would accept anything there, and so would one relative to
+the largest stiffness.  So the out-of-balance force is compared with the forces that supports and loads really carry, and, component by
+component, with what rounding makes of it.
+"""
+
+import numpy as np
+from petsc4py import PETSc
+from scipy.sparse import csr_matrix
+
+from isorod.arrays import Array
+from isorod.assembly.assembler import Assembler
+
+# Relative error of a stress, in units of the stiffness, that is taken for rounding of the deformation gradient.
+ROUNDING = 1e-15
+
+# Out-of-balance force, in units of that after the predictor, above which a load step is given up: Newton's iterations that leave like
+# this may come back to another equilibrium.
+GROWTH = 3.0
+
+# A step that leaves less than this share of the volume anywhere is too large: Newton's method then finds equilibria of no meaning.
+SQUEEZE = 0.2
+
+
+def squeezed(assembler: Assembler, before: list[Array], x: PETSc.Vec, factor: float) -> str | None:
+    """Return where the volume shrinks too much since it was ``before`` (`Assembler.jacobians`), in words, if it does."""
+    after = assembler.jacobians(x, factor)
+    ratio = min((float(np.min(b / a)) for a, b in zip(before, after, strict=True)), default=1.0)
+    if min(assembler.comm.tompi4py().allgather(ratio)) > SQUEEZE:
+        return None
+    return worst_place(assembler, x, factor, "an element collapses")
+
+
+def worst_place(assembler: Assembler, x: PETSc.Vec, factor: float, problem: str) -> str:
+    """Return a problem with the place where ``det F`` is smallest."""
+    det, body, element, u = assembler.smallest_jacobian(x, factor)
+    at = f"element {element} of body {body}, axis position u = {u:.4g}: det F = {det:.3g}"
+    return f"{problem} however small the step; worst place: {at}"
+
+
+class Balance:
+    """Convergence test of Newton's iterations: forces balance to a share of those carried, or to rounding.
+
+    Parameters
+    ----------
+    assembler
+        The model's assembler.
+    """
+
+    def __init__(self, assembler: Assembler) -> None:
+        self.assembler = assembler
+        spaces = [body.space for body in assembler.model.bodies]
+        self.size = max(float(np.ptp(space.positions[space.carries], axis=0).max()) for space in spaces)
+        # Unknowns that are not displacements, and contact, have units and rounding of their own.
+        self.plain = assembler.contact is None and assembler.unknowns == assembler.model.unknowns
+        self._sizes: Array | None = None
+        self._rounding: Array = np.empty(0)
+        self._scale = 0.0
+        self._floor = 0.0
+        self._first = 0.0
+
+    def update(self, matrix: PETSc.Mat, scale: float) -> None:
+        """Prepare a load step: its tangent, and the norm of its predictor's force."""
+        self._scale = scale
+        self._rounding = np.empty(0)
+        if self.plain and "aij" in matrix.getType() and "sbaij" not in matrix.getType():
+            first, columns, values = matrix.getValuesCSR()
+            if self._sizes is None:
+                self._sizes = self._displacements()
+            terms = csr_matrix((np.abs(values), columns, first), shape=(first.size - 1, self._sizes.size))
+            self._rounding = ROUNDING * (terms @ self._sizes)
+        else:
+            self._floor = ROUNDING * self.size * matrix.norm(PETSc.NormType.INFINITY)
+
+    def _displacements(self) -> Array:
+        """Return how large each unknown's coefficient may be: the rod's length where it moves, the section's size else."""
+        sizes = []
+        for body in self.assembler.model.bodies:
+            space = body.space
+            others = np.abs(space.positions[~space.carries])
+            sizes.append(np.where(space.carries, self.size, others.max(initial=0.0)))
+        everywhere = np.repeat(np.concatenate(sizes), 3)
+        state = self.assembler.state(everywhere)
+        return np.concatenate(self.assembler.comm.tompi4py().allgather(np.array(state.array_r)))
+
+    def reached(self, residual: PETSc.Vec, force: float, rtol: float) -> bool:
+        """Return whether the out-of-balance force, of norm ``force``, is small enough."""
+        if self._rounding.size == 0 and self.assembler.rows > 0:
+            return force <= max(rtol * self._scale, self._floor)
+        lost = int(np.count_nonzero(np.abs(residual.array_r) > self._rounding))
+        if self.assembler.comm.tompi4py().allreduce(lost) == 0:
+            return True
+        return force <= rtol * min(self._scale, self.assembler.carried)
+
+    def reuses_tangent(self, before: float, force: float, snes: PETSc.SNES) -> bool:
+        """Return whether one more iteration with the last tangent, which took the residual from ``before`` to ``force``, should do.
+
+        Newton's method brings an error ``e`` to ``c e^2``, and with the tangent of the iteration before to ``2 c e e_before``: the
+        residual falls by twice the last ratio.  A margin of five is left.
+        """
+        wanted = snes.getTolerances()[0] * min(self._scale, self.assembler.carried)
+        return 10.0 * force * force <= wanted * before
+
+    def test(self, snes: PETSc.SNES, iteration: int, norms: tuple[float, float, float]) -> PETSc.SNES.ConvergedReason:
+        """Return SNES's reason to stop, if there is one; ``norms`` are those of state, correction and residual."""
+        reasons = PETSc.SNES.ConvergedReason
+        state, change, force = norms
+        if not np.isfinite(force):
+            return reasons.DIVERGED_FNORM_NAN
+        if iteration == 0:
+            self._first = force
+        rtol, _, stol, _ = snes.getTolerances()
+        if self.reached(snes.getFunction()[0], force, rtol):
+            return reasons.CONVERGED_FNORM_ABS
+        if self.plain and force > GROWTH * self._first:
+            return reasons.DIVERGED_DTOL
+        if iteration > 0 and change < stol * state:
+            return reasons.CONVERGED_SNORM_RELATIVE
+        return reasons.CONVERGED_ITERATING
