@@ -6,7 +6,7 @@ from importlib import import_module
 
 from comparisons.stability import CASES
 from comparisons.study import LEVELS, Run
-from isorod import options
+from isorod.command.parser import Parser
 from isorod.errors import InputError, SolveError
 from isorod.output import results
 
@@ -29,7 +29,7 @@ def main(arguments: Sequence[str]) -> int:
 
 
 def _main(arguments: Sequence[str]) -> int:
-    parser = options.Parser(prog="python -m comparisons", description="Error against run time, measured here.")
+    parser = Parser(prog="python -m comparisons", description="Error against run time, measured here.")
     parser.add_argument(
         "command", choices=COMMANDS, help="a study; verify: spring and blade at quick level; report: the page again"
     )

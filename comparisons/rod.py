@@ -12,6 +12,7 @@ from typing import Any
 from comparisons import timing
 from isorod import options, scenes
 from isorod.command import run
+from isorod.command.parser import Parser, add_fields, field_values, split
 from isorod.errors import InputError, SolveError
 from isorod.output import results
 
@@ -56,16 +57,16 @@ def measure(
 
 def main(arguments: Sequence[str]) -> int:
     """Run the command line."""
-    ours, theirs = options.split(arguments)
+    ours, theirs = split(arguments)
     try:
         name = ours[0] if ours else ""
         scene_type = scenes.find(name)
-        parser = options.Parser(prog=f"python -m comparisons.rod {name}")
-        options.add_fields(parser, scene_type)
+        parser = Parser(prog=f"python -m comparisons.rod {name}")
+        add_fields(parser, scene_type)
         parser.add_argument("--repeat", type=int, default=6, help="runs in this process, the first one cold (6)")
         found = parser.known(ours[1:])
         options.initialize(theirs)
-        print(results.line(measure(name, options.fields(found, scene_type), found.repeat, petsc=theirs)))
+        print(results.line(measure(name, field_values(found, scene_type), found.repeat, petsc=theirs)))
     except (InputError, SolveError) as problem:
         print(f"comparisons.rod: {problem}", file=sys.stderr)
         return 2

@@ -14,11 +14,12 @@ from time import perf_counter
 import numpy as np
 import pytest
 
+from isorod import model
 from isorod.command import cli
-from isorod.contact import tables
 from isorod.geometry import section
 from isorod.geometry.axis import Axis
-from isorod.geometry.rod import Rod, helix
+from isorod.geometry.center_line import helix
+from isorod.geometry.rod import Rod
 from isorod.material import LinearElastic, NeoHookean, muscle
 from isorod.model import Body, BodyForce, Model, SectionLoad, Spin, Support
 from isorod.space import Space
@@ -239,8 +240,8 @@ class Maker:
         spin = Spin(self.vector(), self.vector()) if self.rng.random() < 0.1 else None
         contacts = []
         if self.rng.random() < 0.2:
-            place = tables.Plane(self.vector(), self.vector())
-            obstacle = self.choice(place, tables.Cylinder(place.point, place.normal, self.number()))
+            place = model.Plane(self.vector(), self.vector())
+            obstacle = self.choice(place, model.Cylinder(place.point, place.normal, self.number()))
             deepest = self.seldom(None, 0.1, *EDGES)
-            contacts.append(tables.Contact(self.seldom(0, 1, -1), obstacle, self.number(), penetration=deepest))
+            contacts.append(model.Contact(self.seldom(0, 1, -1), obstacle, self.number(), penetration=deepest))
         return Model([body], supports, spin, contacts, loads)

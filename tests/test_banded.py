@@ -7,6 +7,7 @@ from petsc4py import PETSc
 from scipy.sparse import csr_matrix
 
 from isorod import modal, statics
+from isorod.assembly import factorisation
 from isorod.assembly.assembler import Assembler
 from isorod.material import NeoHookean
 from isorod.model import Body, Model, Support
@@ -15,7 +16,6 @@ from isorod.scenes.blade import Blade
 from isorod.scenes.ring import Ring
 from isorod.scenes.spring import Spring
 from isorod.space import Space
-from isorod.statics import analysis
 
 MUMPS = {"pc_type": "cholesky", "pc_factor_mat_solver_type": "mumps"}
 
@@ -102,8 +102,8 @@ def two_springs():
 )
 def test_is_offered_where_the_matrix_is_banded(model, expected):
     model = model()
-    assert banded.suits(model) == expected
-    chosen = analysis.factorisation(Assembler(model))
+    assert factorisation.suits(model) == expected
+    chosen = factorisation.factorisation(Assembler(model))
     assert (chosen["pc_type"] == "python") == expected
     width = 3 * model.bodies[0].space.element_nodes.shape[1]
     assembler = Assembler(model)
@@ -186,7 +186,7 @@ def test_a_program_ends_as_it_would_without(last, code, python):
         "from isorod import options; options.initialize([])\n"
         "from isorod import modal, statics; from isorod.statics import analysis\n"
         "from isorod.scenes.spring import Spring; from isorod.scenes.blade import Blade\n"
-        "solver = analysis._Newton(analysis._assembler(Spring(coils=1, section_points=4).model(), None))\n"
+        "solver = newton._Newton(analysis._assembler(Spring(coils=1, section_points=4).model(), None))\n"
         "solver.advance(0.0, 1.0)\n"
         "modes = modal.solve(Blade(elements=4).model(), 2)\n"
         f"{last}"

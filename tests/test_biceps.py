@@ -10,11 +10,10 @@ from scipy.spatial import KDTree
 
 from isorod import dynamics, statics
 from isorod.command import cli, run
-from isorod.contact.tables import Contact, Plane
 from isorod.errors import InputError
 from isorod.material import NeoHookean
 from isorod.material.muscle import Muscle
-from isorod.model import Model, Support
+from isorod.model import Contact, Model, Plane, Support
 from isorod.scenes.biceps import Biceps
 
 THETA = 2 * np.pi * np.arange(128) / 128

@@ -293,7 +293,9 @@ def test_results_file_that_cannot_be_written_is_one_line(capsys, tmp_path):
 
 
 def test_output_without_pyvista_says_so_before_anything_is_made(python, tmp_path):
-    script = "import sys; sys.modules['pyvista'] = None\nfrom isorod import cli; sys.exit(cli.main(sys.argv[1:]))"
+    script = (
+        "import sys; sys.modules['pyvista'] = None\nfrom isorod.command import cli; sys.exit(cli.main(sys.argv[1:]))"
+    )
     done = python(script, "run", "spring", *COARSE, "--output", str(tmp_path / "new"))
     assert (done.returncode, done.stdout) == (2, "")
     assert re.fullmatch(r"isorod: .*pyvista.*\n", done.stderr), done.stderr

@@ -11,13 +11,14 @@ from scipy.sparse import coo_matrix
 from isorod.contact.force_kernel import add_forces
 from isorod.contact.operator import ContactOperator
 from isorod.contact.surface_kernel import EDGE, END, FREE, closest, surface_gap
-from isorod.contact.tables import Contact, Cylinder, Plane, pack
+from isorod.contact.tables import pack
 from isorod.errors import InputError
 from isorod.geometry.axis import Axis
-from isorod.geometry.rod import Rod, helix
+from isorod.geometry.center_line import helix
+from isorod.geometry.rod import Rod
 from isorod.geometry.section import circle
 from isorod.material import NeoHookean
-from isorod.model import Body, Model
+from isorod.model import Body, Contact, Cylinder, Model, Plane
 from isorod.space import Space
 
 LAW = NeoHookean(1.0, 0.3)
@@ -452,6 +453,6 @@ options.initialize([])
 from isorod import statics
 from isorod.scenes.spring import Spring
 statics.solve(Spring(coils=1, section_points=4).model())
-print([name for name in sys.modules if "contact" in name])
+print([name for name in sys.modules if name.startswith("isorod.contact")])
 """
     assert python(script).stdout.strip() == "[]"

@@ -10,11 +10,10 @@ from conftest import as_array, straight
 from isorod import statics
 from isorod.assembly.assembler import Assembler
 from isorod.contact.operator import ContactOperator
-from isorod.contact.tables import Contact, Cylinder, Plane
 from isorod.errors import SolveError
 from isorod.geometry.rod import Rod
 from isorod.material import LinearElastic, NeoHookean
-from isorod.model import Body, Model, Support
+from isorod.model import Body, Contact, Cylinder, Model, Plane, Support
 from isorod.space import Space
 from isorod.statics import analysis
 

@@ -8,14 +8,13 @@ import numpy as np
 import pytest
 
 from isorod import dynamics, modal, statics
-from isorod.contact.tables import Contact, Plane
-from isorod.dynamics.explicit import run, system
+from isorod.dynamics.explicit import mesh, run
 from isorod.dynamics.explicit.mass import Mass
 from isorod.dynamics.implicit.assembler import MotionAssembler
 from isorod.errors import InputError, SolveError
 from isorod.material import NeoHookean
 from isorod.material.muscle import Muscle
-from isorod.model import Body, Model, Spin, Support
+from isorod.model import Body, Contact, Model, Plane, Spin, Support
 from isorod.space import Space
 
 E, DENSITY, LENGTH = 100.0, 2.0, 4.0
@@ -185,7 +184,7 @@ def test_a_step_beyond_the_critical_one_keeps_energy_and_momenta(cylinder):
     assert history.critical_step > history.time_step > 1.9 * critical
     assert history.added_kinetic.min() > 0.0
     assert 0.0 < history.added_kinetic_share < 1.0
-    mass = Mass(model, system.order(model))
+    mass = Mass(model, mesh.order(model))
     mass.scaling = mass.scaling_for(history.time_step, critical)
     moving = np.array([mass.momenta(one) for one in history.velocity]).reshape(len(history.times), -1, 3)
     places = space.positions + history.displacement.reshape(moving.shape)

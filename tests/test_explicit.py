@@ -6,15 +6,18 @@ from conftest import as_array
 from scipy.linalg import eigh
 
 from isorod.assembly.assembler import Assembler
-from isorod.contact.tables import Contact, Plane
-from isorod.dynamics.explicit import end_faces, system
+from isorod.dynamics.explicit import end_faces
 from isorod.dynamics.explicit.element_kernel import energies, internal_forces
+from isorod.dynamics.explicit.mesh import order as order_in_state
+from isorod.dynamics.explicit.mesh import pack
+from isorod.dynamics.explicit.system import System
 from isorod.errors import InputError
-from isorod.geometry.rod import Rod, helix
+from isorod.geometry.center_line import helix
+from isorod.geometry.rod import Rod
 from isorod.geometry.section import circle
 from isorod.material import LinearElastic, NeoHookean
 from isorod.material.muscle import Muscle
-from isorod.model import Body, Model, Support
+from isorod.model import Body, Contact, Model, Plane, Support
 from isorod.space import Space
 
 ELASTIC = NeoHookean(20.0, 0.3)
@@ -52,7 +55,7 @@ STRETCHES = [(1.0, 1.05, 1.0), (1.5, 1.5, 1.4), (0.7, 0.75, 0.7), (0.6, 0.6, 3.0
 @pytest.mark.parametrize("order", [1, 2])
 def test_forces_and_energies_are_the_assemblers(stretch, order, cylinder):
     model = two_bodies(cylinder, order, MUSCLE)
-    mesh, places = system.pack(model), system.order(model)
+    mesh, places = pack(model), order_in_state(model)
     displacement = deformed(model, stretch)
     assembler = Assembler(model)
     x, expected = assembler.state(displacement), assembler.vector()
@@ -74,7 +77,7 @@ def test_forces_and_energies_are_the_assemblers(stretch, order, cylinder):
 
 def test_points_are_counted_where_the_body_is_inverted(cylinder):
     model = Model([Body(Space(cylinder(4), quadrature="paper"), ELASTIC, 1.0)])
-    mesh, places = system.pack(model), system.order(model)
+    mesh, places = pack(model), order_in_state(model)
     positions = model.bodies[0].space.positions
     points = model.bodies[0].space.tabulate(0, 1).weights.size
     u, forces = np.zeros(model.dofs), np.empty(model.dofs)
@@ -98,7 +101,7 @@ def test_critical_step_is_that_of_the_eigenvalue_problem(level, cylinder):
     dense = as_array(matrix)
     mass = as_array(assembler.mass())
     largest = eigh(dense, mass, eigvals_only=True)[-1]
-    made = system.System(model)
+    made = System(model)
     made.motion.displacement[made.places] = displacement
     found = made.critical_step(made.motion.displacement, level)
     print(f"critical step {found:.8g}, exact {2 / np.sqrt(largest):.8g}")
@@ -110,7 +113,7 @@ def test_forces_are_divided_by_the_assemblers_mass(cylinder):
     model = two_bodies(cylinder, 2, ELASTIC)
     partly = Support(np.array([25, 26, 30]), "x")
     model = Model(model.bodies, [*model.supports, partly])
-    made = system.System(model)
+    made = System(model)
     dense = as_array(Assembler(model).mass())
     forces = np.random.default_rng(0).standard_normal(model.dofs)
     free = model.free >= 0
@@ -130,7 +133,7 @@ def test_inertia_of_translation_swelling_and_rotation(order, points, cylinder):
     """Kinetic energies of a cylinder; mass for a longer step changes that of translations by nothing."""
     radius, height, density = 0.5, 3.0, 2.0
     space = Space(cylinder(points, radius=radius, height=height), elements=4, order=order, quadrature="full")
-    made = system.System(Model([Body(space, ELASTIC, density)]))
+    made = System(Model([Body(space, ELASTIC, density)]))
     whole = density * np.pi * radius**2 * height
     moved, x = space.carries[:, None] * [1.0, 0.0, 0.0], space.positions
     polar = 0.5 * radius**2
@@ -155,13 +158,13 @@ def test_inertia_of_translation_swelling_and_rotation(order, points, cylinder):
 def test_too_few_quadrature_points_for_a_mass(cylinder):
     model = Model([Body(Space(cylinder(8), order=3, quadrature="2x1"), ELASTIC, 1.0)])
     with pytest.raises(InputError, match="quadrature: too few points for a positive mass of body 0; take 'auto'"):
-        system.System(model)
+        System(model)
 
 
 def test_a_law_without_compiled_stress_is_refused(cylinder):
     model = Model([Body(Space(cylinder(4)), LinearElastic(1.0, 0.3), 1.0)])
     with pytest.raises(InputError, match="body 0: material of element 0: got LinearElastic, need NeoHookean or Muscle"):
-        system.pack(model)
+        pack(model)
 
 
 @pytest.mark.parametrize("which, normal", [("start", (0.0, 0.0, 1.0)), ("end", (0.0, 0.0, -2.0))])
@@ -173,7 +176,7 @@ def test_an_end_face_pressed_into_a_plane(which, normal, order, cylinder):
     height = depth if which == "start" else 3.0 - depth
     wall = Contact(0, Plane((0.3, 0.2, height), normal), penalty, faces=(which,), points=(1, 1))
     model = Model([Body(space, ELASTIC, 1.0)], contacts=[wall])
-    made = system.System(model)
+    made = System(model)
     zero = np.zeros(model.dofs)
     forces, (energy, normal_force, touching, deepest, *total) = made.forces(zero, 0.0)
     assert touching == pytest.approx(area, rel=1e-6)

@@ -17,7 +17,7 @@ from comparisons.fem.domain import Domain
 from comparisons.fem.material import linear, neo_hookean
 from comparisons.fem.spring import Configuration, domain, equilibrium, run
 from comparisons.fem.statics import Element, Held, solve
-from isorod import options
+from isorod.command import parser
 from isorod.errors import InputError, SolveError
 from meshes.bricks import bricks
 from meshes.template import o_grid
@@ -111,7 +111,7 @@ def test_presets_are_arguments_that_parse():
     families = [*presets.FULL, *presets.QUICK, *presets.CONVERGED.values()]
     texts = [*presets.PRESETS.values(), *(text for family in families for text in family.arguments)]
     for text in texts:
-        ours, _ = options.split(["spring", *text.split()])
+        ours, _ = parser.split(["spring", *text.split()])
         given = vars(_parser().parse_args(ours))
         for name in ("scene", "repeat", "preset", "fields"):
             given.pop(name)

@@ -13,7 +13,7 @@ from isorod.geometry.rod import Rod
 from isorod.geometry.section import circle, ellipse
 from isorod.material import LinearElastic, NeoHookean
 from isorod.model import Body, BodyForce, Model, SectionLoad, Support
-from isorod.model.numbering import rotation
+from isorod.model.support import rotation
 from isorod.scenes.spring import Spring
 from isorod.space import Space
 

@@ -16,18 +16,11 @@ from isorod import modal, statics  # noqa: E402
 from isorod.assembly.assembler import Assembler  # noqa: E402
 from isorod.assembly.mixed import MixedAssembler  # noqa: E402
 from isorod.checks import rigid_motions  # noqa: E402
-from isorod.contact.tables import Contact, Plane  # noqa: E402
 from isorod.errors import InputError, SolveError  # noqa: E402
 from isorod.geometry.rod import Rod  # noqa: E402
 from isorod.material import LinearElastic, NeoHookean  # noqa: E402
 from isorod.material.muscle import Muscle  # noqa: E402
-from isorod.model import (  # noqa: E402
-    Body,
-    Model,
-    SectionLoad,
-    Spin,
-    Support,
-)
+from isorod.model import Body, Contact, Model, Plane, SectionLoad, Spin, Support  # noqa: E402
 from isorod.output import stress  # noqa: E402
 from isorod.scenes.ring import Ring  # noqa: E402
 from isorod.scenes.spring import Spring  # noqa: E402

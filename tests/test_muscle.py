@@ -10,7 +10,8 @@ from scipy.optimize import brentq
 
 from isorod import statics
 from isorod.errors import InputError
-from isorod.geometry.rod import Rod, helix
+from isorod.geometry.center_line import helix
+from isorod.geometry.rod import Rod
 from isorod.geometry.section import circle
 from isorod.material import LinearElastic, NeoHookean
 from isorod.material.muscle import Muscle, point_stress

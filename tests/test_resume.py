@@ -13,11 +13,10 @@ import numpy as np
 import pytest
 
 from isorod import dynamics
-from isorod.contact.tables import Contact, Plane
 from isorod.errors import InputError
 from isorod.material import NeoHookean
 from isorod.material.muscle import Muscle
-from isorod.model import Body, Model, Support
+from isorod.model import Body, Contact, Model, Plane, Support
 from isorod.output import checkpoint
 from isorod.space import Space
 

@@ -7,7 +7,8 @@ import pytest
 
 from isorod.errors import FoldedRodError, InputError
 from isorod.geometry.axis import Axis
-from isorod.geometry.rod import Rod, helix
+from isorod.geometry.center_line import helix
+from isorod.geometry.rod import Rod
 from isorod.geometry.section import circle, flower
 from isorod.scenes.flower import Flower
 from isorod.scenes.ring import Ring

@@ -11,6 +11,7 @@ from typing import Any, NoReturn
 from comparisons.fem import biceps_presets, blade_presets, presets
 from comparisons.fem.quadrature import RULES
 from isorod import options
+from isorod.command.parser import split
 from isorod.errors import InputError, SolveError
 from isorod.output import results
 from isorod.scenes.biceps import Biceps
@@ -126,7 +127,7 @@ def _add_run(it: argparse.ArgumentParser) -> None:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit code."""
-    ours, petsc = options.split(sys.argv[1:] if arguments is None else arguments)
+    ours, petsc = split(sys.argv[1:] if arguments is None else arguments)
     parser = _parser()
     given = vars(parser.parse_args(ours))
     preset = given.pop("preset")
@@ -144,7 +145,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(given: dict[str, Any]) -> dict[str, Any]:
-    from isorod.petsc.matrix import unused_options
+    from isorod.petsc.library import unused_options
 
     scene = import_module(f"comparisons.fem.{given.pop('scene')}")
     repeat = given.pop("repeat")

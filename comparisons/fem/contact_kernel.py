@@ -5,19 +5,11 @@ A facet is ``s(xi) = sum_a N_a(xi) y_a`` with ``N_a = sum_k C_ka xi_1^p_k xi_2^q
 ``penalty weight phi``.
 """
 
-from typing import Any
-
 import numpy as np
-from numba import njit
+from numba import b1, f8, i8, njit, types, void
 
+from isorod.compiled import F1, F2, F3, I1, I2, STRICT
 from meshes.mesh import Array, Index
-
-_OPTIONS: Any = {"cache": True, "error_model": "numpy"}
-_D1 = "f8[::1]"
-_D2 = "f8[:,::1]"
-_D3 = "f8[:,:,::1]"
-_I1 = "i8[::1]"
-_I2 = "i8[:,::1]"
 
 # Off the facet's interior, where a surface has kinks or ends, only points about as deep as they are far count as inside:
 # cosine of the angle to the normal.
@@ -27,7 +19,7 @@ _NEWTON_STEPS = 20
 _SMALL = 1e-12
 
 
-@njit(f"void({_D2}, {_I2}, f8, f8, {_D2})", **_OPTIONS)
+@njit(void(F2, I2, f8, f8, F2), **STRICT)
 def _surface(c: Array, powers: Index, a: float, b: float, out: Array) -> None:
     """Write ``s, s_1, s_2, s_11, s_12, s_22`` into the rows of ``out``."""
     out[:] = 0.0
@@ -48,7 +40,7 @@ def _surface(c: Array, powers: Index, a: float, b: float, out: Array) -> None:
             out[5, i] += m22 * c[k, i]
 
 
-@njit(f"UniTuple(f8, 3)({_D2}, {_I2}, {_D1}, b1, {_D2}, {_D1})", **_OPTIONS)
+@njit(types.UniTuple(f8, 3)(F2, I2, F1, b1, F2, F1), **STRICT)
 def _closest_on_facet(
     c: Array, powers: Index, x: Array, triangle: bool, s: Array, d: Array
 ) -> tuple[float, float, float]:
@@ -129,7 +121,7 @@ def _closest_on_facet(
     return best_a, best_b, best
 
 
-@njit(f"void({_D2}, {_I2}, i8, {_D2}, {_D2})", **_OPTIONS)
+@njit(void(F2, I2, i8, F2, F2), **STRICT)
 def _coefficients(nodes: Array, facets: Index, facet: int, C: Array, c: Array) -> None:
     c[:] = 0.0
     for k in range(C.shape[0]):
@@ -138,7 +130,7 @@ def _coefficients(nodes: Array, facets: Index, facet: int, C: Array, c: Array) -
                 c[k, i] += C[k, a] * nodes[facets[facet, a], i]
 
 
-@njit(f"f8({_D2}, {_I2}, {_D1}, f8, f8, {_D2})", **_OPTIONS)
+@njit(f8(F2, I2, F1, f8, f8, F2), **STRICT)
 def _cosine(c: Array, powers: Index, x: Array, a: float, b: float, s: Array) -> float:
     """Return the cosine of the angle between the outward normal at ``a, b`` and the way from there to ``x``."""
     _surface(c, powers, a, b, s)
@@ -150,7 +142,7 @@ def _cosine(c: Array, powers: Index, x: Array, a: float, b: float, s: Array) -> 
     return (d0 * n0 + d1 * n1 + d2 * n2) / np.sqrt(sizes) if sizes > 0.0 else 0.0
 
 
-@njit(f"void({_D2}, {_D2}, {_I2}, {_I2}, {_D2}, {_I2}, b1, {_I1}, {_D2}, {_D1})", **_OPTIONS)
+@njit(void(F2, F2, I2, I2, F2, I2, b1, I1, F2, F1), **STRICT)
 def closest(
     x: Array,
     nodes: Array,
@@ -204,7 +196,7 @@ def closest(
         gap[m] = -np.sqrt(square) if cosine < -_STEEP else np.sqrt(square)
 
 
-@njit(f"void({_D2}, {_I2}, {_D2}, {_D2})", **_OPTIONS)
+@njit(void(F2, I2, F2, F2), **STRICT)
 def place(nodes: Array, supports: Index, shares: Array, out: Array) -> None:
     """Write the points ``sum_b shares_mb nodes[supports_mb]`` into ``out`` ``(m, 3)``."""
     for m in range(out.shape[0]):
@@ -215,7 +207,7 @@ def place(nodes: Array, supports: Index, shares: Array, out: Array) -> None:
             out[m, i] = value
 
 
-@njit(f"f8({_I2}, {_D2}, {_D2}, i8, f8, f8)", **_OPTIONS)
+@njit(f8(I2, F2, F2, i8, f8, f8), **STRICT)
 def _function(powers: Index, C: Array, out: Array, n: int, a: float, b: float) -> float:
     """Write ``N_a``, ``N_a,1``, ``N_a,2`` into the rows of ``out`` from column ``n`` on; return the sum of the functions."""
     total = 0.0
@@ -233,9 +225,7 @@ def _function(powers: Index, C: Array, out: Array, n: int, a: float, b: float) -
     return total
 
 
-@njit(
-    f"void({_D2}, {_D2}, {_I2}, {_D2}, {_D1}, f8, {_I2}, {_D2}, {_I2}, {_I1}, {_D2}, {_D1}, {_D2}, {_D1})", **_OPTIONS
-)
+@njit(void(F2, F2, I2, F2, F1, f8, I2, F2, I2, I1, F2, F1, F2, F1), **STRICT)
 def add_forces(
     x: Array,
     nodes: Array,
@@ -279,7 +269,7 @@ def add_forces(
                 out[facets[facet[m], a], i] -= functions[0, a] * force
 
 
-@njit(f"i8(f8, f8, b1, {_D2})", **_OPTIONS)
+@njit(i8(f8, f8, b1, F2), **STRICT)
 def _free_directions(a: float, b: float, triangle: bool, way: Array) -> int:
     way[0, 0], way[0, 1], way[1, 0], way[1, 1] = 1.0, 0.0, 0.0, 1.0
     low_a, low_b = a <= 0.0, b <= 0.0
@@ -302,7 +292,7 @@ def _free_directions(a: float, b: float, triangle: bool, way: Array) -> int:
     return 1 if fixed_a or fixed_b else 2
 
 
-@njit(f"void({_D2}, {_D2}, {_I2}, {_D2}, {_D1}, f8, {_I2}, {_D2}, {_I2}, b1, {_I1}, {_D2}, {_I2}, {_D3})", **_OPTIONS)
+@njit(void(F2, F2, I2, F2, F1, f8, I2, F2, I2, b1, I1, F2, I2, F3), **STRICT)
 def stiffness(
     x: Array,
     nodes: Array,

@@ -8,7 +8,7 @@ from petsc4py import PETSc
 from slepc4py import SLEPc
 
 from isorod.errors import SolveError
-from isorod.petsc.matrix import negative_eigenvalues
+from isorod.petsc.inertia import negative_eigenvalues
 from meshes.mesh import Array
 
 # Eigensolvers that take a preconditioner instead of a spectral transformation.

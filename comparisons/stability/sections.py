@@ -17,8 +17,9 @@ from comparisons.stability.point import holds, measure, reach, sweeps
 from comparisons.stability.prism import STIFFNESSES, condition, stiffness
 from isorod import modal
 from isorod.geometry import section
+from isorod.geometry.center_line import helix
 from isorod.geometry.disk import harmonic_functions
-from isorod.geometry.rod import Rod, helix
+from isorod.geometry.rod import Rod
 from isorod.material import LinearElastic
 from isorod.model import Body, Model, Support
 from isorod.scenes.blade import Blade

@@ -7,7 +7,8 @@ import numpy as np
 from petsc4py import PETSc
 
 from isorod.arrays import Array, Index
-from isorod.model.model import Body, Model
+from isorod.model.body import Body
+from isorod.model.model import Model
 
 
 def numbers(model: Model, first: Index, layer_dofs: Callable[[Body], int]) -> Index:

@@ -7,16 +7,12 @@ efficiency and robustness of the Newton method in geometrically non-linear struc
 finite elements, Comput. Methods Appl. Mech. Engrg. 313 (2017) 986-1005).
 """
 
-from typing import Any
-
 import numpy as np
-from numba import njit
+from numba import njit, void
 
 from isorod.arrays import Array
+from isorod.compiled import F2, F3, FAST
 from isorod.geometry.rod import Rod
-
-_OPTIONS: Any = {"cache": True, "fastmath": {"contract", "reassoc", "nsz", "arcp"}, "error_model": "numpy"}
-_D3 = "f8[:,:,::1]"
 
 # Length over radius of the section from which on it pays; a stubby body that is strained, not turned, takes more iterations.
 SLENDER = 20.0
@@ -53,7 +49,7 @@ class Extrapolation:
         return moduli
 
 
-@njit("void(f8[:,::1], f8[:,::1], f8[:,::1])", **_OPTIONS)
+@njit(void(F2, F2, F2), **FAST)
 def _solve(F: Array, P: Array, S: Array) -> None:
     """Fill ``S`` with ``F^-1 P``."""
     c = np.empty((3, 3))
@@ -68,7 +64,7 @@ def _solve(F: Array, P: Array, S: Array) -> None:
             S[a, b] = (c[0, a] * P[0, b] + c[1, a] * P[1, b] + c[2, a] * P[2, b]) / det
 
 
-@njit(f"void({', '.join([_D3] * 8)})", **_OPTIONS)
+@njit(void(*[F3] * 8), **FAST)
 def _extrapolate(
     F: Array, P: Array, moduli: Array, F0: Array, P0: Array, moduli0: Array, excess0: Array, excess: Array
 ) -> None:

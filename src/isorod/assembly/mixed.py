@@ -5,31 +5,26 @@ CMAME 51 (1985) 177-208), where a law is ``W = psi + kappa/2 theta^2``: ``theta 
 tension, is ``p = kappa theta`` in the mean; ``kappa`` may be infinite, and ``theta`` is then zero in the mean.
 """
 
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
-from numba import njit
+from numba import njit, void
 from petsc4py import PETSc
 
 from isorod.arrays import Array
 from isorod.assembly import element_kernel, stiffness_kernel
 from isorod.assembly.assembler import Assembler
-from isorod.assembly.element_kernel import _D3, _D5
 from isorod.assembly.extrapolation import Extrapolation
 from isorod.assembly.part import Part
+from isorod.compiled import F2, F3, F5, F6, F7, FAST
 from isorod.errors import InputError
-from isorod.material.along_rod import Laws, Run
+from isorod.material.along_rod import shear_laws, volume_change
 from isorod.material.law import Split
-from isorod.model.model import Body, Spin
-from isorod.tensors import inverse
-
-_OPTIONS: Any = {"cache": True, "fastmath": {"contract", "reassoc", "nsz", "arcp"}, "error_model": "numpy"}
-_D2 = "f8[:,::1]"
-_D6 = "f8[:,:,:,:,:,::1]"
-_D7 = "f8[:,:,:,:,:,:,::1]"
+from isorod.model.body import Body
+from isorod.model.load import Spin
 
 
-@njit(f"{_D6}({_D3}, {_D3}, {_D3}, {_D5}, {_D3}, {_D5}, {_D2}, {_D3})", **_OPTIONS)
+@njit(F6(F3, F3, F3, F5, F3, F5, F2, F3), **FAST)
 def coupling(
     section: Array,
     axial: Array,
@@ -81,7 +76,7 @@ def coupling(
     return result
 
 
-@njit(f"void({_D7}, {_D5}, {_D3})", **_OPTIONS)
+@njit(void(F7, F5, F3), **FAST)
 def _add_curvature(tangent: Array, slope: Array, pressure: Array) -> None:
     """Add ``p d^2 ln J / dF^2 = -p G_aB G_bA`` to tangent moduli ``(E, t, q, 3, 3, 3, 3)``, ``G = F^-T``."""
     elements, along, points = pressure.shape
@@ -95,26 +90,6 @@ def _add_curvature(tangent: Array, slope: Array, pressure: Array) -> None:
                                 tangent[e, t, q, a, A, b, B] -= (
                                     pressure[e, t, q] * slope[e, t, q, a, B] * slope[e, t, q, b, A]
                                 )
-
-
-def shear_laws(laws: Laws) -> Laws:
-    """Return the laws without their bulk terms."""
-    return Laws([Run(cast(Split, law).shear, first, last) for law, first, last in laws.runs])
-
-
-def volume_change(laws: Laws, F: Array) -> tuple[Array, Array]:
-    """Return ``theta`` and ``d theta / dF`` at deformation gradients ``(E, t, q, 3, 3)``; NaN where ``ln J`` has no value."""
-    theta, slope = np.empty(F.shape[:-2]), np.empty(F.shape)
-    for law, first, last in laws.runs:
-        part = F[first:last]
-        if cast(Split, law).logarithmic:
-            inverses, det = inverse(part)
-            theta[first:last] = np.log(np.where(det > 0.0, det, np.nan))
-            slope[first:last] = np.swapaxes(inverses, -1, -2)
-        else:
-            theta[first:last] = np.trace(part, axis1=-2, axis2=-1) - 3.0
-            slope[first:last] = np.eye(3)
-    return theta, slope
 
 
 class MixedPart(Part):

@@ -10,7 +10,8 @@ from isorod.assembly.entries import Entries, Numbered
 from isorod.assembly.extrapolation import Extrapolation
 from isorod.assembly.pattern import Pattern
 from isorod.assembly.stiffness_kernel import merged_stiffness, stiffness
-from isorod.model.model import Body, Spin
+from isorod.model.body import Body
+from isorod.model.load import Spin
 from isorod.space.space import Table
 
 
@@ -123,3 +124,7 @@ class Part:
         if self.extrapolation is not None:
             tangent = self.extrapolation.tangent(F, laws.stress(F), tangent)
         return tangent, np.zeros((elements, 2))
+
+
+# Relative error of a stress, in units of the stiffness, that is taken for rounding of the deformation gradient.
+ROUNDING = 1e-15

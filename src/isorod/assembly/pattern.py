@@ -9,7 +9,7 @@ import numpy as np
 from petsc4py import PETSc
 
 from isorod.arrays import Array, Index
-from isorod.assembly import element_kernel
+from isorod.assembly import pattern_kernel
 from isorod.petsc.matrix import Rows
 
 
@@ -26,18 +26,18 @@ class Pattern:
 
     def __init__(self, element_layers: Index, size: int) -> None:
         self.size = size
-        self._layers, self._first, self._columns, self._start, self._width, self.total = element_kernel.pattern(
+        self._layers, self._first, self._columns, self._start, self._width, self.total = pattern_kernel.pattern(
             np.ascontiguousarray(element_layers), size
         )
 
     @property
     def places(self) -> tuple[Index, Index, int]:
-        """Where each element's blocks of layers begin, how far their rows are apart, and the number of entries, as `isorod.assembly.element_kernel.pattern` says."""
+        """Where each element's blocks of layers begin, how far their rows are apart, and the number of entries, as `isorod.assembly.pattern_kernel.pattern` says."""
         return self._start, self._width, self.total
 
     def indices(self, number: Index) -> tuple[Index, Index]:
         """Return row and column of each entry, shape ``(total,)``, as numbers of what is at ``layer size + place``."""
-        return element_kernel.pattern_indices(
+        return pattern_kernel.pattern_indices(
             self._layers, self._first, self._columns, self.size, self.total, np.ascontiguousarray(number)
         )
 
@@ -47,7 +47,7 @@ class Pattern:
         whole = bool((there >= 0).all())
         start, column = np.empty(size + 1, dtype=PETSc.IntType), np.empty(self.total, dtype=PETSc.IntType)
         places = np.empty(0 if whole else self.total, dtype=np.int64)
-        count = element_kernel.pattern_rows(
+        count = pattern_kernel.pattern_rows(
             *(self._layers, self._first, self._columns, self.size),
             *(np.ascontiguousarray(number), places, start, column),
         )
@@ -59,4 +59,4 @@ class Pattern:
         """Return the entries ``(total,)`` of the sum of element matrices ``(E, l size, l size)``."""
         elements, functions, _ = self._start.shape
         shaped = blocks.reshape(elements, functions, self.size, functions, self.size)
-        return element_kernel.merge(shaped, self._start, self._width, self.total)
+        return pattern_kernel.merge(shaped, self._start, self._width, self.total)

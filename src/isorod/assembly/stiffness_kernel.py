@@ -4,27 +4,20 @@ Sums over the section's points are products of matrices, left to BLAS, and so ar
 ``a b`` those with ``a <= b`` will do where rows and columns have the same derivatives.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+from numba import i8, njit
 
 from isorod.arrays import Array, Index
-
-_OPTIONS: Any = {"cache": True, "fastmath": {"contract", "reassoc", "nsz", "arcp"}, "error_model": "numpy"}
-_D2 = "f8[:,::1]"
-_D3 = "f8[:,:,::1]"
-_D5 = "f8[:,:,:,:,::1]"
-_D7 = "f8[:,:,:,:,:,:,::1]"
-_I2 = "i8[:,::1]"
-_I3 = "i8[:,:,::1]"
+from isorod.compiled import F1, F2, F3, F5, F7, FAST, I2, I3
 
 # The pairs of components a <= b among all nine, and the place of each of the nine, or of its mirror image, among these.
 _UPPER: Index = np.array([0, 1, 2, 4, 5, 8])
 _PLACE: Index = np.array([0, 1, 2, 1, 3, 4, 2, 4, 5])
 
 
-@njit(**_OPTIONS)
+@njit(**FAST)
 def _pull_back(moduli: Array, half: Array, weight: float, inverse: Array, tangent: Array) -> None:
     """Fill ``moduli`` ``(d, c, 3 a + b)`` with ``weight dP_aA/dF_bB dxi_d/dx_A dxi_c/dx_B``; ``half`` ``(3, 9)`` is for work."""
     for d in range(3):
@@ -42,7 +35,7 @@ def _pull_back(moduli: Array, half: Array, weight: float, inverse: Array, tangen
                 )
 
 
-@njit(**_OPTIONS)
+@njit(**FAST)
 def _pull_back_isotropic(moduli: Array, weight: float, inverse: Array, lame: float, mu: float) -> None:
     """Do the same for ``dP_aA/dF_bB = lame d_aA d_bB + mu (d_ab d_AB + d_aB d_bA)``."""
     for d in range(3):
@@ -62,7 +55,7 @@ def _pull_back_isotropic(moduli: Array, weight: float, inverse: Array, lame: flo
             moduli[1, 0, 3 * a + b] = moduli[0, 1, 3 * b + a]
 
 
-@njit(**_OPTIONS)
+@njit(**FAST)
 def _place(matrix: Array, j: int, m: int, block: Array) -> None:
     """Put a block ``(n, 3, n, 3)`` into an element matrix ``(l, n, 3, l, n, 3)``, and its transpose on the other side."""
     n = block.shape[0]
@@ -79,7 +72,7 @@ def _place(matrix: Array, j: int, m: int, block: Array) -> None:
                         matrix[m, i, a, j, k, b] = block[k, b, i, a]
 
 
-@njit(**_OPTIONS)
+@njit(**FAST)
 def _add(entries: Array, start: int, width: int, block: Array, transposed: bool) -> None:
     """Add a block ``(n, 3, n, 3)``, or its transpose, to the entries that begin at ``start``, rows ``width`` apart; nowhere if negative."""
     if start < 0:
@@ -115,7 +108,7 @@ class _Work(NamedTuple):
     block: Array
 
 
-@njit(**_OPTIONS)
+@njit(**FAST)
 def _work(section: Array, along: int, functions: int) -> _Work:
     points, _, n = section.shape
     across = np.empty((n, points, 2))
@@ -139,7 +132,7 @@ def _work(section: Array, along: int, functions: int) -> _Work:
     )
 
 
-@njit(**_OPTIONS)
+@njit(**FAST)
 def _blocks(
     section: Array,
     axial: Array,
@@ -202,7 +195,7 @@ def _blocks(
     )
 
 
-@njit(f"{_D7}({_D3}, {_D3}, {_D3}, {_D5}, {_D3}, {_D7}, {_D2})", **_OPTIONS)
+@njit(F7(F3, F3, F3, F5, F3, F7, F2), **FAST)
 def stiffness(
     section: Array, axial: Array, slopes: Array, inverse: Array, weights: Array, tangent: Array, isotropic: Array
 ) -> Array:
@@ -225,7 +218,7 @@ def stiffness(
     return result
 
 
-@njit(f"f8[::1]({_D3}, {_D3}, {_D3}, {_D5}, {_D3}, {_D7}, {_D2}, {_I3}, {_I2}, i8)", **_OPTIONS)
+@njit(F1(F3, F3, F3, F5, F3, F7, F2, I3, I2, i8), **FAST)
 def merged_stiffness(
     section: Array,
     axial: Array,
@@ -238,7 +231,7 @@ def merged_stiffness(
     width: Index,
     total: int,
 ) -> Array:
-    """Return the sum of the same element matrices as entries of an `isorod.assembly.pattern.Pattern`, as `isorod.assembly.element_kernel.merge` does."""
+    """Return the sum of the same element matrices as entries of an `isorod.assembly.pattern.Pattern`, as `isorod.assembly.pattern_kernel.merge` does."""
     elements, along, functions = axial.shape
     work = _work(section, along, functions)
     result = np.zeros(total)

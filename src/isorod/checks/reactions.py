@@ -4,9 +4,12 @@ import warnings
 from typing import TYPE_CHECKING
 
 import numpy as np
+from petsc4py import PETSc
 
 from isorod.arrays import Array
+from isorod.assembly.assembler import Assembler
 from isorod.errors import SolveError
+from isorod.model.model import Model
 
 if TYPE_CHECKING:
     from petsc4py import PETSc
@@ -81,3 +84,22 @@ def check(
             "too slender, or too stiff for them, for double precision"
         )
     warnings.warn(f"support forces are no more than rounding: {largest:.2g}, known to {gap:.2g}", stacklevel=3)
+
+
+def _moments(model: Model, displacement: Array, forces: Array) -> Array:
+    """Return each support's moment: the work of its nodal forces on a rotation, in which coefficients turn like positions."""
+    nodal = np.zeros((model.dofs // 3, 3))
+    nodal.ravel()[model.bound] = forces
+    owner = np.full(model.dofs, -1)
+    owner[model.bound] = model.support_of
+    places = np.concatenate([body.space.positions for body in model.bodies]) + displacement.reshape(-1, 3)
+    result = np.zeros((max(len(model.supports), 1), 3))
+    for k in range(len(model.supports)):
+        mine = (owner.reshape(-1, 3) == k).any(axis=1)
+        carries = mine & model.carries
+        if not carries.any():
+            continue
+        arms = places - model.carries[:, None] * places[carries].mean(axis=0)
+        own = np.where(owner.reshape(-1, 3) == k, nodal, 0.0)
+        result[k] = np.cross(arms[mine], own[mine]).sum(axis=0)
+    return result

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from isorod import __version__, options, scenes
+from isorod.command.parser import Parser, add_fields, field_values, split
 from isorod.errors import InputError, SolveError
 
 # Each body with its fields by name.
@@ -43,10 +44,10 @@ def _fail(message: str) -> int:
 
 
 def _dispatch(arguments: Sequence[str]) -> int:
-    ours, theirs = options.split(arguments)
-    parser = options.Parser(prog="isorod", description="Rods as full 3-D continua through surface control points.")
+    ours, theirs = split(arguments)
+    parser = Parser(prog="isorod", description="Rods as full 3-D continua through surface control points.")
     parser.add_argument("--version", action="version", version=f"isorod {__version__}")
-    commands = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=options.Parser)
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=Parser)
     run = commands.add_parser("run", help="run a scene", add_help=False)
     run.add_argument("rest", nargs=argparse.REMAINDER)
     commands.add_parser("list", help="list the scenes")
@@ -77,7 +78,7 @@ def _run(ours: Sequence[str], theirs: Sequence[str]) -> int:
     name = ours[0]
     scene_type = scenes.find(name)
     found = _scene_parser(name, scene_type).known(ours[1:])
-    values = options.fields(found, scene_type)
+    values = field_values(found, scene_type)
     if found.output is not None:
         from isorod.output import results, vtk
 
@@ -93,11 +94,9 @@ def _run(ours: Sequence[str], theirs: Sequence[str]) -> int:
     return 0
 
 
-def _scene_parser(name: str, scene_type: Any) -> options.Parser:
-    parser = options.Parser(
-        prog=f"isorod run {name}", description=_first_line(scene_type), epilog=_EPILOG, allow_abbrev=False
-    )
-    options.add_fields(parser, scene_type)
+def _scene_parser(name: str, scene_type: Any) -> Parser:
+    parser = Parser(prog=f"isorod run {name}", description=_first_line(scene_type), epilog=_EPILOG, allow_abbrev=False)
+    add_fields(parser, scene_type)
     analyses = scenes.analyses(scene_type)
     if "statics" in analyses:
         parser.add_argument(
@@ -166,7 +165,7 @@ def _analysis(scene: Any, theirs: Sequence[str], found: argparse.Namespace) -> t
     begin = perf_counter()
     options.initialize(theirs)
     from isorod.command import run
-    from isorod.petsc.matrix import unused_options
+    from isorod.petsc.library import unused_options
 
     imported = perf_counter() - begin
     refined: dict[str, Any] = {}

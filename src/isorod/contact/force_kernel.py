@@ -1,19 +1,16 @@
 """The compiled contact forces: search, pressure, and its share to the nodes."""
 
 import numpy as np
-from numba import njit, types
+from numba import b1, f8, i8, njit, types, void
 
 from isorod.arrays import Array, Index
+from isorod.compiled import F1, F2, FAST, I1
 from isorod.contact.surface_kernel import (
     EDGE,
     END,
-    F1,
-    F2,
     FREE,
     FUNCTIONS,
-    I1,
     LOST,
-    OPTIONS,
     PACKED,
     PLANE,
     Packed,
@@ -26,7 +23,7 @@ from isorod.contact.surface_kernel import (
 _MARGIN = 0.1
 
 
-@njit(types.void(PACKED, F2), **OPTIONS)
+@njit(void(PACKED, F2), **FAST)
 def place(packed: Packed, positions: Array) -> None:
     """Fill ``places`` with the slave points and ``boxes`` with those of the elements' control points."""
     for k in range(packed.passes.shape[0]):
@@ -68,7 +65,7 @@ def place(packed: Packed, positions: Array) -> None:
                         point += 1
 
 
-@njit(types.float64(PACKED, types.int64, types.int64, F1), **OPTIONS)
+@njit(f8(PACKED, i8, i8, F1), **FAST)
 def _guess(packed: Packed, surface: int, point: int, start: Array) -> float:
     """Set ``start``, if there is none, to the sample of a surface nearest to a point; return how far the point is from all boxes.
 
@@ -99,7 +96,7 @@ def _guess(packed: Packed, surface: int, point: int, start: Array) -> float:
     return 0.0
 
 
-@njit(types.boolean(PACKED, F2), **OPTIONS)
+@njit(b1(PACKED, F2), **FAST)
 def _travel(packed: Packed, positions: Array) -> bool:
     """Add the longest way of a carrier since the last call to ``travel``; False if a position is not finite."""
     longest = 0.0
@@ -116,7 +113,7 @@ def _travel(packed: Packed, positions: Array) -> bool:
     return finite
 
 
-@njit(types.float64(PACKED, types.int64, types.int64, F1), **OPTIONS)
+@njit(f8(PACKED, i8, i8, F1), **FAST)
 def rigid_gap(packed: Packed, k: int, point: int, normal: Array) -> float:
     """Return the gap of a slave point to the rigid obstacle of pass ``k``, and fill its normal."""
     rigid = packed.rigid[k]
@@ -136,7 +133,7 @@ def rigid_gap(packed: Packed, k: int, point: int, normal: Array) -> float:
     return distance - rigid[6]
 
 
-@njit(types.void(types.int64, types.int64, I1, types.int64, F1, F1, types.float64, F1, F2), **OPTIONS)
+@njit(void(i8, i8, I1, i8, F1, F1, f8, F1, F2), **FAST)
 def _share(
     n: int,
     count: int,
@@ -156,7 +153,7 @@ def _share(
                 forces[node, a] += force * axial[j] * phi[c] * normal[a]
 
 
-@njit(types.UniTuple(types.float64, 4)(PACKED, F2, F2), **OPTIONS)
+@njit(types.UniTuple(f8, 4)(PACKED, F2, F2), **FAST)
 def add_forces(packed: Packed, positions: Array, forces: Array) -> tuple[float, float, float, float]:
     """Add the forces that contact exerts on the nodes: minus the derivative of the energy by the positions.
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from isorod.arrays import Array, Index
 from isorod.contact.surface_kernel import Packed
-from isorod.contact.tables import Contact
+from isorod.model.contact import Contact
 from isorod.model.model import Model
 from isorod.space.space import Space
 

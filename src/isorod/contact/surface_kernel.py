@@ -4,17 +4,14 @@ A surface is ``x(theta, u) = sum_ij Phi_i(theta) R_j(u) x_ij`` (Lu & Zhou 2011, 
 its axis is a row of tables; ``s`` in ``[-1, 1]`` is the parameter along one.  Closest points are those of the surface itself.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numba import njit, types
+from numba import b1, f8, i8, njit, types
 
 from isorod.arrays import Array, Index
+from isorod.compiled import F1, F2, F3, FAST, I1, I2
 from isorod.geometry.axis import MAX_DEGREE
-
-OPTIONS: Any = {"cache": True, "fastmath": {"contract", "reassoc", "nsz", "arcp"}, "error_model": "numpy"}
-F1, F2, F3 = (types.float64[::1], types.float64[:, ::1], types.float64[:, :, ::1])
-I1, I2 = types.int64[::1], types.int64[:, ::1]
 
 # What a pass has in the place of a second surface.
 PLANE, CYLINDER = -1, -2
@@ -112,7 +109,7 @@ _FIELDS = (I2, F2, I2, F3, I2, F2, I2, F1, F2, F2, F2, F1, F1, F2, F2, F2, F2, I
 PACKED = types.NamedTuple(_FIELDS, Packed)
 
 
-@njit(types.int64(types.int64, types.int64, F1, F2, types.float64, types.float64, F2, F2), **OPTIONS)
+@njit(i8(i8, i8, F1, F2, f8, f8, F2, F2), **FAST)
 def functions(
     n: int, count: int, turn: Array, polynomials: Array, theta: float, s: float, phi: Array, axial: Array
 ) -> int:
@@ -158,7 +155,7 @@ def functions(
     return arc % n
 
 
-@njit(types.int64(types.int64, types.int64, F1, F2, I1, types.float64, types.float64, F2, F2, F2, F2), **OPTIONS)
+@njit(i8(i8, i8, F1, F2, I1, f8, f8, F2, F2, F2, F2), **FAST)
 def evaluate(
     n: int,
     count: int,
@@ -193,15 +190,15 @@ def evaluate(
     return arc
 
 
-@njit(types.float64(F1, F1), **OPTIONS)
+@njit(f8(F1, F1), **FAST)
 def dot(a: Array, b: Array) -> float:
     """Return the scalar product of two vectors."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @njit(
-    types.UniTuple(types.int64, 2)(PACKED, types.int64, F1, F1, F2, F2, F2, F2, F1),
-    **OPTIONS,
+    types.UniTuple(i8, 2)(PACKED, i8, F1, F1, F2, F2, F2, F2, F1),
+    **FAST,
 )
 def closest(
     packed: Packed, surface: int, x: Array, start: Array, positions: Array, phi: Array, axial: Array, y: Array, d: Array
@@ -307,7 +304,7 @@ def closest(
     return outcome, arc
 
 
-@njit(types.float64(F2, F1, types.boolean, F1), **OPTIONS)
+@njit(f8(F2, F1, b1, F1), **FAST)
 def surface_gap(y: Array, d: Array, edge: bool, normal: Array) -> float:
     """Return the gap at a closest point (see `closest`) and fill the outward normal; on an edge it is along ``d``."""
     for a in range(3):

@@ -2,12 +2,14 @@
 
 from collections.abc import Sequence
 from itertools import groupby
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 
 from isorod.arrays import Array
-from isorod.material.law import LinearElastic, Material
+from isorod.material.law import Material, Split
+from isorod.material.linear_elastic import LinearElastic
+from isorod.tensors import inverse
 
 
 class Run(NamedTuple):
@@ -88,3 +90,23 @@ class Laws:
     @staticmethod
     def _joined(pieces: Sequence[Array]) -> Array:
         return pieces[0] if len(pieces) == 1 else np.concatenate(pieces)
+
+
+def shear_laws(laws: Laws) -> Laws:
+    """Return the laws without their bulk terms."""
+    return Laws([Run(cast(Split, law).shear, first, last) for law, first, last in laws.runs])
+
+
+def volume_change(laws: Laws, F: Array) -> tuple[Array, Array]:
+    """Return ``theta`` and ``d theta / dF`` at deformation gradients ``(E, t, q, 3, 3)``; NaN where ``ln J`` has no value."""
+    theta, slope = np.empty(F.shape[:-2]), np.empty(F.shape)
+    for law, first, last in laws.runs:
+        part = F[first:last]
+        if cast(Split, law).logarithmic:
+            inverses, det = inverse(part)
+            theta[first:last] = np.log(np.where(det > 0.0, det, np.nan))
+            slope[first:last] = np.swapaxes(inverses, -1, -2)
+        else:
+            theta[first:last] = np.trace(part, axis1=-2, axis2=-1) - 3.0
+            slope[first:last] = np.eye(3)
+    return theta, slope

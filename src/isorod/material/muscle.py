@@ -1,21 +1,16 @@
 """Skeletal muscle: a neo-Hookean matrix with active and passive fibres (Lu & Zhou 2011, eqs. 16-19)."""
 
 from dataclasses import dataclass, replace
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
-from numba import njit
+from numba import f8, njit, types, void
 from numpy.typing import ArrayLike
 
 from isorod.arrays import Array
+from isorod.compiled import F1, F2, F3, F5, STRICT, cofactors, flat
 from isorod.errors import InputError
-from isorod.material.law import NeoHookean, cofactors, flat
-
-_OPTIONS: Any = {"cache": True, "error_model": "numpy"}
-_D1 = "f8[::1]"
-_D2 = "f8[:,::1]"
-_D3 = "f8[:,:,::1]"
-_D5 = "f8[:,:,:,:,::1]"
+from isorod.material.neo_hookean import NeoHookean
 
 # Fibres shortened or stretched by more than this have no active force.
 ACTIVE_RANGE = 0.5
@@ -124,7 +119,7 @@ class Muscle(NeoHookean):
         return np.array(np.broadcast_to(np.asarray(self.fibre), F.shape[:-1]), order="C")
 
 
-@njit(f"UniTuple(f8, 2)(f8, {_D1}, f8)", **_OPTIONS)
+@njit(types.UniTuple(f8, 2)(f8, F1, f8), **STRICT)
 def fibre_tension(stretch: float, parameters: Array, activation: float) -> tuple[float, float]:
     """Return ``T = dW/dlambda`` of active and passive fibres (eqs. 18, 19) and ``dT/dlambda``."""
     tension = 0.0
@@ -142,7 +137,7 @@ def fibre_tension(stretch: float, parameters: Array, activation: float) -> tuple
     return tension, slope
 
 
-@njit(f"f8({_D2}, {_D1}, {_D1}, f8, {_D2})", **_OPTIONS)
+@njit(f8(F2, F1, F1, f8, F2), **STRICT)
 def point_stress(F: Array, parameters: Array, fibre: Array, activation: float, out: Array) -> float:
     """Write the first Piola-Kirchhoff stress at one point into ``out`` and return ``det F``.
 
@@ -178,7 +173,7 @@ def point_stress(F: Array, parameters: Array, fibre: Array, activation: float, o
     return det
 
 
-@njit(f"{_D3}({_D3}, {_D1}, {_D2}, f8)", **_OPTIONS)
+@njit(F3(F3, F1, F2, f8), **STRICT)
 def _stress(F: Array, parameters: Array, fibres: Array, activation: float) -> Array:
     result = np.empty_like(F)
     for m in range(F.shape[0]):
@@ -186,7 +181,7 @@ def _stress(F: Array, parameters: Array, fibres: Array, activation: float) -> Ar
     return result
 
 
-@njit(f"void({_D5}, {_D3}, {_D1}, {_D2}, f8)", **_OPTIONS)
+@njit(void(F5, F3, F1, F2, f8), **STRICT)
 def _add_fibres(moduli: Array, F: Array, parameters: Array, fibres: Array, activation: float) -> None:
     n = np.empty(3)
     for m in range(F.shape[0]):

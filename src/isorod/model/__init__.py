@@ -1,6 +1,19 @@
 """What a user writes down: bodies, supports, loads and contacts."""
 
-from isorod.model.load import BodyForce, SectionLoad
-from isorod.model.model import Body, Model, Spin, Support
+from isorod.model.body import Body
+from isorod.model.contact import Contact, Cylinder, Plane
+from isorod.model.load import BodyForce, SectionLoad, Spin
+from isorod.model.model import Model
+from isorod.model.support import Support
 
-__all__ = ["Body", "BodyForce", "Model", "SectionLoad", "Spin", "Support"]
+__all__ = [
+    "Body",
+    "BodyForce",
+    "Contact",
+    "Cylinder",
+    "Model",
+    "Plane",
+    "SectionLoad",
+    "Spin",
+    "Support",
+]

@@ -102,3 +102,29 @@ def _check(name: str, vector: tuple[float, float, float]) -> None:
     given = np.asarray(vector, dtype=float)
     if given.shape != (3,) or not np.isfinite(given).all():
         raise InputError(f"{name}: got {vector}, need three finite components")
+
+
+@dataclass(frozen=True)
+class Spin:
+    """A steady rotation of the frame in which displacements are measured: centrifugal force, growing with the load factor.
+
+    Parameters
+    ----------
+    velocity
+        Angular velocity vector, radians per time, at load factor 1 (at factor ``f``, ``sqrt(f)`` times as fast).
+    center
+        A point on the axis of rotation.
+    """
+
+    velocity: tuple[float, float, float]
+    center: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        if not np.isfinite([*self.velocity, *self.center]).all():
+            raise InputError(f"spin: velocity {self.velocity}, center {self.center}: both must be finite")
+
+    @property
+    def field(self) -> Array:
+        """Matrix ``|w|^2 1 - w w^T`` that takes the position from the center to the centrifugal acceleration."""
+        w = np.array(self.velocity)
+        return w @ w * np.eye(3) - np.outer(w, w)

@@ -8,53 +8,13 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
-from isorod.arrays import Array, Index
+from isorod.arrays import Index
 from isorod.errors import InputError
+from isorod.model.support import Motion
 
-# Two supports agree on a degree of freedom if they do at these load factors.
+# Load factors at which the displacements of two supports on one degree of freedom are compared.
 _SAMPLES = (1.0, 0.37)
-
-
-def rotation(vector: ArrayLike) -> Array:
-    """Return the matrix ``(3, 3)`` of the rotation about ``vector`` by its length, radians (Rodrigues).
-
-    Its entries for directions in the axis are exact: a rotation about ``y`` leaves ``y`` components as they are.
-    """
-    return np.eye(3) + turning(vector)
-
-
-def turning(vector: ArrayLike) -> Array:
-    """Return `rotation` less the identity, accurate for small angles too."""
-    x, y, z = np.asarray(vector, dtype=float)
-    angle = float(np.sqrt(x * x + y * y + z * z))
-    if angle == 0.0:
-        return np.zeros((3, 3))
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]) / angle
-    return np.sin(angle) * cross + 2.0 * np.sin(0.5 * angle) ** 2 * (cross @ cross)
-
-
-class Motion(NamedTuple):
-    """What one support does with degrees of freedom ``dofs`` ``(m,)``.
-
-    At load factor ``f`` component ``a`` of ``f rate + (R(f turn) - 1) arm`` is the displacement of those that are held, and what
-    those that are ``tied`` have more than the unknown they share (one a component).
-    """
-
-    dofs: Index
-    rates: Array
-    arms: Array
-    turn: Array
-    tied: NDArray[np.bool_]
-
-    def at(self, factor: float) -> Array:
-        """Return the prescribed part of the displacements at a load factor, shape ``(m,)``."""
-        result = factor * self.rates
-        if self.turn.any():
-            rows = turning(factor * self.turn)[self.dofs % 3]
-            result = result + np.einsum("ma,ma->m", rows, self.arms)
-        return result
 
 
 class Numbering(NamedTuple):

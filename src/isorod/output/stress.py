@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike
 
 from isorod.arrays import Array
 from isorod.errors import InputError
-from isorod.model.model import Body
+from isorod.model.body import Body
 from isorod.tensors import determinant
 
 
@@ -46,7 +46,7 @@ def cauchy(
     else:
         if pressure is None:
             raise InputError("stress of a body with the mixed formulation: its pressure is missing")
-        from isorod.assembly.mixed import shear_laws, volume_change
+        from isorod.material.along_rod import shear_laws, volume_change
 
         own = body.pressures.evaluate(pressure, xi, u)
         stress = shear_laws(laws).stress(F) + own[..., None, None] * volume_change(laws, F)[1]

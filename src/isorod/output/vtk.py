@@ -9,7 +9,7 @@ import numpy as np
 
 from isorod.arrays import Array
 from isorod.errors import InputError
-from isorod.model.model import Body
+from isorod.model.body import Body
 from isorod.output import stress
 from isorod.output.results import write_beside
 

@@ -17,29 +17,14 @@ from petsc4py import PETSc
 from scipy.linalg import lapack
 
 from isorod.arrays import Array
-from isorod.model.model import Model
-from isorod.petsc.matrix import compressed_rows, forget, set_singular
+from isorod.compiled import STRICT
+from isorod.petsc.library import forget, set_singular
+from isorod.petsc.matrix import compressed_rows
 
 NAME = f"{__name__}.Banded"
 
-# A band this many times wider than the layers of an element holds more zeros than entries.
-_WIDE = 1.5
-
 # Those that a preconditioner still has.
 _ALIVE: "weakref.WeakSet[Banded]" = weakref.WeakSet()
-
-_OPTIONS: Any = {"cache": True, "error_model": "numpy"}
-
-
-def suits(model: Model) -> bool:
-    """Return whether the unknowns of each element are near each other in their numbering, as those of an open rod are."""
-    for body, first in zip(model.bodies, model.first_node[:-1], strict=True):
-        nodes = first + body.space.element_nodes
-        unknowns = model.free.reshape(-1, 3)[nodes].reshape(nodes.shape[0], -1)
-        reach = unknowns.max(axis=1) - np.where(unknowns < 0, model.dofs, unknowns).min(axis=1)
-        if reach.max() >= _WIDE * unknowns.shape[1]:
-            return False
-    return True
 
 
 class Banded:
@@ -82,7 +67,7 @@ class Banded:
     applyTranspose = apply
 
 
-@njit(**_OPTIONS)
+@njit(**STRICT)
 def _bandwidth(start: Any, column: Any) -> int:
     """Return how far the entries of compressed rows reach from the diagonal to the left."""
     width = 0
@@ -92,7 +77,7 @@ def _bandwidth(start: Any, column: Any) -> int:
     return width
 
 
-@njit(**_OPTIONS)
+@njit(**STRICT)
 def _lower_band(start: Any, column: Any, values: Array, width: int) -> Array:
     """Return the entries on and below the diagonal, shape ``(n, width + 1)``: row ``j`` holds column ``j`` from the diagonal on.
 

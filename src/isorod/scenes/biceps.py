@@ -151,10 +151,12 @@ class Biceps:
 
         Bodies are the branches at ``x < 0`` and ``x > 0``; supports the lower and the upper end of the one, then of the other.
         """
-        from isorod.contact.tables import Contact
-        from isorod.material.law import NeoHookean
         from isorod.material.muscle import Muscle
-        from isorod.model.model import Body, Model, Support
+        from isorod.material.neo_hookean import NeoHookean
+        from isorod.model.body import Body
+        from isorod.model.contact import Contact
+        from isorod.model.model import Model
+        from isorod.model.support import Support
         from isorod.space.space import Space
 
         if self.fibre not in ("y", "tangent"):

@@ -70,8 +70,10 @@ class Blade:
 
     def model(self) -> "Model":
         """Return the model: linear elastic, root clamped."""
-        from isorod.material.law import LinearElastic
-        from isorod.model.model import Body, Model, Support
+        from isorod.material.linear_elastic import LinearElastic
+        from isorod.model.body import Body
+        from isorod.model.model import Model
+        from isorod.model.support import Support
         from isorod.space.space import Space
 
         rod = self.rod()

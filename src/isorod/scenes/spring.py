@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, ClassVar
 
 from isorod.errors import InputError
 from isorod.geometry import section
-from isorod.geometry.rod import Rod, helix
+from isorod.geometry.center_line import helix
+from isorod.geometry.rod import Rod
 from isorod.scenes import option
 
 if TYPE_CHECKING:
@@ -53,8 +54,10 @@ class Spring:
 
         Warns where neighbouring coils overlap.
         """
-        from isorod.material.law import NeoHookean
-        from isorod.model.model import Body, Model, Support
+        from isorod.material.neo_hookean import NeoHookean
+        from isorod.model.body import Body
+        from isorod.model.model import Model
+        from isorod.model.support import Support
         from isorod.space.space import Space
 
         if self.elements_per_turn < ARCS_PER_TURN or self.elements_per_turn % ARCS_PER_TURN:

@@ -1,16 +1,13 @@
 """What `isorod.space.polynomial` computes over the points of a section, compiled."""
 
-from typing import Any
-
 import numpy as np
 from numba import njit
 
 from isorod.arrays import Array, Index
+from isorod.compiled import STRICT
 
-_OPTIONS: Any = {"cache": True, "error_model": "numpy"}
 
-
-@njit(**_OPTIONS)
+@njit(**STRICT)
 def principal_frame(
     polygon: Array, area: Array, values: Array, first: Array, second: Array
 ) -> tuple[Array, Array, Array]:
@@ -39,7 +36,7 @@ def principal_frame(
     return (polygon - centroid) @ axes / (0.5 * extents), extents, share
 
 
-@njit(**_OPTIONS)
+@njit(**STRICT)
 def orthogonalise(polygon: Array, share: Array, values: Array, powers: Index) -> Array:
     """Return the matrix that makes monomials orthogonal over the section, shape ``(count, count)``."""
     first, second = _monomials(values @ polygon, powers.max())
@@ -55,7 +52,7 @@ def orthogonalise(polygon: Array, share: Array, values: Array, powers: Index) ->
     return np.linalg.inv(triangle)
 
 
-@njit(**_OPTIONS)
+@njit(**STRICT)
 def functions(harmonic: Array, slopes: Array, polygon: Array, powers: Index, mix: Array) -> tuple[Array, Array]:
     """Return values ``(m, count)`` and gradients ``(m, count, 2)`` by the disk's coordinates, from the harmonic functions'."""
     points, count = harmonic.shape[0], powers.shape[0]
@@ -85,7 +82,7 @@ def functions(harmonic: Array, slopes: Array, polygon: Array, powers: Index, mix
     return values, gradients
 
 
-@njit(**_OPTIONS)
+@njit(**STRICT)
 def _monomials(place: Array, degree: int) -> tuple[Array, Array]:
     """Return the powers of both coordinates ``(m, 2)`` up to the highest there is, shape ``(m, degree + 1)`` each."""
     first = np.ones((place.shape[0], degree + 1))

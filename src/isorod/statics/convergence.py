@@ -12,9 +12,7 @@ from scipy.sparse import csr_matrix
 
 from isorod.arrays import Array
 from isorod.assembly.assembler import Assembler
-
-# Relative error of a stress, in units of the stiffness, that is taken for rounding of the deformation gradient.
-ROUNDING = 1e-15
+from isorod.assembly.part import ROUNDING
 
 # Out-of-balance force, in units of that after the predictor, above which a load step is given up: Newton's iterations that leave like
 # this may come back to another equilibrium.

@@ -1,15 +1,15 @@
 """Cholesky factors within the profile (skyline) of a matrix, and what a compiled time step solves with them."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numba import njit, types
+from numba import b1, njit, types, void
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from isorod.arrays import Array
+from isorod.compiled import F1, FAST, U1, U2
 
-_OPTIONS: Any = {"cache": True, "fastmath": {"contract", "reassoc", "nsz"}, "error_model": "numpy"}
 _0, _1, _2 = (np.uint64(k) for k in range(3))
 
 
@@ -40,10 +40,7 @@ class Factors(NamedTuple):
     places: NDArray[np.uint64]
 
 
-_f = types.float64
-_F1 = types.Array(_f, 1, "C")
-_U1, _U2 = types.Array(types.uint64, 1, "C"), types.Array(types.uint64, 2, "C")
-FACTORS = types.NamedTuple([_U2, _U1, _U1, _F1, _F1, _U2], Factors)
+FACTORS = types.NamedTuple([U2, U1, U1, F1, F1, U2], Factors)
 
 
 def factorise(matrix: csr_matrix) -> tuple[NDArray[np.uint64], NDArray[np.uint64], Array, Array] | None:
@@ -63,7 +60,7 @@ def factorise(matrix: csr_matrix) -> tuple[NDArray[np.uint64], NDArray[np.uint64
     return (*profile, values, diagonal) if _factorise(*profile, values, diagonal) else None
 
 
-@njit(types.boolean(_U1, _U1, _F1, _F1), **_OPTIONS)
+@njit(b1(U1, U1, F1, F1), **FAST)
 def _factorise(first: NDArray[np.uint64], starts: NDArray[np.uint64], values: Array, diagonal: Array) -> bool:
     """Replace a matrix within its profile by its factor; return whether it is positive definite."""
     for i in range(np.uint64(diagonal.size)):
@@ -85,7 +82,7 @@ def _factorise(first: NDArray[np.uint64], starts: NDArray[np.uint64], values: Ar
     return True
 
 
-@njit(types.void(FACTORS, _F1, _F1), **_OPTIONS)
+@njit(void(FACTORS, F1, F1), **FAST)
 def solve(factors: Factors, momenta: Array, velocity: Array) -> None:
     """Fill the free part of ``velocity`` with that of momenta divided by the mass; both are state vectors.
 

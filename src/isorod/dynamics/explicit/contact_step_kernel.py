@@ -1,27 +1,22 @@
 """The compiled steps of `isorod.dynamics.explicit.step_kernel` with contact; loaded by models that have contacts."""
 
-from typing import Any
-
 import numpy as np
-from numba import njit, types
+from numba import f8, i8, njit, types, u8
 from numpy.typing import NDArray
 
 from isorod.arrays import Array
+from isorod.compiled import F1, F2, STRICT
 from isorod.contact.force_kernel import PACKED, Packed, add_forces
 from isorod.dynamics.explicit.cholesky import FACTORS, Factors
-from isorod.dynamics.explicit.element_kernel import MESH, Mesh
 from isorod.dynamics.explicit.end_faces import FACES, Faces
 from isorod.dynamics.explicit.end_faces import add_forces as add_face_forces
+from isorod.dynamics.explicit.mesh import MESH, Mesh
 from isorod.dynamics.explicit.step_kernel import BLOWN, COURSE, DONE, INVERTED, LOST, MOTION, Course, Motion, load, move
 
-_f = types.float64
-_F1 = types.Array(_f, 1, "C")
-_F2 = types.Array(_f, 2, "C")
-_PLACES = types.Array(types.uint64, 1, "C")
-_OPTIONS: Any = {"cache": True, "error_model": "numpy"}
+_PLACES = types.Array(u8, 1, "C")
 
 
-@njit(types.UniTuple(_f, 7)(PACKED, FACES, _F1, _PLACES, _F1, _F1, _F2, _F2), **_OPTIONS)
+@njit(types.UniTuple(f8, 7)(PACKED, FACES, F1, _PLACES, F1, F1, F2, F2), **STRICT)
 def subtract(
     packed: Packed,
     faces: Faces,
@@ -41,7 +36,7 @@ def subtract(
     reference
         Coefficients of the undeformed bodies, numbered as the model's degrees of freedom, shape ``(dofs,)``.
     places
-        From `isorod.dynamics.explicit.system.order`, shape ``(dofs,)``.
+        From `isorod.dynamics.explicit.mesh.order`, shape ``(dofs,)``.
     displacement, forces
         State vectors.
     positions, scratch
@@ -70,9 +65,7 @@ def subtract(
     return energy, normal, area, deepest, x, y, z
 
 
-@njit(
-    types.UniTuple(types.int64, 2)(MESH, MOTION, FACTORS, COURSE, types.int64, PACKED, FACES, _F1, _PLACES), **_OPTIONS
-)
+@njit(types.UniTuple(i8, 2)(MESH, MOTION, FACTORS, COURSE, i8, PACKED, FACES, F1, _PLACES), **STRICT)
 def advance(
     mesh: Mesh,
     motion: Motion,

@@ -8,22 +8,12 @@ the compiler see that rows do not overlap.
 A state vector holds layer by layer the x, then the y, then the z components of all nodes of the layer.
 """
 
-from typing import Any, NamedTuple
-
 import numpy as np
-from numba import njit, types
-from numpy.typing import NDArray
+from numba import b1, f8, njit, types, u8, void
 
 from isorod.arrays import Array
-
-_OPTIONS: Any = {"cache": True, "fastmath": {"contract", "reassoc", "nsz", "arcp"}, "error_model": "numpy"}
-
-# Points in a block: half of those in a section of order 2 with 8 control points.  Measured: blocks of 16 or less are unrolled before they
-# are vectorised, and three times slower, those of 24 in part.
-POINTS = 32
-
-# Rows of a block's geometry: the inverse Jacobian (9), the volume, the fibre (3), and the fibre seen from the disk x axis (3).
-GEOMETRY = 16
+from isorod.compiled import F1, FAST
+from isorod.dynamics.explicit.mesh import GEOMETRY, MESH, POINTS, Mesh
 
 # Rows of the work space: gradients, later stresses, on disk x axis (9), F (9), det F, ln det F, fibre n = F f (3), its length
 # (the stretch), and exp(m2 (stretch^2 - 1)) - 1.
@@ -34,42 +24,10 @@ _0, _1, _2, _3, _4, _5, _6, _9 = (np.uint64(k) for k in (0, 1, 2, 3, 4, 5, 6, 9)
 _R = tuple(np.uint64(POINTS * k) for k in range(max(GEOMETRY, WORK)))
 
 
-class Mesh(NamedTuple):
-    """The elements of all bodies as plain arrays; made by `isorod.dynamics.explicit.system.pack`.
-
-    Attributes
-    ----------
-    elements
-        ``n`` (section functions), blocks in the section, points along the axis, axis functions, and where the element's rows begin in
-        ``sections``, ``axial`` and ``geometry``; shape ``(E, 7)``.
-    layers
-        Where each layer of an element begins in a state vector, shape ``(E, l)``.
-    sections
-        For each body, block and section function: ``dS/dxi_1, dS/dxi_2, S`` at the points.
-    axial
-        For each element and point along it: ``R`` of each axis function, then ``dR/du``.
-    geometry
-        For each element, point along it and block: ``GEOMETRY`` rows.
-    laws
-        ``mu, lame``, active fibre stress at full activation, ``m1, m2``; shape ``(E, 5)``.
-    """
-
-    elements: NDArray[np.uint64]
-    layers: NDArray[np.uint64]
-    sections: Array
-    axial: Array
-    geometry: Array
-    laws: Array
+_u, f8 = u8, f8
 
 
-_F1 = types.Array(types.float64, 1, "C")
-_F2 = types.Array(types.float64, 2, "C")
-_U2 = types.Array(types.uint64, 2, "C")
-MESH = types.NamedTuple([_U2, _U2, _F1, _F1, _F1, _F2], Mesh)
-_u, _f = types.uint64, types.float64
-
-
-@njit(types.void(_F1, _u, _F1, _u, _F1), **_OPTIONS)
+@njit(void(F1, _u, F1, _u, F1), **FAST)
 def _gradients(sections: Array, start: int, coefficients: Array, n: int, work: Array) -> None:
     """Fill rows 0-8 of the work space with the gradients on disk x axis at the points of a block."""
     for k in range(_9 * _W):
@@ -109,7 +67,7 @@ def _gradients(sections: Array, start: int, coefficients: Array, n: int, work: A
         i += _1
 
 
-@njit(types.UniTuple(_f, 2)(_F1, _u, _F1), **_OPTIONS)
+@njit(types.UniTuple(f8, 2)(F1, _u, F1), **FAST)
 def _deform(geometry: Array, g: int, work: Array) -> tuple[float, float]:
     """Fill rows 9-18 with ``F`` and ``det F``; return the number of points where it is not positive, and where not in [1/2, 2]."""
     for k in range(_W):
@@ -143,7 +101,7 @@ def _deform(geometry: Array, g: int, work: Array) -> tuple[float, float]:
     return inverted, far
 
 
-@njit(types.void(_F1, types.boolean), **_OPTIONS)
+@njit(void(F1, b1), **FAST)
 def _logarithms(work: Array, far: bool) -> None:
     """Fill row 19 with ``ln det F``: by a series that is exact to rounding in [1/2, 2], or anywhere by the library."""
     if far:
@@ -165,7 +123,7 @@ def _logarithms(work: Array, far: bool) -> None:
         work[_R[19] + k] = 2.0 * z * (1.0 + x * (1.0 / 3.0 + x * y))
 
 
-@njit(types.void(_F1, _u, _f, _f, _F1), **_OPTIONS)
+@njit(void(F1, _u, f8, f8, F1), **FAST)
 def _matrix_stress(geometry: Array, g: int, mu: float, lame: float, work: Array) -> None:
     """Fill rows 0-8 with the neo-Hookean ``P``, times the volume, on disk x axis: ``w P J^-T``."""
     for k in range(_W):
@@ -199,7 +157,7 @@ def _matrix_stress(geometry: Array, g: int, mu: float, lame: float, work: Array)
         work[_R[8] + k] = p0 * i20 + p1 * i21 + p2 * i22
 
 
-@njit(types.void(_F1, _u, _f, _F1), **_OPTIONS)
+@njit(void(F1, _u, f8, F1), **FAST)
 def _stretches(geometry: Array, g: int, m2: float, work: Array) -> None:
     """Fill rows 20-24 with ``n = F f``, its length, and ``exp(m2 (stretch^2 - 1)) - 1`` where the fibre is stretched, else 0."""
     for k in range(_W):
@@ -234,7 +192,7 @@ def _stretches(geometry: Array, g: int, m2: float, work: Array) -> None:
         work[_R[24] + k] = x * (1.0 + x * 0.5 * y)
 
 
-@njit(types.void(_F1, _u, _f, _f, _F1), **_OPTIONS)
+@njit(void(F1, _u, f8, f8, F1), **FAST)
 def _add_fibre_stress(geometry: Array, g: int, active: float, m1: float, work: Array) -> None:
     """Add ``w T/stretch (F f) (J^-1 f)`` to rows 0-8, ``T`` the fibre's tension (eqs. 18, 19 of the paper, as in `isorod.material.muscle`)."""
     for k in range(_W):
@@ -250,7 +208,7 @@ def _add_fibre_stress(geometry: Array, g: int, active: float, m1: float, work: A
             work[a * _R[3] + _R[2] + k] += x * geometry[g + _R[15] + k]
 
 
-@njit(types.void(_F1, _u, _F1, _u, _F1), **_OPTIONS)
+@njit(void(F1, _u, F1, _u, F1), **FAST)
 def _add_resultants(sections: Array, start: int, work: Array, n: int, resultants: Array) -> None:
     """Add the integrals of rows 0-8 against the section functions: those of the section, then those along the axis."""
     n3 = _3 * n
@@ -273,7 +231,7 @@ def _add_resultants(sections: Array, start: int, work: Array, n: int, resultants
         resultants[n3 + _2 * n + i] += y2
 
 
-@njit(types.void(MESH, _u, _u, _F1, _F1), **_OPTIONS)
+@njit(void(MESH, _u, _u, F1, F1), **FAST)
 def _coefficients(mesh: Mesh, e: int, t: int, u: Array, coefficients: Array) -> None:
     """Fill in the section coefficients of ``u`` at a point along the axis and, behind them, their derivatives."""
     n3 = _3 * mesh.elements[e, _0]
@@ -289,7 +247,7 @@ def _coefficients(mesh: Mesh, e: int, t: int, u: Array, coefficients: Array) -> 
             coefficients[n3 + k] += slope * u[layer + k]
 
 
-@njit(_f(MESH, _F1, _f, _F1), **_OPTIONS)
+@njit(f8(MESH, F1, f8, F1), **FAST)
 def internal_forces(mesh: Mesh, u: Array, activation: float, forces: Array) -> float:
     """Fill ``forces`` with the internal forces of the displacement ``u``; return the number of points with ``det F <= 0`` (or NaN).
 
@@ -337,7 +295,7 @@ def internal_forces(mesh: Mesh, u: Array, activation: float, forces: Array) -> f
     return inverted
 
 
-@njit(types.UniTuple(_f, 2)(MESH, _F1), **_OPTIONS)
+@njit(types.UniTuple(f8, 2)(MESH, F1), **FAST)
 def energies(mesh: Mesh, u: Array) -> tuple[float, float]:
     """Return the stored energy of matrix and passive fibres, and that of the active ones at full activation."""
     coefficients = np.empty(np.int64(_6 * np.max(mesh.elements[:, 0])))

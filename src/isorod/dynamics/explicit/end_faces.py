@@ -1,17 +1,16 @@
 """Contact of the end faces of rods with rigid planes, for explicit dynamics: the penalty of `isorod.contact` at the points of a face."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numba import njit, types
+from numba import f8, i8, njit, types
 
 from isorod.arrays import Array, Index
-from isorod.contact.tables import Plane
+from isorod.compiled import F1, F2, STRICT
 from isorod.errors import InputError
 from isorod.geometry.quadrature import section_points
+from isorod.model.contact import Plane
 from isorod.model.model import Model
-
-_OPTIONS: Any = {"cache": True, "error_model": "numpy"}
 
 
 class Faces(NamedTuple):
@@ -38,9 +37,7 @@ class Faces(NamedTuple):
     carries: Array
 
 
-_f = types.float64
-_F1, _F2 = types.Array(_f, 1, "C"), types.Array(_f, 2, "C")
-FACES = types.NamedTuple([types.Array(types.int64, 2, "C"), _F2, _F2, _F1, _F1], Faces)
+FACES = types.NamedTuple([types.Array(i8, 2, "C"), F2, F2, F1, F1], Faces)
 
 
 def pack(model: Model) -> Faces:
@@ -75,7 +72,7 @@ def pack(model: Model) -> Faces:
     )
 
 
-@njit(types.UniTuple(_f, 4)(FACES, _F2, _F2), **_OPTIONS)
+@njit(types.UniTuple(f8, 4)(FACES, F2, F2), **STRICT)
 def add_forces(faces: Faces, positions: Array, forces: Array) -> tuple[float, float, float, float]:
     """Add the forces on the faces; parameters and result are those of `isorod.contact.force_kernel.add_forces`."""
     energy = force = area = deepest = 0.0

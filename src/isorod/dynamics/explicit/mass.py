@@ -24,7 +24,8 @@ from isorod.arrays import Array, Index
 from isorod.assembly import element_kernel
 from isorod.dynamics.explicit.cholesky import Factors, factorise
 from isorod.errors import InputError
-from isorod.model.model import Body, Model
+from isorod.model.body import Body
+from isorod.model.model import Model
 from isorod.space.space import Table
 
 # The stiffness that is allowed for, in ``G``: three bounds that of isotropic bodies at rest, as ``div^2 <= 3 |grad|^2``; 1.5 was measured of
@@ -42,7 +43,7 @@ class Mass:
     model
         Bodies with densities.
     places
-        From `isorod.dynamics.explicit.system.order`, shape ``(dofs,)``.
+        From `isorod.dynamics.explicit.mesh.order`, shape ``(dofs,)``.
 
     Attributes
     ----------

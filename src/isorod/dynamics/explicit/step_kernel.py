@@ -4,18 +4,17 @@
 ``omega dt = 2`` with or without damping.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numba import njit, types
+from numba import b1, f8, i8, njit, types, u8
 from numpy.typing import NDArray
 
 from isorod.arrays import Array
+from isorod.compiled import F1, STRICT
 from isorod.dynamics.explicit.cholesky import FACTORS, Factors, solve
-from isorod.dynamics.explicit.element_kernel import MESH, Mesh, energies, internal_forces
-
-# Forces, and velocities from momenta, are sums whose order the compiler chose once; here nothing is reordered.
-_OPTIONS: Any = {"cache": True, "error_model": "numpy"}
+from isorod.dynamics.explicit.element_kernel import energies, internal_forces
+from isorod.dynamics.explicit.mesh import MESH, Mesh
 
 # Outcomes of a run of steps: done; det F <= 0; more kinetic energy than there can be; no closest point found in contact.
 DONE, INVERTED, BLOWN, LOST = 0, 1, 2, 3
@@ -70,13 +69,11 @@ class Course(NamedTuple):
     limit: float
 
 
-_f = types.float64
-_F1 = types.Array(_f, 1, "C")
-MOTION = types.NamedTuple([_F1, _F1, _F1, _F1, types.Array(types.uint64, 1, "C"), _F1, _F1], Motion)
-COURSE = types.NamedUniTuple(_f, 5, Course)
+MOTION = types.NamedTuple([F1, F1, F1, F1, types.Array(u8, 1, "C"), F1, F1], Motion)
+COURSE = types.NamedUniTuple(f8, 5, Course)
 
 
-@njit(_f(_f, _f), **_OPTIONS)
+@njit(f8(f8, f8), **STRICT)
 def activation(time: float, ramp: float) -> float:
     """Return the share of the full activation at a time."""
     if time >= ramp or ramp <= 0.0:
@@ -84,7 +81,7 @@ def activation(time: float, ramp: float) -> float:
     return max(time, 0.0) / ramp
 
 
-@njit(_f(MESH, MOTION, COURSE, types.int64), **_OPTIONS)
+@njit(f8(MESH, MOTION, COURSE, i8), **STRICT)
 def load(mesh: Mesh, motion: Motion, course: Course, k: int) -> float:
     """Evaluate the internal forces of step ``k`` of a run and its share of ``sum W dalpha``; return the number of inverted points."""
     time = course.begin + k * course.step
@@ -96,7 +93,7 @@ def load(mesh: Mesh, motion: Motion, course: Course, k: int) -> float:
     return internal_forces(mesh, motion.displacement, now, motion.forces)
 
 
-@njit(types.boolean(MOTION, FACTORS, COURSE), **_OPTIONS)
+@njit(b1(MOTION, FACTORS, COURSE), **STRICT)
 def move(motion: Motion, factors: Factors, course: Course) -> bool:
     """Take one step with the forces evaluated; return whether the kinetic energy stays below the limit."""
     u, v, p, dt = motion.displacement, motion.velocity, motion.momenta, course.step
@@ -120,7 +117,7 @@ def move(motion: Motion, factors: Factors, course: Course) -> bool:
     return 0.5 * after <= course.limit
 
 
-@njit(types.UniTuple(types.int64, 2)(MESH, MOTION, FACTORS, COURSE, types.int64), **_OPTIONS)
+@njit(types.UniTuple(i8, 2)(MESH, MOTION, FACTORS, COURSE, i8), **STRICT)
 def advance(mesh: Mesh, motion: Motion, factors: Factors, course: Course, steps: int) -> tuple[int, int]:
     """Take a number of steps without contact; return how many were taken, and the outcome."""
     for k in range(steps):

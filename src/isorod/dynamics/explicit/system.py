@@ -9,11 +9,11 @@ from isorod.arrays import Array, Index
 from isorod.assembly import element_kernel
 from isorod.dynamics.explicit import step_kernel
 from isorod.dynamics.explicit.cholesky import solve
-from isorod.dynamics.explicit.element_kernel import GEOMETRY, POINTS, Mesh, internal_forces
+from isorod.dynamics.explicit.element_kernel import internal_forces
 from isorod.dynamics.explicit.mass import Mass
+from isorod.dynamics.explicit.mesh import GEOMETRY, POINTS, order, pack
 from isorod.dynamics.explicit.step_kernel import Course, Motion
-from isorod.errors import InputError
-from isorod.model.model import Body, Model
+from isorod.model.model import Model
 from isorod.tensors import determinant
 
 if TYPE_CHECKING:
@@ -26,80 +26,6 @@ _MIXED = 0.05
 
 # What `isorod.contact.force_kernel.Packed` holds besides history and work space.
 _FIXED = ("surfaces", "turns", "layers", "passes", "penalty", "rigid", "around", "along", "areas")
-
-
-def order(model: Model) -> Index:
-    """Return the place of each degree of freedom in a state vector (see `isorod.dynamics.explicit.element_kernel`), shape ``(dofs,)``."""
-    places = []
-    for body, first in zip(model.bodies, model.first_node[:-1], strict=True):
-        size = body.space.layer_nodes
-        local = np.arange(body.space.nodes)[:, None]
-        places.append(3 * first + 3 * size * (local // size) + size * np.arange(3) + local % size)
-    return np.concatenate(places).ravel()
-
-
-def pack(model: Model) -> Mesh:
-    """Return the elements of all bodies as plain arrays.
-
-    Raises
-    ------
-    InputError
-        If a law is neither neo-Hookean nor muscle.
-    """
-    elements, layers, laws = [], [], []
-    sections: list[Array] = []
-    axial: list[Array] = []
-    geometry: list[Array] = []
-    longest = max(body.space.axis.degree for body in model.bodies) + 1
-    for index, (body, first) in enumerate(zip(model.bodies, model.first_node[:-1], strict=True)):
-        space = body.space
-        table = space.tabulate(0, space.axis.elements)
-        points = table.section.shape[0]
-        blocks = -(-points // POINTS)
-        along, functions = table.axial.shape[1:]
-        rows = np.zeros((space.axis.elements, 7), dtype=np.uint64)
-        rows[:, :4] = space.layer_nodes, blocks, along, functions
-        each = np.arange(space.axis.elements)
-        rows[:, 4] = sum(part.size for part in sections)
-        rows[:, 5] = sum(part.size for part in axial) + each * (2 * along * functions)
-        rows[:, 6] = sum(part.size for part in geometry) + each * (along * blocks * GEOMETRY * POINTS)
-        elements.append(rows)
-        layer = np.zeros((space.axis.elements, longest), dtype=np.uint64)
-        layer[:, :functions] = 3 * (first + space.layer_nodes * space.element_layers)
-        layers.append(layer)
-        sections.append(_blocks(table.section.transpose(2, 1, 0)).transpose(2, 0, 1, 3).ravel())
-        axial.append(np.stack([table.axial, table.slopes], axis=2).ravel())
-        fibres = body.fibres(table)
-        inside = np.einsum("etqdA,etqA->etqd", table.inverse, fibres)
-        flat = table.inverse.reshape(*table.weights.shape, 9)
-        values = np.concatenate([flat, table.weights[..., None], fibres, inside], axis=-1)
-        geometry.append(_blocks(np.moveaxis(values, -1, 2)).swapaxes(2, 3).ravel())
-        laws.append(element_laws(body, index))
-    return Mesh(
-        elements=np.concatenate(elements),
-        layers=np.concatenate(layers),
-        sections=np.concatenate(sections),
-        axial=np.concatenate(axial),
-        geometry=np.concatenate(geometry),
-        laws=np.concatenate(laws),
-    )
-
-
-def _blocks(values: Array) -> Array:
-    """Return the last axis cut in blocks of ``POINTS``, the last one filled up with zeros, shape ``(..., blocks, POINTS)``."""
-    short = -values.shape[-1] % POINTS
-    values = np.concatenate([values, np.zeros((*values.shape[:-1], short))], axis=-1)
-    return values.reshape(*values.shape[:-1], -1, POINTS)
-
-
-def element_laws(body: Body, index: int) -> Array:
-    """Return `isorod.model.Body.parameters` of a body with its fibres' stress at their final activation, shape ``(elements, 5)``."""
-    try:
-        laws = body.parameters()
-    except InputError as problem:
-        raise InputError(f"body {index}: {problem}") from None
-    laws[:, 2] *= [getattr(law, "activation", 0.0) for law in body.laws]
-    return laws
 
 
 class System:

@@ -17,23 +17,13 @@ from petsc4py import PETSc
 
 from isorod.arrays import Array
 from isorod.assembly.assembler import Assembler
-from isorod.assembly.part import Part
-from isorod.dynamics.explicit.system import element_laws
+from isorod.assembly.part import ROUNDING, Part
 from isorod.dynamics.implicit.stress_kernel import contract, evaluate
-from isorod.model.model import Body, Model
-from isorod.options import defaults
-from isorod.statics.analysis import factorisation
-from isorod.statics.convergence import ROUNDING
+from isorod.model.body import Body, element_laws
+from isorod.model.model import Model
 
 if TYPE_CHECKING:
     from isorod.dynamics.implicit.contact import MidpointContact
-
-# What a user's option overrides.
-OPTIONS = {"snes_linesearch_type": "bt", "snes_rtol": 1e-10, "snes_max_it": 25, "ksp_type": "preonly"}
-
-# Where Newton's iterations no longer reduce the out-of-balance force by this factor, so many times its rounding is accepted.
-_STALLED = 0.3
-_NOISE = 10.0
 
 
 class MotionPart(Part):
@@ -171,74 +161,3 @@ class MotionAssembler(Assembler):
             # Inertia acts on changes, which are small, and adds no rounding to speak of.
             self.rounding = ROUNDING * self.model.size * np.sqrt(self.unknowns) * max(largest - light, 0.0)
         return matrices
-
-
-class Newton:
-    """SNES on the balance of a step.
-
-    Attributes
-    ----------
-    iterations
-        Newton iterations so far.
-    """
-
-    def __init__(self, assembler: MotionAssembler) -> None:
-        self.assembler = assembler
-        self.iterations = 0
-        self.matrix = assembler.matrix()
-        for option in (PETSc.Mat.Option.SYMMETRY_ETERNAL, PETSc.Mat.Option.SYMMETRIC):
-            self.matrix.setOption(option, False)
-        self.x = assembler.vector()
-        self._factor = 0.0
-        self._last = np.inf
-        with defaults(OPTIONS | _direct(assembler)) as typed:
-            self.snes = PETSc.SNES().create(assembler.comm)
-            self.snes.setFunction(self._residual, assembler.vector())
-            self.snes.setJacobian(self._tangent, self.matrix)
-            self.snes.setFromOptions()
-            if "snes_atol" not in typed:
-                self.snes.setConvergenceTest(self._test)
-
-    def solve(self, guess: Array, factor: float) -> Array | None:
-        """Return the change of displacement (all degrees of freedom) from a guess of it; None where SNES diverges."""
-        self._factor = factor
-        self._last = np.inf
-        self.assembler.state(guess).copy(self.x)
-        self.snes.solve(None, self.x)
-        self.iterations += self.snes.getIterationNumber()
-        if self.snes.getConvergedReason() < 0 and not self._accurate():
-            return None
-        change = np.zeros(self.assembler.model.dofs)
-        change[self.assembler.model.free >= 0] = self.x.array_r
-        return change
-
-    def _accurate(self) -> bool:
-        # A line search finds no lower residual where there is none.
-        return self._last <= _NOISE * self.assembler.rounding
-
-    def _residual(self, snes: PETSc.SNES, x: PETSc.Vec, out: PETSc.Vec) -> None:
-        self.assembler.residual(x, self._factor, out)
-
-    def _tangent(self, snes: PETSc.SNES, x: PETSc.Vec, J: PETSc.Mat, P: PETSc.Mat) -> None:
-        self.assembler.tangent(x, self._factor, P)
-        if J.handle != P.handle:
-            J.assemble()
-
-    def _test(self, snes: PETSc.SNES, iteration: int, norms: tuple[float, float, float]) -> PETSc.SNES.ConvergedReason:
-        reasons = PETSc.SNES.ConvergedReason
-        force = norms[2]
-        if not np.isfinite(force):
-            return reasons.DIVERGED_FNORM_NAN
-        stalled = iteration > 0 and force > _STALLED * self._last
-        self._last = force
-        if force <= snes.getTolerances()[0] * self.assembler.amount:
-            return reasons.CONVERGED_FNORM_RELATIVE
-        if stalled and force <= _NOISE * self.assembler.rounding:
-            return reasons.CONVERGED_FNORM_ABS
-        return reasons.CONVERGED_ITERATING
-
-
-def _direct(assembler: Assembler) -> dict[str, object]:
-    """Return the options of the direct solver: that of statics, but the tangent of a step is not symmetric."""
-    chosen = factorisation(assembler, symmetric=False)
-    return chosen | {"pc_type": "lu"} if chosen else chosen

@@ -11,9 +11,10 @@ from isorod.dynamics.explicit.element_kernel import energies
 from isorod.dynamics.explicit.run import IMBALANCE, Run
 from isorod.dynamics.explicit.step_kernel import activation
 from isorod.dynamics.explicit.system import System
-from isorod.dynamics.implicit.assembler import MotionAssembler, Newton
+from isorod.dynamics.implicit.assembler import MotionAssembler
+from isorod.dynamics.implicit.newton import Newton
 from isorod.errors import InputError, SolveError
-from isorod.petsc.matrix import solver_types
+from isorod.petsc.library import solver_types
 
 # A step is halved at most so often.
 _HALVINGS = 10

@@ -10,29 +10,18 @@ second order, and nothing is divided by ``|D|``.  With ``P = F_m S``, ``F_m`` th
 no resultant and no moment.
 """
 
-from typing import Any
-
 import numpy as np
-from numba import njit
+from numba import f8, njit, types, void
 
 from isorod.arrays import Array
-from isorod.material.law import cofactors
+from isorod.compiled import F1, F2, F3, F4, F5, FAST, STRICT, cofactors
 from isorod.material.muscle import ACTIVE_RANGE
-
-_OPTIONS: Any = {"cache": True, "error_model": "numpy"}
-# Sums may be reordered where no state is advanced.
-_FAST: Any = _OPTIONS | {"fastmath": {"contract", "reassoc", "nsz", "arcp"}}
-_D1 = "f8[::1]"
-_D2 = "f8[:,::1]"
-_D3 = "f8[:,:,::1]"
-_D4 = "f8[:,:,:,::1]"
-_D5 = "f8[:,:,:,:,::1]"
 
 # Below this a difference quotient's derivative is taken from its power series.
 _SERIES = 1e-3
 
 
-@njit("UniTuple(f8, 2)(f8)", **_OPTIONS)
+@njit(types.UniTuple(f8, 2)(f8), **STRICT)
 def _log_quotient(x: float) -> tuple[float, float]:
     """Return ``log(1 + x) / x`` and its derivative."""
     if abs(x) < _SERIES:
@@ -42,7 +31,7 @@ def _log_quotient(x: float) -> tuple[float, float]:
     return value, (1.0 / (1.0 + x) - value) / x
 
 
-@njit("UniTuple(f8, 2)(f8)", **_OPTIONS)
+@njit(types.UniTuple(f8, 2)(f8), **STRICT)
 def _exp_quotient(y: float) -> tuple[float, float]:
     """Return ``(exp(y) - 1) / y`` and its derivative."""
     if abs(y) < _SERIES:
@@ -52,7 +41,7 @@ def _exp_quotient(y: float) -> tuple[float, float]:
     return value, (np.exp(y) - value) / y
 
 
-@njit(f"UniTuple(f8, 2)(f8, f8, {_D1}, f8)", **_OPTIONS)
+@njit(types.UniTuple(f8, 2)(f8, f8, F1, f8), **STRICT)
 def fibre_quotient(before: float, change: float, parameters: Array, activation: float) -> tuple[float, float]:
     """Return the fibre energy's difference quotient over ``c = lambda^2``, and its derivative by the ``c`` at the end.
 
@@ -99,7 +88,7 @@ def fibre_quotient(before: float, change: float, parameters: Array, activation: 
     return value, slope
 
 
-@njit(f"void({_D3}, {_D3}, {_D1}, {_D2}, f8, {_D3}, {_D5})", **_OPTIONS)
+@njit(void(F3, F3, F1, F2, f8, F3, F5), **STRICT)
 def evaluate(
     start: Array, change: Array, parameters: Array, fibres: Array, activation: float, stress: Array, moduli: Array
 ) -> None:
@@ -220,7 +209,7 @@ def evaluate(
                         moduli[m, a, A, b, B] = value
 
 
-@njit(f"void({_D1}, {_D5}, {_D3}, {_D4})", **_FAST)
+@njit(void(F1, F5, F3, F4), **FAST)
 def contract(weights: Array, moduli: Array, gradient: Array, out: Array) -> None:
     """Fill ``out`` ``(points, 3, 9, n)``, index ``A, (a, b), k``, with weighted moduli times the gradients of functions ``k``.
 

@@ -1,0 +1,64 @@
+"""The direct solver that suits a model's matrices."""
+
+import numpy as np
+from petsc4py import PETSc
+
+from isorod.assembly.assembler import Assembler
+from isorod.model.model import Model
+from isorod.petsc import banded
+
+# The tangent of rods is banded in the numbering along the axis; where nothing else is typed, LAPACK factorises the band.
+BAND: dict[str, object] = {"pc_type": "python", "pc_python_type": banded.NAME}
+
+# PETSc's own factors, typed or of a tangent that is not symmetric: natural ordering fills nothing in.  Where the band is wide, a
+# supernodal factorisation wins all the same (measured: they meet at about 150 unknowns an element).
+ROWS: dict[str, object] = {
+    "pc_type": "lu",
+    "pc_factor_mat_ordering_type": "natural",
+    # PETSc's own bound is absolute: a modulus of 1e-12 would be refused.
+    "pc_factor_zeropivot": 1e-300,
+}
+
+
+SPARSE: dict[str, object] = {"pc_type": "cholesky", "pc_factor_mat_solver_type": "mumps"}
+
+WIDE = 150
+
+
+def factorisation(assembler: Assembler, prefix: str = "", symmetric: bool = True) -> dict[str, object]:
+    """Return the options of the direct solver that suits a model: `isorod.petsc.banded` where its matrices are, else MUMPS.
+
+    Where a factorisation is typed, its ordering; where another preconditioner is, there are none: it may take some of them for its own.
+    """
+    typed = PETSc.Options().getAll()
+    own = any(name.startswith(f"{prefix}pc_") or name == "mat_type" for name in typed)
+    if typed.get(f"{prefix}pc_type", "lu") not in ("lu", "cholesky"):
+        return {}
+    width = max(3 * body.space.element_nodes.shape[1] for body in assembler.model.bodies)
+    # Contact couples bodies, which are far from each other in the numbering.
+    # The mixed formulation's tangent is indefinite and needs pivots.
+    plain = assembler.contact is None and not _is_mixed(assembler.model) and assembler.comm.getSize() == 1
+    if plain and symmetric and not own and suits(assembler.model):
+        chosen = BAND
+    else:
+        chosen = ROWS if plain and width <= WIDE else SPARSE
+    return {f"{prefix}{name}": value for name, value in chosen.items()}
+
+
+def _is_mixed(model: Model) -> bool:
+    return any(body.formulation == "mixed" for body in model.bodies)
+
+
+# A band this many times wider than the layers of an element holds more zeros than entries.
+_WIDE = 1.5
+
+
+def suits(model: Model) -> bool:
+    """Return whether the unknowns of each element are near each other in their numbering, as those of an open rod are."""
+    for body, first in zip(model.bodies, model.first_node[:-1], strict=True):
+        nodes = first + body.space.element_nodes
+        unknowns = model.free.reshape(-1, 3)[nodes].reshape(nodes.shape[0], -1)
+        reach = unknowns.max(axis=1) - np.where(unknowns < 0, model.dofs, unknowns).min(axis=1)
+        if reach.max() >= _WIDE * unknowns.shape[1]:
+            return False
+    return True

@@ -1,0 +1,80 @@
+"""The command line: our options and PETSc's told apart, scenes' fields as options."""
+
+import argparse
+import dataclasses
+import difflib
+import re
+import types
+import typing
+from collections.abc import Sequence
+from typing import Any, NoReturn
+
+from isorod.errors import InputError
+
+
+class Parser(argparse.ArgumentParser):
+    """An argument parser whose errors are one line (`InputError`)."""
+
+    def __init__(self, *arguments: Any, **keywords: Any) -> None:
+        super().__init__(*arguments, **keywords)
+        # argparse itself takes -1e-3 for an option.
+        self._negative_number_matcher = re.compile(r"-(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$")
+
+    def error(self, message: str) -> NoReturn:
+        """Raise `InputError`."""
+        raise InputError(f"{message} (see {self.prog} --help)")
+
+    def known(self, arguments: Sequence[str]) -> argparse.Namespace:
+        """Parse, and name what is not known together with the nearest option there is."""
+        for word in arguments:
+            # argparse itself makes an empty list of this value.
+            if word.startswith("--") and word.endswith("=--"):
+                self.error(f"argument {word[:-3]}: expected one argument")
+        found, unknown = self.parse_known_args(arguments)
+        if unknown:
+            word = unknown[0].split("=")[0]
+            names = [name for action in self._actions for name in action.option_strings]
+            near = difflib.get_close_matches(word, names, 1)
+            self.error(f"option {word} is not known" + (f"; did you mean {near[0]}?" if near else ""))
+        return found
+
+
+def add_fields(parser: argparse.ArgumentParser, scene_type: Any) -> None:
+    """Make each field of a scene a ``--long-option``; one that is true or false (false where not given) takes no value."""
+    for field in dataclasses.fields(scene_type):
+        kind: Any = field.type
+        if isinstance(kind, types.UnionType):
+            kind = typing.get_args(kind)[0]
+        shown = field.metadata["help"] + ("" if field.default is None else f" ({field.default})")
+        flag = "--" + field.name.replace("_", "-")
+        if kind is bool:
+            parser.add_argument(flag, dest=field.name, action="store_true", help=field.metadata["help"])
+            continue
+        parser.add_argument(flag, dest=field.name, type=kind, default=field.default, metavar=kind.__name__, help=shown)
+
+
+def field_values(found: argparse.Namespace, scene_type: Any) -> dict[str, Any]:
+    """Return a scene's fields as parsed."""
+    return {field.name: getattr(found, field.name) for field in dataclasses.fields(scene_type)}
+
+
+def split(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Return our arguments and PETSc's.
+
+    A PETSc option is a single dash and a letter; the word behind it is its value unless that starts an option itself (a
+    negative number does not).
+    """
+    ours: list[str] = []
+    theirs: list[str] = []
+    k = 0
+    while k < len(arguments):
+        word = arguments[k]
+        k += 1
+        if not re.match(r"-[A-Za-z]", word) or word == "-h":
+            ours.append(word)
+            continue
+        theirs.append(word)
+        if k < len(arguments) and not re.match(r"-{1,2}[A-Za-z]", arguments[k]):
+            theirs.append(arguments[k])
+            k += 1
+    return ours, theirs

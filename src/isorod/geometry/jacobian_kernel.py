@@ -1,0 +1,47 @@
+"""The rod's Jacobians at many points, compiled."""
+
+import numpy as np
+from numba import njit, types
+
+from isorod.arrays import Array
+from isorod.compiled import F2, F3, F4, FAST, R2, R3
+
+
+@njit(types.Tuple((F4, F2))(R2, R3, F3, F3), **FAST)
+def inverse_jacobians(values: Array, gradients: Array, section: Array, along: Array) -> tuple[Array, Array]:
+    """Return ``d(xi_1, xi_2, u)/dx`` ``(u, q, 3, 3)`` and ``det dx/d(xi_1, xi_2, u)`` ``(u, q)`` of a rod.
+
+    ``values`` ``(q, n)`` and ``gradients`` ``(q, n, 2)`` are the rod's section functions, ``section`` and ``along`` ``(u, n, 3)`` its control
+    polygons and their derivatives.
+    """
+    places, n, _ = section.shape
+    points = values.shape[0]
+    inverse = np.empty((places, points, 3, 3))
+    det = np.empty((places, points))
+    # Columns of the Jacobian, at all places at once.
+    polygons = np.empty((2, n, 3 * places))
+    for t in range(places):
+        for i in range(n):
+            for a in range(3):
+                polygons[0, i, 3 * t + a] = section[t, i, a]
+                polygons[1, i, 3 * t + a] = along[t, i, a]
+    first = np.dot(np.ascontiguousarray(gradients[:, :, 0]), polygons[0])
+    second = np.dot(np.ascontiguousarray(gradients[:, :, 1]), polygons[0])
+    third = np.dot(values, polygons[1])
+    for t in range(places):
+        for q in range(points):
+            f0, f1, f2 = first[q, 3 * t], first[q, 3 * t + 1], first[q, 3 * t + 2]
+            s0, s1, s2 = second[q, 3 * t], second[q, 3 * t + 1], second[q, 3 * t + 2]
+            t0, t1, t2 = third[q, 3 * t], third[q, 3 * t + 1], third[q, 3 * t + 2]
+            c0, c1, c2 = s1 * t2 - s2 * t1, s2 * t0 - s0 * t2, s0 * t1 - s1 * t0
+            volume = f0 * c0 + f1 * c1 + f2 * c2
+            by = 1.0 / volume
+            det[t, q] = volume
+            inverse[t, q, 0, 0], inverse[t, q, 0, 1], inverse[t, q, 0, 2] = by * c0, by * c1, by * c2
+            inverse[t, q, 1, 0] = by * (t1 * f2 - t2 * f1)
+            inverse[t, q, 1, 1] = by * (t2 * f0 - t0 * f2)
+            inverse[t, q, 1, 2] = by * (t0 * f1 - t1 * f0)
+            inverse[t, q, 2, 0] = by * (f1 * s2 - f2 * s1)
+            inverse[t, q, 2, 1] = by * (f2 * s0 - f0 * s2)
+            inverse[t, q, 2, 2] = by * (f0 * s1 - f1 * s0)
+    return inverse, det
