@@ -4,8 +4,8 @@ import sys
 from collections.abc import Sequence
 from importlib import import_module
 
+from comparisons.measure.study import LEVELS, Run
 from comparisons.stability import CASES
-from comparisons.study import LEVELS, Run
 from isorod.command.parser import Parser
 from isorod.errors import InputError, SolveError
 from isorod.output import results
@@ -53,7 +53,7 @@ def _main(arguments: Sequence[str]) -> int:
             run = Run(study, level, folder)
             import_module(f"comparisons.{study}").run(run, *([found.case] if found.case else []))
             run.record("end", {})
-    from comparisons import report
+    from comparisons.report import page as report
 
     page = report.write(folder)
     for line in report.summary(folder):

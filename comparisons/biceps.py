@@ -5,11 +5,12 @@ from typing import Any
 
 import numpy as np
 
-from comparisons import pictures_biceps, timing
-from comparisons.convergence import extrapolate
-from comparisons.fem import biceps_presets as presets
-from comparisons.records import Record
-from comparisons.study import Run, Steps
+from comparisons.fem.presets import biceps as presets
+from comparisons.measure import timing
+from comparisons.measure.convergence import extrapolate
+from comparisons.measure.records import Record
+from comparisons.measure.study import Run, Steps
+from comparisons.report import biceps_pictures
 from isorod import options
 from isorod.command import run as runs
 from isorod.dynamics import History
@@ -86,7 +87,7 @@ def run(study: Run) -> None:
         _motions(study, steps)
         _fem_motions(study, steps)
         with steps.step("pictures"):
-            pictures_biceps.run(study, Biceps(**MOTIONS[PICTURED]))
+            biceps_pictures.run(study, Biceps(**MOTIONS[PICTURED]))
 
 
 def errors(found: Record, reference: Record) -> dict[str, float]:
@@ -119,7 +120,7 @@ def _fem(study: Run, steps: Steps, part: str, curve: str, arguments: str) -> Rec
     with steps.step(f"equilibrium, {curve} {arguments}"):
         words = ["biceps", *arguments.split()]
         if arguments == BRICKS[study.level]:
-            words += ["--fields", str(study.folder / pictures_biceps.FEM_REST)]
+            words += ["--fields", str(study.folder / biceps_pictures.FEM_REST)]
         found = timing.run("comparisons.fem", words)
         return study.record(part, found | {"arguments": arguments, "curve": curve})
 
@@ -135,7 +136,7 @@ def _statics(study: Run, steps: Steps, reference: Record) -> None:
         for arguments in every:
             with steps.step(f"equilibrium, {curve} {arguments}"):
                 words = ["biceps", "--statics", *arguments.split(), "--repeat", str(REPEAT[study.level])]
-                found = timing.run("comparisons.rod", words)
+                found = timing.run("comparisons.measure.rod", words)
             _work(study, found | {"arguments": arguments, "curve": curve}, reference)
     for curve, every in OTHERS[study.level].items():
         for arguments in every:
@@ -158,7 +159,7 @@ def _motions(study: Run, steps: Steps) -> None:
             record["end_force_history"] = np.linalg.norm(history.reactions, axis=2)
             study.record("motion", record)
             if label == PICTURED:
-                _save(study.folder / pictures_biceps.MOTION, history, still)
+                _save(study.folder / biceps_pictures.MOTION, history, still)
 
 
 def _save(path: Path, history: History, still: Equilibrium) -> None:
@@ -191,6 +192,6 @@ def _fem_motions(study: Run, steps: Steps) -> None:
             "--outputs",
             str(outputs),
         ]
-        file = study.folder / pictures_biceps.FEM_MOTION
+        file = study.folder / biceps_pictures.FEM_MOTION
         found = timing.run("comparisons.fem", ["biceps", *words, "--fields", str(file)])
         study.record("fem motion", found | {"label": "Q2 bricks", "arguments": " ".join(words), "file": file.name})

@@ -7,12 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from comparisons import mac, pictures, published, rod, timing
-from comparisons.convergence import extrapolate
-from comparisons.fem import blade_presets as presets
-from comparisons.records import Record
-from comparisons.study import Run, Steps
-from comparisons.work import Curve, WorkPrecision, fem_curves, steps_of
+from comparisons.fem.presets import blade as presets
+from comparisons.measure import mac, published, rod, timing
+from comparisons.measure.convergence import extrapolate
+from comparisons.measure.records import Record
+from comparisons.measure.study import Run, Steps
+from comparisons.measure.work import Curve, WorkPrecision, fem_curves, steps_of
+from comparisons.report import pictures
 from isorod import modal, options, scenes
 
 # Largest error of the ten frequencies at which run times are compared.

@@ -3,11 +3,13 @@
 from collections.abc import Sequence
 from typing import Any
 
-from comparisons import pictures, published, rod, timing
-from comparisons.convergence import richardson
-from comparisons.fem import presets
-from comparisons.study import Run, Steps
-from comparisons.work import Curve, WorkPrecision, fem_curves, steps_of
+from comparisons.fem.presets import spring as presets
+from comparisons.fem.presets.family import Family
+from comparisons.measure import published, rod, timing
+from comparisons.measure.convergence import richardson
+from comparisons.measure.study import Run, Steps
+from comparisons.measure.work import Curve, WorkPrecision, fem_curves, steps_of
+from comparisons.report import pictures
 from isorod import options
 
 # Errors at which run times are compared: the quick level's reference is not good for the last.
@@ -96,7 +98,7 @@ def _table(study: Run, extra: int) -> None:
             study.record(f"table 1, t = p + {extra}", found | {"published": force})
 
 
-def _converged(study: Run, steps: Steps, family: presets.Family) -> float:
+def _converged(study: Run, steps: Steps, family: Family) -> float:
     """Record the extrapolated finite element value and return it."""
     forces, sizes = [], []
     for arguments in family.arguments:

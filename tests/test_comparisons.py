@@ -5,9 +5,10 @@ import json
 import numpy as np
 import pytest
 
-from comparisons import mac, precision, published, records, work
-from comparisons.convergence import richardson
-from comparisons.study import Run
+from comparisons.measure import mac, published, records, work
+from comparisons.measure.convergence import richardson
+from comparisons.measure.study import Run
+from comparisons.report import precision
 from isorod import modal
 from isorod.errors import InputError, SolveError
 from isorod.scenes.blade import Blade
@@ -75,7 +76,7 @@ def measured(forces, times, monkeypatch, tmp_path, target=1e-2):
     def run(module, words):
         elements, points = int(words[words.index("--elements") + 1]), int(words[words.index("--points") + 1])
         return {
-            "method": "cylindrical" if module == "comparisons.rod" else "fem",
+            "method": "cylindrical" if module == "comparisons.measure.rod" else "fem",
             "force": forces(elements, points),
             "dofs": elements * points,
             "peak_memory": 2**20,

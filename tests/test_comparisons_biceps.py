@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
-from comparisons import biceps, records, report_biceps
-from comparisons.convergence import extrapolate
-from comparisons.study import Run
+from comparisons import biceps
+from comparisons.measure import records
+from comparisons.measure.convergence import extrapolate
+from comparisons.measure.study import Run
+from comparisons.report import biceps as report_biceps
 
 TIMES = [0.0, 0.1, 0.2]
 REST = {"end_force": [100.0, 98.0, 100.0, 98.0], "belly_bulge": 0.2, "contact_force": 10.0, "contact_area": 3.0}
@@ -106,7 +108,7 @@ def test_page_says_what_holds_and_what_does_not(tmp_path):
 
 
 def test_palette_has_the_scale_and_white():
-    pictures = pytest.importorskip("comparisons.pictures_biceps")
+    pictures = pytest.importorskip("comparisons.report.biceps_pictures")
     colours = np.array(pictures._palette().getpalette()).reshape(-1, 3)
     assert len(colours) == 256
     for wanted in ((255, 255, 255), (0, 0, 0), (48, 18, 59), (122, 4, 3)):

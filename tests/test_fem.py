@@ -12,9 +12,10 @@ pytest.importorskip("gmsh")
 import ufl
 from mpi4py import MPI
 
-from comparisons.fem import presets, quadrature
+from comparisons.fem import quadrature
 from comparisons.fem.domain import Domain
 from comparisons.fem.material import linear, neo_hookean
+from comparisons.fem.presets import spring as presets
 from comparisons.fem.spring import Configuration, domain, equilibrium, run
 from comparisons.fem.statics import Element, Held, solve
 from isorod.command import parser
@@ -144,7 +145,7 @@ def test_enhanced_bricks_on_the_mesh_of_the_paper():
 
 @pytest.mark.slow
 def test_fine_cubic_bricks_extrapolate_to_the_converged_force():
-    from comparisons.convergence import richardson
+    from comparisons.measure.convergence import richardson
 
     meshes = ((8, 24), (12, 36), (16, 48))
     forces = [run(Configuration(degree=3, around=around, layers=layers))["force"] for around, layers in meshes]

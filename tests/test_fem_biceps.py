@@ -16,12 +16,15 @@ import ufl
 from mpi4py import MPI
 from scipy.integrate import trapezoid
 
-from comparisons.fem import biceps_presets, compat, dynamics, pressed
-from comparisons.fem.biceps import Configuration, belly_bulge, run
-from comparisons.fem.branches import Branches
-from comparisons.fem.contact import Contact
+from comparisons.fem import compat
+from comparisons.fem.biceps import dynamics, run
+from comparisons.fem.biceps import statics as pressed
+from comparisons.fem.biceps.branches import Branches
+from comparisons.fem.biceps.contact import Contact
+from comparisons.fem.biceps.run import Configuration, belly_bulge
 from comparisons.fem.fields import Sampler
 from comparisons.fem.material import muscle
+from comparisons.fem.presets import biceps as biceps_presets
 from isorod.errors import InputError, SolveError
 from isorod.geometry.axis import Axis
 from isorod.geometry.rod import Rod

@@ -9,11 +9,11 @@ import pytest
 
 pytest.importorskip("dolfinx")
 
-from comparisons.fem import blade_presets as presets
 from comparisons.fem.blade import Configuration, run, vibrations
 from comparisons.fem.domain import Domain
 from comparisons.fem.modal import RIGID, Solid, solve
 from comparisons.fem.mode_shapes import nodal
+from comparisons.fem.presets import blade as presets
 from comparisons.fem.statics import Element
 from isorod.errors import InputError, SolveError
 from meshes import blade
@@ -261,7 +261,7 @@ def test_quadratic_bricks_extrapolate_to_the_converged_values():
 @pytest.mark.slow
 @pytest.mark.parametrize("level", presets.CONVERGED)
 def test_three_meshes_extrapolate_to_the_converged_values(level):
-    from comparisons.convergence import richardson
+    from comparisons.measure.convergence import richardson
 
     records = [run(configuration(arguments)) for arguments in presets.CONVERGED[level].arguments]
     sizes = [1.0 / record["options"]["layers"] for record in records]

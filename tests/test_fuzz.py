@@ -277,7 +277,7 @@ def test_damaged_checkpoints(count, tmp_path):
 
 @examples("records")
 def test_damaged_results(count, tmp_path):
-    from comparisons.records import newest
+    from comparisons.measure.records import newest
 
     lines = [{"study": "s", "run": "a", "level": "quick", "part": part, "value": 1.5} for part in ("one", "two", "end")]
     whole = "".join(json.dumps(line) + "\n" for line in lines).encode()

@@ -7,13 +7,15 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from comparisons import html, report_stability, stability
+from comparisons import stability
 from comparisons.__main__ import main
-from comparisons.records import newest, part
+from comparisons.measure.records import newest, part
+from comparisons.measure.study import Run
+from comparisons.report import html
+from comparisons.report import stability as report_stability
 from comparisons.stability import contrast, point, sections, tuning
 from comparisons.stability.bars import bar
 from comparisons.stability.prism import stiffness
-from comparisons.study import Run
 from isorod import modal, statics
 from isorod.errors import InputError
 from isorod.material import LinearElastic, NeoHookean

@@ -8,7 +8,9 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, NoReturn
 
-from comparisons.fem import biceps_presets, blade_presets, presets
+from comparisons.fem.presets import biceps as biceps_presets
+from comparisons.fem.presets import blade as blade_presets
+from comparisons.fem.presets import spring as presets
 from comparisons.fem.quadrature import RULES
 from isorod import options
 from isorod.command.parser import split
@@ -18,6 +20,9 @@ from isorod.scenes.biceps import Biceps
 from meshes import biceps, blade, spring
 
 PRESETS = {"spring": presets.PRESETS, "blade": blade_presets.PRESETS, "biceps": biceps_presets.PRESETS}
+
+# Where each scene's Configuration and run() are.
+RUNS = {"spring": "spring", "blade": "blade", "biceps": "biceps.run"}
 
 # Parameters of the biceps that are options here too.
 BICEPS = ("activation", "nu", "penalty", "fibre", "ramp", "damping", "end_time", "outputs")
@@ -147,12 +152,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(given: dict[str, Any]) -> dict[str, Any]:
     from isorod.petsc.library import unused_options
 
-    scene = import_module(f"comparisons.fem.{given.pop('scene')}")
+    name = given.pop("scene")
+    scene = import_module(f"comparisons.fem.{RUNS[name]}")
     repeat = given.pop("repeat")
     file = given.pop("fields", None) or given.pop("modes_file", None)
     given.pop("modes_file", None)
     given["flags"] = tuple(given["flags"].split())
-    if scene.__name__.endswith("biceps"):
+    if name == "biceps":
         given["scene"] = Biceps(**{name: given.pop(name) for name in BICEPS})
     try:
         with options.petsc_errors():

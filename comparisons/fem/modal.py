@@ -16,7 +16,7 @@ from comparisons.fem.domain import Domain
 from comparisons.fem.material import linear
 from comparisons.fem.pencil import Pencil, symmetric
 from comparisons.fem.statics import FAST, Element
-from comparisons.timing import peak_memory
+from comparisons.measure.timing import peak_memory
 from isorod.errors import InputError
 from isorod.options import defaults
 from isorod.petsc.matrix import componentwise

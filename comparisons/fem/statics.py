@@ -14,7 +14,7 @@ from petsc4py import PETSc
 from comparisons.fem import compat, enhanced, quadrature
 from comparisons.fem.domain import Domain
 from comparisons.fem.material import Energy
-from comparisons.timing import peak_memory
+from comparisons.measure.timing import peak_memory
 from isorod.errors import SolveError
 from isorod.options import defaults
 from meshes.mesh import Array, Index

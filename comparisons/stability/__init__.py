@@ -13,8 +13,8 @@ from collections.abc import Sequence
 from importlib import import_module
 from typing import Any
 
-from comparisons.records import Record
-from comparisons.study import Run
+from comparisons.measure.records import Record
+from comparisons.measure.study import Run
 from isorod import options
 
 CASES = ("incompressible", "slender", "large", "contrast", "sections", "stepping", "tuning")

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from comparisons.records import Record
+from comparisons.measure.records import Record
 from comparisons.stability.point import sweeps
 from isorod.output.results import write_beside
 

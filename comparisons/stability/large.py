@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.special import ellipe, ellipk
 
-from comparisons.records import Record
+from comparisons.measure.records import Record
 from comparisons.stability import figure
 from comparisons.stability.point import holds, measure, sweeps
 from comparisons.stability.rods import arch, straight

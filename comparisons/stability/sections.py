@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from comparisons.records import Record
+from comparisons.measure.records import Record
 from comparisons.stability import figure
 from comparisons.stability.bars import bar
 from comparisons.stability.point import holds, measure, reach, sweeps

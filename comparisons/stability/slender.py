@@ -10,7 +10,7 @@ from unittest.mock import patch
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from comparisons.records import Record
+from comparisons.measure.records import Record
 from comparisons.stability import figure
 from comparisons.stability.point import measure, reach, sweeps
 from comparisons.stability.rods import straight

@@ -1,6 +1,6 @@
 """Solver options for spring, blade and biceps statics: every line as it goes behind ``isorod run``, in a process of its own.
 
-At full level what works is timed once more, warm, in another process (`comparisons.rod`).
+At full level what works is timed once more, warm, in another process (`comparisons.measure.rod`).
 """
 
 import json
@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from comparisons import timing
-from comparisons.records import Record
+from comparisons.measure import timing
+from comparisons.measure.records import Record
 from comparisons.stability.figure import COLOURS
 from comparisons.stability.point import holds, sweeps
 from isorod.errors import SolveError
@@ -174,7 +174,7 @@ def _command(line: str, limit: float, warm: int) -> dict[str, Any]:
         warm = warm if seconds < LONG else 0
         if warm:
             again = timing.run(
-                "comparisons.rod", [*line.split(), "--repeat", str(warm + 1)], timeout=limit * (warm + 1)
+                "comparisons.measure.rod", [*line.split(), "--repeat", str(warm + 1)], timeout=limit * (warm + 1)
             )
             seconds = again["seconds"]["total"]
     except subprocess.TimeoutExpired:

@@ -8,10 +8,10 @@ import numpy as np
 from petsc4py import PETSc
 from scipy import sparse
 
-from comparisons.fem.branches import ENDS, Branches, End
-from comparisons.fem.contact import Contact, Pressing
+from comparisons.fem.biceps.branches import ENDS, Branches, End
+from comparisons.fem.biceps.contact import Contact, Pressing
 from comparisons.fem.statics import DIRECT, NEWTON, Newton
-from comparisons.timing import peak_memory
+from comparisons.measure.timing import peak_memory
 from isorod.errors import SolveError
 from isorod.options import defaults
 from meshes.mesh import Array
@@ -30,7 +30,7 @@ class Rest:
     positions
         Nodes where they are in the end, shape ``(nodes, 3)``, numbered as the source mesh.
     reactions
-        Force of each end's support on its branch, shape ``(4, 3)``, in the order of `comparisons.fem.branches.ENDS`.
+        Force of each end's support on its branch, shape ``(4, 3)``, in the order of `comparisons.fem.biceps.branches.ENDS`.
     stored
         Energy of tendons and muscles.
     contact

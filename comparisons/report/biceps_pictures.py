@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from comparisons.pictures import BAR, add_von_mises, without_display
-from comparisons.study import Run
+from comparisons.measure.study import Run
+from comparisons.report.pictures import BAR, add_von_mises, without_display
 from isorod.model import Model
 from isorod.output import vtk
 from isorod.output.results import write_beside

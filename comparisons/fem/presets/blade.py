@@ -13,7 +13,7 @@ solvers.  What it showed:
   slender and its cells are flat.
 """
 
-from comparisons.fem.presets import Family
+from comparisons.fem.presets.family import Family
 
 _Q2 = "--degree 2 --quadrature irons14"
 _P = "--cells tetrahedra --degree"

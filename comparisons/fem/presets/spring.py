@@ -5,7 +5,7 @@ round the wire with 0 to 2 rings, 12 to 288 layers, quadrature rules, compiler f
 force 6.0990.
 """
 
-from dataclasses import dataclass
+from comparisons.fem.presets.family import Family
 
 # Twenty-node bricks and Irons' 14 points: half the unknowns and the points of 27-node bricks for the same error.
 _S2 = "--family S --degree 2 --quadrature irons14 --rings 0"
@@ -33,20 +33,6 @@ PRESETS = {
     "paper-q2": "--cells paper --degree 2",
     "paper-enhanced": "--cells paper --degree 1 --family enhanced",
 }
-
-
-@dataclass(frozen=True)
-class Family:
-    """One element on meshes coarse to fine: a curve of a work-precision diagram."""
-
-    label: str
-    common: str
-    meshes: tuple[str, ...]
-
-    @property
-    def arguments(self) -> tuple[str, ...]:
-        """Arguments of each run."""
-        return tuple(f"{self.common} {mesh}" for mesh in self.meshes)
 
 
 def _family(label: str, common: str, *meshes: tuple[int, int]) -> Family:

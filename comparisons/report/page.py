@@ -6,8 +6,12 @@ from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
-from comparisons import precision, report_biceps, report_blade, report_spring, report_stability
-from comparisons.records import Record, newest
+from comparisons.measure.records import Record, newest
+from comparisons.report import biceps as report_biceps
+from comparisons.report import blade as report_blade
+from comparisons.report import precision
+from comparisons.report import spring as report_spring
+from comparisons.report import stability as report_stability
 from isorod.errors import InputError
 from isorod.output.results import write_beside
 

@@ -11,7 +11,7 @@ import numpy as np
 from scipy import sparse
 from scipy.spatial import cKDTree
 
-from comparisons.fem import contact_kernel as kernel
+from comparisons.fem.biceps import contact_kernel as kernel
 from isorod.errors import InputError
 from meshes.mesh import Array, Index, Mesh
 
@@ -105,7 +105,7 @@ class _Side:
 
 @dataclass(frozen=True, eq=False)
 class _Facet:
-    """The functions of a facet, see `comparisons.fem.contact_kernel`."""
+    """The functions of a facet, see `comparisons.fem.biceps.contact_kernel`."""
 
     coefficients: Array
     powers: Index

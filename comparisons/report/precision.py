@@ -2,8 +2,8 @@
 
 import html
 
-from comparisons.html import milliseconds, percent, table
-from comparisons.records import Record, part
+from comparisons.measure.records import Record, part
+from comparisons.report.html import milliseconds, percent, table
 
 LUCK = (
     "<p>A run counts as reaching an error if it stays within when the axis alone, and the section alone, is refined one step. "

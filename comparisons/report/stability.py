@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import Any
 
 from comparisons import stability
-from comparisons.html import table
-from comparisons.records import Record, part
+from comparisons.measure.records import Record, part
+from comparisons.report.html import table
 from comparisons.stability.point import holds, sweeps
 
 

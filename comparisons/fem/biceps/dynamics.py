@@ -10,10 +10,10 @@ from scipy import sparse
 from scipy.sparse.linalg import eigsh
 
 from comparisons.fem import compat
-from comparisons.fem.branches import Branches
-from comparisons.fem.contact import Contact, Pressing
+from comparisons.fem.biceps.branches import Branches
+from comparisons.fem.biceps.contact import Contact, Pressing
 from comparisons.fem.statics import FAST
-from comparisons.timing import peak_memory
+from comparisons.measure.timing import peak_memory
 from isorod.errors import InputError, SolveError
 from meshes.mesh import Array
 

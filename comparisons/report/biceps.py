@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 
-from comparisons import plots_biceps
 from comparisons.biceps import AT_REST, BALANCE, END_TIME, QUANTITIES, SPEED, errors
-from comparisons.html import percent, table
-from comparisons.precision import ratio
-from comparisons.records import Record, part
+from comparisons.measure.records import Record, part
+from comparisons.report import biceps_plots
+from comparisons.report.html import percent, table
+from comparisons.report.precision import ratio
 
 
 def section(records: list[Record], folder: Path) -> list[str]:
@@ -18,8 +18,8 @@ def section(records: list[Record], folder: Path) -> list[str]:
     motions, theirs = part(records, "motion"), part(records, "fem motion")
     # The others are there for the time of their steps.
     curves = [record for record in theirs if len(record["history"]["time"]) > 2]
-    plots_biceps.courses(motions, curves, folder / "biceps-motion.png")
-    plots_biceps.work(part(records, "work"), QUANTITIES, folder / "biceps-work.png")
+    biceps_plots.courses(motions, curves, folder / "biceps-motion.png")
+    biceps_plots.work(part(records, "work"), QUANTITIES, folder / "biceps-work.png")
     ours, fem = picture["dofs"]
     lines = ["<h2>Biceps: equilibrium and motion, von Mises stress</h2>"]
     lines.append(
@@ -78,7 +78,7 @@ def deviation(motion: Record, theirs: Record, name: str) -> float:
 
     ``name`` is a key of their ``history``; our course is interpolated at their times.
     """
-    own = next(own for own, fem, _, _ in plots_biceps.COURSES if fem == name)
+    own = next(own for own, fem, _, _ in biceps_plots.COURSES if fem == name)
     times, values = np.array(theirs["history"]["time"]), np.array(theirs["history"][name])
     course = np.array(motion[own])
     columns = course.reshape(len(course), -1).T
@@ -117,7 +117,7 @@ def _clauses(motions: list[Record], limit: Record, theirs: list[Record]) -> str:
 
 
 def _deviations(motions: list[Record], theirs: list[Record]) -> str:
-    names = [fem for _, fem, _, _ in plots_biceps.COURSES]
+    names = [fem for _, fem, _, _ in biceps_plots.COURSES]
     rows = [
         (
             f"{record['label']} against {other['label']}, to {1e3 * _end(other):.0f} ms",

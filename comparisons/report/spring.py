@@ -3,10 +3,11 @@
 import html
 from pathlib import Path
 
-from comparisons import plots, published
-from comparisons.html import table
-from comparisons.precision import LUCK, reach, refused, runs
-from comparisons.records import Record, part
+from comparisons.measure import published
+from comparisons.measure.records import Record, part
+from comparisons.report import plots
+from comparisons.report.html import table
+from comparisons.report.precision import LUCK, reach, refused, runs
 
 PAPER_ELEMENTS = {
     "q1": "8-node bricks, displacements only,",

@@ -5,9 +5,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from comparisons import timing
-from comparisons.records import Record
-from comparisons.study import Run, Steps
+from comparisons.measure import timing
+from comparisons.measure.records import Record
+from comparisons.measure.study import Run, Steps
 from isorod.errors import SolveError
 
 # Runs of each configuration, the first one cold: the median is of five.
@@ -16,7 +16,7 @@ REPEAT = 6
 # How often the fastest of both sides are measured again, in turn; the least of the medians counts.
 TURNS = 3
 
-MODULES = {"cylindrical": "comparisons.rod", "fem": "comparisons.fem"}
+MODULES = {"cylindrical": "comparisons.measure.rod", "fem": "comparisons.fem"}
 
 
 @dataclass(frozen=True)

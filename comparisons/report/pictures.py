@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from comparisons import published, timing
-from comparisons.study import Run
+from comparisons.measure import published, timing
+from comparisons.measure.study import Run
 from isorod import scenes, statics
 from isorod.modal import Modes
 from isorod.output import vtk

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from comparisons.records import Record
+from comparisons.measure.records import Record
 from isorod.output.results import write_beside
 
 # Okabe and Ito's colours: told apart by colour-blind readers too.

@@ -6,10 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from comparisons import plots, published
-from comparisons.html import percent, table
-from comparisons.precision import LUCK, reach, refused, runs
-from comparisons.records import Record, part
+from comparisons.measure import published
+from comparisons.measure.records import Record, part
+from comparisons.report import plots
+from comparisons.report.html import percent, table
+from comparisons.report.precision import LUCK, reach, refused, runs
 
 MODES = tuple(f"mode {k}" for k in range(1, 11))
 

@@ -5,7 +5,7 @@ contact forces by 0.5 %; linear tetrahedra, as many as the paper has, hold with 
 contact are not converged on these meshes.
 """
 
-from comparisons.fem.presets import Family
+from comparisons.fem.presets.family import Family
 
 _Q2 = "--cells bricks --degree 2"
 

@@ -1,4 +1,4 @@
-"""Time one configuration of the cylindrical element: ``python -m comparisons.rod spring --section-points 8 ... --repeat 5``.
+"""Time one configuration of the cylindrical element: ``python -m comparisons.measure.rod spring --section-points 8 ... --repeat 5``.
 
 Prints one JSON line.  The first run is cold; the others, in the same process, are warm.
 """
@@ -9,7 +9,7 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from comparisons import timing
+from comparisons.measure import timing
 from isorod import options, scenes
 from isorod.command import run
 from isorod.command.parser import Parser, add_fields, field_values, split
@@ -61,14 +61,14 @@ def main(arguments: Sequence[str]) -> int:
     try:
         name = ours[0] if ours else ""
         scene_type = scenes.find(name)
-        parser = Parser(prog=f"python -m comparisons.rod {name}")
+        parser = Parser(prog=f"python -m comparisons.measure.rod {name}")
         add_fields(parser, scene_type)
         parser.add_argument("--repeat", type=int, default=6, help="runs in this process, the first one cold (6)")
         found = parser.known(ours[1:])
         options.initialize(theirs)
         print(results.line(measure(name, field_values(found, scene_type), found.repeat, petsc=theirs)))
     except (InputError, SolveError) as problem:
-        print(f"comparisons.rod: {problem}", file=sys.stderr)
+        print(f"comparisons.measure.rod: {problem}", file=sys.stderr)
         return 2
     return 0
 

@@ -9,9 +9,11 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from comparisons.fem import dynamics, fields, pressed, runs
-from comparisons.fem.branches import Branches
-from comparisons.fem.contact import Contact, Pressing, surface_points
+from comparisons.fem import fields, runs
+from comparisons.fem.biceps import dynamics
+from comparisons.fem.biceps import statics as pressed
+from comparisons.fem.biceps.branches import Branches
+from comparisons.fem.biceps.contact import Contact, Pressing, surface_points
 from comparisons.fem.statics import DIRECT, FAST, Element
 from isorod.errors import InputError
 from isorod.scenes.biceps import Biceps
@@ -42,13 +44,13 @@ class Configuration:
     quadrature
         Degree of the rule in every form; None: 1 point on linear tetrahedra, else as in `comparisons.fem.statics.Element`.
     parts
-        See `comparisons.fem.contact.Contact`; None: 3 for statics; for dynamics the nodes on degree 1, else 1.
+        See `comparisons.fem.biceps.contact.Contact`; None: 3 for statics; for dynamics the nodes on degree 1, else 1.
     time_step
-        Seconds; None: `comparisons.fem.dynamics.SAFETY` of the critical one.
+        Seconds; None: `comparisons.fem.biceps.dynamics.SAFETY` of the critical one.
     solver
         PETSc options of statics; the user's own win.
     flags
-        C compiler flags of the forms; those of `comparisons.fem.statics`, or of `comparisons.fem.dynamics`, if empty.
+        C compiler flags of the forms; those of `comparisons.fem.statics`, or of `comparisons.fem.biceps.dynamics`, if empty.
     scene
         The parameters of the biceps; of dynamics too, but for the time step.
     """

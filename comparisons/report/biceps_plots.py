@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from comparisons.plots import COLOURS, FEM_COLOURS, MARKERS
-from comparisons.records import Record
+from comparisons.measure.records import Record
+from comparisons.report.plots import COLOURS, FEM_COLOURS, MARKERS
 from isorod.output.results import write_beside
 
 # Records' key of ours and of the finite elements' history, the equilibrium's key, and the axis label.

@@ -1,0 +1,1 @@
+"""The finite element configurations that studies run."""

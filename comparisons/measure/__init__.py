@@ -1,0 +1,1 @@
+"""What a study measures: runs timed in fresh processes, converged values, records."""

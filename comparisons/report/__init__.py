@@ -1,0 +1,1 @@
+"""The report page, its tables, plots and pictures, from records alone."""
