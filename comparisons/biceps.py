@@ -21,7 +21,8 @@ from isorod.statics import Equilibrium
 # What is compared at the equilibrium, and the deviation from the converged finite elements it may have.
 QUANTITIES = {"end_force": 0.02, "belly_bulge": 0.02, "contact_force": 0.05}
 
-# Deviation of the motion's end forces after `END_TIME` from the equilibrium's, and errors of energy and momentum in shares of the work done.
+# Deviation of the motion's end forces after `END_TIME` from the equilibrium's, and errors of energy and momentum in
+# shares of the work done.
 AT_REST, BALANCE = 5e-3, 1e-3
 # Its time over that of explicit dynamics with finite elements.
 SPEED = 1e-2

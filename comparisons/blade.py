@@ -146,8 +146,8 @@ def _table(study: Run) -> None:
 def _converged(study: Run, steps: Steps, meshes: Sequence[str], label: str) -> list[float]:
     """Record the extrapolated frequencies and return them.
 
-    Where a frequency does not approach its limit monotonically, or slower than with first order, the finest value stands for
-    it.
+    Where a frequency does not approach its limit monotonically, or slower than with first order, the finest value
+    stands for it.
     """
     records: list[Record] = []
     for arguments in meshes:

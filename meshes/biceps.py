@@ -33,21 +33,23 @@ def build(
 ) -> Mesh:
     """Return a mesh of both branches, which share no node.
 
-    Faces are named ``first start``, ``first end``, ``first belly`` (the muscle's lateral surface) and ``first tendons`` (the tendons'),
-    likewise ``second``; regions ``first muscle``, all axis elements but the outer two, and ``first tendons``, those.
+    Faces are named ``first start``, ``first end``, ``first belly`` (the muscle's lateral surface) and ``first tendons``
+    (the tendons'), likewise ``second``; regions ``first muscle``, all axis elements but the outer two, and
+    ``first tendons``, those.
 
     Parameters
     ----------
     cells
-        ``"tetrahedra"``, unstructured, of edges about ``size`` long everywhere (0.3325: about 25,900, on 6,100 nodes; the paper has
-        25,315 on 7,413),
+        ``"tetrahedra"``, unstructured, of edges about ``size`` long everywhere (0.3325: about 25,900, on 6,100 nodes;
+        the paper has 25,315 on 7,413),
         or ``"bricks"``, which the rest is for.
     around, layers, rings
         Bricks: numbers round each branch, along each element of its axis, and of rings round the core.
     order
         Polynomial order of the geometry: bricks 1 to 4, tetrahedra 1 or 2.
     cuts
-        Bricks: the axis elements next to the held ends are cut so often, 1 : 2 : 4 ... from the end on, before layers are counted.
+        Bricks: the axis elements next to the held ends are cut so often, 1 : 2 : 4 ... from the end on, before layers
+        are counted.
     branches
         Two rods of at least three axis elements; the scene's if not given.
     """

@@ -35,7 +35,8 @@ def build(
     ----------
     cells
         ``"bricks"``, ``"tetrahedra"`` (of order 2), or ``"paper"``: straight 8-node bricks with the
-        counts that the paper gives (15 layers of 69 nodes, 14 x 49 = 686 bricks), to which the other parameters do not apply.
+        counts that the paper gives (15 layers of 69 nodes, 14 x 49 = 686 bricks), to which the other parameters do not
+        apply.
     along, across, layers
         Numbers of bricks along the chord, across the thickness and from root to tip.
     order

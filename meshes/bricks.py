@@ -63,8 +63,8 @@ def axis_positions(rod: Rod, layers: int, order: int, grading: float = 1.0) -> A
     Parameters
     ----------
     grading
-        1 for equal layers; ``g > 1`` makes them thinner towards the start: layer ``k`` of ``N`` begins at ``(k / N)^g`` of the way
-        (rods of one axis element only).
+        1 for equal layers; ``g > 1`` makes them thinner towards the start: layer ``k`` of ``N`` begins at ``(k / N)^g``
+        of the way (rods of one axis element only).
     """
     elements = rod.axis.elements
     if rod.closed:

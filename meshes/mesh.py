@@ -29,9 +29,11 @@ class Mesh:
     cells
         Node numbers, shape ``(cells, nodes per cell)``, ordered as ``reference``.
     reference
-        Positions of a cell's nodes in the reference cell, shape ``(nodes per cell, 3)``: the unit cube, or the unit simplex.
+        Positions of a cell's nodes in the reference cell, shape ``(nodes per cell, 3)``: the unit cube, or the unit
+        simplex.
     faces
-        Boundary faces by name, node numbers of shape ``(faces, nodes per face)``, ordered as ``face_reference``, outward normal.
+        Boundary faces by name, node numbers of shape ``(faces, nodes per face)``, ordered as ``face_reference``,
+        outward normal.
     face_reference
         Positions of a face's nodes in the unit square or triangle, shape ``(nodes per face, 2)``.
     parameters

@@ -40,8 +40,8 @@ class Triangles:
 def fan(along: int, across: int = 1, clustering: float = 1.0, turn: float = 0.0) -> Triangles:
     """Return columns of triangles across a diameter, with a fan of ``across`` at each of its ends.
 
-    Two edges along the circle meet at an end of the diameter.  Their middle nodes stand amid in the coordinate along the diameter,
-    hence far from the end, which keeps the corner convex.
+    Two edges along the circle meet at an end of the diameter.  Their middle nodes stand amid in the coordinate along
+    the diameter, hence far from the end, which keeps the corner convex.
 
     Parameters
     ----------
@@ -94,9 +94,9 @@ def fan(along: int, across: int = 1, clustering: float = 1.0, turn: float = 0.0)
 def layered(rod: Rod, section: Triangles, layers: int, grading: float = 1.0) -> Mesh:
     """Return 10-node tetrahedra, every node where the Rod's map puts it.
 
-    The prisms over the triangles are cut such that neighbours share the diagonals of their common faces: a diagonal starts at the
-    lowest node of its face (Dompierre, Labbe, Vallet, Camarero, "How to subdivide pyramids, prisms and hexahedra into tetrahedra",
-    8th Int. Meshing Roundtable, 1999).
+    The prisms over the triangles are cut such that neighbours share the diagonals of their common faces: a diagonal
+    starts at the lowest node of its face (Dompierre, Labbe, Vallet, Camarero, "How to subdivide pyramids, prisms and
+    hexahedra into tetrahedra", 8th Int. Meshing Roundtable, 1999).
 
     Parameters
     ----------

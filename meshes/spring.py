@@ -29,8 +29,9 @@ def build(
     Parameters
     ----------
     cells
-        ``"bricks"``, ``"tetrahedra"``, or ``"paper"``: the mesh whose counts the paper gives (7081 nodes, 6048 straight-sided
-        8-node bricks: a 6 x 6 core and two rings, 72 layers), to which the other parameters do not apply.
+        ``"bricks"``, ``"tetrahedra"``, or ``"paper"``: the mesh whose counts the paper gives (7081 nodes, 6048
+        straight-sided 8-node bricks: a 6 x 6 core and two rings, 72 layers), to which the other parameters do not
+        apply.
     around, layers
         Numbers of cells round the wire and along it.
     order

@@ -17,8 +17,9 @@ def strip(
 ) -> Template:
     """Return a grid of ``along x across`` quadrilaterals whose four corners lie on the circle.
 
-    A section flat as a blade's is thin where this grid is short, so its cells are nearly square in space, where those of an
-    O-grid become slivers.  At a corner two edges are tangent to the circle: the Jacobian vanishes there, at no quadrature point.
+    A section flat as a blade's is thin where this grid is short, so its cells are nearly square in space, where those
+    of an O-grid become slivers.  At a corner two edges are tangent to the circle: the Jacobian vanishes there, at no
+    quadrature point.
 
     Parameters
     ----------
@@ -56,8 +57,9 @@ def strip(
 def paper_section(corners: tuple[float, float] = (4.0, 10.0), clustering: float = 0.0, turn: float = 0.0) -> Template:
     """Return straight quadrilaterals with the counts of Lu & Zhou (2011, section 4.3): 69 nodes and 49 quadrilaterals.
 
-    The paper shows no section.  69 nodes and 49 quadrilaterals of a disk have 38 edges on the rim (Euler), which neither a grid
-    nor an O-grid has.  A strip of 16 by 3 lacks one node and one quadrilateral: it is put round a node of the front end.
+    The paper shows no section.  69 nodes and 49 quadrilaterals of a disk have 38 edges on the rim (Euler), which
+    neither a grid nor an O-grid has.  A strip of 16 by 3 lacks one node and one quadrilateral: it is put round a node
+    of the front end.
     """
     grid = strip(16, 3, 1, corners, clustering)
     low, inner, high = (17 * (row + 1) - 1 for row in range(3))

@@ -36,8 +36,9 @@ class Template:
 def o_grid(around: int, rings: int = 1, order: int = 2, core: float | None = None) -> Template:
     """Return an O-grid: a core of ``(around / 4)^2`` quadrilaterals and ``rings`` rings of ``around``.
 
-    ``around = 24, rings = 2, order = 1`` has the 97 nodes and 84 quadrilaterals that the counts of Lu & Zhou (2011, section 4.2)
-    give away.  Without rings the core itself is pulled onto the circle; the corners of the square then have a flat angle.
+    ``around = 24, rings = 2, order = 1`` has the 97 nodes and 84 quadrilaterals that the counts of Lu & Zhou (2011,
+    section 4.2) give away.  Without rings the core itself is pulled onto the circle; the corners of the square then
+    have a flat angle.
 
     Parameters
     ----------

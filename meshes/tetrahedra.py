@@ -12,7 +12,8 @@ from meshes.mesh import Array, CellShape, Index, Mesh
 def tetrahedra(rod: Rod, around: int, layers: int, order: int = 2) -> Mesh:
     """Return tetrahedra of order 1 or 2, every node (those amid edges too) where the Rod's map puts it.
 
-    gmsh triangulates the unit disk and extrudes it in layers, so that edges are as long along the rod as the layers say.
+    gmsh triangulates the unit disk and extrudes it in layers, so that edges are as long along the rod as the layers
+    say.
 
     Parameters
     ----------

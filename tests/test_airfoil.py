@@ -10,7 +10,8 @@ from isorod.geometry.disk import boundary_functions
 from isorod.geometry.section import airfoil, naca
 from isorod.scenes.blade import Blade
 
-# Lu & Zhou, CMAME 200 (2011) 233-241, appendix A: control points of the root section; the minus signs that print lost are put back.
+# Lu & Zhou, CMAME 200 (2011) 233-241, appendix A: control points of the root section; the minus signs that print lost
+# are put back.
 SECTION = [
     [1.0, 0.0708625],
     [0.847759, 0.177017],

@@ -21,7 +21,8 @@ TABLE_2 = {
     30: [0.187824, 0.775383, 1.42945, 1.94448, 2.44473, 3.66391, 5.04947, 5.49304, 5.9518, 8.01226],
 }
 
-# dolfinx, curved Q3 bricks, 218,163 unknowns, of the same blade: the 3-D solution, from above (the clamped edge is singular).
+# dolfinx, curved Q3 bricks, 218,163 unknowns, of the same blade: the 3-D solution, from above (the clamped edge is
+# singular).
 SOLID = [0.18273, 0.75338, 1.37162, 1.87838, 2.10765, 3.51257, 4.35226, 5.26998, 5.6413, 6.88]
 
 

@@ -198,9 +198,9 @@ HERTZ_LOAD = 0.02  # displacement of the cylinder's back over its radius
 def hertz(n, radial):
     """Press a linear elastic cylinder of radius 1 on a rigid plane in plane strain; return what Hertz's theory is held to.
 
-    One element of degree 1 along the axis, all axial displacements held: sections move in their plane and stay alike.  The surface
-    nodes within 1.2 rad of the top are pressed down, far from the contact (half width 0.1).  The partner is rigid and flat:
-    ``R* = R``, ``E* = E / (1 - nu^2)``.  The penalty grows with n: 8 E over the length of an arc.
+    One element of degree 1 along the axis, all axial displacements held: sections move in their plane and stay alike.
+    The surface nodes within 1.2 rad of the top are pressed down, far from the contact (half width 0.1).  The partner is
+    rigid and flat: ``R* = R``, ``E* = E / (1 - nu^2)``.  The penalty grows with n: 8 E over the length of an arc.
     """
     space = Space(straight(8, degree=1), degree=1, order=2, section_points=n, quadrature=f"{radial}x1x1")
     angle = space.turn + 2.0 * np.pi / n * np.arange(n)
@@ -218,7 +218,8 @@ def hertz(n, radial):
     width = np.sqrt(4.0 * force / (np.pi * modulus))
     peak = 2.0 * force / (np.pi * width)
     load = result.areas * result.pressure
-    # Pressures are forces per reference area, which at the peak shrinks by (1 + nu) (1 - 2 nu) p / E, 2.5 per cent here.
+    # Pressures are forces per reference area, which at the peak shrinks by (1 + nu) (1 - 2 nu) p / E, 2.5 per cent
+    # here.
     initial = ContactOperator(model).results(np.zeros(model.dofs))[0].positions
     angle = np.arctan2(initial[:, 0], -initial[:, 1])
     middle = int(np.argmax(result.pressure))

@@ -1,9 +1,10 @@
 """Orders of convergence along the axis, 2p in forces and frequencies, where they hold and why not; convergence with K.
 
-For fixed section functions (n and K) the problem is one of ordinary differential equations along the axis with an analytic solution
-on each piece of the rod: order 2p.  At a clamped end the sections cannot contract, and the solution has layers there as short as
-the section functions allow: shorter with n and K, down to the singularity of the 3-D edge.  Elements longer than these layers
-see a solution that is not smooth, and shorter ones at the ends alone bring the order back.
+For fixed section functions (n and K) the problem is one of ordinary differential equations along the axis with an
+analytic solution on each piece of the rod: order 2p.  At a clamped end the sections cannot contract, and the solution
+has layers there as short as the section functions allow: shorter with n and K, down to the singularity of the 3-D edge.
+ Elements longer than these layers see a solution that is not smooth, and shorter ones at the ends alone bring the order
+ back.
 """
 
 import numpy as np

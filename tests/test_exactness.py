@@ -1,8 +1,9 @@
 """Saint-Venant's problems: extension, bending, flexure and torsion of prismatic bars, exact solutions of the 3-D equations.
 
-What is polynomial in the section is biharmonic up to the third degree: order 2 holds it as soon as its values round the section are
-in the span of the boundary functions.  That are 1, cos and sin; waves of order 2 and more are approximated, at third order in the
-arcs: 3 in the maximum of the displacement, 3.5 in its mean square, 5 in energy.  Along the axis nothing is approximated.
+What is polynomial in the section is biharmonic up to the third degree: order 2 holds it as soon as its values round the
+section are in the span of the boundary functions.  That are 1, cos and sin; waves of order 2 and more are approximated,
+at third order in the arcs: 3 in the maximum of the displacement, 3.5 in its mean square, 5 in energy.  Along the axis
+nothing is approximated.
 """
 
 from itertools import pairwise

@@ -46,8 +46,8 @@ def deformed(model, stretch, seed=0):
     return displacement
 
 
-# In turn: det F near 1; beyond the logarithm's series above and below; fibres beyond the range of active force and of the
-# exponential's series; fibres too short for it.
+# In turn: det F near 1; beyond the logarithm's series above and below; fibres beyond the range of active force and of
+# the exponential's series; fibres too short for it.
 STRETCHES = [(1.0, 1.05, 1.0), (1.5, 1.5, 1.4), (0.7, 0.75, 0.7), (0.6, 0.6, 3.0), (1.3, 1.3, 0.4)]
 
 

@@ -194,7 +194,8 @@ def test_contact_of_rigid_overlap_is_exact():
     mesh = biceps.build("bricks", around=24, layers=1, order=2, cuts=0, branches=rods)
     contact = Contact(mesh, "first belly", "second belly", 10.0, 4)
     pressing = contact.add_forces(mesh.points, np.zeros_like(mesh.points))
-    # Of a point at the angle t the distance to the other circle's centre is r(t); depth 1 - r; length 1 of the middle element.
+    # Of a point at the angle t the distance to the other circle's centre is r(t); depth 1 - r; length 1 of the middle
+    # element.
     t = np.linspace(-np.arccos(0.95), np.arccos(0.95), 4001)
     depth = 1.0 - np.sqrt(1.0 + 1.9**2 - 2.0 * 1.9 * np.cos(t))
     assert contact.area(0) == pytest.approx(2.0 * np.pi, rel=1e-5)

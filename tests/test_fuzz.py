@@ -1,6 +1,7 @@
 """Generated input of every kind ends in finite numbers or in one line and exit code 2: no traceback, no hang, no silent NaN.
 
-Each family of inputs runs a few examples, and marked slow all of its share of ten thousand; the examples are the same at every run.
+Each family of inputs runs a few examples, and marked slow all of its share of ten thousand; the examples are the same
+at every run.
 """
 
 import dataclasses

@@ -64,7 +64,8 @@ def test_a_singular_pencil_does_no_harm(name, factors, bar, petsc_options):
     expected = modal.solve(model, 4).eigenvalues
     petsc_options(st_shift=0.0, **factors)
     found = modal.solve(model, 4).eigenvalues
-    # What is factorised is singular but for rounding (eps), which leaves errors of about eps^(1/2) = 1.5e-8, -eps_tol 1e-12 or not.
+    # What is factorised is singular but for rounding (eps), which leaves errors of about eps^(1/2) = 1.5e-8, -eps_tol
+    # 1e-12 or not.
     assert found[6:] == pytest.approx(expected[6:], rel=1e-7)
     assert np.abs(found[:6]).max() < 1e-8 * found[6]
 

@@ -57,8 +57,8 @@ def test_beta_l_of_the_beams_is_what_their_equations_say():
 def timoshenko(slenderness, free, count=40):
     """Return the angular frequencies of a bar of radius 1 with nu = 0 by Timoshenko's theory with shear coefficient 1.
 
-    Ritz with polynomials, converged to rounding.  It is what the element of order 1 is made of: without Poisson's ratio, plane
-    sections that move and tilt as wholes do not couple with anything else there.
+    Ritz with polynomials, converged to rounding.  It is what the element of order 1 is made of: without Poisson's
+    ratio, plane sections that move and tilt as wholes do not couple with anything else there.
     """
     x, w = np.polynomial.legendre.leggauss(count + 10)
     x, w = 0.5 * (x + 1.0), 0.5 * w * slenderness

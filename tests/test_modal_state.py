@@ -22,7 +22,8 @@ from isorod.space import Space
 def guided(cylinder):
     """A bar of nu = 0 whose end faces stay in their planes, its middle on the axis: bending modes cos(m pi z / L), m odd.
 
-    Pulled to the stretch ``s`` its state is u_z = (s - 1) z exactly: without Poisson's ratio the law takes no width from it.
+    Pulled to the stretch ``s`` its state is u_z = (s - 1) z exactly: without Poisson's ratio the law takes no width
+    from it.
     """
 
     def make(length, stretch=1.0, radius=0.5):

@@ -90,9 +90,9 @@ def test_gradient_is_the_derivative_of_the_value(n, turn):
 def laplacians(n, order, radius, modes):
     """Iterated Laplacians ``0 .. order`` of every function at ``radius``, mode by mode.
 
-    On a circle ``f = sum_m f_m(r) exp(i m theta)``; ``g_k T_i`` being a polynomial of degree ``K - 1`` in ``r^2`` times a harmonic
-    function, ``f_m`` is ``r^|m|`` times such a polynomial.  It is fitted at more radii than it has coefficients and the
-    residual returned too, so that nothing else passes.
+    On a circle ``f = sum_m f_m(r) exp(i m theta)``; ``g_k T_i`` being a polynomial of degree ``K - 1`` in ``r^2`` times
+    a harmonic function, ``f_m`` is ``r^|m|`` times such a polynomial.  It is fitted at more radii than it has
+    coefficients and the residual returned too, so that nothing else passes.
     """
     t = 2 * np.pi * np.arange(256) / 256
     radii = np.linspace(0.15, 0.85, 2 * order + 5)

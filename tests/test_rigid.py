@@ -71,7 +71,8 @@ def test_motions_move_the_points_of_the_rod_rigidly(space):
         assert np.abs(a @ fit - b).max() < 1e-12 * np.abs(b).max()
 
 
-# Supports of the bar of 4 points by name, and the number of motions they leave.  Nodes 0 and 2 of a layer stand on the x axis.
+# Supports of the bar of 4 points by name, and the number of motions they leave.  Nodes 0 and 2 of a layer stand on the
+# x axis.
 TOP = 5 * 4
 SUPPORTS = {
     "none": (lambda s: [], 6),

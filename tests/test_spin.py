@@ -316,7 +316,8 @@ def rotating_beam(speed, hub=0.0, count=14):
     return np.sqrt(eigh(stiffness, (value * w) @ value.T, eigvals_only=True))[:3]
 
 
-# Wright, Smith, Thresher, Wang, J. Appl. Mech. 49 (1982) 197-202: uniform clamped beam, no hub; first and second flapping.
+# Wright, Smith, Thresher, Wang, J. Appl. Mech. 49 (1982) 197-202: uniform clamped beam, no hub; first and second
+# flapping.
 WRIGHT = {
     0: (3.5160, 22.0345),
     1: (3.6816, 22.1810),

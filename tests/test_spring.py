@@ -1,7 +1,7 @@
 """The spring against Table 1 of Lu & Zhou, CMAME 200 (2011) 233-241.
 
-The paper does not print Young's modulus: 2.014e4 was fitted once to all 18 values.  Down are the control points round the
-wire, across the elements per turn (the paper has the two labels swapped).
+The paper does not print Young's modulus: 2.014e4 was fitted once to all 18 values.  Down are the control points round
+the wire, across the elements per turn (the paper has the two labels swapped).
 """
 
 import numpy as np

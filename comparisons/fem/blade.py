@@ -107,8 +107,8 @@ def run(
 ) -> dict[str, Any]:
     """Solve ``repeat`` times in this process and return the record, the same on every rank.
 
-    The last solution's mode shapes go to ``modes_file`` if one is named (see `comparisons.fem.mode_shapes.save`).  ``seconds`` is as in
-    `comparisons.fem.runs.timed`; its ``check`` is the Sturm count.
+    The last solution's mode shapes go to ``modes_file`` if one is named (see `comparisons.fem.mode_shapes.save`).
+    ``seconds`` is as in `comparisons.fem.runs.timed`; its ``check`` is the Sturm count.
     """
     start = perf_counter()
     where, mesh = runs.distribute(configuration.mesh, comm)

@@ -2,9 +2,10 @@
 
     F = I + grad u + (j0 / j) [a1 xi1, a2 xi2, a3 xi3] J0^-1
 
-with the cell's vectors ``a1, a2, a3``, reference coordinates ``xi`` in [-1, 1]^3, and the map's gradient ``J`` with determinant ``j``
-(``J0, j0`` at the centre): Taylor, Beresford & Wilson (1976), Simo & Armero, Int. J. Numer. Methods Eng. 33 (1992) 1413-1449.
-dolfinx cannot eliminate the modes cell by cell, so they are global unknowns: same solution, unfair run times.
+with the cell's vectors ``a1, a2, a3``, reference coordinates ``xi`` in [-1, 1]^3, and the map's gradient ``J`` with
+determinant ``j`` (``J0, j0`` at the centre): Taylor, Beresford & Wilson (1976), Simo & Armero, Int. J. Numer. Methods
+Eng. 33 (1992) 1413-1449. dolfinx cannot eliminate the modes cell by cell, so they are global unknowns: same solution,
+unfair run times.
 """
 
 from typing import Any

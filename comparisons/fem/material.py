@@ -44,8 +44,8 @@ def linear(young: float, poisson: float) -> Energy:
 def muscle(young: float, poisson: float, sigma_max: float, m1: float, m2: float, activation: Any, fibre: Any) -> Energy:
     """Return the neo-Hookean matrix with active and passive fibres (Lu & Zhou 2011, eqs. 16-19).
 
-    ``dW/dlambda = activation sigma_max max(0, 1 - 4 (1 - lambda)^2)``, and where the fibre is stretched ``m1 lambda (exp(m2
-    (lambda^2 - 1)) - 1)`` more, ``lambda = |F f|``.
+    ``dW/dlambda = activation sigma_max max(0, 1 - 4 (1 - lambda)^2)``, and where the fibre is stretched
+    ``m1 lambda (exp(m2 (lambda^2 - 1)) - 1)`` more, ``lambda = |F f|``.
 
     Parameters
     ----------

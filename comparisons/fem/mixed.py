@@ -1,7 +1,7 @@
 """Static equilibrium near and at incompressibility with dolfinx: Taylor-Hood elements, displacement of one degree more than pressure.
 
-Stationary point of ``integral of mu/2 (I1 - 2 ln J - 3) + p ln J - p^2 / (2 kappa)``: for the pressure that is left, the neo-Hookean law of
-the other solutions; ``kappa`` may be infinite.
+Stationary point of ``integral of mu/2 (I1 - 2 ln J - 3) + p ln J - p^2 / (2 kappa)``: for the pressure that is left,
+the neo-Hookean law of the other solutions; ``kappa`` may be infinite.
 """
 
 from collections.abc import Callable, Mapping, Sequence

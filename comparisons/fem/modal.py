@@ -22,8 +22,8 @@ from isorod.options import defaults
 from isorod.petsc.matrix import componentwise
 from meshes.mesh import Array, Index
 
-# What a user's option overrides.  Measured on the blade (see comparisons.fem.blade): MUMPS' own choice of ordering and one Krylov
-# space without restart are fastest.
+# What a user's option overrides.  Measured on the blade (see comparisons.fem.blade): MUMPS' own choice of ordering and
+# one Krylov space without restart are fastest.
 DIRECT = {
     "eps_tol": 1e-10,
     "st_type": "sinvert",
@@ -36,7 +36,8 @@ DIRECT = {
 
 RIGID = 6
 
-# The shift of a free body lies this share of its first flexible eigenvalue below zero; far from it the modes would cluster.
+# The shift of a free body lies this share of its first flexible eigenvalue below zero; far from it the modes would
+# cluster.
 _SHIFT = 0.1
 
 _ALGEBRAIC = ("gamg", "ml", "hypre")
@@ -68,7 +69,8 @@ class Modes:
     eigenvalues
         ``omega^2``, shape ``(modes,)``.
     residuals
-        ``|K x - lambda M x| / (|lambda| |M x|)``, shape ``(modes,)``; of rigid modes with the first flexible ``lambda``.
+        ``|K x - lambda M x| / (|lambda| |M x|)``, shape ``(modes,)``; of rigid modes with the first flexible
+        ``lambda``.
     rigid
         Number of rigid modes among them.
     below
@@ -78,8 +80,8 @@ class Modes:
     iterations
         Restarts or iterations of the eigensolver.
     seconds
-        ``forms`` (symbolic work and compilation or its cache), ``setup`` (spaces, supports, empty matrices), ``assembly``,
-        ``solve``, and apart from these ``check`` (the inertia), wall time of this rank.
+        ``forms`` (symbolic work and compilation or its cache), ``setup`` (spaces, supports, empty matrices),
+        ``assembly``, ``solve``, and apart from these ``check`` (the inertia), wall time of this rank.
     options
         PETSc and SLEPc options in force, as given.
     peak_memory
@@ -133,8 +135,8 @@ def solve(
     flags
         C compiler flags for the forms.
     matrix_type
-        PETSc type of the stiffness matrix when it is factored; if not given ``sbaij``, its upper triangle by blocks, and on
-        several ranks ``aij``.
+        PETSc type of the stiffness matrix when it is factored; if not given ``sbaij``, its upper triangle by blocks,
+        and on several ranks ``aij``.
     check
         Count the eigenvalues below the last one, to prove that none was missed.
 
@@ -212,9 +214,9 @@ def solve(
 class _Body:
     """Spaces, forms and matrices of a body.
 
-    The stiffness is assembled by 3 x 3 blocks (``baij``): inserting a block at a time is three times faster than entry by entry.
-    Of the mass only one component is assembled, and PETSc's MAIJ applies it to all three: Lanczos steps multiply by it
-    more often than they solve.
+    The stiffness is assembled by 3 x 3 blocks (``baij``): inserting a block at a time is three times faster than entry
+    by entry. Of the mass only one component is assembled, and PETSc's MAIJ applies it to all three: Lanczos steps
+    multiply by it more often than they solve.
     """
 
     def __init__(
@@ -231,7 +233,8 @@ class _Body:
         self.plain = element.family != "enhanced"
         self.solid, self.flags = solid, flags
         self.measure = ufl.dx(metadata=quadrature.measure(element.rule(domain.shape)))
-        # Enough points for a mass that is definite, whatever the rule of the stiffness; they cost little in one component.
+        # Enough points for a mass that is definite, whatever the rule of the stiffness; they cost little in one
+        # component.
         self.mass_measure = ufl.dx(metadata={"quadrature_degree": 2 * element.degree})
         if self.plain:
             self.space = compat.function_space(mesh, compat.block_element(mesh, element.family, element.degree, 3))

@@ -39,9 +39,10 @@ def nodal(found: Modes) -> Array | None:
 def save(found: Modes, mesh: Mesh | None, path: Path) -> None:
     """Write the mode shapes to an ``.npz`` file, from rank 0, which has the mesh; every rank must call.
 
-    Arrays: ``frequencies`` ``(modes,)``; ``modes`` ``(modes, nodes, 3)`` with ``x^T M x = 1``; of each node its position ``points``
-    ``(nodes, 3)``, its parameters on the Rod ``xi`` ``(nodes, 2)`` and ``u`` ``(nodes,)``, and its share of the volume ``weights``
-    ``(nodes,)``, for inner products; ``cells`` and their ``shape`` and ``order`` as in `meshes.mesh.Mesh`.
+    Arrays: ``frequencies`` ``(modes,)``; ``modes`` ``(modes, nodes, 3)`` with ``x^T M x = 1``; of each node its
+    position ``points`` ``(nodes, 3)``, its parameters on the Rod ``xi`` ``(nodes, 2)`` and ``u`` ``(nodes,)``, and its
+    share of the volume ``weights`` ``(nodes,)``, for inner products; ``cells`` and their ``shape`` and ``order`` as in
+    `meshes.mesh.Mesh`.
     """
     values = nodal(found)
     if values is None or mesh is None or mesh.parameters is None:

@@ -75,9 +75,9 @@ class Pencil:
     def solve(self, wanted: int, shift: float, count_mass: PETSc.Mat | None) -> int | None:
         """Find the lowest ``wanted`` eigenvalues, as the options say.
 
-        Returns the number of eigenvalues up to just above the last one, by Sylvester's law of inertia; those it shows to be missing
-        are solved for with the others deflated.  ``count_mass`` is the mass with the type and sparsity of the stiffness; without it
-        nothing is counted and None returned.
+        Returns the number of eigenvalues up to just above the last one, by Sylvester's law of inertia; those it shows
+        to be missing are solved for with the others deflated.  ``count_mass`` is the mass with the type and sparsity of
+        the stiffness; without it nothing is counted and None returned.
         """
         # One more than wanted, so that the last one seldom lacks its twin.
         eps = self._eps(wanted + 1, shift)

@@ -53,8 +53,8 @@ def timed(
 ) -> tuple[Found, list[dict[str, float]], dict[str, float]]:
     """Solve ``repeat`` times in this process.
 
-    Returns what the last run found, the seconds of each run by part, each the slowest rank's, and their medians over the warm
-    runs (all but the first), or the only run.  ``total`` is without `CHECKS`.
+    Returns what the last run found, the seconds of each run by part, each the slowest rank's, and their medians over
+    the warm runs (all but the first), or the only run.  ``total`` is without `CHECKS`.
     """
     runs: list[dict[str, float]] = []
     found: Found | None = None

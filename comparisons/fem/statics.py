@@ -19,7 +19,8 @@ from isorod.errors import SolveError
 from isorod.options import defaults
 from meshes.mesh import Array, Index
 
-# The tangent of a stable equilibrium is symmetric and positive definite: half the work of LU. 2: approximate minimum fill.
+# The tangent of a stable equilibrium is symmetric and positive definite: half the work of LU. 2: approximate minimum
+# fill.
 DIRECT = {
     "ksp_type": "preonly",
     "pc_type": "cholesky",
@@ -59,10 +60,11 @@ class Element:
     degree
         Polynomial degree.
     quadrature
-        Degree of the rule in every form, or the name of one of `comparisons.fem.quadrature.RULES`; ``2 degree`` on bricks and
-        ``2 degree - 2``, at least 1, on tetrahedra if None.
+        Degree of the rule in every form, or the name of one of `comparisons.fem.quadrature.RULES`; ``2 degree`` on
+        bricks and ``2 degree - 2``, at least 1, on tetrahedra if None.
     family
-        ``"Lagrange"``, or on bricks ``"S"`` (serendipity) or ``"enhanced"`` (degree 1 with nine incompatible modes a cell).
+        ``"Lagrange"``, or on bricks ``"S"`` (serendipity) or ``"enhanced"`` (degree 1 with nine incompatible modes a
+        cell).
     """
 
     degree: int = 2
@@ -95,8 +97,8 @@ class Equilibrium:
     residual_norms
         Norm of the residual at each SNES iteration.
     seconds
-        ``forms`` (symbolic work and compilation or its cache), ``setup`` (space, supports, vectors and matrix), ``assembly``,
-        ``solve`` (the rest of SNES), wall time of this rank.
+        ``forms`` (symbolic work and compilation or its cache), ``setup`` (space, supports, vectors and matrix),
+        ``assembly``, ``solve`` (the rest of SNES), wall time of this rank.
     options
         PETSc options in force, as given.
     peak_memory

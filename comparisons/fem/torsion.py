@@ -1,7 +1,7 @@
 """Saint-Venant torsion constant of a section, between bounds: ``python -m comparisons.fem.torsion --around 64 --rings 8``.
 
-The section is meshed through its own map of the disk.  Warping in the space of finite elements makes the bar too stiff, a stress
-function too soft, so that the constant of the meshed section lies between the two answers.
+The section is meshed through its own map of the disk.  Warping in the space of finite elements makes the bar too stiff,
+a stress function too soft, so that the constant of the meshed section lies between the two answers.
 """
 
 import argparse
@@ -43,7 +43,8 @@ def solve(outline: Array, around: int = 64, rings: int = 8, degree: int = 3) -> 
     Parameters
     ----------
     around
-        Quadrilaterals round the section: ``8 n / gcd(n, 4)`` or a multiple has vertices where the outline's curvature jumps.
+        Quadrilaterals round the section: ``8 n / gcd(n, 4)`` or a multiple has vertices where the outline's curvature
+        jumps.
     rings
         Rings of quadrilaterals round the core.
     degree

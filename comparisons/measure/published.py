@@ -1,13 +1,13 @@
 """Published numbers the studies compare with, and the parameters inferred where a paper prints none.
 
-Source: J. Lu, X. Zhou, "Cylindrical element: Isogeometric model of continuum rod", Comput. Methods Appl. Mech. Engrg. 200
-(2011) 233-241, doi 10.1016/j.cma.2010.08.007.
+Source: J. Lu, X. Zhou, "Cylindrical element: Isogeometric model of continuum rod", Comput. Methods Appl. Mech. Engrg.
+200 (2011) 233-241, doi 10.1016/j.cma.2010.08.007.
 """
 
 from types import MappingProxyType
 
-# Table 1: reaction force of the spring by number of control points round the section, for each number of elements per turn.
-# (The paper labels rows and columns the wrong way round.)
+# Table 1: reaction force of the spring by number of control points round the section, for each number of elements per
+# turn. (The paper labels rows and columns the wrong way round.)
 SPRING_ELEMENTS_PER_TURN = (4, 8, 12, 16, 20, 24)
 SPRING_FORCE = MappingProxyType(
     {
@@ -25,8 +25,9 @@ SPRING_FEM_ELEMENTS = 6048
 # Figure 8: colour scale of the von Mises stress.
 SPRING_STRESS_SCALE = (0.0, 50.0)
 
-# Not printed: the paper says "the same neo-Hookean model".  Inferred by fitting Table 1 with this one scalar; the entries of 8
-# and 16 control points and at least 12 elements a turn then follow within 5e-5.  nu is that of the paper's section 4.1.
+# Not printed: the paper says "the same neo-Hookean model".  Inferred by fitting Table 1 with this one scalar; the
+# entries of 8 and 16 control points and at least 12 elements a turn then follow within 5e-5.  nu is that of the paper's
+# section 4.1.
 SPRING_E = 2.014e4
 SPRING_NU = 0.3
 
@@ -46,8 +47,8 @@ BLADE_FEM_NODES = 1035
 BLADE_FEM_ELEMENTS = 686
 # Figure 13: order of convergence of the first three frequencies against the model of 30 elements.
 BLADE_ORDER = 3.0
-# Not printed, or printed without its minus signs: found by a least-squares fit over all 60 frequencies of Table 2, which then
-# follow within 0.24 %.
+# Not printed, or printed without its minus signs: found by a least-squares fit over all 60 frequencies of Table 2,
+# which then follow within 0.24 %.
 BLADE_LENGTH = 8.3
 BLADE_TWIST = 15.0  # degrees
 BLADE_TAPER = 0.5

@@ -26,8 +26,8 @@ def measure(
 ) -> dict[str, Any]:
     """Return a record with the scene's quantities and the wall time of ``repeat`` runs, the first one cold.
 
-    ``seconds`` holds the median of the warm runs, or the only run.  ``settings`` are those of the scene's analysis; ``petsc``
-    must be what PETSc was started with.
+    ``seconds`` holds the median of the warm runs, or the only run.  ``settings`` are those of the scene's analysis;
+    ``petsc`` must be what PETSc was started with.
     """
     from petsc4py import PETSc
 

@@ -56,8 +56,8 @@ class WorkPrecision:
     scene
         Name of the scene.
     finer
-        One step finer along the axis, and one in the section, by method: option and what is added to it.  Options that a run does
-        not have are passed over.
+        One step finer along the axis, and one in the section, by method: option and what is added to it.  Options that
+        a run does not have are passed over.
     error
         Error of a record.
     """
@@ -108,8 +108,8 @@ class WorkPrecision:
     def _confirm(self, work: Sequence[Record], target: float) -> Record | None:
         """Return the fastest run within the target that stays within it when axis or section alone is refined.
 
-        On a coarse mesh errors of the axis and of the section can cancel; what is within the target by that luck is recorded,
-        as not holding.
+        On a coarse mesh errors of the axis and of the section can cancel; what is within the target by that luck is
+        recorded, as not holding.
         """
         for found in sorted(work, key=lambda record: record["seconds"]["total"]):
             if found["error"] > target:

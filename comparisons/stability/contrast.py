@@ -252,8 +252,8 @@ def longitudinal(
 ) -> np.ndarray:
     """Return the lowest longitudinal frequencies of a bar of two materials, fixed at its start, free at its end.
 
-    ``tan(k_1 L_1) tan(k_2 L_2) = Z_1 / Z_2`` with ``Z = sqrt(E rho)``, as the condition that the phase of the motion, which grows
-    with the frequency, reaches odd multiples of a quarter turn at the free end.
+    ``tan(k_1 L_1) tan(k_2 L_2) = Z_1 / Z_2`` with ``Z = sqrt(E rho)``, as the condition that the phase of the motion,
+    which grows with the frequency, reaches odd multiples of a quarter turn at the free end.
     """
     ratio = np.sqrt(E[1] * density[1] / (E[0] * density[0]))
     first, second = (length * np.sqrt(rho / e) for length, rho, e in zip(lengths, density, E, strict=True))

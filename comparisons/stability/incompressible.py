@@ -40,7 +40,8 @@ TWISTED = "twist of Rivlin's cylinder, nu = 0.499999 [rad]"
 LENGTH, FORCE = 10.0, 0.03
 # Knots where the clamp's singularity wants them.
 KNOTS = (0.0, 0.15, 0.4, 0.8, 1.4, 2.2, 3.4, 5.0, 7.0, LENGTH)
-# A bar with both ends clamped, its surface moved in y by -SQUEEZE b(z) y, the bump b = 16 s^2 (1 - s)^2, s = z / HEIGHT.
+# A bar with both ends clamped, its surface moved in y by -SQUEEZE b(z) y, the bump b = 16 s^2 (1 - s)^2, s = z /
+# HEIGHT.
 HEIGHT, SQUEEZE = 4.0, 0.3
 
 # Taylor-Hood solutions (`reference`), by Poisson's ratio in the order of RATIOS.

@@ -17,11 +17,12 @@ def measure(sweep: str, value: float | str, solve: Callable[[], Mapping[str, Any
     sweep, value
         Name of the swept number, and the number.
     solve
-        Computes the point and returns what was found: ``error`` (relative, against the reference) and whatever else the case reports.
-        An `InputError` or `SolveError` becomes ``failure``, its one line; anything else is a defect and passes through.
+        Computes the point and returns what was found: ``error`` (relative, against the reference) and whatever else the
+        case reports. An `InputError` or `SolveError` becomes ``failure``, its one line; anything else is a defect and
+        passes through.
     more
-        What is known beforehand: ``reference`` (words), ``tolerance`` (the largest error at which the point holds), ``series``
-        (name of the curve where a sweep has several).
+        What is known beforehand: ``reference`` (words), ``tolerance`` (the largest error at which the point holds),
+        ``series`` (name of the curve where a sweep has several).
     """
     start = perf_counter()
     try:

@@ -20,7 +20,8 @@ ANGLE = 0.01
 def stiffness(space: Space, kind: str, a: float, b: float, length: float) -> tuple[float, float, Model]:
     """Return the stiffness of a straight bar along z with half axes ``a`` (x) and ``b`` (y), the exact one, and the model.
 
-    The end faces stay free to warp (torsion) and to change their shape (bending): then Saint-Venant's solutions are exact.
+    The end faces stay free to warp (torsion) and to change their shape (bending): then Saint-Venant's solutions are
+    exact.
     """
     ends = [np.arange(space.layer_nodes), (space.layers - 1) * space.layer_nodes + np.arange(space.layer_nodes)]
     # Rotations are linear in the position, whose coefficients are those of the rod's map.

@@ -161,8 +161,9 @@ def _short(ratio: float, kind: str) -> dict[str, Any]:
 def thinned(ratio: float, symmetric: bool) -> np.ndarray:
     """Return the paper's airfoil with its last control points ``ratio`` times as near to the chord, ``(16, 2)``.
 
-    As in the paper, the heights of a circle's control points are multiplied by factors that are linear in the point's number; at the
-    trailing edge 0.05 is divided by the ratio.  Made symmetric, the section has the same thickness and is convex.
+    As in the paper, the heights of a circle's control points are multiplied by factors that are linear in the point's
+    number; at the trailing edge 0.05 is divided by the ratio.  Made symmetric, the section has the same thickness and
+    is convex.
     """
     angle = 2.0 * np.pi * (np.arange(16) + 0.5) / 16
     front = (0.168, 0.168) if symmetric else (0.35625, -0.02)

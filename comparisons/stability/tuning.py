@@ -34,7 +34,8 @@ COLUMNS = {
 # Results with other solvers agree to this; SNES stops at 1e-9 of the load, LOBPCG at 1e-7.
 TOLERANCE = 1e-6
 
-# Seconds after which a run is given up, and warm runs whose median is the time (none: the time of the command's own, cold run).
+# Seconds after which a run is given up, and warm runs whose median is the time (none: the time of the command's own,
+# cold run).
 TIME_LIMIT = {"quick": 15.0, "full": 120.0}
 WARM = {"quick": 0, "full": 3}
 

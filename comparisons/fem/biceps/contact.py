@@ -1,7 +1,8 @@
 """Frictionless penalty contact between two surfaces of a mesh, in two passes of half weight each.
 
-Energy ``sum 1/2 penalty gap^2 dA`` over the points of either surface that are inside the other one, ``dA`` on the reference surface: the
-same continuous problem as `isorod.contact`.  Everything is numbered as in `meshes.mesh.Mesh`; nothing here knows dolfinx.
+Energy ``sum 1/2 penalty gap^2 dA`` over the points of either surface that are inside the other one, ``dA`` on the
+reference surface: the same continuous problem as `isorod.contact`.  Everything is numbered as in `meshes.mesh.Mesh`;
+nothing here knows dolfinx.
 """
 
 from dataclasses import dataclass
@@ -143,8 +144,9 @@ class Contact:
     penalty
         Force per volume: pressure over penetration.
     parts
-        Each facet is cut in ``parts^2`` of equal shape, each with a rule exact to twice the order: contact that begins inside a facet wants
-        more points than its functions do.  0: the nodes, as usual in explicit dynamics; order 1 only.
+        Each facet is cut in ``parts^2`` of equal shape, each with a rule exact to twice the order: contact that begins
+        inside a facet wants more points than its functions do.  0: the nodes, as usual in explicit dynamics; order 1
+        only.
     reach
         Points farther apart than this are left alone until the surfaces have moved half of it; units of length.
     """

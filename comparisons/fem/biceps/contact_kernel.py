@@ -1,8 +1,8 @@
 """Compiled loops of the contact between finite element surfaces: closest points, forces, stiffness.
 
-A facet is ``s(xi) = sum_a N_a(xi) y_a`` with ``N_a = sum_k C_ka xi_1^p_k xi_2^q_k``.  The closest point minimises ``phi = |d|^2 / 2``,
-``d = x - s(xi)``; where the facet's outward normal says that ``x`` is inside, the gap is ``-|d|`` and the energy of a point is
-``penalty weight phi``.
+A facet is ``s(xi) = sum_a N_a(xi) y_a`` with ``N_a = sum_k C_ka xi_1^p_k xi_2^q_k``.  The closest point minimises
+``phi = |d|^2 / 2``, ``d = x - s(xi)``; where the facet's outward normal says that ``x`` is inside, the gap is ``-|d|``
+and the energy of a point is ``penalty weight phi``.
 """
 
 import numpy as np
@@ -11,8 +11,8 @@ from numba import b1, f8, i8, njit, types, void
 from isorod.compiled import F1, F2, F3, I1, I2, STRICT
 from meshes.mesh import Array, Index
 
-# Off the facet's interior, where a surface has kinks or ends, only points about as deep as they are far count as inside:
-# cosine of the angle to the normal.
+# Off the facet's interior, where a surface has kinks or ends, only points about as deep as they are far count as
+# inside: cosine of the angle to the normal.
 _STEEP = 0.5
 
 _NEWTON_STEPS = 20
@@ -244,8 +244,8 @@ def add_forces(
 ) -> None:
     """Add the gradient of the penalty energy to ``out`` ``(nodes, 3)``.
 
-    ``totals`` gains energy, sum of the normal forces, area in contact, and the force on the points' side (three components);
-    its last entry becomes the smallest gap.
+    ``totals`` gains energy, sum of the normal forces, area in contact, and the force on the points' side (three
+    components); its last entry becomes the smallest gap.
     """
     functions = np.empty((3, C.shape[1]))
     for m in range(x.shape[0]):
@@ -311,7 +311,8 @@ def stiffness(
 ) -> None:
     """Write the second derivative of each point's energy.
 
-    ``phi_qq - phi_qxi (phi_xixi)^-1 phi_xiq`` for ``q`` the nodes of point and facet and ``xi`` what the closest point is free to move in.
+    ``phi_qq - phi_qxi (phi_xixi)^-1 phi_xiq`` for ``q`` the nodes of point and facet and ``xi`` what the closest point
+    is free to move in.
 
     Parameters
     ----------

@@ -65,8 +65,8 @@ class Motion:
     time_step, critical_step
         The last step taken, and the smallest critical step found, at rest or at a sample, seconds.
     seconds
-        ``forms``, ``setup``, ``critical`` (critical steps), and of the steps ``internal`` (assembly of internal forces), ``contact``,
-        ``update``; ``step`` is the wall time of one step.
+        ``forms``, ``setup``, ``critical`` (critical steps), and of the steps ``internal`` (assembly of internal
+        forces), ``contact``, ``update``; ``step`` is the wall time of one step.
     peak_memory
         Bytes.
     """
@@ -82,8 +82,9 @@ class Motion:
 def lumped_mass(branches: Branches, density: float) -> Array:
     """Return the nodes' masses, shape ``(blocks,)``, in the order of the space.
 
-    The diagonal of the consistent mass matrix, scaled to the whole mass: the row sums on linear tetrahedra, and on quadratic ones what
-    Hinton, Rock, Zienkiewicz (Earthquake Eng. Struct. Dyn. 4 (1976) 245-249) propose, where row sums are negative at vertices.
+    The diagonal of the consistent mass matrix, scaled to the whole mass: the row sums on linear tetrahedra, and on
+    quadratic ones what Hinton, Rock, Zienkiewicz (Earthquake Eng. Struct. Dyn. 4 (1976) 245-249) propose, where row
+    sums are negative at vertices.
     """
     mesh = branches.mesh
     space = compat.function_space(mesh, ("Lagrange", branches.source.order))
@@ -133,8 +134,8 @@ def solve(
 ) -> Motion:
     """Return the motion from rest.
 
-    Half-step velocities: ``(1 + c dt / 2) v_(n+1/2) = (1 - c dt / 2) v_(n-1/2) - dt M^-1 f(u_n, t_n)``, ``u_(n+1) = u_n + dt
-    v_(n+1/2)``.
+    Half-step velocities: ``(1 + c dt / 2) v_(n+1/2) = (1 - c dt / 2) v_(n-1/2) - dt M^-1 f(u_n, t_n)``,
+    ``u_(n+1) = u_n + dt v_(n+1/2)``.
 
     Parameters
     ----------

@@ -42,7 +42,8 @@ class Configuration:
     degree
         Degree of displacement and geometry, 1 or 2.
     quadrature
-        Degree of the rule in every form; None: 1 point on linear tetrahedra, else as in `comparisons.fem.statics.Element`.
+        Degree of the rule in every form; None: 1 point on linear tetrahedra, else as in
+        `comparisons.fem.statics.Element`.
     parts
         See `comparisons.fem.biceps.contact.Contact`; None: 3 for statics; for dynamics the nodes on degree 1, else 1.
     time_step
@@ -50,7 +51,8 @@ class Configuration:
     solver
         PETSc options of statics; the user's own win.
     flags
-        C compiler flags of the forms; those of `comparisons.fem.statics`, or of `comparisons.fem.biceps.dynamics`, if empty.
+        C compiler flags of the forms; those of `comparisons.fem.statics`, or of `comparisons.fem.biceps.dynamics`, if
+        empty.
     scene
         The parameters of the biceps; of dynamics too, but for the time step.
     """
@@ -132,10 +134,10 @@ def run(
 ) -> dict[str, Any]:
     """Solve ``repeat`` times in this process and return the record.
 
-    ``seconds`` is as in `comparisons.fem.runs.timed`; of dynamics ``step`` is that of one step, without samples and critical steps.
-    The last state goes to ``file``, an ``.npz`` with ``points``, ``positions``, ``cells`` and ``belly_0`` and ``belly_1``, if one is named;
-    of bricks also all samples, ``times`` ``(s,)``, ``displacement`` ``(s, m, 3)`` and ``von_mises`` ``(s, m)`` on small cells,
-    ``small_points`` and ``small_cells``.
+    ``seconds`` is as in `comparisons.fem.runs.timed`; of dynamics ``step`` is that of one step, without samples and
+    critical steps. The last state goes to ``file``, an ``.npz`` with ``points``, ``positions``, ``cells`` and
+    ``belly_0`` and ``belly_1``, if one is named; of bricks also all samples, ``times`` ``(s,)``, ``displacement``
+    ``(s, m, 3)`` and ``von_mises`` ``(s, m)`` on small cells, ``small_points`` and ``small_cells``.
     """
     if comm.size > 1:
         raise InputError("biceps: only on one rank")

@@ -16,7 +16,8 @@ from isorod.errors import SolveError
 from isorod.options import defaults
 from meshes.mesh import Array
 
-# A step in the activation is halved at most this many times, and doubled after one that took no more than so many linear solves.
+# A step in the activation is halved at most this many times, and doubled after one that took no more than so many
+# linear solves.
 _HALVINGS = 6
 _EASY = 6
 
@@ -30,7 +31,8 @@ class Rest:
     positions
         Nodes where they are in the end, shape ``(nodes, 3)``, numbered as the source mesh.
     reactions
-        Force of each end's support on its branch, shape ``(4, 3)``, in the order of `comparisons.fem.biceps.branches.ENDS`.
+        Force of each end's support on its branch, shape ``(4, 3)``, in the order of
+        `comparisons.fem.biceps.branches.ENDS`.
     stored
         Energy of tendons and muscles.
     contact
@@ -118,7 +120,8 @@ def solve(
 ) -> Rest:
     """Return the equilibrium at an activation, reached from rest.
 
-    Each step starts from the last two equilibria, extrapolated.  A step that fails is halved, one that was easy doubles the next.
+    Each step starts from the last two equilibria, extrapolated.  A step that fails is halved, one that was easy doubles
+    the next.
 
     Parameters
     ----------

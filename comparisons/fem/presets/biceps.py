@@ -1,8 +1,8 @@
 """Configurations of the biceps worth a name, as arguments of ``python -m comparisons.fem biceps``.
 
-At the equilibrium the end forces of 27-node bricks with 8, 12 and 16 round a branch differ by 0.04 %, their bulges by 0.3 %, their
-contact forces by 0.5 %; linear tetrahedra, as many as the paper has, hold with 2.3 % too much.  Area (2.7 to 3.5 cm^2) and depth (0.010 to 0.013 cm) of
-contact are not converged on these meshes.
+At the equilibrium the end forces of 27-node bricks with 8, 12 and 16 round a branch differ by 0.04 %, their bulges by
+0.3 %, their contact forces by 0.5 %; linear tetrahedra, as many as the paper has, hold with 2.3 % too much.  Area (2.7
+to 3.5 cm^2) and depth (0.010 to 0.013 cm) of contact are not converged on these meshes.
 """
 
 from comparisons.fem.presets.family import Family

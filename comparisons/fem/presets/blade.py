@@ -1,14 +1,16 @@
 """Configurations of the blade worth a name, as arguments of ``python -m comparisons.fem blade``.
 
-Found by a search over elements (Lagrange bricks of degree 1 to 4, serendipity, 8 nodes with incompatible modes, tetrahedra of degree 1
-to 3), 2 to 12 cells along the chord and 1 to 3 across it, 3 to 48 layers, gradings, quadrature rules, compiler flags and
-solvers.  What it showed:
+Found by a search over elements (Lagrange bricks of degree 1 to 4, serendipity, 8 nodes with incompatible modes,
+tetrahedra of degree 1 to 3), 2 to 12 cells along the chord and 1 to 3 across it, 3 to 48 layers, gradings, quadrature
+rules, compiler flags and solvers.  What it showed:
 
 - The blade is thin: one cell across is enough down to 0.1 %, and isoparametric cells cope with the blunt trailing edge,
   where serendipity cells (10 % off) and geometry of higher order than the displacement (50 % off) do not.
-- Cubic bricks on 27 Gauss points come within 0.4 % with 2,280 unknowns, but stiffness and mass are then singular, and an inertia
+- Cubic bricks on 27 Gauss points come within 0.4 % with 2,280 unknowns, but stiffness and mass are then singular, and
+an inertia
   count does not confirm the modes: not used.  Quadratic bricks on Irons' 14 points keep their rank.
-- Shift-and-invert with MUMPS' Cholesky beats PETSc's, CHOLMOD, UMFPACK and SuperLU.  To a tolerance of 1e-6, LOBPCG takes 500 times
+- Shift-and-invert with MUMPS' Cholesky beats PETSc's, CHOLMOD, UMFPACK and SuperLU.  To a tolerance of 1e-6, LOBPCG
+takes 500 times
   as long with GAMG or BoomerAMG, and conjugate gradients with GAMG inside shift-and-invert 1000 times: the blade is
   slender and its cells are flat.
 """

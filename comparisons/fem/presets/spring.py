@@ -1,8 +1,8 @@
 """Configurations of the spring worth a name, as arguments of ``python -m comparisons.fem spring``.
 
-Found by a search over elements (Lagrange and serendipity bricks of degree 1 to 4, tetrahedra of degree 1 and 2), 4 to 24 cells
-round the wire with 0 to 2 rings, 12 to 288 layers, quadrature rules, compiler flags and solvers.  Errors against the extrapolated
-force 6.0990.
+Found by a search over elements (Lagrange and serendipity bricks of degree 1 to 4, tetrahedra of degree 1 and 2), 4 to
+24 cells round the wire with 0 to 2 rings, 12 to 288 layers, quadrature rules, compiler flags and solvers.  Errors
+against the extrapolated force 6.0990.
 """
 
 from comparisons.fem.presets.family import Family
@@ -20,8 +20,8 @@ PRESETS = {
     "best": f"{_S2} --around 12 --layers 60",
     # Within 0.01 %.
     "accurate": f"{_S4} --around 8 --layers 24",
-    # Within 0.1 % since the errors of section and axis nearly cancel.  It stays within if both are refined together; more layers
-    # alone take it to -0.18 %.
+    # Within 0.1 % since the errors of section and axis nearly cancel.  It stays within if both are refined together;
+    # more layers alone take it to -0.18 %.
     "balanced": f"{_S2} --around 8 --layers 48",
     # The same luck with one brick in the section, and no more: with more layers -0.9 %, with more bricks +0.13 %.
     "cancelling": f"{_S3} --around 4 --layers 24",

@@ -29,8 +29,8 @@ _SYMMETRIC = (PETSc.Mat.Option.SYMMETRIC, PETSc.Mat.Option.SYMMETRY_ETERNAL)
 class Assembler:
     """Assembles a model over a communicator.
 
-    Unknowns are the degrees of freedom that are not held, in their order, tied ones once; the displacement of a state ``x`` at
-    load factor ``f`` is ``x`` on those plus what the supports prescribe (`Model.prescribed`).
+    Unknowns are the degrees of freedom that are not held, in their order, tied ones once; the displacement of a state
+    ``x`` at load factor ``f`` is ``x`` on those plus what the supports prescribe (`Model.prescribed`).
 
     Attributes
     ----------
@@ -249,7 +249,8 @@ class Assembler:
     def imbalance(self, x: PETSc.Vec, factor: float) -> tuple[Array, Array]:
         """Return the resultant ``(3,)`` of the forces on what no support holds, and what rounding makes of those in `Model.bound`.
 
-        The latter is the change of the internal forces, none but for rounding, when everything moves by the model's size.
+        The latter is the change of the internal forces, none but for rounding, when everything moves by the model's
+        size.
         """
         with self._timed():
             self._load(x, factor)
@@ -315,8 +316,8 @@ class Assembler:
     def mass(self, lumped: bool = False) -> PETSc.Mat:
         """Return the mass matrix of the unknowns, consistent or lumped.
 
-        Lumped, the functions that add up to one (`Space.carries`) get their row sums over each other, so that the total mass is
-        right; the others get their diagonal entries.
+        Lumped, the functions that add up to one (`Space.carries`) get their row sums over each other, so that the total
+        mass is right; the others get their diagonal entries.
         """
         with self._timed():
             found = [part.mass_entries(lumped, self.model.free[a::3]) for a in range(3) for part in self.parts]

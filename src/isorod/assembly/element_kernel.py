@@ -1,8 +1,8 @@
 """The compiled element loops.
 
-Shapes: ``E`` elements, ``t`` quadrature points along each, ``q`` in the section, ``n`` section functions, ``l = p + 1`` axis
-functions; an element's nodes run layer by layer.  ``section``, ``axial``, ``slopes``, ``inverse``, ``weights`` are those of
-`isorod.space.Table`.  The sums are factorised: sections first, then along the axis.
+Shapes: ``E`` elements, ``t`` quadrature points along each, ``q`` in the section, ``n`` section functions, ``l = p + 1``
+axis functions; an element's nodes run layer by layer.  ``section``, ``axial``, ``slopes``, ``inverse``, ``weights`` are
+those of `isorod.space.Table`.  The sums are factorised: sections first, then along the axis.
 """
 
 import numpy as np

@@ -1,10 +1,10 @@
 """Newton's method with the stress as a variable of its own at the quadrature points.
 
-In a slender body that turns, the quadratic part of a linear step is spurious stretch, hence a large axial stress, hence a geometric
-stiffness that spoils the next step.  With stresses as unknowns beside the displacements, eliminated point by point, the step
-extrapolates them linearly instead: Newton's iterates differ, their limit does not (Magisano, Leonetti & Garcea, How to improve
-efficiency and robustness of the Newton method in geometrically non-linear structural problems discretized via displacement-based
-finite elements, Comput. Methods Appl. Mech. Engrg. 313 (2017) 986-1005).
+In a slender body that turns, the quadratic part of a linear step is spurious stretch, hence a large axial stress, hence
+a geometric stiffness that spoils the next step.  With stresses as unknowns beside the displacements, eliminated point
+by point, the step extrapolates them linearly instead: Newton's iterates differ, their limit does not (Magisano,
+Leonetti & Garcea, How to improve efficiency and robustness of the Newton method in geometrically non-linear structural
+problems discretized via displacement-based finite elements, Comput. Methods Appl. Mech. Engrg. 313 (2017) 986-1005).
 """
 
 import numpy as np
@@ -14,7 +14,8 @@ from isorod.arrays import Array
 from isorod.compiled import F2, F3, FAST
 from isorod.geometry.rod import Rod
 
-# Length over radius of the section from which on it pays; a stubby body that is strained, not turned, takes more iterations.
+# Length over radius of the section from which on it pays; a stubby body that is strained, not turned, takes more
+# iterations.
 SLENDER = 20.0
 
 
@@ -35,8 +36,9 @@ class Extrapolation:
     def tangent(self, F: Array, stress: Array, moduli: Array) -> Array:
         """Return ``dP/dF``, changed in place, with the geometric part of the extrapolated stress.
 
-        With ``P = F S``, ``S' = S0 + F0^-1 (A0 : dF - dF S0)`` at the last state ``F0`` and ``dF = F - F0``, the tangent is
-        ``A_aAbB + delta_ab (S' - S)_AB``.  Arrays have shapes ``(..., 3, 3)`` and ``(..., 3, 3, 3, 3)``, rows contiguous.
+        With ``P = F S``, ``S' = S0 + F0^-1 (A0 : dF - dF S0)`` at the last state ``F0`` and ``dF = F - F0``, the
+        tangent is ``A_aAbB + delta_ab (S' - S)_AB``.  Arrays have shapes ``(..., 3, 3)`` and ``(..., 3, 3, 3, 3)``,
+        rows contiguous.
         """
         here = np.ascontiguousarray(F).reshape(-1, 3, 3)
         force = np.ascontiguousarray(stress).reshape(-1, 3, 3)

@@ -7,11 +7,12 @@ from isorod.assembly.assembler import Assembler
 from isorod.model.model import Model
 from isorod.petsc import banded
 
-# The tangent of rods is banded in the numbering along the axis; where nothing else is typed, LAPACK factorises the band.
+# The tangent of rods is banded in the numbering along the axis; where nothing else is typed, LAPACK factorises the
+# band.
 BAND: dict[str, object] = {"pc_type": "python", "pc_python_type": banded.NAME}
 
-# PETSc's own factors, typed or of a tangent that is not symmetric: natural ordering fills nothing in.  Where the band is wide, a
-# supernodal factorisation wins all the same (measured: they meet at about 150 unknowns an element).
+# PETSc's own factors, typed or of a tangent that is not symmetric: natural ordering fills nothing in.  Where the band
+# is wide, a supernodal factorisation wins all the same (measured: they meet at about 150 unknowns an element).
 ROWS: dict[str, object] = {
     "pc_type": "lu",
     "pc_factor_mat_ordering_type": "natural",
@@ -28,7 +29,8 @@ WIDE = 150
 def factorisation(assembler: Assembler, prefix: str = "", symmetric: bool = True) -> dict[str, object]:
     """Return the options of the direct solver that suits a model: `isorod.petsc.banded` where its matrices are, else MUMPS.
 
-    Where a factorisation is typed, its ordering; where another preconditioner is, there are none: it may take some of them for its own.
+    Where a factorisation is typed, its ordering; where another preconditioner is, there are none: it may take some of
+    them for its own.
     """
     typed = PETSc.Options().getAll()
     own = any(name.startswith(f"{prefix}pc_") or name == "mat_type" for name in typed)

@@ -1,8 +1,9 @@
 """The mixed formulation: displacement and pressure, free of locking near incompressibility.
 
-Stationary point of ``integral of psi(F) + p theta(F) - p^2 / (2 kappa)`` (Herrmann, AIAA J. 3 (1965) 1896-1900; Simo, Taylor & Pister,
-CMAME 51 (1985) 177-208), where a law is ``W = psi + kappa/2 theta^2``: ``theta = ln J`` or, linear, ``tr e``.  The pressure, positive in
-tension, is ``p = kappa theta`` in the mean; ``kappa`` may be infinite, and ``theta`` is then zero in the mean.
+Stationary point of ``integral of psi(F) + p theta(F) - p^2 / (2 kappa)`` (Herrmann, AIAA J. 3 (1965) 1896-1900; Simo,
+Taylor & Pister, CMAME 51 (1985) 177-208), where a law is ``W = psi + kappa/2 theta^2``: ``theta = ln J`` or, linear,
+``tr e``.  The pressure, positive in tension, is ``p = kappa theta`` in the mean; ``kappa`` may be infinite, and
+``theta`` is then zero in the mean.
 """
 
 from typing import cast
@@ -37,8 +38,8 @@ def coupling(
 ) -> Array:
     """Return the matrices ``(E, l, n, 3, l - 1, m)`` of displacements and pressures.
 
-    ``slope`` ``(E, t, q, 3, 3)`` is ``d theta / dF``; ``across`` ``(q, m)`` and ``along`` ``(E, t, l - 1)`` are the pressure functions, the
-    rest is as in `isorod.assembly.element_kernel`.
+    ``slope`` ``(E, t, q, 3, 3)`` is ``d theta / dF``; ``across`` ``(q, m)`` and ``along`` ``(E, t, l - 1)`` are the
+    pressure functions, the rest is as in `isorod.assembly.element_kernel`.
     """
     elements, points_along, functions = axial.shape
     points, _, n = section.shape
@@ -239,7 +240,8 @@ class MixedAssembler(Assembler):
             labels.append(np.concatenate([own, pressures], axis=1).ravel())
             first.append(first[-1] + labels[-1].size)
         label = np.concatenate(labels)
-        # Unknowns in the order in which they first appear: a layer's pressures follow its displacements, and the band is narrow.
+        # Unknowns in the order in which they first appear: a layer's pressures follow its displacements, and the band
+        # is narrow.
         _, appears = np.unique(label[label >= 0], return_index=True)
         self._number_of = np.empty(count, dtype=np.int64)
         self._number_of[np.argsort(appears)] = np.arange(count)

@@ -1,8 +1,8 @@
 """The sparsity pattern of a body's elements, each entry once and row by row.
 
-Nodes couple with whole layers, so a row's columns are whole layers too; entries that several elements share are added up before
-PETSc sees them.  On one rank they are the matrix's compressed rows as they come; on several, its COO preallocation has a third of the
-entries to sort, and finds them sorted.
+Nodes couple with whole layers, so a row's columns are whole layers too; entries that several elements share are added
+up before PETSc sees them.  On one rank they are the matrix's compressed rows as they come; on several, its COO
+preallocation has a third of the entries to sort, and finds them sorted.
 """
 
 import numpy as np

@@ -13,8 +13,8 @@ from isorod.compiled import F1, F5, FAST, I1, I2, I3
 def pattern(element_layers: Index, size: int) -> tuple[Index, Index, Index, Index, Index, int]:
     """Return how elements couple layers of ``size`` entries, row by row (`isorod.assembly.pattern.Pattern`); negative layers are none.
 
-    Those are the layers that have rows; where the columns of each begin, and the columns' layers; where the block ``j, m`` of an
-    element begins, -1 if it has no place, and how far its rows are apart; the number of entries.
+    Those are the layers that have rows; where the columns of each begin, and the columns' layers; where the block
+    ``j, m`` of an element begins, -1 if it has no place, and how far its rows are apart; the number of entries.
     """
     elements, functions = element_layers.shape
     count = element_layers.max() + 1
@@ -121,7 +121,8 @@ def pattern_rows(
 def merge(blocks: Array, start: Index, width: Index, total: int) -> Array:
     """Return the sum of element matrices ``(E, l, size, l, size)`` as entries of a pattern.
 
-    Block ``j, m`` of element ``e`` begins at ``start[e, j, m]``, negative if it has no place; its rows are ``width[e, j]`` entries apart.
+    Block ``j, m`` of element ``e`` begins at ``start[e, j, m]``, negative if it has no place; its rows are
+    ``width[e, j]`` entries apart.
     """
     elements, functions, size = blocks.shape[:3]
     result = np.zeros(total)

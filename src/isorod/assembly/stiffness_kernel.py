@@ -1,7 +1,7 @@
 """The element matrices of a tangent, compiled; shapes as in `isorod.assembly.element_kernel`.
 
-Sums over the section's points are products of matrices, left to BLAS, and so are those along the axis.  Of the pairs of components
-``a b`` those with ``a <= b`` will do where rows and columns have the same derivatives.
+Sums over the section's points are products of matrices, left to BLAS, and so are those along the axis.  Of the pairs of
+components ``a b`` those with ``a <= b`` will do where rows and columns have the same derivatives.
 """
 
 from typing import NamedTuple
@@ -92,9 +92,10 @@ def _add(entries: Array, start: int, width: int, block: Array, transposed: bool)
 class _Work(NamedTuple):
     """Arrays that each element fills anew.
 
-    Rows: derivatives in the section (``across``), and the functions themselves, which stand for those along the axis (``whole``).
-    Columns, times the moduli: to rows across, of all nine pairs those along the axis, of six pairs those across; to rows along the axis,
-    of six pairs those along it.  Section matrices of each point along the axis: both across, mixed, mixed the other way round, both along.
+    Rows: derivatives in the section (``across``), and the functions themselves, which stand for those along the axis
+    (``whole``). Columns, times the moduli: to rows across, of all nine pairs those along the axis, of six pairs those
+    across; to rows along the axis, of six pairs those along it.  Section matrices of each point along the axis: both
+    across, mixed, mixed the other way round, both along.
     """
 
     across: Array
@@ -201,8 +202,9 @@ def stiffness(
 ) -> Array:
     """Return element matrices ``(E, l, n, 3, l, n, 3)`` of the tangent moduli ``dP/dF`` ``(E, t, q, 3, 3, 3, 3)``.
 
-    The moduli must have major symmetry, as those of a stored energy do.  Where ``t`` and ``q`` are 0 there, each element has those of
-    isotropic linear elasticity, Lame's parameters ``isotropic`` ``(E, 2)``, the second one the shear modulus.
+    The moduli must have major symmetry, as those of a stored energy do.  Where ``t`` and ``q`` are 0 there, each
+    element has those of isotropic linear elasticity, Lame's parameters ``isotropic`` ``(E, 2)``, the second one the
+    shear modulus.
     """
     elements, along, functions = axial.shape
     n = section.shape[2]

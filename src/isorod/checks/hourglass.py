@@ -1,7 +1,7 @@
 """Whether a quadrature rule sees the energy of a result: a poor rule leaves motions (hourglass modes) that cost nothing.
 
-Rules chosen by `isorod.geometry.quadrature` themselves are good; one that a user gives, where it has fewer points, is held against the one that
-would be chosen, which evaluates the result again and solves nothing.
+Rules chosen by `isorod.geometry.quadrature` themselves are good; one that a user gives, where it has fewer points, is
+held against the one that would be chosen, which evaluates the result again and solves nothing.
 """
 
 from dataclasses import astuple, replace
@@ -16,8 +16,8 @@ from isorod.geometry.quadrature import Rule
 from isorod.model.model import Model
 from isorod.space.space import Space
 
-# A result is refused if the better rule sees this many times the energy.  Measured: paper's rule 1.0 to 1.3, 2x1x2 on a spring of four
-# quadratic elements a turn 1.9; where hourglass modes are left, 100 and far more.
+# A result is refused if the better rule sees this many times the energy.  Measured: paper's rule 1.0 to 1.3, 2x1x2 on a
+# spring of four quadratic elements a turn 1.9; where hourglass modes are left, 100 and far more.
 FACTOR = 3.0
 
 
@@ -28,9 +28,9 @@ def suspected(model: Model) -> bool:
             continue
         space = body.space
         good, given = _chosen(space), space.rule
-        # Where elements of degree p are joined without continuous slopes, p points along each leave no motion free of energy: the
-        # slope of no polynomial vanishes at all of them.  That is what keeps slender rods from locking, and a better rule sees the
-        # very energy that locks.
+        # Where elements of degree p are joined without continuous slopes, p points along each leave no motion free of
+        # energy: the slope of no polynomial vanishes at all of them.  That is what keeps slender rods from locking, and
+        # a better rule sees the very energy that locks.
         multiplicity = space.axis.multiplicities
         least = good.axial - 1 if (multiplicity[1:-1] >= space.axis.degree).all() else good.axial
         if given.radial < good.radial or given.angular < good.angular or given.axial < least:

@@ -16,7 +16,8 @@ if TYPE_CHECKING:
 
     from isorod.assembly.assembler import Assembler
 
-# The forces of an equilibrium balance to this share of the largest support force (or moment over size), or there is no result.
+# The forces of an equilibrium balance to this share of the largest support force (or moment over size), or there is no
+# result.
 TOLERANCE = 1e-3
 
 # Displacements below this share of the size leave fewer than three digits of a slender rod's strains.
@@ -37,9 +38,9 @@ def check(
 ) -> None:
     """Raise `SolveError` where displacements vanish or support forces do not balance; warn where these are rounding.
 
-    The deformation gradient is near one and known to 1e-16, so that stresses carry an error of 1e-16 times the stiffness whatever
-    their size.  A support of stiff material, or of a very slender rod, then reports forces that are nothing else, and SNES, whose
-    tolerance takes this into account, converges.
+    The deformation gradient is near one and known to 1e-16, so that stresses carry an error of 1e-16 times the
+    stiffness whatever their size.  A support of stiff material, or of a very slender rod, then reports forces that are
+    nothing else, and SNES, whose tolerance takes this into account, converges.
 
     Parameters
     ----------

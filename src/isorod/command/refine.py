@@ -1,7 +1,8 @@
 """Refinement of a scene's space, and an estimate of the error of what the scene measures.
 
-The spaces nest, so the change of a quantity when the space is refined in one direction - polyharmonic order and section points or
-the degree of polynomials across the section, degree, elements - tells how much that direction contributes to its error.  The estimate is the sum of the changes.
+The spaces nest, so the change of a quantity when the space is refined in one direction - polyharmonic order and section
+points or the degree of polynomials across the section, degree, elements - tells how much that direction contributes to
+its error.  The estimate is the sum of the changes.
 """
 
 import dataclasses
@@ -79,7 +80,8 @@ def estimate(scene: Any, settings: Mapping[str, Any], tolerance: float | None = 
     Parameters
     ----------
     scene
-        A scene with ``order``, ``section_points``, ``section_degree``, ``degree`` and ``elements`` or ``elements_per_turn``.
+        A scene with ``order``, ``section_points``, ``section_degree``, ``degree`` and ``elements`` or
+        ``elements_per_turn``.
     settings
         Keyword arguments of the scene's analysis.
     tolerance

@@ -42,7 +42,8 @@ KEPT = {
 def solve(scene: Any, settings: Mapping[str, Any]) -> tuple[Any, dict[str, float]]:
     """Build a scene's model and solve it with its analysis; return the solution and the wall times.
 
-    ``settings`` are keyword arguments of the analysis (`solve` of `isorod.statics`, `isorod.modal`, `isorod.dynamics`).  PETSc must be running.
+    ``settings`` are keyword arguments of the analysis (`solve` of `isorod.statics`, `isorod.modal`, `isorod.dynamics`).
+     PETSc must be running.
     """
     try:
         analysis = import_module(f"isorod.{scene.analysis}")

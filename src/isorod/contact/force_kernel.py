@@ -172,8 +172,8 @@ def add_forces(packed: Packed, positions: Array, forces: Array) -> tuple[float, 
     Returns
     -------
     energy, normal force, area in contact, deepest gap
-        Sums over all pairs; the gap is negative, or zero where nothing touches.  All are NaN if a closest-point search failed or
-        a position is not finite, and so are forces.
+        Sums over all pairs; the gap is negative, or zero where nothing touches.  All are NaN if a closest-point search
+        failed or a position is not finite, and so are forces.
     """
     if not _travel(packed, positions):
         packed.before[:] = 0.0

@@ -49,8 +49,9 @@ class ContactOperator:
     def tangent(self, displacement: Array) -> Array:
         """Set and return ``values``, the second derivatives of the energy at ``rows`` and ``columns`` (repeated ones add up).
 
-        Nodes of two patches (three control points by the layers of an element) that touch couple with each other.  Where a pair
-        comes that is not in the pattern, the pattern is made anew of the pairs of this call and the last one, and ``version`` grows.
+        Nodes of two patches (three control points by the layers of an element) that touch couple with each other.
+        Where a pair comes that is not in the pattern, the pattern is made anew of the pairs of this call and the last
+        one, and ``version`` grows.
         """
         self.forces(displacement)
         packed = self.packed

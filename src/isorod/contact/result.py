@@ -25,8 +25,8 @@ class ContactResult:
     penetration
         Depth of the deepest point, length, not negative.
     relative_penetration
-        The same, relative to the smallest radius of the elements that take part (mean distance of a section's outline from its
-        centre).
+        The same, relative to the smallest radius of the elements that take part (mean distance of a section's outline
+        from its centre).
     body
         Body whose surface each point belongs to, shape ``(q,)``; points of both bodies are listed.
     positions

@@ -1,7 +1,8 @@
 """Compiled: the lateral surfaces of rods as contact sees them, and the closest point on one.
 
-A surface is ``x(theta, u) = sum_ij Phi_i(theta) R_j(u) x_ij`` (Lu & Zhou 2011, eqs. 7 and 11, on the circle).  Each element of
-its axis is a row of tables; ``s`` in ``[-1, 1]`` is the parameter along one.  Closest points are those of the surface itself.
+A surface is ``x(theta, u) = sum_ij Phi_i(theta) R_j(u) x_ij`` (Lu & Zhou 2011, eqs. 7 and 11, on the circle).  Each
+element of its axis is a row of tables; ``s`` in ``[-1, 1]`` is the parameter along one.  Closest points are those of
+the surface itself.
 """
 
 from typing import NamedTuple
@@ -32,13 +33,14 @@ FUNCTIONS = MAX_DEGREE + 1
 class Packed(NamedTuple):
     """All contact pairs of a model as plain arrays, for compiled loops; made by `isorod.contact.pack`.
 
-    With ``S`` surfaces, ``E`` axis elements of all of them, ``P`` passes (one slave surface against one master each), ``Q`` slave
-    points and ``l = 7`` places for axis functions.
+    With ``S`` surfaces, ``E`` axis elements of all of them, ``P`` passes (one slave surface against one master each),
+    ``Q`` slave points and ``l = 7`` places for axis functions.
 
     Attributes
     ----------
     surfaces
-        ``n``, degree, first row, number of rows, and the pass in which the surface is slave (its points start the search), ``(S, 5)``.
+        ``n``, degree, first row, number of rows, and the pass in which the surface is slave (its points start the
+        search), ``(S, 5)``.
     turns
         Angle of the first control point of each surface, and cosine and sine of half an arc, ``(S, 3)``.
     layers
@@ -50,8 +52,8 @@ class Packed(NamedTuple):
     spans
         Middle and half length of the elements in ``u``, ``(E, 2)``.
     passes
-        Slave surface, master surface (or `PLANE`, `CYLINDER`), first point, points round an arc, points along an element, first
-        row in ``around``, first row in ``along``, ``(P, 7)``.
+        Slave surface, master surface (or `PLANE`, `CYLINDER`), first point, points round an arc, points along an
+        element, first row in ``around``, first row in ``along``, ``(P, 7)``.
     penalty
         Force per volume, ``(P,)``.
     rigid
@@ -65,7 +67,8 @@ class Packed(NamedTuple):
     starts
         Row, ``theta``, ``s`` of the last projection, row -1 where there is none, ``(Q, 3)``: all there is of history.
     states
-        Outcome of the last call: gap (NaN where no projection was needed), pressure, and 1 on an `EDGE`, else 0, ``(Q, 3)``.
+        Outcome of the last call: gap (NaN where no projection was needed), pressure, and 1 on an `EDGE`, else 0,
+        ``(Q, 3)``.
     places
         Positions of the points in the last call, ``(Q, 3)``.
     boxes
@@ -73,11 +76,11 @@ class Packed(NamedTuple):
     carriers
         Nodes of all surfaces.
     before, travel
-        Positions of the nodes in the last call, ``(nodes, 3)``, and the sum of the longest way any carrier has gone in each call,
-        ``(1,)``: no point of a surface has moved farther.
+        Positions of the nodes in the last call, ``(nodes, 3)``, and the sum of the longest way any carrier has gone in
+        each call, ``(1,)``: no point of a surface has moved farther.
     clear
-        A point needs no search while ``travel`` is below this, ``(Q,)``: it was too far away.  This saves time and changes no result,
-        so that it is no history either; minus infinity asks for a search.
+        A point needs no search while ``travel`` is below this, ``(Q,)``: it was too far away.  This saves time and
+        changes no result, so that it is no history either; minus infinity asks for a search.
     """
 
     surfaces: Index
@@ -115,8 +118,8 @@ def functions(
 ) -> int:
     """Fill ``phi`` ``(3, 3)`` and ``axial`` ``(3, l)`` with values, first and second derivatives; return the arc.
 
-    ``phi`` belongs to the control points before, on and after the arc; ``count`` is the number of axis functions.  All of `Packed` is
-    not passed on here: it is a kilobyte, copied at each call.
+    ``phi`` belongs to the control points before, on and after the arc; ``count`` is the number of axis functions.  All
+    of `Packed` is not passed on here: it is a kilobyte, copied at each call.
     """
     alpha = np.pi / n
     angle = theta - turn[0]
@@ -205,15 +208,15 @@ def closest(
 ) -> tuple[int, int]:
     """Find the point of a surface nearest to ``x``, from ``start`` (row, theta, s), which is moved there.
 
-    Newton on half the squared distance, with the metric in the place of the Hessian where that is not positive, steps halved until
-    the distance falls, and elements left through their ends one at a time.  Leaves ``phi``, ``axial``, ``y`` (see `evaluate`) and
-    ``d = x - y`` of the point found.
+    Newton on half the squared distance, with the metric in the place of the Hessian where that is not positive, steps
+    halved until the distance falls, and elements left through their ends one at a time.  Leaves ``phi``, ``axial``,
+    ``y`` (see `evaluate`) and ``d = x - y`` of the point found.
 
     Returns
     -------
     outcome, arc
-        `FREE`: a stationary point; `EDGE`: on a knot at which the surface has a kink; `END`: on an end of the surface, ``x`` lies
-        beyond it; `LOST`: no convergence.
+        `FREE`: a stationary point; `EDGE`: on a knot at which the surface has a kink; `END`: on an end of the surface,
+        ``x`` lies beyond it; `LOST`: no convergence.
     """
     row, theta, s = int(start[0]), start[1], start[2]
     n, count, turn = packed.surfaces[surface, 0], packed.surfaces[surface, 1] + 1, packed.turns[surface]

@@ -1,15 +1,15 @@
 """Frictionless contact between the lateral surfaces of rods, and of rods with rigid obstacles.
 
-The penalty energy ``1/2 eps g^2`` per reference area, ``g`` the gap from a point of one surface (the slave) to the closest
-point of the other (the master), is integrated over both surfaces in turn with half the weight each, so that neither is
-preferred (Lu, CMAME 200 (2011) 726-741, on the paper's surface).  Forces are its exact derivative.
+The penalty energy ``1/2 eps g^2`` per reference area, ``g`` the gap from a point of one surface (the slave) to the
+closest point of the other (the master), is integrated over both surfaces in turn with half the weight each, so that
+neither is preferred (Lu, CMAME 200 (2011) 726-741, on the paper's surface).  Forces are its exact derivative.
 
-A point whose closest point lies on the open end of the master, or on the border of its named elements, is not in contact: it is
-beyond the surface.
+A point whose closest point lies on the open end of the master, or on the border of its named elements, is not in
+contact: it is beyond the surface.
 
-The energy has a continuous gradient, and a Hessian that jumps where points come and go and where feet cross joints of arcs.  Newton's
-method converges quadratically once that has settled; a load step in which it does not settle runs out of iterations and is cut
-(see `isorod.statics`).
+The energy has a continuous gradient, and a Hessian that jumps where points come and go and where feet cross joints of
+arcs.  Newton's method converges quadratically once that has settled; a load step in which it does not settle runs out
+of iterations and is cut (see `isorod.statics`).
 """
 
 from collections.abc import Sequence

@@ -51,9 +51,10 @@ def _nodes(packed: Packed, key: Index, nodes: Index) -> int:
 def _variations(packed: Packed, positions: Array, key: Index, point: int, count: int, v: Array, c: Array) -> int:
     """Fill vectors ``v`` ``(6, 3 count)`` and symmetric ``c`` ``(6, 6)``: the gap's first variation is ``v[0]``, its second ``v^T c v``.
 
-    With ``d = x - y`` along the normal and ``D`` its derivative by the nodes at a fixed place, ``t_a = D^T y_a``, ``b_a = D_a^T n``,
-    ``k_ab = n . y_ab`` and ``H = a - g k``:  ``d2g = -t a^-1 k H^-1 t + t H^-1 b + b H^-1 t - g b H^-1 b``.  On an edge only theta
-    varies, and ``(D^T m)^2 / g`` is added, ``m`` normal to both.  Returns how many vectors there are.
+    With ``d = x - y`` along the normal and ``D`` its derivative by the nodes at a fixed place, ``t_a = D^T y_a``,
+    ``b_a = D_a^T n``, ``k_ab = n . y_ab`` and ``H = a - g k``:
+    ``d2g = -t a^-1 k H^-1 t + t H^-1 b + b H^-1 t - g b H^-1 b``.  On an edge only theta varies, and ``(D^T m)^2 / g``
+    is added, ``m`` normal to both.  Returns how many vectors there are.
     """
     v[:] = 0.0
     c[:] = 0.0

@@ -34,18 +34,21 @@ class History:
     contact_force, contact_area, penetration
         Sum of normal forces, reference area in contact, and the deepest penetration, all pairs together.
     kinetic, stored, contact_energy
-        Energies: of explicit steps ``v- M v+ / 2`` with the velocities half a step before and after, which the scheme conserves where
-        forces are linear, of implicit ones ``v M v / 2``; matrix and passive fibres; penalty.
+        Energies: of explicit steps ``v- M v+ / 2`` with the velocities half a step before and after, which the scheme
+        conserves where forces are linear, of implicit ones ``v M v / 2``; matrix and passive fibres; penalty.
     added_kinetic
         Kinetic energy of the mass added for the time step (`isorod.dynamics.explicit.mass`), shape ``(o,)``.
     muscle_work, dissipated
         Work done by active fibres, and taken by damping.
     energy_error
-        Energies less their initial sum less work, over the work done: the largest so far of muscle work, dissipation and initial energy.
+        Energies less their initial sum less work, over the work done: the largest so far of muscle work, dissipation
+        and initial energy.
     momentum_error
-        Change of linear momentum less the impulses of supports, obstacles and damping, over the sum of their sizes and the initial one.
+        Change of linear momentum less the impulses of supports, obstacles and damping, over the sum of their sizes and
+        the initial one.
     steps, time_step, critical_step
-        Number of steps taken, the last time step, and the smallest critical one of explicit steps met, with the mass that was added.
+        Number of steps taken, the last time step, and the smallest critical one of explicit steps met, with the mass
+        that was added.
     estimates
         Time and value of each estimate of the critical step, shape ``(estimates, 2)``.
     microseconds_a_step
@@ -111,9 +114,10 @@ def solve(
 ) -> History:
     """Integrate the motion of a model from time zero.
 
-    Supports keep their displacement (at load factor 1) throughout.  Explicit steps are central differences with the consistent mass; for a
-    step longer than its critical one, mass is added to fast waves (`isorod.dynamics.explicit.mass`).  Implicit ones conserve energy and momenta
-    whatever the step (`isorod.dynamics.implicit.assembler`); contact keeps energy to second order.
+    Supports keep their displacement (at load factor 1) throughout.  Explicit steps are central differences with the
+    consistent mass; for a step longer than its critical one, mass is added to fast waves
+    (`isorod.dynamics.explicit.mass`).  Implicit ones conserve energy and momenta whatever the step
+    (`isorod.dynamics.implicit.assembler`); contact keeps energy to second order.
 
     Parameters
     ----------
@@ -122,8 +126,8 @@ def solve(
     end_time
         Time to reach.
     time_step
-        Largest step; the one taken divides the time between outputs.  Where not given, 0.9 of the critical step of the consistent mass,
-        and made smaller when the bodies stiffen; implicit steps must be given.
+        Largest step; the one taken divides the time between outputs.  Where not given, 0.9 of the critical step of the
+        consistent mass, and made smaller when the bodies stiffen; implicit steps must be given.
     outputs
         Number of equal intervals between outputs.
     damping
@@ -133,7 +137,8 @@ def solve(
     displacement, velocity
         Initial values of all degrees of freedom, shape ``(dofs,)``; those of held ones are not read.
     checkpoint, every, resume
-        File to keep the state in, at outputs at least this many seconds of wall time apart; whether to continue from it.
+        File to keep the state in, at outputs at least this many seconds of wall time apart; whether to continue from
+        it.
     progress
         Show how far it is on standard error, if that is a terminal.
     integrator
@@ -142,10 +147,11 @@ def solve(
     Raises
     ------
     InputError
-        If a number is out of range, the explicit time step is not stable at the start with as much mass as may be added, or a checkpoint
-        cannot be used.
+        If a number is out of range, the explicit time step is not stable at the start with as much mass as may be
+        added, or a checkpoint cannot be used.
     SolveError
-        If the motion blows up: the message names step, time, element, and the critical time step; or an implicit step does not converge.
+        If the motion blows up: the message names step, time, element, and the critical time step; or an implicit step
+        does not converge.
     """
     start = perf_counter()
     _check(model, end_time, time_step, damping, ramp, every)

@@ -98,12 +98,14 @@ class Axis:
         Parameters
         ----------
         u
-            Parameters within the knot vector, shape ``(t,)``; at a knot the element above it is meant (at the last, below).
+            Parameters within the knot vector, shape ``(t,)``; at a knot the element above it is meant (at the last,
+            below).
 
         Returns
         -------
         first, values, slopes
-            Index of the first of the ``p + 1`` functions ``(t,)``, ``R_j`` and ``dR_j/du``, both ``(t, p + 1)``; not to be written to.
+            Index of the first of the ``p + 1`` functions ``(t,)``, ``R_j`` and ``dR_j/du``, both ``(t, p + 1)``; not to
+            be written to.
 
         Raises
         ------
@@ -118,8 +120,8 @@ class Axis:
     def refine(self, parts: int = 1, degree: int | None = None, continuity: int | None = None) -> "Axis":
         """Return the axis whose space contains this one: every element cut in ``parts``, degree raised, C^continuity at new knots.
 
-        Knots that are there already keep the continuity they have (or less, if ``continuity`` asks for less), so that the
-        geometry on the new axis is the same.
+        Knots that are there already keep the continuity they have (or less, if ``continuity`` asks for less), so that
+        the geometry on the new axis is the same.
 
         Raises
         ------

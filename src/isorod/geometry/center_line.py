@@ -22,9 +22,9 @@ class CenterLine:
 def helix(radius: float, pitch: float, turns: int, arcs_per_turn: int = 4) -> CenterLine:
     """Return a helix about the z axis made of rational quadratic circular arcs, C0 at their joints.
 
-    The section lies in the plane of the radial direction and the helix's binormal.  At the corner control point of an arc
-    (weight ``cos(pi / arcs_per_turn)``) the part of every section vector that is normal to z is stretched by the inverse weight:
-    with ``pitch = 0`` the swept ring is then an exact torus (Lu & Zhou 2011, Fig. 4).
+    The section lies in the plane of the radial direction and the helix's binormal.  At the corner control point of an
+    arc (weight ``cos(pi / arcs_per_turn)``) the part of every section vector that is normal to z is stretched by the
+    inverse weight: with ``pitch = 0`` the swept ring is then an exact torus (Lu & Zhou 2011, Fig. 4).
 
     Parameters
     ----------

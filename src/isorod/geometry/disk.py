@@ -1,12 +1,13 @@
 """Harmonic functions on the unit disk, in closed form.
 
 The unit circle is cut into ``n`` equal arcs of half angle ``alpha = pi / n``; arc ``i`` is centred on the angle
-``2 alpha i``.  The boundary functions ``Phi_i`` of the "reduced Bezier circle" (Lu & Zhou 2011, eq. 7) are, on each arc, a
-combination of ``1, cos, sin``: the C1 periodic trigonometric splines of order 3.  Their harmonic extensions ``T_i``
-(eq. 4) therefore have a closed form, derived here.
+``2 alpha i``.  The boundary functions ``Phi_i`` of the "reduced Bezier circle" (Lu & Zhou 2011, eq. 7) are, on each
+arc, a combination of ``1, cos, sin``: the C1 periodic trigonometric splines of order 3.  Their harmonic extensions
+``T_i`` (eq. 4) therefore have a closed form, derived here.
 
-Let ``J_m`` be the jump of ``Phi'' + Phi`` at the joint angle ``beta_m``.  Integrating the Fourier coefficients by parts gives
-``c_k = sum_m J_m exp(-i k beta_m) / (2 pi i k (1 - k^2))`` for ``k >= 2``, and with ``z = xi_1 + i xi_2``, ``w_m = z exp(-i beta_m)``
+Let ``J_m`` be the jump of ``Phi'' + Phi`` at the joint angle ``beta_m``.  Integrating the Fourier coefficients by parts
+gives ``c_k = sum_m J_m exp(-i k beta_m) / (2 pi i k (1 - k^2))`` for ``k >= 2``, and with ``z = xi_1 + i xi_2``,
+``w_m = z exp(-i beta_m)``
 
     T(z) = c_0 + 2 Re [ c_1 z + sum_m J_m / (2 pi i) S(w_m) ],
     S(w) = sum_{k>=2} w^k / (k (1 - k^2)) = (1 - w)^2 log(1 - w) / (2 w) + 1/2 - 3 w / 4.
@@ -25,7 +26,8 @@ from isorod.errors import InputError, whole_number
 # Closed form and tables hold well beyond; the memory of a section's tables (40 n^2) does not.
 MAX_COUNT = 1024
 
-# Tables up to this many values are kept: a rod's check, its geometry and its space meet the same points again and again.
+# Tables up to this many values are kept: a rod's check, its geometry and its space meet the same points again and
+# again.
 _KEPT_SIZE = 2**16
 
 # Below this radius S and S' lose digits to cancellation and their power series, cut after this many terms, does not.
@@ -85,7 +87,8 @@ def harmonic_functions(n: int, xi: ArrayLike) -> tuple[Array, Array]:
     Returns
     -------
     values, gradients
-        Shapes ``(m, n)`` and ``(m, n, 2)`` (Lu & Zhou 2011, eq. 4, in the closed form of this module's header); not to be written to.
+        Shapes ``(m, n)`` and ``(m, n, 2)`` (Lu & Zhou 2011, eq. 4, in the closed form of this module's header); not to
+        be written to.
 
     Raises
     ------

@@ -11,8 +11,8 @@ from isorod.compiled import F2, F3, F4, FAST, R2, R3
 def inverse_jacobians(values: Array, gradients: Array, section: Array, along: Array) -> tuple[Array, Array]:
     """Return ``d(xi_1, xi_2, u)/dx`` ``(u, q, 3, 3)`` and ``det dx/d(xi_1, xi_2, u)`` ``(u, q)`` of a rod.
 
-    ``values`` ``(q, n)`` and ``gradients`` ``(q, n, 2)`` are the rod's section functions, ``section`` and ``along`` ``(u, n, 3)`` its control
-    polygons and their derivatives.
+    ``values`` ``(q, n)`` and ``gradients`` ``(q, n, 2)`` are the rod's section functions, ``section`` and ``along``
+    ``(u, n, 3)`` its control polygons and their derivatives.
     """
     places, n, _ = section.shape
     points = values.shape[0]

@@ -1,7 +1,8 @@
 """Quadrature on disk x axis, written ``n x r x s x t`` (Lu & Zhou 2011, eq. 14).
 
-The disk is cut in ``n`` slices, one an arc; each has ``r`` radial and ``s`` angular Gauss points, and each element ``t`` along
-the axis.  The paper's rule is ``r = 2, s = 1, t = p + 1``; it under-integrates, and the published numbers depend on it.
+The disk is cut in ``n`` slices, one an arc; each has ``r`` radial and ``s`` angular Gauss points, and each element
+``t`` along the axis.  The paper's rule is ``r = 2, s = 1, t = p + 1``; it under-integrates, and the published numbers
+depend on it.
 """
 
 import re
@@ -37,8 +38,8 @@ class Rule:
     def full(cls, section_points: int, degree: int, order: int = 1, section_degree: int | None = None) -> "Rule":
         """Return a rule whose error is small beside that of the functions, thin sections included.
 
-        Measured on the blade, whose fifth frequency is the most sensitive, for K = 1 ... 6: below 4e-5 (p + 1 points along the
-        axis: 4e-4); on the spring below 3e-7.
+        Measured on the blade, whose fifth frequency is the most sensitive, for K = 1 ... 6: below 4e-5 (p + 1 points
+        along the axis: 4e-4); on the spring below 3e-7.
         """
         radial = max(6, order + 3) if section_degree is None else max(6, section_degree + 2)
         return cls(radial, 4 if section_points >= 8 else 6, degree + 2)
@@ -47,12 +48,12 @@ class Rule:
     def auto(cls, section_points: int, degree: int, order: int, section_degree: int | None = None) -> "Rule":
         """Return the cheapest rule found whose error stays below that of the space itself.
 
-        Control points: ``(K + 2) x 2 x (p + 1)``, measured on spring and blade for K = 1 ... 3, n = 8 ... 32, p = 2 ... 5; fewer
-        points leave spurious modes (K + 1 radial ones with K = 1) or cost accuracy.  Beyond 32 points the functions near the circle
-        want a radial point more a doubling.
+        Control points: ``(K + 2) x 2 x (p + 1)``, measured on spring and blade for K = 1 ... 3, n = 8 ... 32, p = 2 ...
+        5; fewer points leave spurious modes (K + 1 radial ones with K = 1) or cost accuracy.  Beyond 32 points the
+        functions near the circle want a radial point more a doubling.
 
-        Polynomials of degree N: ``max(3, N) x S x (p + 1)``, S = 1 for N <= 3, 2 for N = 4, 3 above.  On the blade its error is 8e-4,
-        2e-4 and 1e-5 where the next N changes 3e-3, 1e-3 and 1e-4.
+        Polynomials of degree N: ``max(3, N) x S x (p + 1)``, S = 1 for N <= 3, 2 for N = 4, 3 above.  On the blade its
+        error is 8e-4, 2e-4 and 1e-5 where the next N changes 3e-3, 1e-3 and 1e-4.
         """
         if section_degree is None:
             return cls(order + 2 + max(0, ceil(log2(section_points / 32))), 2, degree + 1)

@@ -14,8 +14,9 @@ from isorod.geometry.disk import check_count, harmonic_functions
 from isorod.geometry.quadrature import Rule, axis_points, section_points
 from isorod.tensors import determinant
 
-# Sections between layers of control points may be this much smaller than the smallest of these before that is warned of, or refused.
-# Layers that turn by 45 degrees over a quadratic element leave 96 %, by 90 degrees 85 %, by 180 degrees half.
+# Sections between layers of control points may be this much smaller than the smallest of these before that is warned
+# of, or refused. Layers that turn by 45 degrees over a quadratic element leave 96 %, by 90 degrees 85 %, by 180 degrees
+# half.
 _SHRINKS = 0.95
 _SHRUNK = 0.7
 

@@ -26,7 +26,8 @@ def ellipse(n: int, a: float, b: float) -> Array:
 def flower(n: int = 16, petals: int = 4, radius: float = 1.0, depth: float = 0.3) -> Array:
     """Return the ``(n, 2)`` control points of a flower, concave between its petals (Lu & Zhou 2011, Fig. 3).
 
-    The polygon's radius is ``radius * (1 + depth cos(petals theta))``.  Whether the map folds is for `Rod.check` to say.
+    The polygon's radius is ``radius * (1 + depth cos(petals theta))``.  Whether the map folds is for `Rod.check` to
+    say.
     """
     theta = 2.0 * np.pi * np.arange(check_count(n)) / n
     if not 0.0 <= depth < 1.0:
@@ -38,9 +39,9 @@ def flower(n: int = 16, petals: int = 4, radius: float = 1.0, depth: float = 0.3
 def airfoil() -> Array:
     """Return the 16 control points ``(16, 2)`` of the paper's blade section, chord about 2 along x.
 
-    The heights of the unit circle's control points, turned by half an arc, are multiplied by factors linear in the point's number:
-    0.35625 to 0.05 on the upper side from its front on, -0.02 to 0.05 on the lower one (Lu & Zhou 2011, appendix A,
-    where the minus signs are lost).
+    The heights of the unit circle's control points, turned by half an arc, are multiplied by factors linear in the
+    point's number: 0.35625 to 0.05 on the upper side from its front on, -0.02 to 0.05 on the lower one (Lu & Zhou 2011,
+    appendix A, where the minus signs are lost).
     """
     n = 16
     angle = 2.0 * np.pi * (np.arange(n) + 0.5) / n
@@ -51,8 +52,8 @@ def airfoil() -> Array:
 def naca(digits: str, n: int, chord: float = 1.0) -> Array:
     """Return the ``(n, 2)`` control points fitted to a NACA 4-digit airfoil, its leading edge towards -x, centred in x.
 
-    The outline is sampled at ``x = chord / 2 (1 + cos theta)``, in which it is smooth but for the blunt trailing edge, which the
-    fit rounds off.
+    The outline is sampled at ``x = chord / 2 (1 + cos theta)``, in which it is smooth but for the blunt trailing edge,
+    which the fit rounds off.
 
     Parameters
     ----------
@@ -98,8 +99,8 @@ def from_points(points: ArrayLike, n: int) -> Array:
     Parameters
     ----------
     points
-        Points of the outline in counter-clockwise order, shape ``(m, 2)``, ``m >= n``, the first not repeated; the first point
-        stands at the angle 0 of the disk and the others at angles in proportion to the arc length.
+        Points of the outline in counter-clockwise order, shape ``(m, 2)``, ``m >= n``, the first not repeated; the
+        first point stands at the angle 0 of the disk and the others at angles in proportion to the arc length.
     n
         Number of control points.
 

@@ -1,8 +1,8 @@
 """Stored-energy laws.
 
-A law is a small class with ``energy``, ``stress`` and ``tangent`` of the deformation gradient ``F``, arrays whose last two axes
-are ``(3, 3)``; the stress is the first Piola-Kirchhoff stress ``P = dW/dF`` and the tangent ``A_aAbB = dP_aA/dF_bB``.  Where
-``det F <= 0`` a nonlinear law returns NaN.
+A law is a small class with ``energy``, ``stress`` and ``tangent`` of the deformation gradient ``F``, arrays whose last
+two axes are ``(3, 3)``; the stress is the first Piola-Kirchhoff stress ``P = dW/dF`` and the tangent
+``A_aAbB = dP_aA/dF_bB``.  Where ``det F <= 0`` a nonlinear law returns NaN.
 """
 
 from dataclasses import dataclass, replace

@@ -28,17 +28,20 @@ class Modes:
     model
         What was solved.
     frequencies
-        ``omega / 2 pi``, cycles per time, shape ``(modes,)``; of an unstable state negative, ``-sqrt(-omega^2) / 2 pi``.
+        ``omega / 2 pi``, cycles per time, shape ``(modes,)``; of an unstable state negative,
+        ``-sqrt(-omega^2) / 2 pi``.
     eigenvalues
         ``omega^2``, shape ``(modes,)``; the rigid modes of a free body come first, near zero.
     vectors
         Mode shapes on all degrees of freedom, shape ``(modes, dofs)``, ``x^T M x = 1``.
     residuals
-        ``|K x - lambda M x| / (|lambda| |M x|)``, shape ``(modes,)``; for rigid modes with the first flexible ``lambda``.
+        ``|K x - lambda M x| / (|lambda| |M x|)``, shape ``(modes,)``; for rigid modes with the first flexible
+        ``lambda``.
     rigid
         Number of rigid modes among them.
     below
-        Number of eigenvalues below the last one returned, that one included, by the inertia of ``K - tau M`` (Sturm count).
+        Number of eigenvalues below the last one returned, that one included, by the inertia of ``K - tau M`` (Sturm
+        count).
     shift
         Shift of the spectral transformation.
     iterations
@@ -80,11 +83,11 @@ def solve(
     modes
         Number of modes besides the rigid ones; ``-eps_nev`` wins over it.
     lumped
-        Take the lumped mass matrix.  It puts all mass on control points: right for bending and stretching, but the polar
-        inertia of a section is up to twice too large, and torsion up to 30 % too slow.
+        Take the lumped mass matrix.  It puts all mass on control points: right for bending and stretching, but the
+        polar inertia of a section is up to twice too large, and torsion up to 30 % too slow.
     state
-        A static solution of the same model: modes of the deformed, prestressed (and, with a spin, softened) body; gyroscopic
-        forces are left out.  A linear elastic body has no such modes: its tangent knows no stress.
+        A static solution of the same model: modes of the deformed, prestressed (and, with a spin, softened) body;
+        gyroscopic forces are left out.  A linear elastic body has no such modes: its tangent knows no stress.
 
     Raises
     ------

@@ -15,11 +15,12 @@ from isorod.errors import SolveError
 from isorod.options import defaults
 from isorod.petsc.inertia import negative_eigenvalues
 
-# What a user's option overrides.  Purification mends vectors where the mass is singular; here it is not, and it costs a tenth.
+# What a user's option overrides.  Purification mends vectors where the mass is singular; here it is not, and it costs a
+# tenth.
 OPTIONS = {"eps_tol": 1e-10, "eps_purify": 0, "st_type": "sinvert", "st_ksp_type": "preonly"}
 
-# Measured on the blade: below a tolerance of 1e-8 none of them gets (LOBPCG 1e-7), and LOBPCG breaks down with blocks of several
-# modes, which converge at very different rates.
+# Measured on the blade: below a tolerance of 1e-8 none of them gets (LOBPCG 1e-7), and LOBPCG breaks down with blocks
+# of several modes, which converge at very different rates.
 PRECONDITIONED_OPTIONS = {
     "eps_tol": 1e-8,
     "eps_max_it": 3000,
@@ -46,10 +47,12 @@ _ABOVE = 1e-6
 # Rounds of deflation until no eigenvalue is missing, and the residual above which a mode is refused.
 _ROUNDS = 12
 
-# The shift of a free body lies this share of its first flexible eigenvalue below zero; far from it the modes would cluster.
+# The shift of a free body lies this share of its first flexible eigenvalue below zero; far from it the modes would
+# cluster.
 _SHIFT = 0.1
 
-# A typed shift that turns out to be an eigenvalue is moved by this share of it.  Near one, purified vectors of high modes lose digits.
+# A typed shift that turns out to be an eigenvalue is moved by this share of it.  Near one, purified vectors of high
+# modes lose digits.
 _ASIDE = 1e-2
 
 
@@ -111,12 +114,13 @@ class _Problem:
 
         The shift in force is moved ``aside`` by this share of it.
 
-        A Krylov space holds one vector of a multiple eigenvalue until rounding brings the others in.  Where the count of
-        eigenvalues shows that some are missing, those found are deflated and the rest is solved for.
+        A Krylov space holds one vector of a multiple eigenvalue until rounding brings the others in.  Where the count
+        of eigenvalues shows that some are missing, those found are deflated and the rest is solved for.
         """
         typed = PETSc.Options().getAll().get("eps_type", "krylovschur")
         unknowns = self.assembler.model.unknowns
-        # One more than wanted, so that the last one seldom lacks its twin; another one more would cost ten modes a restart.
+        # One more than wanted, so that the last one seldom lacks its twin; another one more would cost ten modes a
+        # restart.
         eps = self._eps(wanted + 1, shift)
         if typed in PRECONDITIONED:
             eps.setWhichEigenpairs(SLEPc.EPS.Which.SMALLEST_REAL)

@@ -23,7 +23,8 @@ if TYPE_CHECKING:
 # How a body's equilibrium is stated.
 FORMULATIONS = ("displacement", "mixed")
 
-# Ratio of moduli from which a smooth joint is warned of: bars in series err by 4 % at 10, by 13 % at 100 (p = 3, four elements each).
+# Ratio of moduli from which a smooth joint is warned of: bars in series err by 4 % at 10, by 13 % at 100 (p = 3, four
+# elements each).
 _JUMP = 10.0
 
 
@@ -40,14 +41,14 @@ class Body:
     density
         Mass per reference volume, one for the whole rod or one for each element of the space.
     formulation
-        ``"displacement"``, or ``"mixed"``: displacement and pressure (`isorod.assembly.mixed`), which does not lock near incompressibility and
-        takes a Poisson's ratio of 0.5; statics alone knows it.
+        ``"displacement"``, or ``"mixed"``: displacement and pressure (`isorod.assembly.mixed`), which does not lock
+        near incompressibility and takes a Poisson's ratio of 0.5; statics alone knows it.
 
     Raises
     ------
     InputError
-        If the number of laws or densities is not that of the elements, a density is negative or not finite, or the formulation is not
-        known or not one for the material.
+        If the number of laws or densities is not that of the elements, a density is negative or not finite, or the
+        formulation is not known or not one for the material.
     """
 
     space: Space

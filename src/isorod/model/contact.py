@@ -57,9 +57,11 @@ class Contact:
     points
         Gauss points round each arc of the section and along each element; 3 and degree + 1 where not given.
     penetration
-        If given, statics solves an augmented Lagrangian: multipliers are added until no point penetrates deeper than this length.
+        If given, statics solves an augmented Lagrangian: multipliers are added until no point penetrates deeper than
+        this length.
     faces
-        End faces of the first body, ``"start"`` or ``"end"``, that meet a plane besides its lateral surface (dynamics alone).
+        End faces of the first body, ``"start"`` or ``"end"``, that meet a plane besides its lateral surface (dynamics
+        alone).
 
     Raises
     ------

@@ -26,14 +26,16 @@ class Load(Protocol):
 class SectionLoad:
     """A force spread uniformly over a cross-section: ``t = force / A`` on the section's reference area ``A``.
 
-    Its nodal forces are ``f_jl = R_j(u) (force / A) int S_l dA``; the potential is ``-force . (mean displacement of the section)``.
+    Its nodal forces are ``f_jl = R_j(u) (force / A) int S_l dA``; the potential is
+    ``-force . (mean displacement of the section)``.
 
     Parameters
     ----------
     force
         Total force at load factor 1, shape ``(3,)``.
     u
-        Axis parameter of the section: 0 is the start face, 1 (the default) the end face of a rod whose axis runs from 0 to 1.
+        Axis parameter of the section: 0 is the start face, 1 (the default) the end face of a rod whose axis runs from 0
+        to 1.
     body
         Index of the body in the model.
     """

@@ -35,8 +35,8 @@ class Model:
     Raises
     ------
     InputError
-        If a support, a load or a contact names a body, a node, an element or a component that is not there, or two supports contradict each
-        other.
+        If a support, a load or a contact names a body, a node, an element or a component that is not there, or two
+        supports contradict each other.
     """
 
     bodies: Sequence[Body]

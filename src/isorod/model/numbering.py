@@ -1,7 +1,7 @@
 """How supports move what they hold: displacements that grow with the load factor, rotations by any angle, and tied translations.
 
-A held degree of freedom has its displacement from the support.  Tied ones share one unknown, the displacement of the first of them, to
-which the rotation adds what is different between them.
+A held degree of freedom has its displacement from the support.  Tied ones share one unknown, the displacement of the
+first of them, to which the rotation adds what is different between them.
 """
 
 from collections.abc import Sequence

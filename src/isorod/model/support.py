@@ -22,8 +22,8 @@ class Support:
     components
         Held components, letters of ``"xyz"``.
     displacement
-        Displacement at load factor 1, shape ``(3,)`` or one a node ``(m, 3)``, units of length; components that are not held
-        are not read.
+        Displacement at load factor 1, shape ``(3,)`` or one a node ``(m, 3)``, units of length; components that are not
+        held are not read.
     body
         Index of the body in the model.
     turn
@@ -32,8 +32,8 @@ class Support:
     arms
         Coefficients of the position from the centre of that rotation, shape ``(m, 3)``; zero where not given.
     tied
-        Components, letters of ``"xyz"``, in which the nodes turn with the others but translate freely, as one: those that carry
-        the rod (`Space.carries`) share one unknown.
+        Components, letters of ``"xyz"``, in which the nodes turn with the others but translate freely, as one: those
+        that carry the rod (`Space.carries`) share one unknown.
     """
 
     nodes: Index
@@ -58,10 +58,11 @@ class Support:
     ) -> "Support":
         """Return a support of the whole ``"start"`` or ``"end"`` face: every ``k`` is held, ``k = 0`` carries the displacement.
 
-        With a ``turn`` (rotation vector, radians at load factor 1) the face moves as a rigid body: at factor ``f`` its point ``x``
-        is displaced by ``R(f turn) (x - c) - (x - c) + f displacement``; the ``center`` ``c`` is the mean of the face's nodes where
-        not given.  In the components ``tied`` the face turns too, but is free to translate as a whole; ``components`` are those
-        held, so that ``components="x", tied="yz"`` holds one translation of a rigid face.
+        With a ``turn`` (rotation vector, radians at load factor 1) the face moves as a rigid body: at factor ``f`` its
+        point ``x`` is displaced by ``R(f turn) (x - c) - (x - c) + f displacement``; the ``center`` ``c`` is the mean
+        of the face's nodes where not given.  In the components ``tied`` the face turns too, but is free to translate as
+        a whole; ``components`` are those held, so that ``components="x", tied="yz"`` holds one translation of a rigid
+        face.
         """
         if space.rod.closed:
             raise InputError("support of an end: a closed rod has none")
@@ -99,8 +100,8 @@ def turning(vector: ArrayLike) -> Array:
 class Motion(NamedTuple):
     """What one support does with degrees of freedom ``dofs`` ``(m,)``.
 
-    At load factor ``f`` component ``a`` of ``f rate + (R(f turn) - 1) arm`` is the displacement of those that are held, and what
-    those that are ``tied`` have more than the unknown they share (one a component).
+    At load factor ``f`` component ``a`` of ``f rate + (R(f turn) - 1) arm`` is the displacement of those that are held,
+    and what those that are ``tied`` have more than the unknown they share (one a component).
     """
 
     dofs: Index

@@ -60,7 +60,8 @@ def read(path: Path, identity: Mapping[str, Any]) -> dict[str, Array]:
     Raises
     ------
     InputError
-        If there is none, it cannot be read, is damaged, or belongs to another run: the message says in what they differ.
+        If there is none, it cannot be read, is damaged, or belongs to another run: the message says in what they
+        differ.
     """
     found, arrays = _load(path)
     wanted = {"format": _FORMAT} | dict(identity)

@@ -28,7 +28,8 @@ def grid(
 ) -> "pyvista.UnstructuredGrid":
     """Return the undeformed rod as small cells, with vector fields as point data, and ``von_mises`` beside ``displacement``.
 
-    With a field ``pressure``, the coefficients of the mixed formulation (`isorod.statics.Equilibrium.pressures`), comes ``mean_stress``.
+    With a field ``pressure``, the coefficients of the mixed formulation (`isorod.statics.Equilibrium.pressures`), comes
+    ``mean_stress``.
 
     Every element gets points of its own, so that what jumps between elements is shown as it is.
 

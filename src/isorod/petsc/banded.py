@@ -1,10 +1,11 @@
 """Direct solver of banded systems, by LAPACK, as a PETSc preconditioner.
 
-Numbered layer by layer, the matrix of a rod has all its entries in a band round its diagonal.  Within the band nearly all are there,
-so that dense blocks of it can be factorised at once: several times as fast as PETSc's own factorisation, row by row, and without
-the analysis that a solver for any sparsity begins with.
+Numbered layer by layer, the matrix of a rod has all its entries in a band round its diagonal.  Within the band nearly
+all are there, so that dense blocks of it can be factorised at once: several times as fast as PETSc's own factorisation,
+row by row, and without the analysis that a solver for any sparsity begins with.
 
-Options ``-pc_type python -pc_python_type isorod.petsc.banded.Banded`` name it; it is what isorod offers where it suits (`suits`).
+Options ``-pc_type python -pc_python_type isorod.petsc.banded.Banded`` name it; it is what isorod offers where it suits
+(`suits`).
 """
 
 import atexit

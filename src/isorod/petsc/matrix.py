@@ -37,7 +37,8 @@ def create_matrix(
     sizes, block
         Number of rows here and in all, and the block size.
     indices
-        Returns global rows and columns of each entry; negative ones are ignored.  `set_values` takes the values in this order.
+        Returns global rows and columns of each entry; negative ones are ignored.  `set_values` takes the values in this
+        order.
     compressed
         On one rank, a quicker way to compressed rows than through the indices.
     """

@@ -30,14 +30,14 @@ AROUND, ALONG = 64, 16
 class Biceps:
     """Two branches, tendon - muscle - tendon along y, held at their ends; active muscle swells and the bellies press on each other.
 
-    No control point is printed in the paper.  Here every section is a circle normal to y, the branches mirror each other in the
-    plane x = 0 and are symmetric in z; lengths are those of an adult's biceps, but for the tendons' thickness, which follows from
-    their published stiffness: of 0.5 cm they would stretch by nearly half.  The lower ends overlap as in the paper, the bellies run
-    along the plane x = 0, and the upper tendons leave it.
+    No control point is printed in the paper.  Here every section is a circle normal to y, the branches mirror each
+    other in the plane x = 0 and are symmetric in z; lengths are those of an adult's biceps, but for the tendons'
+    thickness, which follows from their published stiffness: of 0.5 cm they would stretch by nearly half.  The lower
+    ends overlap as in the paper, the bellies run along the plane x = 0, and the upper tendons leave it.
 
-    Near incompressibility with clamped ends asks for short elements next to them (``end_elements``): the five equal elements of the
-    paper cannot narrow near the ends and hold with 16 % too much force; cut once there, and the others in two, 2.4 % too much with
-    ``order`` 1, 0.4 % with 2 (and, with ``end_elements`` 2, 0.7 % too little).
+    Near incompressibility with clamped ends asks for short elements next to them (``end_elements``): the five equal
+    elements of the paper cannot narrow near the ends and hold with 16 % too much force; cut once there, and the others
+    in two, 2.4 % too much with ``order`` 1, 0.4 % with 2 (and, with ``end_elements`` 2, 0.7 % too little).
 
     The time step is the paper's, six critical steps of the consistent mass: see `isorod.dynamics.explicit.mass`.
     """
@@ -149,7 +149,8 @@ class Biceps:
     def model(self) -> "Model":
         """Return the model: tendons neo-Hookean, muscle with fibres, all ends held, bellies in contact.
 
-        Bodies are the branches at ``x < 0`` and ``x > 0``; supports the lower and the upper end of the one, then of the other.
+        Bodies are the branches at ``x < 0`` and ``x > 0``; supports the lower and the upper end of the one, then of the
+        other.
         """
         from isorod.material.muscle import Muscle
         from isorod.material.neo_hookean import NeoHookean
@@ -192,11 +193,11 @@ class Biceps:
     def measure(self, solution: "Equilibrium | History") -> dict[str, object]:
         """Return, at full load or at the last time, what holds the ends and how the bellies swell.
 
-        ``end_force`` is the size of the support's force at each end [N], ``(4,)`` in the order of `model`'s supports, ``end_force_x`` and
-        ``end_force_y`` its components (that along z vanishes by symmetry).  ``belly_bulge`` [cm] is half the growth of the extent in z of
-        the muscle's lateral surface, tendons left out: of the greatest z less the smallest on it, now and at rest; the larger one
-        of both branches.  Statics adds the total normal force of contact [N]; dynamics, whose records have
-        that anyway, the ``belly_bulge_history`` at all outputs.
+        ``end_force`` is the size of the support's force at each end [N], ``(4,)`` in the order of `model`'s supports,
+        ``end_force_x`` and ``end_force_y`` its components (that along z vanishes by symmetry).  ``belly_bulge`` [cm] is
+        half the growth of the extent in z of the muscle's lateral surface, tendons left out: of the greatest z less the
+        smallest on it, now and at rest; the larger one of both branches.  Statics adds the total normal force of
+        contact [N]; dynamics, whose records have that anyway, the ``belly_bulge_history`` at all outputs.
         """
         still = solution.displacement.ndim == 1
         forces = solution.reactions if still else solution.reactions[-1]

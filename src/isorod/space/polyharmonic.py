@@ -1,12 +1,12 @@
 """Polyharmonic functions of the section: ``T_i`` and, for ``1 <= k < K``, ``(1 - s) P_{k-1}(s) W_m`` with ``s = |xi|^2``.
 
-The first are the harmonic functions of the paper.  By Almansi's theorem ``(1 - s)^k T_i``, ``k < K``, spans what is polyharmonic of
-order ``K``, and displacements of an elastic body without body force are biharmonic.  The others here span the same, but are made
-for conditioning: ``W_m`` is the discrete Fourier wave of order ``m`` over the ``T_i``, and ``P_{k-1}`` the Jacobi polynomial
-``P^{(1, m)}_{k-1}(2 s - 1)``.  With the continuous wave ``r^m exp(i m theta)`` in the place of ``W_m`` the gradients of all of them
-are orthogonal on the disk, to each other and to every harmonic function (those with another radial factor, the same for
-all waves, are not: a wave of high order lives near the circle, where all factors look alike, and the condition number explodes).
-All vanish on the circle but the ``T_i``.
+The first are the harmonic functions of the paper.  By Almansi's theorem ``(1 - s)^k T_i``, ``k < K``, spans what is
+polyharmonic of order ``K``, and displacements of an elastic body without body force are biharmonic.  The others here
+span the same, but are made for conditioning: ``W_m`` is the discrete Fourier wave of order ``m`` over the ``T_i``, and
+``P_{k-1}`` the Jacobi polynomial ``P^{(1, m)}_{k-1}(2 s - 1)``.  With the continuous wave ``r^m exp(i m theta)`` in the
+place of ``W_m`` the gradients of all of them are orthogonal on the disk, to each other and to every harmonic function
+(those with another radial factor, the same for all waves, are not: a wave of high order lives near the circle, where
+all factors look alike, and the condition number explodes). All vanish on the circle but the ``T_i``.
 """
 
 from functools import cache
@@ -64,7 +64,8 @@ def functions(n: int, order: int, xi: ArrayLike, turn: float = 0.0) -> tuple[Arr
     Returns
     -------
     values, gradients
-        Shapes ``(m, K n)`` and ``(m, K n, 2)``; function ``i`` is ``T_i``, function ``k n + j`` the ``j``-th wave's of that ``k``.
+        Shapes ``(m, K n)`` and ``(m, K n, 2)``; function ``i`` is ``T_i``, function ``k n + j`` the ``j``-th wave's of
+        that ``k``.
     """
     check_order(order)
     points = np.asarray(xi, dtype=float).reshape(-1, 2)

@@ -1,10 +1,10 @@
 """Polynomials of the section's own coordinates, in the place of the functions that belong to control points.
 
-Where all sections of a rod are affine images of one, ``x = c(u) + A(u) X(xi)``, the coordinates ``X = (X_1, X_2)`` of that section
-are functions on the disk, and so are their polynomials: a Taylor expansion across the rod, as higher-order beam theories use it
-(Carrera, Cinefra, Petrolo & Zappino, Finite Element Analysis of Structures through Unified Formulation, 2014).  Displacements of a
-slender body are smooth across it, so that ten polynomials do what a hundred functions of control points do; they see nothing of a
-corner, a point load or a contact patch.
+Where all sections of a rod are affine images of one, ``x = c(u) + A(u) X(xi)``, the coordinates ``X = (X_1, X_2)`` of
+that section are functions on the disk, and so are their polynomials: a Taylor expansion across the rod, as higher-order
+beam theories use it (Carrera, Cinefra, Petrolo & Zappino, Finite Element Analysis of Structures through Unified
+Formulation, 2014).  Displacements of a slender body are smooth across it, so that ten polynomials do what a hundred
+functions of control points do; they see nothing of a corner, a point load or a contact patch.
 """
 
 from functools import cached_property, lru_cache
@@ -31,9 +31,9 @@ _FLAT = 1e-12
 class Polynomials:
     """Polynomials of total degree ``N`` in the principal coordinates of a rod's section.
 
-    The first function is 1, the others are orthogonal to it and to each other over the section.  In the thinner direction the degree
-    is held to ``max(2, N t)``, ``t`` the ratio of the section's extents but at least one half: bending strains the thickness
-    quadratically, and what is of higher degree there is small.
+    The first function is 1, the others are orthogonal to it and to each other over the section.  In the thinner
+    direction the degree is held to ``max(2, N t)``, ``t`` the ratio of the section's extents but at least one half:
+    bending strains the thickness quadratically, and what is of higher degree there is small.
 
     Parameters
     ----------

@@ -13,8 +13,8 @@ def principal_frame(
 ) -> tuple[Array, Array, Array]:
     """Return a section's control polygon ``(n, 2)`` in its principal coordinates, each over half its extent; extents; shares of the area.
 
-    ``area``, ``values``, ``first`` and ``second`` are weights ``(m,)`` of points of the disk and, there, the harmonic functions and their
-    derivatives ``(m, n)``.
+    ``area``, ``values``, ``first`` and ``second`` are weights ``(m,)`` of points of the disk and, there, the harmonic
+    functions and their derivatives ``(m, n)``.
     """
     a, b = first @ polygon, second @ polygon
     share = area * np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])

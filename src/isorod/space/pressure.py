@@ -15,16 +15,17 @@ _REACH = 2.0
 class Pressures:
     """Pressures ``sum_jk P_k(xi) B_j(u) p_jk`` beside the displacements of a space.
 
-    ``P_k`` are polynomials of the section: of the disk's coordinates and of degree ``K`` (at most ``(n - 1) / 2``) where the displacement has order ``K``; of the
-    section's own coordinates where it has polynomials, those whose products with a coordinate are among them (degree ``N - 1``).
-    ``B_j`` are the splines of degree ``p - 1`` on the same knots, C^(c - 1) where the displacement is C^c.  Coefficients are numbered
-    layer by layer like nodes; the last layer of an open rod has none.  The pair is inf-sup stable: measured in ``tests/test_mixed.py``.
+    ``P_k`` are polynomials of the section: of the disk's coordinates and of degree ``K`` (at most ``(n - 1) / 2``)
+    where the displacement has order ``K``; of the section's own coordinates where it has polynomials, those whose
+    products with a coordinate are among them (degree ``N - 1``). ``B_j`` are the splines of degree ``p - 1`` on the
+    same knots, C^(c - 1) where the displacement is C^c.  Coefficients are numbered layer by layer like nodes; the last
+    layer of an open rod has none.  The pair is inf-sup stable: measured in ``tests/test_mixed.py``.
 
     Raises
     ------
     InputError
-        If the displacements across the section are polynomials of degree 1, or those of three control points: they carry no pressure
-        that varies.
+        If the displacements across the section are polynomials of degree 1, or those of three control points: they
+        carry no pressure that varies.
     """
 
     def __init__(self, space: Space) -> None:

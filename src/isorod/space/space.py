@@ -27,7 +27,8 @@ class Space:
     """Displacements ``sum_jl S_l(xi) R_j(u) d_jl`` on a rod, ``S_l`` the section functions of `isorod.space.polyharmonic`.
 
     Nodes are numbered layer by layer: node ``j K n + l`` carries ``S_l R_j``; a closed rod's last layer is its first.
-    The paper's element is the default: ``order`` 1 and the rod's own functions.  Refinements nest (a degree at the same continuity), and none moves the rod.
+    The paper's element is the default: ``order`` 1 and the rod's own functions.  Refinements nest (a degree at the same
+    continuity), and none moves the rod.
 
     Parameters
     ----------
@@ -46,7 +47,8 @@ class Space:
     quadrature
         ``"auto"``, ``"full"``, ``"paper"``, ``"RxS"`` or ``"RxSxT"`` (see `isorod.geometry.quadrature`).
     section_degree
-        Polynomials of this degree in the section's coordinates (`isorod.space.polynomial`) take the place of the functions of control points.
+        Polynomials of this degree in the section's coordinates (`isorod.space.polynomial`) take the place of the
+        functions of control points.
 
     Raises
     ------
@@ -232,9 +234,9 @@ def _refuse_beyond_memory(points: int) -> None:
 class Table:
     """Functions and geometry at the quadrature points of consecutive elements.
 
-    With ``E`` elements, ``t`` points along each, ``q`` in the section, ``n`` section functions, degree ``p``: ``section``
-    ``(q, 3, n)`` holds ``dT/dxi_1, dT/dxi_2, T``; ``axial`` and ``slopes`` ``(E, t, p + 1)`` hold ``R`` and ``dR/du``;
-    ``inverse`` ``(E, t, q, 3, 3)`` is ``d(xi_1, xi_2, u)/dx``; ``weights`` ``(E, t, q)`` are volumes.
+    With ``E`` elements, ``t`` points along each, ``q`` in the section, ``n`` section functions, degree ``p``:
+    ``section`` ``(q, 3, n)`` holds ``dT/dxi_1, dT/dxi_2, T``; ``axial`` and ``slopes`` ``(E, t, p + 1)`` hold ``R`` and
+    ``dR/du``; ``inverse`` ``(E, t, q, 3, 3)`` is ``d(xi_1, xi_2, u)/dx``; ``weights`` ``(E, t, q)`` are volumes.
     """
 
     first: int

@@ -61,7 +61,8 @@ class Equilibrium:
     augmentations
         Updates of the multipliers of contact.
     pressures
-        Pressure coefficients of each body, ``(layers, count)`` of its `isorod.space.pressure.Pressures`, or None; empty if no body is mixed.
+        Pressure coefficients of each body, ``(layers, count)`` of its `isorod.space.pressure.Pressures`, or None; empty
+        if no body is mixed.
     moments
         Moment of each support on the model about the mean of its nodes' present positions, shape ``(supports, 3)``.
     """
@@ -95,10 +96,11 @@ def _assembler(model: Model, comm: PETSc.Comm | None) -> Assembler:
 def solve(model: Model, load_steps: int = 1, comm: PETSc.Comm | None = None) -> Equilibrium:
     """Bring supports and loads to their full values and return the equilibrium.
 
-    Each load step starts with a predictor, linear from the last equilibrium or, once there are two, the cubic through both with their
-    tangents, then SNES (`isorod.statics.convergence` says when it has converged).  A step in which SNES diverges, an element inverts
-    (``det F <= 0``) or loses most of its volume is halved and tried again; after quick steps the step doubles.  Where a contact
-    says how deep a point may penetrate, multipliers are added at the end until none is deeper (Uzawa's augmented Lagrangian).
+    Each load step starts with a predictor, linear from the last equilibrium or, once there are two, the cubic through
+    both with their tangents, then SNES (`isorod.statics.convergence` says when it has converged).  A step in which SNES
+    diverges, an element inverts (``det F <= 0``) or loses most of its volume is halved and tried again; after quick
+    steps the step doubles.  Where a contact says how deep a point may penetrate, multipliers are added at the end until
+    none is deeper (Uzawa's augmented Lagrangian).
 
     Parameters
     ----------

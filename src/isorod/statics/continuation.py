@@ -1,9 +1,9 @@
 """Equilibrium paths beyond limit points and bifurcations: pseudo-arclength continuation.
 
-State and load factor are unknowns together; each step ends on the plane at arc length ``s`` along the tangent of the path (Riks; Keller,
-Numerical solution of bifurcation and nonlinear eigenvalue problems, 1977).  The bordered system is solved by two solves with one
-factorisation of the tangent stiffness, whose inertia tells how many eigenvalues are negative: where the number changes, the path has
-a limit point or meets another.
+State and load factor are unknowns together; each step ends on the plane at arc length ``s`` along the tangent of the
+path (Riks; Keller, Numerical solution of bifurcation and nonlinear eigenvalue problems, 1977).  The bordered system is
+solved by two solves with one factorisation of the tangent stiffness, whose inertia tells how many eigenvalues are
+negative: where the number changes, the path has a limit point or meets another.
 """
 
 from dataclasses import dataclass
@@ -55,8 +55,8 @@ class Path:
     displacements
         All degrees of freedom, shape ``(m, dofs)``.
     negative
-        Number of negative eigenvalues of the tangent stiffness, 0 where the equilibrium is stable, -1 where the factorisation chosen
-        does not tell; shape ``(m,)``.
+        Number of negative eigenvalues of the tangent stiffness, 0 where the equilibrium is stable, -1 where the
+        factorisation chosen does not tell; shape ``(m,)``.
     corrections, cuts
         Linear solves in all, and steps cut and retried.
     """
@@ -101,9 +101,9 @@ def follow(
 ) -> Path:
     """Follow the path of equilibria from the unloaded state, or the branch that leaves a critical point.
 
-    Arc length is measured so that the load factor counts as it is, and displacements by their norm: on the path from the unloaded
-    state in units of what the initial stiffness would have at load factor 1; on a branch by the root mean square over the unknowns in
-    units of the model's largest extent.
+    Arc length is measured so that the load factor counts as it is, and displacements by their norm: on the path from
+    the unloaded state in units of what the initial stiffness would have at load factor 1; on a branch by the root mean
+    square over the unknowns in units of the model's largest extent.
 
     Parameters
     ----------
@@ -116,7 +116,8 @@ def follow(
     bounds
         The path ends with the first point whose load factor lies outside.
     start
-        Critical point to start at in the direction of its mode; the unloaded state, towards higher load, where not given.
+        Critical point to start at in the direction of its mode; the unloaded state, towards higher load, where not
+        given.
     longest
         Longest step; four times the first where not given.
 
@@ -162,8 +163,8 @@ def follow(
 def critical(model: Model, step: float, highest: float = 1.0, comm: PETSc.Comm | None = None) -> Critical:
     """Return the first critical point on the path that starts unloaded, found by the inertia of the tangent stiffness.
 
-    The load grows by ``step`` until an eigenvalue turns negative; bisection and, at the end, linear interpolation of that eigenvalue
-    find where.
+    The load grows by ``step`` until an eigenvalue turns negative; bisection and, at the end, linear interpolation of
+    that eigenvalue find where.
 
     Raises
     ------

@@ -1,9 +1,9 @@
 """When an equilibrium counts as found.
 
-A slender rod's bending forces are smaller than its stretching forces by the square of its slenderness.  A tolerance relative to the
-forces of a load step's linear predictor, which stretches what should bend, would accept anything there, and so would one relative to
-the largest stiffness.  So the out-of-balance force is compared with the forces that supports and loads really carry, and, component by
-component, with what rounding makes of it.
+A slender rod's bending forces are smaller than its stretching forces by the square of its slenderness.  A tolerance
+relative to the forces of a load step's linear predictor, which stretches what should bend, would accept anything there,
+and so would one relative to the largest stiffness.  So the out-of-balance force is compared with the forces that
+supports and loads really carry, and, component by component, with what rounding makes of it.
 """
 
 import numpy as np
@@ -14,11 +14,12 @@ from isorod.arrays import Array
 from isorod.assembly.assembler import Assembler
 from isorod.assembly.part import ROUNDING
 
-# Out-of-balance force, in units of that after the predictor, above which a load step is given up: Newton's iterations that leave like
-# this may come back to another equilibrium.
+# Out-of-balance force, in units of that after the predictor, above which a load step is given up: Newton's iterations
+# that leave like this may come back to another equilibrium.
 GROWTH = 3.0
 
-# A step that leaves less than this share of the volume anywhere is too large: Newton's method then finds equilibria of no meaning.
+# A step that leaves less than this share of the volume anywhere is too large: Newton's method then finds equilibria of
+# no meaning.
 SQUEEZE = 0.2
 
 
@@ -95,8 +96,8 @@ class Balance:
     def reuses_tangent(self, before: float, force: float, snes: PETSc.SNES) -> bool:
         """Return whether one more iteration with the last tangent, which took the residual from ``before`` to ``force``, should do.
 
-        Newton's method brings an error ``e`` to ``c e^2``, and with the tangent of the iteration before to ``2 c e e_before``: the
-        residual falls by twice the last ratio.  A margin of five is left.
+        Newton's method brings an error ``e`` to ``c e^2``, and with the tangent of the iteration before to
+        ``2 c e e_before``: the residual falls by twice the last ratio.  A margin of five is left.
         """
         wanted = snes.getTolerances()[0] * min(self._scale, self.assembler.carried)
         return 10.0 * force * force <= wanted * before

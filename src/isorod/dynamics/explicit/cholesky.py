@@ -29,7 +29,8 @@ class Factors(NamedTuple):
     inverse
         Inverse of the diagonal, shape ``(R,)``.
     places
-        Place of each row in a state vector for x, y and z, shape ``(3, R)``; a component that has a matrix of its own repeats another.
+        Place of each row in a state vector for x, y and z, shape ``(3, R)``; a component that has a matrix of its own
+        repeats another.
     """
 
     systems: NDArray[np.uint64]

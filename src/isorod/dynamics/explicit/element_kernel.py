@@ -1,9 +1,9 @@
 """The compiled element loops of explicit dynamics: internal forces and energies.
 
-Everything is made for short steps on one thread.  Quadrature points are taken in blocks of ``POINTS``; what belongs to the points of
-a block lies side by side in a row, so that each loop over a block is a few vector instructions.  The sums are factorised as in
-`isorod.assembly.element_kernel`, and nothing is stored for more than one block.  Indices are unsigned and block lengths constants: only then does
-the compiler see that rows do not overlap.
+Everything is made for short steps on one thread.  Quadrature points are taken in blocks of ``POINTS``; what belongs to
+the points of a block lies side by side in a row, so that each loop over a block is a few vector instructions.  The sums
+are factorised as in `isorod.assembly.element_kernel`, and nothing is stored for more than one block.  Indices are
+unsigned and block lengths constants: only then does the compiler see that rows do not overlap.
 
 A state vector holds layer by layer the x, then the y, then the z components of all nodes of the layer.
 """
@@ -15,8 +15,8 @@ from isorod.arrays import Array
 from isorod.compiled import F1, FAST
 from isorod.dynamics.explicit.mesh import GEOMETRY, MESH, POINTS, Mesh
 
-# Rows of the work space: gradients, later stresses, on disk x axis (9), F (9), det F, ln det F, fibre n = F f (3), its length
-# (the stretch), and exp(m2 (stretch^2 - 1)) - 1.
+# Rows of the work space: gradients, later stresses, on disk x axis (9), F (9), det F, ln det F, fibre n = F f (3), its
+# length (the stretch), and exp(m2 (stretch^2 - 1)) - 1.
 WORK = 25
 
 _W = np.uint64(POINTS)
@@ -33,7 +33,8 @@ def _gradients(sections: Array, start: int, coefficients: Array, n: int, work: A
     for k in range(_9 * _W):
         work[k] = 0.0
     i = _0
-    # Four functions at a time and three components: a row of a function is read once, one of the work space for four multiplications.
+    # Four functions at a time and three components: a row of a function is read once, one of the work space for four
+    # multiplications.
     while i + _4 <= n:
         for d in range(_3):
             # Behind the coefficients are their derivatives along the axis, which go with the functions themselves.

@@ -27,7 +27,8 @@ class Faces(NamedTuple):
     areas
         Reference areas of the points, shape ``(P,)``.
     carries
-        1 for the nodes of the model whose functions add up to one, else 0: their forces make the resultant, shape ``(nodes,)``.
+        1 for the nodes of the model whose functions add up to one, else 0: their forces make the resultant, shape
+        ``(nodes,)``.
     """
 
     faces: Index

@@ -1,19 +1,21 @@
 """The mass of explicit dynamics: consistent, with as much added to fast waves as a step longer than its critical one takes.
 
-A body's consistent mass ``M0`` is the same for x, y and z, and couples neighbouring layers.  Lumped on the control points it would be
-wrong: a section that swells would carry twice its kinetic energy and more, and waves of five elements' length be a sixth too slow.
+A body's consistent mass ``M0`` is the same for x, y and z, and couples neighbouring layers.  Lumped on the control
+points it would be wrong: a section that swells would carry twice its kinetic energy and more, and waves of five
+elements' length be a sixth too slow.
 
-What limits the step is pressure waves across thin sections and short elements, while what bends and swells near-incompressible bodies
-is far slower.  A step ``dt`` longer than the critical one ``t0`` is made stable by mass that grows with the wave number, in proportion
-to stiffness (Olovsson, Simonsson & Unosson, Int. J. Numer. Meth. Engng 63 (2005) 1436-1445),
+What limits the step is pressure waves across thin sections and short elements, while what bends and swells
+near-incompressible bodies is far slower.  A step ``dt`` longer than the critical one ``t0`` is made stable by mass that
+grows with the wave number, in proportion to stiffness (Olovsson, Simonsson & Unosson, Int. J. Numer. Meth. Engng 63
+(2005) 1436-1445),
 
     M = M0 + s G,    G = int E grad S . grad S dV,    E = lambda + 2 mu + 2 m1 m2,    s = SAFETY (dt^2 - t0^2) / 4,
 
-the last term of ``E`` that of passive fibres.  Translations keep their mass exactly; the error of slow motions is of second order in the
-step.  It is largest where sections turn about the axis: ``G`` cannot tell that from swelling.  In the biceps, at six critical steps,
-stiff thin tendons that turn get 1.5 times their inertia more, the muscle 3 %; of the contracted muscle's frequencies below 300 Hz those
-of twisting fall by 2 to 16 %, all others by 1.5 % in the mean and 5 % at most.  As ``G`` is the same for x, y and z, linear and angular momentum
-are kept.
+the last term of ``E`` that of passive fibres.  Translations keep their mass exactly; the error of slow motions is of
+second order in the step.  It is largest where sections turn about the axis: ``G`` cannot tell that from swelling.  In
+the biceps, at six critical steps, stiff thin tendons that turn get 1.5 times their inertia more, the muscle 3 %; of the
+contracted muscle's frequencies below 300 Hz those of twisting fall by 2 to 16 %, all others by 1.5 % in the mean and 5
+% at most.  As ``G`` is the same for x, y and z, linear and angular momentum are kept.
 """
 
 import numpy as np
@@ -28,8 +30,9 @@ from isorod.model.body import Body
 from isorod.model.model import Model
 from isorod.space.space import Table
 
-# The stiffness that is allowed for, in ``G``: three bounds that of isotropic bodies at rest, as ``div^2 <= 3 |grad|^2``; 1.5 was measured of
-# the biceps at rest and 1.9 in motion, where compression and fibres stiffen it.
+# The stiffness that is allowed for, in ``G``: three bounds that of isotropic bodies at rest, as
+# ``div^2 <= 3 |grad|^2``; 1.5 was measured of the biceps at rest and 1.9 in motion, where compression and fibres
+# stiffen it.
 SAFETY = 2.5
 # The most inertia that may be added to a section that turns or swells, of its own.
 _MOST = 2.0
@@ -50,7 +53,8 @@ class Mass:
     consistent, stiffness
         ``M0`` and ``G`` of each body.
     scaling, largest_scaling
-        ``s`` of the module header, time squared, and the largest that `scaling_for` returns: that which trebles the inertia of a section that turns.
+        ``s`` of the module header, time squared, and the largest that `scaling_for` returns: that which trebles the
+        inertia of a section that turns.
     """
 
     def __init__(self, model: Model, places: Index) -> None:

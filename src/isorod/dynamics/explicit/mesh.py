@@ -11,11 +11,12 @@ from isorod.compiled import F1, F2, U2
 from isorod.model.body import element_laws
 from isorod.model.model import Model
 
-# Points in a block: half of those in a section of order 2 with 8 control points.  Measured: blocks of 16 or less are unrolled before they
-# are vectorised, and three times slower, those of 24 in part.
+# Points in a block: half of those in a section of order 2 with 8 control points.  Measured: blocks of 16 or less are
+# unrolled before they are vectorised, and three times slower, those of 24 in part.
 POINTS = 32
 
-# Rows of a block's geometry: the inverse Jacobian (9), the volume, the fibre (3), and the fibre seen from the disk x axis (3).
+# Rows of a block's geometry: the inverse Jacobian (9), the volume, the fibre (3), and the fibre seen from the disk x
+# axis (3).
 GEOMETRY = 16
 
 
@@ -25,8 +26,8 @@ class Mesh(NamedTuple):
     Attributes
     ----------
     elements
-        ``n`` (section functions), blocks in the section, points along the axis, axis functions, and where the element's rows begin in
-        ``sections``, ``axial`` and ``geometry``; shape ``(E, 7)``.
+        ``n`` (section functions), blocks in the section, points along the axis, axis functions, and where the element's
+        rows begin in ``sections``, ``axial`` and ``geometry``; shape ``(E, 7)``.
     layers
         Where each layer of an element begins in a state vector, shape ``(E, l)``.
     sections

@@ -17,11 +17,12 @@ from isorod.errors import InputError, SolveError
 # The step taken where none is given, and what an unstable one is advised to be, in critical steps.
 _SAFE = 0.9
 
-# The critical step is estimated again at an output after this many steps, or when activation has grown or contact begun.
+# The critical step is estimated again at an output after this many steps, or when activation has grown or contact
+# begun.
 _STEPS = 50
 
-# An interval has blown up at this many times the energy there can be, or where the balance is off by this share of the work done; it
-# is taken again with a step shorter by this factor, so many times.
+# An interval has blown up at this many times the energy there can be, or where the balance is off by this share of the
+# work done; it is taken again with a step shorter by this factor, so many times.
 _GROWTH = 10.0
 _OUTCOMES = {
     INVERTED: "an element inverts",

@@ -1,7 +1,7 @@
 """The compiled steps in time: central differences with half-step velocities, mass-proportional damping, and activation.
 
-``(p+ - p-) / dt = -f(u) - c (p+ + p-) / 2``, ``u+ = u + dt v+`` with momenta ``p = M v``: explicit, of second order, and stable up to
-``omega dt = 2`` with or without damping.
+``(p+ - p-) / dt = -f(u) - c (p+ + p-) / 2``, ``u+ = u + dt v+`` with momenta ``p = M v``: explicit, of second order,
+and stable up to ``omega dt = 2`` with or without damping.
 """
 
 from typing import NamedTuple
@@ -16,7 +16,8 @@ from isorod.dynamics.explicit.cholesky import FACTORS, Factors, solve
 from isorod.dynamics.explicit.element_kernel import energies, internal_forces
 from isorod.dynamics.explicit.mesh import MESH, Mesh
 
-# Outcomes of a run of steps: done; det F <= 0; more kinetic energy than there can be; no closest point found in contact.
+# Outcomes of a run of steps: done; det F <= 0; more kinetic energy than there can be; no closest point found in
+# contact.
 DONE, INVERTED, BLOWN, LOST = 0, 1, 2, 3
 
 
@@ -34,8 +35,8 @@ class Motion(NamedTuple):
     impulse
         Time integral of the supports' forces on the model, shape of ``held``.
     sums
-        Dissipated energy, ``sum W dalpha`` (``W`` the energy of active fibres at full activation ``alpha = 1``), and the impulse of rigid
-        obstacles on the model, shape ``(5,)``.
+        Dissipated energy, ``sum W dalpha`` (``W`` the energy of active fibres at full activation ``alpha = 1``), and
+        the impulse of rigid obstacles on the model, shape ``(5,)``.
     """
 
     displacement: Array

@@ -151,15 +151,17 @@ class System:
     def critical_step(self, displacement: Array, activation: float) -> float:
         """Return ``2 / omega`` of the highest frequency about a state: the largest stable time step; zero if the state cannot be.
 
-        Lanczos iteration on ``M^-1 K``, symmetric in the inner product of ``M``, ``K`` by central differences of the forces, until the
-        residual bounds the error of the frequency to half of ``_TOLERANCE``.  It starts near the last vector found.
+        Lanczos iteration on ``M^-1 K``, symmetric in the inner product of ``M``, ``K`` by central differences of the
+        forces, until the residual bounds the error of the frequency to half of ``_TOLERANCE``.  It starts near the last
+        vector found.
         """
         free = self.free
         count = min(free.size, _LANCZOS)
         # Orthonormal vectors, and the mass times each.
         basis, momenta = np.zeros((count, free.size)), np.zeros((count, free.size))
         diagonal, beside = np.zeros(count), np.zeros(count)
-        # A fixed start, so that a run is the same each time; something of every vector is in it, should another be the highest now.
+        # A fixed start, so that a run is the same each time; something of every vector is in it, should another be the
+        # highest now.
         noise = np.random.default_rng(0).standard_normal(free.size)
         image = np.zeros_like(displacement)
         image[free] = noise

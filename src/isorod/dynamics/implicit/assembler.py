@@ -1,13 +1,14 @@
 """Implicit dynamics: an energy-momentum conserving step of second order, solved by SNES.
 
-Between the states ``(u_0, v_0)`` and ``(u_1, v_1)`` of a step ``dt`` (Simo & Tarnow, ZAMP 43 (1992) 757-792; Gonzalez, CMAME 190 (2000)
-1763-1783),
+Between the states ``(u_0, v_0)`` and ``(u_1, v_1)`` of a step ``dt`` (Simo & Tarnow, ZAMP 43 (1992) 757-792; Gonzalez,
+CMAME 190 (2000) 1763-1783),
 
     u_1 - u_0 = dt (v_0 + v_1) / 2,    M (v_1 - v_0) / dt + c M (v_0 + v_1) / 2 + f(u_0, u_1) = 0,
 
-where the internal forces ``f`` do exactly the work ``W(u_1) - W(u_0)`` on ``u_1 - u_0`` (`isorod.dynamics.implicit.stress_kernel`).  So whatever the step,
-energy, momentum and angular momentum stay what they are but for damping, supports and activation, which is that at the middle of the
-step.  Contact has its forces at the mean of both states: they keep both momenta, and the energy to second order.
+where the internal forces ``f`` do exactly the work ``W(u_1) - W(u_0)`` on ``u_1 - u_0``
+(`isorod.dynamics.implicit.stress_kernel`).  So whatever the step, energy, momentum and angular momentum stay what they
+are but for damping, supports and activation, which is that at the middle of the step.  Contact has its forces at the
+mean of both states: they keep both momenta, and the energy to second order.
 """
 
 from typing import TYPE_CHECKING

@@ -12,7 +12,8 @@ from isorod.options import defaults
 # What a user's option overrides.
 OPTIONS = {"snes_linesearch_type": "bt", "snes_rtol": 1e-10, "snes_max_it": 25, "ksp_type": "preonly"}
 
-# Where Newton's iterations no longer reduce the out-of-balance force by this factor, so many times its rounding is accepted.
+# Where Newton's iterations no longer reduce the out-of-balance force by this factor, so many times its rounding is
+# accepted.
 _STALLED = 0.3
 
 _NOISE = 10.0

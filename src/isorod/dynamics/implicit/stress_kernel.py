@@ -4,10 +4,10 @@ For ``W(C) = mu/2 (tr C - 3) + g(det C) + w(f.C f)``, neo-Hookean with fibres, b
 
     S = mu 1 + 2 (dg / d det C) G + 2 (dw / d lambda^2) f f^T,    G = cof(C_m) + cof(D) / 12,    C_m = C_0 + D/2,
 
-with difference quotients in the brackets.  As ``G : D = det C_1 - det C_0``, ``S : D / 2 = W(C_1) - W(C_0)`` exactly, which is what
-makes a discrete gradient (Gonzalez, CMAME 190 (2000) 1763-1783).  ``S`` stays the same when both states change places, so that it is of
-second order, and nothing is divided by ``|D|``.  With ``P = F_m S``, ``F_m`` the mean of both deformation gradients, internal forces have
-no resultant and no moment.
+with difference quotients in the brackets.  As ``G : D = det C_1 - det C_0``, ``S : D / 2 = W(C_1) - W(C_0)`` exactly,
+which is what makes a discrete gradient (Gonzalez, CMAME 190 (2000) 1763-1783).  ``S`` stays the same when both states
+change places, so that it is of second order, and nothing is divided by ``|D|``.  With ``P = F_m S``, ``F_m`` the mean
+of both deformation gradients, internal forces have no resultant and no moment.
 """
 
 import numpy as np
