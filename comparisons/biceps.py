@@ -149,11 +149,11 @@ def _motions(study: Run, steps: Steps) -> None:
     for label, values in MOTIONS.items():
         with steps.step(f"motion to {END_TIME:g} s, {label}"):
             scene = Biceps(**values, end_time=END_TIME, outputs=INTERVALS)
-            history, seconds = runs.solve(scene, scene.settings())
+            settings = scene.settings()
+            history, seconds = runs.solve(scene, settings)
             still, _ = runs.solve(Biceps(**values, statics=True), {})
             rest = scene.measure(still)
-            record = runs.record(scene, history, seconds) | {"label": label, "equilibrium": rest}
-            record["options"] = {name: getattr(scene, name) for name in scene.__dataclass_fields__}
+            record = runs.record(scene, history, seconds, settings) | {"label": label, "equilibrium": rest}
             record["equilibrium"]["contact_area"] = still.contacts[0].area
             record["from_equilibrium"] = errors(record | {"contact_force": float(history.contact_force[-1])}, rest)
             # Forces of supports by their size, as the equilibrium has them.

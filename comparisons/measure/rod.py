@@ -3,7 +3,6 @@
 Prints one JSON line.  The first run is cold; the others, in the same process, are warm.
 """
 
-import dataclasses
 import statistics
 import sys
 from collections.abc import Sequence
@@ -44,13 +43,9 @@ def measure(
     median = {key: statistics.median(one[key] for one in warm) for key in runs[0]}
     return {
         "method": "cylindrical",
-        "scene": name,
-        **run.record(scene, solution, median),
+        **run.record(scene, solution, median, settings or {}, petsc),
         "warm": repeat > 1,
         "runs": runs,
-        "options": dataclasses.asdict(scene),
-        "settings": settings or {},
-        "petsc_options": " ".join(petsc),
         "peak_memory": timing.peak_memory(),
     }
 

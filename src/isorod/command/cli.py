@@ -1,7 +1,6 @@
 """The ``isorod`` command."""
 
 import argparse
-import dataclasses
 import os
 import sys
 import warnings
@@ -90,7 +89,7 @@ def _run(ours: Sequence[str], theirs: Sequence[str]) -> int:
     with np.errstate(all="ignore"), options.petsc_errors():
         record, fields = _geometry(scene, theirs) if scene.analysis == "geometry" else _analysis(scene, theirs, found)
     if _rank() == 0:
-        _report({"scene": name, "options": values} | record, fields, found)
+        _report(record, fields, found)
     return 0
 
 
@@ -179,21 +178,11 @@ def _analysis(scene: Any, theirs: Sequence[str], found: argparse.Namespace) -> t
         refined = {"error_estimate": reached.error, "changes": reached.changes, "refinements": reached.history}
     else:
         solution, seconds = run.solve(scene, settings)
-    record = run.record(scene, solution, {"import": imported} | seconds) | refined
+    record = run.record(scene, solution, {"import": imported} | seconds, settings, theirs) | refined
     left = unused_options()
     if left:
         raise InputError(f"PETSc option {', '.join(left)}: nothing used it; check its spelling with -help")
-    pressures = getattr(solution, "pressures", ())
-
-    def more(k: int) -> dict[str, Any]:
-        return {"pressure": pressures[k]} if pressures and pressures[k] is not None else {}
-
-    fields = [
-        (body, {key: solution.model.nodal(vector, k) for key, vector in run.fields(scene, solution).items()} | more(k))
-        for k, body in enumerate(solution.model.bodies)
-    ]
-    used = {"options": dataclasses.asdict(scene), "settings": settings, "petsc_options": " ".join(theirs)}
-    return record | used, fields
+    return record, [(body, solution.fields(k)) for k, body in enumerate(solution.model.bodies)]
 
 
 def _report(record: dict[str, Any], fields: Fields, found: argparse.Namespace) -> None:

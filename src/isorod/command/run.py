@@ -1,42 +1,13 @@
 """Running a scene: from its parameters to a solution and a record of it."""
 
-from collections.abc import Mapping
+import dataclasses
+from collections.abc import Mapping, Sequence
 from importlib import import_module
 from time import perf_counter
 from typing import Any
 
-from isorod.arrays import Array
 from isorod.errors import InputError
 from isorod.output import results
-
-# What a record keeps of each kind of solution, besides what the scene measures.
-KEPT = {
-    "statics": ("newton_iterations", "linear_iterations", "load_steps", "cuts", "residual_norms"),
-    "modal": ("residuals", "rigid", "below", "shift", "iterations"),
-    "dynamics": (
-        "times",
-        "reactions",
-        "contact_force",
-        "contact_area",
-        "penetration",
-        "kinetic",
-        "stored",
-        "contact_energy",
-        "added_kinetic",
-        "muscle_work",
-        "dissipated",
-        "energy_error",
-        "momentum_error",
-        "steps",
-        "time_step",
-        "added_kinetic_share",
-        "critical_step",
-        "microseconds_a_step",
-        "newton_iterations",
-        "cuts",
-        "resumed",
-    ),
-}
 
 
 def solve(scene: Any, settings: Mapping[str, Any]) -> tuple[Any, dict[str, float]]:
@@ -65,51 +36,45 @@ def solve(scene: Any, settings: Mapping[str, Any]) -> tuple[Any, dict[str, float
 def geometry(scene: Any) -> dict[str, Any]:
     """Return the record of a scene that is geometry only."""
     rod = scene.rod()
-    return {
-        "analysis": scene.analysis,
+    return _scene(scene) | {
         "smallest_jacobian": rod.check(),
         "volume": rod.volume(),
         "control_points": rod.distinct_control_points,
     }
 
 
-def record(scene: Any, solution: Any, seconds: Mapping[str, float]) -> dict[str, Any]:
-    """Return the record of a solution."""
+def record(
+    scene: Any, solution: Any, seconds: Mapping[str, float], settings: Mapping[str, Any], petsc: Sequence[str] = ()
+) -> dict[str, Any]:
+    """Return the record of a solution.
+
+    Parameters
+    ----------
+    scene, solution, seconds
+        The scene, its solution and the wall times of the run, as `solve` returns them.
+    settings
+        Keyword arguments the analysis was given.
+    petsc
+        What PETSc was started with.
+    """
     model = solution.model
     return {
-        "analysis": scene.analysis,
+        **_scene(scene),
         **scene.measure(solution),
         "dofs": model.dofs,
         "unknowns": model.unknowns,
-        **_pressures(model),
-        **{key: getattr(solution, key) for key in KEPT[scene.analysis]},
-        **_contact(solution),
+        **solution.record(),
         "quadrature": [str(body.space.rule) for body in model.bodies],
         "built": solution.built,
         "seconds": dict(seconds),
         "solver": solution.solver,
         "ranks": solution.ranks,
         **results.provenance(),
+        "settings": dict(settings),
+        "petsc_options": " ".join(petsc),
     }
 
 
-def _contact(solution: Any) -> dict[str, float]:
-    """Return the area in contact and the deepest penetration of an equilibrium, all contacts together; nothing where it has none."""
-    found = getattr(solution, "contacts", ())
-    if not found:
-        return {}
-    return {"contact_area": sum(one.area for one in found), "penetration": max(one.penetration for one in found)}
-
-
-def _pressures(model: Any) -> dict[str, int]:
-    count = sum(body.pressures.size for body in model.bodies if body.pressures is not None)
-    return {"pressures": count} if count else {}
-
-
-def fields(scene: Any, solution: Any) -> dict[str, Array]:
-    """Return the fields of a solution by name, each a vector of all degrees of freedom."""
-    if scene.analysis == "statics":
-        return {"displacement": solution.displacement}
-    if scene.analysis == "dynamics":
-        return {"displacement": solution.displacement[-1], "velocity": solution.velocity[-1]}
-    return {f"mode_{k + 1}": vector for k, vector in enumerate(solution.vectors)}
+def _scene(scene: Any) -> dict[str, Any]:
+    name = type(scene).__name__.lower()
+    return {"scene": name, "options": dataclasses.asdict(scene), "analysis": scene.analysis}

@@ -1,9 +1,10 @@
 """Dynamics, explicit or implicit, with damping, activation and contact, and the balances that prove them."""
 
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -95,6 +96,16 @@ class History:
         """Share of the kinetic energy, over all outputs, that is in mass added for the time step."""
         total = float(self.kinetic.sum())
         return float(self.added_kinetic.sum()) / total if total > 0.0 else 0.0
+
+    def record(self) -> dict[str, Any]:
+        """Return what a record keeps of it: all but the motion itself."""
+        left_out = ("model", "displacement", "velocity", "estimates", "seconds", "built", "solver", "ranks")
+        found = {one.name: getattr(self, one.name) for one in fields(self) if one.name not in left_out}
+        return found | {"added_kinetic_share": self.added_kinetic_share}
+
+    def fields(self, body: int) -> dict[str, Array]:
+        """Return a body's displacement and velocity at the end, shape ``(nodes, 3)``."""
+        return {name: self.model.nodal(getattr(self, name)[-1], body) for name in ("displacement", "velocity")}
 
 
 def solve(

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 from petsc4py import PETSc
@@ -65,6 +66,14 @@ class Modes:
     built: list[str]
     solver: dict[str, str]
     ranks: int
+
+    def record(self) -> dict[str, Any]:
+        """Return what a record keeps of them."""
+        return {name: getattr(self, name) for name in ("residuals", "rigid", "below", "shift", "iterations")}
+
+    def fields(self, body: int) -> dict[str, Array]:
+        """Return a body's part of each mode shape, ``(nodes, 3)``."""
+        return {f"mode_{k + 1}": self.model.nodal(vector, body) for k, vector in enumerate(self.vectors)}
 
 
 def solve(

@@ -1,6 +1,6 @@
-"""Scenes: ready models with parameters, one a file.
+"""Scenes: ready models with parameters, one a file that bears the scene's name.
 
-A scene is a frozen dataclass whose fields (made with `option`) become command line options.  It has a class attribute
+A scene is a frozen dataclass of that name with a capital letter whose fields (made with `option`) become command line options.  It has a class attribute
 ``analysis`` (``"statics"``, ``"modal"``, ``"dynamics"`` or ``"geometry"``), ``rod()``, and for an analysis ``model()``
 and ``measure(solution)``; for dynamics also ``settings()``, the keyword arguments of `isorod.dynamics.solve`.  A scene
 with a choice of analyses lists them in a class attribute ``analyses``, the default first, and has ``analysis`` as a
@@ -9,18 +9,13 @@ property.
 
 import dataclasses
 from importlib import import_module
+from pkgutil import iter_modules
 from typing import Any
 
 from isorod.errors import InputError
 
-# Name on the command line: module and class.  Modules are imported only when asked for.
-SCENES = {
-    "biceps": ("isorod.scenes.biceps", "Biceps"),
-    "blade": ("isorod.scenes.blade", "Blade"),
-    "flower": ("isorod.scenes.flower", "Flower"),
-    "ring": ("isorod.scenes.ring", "Ring"),
-    "spring": ("isorod.scenes.spring", "Spring"),
-}
+# Names on the command line: those of the files here.  Each is imported only when it is asked for.
+SCENES = tuple(sorted(module.name for module in iter_modules(__path__)))
 
 
 def option(default: Any, text: str) -> Any:
@@ -37,5 +32,4 @@ def find(name: str) -> Any:
     """Return the scene class of that name, or raise `InputError` with the names there are."""
     if name not in SCENES:
         raise InputError(f"scene {name!r} is not known; there are: {', '.join(SCENES)}")
-    module, attribute = SCENES[name]
-    return getattr(import_module(module), attribute)
+    return getattr(import_module(f"{__name__}.{name}"), name.capitalize())

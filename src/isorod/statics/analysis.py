@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from time import perf_counter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from petsc4py import PETSc
@@ -83,6 +83,23 @@ class Equilibrium:
     linear_iterations: int = 0
     pressures: "Sequence[Array | None]" = ()
     moments: Array = field(default_factory=lambda: np.zeros((0, 3)))
+
+    def record(self) -> dict[str, Any]:
+        """Return what a record keeps of it; area in contact and deepest penetration are those of all contacts together."""
+        kept = ("newton_iterations", "linear_iterations", "load_steps", "cuts", "residual_norms")
+        found = {name: getattr(self, name) for name in kept}
+        if self.pressures:
+            found["pressures"] = sum(one.size for one in self.pressures if one is not None)
+        if self.contacts:
+            found["contact_area"] = sum(one.area for one in self.contacts)
+            found["penetration"] = max(one.penetration for one in self.contacts)
+        return found
+
+    def fields(self, body: int) -> dict[str, Array]:
+        """Return a body's displacement, shape ``(nodes, 3)``, and its pressure coefficients if it has some."""
+        found = {"displacement": self.model.nodal(self.displacement, body)}
+        pressure = self.pressures[body] if self.pressures else None
+        return found if pressure is None else found | {"pressure": pressure}
 
 
 def _assembler(model: Model, comm: PETSc.Comm | None) -> Assembler:
