@@ -162,7 +162,7 @@ def test_version_in_the_text_of_a_module(tmp_path):
 def test_nothing_heavy_is_imported():
     heavy = ["dolfinx", "gmsh", "pyvista", "vtk", "matplotlib", "slepc4py.SLEPc"]
     code = (
-        "import io, sys; from isorod import doctor; assert doctor.main(io.StringIO()) == 0;"
+        "import io, sys; from isorod.command import doctor; assert doctor.main(io.StringIO()) == 0;"
         f"print([name for name in {heavy} if name in sys.modules])"
     )
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=Path("/"))
