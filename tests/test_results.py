@@ -174,11 +174,18 @@ def test_writers_killed_and_restarted_lose_and_tear_no_line(tmp_path):
         with open(acknowledged[-1], "wb") as out, open(tmp_path / "words", "ab") as words:
             running.append(subprocess.Popen([sys.executable, "-c", WRITER, str(path), who], stdout=out, stderr=words))
 
+    def lines() -> int:
+        return sum(file.read_bytes().count(b"\n") for file in acknowledged)
+
     running: list[subprocess.Popen[bytes]] = []
     for _ in range(4):
         start()
-    for _ in range(16):
-        time.sleep(rng.uniform(0.05, 0.25))
+    for kill in range(16):
+        # However busy the machine is, lines are written between two kills.
+        end = time.monotonic() + 20.0
+        while lines() <= 2 * kill and time.monotonic() < end:
+            time.sleep(0.01)
+        time.sleep(rng.uniform(0.0, 0.1))
         running[rng.integers(len(running))].kill()
         for process in [one for one in running if one.poll() is not None]:
             running.remove(process)
