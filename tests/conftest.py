@@ -1,6 +1,7 @@
 """What several test files share: small rods, PETSc options for one test, and runs in fresh processes."""
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -24,6 +25,30 @@ settings.register_profile("isorod", deadline=None, derandomize=True, max_example
 settings.load_profile("isorod")
 
 COMMAND = [sys.executable, "-c", "import sys; from isorod.command.cli import main; sys.exit(main())"]
+
+
+def in_ci(report):
+    """Make a report of what was skipped for want of a package or program one of failure where CI runs: it has them all.
+
+    Else whole files vanish in silence with a package that an image forgot.
+    """
+    wanted = isinstance(report.longrepr, tuple) and re.search("could not import|is not installed", report.longrepr[2])
+    if report.skipped and wanted and os.environ.get("CI"):
+        report.outcome = "failed"
+        report.longrepr = f"{report.nodeid}: {report.longrepr[2]}; CI must have it"
+    return report
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_make_collect_report(collector):
+    """Judge files that are skipped as a whole."""
+    return in_ci((yield))
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item, call):
+    """Judge tests that are skipped."""
+    return in_ci((yield))
 
 
 def straight(

@@ -4,15 +4,13 @@ import json
 
 import numpy as np
 import pytest
+from reference import BLADE_FREQUENCIES as BLADE
+from reference import SPRING_FORCE as SPRING
 
 from isorod.command import refine
 from isorod.errors import InputError, SolveError
 from isorod.scenes.blade import Blade
 from isorod.scenes.spring import Spring
-
-# Three-dimensional values (comparisons spring, comparisons blade).
-SPRING = 6.09902
-BLADE = np.array([0.18270, 0.75321, 1.37144, 1.87792, 2.10732, 3.51163, 4.35131, 5.26911, 5.63964, 6.88225])
 
 
 def test_directions_of_control_points_and_of_polynomials():

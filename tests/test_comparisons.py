@@ -1,11 +1,12 @@
 """The pieces of the studies that decide what is reported."""
 
 import json
+import re
 
 import numpy as np
 import pytest
 
-from comparisons.measure import mac, published, records, work
+from comparisons.measure import mac, records, work
 from comparisons.measure.convergence import richardson
 from comparisons.measure.study import Run
 from comparisons.report import precision
@@ -21,6 +22,15 @@ def test_richardson_recovers_limit_and_order(order):
     assert found.value == pytest.approx(6.1, abs=1e-10)
     assert found.order == pytest.approx(order, abs=1e-8)
     assert found.distance == pytest.approx(0.3 * 0.13**order, rel=1e-6)
+
+
+def test_richardson_takes_the_three_finest_meshes():
+    """Coarser ones, not yet at the order, do not count."""
+    sizes = [1.6, 0.8, 0.4, 0.2, 0.1]
+    values = [9.0, 5.0, *(6.1 + 0.3 * h**2 for h in sizes[2:])]
+    found = richardson(sizes, values)
+    assert (found.value, found.order) == pytest.approx((6.1, 2.0), abs=1e-8)
+    assert found.distance == pytest.approx(0.3 * 0.1**2, rel=1e-6)
 
 
 @pytest.mark.parametrize("values", [(1.0, 2.0, 1.5), (1.0, 1.0, 1.0), (1.0, 2.0, 4.0)])
@@ -70,22 +80,31 @@ def test_a_torn_last_line_is_left_out_with_a_word(tmp_path):
         assert records.newest(tmp_path, "spring") == [{"run": 1, "part": "end"}]
 
 
-def measured(forces, times, monkeypatch, tmp_path, target=1e-2):
+FINER = (("--elements", 4), ("--points", 2))
+
+
+def rows(table):
+    """Return the cells of a table of the page, row by row, without their tags."""
+    cells = [re.findall(r"<t[hd][^>]*>(.*?)</t[hd]>", row) for row in re.findall(r"<tr>(.*?)</tr>", table, re.DOTALL)]
+    return [[re.sub("<[^>]+>", "", cell) for cell in row] for row in cells]
+
+
+def measured(forces, times, monkeypatch, tmp_path, target=1e-2, finer=FINER, slower=None):
     """Run a work-precision of made-up solvers; return the records of what reaches the target."""
 
     def run(module, words):
         elements, points = int(words[words.index("--elements") + 1]), int(words[words.index("--points") + 1])
+        (method,) = (name for name in work.MODULES if work.MODULES[name] == module)
         return {
-            "method": "cylindrical" if module == "comparisons.measure.rod" else "fem",
+            "method": method,
             "force": forces(elements, points),
             "dofs": elements * points,
             "peak_memory": 2**20,
-            "seconds": {"total": times(elements, points)},
+            "seconds": {"total": times(elements, points) * (slower or {}).get(method, 1.0)},
         }
 
     monkeypatch.setattr(work.timing, "run", run)
     study = Run("made-up", "quick", tmp_path)
-    finer = {method: (("--elements", 4), ("--points", 2)) for method in work.MODULES}
     curves = [
         work.Curve(
             f"curve of {method}", method, tuple(f"--elements {n} --points {p}" for n in (4, 8, 16) for p in (4, 8))
@@ -93,7 +112,9 @@ def measured(forces, times, monkeypatch, tmp_path, target=1e-2):
         for method in work.MODULES
     ]
     with study.progress(work.steps_of(curves, [target])) as steps:
-        precision_of = work.WorkPrecision(study, steps, "made-up", finer, lambda found: abs(found["force"] - 1.0))
+        precision_of = work.WorkPrecision(
+            study, steps, "made-up", dict.fromkeys(work.MODULES, finer), lambda found: abs(found["force"] - 1.0)
+        )
         precision_of.run(curves, [target])
     study.record("end", {})
     return records.newest(tmp_path, "made-up")
@@ -131,7 +152,62 @@ def test_errors_that_cancel_do_not_count(monkeypatch, tmp_path):
     lucky, held = (precision.fastest(found, "cylindrical", 1e-2, holds) for holds in (False, True))
     assert lucky is not None
     assert lucky["arguments"] == "--elements 4 --points 4"
-    assert held is None or held["seconds"]["total"] > lucky["seconds"]["total"]
+    # Where each error is small for itself, one step finer in the other stays within.
+    assert held is not None
+    assert held["arguments"] == "--elements 8 --points 8"
+
+
+@pytest.mark.parametrize("luck", ["axis", "section"])
+def test_a_run_holds_only_if_both_finer_ones_are_within_the_target(luck, monkeypatch, tmp_path):
+    """At 4 elements and 4 points, one step finer in one of the two shows the luck, in the other it does not."""
+
+    def forces(n, p):
+        return 1.1 if (n, p) == {"axis": (8, 4), "section": (4, 6)}[luck] else 1.0
+
+    found = measured(forces, lambda n, p: n * p, monkeypatch, tmp_path)
+    for method in work.MODULES:
+        lucky, held = (precision.fastest(found, method, 1e-2, holds) for holds in (False, True))
+        assert lucky is not None
+        assert lucky["arguments"] == "--elements 4 --points 4"
+        assert [near["arguments"] for near in lucky["finer"]] == ["--elements 8 --points 4", "--elements 4 --points 6"][
+            : {"axis": 1, "section": 2}[luck]
+        ]
+        assert held is not None
+        assert held["arguments"] == "--elements 4 --points 8"
+        assert [near["error"] for near in held["finer"]] == [0.0, 0.0]
+
+
+def test_a_run_that_only_one_step_finer_could_check_does_not_hold(monkeypatch, tmp_path):
+    """Without an option for the section nobody knows whether its error is small or cancels."""
+    found = measured(lambda n, p: 1.0, lambda n, p: n, monkeypatch, tmp_path, finer=(("--elements", 4), ("--rings", 1)))
+    for method in work.MODULES:
+        assert precision.fastest(found, method, 1e-2) is None
+        lucky = precision.fastest(found, method, 1e-2, holds=False)
+        assert lucky is not None
+        assert len(lucky["finer"]) == 1
+
+
+def test_a_ratio_of_times_says_who_is_slower():
+    assert precision.ratio(1.0, 4.0) == "1/4 of"
+    assert precision.ratio(4.0, 1.0) == "4.0 times"
+    assert precision.ratio(1.0, 1.25) == "0.8 times"
+
+
+@pytest.mark.parametrize(("ours", "share"), [(3.0, "3.0 times"), (0.25, "1/4")])
+def test_the_table_of_the_fastest_says_our_share_of_their_time(ours, share, monkeypatch, tmp_path):
+    found = measured(
+        lambda n, p: 1.0,
+        lambda n, p: 1e-3 * n * p,
+        monkeypatch,
+        tmp_path,
+        slower={"cylindrical": ours, "fem": 1.0},
+    )
+    head, cylindrical, fem = rows(precision.reach(found))
+    assert cylindrical == [
+        "1 %", "curve of cylindrical (cylindrical)", "16", f"{16 * ours:.1f}", "1", "0 %", "0 %, 0 %", share,
+    ]  # fmt: skip
+    assert fem == ["1 %", "curve of fem (dolfinx)", "16", "16.0", "1", "0 %", "0 %, 0 %", ""]
+    assert head[-1] == "time ratio"
 
 
 def test_a_refused_run_is_recorded_and_the_study_goes_on(monkeypatch, tmp_path):
@@ -155,9 +231,43 @@ def test_a_refused_run_is_recorded_and_the_study_goes_on(monkeypatch, tmp_path):
     assert lucky["arguments"] == "--elements 16 --points 8"
 
 
-def test_published_tables_have_the_paper_s_sizes():
-    assert sum(len(forces) for forces in published.SPRING_FORCE.values()) == 18
-    assert sum(len(frequencies) for frequencies in published.BLADE_FREQUENCIES.values()) == 60
+def test_runs_are_repeated_six_times_and_checks_run_once_and_every_step_is_shown(monkeypatch, tmp_path, capsys):
+    repeats = []
+
+    def spy(module, words):
+        repeats.append(int(words[words.index("--repeat") + 1]))
+        return made_up(module, words)
+
+    measured(lambda n, p: 1.0, lambda n, p: n * p, monkeypatch, tmp_path)
+    made_up = work.timing.run
+    monkeypatch.setattr(work.timing, "run", spy)
+    study = Run("again", "quick", tmp_path)
+    curves = [work.Curve("c", method, ("--elements 4 --points 4",)) for method in work.MODULES]
+    total = work.steps_of(curves, [1e-2, 1e-3])
+    capsys.readouterr()
+    with study.progress(total) as steps:
+        work.WorkPrecision(study, steps, "x", dict.fromkeys(work.MODULES, FINER), lambda found: 0.0).run(
+            curves, [1e-2, 1e-3]
+        )
+    # Two along the curves; for each target two finer ones of either side, then both again in turn.
+    assert repeats == [6, 6, *2 * [1, 1, 1, 1, *6 * [6]]]
+    shown = re.findall(r"\[(\d+)/(\d+)\]", capsys.readouterr().err)
+    assert shown == [(str(k), str(total)) for k in range(1, total + 1)]
+    again = [json.loads(line) for line in study.path.read_text().splitlines()]
+    assert precision.targets(again) == [1e-2, 1e-3]
+    for record in again:
+        assert {"commit", "versions", "machine"} <= record.keys()
+
+
+def test_the_table_of_every_run_says_its_parts_and_its_solver():
+    seconds = {"setup": 0.001, "forms": 0.002, "assembly": 0.004, "solve": 0.2, "total": 0.207}
+    one = {"curve": "c", "arguments": "--a 1", "dofs": 1234, "error": 0.0123, "seconds": seconds}
+    fem = one | {"petsc_options": {"ksp_type": "cg", "empty": ""}, "newton_iterations": 7}
+    modes = one | {"petsc_options": "", "solver": {"eps": "krylovschur"}, "iterations": 3}
+    _, first, second = rows(precision.runs([fem, modes]))
+    shared = ["c", "--a 1", "1,234", "1.2 %", "3.0", "4.0", "200", "207"]
+    assert first == [*shared, "7", "-ksp_type cg"]
+    assert second == [*shared, "3", "eps krylovschur"]
 
 
 def test_mac_of_modes_with_themselves_is_the_identity_on_the_diagonal():

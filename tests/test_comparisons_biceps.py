@@ -108,7 +108,9 @@ def test_page_says_what_holds_and_what_does_not(tmp_path):
 
 
 def test_palette_has_the_scale_and_white():
-    pictures = pytest.importorskip("comparisons.report.biceps_pictures")
+    pytest.importorskip("pyvista")
+    from comparisons.report import biceps_pictures as pictures
+
     colours = np.array(pictures._palette().getpalette()).reshape(-1, 3)
     assert len(colours) == 256
     for wanted in ((255, 255, 255), (0, 0, 0), (48, 18, 59), (122, 4, 3)):

@@ -4,7 +4,11 @@ import sys
 import types
 from pathlib import Path
 
+import numba
+import numpy
 import pytest
+import scipy
+from petsc4py import PETSc
 
 from isorod.command import doctor
 
@@ -50,10 +54,24 @@ def test_mapped_libraries_are_read_once_each_and_without_plain_files(tmp_path):
     assert doctor.mapped_libraries(tmp_path / "none") == []
 
 
-def test_everything_required_is_here():
+def test_report_has_all_that_isorod_uses_and_what_it_cannot_do_without():
     checks = {check.name: check for check in doctor.report()}
-    assert [name for name, check in checks.items() if check.required and not check.ok] == []
-    assert checks["PETSc scalar, index"].value.startswith("float64")
+    required = ["isorod", "Python", "numpy", "scipy", "numba", "MPI", "petsc4py", "PETSc scalar, index"]
+    assert [name for name, check in checks.items() if check.required] == required
+    assert {"slepc4py", "dolfinx", "gmsh", "pyvista", "matplotlib", "BLAS", "threads"} < checks.keys()
+    # These tests run in an interpreter that has them.
+    for module in (numpy, scipy, numba):
+        assert checks[module.__name__].value == module.__version__
+    scalar, index = PETSc.ScalarType.__name__, PETSc.IntType.__name__
+    assert checks["PETSc scalar, index"].value == f"{scalar}, {index}"
+
+
+@pytest.mark.parametrize(("version", "ok"), [((3, 10, 9), False), ((3, 11, 0), True), ((3, 14, 1), True)])
+def test_an_older_python_is_refused(version, ok, monkeypatch):
+    monkeypatch.setattr(doctor.sys, "version_info", version)
+    found = doctor._python()
+    assert (found.ok, found.required) == (ok, True)
+    assert found.hint == ("" if ok else "isorod needs 3.11")
 
 
 def run():

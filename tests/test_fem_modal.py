@@ -1,20 +1,25 @@
 """Meshes of the blade and vibration modes by finite elements: exact bars, the blade's converged values, ranks, bad input."""
 
+import dataclasses
 import json
 import subprocess
 import sys
+from itertools import pairwise
 
 import numpy as np
 import pytest
+from reference import BLADE_FREQUENCIES as CONVERGED
 
 pytest.importorskip("dolfinx")
 
+from comparisons.fem import modal as fem_modal
 from comparisons.fem.blade import Configuration, run, vibrations
 from comparisons.fem.domain import Domain
 from comparisons.fem.modal import RIGID, Solid, solve
 from comparisons.fem.mode_shapes import nodal
 from comparisons.fem.presets import blade as presets
 from comparisons.fem.statics import Element
+from comparisons.measure import published
 from isorod.errors import InputError, SolveError
 from meshes import blade
 from meshes.bricks import axis_positions, bricks
@@ -22,10 +27,6 @@ from meshes.mesh import Mesh
 from meshes.split import fan, layered
 from meshes.strip import paper_section, strip
 from meshes.template import o_grid
-
-# Extrapolated from three meshes of 64-node bricks, up to 185,367 unknowns; three of 27-node bricks agree within 7e-5.
-CONVERGED = [0.18270, 0.75321, 1.37144, 1.87792, 2.10732, 3.51163, 4.35131, 5.26911, 5.63964, 6.88225]
-PRINTED = [0.1909, 0.8018, 1.3674, 2.0630, 2.2571, 4.0258, 4.4984, 5.3152, 6.8215, 7.2485]
 
 STEEL = Solid(E=200.0, nu=0.3, density=2.0)
 
@@ -190,6 +191,34 @@ def test_twins_of_a_symmetric_bar_are_found(cylinder):
         assert len(found.frequencies) == modes and modes <= found.below <= modes + 1
 
 
+@pytest.mark.parametrize(
+    "factor, said",
+    [
+        (0.25, r"modes: found 3 up to .*, but the inertia counts 2"),
+        (4.0, r"modes: \d+ eigenvalues lie at or below .*-st_shift"),
+    ],
+)
+def test_modes_that_the_inertia_does_not_confirm_are_refused(cylinder, monkeypatch, factor, said):
+    """Counted with another mass than solved with, fewer eigenvalues lie below the last one, or more, than were found."""
+    where = bar(cylinder(height=6.0), "Q2", 4)
+    sound = solve(where, STEEL, ["start"], 3)
+    assert sound.below == 3
+    # Counted are those that times the factor lie below: the twins of bending alone.
+    assert np.count_nonzero(sound.eigenvalues * 4.0 <= sound.eigenvalues[2]) == 2
+    true = fem_modal._Body.mass_by_blocks
+
+    def other(body):
+        mass = true(body)
+        mass.scale(factor)
+        return mass
+
+    monkeypatch.setattr(fem_modal._Body, "mass_by_blocks", other)
+    with pytest.raises(SolveError, match=said):
+        solve(where, STEEL, ["start"], 3)
+    # Unless nobody asks.
+    assert solve(where, STEEL, ["start"], 3, check=False).below is None
+
+
 @pytest.mark.parametrize("kind, element", [("Q2", Element(2)), ("Q2", Element(2, "irons14")), ("Q3", Element(3))])
 def test_slender_cantilever_is_eulers_and_bernoullis(cylinder, kind, element):
     wave = np.array([1.8751041, 4.6940911])
@@ -210,8 +239,9 @@ def test_enhanced_bricks_do_not_lock_in_bending(cylinder):
     where = bar(cylinder(height=length), "Q1", layers=16)
     enhanced = solve(where, STEEL, ["start"], 2, Element(1, 2, "enhanced"))
     plain = solve(where, STEEL, ["start"], 2, Element(1))
-    # The octagon of straight edges is 5 % short of inertia radius.
-    assert enhanced.frequencies[0] == pytest.approx(exact, rel=0.06)
+    # Radius of inertia of the octagon of straight edges, 0.95 of the circle's: I / A = R^2 (2 + cos 45) / 12.
+    octagon = np.sqrt((2.0 + np.cos(np.pi / 4)) / 3.0)
+    assert 0.0 < enhanced.frequencies[0] / (octagon * exact) - 1.0 < 0.025
     assert plain.frequencies[0] > 1.2 * enhanced.frequencies[0]
     assert enhanced.below == plain.below == 2
 
@@ -279,8 +309,8 @@ def test_elements_on_the_mesh_of_the_papers_counts():
     # Shear locking: the first mode is more than twice too fast.
     assert trilinear[0] > 2.0 * CONVERGED[0]
     # The paper's own element on a section that is only a guess.
-    assert enhanced == pytest.approx(PRINTED, rel=0.07)
-    assert np.abs(enhanced / PRINTED - 1.0).mean() < 0.04
+    assert enhanced == pytest.approx(published.BLADE_FEM_FREQUENCIES, rel=0.07)
+    assert np.abs(enhanced / published.BLADE_FEM_FREQUENCIES - 1.0).mean() < 0.04
     assert quadratic == pytest.approx(CONVERGED, rel=0.025)
 
 
@@ -343,10 +373,33 @@ def test_two_ranks_give_the_serial_modes(mpirun, tmp_path, arguments):
 # Bad input ------------------------------------------------------------------------------------------------------------
 
 
-def test_presets_are_arguments_that_parse():
-    families = [*presets.FULL, *presets.QUICK, *presets.CONVERGED.values()]
-    for text in [*presets.PRESETS.values(), *(text for family in families for text in family.arguments)]:
-        configuration(text)
+FAMILIES = [*presets.FULL, *presets.QUICK, *presets.CONVERGED.values()]
+
+
+@pytest.mark.parametrize("text", [*presets.PRESETS.values(), *(text for one in FAMILIES for text in one.arguments)])
+def test_presets_set_what_they_say_and_nothing_else(text):
+    words = text.split()
+    said = {name.removeprefix("--"): value for name, value in zip(words[::2], words[1::2], strict=True)}
+    found, default = configuration(text), configuration("")
+    for field in dataclasses.fields(Configuration):
+        value = getattr(found, field.name)
+        if field.name in said:
+            assert str(value) == said.pop(field.name)
+        else:
+            assert value == getattr(default, field.name)
+    assert not said
+
+
+@pytest.mark.parametrize("family", FAMILIES, ids=lambda family: family.label)
+def test_meshes_of_a_family_go_from_coarse_to_fine(family):
+    meshes = [configuration(text) for text in family.arguments]
+    for coarse, fine in pairwise(meshes):
+        assert fine.along * fine.across * fine.layers > coarse.along * coarse.across * coarse.layers
+        assert (fine.cells, fine.degree, fine.family) == (coarse.cells, coarse.degree, coarse.family)
+    if family in presets.CONVERGED.values():
+        # Richardson's: refined alike in all directions.
+        assert len(meshes) == 3
+        assert len({(one.layers / one.along, one.along / one.across, one.grading) for one in meshes}) == 1
 
 
 @pytest.mark.parametrize(

@@ -320,7 +320,9 @@ JSON = st.recursive(
 
 @examples("page")
 def test_pages_of_records_of_another_kind(count, tmp_path):
-    report = pytest.importorskip("comparisons.report")
+    for name in ("matplotlib", "pyvista", "rich"):
+        pytest.importorskip(name)
+    from comparisons.report import page as report
 
     @generated(
         count,

@@ -15,6 +15,7 @@ from isorod.errors import InputError, SolveError
 from isorod.material import NeoHookean
 from isorod.material.muscle import Muscle
 from isorod.model import Body, Contact, Model, Plane, Support
+from isorod.output import checkpoint
 from isorod.space import Space
 
 E, DENSITY, LENGTH = 100.0, 2.0, 4.0
@@ -254,13 +255,31 @@ def test_a_step_that_does_not_converge_is_halved(cylinder, petsc_options):
         run(model, 3.0, 0.5, outputs=3, velocity=swing(model, 2.0))
 
 
-def test_a_run_continues_from_its_checkpoint(cylinder, tmp_path):
+@pytest.mark.parametrize("outputs", [1, 2, 4])
+def test_a_run_continues_from_its_checkpoint(outputs, cylinder, tmp_path, monkeypatch):
+    """Stopped when so many outputs of four were written; the last one is the finished run."""
     model, file = bar(cylinder, elements=2), tmp_path / "state"
-    settings = {"outputs": 4, "damping": 0.1, "velocity": swing(model), "checkpoint": file, "every": 0.0}
+    settings = {"outputs": 4, "damping": 0.1, "velocity": swing(model)}
     whole = run(model, 1.0, 0.05, **settings)
+    settings |= {"checkpoint": file, "every": 0.0}
+    true, written = checkpoint.write, []
+
+    def write(*arguments):
+        true(*arguments)
+        written.append(arguments)
+        # The first one is of the start.
+        if len(written) == outputs + 1:
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(checkpoint, "write", write)
+        with pytest.raises(KeyboardInterrupt):
+            run(model, 1.0, 0.05, **settings)
     again = run(model, 1.0, 0.05, resume=True, **settings)
-    np.testing.assert_array_equal(again.displacement, whole.displacement)
-    assert again.resumed == 1.0
+    assert again.resumed == pytest.approx(0.25 * outputs)
+    for name in ("times", "displacement", "velocity", "reactions", "energy_error"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(whole, name), err_msg=name)
+    assert again.steps == whole.steps
     with pytest.raises(InputError, match="other run: integrator implicit there, explicit here"):
         dynamics.solve(model, 1.0, 0.05, resume=True, **settings)
 

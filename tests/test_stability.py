@@ -34,7 +34,10 @@ def points():
 
     def get(case):
         if case.NAME not in found:
-            found[case.NAME] = list(case.run("quick"))
+            with pytest.MonkeyPatch.context() as patch:
+                # Whether a line is right does not depend on how busy this machine is.
+                patch.setitem(tuning.TIME_LIMIT, "quick", 300.0)
+                found[case.NAME] = list(case.run("quick"))
         return point.sweeps(found[case.NAME])
 
     return get
@@ -128,7 +131,7 @@ def test_every_case_there_is_has_what_the_study_needs():
         assert hasattr(case, "LIMITS")
 
 
-@pytest.mark.parametrize("case", OWN, ids=lambda case: case.NAME)
+@pytest.mark.parametrize("case", [contrast, sections], ids=lambda case: case.NAME)
 def test_failures_are_one_line(case, points):
     failures = [
         record["failure"]
@@ -137,6 +140,7 @@ def test_failures_are_one_line(case, points):
         for record in curve
         if "failure" in record
     ]
+    assert len(failures) > 10
     assert all(text and "\n" not in text for text in failures)
 
 
@@ -158,8 +162,7 @@ def test_stretched_rod_holds_to_a_contrast_of_1e8(solver, points):
     assert point.reach(curve) >= 1e8
     # Double precision gives up at contrast * 1e-15, never silently.
     for record in curve:
-        if "failure" in record:
-            assert record["value"] >= 1e11
+        if record["value"] >= 1e11:
             assert "do not balance" in record["failure"]
         else:
             assert record["error"] < max(1e-14 * record["value"], 1e-9)
@@ -169,8 +172,10 @@ def test_stretched_rod_holds_to_a_contrast_of_1e8(solver, points):
 def test_multigrid_does_not_hold_and_says_so(points):
     curve = points(contrast)[contrast.STRETCHED]["CG + GAMG"]
     assert point.reach(curve) >= 1e2
-    assert all("linear solver failed" in record["failure"] for record in curve if "failure" in record)
-    assert all(record["error"] < 1e-6 for record in curve if "error" in record)
+    assert max(record["error"] for record in curve if "error" in record) < 1e-6
+    failures = [record["failure"] for record in curve if "failure" in record]
+    assert failures
+    assert all("linear solver failed" in text for text in failures)
 
 
 def test_bent_rod_tends_to_the_muscle_held_by_a_wall(points):
@@ -187,7 +192,10 @@ def test_modes_follow_the_transcendental_equation(points):
         assert point.reach(curves[series]) >= 1e16
     assert point.reach(curves["stiff half free"]) >= 1e8
     for record in curves["stiff half free"]:
-        assert "failure" in record or record["error"] < 1e-4
+        if record["value"] > 1e10:
+            assert "the residual of mode 1 is" in record["failure"]
+        else:
+            assert "failure" in record or record["error"] < 1e-5
 
 
 @pytest.mark.parametrize("integrator", ["explicit", "implicit"])
@@ -264,7 +272,9 @@ def test_thinned_blade_converges_without_spurious_modes(points):
         assert record["error"] < 5e-3
         assert record["rule"] < 1e-3
     papers = next(curve for series, curve in curves.items() if series.startswith("paper"))
-    assert all("folds" in record["failure"] for record in papers if record["value"] > 2.0)
+    assert [record["value"] for record in papers] == [1.0, 10.0, 100.0]
+    assert papers[0]["error"] < 5e-3
+    assert all("folds" in record["failure"] for record in papers[1:])
 
 
 @pytest.mark.parametrize("sweep", [sections.DEPTH, sections.OFFSET])
@@ -278,12 +288,29 @@ def test_folds_are_found_within_a_thousandth(sweep, points):
     assert any(0.0 < record["value"] / record["fold"] - 1.0 < 1.1e-3 for record in curve)
 
 
-def test_twist_is_right_warned_of_or_refused(points):
-    for curve in points(sections)[sections.TWIST].values():
-        for record in curve:
-            assert point.holds(record) or "failure" in record or "shrinks" in record["warned"]
-        assert "failure" in one(curve, 360.0)
-        assert one(curve, 45.0)["error"] < 0.1
+@pytest.mark.parametrize(
+    ("series", "silent", "warned"),
+    [("quadratic", 45.0, 120.0), ("cubic", 45.0, 120.0), ("quadratic, twice as many", 30.0, 90.0)],
+)
+def test_twist_is_right_then_warned_of_then_refused(series, silent, warned, points):
+    """The error goes with the angle squared."""
+    curve = points(sections)[sections.TWIST][series]
+    for record in curve:
+        assert ("failure" in record) == (record["value"] > warned)
+        assert ("warned" in record) == (silent < record["value"] <= warned)
+        assert "shrinks" in record.get("warned", "shrinks")
+        assert record["value"] > silent or record["error"] < 0.06
+    assert (len(curve), curve[-1]["value"]) == (9, 540.0)
+    small = [one(curve, angle)["error"] / angle**2 for angle in (15.0, 30.0)]
+    assert small[1] == pytest.approx(small[0], rel=0.02)
+
+
+def test_the_size_that_twisted_sections_shrink_to_is_told_right(points):
+    """Half-way between the layers of a quadratic element, whose middle one turns by half: (1 + cos(angle / 2)) / 2."""
+    curve = points(sections)[sections.TWIST]["quadratic"]
+    for angle in (90.0, 120.0, 180.0):
+        told = one(curve, angle).get("warned") or one(curve, angle)["failure"]
+        assert f"shrinks to {50.0 * (1.0 + np.cos(np.radians(angle / 2.0))):.0f} %" in told
 
 
 def test_twist_warns_only_where_sections_shrink():
@@ -305,17 +332,72 @@ def test_short_elements_do_not_matter(points):
 # --- solver options
 
 
-def test_lines_of_options_agree_with_the_default_or_fail_with_exit_code_2(points):
-    for curves in points(tuning).values():
-        (curve,) = curves.values()
-        assert point.holds(curve[0])
+def test_lines_of_options_agree_with_the_default(points):
+    for case, lines in tuning.CASES["quick"].items():
+        (curve,) = points(tuning)[case].values()
+        assert [record["value"] for record in curve] == list(lines)
         for record in curve:
-            if "failure" in record:
-                assert record["code"] in (2, None)
-                assert record["said"] == 1 if record["code"] else "no result within" in record["failure"]
-            else:
-                assert record["error"] <= tuning.TOLERANCE
-                assert record["milliseconds"] > 0.0
+            assert "failure" not in record, record
+            assert record["error"] <= tuning.TOLERANCE
+            assert record["milliseconds"] > 0.0
+
+
+SMALL = "spring --coils 1 --elements-per-turn 4 --section-points 4"
+
+
+def tuned(lines, monkeypatch, limit=300.0):
+    """Return the points of the small spring with lines of options by name."""
+    monkeypatch.setitem(tuning.CASES, "quick", {SMALL: lines})
+    monkeypatch.setitem(tuning.TIME_LIMIT, "quick", limit)
+    return list(tuning.run("quick"))
+
+
+def test_a_line_that_fails_is_recorded_with_its_exit_code_and_not_recommended(monkeypatch):
+    default, typo = tuned({tuning.DEFAULT: "", "typo": "-pc_type nope"}, monkeypatch)
+    assert (default["error"], default["tolerance"]) == (0.0, 1e-6)
+    assert default["warm"] is False
+    assert (typo["code"], typo["said"]) == (2, 1)
+    assert "nope" in typo["failure"]
+    (said,) = tuning.LIMITS([default, typo])
+    assert f"recommended `isorod run {SMALL}`" in said
+    assert "1 of 2 lines give the same to 1e-06, not: typo." in said
+
+
+def test_a_line_that_is_wrong_does_not_hold(monkeypatch):
+    answers = {SMALL: [2.0, 4.0], f"{SMALL} -a": [2.0, 4.0 + 4.1e-6], f"{SMALL} -b": [2.0, 4.0 - 3.9e-6]}
+
+    def command(line, limit, warm):
+        return {"values": np.array(answers[line]), "milliseconds": 1.0, "warm": False}
+
+    monkeypatch.setattr(tuning, "_command", command)
+    default, wrong, right = tuned({tuning.DEFAULT: "", "a": "-a", "b": "-b"}, monkeypatch)
+    assert wrong["error"] == pytest.approx(1.025e-6)
+    assert [point.holds(one) for one in (default, wrong, right)] == [True, False, True]
+
+
+def test_a_line_that_takes_too_long_is_given_up(monkeypatch):
+    (late,) = tuned({tuning.DEFAULT: ""}, monkeypatch, limit=0.01)
+    assert (late["failure"], late["code"]) == ("no result within 0.01 s", None)
+    assert tuning.LIMITS([late]) == [f"{SMALL}: nothing holds."]
+
+
+def test_the_default_is_recommended_unless_a_warm_line_is_clearly_faster():
+    def lines(milliseconds, warm):
+        return [
+            {"sweep": "case", "value": name, "line": f"case {name}", "error": 0.0, "tolerance": 1e-6, "seconds": 1.0}
+            | {"milliseconds": time, "warm": warm}
+            for name, time in zip(("default", "other"), milliseconds, strict=True)
+        ]
+
+    for milliseconds, warm, picked in (
+        ((100.0, 80.0), True, "other"),
+        ((100.0, 95.0), True, "default"),
+        ((100.0, 50.0), False, "default"),
+        # Too long for the first run's extra to matter.
+        ((20_000.0, 9_000.0), False, "other"),
+    ):
+        (said,) = tuning.LIMITS(lines(milliseconds, warm))
+        assert f"recommended `isorod run case {picked}`" in said
 
 
 def test_each_case_recommends_a_line_that_was_run(points):
