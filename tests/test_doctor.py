@@ -1,6 +1,7 @@
 import io
 import subprocess
 import sys
+import tomllib
 import types
 from pathlib import Path
 
@@ -87,6 +88,33 @@ def test_table_is_aligned_and_says_that_it_can_run():
     assert last.startswith("isorod can run here")
     width = 2 + max(len(check.name) for check in doctor.report())
     assert all(row[width : width + 2] == "  " and row[width + 2] != " " for row in rows)
+
+
+@pytest.mark.parametrize(
+    ("version", "ok"),
+    [
+        ((2, 7, 18), False),
+        ((3, 9, 19), False),
+        ((3, 10, 99), False),
+        ((3, 11, 0), True),
+        ((3, 13, 1), True),
+        ((4, 0), True),
+    ],
+)
+def test_an_older_python_does_not_pass(monkeypatch, version, ok):
+    monkeypatch.setattr(doctor, "sys", types.SimpleNamespace(version_info=version, executable="python", stdout=None))
+    check = doctor._python()
+    assert check.required and check.ok is ok
+    assert check.hint == ("" if ok else "isorod needs 3.11")
+    code, text = run()
+    assert code == (0 if ok else 1)
+    row = next(line for line in text.splitlines() if line[2:].startswith("Python"))
+    assert row.startswith("  " if ok else "X ")
+
+
+def test_the_python_that_is_asked_for_is_the_package_s():
+    project = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text())["project"]
+    assert project["requires-python"] == ">=3.11"
 
 
 def test_a_missing_requirement_fails_and_says_how_to_get_it(monkeypatch):

@@ -12,12 +12,14 @@ from isorod.dynamics.explicit.mesh import order as order_in_state
 from isorod.dynamics.explicit.mesh import pack
 from isorod.dynamics.explicit.system import System
 from isorod.errors import InputError
+from isorod.geometry.axis import Axis
 from isorod.geometry.center_line import helix
 from isorod.geometry.rod import Rod
-from isorod.geometry.section import circle
+from isorod.geometry.section import circle, flower
 from isorod.material import LinearElastic, NeoHookean
 from isorod.material.muscle import Muscle
 from isorod.model import Body, Contact, Model, Plane, Support
+from isorod.model.support import rotation
 from isorod.space import Space
 
 ELASTIC = NeoHookean(20.0, 0.3)
@@ -73,6 +75,30 @@ def test_forces_and_energies_are_the_assemblers(stretch, order, cylinder):
         )
         assert error < 1e-12
         assert stored + factor * active == pytest.approx(energy, rel=1e-12)
+
+
+@pytest.mark.parametrize("stretch", STRETCHES, ids=str)
+def test_forces_and_energies_on_a_rod_that_lies_in_no_plane(stretch):
+    """Twisted, tapered, of an uneven section and with an axis askew: no entry of the inverse Jacobians is zero."""
+    axis = Axis(2, np.repeat([0.0, 1.0], 3), np.ones(3))
+    turns = [rotation((0.7, 0.4, 0.3)) @ rotation((0.0, 0.0, angle)) for angle in (0.0, 0.3, 0.6)]
+    centers = np.array([[0.0, 0.0, 0.0], [0.6, 0.3, 1.0], [0.2, -0.4, 2.2]])
+    stretches = np.array([1.0, 0.8, 0.7])[:, None, None] * np.eye(3)
+    space = Space(Rod.sweep(flower(7, 1, 0.6, 0.2), axis, centers, turns, stretches), elements=2, order=2)
+    inverse = space.tabulate(0, 2).inverse
+    assert np.abs(inverse).min(axis=(0, 1, 2)).max() > 0.0 and np.abs(inverse).max(axis=(0, 1, 2)).min() > 0.1
+    model = Model([Body(space, MUSCLE, 1.0)], [Support.end(space, "start", "xz")])
+    mesh, places = pack(model), order_in_state(model)
+    displacement, assembler = deformed(model, stretch, seed=4), Assembler(model)
+    u, forces = np.empty(model.dofs), np.empty(model.dofs)
+    u[places] = displacement
+    x, expected = assembler.state(displacement), assembler.vector()
+    assembler.residual(x, 0.6, expected)
+    assert internal_forces(mesh, u, 0.6, forces) == 0.0
+    scale = np.abs(expected.array).max()
+    np.testing.assert_allclose(forces[places][model.free >= 0], expected.array, atol=1e-12 * scale)
+    stored, active = energies(mesh, u)
+    assert stored + 0.6 * active == pytest.approx(assembler.energy(x, 0.6), rel=1e-12)
 
 
 def test_points_are_counted_where_the_body_is_inverted(cylinder):

@@ -4,6 +4,7 @@ import sys
 
 import numpy as np
 import pytest
+from conftest import straight
 
 from isorod import statics
 from isorod.errors import InputError
@@ -92,6 +93,24 @@ def test_closed_rod_is_exported_too():
     mesh = vtk.grid(Body(space, LinearElastic(1.0, 0.3)), fields, rings=1, around=8, slices=2)
     assert np.abs(mesh.point_data["displacement"] - 1).max() < 1e-6
     assert np.abs(mesh.point_data["von_mises"]).max() < 1e-6
+
+
+def test_every_element_shows_its_own_stress_up_to_its_ends():
+    """An affine deformation of elements of different stiffness: each has one stress, its last points too, and all are in the rod."""
+    laws = [LinearElastic(E, 0.3) for E in (1.0, 100.0, 10.0)]
+    body = Body(Space(straight(5, height=3.0), elements=3, continuity=0), laws)
+    nodal = body.space.positions @ np.diag([0.0, 0.0, 0.01])
+    mesh = vtk.grid(body, {"displacement": nodal}, rings=1, around=4, slices=3)
+    found = mesh.point_data["von_mises"].reshape(3, -1)
+    strain = np.diag([0.0, 0.0, 0.01])
+    for row, law in zip(found, laws, strict=True):
+        stress = law.stress(np.eye(3)[None] + strain)
+        # Cauchy's stress is Piola's times F over det F.
+        assert row == pytest.approx(von_mises(stress * [1.0, 1.0, 1.01] / 1.01)[0], rel=1e-9)
+    heights = mesh.points[:, 2].reshape(3, 4, -1)
+    assert heights.min() == 0.0 and heights.max() <= 3.0
+    assert heights.max(axis=(1, 2)) == pytest.approx([1.0, 2.0, 3.0], abs=1e-6)
+    assert np.ptp(heights, axis=2).max() < 1e-6
 
 
 def test_load_factor_is_the_muscle_s_activation():

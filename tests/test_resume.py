@@ -153,6 +153,16 @@ def test_a_foreign_checkpoint_is_refused(stopped):
         run(stopped, True, velocity=np.full(model().dofs, 1e-3))
 
 
+def test_a_checkpoint_of_other_densities_is_refused(stopped):
+    """All else is the same: the shape, the laws, the supports."""
+    other = model()
+    for body, density in ((0, 2.1), (1, 2.1), (0, [2.0, 2.0, 2.0, 2.1]), (1, [2.1, 2.0])):
+        bodies = list(other.bodies)
+        bodies[body] = dataclasses.replace(bodies[body], density=density)
+        with pytest.raises(InputError, match="belongs to another model"):
+            run(stopped, True, model=dataclasses.replace(other, bodies=bodies))
+
+
 def test_a_missing_checkpoint_is_named(tmp_path):
     with pytest.raises(InputError, match=r"state: there is none; start without --resume"):
         run(tmp_path / "state", True)

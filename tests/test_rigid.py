@@ -243,3 +243,12 @@ def test_control_points_of_the_bars_stand_where_the_supports_think(cylinder):
     assert np.abs(space.positions[:4, :2] - control_points(4)).max() < 1e-14
     assert np.ptp(space.positions[TOP : TOP + 4, 2]) == 0
     assert space.positions[TOP, 2] == pytest.approx(6.0)
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
+@pytest.mark.parametrize(("ratio", "free"), [(1e-1, 0), (1e-5, 0), (1e-7, 0), (3e-9, 2)])
+def test_whether_a_needle_is_held_by_its_face_does_not_depend_on_the_unit_of_length(ratio, free, unit, cylinder):
+    """One that is too thin for double precision is free to turn about both directions across it."""
+    space = Space(cylinder(4, radius=ratio * unit, height=unit))
+    model = Model([Body(space, NeoHookean(1.0, 0.3))], [Support.end(space, "start")])
+    assert len(rigid_motions.free_motions(model)) == free

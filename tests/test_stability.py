@@ -210,8 +210,13 @@ def test_motion_errs_by_its_steps_and_its_mass_not_by_the_contrast(integrator, p
 def test_a_joint_without_a_knot_is_warned_of():
     space = Space(bar([0.0, 4.0, 10.0], 3), elements=2)
     laws = [NeoHookean(100.0, 0.0), NeoHookean(1.0, 0.0)]
-    with pytest.warns(UserWarning, match="stiffness jumps by 100 at u = 4"):
-        Body(space, laws)
+    for either in (laws, laws[::-1]):
+        with pytest.warns(UserWarning, match="stiffness jumps by 100 at u = 4"):
+            Body(space, either)
+    three = Space(bar([0.0, 4.0, 10.0, 12.0], 3), elements=3)
+    for moduli, place in (([1.0, 20.0, 1e3], 10), ([1.0, 50.0, 1.0], 4), ([1e3, 20.0, 1.0], 4), ([1.0, 1.0, 0.02], 10)):
+        with pytest.warns(UserWarning, match=f"stiffness jumps by 50 at u = {place}"):
+            Body(three, [NeoHookean(E, 0.0) for E in moduli])
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         Body(Space(bar([0.0, 4.0, 10.0], 3, 0), elements=2), laws)

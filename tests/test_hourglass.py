@@ -1,0 +1,87 @@
+"""Which quadrature rules are held against the one that would be chosen, and with which."""
+
+from dataclasses import astuple, replace
+
+import numpy as np
+import pytest
+from conftest import straight
+
+from isorod.checks import hourglass
+from isorod.geometry.axis import Axis
+from isorod.geometry.quadrature import Rule
+from isorod.geometry.rod import Rod
+from isorod.geometry.section import circle
+from isorod.material import NeoHookean
+from isorod.model import Body, Model
+from isorod.space import Space
+
+SPACES = {
+    "control points": {"degree": 2},
+    "order 2": {"degree": 3, "order": 2},
+    "polynomials": {"degree": 3, "section_degree": 5},
+}
+
+
+def with_rule(rule, nu=0.3, formulation="displacement", **keywords):
+    space = Space(straight(n=8, breaks=(0.0, 1.0, 2.0)), quadrature=str(rule), **keywords)
+    return Model([Body(space, NeoHookean(1.0, nu), formulation=formulation)])
+
+
+def chosen(**keywords):
+    return Space(straight(n=8, breaks=(0.0, 1.0, 2.0)), quadrature="auto", **keywords).rule
+
+
+@pytest.mark.parametrize("name", SPACES)
+def test_a_rule_with_a_point_less_in_any_direction_is_suspected(name):
+    keywords = SPACES[name]
+    good = chosen(**keywords)
+    assert min(astuple(good)) >= 2
+    assert not hourglass.suspected(with_rule(good, **keywords))
+    for direction in ("radial", "angular", "axial"):
+        count = getattr(good, direction)
+        fewer, more = replace(good, **{direction: count - 1}), replace(good, **{direction: count + 1})
+        if fewer.radial > 1:
+            assert hourglass.suspected(with_rule(fewer, **keywords)), direction
+        assert not hourglass.suspected(with_rule(more, **keywords)), direction
+
+
+@pytest.mark.parametrize("name", SPACES)
+def test_as_many_points_as_the_degree_are_enough_where_elements_are_joined_without_slopes(name):
+    """Of C0 elements alone: with continuous slopes they are too few, and one less is too few for all."""
+    keywords = SPACES[name]
+    good, degree = chosen(**keywords), keywords["degree"]
+    for continuity, points, suspected in ((0, degree, False), (0, degree - 1, True), (degree - 1, degree, True)):
+        model = with_rule(replace(good, axial=points), continuity=continuity, **keywords)
+        assert hourglass.suspected(model) is suspected, (continuity, points)
+
+
+def test_one_smooth_joint_among_others_wants_all_points():
+    knots = np.array([0.0, 0, 0, 1, 2, 2, 3, 3, 3])
+    heights = np.array([knots[j + 1 : j + 3].mean() for j in range(6)])
+    rod = Rod.sweep(circle(8), Axis(2, knots, np.ones(6)), heights[:, None] * np.array([0.0, 0.0, 1.0]))
+    for points, suspected in ((2, True), (3, False)):
+        space = Space(rod, quadrature=str(replace(chosen(degree=2), axial=points)))
+        assert hourglass.suspected(Model([Body(space, NeoHookean(1.0, 0.3))])) is suspected
+
+
+def test_one_poor_rule_among_good_ones_is_suspected():
+    good, poor = with_rule(chosen(degree=2), degree=2), with_rule("2x1x3", degree=2)
+    assert not hourglass.suspected(Model(good.bodies * 2))
+    assert hourglass.suspected(Model([*good.bodies, *poor.bodies]))
+    assert hourglass.suspected(Model([*poor.bodies, *good.bodies]))
+
+
+def test_the_mixed_formulation_is_not_suspected():
+    assert not hourglass.suspected(with_rule("2x1x2", formulation="mixed", degree=2))
+
+
+@pytest.mark.parametrize("given", [Rule(2, 1, 2), Rule(2, 5, 3), Rule(7, 1, 3), Rule(3, 2, 6)])
+def test_the_rule_it_is_held_against_has_the_more_points_in_each_direction(given):
+    good = chosen(degree=2)
+    better = hourglass.well(with_rule(given, degree=2)).bodies[0].space.rule
+    assert astuple(better) == tuple(max(a, b) for a, b in zip(astuple(good), astuple(given), strict=True))
+
+
+def test_a_failure_names_the_rule_where_it_may_be_the_cause():
+    assert hourglass.hint(with_rule("3x1x3", degree=2)) == "; quadrature 3x1x3 has fewer points than 'auto'"
+    assert hourglass.hint(with_rule(chosen(degree=2), degree=2)) == ""

@@ -1,0 +1,145 @@
+"""Steps of a motion: those that are halved, those that contact shortens, and the mass that is added for long ones."""
+
+import numpy as np
+import pytest
+from conftest import straight
+
+from isorod import dynamics
+from isorod.dynamics.explicit import mass, mesh
+from isorod.dynamics.implicit.assembler import MotionAssembler
+from isorod.dynamics.implicit.newton import Newton
+from isorod.geometry.axis import Axis
+from isorod.geometry.rod import Rod
+from isorod.geometry.section import ellipse
+from isorod.material import NeoHookean
+from isorod.material.muscle import Muscle
+from isorod.model import Body, Contact, Model, Plane, Support
+from isorod.space import Space
+
+MUSCLE = Muscle(100.0, 0.3, sigma_max=40.0, m1=35.0, m2=0.5, activation=1.0, fibre=(0.0, 0.6, 0.8))
+
+
+def bar(held="xyz", law=None, contacts=(), elements=2):
+    space = Space(straight(4, height=4.0), elements=elements, degree=2, quadrature="auto")
+    supports = [Support.end(space, "start", held)] if held else []
+    return Model([Body(space, law or NeoHookean(100.0, 0.3), 2.0)], supports, contacts=contacts)
+
+
+# Implicit steps
+
+
+@pytest.fixture
+def refuse_longer(monkeypatch):
+    """Let Newton's method fail in all steps longer than one given; return how to say which, and the levels of activation solved at."""
+    begin, solve = MotionAssembler.begin, Newton.solve
+    limit, step, levels = [np.inf], [0.0], []
+
+    def told(self, dt, *arguments):
+        step[0] = dt
+        begin(self, dt, *arguments)
+
+    def refused(self, guess, factor):
+        if step[0] > limit[0]:
+            return None
+        levels.append(factor)
+        return solve(self, guess, factor)
+
+    monkeypatch.setattr(MotionAssembler, "begin", told)
+    monkeypatch.setattr(Newton, "solve", refused)
+    return limit, levels
+
+
+@pytest.mark.parametrize("parts", [2, 4])
+def test_halved_steps_are_those_of_a_run_with_shorter_ones(parts, refuse_longer):
+    """Of a muscle whose activation grows meanwhile, each part at its own time: to the last bit."""
+    limit, levels = refuse_longer
+    model = bar(law=MUSCLE)
+    settings = {"outputs": 2, "damping": 0.3, "ramp": 0.5, "integrator": "implicit"}
+    short = dynamics.solve(model, 0.4, 0.1 / parts, **settings)
+    expected = levels.copy()
+    levels.clear()
+    limit[0] = 0.1 / parts * (1.0 + 1e-9)
+    halved = dynamics.solve(model, 0.4, 0.1, **settings)
+    assert short.cuts == 0 and short.steps == 4 * parts
+    assert halved.cuts == 4 * (parts - 1) and halved.steps == short.steps
+    # The middle of each step on the ramp.
+    np.testing.assert_allclose(expected, (np.arange(4 * parts) + 0.5) * 0.1 / parts / 0.5, rtol=1e-12)
+    np.testing.assert_allclose(levels, expected, rtol=1e-12)
+    scale = np.abs(short.displacement).max()
+    np.testing.assert_allclose(halved.displacement, short.displacement, atol=1e-12 * scale)
+    np.testing.assert_allclose(halved.velocity, short.velocity, atol=1e-11 * np.abs(short.velocity).max())
+    np.testing.assert_allclose(halved.muscle_work, short.muscle_work, rtol=1e-10)
+    np.testing.assert_allclose(halved.dissipated, short.dissipated, rtol=1e-10)
+
+
+# Explicit steps
+
+
+def thrown(model, velocity):
+    space = model.bodies[0].space
+    return (np.broadcast_to(velocity, space.positions.shape) * space.carries[:, None]).ravel()
+
+
+def test_the_critical_step_is_estimated_again_where_contact_begins():
+    """Long before as many steps are taken as bring an estimate by themselves, and once only: not again while it lasts."""
+    wall = Contact(0, Plane((1.05, 0.0, 0.0), (-1.0, 0.0, 0.0)), 2000.0)
+    model = bar(held="", contacts=[wall])
+    history = dynamics.solve(model, 0.11, 0.01, outputs=11, velocity=thrown(model, [1.0, 0.0, 0.0]))
+    assert history.steps == 11
+    touching = history.contact_area > 0.0
+    first = int(np.argmax(touching))
+    assert 0 < first < 8 and touching[first:].all()
+    times, steps = history.estimates.T
+    np.testing.assert_allclose(times, [0.0, history.times[first]], rtol=1e-12)
+    assert steps[1] < steps[0]
+
+
+def test_a_step_that_contact_makes_unstable_is_shortened_at_once():
+    """A stiff penalty: the step that follows is stable, and energy is kept."""
+    wall = Contact(0, Plane((1.02, 0.0, 0.0), (-1.0, 0.0, 0.0)), 5e4)
+    model = bar(held="", contacts=[wall])
+    history = dynamics.solve(model, 0.04, outputs=200, velocity=thrown(model, [1.0, 0.0, 0.0]))
+    assert history.steps < 1000
+    begun = history.times[np.argmax(history.contact_area > 0.0)]
+    assert begun in history.estimates[:, 0]
+
+
+def squashed(a=1.2, b=0.4, length=3.0):
+    axis = Axis(2, np.repeat([0.0, 1.0], 3), np.ones(3))
+    rod = Rod.sweep(ellipse(8, a, b), axis, np.outer([0.0, 0.5, 1.0], [0.0, 0.0, length]))
+    return Space(rod, elements=3, quadrature="full")
+
+
+@pytest.mark.parametrize(("a", "b"), [(1.2, 0.4), (0.4, 1.2)])
+def test_the_most_mass_that_is_added_trebles_the_inertia_about_the_thin_axis(a, b):
+    """Of a section that turns out of its plane: ``rho I`` and ``E A``, so that the wide axis gets ``2 (b / a)^2`` more."""
+    length, density = 3.0, 2.0
+    space = squashed(a, b, length)
+    model = Model([Body(space, NeoHookean(20.0, 0.3), density)])
+    mass = mass.Mass(model, mesh.order(model))
+    whole = density * np.pi * a * b * length
+    for axis, half in enumerate((a, b)):
+        velocity = np.zeros((space.nodes, 3))
+        velocity[:, 2] = space.positions[:, axis]
+        mass.scaling = 0.0
+        before = velocity.ravel() @ mass.momenta(velocity.ravel())
+        assert before == pytest.approx(whole * half**2 / 4.0, rel=1e-6)
+        mass.scaling = mass.largest_scaling
+        after = velocity.ravel() @ mass.momenta(velocity.ravel())
+        assert after / before == pytest.approx(1.0 + 2.0 * (min(a, b) / half) ** 2, rel=1e-6)
+
+
+def test_the_thinnest_and_lightest_of_all_elements_and_bodies_bounds_the_mass_added():
+    """``s = 2 min(rho / E' r^2)``, ``E' = lambda + 2 mu``."""
+    space, law = squashed(1.0, 0.5), NeoHookean(20.0, 0.3)
+    modulus = law.lame + 2.0 * law.mu
+
+    def largest(*bodies):
+        model = Model(bodies)
+        return mass.Mass(model, mesh.order(model)).largest_scaling
+
+    expected = 2.0 / modulus * 0.25 * 0.25
+    heavy, light = Body(space, law, [4.0, 3.0, 5.0]), Body(squashed(1.0, 1.0), law, 0.25)
+    assert largest(heavy) == pytest.approx(3.0 * expected, rel=1e-6)
+    assert largest(light) == pytest.approx(1.0 * expected, rel=1e-6)
+    assert largest(heavy, light) == largest(light, heavy) == pytest.approx(expected, rel=1e-6)

@@ -1,0 +1,64 @@
+"""Load steps that crush a body somewhere are taken again in shorter ones, whether the prediction crushes it or the solution."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from conftest import straight
+
+from isorod import statics
+from isorod.assembly.assembler import Assembler
+from isorod.material import NeoHookean
+from isorod.model import Body, Model, Support
+from isorod.space import Space
+from isorod.statics.convergence import squeezed
+
+
+def wrung(displacement, turn):
+    """A short bar of coarse elements whose end face is moved and turned far."""
+    space = Space(straight(4, height=4.0), elements=3, degree=2)
+    end = Support.end(space, "end", displacement=displacement, turn=turn)
+    return Model([Body(space, NeoHookean(1.0, 0.0))], [Support.end(space, "start"), end])
+
+
+@pytest.mark.parametrize("load_steps", [1, 2, 4])
+def test_no_step_leaves_less_than_a_fifth_of_the_volume_anywhere(load_steps, monkeypatch):
+    """From one equilibrium to the next; the end is nearly closed up, at three hundredths of its volume."""
+    model = wrung((0.13, 1.27, -0.87), (0.55, -2.81, 1.02))
+    tangent, found = Assembler.tangent, []
+
+    def kept(self, x, factor, out, keep=False):
+        # A load step begins with the tangent of the equilibrium before, which it keeps.
+        if keep:
+            found.append(self.jacobians(x, factor)[0].copy())
+        return tangent(self, x, factor, out, keep)
+
+    monkeypatch.setattr(Assembler, "tangent", kept)
+    solution = statics.solve(model, load_steps)
+    assembler = Assembler(model)
+    found.append(assembler.jacobians(assembler.state(solution.displacement), 1.0)[0])
+    assert found[0] == pytest.approx(np.ones_like(found[0]), abs=1e-12)
+    # Steps that were cut begin where the one before did.
+    assert len(found) == solution.load_steps + solution.cuts + 1
+    shares = np.array([(after / before).min() for before, after in pairwise(found)])
+    print("shares of the volume", np.sort(shares)[:5], "cuts", solution.cuts)
+    assert found[-1].min() < 0.03
+    assert shares.min() > 0.2
+
+
+def test_volumes_are_compared_point_by_point():
+    """A uniform stretch: refused from a fifth of the volume on, and the words name the place."""
+    model = wrung((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    space, assembler = model.bodies[0].space, Assembler(Model(model.bodies))
+    states = {}
+    for height in (1.0, 0.21, 0.19, -0.5):
+        move = space.positions @ np.diag([0.0, 0.0, height - 1.0])
+        states[height] = assembler.state(move.ravel())
+    before = assembler.jacobians(states[1.0], 1.0)
+    assert squeezed(assembler, before, states[1.0], 1.0) is None
+    assert squeezed(assembler, before, states[0.21], 1.0) is None
+    for height in (0.19, -0.5):
+        said = squeezed(assembler, before, states[height], 1.0)
+        assert f"det F = {height}" in said and "element collapses" in said
+    # Relative to what there was.
+    assert squeezed(assembler, assembler.jacobians(states[0.21], 1.0), states[0.19], 1.0) is None
