@@ -5,7 +5,8 @@ import pytest
 from conftest import straight
 
 from isorod import dynamics
-from isorod.dynamics.explicit import mass, mesh
+from isorod.dynamics.explicit import mesh
+from isorod.dynamics.explicit.mass import Mass
 from isorod.dynamics.implicit.assembler import MotionAssembler
 from isorod.dynamics.implicit.newton import Newton
 from isorod.geometry.axis import Axis
@@ -116,7 +117,7 @@ def test_the_most_mass_that_is_added_trebles_the_inertia_about_the_thin_axis(a, 
     length, density = 3.0, 2.0
     space = squashed(a, b, length)
     model = Model([Body(space, NeoHookean(20.0, 0.3), density)])
-    mass = mass.Mass(model, mesh.order(model))
+    mass = Mass(model, mesh.order(model))
     whole = density * np.pi * a * b * length
     for axis, half in enumerate((a, b)):
         velocity = np.zeros((space.nodes, 3))
@@ -136,7 +137,7 @@ def test_the_thinnest_and_lightest_of_all_elements_and_bodies_bounds_the_mass_ad
 
     def largest(*bodies):
         model = Model(bodies)
-        return mass.Mass(model, mesh.order(model)).largest_scaling
+        return Mass(model, mesh.order(model)).largest_scaling
 
     expected = 2.0 / modulus * 0.25 * 0.25
     heavy, light = Body(space, law, [4.0, 3.0, 5.0]), Body(squashed(1.0, 1.0), law, 0.25)
