@@ -4,7 +4,6 @@ import argparse
 import dataclasses
 import json
 import random
-import shutil
 import sys
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
@@ -13,7 +12,7 @@ from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
 
-from isorod import results
+from isorod.output import results
 from tests.mutants import covered, report, trees, trial
 from tests.mutants.population import Changes, Mutant, files
 from tests.mutants.reach import Reach
@@ -29,15 +28,18 @@ def main() -> None:
     it.add_argument("--seed", type=int, default=1, help="of the draw (default: %(default)s)")
     it.add_argument("--count", type=int, default=200, help="mutants to draw (default: %(default)s)")
     it.add_argument("--jobs", type=int, default=1, help="mutants at a time (default: %(default)s)")
-    it.add_argument("--budget", type=float, default=120.0, help="seconds of tests a mutant (default: %(default)s)")
+    it.add_argument(
+        "--budget", type=float, default=120.0, help="seconds of tests a mutant, processor time (default: %(default)s)"
+    )
     given = it.parse_args()
 
-    digest = trees.digest(ROOT)
+    tree = FOLDER / "tree"
+    trees.update(ROOT, tree)
     changes = [Changes(ROOT, path) for path in files(ROOT)]
     population = sum(len(one) for one in changes)
     drawn = list(islice(_draw(changes, given.seed), given.count))
-    _measure(digest)
-    reach = Reach(FOLDER / "tree", covered.load(FOLDER))
+    reach = Reach(tree, covered.measure(ROOT, tree, FOLDER / "map", given.jobs))
+    digest = trees.digest(ROOT, trees.test_files(ROOT))
     run = {"tree": digest, "seed": given.seed, "budget": given.budget, "population": population}
     before = _records()
     done = {_key(one): one for one in before if all(one[name] == value for name, value in run.items())}
@@ -52,7 +54,7 @@ def main() -> None:
     def one(mutant: Mutant) -> dict[str, Any]:
         place = places.get()
         try:
-            outcome = trial.run(mutant, place, FOLDER / "tree", reach, given.budget, caught_by.get(mutant.key, ""))
+            outcome = trial.run(mutant, place, tree, reach, given.budget, caught_by.get(mutant.key, ""))
         finally:
             places.put(place)
         what = {name: getattr(mutant, name) for name in ("path", "line", "operator", "before", "after")}
@@ -77,19 +79,6 @@ def _draw(changes: list[Changes], seed: int) -> Iterator[Mutant]:
         if mutant and mutant.key not in seen:
             seen.add(mutant.key)
             yield mutant
-
-
-def _measure(digest: str) -> None:
-    """See to it that the copy of the tree and the map of its tests are those of the tree as it is."""
-    stamp = FOLDER / "digest"
-    if stamp.exists() and stamp.read_text() == digest:
-        shutil.copytree(ROOT / "tests/mutants", FOLDER / "tree/tests/mutants", dirs_exist_ok=True)
-        return
-    print("measuring which test runs which line: the suite once, under coverage", flush=True)
-    stamp.unlink(missing_ok=True)
-    trees.copy(ROOT, FOLDER / "tree")
-    covered.measure(FOLDER / "tree", FOLDER)
-    stamp.write_text(digest)
 
 
 def _records() -> list[dict[str, Any]]:

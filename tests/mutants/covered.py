@@ -1,12 +1,20 @@
-"""Which test runs which line, and for how long: the suite once, under coverage, in a copy of the tree."""
+"""Which test runs which line, and for how long: each test file once, under coverage, in a copy of the tree.
+
+What is found is kept a file of tests, under a name that says of what it was found: a changed file of tests is measured
+again by itself, changed code anew with all of them.
+"""
 
 import json
 import shutil
+from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from coverage import CoverageData
 
+from isorod.output import results
 from tests.mutants import trees
 
 SETTINGS = """[run]
@@ -19,11 +27,14 @@ core = ctrace
 context = ${{MUTANTS_CONTEXT-}}
 disable_warnings = no-data-collected, module-not-measured, module-not-imported
 """
+PYTEST = ["-m", "pytest", "-q", "-m", "not slow", "-p", "no:cacheprovider"]
+# pytest's exit codes: passed, failed, nothing to run (a file of slow tests)
+USUAL = {0, 1, 5}
 
 
 @dataclass(frozen=True)
 class Covered:
-    """Tests with their time (seconds) and the fixtures they share, and for each line of a file the tests that run it."""
+    """Tests with their processor time (seconds) and the fixtures they share, and for each line of a file the tests that run it."""
 
     seconds: dict[str, float]
     fixtures: dict[str, tuple[str, ...]]
@@ -37,26 +48,35 @@ class Covered:
         return set().union(*(lines.get(line, set()) for line in range(first, last + 1)))
 
 
-def measure(tree: Path, folder: Path) -> None:
-    """Run the suite in the tree, compiled beforehand, and leave the notes in the folder."""
-    data = folder / "coverage"
+def measure(root: Path, tree: Path, folder: Path, jobs: int) -> Covered:
+    """Measure what has changed since the last time, in the tree, and return what is known of all."""
+    folder.mkdir(parents=True, exist_ok=True)
+    parts = {file: folder / f"{Path(file).stem}-{trees.digest(root, [file])}.json" for file in trees.test_files(root)}
+    for old in set(folder.glob("*.json")) - set(parts.values()):
+        old.unlink()
+    todo = [file for file, part in parts.items() if not part.exists()]
+    if todo:
+        print(f"measuring which test runs which line: {len(todo)} of {len(parts)} files of tests", flush=True)
+        trees.run(tree, [*PYTEST, "--collect-only", *todo], log=folder / "collect.log")  # compiles
+    with ThreadPoolExecutor(jobs) as pool:
+        for file in pool.map(lambda file: _measure(tree, file, parts[file]), todo):
+            print(f"    {file}", flush=True)
+    return _joined([json.loads(part.read_text()) for part in parts.values()])
+
+
+def _measure(tree: Path, file: str, part: Path) -> str:
+    data, notes, settings = part.with_suffix(".data"), part.with_suffix(".notes"), part.with_suffix(".ini")
     shutil.rmtree(data, ignore_errors=True)
-    data.mkdir(parents=True)
-    settings = folder / "coverage.ini"
+    data.mkdir()
     settings.write_text(SETTINGS.format(tree=tree, data=data / "data"))
-    pytest = ["-m", "pytest", "-q", "-m", "not slow", "-p", "no:cacheprovider"]
-    trees.run(tree, [*pytest, "--collect-only"], log=folder / "collect.log")
-    trees.run(
-        tree,
-        [*pytest, "-p", "tests.mutants.plugin"],
-        log=folder / "suite.log",
-        MUTANTS_NOTES=str(folder / "notes.json"),
-        COVERAGE_PROCESS_START=str(settings),
-    )
-    notes = json.loads((folder / "notes.json").read_text())
-    notes["lines"] = _lines(tree, data)
-    (folder / "map.json").write_text(json.dumps(notes))
+    told = {"MUTANTS_NOTES": str(notes), "COVERAGE_PROCESS_START": str(settings)}
+    code = trees.run(tree, [*PYTEST, "-p", "tests.mutants.plugin", file], log=part.with_suffix(".log"), **told)
+    if code not in USUAL:
+        raise RuntimeError(f"{file}: pytest ended with {code}; see {part.with_suffix('.log')}")
+    found = json.loads(notes.read_text()) | {"lines": _lines(tree, data)}
+    results.write_beside(part, lambda path: path.write_text(json.dumps(found)))
     shutil.rmtree(data)
+    return file
 
 
 def _lines(tree: Path, folder: Path) -> dict[str, dict[int, list[str]]]:
@@ -72,22 +92,20 @@ def _lines(tree: Path, folder: Path) -> dict[str, dict[int, list[str]]]:
     return {path: {line: sorted(them) for line, them in lines.items()} for path, lines in found.items()}
 
 
-def load(folder: Path) -> Covered:
-    """Return what `measure` has left; tests that did not pass are dropped: no mutant can be caught by them."""
-    notes = json.loads((folder / "map.json").read_text())
-    tests = {name: note for name, note in notes["tests"].items() if note["passed"]}
-    users: dict[str, set[str]] = {name: {name} for name in tests}
-    for name, note in tests.items():
-        for fixture in note["fixtures"]:
-            users.setdefault(fixture, set()).add(name)
-    lines = {
-        path: {int(line): set().union(*(users.get(one, set()) for one in them)) for line, them in found.items()}
-        for path, found in notes["lines"].items()
-    }
-    return Covered(
-        seconds={name: note["seconds"] for name, note in tests.items()},
-        fixtures={name: tuple(note["fixtures"]) for name, note in tests.items()},
-        fixture_seconds=notes["fixtures"],
-        lines=lines,
-        dropped=sorted(set(notes["tests"]) - set(tests)),
-    )
+def _joined(parts: Iterable[dict[str, Any]]) -> Covered:
+    """Put the files of tests together; tests that did not pass are dropped: no mutant can be caught by them."""
+    it = Covered({}, {}, {}, {}, [])
+    for part in parts:
+        passed = {name: note for name, note in part["tests"].items() if note["passed"]}
+        it.dropped.extend(sorted(set(part["tests"]) - set(passed)))
+        it.fixture_seconds.update(part["fixtures"])
+        users: dict[str, set[str]] = {name: {name} for name in passed}
+        for name, note in passed.items():
+            it.seconds[name], it.fixtures[name] = note["seconds"], tuple(note["fixtures"])
+            for fixture in note["fixtures"]:
+                users.setdefault(fixture, set()).add(name)
+        for path, lines in part["lines"].items():
+            known = it.lines.setdefault(path, {})
+            for line, contexts in lines.items():
+                known.setdefault(int(line), set()).update(*(users.get(one, ()) for one in contexts))
+    return it

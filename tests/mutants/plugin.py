@@ -7,7 +7,6 @@ MUTANTS_ORDER, a file that lists tests and their time limits, it runs those and 
 import json
 import os
 import signal
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -16,7 +15,7 @@ import pytest
 
 # what is running, for coverage in the processes that a test starts
 CONTEXT = "MUTANTS_CONTEXT"
-# seconds that importing all test files may take
+# seconds of processor time that importing all test files may take
 COLLECTION = 300
 
 
@@ -43,25 +42,25 @@ class _Notes:
                 value.cache_clear()
         found = item._fixtureinfo.name2fixturedefs.values()
         shared = sorted({_name(one) for several in found for one in several if one.scope != "function"})
-        before, start = sum(self._fixtures.values()), time.perf_counter()
+        before, start = sum(self._fixtures.values()), _used()
         _switch(item.nodeid)
         self._tests[item.nodeid] = note = {"fixtures": shared, "passed": True}
         done = yield
         _switch("")
-        note["seconds"] = time.perf_counter() - start - (sum(self._fixtures.values()) - before)
+        note["seconds"] = _used() - start - (sum(self._fixtures.values()) - before)
         return done
 
     @pytest.hookimpl(wrapper=True)
     def pytest_fixture_setup(self, fixturedef: pytest.FixtureDef, request: pytest.FixtureRequest) -> Iterator[None]:
         if fixturedef.scope == "function":
             return (yield)
-        outer, start, name = os.environ[CONTEXT], time.perf_counter(), _name(fixturedef)
+        outer, start, name = os.environ[CONTEXT], _used(), _name(fixturedef)
         _switch(name)
         try:
             return (yield)
         finally:
             _switch(outer)
-            self._fixtures[name] = max(time.perf_counter() - start, self._fixtures.get(name, 0.0))
+            self._fixtures[name] = max(_used() - start, self._fixtures.get(name, 0.0))
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         if not report.passed:
@@ -69,6 +68,11 @@ class _Notes:
 
     def pytest_sessionfinish(self) -> None:
         self._path.write_text(json.dumps({"tests": self._tests, "fixtures": self._fixtures}))
+
+
+def _used() -> float:
+    """Return the processor time so far, seconds, with that of processes that have ended: other load does not matter."""
+    return sum(os.times()[:4])
 
 
 def _name(fixture: pytest.FixtureDef) -> str:
@@ -95,7 +99,7 @@ class _Order:
         self._at = path.with_suffix(".at")
         self._at.write_text("collection")
         self._failed = False
-        signal.alarm(COLLECTION)
+        _limit(COLLECTION)
 
     @pytest.hookimpl(trylast=True)
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
@@ -104,9 +108,16 @@ class _Order:
 
     def pytest_runtest_logstart(self, nodeid: str) -> None:
         self._at.write_text(nodeid)
-        signal.alarm(self._limits[nodeid])
+        _limit(self._limits[nodeid])
+
+    def pytest_runtest_logfinish(self) -> None:
+        _limit(0)
 
     def pytest_collectreport(self, report: pytest.CollectReport) -> None:
         if report.failed and not self._failed:
             self._failed = True
             self._at.write_text(f"import of {report.nodeid}")
+
+
+def _limit(seconds: int) -> None:
+    signal.setitimer(signal.ITIMER_PROF, seconds)

@@ -19,23 +19,33 @@ def listed(root: Path) -> list[str]:
     return sorted(name for name in set(names) if (root / name).is_file())
 
 
-def digest(root: Path) -> str:
-    """Return what the outcome depends on, in short: all Python files, and the settings of pytest and the pins."""
+def digest(root: Path, tests: list[str]) -> str:
+    """Return in short what these test files' outcome depends on: they, the code, and what all tests share."""
     text = hashlib.sha256()
     for name in listed(root):
-        if name.startswith("tests/mutants/"):
-            continue  # what does the testing, not what is tested
-        if name.endswith(".py") or name in {"pyproject.toml", "docker/constraints.txt"}:
+        shared = name.startswith("tests/") and name not in test_files(root) and not name.startswith("tests/mutants/")
+        if name in tests or name == "pyproject.toml" or (name.endswith(".py") and (shared or name.startswith(CODE))):
             text.update(name.encode() + b"\0" + (root / name).read_bytes() + b"\0")
     return text.hexdigest()[:16]
 
 
-def copy(root: Path, place: Path) -> None:
-    """Make a fresh copy of what git lists; with their times, by which numba knows that its cache holds."""
-    shutil.rmtree(place, ignore_errors=True)
+def test_files(root: Path) -> list[str]:
+    """Return the files that pytest collects tests from."""
+    return sorted(str(path.relative_to(root)) for path in (root / "tests").rglob("test_*.py"))
+
+
+def update(root: Path, tree: Path) -> None:
+    """Make the tree a copy of what git lists; with the times, by which numba knows that its cache of a file holds.
+
+    What is compiled there is kept as long as the code is the same.
+    """
+    stamp, code = tree.with_suffix(".code"), digest(root, [])
+    if not (stamp.exists() and stamp.read_text() == code):
+        shutil.rmtree(tree, ignore_errors=True)
     for name in listed(root):
-        (place / name).parent.mkdir(parents=True, exist_ok=True)
-        shutil.copy2(root / name, place / name)
+        (tree / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy2(root / name, tree / name)
+    stamp.write_text(code)
 
 
 def forget_compiled(tree: Path, path: str) -> list[str]:

@@ -12,12 +12,16 @@ from tests.mutants.covered import Covered
 from tests.mutants.population import Mutant
 from tests.mutants.reach import Reach
 
-# Time limit of a test: so many times what it took when all was right, and some for what is compiled in it (seconds).
+# Limit of a test's processor time: so many times what it took when all was right, and some for what is compiled in it
+# (seconds). And, for one that waits for ever, of the wall time of all tests of a mutant.
 SLOWER = 5.0
 ALLOWANCE = 60.0
-COMPILING = 600.0
+COMPILING = 1800.0
+WAITING = 1800.0
 # pytest's exit codes: all passed; nothing to run
 HARMLESS = {0, 5}
+# ended from outside, which says nothing of the mutant
+STOPPED = {-signal.SIGKILL, -signal.SIGTERM, -signal.SIGINT}
 
 
 @dataclass(frozen=True)
@@ -68,9 +72,12 @@ def run(mutant: Mutant, place: Path, tree: Path, reach: Reach, budget: float, fi
         trees.run(place, ["-c", f"import {', '.join(compiled)}"], COMPILING)
     listed, at = place.with_suffix(".order"), place.with_suffix(".at")
     listed.write_text(json.dumps(tests))
+    at.unlink(missing_ok=True)
     files = sorted({test.partition("::")[0] for test, _ in tests})
     pytest = ["-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "-p", "tests.mutants.plugin", *files]
-    code = trees.run(place, pytest, log=place.with_suffix(".log"), MUTANTS_ORDER=str(listed))
-    how = "survived" if code in HARMLESS else "timeout" if code == -signal.SIGALRM else "caught"
+    code = trees.run(place, pytest, WAITING, place.with_suffix(".log"), MUTANTS_ORDER=str(listed))
+    if code in STOPPED or not at.exists():
+        raise RuntimeError(f"{mutant.path}:{mutant.line}: the tests ended with {code}; see {place.with_suffix('.log')}")
+    how = "survived" if code in HARMLESS else "timeout" if code in {None, -signal.SIGPROF} else "caught"
     by = "" if how == "survived" else at.read_text()
     return Outcome(how, by, len(tests), len(able) - len(tests), time.perf_counter() - start)
