@@ -66,6 +66,7 @@ def test_pages_and_studies_are_not_mutated(tmp_path):
 KERNEL = '''"""Compiled."""
 
 SCALE = 2.0
+TABLE = [1]
 
 
 @njit
@@ -79,7 +80,7 @@ def outer(x):
 '''
 USER = '''"""Not compiled."""
 
-from isorod.kernel import outer
+from isorod.face import outer
 
 
 def apply(x):
@@ -89,6 +90,23 @@ def apply(x):
 def other(x=0):
     return x
 '''
+TESTS = '''"""Tests."""
+
+from isorod import kernel
+
+
+@pytest.fixture
+def table():
+    return kernel.TABLE
+
+
+def test_it(table):
+    pass
+
+
+def test_other(TABLE):
+    return TABLE.outer
+'''
 
 
 @pytest.fixture
@@ -97,9 +115,15 @@ def reach(tmp_path):
     place.mkdir(parents=True)
     (place / "kernel.py").write_text(KERNEL)
     (place / "user.py").write_text(USER)
+    (place / "face.py").write_text("from isorod.kernel import outer\n")
+    (tmp_path / "tests").mkdir()
+    (tmp_path / "tests/test_kernel.py").write_text(TESTS)
     (place / "stranger.py").write_text("def outer(x):\n    return x\n")
     seen = {"src/isorod/user.py": {7: {"applies"}, 11: {"others"}}, "src/isorod/stranger.py": {2: {"strange"}}}
-    return Reach(tmp_path, covered.Covered({}, {}, {}, seen, []))
+    seconds = dict.fromkeys(
+        (f"tests/test_kernel.py::{test}" for test in ("test_it[1]", "test_it[2]", "test_other")), 1.0
+    )
+    return Reach(tmp_path, covered.Covered(seconds, {}, {}, seen, []))
 
 
 @pytest.mark.parametrize(
@@ -107,9 +131,10 @@ def reach(tmp_path):
     [
         ("user.py", 7, {"applies"}),
         ("user.py", 10, {"others"}),  # a default value: those that run the function
-        ("kernel.py", 13, {"applies"}),  # compiled: those that run what calls it
-        ("kernel.py", 8, {"applies"}),  # through another compiled one
+        ("kernel.py", 14, {"applies"}),  # compiled: those that run what calls it
+        ("kernel.py", 9, {"applies"}),  # through another compiled one
         ("kernel.py", 3, {"applies"}),  # a constant: through the compiled functions that hold it
+        ("kernel.py", 4, {"tests/test_kernel.py::test_it[1]", "tests/test_kernel.py::test_it[2]"}),  # through a fixture
         ("stranger.py", 2, {"strange"}),
     ],
 )
@@ -120,7 +145,7 @@ def test_tests_are_those_that_run_the_line_or_what_uses_it(reach, path, line, te
 def test_the_cache_of_those_who_inline_a_file_is_deleted_and_no_other(reach, tmp_path):
     place = tmp_path / "src/isorod/__pycache__"
     place.mkdir()
-    for name in ("kernel.inner-7.py311.nbi", "user.apply-6.py311.1.nbc", "stranger.outer-1.py311.nbi"):
+    for name in ("kernel.inner-8.py311.nbi", "user.apply-6.py311.1.nbc", "stranger.outer-1.py311.nbi"):
         (place / name).touch()
     assert trees.forget_compiled(tmp_path, "src/isorod/kernel.py") == ["isorod.kernel", "isorod.user"]
     assert [file.name for file in place.iterdir()] == ["stranger.outer-1.py311.nbi"]

@@ -95,13 +95,15 @@ def _imported(code: str, by_name: dict[str, str]) -> set[str]:
 def environment(tree: Path, **more: str) -> dict[str, str]:
     """Return the environment in which the tree's own code is run, one thread a rank."""
     fixed = {
-        "PYTHONPATH": f"{tree / 'src'}",
+        "PYTHONPATH": str(tree / "src"),
         "OMP_NUM_THREADS": "1",
         "OMPI_ALLOW_RUN_AS_ROOT": "1",
         "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
         "PYTHONNOUSERSITE": "1",
     }
-    kept = {name: text for name, text in os.environ.items() if name != "NUMBA_CACHE_DIR"}
+    # not the place of another cache, nor what an outer measurement has set
+    foreign = ("NUMBA_CACHE_DIR", "COVERAGE_", "MUTANTS_")
+    kept = {name: text for name, text in os.environ.items() if not name.startswith(foreign)}
     return kept | fixed | more
 
 
