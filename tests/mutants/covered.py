@@ -54,6 +54,7 @@ def measure(root: Path, tree: Path, folder: Path, jobs: int) -> Covered:
     parts = {file: folder / f"{Path(file).stem}-{trees.digest(root, [file])}.json" for file in trees.test_files(root)}
     for old in set(folder.glob("*.json")) - set(parts.values()):
         old.unlink()
+        old.with_suffix(".log").unlink(missing_ok=True)
     todo = [file for file, part in parts.items() if not part.exists()]
     if todo:
         print(f"measuring which test runs which line: {len(todo)} of {len(parts)} files of tests", flush=True)
@@ -76,6 +77,8 @@ def _measure(tree: Path, file: str, part: Path) -> str:
     found = json.loads(notes.read_text()) | {"lines": _lines(tree, data)}
     results.write_beside(part, lambda path: path.write_text(json.dumps(found)))
     shutil.rmtree(data)
+    notes.unlink()
+    settings.unlink()
     return file
 
 
