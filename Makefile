@@ -16,11 +16,12 @@ export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
 # ranks of one machine talk through memory: Debian's exclusions and tcp, of which Open MPI 5 complains in containers
 export OMPI_MCA_btl ?= ^uct,openib,ofi,tcp
 
-.PHONY: help verify test test-all lint install clean
+.PHONY: help verify test test-all mutants lint install clean
 
 help:
 	@echo "make verify    the main job: spring and blade against finite elements, quick level, and the report page"
 	@echo "make test      the tests but the slow ones         make test-all   all tests"
+	@echo "make mutants   share of 200 small wrong changes that the tests catch: hours; MUTANTS='--seed 2 --jobs 2' to choose"
 	@echo "make lint      ruff and mypy                       make clean      remove caches and build leftovers"
 	@echo "make install   only set up (the others do it too): apt packages, .venv; Debian 12 or 13"
 	@echo "PYTHON=python  after any of them: use that interpreter and install nothing (conda: environment.yml)"
@@ -33,6 +34,9 @@ test: install
 
 test-all: install
 	@$(PYTHON) -m pytest
+
+mutants: install
+	@$(PYTHON) -m tests.mutants $(MUTANTS)
 
 lint: install
 	@$(PYTHON) -m ruff check

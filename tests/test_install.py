@@ -258,7 +258,7 @@ def make(*arguments):
     return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout.splitlines()
 
 
-@pytest.mark.parametrize("task", ["verify", "test", "test-all", "lint"])
+@pytest.mark.parametrize("task", ["verify", "test", "test-all", "mutants", "lint"])
 def test_each_task_sets_up_first(task):
     lines = make(task)
     assert lines[0] == "docker/install"
