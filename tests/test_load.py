@@ -60,7 +60,7 @@ def test_work_of_loads_on_rigid_motions(name):
     weight = BodyForce(tuple(force / volume)).nodal(space)
     xi = [[0.0, 0.0]]
     for nodal in (end, weight):
-        assert nodal[space.carries].sum(axis=0) == pytest.approx(force, rel=1e-8)
+        assert nodal[space.is_carrier].sum(axis=0) == pytest.approx(force, rel=1e-8)
     places = np.array([space.rod.grid(table.xi, u)[0] for u in table.u])
     centroid = np.einsum("etq,etqa->a", table.weights, places) / volume
     top = space.rod.grid(xi, [space.axis.breaks[-1]])[0][0, 0]
@@ -75,7 +75,7 @@ def test_section_load_inside_is_that_of_the_end_when_it_gets_there():
         SectionLoad.end(space, "end", (1.0, 2.0, 3.0)).nodal(space), abs=1e-15
     )
     inside = SectionLoad((1.0, 2.0, 3.0), u=0.4).nodal(space)
-    assert inside[space.carries].sum(axis=0) == pytest.approx([1.0, 2.0, 3.0])
+    assert inside[space.is_carrier].sum(axis=0) == pytest.approx([1.0, 2.0, 3.0])
 
 
 def test_bar_under_end_load_and_weight_is_stretched_as_in_one_dimension():
@@ -152,8 +152,8 @@ def test_both_ends_turned_alike_turn_the_rod_as_a_rigid_body(name, turns):
     turn, center, move = np.array([0.2, -0.5, 1.0]) * turns, (1.0, 2.0, -1.0), (0.5, 0.0, 0.3)
     supports = [Support.end(space, end, "xyz", move, turn=tuple(turn), center=center) for end in ("start", "end")]
     solution = statics.solve(Model([Body(space, LAW)], supports), 8)
-    arms = space.positions - space.carries[:, None] * np.array(center)
-    wanted = arms @ (rotation(turn) - np.eye(3)).T + space.carries[:, None] * np.array(move)
+    arms = space.positions - space.is_carrier[:, None] * np.array(center)
+    wanted = arms @ (rotation(turn) - np.eye(3)).T + space.is_carrier[:, None] * np.array(move)
     found = solution.model.nodal(solution.displacement)
     assert np.abs(found - wanted).max() < 1e-8 * np.abs(wanted).max()
     assert np.abs(solution.reactions).max() < 1e-9

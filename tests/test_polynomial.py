@@ -103,7 +103,7 @@ def test_mass_is_the_rods():
     space = Space(RODS["blade"], 4, quadrature="full", section_degree=4)
     model = Model([Body(space, LinearElastic(1.0, 0.3), 2.0)])
     assembler = Assembler(model)
-    ones = assembler.state((space.carries[:, None] * np.array([1.0, 0.0, 0.0])).ravel())
+    ones = assembler.state((space.is_carrier[:, None] * np.array([1.0, 0.0, 0.0])).ravel())
     for lumped in (False, True):
         image = assembler.vector()
         assembler.mass(lumped).mult(ones, image)

@@ -255,7 +255,7 @@ class Assembler:
         with self._timed():
             self._load(x, factor)
             moved, slots = self._exchange.moved
-            carried = self.model.carries[moved // 3]
+            carried = self.model.is_carrier[moved // 3]
             loose = carried & ~np.isin(moved, self.model.bound)
             total = self._forces(factor)[slots]
             resultant = np.bincount(moved[loose] % 3, total[loose], 3)
@@ -316,7 +316,7 @@ class Assembler:
     def mass(self, lumped: bool = False) -> PETSc.Mat:
         """Return the mass matrix of the unknowns, consistent or lumped.
 
-        Lumped, the functions that add up to one (`Space.carries`) get their row sums over each other, so that the total
+        Lumped, the functions that add up to one (`Space.is_carrier`) get their row sums over each other, so that the total
         mass is right; the others get their diagonal entries.
         """
         with self._timed():

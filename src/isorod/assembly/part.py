@@ -64,7 +64,7 @@ class Part:
     def lumped_mass(self) -> Array:
         """Return the element masses of one component, shape ``(E, l n)``."""
         space = self.body.space
-        carries = space.carries[space.element_nodes[0]]
+        carries = space.is_carrier[space.element_nodes[0]]
         diagonal = np.einsum("eii->ei", self.mass)
         return np.where(carries, self.mass @ carries.astype(float), diagonal)
 
@@ -72,7 +72,7 @@ class Part:
         """Return the centrifugal forces, shape of ``dofs``."""
         space = self.body.space
         nodes = space.element_nodes[self.table.first : self.table.first + self.table.elements]
-        center = space.carries[nodes, None] * np.array(spin.center)
+        center = space.is_carrier[nodes, None] * np.array(spin.center)
         arm = space.positions[nodes] - center + self.nodal(local).reshape(*nodes.shape, 3)
         return (self.mass @ arm @ spin.field).reshape(nodes.shape[0], -1)
 

@@ -13,7 +13,7 @@ from isorod.errors import InputError
 from isorod.model.body import Body
 from isorod.model.load import Load, Spin
 from isorod.model.numbering import number
-from isorod.model.support import Motion, Support
+from isorod.model.support import SupportMotion, Support
 
 if TYPE_CHECKING:
     from isorod.model.contact import Contact
@@ -49,7 +49,7 @@ class Model:
     free: Index = field(init=False)
     bound: Index = field(init=False)
     support_of: Index = field(init=False)
-    motions: tuple[Motion, ...] = field(init=False)
+    motions: tuple[SupportMotion, ...] = field(init=False)
 
     def __post_init__(self) -> None:
         for b, body in enumerate(self.bodies):
@@ -67,7 +67,7 @@ class Model:
             if not 0 <= load.body < len(self.bodies):
                 raise InputError(f"load {k}: body {load.body} is not one of the {len(self.bodies)} bodies")
 
-    def _motion(self, support: Support, k: int, first_node: Index) -> Motion:
+    def _motion(self, support: Support, k: int, first_node: Index) -> SupportMotion:
         if not 0 <= support.body < len(self.bodies):
             raise InputError(f"support {k}: body {support.body} is not one of the {len(self.bodies)} bodies")
         space = self.bodies[support.body].space
@@ -83,7 +83,7 @@ class Model:
                 f"support {k}: components {support.components!r} held and {support.tied!r} tied, need one or the other"
             )
         columns = np.array(["xyz".index(letter) for letter in letters])
-        tied = np.array([letter in support.tied for letter in letters]) & space.carries[nodes, None]
+        tied = np.array([letter in support.tied for letter in letters]) & space.is_carrier[nodes, None]
         given = np.asarray(support.displacement, dtype=float)
         if given.shape not in ((3,), (nodes.size, 3)):
             raise InputError(f"support {k}: got displacements of shape {given.shape}, need (3,) or ({nodes.size}, 3)")
@@ -100,9 +100,9 @@ class Model:
                 raise InputError(f"support {k}: got arms of shape {arms.shape}, need ({nodes.size}, 3) finite numbers")
             full += arms[:, None]
             if tied.any():
-                full[tied] -= arms[np.argmax(space.carries[nodes])]
+                full[tied] -= arms[np.argmax(space.is_carrier[nodes])]
         dofs = 3 * (first_node[support.body] + nodes)[:, None] + columns
-        return Motion(dofs.ravel(), np.where(tied, 0.0, rates).ravel(), full.reshape(-1, 3), turn, tied.ravel())
+        return SupportMotion(dofs.ravel(), np.where(tied, 0.0, rates).ravel(), full.reshape(-1, 3), turn, tied.ravel())
 
     def prescribed(self, factor: float) -> Array:
         """Return what supports add to the unknowns at a load factor, shape ``(dofs,)``.
@@ -136,7 +136,7 @@ class Model:
     @cached_property
     def size(self) -> float:
         """The largest extent of a body along an axis, units of length."""
-        places = [body.space.positions[body.space.carries] for body in self.bodies]
+        places = [body.space.positions[body.space.is_carrier] for body in self.bodies]
         return max(float(np.ptp(one, axis=0).max()) for one in places)
 
     @property
@@ -145,9 +145,9 @@ class Model:
         return int(self.free.max(initial=-1)) + 1
 
     @property
-    def carries(self) -> NDArray[np.bool_]:
-        """Whether a node moves with its rod (`Space.carries`), shape ``(nodes,)``."""
-        return np.concatenate([body.space.carries for body in self.bodies])
+    def is_carrier(self) -> NDArray[np.bool_]:
+        """Whether a node moves with its rod (`Space.is_carrier`), shape ``(nodes,)``."""
+        return np.concatenate([body.space.is_carrier for body in self.bodies])
 
     @cached_property
     def whole_nodes(self) -> bool:

@@ -11,7 +11,7 @@ import numpy as np
 
 from isorod.arrays import Index
 from isorod.errors import InputError
-from isorod.model.support import Motion
+from isorod.model.support import SupportMotion
 
 # Load factors at which the displacements of two supports on one degree of freedom are compared.
 _SAMPLES = (1.0, 0.37)
@@ -26,7 +26,7 @@ class Numbering(NamedTuple):
     free: Index
 
 
-def number(motions: Sequence[Motion], dofs: int) -> Numbering:
+def number(motions: Sequence[SupportMotion], dofs: int) -> Numbering:
     """Return the numbering of ``dofs`` degrees of freedom under the supports' motions.
 
     Raises

@@ -33,7 +33,7 @@ class Support:
         Coefficients of the position from the centre of that rotation, shape ``(m, 3)``; zero where not given.
     tied
         Components, letters of ``"xyz"``, in which the nodes turn with the others but translate freely, as one: those
-        that carry the rod (`Space.carries`) share one unknown.
+        that carry the rod (`Space.is_carrier`) share one unknown.
     """
 
     nodes: Index
@@ -70,7 +70,7 @@ class Support:
         if which not in layers:
             raise InputError(f"support: got end {which!r}, need 'start' or 'end'")
         nodes = layers[which] * space.layer_nodes + np.arange(space.layer_nodes)
-        carries = space.carries[nodes, None]
+        carries = space.is_carrier[nodes, None]
         arms = None
         if np.any(turn):
             arms = space.positions[nodes]
@@ -97,7 +97,7 @@ def turning(vector: ArrayLike) -> Array:
     return np.sin(angle) * cross + 2.0 * np.sin(0.5 * angle) ** 2 * (cross @ cross)
 
 
-class Motion(NamedTuple):
+class SupportMotion(NamedTuple):
     """What one support does with degrees of freedom ``dofs`` ``(m,)``.
 
     At load factor ``f`` component ``a`` of ``f rate + (R(f turn) - 1) arm`` is the displacement of those that are held,

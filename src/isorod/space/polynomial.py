@@ -90,7 +90,7 @@ class Polynomials:
         return self._powers
 
     @cached_property
-    def carries(self) -> np.ndarray:
+    def is_carrier(self) -> np.ndarray:
         """Whether a function is one of those that add up to one (the first alone does), shape ``(count,)``."""
         return np.arange(self.count) == 0
 

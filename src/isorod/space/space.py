@@ -131,9 +131,9 @@ class Space:
         return self.layers * self.layer_nodes
 
     @cached_property
-    def carries(self) -> NDArray[np.bool_]:
+    def is_carrier(self) -> NDArray[np.bool_]:
         """Whether a node moves with the rod (its function is one of those that add up to one), shape ``(nodes,)``."""
-        layer = self.polynomials.carries if self.polynomials else np.arange(self.layer_nodes) < self.points_around
+        layer = self.polynomials.is_carrier if self.polynomials else np.arange(self.layer_nodes) < self.points_around
         return np.tile(layer, self.layers)
 
     @cached_property

@@ -149,7 +149,7 @@ def _solve(solver: "_Newton", load_steps: int, start: float) -> Equilibrium:
     reactions = np.zeros((max(len(model.supports), 1), 3))
     forces = assembler.reactions(solver.x, 1.0)
     # Only functions that add up to one take part in the virtual work of a translation.
-    carried = model.carries[model.bound // 3]
+    carried = model.is_carrier[model.bound // 3]
     np.add.at(reactions, (model.support_of[carried], model.bound[carried] % 3), forces[carried])
     displacement = assembler.displacement(solver.x, 1.0)
     moments = _moments(model, displacement, forces)

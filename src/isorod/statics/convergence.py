@@ -51,7 +51,7 @@ class Balance:
     def __init__(self, assembler: Assembler) -> None:
         self.assembler = assembler
         spaces = [body.space for body in assembler.model.bodies]
-        self.size = max(float(np.ptp(space.positions[space.carries], axis=0).max()) for space in spaces)
+        self.size = max(float(np.ptp(space.positions[space.is_carrier], axis=0).max()) for space in spaces)
         # Unknowns that are not displacements, and contact, have units and rounding of their own.
         self.plain = assembler.contact is None and assembler.unknowns == assembler.model.unknowns
         self._sizes: Array | None = None
@@ -78,8 +78,8 @@ class Balance:
         sizes = []
         for body in self.assembler.model.bodies:
             space = body.space
-            others = np.abs(space.positions[~space.carries])
-            sizes.append(np.where(space.carries, self.size, others.max(initial=0.0)))
+            others = np.abs(space.positions[~space.is_carrier])
+            sizes.append(np.where(space.is_carrier, self.size, others.max(initial=0.0)))
         everywhere = np.repeat(np.concatenate(sizes), 3)
         state = self.assembler.state(everywhere)
         return np.concatenate(self.assembler.comm.tompi4py().allgather(np.array(state.array_r)))

@@ -69,7 +69,7 @@ def pack(model: Model) -> Faces:
         planes=np.array(planes, dtype=float).reshape(-1, 7),
         values=np.concatenate([np.empty((0, widest)), *padded]),
         areas=np.concatenate([np.empty(0), *areas]),
-        carries=model.carries.astype(float),
+        carries=model.is_carrier.astype(float),
     )
 
 
