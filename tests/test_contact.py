@@ -435,7 +435,7 @@ def test_a_model_refuses_what_is_not_there(contact, message, pair):
 
 def test_polynomial_sections_have_no_control_points_to_touch(cylinder):
     body = Body(Space(cylinder(8), section_degree=2), LAW)
-    with pytest.raises(InputError, match="contact 0: body 0 has polynomial section functions"):
+    with pytest.raises(InputError, match="contact 0: body 0 has section functions without control points"):
         Model([body], contacts=[Contact(0, Plane((0.0, -1.0, 0.0), (0.0, 1.0, 0.0)), 1.0)])
 
 

@@ -67,7 +67,7 @@ def test_positions_are_the_rod_itself(name):
     rod = RODS[name]
     space = Space(rod, 2 * rod.axis.elements, 3, section_degree=3)
     xi, u = disk(20), np.linspace(rod.axis.breaks[0], rod.axis.breaks[-1], 9)
-    values, _ = space.section_functions(xi)
+    values, _ = space.basis.functions(xi)
     first, axial, _ = space.axis.local(u)
     layers = (first[:, None] + np.arange(space.axis.degree + 1)) % space.layers
     nodal = space.positions.reshape(space.layers, space.layer_nodes, 3)

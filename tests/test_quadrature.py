@@ -69,11 +69,10 @@ def test_axis_rule_is_exact_on_every_element(count):
 
 @pytest.mark.parametrize("degree", [1, 2, 3, 6])
 def test_rules_by_name(degree):
-    assert Rule.parse("paper", 8, degree) == Rule(2, 1, degree + 1)
-    assert Rule.parse("full", 8, degree) == Rule.full(8, degree)
-    assert Rule.parse("3x2x5", 8, degree) == Rule(3, 2, 5)
-    assert str(Rule.parse("3x2x5", 8, degree)) == "3x2x5"
-    assert Rule.parse("3x2", 8, degree) == Rule(3, 2, degree + 1)
+    assert Rule.parse("paper", degree) == Rule(2, 1, degree + 1)
+    assert Rule.parse("3x2x5", degree) == Rule(3, 2, 5)
+    assert str(Rule.parse("3x2x5", degree)) == "3x2x5"
+    assert Rule.parse("3x2", degree) == Rule(3, 2, degree + 1)
     full = Rule.full(4, degree)
     assert full.radial > 2
     assert full.angular > 1
@@ -86,7 +85,7 @@ def test_rules_by_name(degree):
 )
 def test_refuses_a_name_that_is_no_rule(text):
     with pytest.raises(InputError, match=r"quadrature: got .*, need .*'paper', 'full' or RxSxT"):
-        Rule.parse(text, 8, 2)
+        Rule.parse(text, 2)
 
 
 @pytest.mark.parametrize(
@@ -101,4 +100,4 @@ def test_refuses_a_name_that_is_no_rule(text):
 )
 def test_refuses_a_number_of_points_out_of_range(text, name):
     with pytest.raises(InputError, match=rf"{name} points: got .* from 1 to 64"):
-        Rule.parse(text, 8, 2)
+        Rule.parse(text, 2)

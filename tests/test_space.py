@@ -75,7 +75,7 @@ def test_a_finer_space_holds_every_displacement_of_a_coarser_one(rod, change):
     nodal = np.random.default_rng(2).standard_normal((coarse.layers, coarse.layer_nodes, 3))
     # sections: the same functions in terms of others, wherever in the disk; axis: knots and degree
     xi, _ = grid(fine, 6 * fine.layer_nodes)
-    own, others = fine.section_functions(xi)[0], coarse.section_functions(xi)[0]
+    own, others = fine.basis.functions(xi)[0], coarse.basis.functions(xi)[0]
     sections = np.linalg.lstsq(own, others, rcond=None)[0]
     assert np.abs(own @ sections - others).max() < 1e-12
     whole = np.concatenate([nodal, nodal[: coarse.rod.closed]])
@@ -99,7 +99,7 @@ def test_refined_control_points_make_the_same_map_of_the_disk(n, multiple, cylin
     coarse, finer = Space(cylinder(n)), Space(cylinder(n), section_points=n * multiple)
     assert finer.turn == refinement_turn(n, multiple)
     xi, _ = grid(coarse, 200)
-    difference = finer.section_functions(xi)[0] @ fine - coarse.section_functions(xi)[0] @ points
+    difference = finer.basis.functions(xi)[0] @ fine - coarse.basis.functions(xi)[0] @ points
     assert np.abs(difference).max() < 1e-13 * np.abs(points).max()
     # joints stay joints
     arcs = (np.pi / n * (2 * np.arange(n) + 1) - finer.turn) * n * multiple / (2 * np.pi) - 0.5

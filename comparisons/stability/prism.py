@@ -37,7 +37,7 @@ def stiffness(space: Space, kind: str, a: float, b: float, length: float) -> tup
     if kind == "torsion":
         supports.append(Support(np.array([first]), "z"))
     else:
-        other = 1 if space.polynomials else space.points_around // 2
+        other = space.points_around // 2 if space.basis.on_surface else 1
         supports += [Support(np.array([first]), "xy"), Support(np.array([other]), "y")]
     model = Model([Body(space, LinearElastic(E, NU))], supports)
     found = statics.solve(model)

@@ -13,7 +13,7 @@ from isorod.errors import InputError
 from isorod.model.body import Body
 from isorod.model.load import Load, Spin
 from isorod.model.numbering import number
-from isorod.model.support import SupportMotion, Support
+from isorod.model.support import Support, SupportMotion
 
 if TYPE_CHECKING:
     from isorod.model.contact import Contact
