@@ -10,10 +10,10 @@ import numpy as np
 from petsc4py import PETSc
 
 from isorod.arrays import Array
-from isorod.assembly.entries import Entries, Numbered, joined, rows_and_columns
 from isorod.assembly.exchange import Exchange, numbers
 from isorod.assembly.extrapolation import Extrapolation, pays
 from isorod.assembly.part import Part
+from isorod.assembly.pattern import Entries, Numbered, joined, rows_and_columns
 from isorod.checks import rigid_motions
 from isorod.errors import InputError
 from isorod.model.model import Model

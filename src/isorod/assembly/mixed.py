@@ -9,88 +9,18 @@ Taylor & Pister, CMAME 51 (1985) 177-208), where a law is ``W = psi + kappa/2 th
 from typing import cast
 
 import numpy as np
-from numba import njit, void
 from petsc4py import PETSc
 
 from isorod.arrays import Array
-from isorod.assembly import element_kernel, stiffness_kernel
+from isorod.assembly import element_kernel, mixed_kernel, stiffness_kernel
 from isorod.assembly.assembler import Assembler
 from isorod.assembly.extrapolation import Extrapolation
 from isorod.assembly.part import Part
-from isorod.compiled import F2, F3, F5, F6, F7, FAST
 from isorod.errors import InputError
 from isorod.material.along_rod import shear_laws, volume_change
 from isorod.material.law import Split
 from isorod.model.body import Body
 from isorod.model.load import Spin
-
-
-@njit(F6(F3, F3, F3, F5, F3, F5, F2, F3), **FAST)
-def coupling(
-    section: Array,
-    axial: Array,
-    slopes: Array,
-    inverse: Array,
-    weights: Array,
-    slope: Array,
-    across: Array,
-    along: Array,
-) -> Array:
-    """Return the matrices ``(E, l, n, 3, l - 1, m)`` of displacements and pressures.
-
-    ``slope`` ``(E, t, q, 3, 3)`` is ``d theta / dF``; ``across`` ``(q, m)`` and ``along`` ``(E, t, l - 1)`` are the
-    pressure functions, the rest is as in `isorod.assembly.element_kernel`.
-    """
-    elements, points_along, functions = axial.shape
-    points, _, n = section.shape
-    pressures = across.shape[1]
-    result = np.zeros((elements, functions, n, 3, functions - 1, pressures))
-    plane = np.empty((n, 3, pressures))
-    axis = np.empty((n, 3, pressures))
-    for e in range(elements):
-        for t in range(points_along):
-            plane[:] = 0.0
-            axis[:] = 0.0
-            for q in range(points):
-                for a in range(3):
-                    s = np.empty(3)
-                    for d in range(3):
-                        s[d] = weights[e, t, q] * (
-                            slope[e, t, q, a, 0] * inverse[e, t, q, d, 0]
-                            + slope[e, t, q, a, 1] * inverse[e, t, q, d, 1]
-                            + slope[e, t, q, a, 2] * inverse[e, t, q, d, 2]
-                        )
-                    for i in range(n):
-                        x = s[0] * section[q, 0, i] + s[1] * section[q, 1, i]
-                        y = s[2] * section[q, 2, i]
-                        for k in range(pressures):
-                            plane[i, a, k] += x * across[q, k]
-                            axis[i, a, k] += y * across[q, k]
-            for j in range(functions):
-                for i in range(n):
-                    for a in range(3):
-                        for m in range(functions - 1):
-                            x = along[e, t, m] * axial[e, t, j]
-                            y = along[e, t, m] * slopes[e, t, j]
-                            for k in range(pressures):
-                                result[e, j, i, a, m, k] += x * plane[i, a, k] + y * axis[i, a, k]
-    return result
-
-
-@njit(void(F7, F5, F3), **FAST)
-def _add_curvature(tangent: Array, slope: Array, pressure: Array) -> None:
-    """Add ``p d^2 ln J / dF^2 = -p G_aB G_bA`` to tangent moduli ``(E, t, q, 3, 3, 3, 3)``, ``G = F^-T``."""
-    elements, along, points = pressure.shape
-    for e in range(elements):
-        for t in range(along):
-            for q in range(points):
-                for a in range(3):
-                    for A in range(3):
-                        for b in range(3):
-                            for B in range(3):
-                                tangent[e, t, q, a, A, b, B] -= (
-                                    pressure[e, t, q] * slope[e, t, q, a, B] * slope[e, t, q, b, A]
-                                )
 
 
 class MixedPart(Part):
@@ -139,7 +69,7 @@ class MixedPart(Part):
         F, p = self.gradients(local), self.pressure(local)
         theta, slope = volume_change(self.laws, F)
         stress = self.laws.at(factor).stress(F) + p[..., None, None] * slope
-        forces = element_kernel.internal_forces(t.section, t.axial, t.slopes, t.inverse, t.weights, stress)
+        forces = element_kernel.internal_forces(t, stress)
         result = self._padded(forces)
         gap = (t.weights * (theta - self.compliance * p)) @ self.across
         result[:, :-1, self.moves :] = np.einsum("etj,etk->ejk", self.along, gap)
@@ -156,13 +86,13 @@ class MixedPart(Part):
         tangent = np.array(laws.tangent(F), order="C")
         for law, first, last in self.laws.runs:
             if cast(Split, law).logarithmic:
-                _add_curvature(tangent[first:last], slope[first:last], p[first:last])
+                mixed_kernel.add_curvature(tangent[first:last], slope[first:last], p[first:last])
         if self.extrapolation is not None:
             stress = laws.stress(F) + p[..., None, None] * slope
             tangent = self._pressed(self.extrapolation.tangent(F, stress, tangent), p, slope)
         none = np.zeros((tangent.shape[0], 2))
-        stiffness = stiffness_kernel.stiffness(t.section, t.axial, t.slopes, t.inverse, t.weights, tangent, none)
-        both = coupling(t.section, t.axial, t.slopes, t.inverse, t.weights, slope, self.across, self.along)
+        stiffness = stiffness_kernel.stiffness(t, tangent, none)
+        both = mixed_kernel.coupling(t, slope, self.across, self.along)
         values = np.ascontiguousarray(np.repeat(self.across[:, None, :], 3, axis=1))
         own = element_kernel.mass(values, self.along, -self.compliance * t.weights)
         elements, layers = self.layers.shape

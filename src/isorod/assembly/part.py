@@ -6,9 +6,8 @@ import numpy as np
 
 from isorod.arrays import Array, Index
 from isorod.assembly import element_kernel
-from isorod.assembly.entries import Entries, Numbered
 from isorod.assembly.extrapolation import Extrapolation
-from isorod.assembly.pattern import Pattern
+from isorod.assembly.pattern import Entries, Numbered, Pattern
 from isorod.assembly.stiffness_kernel import merged_stiffness, stiffness
 from isorod.model.body import Body
 from isorod.model.load import Spin
@@ -87,8 +86,7 @@ class Part:
 
     def gradients(self, local: Array) -> Array:
         """Return the deformation gradients, shape ``(E, t, q, 3, 3)``."""
-        t = self.table
-        return element_kernel.deformation_gradients(t.section, t.axial, t.slopes, t.inverse, self.nodal(local))
+        return element_kernel.deformation_gradients(self.table, self.nodal(local))
 
     def energy(self, local: Array, factor: float) -> float:
         """Return the stored energy."""
@@ -96,22 +94,17 @@ class Part:
 
     def forces(self, local: Array, factor: float) -> Array:
         """Return the internal forces, shape of ``dofs``."""
-        t = self.table
         stress = self.laws.at(factor).stress(self.gradients(local))
-        forces = element_kernel.internal_forces(t.section, t.axial, t.slopes, t.inverse, t.weights, stress)
-        return forces.reshape(self.dofs.shape)
+        return element_kernel.internal_forces(self.table, stress).reshape(self.dofs.shape)
 
     def matrices(self, local: Array, factor: float) -> Array:
         """Return the element tangents, shape ``(E, l n 3, l n 3)``."""
-        t = self.table
-        matrices = stiffness(t.section, t.axial, t.slopes, t.inverse, t.weights, *self._moduli(local, factor))
+        matrices = stiffness(self.table, *self._moduli(local, factor))
         return matrices.reshape(*self.dofs.shape, self.dofs.shape[1])
 
     def entries(self, local: Array, factor: float) -> Array:
         """Return the sum of the element tangents as entries of the pattern; they themselves, much larger, are not kept."""
-        t, (tangent, isotropic), (start, width, total) = self.table, self._moduli(local, factor), self.pattern.places
-        geometry = t.section, t.axial, t.slopes, t.inverse, t.weights
-        return merged_stiffness(*geometry, tangent, isotropic, start, width, total)
+        return merged_stiffness(self.table, *self._moduli(local, factor), self.pattern.blocks)
 
     def _moduli(self, local: Array, factor: float) -> tuple[Array, Array]:
         """Return the moduli as `isorod.assembly.stiffness_kernel.stiffness` takes them: at points, or Lame's parameters of elements."""

@@ -3,6 +3,7 @@
 import os
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -236,13 +237,13 @@ def _refuse_beyond_memory(points: int) -> None:
         )
 
 
-@dataclass(frozen=True, eq=False)
-class Table:
-    """Functions and geometry at the quadrature points of consecutive elements.
+class Table(NamedTuple):
+    """Functions and geometry at the quadrature points of consecutive elements, the first of them ``first``.
 
-    With ``E`` elements, ``t`` points along each, ``q`` in the section, ``n`` section functions, degree ``p``:
-    ``section`` ``(q, 3, n)`` holds ``dT/dxi_1, dT/dxi_2, T``; ``axial`` and ``slopes`` ``(E, t, p + 1)`` hold ``R`` and
-    ``dR/du``; ``inverse`` ``(E, t, q, 3, 3)`` is ``d(xi_1, xi_2, u)/dx``; ``weights`` ``(E, t, q)`` are volumes.
+    With ``E`` elements, ``t`` points along each, ``q`` in the section, ``n`` section functions, degree ``p``: ``u``
+    ``(E, t)`` and ``xi`` ``(q, 2)`` are the points; ``section`` ``(q, 3, n)`` holds ``dT/dxi_1, dT/dxi_2, T``;
+    ``axial`` and ``slopes`` ``(E, t, p + 1)`` hold ``R`` and ``dR/du``; ``inverse`` ``(E, t, q, 3, 3)`` is
+    ``d(xi_1, xi_2, u)/dx``; ``weights`` ``(E, t, q)`` are volumes.
     """
 
     first: int
