@@ -11,11 +11,13 @@ from typing import cast
 import numpy as np
 from petsc4py import PETSc
 
-from isorod.arrays import Array
+from isorod.arrays import Array, Index
 from isorod.assembly import element_kernel, mixed_kernel, stiffness_kernel
 from isorod.assembly.assembler import Assembler
+from isorod.assembly.exchange import Exchange
 from isorod.assembly.extrapolation import Extrapolation
 from isorod.assembly.part import Part
+from isorod.assembly.split import Share
 from isorod.errors import InputError
 from isorod.material.along_rod import shear_laws, volume_change
 from isorod.material.law import Split
@@ -26,8 +28,9 @@ from isorod.model.load import Spin
 class MixedPart(Part):
     """The elements of one body; a layer of a mixed one holds its displacements, then its pressures."""
 
-    def __init__(self, body: Body, *arguments: int) -> None:
-        super().__init__(body, *arguments)
+    def __init__(self, share: Share, free: Index, exchange: Exchange) -> None:
+        super().__init__(share, free, exchange)
+        body = share.body
         self.moves = 3 * body.space.layer_nodes
         self.mixed = body.pressures is not None
         self._last: tuple[Extrapolation | None, Array, Array] | None = None
@@ -35,13 +38,8 @@ class MixedPart(Part):
             self.across, self.along = body.pressures.tabulate(self.table)
             self.across *= body.pressure_unit
             self.laws = shear_laws(self.laws)
-            first, last = self.table.first, self.table.first + self.table.elements
-            self.compliance = np.array([1.0 / cast(Split, law).lame for law in body.laws[first:last]])[:, None, None]
-
-    @staticmethod
-    def layer_dofs(body: Body) -> int:
-        """Return the number of degrees of freedom of a layer."""
-        return 3 * body.space.layer_nodes + (body.pressures.count if body.pressures is not None else 0)
+            laws = body.laws[share.first : share.last]
+            self.compliance = np.array([1.0 / cast(Split, law).lame for law in laws])[:, None, None]
 
     def nodal(self, local: Array) -> Array:
         """Return the nodal displacements, shape ``(E, l, n, 3)``."""
@@ -108,7 +106,7 @@ class MixedPart(Part):
         return self.pattern.merge(self.matrices(local, factor))
 
     def _pressed(self, tangent: Array, p: Array, slope: Array) -> Array:
-        """Return an extrapolated tangent with the pressure's share: its change since the last tangent, times ``F0^-1 F0^-T``."""
+        """Return an extrapolated tangent with the pressure's share: its change since the last, times ``F0^-1 F0^-T``."""
         last, self._last = self._last, (self.extrapolation, p, slope)
         if last is None or last[0] is not self.extrapolation:
             return tangent
@@ -153,6 +151,11 @@ class MixedAssembler(Assembler):
     part = MixedPart
     formulations = ("displacement", "mixed")
 
+    @staticmethod
+    def layer_dofs(body: Body) -> int:
+        """Return the number of degrees of freedom of a layer."""
+        return 3 * body.space.layer_nodes + (body.pressures.count if body.pressures is not None else 0)
+
     def _number(self) -> None:
         model = self.model
         if model.contacts:
@@ -161,7 +164,7 @@ class MixedAssembler(Assembler):
         first, labels, count = [0], [], model.unknowns
         for b, body in enumerate(model.bodies):
             own = model.free[3 * model.first_node[b] : 3 * model.first_node[b + 1]].reshape(body.space.layers, -1)
-            pressures = np.full((own.shape[0], self.part.layer_dofs(body) - own.shape[1]), -1)
+            pressures = np.full((own.shape[0], self.layer_dofs(body) - own.shape[1]), -1)
             if body.pressures is not None:
                 pressures[: body.pressures.layers] = count + np.arange(body.pressures.size).reshape(
                     -1, body.pressures.count
@@ -193,7 +196,7 @@ class MixedAssembler(Assembler):
         return unknowns[self._number_of[: self.model.unknowns]]
 
     def pressures(self, x: PETSc.Vec) -> list[Array | None]:
-        """Return each body's pressure coefficients (`isorod.space.pressure.Pressures`), force per area; None where it has none."""
+        """Return each body's coefficients of its `isorod.space.pressure.Pressures`, force per area, or None."""
         unknowns = self.all_unknowns(x)[self._number_of]
         found: list[Array | None] = []
         first = self.model.unknowns

@@ -1,8 +1,10 @@
 """Rigid motions of a model: which the supports leave free, and the near-null space they make."""
 
 import numpy as np
+from petsc4py import PETSc
 
 from isorod.arrays import Array, Index
+from isorod.assembly.assembler import Assembler
 from isorod.errors import SolveError
 from isorod.model.model import Model
 from isorod.space.space import Space
@@ -83,6 +85,23 @@ def refuse_free(model: Model) -> None:
         body, motion = loose[0]
         how = describe(model.bodies[body].space, motion)
         raise SolveError(f"supports: body {body} is free to {how}; hold it")
+
+
+def near_null_space(assembler: Assembler) -> PETSc.NullSpace:
+    """Return the rigid motions of all bodies on the unknowns, for algebraic multigrid."""
+    model = assembler.model
+    vectors: list[PETSc.Vec] = []
+    for b, body in enumerate(model.bodies):
+        for motion in motions(body.space).T:
+            everywhere = np.zeros(model.dofs)
+            everywhere[3 * model.first_node[b] : 3 * model.first_node[b + 1]] = motion
+            vector = assembler.state(everywhere)
+            for other in vectors:
+                vector.axpy(-vector.dot(other), other)
+            vector.normalize()
+            vectors.append(vector)
+    assembler.note("near-null space")
+    return PETSc.NullSpace().create(vectors=vectors, comm=assembler.comm)
 
 
 def describe(space: Space, motion: Array) -> str:

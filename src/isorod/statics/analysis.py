@@ -10,7 +10,7 @@ from petsc4py import PETSc
 
 from isorod.arrays import Array
 from isorod.assembly.assembler import Assembler
-from isorod.assembly.factorisation import _is_mixed
+from isorod.assembly.factorisation import is_mixed
 from isorod.checks import hourglass, rigid_motions
 from isorod.checks.reactions import _moments
 from isorod.checks.reactions import check as check_balance
@@ -86,7 +86,7 @@ class Equilibrium:
 
 
 def _assembler(model: Model, comm: PETSc.Comm | None) -> Assembler:
-    if not _is_mixed(model):
+    if not is_mixed(model):
         return Assembler(model, comm)
     from isorod.assembly.mixed import MixedAssembler
 
