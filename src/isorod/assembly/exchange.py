@@ -1,4 +1,4 @@
-"""The degrees of freedom that a rank's elements have, and how their values come from vectors of unknowns and go there."""
+"""The degrees of freedom of a rank's elements, and how values come from vectors of unknowns and go there."""
 
 from collections.abc import Callable
 from functools import cached_property

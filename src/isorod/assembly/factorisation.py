@@ -57,7 +57,7 @@ _WIDE = 1.5
 
 
 def suits(model: Model) -> bool:
-    """Return whether the unknowns of each element are near each other in their numbering, as those of an open rod are."""
+    """Return whether the unknowns of each element have numbers near each other, as those of an open rod have."""
     for body, first in zip(model.bodies, model.first_node[:-1], strict=True):
         nodes = first + body.space.element_nodes
         unknowns = model.free.reshape(-1, 3)[nodes].reshape(nodes.shape[0], -1)

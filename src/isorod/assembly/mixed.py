@@ -106,7 +106,7 @@ class MixedPart(Part):
         return self.pattern.merge(self.matrices(local, factor))
 
     def _pressed(self, tangent: Array, p: Array, slope: Array) -> Array:
-        """Return an extrapolated tangent with the pressure's share: its change since the last, times ``F0^-1 F0^-T``."""
+        """Return an extrapolated tangent with the pressure's share: its change since the last by ``F0^-1 F0^-T``."""
         last, self._last = self._last, (self.extrapolation, p, slope)
         if last is None or last[0] is not self.extrapolation:
             return tangent

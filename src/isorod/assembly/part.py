@@ -66,7 +66,7 @@ class Part:
         return mass.reshape(mass.shape[0], mass.shape[1] * mass.shape[2], -1)
 
     def mass_entries(self, lumped: bool, number: Index) -> tuple[Entries, Array]:
-        """Return where in a matrix the mass of one component is, and that mass; ``number`` is that of each node there."""
+        """Return where in a matrix the mass of one component is, and that mass; nodes have their ``number`` there."""
         if lumped:
             nodes = number[self.dofs[:, ::3].ravel() // 3]
             return (nodes, nodes), self.lumped_mass().ravel()

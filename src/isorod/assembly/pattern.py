@@ -41,7 +41,7 @@ class Pattern:
         return pattern_kernel.pattern_indices(self._coupling, np.ascontiguousarray(number))
 
     def compressed_rows(self, number: Index, size: int) -> Rows | None:
-        """Return the entries that have a number as compressed rows of a matrix of ``size``; None if they do not ascend."""
+        """Return the entries that have a number as compressed rows of a matrix of ``size``; None if some descend."""
         total = self.blocks.total
         there = number[: number.size // self.size * self.size].reshape(-1, self.size)[self._coupling.layers]
         whole = bool((there >= 0).all())

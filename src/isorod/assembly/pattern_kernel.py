@@ -10,7 +10,7 @@ from isorod.compiled import F1, F5, FAST, I1, I2, I3
 
 
 class Coupling(NamedTuple):
-    """Row layer ``layers[r]`` couples with the layers ``columns[first[r] : first[r + 1]]``, ``size`` entries in each."""
+    """Layer ``layers[r]`` couples with the layers ``columns[first[r] : first[r + 1]]``, ``size`` entries in each."""
 
     layers: Index
     first: Index
@@ -90,10 +90,20 @@ def pattern_indices(coupling: Coupling, number: Index) -> tuple[Index, Index]:
 
 @njit(**FAST)
 def pattern_rows(coupling: Coupling, number: Index, entries: Index, start: Any, column: Any) -> int:
-    """Fill ``start`` and ``column`` with the compressed rows of the entries of a pattern that have a number.
+    """Fill in the compressed rows of the entries of a pattern that have a number.
 
-    ``entries`` says which they are, if it has room: it need not where all are.  Returns how many there are, or -1 if
-    rows or columns do not ascend.
+    Returns how many there are, or -1 if rows or columns do not ascend.
+
+    Parameters
+    ----------
+    coupling
+        Which layers couple.
+    number
+        Number of what is at ``layer size + place``, negative where there is none.
+    entries
+        To be filled with which entries they are, if it has room: it need not where all are.
+    start, column
+        To be filled with the first entry of each row and the columns.
     """
     layers, first, columns, size = coupling
     total = 0

@@ -85,7 +85,7 @@ class Split:
         return found
 
     def owners(self) -> Index:
-        """Return the rank of each degree of freedom: a layer is the first element's that has it, as rows follow them."""
+        """Return the rank of each degree of freedom: a layer is the first element's that has it."""
         model, first_dof, layer_dofs = self._numbers
         owner = np.zeros(first_dof[-1], dtype=np.int64)
         for b, body in enumerate(model.bodies):

@@ -63,7 +63,7 @@ def _pull_back_isotropic(moduli: Array, weight: float, inverse: Array, lame: flo
 
 @njit(**FAST)
 def _place(matrix: Array, j: int, m: int, block: Array) -> None:
-    """Put a block ``(n, 3, n, 3)`` into an element matrix ``(l, n, 3, l, n, 3)``, and its transpose on the other side."""
+    """Put a block ``(n, 3, n, 3)`` into an element matrix ``(l, n, 3, l, n, 3)``, and its transpose across."""
     n = block.shape[0]
     for i in range(n):
         for a in range(3):
@@ -120,6 +120,7 @@ class _Work(NamedTuple):
 
 @njit(**FAST)
 def _work(section: Array, along: int, functions: int) -> _Work:
+    """Return room for elements of so many points and functions along."""
     points, _, n = section.shape
     across = np.empty((n, points, 2))
     whole = np.empty((n, points))
@@ -144,7 +145,7 @@ def _work(section: Array, along: int, functions: int) -> _Work:
 
 @njit(**FAST)
 def _blocks(table: Table, e: int, tangent: Array, isotropic: Array, w: _Work) -> None:
-    """Fill ``w.block`` with one element's blocks of axis functions ``j <= m``, in this order; moduli are the element's."""
+    """Fill ``w.block`` with an element's blocks of axis functions ``j <= m``, in this order; moduli are its own."""
     section, axial, slopes = table.section, table.axial[e], table.slopes[e]
     inverse, weights = table.inverse[e], table.weights[e]
     along, functions = axial.shape

@@ -67,7 +67,7 @@ class Rule:
 
 @lru_cache(maxsize=32)
 def section_points(n: int, rule: Rule, turn: float = 0.0) -> tuple[Array, Array]:
-    """Return points ``(n r s, 2)`` and weights ``(n r s,)`` on the unit disk, not to be written to; the weights add up to pi.
+    """Return points ``(n r s, 2)`` and weights ``(n r s,)``, whose sum is pi, on the unit disk, not to be written to.
 
     The slices are the arcs of ``n`` control points of which the first stands at the angle ``turn``.
     """

@@ -108,7 +108,7 @@ def _check(name: str, vector: tuple[float, float, float]) -> None:
 
 @dataclass(frozen=True)
 class Spin:
-    """A steady rotation of the frame in which displacements are measured: centrifugal force, growing with the load factor.
+    """A steady rotation of the frame in which displacements are measured: centrifugal force, by the load factor.
 
     Parameters
     ----------

@@ -100,7 +100,7 @@ class Support:
         return cls(nodes, components, is_carrier * np.array(displacement, dtype=float), body, turn, arms, tied)
 
     def motion(self, space: Space, first_node: int) -> "SupportMotion":
-        """Return what the support does with the degrees of freedom of a space whose nodes are counted from ``first_node``.
+        """Return what the support does with degrees of freedom of a space that starts with node ``first_node``.
 
         Raises
         ------
@@ -132,7 +132,7 @@ class Support:
         return SupportMotion(dofs.ravel(), np.where(tied, 0.0, rates).ravel(), arms.reshape(-1, 3), turn, tied.ravel())
 
     def _turned(self, space: Space, nodes: Index, tied: NDArray[np.bool_]) -> Array:
-        """Return the arms of all components ``(m, c, 3)``, those of tied ones ``(m, c)`` from the first that is tied."""
+        """Return the arms of all components ``(m, c, 3)``, those of tied ones ``(m, c)`` from the first of them."""
         result = np.zeros((*tied.shape, 3))
         if self.arms is None:
             return result

@@ -1,4 +1,4 @@
-"""Polyharmonic functions of the section: ``T_i`` and, for ``1 <= k < K``, ``(1 - s) P_{k-1}(s) W_m`` with ``s = |xi|^2``.
+"""Polyharmonic functions of the section: ``T_i`` and, for ``0 < k < K``, ``(1 - s) P_{k-1}(s) W_m``, ``s = |xi|^2``.
 
 The first are the harmonic functions of the paper.  By Almansi's theorem ``(1 - s)^k T_i``, ``k < K``, spans what is
 polyharmonic of order ``K``, and displacements of an elastic body without body force are biharmonic.  The others here
@@ -109,7 +109,7 @@ class Polyharmonic:
         return np.concatenate(values, axis=1), np.concatenate(gradients, axis=1)
 
     def positions(self, polygons: Array) -> Array:
-        """Return the control points of layers ``(layers, m, 3)``, ``n`` a multiple of ``m``, and zero for other ``k``."""
+        """Return control points of layers ``(layers, m, 3)``, ``n`` a multiple of ``m``, and zero for other ``k``."""
         result = np.zeros((polygons.shape[0], self.count, 3))
         result[:, : self.n] = refine(polygons.swapaxes(0, 1), self.n // polygons.shape[1]).swapaxes(0, 1)
         return result

@@ -70,8 +70,8 @@ class Polynomials:
         worst = int(np.argmax(np.abs(gap).max(axis=(1, 2))))
         if not np.abs(gap[worst]).max() <= _TOLERANCE * sizes[0]:
             raise InputError(
-                f"section degree: layer {worst} of the rod's control points is not an affine image of the others; polynomials need "
-                "sections of one shape"
+                f"section degree: layer {worst} of the rod's control points is not an affine image of the others; "
+                "polynomials need sections of one shape"
             )
         # Geometry alone does without compiled code.
         from isorod.space import polynomial_kernel
@@ -103,7 +103,7 @@ class Polynomials:
         return found
 
     def positions(self, polygons: Array) -> Array:
-        """Return the coefficients ``(layers, count, 3)`` of layers of control points ``(layers, n, 3)`` of the same rod."""
+        """Return the coefficients ``(layers, count, 3)`` of layers of the rod's control points ``(layers, n, 3)``."""
         plane = np.concatenate([np.ones((self._polygon.shape[0], 1)), self._polygon], axis=1)
         affine = np.linalg.solve(plane.T @ plane, plane.T @ polygons)
         linear = np.flatnonzero(self._powers.sum(axis=1) <= 1)
@@ -141,7 +141,7 @@ class Polynomials:
 
 @lru_cache(maxsize=8)
 def _points(n: int, degree: int) -> tuple[Array, Array, Array, Array]:
-    """Return weights ``(m,)`` of points of the disk, and of the harmonic functions there values and both derivatives, ``(m, n)``."""
+    """Return weights ``(m,)`` of points of the disk, and the harmonic functions' values and slopes ``(m, n)``."""
     xi, area = section_points(n, Rule(degree + 4, 4 + ceil(2.0 * pi * degree / n), 1))
     values, gradients = harmonic_functions(n, xi)
     return area, values, np.ascontiguousarray(gradients[:, :, 0]), np.ascontiguousarray(gradients[:, :, 1])

@@ -1,4 +1,4 @@
-"""The space of pressures that goes with a displacement space: about one degree less, across the section and along the axis."""
+"""The space of pressures beside a displacement space: about one degree less, across the section and along the axis."""
 
 import numpy as np
 from numpy.typing import ArrayLike

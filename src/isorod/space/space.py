@@ -187,8 +187,8 @@ class Space:
         if det.size and not det.min() > 0.0:
             e, t, q = np.unravel_index(int(np.argmin(det)), det.shape)
             raise FoldedRodError(
-                f"the rod folds in element {first + e} at u = {u[e, t]:.4g}, disk point ({xi[q, 0]:.3f}, {xi[q, 1]:.3f}): "
-                f"Jacobian determinant {det[e, t, q]:.3g}, must be positive"
+                f"the rod folds in element {first + e} at u = {u[e, t]:.4g}, disk point "
+                f"({xi[q, 0]:.3f}, {xi[q, 1]:.3f}): Jacobian determinant {det[e, t, q]:.3g}, must be positive"
             )
         return Table(
             first=first,
@@ -228,12 +228,12 @@ class Space:
 
 
 def _refuse_beyond_memory(points: int) -> None:
-    """Raise `InputError` if not even the geometry at that many quadrature points fits: the system would kill the process later."""
+    """Raise `InputError` if not even the geometry at that many quadrature points fits into memory."""
     there, needed = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"), _BYTES_A_POINT * points
     if needed > there:
         raise InputError(
-            f"{points} quadrature points need {needed / 2**30:.3g} GiB and more, there are {there / 2**30:.3g}; take fewer elements, "
-            "section or quadrature points"
+            f"{points} quadrature points need {needed / 2**30:.3g} GiB and more, there are {there / 2**30:.3g}; take "
+            "fewer elements, section or quadrature points"
         )
 
 
