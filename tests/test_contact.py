@@ -198,7 +198,7 @@ def test_action_equals_reaction_and_moments_balance(scene, request):
     displacement = shaken(model)
     _, outcome, forces = forces_at(model, displacement)
     # Each body's k = 0 forces: those of the others are zero.
-    assert not forces[~model.carries].any()
+    assert not forces[~model.is_carrier].any()
     x = reference(model) + displacement.reshape(-1, 3)
     scale = np.abs(forces).sum()
     assert outcome[1] > 0.1
@@ -227,7 +227,7 @@ def test_rigid_motion_turns_the_forces_with_it(pair):
     x = reference(model) + shaken(model).reshape(-1, 3)
     packed, outcome, forces = forces_at(model, shaken(model))
     turned = np.zeros_like(forces)
-    there = add_forces(packed, x @ turn.T + model.carries[:, None] * np.array([1.0, -2.0, 3.0]), turned)
+    there = add_forces(packed, x @ turn.T + model.is_carrier[:, None] * np.array([1.0, -2.0, 3.0]), turned)
     np.testing.assert_allclose(there, outcome, rtol=1e-11)
     np.testing.assert_allclose(turned, forces @ turn.T, atol=1e-11 * np.abs(forces).max())
 
@@ -435,7 +435,7 @@ def test_a_model_refuses_what_is_not_there(contact, message, pair):
 
 def test_polynomial_sections_have_no_control_points_to_touch(cylinder):
     body = Body(Space(cylinder(8), section_degree=2), LAW)
-    with pytest.raises(InputError, match="contact 0: body 0 has polynomial section functions"):
+    with pytest.raises(InputError, match="contact 0: body 0 has section functions without control points"):
         Model([body], contacts=[Contact(0, Plane((0.0, -1.0, 0.0), (0.0, 1.0, 0.0)), 1.0)])
 
 

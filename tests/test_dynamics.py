@@ -31,7 +31,7 @@ def bar(cylinder, held="xyz", nu=0.3, elements=4, degree=2, law=None, contacts=(
 def field(model, function):
     """All degrees of freedom of a vector field of the position that is linear in it."""
     nodes = model.bodies[0].space
-    return (function(nodes.positions) * nodes.carries[:, None]).ravel()
+    return (function(nodes.positions) * nodes.is_carrier[:, None]).ravel()
 
 
 def velocities(model, seed=0, size=1.0):
@@ -44,7 +44,7 @@ def momenta(model, velocity):
     """Consistent mass times velocities ``(o, dofs)``, by nodes that move with their rod: shape ``(o, nodes, 3)``."""
     assembler = MotionAssembler(replace(model, contacts=()))
     moving = np.array([assembler.momenta(one) for one in velocity])
-    return moving.reshape(len(velocity), -1, 3) * model.carries[:, None]
+    return moving.reshape(len(velocity), -1, 3) * model.is_carrier[:, None]
 
 
 @pytest.mark.parametrize("mode", [0, 2, 5])
@@ -76,7 +76,7 @@ def test_longitudinal_frequency_is_that_of_the_bar(cylinder):
     model = bar(cylinder, held="z", nu=0.0, elements=16)
     height = model.bodies[0].space.positions[:, 2]
     shape = np.zeros((model.dofs // 3, 3))
-    shape[:, 2] = 1e-6 * np.sin(0.5 * np.pi * height / LENGTH) * model.bodies[0].space.carries
+    shape[:, 2] = 1e-6 * np.sin(0.5 * np.pi * height / LENGTH) * model.bodies[0].space.is_carrier
     period = 4.0 * LENGTH / SPEED
     history = dynamics.solve(model, 2.25 * period, outputs=225, displacement=shape.ravel())
     end = history.displacement.reshape(len(history.times), -1, 3)[:, -1, 2]
@@ -188,7 +188,7 @@ def test_a_step_beyond_the_critical_one_keeps_energy_and_momenta(cylinder):
     mass.scaling = mass.scaling_for(history.time_step, critical)
     moving = np.array([mass.momenta(one) for one in history.velocity]).reshape(len(history.times), -1, 3)
     places = space.positions + history.displacement.reshape(moving.shape)
-    momentum, angular = (model.carries[:, None] * moving).sum(axis=1), np.cross(places, moving).sum(axis=1)
+    momentum, angular = (model.is_carrier[:, None] * moving).sum(axis=1), np.cross(places, moving).sum(axis=1)
     size = np.abs(moving).sum()
     print(f"momentum {np.ptp(momentum, axis=0).max() / size:.1e}, angular {np.ptp(angular, axis=0).max() / size:.1e}")
     assert np.abs(momentum - momentum[0]).max() < 1e-11 * size

@@ -113,7 +113,7 @@ class Bar:
         xi, area = section_points(space.points_around, Rule(8, 6, 1))
         root = np.sqrt(area)[:, None]
         exact = self.exact(self.place(xi, u))
-        nodal = np.linalg.lstsq(root * space.section_functions(xi)[0], root * exact, rcond=None)[0]
+        nodal = np.linalg.lstsq(root * space.basis.functions(xi)[0], root * exact, rcond=None)[0]
         nodes = (space.layers - 1) * space.layer_nodes * u + np.arange(space.layer_nodes)
         return Support(nodes, "xyz", nodal)
 

@@ -42,7 +42,7 @@ def deformed(model, stretch, seed=0):
     """A random homogeneous deformation and some noise, with the size asked for."""
     rng = np.random.default_rng(seed)
     positions = np.concatenate([body.space.positions for body in model.bodies])
-    noise = np.where(model.carries[:, None], 1.0, 0.2) * rng.standard_normal(positions.shape)
+    noise = np.where(model.is_carrier[:, None], 1.0, 0.2) * rng.standard_normal(positions.shape)
     displacement = (positions @ (np.diag(stretch) - np.eye(3)) + 0.05 * noise).ravel()
     displacement[model.held] = model.values
     return displacement
@@ -161,7 +161,7 @@ def test_inertia_of_translation_swelling_and_rotation(order, points, cylinder):
     space = Space(cylinder(points, radius=radius, height=height), elements=4, order=order, quadrature="full")
     made = System(Model([Body(space, ELASTIC, density)]))
     whole = density * np.pi * radius**2 * height
-    moved, x = space.carries[:, None] * [1.0, 0.0, 0.0], space.positions
+    moved, x = space.is_carrier[:, None] * [1.0, 0.0, 0.0], space.positions
     polar = 0.5 * radius**2
     fields = {
         "along": (moved, 1.0),

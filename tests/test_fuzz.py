@@ -24,8 +24,8 @@ from hypothesis import strategies as st
 
 from isorod import dynamics, options, scenes, statics
 from isorod.errors import InputError, SolveError
-from isorod.geometry.quadrature import Rule
 from isorod.output import checkpoint, results
+from isorod.space import Space
 
 # Quick and full number of examples of each family.
 SHARES = {
@@ -223,11 +223,13 @@ def test_models_from_python(count):
 
 
 @examples("rule")
-def test_quadrature_texts(count):
+def test_quadrature_texts(count, cylinder):
+    rod = cylinder()
+
     @generated(count, RULES, COUNTS, COUNTS)
     def run(text, degree, order):
         try:
-            rule = Rule.parse(text, 8, degree, order)
+            rule = Space(rod, degree=degree, order=order, quadrature=text).rule
         except InputError as problem:
             assert "\n" not in str(problem)
             return

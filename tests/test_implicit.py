@@ -31,7 +31,7 @@ def bar(cylinder, held="xyz", law=None, elements=4, contacts=()):
 def field(model, function):
     """All degrees of freedom of a vector field of the position that is linear in it."""
     space = model.bodies[0].space
-    return (function(space.positions) * space.carries[:, None]).ravel()
+    return (function(space.positions) * space.is_carrier[:, None]).ravel()
 
 
 def wild(model, size):
@@ -163,7 +163,7 @@ def test_a_spinning_body_keeps_both_momenta(steps, cylinder):
     places = model.bodies[0].space.positions + history.displacement.reshape(len(history.times), -1, 3)
     momenta = assembler.MotionAssembler(model).momenta
     moving = np.array([momenta(one) for one in history.velocity]).reshape(places.shape)
-    carries = model.carries[:, None]
+    carries = model.is_carrier[:, None]
     momentum, angular = (carries * moving).sum(axis=1), np.cross(places, moving).sum(axis=1)
     size = np.abs(moving).sum()
     print(f"momentum {np.ptp(momentum, axis=0).max() / size:.1e}, angular {np.ptp(angular, axis=0).max() / size:.1e}")
@@ -222,7 +222,7 @@ def test_bouncing_off_a_plane(cylinder):
         assert np.abs(history.momentum_error).max() < 1e-9
         errors.append(np.abs(history.energy_error[-1]))
     print("energy", errors)
-    assert history.velocity[-1, ::3] @ model.carries < 0.0
+    assert history.velocity[-1, ::3] @ model.is_carrier < 0.0
     assert errors[1] < 0.3 * errors[0] < 0.05
     with pytest.raises(SolveError, match=r"^step \d+, time \S+: the energy balance is off by .* try a smaller one$"):
         run(model, 2.0, 0.1, outputs=20, velocity=thrown)
@@ -233,7 +233,7 @@ def test_reactions_are_those_of_the_time(cylinder):
     model = bar(cylinder)
     history = run(model, 0.5, 0.005, outputs=100, velocity=swing(model))
     momenta = assembler.MotionAssembler(model).momenta
-    carried = np.array([(momenta(v).reshape(-1, 3) * model.carries[:, None]).sum(axis=0) for v in history.velocity])
+    carried = np.array([(momenta(v).reshape(-1, 3) * model.is_carrier[:, None]).sum(axis=0) for v in history.velocity])
     rate = (carried[2:] - carried[:-2]) / (history.times[2] - history.times[0])
     found = history.reactions[1:-1, 0]
     np.testing.assert_allclose(found, rate, atol=0.02 * np.abs(found).max())

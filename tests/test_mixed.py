@@ -1,4 +1,4 @@
-"""The mixed formulation: exact derivatives, stable pairs, exact solutions at and near incompressibility, and what refuses it."""
+"""The mixed formulation: exact derivatives, stable pairs, exact solutions near incompressibility, what refuses it."""
 
 import re
 
@@ -221,7 +221,7 @@ def test_twisted_cylinder_of_rivlin(sections, nu, tolerance):
 
 
 def test_stress_of_the_twisted_cylinder():
-    """With ``B = F F^T``: ``s = mu B - (mu - p) 1``, radial ``-mu tau^2 (R^2 - r^2) / 2``, and von Mises from the deviator alone."""
+    """``B = F F^T``: ``s = mu B - (mu - p) 1``, radial ``-mu tau^2 (R^2 - r^2) / 2``, von Mises from the deviator."""
     length, angle = 2.0, 0.5
     tau = angle / length
     where = space(length, n=8, degree=5, order=2)
@@ -255,7 +255,7 @@ def test_both_formulations_agree_where_nothing_locks():
 
 
 def test_the_spring_does_not_lock():
-    """The force at fixed shear modulus hardly depends on Poisson's ratio; the displacement formulation errs by a quarter."""
+    """The force at fixed shear modulus hardly depends on Poisson's ratio; displacements alone err by a quarter."""
     forces = [
         statics.solve(Spring(E=2.014e4 / 1.3 * (1.0 + nu), nu=nu, formulation="mixed").model())
         for nu in (0.3, 0.49999, 0.5)
@@ -269,7 +269,7 @@ def test_the_spring_does_not_lock():
 
 
 def test_slender_and_incompressible_is_no_harder_than_either():
-    """Planar elastica at ``P L^2 / E I = 3`` (exact: deflection 0.60325344 L), length 1000 radii; knots resolve the clamp."""
+    """Elastica at ``P L^2 / E I = 3`` (exact: deflection 0.60325344 L), length 1000 radii; knots resolve the clamp."""
     length = 1000.0
     where = Space(bar((0.0, 1.0, 3.0, *np.linspace(0.0, length, 13)[1:]), 4), order=2, quadrature="auto")
     force = 3.0 * 3.0 * MU * np.pi / 4.0 / length**2

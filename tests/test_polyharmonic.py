@@ -1,11 +1,12 @@
-"""The polyharmonic functions of the section: what determines them, and what keeps stiffness matrices well conditioned."""
+"""The polyharmonic functions of the section: what determines them, what keeps stiffness well conditioned."""
 
 import numpy as np
 import pytest
 
 from isorod.errors import InputError
 from isorod.geometry.disk import harmonic_functions
-from isorod.space import Space, polyharmonic
+from isorod.space import Space
+from isorod.space.polyharmonic import Polyharmonic
 
 ORDERS = [1, 2, 3, 4, 6]
 COUNTS = [3, 4, 8, 16]
@@ -42,14 +43,14 @@ def distance(space, of):
 @pytest.mark.parametrize("n", COUNTS)
 def test_order_1_is_the_harmonic_functions_to_the_bit(n):
     points = np.concatenate([disk_points(1.0), circle_points(n)])
-    for own, harmonic in zip(polyharmonic.functions(n, 1, points), harmonic_functions(n, points), strict=True):
+    for own, harmonic in zip(Polyharmonic(n, 1).functions(points), harmonic_functions(n, points), strict=True):
         assert np.array_equal(own, harmonic)
 
 
 @pytest.mark.parametrize("order", ORDERS)
 def test_a_lower_order_is_the_beginning_of_a_higher_one(order):
     points = disk_points(1.0)
-    lower, higher = (polyharmonic.functions(5, k, points) for k in (order, 6))
+    lower, higher = (Polyharmonic(5, k).functions(points) for k in (order, 6))
     for low, high in zip(lower, higher, strict=True):
         assert np.array_equal(low, high[:, : order * 5])
 
@@ -58,7 +59,7 @@ def test_a_lower_order_is_the_beginning_of_a_higher_one(order):
 @pytest.mark.parametrize("order", ORDERS)
 def test_only_order_0_acts_on_the_circle(n, order):
     points = circle_points(n)
-    values, gradients = polyharmonic.functions(n, order, points)
+    values, gradients = Polyharmonic(n, order).functions(points)
     assert np.array_equal(values[:, :n], harmonic_functions(n, points)[0])
     scale = np.abs(gradients).max()
     assert np.abs(values[:, n:]).max(initial=0.0) < 1e-14 * scale
@@ -73,14 +74,14 @@ def test_only_order_0_acts_on_the_circle(n, order):
 @pytest.mark.parametrize("turn", [0.0, 0.3])
 def test_gradient_is_the_derivative_of_the_value(n, turn):
     points = np.concatenate([disk_points(0.8), [[0.0, 0.0], [0.25, 0.0], [0.0, -0.25]]])
-    _, gradients = polyharmonic.functions(n, 4, points, turn)
+    _, gradients = Polyharmonic(n, 4, turn).functions(points)
     h = 2e-3
     for a, direction in enumerate(np.eye(2)):
         difference = sum(
             w
             * (
-                polyharmonic.functions(n, 4, points + k * h * direction, turn)[0]
-                - polyharmonic.functions(n, 4, points - k * h * direction, turn)[0]
+                Polyharmonic(n, 4, turn).functions(points + k * h * direction)[0]
+                - Polyharmonic(n, 4, turn).functions(points - k * h * direction)[0]
             )
             for k, w in enumerate(DIFFERENCE, 1)
         )
@@ -97,7 +98,7 @@ def laplacians(n, order, radius, modes):
     t = 2 * np.pi * np.arange(256) / 256
     radii = np.linspace(0.15, 0.85, 2 * order + 5)
     points = (radii[:, None, None] * np.stack([np.cos(t), np.sin(t)], axis=1)).reshape(-1, 2)
-    values = polyharmonic.functions(n, order, points)[0].reshape(radii.size, t.size, -1)
+    values = Polyharmonic(n, order).functions(points)[0].reshape(radii.size, t.size, -1)
     waves = np.fft.fft(values, axis=1)[:, :modes] / t.size
     found, misfit = [], 0.0
     for m in range(modes):
@@ -129,13 +130,13 @@ def test_laplacian_applied_as_often_as_the_order_vanishes_and_not_earlier(n, ord
 @pytest.mark.parametrize("turn", [0.0, 0.3])
 @pytest.mark.parametrize("order", [2, 3, 4])
 def test_laplacian_by_differences_of_gradients(n, order, turn):
-    """The Laplacian of ``g T`` is ``(4 s g'' + 4 g') T + 4 g' xi . grad T``: of order ``K - 1``, so in the span of K - 1."""
+    """The Laplacian of ``g T`` is ``(4 s g'' + 4 g') T + 4 g' xi . grad T``: in the span of order ``K - 1``."""
     points, h = disk_points(0.8, 40 * order), 2e-3
     laplacian = sum(
         w
         * (
-            polyharmonic.functions(n, order, points + k * h * direction, turn)[1][:, :, a]
-            - polyharmonic.functions(n, order, points - k * h * direction, turn)[1][:, :, a]
+            Polyharmonic(n, order, turn).functions(points + k * h * direction)[1][:, :, a]
+            - Polyharmonic(n, order, turn).functions(points - k * h * direction)[1][:, :, a]
         )
         for k, w in enumerate(DIFFERENCE, 1)
         for a, direction in enumerate(np.eye(2))
@@ -144,7 +145,7 @@ def test_laplacian_by_differences_of_gradients(n, order, turn):
     assert np.abs(laplacian[:, :n]).max() < 1e-9
     assert np.abs(laplacian[:, n:]).max() > 1.0
     # T and xi . grad T are harmonic: with factors s^j, j < K - 1, they make whatever the Laplacian is
-    values, gradients = polyharmonic.functions(n, 1, points, turn)
+    values, gradients = Polyharmonic(n, 1, turn).functions(points)
     dilated = np.einsum("qib,qb->qi", gradients, points)
     s = np.sum(points**2, axis=1)[:, None]
     span = np.concatenate([s**j * f for j in range(order - 1) for f in (values, dilated)], axis=1)
@@ -161,7 +162,7 @@ def test_spans_what_powers_of_the_distance_to_the_circle_do(n, order):
     harmonic, _ = harmonic_functions(n, points)
     gap = 1 - np.sum(points**2, axis=1)[:, None]
     powers = np.concatenate([gap**k * harmonic for k in range(order)], axis=1)
-    own, _ = polyharmonic.functions(n, order, points)
+    own, _ = Polyharmonic(n, order).functions(points)
     assert distance(own, powers) < 1e-13
     assert distance(powers, own) < 1e-12
     assert np.linalg.matrix_rank(own) == order * n
@@ -175,7 +176,7 @@ def test_gradients_of_the_radially_symmetric_functions_are_orthogonal(n):
     s, w = np.polynomial.legendre.leggauss(12)
     r, angle = 0.5 * (s + 1), 2 * np.pi * np.arange(8 * n) / (8 * n)
     normal = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    _, gradients = polyharmonic.functions(n, 6, (r[:, None, None] * normal).reshape(-1, 2))
+    _, gradients = Polyharmonic(n, 6).functions((r[:, None, None] * normal).reshape(-1, 2))
     slopes = np.einsum("rtib,tb->ri", gradients.reshape(r.size, angle.size, 6 * n, 2), normal) / angle.size
     assert np.abs(slopes[:, :n]).max() < 1e-13
     blocks = slopes[:, n:].reshape(-1, 5, n)
@@ -199,7 +200,7 @@ def test_condition_of_the_gradients_does_not_explode_with_the_order(n):
         assert abs(spectrum[0]) < 1e-13 < spectrum[1]
         return spectrum[-1] / spectrum[1]
 
-    _, gradients = polyharmonic.functions(n, 4, points)
+    _, gradients = Polyharmonic(n, 4).functions(points)
     found = [condition(gradients[:, : order * n]) for order in (1, 2, 3, 4)]
     print(f"n = {n}, K = 1 .. 4:", *(f"{value:.4g}" for value in found))
     assert max(found) < 2 * found[0]
@@ -211,15 +212,15 @@ def test_turned_functions_are_the_functions_at_points_turned_back(n, turn):
     points = disk_points(1.0)
     c, s = np.cos(turn), np.sin(turn)
     matrix = np.array([[c, -s], [s, c]])
-    values, gradients = polyharmonic.functions(n, 3, points)
-    turned_values, turned_gradients = polyharmonic.functions(n, 3, points @ matrix.T, turn)
+    values, gradients = Polyharmonic(n, 3).functions(points)
+    turned_values, turned_gradients = Polyharmonic(n, 3, turn).functions(points @ matrix.T)
     assert np.abs(turned_values - values).max() < 1e-13
     assert np.abs(turned_gradients - gradients @ matrix.T).max() < 1e-12
 
 
 def test_turning_by_one_arc_leaves_the_span_of_each_order():
     n, order, points = 7, 3, disk_points(1.0, 200)
-    values, turned = (polyharmonic.functions(n, order, points, turn)[0] for turn in (0.0, 2 * np.pi / n))
+    values, turned = (Polyharmonic(n, order, turn).functions(points)[0] for turn in (0.0, 2 * np.pi / n))
     for k in range(order):
         block = slice(k * n, (k + 1) * n)
         assert distance(values[:, block], turned[:, block]) < 1e-13
@@ -229,6 +230,6 @@ def test_turning_by_one_arc_leaves_the_span_of_each_order():
 def test_refuses_an_order_that_cannot_be(order, cylinder):
     message = rf"^polyharmonic order: got {order}, need an integer from 1 to 6$"
     with pytest.raises(InputError, match=message):
-        polyharmonic.functions(4, order, [[0.0, 0.0]])
+        Polyharmonic(4, order).functions([[0.0, 0.0]])
     with pytest.raises(InputError, match=message):
         _ = Space(cylinder(4), order=order).nodes

@@ -67,7 +67,7 @@ def test_positions_are_the_rod_itself(name):
     rod = RODS[name]
     space = Space(rod, 2 * rod.axis.elements, 3, section_degree=3)
     xi, u = disk(20), np.linspace(rod.axis.breaks[0], rod.axis.breaks[-1], 9)
-    values, _ = space.section_functions(xi)
+    values, _ = space.basis.functions(xi)
     first, axial, _ = space.axis.local(u)
     layers = (first[:, None] + np.arange(space.axis.degree + 1)) % space.layers
     nodal = space.positions.reshape(space.layers, space.layer_nodes, 3)
@@ -103,7 +103,7 @@ def test_mass_is_the_rods():
     space = Space(RODS["blade"], 4, quadrature="full", section_degree=4)
     model = Model([Body(space, LinearElastic(1.0, 0.3), 2.0)])
     assembler = Assembler(model)
-    ones = assembler.state((space.carries[:, None] * np.array([1.0, 0.0, 0.0])).ravel())
+    ones = assembler.state((space.is_carrier[:, None] * np.array([1.0, 0.0, 0.0])).ravel())
     for lumped in (False, True):
         image = assembler.vector()
         assembler.mass(lumped).mult(ones, image)
@@ -138,7 +138,7 @@ def test_blade_within_half_a_percent_with_405_unknowns():
     ],
 )
 def test_blade_on_half_smooth_axes(degree, rule, elements, unknowns, bound):
-    """C3 knots of degree 6 and 5 points along an element: what the section leaves, on two elements already, and no hourglass modes."""
+    """C3 knots, degree 6, 5 points along an element: what the section leaves, on two elements, no hourglass modes."""
     scene = Blade(section_degree=degree, degree=6, continuity=3, elements=elements, quadrature=rule)
     found = modal.solve(scene.model())
     assert found.model.unknowns == unknowns

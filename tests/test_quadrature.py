@@ -69,11 +69,10 @@ def test_axis_rule_is_exact_on_every_element(count):
 
 @pytest.mark.parametrize("degree", [1, 2, 3, 6])
 def test_rules_by_name(degree):
-    assert Rule.parse("paper", 8, degree) == Rule(2, 1, degree + 1)
-    assert Rule.parse("full", 8, degree) == Rule.full(8, degree)
-    assert Rule.parse("3x2x5", 8, degree) == Rule(3, 2, 5)
-    assert str(Rule.parse("3x2x5", 8, degree)) == "3x2x5"
-    assert Rule.parse("3x2", 8, degree) == Rule(3, 2, degree + 1)
+    assert Rule.parse("paper", degree) == Rule(2, 1, degree + 1)
+    assert Rule.parse("3x2x5", degree) == Rule(3, 2, 5)
+    assert str(Rule.parse("3x2x5", degree)) == "3x2x5"
+    assert Rule.parse("3x2", degree) == Rule(3, 2, degree + 1)
     full = Rule.full(4, degree)
     assert full.radial > 2
     assert full.angular > 1
@@ -86,7 +85,7 @@ def test_rules_by_name(degree):
 )
 def test_refuses_a_name_that_is_no_rule(text):
     with pytest.raises(InputError, match=r"quadrature: got .*, need .*'paper', 'full' or RxSxT"):
-        Rule.parse(text, 8, 2)
+        Rule.parse(text, 2)
 
 
 @pytest.mark.parametrize(
@@ -101,42 +100,4 @@ def test_refuses_a_name_that_is_no_rule(text):
 )
 def test_refuses_a_number_of_points_out_of_range(text, name):
     with pytest.raises(InputError, match=rf"{name} points: got .* from 1 to 64"):
-        Rule.parse(text, 8, 2)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "rule"),
-    [
-        ((7, 2, 1), Rule(6, 6, 4)),
-        ((8, 2, 1), Rule(6, 4, 4)),
-        ((16, 3, 3), Rule(6, 4, 5)),
-        ((16, 3, 4), Rule(7, 4, 5)),
-        ((16, 3, 1, 4), Rule(6, 4, 5)),
-        ((16, 3, 1, 5), Rule(7, 4, 5)),
-    ],
-)
-def test_full_rule(arguments, rule):
-    """``max(6, K + 3)``, or ``max(6, N + 2)``, radial points; fewer angular ones where slices are many."""
-    assert Rule.full(*arguments) == rule
-
-
-@pytest.mark.parametrize(
-    ("arguments", "rule"),
-    [
-        ((8, 2, 1), Rule(3, 2, 3)),
-        ((32, 3, 2), Rule(4, 2, 4)),
-        # Beyond 32 control points, one radial point more a doubling.
-        ((33, 3, 2), Rule(5, 2, 4)),
-        ((64, 3, 2), Rule(5, 2, 4)),
-        ((65, 3, 2), Rule(6, 2, 4)),
-        # Polynomials: S = 1 for N <= 3, 2 for N = 4, 3 above; more where slices are few.
-        ((16, 2, 1, 2), Rule(3, 1, 3)),
-        ((16, 2, 1, 3), Rule(3, 1, 3)),
-        ((16, 2, 1, 4), Rule(4, 2, 3)),
-        ((16, 2, 1, 5), Rule(5, 3, 3)),
-        ((4, 2, 1, 3), Rule(3, 5, 3)),
-        ((8, 2, 1, 6), Rule(6, 5, 3)),
-    ],
-)
-def test_auto_rule(arguments, rule):
-    assert Rule.auto(*arguments) == rule
+        Rule.parse(text, 2)

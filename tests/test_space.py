@@ -1,4 +1,4 @@
-"""The displacement space: refinements nest and leave the rod, stiffness has six zeros and a bounded condition, bad input."""
+"""The displacement space: refinements nest and leave the rod; stiffness has six zeros, bounded condition; bad input."""
 
 import re
 from itertools import pairwise
@@ -65,7 +65,7 @@ def test_refinement_does_not_move_the_rod(rod, change):
     assert np.abs(position - exact).max() < 1e-13 * size
     # the displacement that doubles all positions
     assert np.abs(gradient - 2 * np.eye(3)).max() < 1e-11
-    assert not space.positions[~space.carries].any()
+    assert not space.positions[~space.is_carrier].any()
 
 
 @pytest.mark.parametrize("change", REFINEMENTS)
@@ -75,7 +75,7 @@ def test_a_finer_space_holds_every_displacement_of_a_coarser_one(rod, change):
     nodal = np.random.default_rng(2).standard_normal((coarse.layers, coarse.layer_nodes, 3))
     # sections: the same functions in terms of others, wherever in the disk; axis: knots and degree
     xi, _ = grid(fine, 6 * fine.layer_nodes)
-    own, others = fine.section_functions(xi)[0], coarse.section_functions(xi)[0]
+    own, others = fine.basis.functions(xi)[0], coarse.basis.functions(xi)[0]
     sections = np.linalg.lstsq(own, others, rcond=None)[0]
     assert np.abs(own @ sections - others).max() < 1e-12
     whole = np.concatenate([nodal, nodal[: coarse.rod.closed]])
@@ -99,7 +99,7 @@ def test_refined_control_points_make_the_same_map_of_the_disk(n, multiple, cylin
     coarse, finer = Space(cylinder(n)), Space(cylinder(n), section_points=n * multiple)
     assert finer.turn == refinement_turn(n, multiple)
     xi, _ = grid(coarse, 200)
-    difference = finer.section_functions(xi)[0] @ fine - coarse.section_functions(xi)[0] @ points
+    difference = finer.basis.functions(xi)[0] @ fine - coarse.basis.functions(xi)[0] @ points
     assert np.abs(difference).max() < 1e-13 * np.abs(points).max()
     # joints stay joints
     arcs = (np.pi / n * (2 * np.arange(n) + 1) - finer.turn) * n * multiple / (2 * np.pi) - 0.5
@@ -121,7 +121,7 @@ def test_number_of_nodes(degree, cylinder):
         assert space.layers == degree + 1 + knots
         assert space.layer_nodes == 3 * 12
         assert space.nodes == space.layers * 36
-        assert np.count_nonzero(space.carries) == space.layers * 12
+        assert np.count_nonzero(space.is_carrier) == space.layers * 12
 
 
 def clamped(rod, change, law, rule="12x6x8"):
@@ -159,7 +159,7 @@ def prism(cylinder):
 
 @pytest.mark.parametrize("sequence", SEQUENCES)
 def test_energy_falls_in_spaces_that_nest(sequence, prism):
-    """Displacements prescribed, no loads: the solution has the least energy, and less in a space that holds the other."""
+    """Displacements prescribed, no loads: the solution has the least energy, less in a space that holds the other."""
     energies = []
     for change in SEQUENCES[sequence]:
         model = clamped(prism, change, LinearElastic(1.0, 0.3))
@@ -216,7 +216,7 @@ def test_a_rod_has_exactly_six_zero_eigenvalues(name, order, rule):
 
 @pytest.mark.parametrize(("n", "order"), [(16, 4), (32, 1), (32, 3), (64, 1), (64, 2)])
 def test_the_default_rule_sees_the_waves_of_a_section_of_many_points(n, order, cylinder):
-    """A wave of order n / 2 lives within 1 / n of the circle; a rule that looks nowhere near there has it nearly free."""
+    """A wave of order n / 2 lives within 1 / n of the circle; a rule that looks nowhere near has it nearly free."""
     auto, fine = (
         spectrum(stiffness(Space(cylinder(n, height=2.0), order=order, quadrature=rule))) for rule in ("auto", "13x2")
     )

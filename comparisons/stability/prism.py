@@ -27,16 +27,17 @@ def stiffness(space: Space, kind: str, a: float, b: float, length: float) -> tup
     # Rotations are linear in the position, whose coefficients are those of the rod's map.
     axis = {"torsion": 2, "weak": 0, "strong": 1}[kind]
     turn = np.cross(
-        np.eye(3)[axis] * ANGLE, space.positions[ends[1]] - space.carries[ends[1], None] * np.array([0.0, 0.0, length])
+        np.eye(3)[axis] * ANGLE,
+        space.positions[ends[1]] - space.is_carrier[ends[1], None] * np.array([0.0, 0.0, length]),
     )
     held = "xy" if kind == "torsion" else "z"
     supports = [Support(ends[0], held), Support(ends[1], held, turn)]
     # What the faces leave free of rigid motions, held where it takes no force.
-    first = int(np.argmax(space.carries))
+    first = int(np.argmax(space.is_carrier))
     if kind == "torsion":
         supports.append(Support(np.array([first]), "z"))
     else:
-        other = 1 if space.polynomials else space.points_around // 2
+        other = space.points_around // 2 if space.basis.on_surface else 1
         supports += [Support(np.array([first]), "xy"), Support(np.array([other]), "y")]
     model = Model([Body(space, LinearElastic(E, NU))], supports)
     found = statics.solve(model)

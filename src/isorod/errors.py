@@ -22,6 +22,6 @@ def whole_number(name: str, value: float, low: int, high: int) -> int:
 
 
 def representable(name: str, value: float) -> None:
-    """Raise `InputError` if a positive value is so far from one that products with it leave the range of double precision."""
+    """Raise `InputError` if a positive value is so far from one that products with it leave double precision."""
     if not 1e-100 <= value <= 1e100:
         raise InputError(f"{name}: got {value:g}, need 1e-100 to 1e100; choose other units")

@@ -27,7 +27,7 @@ def inverse(matrices: Array) -> tuple[Array, Array]:
 
 
 def _entries(matrices: Array) -> Array:
-    """Return the entries row by row, each in an array of its own, shape ``(9, m)``: sums over these run along memory."""
+    """Return the entries row by row, each in an array of its own, ``(9, m)``: sums over these run along memory."""
     return np.ascontiguousarray(matrices.reshape(-1, 9).T)
 
 

@@ -1,20 +1,24 @@
 """The compiled element loops.
 
 Shapes: ``E`` elements, ``t`` quadrature points along each, ``q`` in the section, ``n`` section functions, ``l = p + 1``
-axis functions; an element's nodes run layer by layer.  ``section``, ``axial``, ``slopes``, ``inverse``, ``weights`` are
-those of `isorod.space.Table`.  The sums are factorised: sections first, then along the axis.
+axis functions; an element's nodes run layer by layer.  The sums are factorised: sections first, then along the axis.
 """
 
 import numpy as np
-from numba import njit
+from numba import i8, njit, types
 
 from isorod.arrays import Array
-from isorod.compiled import F3, F4, F5, FAST
+from isorod.compiled import F2, F3, F4, F5, FAST, R2
+from isorod.space.space import Table
+
+# In the order of the table's fields; points in the section are kept ones.
+TABLE = types.NamedTuple([i8, F2, R2, F3, F3, F3, F5, F3], Table)
 
 
-@njit(F5(F3, F3, F3, F5, F4), **FAST)
-def deformation_gradients(section: Array, axial: Array, slopes: Array, inverse: Array, nodal: Array) -> Array:
+@njit(F5(TABLE, F4), **FAST)
+def deformation_gradients(table: Table, nodal: Array) -> Array:
     """Return ``F`` ``(E, t, q, 3, 3)`` of the nodal displacements ``(E, l, n, 3)``."""
+    section, axial, slopes, inverse = table.section, table.axial, table.slopes, table.inverse
     elements, along, functions = axial.shape
     points, _, n = section.shape
     result = np.empty((elements, along, points, 3, 3))
@@ -55,11 +59,10 @@ def deformation_gradients(section: Array, axial: Array, slopes: Array, inverse: 
     return result
 
 
-@njit(F4(F3, F3, F3, F5, F3, F5), **FAST)
-def internal_forces(
-    section: Array, axial: Array, slopes: Array, inverse: Array, weights: Array, stress: Array
-) -> Array:
+@njit(F4(TABLE, F5), **FAST)
+def internal_forces(table: Table, stress: Array) -> Array:
     """Return the nodal forces ``(E, l, n, 3)`` of the first Piola-Kirchhoff stress ``(E, t, q, 3, 3)``."""
+    section, axial, slopes, inverse, weights = table.section, table.axial, table.slopes, table.inverse, table.weights
     elements, along, functions = axial.shape
     points, _, n = section.shape
     result = np.zeros((elements, functions, n, 3))
@@ -91,7 +94,10 @@ def internal_forces(
 
 @njit(F5(F3, F3, F3), **FAST)
 def mass(section: Array, axial: Array, weights: Array) -> Array:
-    """Return the integrals ``(E, l, n, l, n)`` of products of two functions, the weights being masses."""
+    """Return the integrals ``(E, l, n, l, n)`` of products of two functions, the weights ``(E, t, q)`` being masses.
+
+    ``section`` ``(q, 3, n)`` and ``axial`` ``(E, t, l)`` are as in `isorod.space.space.Table`.
+    """
     elements, along, functions = axial.shape
     points, _, n = section.shape
     result = np.zeros((elements, functions, n, functions, n))

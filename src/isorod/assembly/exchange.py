@@ -1,4 +1,4 @@
-"""The degrees of freedom that a rank's elements have, and how their values come from vectors of unknowns and go there."""
+"""The degrees of freedom of a rank's elements, and how values come from vectors of unknowns and go there."""
 
 from collections.abc import Callable
 from functools import cached_property
@@ -7,17 +7,6 @@ import numpy as np
 from petsc4py import PETSc
 
 from isorod.arrays import Array, Index
-from isorod.model.body import Body
-from isorod.model.model import Model
-
-
-def numbers(model: Model, first: Index, layer_dofs: Callable[[Body], int]) -> Index:
-    """Return an assembler's number of each of the model's degrees of freedom, ascending."""
-    found = [np.empty(0, np.int64)]
-    for b, body in enumerate(model.bodies):
-        layers = np.arange(body.space.layers)[:, None] * layer_dofs(body)
-        found.append((first[b] + layers + np.arange(3 * body.space.layer_nodes)).ravel())
-    return np.concatenate(found)
 
 
 class Exchange:
@@ -31,7 +20,7 @@ class Exchange:
         Unknown of each of the assembler's degrees of freedom, -1 if it is held.
     window
         Those that this rank has, ascending; None where it has them all.
-    places
+    numbers
         Returns the assembler's number of each of the model's degrees of freedom, ascending.
     bound
         The model's degrees of freedom that supports hold or tie.
@@ -42,10 +31,10 @@ class Exchange:
         vector: PETSc.Vec | None,
         free: Index,
         window: Index | None,
-        places: Callable[[], Index],
+        numbers: Callable[[], Index],
         bound: Index,
     ) -> None:
-        self._vector, self._window, self._number, self._bound = vector, window, places, bound
+        self._vector, self._window, self._numbers, self._bound = vector, window, numbers, bound
         mine = free if window is None else free[window]
         self._slots = np.flatnonzero(mine >= 0)
         self._unknowns = mine[self._slots]
@@ -93,26 +82,26 @@ class Exchange:
         return PETSc.Scatter.toAll(self._vector)
 
     @cached_property
-    def places(self) -> Index:
+    def numbers(self) -> Index:
         """The assembler's number of each of the model's degrees of freedom."""
-        return self._number()
+        return self._numbers()
 
     @cached_property
     def moved(self) -> tuple[Index, Index]:
         """The model's degrees of freedom that this rank has, and their slots."""
         if self._window is None:
-            return np.arange(self.places.size), self.places
-        of_place = np.full(max(int(self._window.max(initial=-1)), int(self.places.max(initial=-1))) + 1, -1)
-        of_place[self.places] = np.arange(self.places.size)
-        moved = of_place[self._window]
+            return np.arange(self.numbers.size), self.numbers
+        of_number = np.full(max(int(self._window.max(initial=-1)), int(self.numbers.max(initial=-1))) + 1, -1)
+        of_number[self.numbers] = np.arange(self.numbers.size)
+        moved = of_number[self._window]
         slots = np.flatnonzero(moved >= 0)
         return moved[slots], slots
 
     @cached_property
     def bound(self) -> tuple[Index, Index]:
-        """Those of the model's held or tied degrees of freedom, counted among these, that this rank has, and their slots."""
+        """Those of the model's bound degrees of freedom, counted among these, that this rank has, and their slots."""
         moved, slots = self.moved
-        of_bound = np.full(self.places.size, -1)
+        of_bound = np.full(self.numbers.size, -1)
         of_bound[self._bound] = np.arange(self._bound.size)
         number = of_bound[moved]
         return number[number >= 0], slots[number >= 0]

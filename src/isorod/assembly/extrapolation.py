@@ -20,7 +20,7 @@ SLENDER = 20.0
 
 
 def pays(rod: Rod) -> bool:
-    """Whether a rod is slender: its centre line at least `SLENDER` times as long as its largest section is wide from its centre."""
+    """Whether a rod is slender: `SLENDER` times as long as its largest section is wide from its centre, or longer."""
     centers = rod.control_points.mean(axis=1)
     length = np.linalg.norm(np.diff(centers, axis=0), axis=1).sum()
     radius = np.linalg.norm(rod.control_points - centers[:, None], axis=2).max()
@@ -70,7 +70,7 @@ def _solve(F: Array, P: Array, S: Array) -> None:
 def _extrapolate(
     F: Array, P: Array, moduli: Array, F0: Array, P0: Array, moduli0: Array, excess0: Array, excess: Array
 ) -> None:
-    """Fill ``excess`` with ``S' - S`` and add it to the moduli ``(m, 9, 9)``; those of the last state hold their own excess."""
+    """Fill ``excess`` with ``S' - S`` and add it to moduli ``(m, 9, 9)``; those of the last state hold their own."""
     S, S0, step, grown, gained = (
         np.empty((3, 3)),
         np.empty((3, 3)),

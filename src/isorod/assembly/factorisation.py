@@ -27,7 +27,7 @@ WIDE = 150
 
 
 def factorisation(assembler: Assembler, prefix: str = "", symmetric: bool = True) -> dict[str, object]:
-    """Return the options of the direct solver that suits a model: `isorod.petsc.banded` where its matrices are, else MUMPS.
+    """Return the options of the direct solver that suits a model: `isorod.petsc.banded` for bands, else MUMPS.
 
     Where a factorisation is typed, its ordering; where another preconditioner is, there are none: it may take some of
     them for its own.
@@ -39,7 +39,7 @@ def factorisation(assembler: Assembler, prefix: str = "", symmetric: bool = True
     width = max(3 * body.space.element_nodes.shape[1] for body in assembler.model.bodies)
     # Contact couples bodies, which are far from each other in the numbering.
     # The mixed formulation's tangent is indefinite and needs pivots.
-    plain = assembler.contact is None and not _is_mixed(assembler.model) and assembler.comm.getSize() == 1
+    plain = assembler.contact is None and not is_mixed(assembler.model) and assembler.comm.getSize() == 1
     if plain and symmetric and not own and suits(assembler.model):
         chosen = BAND
     else:
@@ -47,7 +47,8 @@ def factorisation(assembler: Assembler, prefix: str = "", symmetric: bool = True
     return {f"{prefix}{name}": value for name, value in chosen.items()}
 
 
-def _is_mixed(model: Model) -> bool:
+def is_mixed(model: Model) -> bool:
+    """Return whether a body of the model has the mixed formulation."""
     return any(body.formulation == "mixed" for body in model.bodies)
 
 
@@ -56,7 +57,7 @@ _WIDE = 1.5
 
 
 def suits(model: Model) -> bool:
-    """Return whether the unknowns of each element are near each other in their numbering, as those of an open rod are."""
+    """Return whether the unknowns of each element have numbers near each other, as those of an open rod have."""
     for body, first in zip(model.bodies, model.first_node[:-1], strict=True):
         nodes = first + body.space.element_nodes
         unknowns = model.free.reshape(-1, 3)[nodes].reshape(nodes.shape[0], -1)

@@ -9,15 +9,15 @@ Taylor & Pister, CMAME 51 (1985) 177-208), where a law is ``W = psi + kappa/2 th
 from typing import cast
 
 import numpy as np
-from numba import njit, void
 from petsc4py import PETSc
 
-from isorod.arrays import Array
-from isorod.assembly import element_kernel, stiffness_kernel
+from isorod.arrays import Array, Index
+from isorod.assembly import element_kernel, mixed_kernel, stiffness_kernel
 from isorod.assembly.assembler import Assembler
+from isorod.assembly.exchange import Exchange
 from isorod.assembly.extrapolation import Extrapolation
 from isorod.assembly.part import Part
-from isorod.compiled import F2, F3, F5, F6, F7, FAST
+from isorod.assembly.split import Share
 from isorod.errors import InputError
 from isorod.material.along_rod import shear_laws, volume_change
 from isorod.material.law import Split
@@ -25,79 +25,12 @@ from isorod.model.body import Body
 from isorod.model.load import Spin
 
 
-@njit(F6(F3, F3, F3, F5, F3, F5, F2, F3), **FAST)
-def coupling(
-    section: Array,
-    axial: Array,
-    slopes: Array,
-    inverse: Array,
-    weights: Array,
-    slope: Array,
-    across: Array,
-    along: Array,
-) -> Array:
-    """Return the matrices ``(E, l, n, 3, l - 1, m)`` of displacements and pressures.
-
-    ``slope`` ``(E, t, q, 3, 3)`` is ``d theta / dF``; ``across`` ``(q, m)`` and ``along`` ``(E, t, l - 1)`` are the
-    pressure functions, the rest is as in `isorod.assembly.element_kernel`.
-    """
-    elements, points_along, functions = axial.shape
-    points, _, n = section.shape
-    pressures = across.shape[1]
-    result = np.zeros((elements, functions, n, 3, functions - 1, pressures))
-    plane = np.empty((n, 3, pressures))
-    axis = np.empty((n, 3, pressures))
-    for e in range(elements):
-        for t in range(points_along):
-            plane[:] = 0.0
-            axis[:] = 0.0
-            for q in range(points):
-                for a in range(3):
-                    s = np.empty(3)
-                    for d in range(3):
-                        s[d] = weights[e, t, q] * (
-                            slope[e, t, q, a, 0] * inverse[e, t, q, d, 0]
-                            + slope[e, t, q, a, 1] * inverse[e, t, q, d, 1]
-                            + slope[e, t, q, a, 2] * inverse[e, t, q, d, 2]
-                        )
-                    for i in range(n):
-                        x = s[0] * section[q, 0, i] + s[1] * section[q, 1, i]
-                        y = s[2] * section[q, 2, i]
-                        for k in range(pressures):
-                            plane[i, a, k] += x * across[q, k]
-                            axis[i, a, k] += y * across[q, k]
-            for j in range(functions):
-                for i in range(n):
-                    for a in range(3):
-                        for m in range(functions - 1):
-                            x = along[e, t, m] * axial[e, t, j]
-                            y = along[e, t, m] * slopes[e, t, j]
-                            for k in range(pressures):
-                                result[e, j, i, a, m, k] += x * plane[i, a, k] + y * axis[i, a, k]
-    return result
-
-
-@njit(void(F7, F5, F3), **FAST)
-def _add_curvature(tangent: Array, slope: Array, pressure: Array) -> None:
-    """Add ``p d^2 ln J / dF^2 = -p G_aB G_bA`` to tangent moduli ``(E, t, q, 3, 3, 3, 3)``, ``G = F^-T``."""
-    elements, along, points = pressure.shape
-    for e in range(elements):
-        for t in range(along):
-            for q in range(points):
-                for a in range(3):
-                    for A in range(3):
-                        for b in range(3):
-                            for B in range(3):
-                                tangent[e, t, q, a, A, b, B] -= (
-                                    pressure[e, t, q] * slope[e, t, q, a, B] * slope[e, t, q, b, A]
-                                )
-
-
 class MixedPart(Part):
     """The elements of one body; a layer of a mixed one holds its displacements, then its pressures."""
 
-    def __init__(self, body: Body, *arguments: int) -> None:
-        super().__init__(body, *arguments)
+    def __init__(self, share: Share, free: Index, exchange: Exchange) -> None:
+        super().__init__(share, free, exchange)
+        body = share.body
         self.moves = 3 * body.space.layer_nodes
         self.mixed = body.pressures is not None
         self._last: tuple[Extrapolation | None, Array, Array] | None = None
@@ -105,13 +38,8 @@ class MixedPart(Part):
             self.across, self.along = body.pressures.tabulate(self.table)
             self.across *= body.pressure_unit
             self.laws = shear_laws(self.laws)
-            first, last = self.table.first, self.table.first + self.table.elements
-            self.compliance = np.array([1.0 / cast(Split, law).lame for law in body.laws[first:last]])[:, None, None]
-
-    @staticmethod
-    def layer_dofs(body: Body) -> int:
-        """Return the number of degrees of freedom of a layer."""
-        return 3 * body.space.layer_nodes + (body.pressures.count if body.pressures is not None else 0)
+            laws = body.laws[share.first : share.last]
+            self.compliance = np.array([1.0 / cast(Split, law).lame for law in laws])[:, None, None]
 
     def nodal(self, local: Array) -> Array:
         """Return the nodal displacements, shape ``(E, l, n, 3)``."""
@@ -139,7 +67,7 @@ class MixedPart(Part):
         F, p = self.gradients(local), self.pressure(local)
         theta, slope = volume_change(self.laws, F)
         stress = self.laws.at(factor).stress(F) + p[..., None, None] * slope
-        forces = element_kernel.internal_forces(t.section, t.axial, t.slopes, t.inverse, t.weights, stress)
+        forces = element_kernel.internal_forces(t, stress)
         result = self._padded(forces)
         gap = (t.weights * (theta - self.compliance * p)) @ self.across
         result[:, :-1, self.moves :] = np.einsum("etj,etk->ejk", self.along, gap)
@@ -156,13 +84,13 @@ class MixedPart(Part):
         tangent = np.array(laws.tangent(F), order="C")
         for law, first, last in self.laws.runs:
             if cast(Split, law).logarithmic:
-                _add_curvature(tangent[first:last], slope[first:last], p[first:last])
+                mixed_kernel.add_curvature(tangent[first:last], slope[first:last], p[first:last])
         if self.extrapolation is not None:
             stress = laws.stress(F) + p[..., None, None] * slope
             tangent = self._pressed(self.extrapolation.tangent(F, stress, tangent), p, slope)
         none = np.zeros((tangent.shape[0], 2))
-        stiffness = stiffness_kernel.stiffness(t.section, t.axial, t.slopes, t.inverse, t.weights, tangent, none)
-        both = coupling(t.section, t.axial, t.slopes, t.inverse, t.weights, slope, self.across, self.along)
+        stiffness = stiffness_kernel.stiffness(t, tangent, none)
+        both = mixed_kernel.coupling(t, slope, self.across, self.along)
         values = np.ascontiguousarray(np.repeat(self.across[:, None, :], 3, axis=1))
         own = element_kernel.mass(values, self.along, -self.compliance * t.weights)
         elements, layers = self.layers.shape
@@ -178,7 +106,7 @@ class MixedPart(Part):
         return self.pattern.merge(self.matrices(local, factor))
 
     def _pressed(self, tangent: Array, p: Array, slope: Array) -> Array:
-        """Return an extrapolated tangent with the pressure's share: its change since the last tangent, times ``F0^-1 F0^-T``."""
+        """Return an extrapolated tangent with the pressure's share: its change since the last by ``F0^-1 F0^-T``."""
         last, self._last = self._last, (self.extrapolation, p, slope)
         if last is None or last[0] is not self.extrapolation:
             return tangent
@@ -223,6 +151,11 @@ class MixedAssembler(Assembler):
     part = MixedPart
     formulations = ("displacement", "mixed")
 
+    @staticmethod
+    def layer_dofs(body: Body) -> int:
+        """Return the number of degrees of freedom of a layer."""
+        return 3 * body.space.layer_nodes + (body.pressures.count if body.pressures is not None else 0)
+
     def _number(self) -> None:
         model = self.model
         if model.contacts:
@@ -231,7 +164,7 @@ class MixedAssembler(Assembler):
         first, labels, count = [0], [], model.unknowns
         for b, body in enumerate(model.bodies):
             own = model.free[3 * model.first_node[b] : 3 * model.first_node[b + 1]].reshape(body.space.layers, -1)
-            pressures = np.full((own.shape[0], self.part.layer_dofs(body) - own.shape[1]), -1)
+            pressures = np.full((own.shape[0], self.layer_dofs(body) - own.shape[1]), -1)
             if body.pressures is not None:
                 pressures[: body.pressures.layers] = count + np.arange(body.pressures.size).reshape(
                     -1, body.pressures.count
@@ -263,7 +196,7 @@ class MixedAssembler(Assembler):
         return unknowns[self._number_of[: self.model.unknowns]]
 
     def pressures(self, x: PETSc.Vec) -> list[Array | None]:
-        """Return each body's pressure coefficients (`isorod.space.pressure.Pressures`), force per area; None where it has none."""
+        """Return each body's coefficients of its `isorod.space.pressure.Pressures`, force per area, or None."""
         unknowns = self.all_unknowns(x)[self._number_of]
         found: list[Array | None] = []
         first = self.model.unknowns

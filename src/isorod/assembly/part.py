@@ -6,39 +6,51 @@ import numpy as np
 
 from isorod.arrays import Array, Index
 from isorod.assembly import element_kernel
-from isorod.assembly.entries import Entries, Numbered
+from isorod.assembly.exchange import Exchange
 from isorod.assembly.extrapolation import Extrapolation
-from isorod.assembly.pattern import Pattern
+from isorod.assembly.pattern import Entries, Numbered, Pattern
+from isorod.assembly.split import Share
 from isorod.assembly.stiffness_kernel import merged_stiffness, stiffness
-from isorod.model.body import Body
 from isorod.model.load import Spin
-from isorod.space.space import Table
 
 
 class Part:
-    """The elements of one body that this rank assembles."""
+    """The elements of one body that this rank assembles.
 
-    def __init__(self, body: Body, index: int, first_node: int, first_dof: int, first: int, last: int) -> None:
-        self.body = body
-        self.index = index
-        self.table: Table = body.space.tabulate(first, last)
+    Parameters
+    ----------
+    share
+        Which they are.
+    free
+        Unknown of each of the assembler's degrees of freedom, -1 if it is held.
+    exchange
+        Where their values are on this rank.
+
+    Attributes
+    ----------
+    dofs, slots
+        Degrees of freedom of each element, and where this rank has their values, shape ``(E, l width)``.
+    width
+        Degrees of freedom of a layer.
+    extrapolation
+        What extrapolates the stress of the tangents, if anything does.
+    """
+
+    def __init__(self, share: Share, free: Index, exchange: Exchange) -> None:
+        body = share.body
+        self.body, self.which = body, share.which
+        self.first_node, self.first_dof = share.first_node, share.first_dof
+        self.table = body.space.tabulate(share.first, share.last)
         self.laws = body.laws_at(self.table.u)
-        self.layers = body.space.element_layers[first:last]
-        self.width = self.layer_dofs(body)
-        dofs = first_dof + self.width * self.layers[:, :, None] + np.arange(self.width)
-        self.dofs: Index = dofs.reshape(self.layers.shape[0], -1)
+        self.layers = share.layers
+        self.width = share.width
+        self.dofs = share.dofs
+        self.slots = exchange.slots(self.dofs)
         self.shape = (*self.layers.shape, body.space.layer_nodes, 3)
-        self.slots: Index = np.empty(0, dtype=np.int64)
-        # As `layers`, negative where supports hold all of a layer; the assembler, which knows, fills it in.
-        self.free_layers: Index = self.layers
         self.extrapolation: Extrapolation | None = None
-        self.first_node = first_node
-        self.first_dof = first_dof
-
-    @staticmethod
-    def layer_dofs(body: Body) -> int:
-        """Return the number of degrees of freedom of a layer."""
-        return 3 * body.space.layer_nodes
+        # As the layers, negative where supports hold all of one.
+        held = free[self.first_dof :][: body.space.layers * self.width].reshape(-1, self.width).max(axis=1) < 0
+        self.free_layers = np.where(held[self.layers], -1, self.layers)
 
     @cached_property
     def pattern(self) -> Pattern:
@@ -54,7 +66,7 @@ class Part:
         return mass.reshape(mass.shape[0], mass.shape[1] * mass.shape[2], -1)
 
     def mass_entries(self, lumped: bool, number: Index) -> tuple[Entries, Array]:
-        """Return where in a matrix with ``number`` of each of the model's nodes the mass of one component is, and that mass."""
+        """Return where in a matrix the mass of one component is, and that mass; nodes have their ``number`` there."""
         if lumped:
             nodes = number[self.dofs[:, ::3].ravel() // 3]
             return (nodes, nodes), self.lumped_mass().ravel()
@@ -64,15 +76,15 @@ class Part:
     def lumped_mass(self) -> Array:
         """Return the element masses of one component, shape ``(E, l n)``."""
         space = self.body.space
-        carries = space.carries[space.element_nodes[0]]
+        carriers = space.is_carrier[space.element_nodes[0]]
         diagonal = np.einsum("eii->ei", self.mass)
-        return np.where(carries, self.mass @ carries.astype(float), diagonal)
+        return np.where(carriers, self.mass @ carriers.astype(float), diagonal)
 
     def centrifugal(self, local: Array, spin: Spin) -> Array:
         """Return the centrifugal forces, shape of ``dofs``."""
         space = self.body.space
         nodes = space.element_nodes[self.table.first : self.table.first + self.table.elements]
-        center = space.carries[nodes, None] * np.array(spin.center)
+        center = space.is_carrier[nodes, None] * np.array(spin.center)
         arm = space.positions[nodes] - center + self.nodal(local).reshape(*nodes.shape, 3)
         return (self.mass @ arm @ spin.field).reshape(nodes.shape[0], -1)
 
@@ -87,8 +99,7 @@ class Part:
 
     def gradients(self, local: Array) -> Array:
         """Return the deformation gradients, shape ``(E, t, q, 3, 3)``."""
-        t = self.table
-        return element_kernel.deformation_gradients(t.section, t.axial, t.slopes, t.inverse, self.nodal(local))
+        return element_kernel.deformation_gradients(self.table, self.nodal(local))
 
     def energy(self, local: Array, factor: float) -> float:
         """Return the stored energy."""
@@ -96,25 +107,20 @@ class Part:
 
     def forces(self, local: Array, factor: float) -> Array:
         """Return the internal forces, shape of ``dofs``."""
-        t = self.table
         stress = self.laws.at(factor).stress(self.gradients(local))
-        forces = element_kernel.internal_forces(t.section, t.axial, t.slopes, t.inverse, t.weights, stress)
-        return forces.reshape(self.dofs.shape)
+        return element_kernel.internal_forces(self.table, stress).reshape(self.dofs.shape)
 
     def matrices(self, local: Array, factor: float) -> Array:
         """Return the element tangents, shape ``(E, l n 3, l n 3)``."""
-        t = self.table
-        matrices = stiffness(t.section, t.axial, t.slopes, t.inverse, t.weights, *self._moduli(local, factor))
+        matrices = stiffness(self.table, *self._moduli(local, factor))
         return matrices.reshape(*self.dofs.shape, self.dofs.shape[1])
 
     def entries(self, local: Array, factor: float) -> Array:
-        """Return the sum of the element tangents as entries of the pattern; they themselves, much larger, are not kept."""
-        t, (tangent, isotropic), (start, width, total) = self.table, self._moduli(local, factor), self.pattern.places
-        geometry = t.section, t.axial, t.slopes, t.inverse, t.weights
-        return merged_stiffness(*geometry, tangent, isotropic, start, width, total)
+        """Return the sum of the element tangents, much larger, as entries of the pattern."""
+        return merged_stiffness(self.table, *self._moduli(local, factor), self.pattern.blocks)
 
     def _moduli(self, local: Array, factor: float) -> tuple[Array, Array]:
-        """Return the moduli as `isorod.assembly.stiffness_kernel.stiffness` takes them: at points, or Lame's parameters of elements."""
+        """Return the moduli at points, and Lame's parameters of elements, which stand for them where there are none."""
         laws, elements = self.laws.at(factor), self.layers.shape[0]
         isotropic = laws.isotropic
         if isotropic is not None:

@@ -5,6 +5,9 @@ up before PETSc sees them.  On one rank they are the matrix's compressed rows as
 preallocation has a third of the entries to sort, and finds them sorted.
 """
 
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
 import numpy as np
 from petsc4py import PETSc
 
@@ -22,41 +25,59 @@ class Pattern:
         Layers of each element, shape ``(E, l)``; negative where supports hold a layer, which then has no entries.
     size
         Entries of a layer: nodes, or degrees of freedom.
+
+    Attributes
+    ----------
+    blocks
+        Where blocks of element matrices are among the entries (`isorod.assembly.pattern_kernel.Blocks`).
     """
 
     def __init__(self, element_layers: Index, size: int) -> None:
         self.size = size
-        self._layers, self._first, self._columns, self._start, self._width, self.total = pattern_kernel.pattern(
-            np.ascontiguousarray(element_layers), size
-        )
-
-    @property
-    def places(self) -> tuple[Index, Index, int]:
-        """Where each element's blocks of layers begin, how far their rows are apart, and the number of entries, as `isorod.assembly.pattern_kernel.pattern` says."""
-        return self._start, self._width, self.total
+        self._coupling, self.blocks = pattern_kernel.pattern(np.ascontiguousarray(element_layers), size)
 
     def indices(self, number: Index) -> tuple[Index, Index]:
         """Return row and column of each entry, shape ``(total,)``, as numbers of what is at ``layer size + place``."""
-        return pattern_kernel.pattern_indices(
-            self._layers, self._first, self._columns, self.size, self.total, np.ascontiguousarray(number)
-        )
+        return pattern_kernel.pattern_indices(self._coupling, np.ascontiguousarray(number))
 
     def compressed_rows(self, number: Index, size: int) -> Rows | None:
-        """Return the entries that have a number as the compressed rows of a matrix of ``size``, or None if numbers do not ascend."""
-        there = number[: number.size // self.size * self.size].reshape(-1, self.size)[self._layers]
+        """Return the entries that have a number as compressed rows of a matrix of ``size``; None if some descend."""
+        total = self.blocks.total
+        there = number[: number.size // self.size * self.size].reshape(-1, self.size)[self._coupling.layers]
         whole = bool((there >= 0).all())
-        start, column = np.empty(size + 1, dtype=PETSc.IntType), np.empty(self.total, dtype=PETSc.IntType)
-        places = np.empty(0 if whole else self.total, dtype=np.int64)
-        count = pattern_kernel.pattern_rows(
-            *(self._layers, self._first, self._columns, self.size),
-            *(np.ascontiguousarray(number), places, start, column),
-        )
-        if count < 0 or self.total > np.iinfo(PETSc.IntType).max:
+        start, column = np.empty(size + 1, dtype=PETSc.IntType), np.empty(total, dtype=PETSc.IntType)
+        entries = np.empty(0 if whole else total, dtype=np.int64)
+        count = pattern_kernel.pattern_rows(self._coupling, np.ascontiguousarray(number), entries, start, column)
+        if count < 0 or total > np.iinfo(PETSc.IntType).max:
             return None
-        return Rows(None if whole else places[:count], start, column[:count])
+        return Rows(None if whole else entries[:count], start, column[:count])
 
-    def merge(self, blocks: Array) -> Array:
+    def merge(self, matrices: Array) -> Array:
         """Return the entries ``(total,)`` of the sum of element matrices ``(E, l size, l size)``."""
-        elements, functions, _ = self._start.shape
-        shaped = blocks.reshape(elements, functions, self.size, functions, self.size)
-        return pattern_kernel.merge(shaped, self._start, self._width, self.total)
+        elements, functions, _ = self.blocks.start.shape
+        shaped = matrices.reshape(elements, functions, self.size, functions, self.size)
+        return pattern_kernel.merge(shaped, self.blocks)
+
+
+class Numbered(NamedTuple):
+    """The entries of a pattern: what is at ``layer size + place`` has this number, negative if it is held."""
+
+    pattern: Pattern
+    number: Index
+
+
+# Where the entries of a matrix are: in a pattern, or rows and columns of each.
+Entries = Numbered | tuple[Index, Index]
+
+
+def rows_and_columns(entries: Sequence[Entries]) -> tuple[Index, Index]:
+    """Return rows and columns of all entries, those of held degrees of freedom negative."""
+    pairs = [one.pattern.indices(one.number) if isinstance(one, Numbered) else one for one in entries]
+    return joined([pair[0] for pair in pairs], int), joined([pair[1] for pair in pairs], int)
+
+
+def joined(arrays: Sequence[Any], kind: type) -> Any:
+    """Return one array of several, or of none."""
+    if len(arrays) == 1:
+        return arrays[0]
+    return np.concatenate([np.empty(0, dtype=kind), *arrays])

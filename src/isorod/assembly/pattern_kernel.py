@@ -1,6 +1,6 @@
 """Sparsity patterns of layered elements, compiled."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import i8, njit, types
@@ -9,13 +9,34 @@ from isorod.arrays import Array, Index
 from isorod.compiled import F1, F5, FAST, I1, I2, I3
 
 
-@njit(types.Tuple((I1, I1, I1, I3, I2, i8))(I2, i8), **FAST)
-def pattern(element_layers: Index, size: int) -> tuple[Index, Index, Index, Index, Index, int]:
-    """Return how elements couple layers of ``size`` entries, row by row (`isorod.assembly.pattern.Pattern`); negative layers are none.
+class Coupling(NamedTuple):
+    """Layer ``layers[r]`` couples with the layers ``columns[first[r] : first[r + 1]]``, ``size`` entries in each."""
 
-    Those are the layers that have rows; where the columns of each begin, and the columns' layers; where the block
-    ``j, m`` of an element begins, -1 if it has no place, and how far its rows are apart; the number of entries.
+    layers: Index
+    first: Index
+    columns: Index
+    size: int
+
+
+class Blocks(NamedTuple):
+    """Where the blocks of element matrices are among ``total`` entries.
+
+    Block ``j, m`` of element ``e`` begins at ``start[e, j, m]``, negative if it has no place; its rows are
+    ``width[e, j]`` entries apart.
     """
+
+    start: Index
+    width: Index
+    total: int
+
+
+COUPLING = types.NamedTuple([I1, I1, I1, i8], Coupling)
+BLOCKS = types.NamedTuple([I3, I2, i8], Blocks)
+
+
+@njit(types.Tuple((COUPLING, BLOCKS))(I2, i8), **FAST)
+def pattern(element_layers: Index, size: int) -> tuple[Coupling, Blocks]:
+    """Return how elements ``(E, l)`` couple layers of ``size`` entries, row by row; negative layers are none."""
     elements, functions = element_layers.shape
     count = element_layers.max() + 1
     keys = np.empty(elements * functions * functions, dtype=np.int64)
@@ -44,17 +65,14 @@ def pattern(element_layers: Index, size: int) -> tuple[Index, Index, Index, Inde
                     continue
                 pair = np.searchsorted(pairs, element_layers[e, j] * count + element_layers[e, m])
                 start[e, j, m] = size * (first[row] * size + pair - first[row])
-    return layers, first, columns, start, width, pairs.size * size * size
+    return Coupling(layers, first, columns, size), Blocks(start, width, pairs.size * size * size)
 
 
-@njit(types.UniTuple(I1, 2)(I1, I1, I1, i8, i8, I1), **FAST)
-def pattern_indices(
-    layers: Index, first: Index, columns: Index, size: int, total: int, number: Index
-) -> tuple[Index, Index]:
-    """Return the numbers of row and column of each entry of an `isorod.assembly.pattern.Pattern`.
-
-    Row layer ``layers[r]`` couples with the layers ``columns[first[r] : first[r + 1]]``.
-    """
+@njit(types.UniTuple(I1, 2)(COUPLING, I1), **FAST)
+def pattern_indices(coupling: Coupling, number: Index) -> tuple[Index, Index]:
+    """Return the numbers of row and column of each entry of an `isorod.assembly.pattern.Pattern`."""
+    layers, first, columns, size = coupling
+    total = columns.size * size * size
     row = np.empty(total, dtype=np.int64)
     column = np.empty(total, dtype=np.int64)
     place = 0
@@ -71,13 +89,23 @@ def pattern_indices(
 
 
 @njit(**FAST)
-def pattern_rows(
-    layers: Index, first: Index, columns: Index, size: int, number: Index, places: Index, start: Any, column: Any
-) -> int:
-    """Fill ``start`` and ``column`` with the compressed rows of the entries of a pattern that have a number, ``places`` with which they are (if it has room: it need not where all are).
+def pattern_rows(coupling: Coupling, number: Index, entries: Index, start: Any, column: Any) -> int:
+    """Fill in the compressed rows of the entries of a pattern that have a number.
 
     Returns how many there are, or -1 if rows or columns do not ascend.
+
+    Parameters
+    ----------
+    coupling
+        Which layers couple.
+    number
+        Number of what is at ``layer size + place``, negative where there is none.
+    entries
+        To be filled with which entries they are, if it has room: it need not where all are.
+    start, column
+        To be filled with the first entry of each row and the columns.
     """
+    layers, first, columns, size = coupling
     total = 0
     place = 0
     row = -1
@@ -108,8 +136,8 @@ def pattern_rows(
                     start[row] = total
                 if total > begin:
                     column[total : total + count] = column[begin : begin + count]
-                for k in range(count if places.size else 0):
-                    places[total + k] = place + near[k]
+                for k in range(count if entries.size else 0):
+                    entries[total + k] = place + near[k]
                 total += count
             place += width
     for i in range(row + 1, start.size):
@@ -117,15 +145,12 @@ def pattern_rows(
     return total
 
 
-@njit(F1(F5, I3, I2, i8), **FAST)
-def merge(blocks: Array, start: Index, width: Index, total: int) -> Array:
-    """Return the sum of element matrices ``(E, l, size, l, size)`` as entries of a pattern.
-
-    Block ``j, m`` of element ``e`` begins at ``start[e, j, m]``, negative if it has no place; its rows are
-    ``width[e, j]`` entries apart.
-    """
-    elements, functions, size = blocks.shape[:3]
-    result = np.zeros(total)
+@njit(F1(F5, BLOCKS), **FAST)
+def merge(matrices: Array, blocks: Blocks) -> Array:
+    """Return the sum of element matrices ``(E, l, size, l, size)`` as entries of a pattern."""
+    elements, functions, size = matrices.shape[:3]
+    start, width = blocks.start, blocks.width
+    result = np.zeros(blocks.total)
     for e in range(elements):
         for j in range(functions):
             for i in range(size):
@@ -134,5 +159,5 @@ def merge(blocks: Array, start: Index, width: Index, total: int) -> Array:
                         continue
                     place = start[e, j, m] + i * width[e, j]
                     for k in range(size):
-                        result[place + k] += blocks[e, j, i, m, k]
+                        result[place + k] += matrices[e, j, i, m, k]
     return result

@@ -7,10 +7,13 @@ components ``a b`` those with ``a <= b`` will do where rows and columns have the
 from typing import NamedTuple
 
 import numpy as np
-from numba import i8, njit
+from numba import njit
 
 from isorod.arrays import Array, Index
-from isorod.compiled import F1, F2, F3, F5, F7, FAST, I2, I3
+from isorod.assembly.element_kernel import TABLE
+from isorod.assembly.pattern_kernel import BLOCKS, Blocks
+from isorod.compiled import F1, F2, F7, FAST
+from isorod.space.space import Table
 
 # The pairs of components a <= b among all nine, and the place of each of the nine, or of its mirror image, among these.
 _UPPER: Index = np.array([0, 1, 2, 4, 5, 8])
@@ -19,7 +22,10 @@ _PLACE: Index = np.array([0, 1, 2, 1, 3, 4, 2, 4, 5])
 
 @njit(**FAST)
 def _pull_back(moduli: Array, half: Array, weight: float, inverse: Array, tangent: Array) -> None:
-    """Fill ``moduli`` ``(d, c, 3 a + b)`` with ``weight dP_aA/dF_bB dxi_d/dx_A dxi_c/dx_B``; ``half`` ``(3, 9)`` is for work."""
+    """Fill ``moduli`` ``(d, c, 3 a + b)`` with ``weight dP_aA/dF_bB dxi_d/dx_A dxi_c/dx_B``.
+
+    ``half`` ``(3, 9)`` is for work.
+    """
     for d in range(3):
         g0 = weight * inverse[d, 0]
         g1 = weight * inverse[d, 1]
@@ -57,7 +63,7 @@ def _pull_back_isotropic(moduli: Array, weight: float, inverse: Array, lame: flo
 
 @njit(**FAST)
 def _place(matrix: Array, j: int, m: int, block: Array) -> None:
-    """Put a block ``(n, 3, n, 3)`` into an element matrix ``(l, n, 3, l, n, 3)``, and its transpose on the other side."""
+    """Put a block ``(n, 3, n, 3)`` into an element matrix ``(l, n, 3, l, n, 3)``, and its transpose across."""
     n = block.shape[0]
     for i in range(n):
         for a in range(3):
@@ -74,7 +80,10 @@ def _place(matrix: Array, j: int, m: int, block: Array) -> None:
 
 @njit(**FAST)
 def _add(entries: Array, start: int, width: int, block: Array, transposed: bool) -> None:
-    """Add a block ``(n, 3, n, 3)``, or its transpose, to the entries that begin at ``start``, rows ``width`` apart; nowhere if negative."""
+    """Add a block ``(n, 3, n, 3)``, or its transpose, to the entries that begin at ``start``, rows ``width`` apart.
+
+    Nothing is added where ``start`` is negative.
+    """
     if start < 0:
         return
     size = 3 * block.shape[0]
@@ -111,6 +120,7 @@ class _Work(NamedTuple):
 
 @njit(**FAST)
 def _work(section: Array, along: int, functions: int) -> _Work:
+    """Return room for elements of so many points and functions along."""
     points, _, n = section.shape
     across = np.empty((n, points, 2))
     whole = np.empty((n, points))
@@ -134,17 +144,10 @@ def _work(section: Array, along: int, functions: int) -> _Work:
 
 
 @njit(**FAST)
-def _blocks(
-    section: Array,
-    axial: Array,
-    slopes: Array,
-    inverse: Array,
-    weights: Array,
-    tangent: Array,
-    isotropic: Array,
-    w: _Work,
-) -> None:
-    """Fill ``w.block`` with one element's blocks of axis functions ``j <= m``, in this order; the arrays are those of the element."""
+def _blocks(table: Table, e: int, tangent: Array, isotropic: Array, w: _Work) -> None:
+    """Fill ``w.block`` with an element's blocks of axis functions ``j <= m``, in this order; moduli are its own."""
+    section, axial, slopes = table.section, table.axial[e], table.slopes[e]
+    inverse, weights = table.inverse[e], table.weights[e]
     along, functions = axial.shape
     points, _, n = section.shape
     pairs = w.block.shape[0]
@@ -196,22 +199,20 @@ def _blocks(
     )
 
 
-@njit(F7(F3, F3, F3, F5, F3, F7, F2), **FAST)
-def stiffness(
-    section: Array, axial: Array, slopes: Array, inverse: Array, weights: Array, tangent: Array, isotropic: Array
-) -> Array:
+@njit(F7(TABLE, F7, F2), **FAST)
+def stiffness(table: Table, tangent: Array, isotropic: Array) -> Array:
     """Return element matrices ``(E, l, n, 3, l, n, 3)`` of the tangent moduli ``dP/dF`` ``(E, t, q, 3, 3, 3, 3)``.
 
     The moduli must have major symmetry, as those of a stored energy do.  Where ``t`` and ``q`` are 0 there, each
     element has those of isotropic linear elasticity, Lame's parameters ``isotropic`` ``(E, 2)``, the second one the
     shear modulus.
     """
-    elements, along, functions = axial.shape
-    n = section.shape[2]
-    work = _work(section, along, functions)
+    elements, along, functions = table.axial.shape
+    n = table.section.shape[2]
+    work = _work(table.section, along, functions)
     result = np.empty((elements, functions, n, 3, functions, n, 3))
     for e in range(elements):
-        _blocks(section, axial[e], slopes[e], inverse[e], weights[e], tangent[e], isotropic[e], work)
+        _blocks(table, e, tangent[e], isotropic[e], work)
         p = 0
         for j in range(functions):
             for m in range(j, functions):
@@ -220,25 +221,15 @@ def stiffness(
     return result
 
 
-@njit(F1(F3, F3, F3, F5, F3, F7, F2, I3, I2, i8), **FAST)
-def merged_stiffness(
-    section: Array,
-    axial: Array,
-    slopes: Array,
-    inverse: Array,
-    weights: Array,
-    tangent: Array,
-    isotropic: Array,
-    start: Index,
-    width: Index,
-    total: int,
-) -> Array:
-    """Return the sum of the same element matrices as entries of an `isorod.assembly.pattern.Pattern`, as `isorod.assembly.pattern_kernel.merge` does."""
-    elements, along, functions = axial.shape
-    work = _work(section, along, functions)
-    result = np.zeros(total)
+@njit(F1(TABLE, F7, F2, BLOCKS), **FAST)
+def merged_stiffness(table: Table, tangent: Array, isotropic: Array, blocks: Blocks) -> Array:
+    """Return the sum of the same element matrices as entries, as `isorod.assembly.pattern_kernel.merge` does."""
+    elements, along, functions = table.axial.shape
+    work = _work(table.section, along, functions)
+    start, width = blocks.start, blocks.width
+    result = np.zeros(blocks.total)
     for e in range(elements):
-        _blocks(section, axial[e], slopes[e], inverse[e], weights[e], tangent[e], isotropic[e], work)
+        _blocks(table, e, tangent[e], isotropic[e], work)
         p = 0
         for j in range(functions):
             for m in range(j, functions):

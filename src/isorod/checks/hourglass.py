@@ -14,7 +14,6 @@ from isorod.assembly.assembler import Assembler
 from isorod.errors import SolveError
 from isorod.geometry.quadrature import Rule
 from isorod.model.model import Model
-from isorod.space.space import Space
 
 # A result is refused if the better rule sees this many times the energy.  Measured: paper's rule 1.0 to 1.3, 2x1x2 on a
 # spring of four quadratic elements a turn 1.9; where hourglass modes are left, 100 and far more.
@@ -27,7 +26,7 @@ def suspected(model: Model) -> bool:
         if body.formulation != "displacement":
             continue
         space = body.space
-        good, given = _chosen(space), space.rule
+        good, given = space.basis.auto(space.axis.degree), space.rule
         # Where elements of degree p are joined without continuous slopes, p points along each leave no motion free of
         # energy: the slope of no polynomial vanishes at all of them.  That is what keeps slender rods from locking, and
         # a better rule sees the very energy that locks.
@@ -42,7 +41,7 @@ def well(model: Model) -> Model:
     """Return the model with rules that have, in each direction, the points that `isorod.geometry.quadrature` would choose, or more."""
     bodies = []
     for body in model.bodies:
-        good, given = _chosen(body.space), body.space.rule
+        good, given = body.space.basis.auto(body.space.axis.degree), body.space.rule
         rule = Rule(*(max(pair) for pair in zip(astuple(good), astuple(given), strict=True)))
         bodies.append(replace(body, space=replace(body.space, quadrature=str(rule))))
     return replace(model, bodies=bodies)
@@ -92,10 +91,6 @@ def check_energy(model: Model, displacement: Array, energy: float, comm: PETSc.C
     if not good <= FACTOR * energy:
         seen = f"{good / energy:.2g} times the stored energy" if good > 0.0 and energy > 0.0 else "inverted points"
         raise SolveError(f"quadrature {_rules(model)}: {_rules(better)} sees {seen}; take more points, or 'auto'")
-
-
-def _chosen(space: Space) -> Rule:
-    return Rule.auto(space.points_around, space.axis.degree, space.order, space.section_degree)
 
 
 def hint(model: Model) -> str:

@@ -70,7 +70,7 @@ def check(
     gap = float(np.linalg.norm(resultant))
     if gap <= tolerance * load:
         return
-    carried = model.carries[model.bound // 3]
+    carried = model.is_carrier[model.bound // 3]
     rounding = np.zeros_like(reactions)
     np.add.at(rounding, (model.support_of[carried], model.bound[carried] % 3), noise[carried])
     sizes = np.linalg.norm(reactions, axis=1)
@@ -97,10 +97,10 @@ def _moments(model: Model, displacement: Array, forces: Array) -> Array:
     result = np.zeros((max(len(model.supports), 1), 3))
     for k in range(len(model.supports)):
         mine = (owner.reshape(-1, 3) == k).any(axis=1)
-        carries = mine & model.carries
+        carries = mine & model.is_carrier
         if not carries.any():
             continue
-        arms = places - model.carries[:, None] * places[carries].mean(axis=0)
+        arms = places - model.is_carrier[:, None] * places[carries].mean(axis=0)
         own = np.where(owner.reshape(-1, 3) == k, nodal, 0.0)
         result[k] = np.cross(arms[mine], own[mine]).sum(axis=0)
     return result

@@ -1,8 +1,10 @@
 """Rigid motions of a model: which the supports leave free, and the near-null space they make."""
 
 import numpy as np
+from petsc4py import PETSc
 
 from isorod.arrays import Array, Index
+from isorod.assembly.assembler import Assembler
 from isorod.errors import SolveError
 from isorod.model.model import Model
 from isorod.space.space import Space
@@ -22,7 +24,7 @@ def motions(space: Space) -> Array:
     arm = _arms(space)
     columns = np.zeros((*arm.shape, 6))
     for a in range(3):
-        columns[space.carries, a, a] = 1.0
+        columns[space.is_carrier, a, a] = 1.0
         b, c = (a + 1) % 3, (a + 2) % 3
         columns[:, b, 3 + a], columns[:, c, 3 + a] = -arm[:, c], arm[:, b]
     return np.linalg.qr(columns.reshape(-1, 6))[0]
@@ -30,8 +32,8 @@ def motions(space: Space) -> Array:
 
 def _arms(space: Space) -> Array:
     """Return the coefficients of the position from a point near the middle."""
-    mean = space.positions[space.carries].mean(axis=0)
-    return space.positions - mean * space.carries[:, None]
+    mean = space.positions[space.is_carrier].mean(axis=0)
+    return space.positions - mean * space.is_carrier[:, None]
 
 
 def _clamped(space: Space, free: Index) -> bool:
@@ -85,13 +87,30 @@ def refuse_free(model: Model) -> None:
         raise SolveError(f"supports: body {body} is free to {how}; hold it")
 
 
+def near_null_space(assembler: Assembler) -> PETSc.NullSpace:
+    """Return the rigid motions of all bodies on the unknowns, for algebraic multigrid."""
+    model = assembler.model
+    vectors: list[PETSc.Vec] = []
+    for b, body in enumerate(model.bodies):
+        for motion in motions(body.space).T:
+            everywhere = np.zeros(model.dofs)
+            everywhere[3 * model.first_node[b] : 3 * model.first_node[b + 1]] = motion
+            vector = assembler.state(everywhere)
+            for other in vectors:
+                vector.axpy(-vector.dot(other), other)
+            vector.normalize()
+            vectors.append(vector)
+    assembler.note("near-null space")
+    return PETSc.NullSpace().create(vectors=vectors, comm=assembler.comm)
+
+
 def describe(space: Space, motion: Array) -> str:
     """Return a motion of a space's nodes ``(nodes, 3)`` in words: where it goes, or about which direction it turns."""
     arm = _arms(space)
-    shift = motion[space.carries].mean(axis=0)
+    shift = motion[space.is_carrier].mean(axis=0)
     turn, *_ = np.linalg.lstsq(
         np.concatenate([np.cross(np.eye(3)[a], arm).reshape(-1, 1) for a in range(3)], axis=1),
-        (motion - shift * space.carries[:, None]).ravel(),
+        (motion - shift * space.is_carrier[:, None]).ravel(),
         rcond=None,
     )
     size = np.abs(arm).max()

@@ -118,7 +118,7 @@ class Axis:
         return _kept_local(self.knots.tobytes(), self.degree, self.weights.tobytes(), where.tobytes())
 
     def refine(self, parts: int = 1, degree: int | None = None, continuity: int | None = None) -> "Axis":
-        """Return the axis whose space contains this one: every element cut in ``parts``, degree raised, C^continuity at new knots.
+        """Return the axis whose space contains this one: elements cut in ``parts``, degree raised, new knots smooth.
 
         Knots that are there already keep the continuity they have (or less, if ``continuity`` asks for less), so that
         the geometry on the new axis is the same.
@@ -165,7 +165,7 @@ class Axis:
         )
 
     def transfer(self, finer: "Axis", points: ArrayLike) -> Array:
-        """Return the control points ``(finer.count, ...)`` on a nested finer axis of the function with ``points`` on this one."""
+        """Return the control points ``(finer.count, ...)`` on a nested finer axis of the function with ``points``."""
         values = np.asarray(points, dtype=float)
         columns = values.reshape(self.count, -1) * self.weights[:, None]
         moved = bspline.transfer(self.knots, self.degree, finer.knots, finer.degree, columns) / finer.weights[:, None]

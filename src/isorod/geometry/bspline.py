@@ -44,9 +44,18 @@ def table(knots: Array, degree: int, u: Array) -> tuple[Index, Array, Array]:
 
 
 def transfer(knots: Array, degree: int, finer: Array, finer_degree: int, columns: Array) -> Array:
-    """Return the coefficients on nested finer splines ``(finer count, c)`` of functions with coefficients ``columns`` ``(count, c)``.
+    """Return coefficients on nested finer splines ``(finer count, c)`` of functions with ``columns`` ``(count, c)``.
 
     Collocation at the finer splines' Greville points is exact for nested spaces, and well conditioned.
+
+    Parameters
+    ----------
+    knots, degree
+        The splines.
+    finer, finer_degree
+        The finer splines.
+    columns
+        A function's coefficients in each column.
     """
     given = knots.tobytes(), degree, finer.tobytes(), finer_degree
     collocate = _kept_collocation if finer.size <= _KEPT_SIZE else _collocation
@@ -58,7 +67,7 @@ def transfer(knots: Array, degree: int, finer: Array, finer_degree: int, columns
 
 
 def _collocation(knots: bytes, degree: int, finer: bytes, p: int) -> tuple[tuple[Index, Array], tuple[Array, Index]]:
-    """Return a spline's functions at a finer one's Greville points, and the factors of the matrix of the finer one's own there."""
+    """Return a spline's functions at a finer one's Greville points, and factors of the matrix of its own there."""
     fine = np.frombuffer(finer)
     greville = np.clip(np.convolve(fine[1:-1], np.full(p, 1.0 / p), "valid"), fine[0], fine[-1])
     first, values, _ = table(fine, p, greville)

@@ -36,12 +36,12 @@ _SERIES_TERMS = 28
 
 
 def check_count(n: int) -> int:
-    """Return ``n`` if it can be a number of section control points (an integer from 3 to 1024), or raise `InputError`."""
+    """Return ``n`` if it can be a number of section control points (3 to 1024), or raise `InputError`."""
     return whole_number("section control points", n, 3, MAX_COUNT)
 
 
 def control_points(n: int) -> Array:
-    """Return the control points ``Q_i`` of the unit circle, shape ``(n, 2)``: where the tangents of neighbouring joints meet."""
+    """Return the control points ``Q_i`` of the unit circle ``(n, 2)``: where tangents of neighbouring joints meet."""
     theta = 2.0 * np.pi * np.arange(check_count(n)) / n
     return np.stack([np.cos(theta), np.sin(theta)], axis=1) / np.cos(np.pi / n)
 

@@ -8,7 +8,6 @@ depend on it.
 import re
 from dataclasses import dataclass
 from functools import cache, lru_cache
-from math import ceil, log2, pi
 
 import numpy as np
 
@@ -35,44 +34,21 @@ class Rule:
         return cls(2, 1, degree + 1)
 
     @classmethod
-    def full(cls, section_points: int, degree: int, order: int = 1, section_degree: int | None = None) -> "Rule":
-        """Return a rule whose error is small beside that of the functions, thin sections included.
+    def full(cls, section_points: int, degree: int, radial: int = 0) -> "Rule":
+        """Return a rule of at least 6 radial points whose error is small, thin sections included.
 
-        Measured on the blade, whose fifth frequency is the most sensitive, for K = 1 ... 6: below 4e-5 (p + 1 points
-        along the axis: 4e-4); on the spring below 3e-7.
+        Measured on blade and spring: below 4e-5 and 3e-7 (p + 1 points along the axis: 4e-4 on the blade).
         """
-        radial = max(6, order + 3) if section_degree is None else max(6, section_degree + 2)
-        return cls(radial, 4 if section_points >= 8 else 6, degree + 2)
+        return cls(max(6, radial), 4 if section_points >= 8 else 6, degree + 2)
 
     @classmethod
-    def auto(cls, section_points: int, degree: int, order: int, section_degree: int | None = None) -> "Rule":
-        """Return the cheapest rule found whose error stays below that of the space itself.
+    def parse(cls, text: str, degree: int) -> "Rule":
+        """Return the rule a user names: ``paper``, ``RxSxT`` such as ``2x1x4``, or ``RxS`` with ``T = degree + 1``.
 
-        Control points: ``(K + 2) x 2 x (p + 1)``, measured on spring and blade for K = 1 ... 3, n = 8 ... 32, p = 2 ...
-        5; fewer points leave spurious modes (K + 1 radial ones with K = 1) or cost accuracy.  Beyond 32 points the
-        functions near the circle want a radial point more a doubling.
-
-        Polynomials of degree N: ``max(3, N) x S x (p + 1)``, S = 1 for N <= 3, 2 for N = 4, 3 above.  On the blade its
-        error is 8e-4, 2e-4 and 1e-5 where the next N changes 3e-3, 1e-3 and 1e-4.
+        ``auto`` and ``full`` are for the section functions to say (`isorod.space.basis.SectionBasis`).
         """
-        if section_degree is None:
-            return cls(order + 2 + max(0, ceil(log2(section_points / 32))), 2, degree + 1)
-        around = 1 if section_degree <= 3 else 2 if section_degree == 4 else 3
-        # In a slice the square of a polynomial runs through 4 pi N / n.
-        around = max(around, round(2.0 * pi * section_degree / section_points))
-        return cls(max(3, section_degree), around, degree + 1)
-
-    @classmethod
-    def parse(
-        cls, text: str, section_points: int, degree: int, order: int = 1, section_degree: int | None = None
-    ) -> "Rule":
-        """Return the rule a user names: ``auto``, ``paper``, ``full``, ``RxSxT`` such as ``2x1x4``, or ``RxS`` with ``T = degree + 1``."""
-        if text == "auto":
-            return cls.auto(section_points, degree, order, section_degree)
         if text == "paper":
             return cls.paper(degree)
-        if text == "full":
-            return cls.full(section_points, degree, order, section_degree)
         numbers = re.fullmatch(r"(\d{1,3})x(\d{1,3})(?:x(\d{1,3}))?", text)
         if not numbers:
             raise InputError(
@@ -91,7 +67,7 @@ class Rule:
 
 @lru_cache(maxsize=32)
 def section_points(n: int, rule: Rule, turn: float = 0.0) -> tuple[Array, Array]:
-    """Return points ``(n r s, 2)`` and weights ``(n r s,)`` on the unit disk, not to be written to; the weights add up to pi.
+    """Return points ``(n r s, 2)`` and weights ``(n r s,)``, whose sum is pi, on the unit disk, not to be written to.
 
     The slices are the arcs of ``n`` control points of which the first stands at the angle ``turn``.
     """

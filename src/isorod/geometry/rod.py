@@ -131,13 +131,13 @@ class Rod:
         return np.einsum("mi,mia->ma", values, section)
 
     def grid(self, xi: ArrayLike, u: ArrayLike) -> tuple[Array, Array]:
-        """Return positions ``(len(u), len(xi), 3)`` and Jacobians ``dx/d(xi_1, xi_2, u)`` ``(len(u), len(xi), 3, 3)``."""
+        """Return positions ``(t, q, 3)`` and Jacobians ``dx/d(xi_1, xi_2, u)`` ``(t, q, 3, 3)`` at all pairs."""
         values, gradients = harmonic_functions(self.section_points, xi)
         section, along = self._sections(u)
         return values @ section, section_gradient(values, gradients, section, along)
 
     def inverse_jacobians(self, xi: ArrayLike, u: ArrayLike) -> tuple[Array, Array]:
-        """Return ``d(xi_1, xi_2, u)/dx`` ``(len(u), len(xi), 3, 3)`` and the Jacobian determinants ``(len(u), len(xi))``."""
+        """Return ``d(xi_1, xi_2, u)/dx`` ``(t, q, 3, 3)`` and Jacobian determinants ``(t, q)`` at all pairs."""
         # Geometry alone does without compiled code.
         from isorod.geometry import jacobian_kernel
 
@@ -190,13 +190,14 @@ class Rod:
             where = ", ".join(f"{value:.4g}" for value in values[:, q] @ section[t])
             raise FoldedRodError(
                 f"the rod folds in element {t // inside.size} at u = {u.ravel()[t]:.4g}, disk point "
-                f"({xi[q, 0]:.3f}, {xi[q, 1]:.3f}), position ({where}): Jacobian determinant {det[t, q]:.3g}, must be positive"
+                f"({xi[q, 0]:.3f}, {xi[q, 1]:.3f}), position ({where}): Jacobian determinant {det[t, q]:.3g}, must be "
+                "positive"
             )
         self._check_turns(u, section)
         return float(det[t, q])
 
     def _check_turns(self, u: Array, section: Array) -> None:
-        """Refuse or warn of sections, control polygons at the parameters ``u``, that shrink between layers that turn too far."""
+        """Refuse or warn of sections, polygons at parameters ``u``, that shrink between layers that turn too far."""
 
         def sizes(polygons: Array) -> Array:
             arms = polygons - polygons.mean(axis=1, keepdims=True)
@@ -210,8 +211,8 @@ class Rod:
         e, t = np.unravel_index(int(np.argmin(shares)), shares.shape)
         if shares[e, t] < _SHRINKS:
             text = (
-                f"element {e} at u = {u[e, t]:.4g}: the section shrinks to {100 * shares[e, t]:.0f} % between layers of control points, "
-                "which turn too far; take more elements"
+                f"element {e} at u = {u[e, t]:.4g}: the section shrinks to {100 * shares[e, t]:.0f} % between layers "
+                "of control points, which turn too far; take more elements"
             )
             if shares[e, t] < _SHRUNK:
                 raise FoldedRodError(text)
@@ -220,7 +221,7 @@ class Rod:
 
 @lru_cache(maxsize=8)
 def _dense_grid(n: int) -> tuple[Array, Array, tuple[Array, Array]]:
-    """Return points of the disk ``(m, 2)``, circle included, and of the harmonic functions there values and both derivatives, ``(n, m)``."""
+    """Return points of the disk ``(m, 2)``, circle included, the harmonic functions and their slopes ``(n, m)``."""
     radii = np.array([0.25, 0.5, 0.75, 0.9, 1.0])
     angles = 2.0 * np.pi * np.arange(8 * n) / (8 * n)
     ring = np.stack([np.cos(angles), np.sin(angles)], axis=1)

@@ -115,9 +115,9 @@ class Contact:
         for body, elements in self.sides:
             if isinstance(body, bool) or not isinstance(body, int | np.integer) or not 0 <= body < len(bodies):
                 raise InputError(f"contact {index}: body {body!r} is not one of the {len(bodies)} bodies")
-            if bodies[body].space.section_degree is not None:
+            if not bodies[body].space.basis.on_surface:
                 raise InputError(
-                    f"contact {index}: body {body} has polynomial section functions; contact needs control points"
+                    f"contact {index}: body {body} has section functions without control points, which contact needs"
                 )
             count = bodies[body].space.axis.elements
             if elements is None:

@@ -66,7 +66,7 @@ class SectionLoad:
         xi, area = section_points(space.points_around, space.rule, space.turn)
         _, jacobian = space.rod.grid(xi, [u])
         area = area * np.linalg.norm(np.cross(jacobian[0, :, :, 0], jacobian[0, :, :, 1]), axis=1)
-        share = area @ space.section_functions(xi)[0] / area.sum()
+        share = area @ space.basis.functions(xi)[0] / area.sum()
         first, values, _ = space.axis.local([u])
         layers = (first[0] + np.arange(values.shape[1])) % space.layers
         result = np.zeros((space.layers, space.layer_nodes, 3))
@@ -108,7 +108,7 @@ def _check(name: str, vector: tuple[float, float, float]) -> None:
 
 @dataclass(frozen=True)
 class Spin:
-    """A steady rotation of the frame in which displacements are measured: centrifugal force, growing with the load factor.
+    """A steady rotation of the frame in which displacements are measured: centrifugal force, by the load factor.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
 """What every analysis takes: bodies (a space with a material) and supports."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -13,7 +13,8 @@ from isorod.errors import InputError
 from isorod.model.body import Body
 from isorod.model.load import Load, Spin
 from isorod.model.numbering import number
-from isorod.model.support import Motion, Support
+from isorod.model.support import Support, SupportMotion
+from isorod.space.space import Space
 
 if TYPE_CHECKING:
     from isorod.model.contact import Contact
@@ -49,7 +50,7 @@ class Model:
     free: Index = field(init=False)
     bound: Index = field(init=False)
     support_of: Index = field(init=False)
-    motions: tuple[Motion, ...] = field(init=False)
+    motions: tuple[SupportMotion, ...] = field(init=False)
 
     def __post_init__(self) -> None:
         for b, body in enumerate(self.bodies):
@@ -59,50 +60,26 @@ class Model:
             contact.check(k, self.bodies)
         counts = [body.space.nodes for body in self.bodies]
         first_node = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
-        motions = tuple(self._motion(support, k, first_node) for k, support in enumerate(self.supports))
+        motions = tuple(self._motions(first_node))
         numbering = number(motions, 3 * int(first_node[-1]))
         for name, value in (("first_node", first_node), ("motions", motions), *numbering._asdict().items()):
             object.__setattr__(self, name, value)
         for k, load in enumerate(self.loads):
-            if not 0 <= load.body < len(self.bodies):
-                raise InputError(f"load {k}: body {load.body} is not one of the {len(self.bodies)} bodies")
+            self._space(f"load {k}", load.body)
 
-    def _motion(self, support: Support, k: int, first_node: Index) -> Motion:
-        if not 0 <= support.body < len(self.bodies):
-            raise InputError(f"support {k}: body {support.body} is not one of the {len(self.bodies)} bodies")
-        space = self.bodies[support.body].space
-        nodes = np.asarray(support.nodes, dtype=np.int64)
-        bad = (nodes < 0) | (nodes >= space.nodes)
-        if bad.any():
-            raise InputError(f"support {k}: node {nodes[np.argmax(bad)]} is not in body {support.body}")
-        letters = support.components + support.tied
-        if not letters or set(letters) - set("xyz"):
-            raise InputError(f"support {k}: got components {letters!r}, need some of 'xyz'")
-        if set(support.components) & set(support.tied):
-            raise InputError(
-                f"support {k}: components {support.components!r} held and {support.tied!r} tied, need one or the other"
-            )
-        columns = np.array(["xyz".index(letter) for letter in letters])
-        tied = np.array([letter in support.tied for letter in letters]) & space.carries[nodes, None]
-        given = np.asarray(support.displacement, dtype=float)
-        if given.shape not in ((3,), (nodes.size, 3)):
-            raise InputError(f"support {k}: got displacements of shape {given.shape}, need (3,) or ({nodes.size}, 3)")
-        rates = np.broadcast_to(given, (nodes.size, 3))[:, columns]
-        if not np.isfinite(rates).all():
-            raise InputError(f"support {k}: displacement {rates[~np.isfinite(rates)][0]} is not finite")
-        turn = np.asarray(support.turn, dtype=float)
-        if turn.shape != (3,) or not np.isfinite(turn).all():
-            raise InputError(f"support {k}: got turn {turn.tolist()}, need three finite components in radians")
-        full = np.zeros((nodes.size, columns.size, 3))
-        if support.arms is not None:
-            arms = np.asarray(support.arms, dtype=float)
-            if arms.shape != (nodes.size, 3) or not np.isfinite(arms).all():
-                raise InputError(f"support {k}: got arms of shape {arms.shape}, need ({nodes.size}, 3) finite numbers")
-            full += arms[:, None]
-            if tied.any():
-                full[tied] -= arms[np.argmax(space.carries[nodes])]
-        dofs = 3 * (first_node[support.body] + nodes)[:, None] + columns
-        return Motion(dofs.ravel(), np.where(tied, 0.0, rates).ravel(), full.reshape(-1, 3), turn, tied.ravel())
+    def _space(self, what: str, body: int) -> Space:
+        """Return the space of a body that a support or a load names."""
+        if not 0 <= body < len(self.bodies):
+            raise InputError(f"{what}: body {body} is not one of the {len(self.bodies)} bodies")
+        return self.bodies[body].space
+
+    def _motions(self, first_node: Index) -> Iterator[SupportMotion]:
+        for k, support in enumerate(self.supports):
+            space = self._space(f"support {k}", support.body)
+            try:
+                yield support.motion(space, int(first_node[support.body]))
+            except InputError as problem:
+                raise InputError(f"support {k}: {problem}") from None
 
     def prescribed(self, factor: float) -> Array:
         """Return what supports add to the unknowns at a load factor, shape ``(dofs,)``.
@@ -136,8 +113,8 @@ class Model:
     @cached_property
     def size(self) -> float:
         """The largest extent of a body along an axis, units of length."""
-        places = [body.space.positions[body.space.carries] for body in self.bodies]
-        return max(float(np.ptp(one, axis=0).max()) for one in places)
+        positions = [body.space.positions[body.space.is_carrier] for body in self.bodies]
+        return max(float(np.ptp(one, axis=0).max()) for one in positions)
 
     @property
     def unknowns(self) -> int:
@@ -145,9 +122,9 @@ class Model:
         return int(self.free.max(initial=-1)) + 1
 
     @property
-    def carries(self) -> NDArray[np.bool_]:
-        """Whether a node moves with its rod (`Space.carries`), shape ``(nodes,)``."""
-        return np.concatenate([body.space.carries for body in self.bodies])
+    def is_carrier(self) -> NDArray[np.bool_]:
+        """Whether a node is a carrier (`Space.is_carrier`), shape ``(nodes,)``."""
+        return np.concatenate([body.space.is_carrier for body in self.bodies])
 
     @cached_property
     def whole_nodes(self) -> bool:

@@ -1,4 +1,4 @@
-"""How supports move what they hold: displacements that grow with the load factor, rotations by any angle, and tied translations.
+"""Which degrees of freedom are unknowns: those that supports neither hold nor tie, and one for those tied together.
 
 A held degree of freedom has its displacement from the support.  Tied ones share one unknown, the displacement of the
 first of them, to which the rotation adds what is different between them.
@@ -11,14 +11,17 @@ import numpy as np
 
 from isorod.arrays import Index
 from isorod.errors import InputError
-from isorod.model.support import Motion
+from isorod.model.support import SupportMotion
 
 # Load factors at which the displacements of two supports on one degree of freedom are compared.
 _SAMPLES = (1.0, 0.37)
 
 
 class Numbering(NamedTuple):
-    """Which degrees of freedom are held (``held``) or held or tied (``bound``, by support ``support_of``); ``free`` maps each to its unknown or -1."""
+    """Which degrees of freedom are held, and which ``bound``, held or tied by support ``support_of``.
+
+    ``free`` maps each to its unknown or -1.
+    """
 
     held: Index
     bound: Index
@@ -26,7 +29,7 @@ class Numbering(NamedTuple):
     free: Index
 
 
-def number(motions: Sequence[Motion], dofs: int) -> Numbering:
+def number(motions: Sequence[SupportMotion], dofs: int) -> Numbering:
     """Return the numbering of ``dofs`` degrees of freedom under the supports' motions.
 
     Raises
@@ -47,7 +50,8 @@ def number(motions: Sequence[Motion], dofs: int) -> Numbering:
             if clash.any():
                 dof = motion.dofs[np.argmax(clash)]
                 raise InputError(
-                    f"support {k}: node {dof // 3}, component {'xyz'[dof % 3]} is held elsewhere at another displacement"
+                    f"support {k}: node {dof // 3}, component {'xyz'[dof % 3]} is held elsewhere at another "
+                    "displacement"
                 )
             values[:, motion.dofs] = wanted
         owner[motion.dofs] = k

@@ -32,8 +32,8 @@ class Support:
     arms
         Coefficients of the position from the centre of that rotation, shape ``(m, 3)``; zero where not given.
     tied
-        Components, letters of ``"xyz"``, in which the nodes turn with the others but translate freely, as one: those
-        that carry the rod (`Space.carries`) share one unknown.
+        Components, letters of ``"xyz"``, in which the nodes turn with the others but translate freely, as one: their
+        carriers (`Space.is_carrier`) share one unknown.
     """
 
     nodes: Index
@@ -56,13 +56,34 @@ class Support:
         center: tuple[float, float, float] | None = None,
         tied: str = "",
     ) -> "Support":
-        """Return a support of the whole ``"start"`` or ``"end"`` face: every ``k`` is held, ``k = 0`` carries the displacement.
+        """Return a support of the whole ``"start"`` or ``"end"`` face: every node is held.
 
-        With a ``turn`` (rotation vector, radians at load factor 1) the face moves as a rigid body: at factor ``f`` its
-        point ``x`` is displaced by ``R(f turn) (x - c) - (x - c) + f displacement``; the ``center`` ``c`` is the mean
-        of the face's nodes where not given.  In the components ``tied`` the face turns too, but is free to translate as
-        a whole; ``components`` are those held, so that ``components="x", tied="yz"`` holds one translation of a rigid
-        face.
+        With a ``turn`` the face moves as a rigid body: at factor ``f`` its point ``x`` is displaced by
+        ``R(f turn) (x - c) - (x - c) + f displacement``.  In the components ``tied`` the face turns too, but is free to
+        translate as a whole; ``components`` are those held, so that ``components="x", tied="yz"`` holds one translation
+        of a rigid face.
+
+        Parameters
+        ----------
+        space
+            The body's space.
+        which
+            ``"start"`` or ``"end"``.
+        components, tied
+            Letters of ``"xyz"``.
+        displacement
+            At load factor 1, shape ``(3,)``, units of length.
+        body
+            Index of the body in the model.
+        turn
+            Rotation vector at load factor 1, shape ``(3,)``, radians.
+        center
+            The point ``c``, shape ``(3,)``; the mean of the face's carriers (`Space.is_carrier`) where not given.
+
+        Raises
+        ------
+        InputError
+            If the rod is closed, or the end is none.
         """
         if space.rod.closed:
             raise InputError("support of an end: a closed rod has none")
@@ -70,34 +91,61 @@ class Support:
         if which not in layers:
             raise InputError(f"support: got end {which!r}, need 'start' or 'end'")
         nodes = layers[which] * space.layer_nodes + np.arange(space.layer_nodes)
-        carries = space.carries[nodes, None]
+        is_carrier = space.is_carrier[nodes, None]
         arms = None
         if np.any(turn):
             arms = space.positions[nodes]
-            middle = arms[carries[:, 0]].mean(axis=0) if center is None else np.array(center, dtype=float)
-            arms = arms - carries * middle
-        return cls(nodes, components, carries * np.array(displacement, dtype=float), body, turn, arms, tied)
+            middle = arms[is_carrier[:, 0]].mean(axis=0) if center is None else np.array(center, dtype=float)
+            arms = arms - is_carrier * middle
+        return cls(nodes, components, is_carrier * np.array(displacement, dtype=float), body, turn, arms, tied)
+
+    def motion(self, space: Space, first_node: int) -> "SupportMotion":
+        """Return what the support does with degrees of freedom of a space that starts with node ``first_node``.
+
+        Raises
+        ------
+        InputError
+            If a node or a component is not there, or a displacement, turn or arm is not of its shape or not finite.
+        """
+        nodes = np.asarray(self.nodes, dtype=np.int64)
+        bad = (nodes < 0) | (nodes >= space.nodes)
+        if bad.any():
+            raise InputError(f"node {nodes[np.argmax(bad)]} is not in body {self.body}")
+        letters = self.components + self.tied
+        if not letters or set(letters) - set("xyz"):
+            raise InputError(f"got components {letters!r}, need some of 'xyz'")
+        if set(self.components) & set(self.tied):
+            raise InputError(f"components {self.components!r} held and {self.tied!r} tied, need one or the other")
+        columns = np.array(["xyz".index(letter) for letter in letters])
+        tied = np.array([letter in self.tied for letter in letters]) & space.is_carrier[nodes, None]
+        given = np.asarray(self.displacement, dtype=float)
+        if given.shape not in ((3,), (nodes.size, 3)):
+            raise InputError(f"got displacements of shape {given.shape}, need (3,) or ({nodes.size}, 3)")
+        rates = np.broadcast_to(given, (nodes.size, 3))[:, columns]
+        if not np.isfinite(rates).all():
+            raise InputError(f"displacement {rates[~np.isfinite(rates)][0]} is not finite")
+        turn = np.asarray(self.turn, dtype=float)
+        if turn.shape != (3,) or not np.isfinite(turn).all():
+            raise InputError(f"got turn {turn.tolist()}, need three finite components in radians")
+        dofs = 3 * (first_node + nodes)[:, None] + columns
+        arms = self._turned(space, nodes, tied)
+        return SupportMotion(dofs.ravel(), np.where(tied, 0.0, rates).ravel(), arms.reshape(-1, 3), turn, tied.ravel())
+
+    def _turned(self, space: Space, nodes: Index, tied: NDArray[np.bool_]) -> Array:
+        """Return the arms of all components ``(m, c, 3)``, those of tied ones ``(m, c)`` from the first of them."""
+        result = np.zeros((*tied.shape, 3))
+        if self.arms is None:
+            return result
+        arms = np.asarray(self.arms, dtype=float)
+        if arms.shape != (nodes.size, 3) or not np.isfinite(arms).all():
+            raise InputError(f"got arms of shape {arms.shape}, need ({nodes.size}, 3) finite numbers")
+        result += arms[:, None]
+        if tied.any():
+            result[tied] -= arms[np.argmax(space.is_carrier[nodes])]
+        return result
 
 
-def rotation(vector: ArrayLike) -> Array:
-    """Return the matrix ``(3, 3)`` of the rotation about ``vector`` by its length, radians (Rodrigues).
-
-    Its entries for directions in the axis are exact: a rotation about ``y`` leaves ``y`` components as they are.
-    """
-    return np.eye(3) + turning(vector)
-
-
-def turning(vector: ArrayLike) -> Array:
-    """Return `rotation` less the identity, accurate for small angles too."""
-    x, y, z = np.asarray(vector, dtype=float)
-    angle = float(np.sqrt(x * x + y * y + z * z))
-    if angle == 0.0:
-        return np.zeros((3, 3))
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]) / angle
-    return np.sin(angle) * cross + 2.0 * np.sin(0.5 * angle) ** 2 * (cross @ cross)
-
-
-class Motion(NamedTuple):
+class SupportMotion(NamedTuple):
     """What one support does with degrees of freedom ``dofs`` ``(m,)``.
 
     At load factor ``f`` component ``a`` of ``f rate + (R(f turn) - 1) arm`` is the displacement of those that are held,
@@ -117,3 +165,21 @@ class Motion(NamedTuple):
             rows = turning(factor * self.turn)[self.dofs % 3]
             result = result + np.einsum("ma,ma->m", rows, self.arms)
         return result
+
+
+def rotation(vector: ArrayLike) -> Array:
+    """Return the matrix ``(3, 3)`` of the rotation about ``vector`` by its length, radians (Rodrigues).
+
+    Its entries for directions in the axis are exact: a rotation about ``y`` leaves ``y`` components as they are.
+    """
+    return np.eye(3) + turning(vector)
+
+
+def turning(vector: ArrayLike) -> Array:
+    """Return `rotation` less the identity, accurate for small angles too."""
+    x, y, z = np.asarray(vector, dtype=float)
+    angle = float(np.sqrt(x * x + y * y + z * z))
+    if angle == 0.0:
+        return np.zeros((3, 3))
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]) / angle
+    return np.sin(angle) * cross + 2.0 * np.sin(0.5 * angle) ** 2 * (cross @ cross)

@@ -18,7 +18,7 @@ _ARRAYS = "isorod_arrays"
 class Rows(NamedTuple):
     """Compressed rows: which of the given entries comes where (None: as they come), first entry of each row, columns."""
 
-    places: NDArray[Any] | None
+    entries: NDArray[Any] | None
     start: NDArray[Any]
     column: NDArray[Any]
 
@@ -70,19 +70,19 @@ def _compressed_rows(size: int, rows: NDArray[Any], columns: NDArray[Any]) -> Ro
     if rows.size > np.iinfo(PETSc.IntType).max:
         return None
     start = np.zeros(size + 1, dtype=PETSc.IntType)
-    places, column = np.empty(rows.size, dtype=np.int64), np.empty(rows.size, dtype=PETSc.IntType)
-    total = _compress(rows, columns, start, places, column)
+    entries, column = np.empty(rows.size, dtype=np.int64), np.empty(rows.size, dtype=PETSc.IntType)
+    total = _compress(rows, columns, start, entries, column)
     if total < 0:
         order = np.lexsort((columns, rows))
-        total = _compress(rows[order], columns[order], start, places, column)
+        total = _compress(rows[order], columns[order], start, entries, column)
         if total < 0:
             return None
-        places = order[places[:total]]
-    return Rows(places[:total], start, column[:total])
+        entries = order[entries[:total]]
+    return Rows(entries[:total], start, column[:total])
 
 
 @njit(cache=True)
-def _compress(rows: Any, columns: Any, start: Any, places: Any, column: Any) -> int:
+def _compress(rows: Any, columns: Any, start: Any, entries: Any, column: Any) -> int:
     """Fill compressed rows with the entries that are no negative ones, and return their number, or -1 if they do not ascend."""
     total = 0
     last_row, last_column = -1, -1
@@ -96,7 +96,7 @@ def _compress(rows: Any, columns: Any, start: Any, places: Any, column: Any) -> 
             last_row += 1
             start[last_row] = total
         last_column = j
-        places[total] = k
+        entries[total] = k
         column[total] = j
         total += 1
     for i in range(last_row + 1, start.size):
@@ -123,10 +123,10 @@ def set_values(matrix: PETSc.Mat, values: NDArray[np.float64]) -> None:
         _check(call(matrix.handle, values.ctypes.data, int(PETSc.InsertMode.INSERT_VALUES)))
         return
     rows, mine = arrays
-    if rows.places is None:
+    if rows.entries is None:
         mine[:] = values
     else:
-        np.take(values, rows.places, out=mine, mode="clip")
+        np.take(values, rows.entries, out=mine, mode="clip")
     matrix.assemble()
 
 

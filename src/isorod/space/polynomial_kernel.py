@@ -11,10 +11,16 @@ from isorod.compiled import STRICT
 def principal_frame(
     polygon: Array, area: Array, values: Array, first: Array, second: Array
 ) -> tuple[Array, Array, Array]:
-    """Return a section's control polygon ``(n, 2)`` in its principal coordinates, each over half its extent; extents; shares of the area.
+    """Return a section's polygon in its principal coordinates, each over half its extent; extents; shares of the area.
 
-    ``area``, ``values``, ``first`` and ``second`` are weights ``(m,)`` of points of the disk and, there, the harmonic
-    functions and their derivatives ``(m, n)``.
+    Parameters
+    ----------
+    polygon
+        Control points, shape ``(n, 2)``.
+    area
+        Weights of points of the disk, shape ``(m,)``.
+    values, first, second
+        The harmonic functions and their derivatives there, shape ``(m, n)``.
     """
     a, b = first @ polygon, second @ polygon
     share = area * np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
@@ -54,7 +60,19 @@ def orthogonalise(polygon: Array, share: Array, values: Array, powers: Index) ->
 
 @njit(**STRICT)
 def functions(harmonic: Array, slopes: Array, polygon: Array, powers: Index, mix: Array) -> tuple[Array, Array]:
-    """Return values ``(m, count)`` and gradients ``(m, count, 2)`` by the disk's coordinates, from the harmonic functions'."""
+    """Return values ``(m, count)`` and gradients ``(m, count, 2)`` by the disk's coordinates.
+
+    Parameters
+    ----------
+    harmonic, slopes
+        The harmonic functions and their gradients, shapes ``(m, n)`` and ``(m, n, 2)``.
+    polygon
+        Control points in the section's coordinates, shape ``(n, 2)``.
+    powers
+        Exponents of the monomials, shape ``(count, 2)``.
+    mix
+        The functions in terms of monomials, shape ``(count, count)``.
+    """
     points, count = harmonic.shape[0], powers.shape[0]
     n = polygon.shape[0]
     first, second = _monomials(harmonic @ polygon, powers.max())

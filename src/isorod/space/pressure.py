@@ -1,15 +1,12 @@
-"""The space of pressures that goes with a displacement space: about one degree less, across the section and along the axis."""
+"""The space of pressures beside a displacement space: about one degree less, across the section and along the axis."""
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from isorod.arrays import Array, Index
-from isorod.errors import InputError
 from isorod.geometry import bspline
+from isorod.space.basis import monomials
 from isorod.space.space import Space, Table
-
-# Half the range of an orthonormal linear function over a round section.
-_REACH = 2.0
 
 
 class Pressures:
@@ -31,18 +28,7 @@ class Pressures:
     def __init__(self, space: Space) -> None:
         self.space = space
         self._knots = space.axis.knots[1:-1]
-        if space.polynomials:
-            if space.section_degree == 1:
-                raise InputError("section degree: got 1, the mixed formulation needs at least 2")
-            degree, across = space.polynomials.powers.sum(axis=1).max() - 1, space.polynomials.powers[:, 1].max() - 1
-        else:
-            if space.points_around < 4:
-                raise InputError(f"section points: got {space.points_around}, the mixed formulation needs at least 4")
-            # n control points have waves round the section up to (n - 1) / 2, and no others may appear in the pressure.
-            degree = across = min(space.order, (space.points_around - 1) // 2)
-        self._powers = np.array(
-            [(total - b, b) for total in range(degree + 1) for b in range(min(total, across) + 1)], dtype=np.int64
-        )
+        self._powers = monomials(*space.basis.pressure_degrees)
 
     @property
     def count(self) -> int:
@@ -66,9 +52,7 @@ class Pressures:
 
     def section_functions(self, xi: ArrayLike) -> Array:
         """Return values ``(q, count)`` at disk points ``(q, 2)``: products of Legendre polynomials."""
-        place = np.asarray(xi, dtype=float)
-        if self.space.polynomials:
-            place = self.space.section_functions(xi)[0][:, 1:3] / _REACH
+        place = self.space.basis.coordinates(xi)
         tables = [np.polynomial.legendre.legvander(place[:, k], int(self._powers.max())) for k in range(2)]
         return np.ascontiguousarray(tables[0][:, self._powers[:, 0]] * tables[1][:, self._powers[:, 1]])
 

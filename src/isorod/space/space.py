@@ -3,6 +3,7 @@
 import os
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,8 +14,9 @@ from isorod.geometry.axis import Axis
 from isorod.geometry.disk import check_count
 from isorod.geometry.quadrature import Rule, axis_points, section_points
 from isorod.geometry.rod import Rod, section_gradient
-from isorod.geometry.section import refine, refinement_turn
-from isorod.space import polyharmonic
+from isorod.geometry.section import refinement_turn
+from isorod.space.basis import SectionBasis
+from isorod.space.polyharmonic import Polyharmonic
 from isorod.space.polynomial import Polynomials
 from isorod.tensors import inverse
 
@@ -24,9 +26,10 @@ _BYTES_A_POINT = 8 * 32
 
 @dataclass(frozen=True, eq=False)
 class Space:
-    """Displacements ``sum_jl S_l(xi) R_j(u) d_jl`` on a rod, ``S_l`` the section functions of `isorod.space.polyharmonic`.
+    """Displacements ``sum_jl S_l(xi) R_j(u) d_jl`` on a rod, ``S_l`` the functions of a section basis.
 
-    Nodes are numbered layer by layer: node ``j K n + l`` carries ``S_l R_j``; a closed rod's last layer is its first.
+    Nodes are numbered layer by layer: node ``j count + l`` is that of ``S_l R_j``; a closed rod's last layer is its
+    first.
     The paper's element is the default: ``order`` 1 and the rod's own functions.  Refinements nest (a degree at the same
     continuity), and none moves the rod.
 
@@ -48,7 +51,9 @@ class Space:
         ``"auto"``, ``"full"``, ``"paper"``, ``"RxS"`` or ``"RxSxT"`` (see `isorod.geometry.quadrature`).
     section_degree
         Polynomials of this degree in the section's coordinates (`isorod.space.polynomial`) take the place of the
-        functions of control points.
+        functions of control points (`isorod.space.polyharmonic`).
+    section_basis
+        Any other functions in the place of both (`isorod.space.basis`).
 
     Raises
     ------
@@ -64,15 +69,23 @@ class Space:
     order: int = 1
     section_points: int | None = None
     section_degree: int | None = None
+    section_basis: SectionBasis | None = None
 
     @cached_property
-    def polynomials(self) -> Polynomials | None:
-        """Polynomial section functions, where they are asked for."""
-        if self.section_degree is None:
-            return None
-        if self.order != 1 or self.section_points not in (None, self.rod.section_points):
-            raise InputError("section degree: polynomials take the place of order and section points; leave those out")
-        return Polynomials(self.rod, self.section_degree)
+    def basis(self) -> SectionBasis:
+        """The section functions."""
+        refined = self.order != 1 or self.section_points not in (None, self.rod.section_points)
+        if self.section_basis is not None:
+            if refined or self.section_degree is not None:
+                raise InputError("section basis: it takes the place of order, section points and section degree")
+            return self.section_basis
+        if self.section_degree is not None:
+            if refined:
+                raise InputError(
+                    "section degree: polynomials take the place of order and section points; leave those out"
+                )
+            return Polynomials(self.rod, self.section_degree)
+        return Polyharmonic(self.points_around, self.order, self.turn)
 
     @cached_property
     def axis(self) -> Axis:
@@ -86,7 +99,11 @@ class Space:
     @cached_property
     def rule(self) -> Rule:
         """Quadrature rule."""
-        return Rule.parse(self.quadrature, self.points_around, self.axis.degree, self.order, self.section_degree)
+        if self.quadrature == "auto":
+            return self.basis.auto(self.axis.degree)
+        if self.quadrature == "full":
+            return self.basis.full(self.axis.degree)
+        return Rule.parse(self.quadrature, self.axis.degree)
 
     @cached_property
     def multiple(self) -> int:
@@ -107,12 +124,6 @@ class Space:
         """Angle of the first control point, radians."""
         return refinement_turn(self.rod.section_points, self.multiple)
 
-    def section_functions(self, xi: ArrayLike) -> tuple[Array, Array]:
-        """Return values ``(q, K n)`` and gradients ``(q, K n, 2)`` of the section functions at disk points ``(q, 2)``."""
-        if self.polynomials:
-            return self.polynomials.functions(xi)
-        return polyharmonic.functions(self.points_around, self.order, xi, self.turn)
-
     @property
     def layers(self) -> int:
         """Number of distinct layers of control points."""
@@ -120,10 +131,8 @@ class Space:
 
     @property
     def layer_nodes(self) -> int:
-        """Number of nodes in a layer, ``K n`` (or the number of polynomials)."""
-        if self.polynomials:
-            return self.polynomials.count
-        return polyharmonic.check_order(self.order) * self.points_around
+        """Number of nodes in a layer: that of the section functions."""
+        return self.basis.count
 
     @property
     def nodes(self) -> int:
@@ -131,21 +140,19 @@ class Space:
         return self.layers * self.layer_nodes
 
     @cached_property
-    def carries(self) -> NDArray[np.bool_]:
-        """Whether a node moves with the rod (its function is one of those that add up to one), shape ``(nodes,)``."""
-        layer = self.polynomials.carries if self.polynomials else np.arange(self.layer_nodes) < self.points_around
-        return np.tile(layer, self.layers)
+    def is_carrier(self) -> NDArray[np.bool_]:
+        """Whether a node is a carrier, shape ``(nodes,)``.
+
+        The carriers are the nodes whose functions make the partition of unity: a translation of the rod moves each of
+        them by the same, and no other node; their forces alone add up to the resultant.
+        """
+        return np.tile(self.basis.is_carrier, self.layers)
 
     @cached_property
     def positions(self) -> Array:
-        """Coefficients of the rod's own map, shape ``(nodes, 3)``: control points of ``k = 0`` and zero, or those of polynomials."""
+        """Coefficients of the rod's own map, shape ``(nodes, 3)``."""
         own = self.rod.axis.transfer(self.axis, self.rod.control_points)[: self.layers]
-        if self.polynomials:
-            return self.polynomials.positions(own).reshape(-1, 3)
-        around = refine(own.swapaxes(0, 1), self.multiple).swapaxes(0, 1)
-        result = np.zeros((self.layers, self.layer_nodes, 3))
-        result[:, : self.points_around] = around
-        return result.reshape(-1, 3)
+        return self.basis.positions(own).reshape(-1, 3)
 
     @cached_property
     def element_layers(self) -> Index:
@@ -154,7 +161,7 @@ class Space:
 
     @cached_property
     def element_nodes(self) -> Index:
-        """Nodes of each element, layer by layer, shape ``(elements, (p + 1) K n)``."""
+        """Nodes of each element, layer by layer, shape ``(elements, (p + 1) count)``."""
         nodes = self.element_layers[:, :, None] * self.layer_nodes + np.arange(self.layer_nodes)
         return nodes.reshape(self.axis.elements, -1)
 
@@ -172,7 +179,7 @@ class Space:
         _refuse_beyond_memory((last - first) * rule.axial * self.points_around * rule.radial * rule.angular)
         xi, area = section_points(self.points_around, rule, self.turn)
         u, length = (points[first:last] for points in axis_points(self.axis, rule.axial))
-        values, gradients = self.section_functions(xi)
+        values, gradients = self.basis.functions(xi)
         _, axial, slopes = self.axis.local(u.ravel())
         shape = (*u.shape, self.axis.degree + 1)
         inverses, det = self.rod.inverse_jacobians(xi, u.ravel())
@@ -180,8 +187,8 @@ class Space:
         if det.size and not det.min() > 0.0:
             e, t, q = np.unravel_index(int(np.argmin(det)), det.shape)
             raise FoldedRodError(
-                f"the rod folds in element {first + e} at u = {u[e, t]:.4g}, disk point ({xi[q, 0]:.3f}, {xi[q, 1]:.3f}): "
-                f"Jacobian determinant {det[e, t, q]:.3g}, must be positive"
+                f"the rod folds in element {first + e} at u = {u[e, t]:.4g}, disk point "
+                f"({xi[q, 0]:.3f}, {xi[q, 1]:.3f}): Jacobian determinant {det[e, t, q]:.3g}, must be positive"
             )
         return Table(
             first=first,
@@ -210,7 +217,7 @@ class Space:
             Shapes ``(t, q, 3)`` and ``(t, q, 3, 3)``.
         """
         nodal = np.asarray(nodal, dtype=float).reshape(self.layers, self.layer_nodes, 3)
-        values, gradients = self.section_functions(xi)
+        values, gradients = self.basis.functions(xi)
         first, axial, slopes = self.axis.local(u)
         near = nodal[(first[:, None] + np.arange(self.axis.degree + 1)) % self.layers]
         section = np.einsum("tj,tjia->tia", axial, near)
@@ -221,22 +228,22 @@ class Space:
 
 
 def _refuse_beyond_memory(points: int) -> None:
-    """Raise `InputError` if not even the geometry at that many quadrature points fits: the system would kill the process later."""
+    """Raise `InputError` if not even the geometry at that many quadrature points fits into memory."""
     there, needed = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"), _BYTES_A_POINT * points
     if needed > there:
         raise InputError(
-            f"{points} quadrature points need {needed / 2**30:.3g} GiB and more, there are {there / 2**30:.3g}; take fewer elements, "
-            "section or quadrature points"
+            f"{points} quadrature points need {needed / 2**30:.3g} GiB and more, there are {there / 2**30:.3g}; take "
+            "fewer elements, section or quadrature points"
         )
 
 
-@dataclass(frozen=True, eq=False)
-class Table:
-    """Functions and geometry at the quadrature points of consecutive elements.
+class Table(NamedTuple):
+    """Functions and geometry at the quadrature points of consecutive elements, the first of them ``first``.
 
-    With ``E`` elements, ``t`` points along each, ``q`` in the section, ``n`` section functions, degree ``p``:
-    ``section`` ``(q, 3, n)`` holds ``dT/dxi_1, dT/dxi_2, T``; ``axial`` and ``slopes`` ``(E, t, p + 1)`` hold ``R`` and
-    ``dR/du``; ``inverse`` ``(E, t, q, 3, 3)`` is ``d(xi_1, xi_2, u)/dx``; ``weights`` ``(E, t, q)`` are volumes.
+    With ``E`` elements, ``t`` points along each, ``q`` in the section, ``n`` section functions, degree ``p``: ``u``
+    ``(E, t)`` and ``xi`` ``(q, 2)`` are the points; ``section`` ``(q, 3, n)`` holds ``dT/dxi_1, dT/dxi_2, T``;
+    ``axial`` and ``slopes`` ``(E, t, p + 1)`` hold ``R`` and ``dR/du``; ``inverse`` ``(E, t, q, 3, 3)`` is
+    ``d(xi_1, xi_2, u)/dx``; ``weights`` ``(E, t, q)`` are volumes.
     """
 
     first: int

@@ -10,7 +10,7 @@ from petsc4py import PETSc
 
 from isorod.arrays import Array
 from isorod.assembly.assembler import Assembler
-from isorod.assembly.factorisation import _is_mixed
+from isorod.assembly.factorisation import is_mixed
 from isorod.checks import hourglass, rigid_motions
 from isorod.checks.reactions import _moments
 from isorod.checks.reactions import check as check_balance
@@ -103,7 +103,7 @@ class Equilibrium:
 
 
 def _assembler(model: Model, comm: PETSc.Comm | None) -> Assembler:
-    if not _is_mixed(model):
+    if not is_mixed(model):
         return Assembler(model, comm)
     from isorod.assembly.mixed import MixedAssembler
 
@@ -166,7 +166,7 @@ def _solve(solver: "_Newton", load_steps: int, start: float) -> Equilibrium:
     reactions = np.zeros((max(len(model.supports), 1), 3))
     forces = assembler.reactions(solver.x, 1.0)
     # Only functions that add up to one take part in the virtual work of a translation.
-    carried = model.carries[model.bound // 3]
+    carried = model.is_carrier[model.bound // 3]
     np.add.at(reactions, (model.support_of[carried], model.bound[carried] % 3), forces[carried])
     displacement = assembler.displacement(solver.x, 1.0)
     moments = _moments(model, displacement, forces)

@@ -305,7 +305,7 @@ class _Path:
         before = assembler.jacobians(self.x, self.factor)
         self._refuse_squeezed(before, x, factor)
         for count in range(CORRECTIONS + 1):
-            assembler.residual(x, factor, self.residual)
+            self.balance.carried_force = assembler.residual(x, factor, self.residual)
             force = self.residual.norm()
             if not np.isfinite(force):
                 raise _Cut(worst_place(assembler, x, factor, "an element inverts"))
@@ -315,7 +315,7 @@ class _Path:
                 self.factor = factor
                 return count
             self.factorise(x, factor)
-            self.balance.update(self.matrix, assembler.carried)
+            self.balance.update(self.matrix, self.balance.carried_force)
             back, grown = self.solve(self.residual), self.solve(self.slope)
             offset = x - self.x
             gap = self.weight * self.direction.dot(offset) + self.rise * (factor - self.factor) - step

@@ -46,16 +46,22 @@ class Balance:
     ----------
     assembler
         The model's assembler.
+
+    Attributes
+    ----------
+    carried_force
+        Norm of the forces of supports and loads at the last residual (`Assembler.residual`), to be set with it.
     """
 
     def __init__(self, assembler: Assembler) -> None:
         self.assembler = assembler
         spaces = [body.space for body in assembler.model.bodies]
-        self.size = max(float(np.ptp(space.positions[space.carries], axis=0).max()) for space in spaces)
+        self.size = max(float(np.ptp(space.positions[space.is_carrier], axis=0).max()) for space in spaces)
         # Unknowns that are not displacements, and contact, have units and rounding of their own.
         self.plain = assembler.contact is None and assembler.unknowns == assembler.model.unknowns
         self._sizes: Array | None = None
         self._rounding: Array = np.empty(0)
+        self.carried_force = 0.0
         self._scale = 0.0
         self._floor = 0.0
         self._first = 0.0
@@ -78,8 +84,8 @@ class Balance:
         sizes = []
         for body in self.assembler.model.bodies:
             space = body.space
-            others = np.abs(space.positions[~space.carries])
-            sizes.append(np.where(space.carries, self.size, others.max(initial=0.0)))
+            others = np.abs(space.positions[~space.is_carrier])
+            sizes.append(np.where(space.is_carrier, self.size, others.max(initial=0.0)))
         everywhere = np.repeat(np.concatenate(sizes), 3)
         state = self.assembler.state(everywhere)
         return np.concatenate(self.assembler.comm.tompi4py().allgather(np.array(state.array_r)))
@@ -91,7 +97,7 @@ class Balance:
         lost = int(np.count_nonzero(np.abs(residual.array_r) > self._rounding))
         if self.assembler.comm.tompi4py().allreduce(lost) == 0:
             return True
-        return force <= rtol * min(self._scale, self.assembler.carried)
+        return force <= rtol * min(self._scale, self.carried_force)
 
     def reuses_tangent(self, before: float, force: float, snes: PETSc.SNES) -> bool:
         """Return whether one more iteration with the last tangent, which took the residual from ``before`` to ``force``, should do.
@@ -99,7 +105,7 @@ class Balance:
         Newton's method brings an error ``e`` to ``c e^2``, and with the tangent of the iteration before to
         ``2 c e e_before``: the residual falls by twice the last ratio.  A margin of five is left.
         """
-        wanted = snes.getTolerances()[0] * min(self._scale, self.assembler.carried)
+        wanted = snes.getTolerances()[0] * min(self._scale, self.carried_force)
         return 10.0 * force * force <= wanted * before
 
     def test(self, snes: PETSc.SNES, iteration: int, norms: tuple[float, float, float]) -> PETSc.SNES.ConvergedReason:

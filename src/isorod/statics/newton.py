@@ -7,8 +7,8 @@ from petsc4py import PETSc
 
 from isorod.arrays import Array
 from isorod.assembly.assembler import Assembler
-from isorod.assembly.factorisation import SPARSE, _is_mixed, factorisation
-from isorod.checks import hourglass
+from isorod.assembly.factorisation import SPARSE, factorisation, is_mixed
+from isorod.checks import hourglass, rigid_motions
 from isorod.errors import SolveError
 from isorod.options import defaults
 from isorod.statics.convergence import Balance, squeezed
@@ -60,7 +60,7 @@ class _Newton:
             self.snes.setMonitor(lambda snes, k, norm: self.norms.append(norm))
             self.snes.setFromOptions()
             if self.snes.getKSP().getPC().getType() in MULTIGRID:
-                self.matrix.setNearNullSpace(assembler.near_null_space())
+                self.matrix.setNearNullSpace(rigid_motions.near_null_space(assembler))
             self._own_tolerance = "snes_atol" not in typed
             self._may_reuse = self._own_tolerance and not PETSc.Options().hasName("snes_test_jacobian")
             if self._own_tolerance:
@@ -72,7 +72,7 @@ class _Newton:
             one.destroy()
 
     def _residual(self, snes: PETSc.SNES, x: PETSc.Vec, out: PETSc.Vec) -> None:
-        self.assembler.residual(x, self.factor, out)
+        self.balance.carried_force = self.assembler.residual(x, self.factor, out)
 
     def _tangent(self, snes: PETSc.SNES, x: PETSc.Vec, J: PETSc.Mat, P: PETSc.Mat) -> None:
         # The last tangent, with its factors, may be good enough for the last iteration.
@@ -106,7 +106,7 @@ class _Newton:
         self.iterations += 1
         self.linear_iterations += ksp.getIterationNumber()
         if ksp.getConvergedReason() < 0 or not np.isfinite(self.change.norm()):
-            advice = {"ksp_type": "preonly", **(SPARSE if _is_mixed(assembler.model) else {"pc_type": "lu"})}
+            advice = {"ksp_type": "preonly", **(SPARSE if is_mixed(assembler.model) else {"pc_type": "lu"})}
             raise SolveError(
                 f"the linear solver failed at load factor {factor:.6g} (KSP reason {ksp.getConvergedReason()}): a free rigid "
                 f"motion is not held, or the preconditioner does not fit (try {' '.join(f'-{k} {v}' for k, v in advice.items())})"

@@ -60,7 +60,7 @@ def pack(model: Model) -> Faces:
             faces.append([first, space.layer_nodes, sum(part.size for part in areas), weights.size])
             normal = np.array(contact.second.normal, dtype=float)
             planes.append([*contact.second.point, *normal / np.linalg.norm(normal), contact.penalty])
-            values.append(space.section_functions(xi)[0])
+            values.append(space.basis.functions(xi)[0])
             areas.append(weights * np.linalg.norm(np.cross(jacobian[:, :, 0], jacobian[:, :, 1]), axis=1))
     widest = max([part.shape[1] for part in values], default=0)
     padded = [np.pad(part, ((0, 0), (0, widest - part.shape[1]))) for part in values]
@@ -69,7 +69,7 @@ def pack(model: Model) -> Faces:
         planes=np.array(planes, dtype=float).reshape(-1, 7),
         values=np.concatenate([np.empty((0, widest)), *padded]),
         areas=np.concatenate([np.empty(0), *areas]),
-        carries=model.carries.astype(float),
+        carries=model.is_carrier.astype(float),
     )
 
 

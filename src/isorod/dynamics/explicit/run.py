@@ -75,7 +75,7 @@ class Run:
         self._momentum = np.zeros(3)
         model = system.model
         # Only functions that add up to one take part in the virtual work of a translation.
-        self._carried = model.carries.repeat(3) * (model.free >= 0)
+        self._carried = model.is_carrier.repeat(3) * (model.free >= 0)
         # Active fibres do at most 2/3 of their stress as work, over the whole range of their stretch.
         volumes = np.concatenate(
             [body.space.tabulate(0, body.space.axis.elements).weights.sum(axis=(1, 2)) for body in model.bodies]
@@ -262,7 +262,7 @@ class Run:
         model = self.system.model
         result = np.zeros((max(len(model.supports), 1), 3))
         # Only functions that add up to one take part in the virtual work of a translation.
-        carried = model.carries[model.held // 3]
+        carried = model.is_carrier[model.held // 3]
         np.add.at(result, (model.support_of[carried], model.held[carried] % 3), held[carried])
         return result
 

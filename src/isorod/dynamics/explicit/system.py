@@ -140,7 +140,7 @@ class System:
             table = body.space.tabulate(0, body.space.axis.elements)
             shape = (table.elements, body.space.axis.degree + 1, body.space.layer_nodes, 3)
             nodal = model.nodal(everywhere, b)[body.space.element_nodes].reshape(shape)
-            F = element_kernel.deformation_gradients(table.section, table.axial, table.slopes, table.inverse, nodal)
+            F = element_kernel.deformation_gradients(table, nodal)
             det = determinant(F)
             det = np.where(np.isfinite(det), det, -np.inf)
             e, t, _ = np.unravel_index(int(np.argmin(det)), det.shape)

@@ -16,11 +16,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from petsc4py import PETSc
 
-from isorod.arrays import Array
+from isorod.arrays import Array, Index
 from isorod.assembly.assembler import Assembler
+from isorod.assembly.exchange import Exchange
 from isorod.assembly.part import ROUNDING, Part
+from isorod.assembly.split import Share
 from isorod.dynamics.implicit.stress_kernel import contract, evaluate
-from isorod.model.body import Body, element_laws
+from isorod.model.body import element_laws
 from isorod.model.model import Model
 
 if TYPE_CHECKING:
@@ -30,11 +32,11 @@ if TYPE_CHECKING:
 class MotionPart(Part):
     """The elements of one body during a step."""
 
-    def __init__(self, body: Body, index: int, first_node: int, first_dof: int, first: int, last: int) -> None:
-        super().__init__(body, index, first_node, first_dof, first, last)
+    def __init__(self, share: Share, free: Index, exchange: Exchange) -> None:
+        super().__init__(share, free, exchange)
         t = self.table
-        self._parameters = element_laws(body, index)[first:last]
-        self._fibres = body.fibres(t).reshape(t.elements, -1, 3)
+        self._parameters = element_laws(share.body, share.which)[share.first : share.last]
+        self._fibres = share.body.fibres(t).reshape(t.elements, -1, 3)
         self._weights = t.weights.reshape(t.elements, -1, 1, 1)
         # Derivatives along and across of all functions of an element, then by place: (E, t q, 3, l n).
         plane = np.einsum("etj,qdi->etqdji", t.axial, t.section[:, :2])
@@ -131,27 +133,22 @@ class MotionAssembler(Assembler):
         if self.contact is not None:
             self.contact.start = displacement
 
-    def _load(self, x: PETSc.Vec, factor: float) -> None:
+    def _state(self, x: PETSc.Vec, factor: float) -> Array:
         # Supports stay where they are: their displacements do not change.
-        super()._load(x, 0.0)
+        return super()._state(x, 0.0)
 
-    def _forces(self, factor: float) -> Array:
-        internal = np.zeros(self.model.dofs)
-        for part in self.parts:
-            internal += np.bincount(part.dofs.ravel(), part.forces(self._local, factor).ravel(), internal.size)
+    def _forces(self, local: Array, factor: float) -> Array:
+        internal = self._sums(part.forces(local, factor) for part in self.parts)
         if self.contact is not None:
-            internal -= self.contact.forces(self._local)[0]
+            internal -= self.contact.forces(local)[0]
         change, past = self._rates
-        inertial = self.momenta(change * self._local - past * self._velocity)
+        inertial = self.momenta(change * local - past * self._velocity)
         self.amount = float(np.linalg.norm(inertial) + np.linalg.norm(internal))
         return inertial + internal
 
     def momenta(self, velocity: Array) -> Array:
         """Return the consistent mass matrix times a vector, both of all degrees of freedom."""
-        total = np.zeros(self.model.dofs)
-        for part in self.parts:
-            total += np.bincount(part.dofs.ravel(), part.masses(velocity).ravel(), total.size)
-        return total
+        return self._sums(part.masses(velocity) for part in self.parts)
 
     def tangent(self, x: PETSc.Vec, factor: float, out: PETSc.Mat, keep: bool = True) -> list[Array]:
         """Fill ``out`` with the derivative of the residual and return the element matrices."""

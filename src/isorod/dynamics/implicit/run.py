@@ -40,7 +40,7 @@ class ImplicitRun(Run):
             )
         self.assembler = MotionAssembler(system.model)
         super().__init__(system, end_time, outputs, time_step, damping, ramp)
-        self._carried = system.model.carries.repeat(3).astype(float)
+        self._carried = system.model.is_carrier.repeat(3).astype(float)
         self.newton = Newton(self.assembler)
         self.cuts = 0
         # Contact is counted by who started the run.

@@ -1,0 +1,130 @@
+"""The unknowns of a model and how ranks share them: rows and elements are split along the axis."""
+
+import numpy as np
+from petsc4py import PETSc
+
+from isorod.arrays import Array
+from isorod.assembly.exchange import Exchange
+from isorod.assembly.split import Numbers, Split
+from isorod.errors import InputError
+from isorod.model.body import Body
+from isorod.model.model import Model
+
+
+class Unknowns:
+    """Unknowns of a model over a communicator: degrees of freedom that are not held, in their order, tied ones once.
+
+    The displacement of a state ``x`` at load factor ``f`` is ``x`` on those plus what the supports prescribe
+    (`Model.prescribed`).
+
+    Attributes
+    ----------
+    free, unknowns
+        As in the model; a subclass may have more degrees of freedom.
+    first
+        First degree of freedom of each body, and their number.
+    rows, block
+        Number of unknowns of this rank, and how many make a block.
+    shares
+        The elements of this rank.
+    """
+
+    # What a subclass may add to.
+    formulations: tuple[str, ...] = ("displacement",)
+
+    def __init__(self, model: Model, comm: PETSc.Comm | None = None) -> None:
+        self.model = model
+        self.comm = PETSc.COMM_WORLD if comm is None else comm
+        for b, body in enumerate(model.bodies):
+            if body.formulation not in self.formulations:
+                raise InputError(f"body {b}: formulation {body.formulation!r} is for statics alone")
+        self._number()
+        self._split()
+
+    @staticmethod
+    def layer_dofs(body: Body) -> int:
+        """Return the number of degrees of freedom of a layer."""
+        return 3 * body.space.layer_nodes
+
+    def _number(self) -> None:
+        """Number the degrees of freedom, and the unknowns."""
+        model = self.model
+        self.free, self.unknowns = model.free, model.unknowns
+        self.first = 3 * model.first_node
+        self.block = 3 if model.whole_nodes else 1
+
+    def _split(self) -> None:
+        """Take this rank's elements and rows."""
+        size, rank = self.comm.getSize(), self.comm.getRank()
+        numbers = Numbers(self.model, self.first, self.layer_dofs)
+        split = Split(numbers, size)
+        self.shares = split.shares(rank)
+        window = None
+        self.rows = self.unknowns
+        self._owned = np.ones(self.first[-1], dtype=bool)
+        if size > 1:
+            self._owned = split.owners() == rank
+            self.rows = np.unique(self.free[(self.free >= 0) & self._owned]).size
+            dofs = [share.dofs.ravel() for share in self.shares]
+            window = np.unique(np.concatenate([np.empty(0, np.int64), *dofs]))
+        # No method of this object: Python would not let go of it, and of its matrices, before it looks for cycles.
+        vector = self.vector() if size > 1 else None
+        self._exchange = Exchange(vector, self.free, window, numbers.of_model, self.model.bound)
+
+    def vector(self) -> PETSc.Vec:
+        """Return a new zero vector of unknowns."""
+        vector = PETSc.Vec().create(self.comm)
+        vector.setSizes((self.rows, self.unknowns))
+        vector.setBlockSize(self.block)
+        vector.setFromOptions()
+        vector.zeroEntries()
+        return vector
+
+    def _state(self, x: PETSc.Vec, factor: float) -> Array:
+        """Return this rank's degrees of freedom at a load factor: what supports prescribe and the unknowns."""
+        moved, slots = self._exchange.moved
+        local = np.zeros(self._exchange.size)
+        local[slots] = self.model.prescribed(factor)[moved]
+        self._exchange.add_unknowns(x, local)
+        return local
+
+    def _bound(self, local: Array) -> Array:
+        """Return the sums over all ranks of what is in `Model.bound`, on every rank."""
+        everywhere = np.zeros(self.model.bound.size)
+        bound, slots = self._exchange.bound
+        everywhere[bound] = local[slots]
+        return np.asarray(self.comm.tompi4py().allreduce(everywhere))
+
+    def state(self, displacement: Array) -> PETSc.Vec:
+        """Return the unknowns of a vector of all degrees of freedom."""
+        x = self.vector()
+        first, last = x.getOwnershipRange()
+        x.array_w[:] = self._unknowns(displacement)[first:last]
+        return x
+
+    def _unknowns(self, displacement: Array) -> Array:
+        # A tied unknown is read off the first of those that share it.
+        _, first = np.unique(self.model.free, return_index=True)
+        return displacement[first[first.size - self.model.unknowns :]]
+
+    def _displacements(self, unknowns: Array) -> Array:
+        """Return those unknowns that are displacements, in the model's order."""
+        return unknowns
+
+    def all_unknowns(self, x: PETSc.Vec) -> Array:
+        """Return all unknowns of a vector, on every rank."""
+        return self._exchange.all_unknowns(x)
+
+    def shapes(self, unknowns: Array) -> Array:
+        """Return all degrees of freedom ``(m, dofs)`` of motions ``(m, unknowns)`` that move no support."""
+        result = np.zeros((unknowns.shape[0], self.model.dofs))
+        is_free = self.model.free >= 0
+        result[:, is_free] = unknowns[:, self.model.free[is_free]]
+        return result
+
+    def displacement(self, x: PETSc.Vec, factor: float) -> Array:
+        """Return all degrees of freedom, shape ``(dofs,)``, on every rank."""
+        result = self.model.prescribed(factor)
+        is_free = self.model.free >= 0
+        result[is_free] += self._displacements(self.all_unknowns(x))[self.model.free[is_free]]
+        return result

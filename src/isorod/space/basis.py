@@ -1,0 +1,60 @@
+"""What a space asks of its section functions: a basis of another kind is one more file."""
+
+from typing import ClassVar, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from isorod.arrays import Array, Index
+from isorod.geometry.quadrature import Rule
+
+
+class SectionBasis(Protocol):
+    """Functions on the unit disk: some of them, the carriers (`isorod.space.Space.is_carrier`), add up to one.
+
+    Attributes
+    ----------
+    on_surface
+        Whether the carriers are the functions of control points round the surface and come first, as contact needs.
+    """
+
+    on_surface: ClassVar[bool]
+
+    @property
+    def count(self) -> int:
+        """Number of functions."""
+
+    @property
+    def is_carrier(self) -> NDArray[np.bool_]:
+        """Whether a function is a carrier, shape ``(count,)``."""
+
+    def functions(self, xi: ArrayLike) -> tuple[Array, Array]:
+        """Return values ``(q, count)`` and gradients ``(q, count, 2)`` at points of the closed disk ``(q, 2)``."""
+
+    def positions(self, polygons: Array) -> Array:
+        """Return coefficients ``(layers, count, 3)`` of the map of the rod's control points ``(layers, n, 3)``."""
+
+    def auto(self, degree: int) -> Rule:
+        """Return the cheapest rule whose error stays below that of the space, of a degree along the axis."""
+
+    def full(self, degree: int) -> Rule:
+        """Return a rule whose error is small beside that of the functions, thin sections included."""
+
+    def coordinates(self, xi: ArrayLike) -> Array:
+        """Return the coordinates ``(q, 2)``, about -1 to 1, in which pressures are polynomials, at disk points."""
+
+    @property
+    def pressure_degrees(self) -> tuple[int, int]:
+        """Degree of the pressures beside these displacements, total and in the second coordinate.
+
+        Raises
+        ------
+        InputError
+            If no pressure that varies goes with them.
+        """
+
+
+def monomials(degree: int, second: int) -> Index:
+    """Return exponents ``(m, 2)`` of the monomials of a total degree, and a degree in the second coordinate at most."""
+    pairs = [(total - b, b) for total in range(degree + 1) for b in range(min(total, second) + 1)]
+    return np.array(pairs, dtype=np.int64)

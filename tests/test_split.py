@@ -1,0 +1,43 @@
+"""Which elements and rows a rank has, without MPI."""
+
+import numpy as np
+import pytest
+
+from isorod.assembly.split import Numbers, Split
+from isorod.assembly.unknowns import Unknowns
+from isorod.material import NeoHookean
+from isorod.model import Body, Model
+from isorod.scenes.ring import Ring
+from isorod.space import Space
+
+
+@pytest.fixture
+def numbers(cylinder):
+    spaces = [Space(cylinder(4), elements=3), Space(Ring().rod()), Space(cylinder(5, height=2.0), elements=2, order=2)]
+    model = Model([Body(space, NeoHookean(1.0, 0.3)) for space in spaces])
+    return Numbers(model, 3 * model.first_node, Unknowns.layer_dofs)
+
+
+@pytest.mark.parametrize("size", [1, 2, 3, 7, 40])
+def test_each_element_is_on_one_rank_and_shares_are_equal(numbers, size):
+    split = Split(numbers, size)
+    found = [[(s.which, e) for s in split.shares(rank) for e in range(s.first, s.last)] for rank in range(size)]
+    bodies = numbers.model.bodies
+    assert sum(found, []) == [(b, e) for b, body in enumerate(bodies) for e in range(body.space.axis.elements)]
+    counts = [len(own) for own in found]
+    assert max(counts) - min(counts) <= 1
+
+
+@pytest.mark.parametrize("size", [2, 3, 7])
+def test_a_rank_owns_the_layers_whose_first_element_it_has(numbers, size):
+    split = Split(numbers, size)
+    owner = split.owners()
+    first = np.full(owner.size, size)
+    for rank in reversed(range(size)):
+        for share in split.shares(rank):
+            first[share.dofs] = rank
+    assert np.array_equal(owner, first)
+
+
+def test_numbers_of_displacements_are_all_where_there_is_nothing_else(numbers):
+    assert np.array_equal(numbers.of_model(), np.arange(numbers.model.dofs))
