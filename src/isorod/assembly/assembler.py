@@ -14,7 +14,6 @@ from isorod.assembly.entries import Entries, Numbered, joined, rows_and_columns
 from isorod.assembly.exchange import Exchange, numbers
 from isorod.assembly.extrapolation import Extrapolation, pays
 from isorod.assembly.part import Part
-from isorod.checks import rigid_motions
 from isorod.errors import InputError
 from isorod.model.model import Model
 from isorod.petsc.matrix import componentwise, create_matrix, preallocate, set_values
@@ -189,21 +188,6 @@ class Assembler:
         if self.contact is not None:
             entries.append((self.model.free[self.contact.rows], self.model.free[self.contact.columns]))
         return entries
-
-    def near_null_space(self) -> PETSc.NullSpace:
-        """Return the rigid motions of all bodies on the unknowns, for algebraic multigrid."""
-        vectors: list[PETSc.Vec] = []
-        for b, body in enumerate(self.model.bodies):
-            for motion in rigid_motions.motions(body.space).T:
-                everywhere = np.zeros(self.model.dofs)
-                everywhere[3 * self.model.first_node[b] : 3 * self.model.first_node[b + 1]] = motion
-                vector = self.state(everywhere)
-                for other in vectors:
-                    vector.axpy(-vector.dot(other), other)
-                vector.normalize()
-                vectors.append(vector)
-        self._note("near-null space")
-        return PETSc.NullSpace().create(vectors=vectors, comm=self.comm)
 
     def _load(self, x: PETSc.Vec, factor: float) -> None:
         moved, slots = self._exchange.moved

@@ -1,10 +1,15 @@
 """Rigid motions of a model: which the supports leave free, and the near-null space they make."""
 
+from collections.abc import Iterable, Iterator
+
 import numpy as np
+from petsc4py import PETSc
 
 from isorod.arrays import Array, Index
+from isorod.assembly.assembler import Assembler
 from isorod.errors import SolveError
 from isorod.model.model import Model
+from isorod.petsc.matrix import orthonormalise
 from isorod.space.space import Space
 
 # A motion counts as free if it moves held components by less than this share of its size.
@@ -74,6 +79,24 @@ def free_motions(model: Model) -> list[tuple[int, Array]]:
         for k in np.flatnonzero(full < _TOLERANCE):
             found.append((b, (basis @ turns[k]).reshape(-1, 3)))
     return found
+
+
+def on_unknowns(assembler: Assembler, moved: Iterable[tuple[int, Array]]) -> Iterator[PETSc.Vec]:
+    """Yield motions of bodies (body, and displacements of its nodes ``(nodes, 3)``) as vectors of unknowns."""
+    for body, motion in moved:
+        everywhere = np.zeros(assembler.model.dofs)
+        assembler.model.nodal(everywhere, body)[:] = motion
+        yield assembler.state(everywhere)
+
+
+def near_null_space(assembler: Assembler) -> PETSc.NullSpace:
+    """Return the rigid motions of all bodies on the unknowns, for algebraic multigrid."""
+    moved = (
+        (b, motion.reshape(-1, 3)) for b, body in enumerate(assembler.model.bodies) for motion in motions(body.space).T
+    )
+    vectors = orthonormalise(on_unknowns(assembler, moved))
+    assembler.built.append("near-null space")
+    return PETSc.NullSpace().create(vectors=vectors, comm=assembler.comm)
 
 
 def refuse_free(model: Model) -> None:

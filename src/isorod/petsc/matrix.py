@@ -1,7 +1,7 @@
 """The few PETSc functions that petsc4py does not wrap in every version isorod runs with, called in its own library."""
 
 import ctypes
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -155,3 +155,22 @@ def componentwise(matrix: PETSc.Mat, components: int) -> PETSc.Mat:
     # petsc4py takes no foreign handle, but its own may become the matrix.
     _check(_function("MatHeaderReplace", _POINTER, ctypes.POINTER(_POINTER))(result.handle, ctypes.byref(made)))
     return result
+
+
+def orthonormalise(vectors: Iterable[PETSc.Vec], mass: PETSc.Mat | None = None) -> list[PETSc.Vec]:
+    """Make vectors orthonormal, in place, or ``x^T M y`` with a mass matrix (modified Gram-Schmidt); return them."""
+    done: list[PETSc.Vec] = []
+    # M times each of them.
+    images: list[PETSc.Vec] = []
+    for vector in vectors:
+        for other, image in zip(done, images, strict=True):
+            vector.axpy(-vector.dot(image), other)
+        image = vector.copy() if mass is None else mass * vector
+        size = np.sqrt(vector.dot(image))
+        vector.scale(1.0 / size)
+        image.scale(1.0 / size)
+        done.append(vector)
+        images.append(image)
+    for image in images:
+        image.destroy()
+    return done

@@ -8,7 +8,7 @@ from petsc4py import PETSc
 from isorod.arrays import Array
 from isorod.assembly.assembler import Assembler
 from isorod.assembly.factorisation import SPARSE, _is_mixed, factorisation
-from isorod.checks import hourglass
+from isorod.checks import hourglass, rigid_motions
 from isorod.errors import SolveError
 from isorod.options import defaults
 from isorod.statics.convergence import Balance, squeezed
@@ -60,7 +60,7 @@ class _Newton:
             self.snes.setMonitor(lambda snes, k, norm: self.norms.append(norm))
             self.snes.setFromOptions()
             if self.snes.getKSP().getPC().getType() in MULTIGRID:
-                self.matrix.setNearNullSpace(assembler.near_null_space())
+                self.matrix.setNearNullSpace(rigid_motions.near_null_space(assembler))
             self._own_tolerance = "snes_atol" not in typed
             self._may_reuse = self._own_tolerance and not PETSc.Options().hasName("snes_test_jacobian")
             if self._own_tolerance:
