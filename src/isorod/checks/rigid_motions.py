@@ -40,7 +40,7 @@ def _arms(space: Space) -> Array:
 
 
 def _clamped(space: Space, free: Index) -> bool:
-    """Return whether supports hold all of an end face that is not small beside the rod; ``free`` is as in the model, of this space."""
+    """Return whether supports (``free`` as in the model, of this space) hold all of an end face that is not small."""
     if space.rod.closed:
         return False
     points = space.rod.control_points

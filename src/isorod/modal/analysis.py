@@ -191,7 +191,7 @@ def _shift(pencil: Pencil, model: Model, loose: Sequence[tuple[int, Array]]) -> 
 
 
 def _shapes(assembler: Assembler, found: Found) -> Array:
-    """Return mode shapes on all degrees of freedom ``(modes, dofs)``; the first of the largest components is positive."""
+    """Return mode shapes, shape ``(modes, dofs)``; of the largest components of each the first is positive."""
     vectors = assembler.shapes(np.array([assembler.all_unknowns(x) for x in found.vectors]))
     large = np.abs(vectors) > 0.999 * np.abs(vectors).max(axis=1, keepdims=True)
     signs = np.sign(vectors[np.arange(len(vectors)), large.argmax(axis=1)])

@@ -137,7 +137,10 @@ class Pencil:
         return eps
 
     def shift(self) -> float | None:
-        """Return where to begin: at zero, or if there are rigid motions, which are in the way, below; None if in vain."""
+        """Return the shift to solve with: zero, or below it where there are rigid motions, whose eigenvalue is zero.
+
+        None means that no flexible mode was found to place it by.
+        """
         if not self.rigid or PETSc.Options().hasName("st_shift"):
             return 0.0
         first = self._first_flexible()
