@@ -39,7 +39,7 @@ def factorisation(assembler: Assembler, prefix: str = "", symmetric: bool = True
     width = max(3 * body.space.element_nodes.shape[1] for body in assembler.model.bodies)
     # Contact couples bodies, which are far from each other in the numbering.
     # The mixed formulation's tangent is indefinite and needs pivots.
-    plain = assembler.contact is None and not _is_mixed(assembler.model) and assembler.comm.getSize() == 1
+    plain = assembler.contact is None and not is_mixed(assembler.model) and assembler.comm.getSize() == 1
     if plain and symmetric and not own and suits(assembler.model):
         chosen = BAND
     else:
@@ -47,7 +47,8 @@ def factorisation(assembler: Assembler, prefix: str = "", symmetric: bool = True
     return {f"{prefix}{name}": value for name, value in chosen.items()}
 
 
-def _is_mixed(model: Model) -> bool:
+def is_mixed(model: Model) -> bool:
+    """Return whether a body of the model has pressures for unknowns."""
     return any(body.formulation == "mixed" for body in model.bodies)
 
 
