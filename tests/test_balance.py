@@ -10,7 +10,7 @@ from isorod.assembly.part import ROUNDING
 from isorod.material import NeoHookean
 from isorod.model import Body, Contact, Model, Plane, Support
 from isorod.space import Space
-from isorod.statics.convergence import Balance
+from isorod.statics.convergence import Convergence
 
 
 def assembler(kind):
@@ -27,9 +27,9 @@ def prepared(kind, scale):
     made = assembler(kind)
     matrix, x, out = made.matrix(), made.vector(), made.vector()
     made.tangent(x, 0.0, matrix)
-    made.residual(x, 1.0, out)
-    carried = made.carried
-    balance = Balance(made)
+    carried = made.residual(x, 1.0, out)
+    balance = Convergence(made)
+    balance.carried_force = carried
     balance.update(matrix, scale)
 
     def reached(size):
@@ -64,7 +64,7 @@ def test_size_of_a_model_is_that_of_its_largest_body():
     small, large = (Space(straight(4, height=height)) for height in (3.0, 7.0))
     law = NeoHookean(1.0, 0.3)
     for spaces in ((small, large), (large, small)):
-        assert Balance(Assembler(Model([Body(space, law) for space in spaces]))).size == pytest.approx(7.0)
+        assert Convergence(Assembler(Model([Body(space, law) for space in spaces]))).size == pytest.approx(7.0)
 
 
 @pytest.mark.parametrize("kind", ["plain", "contact", "mixed"])

@@ -1,4 +1,4 @@
-"""The band solver: right whatever the signs of the eigenvalues, offered where the numbering is banded, and gone before PETSc ends."""
+"""The band solver: right whatever the eigenvalues' signs, offered to banded numberings, gone before PETSc ends."""
 
 import numpy as np
 import pytest
@@ -181,12 +181,12 @@ def test_the_mass_to_multiply_with_is_the_mass(lumped, held):
     ids=["end", "exit", "error", "interrupt"],
 )
 def test_a_program_ends_as_it_would_without(last, code, python):
-    """PETSc destroys at its end, after Python's, what was kept: a preconditioner written in Python must not be among that."""
+    """PETSc destroys at its end, after Python's, what was kept: no preconditioner written in Python may be among it."""
     done = python(
         "from isorod import options; options.initialize([])\n"
-        "from isorod import modal; from isorod.statics import analysis, newton\n"
+        "from isorod import modal, statics; from isorod.statics import analysis, newton\n"
         "from isorod.scenes.spring import Spring; from isorod.scenes.blade import Blade\n"
-        "solver = newton._Newton(analysis._assembler(Spring(coils=1, section_points=4).model(), None))\n"
+        "solver = newton.Newton(analysis.assembler_for(Spring(coils=1, section_points=4).model()))\n"
         "solver.advance(0.0, 1.0)\n"
         "modes = modal.solve(Blade(elements=4).model(), 2)\n"
         f"{last}"

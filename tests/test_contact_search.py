@@ -28,7 +28,7 @@ def approached(model, way):
     """Positions of the nodes when each body has gone a way towards the other."""
     x = np.concatenate([body.space.positions for body in model.bodies])
     first = np.arange(x.shape[0]) < model.first_node[1]
-    x[:, 1] += way * np.where(first, 1.0, -1.0) * model.carries
+    x[:, 1] += way * np.where(first, 1.0, -1.0) * model.is_carrier
     return x
 
 
@@ -62,7 +62,7 @@ def test_two_rods_that_wander_touch_as_fresh_searches_say(seed):
     touched = missed = 0
     for _ in range(150):
         ways += rng.exponential(0.1) * rng.uniform(-1.0, 1.0, (2, 3)) * [1.0, 1.5, 1.0] - 0.05 * ways
-        x = start + np.where(first[:, None], ways[0], ways[1]) * model.carries[:, None]
+        x = start + np.where(first[:, None], ways[0], ways[1]) * model.is_carrier[:, None]
         kept, fresh = np.zeros_like(x), np.zeros_like(x)
         found, expected = add_forces(packed, x, kept), add_forces(pack(model), x, fresh)
         # Where rods are deep in each other a point may have two closest points.

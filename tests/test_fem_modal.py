@@ -1,4 +1,4 @@
-"""Meshes of the blade and vibration modes by finite elements: exact bars, the blade's converged values, ranks, bad input."""
+"""Meshes of the blade, and its modes by finite elements: exact bars, converged values, ranks, bad input."""
 
 import dataclasses
 import json
@@ -15,12 +15,13 @@ pytest.importorskip("dolfinx")
 from comparisons.fem import modal as fem_modal
 from comparisons.fem.blade import Configuration, run, vibrations
 from comparisons.fem.domain import Domain
-from comparisons.fem.modal import RIGID, Solid, solve
+from comparisons.fem.modal import RIGID, Settings, Solid, solve
 from comparisons.fem.mode_shapes import nodal
 from comparisons.fem.presets import blade as presets
 from comparisons.fem.statics import Element
 from comparisons.measure import published
 from isorod.errors import InputError, SolveError
+from isorod.modal.pencil import Pencil
 from meshes import blade
 from meshes.bricks import axis_positions, bricks
 from meshes.mesh import Mesh
@@ -253,14 +254,51 @@ def test_stiffness_and_mass_scale_as_they_should(cylinder):
     assert other == pytest.approx(4.0 * one, rel=1e-8)
 
 
+@pytest.mark.parametrize("held", [["start"], []], ids=["clamped", "free"])
+@pytest.mark.parametrize("error", [-1, 1, 5])
+def test_a_count_that_disagrees_is_refused(error, held, cylinder, monkeypatch):
+    """More or fewer eigenvalues found than the inertia of K - tau M tells."""
+    count = Pencil.count_below
+    monkeypatch.setattr(Pencil, "count_below", lambda self, value: count(self, value) + error)
+    with pytest.raises(SolveError, match=r"modes: \d+ eigenvalues lie at or below [\d.e+-]+, but \d+ were found"):
+        solve(bar(cylinder(height=6.0), "Q2", 4), STEEL, held, modes=3)
+
+
+def test_every_mode_of_a_small_mesh_is_found(cylinder):
+    """As often as the dense matrices have it; the last one's twin may lie beyond."""
+    where = bar(cylinder(height=6.0), "Q2", 1, around=4)
+    count = 40
+    found = solve(where, STEEL, ["start"], count)
+    exact = solve(where, STEEL, ["start"], found.unknowns - 1).eigenvalues
+    assert found.eigenvalues == pytest.approx(exact[:count], rel=1e-8)
+    assert found.below == np.count_nonzero(exact < exact[count - 1] * (1.0 + 1e-6))
+
+
+def test_jacobi_and_davidson_agree(cylinder, petsc_options):
+    where = bar(cylinder(height=6.0), "Q2", 4)
+    expected = solve(where, STEEL, ["start"], 3).eigenvalues
+    petsc_options(eps_type="jd")
+    assert solve(where, STEEL, ["start"], 3).eigenvalues == pytest.approx(expected, rel=1e-6)
+
+
+def test_multigrid_is_told_the_rigid_motions(cylinder, petsc_options):
+    where = bar(cylinder(height=6.0), "Q2", 4)
+    expected = solve(where, STEEL, ["start"], 2).eigenvalues
+    petsc_options(st_ksp_type="cg", st_ksp_rtol=1e-11, st_pc_type="gamg")
+    assert solve(where, STEEL, ["start"], 2, settings=Settings(matrix_type="aij")).eigenvalues == (
+        pytest.approx(expected, rel=1e-8)
+    )
+
+
 def test_matrix_types_and_shift_change_nothing(cylinder, petsc_options):
     where = bar(cylinder(height=6.0), "Q2", 4)
     one = solve(where, STEEL, ["start"], 3)
     for kind in ("aij", "baij"):
         options = {"st_pc_type": "lu", "st_pc_factor_mat_solver_type": "mumps", "st_type": "sinvert"}
-        assert solve(where, STEEL, ["start"], 3, options=options, matrix_type=kind, check=False).frequencies == (
-            pytest.approx(one.frequencies, rel=1e-8)
-        )
+        settings = Settings(options, matrix_type=kind, check=False)
+        found = solve(where, STEEL, ["start"], 3, settings=settings)
+        assert found.below is None
+        assert found.frequencies == pytest.approx(one.frequencies, rel=1e-8)
     petsc_options(st_shift=0.5 * one.eigenvalues[0])
     # The shifted matrix is still definite.
     assert solve(where, STEEL, ["start"], 3).frequencies == pytest.approx(one.frequencies, rel=1e-8)

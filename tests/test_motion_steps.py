@@ -78,7 +78,7 @@ def test_halved_steps_are_those_of_a_run_with_shorter_ones(parts, refuse_longer)
 
 def thrown(model, velocity):
     space = model.bodies[0].space
-    return (np.broadcast_to(velocity, space.positions.shape) * space.carries[:, None]).ravel()
+    return (np.broadcast_to(velocity, space.positions.shape) * space.is_carrier[:, None]).ravel()
 
 
 def test_the_critical_step_is_estimated_again_where_contact_begins():

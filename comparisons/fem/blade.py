@@ -10,7 +10,7 @@ from mpi4py import MPI
 
 from comparisons.fem import runs
 from comparisons.fem.domain import Domain
-from comparisons.fem.modal import DIRECT, Modes, Solid, solve
+from comparisons.fem.modal import DIRECT, Modes, Settings, Solid, solve
 from comparisons.fem.mode_shapes import save
 from comparisons.fem.statics import FAST, Element
 from isorod.errors import InputError
@@ -96,9 +96,11 @@ def vibrations(where: Domain, configuration: Configuration) -> Modes:
         ["start"],
         configuration.modes,
         configuration.element,
-        DIRECT if configuration.solver is None else configuration.solver,
-        configuration.flags,
-        configuration.matrix,
+        Settings(
+            DIRECT if configuration.solver is None else configuration.solver,
+            configuration.flags,
+            configuration.matrix,
+        ),
     )
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from time import perf_counter
-from typing import Any
+from typing import Any, NamedTuple
 
 import dolfinx.fem
 import numpy as np
@@ -14,11 +14,10 @@ from petsc4py import PETSc
 from comparisons.fem import compat, enhanced, quadrature
 from comparisons.fem.domain import Domain
 from comparisons.fem.material import linear
-from comparisons.fem.pencil import Pencil, symmetric
 from comparisons.fem.statics import FAST, Element
 from comparisons.measure.timing import peak_memory
-from isorod.errors import InputError
-from isorod.options import defaults
+from isorod.errors import InputError, SolveError
+from isorod.modal.pencil import Pencil, only_multiplies
 from isorod.petsc.matrix import componentwise
 from meshes.mesh import Array, Index
 
@@ -36,10 +35,6 @@ DIRECT = {
 
 RIGID = 6
 
-# The shift of a free body lies this share of its first flexible eigenvalue below zero; far from it the modes would
-# cluster.
-_SHIFT = 0.1
-
 _ALGEBRAIC = ("gamg", "ml", "hypre")
 
 
@@ -50,6 +45,28 @@ class Solid:
     E: float
     nu: float
     density: float
+
+
+class Settings(NamedTuple):
+    """How the equations are put together and solved.
+
+    Attributes
+    ----------
+    options
+        PETSc and SLEPc options that the user's own override.
+    flags
+        C compiler flags for the forms.
+    matrix_type
+        PETSc type of the stiffness matrix when it is factored; if not given ``sbaij``, its upper triangle by blocks,
+        and on several ranks ``aij``.
+    check
+        Count the eigenvalues below the last one, to prove that none was missed.
+    """
+
+    options: Mapping[str, object] = DIRECT
+    flags: Sequence[str] = FAST
+    matrix_type: str | None = None
+    check: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,10 +128,7 @@ def solve(
     held: Sequence[str] = (),
     modes: int = 10,
     element: Element | None = None,
-    options: Mapping[str, object] | None = None,
-    flags: Sequence[str] = FAST,
-    matrix_type: str | None = None,
-    check: bool = True,
+    settings: Settings | None = None,
 ) -> Modes:
     """Return the lowest vibration modes.
 
@@ -130,15 +144,8 @@ def solve(
         Number of modes besides the rigid ones.
     element
         Displacement element and quadrature of the stiffness; the mass is integrated to twice the element's degree.
-    options
-        PETSc and SLEPc options that the user's own override; `DIRECT` if not given.
-    flags
-        C compiler flags for the forms.
-    matrix_type
-        PETSc type of the stiffness matrix when it is factored; if not given ``sbaij``, its upper triangle by blocks,
-        and on several ranks ``aij``.
-    check
-        Count the eigenvalues below the last one, to prove that none was missed.
+    settings
+        Of matrices and eigensolver.
 
     Raises
     ------
@@ -149,64 +156,44 @@ def solve(
     """
     if not solid.density > 0.0:
         raise InputError(f"density: got {solid.density:g}, modes need a positive mass per volume")
-    element = element or Element()
-    offered = dict(DIRECT if options is None else options)
-    if element.family == "enhanced":
-        # Incompatible modes have no mass.
-        offered.pop("eps_purify", None)
-    with defaults(offered):
-        start = perf_counter()
-        # A shift adds the mass to the stiffness: it then needs the same sparsity.
-        rigid = 0 if held else RIGID
-        shifted = rigid > 0 or PETSc.Options().hasName("st_shift")
-        body = _Body(domain, solid, held, element, flags, matrix_type)
-        if modes < 1 or modes + rigid > body.unknowns:
-            raise InputError(f"modes: got {modes}, need 1 to {body.unknowns - rigid} (the unknowns there are)")
-        spaces = perf_counter() - start
-        start = perf_counter()
-        stiffness = body.stiffness()
-        mass = body.mass_by_blocks() if shifted or not body.plain else body.mass()
-        assembly = perf_counter() - start
-        body.near_null_space(stiffness)
-
-        start = perf_counter()
-        pencil = Pencil(stiffness, mass)
-        shift = -_SHIFT * pencil.first_flexible(rigid) if rigid else 0.0
-        solving = perf_counter() - start
-        start = perf_counter()
-        count_mass = None
-        if check:
-            count_mass = body.mass_by_blocks() if mass.getType() != stiffness.getType() else mass
-        counting = perf_counter() - start
-        start = perf_counter()
-        below = pencil.solve(modes + rigid, shift, count_mass)
-        eigenvalues, residuals, shapes = pencil.pairs(modes + rigid, rigid)
-        solving += perf_counter() - start - pencil.checking
-        typed = dict(PETSc.Options().getAll())
-        for matrix in {made.handle: made for made in (stiffness, mass, count_mass, body.matrix) if made}.values():
-            matrix.destroy()
-    seconds = {
-        "forms": body.symbolic,
-        "setup": spaces - body.symbolic,
-        "assembly": assembly,
-        "solve": solving,
-        "check": counting + pencil.checking,
-    }
+    settings = settings or Settings()
+    rigid = 0 if held else RIGID
+    times = [perf_counter()]
+    body = _Body(domain, solid, held, element or Element(), settings)
+    if modes < 1 or modes + rigid > body.unknowns:
+        raise InputError(f"modes: got {modes}, need 1 to {body.unknowns - rigid} (the unknowns there are)")
+    times.append(perf_counter())
+    pencil = body.pencil(rigid, settings.options)
+    times.append(perf_counter())
+    shift = pencil.shift()
+    if shift is None:
+        raise SolveError("modes of a free body: no flexible mode was found to place the shift by; give one (-st_shift)")
+    found = pencil.solve(modes + rigid, shift, settings.check)
+    times.append(perf_counter())
+    for matrix in (pencil.stiffness, pencil.mass, body.matrix):
+        matrix.destroy()
+    setup, assembly, solving = np.diff(times)
     return Modes(
         domain=domain,
-        shapes=shapes,
+        shapes=found.vectors,
         displacement=body.displacement(),
         carry=body.carry,
-        frequencies=np.sqrt(np.maximum(eigenvalues, 0.0)) / (2.0 * np.pi),
-        eigenvalues=eigenvalues,
-        residuals=residuals,
+        frequencies=np.sqrt(np.maximum(found.eigenvalues, 0.0)) / (2.0 * np.pi),
+        eigenvalues=found.eigenvalues,
+        residuals=found.residuals,
         rigid=rigid,
-        below=below,
+        below=found.below,
         dofs=body.dofs,
         unknowns=body.unknowns,
-        iterations=pencil.iterations,
-        seconds=seconds,
-        options=typed,
+        iterations=found.iterations,
+        seconds={
+            "forms": body.symbolic,
+            "setup": setup - body.symbolic,
+            "assembly": assembly,
+            "solve": solving - pencil.check_seconds,
+            "check": pencil.check_seconds,
+        },
+        options=found.options,
         peak_memory=domain.mesh.comm.allreduce(peak_memory(), op=MPI.MAX),
     )
 
@@ -219,19 +206,11 @@ class _Body:
     multiply by it more often than they solve.
     """
 
-    def __init__(
-        self,
-        domain: Domain,
-        solid: Solid,
-        held: Sequence[str],
-        element: Element,
-        flags: Sequence[str],
-        matrix_type: str | None,
-    ) -> None:
+    def __init__(self, domain: Domain, solid: Solid, held: Sequence[str], element: Element, settings: Settings) -> None:
         mesh = domain.mesh
         self.comm = mesh.comm
         self.plain = element.family != "enhanced"
-        self.solid, self.flags = solid, flags
+        self.solid, self.flags = solid, settings.flags
         self.measure = ufl.dx(metadata=quadrature.measure(element.rule(domain.shape)))
         # Enough points for a mass that is definite, whatever the rule of the stiffness; they cost little in one
         # component.
@@ -240,10 +219,10 @@ class _Body:
             self.space = compat.function_space(mesh, compat.block_element(mesh, element.family, element.degree, 3))
             self.scalar = compat.function_space(mesh, compat.block_element(mesh, element.family, element.degree, 1))
             # PETSc adds only part of the entries of two parallel sbaij matrices with blocks (MatAXPY, 3.18).
-            self.kind, self.final = "baij", matrix_type or ("sbaij" if self.comm.size == 1 else "aij")
+            self.kind, self.final = "baij", settings.matrix_type or ("sbaij" if self.comm.size == 1 else "aij")
         else:
             self.space = enhanced.space(mesh)
-            self.kind, self.final = "aij", matrix_type or "aij"
+            self.kind, self.final = "aij", settings.matrix_type or "aij"
         self.state = dolfinx.fem.Function(self.space)
         self.free = self._free(domain, held)
         dofmap = self.space.dofmap
@@ -296,54 +275,57 @@ class _Body:
                 whole.destroy()
         return matrix if matrix.getType() in (f"seq{kind}", f"mpi{kind}") else matrix.convert(kind)
 
-    def stiffness(self) -> PETSc.Mat:
-        """Assemble ``K`` of the free unknowns."""
+    def pencil(self, rigid: int, options: Mapping[str, object]) -> Pencil:
+        """Return stiffness and mass of the free unknowns, for an eigensolver with some options."""
+        stiffness = self._stiffness()
+        # A shift adds the mass to the stiffness: it then needs the same sparsity.
+        multiplies = self.plain and not rigid and only_multiplies()
+        mass = self._mass() if multiplies else self._mass_by_blocks()
+        if PETSc.Options().getAll().get("st_pc_type", options.get("st_pc_type")) in _ALGEBRAIC and self.plain:
+            self._set_near_null_space(stiffness)
+        return Pencil(
+            stiffness,
+            mass,
+            rigid=rigid,
+            # Incompatible modes have no mass, and what has none wants to be purified.
+            factors=options if self.plain else {**options, "eps_purify": True},
+            entries=self._mass_by_blocks if mass.getType() != stiffness.getType() else None,
+            structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN,
+        )
+
+    def _stiffness(self) -> PETSc.Mat:
         compat.assemble_matrix(self.matrix, self.stiffness_form, [])
         blocks = self.space.dofmap.index_map_bs
-        symmetric(self.matrix, definite=False)
+        _declare(self.matrix, definite=False)
         whole = self.matrix if self.unknowns < self.dofs else self.matrix.copy()
-        return symmetric(self._reduced(whole, blocks, self.final), definite=self.unknowns < self.dofs)
+        return _declare(self._reduced(whole, blocks, self.final), definite=self.unknowns < self.dofs)
 
-    def mass(self) -> PETSc.Mat:
-        """Assemble ``M`` of the free unknowns, to multiply with."""
+    def _mass(self) -> PETSc.Mat:
+        """Assemble the mass to multiply with."""
         if not np.array_equal(_table(self.space), _table(self.scalar)):
-            return self.mass_by_blocks()
+            return self._mass_by_blocks()
         matrix = compat.create_matrix(self.mass_form, None)
         compat.assemble_matrix(matrix, self.mass_form, [])
         one = self._reduced(matrix, 1, "aij")
-        result = symmetric(componentwise(one, 3), definite=True)
+        result = _declare(componentwise(one, 3), definite=True)
         one.destroy()
         return result
 
-    def mass_by_blocks(self) -> PETSc.Mat:
-        """Assemble ``M`` of the free unknowns with the type and sparsity of ``K``."""
+    def _mass_by_blocks(self) -> PETSc.Mat:
+        """Assemble the mass with the type and sparsity of the stiffness."""
         u = self.displacement()
         form = self._form(0.5 * self.solid.density * ufl.inner(u, u) * self.mass_measure)
         matrix = self.matrix.duplicate()
         compat.assemble_matrix(matrix, form, [])
-        symmetric(matrix, definite=False)
-        return symmetric(self._reduced(matrix, self.space.dofmap.index_map_bs, self.final), definite=False)
+        _declare(matrix, definite=False)
+        return _declare(self._reduced(matrix, self.space.dofmap.index_map_bs, self.final), definite=False)
 
-    def near_null_space(self, stiffness: PETSc.Mat) -> None:
+    def _set_near_null_space(self, stiffness: PETSc.Mat) -> None:
         """Tell algebraic multigrid the rigid motions."""
-        if PETSc.Options().getString("st_pc_type", "") not in _ALGEBRAIC or not self.plain:
-            return
-        x = self.space.tabulate_dof_coordinates()[self.free]
-        vectors: list[PETSc.Vec] = []
-        for a in range(RIGID):
-            nodal = np.zeros_like(x)
-            if a < 3:
-                nodal[:, a] = 1.0
-            else:
-                b, c = (a - 2) % 3, (a - 1) % 3
-                nodal[:, b], nodal[:, c] = -x[:, c], x[:, b]
-            vector = stiffness.createVecRight()
-            vector.array[:] = nodal.ravel()
-            for other in vectors:
-                vector.axpy(-vector.dot(other), other)
-            vector.normalize()
-            vectors.append(vector)
-        stiffness.setNearNullSpace(PETSc.NullSpace().create(vectors=vectors, comm=self.comm))
+        positions = stiffness.createVecRight()
+        positions.setBlockSize(3)
+        positions.array[:] = self.space.tabulate_dof_coordinates()[self.free].ravel()
+        stiffness.setNearNullSpace(PETSc.NullSpace().createRigidBody(positions))
 
     def displacement(self) -> Any:
         """Return the displacement of the state."""
@@ -356,6 +338,16 @@ class _Body:
         own.set(0.0)
         own.array[:].reshape(-1, blocks)[self.free] = shape.array_r.reshape(-1, blocks)
         own.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
+
+
+def _declare(matrix: PETSc.Mat, definite: bool) -> PETSc.Mat:
+    """Tell PETSc that a matrix is symmetric, and whether it is positive definite."""
+    option: Any = PETSc.Mat.Option
+    matrix.setOption(option.SYMMETRIC, True)
+    matrix.setOption(option.SYMMETRY_ETERNAL, True)
+    if definite:
+        matrix.setOption(option.SPD, True)
+    return matrix
 
 
 def _table(space: Any) -> Index:

@@ -1,4 +1,4 @@
-"""The command line, split once: ``--long`` options are ours, ``-single`` ones go to PETSc untouched."""
+"""PETSc's options: those the user has typed, and those offered beside them."""
 
 import os
 import re
@@ -45,17 +45,16 @@ def petsc_errors() -> Iterator[None]:
 
 
 @contextmanager
-def defaults(values: Mapping[str, object]) -> Iterator[set[str]]:
-    """Offer options to the objects configured within, except those the user has typed; yields the names typed."""
+def defaults(values: Mapping[str, object]) -> Iterator[None]:
+    """Offer options to the objects configured within, except those the user has typed."""
     from petsc4py import PETSc
 
     options = PETSc.Options()
-    typed = {name for name in (*values, "snes_atol") if options.hasName(name)}
-    added = [name for name in values if name not in typed]
+    added = [name for name in values if not options.hasName(name)]
     for name in added:
         options[name] = values[name]
     try:
-        yield typed
+        yield
     finally:
         for name in added:
             options.delValue(name)

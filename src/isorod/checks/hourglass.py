@@ -1,4 +1,4 @@
-"""Whether a quadrature rule sees the energy of a result: a poor rule leaves motions (hourglass modes) that cost nothing.
+"""Whether a quadrature rule sees the energy of a result: a poor rule leaves motions without any (hourglass modes).
 
 Rules chosen by `isorod.geometry.quadrature` themselves are good; one that a user gives, where it has fewer points, is
 held against the one that would be chosen, which evaluates the result again and solves nothing.
@@ -21,7 +21,7 @@ FACTOR = 3.0
 
 
 def suspected(model: Model) -> bool:
-    """Return whether a body's rule has fewer points, in some direction, than the one `isorod.geometry.quadrature` would choose."""
+    """Return whether a body's rule has, in some direction, fewer points than the one that would be chosen."""
     for body in model.bodies:
         if body.formulation != "displacement":
             continue
@@ -38,7 +38,7 @@ def suspected(model: Model) -> bool:
 
 
 def well(model: Model) -> Model:
-    """Return the model with rules that have, in each direction, the points that `isorod.geometry.quadrature` would choose, or more."""
+    """Return the model with rules that have, in each direction, the points that would be chosen, or more."""
     bodies = []
     for body in model.bodies:
         good, given = body.space.basis.auto(body.space.axis.degree), body.space.rule
@@ -77,9 +77,10 @@ def check_modes(
         one.destroy()
     for k, (value, energy) in enumerate(zip(eigenvalues, energies, strict=True)):
         if energy > FACTOR * abs(value):
+            ratio = np.sqrt(energy / max(abs(value), 1e-300))
             raise SolveError(
-                f"quadrature {_rules(model)}: {_rules(better)} gives mode {k + 1} {np.sqrt(energy / max(abs(value), 1e-300)):.2g} times the "
-                "frequency; the rule does not see the energy of the mode: take more points, or 'auto'"
+                f"quadrature {_rules(model)}: {_rules(better)} gives mode {k + 1} {ratio:.2g} times the frequency; the "
+                "rule does not see the energy of the mode: take more points, or 'auto'"
             )
 
 

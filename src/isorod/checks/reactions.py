@@ -1,7 +1,6 @@
-"""Whether an equilibrium's support forces mean anything: they must balance, and stand out from rounding."""
+"""Forces and moments of the supports, and whether they mean anything: they must balance, and exceed rounding."""
 
 import warnings
-from typing import TYPE_CHECKING
 
 import numpy as np
 from petsc4py import PETSc
@@ -10,11 +9,6 @@ from isorod.arrays import Array
 from isorod.assembly.assembler import Assembler
 from isorod.errors import SolveError
 from isorod.model.model import Model
-
-if TYPE_CHECKING:
-    from petsc4py import PETSc
-
-    from isorod.assembly.assembler import Assembler
 
 # The forces of an equilibrium balance to this share of the largest support force (or moment over size), or there is no
 # result.
@@ -27,9 +21,9 @@ _VANISHES = 1e-11
 _SIGNIFICANT = 10.0
 
 
-def check(
-    assembler: "Assembler",
-    x: "PETSc.Vec",
+def check_balance(
+    assembler: Assembler,
+    x: PETSc.Vec,
     displacement: Array,
     reactions: Array,
     moments: Array,
@@ -57,8 +51,8 @@ def check(
     moved = float(np.abs(displacement).max())
     if model.prescribed(1.0).any() and moved < _VANISHES * model.size:
         raise SolveError(
-            f"displacements of {moved:.2g} vanish beside the size {model.size:.2g} in double precision; prescribe larger ones: the response is "
-            "linear there"
+            f"displacements of {moved:.2g} vanish beside the size {model.size:.2g} in double precision; prescribe "
+            "larger ones: the response is linear there"
         )
     largest = float(np.linalg.norm(reactions, axis=1).max())
     # Where supports carry moments alone, their forces vanish.
@@ -70,25 +64,36 @@ def check(
     gap = float(np.linalg.norm(resultant))
     if gap <= tolerance * load:
         return
-    carried = model.is_carrier[model.bound // 3]
-    rounding = np.zeros_like(reactions)
-    np.add.at(rounding, (model.support_of[carried], model.bound[carried] % 3), noise[carried])
-    sizes = np.linalg.norm(reactions, axis=1)
-    if (sizes > _SIGNIFICANT * np.linalg.norm(rounding, axis=1)).any():
+    rounding = np.linalg.norm(support_forces(model, noise), axis=1)
+    if (np.linalg.norm(reactions, axis=1) > _SIGNIFICANT * rounding).any():
         raise SolveError(
-            f"support forces do not balance: {gap:.2g} is left over, the largest of them is {largest:.2g}: the tolerances of SNES are loose, or "
-            "displacements are too small, or stiffness differs too much along the model, for double precision"
+            f"support forces do not balance: {gap:.2g} is left over, the largest of them is {largest:.2g}: the "
+            "tolerances of SNES are loose, or displacements are too small, or stiffness differs too much along the "
+            "model, for double precision"
         )
     if model.loads:
         raise SolveError(
-            f"loads are no more than rounding of the stiffness: {gap:.2g} of them is left over, supports carry {largest:.2g}: the model is "
-            "too slender, or too stiff for them, for double precision"
+            f"loads are no more than rounding of the stiffness: {gap:.2g} of them is left over, supports carry "
+            f"{largest:.2g}: the model is too slender, or too stiff for them, for double precision"
         )
     warnings.warn(f"support forces are no more than rounding: {largest:.2g}, known to {gap:.2g}", stacklevel=3)
 
 
-def _moments(model: Model, displacement: Array, forces: Array) -> Array:
-    """Return each support's moment: the work of its nodal forces on a rotation, in which coefficients turn like positions."""
+def support_forces(model: Model, forces: Array) -> Array:
+    """Return the force of each support, shape ``(supports, 3)``, of those on the degrees of freedom `Model.bound`."""
+    result = np.zeros((max(len(model.supports), 1), 3))
+    # Only functions that add up to one take part in the virtual work of a translation.
+    carried = model.is_carrier[model.bound // 3]
+    np.add.at(result, (model.support_of[carried], model.bound[carried] % 3), forces[carried])
+    return result
+
+
+def support_moments(model: Model, displacement: Array, forces: Array) -> Array:
+    """Return the moment of each support about the mean of its nodes' present positions, shape ``(supports, 3)``.
+
+    It is the work of the nodal forces, those on the degrees of freedom `Model.bound`, on a rotation, in which
+    coefficients turn like positions.
+    """
     nodal = np.zeros((model.dofs // 3, 3))
     nodal.ravel()[model.bound] = forces
     owner = np.full(model.dofs, -1)

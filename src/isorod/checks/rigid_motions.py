@@ -1,5 +1,7 @@
 """Rigid motions of a model: which the supports leave free, and the near-null space they make."""
 
+from collections.abc import Iterable, Iterator
+
 import numpy as np
 from petsc4py import PETSc
 
@@ -7,6 +9,7 @@ from isorod.arrays import Array, Index
 from isorod.assembly.assembler import Assembler
 from isorod.errors import SolveError
 from isorod.model.model import Model
+from isorod.petsc.matrix import orthonormalise
 from isorod.space.space import Space
 
 # A motion counts as free if it moves held components by less than this share of its size.
@@ -37,7 +40,7 @@ def _arms(space: Space) -> Array:
 
 
 def _clamped(space: Space, free: Index) -> bool:
-    """Return whether supports hold all of an end face that is not small beside the rod; ``free`` is as in the model, of this space."""
+    """Return whether supports (``free`` as in the model, of this space) hold all of an end face that is not small."""
     if space.rod.closed:
         return False
     points = space.rod.control_points
@@ -78,6 +81,24 @@ def free_motions(model: Model) -> list[tuple[int, Array]]:
     return found
 
 
+def on_unknowns(assembler: Assembler, moved: Iterable[tuple[int, Array]]) -> Iterator[PETSc.Vec]:
+    """Yield motions of bodies (body, and displacements of its nodes ``(nodes, 3)``) as vectors of unknowns."""
+    for body, motion in moved:
+        everywhere = np.zeros(assembler.model.dofs)
+        assembler.model.nodal(everywhere, body)[:] = motion
+        yield assembler.state(everywhere)
+
+
+def near_null_space(assembler: Assembler) -> PETSc.NullSpace:
+    """Return the rigid motions of all bodies on the unknowns, for algebraic multigrid."""
+    moved = (
+        (b, motion.reshape(-1, 3)) for b, body in enumerate(assembler.model.bodies) for motion in motions(body.space).T
+    )
+    vectors = orthonormalise(on_unknowns(assembler, moved))
+    assembler.note("near-null space")
+    return PETSc.NullSpace().create(vectors=vectors, comm=assembler.comm)
+
+
 def refuse_free(model: Model) -> None:
     """Raise `SolveError` if a rigid motion is free, and name it."""
     loose = free_motions(model)
@@ -85,23 +106,6 @@ def refuse_free(model: Model) -> None:
         body, motion = loose[0]
         how = describe(model.bodies[body].space, motion)
         raise SolveError(f"supports: body {body} is free to {how}; hold it")
-
-
-def near_null_space(assembler: Assembler) -> PETSc.NullSpace:
-    """Return the rigid motions of all bodies on the unknowns, for algebraic multigrid."""
-    model = assembler.model
-    vectors: list[PETSc.Vec] = []
-    for b, body in enumerate(model.bodies):
-        for motion in motions(body.space).T:
-            everywhere = np.zeros(model.dofs)
-            everywhere[3 * model.first_node[b] : 3 * model.first_node[b + 1]] = motion
-            vector = assembler.state(everywhere)
-            for other in vectors:
-                vector.axpy(-vector.dot(other), other)
-            vector.normalize()
-            vectors.append(vector)
-    assembler.note("near-null space")
-    return PETSc.NullSpace().create(vectors=vectors, comm=assembler.comm)
 
 
 def describe(space: Space, motion: Array) -> str:

@@ -1,5 +1,6 @@
 """Vibration modes: ``K x = omega^2 M x`` on the unknowns, by SLEPc."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from time import perf_counter
 from typing import Any
@@ -9,15 +10,13 @@ from petsc4py import PETSc
 
 from isorod.arrays import Array
 from isorod.assembly.assembler import Assembler
+from isorod.assembly.factorisation import factorisation
 from isorod.checks import hourglass, rigid_motions
 from isorod.errors import InputError, SolveError
 from isorod.material.linear_elastic import LinearElastic
-from isorod.modal.pencil import _ASIDE, _SHIFT, _Problem
+from isorod.modal.pencil import Found, Pencil, only_multiplies
 from isorod.model.model import Model
-from isorod.petsc.library import pc_name
 from isorod.statics.analysis import Equilibrium
-
-_BAD_RESIDUAL = 1e-5
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +45,7 @@ class Modes:
     shift
         Shift of the spectral transformation.
     iterations
-        Restarts of the eigensolver.
+        Restarts of the eigensolver, those of all its rounds.
     seconds
         ``setup``, ``assembly``, ``solve`` and, for the Sturm count, ``check``, wall time.
     built, solver, ranks
@@ -106,6 +105,53 @@ def solve(
         If SLEPc does not converge, a factorisation fails, or the Sturm count shows that a mode was missed.
     """
     start = perf_counter()
+    _refuse(model, state)
+    loose = rigid_motions.free_motions(model) if state is None else []
+    wanted = _wanted(model, modes, len(loose))
+    assembler = Assembler(model, comm)
+    pencil = _pencil(assembler, lumped, loose)
+    x = assembler.vector() if state is None else assembler.state(state.displacement)
+    setup = perf_counter() - start
+    assembler.seconds = 0.0
+    assembler.tangent(x, 0.0 if state is None else 1.0, pencil.stiffness)
+    assembly = assembler.seconds
+    shift = _shift(pencil, model, loose)
+    try:
+        found = pencil.solve(wanted, shift)
+    except SolveError as problem:
+        raise SolveError(f"{problem}{hourglass.hint(model)}") from None
+    vectors = _shapes(assembler, found)
+    begin = perf_counter()
+    if hourglass.suspected(model):
+        flexible = slice(len(loose), None)
+        about = None if state is None else state.displacement
+        hourglass.check_modes(model, found.eigenvalues[flexible], vectors[flexible], about, lumped, comm)
+    check = pencil.check_seconds + perf_counter() - begin
+    assert found.below is not None
+    return Modes(
+        model=model,
+        frequencies=np.sign(found.eigenvalues) * np.sqrt(np.abs(found.eigenvalues)) / (2.0 * np.pi),
+        eigenvalues=found.eigenvalues,
+        vectors=vectors,
+        residuals=found.residuals,
+        rigid=len(loose),
+        below=found.below,
+        shift=shift,
+        iterations=found.iterations,
+        seconds={
+            "setup": setup,
+            "assembly": assembly,
+            "solve": perf_counter() - start - setup - assembly - check,
+            "check": check,
+        },
+        built=assembler.built,
+        solver=found.solver,
+        ranks=assembler.comm.getSize(),
+    )
+
+
+def _refuse(model: Model, state: Equilibrium | None) -> None:
+    """Raise `InputError` for a body without mass, or one whose tangent knows nothing of the state."""
     for b, body in enumerate(model.bodies):
         if not body.densities.min() > 0.0:
             raise InputError(
@@ -115,62 +161,47 @@ def solve(
             raise InputError(
                 f"modes about a state: body {b} is linear elastic, whose tangent knows no stress; take NeoHookean"
             )
+
+
+def _wanted(model: Model, modes: int, rigid: int) -> int:
+    """Return the number of modes to solve for, the rigid ones included."""
     typed = PETSc.Options()
     if typed.hasName("eps_nev"):
         modes = typed.getInt("eps_nev")
-    loose = rigid_motions.free_motions(model) if state is None else []
-    rigid_modes = len(loose)
-    wanted = modes + rigid_modes
-    if modes < 1 or wanted > model.unknowns:
-        raise InputError(f"modes: got {modes}, need 1 to {model.unknowns - rigid_modes} (the unknowns there are)")
-    assembler = Assembler(model, comm)
-    problem = _Problem(assembler, lumped, loose)
-    x = assembler.vector() if state is None else assembler.state(state.displacement)
-    setup = perf_counter() - start
-    assembler.seconds = 0.0
-    assembler.tangent(x, 0.0 if state is None else 1.0, problem.stiffness)
-    assembly = assembler.seconds
-    shift = 0.0
-    if rigid_modes:
-        shift = -_SHIFT * problem.first_flexible(rigid_modes)
-    eps, below = problem.solve(wanted, shift)
-    eigenvalues, vectors, residuals = problem.pairs(wanted, rigid_modes)
-    bad = max(_BAD_RESIDUAL, 100.0 * eps.getTolerances()[0])
-    if not residuals.max() <= bad and typed.hasName("st_shift"):
-        # What was factorised is singular if the shift is an eigenvalue.
-        problem.found.clear()
-        eps, below = problem.solve(wanted, shift, _ASIDE)
-        eigenvalues, vectors, residuals = problem.pairs(wanted, rigid_modes)
-    worst = int(np.argmax(residuals))
-    if not residuals[worst] <= bad:
-        raise SolveError(
-            f"modes: the residual of mode {worst + 1} is {residuals[worst]:.2g}: -eps_tol is loose, or stiffness differs more along the model than double precision bears{hourglass.hint(model)}"
-        )
-    begin = perf_counter()
-    if hourglass.suspected(model):
-        flexible = slice(rigid_modes, None)
-        about = None if state is None else state.displacement
-        hourglass.check_modes(model, eigenvalues[flexible], vectors[flexible], about, lumped, comm)
-    problem.check_seconds += perf_counter() - begin
-    st = eps.getST()
-    ksp = st.getKSP()
-    return Modes(
-        model=model,
-        frequencies=np.sign(eigenvalues) * np.sqrt(np.abs(eigenvalues)) / (2.0 * np.pi),
-        eigenvalues=eigenvalues,
-        vectors=vectors,
-        residuals=residuals,
-        rigid=rigid_modes,
-        below=below,
-        shift=shift,
-        iterations=eps.getIterationNumber(),
-        seconds={
-            "setup": setup,
-            "assembly": assembly,
-            "solve": perf_counter() - start - setup - assembly - problem.check_seconds,
-            "check": problem.check_seconds,
-        },
-        built=assembler.built,
-        solver={"eps": eps.getType(), "st": st.getType(), "ksp": ksp.getType(), "pc": pc_name(ksp.getPC())},
-        ranks=assembler.comm.getSize(),
+    if modes < 1 or modes + rigid > model.unknowns:
+        raise InputError(f"modes: got {modes}, need 1 to {model.unknowns - rigid} (the unknowns there are)")
+    return modes + rigid
+
+
+def _pencil(assembler: Assembler, lumped: bool, loose: Sequence[tuple[int, Array]]) -> Pencil:
+    """Return the pencil with the mass, and room for the stiffness, of a model with some rigid motions."""
+    stiffness = assembler.matrix()
+    multiplies = not loose and only_multiplies()
+    return Pencil(
+        stiffness,
+        assembler.mass_operator(lumped) if multiplies else assembler.mass(lumped),
+        rigid=len(loose),
+        factors=factorisation(assembler, "st_"),
+        motions=lambda: rigid_motions.on_unknowns(assembler, loose),
+        entries=(lambda: assembler.mass(lumped)) if multiplies else None,
     )
+
+
+def _shift(pencil: Pencil, model: Model, loose: Sequence[tuple[int, Array]]) -> float:
+    shift = pencil.shift()
+    if shift is None:
+        body, motion = loose[0]
+        how = rigid_motions.describe(model.bodies[body].space, motion)
+        raise SolveError(
+            f"modes: body {body} is free to {how}, as far as 1e-8 of its size tells, and no flexible mode was found to "
+            "place the shift by; hold it, or give a shift (-st_shift)"
+        )
+    return shift
+
+
+def _shapes(assembler: Assembler, found: Found) -> Array:
+    """Return mode shapes, shape ``(modes, dofs)``; of the largest components of each the first is positive."""
+    vectors = assembler.shapes(np.array([assembler.all_unknowns(x) for x in found.vectors]))
+    large = np.abs(vectors) > 0.999 * np.abs(vectors).max(axis=1, keepdims=True)
+    signs = np.sign(vectors[np.arange(len(vectors)), large.argmax(axis=1)])
+    return np.asarray(vectors * signs[:, None])

@@ -1,22 +1,22 @@
-"""Eigenpairs of the pencil K - lambda M by SLEPc."""
+"""The pencil ``K - lambda M``: its lowest eigenpairs by SLEPc, and the count that proves none is missing."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
 from time import perf_counter
+from typing import Any, NamedTuple
 
 import numpy as np
 from petsc4py import PETSc
 from slepc4py import SLEPc
 
 from isorod.arrays import Array
-from isorod.assembly.assembler import Assembler
-from isorod.assembly.factorisation import factorisation
-from isorod.checks import hourglass, rigid_motions
 from isorod.errors import SolveError
 from isorod.options import defaults
 from isorod.petsc.inertia import negative_eigenvalues
+from isorod.petsc.library import pc_name
+from isorod.petsc.matrix import orthonormalise
 
-# What a user's option overrides.  Purification mends vectors where the mass is singular; here it is not, and it costs a
-# tenth.
+# What a user's option overrides.  Purification mends vectors where the mass is singular, and costs a tenth.
 OPTIONS = {"eps_tol": 1e-10, "eps_purify": 0, "st_type": "sinvert", "st_ksp_type": "preonly"}
 
 # Measured on the blade: below a tolerance of 1e-8 none of them gets (LOBPCG 1e-7), and LOBPCG breaks down with blocks
@@ -27,8 +27,6 @@ PRECONDITIONED_OPTIONS = {
     "st_pc_type": "cholesky",
     "st_pc_factor_mat_solver_type": "mumps",
 }
-
-
 LOBPCG_OPTIONS = {"eps_tol": 1e-7, "eps_lobpcg_blocksize": 1, "st_ksp_type": "preonly"}
 
 # Eigensolvers that take a preconditioner instead of a spectral transformation.
@@ -40,12 +38,12 @@ _HARMLESS = (
     *("eps_monitor", "eps_view", "eps_error", "st_ksp", "st_pc"),
 )
 
-
 # The Sturm count is taken this far (relative) above the last eigenvalue returned.
 _ABOVE = 1e-6
 
 # Rounds of deflation until no eigenvalue is missing, and the residual above which a mode is refused.
 _ROUNDS = 12
+_BAD_RESIDUAL = 1e-5
 
 # The shift of a free body lies this share of its first flexible eigenvalue below zero; far from it the modes would
 # cluster.
@@ -56,199 +54,285 @@ _SHIFT = 0.1
 _ASIDE = 1e-2
 
 
-def _just_above(eigenvalue: float) -> float:
-    return eigenvalue + _ABOVE * abs(eigenvalue)
+class Found(NamedTuple):
+    """The lowest eigenpairs, ascending.
+
+    Attributes
+    ----------
+    eigenvalues : (m,)
+    vectors
+        Of the unknowns, ``m`` of them, ``x^T M x = 1``.
+    residuals : (m,)
+        ``|K x - lambda M x| / (|lambda| |M x|)``; for rigid modes with the first flexible ``lambda``.
+    below
+        Number of eigenvalues up to just above the last one, or None if nothing was counted.
+    iterations
+        Of the eigensolver, those of all its rounds.
+    tolerance
+        Of the eigensolver.
+    solver
+        Types of EPS, ST, KSP and PC.
+    options
+        All PETSc options in force.
+    """
+
+    eigenvalues: Array
+    vectors: list[PETSc.Vec]
+    residuals: Array
+    below: int | None
+    iterations: int
+    tolerance: float
+    solver: dict[str, str]
+    options: dict[str, str]
 
 
-class _Problem:
-    """The pencil ``K - lambda M``."""
+@dataclass(eq=False)
+class Pencil:
+    """A symmetric stiffness ``K``, positive definite or with rigid motions, and a mass ``M``.
 
-    def __init__(self, assembler: Assembler, lumped: bool, loose: Sequence[tuple[int, Array]]) -> None:
-        self.assembler = assembler
-        self.stiffness = assembler.matrix()
-        self.lumped = lumped
-        self._only_multiplies = not loose and _only_multiplies()
-        self.mass = assembler.mass_operator(lumped) if self._only_multiplies else assembler.mass(lumped)
-        self.loose = loose
-        self.found: list[tuple[float, PETSc.Vec]] = []
-        self.check_seconds = 0.0
+    Attributes
+    ----------
+    stiffness
+        Symmetric matrix; only its upper triangle may be stored.
+    mass
+        Symmetric matrix to multiply with; where there is a shift, with entries at places where the stiffness has some.
+    rigid
+        Number of rigid motions.
+    factors
+        Options, named ``st_...``, of the factorisation that suits the stiffness, and whatever else shall stand instead
+        of `OPTIONS`; the user's own win.  Eigensolvers without a spectral transformation take no notice.
+    motions
+        Returns the rigid motions on the unknowns, if they are known: those eigensolvers find no end of a kernel.
+    entries
+        Returns the mass as a new matrix with entries, where `mass` only multiplies.
+    structure
+        How the entries of the mass lie in those of the stiffness.
+    check_seconds
+        Wall time of Sturm counts so far.
+    """
+
+    stiffness: PETSc.Mat
+    mass: PETSc.Mat
+    rigid: int = 0
+    factors: Mapping[str, object] = field(default_factory=dict)
+    motions: Callable[[], Iterable[PETSc.Vec]] = tuple
+    entries: Callable[[], PETSc.Mat] | None = None
+    structure: Any = PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN
+    check_seconds: float = field(default=0.0, init=False)
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns."""
+        return int(self.stiffness.getSize()[0])
 
     def _eps(self, count: int, shift: float) -> SLEPc.EPS:
-        eps = SLEPc.EPS().create(self.assembler.comm)
+        eps = SLEPc.EPS().create(self.stiffness.getComm())
         eps.setOperators(self.stiffness, self.mass)
         eps.setProblemType(SLEPc.EPS.ProblemType.GHEP)
-        eps.setDimensions(min(count, self.assembler.model.unknowns))
+        eps.setDimensions(min(count, self.size))
+        eps.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
         eps.setTarget(shift)
+        eps.getST().setShift(shift)
+        eps.getST().setMatStructure(self.structure)
         return eps
 
-    def first_flexible(self, rigid_modes: int) -> float:
-        """Return a rough value of the first eigenvalue above the rigid modes of a free body."""
-        diagonal = self.stiffness.getDiagonal().sum() / self.mass.getDiagonal().sum()
-        guess = 1e-8 * diagonal
+    def shift(self) -> float | None:
+        """Return the shift to solve with: zero, or below it where there are rigid motions, whose eigenvalue is zero.
+
+        None means that no flexible mode was found to place it by.
+        """
+        if not self.rigid or PETSc.Options().hasName("st_shift"):
+            return 0.0
+        first = self._first_flexible()
+        return None if first is None else -_SHIFT * first
+
+    def _first_flexible(self) -> float | None:
+        """Return a rough value of the first eigenvalue above the rigid modes of a free body, if it is found."""
+        guess = 1e-8 * self.stiffness.getDiagonal().sum() / self.mass.getDiagonal().sum()
         for _ in range(8):
-            eps = self._eps(rigid_modes + 2, -guess)
-            eps.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
+            eps = self._eps(self.rigid + 2, -guess)
             eps.setTolerances(1e-4)
-            st = eps.getST()
-            st.setType(SLEPc.ST.Type.SINVERT)
-            st.setShift(-guess)
-            _direct(st.getKSP())
+            eps.getST().setType(SLEPc.ST.Type.SINVERT)
+            ksp = eps.getST().getKSP()
+            ksp.setType(PETSc.KSP.Type.PREONLY)
+            ksp.getPC().setType(PETSc.PC.Type.CHOLESKY)
+            ksp.getPC().setFactorSolverType("mumps")
             eps.solve()
-            if eps.getConverged() <= rigid_modes:
-                break
-            first = sorted(eps.getEigenvalue(k).real for k in range(eps.getConverged()))[rigid_modes]
+            values = sorted(eps.getEigenvalue(k).real for k in range(eps.getConverged()))
             eps.destroy()
+            if len(values) <= self.rigid:
+                return None
+            first = float(values[self.rigid])
             # Too far below zero, the shift makes rigid and flexible modes look alike.
             if first > 0.01 * guess:
-                return float(first)
+                return first
             guess = max(10.0 * abs(first), 1e-3 * guess)
-        body, motion = self.loose[0]
-        how = rigid_motions.describe(self.assembler.model.bodies[body].space, motion)
-        raise SolveError(
-            f"modes: body {body} is free to {how}, as far as 1e-8 of its size tells, and no flexible mode was found to place the shift by; "
-            "hold it, or give a shift (-st_shift)"
-        )
+        return None
 
-    def solve(self, wanted: int, shift: float, aside: float = 0.0) -> tuple[SLEPc.EPS, int]:
-        """Find the lowest ``wanted`` eigenvalues, as the user's options say; return the solver and the Sturm count.
+    def solve(self, wanted: int, shift: float, count: bool = True) -> Found:
+        """Return the lowest ``wanted`` eigenpairs, rigid modes included, as the user's options say.
 
-        The shift in force is moved ``aside`` by this share of it.
+        Parameters
+        ----------
+        wanted
+            Number of eigenpairs, at most that of unknowns.
+        shift
+            Of the spectral transformation, see `shift`.
+        count
+            Count the eigenvalues up to just above the last one, by Sylvester's law of inertia, and solve for those that
+            are missing.
+
+        Raises
+        ------
+        SolveError
+            If the eigensolver does not converge, residuals are large, or eigenvalues are missing, or too many.
+        """
+        found = self._find(wanted, shift, count)
+        limit = max(_BAD_RESIDUAL, 100.0 * found.tolerance)
+        if not found.residuals.max() <= limit and PETSc.Options().hasName("st_shift"):
+            # What was factorised is singular if the shift is an eigenvalue.
+            found = self._find(wanted, shift, count, _ASIDE)
+        worst = int(np.argmax(found.residuals))
+        if not found.residuals[worst] <= limit:
+            raise SolveError(
+                f"modes: the residual of mode {worst + 1} is {found.residuals[worst]:.2g}: -eps_tol is loose, or "
+                "stiffness differs more along the model than double precision bears"
+            )
+        return found
+
+    def _find(self, wanted: int, shift: float, count: bool, aside: float = 0.0) -> Found:
+        """Solve once; the shift in force is moved ``aside`` by this share of it."""
+        # One more than wanted, so that the last one seldom lacks its twin; another one more would cost ten modes a
+        # restart.
+        eps = self._eps(wanted + 1, shift)
+        kind = PETSc.Options().getAll().get("eps_type", "krylovschur")
+        if kind in PRECONDITIONED:
+            eps.setWhichEigenpairs(SLEPc.EPS.Which.SMALLEST_REAL)
+        pairs: list[tuple[float, PETSc.Vec]] = []
+        with defaults(self._options(kind)):
+            eps.setFromOptions()
+            if PETSc.Options().hasName("eps_nev"):
+                _, *spaces = eps.getDimensions()
+                eps.setDimensions(min(wanted + 1, self.size), *spaces)
+            if aside:
+                eps.getST().setShift((1.0 + aside) * eps.getST().getShift())
+            if kind in PRECONDITIONED and self.rigid:
+                pairs = self._rigid_pairs()
+                eps.setDeflationSpace([vector for _, vector in pairs])
+            eps.solve()
+            options = dict(PETSc.Options().getAll())
+        self._collect(eps, pairs)
+        iterations = eps.getIterationNumber()
+        if len(pairs) < wanted:
+            raise SolveError(
+                f"modes: SLEPc found {len(pairs)} of {wanted} in {iterations} iterations (reason "
+                f"{eps.getConvergedReason()}); raise -eps_max_it or -eps_ncv, or loosen -eps_tol"
+            )
+        below = None
+        if count:
+            below, more = self._complete(eps, pairs, wanted)
+            iterations += more
+        ksp = eps.getST().getKSP()
+        types = {"eps": eps.getType(), "st": eps.getST().getType(), "ksp": ksp.getType(), "pc": pc_name(ksp.getPC())}
+        tolerance, _ = eps.getTolerances()
+        eps.destroy()
+        return Found(*self._normalised(pairs, wanted), below, iterations, tolerance, types, options)
+
+    def _options(self, kind: str) -> Mapping[str, object]:
+        """Return what to offer an eigensolver of some kind."""
+        if kind not in PRECONDITIONED:
+            return {**OPTIONS, **self.factors}
+        offered = PRECONDITIONED_OPTIONS | (LOBPCG_OPTIONS if kind == "lobpcg" else {})
+        if PETSc.Options().getAll().get("st_pc_type", "cholesky") in ("lu", "cholesky"):
+            return offered
+        return {name: value for name, value in offered.items() if not name.startswith("st_pc_")}
+
+    def _rigid_pairs(self) -> list[tuple[float, PETSc.Vec]]:
+        """Return the Rayleigh quotients of the rigid motions that are known, and vectors with ``x^T M x = 1``."""
+        image = self.stiffness.createVecRight()
+        pairs = []
+        for vector in orthonormalise(self.motions(), self.mass):
+            self.stiffness.mult(vector, image)
+            pairs.append((float(vector.dot(image)), vector))
+        image.destroy()
+        return pairs
+
+    def _collect(self, eps: SLEPc.EPS, pairs: list[tuple[float, PETSc.Vec]]) -> None:
+        """Add what an eigensolver has found; keep them ascending."""
+        for k in range(eps.getConverged()):
+            vector = self.stiffness.createVecRight()
+            pairs.append((eps.getEigenpair(k, vector).real, vector))
+        pairs.sort(key=lambda pair: pair[0])
+
+    def _complete(self, eps: SLEPc.EPS, pairs: list[tuple[float, PETSc.Vec]], wanted: int) -> tuple[int, int]:
+        """Add eigenpairs until none of the lowest ``wanted`` is missing; return the Sturm count and the iterations.
 
         A Krylov space holds one vector of a multiple eigenvalue until rounding brings the others in.  Where the count
         of eigenvalues shows that some are missing, those found are deflated and the rest is solved for.
         """
-        typed = PETSc.Options().getAll().get("eps_type", "krylovschur")
-        unknowns = self.assembler.model.unknowns
-        # One more than wanted, so that the last one seldom lacks its twin; another one more would cost ten modes a
-        # restart.
-        eps = self._eps(wanted + 1, shift)
-        if typed in PRECONDITIONED:
-            eps.setWhichEigenpairs(SLEPc.EPS.Which.SMALLEST_REAL)
-            offered = PRECONDITIONED_OPTIONS | (LOBPCG_OPTIONS if typed == "lobpcg" else {})
-            if PETSc.Options().getAll().get("st_pc_type", "cholesky") not in ("lu", "cholesky"):
-                offered = {name: value for name, value in offered.items() if not name.startswith("st_pc_")}
-        else:
-            eps.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
-            offered = OPTIONS | factorisation(self.assembler, "st_")
-        eps.getST().setShift(shift)
-        with defaults(offered):
-            eps.setFromOptions()
-            if PETSc.Options().hasName("eps_nev"):
-                _, ncv, mpd = eps.getDimensions()
-                eps.setDimensions(min(wanted + 1, unknowns), ncv, mpd)
-            if aside:
-                eps.getST().setShift((1.0 + aside) * eps.getST().getShift())
-            if typed in PRECONDITIONED and self.loose:
-                # These solvers find no end of a kernel: it is known, and taken out.
-                self._take_rigid_motions()
-                eps.setDeflationSpace([vector for _, vector in self.found])
-            eps.solve()
-        self._collect(eps)
-        if len(self.found) < wanted:
-            raise SolveError(
-                f"modes: SLEPc found {len(self.found)} of {wanted} in {eps.getIterationNumber()} iterations (reason "
-                f"{eps.getConvergedReason()}); raise -eps_max_it or -eps_ncv, or loosen -eps_tol"
-            )
+        iterations = 0
         for _ in range(_ROUNDS):
-            last = self.found[wanted - 1][0]
+            last = pairs[wanted - 1][0]
             below = self.count_below(last)
-            missing = below - sum(value <= _just_above(last) for value, _ in self.found)
+            missing = below - sum(value <= _just_above(last) for value, _ in pairs)
             if missing == 0:
-                return eps, below
+                return below, iterations
+            said = f"modes: {below} eigenvalues lie at or below {last:.6g}, but {below - missing} were found"
             if missing < 0:
                 raise SolveError(
-                    f"modes: {below} eigenvalues lie at or below {last:.6g}, but {below - missing} were found: some are no modes; "
-                    "tighten -eps_tol, take the default -eps_type, or stiffness differs more along the model than double "
-                    f"precision bears{hourglass.hint(self.assembler.model)}"
+                    f"{said}: some are no modes; tighten -eps_tol, take the default -eps_type, or stiffness differs "
+                    "more along the model than double precision bears"
                 )
-            before = len(self.found)
-            eps.setDeflationSpace([vector for _, vector in self.found])
+            before = len(pairs)
+            eps.setDeflationSpace([vector for _, vector in pairs])
             # All three: SLEPc 3.22 keeps from the first solve what is not given, and it need not fit the new count.
-            count = max(1, min(missing + 2, unknowns - before - 1))
-            room = min(max(2 * count, count + 15), unknowns - before)
+            count = max(1, min(missing + 2, self.size - before - 1))
+            room = min(max(2 * count, count + 15), self.size - before)
             eps.setDimensions(count, room, room)
             eps.solve()
-            self._collect(eps)
-            if len(self.found) == before:
+            iterations += eps.getIterationNumber()
+            self._collect(eps, pairs)
+            if len(pairs) == before:
                 break
-        raise SolveError(
-            f"modes: {below} eigenvalues lie at or below {last:.6g}, but {below - missing} were found; raise -eps_ncv or shift "
-            "elsewhere (-st_shift)"
-        )
+        raise SolveError(f"{said}; raise -eps_ncv or shift elsewhere (-st_shift)")
 
-    def _take_rigid_motions(self) -> None:
-        model = self.assembler.model
-        taken: list[PETSc.Vec] = []
-        for body, motion in self.loose:
-            everywhere = np.zeros(model.dofs)
-            model.nodal(everywhere, body)[:] = motion
-            vector = self.assembler.state(everywhere)
-            image = self.assembler.vector()
-            for other in taken:
-                self.mass.mult(other, image)
-                vector.axpy(-vector.dot(image), other)
-            self.mass.mult(vector, image)
-            vector.scale(1.0 / np.sqrt(vector.dot(image)))
-            taken.append(vector)
-            self.stiffness.mult(vector, image)
-            self.found.append((float(vector.dot(image)), vector))
-
-    def _collect(self, eps: SLEPc.EPS) -> None:
-        for k in range(eps.getConverged()):
-            vector = self.stiffness.createVecRight()
-            value = eps.getEigenpair(k, vector).real
-            self.found.append((value, vector))
-        self.found.sort(key=lambda pair: pair[0])
-
-    def pairs(self, wanted: int, rigid_modes: int) -> tuple[Array, Array, Array]:
-        """Return the lowest eigenvalues, their vectors on all degrees of freedom, and residuals."""
-        lowest = self.found[:wanted]
-        values = np.array([value for value, _ in lowest])
-        kx, mx = self.stiffness.createVecs()
-        low, high = mx.getOwnershipRange()
-        unknowns = np.empty((wanted, mx.getSize()))
-        stiff, heavy = np.empty((2, wanted, high - low))
-        for k, (_, x) in enumerate(lowest):
-            self.mass.mult(x, mx)
+    def _normalised(self, pairs: list[tuple[float, PETSc.Vec]], wanted: int) -> tuple[Array, list[PETSc.Vec], Array]:
+        """Return eigenvalues, vectors and residuals of the lowest pairs; give back the other vectors."""
+        values = np.array([value for value, _ in pairs[:wanted]])
+        scales = np.maximum(np.abs(values), abs(values[self.rigid]))
+        kx, mx = self.stiffness.createVecRight(), self.stiffness.createVecRight()
+        residuals = np.empty(wanted)
+        for k, (value, x) in enumerate(pairs[:wanted]):
             self.stiffness.mult(x, kx)
-            unknowns[k], stiff[k], heavy[k] = self.assembler.all_unknowns(x), kx.array_r, mx.array_r
-        own = unknowns[:, low:high]
-        gap = stiff - values[:, None] * heavy
-        # Of each vector x^T M x, |K x - lambda M x|^2, |M x|^2.
-        products = np.stack([np.einsum("ki,ki->k", *pair) for pair in ((own, heavy), (gap, gap), (heavy, heavy))])
-        if self.assembler.comm.getSize() > 1:
-            products = self.assembler.comm.tompi4py().allreduce(products)
-        amount, gap, size = products
-        residuals = np.sqrt(gap / size) / np.maximum(np.abs(values), abs(values[rigid_modes]))
-        vectors = self.assembler.shapes(unknowns) / np.sqrt(amount)[:, None]
-        # The first of the largest components is positive.
-        large = np.abs(vectors) > 0.999 * np.abs(vectors).max(axis=1, keepdims=True)
-        signs = np.sign(vectors[np.arange(wanted), large.argmax(axis=1)])
-        return values, vectors * signs[:, None], residuals
+            self.mass.mult(x, mx)
+            kx.axpy(-value, mx)
+            residuals[k] = kx.norm() / (scales[k] * mx.norm())
+            x.scale(1.0 / np.sqrt(x.dot(mx)))
+        for vector in (kx, mx, *(x for _, x in pairs[wanted:])):
+            vector.destroy()
+        return values, [x for _, x in pairs[:wanted]], residuals
 
     def count_below(self, eigenvalue: float) -> int:
         """Return the number of eigenvalues up to just above the given one, by Sylvester's law of inertia."""
         start = perf_counter()
-        entries = self.assembler.mass(self.lumped) if self._only_multiplies else self.mass
+        mass = self.mass if self.entries is None else self.entries()
         shifted = self.stiffness.copy()
-        shifted.axpy(-_just_above(eigenvalue), entries, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
+        shifted.axpy(-_just_above(eigenvalue), mass, self.structure)
         shifted.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+        shifted.setOption(PETSc.Mat.Option.SPD, False)
         negative = negative_eigenvalues(shifted)
         shifted.destroy()
-        if self._only_multiplies:
-            entries.destroy()
+        if mass is not self.mass:
+            mass.destroy()
         self.check_seconds += perf_counter() - start
         return negative
 
 
-def _only_multiplies() -> bool:
+def _just_above(eigenvalue: float) -> float:
+    return eigenvalue + _ABOVE * abs(eigenvalue)
+
+
+def only_multiplies() -> bool:
     """Return whether the eigensolver takes the mass only to multiply with, as the default with a shift of zero does."""
     typed = (name for name in PETSc.Options().getAll() if name.startswith(("eps_", "st_")))
     return all(name.startswith(_HARMLESS) for name in typed)
-
-
-def _direct(ksp: PETSc.KSP) -> None:
-    ksp.setType(PETSc.KSP.Type.PREONLY)
-    pc = ksp.getPC()
-    pc.setType(PETSc.PC.Type.LU)
-    pc.setFactorSolverType("mumps")

@@ -5,7 +5,7 @@ all are there, so that dense blocks of it can be factorised at once: several tim
 row by row, and without the analysis that a solver for any sparsity begins with.
 
 Options ``-pc_type python -pc_python_type isorod.petsc.banded.Banded`` name it; it is what isorod offers where it suits
-(`suits`).
+(`isorod.assembly.factorisation.suits`).
 """
 
 import atexit
@@ -29,7 +29,7 @@ _ALIVE: "weakref.WeakSet[Banded]" = weakref.WeakSet()
 
 
 class Banded:
-    """Factors of a symmetric matrix: Cholesky's or, of one that is not positive definite, those of LU with row exchanges."""
+    """Factors of a symmetric matrix: Cholesky's or, if it is not positive definite, LU's with row exchanges."""
 
     def __init__(self) -> None:
         self._band: Array | None = None
@@ -80,9 +80,10 @@ def _bandwidth(start: Any, column: Any) -> int:
 
 @njit(**STRICT)
 def _lower_band(start: Any, column: Any, values: Array, width: int) -> Array:
-    """Return the entries on and below the diagonal, shape ``(n, width + 1)``: row ``j`` holds column ``j`` from the diagonal on.
+    """Return the entries on and below the diagonal, shape ``(n, width + 1)``.
 
-    They are read off above the diagonal, where those of a column are a row and lie side by side.
+    Row ``j`` holds column ``j`` from the diagonal on.  The entries are read off above the diagonal, where those of a
+    column are a row and lie side by side.
     """
     n = start.size - 1
     result = np.zeros((n, width + 1))

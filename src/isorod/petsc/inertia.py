@@ -1,24 +1,33 @@
-"""Inertia of symmetric matrices."""
+"""Inertia of symmetric matrices: signs of eigenvalues, by MUMPS and Sylvester's law."""
 
 from petsc4py import PETSc
 
 
+def prepare(pc: PETSc.PC) -> None:
+    """Let a MUMPS Cholesky factorisation, before it is set up, count negative eigenvalues."""
+    pc.setFactorSetUpSolverType()
+    # MUMPS knows the inertia only if its root node is not ScaLAPACK's and it looks for zero pivots.
+    factor = pc.getFactorMatrix()
+    factor.setMumpsIcntl(13, 1)
+    factor.setMumpsIcntl(24, 1)
+
+
+def count_negative(pc: PETSc.PC) -> int:
+    """Return the number of negative eigenvalues of what was factorised."""
+    return int(pc.getFactorMatrix().getInertia()[0])
+
+
 def negative_eigenvalues(matrix: PETSc.Mat) -> int:
-    """Return the number of negative eigenvalues of a symmetric matrix (Sylvester's law of inertia), by MUMPS; options ``-sturm_...``."""
+    """Return the number of negative eigenvalues of a symmetric matrix; options ``-sturm_...``."""
     pc = PETSc.PC().create(matrix.getComm())
     pc.setOptionsPrefix("sturm_")
     try:
         pc.setOperators(matrix)
         pc.setType(PETSc.PC.Type.CHOLESKY)
         pc.setFactorSolverType("mumps")
-        pc.setFactorSetUpSolverType()
-        # MUMPS knows the inertia only if its root node is not ScaLAPACK's and it looks for zero pivots.
-        factor = pc.getFactorMatrix()
-        factor.setMumpsIcntl(13, 1)
-        factor.setMumpsIcntl(24, 1)
+        prepare(pc)
         pc.setFromOptions()
         pc.setUp()
-        negative, _, _ = factor.getInertia()
-        return int(negative)
+        return count_negative(pc)
     finally:
         pc.destroy()

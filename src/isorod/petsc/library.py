@@ -2,38 +2,41 @@
 
 import ctypes
 import re
+from collections.abc import Callable
 from functools import cache
 from typing import Any
 
 from petsc4py import PETSc
 
-_POINTER = ctypes.c_void_p
+POINTER = ctypes.c_void_p
 
 # Options that PETSc reads only when it ends.
 _AT_THE_END = re.compile(r"(options_left|options_view|malloc_\w+|memory_view|objects_\w+|log_\w+|citations)$")
 
 
 @cache
-def _function(name: str, *arguments: Any) -> Any:
-    function = getattr(ctypes.CDLL(PETSc.__file__), name)
-    function.argtypes = arguments
-    return function
+def function(name: str, *kinds: Any) -> Callable[..., None]:
+    """Return a function of PETSc's library that takes arguments of some kinds and raises `PETSc.Error` if it fails."""
+    found = getattr(ctypes.CDLL(PETSc.__file__), name)
+    found.argtypes = kinds
 
+    def call(*arguments: Any) -> None:
+        code = found(*arguments)
+        if code:
+            raise PETSc.Error(code)
 
-def _check(code: int) -> None:
-    if code:
-        raise PETSc.Error(code)
+    return call
 
 
 def set_singular(pc: PETSc.PC, singular: bool) -> None:
     """Say whether a preconditioner met a zero pivot: linear solves with it then fail."""
     # PC_FACTOR_NUMERIC_ZEROPIVOT, PC_NOERROR.
-    _check(_function("PCSetFailedReason", _POINTER, ctypes.c_int)(pc.handle, 2 if singular else 0))
+    function("PCSetFailedReason", POINTER, ctypes.c_int)(pc.handle, 2 if singular else 0)
 
 
 def forget(handle: int) -> None:
     """Make a preconditioner, given by its handle, one that does nothing and has nothing."""
-    _check(_function("PCSetType", _POINTER, ctypes.c_char_p)(handle, b"none"))
+    function("PCSetType", POINTER, ctypes.c_char_p)(handle, b"none")
 
 
 def pc_name(pc: PETSc.PC) -> str:
@@ -59,9 +62,9 @@ def unused_options() -> list[str]:
     count = ctypes.c_int()
     names = ctypes.POINTER(ctypes.c_char_p)()
     values = ctypes.POINTER(ctypes.c_char_p)()
-    out = (ctypes.byref(count), ctypes.byref(names), ctypes.byref(values))
-    kinds = (_POINTER, _POINTER, _POINTER, _POINTER)
-    _check(_function("PetscOptionsLeftGet", *kinds)(None, *out))
+    arguments = (None, ctypes.byref(count), ctypes.byref(names), ctypes.byref(values))
+    kinds = (POINTER, POINTER, POINTER, POINTER)
+    function("PetscOptionsLeftGet", *kinds)(*arguments)
     left, names_left = [], []
     for k in range(count.value):
         if _AT_THE_END.match(names[k].decode()):
@@ -69,7 +72,7 @@ def unused_options() -> list[str]:
         value = values[k]
         names_left.append(names[k].decode())
         left.append(f"-{names[k].decode()}" + (f" {value.decode()}" if value else ""))
-    _check(_function("PetscOptionsLeftRestore", *kinds)(None, *out))
+    function("PetscOptionsLeftRestore", *kinds)(*arguments)
     for name in names_left:
         PETSc.Options().delValue(name)
     return left

@@ -1,7 +1,7 @@
-"""The few PETSc functions that petsc4py does not wrap in every version isorod runs with, called in its own library."""
+"""Sparse matrices from entries: room once, values for each assembly."""
 
 import ctypes
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,14 +9,23 @@ from numba import njit
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
-from isorod.petsc.library import _POINTER, _check, _function
+from isorod.petsc.library import POINTER, function
 
 # Attribute of a matrix whose arrays were made here: which of the given entries is where, and the arrays.
 _ARRAYS = "isorod_arrays"
 
 
 class Rows(NamedTuple):
-    """Compressed rows: which of the given entries comes where (None: as they come), first entry of each row, columns."""
+    """Compressed rows.
+
+    Attributes
+    ----------
+    entries : (entries,)
+        Which of the given entries comes where; None if as they come.
+    start : (rows + 1,)
+        First entry of each row.
+    column : (entries,)
+    """
 
     entries: NDArray[Any] | None
     start: NDArray[Any]
@@ -83,7 +92,7 @@ def _compressed_rows(size: int, rows: NDArray[Any], columns: NDArray[Any]) -> Ro
 
 @njit(cache=True)
 def _compress(rows: Any, columns: Any, start: Any, entries: Any, column: Any) -> int:
-    """Fill compressed rows with the entries that are no negative ones, and return their number, or -1 if they do not ascend."""
+    """Fill compressed rows with the entries that have no negative index; return their number, -1 if they descend."""
     total = 0
     last_row, last_column = -1, -1
     for k in range(rows.size):
@@ -110,8 +119,8 @@ def preallocate(matrix: PETSc.Mat, rows: NDArray[Any], columns: NDArray[Any]) ->
     # PETSc sorts the arrays in place.
     rows = np.array(rows, dtype=PETSc.IntType)
     columns = np.array(columns, dtype=PETSc.IntType)
-    call = _function("MatSetPreallocationCOO", _POINTER, ctypes.c_ssize_t, _POINTER, _POINTER)
-    _check(call(matrix.handle, rows.size, rows.ctypes.data, columns.ctypes.data))
+    call = function("MatSetPreallocationCOO", POINTER, ctypes.c_ssize_t, POINTER, POINTER)
+    call(matrix.handle, rows.size, rows.ctypes.data, columns.ctypes.data)
 
 
 def set_values(matrix: PETSc.Mat, values: NDArray[np.float64]) -> None:
@@ -119,8 +128,8 @@ def set_values(matrix: PETSc.Mat, values: NDArray[np.float64]) -> None:
     arrays = matrix.getAttr(_ARRAYS)
     if arrays is None:
         values = np.ascontiguousarray(values, dtype=PETSc.ScalarType)
-        call = _function("MatSetValuesCOO", _POINTER, _POINTER, ctypes.c_int)
-        _check(call(matrix.handle, values.ctypes.data, int(PETSc.InsertMode.INSERT_VALUES)))
+        call = function("MatSetValuesCOO", POINTER, POINTER, ctypes.c_int)
+        call(matrix.handle, values.ctypes.data, int(PETSc.InsertMode.INSERT_VALUES))
         return
     rows, mine = arrays
     if rows.entries is None:
@@ -145,13 +154,28 @@ def componentwise(matrix: PETSc.Mat, components: int) -> PETSc.Mat:
 
     It stores one entry where a matrix of blocks would store ``components^2``.
     """
-    made = _POINTER()
-    _check(
-        _function("MatCreateMAIJ", _POINTER, ctypes.c_int, ctypes.POINTER(_POINTER))(
-            matrix.handle, components, ctypes.byref(made)
-        )
-    )
+    made, where = POINTER(), ctypes.POINTER(POINTER)
+    function("MatCreateMAIJ", POINTER, ctypes.c_int, where)(matrix.handle, components, ctypes.byref(made))
     result = PETSc.Mat().create(matrix.getComm())
     # petsc4py takes no foreign handle, but its own may become the matrix.
-    _check(_function("MatHeaderReplace", _POINTER, ctypes.POINTER(_POINTER))(result.handle, ctypes.byref(made)))
+    function("MatHeaderReplace", POINTER, where)(result.handle, ctypes.byref(made))
     return result
+
+
+def orthonormalise(vectors: Iterable[PETSc.Vec], mass: PETSc.Mat | None = None) -> list[PETSc.Vec]:
+    """Make vectors orthonormal, in place, or ``x^T M y`` with a mass matrix (modified Gram-Schmidt); return them."""
+    done: list[PETSc.Vec] = []
+    # M times each of them.
+    images: list[PETSc.Vec] = []
+    for vector in vectors:
+        for other, image in zip(done, images, strict=True):
+            vector.axpy(-vector.dot(image), other)
+        image = vector.copy() if mass is None else mass * vector
+        size = np.sqrt(vector.dot(image))
+        vector.scale(1.0 / size)
+        image.scale(1.0 / size)
+        done.append(vector)
+        images.append(image)
+    for image in images:
+        image.destroy()
+    return done

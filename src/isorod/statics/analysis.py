@@ -12,12 +12,11 @@ from isorod.arrays import Array
 from isorod.assembly.assembler import Assembler
 from isorod.assembly.factorisation import is_mixed
 from isorod.checks import hourglass, rigid_motions
-from isorod.checks.reactions import _moments
-from isorod.checks.reactions import check as check_balance
+from isorod.checks.reactions import check_balance, support_forces, support_moments
 from isorod.errors import SolveError
 from isorod.model.model import Model
 from isorod.petsc.library import solver_types
-from isorod.statics.newton import _Diverged, _Newton
+from isorod.statics.newton import Diverged, Newton
 
 if TYPE_CHECKING:
     from isorod.contact.result import ContactResult
@@ -102,7 +101,8 @@ class Equilibrium:
         return found if pressure is None else found | {"pressure": pressure}
 
 
-def _assembler(model: Model, comm: PETSc.Comm | None) -> Assembler:
+def assembler_for(model: Model, comm: PETSc.Comm | None = None) -> Assembler:
+    """Return the assembler of a model: the mixed one where a body has pressures."""
     if not is_mixed(model):
         return Assembler(model, comm)
     from isorod.assembly.mixed import MixedAssembler
@@ -134,25 +134,55 @@ def solve(model: Model, load_steps: int = 1, comm: PETSc.Comm | None = None) -> 
     """
     start = perf_counter()
     rigid_motions.refuse_free(model)
-    solver = _Newton(_assembler(model, comm))
+    assembler = assembler_for(model, comm)
+    solver = Newton(assembler)
     try:
-        return _solve(solver, load_steps, start)
+        setup = perf_counter() - start
+        assembler.seconds = 0.0
+        steps, cuts = _climb(solver, load_steps)
+        augmentations = _augment(solver)
+        forces = assembler.reactions(solver.x, 1.0)
+        displacement = assembler.displacement(solver.x, 1.0)
+        reactions, moments = support_forces(model, forces), support_moments(model, displacement, forces)
+        rtol = solver.snes.getTolerances()[0]
+        check_balance(assembler, solver.x, displacement, reactions, moments, solver.norms[-1], rtol)
+        assembly = assembler.seconds
+        seconds = {"setup": setup, "assembly": assembly, "solve": perf_counter() - start - setup - assembly}
+        if hourglass.suspected(model):
+            begin = perf_counter()
+            hourglass.check_energy(model, displacement, assembler.energy(solver.x, 1.0), assembler.comm)
+            seconds["check"] = perf_counter() - begin
+        return Equilibrium(
+            model=model,
+            displacement=displacement,
+            reactions=reactions,
+            moments=moments,
+            load_steps=steps,
+            cuts=cuts,
+            newton_iterations=solver.iterations,
+            linear_iterations=solver.linear_iterations,
+            residual_norms=solver.norms,
+            seconds=seconds,
+            built=assembler.built,
+            solver=solver_types(solver.snes),
+            ranks=assembler.comm.getSize(),
+            contacts=() if assembler.contact is None else assembler.contact.results(displacement),
+            augmentations=augmentations,
+            pressures=assembler.pressures(solver.x),
+        )
     finally:
         solver.destroy()
 
 
-def _solve(solver: "_Newton", load_steps: int, start: float) -> Equilibrium:
-    assembler = solver.assembler
-    model = assembler.model
-    setup = perf_counter() - start
-    assembler.seconds = 0.0
+def _climb(solver: Newton, load_steps: int) -> tuple[int, int]:
+    """Go to the full load; return how many steps were taken, and cut."""
     factor, step, steps, cuts = 0.0, 1.0 / load_steps, 0, 0
     smallest = step / 2**HALVINGS
     while factor < 1.0:
         target = 1.0 if factor + step > 1.0 - 1e-12 else factor + step
         try:
-            iterations = solver.advance(factor, target)
-        except _Diverged as problem:
+            solves = solver.advance(factor, target)
+        except Diverged as problem:
             cuts += 1
             step = 0.5 * (target - factor)
             if step < smallest:
@@ -160,45 +190,12 @@ def _solve(solver: "_Newton", load_steps: int, start: float) -> Equilibrium:
             continue
         factor = target
         steps += 1
-        if iterations <= 4:
+        if solves <= 4:
             step *= 2.0
-    augmentations = _augment(solver)
-    reactions = np.zeros((max(len(model.supports), 1), 3))
-    forces = assembler.reactions(solver.x, 1.0)
-    # Only functions that add up to one take part in the virtual work of a translation.
-    carried = model.is_carrier[model.bound // 3]
-    np.add.at(reactions, (model.support_of[carried], model.bound[carried] % 3), forces[carried])
-    displacement = assembler.displacement(solver.x, 1.0)
-    moments = _moments(model, displacement, forces)
-    rtol = solver.snes.getTolerances()[0]
-    check_balance(assembler, solver.x, displacement, reactions, moments, solver.norms[-1], rtol)
-    assembly = assembler.seconds
-    seconds = {"setup": setup, "assembly": assembly, "solve": perf_counter() - start - setup - assembly}
-    if hourglass.suspected(model):
-        begin = perf_counter()
-        hourglass.check_energy(model, displacement, assembler.energy(solver.x, 1.0), assembler.comm)
-        seconds["check"] = perf_counter() - begin
-    return Equilibrium(
-        model=model,
-        displacement=displacement,
-        reactions=reactions,
-        moments=moments,
-        load_steps=steps,
-        cuts=cuts,
-        newton_iterations=solver.iterations,
-        linear_iterations=solver.linear_iterations,
-        residual_norms=solver.norms,
-        seconds=seconds,
-        built=assembler.built,
-        solver=solver_types(solver.snes),
-        ranks=assembler.comm.getSize(),
-        contacts=() if assembler.contact is None else assembler.contact.results(displacement),
-        augmentations=augmentations,
-        pressures=assembler.pressures(solver.x),
-    )
+    return steps, cuts
 
 
-def _augment(solver: "_Newton") -> int:
+def _augment(solver: Newton) -> int:
     """Update the multipliers of contact at the full load until penetrations are as asked for; return how often."""
     contact = solver.assembler.contact
     if contact is None:
@@ -209,6 +206,6 @@ def _augment(solver: "_Newton") -> int:
             return count
         try:
             solver.advance(1.0, 1.0)
-        except _Diverged as problem:
+        except Diverged as problem:
             raise SolveError(f"augmented Lagrangian, update {count + 1}: {problem}") from None
     raise SolveError(f"{excess} after {AUGMENTATIONS} updates of the multipliers; raise the penalty")

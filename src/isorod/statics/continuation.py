@@ -18,7 +18,8 @@ from isorod.checks import rigid_motions
 from isorod.errors import InputError, SolveError
 from isorod.model.model import Model
 from isorod.options import defaults
-from isorod.statics.convergence import Balance, squeezed, worst_place
+from isorod.petsc import inertia
+from isorod.statics.convergence import Convergence, squeezed, worst_place
 
 # What a user's option overrides; Cholesky because the inertia comes with it.
 OPTIONS = {"ksp_type": "preonly", "pc_type": "cholesky", "pc_factor_mat_solver_type": "mumps"}
@@ -139,7 +140,7 @@ def follow(
     if start is not None:
         path.begin(start)
     smallest = step / 2**HALVINGS
-    path.tangent(None if start is None else path.state(start.mode))
+    path.tangent(None if start is None else path.assembler.state(start.mode))
     rows = [path.row()]
     cuts = 0
     while len(rows) <= steps:
@@ -179,8 +180,8 @@ def critical(model: Model, step: float, highest: float = 1.0, comm: PETSc.Comm |
     while high is None or high.factor - low.factor > _BRACKET * high.factor:
         if low.factor >= highest:
             raise SolveError(f"no critical point up to load factor {highest:g}")
-        path.go(low)
-        path.load(min(highest, low.factor + step) if high is None else 0.5 * (low.factor + high.factor))
+        path.go_to_point(low)
+        path.go_to_factor(min(highest, low.factor + step) if high is None else 0.5 * (low.factor + high.factor))
         point = _Point(path.factor, path.x.copy())
         if path.negative > first:
             high = point
@@ -192,7 +193,7 @@ def critical(model: Model, step: float, highest: float = 1.0, comm: PETSc.Comm |
         values.append(path.lowest())
     (stable, mode), (unstable, _) = values
     share = stable / (stable - unstable) if stable > 0.0 > unstable else 0.5
-    path.go(low)
+    path.go_to_point(low)
     path.x.axpby(share, 1.0 - share, high.x)
     path.factor += share * (high.factor - low.factor)
     factor, displacement, _ = path.row()
@@ -219,11 +220,11 @@ class _Path:
         self.assembler = Assembler(model, comm)
         self.x, self.factor = self.assembler.vector(), 0.0
         self.matrix = self.assembler.matrix()
-        self.balance = Balance(self.assembler)
+        self.convergence = Convergence(self.assembler)
         self.slope = self.assembler.vector()
         self.residual = self.assembler.vector()
         self.direction, self.rise = self.assembler.vector(), 0.0
-        self.weight = 1.0 / (model.unknowns * self.balance.size**2)
+        self.weight = 1.0 / (model.unknowns * self.convergence.size**2)
         self.negative = -1
         self.corrections = 0
         with defaults(OPTIONS):
@@ -238,34 +239,26 @@ class _Path:
 
     def begin(self, start: Critical) -> None:
         """Go to a critical point."""
-        self.state(start.displacement).copy(self.x)
+        self.assembler.state(start.displacement).copy(self.x)
         self.factor = start.factor
-
-    def state(self, displacement: Array) -> PETSc.Vec:
-        """Return the unknowns of a vector of all degrees of freedom."""
-        return self.assembler.state(displacement)
 
     def row(self) -> tuple[float, Array, int]:
         """Return load factor, displacements and number of negative eigenvalues."""
         return self.factor, self.assembler.displacement(self.x, self.factor), self.negative
 
     def factorise(self, x: PETSc.Vec, factor: float) -> None:
-        """Set the tangent and its factorisation, the derivative of the residual by the load factor, and count negative eigenvalues."""
+        """Set and factorise the tangent, count negative eigenvalues, and differentiate by the load factor."""
         matrices = self.assembler.tangent(x, factor, self.matrix, keep=True)
         self.assembler.load_forces(x, factor, matrices, _DELTA, self.slope)
         del matrices
         self.slope.scale(1.0 / _DELTA)
         self.ksp.setOperators(self.matrix)
         if self._counts and not self._set_up:
-            pc = self.ksp.getPC()
-            pc.setFactorSetUpSolverType()
-            # MUMPS knows the inertia only if its root node is not ScaLAPACK's and it looks for zero pivots.
-            pc.getFactorMatrix().setMumpsIcntl(13, 1)
-            pc.getFactorMatrix().setMumpsIcntl(24, 1)
+            inertia.prepare(self.ksp.getPC())
             self._set_up = True
         self.ksp.setUp()
         if self._counts:
-            self.negative = int(self.ksp.getPC().getFactorMatrix().getInertia()[0])
+            self.negative = inertia.count_negative(self.ksp.getPC())
 
     def solve(self, right: PETSc.Vec) -> PETSc.Vec:
         """Return the solution of the tangent for a right-hand side."""
@@ -305,17 +298,17 @@ class _Path:
         before = assembler.jacobians(self.x, self.factor)
         self._refuse_squeezed(before, x, factor)
         for count in range(CORRECTIONS + 1):
-            self.balance.carried_force = assembler.residual(x, factor, self.residual)
+            self.convergence.carried_force = assembler.residual(x, factor, self.residual)
             force = self.residual.norm()
             if not np.isfinite(force):
                 raise _Cut(worst_place(assembler, x, factor, "an element inverts"))
-            if count and self.balance.reached(self.residual, force, RTOL):
+            if count and self.convergence.reached(self.residual, force, RTOL):
                 self._refuse_squeezed(before, x, factor)
                 x.copy(self.x)
                 self.factor = factor
                 return count
             self.factorise(x, factor)
-            self.balance.update(self.matrix, self.balance.carried_force)
+            self.convergence.update(self.matrix, self.convergence.carried_force)
             back, grown = self.solve(self.residual), self.solve(self.slope)
             offset = x - self.x
             gap = self.weight * self.direction.dot(offset) + self.rise * (factor - self.factor) - step
@@ -328,7 +321,7 @@ class _Path:
             factor += change
         raise _Cut(worst_place(assembler, x, factor, f"no balance after {CORRECTIONS} corrections"))
 
-    def load(self, factor: float) -> None:
+    def go_to_factor(self, factor: float) -> None:
         """Go to another load factor and set the tangent there."""
         self.direction.zeroEntries()
         self.rise = 1.0
@@ -339,7 +332,7 @@ class _Path:
             raise SolveError(f"load factor {factor:.6g}: {problem}") from None
         self.factorise(self.x, factor)
 
-    def go(self, point: "_Point") -> None:
+    def go_to_point(self, point: "_Point") -> None:
         """Go back to a point."""
         point.x.copy(self.x)
         self.factor = point.factor
@@ -350,7 +343,7 @@ class _Path:
             raise _Cut(problem)
 
     def lowest(self) -> tuple[float, PETSc.Vec]:
-        """Return the eigenvalue of the tangent that is nearest to zero, and its vector of unit length, by inverse iteration."""
+        """Return the tangent's eigenvalue nearest to zero and its vector of unit length, by inverse iteration."""
         vector = self.assembler.vector()
         rows = slice(*vector.getOwnershipRange())
         vector.array_w[:] = np.random.default_rng(1).standard_normal(self.assembler.model.unknowns)[rows]

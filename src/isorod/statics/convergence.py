@@ -13,6 +13,7 @@ from scipy.sparse import csr_matrix
 from isorod.arrays import Array
 from isorod.assembly.assembler import Assembler
 from isorod.assembly.part import ROUNDING
+from isorod.checks import hourglass
 
 # Out-of-balance force, in units of that after the predictor, above which a load step is given up: Newton's iterations
 # that leave like this may come back to another equilibrium.
@@ -24,7 +25,7 @@ SQUEEZE = 0.2
 
 
 def squeezed(assembler: Assembler, before: list[Array], x: PETSc.Vec, factor: float) -> str | None:
-    """Return where the volume shrinks too much since it was ``before`` (`Assembler.jacobians`), in words, if it does."""
+    """Return in words where the volume has shrunk too much since ``before`` (`Assembler.jacobians`), if it has."""
     after = assembler.jacobians(x, factor)
     ratio = min((float(np.min(b / a)) for a, b in zip(before, after, strict=True)), default=1.0)
     if min(assembler.comm.tompi4py().allgather(ratio)) > SQUEEZE:
@@ -33,13 +34,14 @@ def squeezed(assembler: Assembler, before: list[Array], x: PETSc.Vec, factor: fl
 
 
 def worst_place(assembler: Assembler, x: PETSc.Vec, factor: float, problem: str) -> str:
-    """Return a problem with the place where ``det F`` is smallest."""
+    """Return a problem, or that an element is inverted if one is, with the place where ``det F`` is smallest."""
     det, body, element, u = assembler.smallest_jacobian(x, factor)
+    said = problem if det > 0.0 else "an element inverts"
     at = f"element {element} of body {body}, axis position u = {u:.4g}: det F = {det:.3g}"
-    return f"{problem} however small the step; worst place: {at}"
+    return f"{said} however small the step; worst place: {at}{hourglass.hint(assembler.model)}"
 
 
-class Balance:
+class Convergence:
     """Convergence test of Newton's iterations: forces balance to a share of those carried, or to rounding.
 
     Parameters
@@ -80,7 +82,7 @@ class Balance:
             self._floor = ROUNDING * self.size * matrix.norm(PETSc.NormType.INFINITY)
 
     def _displacements(self) -> Array:
-        """Return how large each unknown's coefficient may be: the rod's length where it moves, the section's size else."""
+        """Return how large each unknown may be: the rod's length where it moves it, the section's size elsewhere."""
         sizes = []
         for body in self.assembler.model.bodies:
             space = body.space
@@ -100,10 +102,11 @@ class Balance:
         return force <= rtol * min(self._scale, self.carried_force)
 
     def reuses_tangent(self, before: float, force: float, snes: PETSc.SNES) -> bool:
-        """Return whether one more iteration with the last tangent, which took the residual from ``before`` to ``force``, should do.
+        """Return whether one more iteration with the last tangent should do.
 
-        Newton's method brings an error ``e`` to ``c e^2``, and with the tangent of the iteration before to
-        ``2 c e e_before``: the residual falls by twice the last ratio.  A margin of five is left.
+        The last iteration took the norm of the residual from ``before`` to ``force``.  Newton's method brings an error
+        ``e`` to ``c e^2``, and with the tangent of the iteration before to ``2 c e e_before``: the residual falls by
+        twice the last ratio.  A margin of five is left.
         """
         wanted = snes.getTolerances()[0] * min(self._scale, self.carried_force)
         return 10.0 * force * force <= wanted * before

@@ -7,7 +7,7 @@ from isorod.arrays import Array
 from isorod.assembly.assembler import Assembler
 from isorod.assembly.factorisation import factorisation
 from isorod.dynamics.implicit.assembler import MotionAssembler
-from isorod.options import defaults
+from isorod.petsc.snes import create_snes
 
 # What a user's option overrides.
 OPTIONS = {"snes_linesearch_type": "bt", "snes_rtol": 1e-10, "snes_max_it": 25, "ksp_type": "preonly"}
@@ -37,13 +37,14 @@ class Newton:
         self.x = assembler.vector()
         self._factor = 0.0
         self._last = np.inf
-        with defaults(OPTIONS | _direct(assembler)) as typed:
-            self.snes = PETSc.SNES().create(assembler.comm)
-            self.snes.setFunction(self._residual, assembler.vector())
-            self.snes.setJacobian(self._tangent, self.matrix)
-            self.snes.setFromOptions()
-            if "snes_atol" not in typed:
-                self.snes.setConvergenceTest(self._test)
+        self.snes = create_snes(
+            assembler.vector(),
+            self.matrix,
+            lambda x, out: assembler.residual(x, self._factor, out),
+            lambda snes, x, out: assembler.tangent(x, self._factor, out),
+            self._test,
+            OPTIONS | _direct(assembler),
+        )
 
     def solve(self, guess: Array, factor: float) -> Array | None:
         """Return the change of displacement (all degrees of freedom) from a guess of it; None where SNES diverges."""
@@ -61,14 +62,6 @@ class Newton:
     def _accurate(self) -> bool:
         # A line search finds no lower residual where there is none.
         return self._last <= _NOISE * self.assembler.rounding
-
-    def _residual(self, snes: PETSc.SNES, x: PETSc.Vec, out: PETSc.Vec) -> None:
-        self.assembler.residual(x, self._factor, out)
-
-    def _tangent(self, snes: PETSc.SNES, x: PETSc.Vec, J: PETSc.Mat, P: PETSc.Mat) -> None:
-        self.assembler.tangent(x, self._factor, P)
-        if J.handle != P.handle:
-            J.assemble()
 
     def _test(self, snes: PETSc.SNES, iteration: int, norms: tuple[float, float, float]) -> PETSc.SNES.ConvergedReason:
         reasons = PETSc.SNES.ConvergedReason

@@ -1,0 +1,48 @@
+"""SNES on equations that are evaluated in Python."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from petsc4py import PETSc
+
+from isorod.options import defaults
+
+
+def create_snes(
+    vector: PETSc.Vec,
+    matrix: PETSc.Mat,
+    residual: Callable[[PETSc.Vec, PETSc.Vec], object],
+    tangent: Callable[[PETSc.SNES, PETSc.Vec, PETSc.Mat], object],
+    test: Callable[..., Any],
+    options: Mapping[str, object],
+) -> PETSc.SNES:
+    """Return SNES on a residual and its tangent, as the user's options say.
+
+    Parameters
+    ----------
+    vector, matrix
+        What holds residual and tangent.
+    residual
+        ``residual(x, out)`` fills a vector.
+    tangent
+        ``tangent(snes, x, out)`` fills a matrix.
+    test
+        Convergence test as SNES takes it; PETSc's own stays where ``-snes_atol`` is typed.
+    options
+        What the user's own override.
+    """
+
+    def jacobian(snes: PETSc.SNES, x: PETSc.Vec, product: PETSc.Mat, filled: PETSc.Mat) -> None:
+        tangent(snes, x, filled)
+        # Two where only products are taken of the one, as with -snes_mf_operator.
+        if product.handle != filled.handle:
+            product.assemble()
+
+    snes = PETSc.SNES().create(matrix.getComm())
+    snes.setFunction(lambda snes, x, out: residual(x, out), vector)
+    snes.setJacobian(jacobian, matrix)
+    with defaults(options):
+        snes.setFromOptions()
+    if not PETSc.Options().hasName("snes_atol"):
+        snes.setConvergenceTest(test)
+    return snes
