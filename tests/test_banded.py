@@ -184,7 +184,7 @@ def test_a_program_ends_as_it_would_without(last, code, python):
     """PETSc destroys at its end, after Python's, what was kept: a preconditioner written in Python must not be among that."""
     done = python(
         "from isorod import options; options.initialize([])\n"
-        "from isorod import modal, statics; from isorod.statics import analysis\n"
+        "from isorod import modal, statics; from isorod.statics import analysis, newton\n"
         "from isorod.scenes.spring import Spring; from isorod.scenes.blade import Blade\n"
         "solver = newton._Newton(analysis._assembler(Spring(coils=1, section_points=4).model(), None))\n"
         "solver.advance(0.0, 1.0)\n"
