@@ -23,7 +23,7 @@ def test_each_element_is_on_one_rank_and_shares_are_equal(numbers, size):
     split = Split(numbers, size)
     found = [[(s.which, e) for s in split.shares(rank) for e in range(s.first, s.last)] for rank in range(size)]
     bodies = numbers.model.bodies
-    assert [own for rank in found for own in rank] == [
+    assert [one for own in found for one in own] == [
         (b, e) for b, body in enumerate(bodies) for e in range(body.space.axis.elements)
     ]
     counts = [len(own) for own in found]

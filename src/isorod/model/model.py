@@ -1,6 +1,6 @@
 """What every analysis takes: bodies (a space with a material) and supports."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -60,9 +60,15 @@ class Model:
             contact.check(k, self.bodies)
         counts = [body.space.nodes for body in self.bodies]
         first_node = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
-        motions = tuple(self._motions(first_node))
+        motions = []
+        for k, support in enumerate(self.supports):
+            space = self._space(f"support {k}", support.body)
+            try:
+                motions.append(support.motion(space, int(first_node[support.body])))
+            except InputError as problem:
+                raise InputError(f"support {k}: {problem}") from None
         numbering = number(motions, 3 * int(first_node[-1]))
-        for name, value in (("first_node", first_node), ("motions", motions), *numbering._asdict().items()):
+        for name, value in (("first_node", first_node), ("motions", tuple(motions)), *numbering._asdict().items()):
             object.__setattr__(self, name, value)
         for k, load in enumerate(self.loads):
             self._space(f"load {k}", load.body)
@@ -72,14 +78,6 @@ class Model:
         if not 0 <= body < len(self.bodies):
             raise InputError(f"{what}: body {body} is not one of the {len(self.bodies)} bodies")
         return self.bodies[body].space
-
-    def _motions(self, first_node: Index) -> Iterator[SupportMotion]:
-        for k, support in enumerate(self.supports):
-            space = self._space(f"support {k}", support.body)
-            try:
-                yield support.motion(space, int(first_node[support.body]))
-            except InputError as problem:
-                raise InputError(f"support {k}: {problem}") from None
 
     def prescribed(self, factor: float) -> Array:
         """Return what supports add to the unknowns at a load factor, shape ``(dofs,)``.
