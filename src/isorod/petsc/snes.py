@@ -12,7 +12,7 @@ def create_snes(
     vector: PETSc.Vec,
     matrix: PETSc.Mat,
     residual: Callable[[PETSc.Vec, PETSc.Vec], None],
-    tangent: Callable[[PETSc.SNES, PETSc.Vec, PETSc.Mat], None],
+    tangent: Callable[[PETSc.SNES, PETSc.Vec, PETSc.Mat], object],
     test: Callable[..., Any],
     options: Mapping[str, object],
 ) -> PETSc.SNES:

@@ -88,7 +88,7 @@ class Newton:
     def _tangent(self, snes: PETSc.SNES, x: PETSc.Vec, out: PETSc.Mat) -> None:
         # The last tangent, with its factors, may be good enough for the last iteration.
         own = self._may_reuse and snes.handle == self.snes.handle and out.handle == self._matrix.handle
-        if not (own and len(self.norms) > 1 and self._convergence.reuses_tangent(*self.norms[-2:], snes)):
+        if not (own and len(self.norms) > 1 and self._convergence.reuses_tangent(self.norms[-2], self.norms[-1], snes)):
             self.assembler.tangent(x, self._factor, out)
 
     def advance(self, factor: float, target: float) -> int:
