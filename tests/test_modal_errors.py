@@ -9,6 +9,7 @@ from vibrations import FREE, bars, clamped
 
 from isorod import modal, statics
 from isorod.errors import InputError, SolveError
+from isorod.modal.pencil import Pencil
 from isorod.model import Model, Support
 
 
@@ -87,9 +88,27 @@ def test_nor_where_vectors_are_purified(mode, bar, petsc_options):
     assert modal.solve(model, 6).eigenvalues == pytest.approx(expected, rel=1e-9)
 
 
+<<<<<<< HEAD
 @pytest.mark.parametrize("shift", [-1.0, -1e-3, 3.0, 20.0, 50.0])
 def test_any_other_shift_gives_the_same_modes(shift, bar, petsc_options):
     """Below all eigenvalues, between the rigid and the first flexible one, 7.2, between others, and beyond the last, 33.2."""
+=======
+def test_a_typed_shift_is_taken_where_none_is_found(bar, petsc_options, monkeypatch):
+    """What the message of a free body without any flexible mode to place the shift by says to do."""
+    model = FREE["straight"](bar)
+    expected = modal.solve(model, 4)
+    monkeypatch.setattr(Pencil, "_first_flexible", lambda self: None)
+    with pytest.raises(SolveError, match=r"body 0 is free to .*hold it, or give a shift \(-st_shift\)"):
+        modal.solve(model, 4)
+    petsc_options(st_shift=repr(2.0 * expected.shift))
+    found = modal.solve(model, 4)
+    assert found.shift == 2.0 * expected.shift < 0.0
+    assert found.eigenvalues[6:] == pytest.approx(expected.eigenvalues[6:], rel=1e-9)
+
+
+@pytest.mark.parametrize("shift", [-1e-3, -1.0, 3.0, 20.0])
+def test_any_other_shift_gives_the_same_modes_or_says_which_it_missed(shift, bar, petsc_options):
+>>>>>>> r_modal
     model = FREE["straight"](bar)
     expected = modal.solve(model, 6)
     assert expected.eigenvalues[[6, 11]] == pytest.approx([7.2, 33.2], rel=5e-3)

@@ -136,7 +136,7 @@ def solve(
         residuals=found.residuals,
         rigid=len(loose),
         below=found.below,
-        shift=shift,
+        shift=found.shift,
         iterations=found.iterations,
         seconds={
             "setup": setup,
@@ -188,6 +188,7 @@ def _pencil(assembler: Assembler, lumped: bool, loose: Sequence[tuple[int, Array
 
 
 def _shift(pencil: Pencil, model: Model, loose: Sequence[tuple[int, Array]]) -> float:
+    """Return the shift to solve with; refuse a model for whose rigid motions none is found."""
     shift = pencil.shift()
     if shift is None:
         body, motion = loose[0]

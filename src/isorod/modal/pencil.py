@@ -68,8 +68,8 @@ class Found(NamedTuple):
         Number of eigenvalues up to just above the last one, or None if nothing was counted.
     iterations
         Of the eigensolver, those of all its rounds.
-    tolerance
-        Of the eigensolver.
+    tolerance, shift
+        Of the eigensolver, and of its spectral transformation.
     solver
         Types of EPS, ST, KSP and PC.
     options
@@ -82,6 +82,7 @@ class Found(NamedTuple):
     below: int | None
     iterations: int
     tolerance: float
+    shift: float
     solver: dict[str, str]
     options: dict[str, str]
 
@@ -126,6 +127,7 @@ class Pencil:
         return int(self.stiffness.getSize()[0])
 
     def _eps(self, count: int, shift: float) -> SLEPc.EPS:
+        """Return a new eigensolver for some eigenpairs near a shift."""
         eps = SLEPc.EPS().create(self.stiffness.getComm())
         eps.setOperators(self.stiffness, self.mass)
         eps.setProblemType(SLEPc.EPS.ProblemType.GHEP)
@@ -232,11 +234,11 @@ class Pencil:
         if count:
             below, more = self._complete(eps, pairs, wanted)
             iterations += more
-        ksp = eps.getST().getKSP()
-        types = {"eps": eps.getType(), "st": eps.getST().getType(), "ksp": ksp.getType(), "pc": pc_name(ksp.getPC())}
-        tolerance, _ = eps.getTolerances()
+        st, ksp = eps.getST(), eps.getST().getKSP()
+        types = {"eps": eps.getType(), "st": st.getType(), "ksp": ksp.getType(), "pc": pc_name(ksp.getPC())}
+        (tolerance, _), placed = eps.getTolerances(), st.getShift()
         eps.destroy()
-        return Found(*self._normalised(pairs, wanted), below, iterations, tolerance, types, options)
+        return Found(*self._normalised(pairs, wanted), below, iterations, tolerance, placed, types, options)
 
     def _options(self, kind: str) -> Mapping[str, object]:
         """Return what to offer an eigensolver of some kind."""
