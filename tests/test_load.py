@@ -8,8 +8,7 @@ from isorod import dynamics, statics
 from isorod.assembly.assembler import Assembler
 from isorod.checks import rigid_motions
 from isorod.errors import InputError, SolveError
-from isorod.geometry.axis import Axis
-from isorod.geometry.rod import Rod
+from isorod.geometry.center_line import straight
 from isorod.geometry.section import circle, ellipse
 from isorod.material import LinearElastic, NeoHookean
 from isorod.model import Body, BodyForce, Model, SectionLoad, Support
@@ -24,9 +23,7 @@ ELASTICA = {1.0: (0.30172077, 0.05643324), 3.0: (0.60325344, 0.25442018), 10.0: 
 
 
 def prism(length, section=None, **space):
-    axis = Axis(2, np.repeat([0.0, 1.0], 3), np.ones(3))
-    section = circle(4) if section is None else section
-    return Space(Rod.sweep(section, axis, np.outer([0.0, 0.5, 1.0], [0.0, 0.0, length])), **space)
+    return Space(straight(length).sweep(circle(4) if section is None else section), **space)
 
 
 def slender(length, elements=8, degree=3):

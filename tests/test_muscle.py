@@ -318,7 +318,7 @@ def test_one_law_and_the_same_law_for_each_element_are_the_same():
 
 def coil():
     line = helix(4.0, 1.5, 1, 4)
-    return Rod.sweep(circle(5, 0.6), line.axis, line.centers, line.rotations, line.stretches)
+    return line.sweep(circle(5, 0.6))
 
 
 def test_fibres_along_a_coil_are_its_tangents():

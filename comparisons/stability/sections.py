@@ -234,7 +234,7 @@ def _rings() -> Iterator[dict[str, Any]]:
 
     def solve(offset: float) -> dict[str, Any]:
         outline = section.circle(8, wire) - np.array([offset, 0.0])
-        rod = Rod.sweep(outline, line.axis, line.centers, line.rotations, line.stretches, closed=True)
+        rod = line.sweep(outline, closed=True)
         smallest = rod.check()
         if offset > radius - wire:
             return {"error": 1.0, "jacobian": smallest}
