@@ -13,7 +13,6 @@ from isorod.dynamics.explicit.mesh import pack
 from isorod.dynamics.explicit.system import System
 from isorod.errors import InputError
 from isorod.geometry.center_line import helix
-from isorod.geometry.rod import Rod
 from isorod.geometry.section import circle
 from isorod.material import LinearElastic, NeoHookean
 from isorod.material.muscle import Muscle

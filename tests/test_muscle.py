@@ -11,7 +11,6 @@ from scipy.optimize import brentq
 from isorod import statics
 from isorod.errors import InputError
 from isorod.geometry.center_line import helix
-from isorod.geometry.rod import Rod
 from isorod.geometry.section import circle
 from isorod.material import LinearElastic, NeoHookean
 from isorod.material.muscle import Muscle, point_stress
