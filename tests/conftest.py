@@ -7,12 +7,11 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 
-import numpy as np
 import pytest
 from hypothesis import settings
 from scipy.sparse import csr_matrix
 
-from isorod.geometry.axis import Axis
+from isorod.geometry import center_line
 from isorod.geometry.rod import Rod
 from isorod.geometry.section import circle
 
@@ -54,14 +53,8 @@ def pytest_runtest_makereport(item, call):
 def straight(
     n: int = 4, degree: int = 2, breaks: tuple[float, ...] = (0.0, 1.0), radius: float = 1.0, height: float = 1.0
 ) -> Rod:
-    """Return a circular cylinder along z on the given knots; layers stand at their Greville heights, so z is linear in u."""
-    breaks_ = np.array(breaks)
-    knots = np.concatenate([np.full(degree, breaks_[0]), breaks_, np.full(degree, breaks_[-1])])
-    count = knots.size - degree - 1
-    greville = np.array([knots[j + 1 : j + degree + 1].mean() for j in range(count)])
-    centers = np.zeros((count, 3))
-    centers[:, 2] = height * (greville - breaks_[0]) / (breaks_[-1] - breaks_[0])
-    return Rod.sweep(circle(n, radius), Axis(degree, knots, np.ones(count)), centers)
+    """Return a circular cylinder along z on the given breaks, of which z is a linear function of u."""
+    return center_line.straight(height, breaks, degree).sweep(circle(n, radius))
 
 
 @pytest.fixture(scope="session")

@@ -193,7 +193,7 @@ class Maker:
             turns, arcs = self.seldom(1, 0, 10**9), self.seldom(4, 3, 2, 10**9)
             line = helix(self.number(4.0), self.number(), turns, arcs)
             outline = section.circle(n, self.number())
-            return Rod.sweep(outline, line.axis, line.centers, line.rotations, line.stretches)
+            return line.sweep(outline)
         axis, closed = self.axis(), self.seldom(False, True)
         if kind == 1:
             return Rod(axis, self.array(axis.count, 4, 3), closed)

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from isorod.geometry.axis import Axis
-from isorod.geometry.rod import Rod
+from isorod.geometry.center_line import straight
 from isorod.geometry.section import circle
 from isorod.material import NeoHookean
 from isorod.scenes.spring import Spring
@@ -13,9 +12,7 @@ LAW = NeoHookean(1.0, 0.3)
 
 
 def prism(length, section=None, **space):
-    axis = Axis(2, np.repeat([0.0, 1.0], 3), np.ones(3))
-    section = circle(4) if section is None else section
-    return Space(Rod.sweep(section, axis, np.outer([0.0, 0.5, 1.0], [0.0, 0.0, length])), **space)
+    return Space(straight(length).sweep(circle(4) if section is None else section), **space)
 
 
 def slender(length, elements=8, degree=3):

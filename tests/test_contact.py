@@ -36,7 +36,7 @@ def moved(rod, shift, turn=None):
 
 def ring(shift=(0.0, 0.0, 0.0)):
     line = helix(RING, 0.0, 1, 4)
-    rod = Rod.sweep(circle(8, RADIUS), line.axis, line.centers, line.rotations, line.stretches, closed=True)
+    rod = line.sweep(circle(8, RADIUS), closed=True)
     return moved(rod, shift)
 
 

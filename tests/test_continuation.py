@@ -9,6 +9,7 @@ from isorod import statics
 from isorod.assembly.assembler import Assembler
 from isorod.errors import InputError, SolveError
 from isorod.geometry.axis import Axis
+from isorod.geometry.center_line import straight
 from isorod.geometry.rod import Rod
 from isorod.geometry.section import circle
 from isorod.material import NeoHookean
@@ -28,7 +29,7 @@ def polynomials(rod, elements=8, degree=4):
 
 def column(length, share=2.0):
     """A clamped-free column in a plane, pressed at its free end by ``share`` times Euler's load at factor 1."""
-    space = polynomials(quadratic([[0, 0, 0], [0, 0, 0.5 * length], [0, 0, length]]))
+    space = polynomials(straight(length).sweep(circle(4)))
     force = share * np.pi**2 * 0.25 * np.pi / (4.0 * length**2)
     nodes = np.arange(1, space.layers) * space.layer_nodes
     return Model(

@@ -13,9 +13,8 @@ import pytest
 
 from isorod import statics
 from isorod.assembly.assembler import Assembler
-from isorod.geometry.axis import Axis
+from isorod.geometry.center_line import straight
 from isorod.geometry.quadrature import Rule, section_points
-from isorod.geometry.rod import Rod
 from isorod.geometry.section import airfoil, ellipse
 from isorod.material import LinearElastic
 from isorod.model import Body, Model, Support
@@ -27,8 +26,7 @@ SECTIONS = {"circle": (1.0, 1.0), "ellipse": (1.0, 0.6)}
 
 
 def prism(outline, length=LENGTH):
-    axis = Axis(2, np.repeat([0.0, 1.0], 3), np.ones(3))
-    return Rod.sweep(outline, axis, np.outer([0.0, 0.5, 1.0], [0.0, 0.0, length]))
+    return straight(length).sweep(outline)
 
 
 def bending(x, nu, a, b):

@@ -27,6 +27,7 @@ from comparisons.fem.material import muscle
 from comparisons.fem.presets import biceps as biceps_presets
 from isorod.errors import InputError, SolveError
 from isorod.geometry.axis import Axis
+from isorod.geometry.center_line import straight
 from isorod.geometry.rod import Rod
 from isorod.geometry.section import circle
 from isorod.material import NeoHookean
@@ -148,7 +149,7 @@ def test_bad_meshes():
     with pytest.raises(InputError, match="cuts: got -1, need 0 to 8"):
         biceps.build("bricks", cuts=-1)
     with pytest.raises(InputError, match="got 1 axis elements, need at least 3"):
-        bar = Rod.sweep(circle(4), Axis(1, [0, 0, 1, 1], [1, 1]), [[0, 0, 0], [0, 0, 1]])
+        bar = straight(degree=1).sweep(circle(4))
         biceps.build(branches=(bar, bar))
 
 

@@ -13,7 +13,8 @@ from comparisons.fem import mixed  # noqa: E402
 from comparisons.fem.domain import Domain  # noqa: E402
 from comparisons.fem.statics import Held  # noqa: E402
 from comparisons.stability import incompressible  # noqa: E402
-from comparisons.stability.bars import bar  # noqa: E402
+from isorod.geometry.center_line import straight  # noqa: E402
+from isorod.geometry.section import circle  # noqa: E402
 from meshes.bricks import bricks  # noqa: E402
 from meshes.template import o_grid  # noqa: E402
 
@@ -23,7 +24,7 @@ def test_uniform_stretch_is_exact(nu):
     """A bar of which only the two ends and one component of the side move as they must; the rest follows."""
     stretch = 1.2
     shrink = stretch**-0.5 - 1.0
-    mesh = bricks(bar((0.0, 2.0)), o_grid(8, 1, 2), 2)
+    mesh = bricks(straight(2.0).sweep(circle(8)), o_grid(8, 1, 2), 2)
     held = [
         mixed.Guided("lateral", 1, lambda x: shrink * x[1]),
         mixed.Guided("start", 0, lambda x: shrink * x[0]),
@@ -38,7 +39,7 @@ def test_uniform_stretch_is_exact(nu):
 
 
 def test_dead_load_and_reaction_balance():
-    domain = Domain.distribute(bricks(bar((0.0, 4.0)), o_grid(8, 1, 2), 4))
+    domain = Domain.distribute(bricks(straight(4.0).sweep(circle(8)), o_grid(8, 1, 2), 4))
     found = mixed.solve(domain, incompressible.law(0.5), [Held("start")], {"end": (0.0, 0.05, 0.02)})
     assert found.reactions[0] == pytest.approx([0.0, -0.05, -0.02], abs=1e-9)
     assert found.deflections["end"][1] > 0.05

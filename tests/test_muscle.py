@@ -11,7 +11,6 @@ from scipy.optimize import brentq
 from isorod import statics
 from isorod.errors import InputError
 from isorod.geometry.center_line import helix
-from isorod.geometry.rod import Rod
 from isorod.geometry.section import circle
 from isorod.material import LinearElastic, NeoHookean
 from isorod.material.muscle import Muscle, point_stress
@@ -318,7 +317,7 @@ def test_one_law_and_the_same_law_for_each_element_are_the_same():
 
 def coil():
     line = helix(4.0, 1.5, 1, 4)
-    return Rod.sweep(circle(5, 0.6), line.axis, line.centers, line.rotations, line.stretches)
+    return line.sweep(circle(5, 0.6))
 
 
 def test_fibres_along_a_coil_are_its_tangents():

@@ -10,7 +10,7 @@ from isorod import modal, statics
 from isorod.assembly.assembler import Assembler
 from isorod.checks import rigid_motions
 from isorod.errors import InputError
-from isorod.geometry.axis import Axis
+from isorod.geometry.center_line import straight
 from isorod.geometry.quadrature import Rule, section_points
 from isorod.geometry.rod import Rod
 from isorod.geometry.section import ellipse
@@ -30,8 +30,7 @@ BLADE = np.array(BLADE_FREQUENCIES)
 
 
 def prism(a, b, n=8):
-    axis = Axis(2, np.repeat([0.0, 1.0], 3), np.ones(3))
-    return Rod.sweep(ellipse(n, a, b), axis, np.outer([0.0, 0.5, 1.0], [0.0, 0.0, 1.0]))
+    return straight().sweep(ellipse(n, a, b))
 
 
 def disk(count):

@@ -7,10 +7,12 @@ import warnings
 import numpy as np
 import pytest
 
-from comparisons.stability.bars import bar, petsc
-from comparisons.stability.prism import stiffness
+from comparisons.stability.point import petsc
+from comparisons.stability.rods import stiffness
 from isorod import modal, statics
 from isorod.errors import FoldedRodError, InputError, SolveError
+from isorod.geometry.center_line import straight
+from isorod.geometry.section import circle
 from isorod.material import NeoHookean
 from isorod.model import Body, Model, Support
 from isorod.scenes.blade import Blade
@@ -56,14 +58,14 @@ def test_small_displacements_are_right():
 
 
 def test_moments_alone_are_no_imbalance():
-    space = Space(bar([0.0, 4.0], 2), section_degree=2)
+    space = Space(straight(4.0).sweep(circle(8)), section_degree=2)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         stiffness(space, "weak", 1.0, 1.0, 4.0)
 
 
 def test_a_translation_is_no_imbalance():
-    space = Space(bar([0.0, 4.0], 2), section_degree=2)
+    space = Space(straight(4.0).sweep(circle(8)), section_degree=2)
     ends = [Support.end(space, end, displacement=(1.0, 2.0, 3.0)) for end in ("start", "end")]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")

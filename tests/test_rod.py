@@ -7,7 +7,7 @@ import pytest
 
 from isorod.errors import FoldedRodError, InputError
 from isorod.geometry.axis import Axis
-from isorod.geometry.center_line import helix
+from isorod.geometry.center_line import helix, straight
 from isorod.geometry.rod import Rod
 from isorod.geometry.section import circle, flower
 from isorod.scenes.flower import Flower
@@ -147,15 +147,11 @@ def test_check_returns_a_positive_determinant(rod, cylinder):
 
 
 def bent_too_much():
-    return Rod.sweep(circle(8, 1.0), *_line(helix(0.9, 1.0, 1)))
-
-
-def _line(line):
-    return line.axis, line.centers, line.rotations, line.stretches
+    return helix(0.9, 1.0, 1).sweep(circle(8, 1.0))
 
 
 def clockwise():
-    return Rod.sweep(circle(6)[::-1], Axis(2, [0, 0, 0, 1, 1, 1], [1, 1, 1]), np.outer([0, 0.5, 1], [0, 0, 1]))
+    return straight().sweep(circle(6)[::-1])
 
 
 def turned_back():
@@ -230,7 +226,7 @@ def test_sweep_places_stretches_then_turns_each_section():
 
 
 LINE = Axis(2, [0, 0, 0, 1, 1, 1], [1, 1, 1])
-CENTERS = np.outer([0, 0.5, 1], [0, 0, 1.0])
+CENTERS = straight().centers
 
 
 def bad_point():
@@ -263,9 +259,38 @@ def test_refuses_what_is_no_rod(make, message):
 
 
 def test_sweep_refuses_to_close_a_line_that_does_not_come_back():
-    line = helix(4.0, 1.0, 1)
     with pytest.raises(InputError, match="closed"):
-        Rod.sweep(circle(4), *_line(line), closed=True)
+        helix(4.0, 1.0, 1).sweep(circle(4), closed=True)
+
+
+@pytest.mark.parametrize("continuity", [None, 0, 1])
+@pytest.mark.parametrize("degree", [1, 2, 3])
+def test_a_straight_line_rises_in_proportion_to_the_parameter(degree, continuity):
+    if continuity is not None and continuity >= degree:
+        with pytest.raises(InputError, match=f"continuity: got {continuity}, need an integer from 0 to {degree - 1}"):
+            straight(degree=degree, continuity=continuity)
+        return
+    u = np.linspace(2.0, 7.0, 23)
+    for length, height in ((None, u - 2.0), (0.3, 0.06 * (u - 2.0))):
+        rod = straight(length, [2.0, 2.5, 4.0, 7.0], degree, continuity).sweep(circle(5, 0.5))
+        multiplicity = 1 if continuity is None else degree - continuity
+        assert rod.axis.multiplicities.tolist() == [degree + 1, multiplicity, multiplicity, degree + 1]
+        np.testing.assert_allclose(rod.points(np.zeros((23, 2)), u), height[:, None] * [0.0, 0.0, 1.0], atol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: straight(0.0), "length: got 0, need a positive length"),
+        (lambda: straight(np.inf), "length: got inf"),
+        (lambda: straight(breaks=[1.0]), "got 1 breaks, need at least 2"),
+        (lambda: straight(breaks=[0.0, 2.0, 1.0]), "knots must not decrease"),
+        (lambda: straight(degree=0), "axis degree: got 0"),
+    ],
+)
+def test_straight_lines_that_are_none_are_refused(make, message):
+    with pytest.raises(InputError, match=message):
+        make()
 
 
 @pytest.mark.parametrize("name", ["rotations", "stretches"])

@@ -11,9 +11,10 @@ from scipy.optimize import brentq
 
 from comparisons.measure.records import Record
 from comparisons.stability import figure
-from comparisons.stability.bars import bar, petsc
-from comparisons.stability.point import measure, reach, sweeps
+from comparisons.stability.point import measure, petsc, reach, sweeps
 from isorod import dynamics, modal, statics
+from isorod.geometry.center_line import straight
+from isorod.geometry.section import circle
 from isorod.material import LinearElastic, NeoHookean
 from isorod.model import Body, Model, Support
 from isorod.space import Space
@@ -132,8 +133,8 @@ def plot(records: list[Record], path: Path) -> None:
 
 
 def _space(joint: bool, elements: int = 4, degree: int = 3, order: int | None = None) -> Space:
-    rod = bar([0.0, JOINT, LENGTH], degree, 0 if joint else degree - 1)
-    return Space(rod, elements=2 * elements, section_degree=order, quadrature="auto")
+    line = straight(breaks=[0.0, JOINT, LENGTH], degree=degree, continuity=0 if joint else degree - 1)
+    return Space(line.sweep(circle(8)), elements=2 * elements, section_degree=order, quadrature="auto")
 
 
 def _halves(space: Space, first: Any, second: Any) -> list[Any]:
@@ -187,7 +188,7 @@ def _bent(contrast: float) -> dict[str, Any]:
     coarse, newton, balance = force(_space(True, 4, 3, 3))
     fine, _, _ = force(_space(True, 8, 5, 4))
     # A tendon without end is a wall: the muscle alone on the same elements.
-    alone = Space(bar([JOINT, LENGTH], 3), elements=4, section_degree=3, quadrature="auto")
+    alone = Space(straight(LENGTH - JOINT, degree=3).sweep(circle(8)), elements=4, section_degree=3, quadrature="auto")
     ends = Support.end(alone, "start"), Support.end(alone, "end", displacement=(SIDEWAYS, 0.0, 0.0))
     wall = float(statics.solve(Model([Body(alone, NeoHookean(1.0, 0.3))], ends)).reactions[1, 0])
     return {
@@ -224,7 +225,7 @@ def _halved(
 ) -> tuple[Model, np.ndarray]:
     """Return a thin bar that moves along its axis alone, one end held, and its four lowest frequencies."""
     first_E, first_density, second_E, second_density = (contrast**power for power in powers)
-    rod = bar([0.0, JOINT, LENGTH], degree, 0, radius=0.1)
+    rod = straight(breaks=[0.0, JOINT, LENGTH], degree=degree, continuity=0).sweep(circle(8, 0.1))
     space = Space(rod, elements=elements, section_degree=1, quadrature="auto")
     laws = _halves(space, law(first_E, 0.0), law(second_E, 0.0))
     body = Body(space, laws, _halves(space, first_density, second_density))

@@ -9,9 +9,10 @@ from scipy.interpolate import BSpline
 
 from comparisons.measure.records import Record
 from comparisons.stability import figure
-from comparisons.stability.bars import bar
 from comparisons.stability.point import measure, reach, sweeps
 from isorod import statics
+from isorod.geometry.center_line import straight
+from isorod.geometry.section import circle
 from isorod.material import NeoHookean
 from isorod.model import Body, Model, SectionLoad, Support
 from isorod.scenes.spring import Spring
@@ -74,7 +75,7 @@ def spring(nu: float, formulation: str, **section: Any) -> tuple[float, statics.
 
 def bent(nu: float, formulation: str, **section: Any) -> tuple[float, statics.Equilibrium]:
     """Return the deflection of a cantilever."""
-    space = Space(bar(KNOTS, 3), quadrature="auto", **section)
+    space = Space(straight(breaks=KNOTS, degree=3).sweep(circle(8)), quadrature="auto", **section)
     load = SectionLoad.end(space, "end", (0.0, FORCE, 0.0))
     body = Body(space, law(nu), formulation=formulation)
     solution = statics.solve(Model([body], [Support.end(space, "start")], loads=[load]))
@@ -83,7 +84,8 @@ def bent(nu: float, formulation: str, **section: Any) -> tuple[float, statics.Eq
 
 def pinched(nu: float, formulation: str, **section: Any) -> tuple[float, statics.Equilibrium]:
     """Return the work of the forces that pinch a section on their displacements."""
-    space = Space(bar((0.0, HEIGHT)), elements=6, degree=4, quadrature="auto", **section)
+    rod = straight(breaks=(0.0, HEIGHT)).sweep(circle(8))
+    space = Space(rod, elements=6, degree=4, quadrature="auto", **section)
     axis = space.axis
     heights = np.array([axis.knots[j + 1 : j + axis.degree + 1].mean() for j in range(axis.count)])
     # The bump is a polynomial of the axis' degree: interpolation is exact.
@@ -112,10 +114,10 @@ def reference(case: str, nu: float, around: int, rings: int, layers: int) -> flo
         held = [Held("start"), Held("end", (0.0, 0.0, Spring.pull))]
         return float(mixed.solve(domain, law(nu, Spring.E / 2.6), held).reactions[1, 2])
     if case == BENT:
-        domain = Domain.distribute(bricks(bar((0.0, LENGTH)), template, layers, grading=2.0))
+        domain = Domain.distribute(bricks(straight(LENGTH).sweep(circle(8)), template, layers, grading=2.0))
         found = mixed.solve(domain, law(nu), [Held("start")], {"end": (0.0, FORCE, 0.0)}, steps=2)
         return float(found.deflections["end"][1])
-    domain = Domain.distribute(bricks(bar((0.0, HEIGHT)), template, layers))
+    domain = Domain.distribute(bricks(straight(HEIGHT).sweep(circle(8)), template, layers))
     squeezed = mixed.Guided("lateral", 1, lambda x: -SQUEEZE * bump(x[2]) * x[1])
     return float(mixed.solve(domain, law(nu), [Held("start"), Held("end"), squeezed], steps=2).reactions[2, 1])
 
@@ -123,7 +125,7 @@ def reference(case: str, nu: float, around: int, rings: int, layers: int) -> flo
 def twisted(angle: float, **section: Any) -> tuple[float, statics.Equilibrium]:
     """Return the larger relative error of torque and thrust of Rivlin's twisted cylinder, length 2, radius 1."""
     length = 2.0
-    space = Space(bar((0.0, length)), elements=8, degree=5, quadrature="auto", **section)
+    space = Space(straight(length).sweep(circle(8)), elements=8, degree=5, quadrature="auto", **section)
     ends = Support.end(space, "start"), Support.end(space, "end", turn=(0.0, 0.0, angle))
     solution = statics.solve(
         Model([Body(space, law(RATIOS[-1]), formulation="mixed")], ends), load_steps=int(np.ceil(2.0 * angle))

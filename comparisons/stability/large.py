@@ -12,12 +12,12 @@ from scipy.special import ellipe, ellipk
 from comparisons.measure.records import Record
 from comparisons.stability import figure
 from comparisons.stability.point import holds, measure, sweeps
-from comparisons.stability.rods import arch, straight
+from comparisons.stability.rods import arch
 from isorod import statics
 from isorod.arrays import Index
-from isorod.geometry.axis import Axis
+from isorod.geometry.center_line import straight
 from isorod.geometry.rod import Rod
-from isorod.geometry.section import ellipse
+from isorod.geometry.section import circle, ellipse
 from isorod.material import NeoHookean
 from isorod.model import Body, Model, SectionLoad, Support
 from isorod.space import Space
@@ -144,7 +144,7 @@ def _counts(found: statics.Equilibrium) -> dict[str, Any]:
 
 
 def _roll(turns: float, length: float) -> dict[str, Any]:
-    space = _space(straight(length), max(8, round(8 * turns)))
+    space = _space(straight(length).sweep(circle(4)), max(8, round(8 * turns)))
     supports = [
         Support.end(space, "start"),
         Support(_line(space), "y"),
@@ -159,8 +159,7 @@ def _roll(turns: float, length: float) -> dict[str, Any]:
 
 
 def _stretch(stretch: float) -> dict[str, Any]:
-    axis = Axis(2, np.repeat([0.0, 1.0], 3), np.ones(3))
-    rod = Rod.sweep(ellipse(8, 1.0, 0.8), axis, np.outer([0.0, 0.5, 1.0], [0.0, 0.0, 10.0]))
+    rod = straight(10.0).sweep(ellipse(8, 1.0, 0.8))
     space = Space(rod, elements=4, section_degree=2, quadrature="auto")
     across = brentq(lambda a: LAW.mu * (a * a - 1.0) + LAW.lame * np.log(a * a * stretch), 1e-6, 1e3)
     stress = LAW.mu * (stretch - 1.0 / stretch) + LAW.lame * np.log(across**2 * stretch) / stretch
@@ -178,7 +177,7 @@ def _stretch(stretch: float) -> dict[str, Any]:
 
 
 def _twist(turns: int) -> dict[str, Any]:
-    space = Space(straight(20.0), 8 * turns, 3, section_degree=3, quadrature="auto")
+    space = Space(straight(20.0).sweep(circle(4)), 8 * turns, 3, section_degree=3, quadrature="auto")
     supports = [
         Support.end(space, "start"),
         Support(_line(space), "xy"),
@@ -192,7 +191,7 @@ def _twist(turns: int) -> dict[str, Any]:
 @cache
 def _column(length: float) -> Model:
     """Return a clamped-free column in a plane; Euler's load is half of that at factor 1."""
-    space = _space(straight(length), 8)
+    space = _space(straight(length).sweep(circle(4)), 8)
     force = 2.0 * np.pi**2 * EI / (4.0 * length**2)
     supports = [Support.end(space, "start"), Support(_line(space, 1), "y")]
     return Model(

@@ -1,6 +1,7 @@
-"""One point of a sweep: a value, what came out, and the one-line failure where nothing did."""
+"""One point of a sweep: a value, PETSc options, what came out, and the one-line failure where nothing did."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from time import perf_counter
 from typing import Any
 
@@ -32,6 +33,21 @@ def measure(sweep: str, value: float | str, solve: Callable[[], Mapping[str, Any
     except (InputError, SolveError) as problem:
         found = {"failure": str(problem)}
     return {"sweep": sweep, "value": value, **more, **found, "seconds": perf_counter() - start}
+
+
+@contextmanager
+def petsc(values: Mapping[str, Any]) -> Iterator[None]:
+    """Set PETSc options as a user would type them, within."""
+    from petsc4py import PETSc
+
+    options = PETSc.Options()
+    for name, value in values.items():
+        options[name] = value
+    try:
+        yield
+    finally:
+        for name in values:
+            options.delValue(name)
 
 
 def holds(record: Mapping[str, Any]) -> bool:

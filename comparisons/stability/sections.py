@@ -12,12 +12,11 @@ from scipy.optimize import brentq
 
 from comparisons.measure.records import Record
 from comparisons.stability import figure
-from comparisons.stability.bars import bar
 from comparisons.stability.point import holds, measure, reach, sweeps
-from comparisons.stability.prism import STIFFNESSES, condition, stiffness
+from comparisons.stability.rods import STIFFNESSES, condition, stiffness
 from isorod import modal
 from isorod.geometry import section
-from isorod.geometry.center_line import helix
+from isorod.geometry.center_line import helix, straight
 from isorod.geometry.disk import harmonic_functions
 from isorod.geometry.rod import Rod
 from isorod.material import LinearElastic
@@ -141,8 +140,7 @@ def plot(records: list[Record], path: Path) -> None:
 
 def _ellipse(ratio: float, element: dict[str, Any], kind: str) -> dict[str, Any]:
     n = element.get("section_points", 8)
-    rod = bar([0.0, 4.0], 2, section=section.ellipse(n, 1.0, 1.0 / ratio))
-    space = Space(rod, **element)
+    space = Space(straight(4.0).sweep(section.ellipse(n, 1.0, 1.0 / ratio)), **element)
     found, exact, model = stiffness(space, kind, 1.0, 1.0 / ratio, 4.0)
     plain, scaled = condition(model)
     return {"error": abs(found / exact - 1.0), "condition": plain, "scaled": scaled}
@@ -150,9 +148,8 @@ def _ellipse(ratio: float, element: dict[str, Any], kind: str) -> dict[str, Any]
 
 def _short(ratio: float, kind: str) -> dict[str, Any]:
     middle = 2.0 / ratio
-    space = Space(
-        bar([0.0, 2.0, 2.0 + middle, 4.0 + middle], 3, section=section.ellipse(8, 1.0, 0.5)), section_degree=2
-    )
+    line = straight(breaks=[0.0, 2.0, 2.0 + middle, 4.0 + middle], degree=3)
+    space = Space(line.sweep(section.ellipse(8, 1.0, 0.5)), section_degree=2)
     found, exact, model = stiffness(space, kind, 1.0, 0.5, 4.0 + middle)
     plain, scaled = condition(model)
     return {"error": abs(found / exact - 1.0), "condition": plain, "scaled": scaled}
@@ -234,7 +231,7 @@ def _rings() -> Iterator[dict[str, Any]]:
 
     def solve(offset: float) -> dict[str, Any]:
         outline = section.circle(8, wire) - np.array([offset, 0.0])
-        rod = Rod.sweep(outline, line.axis, line.centers, line.rotations, line.stretches, closed=True)
+        rod = line.sweep(outline, closed=True)
         smallest = rod.check()
         if offset > radius - wire:
             return {"error": 1.0, "jacobian": smallest}
@@ -250,14 +247,15 @@ def _rings() -> Iterator[dict[str, Any]]:
 
 def _twisted(degrees: float, degree: int, parts: int) -> dict[str, Any]:
     # Layers turn in proportion to their height.
-    straight = bar(np.linspace(0.0, 4.0, parts + 1).tolist(), degree, section=section.ellipse(8, 1.0, 0.5))
-    heights = straight.control_points[:, :, 2].mean(axis=1)
+    line = straight(breaks=np.linspace(0.0, 4.0, parts + 1).tolist(), degree=degree)
+    untwisted = line.sweep(section.ellipse(8, 1.0, 0.5))
+    heights = untwisted.control_points[:, :, 2].mean(axis=1)
     angle = np.radians(degrees) * parts * heights / 4.0
     turns = np.zeros((angle.size, 3, 3))
     turns[:, 0, 0] = turns[:, 1, 1] = np.cos(angle)
     turns[:, 1, 0], turns[:, 0, 1] = np.sin(angle), -np.sin(angle)
     turns[:, 2, 2] = 1.0
-    rod = replace(straight, control_points=np.einsum("jab,jib->jia", turns, straight.control_points))
+    rod = replace(untwisted, control_points=np.einsum("jab,jib->jia", turns, untwisted.control_points))
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
         smallest = rod.check()

@@ -8,14 +8,15 @@ from typing import Any
 from unittest.mock import patch
 
 import numpy as np
-from scipy.sparse import csr_matrix
 
 from comparisons.measure.records import Record
 from comparisons.stability import figure
 from comparisons.stability.point import measure, reach, sweeps
-from comparisons.stability.rods import straight
+from comparisons.stability.rods import condition
 from isorod import statics
 from isorod.assembly.assembler import Assembler
+from isorod.geometry.center_line import straight
+from isorod.geometry.section import circle
 from isorod.material import NeoHookean
 from isorod.model import Body, Model, SectionLoad, Support
 from isorod.space import Space
@@ -96,7 +97,7 @@ def plot(records: list[Record], path: Path) -> None:
 
 def _solve(length: float, load: float, space: dict[str, Any]) -> tuple[float, statics.Equilibrium]:
     force = load * 0.25 * np.pi / length**2
-    made = Space(straight(length, 8 if "order" in space else 4), **space)
+    made = Space(straight(length).sweep(circle(8 if "order" in space else 4)), **space)
     model = Model(
         [Body(made, NeoHookean(1.0, 0.0))],
         [Support.end(made, "start")],
@@ -118,29 +119,14 @@ def _cantilever(length: float, load: float, space: dict[str, Any], plain: bool) 
     exact = ELASTICA[load]
     if length <= 1e3:
         exact = _reference(length, load)
-    condition, scaled = _conditions(found)
+    unscaled, scaled = condition(found.model, found.displacement)
     return {
         "error": abs(tip / exact - 1.0),
         "elastica": abs(tip / ELASTICA[load] - 1.0),
-        "condition": condition,
+        "condition": unscaled,
         "scaled": scaled,
         "newton": found.newton_iterations,
         "steps": found.load_steps,
         "floor": found.residual_norms[-1] * length**2 / (load * 0.25 * np.pi),
         "unknowns": found.model.unknowns,
     }
-
-
-def _conditions(found: statics.Equilibrium) -> tuple[float, float]:
-    """Return the condition number of the tangent, and that with its diagonal scaled to one; what is beyond 1e16 is a lower bound."""
-    assembler = Assembler(found.model)
-    matrix = assembler.matrix()
-    assembler.tangent(assembler.state(found.displacement), 1.0, matrix)
-    first, column, values = matrix.getValuesCSR()
-    dense = csr_matrix((values, column, first), shape=matrix.getSize()).toarray()
-    root = 1.0 / np.sqrt(np.abs(np.diag(dense)))
-    result = []
-    for K in (dense, root[:, None] * dense * root):
-        sizes = np.abs(np.linalg.eigvalsh(K))
-        result.append(float(sizes.max() / max(sizes.min(), np.finfo(float).tiny)))
-    return result[0], result[1]

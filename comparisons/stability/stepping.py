@@ -9,12 +9,13 @@ import numpy as np
 
 from comparisons.measure.records import Record
 from comparisons.stability import figure
-from comparisons.stability.bars import bar
 from comparisons.stability.point import measure, reach, sweeps
 from isorod import dynamics, modal
 from isorod.arrays import Array
 from isorod.dynamics.explicit.run import Run
 from isorod.dynamics.explicit.system import System
+from isorod.geometry.center_line import straight
+from isorod.geometry.section import circle
 from isorod.material import NeoHookean
 from isorod.model import Body, Model, Support
 from isorod.space import Space
@@ -130,7 +131,8 @@ def plot(records: list[Record], path: Path) -> None:
 
 
 def _model(ratio: float = 1.0, elements: int = 4) -> Model:
-    space = Space(bar([0.0, JOINT, LENGTH], 2, 0), elements=elements, quadrature="auto")
+    rod = straight(breaks=[0.0, JOINT, LENGTH], continuity=0).sweep(circle(8))
+    space = Space(rod, elements=elements, quadrature="auto")
     half = space.axis.elements // 2
     laws = [NeoHookean(ratio * E, 0.3)] * half + [NeoHookean(E, 0.3)] * half
     return Model([Body(space, laws, DENSITY)], [Support.end(space, "start")])

@@ -5,131 +5,89 @@ reference surface: the same continuous problem as `isorod.contact`.  Everything 
 nothing here knows dolfinx.
 """
 
-from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 from scipy import sparse
 from scipy.spatial import cKDTree
 
-from comparisons.fem.biceps import contact_kernel as kernel
+from comparisons.fem.biceps import contact_kernel
+from comparisons.fem.biceps.contact_kernel import Closest, Facet, Points, Pressing, Surface
 from isorod.errors import InputError
 from meshes.mesh import Array, Index, Mesh
 
 
-class Pressing(NamedTuple):
-    """State of a contact.
-
-    Attributes
-    ----------
-    energy
-        Penalty energy.
-    normal_force
-        Sum of the forces' sizes.
-    area
-        Reference area in contact, the mean of both sides.
-    force
-        Resultant on the first surface, shape ``(3,)``.
-    gap
-        The smallest one, negative where the surfaces are inside each other.
-    """
-
-    energy: float
-    normal_force: float
-    area: float
-    force: Array
-    gap: float
-
-
-@dataclass(frozen=True, eq=False)
-class _Points:
-    """Quadrature points of a surface: positions ``sum_b shares[m, b] nodes[supports[m, b]]``, reference areas ``weights``."""
-
-    supports: Index
-    shares: Array
-    weights: Array
-
-
 class _Side:
-    """The points of one surface against the facets of the other; ``facet`` remembers where each of them was closest."""
+    """The points of one surface against the facets of the other; ``found`` remembers where each of them was closest."""
 
-    def __init__(self, points: _Points, facets: Index, like: "_Facet") -> None:
-        self.points, self.facets, self.like = points, np.ascontiguousarray(facets), like
-        self.neighbours = _neighbours(facets)
-        # Of all points those near the facets, and what was found for them.
-        self.near: Index = np.arange(len(points.weights))
-        self.facet: Index = np.zeros(len(points.weights), dtype=np.int64)
-        self._select()
+    def __init__(self, points: Points, facets: Index, like: Facet) -> None:
+        self.points, self.surface = points, Surface(np.ascontiguousarray(facets), _neighbours(facets), like)
+        count = len(points.weights)
+        self._keep(np.arange(count), np.zeros(count, dtype=np.int64))
 
-    def _select(self) -> None:
-        self.supports = np.ascontiguousarray(self.points.supports[self.near])
-        self.shares = np.ascontiguousarray(self.points.shares[self.near])
-        self.weights = self.points.weights[self.near]
-        count = len(self.near)
-        self.x, self.xi, self.gap = np.empty((count, 3)), np.empty((count, 2)), np.empty(count)
+    def _keep(self, near: Index, facet: Index) -> None:
+        """Of all points keep those near the facets, and what is found for them."""
+        count = len(near)
+        self.near = near
+        self.kept = _take(self.points, near)
+        self.found = Closest(np.empty((count, 3)), facet, np.empty((count, 2)), np.empty(count))
 
     def search(self, nodes: Array, reach: float) -> None:
         """Keep the points within ``reach`` of the facets, starting from the facets with the nearest centres."""
-        points = self.points
-        x = np.empty((len(points.weights), 3))
-        kernel.place(nodes, points.supports, points.shares, x)
-        corners = nodes[self.facets]
+        x = np.empty((len(self.points.weights), 3))
+        contact_kernel.place(nodes, self.points, x)
+        corners = nodes[self.surface.facets]
         centres = corners.mean(axis=1)
         # A facet bulges no farther from its centre than twice as far as its nodes are.
         size = 2.0 * np.sqrt(((corners - centres[:, None]) ** 2).sum(axis=2).max())
         distance, facet = cKDTree(centres).query(x, distance_upper_bound=reach + size)
-        found = np.isfinite(distance)
-        self.near, self.facet = np.flatnonzero(found), facet[found].astype(np.int64)
-        self._select()
+        (near,) = np.nonzero(np.isfinite(distance))
+        self._keep(near, facet[near].astype(np.int64))
         self.update(nodes)
-        close = self.gap < reach
-        self.near, self.facet = self.near[close], self.facet[close]
-        self._select()
+        close = self.found.gap < reach
+        self._keep(near[close], self.found.facet[close])
 
     def update(self, nodes: Array) -> None:
         """Find the closest points of those near, from where they were."""
-        one = self.like
-        kernel.place(nodes, self.supports, self.shares, self.x)
-        kernel.closest(
-            self.x,
-            nodes,
-            self.facets,
-            self.neighbours,
-            one.coefficients,
-            one.powers,
-            one.triangle,
-            self.facet,
-            self.xi,
-            self.gap,
-        )
+        contact_kernel.place(nodes, self.kept, self.found.x)
+        contact_kernel.closest(nodes, self.surface, self.found)
+
+    def stiffness(self, nodes: Array, penalty: float) -> tuple[Index, Array]:
+        """Return the unknowns ``(m, 3 n)`` of each point in contact and its second derivative ``(m, 3 n, 3 n)``."""
+        (active,) = np.nonzero(self.found.gap < 0.0)
+        points, found = _take(self.kept, active), _take(self.found, active)
+        n = points.supports.shape[1] + self.surface.facets.shape[1]
+        numbers = np.empty((len(active), n), dtype=np.int64)
+        blocks = np.empty((len(active), 3 * n, 3 * n))
+        contact_kernel.stiffness(nodes, points, self.surface, found, penalty, numbers, blocks)
+        return (3 * numbers[:, :, None] + np.arange(3)).reshape(len(active), 3 * n), blocks
 
 
-@dataclass(frozen=True, eq=False)
-class _Facet:
-    """The functions of a facet, see `comparisons.fem.biceps.contact_kernel`."""
+def _take(rows: Any, which: Index) -> Any:
+    """Return the chosen rows of a NamedTuple of arrays as one of its kind."""
+    return type(rows)(*(np.ascontiguousarray(one[which]) for one in rows))
 
-    coefficients: Array
-    powers: Index
-    triangle: bool
 
-    @classmethod
-    def of(cls, mesh: Mesh) -> "_Facet":
-        triangle = mesh.shape == "tetrahedron"
-        powers = np.stack(np.meshgrid(*[np.arange(mesh.order + 1)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
-        if triangle:
-            powers = powers[powers.sum(axis=1) <= mesh.order]
-        monomials = np.prod(mesh.face_reference[:, None, :] ** powers, axis=2)
-        return cls(np.ascontiguousarray(np.linalg.inv(monomials)), np.ascontiguousarray(powers), triangle)
+def _facet_of(mesh: Mesh) -> Facet:
+    """Return the functions of the mesh's facets."""
+    triangle = mesh.shape == "tetrahedron"
+    powers = np.stack(np.meshgrid(*[np.arange(mesh.order + 1)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
+    if triangle:
+        powers = powers[powers.sum(axis=1) <= mesh.order]
+    monomials = np.prod(mesh.face_reference[:, None, :] ** powers, axis=2)
+    return Facet(np.ascontiguousarray(np.linalg.inv(monomials)), np.ascontiguousarray(powers), triangle)
 
-    def values(self, where: Array) -> tuple[Array, Array]:
-        """Return the functions ``(m, n)`` and their gradients ``(m, n, 2)`` at points ``(m, 2)``."""
-        values = np.prod(where[:, None, :] ** self.powers, axis=2) @ self.coefficients
-        slopes = np.empty((len(where), self.coefficients.shape[1], 2))
-        for a in range(2):
-            lowered = self.powers.copy()
-            lowered[:, a] = np.maximum(lowered[:, a] - 1, 0)
-            slopes[:, :, a] = (self.powers[:, a] * np.prod(where[:, None, :] ** lowered, axis=2)) @ self.coefficients
-        return values, slopes
+
+def _values(like: Facet, where: Array) -> tuple[Array, Array]:
+    """Return a facet's functions ``(m, n)`` and their gradients ``(m, n, 2)`` at points ``(m, 2)``."""
+    coefficients, powers, _ = like
+    values = np.prod(where[:, None, :] ** powers, axis=2) @ coefficients
+    slopes = np.empty((len(where), coefficients.shape[1], 2))
+    for a in range(2):
+        lowered = powers.copy()
+        lowered[:, a] = np.maximum(lowered[:, a] - 1, 0)
+        slopes[:, :, a] = (powers[:, a] * np.prod(where[:, None, :] ** lowered, axis=2)) @ coefficients
+    return values, slopes
 
 
 class Contact:
@@ -157,7 +115,7 @@ class Contact:
         if parts == 0 and mesh.order != 1:
             raise InputError(f"contact at nodes: got facets of order {mesh.order}, need order 1")
         self.penalty, self.reach = penalty, reach
-        like = _Facet.of(mesh)
+        like = _facet_of(mesh)
         faces = [mesh.faces[first], mesh.faces[second]]
         points = [_gauss(mesh, like, face, parts) if parts else _nodal(mesh, like, face) for face in faces]
         self.sides = (_Side(points[0], faces[1], like), _Side(points[1], faces[0], like))
@@ -180,57 +138,24 @@ class Contact:
     def add_forces(self, nodes: Array, out: Array) -> Pressing:
         """Add the gradient of the energy to ``out``; both arrays of shape ``(nodes, 3)``, ``nodes`` the present positions."""
         self._find(nodes)
-        totals = np.zeros((2, 7))
-        totals[:, 6] = self.reach
-        for side, sums in zip(self.sides, totals, strict=True):
-            one = side.like
-            kernel.add_forces(
-                side.x,
-                nodes,
-                side.supports,
-                side.shares,
-                side.weights,
-                self.penalty,
-                side.facets,
-                one.coefficients,
-                one.powers,
-                side.facet,
-                side.xi,
-                side.gap,
-                out,
-                sums,
-            )
-        energy, normal, area = totals[:, :3].sum(axis=0)
-        force = totals[0, 3:6] - totals[1, 3:6]
-        return Pressing(float(energy), float(normal), float(area), force, float(totals[:, 6].min()))
+        first, second = (
+            contact_kernel.add_forces(nodes, side.kept, side.surface, side.found, self.penalty, out)
+            for side in self.sides
+        )
+        return Pressing(
+            first.energy + second.energy,
+            first.normal_force + second.normal_force,
+            first.area + second.area,
+            first.force - second.force,
+            min(first.gap, second.gap, self.reach),
+        )
 
     def stiffness(self, nodes: Array) -> sparse.coo_array:
         """Return the second derivative of the energy, rows and columns ``3 node + component``; entries repeat."""
         self._find(nodes)
         rows, columns, values = [], [], []
         for side in self.sides:
-            active = np.flatnonzero(side.gap < 0.0)
-            one = side.like
-            n = side.supports.shape[1] + side.facets.shape[1]
-            numbers = np.empty((len(active), n), dtype=np.int64)
-            blocks = np.empty((len(active), 3 * n, 3 * n))
-            kernel.stiffness(
-                side.x[active],
-                nodes,
-                side.supports[active],
-                side.shares[active],
-                side.weights[active],
-                self.penalty,
-                side.facets,
-                one.coefficients,
-                one.powers,
-                one.triangle,
-                side.facet[active],
-                side.xi[active],
-                numbers,
-                blocks,
-            )
-            unknowns = (3 * numbers[:, :, None] + np.arange(3)).reshape(len(active), 3 * n)
+            unknowns, blocks = side.stiffness(nodes, self.penalty)
             rows.append(np.broadcast_to(unknowns[:, :, None], blocks.shape).ravel())
             columns.append(np.broadcast_to(unknowns[:, None, :], blocks.shape).ravel())
             values.append(blocks.ravel())
@@ -240,32 +165,32 @@ class Contact:
 
 
 def surface_points(mesh: Mesh, face: str, parts: int) -> tuple[Index, Array]:
-    """Return points on a named face as in `_Points`, ``(m, n)`` nodes and shares: a lattice of ``parts`` to an edge on each facet."""
-    like, nodes = _Facet.of(mesh), mesh.faces[face]
+    """Return points on a named face as in `Points`, ``(m, n)`` nodes and shares: a lattice of ``parts`` to an edge on each facet."""
+    like, nodes = _facet_of(mesh), mesh.faces[face]
     a, b = (grid.ravel() for grid in np.meshgrid(*[np.arange(parts + 1) / parts] * 2, indexing="ij"))
     where = np.stack([a, b], axis=1)
-    values, _ = like.values(where[a + b < 1.0 + 0.5 / parts] if like.triangle else where)
+    values, _ = _values(like, where[a + b < 1.0 + 0.5 / parts] if like.triangle else where)
     shares = np.broadcast_to(values, (len(nodes), *values.shape)).reshape(-1, values.shape[1])
     return np.repeat(nodes, len(values), axis=0), shares
 
 
-def _gauss(mesh: Mesh, like: _Facet, face: Index, parts: int) -> _Points:
+def _gauss(mesh: Mesh, like: Facet, face: Index, parts: int) -> Points:
     """Return Gauss points, half the reference area for weight."""
     where, weights = _split(*_rule(mesh.order, like.triangle), parts, like.triangle)
-    values, slopes = like.values(where)
+    values, slopes = _values(like, where)
     areas = _stretch(mesh, face, slopes) * weights
     shares = np.broadcast_to(values, (len(face), *values.shape)).reshape(-1, values.shape[1])
     supports = np.repeat(face, len(where), axis=0)
-    return _Points(supports, np.ascontiguousarray(shares), 0.5 * areas.ravel())
+    return Points(supports, np.ascontiguousarray(shares), 0.5 * areas.ravel())
 
 
-def _nodal(mesh: Mesh, like: _Facet, face: Index) -> _Points:
+def _nodal(mesh: Mesh, like: Facet, face: Index) -> Points:
     """Return the nodes, with their share of the facets' areas, halved, for weight."""
-    _, slopes = like.values(mesh.face_reference)
+    _, slopes = _values(like, mesh.face_reference)
     areas = _stretch(mesh, face, slopes) * (0.5 if like.triangle else 1.0) / face.shape[1]
     nodes, where = np.unique(face, return_inverse=True)
     weights = 0.5 * np.bincount(where.ravel(), areas.ravel())
-    return _Points(nodes[:, None].astype(np.int64), np.ones((nodes.size, 1)), weights)
+    return Points(nodes[:, None].astype(np.int64), np.ones((nodes.size, 1)), weights)
 
 
 def _stretch(mesh: Mesh, face: Index, slopes: Array) -> Array:

@@ -5,6 +5,8 @@ A facet is ``s(xi) = sum_a N_a(xi) y_a`` with ``N_a = sum_k C_ka xi_1^p_k xi_2^q
 and the energy of a point is ``penalty weight phi``.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import b1, f8, i8, njit, types, void
 
@@ -17,6 +19,98 @@ _STEEP = 0.5
 
 _NEWTON_STEPS = 20
 _SMALL = 1e-12
+
+
+class Facet(NamedTuple):
+    """The functions of a facet, which all facets share.
+
+    Attributes
+    ----------
+    coefficients
+        ``C_ka``, shape ``(n, n)``.
+    powers
+        ``p_k, q_k``, shape ``(n, 2)``.
+    triangle
+        Whether it is the unit triangle, else the unit square.
+    """
+
+    coefficients: Array
+    powers: Index
+    triangle: bool
+
+
+class Surface(NamedTuple):
+    """Facets: their nodes ``(facets, n)``, the facets they share a node with (filled up with -1), their functions."""
+
+    facets: Index
+    neighbours: Index
+    like: Facet
+
+
+class Points(NamedTuple):
+    """Points of a surface.
+
+    Attributes
+    ----------
+    supports, shares
+        Point ``m`` is at ``sum_b shares[m, b] nodes[supports[m, b]]``, both ``(m, n)``.
+    weights
+        Reference areas, shape ``(m,)``.
+    """
+
+    supports: Index
+    shares: Array
+    weights: Array
+
+
+class Closest(NamedTuple):
+    """Where points are, and what is closest to them on another surface.
+
+    Attributes
+    ----------
+    x
+        Positions, shape ``(m, 3)``.
+    facet, xi
+        Facet of the closest point ``(m,)`` and its parameters there ``(m, 2)``.
+    gap
+        Distance, negative inside, shape ``(m,)``.
+    """
+
+    x: Array
+    facet: Index
+    xi: Array
+    gap: Array
+
+
+class Pressing(NamedTuple):
+    """State of a contact.
+
+    Attributes
+    ----------
+    energy
+        Penalty energy.
+    normal_force
+        Sum of the forces' sizes.
+    area
+        Reference area in contact, the mean of both sides.
+    force
+        Resultant on the first surface, shape ``(3,)``.
+    gap
+        The smallest one, negative where the surfaces are inside each other.
+    """
+
+    energy: float
+    normal_force: float
+    area: float
+    force: Array
+    gap: float
+
+
+_FACET = types.NamedTuple([F2, I2, b1], Facet)
+_SURFACE = types.NamedTuple([I2, I2, _FACET], Surface)
+_POINTS = types.NamedTuple([I2, F2, F1], Points)
+_CLOSEST = types.NamedTuple([F2, I1, F2, F1], Closest)
+_PRESSING = types.NamedTuple([f8, f8, f8, F1, f8], Pressing)
 
 
 @njit(void(F2, I2, f8, f8, F2), **STRICT)
@@ -44,7 +138,10 @@ def _surface(c: Array, powers: Index, a: float, b: float, out: Array) -> None:
 def _closest_on_facet(
     c: Array, powers: Index, x: Array, triangle: bool, s: Array, d: Array
 ) -> tuple[float, float, float]:
-    """Return ``xi_1, xi_2`` of the facet's point closest to ``x`` and its squared distance."""
+    """Return ``xi_1, xi_2`` of the facet's point closest to ``x`` and its squared distance.
+
+    In one piece: cut into the search inside and that along an edge it takes half as long again.
+    """
     a = b = 1.0 / 3.0 if triangle else 0.5
     linear = powers.shape[0] == 3
     for _ in range(_NEWTON_STEPS):
@@ -123,6 +220,7 @@ def _closest_on_facet(
 
 @njit(void(F2, I2, i8, F2, F2), **STRICT)
 def _coefficients(nodes: Array, facets: Index, facet: int, C: Array, c: Array) -> None:
+    """Write the coefficients of a facet's monomials into ``c`` ``(n, 3)``."""
     c[:] = 0.0
     for k in range(C.shape[0]):
         for a in range(C.shape[1]):
@@ -142,30 +240,22 @@ def _cosine(c: Array, powers: Index, x: Array, a: float, b: float, s: Array) -> 
     return (d0 * n0 + d1 * n1 + d2 * n2) / np.sqrt(sizes) if sizes > 0.0 else 0.0
 
 
-@njit(void(F2, F2, I2, I2, F2, I2, b1, I1, F2, F1), **STRICT)
-def closest(
-    x: Array,
-    nodes: Array,
-    facets: Index,
-    neighbours: Index,
-    C: Array,
-    powers: Index,
-    triangle: bool,
-    facet: Index,
-    xi: Array,
-    gap: Array,
-) -> None:
-    """Find the closest point of a surface to each of the points ``x`` ``(m, 3)`` by walking over its facets.
+@njit(void(F2, _SURFACE, _CLOSEST), **STRICT)
+def closest(nodes: Array, surface: Surface, found: Closest) -> None:
+    """Find the closest points of a surface by walking over its facets.
 
     Parameters
     ----------
-    neighbours
-        Facets that share a node with a facet, the rest of the row -1.
-    facet
-        Where to start; overwritten with where the walk ended.
-    xi, gap
-        Written: parameters ``(m, 2)``, and gap ``(m,)``, negative inside.
+    nodes
+        Present positions, shape ``(nodes, 3)``.
+    surface
+        What is looked at.
+    found
+        Positions ``x``, and the ``facet`` from which to start, overwritten with where the walk ended; ``xi`` and
+        ``gap`` are written.
     """
+    x, facet, xi, gap = found
+    facets, neighbours, (C, powers, triangle) = surface
     c = np.empty((C.shape[0], 3))
     s = np.empty((6, 3))
     d = np.empty(3)
@@ -196,9 +286,10 @@ def closest(
         gap[m] = -np.sqrt(square) if cosine < -_STEEP else np.sqrt(square)
 
 
-@njit(void(F2, I2, F2, F2), **STRICT)
-def place(nodes: Array, supports: Index, shares: Array, out: Array) -> None:
-    """Write the points ``sum_b shares_mb nodes[supports_mb]`` into ``out`` ``(m, 3)``."""
+@njit(void(F2, _POINTS, F2), **STRICT)
+def place(nodes: Array, points: Points, out: Array) -> None:
+    """Write where points are into ``out`` ``(m, 3)``."""
+    supports, shares, _ = points
     for m in range(out.shape[0]):
         for i in range(3):
             value = 0.0
@@ -207,10 +298,9 @@ def place(nodes: Array, supports: Index, shares: Array, out: Array) -> None:
             out[m, i] = value
 
 
-@njit(f8(I2, F2, F2, i8, f8, f8), **STRICT)
-def _function(powers: Index, C: Array, out: Array, n: int, a: float, b: float) -> float:
-    """Write ``N_a``, ``N_a,1``, ``N_a,2`` into the rows of ``out`` from column ``n`` on; return the sum of the functions."""
-    total = 0.0
+@njit(void(F2, I2, F2, i8, f8, f8), **STRICT)
+def _functions(C: Array, powers: Index, out: Array, n: int, a: float, b: float) -> None:
+    """Write ``N_a``, ``N_a,1``, ``N_a,2`` into the rows of ``out`` from column ``n`` on."""
     for j in range(C.shape[1]):
         v = v1 = v2 = 0.0
         for k in range(powers.shape[0]):
@@ -221,56 +311,54 @@ def _function(powers: Index, C: Array, out: Array, n: int, a: float, b: float) -
             if q > 0:
                 v2 += C[k, j] * q * a**p * b ** (q - 1)
         out[0, n + j], out[1, n + j], out[2, n + j] = v, v1, v2
-        total += v
-    return total
 
 
-@njit(void(F2, F2, I2, F2, F1, f8, I2, F2, I2, I1, F2, F1, F2, F1), **STRICT)
-def add_forces(
-    x: Array,
-    nodes: Array,
-    supports: Index,
-    shares: Array,
-    weights: Array,
-    penalty: float,
-    facets: Index,
-    C: Array,
-    powers: Index,
-    facet: Index,
-    xi: Array,
-    gap: Array,
-    out: Array,
-    totals: Array,
-) -> None:
-    """Add the gradient of the penalty energy to ``out`` ``(nodes, 3)``.
+@njit(_PRESSING(F2, _POINTS, _SURFACE, _CLOSEST, f8, F2), **STRICT)
+def add_forces(nodes: Array, points: Points, surface: Surface, found: Closest, penalty: float, out: Array) -> Pressing:
+    """Add the gradient of the penalty energy of one surface's points to ``out`` ``(nodes, 3)`` and return their state.
 
-    ``totals`` gains energy, sum of the normal forces, area in contact, and the force on the points' side (three
-    components); its last entry becomes the smallest gap.
+    Parameters
+    ----------
+    nodes
+        Present positions, shape ``(nodes, 3)``.
+    points, found
+        The points and what `closest` found for them on ``surface``.
+    penalty
+        Force per volume.
     """
+    supports, shares, weights = points
+    x, facet, xi, gaps = found
+    facets, _, (C, powers, _) = surface
     functions = np.empty((3, C.shape[1]))
+    energy = normal = area = 0.0
+    resultant = np.zeros(3)
+    smallest = np.inf
     for m in range(x.shape[0]):
-        totals[6] = min(totals[6], gap[m])
-        if gap[m] >= 0.0:
+        gap = gaps[m]
+        smallest = min(smallest, gap)
+        if gap >= 0.0:
             continue
-        _function(powers, C, functions, 0, xi[m, 0], xi[m, 1])
+        _functions(C, powers, functions, 0, xi[m, 0], xi[m, 1])
         stiffness = penalty * weights[m]
-        totals[0] += 0.5 * stiffness * gap[m] ** 2
-        totals[1] -= stiffness * gap[m]
-        totals[2] += weights[m]
+        energy += 0.5 * stiffness * gap**2
+        normal -= stiffness * gap
+        area += weights[m]
         for i in range(3):
             d = x[m, i]
             for a in range(C.shape[1]):
                 d -= functions[0, a] * nodes[facets[facet[m], a], i]
             force = stiffness * d
-            totals[3 + i] -= force
+            resultant[i] -= force
             for b in range(supports.shape[1]):
                 out[supports[m, b], i] += shares[m, b] * force
             for a in range(C.shape[1]):
                 out[facets[facet[m], a], i] -= functions[0, a] * force
+    return Pressing(energy, normal, area, resultant, smallest)
 
 
 @njit(i8(f8, f8, b1, F2), **STRICT)
 def _free_directions(a: float, b: float, triangle: bool, way: Array) -> int:
+    """Write the directions in which a closest point is free into the rows of ``way``; return how many there are."""
     way[0, 0], way[0, 1], way[1, 0], way[1, 1] = 1.0, 0.0, 0.0, 1.0
     low_a, low_b = a <= 0.0, b <= 0.0
     if triangle:
@@ -292,83 +380,81 @@ def _free_directions(a: float, b: float, triangle: bool, way: Array) -> int:
     return 1 if fixed_a or fixed_b else 2
 
 
-@njit(void(F2, F2, I2, F2, F1, f8, I2, F2, I2, b1, I1, F2, I2, F3), **STRICT)
+@njit(types.UniTuple(f8, 3)(i8, F2, F2, F1), **STRICT)
+def _compliance(free: int, way: Array, s: Array, d: Array) -> tuple[float, float, float]:
+    """Return the entries 11, 12, 22 of the inverse of ``phi_xixi`` in the free directions, zero elsewhere."""
+    H = np.zeros((2, 2))
+    for f in range(free):
+        for g in range(free):
+            for i in range(3):
+                t_f = way[f, 0] * s[1, i] + way[f, 1] * s[2, i]
+                t_g = way[g, 0] * s[1, i] + way[g, 1] * s[2, i]
+                bend = way[f, 0] * way[g, 0] * s[3, i] + way[f, 1] * way[g, 1] * s[5, i]
+                bend += (way[f, 0] * way[g, 1] + way[f, 1] * way[g, 0]) * s[4, i]
+                H[f, g] += t_f * t_g - d[i] * bend
+    if free == 2:
+        det = H[0, 0] * H[1, 1] - H[0, 1] * H[1, 0]
+        return H[1, 1] / det, -H[0, 1] / det, H[0, 0] / det
+    return (1.0 / H[0, 0] if free == 1 else 0.0), 0.0, 0.0
+
+
+@njit(void(i8, F2, F2, F2, F1, F2), **STRICT)
+def _mixed(free: int, way: Array, share: Array, s: Array, d: Array, out: Array) -> None:
+    """Write ``phi_xiq`` in the free directions into the rows of ``out`` ``(2, 3 n)``, zeros into the others."""
+    out[:] = 0.0
+    for f in range(free):
+        for j in range(share.shape[1]):
+            slope = way[f, 0] * share[1, j] + way[f, 1] * share[2, j]
+            for i in range(3):
+                t_f = way[f, 0] * s[1, i] + way[f, 1] * s[2, i]
+                out[f, 3 * j + i] = slope * d[i] - share[0, j] * t_f
+
+
+@njit(void(F2, _POINTS, _SURFACE, _CLOSEST, f8, I2, F3), **STRICT)
 def stiffness(
-    x: Array,
-    nodes: Array,
-    supports: Index,
-    shares: Array,
-    weights: Array,
-    penalty: float,
-    facets: Index,
-    C: Array,
-    powers: Index,
-    triangle: bool,
-    facet: Index,
-    xi: Array,
-    numbers: Index,
-    blocks: Array,
+    nodes: Array, points: Points, surface: Surface, found: Closest, penalty: float, numbers: Index, blocks: Array
 ) -> None:
     """Write the second derivative of each point's energy.
 
     ``phi_qq - phi_qxi (phi_xixi)^-1 phi_xiq`` for ``q`` the nodes of point and facet and ``xi`` what the closest point
-    is free to move in.
+    is free to move in: nothing at a corner, one direction on an edge.
 
     Parameters
     ----------
+    nodes
+        Present positions, shape ``(nodes, 3)``.
+    points, found
+        Points in contact, and what `closest` found for them on ``surface``.
+    penalty
+        Force per volume.
     numbers, blocks
         Written: the nodes ``(m, n)`` and the matrices ``(m, 3 n, 3 n)``.
     """
+    supports, shares, weights = points
+    x, facet, xi, _ = found
+    facets, _, (C, powers, triangle) = surface
     own, other = supports.shape[1], C.shape[1]
     n = own + other
     share = np.zeros((3, n))
-    c = np.empty((C.shape[0], 3))
+    c = np.empty((other, 3))
     s = np.empty((6, 3))
     d = np.empty(3)
     way = np.empty((2, 2))
     mixed = np.empty((2, 3 * n))
     for m in range(x.shape[0]):
         a, b = xi[m, 0], xi[m, 1]
-        share[:] = 0.0
-        for j in range(own):
-            numbers[m, j] = supports[m, j]
-            share[0, j] = shares[m, j]
-        _function(powers, C, share, own, a, b)
-        for j in range(other):
-            numbers[m, own + j] = facets[facet[m], j]
-            for r in range(3):
-                share[r, own + j] *= -1.0
+        numbers[m, :own] = supports[m]
+        numbers[m, own:] = facets[facet[m]]
+        share[0, :own] = shares[m]
+        _functions(C, powers, share, own, a, b)
+        share[:, own:] *= -1.0
         _coefficients(nodes, facets, facet[m], C, c)
         _surface(c, powers, a, b, s)
         for i in range(3):
             d[i] = x[m, i] - s[0, i]
-        # The directions in which the closest point is free: none at a corner, one on an edge.
         free = _free_directions(a, b, triangle, way)
-        H = np.zeros((2, 2))
-        for f in range(free):
-            for g in range(free):
-                for i in range(3):
-                    t_f = way[f, 0] * s[1, i] + way[f, 1] * s[2, i]
-                    t_g = way[g, 0] * s[1, i] + way[g, 1] * s[2, i]
-                    bend = way[f, 0] * way[g, 0] * s[3, i] + way[f, 1] * way[g, 1] * s[5, i]
-                    bend += (way[f, 0] * way[g, 1] + way[f, 1] * way[g, 0]) * s[4, i]
-                    H[f, g] += t_f * t_g - d[i] * bend
-            for j in range(n):
-                slope = way[f, 0] * share[1, j] + way[f, 1] * share[2, j]
-                for i in range(3):
-                    t_f = way[f, 0] * s[1, i] + way[f, 1] * s[2, i]
-                    mixed[f, 3 * j + i] = slope * d[i] - share[0, j] * t_f
-        if free == 2:
-            det = H[0, 0] * H[1, 1] - H[0, 1] * H[1, 0]
-            i00, i01, i11 = H[1, 1] / det, -H[0, 1] / det, H[0, 0] / det
-        elif free == 1:
-            i00, i01, i11 = 1.0 / H[0, 0], 0.0, 0.0
-        else:
-            i00 = i01 = i11 = 0.0
-        if free < 2:
-            mixed[1] = 0.0
-        if free < 1:
-            mixed[0] = 0.0
+        i00, i01, i11 = _compliance(free, way, s, d)
+        _mixed(free, way, share, s, d, mixed)
         factor = penalty * weights[m]
         for p in range(3 * n):
             for q in range(3 * n):

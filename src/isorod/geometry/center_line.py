@@ -1,12 +1,15 @@
-"""Center lines of rods."""
+"""Centre lines of rods: straight ones and helices."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from isorod.arrays import Array
-from isorod.errors import InputError
+from isorod.errors import InputError, whole_number
 from isorod.geometry.axis import MAX_ELEMENTS, Axis
+from isorod.geometry.rod import Rod
 
 
 @dataclass(frozen=True, eq=False)
@@ -15,8 +18,47 @@ class CenterLine:
 
     axis: Axis
     centers: Array
-    rotations: Array
-    stretches: Array
+    rotations: Array | None = None
+    stretches: Array | None = None
+
+    def sweep(self, section: ArrayLike, closed: bool = False) -> Rod:
+        """Return the rod whose section is the control polygon ``(n, 2)`` everywhere (see `Rod.sweep`)."""
+        return Rod.sweep(section, self.axis, self.centers, self.rotations, self.stretches, closed)
+
+
+def straight(
+    length: float | None = None,
+    breaks: Sequence[float] = (0.0, 1.0),
+    degree: int = 2,
+    continuity: int | None = None,
+) -> CenterLine:
+    """Return a straight line from the origin along z, whose height grows linearly with the axis parameter.
+
+    Its control points stand at the Greville abscissae, the means of ``degree`` successive knots.
+
+    Parameters
+    ----------
+    length
+        Units of length; where not given the height is the way from the first break.
+    breaks
+        Distinct knots, ascending.
+    degree
+        Of the axis.
+    continuity
+        At the inner breaks, 0 to ``degree - 1``; the latter where not given.
+    """
+    if length is not None and not (np.isfinite(length) and length > 0.0):
+        raise InputError(f"length: got {length:g}, need a positive length")
+    if len(breaks) < 2:
+        raise InputError(f"straight line: got {len(breaks)} breaks, need at least 2")
+    smooth = degree - 1 if continuity is None else whole_number("continuity", continuity, 0, degree - 1)
+    times = [degree + 1, *[degree - smooth] * (len(breaks) - 2), degree + 1]
+    knots = np.repeat(np.array(breaks, dtype=float), times)
+    axis = Axis(degree, knots, np.ones(knots.size - degree - 1))
+    heights = np.lib.stride_tricks.sliding_window_view(knots[1:-1], degree).mean(axis=1) - knots[0]
+    if length is not None:
+        heights = length * heights / (knots[-1] - knots[0])
+    return CenterLine(axis, heights[:, None] * np.array([0.0, 0.0, 1.0]))
 
 
 def helix(radius: float, pitch: float, turns: int, arcs_per_turn: int = 4) -> CenterLine:

@@ -3,11 +3,8 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
-
-from isorod.errors import InputError
 from isorod.geometry import section
-from isorod.geometry.axis import Axis
+from isorod.geometry.center_line import straight
 from isorod.geometry.rod import Rod
 from isorod.scenes import option
 
@@ -26,8 +23,4 @@ class Flower:
 
     def rod(self) -> Rod:
         """Return the bar, one quadratic element."""
-        if not (np.isfinite(self.length) and self.length > 0.0):
-            raise InputError(f"length: got {self.length:g}, need a positive length")
-        axis = Axis(2, np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0]), np.ones(3))
-        centers = np.array([0.0, 0.5, 1.0])[:, None] * np.array([0.0, 0.0, self.length])
-        return Rod.sweep(section.flower(self.section_points, self.petals, self.radius, self.depth), axis, centers)
+        return straight(self.length).sweep(section.flower(self.section_points, self.petals, self.radius, self.depth))

@@ -24,4 +24,4 @@ class Ring:
         """Return the ring: four rational quadratic arcs, 8 distinct layers of control points."""
         line = helix(self.radius, 0.0, 1, 4)
         outline = section.ellipse(self.section_points, self.a, self.b)
-        return Rod.sweep(outline, line.axis, line.centers, line.rotations, line.stretches, closed=True)
+        return line.sweep(outline, closed=True)

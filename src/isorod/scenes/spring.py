@@ -47,7 +47,7 @@ class Spring:
         """Return the wire as first built: four quadratic arcs a turn."""
         line = helix(self.coil_radius, self.pitch, self.coils, ARCS_PER_TURN)
         outline = section.circle(self.section_points, self.wire_radius)
-        return Rod.sweep(outline, line.axis, line.centers, line.rotations, line.stretches)
+        return line.sweep(outline)
 
     def model(self) -> "Model":
         """Return the model: neo-Hookean, start clamped, end clamped and displaced by ``(0, 0, pull)``.
