@@ -226,5 +226,5 @@ def test_faces_are_checked(cylinder):
     with pytest.raises(InputError, match="contact 0: a closed rod has no end faces"):
         end_faces.pack(closed)
     bar = Model([Body(Space(cylinder(4)), ELASTIC, 1.0)], contacts=[Contact(0, plane, 1.0, faces=("end",))])
-    with pytest.raises(InputError, match="contact 0: contact of end faces is for dynamics alone"):
+    with pytest.raises(InputError, match="contact 0: contact of end faces is for explicit dynamics alone"):
         Assembler(bar)

@@ -65,7 +65,7 @@ def test_work_on_a_field_that_is_quadratic_in_the_section(name):
     angle, radius = np.random.default_rng(0).uniform(0.0, 2.0 * np.pi, 200), np.random.default_rng(1).uniform(0, 1, 200)
     xi = (np.sqrt(radius) * np.array([np.cos(angle), np.sin(angle)])).T
     points = space.rod.grid(xi, [0.0])[0][0]
-    functions = space.section_functions(xi)[0]
+    functions = space.basis.functions(xi)[0]
     for a, b in ((0, 0), (0, 1), (1, 1)):
         coefficients, *_ = np.linalg.lstsq(functions, points[:, a] * points[:, b], rcond=None)
         assert functions @ coefficients == pytest.approx(points[:, a] * points[:, b], abs=1e-9)

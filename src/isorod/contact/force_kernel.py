@@ -1,99 +1,156 @@
-"""The compiled contact forces: search, pressure, and its share to the nodes."""
+"""The compiled contact forces: search, pressure, and its share to the nodes.
+
+Searches left out.  Let a point be farther than ``D`` from a surface, and let no carrier have gone a longer way than
+``w`` since.  A point of a surface at fixed parameters is a convex combination of carriers: it has gone no more than
+``w`` either.  The point and the surface, **both** of which may approach, are still more than ``D - 2 w`` apart, so that
+there is no contact, and nothing to search for, while ``w <= D / 2``.  ``Packed.travel`` grows by the longest way of
+each call, no less than ``w`` in all, and ``Packed.clear`` is its value at which ``D / 2`` is used up.  ``D`` is how far
+the point is from the boxes of the surface's control points, which hold it; or, after a search, by how much the gap
+exceeds that of zero pressure.
+"""
+
+from typing import NamedTuple
 
 import numpy as np
 from numba import b1, f8, i8, njit, types, void
 
-from isorod.arrays import Array, Index
-from isorod.compiled import F1, F2, FAST, I1
-from isorod.contact.surface_kernel import (
-    EDGE,
-    END,
-    FREE,
-    FUNCTIONS,
-    LOST,
-    PACKED,
-    PLANE,
-    Packed,
-    closest,
-    dot,
-    surface_gap,
-)
+from isorod.arrays import Array
+from isorod.compiled import F1, F2, F3, FAST
+from isorod.contact.packed import ELEMENT_ROW, PACKED, PASS_ROW, PLANE, SURFACE_ROW, Packed, Row
+from isorod.contact.surface_kernel import EDGE, END, FOOT, LOST, Foot, arc_of, closest, dot, new_foot, surface_gap
 
 # Element boxes are enlarged by this part of their largest side: a normal may leave the box of a skewed end.
 _MARGIN = 0.1
 
 
-@njit(void(PACKED, F2), **FAST)
-def place(packed: Packed, positions: Array) -> None:
-    """Fill ``places`` with the slave points and ``boxes`` with those of the elements' control points."""
-    for k in range(packed.passes.shape[0]):
-        surface, _, point, across, along, first_around, first_along = packed.passes[k]
-        n, degree, first, rows, _ = packed.surfaces[surface]
-        section = np.empty((n, 3))
-        for e in range(rows):
-            row = first + e
-            for a in range(3):
-                low, high = np.inf, -np.inf
-                for j in range(degree + 1):
-                    for i in range(n):
-                        x = positions[packed.layers[row, j] + i, a]
-                        low, high = min(low, x), max(high, x)
-                packed.boxes[row, a] = low
-                packed.boxes[row, 3 + a] = high
-            margin = 0.0
-            for a in range(3):
-                margin = max(margin, _MARGIN * (packed.boxes[row, 3 + a] - packed.boxes[row, a]))
-            for a in range(3):
-                packed.boxes[row, a] -= margin
-                packed.boxes[row, 3 + a] += margin
-            for t in range(along):
-                r = packed.along[first_along + e * along + t]
-                for i in range(n):
-                    for a in range(3):
-                        value = 0.0
-                        for j in range(degree + 1):
-                            value += r[j] * positions[packed.layers[row, j] + i, a]
-                        section[i, a] = value
-                for i in range(n):
-                    before, after = (i - 1) % n, (i + 1) % n
-                    for q in range(across):
-                        f = packed.around[first_around + q]
-                        for a in range(3):
-                            packed.places[point, a] = (
-                                f[0] * section[before, a] + f[1] * section[i, a] + f[2] * section[after, a]
-                            )
-                        point += 1
+class Pressing(NamedTuple):
+    """What contact says, sums over all pairs; NaN where a closest-point search failed or a position is not finite.
 
-
-@njit(f8(PACKED, i8, i8, F1), **FAST)
-def _guess(packed: Packed, surface: int, point: int, start: Array) -> float:
-    """Set ``start``, if there is none, to the sample of a surface nearest to a point; return how far the point is from all boxes.
-
-    The samples are the surface's own slave points.  No start is set where that distance is positive.
+    Attributes
+    ----------
+    energy, force, area
+        Energy of the penalty, normal force, reference area in contact.
+    deepest
+        The deepest gap: negative, or zero where nothing touches.
     """
-    n, _, first, rows, own = packed.surfaces[surface]
-    x = packed.places[point]
+
+    energy: float
+    force: float
+    area: float
+    deepest: float
+
+
+PRESSING = types.NamedUniTuple(f8, 4, Pressing)
+
+
+class Site(NamedTuple):
+    """Where a slave point is: its element and arc, and its rows in `Packed.along` and `Packed.around`."""
+
+    element: int
+    arc: int
+    along: int
+    around: int
+
+
+SITE = types.NamedUniTuple(i8, 4, Site)
+
+
+@njit(SITE(PASS_ROW, SURFACE_ROW, i8), **FAST)
+def site(one: Row, slave: Row, point: int) -> Site:
+    """Return where a point of a pass is; points go round the section first, then along the elements."""
+    around, q = divmod(point - one.first_point, one.across)
+    place, arc = divmod(around, slave.around)
+    return Site(slave.first_element + place // one.along, arc, one.first_along + place, one.first_around + q)
+
+
+@njit(i8(PASS_ROW, SURFACE_ROW), **FAST)
+def _end(one: Row, slave: Row) -> int:
+    """Return the number after that of the last point of a pass."""
+    return one.first_point + slave.elements * one.along * slave.around * one.across
+
+
+@njit(void(SURFACE_ROW, ELEMENT_ROW, F2, F2), **FAST)
+def _enclose(surface: Row, element: Row, positions: Array, box: Array) -> None:
+    """Fill the box of an element's control points."""
+    side = 0.0
+    for a in range(3):
+        low, high = np.inf, -np.inf
+        for j in range(surface.functions):
+            for i in range(surface.around):
+                x = positions[element.layers[j] + i, a]
+                low, high = min(low, x), max(high, x)
+        box[0, a], box[1, a] = low, high
+        side = max(side, high - low)
+    for a in range(3):
+        box[0, a] -= _MARGIN * side
+        box[1, a] += _MARGIN * side
+
+
+@njit(void(PACKED, PASS_ROW, SURFACE_ROW, F2), **FAST)
+def _place_points(packed: Packed, one: Row, slave: Row, positions: Array) -> None:
+    """Fill ``points`` of a pass."""
+    n = slave.around
+    section = np.empty((n, 3))
+    point = one.first_point
+    for place in range(slave.elements * one.along):
+        element = packed.elements[slave.first_element + place // one.along]
+        r = packed.along[one.first_along + place]
+        for i in range(n):
+            for a in range(3):
+                value = 0.0
+                for j in range(slave.functions):
+                    value += r[j] * positions[element.layers[j] + i, a]
+                section[i, a] = value
+        for i in range(n):
+            before, after = (i - 1) % n, (i + 1) % n
+            for q in range(one.across):
+                f = packed.around[one.first_around + q]
+                for a in range(3):
+                    x = f[0] * section[before, a] + f[1] * section[i, a] + f[2] * section[after, a]
+                    packed.points[point, a] = x
+                point += 1
+
+
+@njit(void(PACKED, F2), **FAST)
+def _place(packed: Packed, positions: Array) -> None:
+    """Fill ``points`` and ``boxes``."""
+    for k in range(packed.passes.size):
+        one = packed.passes[k]
+        _place_points(packed, one, packed.surfaces[one.slave], positions)
+    for k in range(packed.surfaces.size):
+        surface = packed.surfaces[k]
+        for row in range(surface.first_element, surface.first_element + surface.elements):
+            _enclose(surface, packed.elements[row], positions, packed.boxes[row])
+
+
+@njit(f8(F1, F3, i8, i8), **FAST)
+def _distance(x: Array, boxes: Array, first: int, count: int) -> float:
+    """Return how far a point is from all of ``count`` boxes, in its farthest coordinate; negative inside."""
     distance = np.inf
-    for row in range(first, first + rows):
-        box = packed.boxes[row]
-        beside = max(box[0] - x[0], x[0] - box[3], box[1] - x[1], x[1] - box[4], box[2] - x[2], x[2] - box[5])
+    for row in range(first, first + count):
+        low, high = boxes[row, 0], boxes[row, 1]
+        beside = max(low[0] - x[0], x[0] - high[0], low[1] - x[1], x[1] - high[1], low[2] - x[2], x[2] - high[2])
         distance = min(distance, beside)
-    if distance > 0.0:
-        return distance
-    if start[0] >= 0.0:
-        return 0.0
-    _, _, begin, across, along, _, _ = packed.passes[own]
-    best, found = np.inf, 0
-    for k in range(rows * along * n * across):
-        y = packed.places[begin + k]
+    return distance
+
+
+@njit(void(PACKED, SURFACE_ROW, i8), **FAST)
+def _guess(packed: Packed, surface: Row, point: int) -> None:
+    """Start the search of a point at the sample of a surface nearest to it: one of the surface's own slave points."""
+    x = packed.points[point]
+    own = packed.passes[surface.own_pass]
+    best, found = np.inf, own.first_point
+    for k in range(own.first_point, _end(own, surface)):
+        y = packed.points[k]
         square = (x[0] - y[0]) ** 2 + (x[1] - y[1]) ** 2 + (x[2] - y[2]) ** 2
         if square < best:
             best, found = square, k
-    sector = 2.0 * np.pi / (n * across)
-    start[0] = first + found // (along * n * across)
-    start[1] = packed.turns[surface, 0] - np.pi / n + sector * (found % (n * across) + 0.5)
-    start[2] = 2.0 * (found // (n * across) % along + 0.5) / along - 1.0
-    return 0.0
+    there, start = site(own, surface, found), packed.starts[point]
+    sector = 2.0 * np.pi / surface.around
+    share = (there.around - own.first_around + 0.5) / own.across
+    start.element = there.element
+    start.theta = surface.turn + sector * (there.arc - 0.5 + share)
+    start.s = 2.0 * ((there.along - own.first_along) % own.along + 0.5) / own.along - 1.0
 
 
 @njit(b1(PACKED, F2), **FAST)
@@ -113,57 +170,84 @@ def _travel(packed: Packed, positions: Array) -> bool:
     return finite
 
 
-@njit(f8(PACKED, i8, i8, F1), **FAST)
-def rigid_gap(packed: Packed, k: int, point: int, normal: Array) -> float:
-    """Return the gap of a slave point to the rigid obstacle of pass ``k``, and fill its normal."""
-    rigid = packed.rigid[k]
-    x = packed.places[point]
+@njit(f8(PASS_ROW, F1, F1), **FAST)
+def rigid_gap(one: Row, x: Array, normal: Array) -> float:
+    """Return the gap of a point to the rigid obstacle of a pass, and fill its normal."""
     height = 0.0
     for a in range(3):
-        height += (x[a] - rigid[a]) * rigid[3 + a]
-    if packed.passes[k, 1] == PLANE:
+        height += (x[a] - one.point[a]) * one.direction[a]
+    if one.master == PLANE:
         for a in range(3):
-            normal[a] = rigid[3 + a]
+            normal[a] = one.direction[a]
         return height
     for a in range(3):
-        normal[a] = x[a] - rigid[a] - height * rigid[3 + a]
+        normal[a] = x[a] - one.point[a] - height * one.direction[a]
     distance = np.sqrt(dot(normal, normal))
     for a in range(3):
         normal[a] /= distance
-    return distance - rigid[6]
+    return distance - one.radius
 
 
-@njit(void(i8, i8, I1, i8, F1, F1, f8, F1, F2), **FAST)
-def _share(
-    n: int,
-    count: int,
-    layers: Index,
-    arc: int,
-    axial: Array,
-    phi: Array,
-    force: float,
-    normal: Array,
-    forces: Array,
-) -> None:
-    """Add a normal force at a point of a surface to the forces of the nodes there."""
-    for j in range(count):
+@njit(f8(PACKED, PASS_ROW, i8, F2, FOOT), **FAST)
+def _gap(packed: Packed, one: Row, point: int, positions: Array, foot: Foot) -> float:
+    """Return the gap of a slave point and fill the foot on its master.
+
+    Infinite where the point is clear of the master or beyond its end, NaN if no closest point was found.
+    """
+    x = packed.points[point]
+    if one.master < 0:
+        return rigid_gap(one, x, foot.normal)
+    master, start = packed.surfaces[one.master], packed.starts[point]
+    distance = _distance(x, packed.boxes, master.first_element, master.elements)
+    if distance > 0.0:
+        packed.clear[point] = packed.travel[0] + 0.5 * distance
+        return np.inf
+    if start.element < 0:
+        _guess(packed, master, point)
+    outcome = closest(master, packed.elements, x, start, positions, foot)
+    if outcome == END:
+        return np.inf
+    if outcome == LOST:
+        return np.nan
+    packed.states[point].edge = outcome == EDGE
+    return surface_gap(foot, outcome == EDGE)
+
+
+@njit(void(SURFACE_ROW, ELEMENT_ROW, i8, F1, F1, F1, F2), **FAST)
+def _share(surface: Row, element: Row, arc: int, phi: Array, axial: Array, push: Array, forces: Array) -> None:
+    """Add a force ``push`` at a point of a surface to the forces of the nodes there."""
+    for j in range(surface.functions):
         for c in range(3):
-            node = layers[j] + (arc + c - 1) % n
+            node = element.layers[j] + (arc + c - 1) % surface.around
             for a in range(3):
-                forces[node, a] += force * axial[j] * phi[c] * normal[a]
+                forces[node, a] += push[a] * axial[j] * phi[c]
 
 
-@njit(types.UniTuple(f8, 4)(PACKED, F2, F2), **FAST)
-def add_forces(packed: Packed, positions: Array, forces: Array) -> tuple[float, float, float, float]:
+@njit(void(PACKED, PASS_ROW, i8, FOOT, f8, F2), **FAST)
+def _press(packed: Packed, one: Row, point: int, foot: Foot, force: float, forces: Array) -> None:
+    """Add a normal force at a slave point, and its reaction on the master, to the forces of the nodes."""
+    push = force * foot.normal
+    slave = packed.surfaces[one.slave]
+    at = site(one, slave, point)
+    phi, axial = packed.around[at.around], packed.along[at.along]
+    _share(slave, packed.elements[at.element], at.arc, phi, axial, push, forces)
+    if one.master >= 0:
+        master, start = packed.surfaces[one.master], packed.starts[point]
+        arc = arc_of(master, start.theta)
+        _share(master, packed.elements[start.element], arc, foot.phi[0], foot.axial[0], -push, forces)
+
+
+@njit(PRESSING(PACKED, F2, F2), **FAST)
+def add_forces(packed: Packed, positions: Array, forces: Array) -> Pressing:
     """Add the forces that contact exerts on the nodes: minus the derivative of the energy by the positions.
 
     Only nodes that carry the surface (``k = 0``) are read and get forces.  The result depends on ``positions`` and
-    ``packed.starts`` alone; ``starts``, ``states``, ``places`` and what saves searches are updated.
+    ``packed.starts`` alone; what is updated is told in `isorod.contact.packed`.
 
     Parameters
     ----------
     packed
-        From `isorod.contact.pack`.
+        From `isorod.contact.tables.pack`.
     positions
         Coefficients of the map, `Space.positions` plus displacement, nodes of all bodies, shape ``(nodes, 3)``.
     forces
@@ -171,68 +255,40 @@ def add_forces(packed: Packed, positions: Array, forces: Array) -> tuple[float, 
 
     Returns
     -------
-    energy, normal force, area in contact, deepest gap
-        Sums over all pairs; the gap is negative, or zero where nothing touches.  All are NaN if a closest-point search
-        failed or a position is not finite, and so are forces.
+    pressing
+        Where it is NaN, so are the forces.
     """
     if not _travel(packed, positions):
         packed.before[:] = 0.0
         forces[:] = np.nan
-        return np.nan, np.nan, np.nan, np.nan
+        return Pressing(np.nan, np.nan, np.nan, np.nan)
     travel = packed.travel[0]
-    place(packed, positions)
+    _place(packed, positions)
     energy = force = area = deepest = 0.0
-    phi, axial, y = np.empty((3, 3)), np.empty((3, FUNCTIONS)), np.empty((6, 3))
-    d, normal = np.empty(3), np.empty(3)
-    for k in range(packed.passes.shape[0]):
-        surface, master, begin, across, along, first_around, first_along = packed.passes[k]
-        n, degree, first, rows, _ = packed.surfaces[surface]
-        penalty = packed.penalty[k]
-        for point in range(begin, begin + rows * along * n * across):
-            start, state = packed.starts[point], packed.states[point]
-            state[0] = np.nan
-            state[1] = state[2] = 0.0
-            arc, outcome = 0, FREE
-            if master < 0:
-                gap = rigid_gap(packed, k, point, normal)
-            else:
-                if packed.clear[point] > travel:
-                    start[0] = -1.0
-                    continue
-                distance = _guess(packed, master, point, start)
-                if distance > 0.0:
-                    start[0] = -1.0
-                    # Both may come nearer, each by the way that it goes.
-                    packed.clear[point] = travel + 0.5 * distance
-                    continue
-                outcome, arc = closest(packed, master, packed.places[point], start, positions, phi, axial, y, d)
-                if outcome == END:
-                    start[0] = -1.0
-                    continue
-                gap = surface_gap(y, d, outcome == EDGE, normal) if outcome != LOST else np.nan
-            state[0] = gap
-            pressure = packed.multipliers[point] - penalty * gap
+    foot = new_foot()
+    for k in range(packed.passes.size):
+        one = packed.passes[k]
+        for point in range(one.first_point, _end(one, packed.surfaces[one.slave])):
+            state, multiplier = packed.states[point], packed.multipliers[point]
+            state.edge = False
+            clear = one.master >= 0 and packed.clear[point] > travel
+            gap = np.inf if clear else _gap(packed, one, point, positions, foot)
+            pressure = multiplier - one.penalty * gap
+            state.gap = gap if gap < np.inf else np.nan
+            state.pressure = max(pressure, 0.0)
             if pressure <= 0.0:
                 # Another part of the surface may be nearer next time.
-                start[0] = -1.0
-                packed.clear[point] = travel - 0.5 * pressure / penalty
+                packed.starts[point].element = -1
+                if gap < np.inf:
+                    packed.clear[point] = travel - 0.5 * pressure / one.penalty
                 continue
-            state[1] = pressure
-            state[2] = 1.0 if outcome == EDGE else 0.0
             weight = packed.areas[point]
-            energy += 0.5 * weight * (pressure**2 - packed.multipliers[point] ** 2) / penalty
+            energy += 0.5 * weight * (pressure**2 - multiplier**2) / one.penalty
             force += weight * pressure
             area += weight
             deepest = min(deepest, gap)
-            place_along, rest = (point - begin) // (n * across), (point - begin) % (n * across)
-            r, f = packed.along[first_along + place_along], packed.around[first_around + rest % across]
-            push = weight * pressure
-            layers = packed.layers[first + place_along // along]
-            _share(n, degree + 1, layers, rest // across, r, f, push, normal, forces)
-            if master >= 0:
-                m, other = packed.surfaces[master, 0], packed.surfaces[master, 1] + 1
-                _share(m, other, packed.layers[int(start[0])], arc, axial[0], phi[0], -push, normal, forces)
+            _press(packed, one, point, foot, weight * pressure, forces)
     if not np.isfinite(energy):
         forces[:] = np.nan
-        return np.nan, np.nan, np.nan, np.nan
-    return energy, force, area, deepest
+        return Pressing(np.nan, np.nan, np.nan, np.nan)
+    return Pressing(energy, force, area, deepest)

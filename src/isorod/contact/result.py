@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from isorod.arrays import Array, Index
-from isorod.contact.surface_kernel import Packed
+from isorod.contact.packed import Packed
 from isorod.model.contact import Contact
 from isorod.model.model import Model
 from isorod.space.space import Space
@@ -49,7 +49,7 @@ class ContactResult:
 
 def slave_points(model: Model, packed: Packed) -> Iterator[tuple[Contact, Index]]:
     """Yield each contact of a model with the numbers of its slave points."""
-    first = [*packed.passes[:, 2].tolist(), packed.areas.size]
+    first = [*packed.passes["first_point"], packed.areas.size]
     k = 0
     for contact in model.contacts:
         begin, k = k, k + len(contact.sides)
@@ -57,12 +57,12 @@ def slave_points(model: Model, packed: Packed) -> Iterator[tuple[Contact, Index]
 
 
 def measure(model: Model, packed: Packed) -> list[ContactResult]:
-    """Return the outcome of each contact of a model as the last call of `isorod.contact.force_kernel.add_forces` left it."""
+    """Return the outcome of each contact of a model, as the last forces left it (`isorod.contact.packed`)."""
     results = []
     sides = [body for contact in model.contacts for body, _ in contact.sides]
-    bodies = np.repeat(sides, np.diff([*packed.passes[:, 2], packed.areas.size]))
+    bodies = np.repeat(sides, np.diff([*packed.passes["first_point"], packed.areas.size]))
     for contact, chosen in slave_points(model, packed):
-        gap, pressure = packed.states[chosen, 0], packed.states[chosen, 1]
+        gap, pressure = packed.states["gap"][chosen], packed.states["pressure"][chosen]
         areas = packed.areas[chosen]
         touching = pressure > 0.0
         depth = float(max(0.0, -gap[touching].min(initial=0.0)))
@@ -74,7 +74,7 @@ def measure(model: Model, packed: Packed) -> list[ContactResult]:
                 penetration=depth,
                 relative_penetration=depth / radius,
                 body=bodies[chosen],
-                positions=packed.places[chosen].copy(),
+                positions=packed.points[chosen].copy(),
                 pressure=pressure.copy(),
                 areas=areas.copy(),
             )

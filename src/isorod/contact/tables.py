@@ -13,14 +13,22 @@ of iterations and is cut (see `isorod.statics`).
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from isorod.arrays import Array, Index
-from isorod.contact.surface_kernel import CYLINDER, FUNCTIONS, PLANE, Packed
-from isorod.errors import InputError
+from isorod.contact.packed import (
+    CYLINDER,
+    ELEMENT,
+    FUNCTIONS,
+    NOWHERE,
+    PASS,
+    PLANE,
+    STATE,
+    SURFACE,
+    Packed,
+)
 from isorod.geometry.axis import Axis
 from isorod.geometry.disk import boundary_functions
 from isorod.model.contact import Contact, Cylinder, Plane
@@ -30,68 +38,49 @@ if TYPE_CHECKING:
     from isorod.space.space import Space
 
 
-@dataclass
 class _Tables:
-    """Rows of the arrays of `Packed`, as they grow."""
+    """Rows of the tables of `Packed`, as they grow."""
 
-    surfaces: list[list[int]] = field(default_factory=list)
-    turns: list[tuple[float, float, float]] = field(default_factory=list)
-    layers: list[Index] = field(default_factory=list)
-    carriers: list[Index] = field(default_factory=list)
-    polynomials: list[Array] = field(default_factory=list)
-    neighbours: list[list[int]] = field(default_factory=list)
-    spans: list[tuple[float, float]] = field(default_factory=list)
-    passes: list[list[int]] = field(default_factory=list)
-    penalty: list[float] = field(default_factory=list)
-    rigid: list[Array] = field(default_factory=list)
-    around: list[Array] = field(default_factory=list)
-    along: list[Array] = field(default_factory=list)
-    areas: list[Array] = field(default_factory=list)
+    def __init__(self) -> None:
+        self.surfaces: list[Any] = []
+        self.elements: list[Any] = []
+        self.passes: list[Any] = []
+        self.carriers: list[Index] = []
+        self.around: list[Array] = []
+        self.along: list[Array] = []
+        self.areas: list[Array] = []
 
-    def surface(self, space: "Space", first_node: int, elements: Sequence[int] | None) -> None:
+    def surface(self, space: "Space", first_node: int, chosen: Sequence[int]) -> None:
         """Add a surface, to be the slave of the next pass."""
-        axis = space.axis
-        chosen = range(axis.elements) if elements is None else sorted({int(e) for e in elements})
-        first = len(self.layers)
+        axis, n = space.axis, space.points_around
+        first = len(self.elements)
         rows = {e: first + k for k, e in enumerate(chosen)}
-        self.surfaces.append([space.points_around, axis.degree, first, len(rows), len(self.passes)])
-        alpha = np.pi / space.points_around
-        self.turns.append((space.turn, np.cos(alpha), np.sin(alpha)))
+        alpha = np.pi / n
+        row = (n, axis.degree + 1, first, len(rows), len(self.passes), space.turn, np.cos(alpha), np.sin(alpha))
+        self.surfaces.append(row)
         for e in chosen:
             layers = np.zeros(FUNCTIONS, dtype=np.int64)
             layers[: axis.degree + 1] = first_node + space.element_layers[e] * space.layer_nodes
-            self.layers.append(layers)
-            self.carriers.append((layers[: axis.degree + 1, None] + np.arange(space.points_around)).ravel())
-            low, high = axis.breaks[e : e + 2]
-            self.spans.append((0.5 * (low + high), 0.5 * (high - low)))
-            self.polynomials.append(_polynomials(axis, e))
+            self.carriers.append((layers[: axis.degree + 1, None] + np.arange(n)).ravel())
             beside = [(e + step) % axis.elements if space.rod.closed else e + step for step in (-1, 1)]
-            self.neighbours.append([rows.get(other, -1) for other in beside])
+            self.elements.append((layers, _polynomials(axis, e), [rows.get(other, -1) for other in beside]))
 
-    def slave(self, space: "Space", surface: int, master: int, contact: Contact, share: float) -> None:
-        """Add the pass in which a surface is the slave."""
+    def slave(self, space: "Space", chosen: Sequence[int], master: int, contact: Contact, share: float) -> None:
+        """Add the pass in which the last surface is the slave; ``share`` is the part of the energy that it gets."""
         across, along = contact.points or (3, space.axis.degree + 1)
-        n = space.points_around
-        self.passes.append(
-            [surface, master, sum(a.size for a in self.areas), across, along, len(self.around), len(self.along)]
-        )
-        self.penalty.append(contact.penalty)
-        row = np.zeros(7)
-        if isinstance(contact.second, Plane):
-            row[:3], row[3:6] = contact.second.point, contact.second.normal
-        elif isinstance(contact.second, Cylinder):
-            row[:3], row[3:6], row[6] = contact.second.point, contact.second.axis, contact.second.radius
-        if master < 0:
-            row[3:6] /= np.linalg.norm(row[3:6])
-        self.rigid.append(row)
+        first_point = sum(areas.size for areas in self.areas)
+        starts = (first_point, across, along, len(self.around), len(self.along))
+        row = (len(self.surfaces) - 1, master, *starts, contact.penalty, *_obstacle(contact))
+        self.passes.append(row)
         x, w = np.polynomial.legendre.leggauss(across)
+        t, v = np.polynomial.legendre.leggauss(along)
+        n = space.points_around
         local = np.pi / n * x
         self.around.extend(np.roll(boundary_functions(n, local), 1, axis=1)[:, :3])
-        t, v = np.polynomial.legendre.leggauss(along)
-        first, count = self.surfaces[surface][2:4]
         theta = (space.turn + 2.0 * np.pi / n * np.arange(n)[:, None] + local).ravel()
         circle = np.stack([np.cos(theta), np.sin(theta)], axis=1)
-        for middle, half in self.spans[first : first + count]:
+        for e in chosen:
+            middle, half = _span(space.axis, e)
             u = middle + half * t
             values = np.zeros((along, FUNCTIONS))
             values[:, : space.axis.degree + 1] = space.axis.local(u)[1]
@@ -103,72 +92,68 @@ class _Tables:
             self.areas.append((area * scale).ravel())
 
 
+def _obstacle(contact: Contact) -> tuple[Array, Array, float]:
+    """Return point, unit direction and radius of a rigid obstacle; zeros where the partner is a body."""
+    other = contact.second
+    if isinstance(other, Plane):
+        point, direction, radius = other.point, np.array(other.normal, dtype=float), 0.0
+    elif isinstance(other, Cylinder):
+        point, direction, radius = other.point, np.array(other.axis, dtype=float), other.radius
+    else:
+        return np.zeros(3), np.zeros(3), 0.0
+    return np.array(point, dtype=float), direction / np.linalg.norm(direction), radius
+
+
+def _span(axis: Axis, e: int) -> tuple[float, float]:
+    """Return middle and half length of an element in ``u``."""
+    low, high = axis.breaks[e : e + 2]
+    return 0.5 * (low + high), 0.5 * (high - low)
+
+
 def _polynomials(axis: Axis, e: int) -> Array:
     """Return the weighted functions of an element in powers of ``s`` in [-1, 1], shape ``(l, l)``."""
     p = axis.degree
     # Chebyshev points: interpolation is exact and well conditioned.
     s = np.cos(np.pi * (np.arange(p + 1) + 0.5) / (p + 1))
-    low, high = axis.breaks[e : e + 2]
+    middle, half = _span(axis, e)
     flat = Axis(p, axis.knots, np.ones(axis.count))
-    first, values, _ = flat.local(0.5 * (low + high) + 0.5 * (high - low) * s)
+    first, values, _ = flat.local(middle + half * s)
     weighted = values * axis.weights[first[0] : first[0] + p + 1]
     result = np.zeros((FUNCTIONS, FUNCTIONS))
     result[: p + 1, : p + 1] = np.linalg.solve(np.vander(s, increasing=True), weighted).T
     return result
 
 
-def pack(model: "Model", augmented: bool = False) -> Packed:
-    """Return all contact pairs of a model as arrays for the compiled loops.
-
-    Parameters
-    ----------
-    augmented
-        True if the caller updates ``multipliers`` (see `Contact.penetration`).
-
-    Raises
-    ------
-    InputError
-        If a contact asks for an augmented Lagrangian and the caller has none.
-    """
+def pack(model: "Model") -> Packed:
+    """Return all contacts of a model as tables for the compiled loops."""
     tables = _Tables()
-    for index, contact in enumerate(model.contacts):
-        if contact.penetration is not None and not augmented:
-            raise InputError(f"contact {index}: a largest penetration (augmented Lagrangian) is for statics alone")
-        if contact.faces and augmented:
-            raise InputError(f"contact {index}: contact of end faces is for dynamics alone")
+    for contact in model.contacts:
         sides = contact.sides
-        surface = len(tables.surfaces)
+        first = len(tables.surfaces)
         for k, (body, elements) in enumerate(sides):
             space = model.bodies[body].space
-            tables.surface(space, int(model.first_node[body]), elements)
+            chosen = range(space.axis.elements) if elements is None else sorted({int(e) for e in elements})
             if len(sides) == 2:
-                master = surface + 1 - k
+                master = first + 1 - k
             else:
                 master = CYLINDER if isinstance(contact.second, Cylinder) else PLANE
-            tables.slave(space, surface + k, master, contact, 1.0 / len(sides))
-
+            tables.surface(space, int(model.first_node[body]), chosen)
+            tables.slave(space, chosen, master, contact, 1.0 / len(sides))
     areas = np.concatenate([np.empty(0), *tables.areas])
-    starts = np.full((areas.size, 3), -1.0)
     return Packed(
-        surfaces=np.array(tables.surfaces, dtype=np.int64).reshape(-1, 5),
-        turns=np.array(tables.turns, dtype=float).reshape(-1, 3),
-        layers=np.array(tables.layers, dtype=np.int64).reshape(-1, FUNCTIONS),
-        polynomials=np.array(tables.polynomials).reshape(-1, FUNCTIONS, FUNCTIONS),
-        neighbours=np.array(tables.neighbours, dtype=np.int64).reshape(-1, 2),
-        spans=np.array(tables.spans, dtype=float).reshape(-1, 2),
-        passes=np.array(tables.passes, dtype=np.int64).reshape(-1, 7),
-        penalty=np.array(tables.penalty, dtype=float),
-        rigid=np.array(tables.rigid).reshape(-1, 7),
+        surfaces=np.array(tables.surfaces, SURFACE),
+        elements=np.array(tables.elements, ELEMENT),
+        passes=np.array(tables.passes, PASS),
         around=np.array(tables.around).reshape(-1, 3),
         along=np.array(tables.along).reshape(-1, FUNCTIONS),
         areas=areas,
-        multipliers=np.zeros(areas.size),
-        starts=starts,
-        states=np.zeros((areas.size, 3)),
-        places=np.zeros((areas.size, 3)),
-        boxes=np.zeros((len(tables.layers), 6)),
         carriers=np.unique(np.concatenate([np.empty(0, dtype=np.int64), *tables.carriers])),
+        multipliers=np.zeros(areas.size),
+        states=np.zeros(areas.size, STATE),
+        points=np.zeros((areas.size, 3)),
+        starts=np.full(areas.size, NOWHERE),
         before=np.zeros((int(model.first_node[-1]), 3)),
         travel=np.zeros(1),
         clear=np.full(areas.size, -np.inf),
+        boxes=np.zeros((len(tables.elements), 2, 3)),
     )

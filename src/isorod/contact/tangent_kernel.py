@@ -1,122 +1,72 @@
 """Second variations of contact, compiled."""
 
 import numpy as np
-from numba import i8, njit, void
+from numba import b1, f8, from_dtype, i8, njit, types, void
 
 from isorod.arrays import Array, Index
-from isorod.compiled import F1, F2, I1, I2, STRICT
-from isorod.contact.force_kernel import rigid_gap
-from isorod.contact.surface_kernel import CYLINDER, FUNCTIONS, PACKED, Packed, dot, evaluate, surface_gap
+from isorod.compiled import F1, F2, I1, STRICT
+from isorod.contact.force_kernel import rigid_gap, site
+from isorod.contact.packed import CYLINDER, FUNCTIONS, PACKED, Packed, Row, Table
+from isorod.contact.surface_kernel import FOOT, Foot, arc_of, dot, evaluate, new_foot, surface_gap
 
 # A point couples at most this many nodes: three control points round each of two sections.
-_NODES = 6 * FUNCTIONS
+NODES = 6 * FUNCTIONS
+
+# Where two sides touch: pass, element and arc of the slave, element and arc of the master (-1 where it is rigid).
+PATCH = np.dtype([(name, np.int64) for name in ("number", "element", "arc", "master_element", "master_arc")])
+_PATCH_ROW = from_dtype(PATCH)
+_PATCHES = types.Array(_PATCH_ROW, 1, "C")
 
 
-@njit(void(PACKED, I1, I2), **STRICT)
-def _patches(packed: Packed, active: Index, keys: Index) -> None:
-    """Fill ``keys`` ``(m, 5)`` with pass, slave row and arc, master row and arc (-1 where rigid) of active slave points."""
+@njit(void(PACKED, I1, _PATCHES), **STRICT)
+def find_patches(packed: Packed, active: Index, patches: Table) -> None:
+    """Fill ``patches`` with those of active slave points."""
+    k = 0
     for m in range(active.size):
         point = active[m]
-        k = np.searchsorted(packed.passes[:, 2], point, side="right") - 1
-        surface, master, first, across, along = packed.passes[k, :5]
-        n = packed.surfaces[surface, 0]
-        rest = (point - first) // across
-        keys[m, 0] = k
-        keys[m, 1] = packed.surfaces[surface, 2] + rest // (n * along)
-        keys[m, 2] = rest % n
-        keys[m, 3] = keys[m, 4] = -1
-        if master >= 0:
-            n = packed.surfaces[master, 0]
-            keys[m, 3] = int(packed.starts[point, 0])
-            turns = (packed.starts[point, 1] - packed.turns[master, 0]) * n / (2.0 * np.pi)
-            keys[m, 4] = int(np.floor(turns + 0.5)) % n
+        while k + 1 < packed.passes.size and packed.passes[k + 1].first_point <= point:
+            k += 1
+        one, patch = packed.passes[k], patches[m]
+        at = site(one, packed.surfaces[one.slave], point)
+        patch.number, patch.element, patch.arc = k, at.element, at.arc
+        patch.master_element = patch.master_arc = -1
+        if one.master >= 0:
+            patch.master_element = packed.starts[point].element
+            patch.master_arc = arc_of(packed.surfaces[one.master], packed.starts[point].theta)
 
 
-@njit(i8(PACKED, I1, I1), **STRICT)
-def _nodes(packed: Packed, key: Index, nodes: Index) -> int:
-    """Fill ``nodes`` with those of the slave's patch, then those of the master's; return how many."""
-    count = 0
-    surface, master = packed.passes[key[0], 0], packed.passes[key[0], 1]
-    for side in range(2 if master >= 0 else 1):
-        body = surface if side == 0 else master
-        n = packed.surfaces[body, 0]
-        for j in range(packed.surfaces[body, 1] + 1):
-            for c in range(3):
-                nodes[count] = packed.layers[key[1 + 2 * side], j] + (key[2 + 2 * side] + c - 1) % n
-                count += 1
+@njit(i8(PACKED, i8, i8, i8, I1), **STRICT)
+def _add_nodes(packed: Packed, surface: int, element: int, arc: int, nodes: Index) -> int:
+    """Fill ``nodes`` with the control points round an arc by the layers of an element; return how many."""
+    own, layers = packed.surfaces[surface], packed.elements[element].layers
+    for j in range(own.functions):
+        for c in range(3):
+            nodes[3 * j + c] = layers[j] + (arc + c - 1) % own.around
+    return 3 * own.functions
+
+
+@njit(i8(PACKED, _PATCH_ROW, I1), **STRICT)
+def patch_nodes(packed: Packed, patch: Row, nodes: Index) -> int:
+    """Fill ``nodes`` with those of the slave's side, then those of the master's; return how many."""
+    one = packed.passes[patch.number]
+    count = _add_nodes(packed, one.slave, patch.element, patch.arc, nodes)
+    if one.master >= 0:
+        count += _add_nodes(packed, one.master, patch.master_element, patch.master_arc, nodes[count:])
     return count
 
 
-@njit(i8(PACKED, F2, I1, i8, i8, F2, F2), **STRICT)
-def _variations(packed: Packed, positions: Array, key: Index, point: int, count: int, v: Array, c: Array) -> int:
-    """Fill vectors ``v`` ``(6, 3 count)`` and symmetric ``c`` ``(6, 6)``: the gap's first variation is ``v[0]``, its second ``v^T c v``.
+@njit(**STRICT)
+def _cross(a: Array, b: Array, out: Array) -> None:
+    """Fill ``out`` with the vector product."""
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        out[i] = a[j] * b[k] - a[k] * b[j]
 
-    With ``d = x - y`` along the normal and ``D`` its derivative by the nodes at a fixed place, ``t_a = D^T y_a``,
-    ``b_a = D_a^T n``, ``k_ab = n . y_ab`` and ``H = a - g k``:
-    ``d2g = -t a^-1 k H^-1 t + t H^-1 b + b H^-1 t - g b H^-1 b``.  On an edge only theta varies, and ``(D^T m)^2 / g``
-    is added, ``m`` normal to both.  Returns how many vectors there are.
-    """
-    v[:] = 0.0
-    c[:] = 0.0
-    k = key[0]
-    surface, master, first, across, along, first_around, first_along = packed.passes[k]
-    normal = np.empty(3)
-    f = packed.around[first_around + (point - first) % across]
-    n = packed.surfaces[surface, 0]
-    place = (key[1] - packed.surfaces[surface, 2]) * along + (point - first) // (across * n) % along
-    r = packed.along[first_along + place]
-    mine = 3 * (packed.surfaces[surface, 1] + 1)
-    if master < 0:
-        gap = rigid_gap(packed, k, point, normal)
-        axis = packed.rigid[k, 3:6]
-        for m in range(mine):
-            scale = r[m // 3] * f[m % 3]
-            for a in range(3):
-                v[0, 3 * m + a] = scale * normal[a]
-                b, e = (a + 1) % 3, (a + 2) % 3
-                v[1, 3 * m + a] = scale * (axis[b] * normal[e] - axis[e] * normal[b])
-        if master == CYLINDER:
-            c[1, 1] = 1.0 / (gap + packed.rigid[k, 6])
-        return 2
 
-    phi, axial, y, d = np.empty((3, 3)), np.empty((3, FUNCTIONS)), np.empty((6, 3)), np.empty(3)
-    start = packed.starts[point]
-    evaluate(
-        packed.surfaces[master, 0],
-        packed.surfaces[master, 1] + 1,
-        packed.turns[master],
-        packed.polynomials[key[3]],
-        packed.layers[key[3]],
-        start[1],
-        start[2],
-        positions,
-        phi,
-        axial,
-        y,
-    )
-    for a in range(3):
-        d[a] = packed.places[point, a] - y[0, a]
-    edge = packed.states[point, 2] == 1.0
-    gap = surface_gap(y, d, edge, normal)
-    # Directions of t_1, t_2, and of the third vector of an edge.
-    directions = np.empty((3, 3))
-    for a in range(3):
-        b, e = (a + 1) % 3, (a + 2) % 3
-        directions[0, a] = normal[a]
-        directions[1, a] = y[1, a]
-        directions[2, a] = (normal[b] * y[1, e] - normal[e] * y[1, b]) if edge else y[2, a]
-    for m in range(count):
-        if m < mine:
-            scale = r[m // 3] * f[m % 3]
-        else:
-            i, j = (m - mine) % 3, (m - mine) // 3
-            scale = -axial[0, j] * phi[0, i]
-            for a in range(3):
-                v[3, 3 * m + a] = -axial[0, j] * phi[1, i] * normal[a]
-                v[4, 3 * m + a] = -axial[1, j] * phi[0, i] * normal[a]
-        for q in range(3):
-            for a in range(3):
-                v[q, 3 * m + a] = scale * directions[q, a]
+@njit(void(FOOT, f8, b1, F2), **STRICT)
+def _curvature(foot: Foot, gap: float, edge: bool, c: Array) -> None:
+    """Fill ``c`` (see `_variations`) where the master is a surface."""
+    y, normal = foot.y, foot.normal
     a11, a12, a22 = dot(y[1], y[1]), dot(y[1], y[2]), dot(y[2], y[2])
     k11, k12, k22 = dot(normal, y[3]), dot(normal, y[4]), dot(normal, y[5])
     h11, h12, h22 = a11 - gap * k11, a12 - gap * k12, a22 - gap * k22
@@ -125,7 +75,7 @@ def _variations(packed: Packed, positions: Array, key: Index, point: int, count:
         c[1, 3] = c[3, 1] = 1.0 / h11
         c[3, 3] = -gap / h11
         c[2, 2] = 1.0 / (gap * a11)
-        return 5
+        return
     det = h11 * h22 - h12 * h12
     i11, i12, i22 = h22 / det, -h12 / det, h11 / det
     det = a11 * a22 - a12 * a12
@@ -140,30 +90,82 @@ def _variations(packed: Packed, positions: Array, key: Index, point: int, count:
     c[2, 4] = c[4, 2] = i22
     c[3, 3], c[4, 4] = -gap * i11, -gap * i22
     c[3, 4] = c[4, 3] = -gap * i12
-    return 5
 
 
-@njit(void(PACKED, F2, I1, I2, I1, I1, F1), **STRICT)
-def _add_blocks(
-    packed: Packed, positions: Array, active: Index, keys: Index, which: Index, begin: Index, values: Array
-) -> None:
-    """Add the second derivatives of the energy at active points to dense blocks; that of point ``m`` begins at ``begin[which[m]]``."""
-    nodes = np.empty(_NODES, dtype=np.int64)
+@njit(i8(PACKED, F2, _PATCH_ROW, i8, F2, F2), **STRICT)
+def _variations(packed: Packed, positions: Array, patch: Row, point: int, v: Array, c: Array) -> int:
+    """Fill vectors ``v`` ``(6, dofs)`` and symmetric ``c`` ``(6, 6)``; return how many vectors there are.
+
+    The gap's first variation is ``v[0]``, its second ``v^T c v``, by the nodes of a patch.  With ``d = x - y`` along
+    the normal and ``D`` its derivative by the nodes at a fixed place, ``t_a = D^T y_a``, ``b_a = D_a^T n``,
+    ``k_ab = n . y_ab`` and ``H = a - g k``: ``d2g = -t a^-1 k H^-1 t + t H^-1 b + b H^-1 t - g b H^-1 b``.  On an edge
+    only theta varies, and ``(D^T m)^2 / g`` is added, ``m`` normal to both.
+    """
+    v[:] = 0.0
+    c[:] = 0.0
+    one = packed.passes[patch.number]
+    slave = packed.surfaces[one.slave]
+    at = site(one, slave, point)
+    mine, foot = 3 * slave.functions, new_foot()
+    # D at each node, and the directions that it is multiplied by.
+    shares, directions = np.empty(v.shape[1] // 3), np.zeros((3, 3))
+    for m in range(mine):
+        shares[m] = packed.along[at.along, m // 3] * packed.around[at.around, m % 3]
+    if one.master < 0:
+        gap = rigid_gap(one, packed.points[point], foot.normal)
+        _cross(one.direction, foot.normal, directions[1])
+        if one.master == CYLINDER:
+            c[1, 1] = 1.0 / (gap + one.radius)
+    else:
+        start, edge, phi, axial = packed.starts[point], packed.states[point].edge, foot.phi, foot.axial
+        master, element = packed.surfaces[one.master], packed.elements[start.element]
+        evaluate(master, element, start.theta, start.s, positions, foot)
+        foot.d[:] = packed.points[point] - foot.y[0]
+        gap = surface_gap(foot, edge)
+        _curvature(foot, gap, edge, c)
+        directions[1:] = foot.y[1:3]
+        if edge:
+            _cross(foot.normal, foot.y[1], directions[2])
+        for m in range(mine, shares.size):
+            j, i = divmod(m - mine, 3)
+            shares[m] = -axial[0, j] * phi[0, i]
+            for a in range(3):
+                v[3, 3 * m + a] = -axial[0, j] * phi[1, i] * foot.normal[a]
+                v[4, 3 * m + a] = -axial[1, j] * phi[0, i] * foot.normal[a]
+    directions[0] = foot.normal
+    for q in range(3):
+        for m in range(shares.size):
+            for a in range(3):
+                v[q, 3 * m + a] = shares[m] * directions[q, a]
+    return 5 if one.master >= 0 else 2
+
+
+@njit(void(PACKED, F2, I1, _PATCHES, I1, F1), **STRICT)
+def add_blocks(packed: Packed, positions: Array, active: Index, patches: Table, begin: Index, values: Array) -> None:
+    """Add the second derivatives of the energy to dense blocks.
+
+    Parameters
+    ----------
+    packed
+        As the last forces left it.
+    positions
+        Those of the last forces, ``(nodes, 3)``.
+    active, patches, begin
+        Slave points under pressure, their patches, and where in ``values`` their blocks begin, all ``(m,)``.
+    values
+        Blocks of the degrees of freedom of a patch's nodes (see `patch_nodes`), one after the other; are added to.
+    """
+    nodes = np.empty(NODES, dtype=np.int64)
     c = np.empty((6, 6))
     for m in range(active.size):
         point = active[m]
-        k = keys[m, 0]
-        count = _nodes(packed, keys[m], nodes)
-        size = 3 * count
+        size = 3 * patch_nodes(packed, patches[m], nodes)
         v = np.empty((6, size))
-        vectors = _variations(packed, positions, keys[m], point, count, v, c)
+        vectors = _variations(packed, positions, patches[m], point, v, c)
         weight = packed.areas[point]
-        pressure = packed.states[point, 1]
-        for i in range(6):
-            for j in range(6):
-                c[i, j] *= -weight * pressure
-        c[0, 0] = weight * packed.penalty[k]
-        place = begin[which[m]]
+        c *= -weight * packed.states[point].pressure
+        c[0, 0] = weight * packed.passes[patches[m].number].penalty
+        block = values[begin[m] : begin[m] + size * size].reshape(size, size)
         for row in range(size):
             for i in range(vectors):
                 value = 0.0
@@ -171,4 +173,4 @@ def _add_blocks(
                     value += c[j, i] * v[j, row]
                 if value != 0.0:
                     for column in range(size):
-                        values[place + row * size + column] += value * v[i, column]
+                        block[row, column] += value * v[i, column]

@@ -9,8 +9,7 @@ import numpy as np
 from isorod.errors import InputError, whole_number
 
 if TYPE_CHECKING:
-    from isorod.model.body import Body
-
+    from isorod.space.space import Space
 
 Vector = tuple[float, float, float]
 
@@ -29,7 +28,7 @@ class Plane:
 
 @dataclass(frozen=True)
 class Cylinder:
-    """A rigid circular cylinder, without ends, that the rod stays outside of; ``axis``, of any length, is its direction."""
+    """A rigid circular cylinder without ends, which rods stay out of; ``axis``, of any length, is its direction."""
 
     point: Vector
     axis: Vector
@@ -110,23 +109,45 @@ class Contact:
             sides.append((self.second, self.second_elements))
         return sides
 
-    def check(self, index: int, bodies: "Sequence[Body]") -> None:
-        """Raise `InputError` if a body or an element is not there; ``index`` is the contact's own in the model."""
+    def check(self, index: int, spaces: "Sequence[Space]") -> None:
+        """Raise `InputError` if a body or an element is not there.
+
+        Parameters
+        ----------
+        index
+            The contact's own in the model.
+        spaces
+            Those of the model's bodies.
+        """
+        where = f"contact {index}"
         for body, elements in self.sides:
-            if isinstance(body, bool) or not isinstance(body, int | np.integer) or not 0 <= body < len(bodies):
-                raise InputError(f"contact {index}: body {body!r} is not one of the {len(bodies)} bodies")
-            if not bodies[body].space.basis.on_surface:
+            if not _is_index(body, len(spaces)):
+                raise InputError(f"{where}: body {body!r} is not one of the {len(spaces)} bodies")
+            if not spaces[body].basis.on_surface:
                 raise InputError(
-                    f"contact {index}: body {body} has section functions without control points, which contact needs"
+                    f"{where}: body {body} has section functions without control points, which contact needs"
                 )
-            count = bodies[body].space.axis.elements
+            count = spaces[body].axis.elements
             if elements is None:
                 continue
             if not len(elements):
-                raise InputError(f"contact {index}: no elements of body {body} are named; leave them out to take all")
+                raise InputError(f"{where}: no elements of body {body} are named; leave them out to take all")
             for e in elements:
-                if isinstance(e, bool) or not isinstance(e, int | np.integer) or not 0 <= e < count:
-                    raise InputError(f"contact {index}: element {e!r} is not in body {body}, which has {count}")
+                if not _is_index(e, count):
+                    raise InputError(f"{where}: element {e!r} is not in body {body}, which has {count}")
+
+
+def refuse(contacts: Sequence[Contact], *, penetration: bool = False, faces: bool = False) -> None:
+    """Raise `InputError` if a contact asks for what the caller has not: a largest penetration, end faces."""
+    for index, contact in enumerate(contacts):
+        if penetration and contact.penetration is not None:
+            raise InputError(f"contact {index}: a largest penetration (augmented Lagrangian) is for statics alone")
+        if faces and contact.faces:
+            raise InputError(f"contact {index}: contact of end faces is for explicit dynamics alone")
+
+
+def _is_index(value: object, count: int) -> bool:
+    return isinstance(value, int | np.integer) and not isinstance(value, bool) and 0 <= int(value) < count
 
 
 def _check_vector(name: str, vector: Vector, direction: bool) -> None:

@@ -1,96 +1,66 @@
 """The compiled steps of `isorod.dynamics.explicit.step_kernel` with contact; loaded by models that have contacts."""
 
-import numpy as np
-from numba import f8, i8, njit, types, u8
-from numpy.typing import NDArray
+from typing import NamedTuple
+
+from numba import f8, i8, njit, types
 
 from isorod.arrays import Array
-from isorod.compiled import F1, F2, STRICT
-from isorod.contact.force_kernel import PACKED, Packed, add_forces
+from isorod.compiled import F1, STRICT
+from isorod.contact.force_kernel import add_forces
 from isorod.dynamics.explicit.cholesky import FACTORS, Factors
-from isorod.dynamics.explicit.end_faces import FACES, Faces
+from isorod.dynamics.explicit.contact import STEP_CONTACT, StepContact
 from isorod.dynamics.explicit.end_faces import add_forces as add_face_forces
 from isorod.dynamics.explicit.mesh import MESH, Mesh
 from isorod.dynamics.explicit.step_kernel import BLOWN, COURSE, DONE, INVERTED, LOST, MOTION, Course, Motion, load, move
 
-_PLACES = types.Array(u8, 1, "C")
+
+class StepPressing(NamedTuple):
+    """`isorod.contact.force_kernel.Pressing`, and the sum of all forces: that of rigid obstacles alone."""
+
+    energy: float
+    force: float
+    area: float
+    deepest: float
+    x: float
+    y: float
+    z: float
 
 
-@njit(types.UniTuple(f8, 7)(PACKED, FACES, F1, _PLACES, F1, F1, F2, F2), **STRICT)
-def subtract(
-    packed: Packed,
-    faces: Faces,
-    reference: Array,
-    places: NDArray[np.uint64],
-    displacement: Array,
-    forces: Array,
-    positions: Array,
-    scratch: Array,
-) -> tuple[float, float, float, float, float, float, float]:
-    """Subtract the contact forces from a state vector of internal forces.
-
-    Parameters
-    ----------
-    packed, faces
-        From `isorod.contact.pack` and `isorod.dynamics.explicit.end_faces.pack`.
-    reference
-        Coefficients of the undeformed bodies, numbered as the model's degrees of freedom, shape ``(dofs,)``.
-    places
-        From `isorod.dynamics.explicit.mesh.order`, shape ``(dofs,)``.
-    displacement, forces
-        State vectors.
-    positions, scratch
-        Work space, shape ``(nodes, 3)``.
-
-    Returns
-    -------
-    energy, normal force, area in contact, deepest gap, and the sum of all forces (zero but for rigid obstacles)
-        As `isorod.contact.force_kernel.add_forces`; NaN where a closest-point search failed.
-    """
-    for d in range(places.size):
-        positions[d // 3, d % 3] = reference[d] + displacement[places[d]]
-    scratch[:] = 0.0
-    energy, normal, area, deepest = add_forces(packed, positions, scratch)
-    on_faces = add_face_forces(faces, positions, scratch)
-    energy, normal, area = energy + on_faces[0], normal + on_faces[1], area + on_faces[2]
-    deepest = min(deepest, on_faces[3])
+@njit(types.NamedUniTuple(f8, 7, StepPressing)(STEP_CONTACT, F1, F1), **STRICT)
+def subtract(contact: StepContact, displacement: Array, forces: Array) -> StepPressing:
+    """Subtract the contact forces from internal forces, both state vectors."""
+    order, positions, pushed, carries = contact.order, contact.positions, contact.forces, contact.faces.carries
+    for d in range(order.size):
+        positions[d // 3, d % 3] = contact.reference[d] + displacement[order[d]]
+    pushed[:] = 0.0
+    sides = add_forces(contact.packed, positions, pushed)
+    ends = add_face_forces(contact.faces, positions, pushed)
+    area, deepest = sides.area + ends.area, min(sides.deepest, ends.deepest)
     x = y = z = 0.0
     if area > 0.0:
-        for d in range(places.size):
-            forces[places[d]] -= scratch[d // 3, d % 3]
-        for node in range(scratch.shape[0]):
-            x += faces.carries[node] * scratch[node, 0]
-            y += faces.carries[node] * scratch[node, 1]
-            z += faces.carries[node] * scratch[node, 2]
-    return energy, normal, area, deepest, x, y, z
+        for d in range(order.size):
+            forces[order[d]] -= pushed[d // 3, d % 3]
+        for node in range(pushed.shape[0]):
+            x += carries[node] * pushed[node, 0]
+            y += carries[node] * pushed[node, 1]
+            z += carries[node] * pushed[node, 2]
+    return StepPressing(sides.energy + ends.energy, sides.force + ends.force, area, deepest, x, y, z)
 
 
-@njit(types.UniTuple(i8, 2)(MESH, MOTION, FACTORS, COURSE, i8, PACKED, FACES, F1, _PLACES), **STRICT)
+@njit(types.UniTuple(i8, 2)(MESH, MOTION, FACTORS, COURSE, i8, STEP_CONTACT), **STRICT)
 def advance(
-    mesh: Mesh,
-    motion: Motion,
-    factors: Factors,
-    course: Course,
-    steps: int,
-    packed: Packed,
-    faces: Faces,
-    reference: Array,
-    places: NDArray[np.uint64],
+    mesh: Mesh, motion: Motion, factors: Factors, course: Course, steps: int, contact: StepContact
 ) -> tuple[int, int]:
     """Take a number of steps with contact; return how many were taken, and the outcome."""
-    positions = np.empty((places.size // 3, 3))
-    scratch = np.empty((places.size // 3, 3))
     for k in range(steps):
         if load(mesh, motion, course, k) > 0.0:
             return k, INVERTED
-        energy, _, _, _, x, y, z = subtract(
-            packed, faces, reference, places, motion.displacement, motion.forces, positions, scratch
-        )
-        if not energy >= 0.0:
+        pressing = subtract(contact, motion.displacement, motion.forces)
+        if not pressing.energy >= 0.0:
             return k, LOST
-        motion.sums[2] += course.step * x
-        motion.sums[3] += course.step * y
-        motion.sums[4] += course.step * z
+        motion.sums[2] += course.step * pressing.x
+        motion.sums[3] += course.step * pressing.y
+        motion.sums[4] += course.step * pressing.z
         if not move(motion, factors, course):
             return k + 1, BLOWN
     return steps, DONE

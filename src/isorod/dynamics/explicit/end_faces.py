@@ -1,16 +1,29 @@
-"""Contact of the end faces of rods with rigid planes, for explicit dynamics: the penalty of `isorod.contact` at the points of a face."""
+"""Contact of the end faces of rods with rigid planes, in explicit steps: `isorod.contact`'s penalty at their points."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from numba import f8, i8, njit, types
+from numba import from_dtype, njit, types
 
-from isorod.arrays import Array, Index
+from isorod.arrays import Array
 from isorod.compiled import F1, F2, STRICT
+from isorod.contact.force_kernel import PRESSING, Pressing
+from isorod.contact.packed import Table
 from isorod.errors import InputError
 from isorod.geometry.quadrature import section_points
 from isorod.model.contact import Plane
 from isorod.model.model import Model
+
+# A face: its first node, number of nodes, first of its points, number of points; of the plane that it meets a point,
+# the unit normal, and the force per volume.
+FACE = np.dtype(
+    [
+        *((name, np.int64) for name in ("first_node", "nodes", "first_point", "points")),
+        ("point", np.float64, 3),
+        ("normal", np.float64, 3),
+        ("penalty", np.float64),
+    ]
+)
 
 
 class Faces(NamedTuple):
@@ -19,9 +32,7 @@ class Faces(NamedTuple):
     Attributes
     ----------
     faces
-        First node, number of nodes, first row in ``values``, number of points; shape ``(F, 4)``.
-    planes
-        Point, unit normal, penalty; shape ``(F, 7)``.
+        Rows of `FACE`.
     values
         Section functions at the points of all faces, shape ``(P, K n)``.
     areas
@@ -31,20 +42,18 @@ class Faces(NamedTuple):
         ``(nodes,)``.
     """
 
-    faces: Index
-    planes: Array
+    faces: Table
     values: Array
     areas: Array
     carries: Array
 
 
-FACES = types.NamedTuple([types.Array(i8, 2, "C"), F2, F2, F1, F1], Faces)
+FACES = types.NamedTuple([types.Array(from_dtype(FACE), 1, "C"), F2, F1, F1], Faces)
 
 
 def pack(model: Model) -> Faces:
     """Return the faces of all contacts; raises `InputError` if a rod that is closed is to have one."""
-    faces: list[list[int]] = []
-    planes: list[list[float]] = []
+    faces: list[Any] = []
     values: list[Array] = []
     areas: list[Array] = []
     for index, contact in enumerate(model.contacts):
@@ -57,45 +66,44 @@ def pack(model: Model) -> Faces:
             xi, weights = section_points(space.points_around, space.rule, space.turn)
             jacobian = space.rod.grid(xi, np.array([u]))[1][0]
             first = int(model.first_node[contact.first]) + layer * space.layer_nodes
-            faces.append([first, space.layer_nodes, sum(part.size for part in areas), weights.size])
+            nodes = (first, space.layer_nodes, sum(part.size for part in areas), weights.size)
             normal = np.array(contact.second.normal, dtype=float)
-            planes.append([*contact.second.point, *normal / np.linalg.norm(normal), contact.penalty])
+            faces.append((*nodes, contact.second.point, normal / np.linalg.norm(normal), contact.penalty))
             values.append(space.basis.functions(xi)[0])
             areas.append(weights * np.linalg.norm(np.cross(jacobian[:, :, 0], jacobian[:, :, 1]), axis=1))
     widest = max([part.shape[1] for part in values], default=0)
     padded = [np.pad(part, ((0, 0), (0, widest - part.shape[1]))) for part in values]
     return Faces(
-        faces=np.array(faces, dtype=np.int64).reshape(-1, 4),
-        planes=np.array(planes, dtype=float).reshape(-1, 7),
+        faces=np.array(faces, FACE),
         values=np.concatenate([np.empty((0, widest)), *padded]),
         areas=np.concatenate([np.empty(0), *areas]),
         carries=model.is_carrier.astype(float),
     )
 
 
-@njit(types.UniTuple(f8, 4)(FACES, F2, F2), **STRICT)
-def add_forces(faces: Faces, positions: Array, forces: Array) -> tuple[float, float, float, float]:
+@njit(PRESSING(FACES, F2, F2), **STRICT)
+def add_forces(faces: Faces, positions: Array, forces: Array) -> Pressing:
     """Add the forces on the faces; parameters and result are those of `isorod.contact.force_kernel.add_forces`."""
     energy = force = area = deepest = 0.0
-    for k in range(faces.faces.shape[0]):
-        first, nodes, start, count = faces.faces[k]
-        plane = faces.planes[k]
-        for point in range(start, start + count):
+    for k in range(faces.faces.size):
+        face = faces.faces[k]
+        first, point, normal = face.first_node, face.point, face.normal
+        for p in range(face.first_point, face.first_point + face.points):
             gap = 0.0
             for a in range(3):
                 place = 0.0
-                for i in range(nodes):
-                    place += faces.values[point, i] * positions[first + i, a]
-                gap += (place - plane[a]) * plane[3 + a]
+                for i in range(face.nodes):
+                    place += faces.values[p, i] * positions[first + i, a]
+                gap += (place - point[a]) * normal[a]
             if gap >= 0.0:
                 continue
-            pressure = -plane[6] * gap
-            weight = faces.areas[point]
+            pressure = -face.penalty * gap
+            weight = faces.areas[p]
             energy -= 0.5 * weight * pressure * gap
             force += weight * pressure
             area += weight
             deepest = min(deepest, gap)
-            for i in range(nodes):
+            for i in range(face.nodes):
                 for a in range(3):
-                    forces[first + i, a] += weight * pressure * faces.values[point, i] * plane[3 + a]
-    return energy, force, area, deepest
+                    forces[first + i, a] += weight * pressure * faces.values[p, i] * normal[a]
+    return Pressing(energy, force, area, deepest)

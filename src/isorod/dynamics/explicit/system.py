@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import eigh_tridiagonal
 
-from isorod.arrays import Array, Index
+from isorod.arrays import Array
 from isorod.assembly import element_kernel
 from isorod.dynamics.explicit import step_kernel
 from isorod.dynamics.explicit.cholesky import solve
@@ -17,15 +17,13 @@ from isorod.model.model import Model
 from isorod.tensors import determinant
 
 if TYPE_CHECKING:
-    from isorod.contact.force_kernel import Packed
+    from isorod.contact.packed import Table
+    from isorod.dynamics.explicit.contact import StepContact
 
 # Relative accuracy of the highest eigenvalue, and the most iterations spent on it.
 _TOLERANCE = 1e-3
 _LANCZOS = 100
 _MIXED = 0.05
-
-# What `isorod.contact.force_kernel.Packed` holds besides history and work space.
-_FIXED = ("surfaces", "turns", "layers", "passes", "penalty", "rigid", "around", "along", "areas")
 
 
 class System:
@@ -63,37 +61,29 @@ class System:
         # The smallest size of a quadrature point's surroundings, for finite differences.
         volumes = self.mesh.geometry.reshape(-1, GEOMETRY, POINTS)[:, 9]
         self._size = float(volumes[volumes > 0.0].min()) ** (1.0 / 3.0)
-        self.packed: Packed | None = None
+        self.contact: StepContact | None = None
         if model.contacts:
-            from isorod.contact import tables
-            from isorod.dynamics.explicit import end_faces
+            from isorod.dynamics.explicit import contact
 
-            self.packed = tables.pack(model)
-            self.faces = end_faces.pack(model)
-            reference = [body.space.positions for body in model.bodies]
-            self._reference = np.concatenate(reference).ravel()
-            self._work = np.empty((2, model.dofs // 3, 3))
+            self.contact = contact.pack(model, self.places)
 
     @property
     def starts(self) -> Array:
         """Start values of the closest-point searches: all that contact remembers."""
-        return np.empty((0, 3)) if self.packed is None else self.packed.starts
+        return np.empty(0) if self.contact is None else self.contact.packed.starts
 
     @property
-    def contact_data(self) -> tuple[Array | Index, ...]:
+    def contact_data(self) -> "tuple[Array | Table, ...]":
         """What does not change of the contacts."""
-        return () if self.packed is None else (*(getattr(self.packed, name) for name in _FIXED), *self.faces)
+        return () if self.contact is None else (*self.contact.packed.fixed, *self.contact.faces)
 
     def advance(self, course: Course, steps: int) -> tuple[int, int]:
         """Take steps; return how many were taken, and the outcome (see `isorod.dynamics.explicit.step_kernel`)."""
-        if self.packed is None:
+        if self.contact is None:
             return step_kernel.advance(self.mesh, self.motion, self.factors, course, steps)
         from isorod.dynamics.explicit import contact_step_kernel
 
-        places = self.places.astype(np.uint64)
-        return contact_step_kernel.advance(
-            self.mesh, self.motion, self.factors, course, steps, self.packed, self.faces, self._reference, places
-        )
+        return contact_step_kernel.advance(self.mesh, self.motion, self.factors, course, steps, self.contact)
 
     def scale(self, scaling: float) -> None:
         """Add mass; see `isorod.dynamics.explicit.mass`."""
@@ -119,16 +109,13 @@ class System:
         forces = np.empty_like(displacement)
         if internal_forces(self.mesh, displacement, activation, forces) > 0.0:
             forces[:] = np.nan
-        if self.packed is None:
+        if self.contact is None:
             return forces, (0.0,) * 7
         from isorod.dynamics.explicit import contact_step_kernel
 
-        starts = self.packed.starts.copy()
-        places = self.places.astype(np.uint64)
-        said = contact_step_kernel.subtract(
-            self.packed, self.faces, self._reference, places, displacement, forces, self._work[0], self._work[1]
-        )
-        self.packed.starts[:] = starts
+        starts = self.starts.copy()
+        said = contact_step_kernel.subtract(self.contact, displacement, forces)
+        self.starts[:] = starts
         return forces, said
 
     def worst(self, displacement: Array) -> str:

@@ -2,7 +2,7 @@
 
 from isorod.arrays import Array
 from isorod.contact.operator import ContactOperator
-from isorod.errors import InputError
+from isorod.model.contact import refuse
 from isorod.model.model import Model
 
 
@@ -16,11 +16,7 @@ class MidpointContact(ContactOperator):
     """
 
     def __init__(self, model: Model) -> None:
-        for k, contact in enumerate(model.contacts):
-            if contact.faces or contact.penetration is not None:
-                what = "contact of end faces" if contact.faces else "a largest penetration"
-                where = "explicit dynamics" if contact.faces else "statics"
-                raise InputError(f"contact {k}: {what} is for {where} alone")
+        refuse(model.contacts, penetration=True)
         super().__init__(model)
         self.start = self._base.ravel() * 0.0
 

@@ -1,0 +1,141 @@
+"""All contacts of a model as compiled loops take them: tables with named fields, and what calls leave behind.
+
+A contact is a number of passes, in each of which the points of one surface, the slave, are held against another
+surface, the master, or a rigid obstacle.  There may be any number of surfaces, each the slave of one pass and the
+master of any number of passes.
+
+What `isorod.contact.force_kernel.add_forces` leaves in a `Packed` for later calls and for the caller:
+
+- ``starts``: where each point was projected to.  Next time the search begins there, and where a point has two nearest
+  points this decides: it is history, all that there is, and what a checkpoint of a motion keeps.
+- ``before``, ``travel``, ``clear``: how far the rods have gone, and until when a point needs no search.  They save time
+  and change no result (see `isorod.contact.force_kernel`).
+- ``states``, ``points``: the outcome of the call, to be read before the next one.
+- ``boxes``: work space.
+
+``multipliers`` are the caller's (`isorod.contact.operator.ContactOperator.augment`).  `Packed.forget` makes the next
+call independent of all that went before.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import from_dtype, types
+from numpy.typing import NDArray
+
+from isorod.arrays import Array, Index
+from isorod.compiled import F1, F2, F3, I1
+from isorod.geometry.axis import MAX_DEGREE
+
+# What a pass has in the place of a master surface.
+PLANE, CYLINDER = -1, -2
+
+# Axis functions that an element has room for: ``l``.
+FUNCTIONS = MAX_DEGREE + 1
+
+# A table of rows with named fields, and one of its rows.
+Table = NDArray[Any]
+Row = Any
+
+# A surface: control points round its section, axis functions of an element, its elements, the pass in which it is
+# slave (its points start searches for closest points on it), angle of the first control point, half an arc's cosine and
+# sine.
+SURFACE = np.dtype(
+    [
+        *((name, np.int64) for name in ("around", "functions", "first_element", "elements", "own_pass")),
+        *((name, np.float64) for name in ("turn", "cos", "sin")),
+    ]
+)
+
+# An element of a surface's axis: the node (of the model) at which each layer begins, the weighted axis functions in
+# powers of ``s`` in [-1, 1], and the elements before and after, -1 at an end of the surface.
+ELEMENT = np.dtype(
+    [
+        ("layers", np.int64, FUNCTIONS),
+        ("polynomials", np.float64, (FUNCTIONS, FUNCTIONS)),
+        ("neighbours", np.int64, 2),
+    ]
+)
+
+# A pass: slave surface; master surface, `PLANE` or `CYLINDER`; the first of its points; points round an arc and along
+# an element; its first rows in `Packed.around` and `Packed.along`; force per volume; of an obstacle a point, the unit
+# normal or axis, and the radius.
+PASS = np.dtype(
+    [
+        *((name, np.int64) for name in ("slave", "master", "first_point", "across", "along")),
+        *((name, np.int64) for name in ("first_around", "first_along")),
+        ("penalty", np.float64),
+        ("point", np.float64, 3),
+        ("direction", np.float64, 3),
+        ("radius", np.float64),
+    ]
+)
+
+# Where a search starts: element (-1: nowhere yet), angle, and ``s``.
+START = np.dtype([("element", np.int64), ("theta", np.float64), ("s", np.float64)])
+NOWHERE = np.array((-1, 0.0, 0.0), START)
+
+# What a call found for a point: gap (NaN where no projection was needed), pressure, and whether the closest point is on
+# a knot with a kink.
+STATE = np.dtype([("gap", np.float64), ("pressure", np.float64), ("edge", np.bool_)], align=True)
+
+
+class Packed(NamedTuple):
+    """All contacts of a model; made by `isorod.contact.tables.pack`, for ``Q`` slave points in all.
+
+    Attributes
+    ----------
+    surfaces, elements, passes
+        Rows of `SURFACE`, of `ELEMENT` (those of all surfaces), and of `PASS`.
+    around, along
+        The three ``Phi`` at the points of an arc ``(., 3)``, and the ``R`` at the points along the elements ``(., l)``.
+    areas
+        Reference areas of the points, halved where both surfaces are slaves in turn, ``(Q,)``.
+    carriers
+        Nodes of all surfaces.
+    multipliers
+        Pressures of the augmented Lagrangian, zero for a plain penalty, ``(Q,)``.
+    states, points
+        Rows of `STATE`, and positions of the slave points, ``(Q, 3)``.
+    starts
+        Rows of `START`, ``(Q,)``.
+    before, travel, clear
+        Positions of the nodes in the last call, ``(nodes, 3)``; the sum of the longest way any carrier has gone in each
+        call, ``(1,)``; the ``travel`` up to which a point needs no search, ``(Q,)``.
+    boxes
+        Lower and upper corners of the elements, ``(E, 2, 3)``.
+    """
+
+    surfaces: Table
+    elements: Table
+    passes: Table
+    around: Array
+    along: Array
+    areas: Array
+    carriers: Index
+    multipliers: Array
+    states: Table
+    points: Array
+    starts: Table
+    before: Array
+    travel: Array
+    clear: Array
+    boxes: Array
+
+    @property
+    def fixed(self) -> tuple[Array | Table, ...]:
+        """What no call changes."""
+        return self.surfaces, self.elements, self.passes, self.around, self.along, self.areas
+
+    def forget(self) -> None:
+        """Make the next call one without history, in which every point is searched for."""
+        self.starts[:] = NOWHERE
+        self.clear[:] = -np.inf
+
+
+# Numba's types of rows, and of the whole.
+SURFACE_ROW, ELEMENT_ROW, PASS_ROW, START_ROW, STATE_ROW = map(from_dtype, (SURFACE, ELEMENT, PASS, START, STATE))
+SURFACES, ELEMENTS, PASSES, STARTS, STATES = (
+    types.Array(row, 1, "C") for row in (SURFACE_ROW, ELEMENT_ROW, PASS_ROW, START_ROW, STATE_ROW)
+)
+PACKED = types.NamedTuple((SURFACES, ELEMENTS, PASSES, F2, F2, F1, I1, F1, STATES, F2, STARTS, F2, F1, F1, F3), Packed)

@@ -1,0 +1,204 @@
+"""Projections, the memory of searches, and searches left out: what is the same from any start, and what calls leave."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from touching import ACROSS, LAW, RADIUS, RING, forces_at, moved, pair, reference, shaken
+
+from isorod.contact.force_kernel import add_forces
+from isorod.contact.packed import START
+from isorod.contact.surface_kernel import EDGE, END, FREE, closest, new_foot, surface_gap
+from isorod.contact.tables import pack
+from isorod.model import Body, Contact, Model
+from isorod.space import Space
+
+OFFSET = np.array([0.0, 2.9, 3.0])  # of the crossing rods' middles
+
+
+def project(packed, surface, x, start, positions):
+    """Return outcome, gap, foot and where it is (element, theta, s)."""
+    foot, where = new_foot(), np.array([tuple(start)], START)
+    outcome = closest(packed.surfaces[surface], packed.elements, x, where[0], positions, foot)
+    gap = surface_gap(foot, outcome == EDGE)
+    assert abs(foot.d @ foot.y[1]) < 1e-11
+    return outcome, gap, foot.y[0].copy(), where[0]
+
+
+def test_projection_on_a_torus_is_exact_from_any_start():
+    both = pair()
+    packed, positions = pack(both), reference(both)
+    rng = np.random.default_rng(1)
+    center = np.array([-RING - 1.6, 0.0, 3.1])
+    first, rows = packed.surfaces[1][["first_element", "elements"]]
+    for _ in range(200):
+        around, phi, depth = *rng.uniform(-np.pi, np.pi, 2), rng.uniform(-0.5, 0.6)
+        out = RING + (RADIUS + depth) * np.cos(phi)
+        x = center + np.array([out * np.cos(around), out * np.sin(around), (RADIUS + depth) * np.sin(phi)])
+        # A start one element away along the axis and an eighth of a turn round the section.
+        row = int(around % (2.0 * np.pi) / (2.0 * np.pi) * rows)
+        start = [first + (row + rng.integers(-1, 2)) % rows, -phi + rng.uniform(-0.8, 0.8), rng.uniform(-1.0, 1.0)]
+        outcome, gap, foot, _ = project(packed, 1, x, start, positions)
+        assert outcome == FREE
+        assert abs(gap - depth) < 1e-12
+        np.testing.assert_allclose(
+            x - foot,
+            depth / (RADIUS + depth) * (x - center - RING * np.array([np.cos(around), np.sin(around), 0.0])),
+            atol=1e-10,
+        )
+
+
+def test_projection_on_a_cylinder_and_beyond_its_ends():
+    both = pair()
+    packed, positions = pack(both), reference(both)
+    rng = np.random.default_rng(2)
+    for _ in range(200):
+        height, phi, depth = rng.uniform(-1.0, 7.0), rng.uniform(-np.pi, np.pi), rng.uniform(-0.6, 1.0)
+        x = np.array([(1.0 + depth) * np.cos(phi), (1.0 + depth) * np.sin(phi), height])
+        start = [rng.integers(0, 3), phi + rng.uniform(-1.0, 1.0), rng.uniform(-1.0, 1.0)]
+        outcome, gap, foot, where = project(packed, 0, x, start, positions)
+        assert outcome == (FREE if 0.0 <= height <= 6.0 else END)
+        np.testing.assert_allclose(foot, [np.cos(phi), np.sin(phi), np.clip(height, 0.0, 6.0)], atol=1e-11)
+        if outcome == FREE:
+            assert abs(gap - depth) < 1e-12
+            assert abs(where["element"] + 0.5 + 0.5 * where["s"] - 0.5 * height) < 1e-11
+
+
+def test_start_values_change_nothing_but_time():
+    both = pair()
+    x = reference(both) + shaken(both).reshape(-1, 3)
+    packed, outcome, fresh = forces_at(both, shaken(both))
+    starts = packed.starts.copy()
+    assert (starts["element"] >= 0.0).sum() >= 20
+    warm = np.zeros_like(fresh)
+    again = add_forces(packed, x, warm)
+    np.testing.assert_allclose(again, outcome, rtol=1e-12)
+    np.testing.assert_allclose(warm, fresh, atol=1e-12 * np.abs(fresh).max())
+    packed.starts[:] = starts
+    repeated = np.zeros_like(fresh)
+    assert add_forces(packed, x, repeated) == again
+    assert np.array_equal(repeated, warm)
+
+
+@pytest.fixture
+def crossing(cylinder):
+    """A rod, a thinner one across it, and a motion of both, from afar to a touch and on."""
+    rod = cylinder(8, breaks=(0.0, 1.0, 2.0, 3.0), height=6.0)
+    thin = moved(cylinder(6, radius=0.5, height=4.0), (-2.0, 0.0, 0.0), ACROSS)
+    model = Model([Body(Space(rod), LAW), Body(Space(thin), LAW)], contacts=[Contact(0, 1, 10.0, points=(3, 3))])
+    first = np.arange(model.dofs // 3)[:, None] < model.first_node[1]
+    way = [np.array([0.2 * np.sin(3.0 * t), 0.8 * np.cos(t), np.sin(t)]) for t in np.linspace(0.0, 2.0 * np.pi, 300)]
+    return model, [reference(model) + np.where(first, -w, w + OFFSET) for w in way]
+
+
+def test_starts_are_all_the_history_there_is(crossing):
+    """A run that goes on from copied starts, as from a checkpoint, is the same run; one that forgets is a fresh one."""
+    model, states = crossing
+    first = pack(model)
+    touched = 0
+    for x in states:
+        second = pack(model)
+        second.starts[:] = first.starts
+        one, other, fresh = (np.zeros_like(x) for _ in range(3))
+        outcome = add_forces(first, x, one)
+        assert add_forces(second, x, other) == outcome
+        assert np.array_equal(one, other)
+        touched += outcome.area > 0.0
+        second.forget()
+        other[:] = 0.0
+        assert add_forces(second, x, other) == add_forces(pack(model), x, fresh)
+        assert np.array_equal(other, fresh)
+    assert 20 < touched < 280
+
+
+def test_searches_left_out_change_nothing(crossing):
+    """Both rods approach: the same forces, to the last bit, as where every point is searched for in every call."""
+    model, states = crossing
+    lazy, thorough = pack(model), pack(model)
+    searches = np.zeros(2, dtype=int)
+    for x in states:
+        thorough.clear[:] = -np.inf
+        one, other = np.zeros_like(x), np.zeros_like(x)
+        assert add_forces(lazy, x, one) == add_forces(thorough, x, other)
+        assert np.array_equal(one, other)
+        assert np.array_equal(lazy.starts["element"], thorough.starts["element"])
+        searches += [np.isfinite(packed.states["gap"]).sum() for packed in (lazy, thorough)]
+    assert searches[0] < 0.7 * searches[1]
+
+
+def test_a_sequence_of_steps_gives_what_fresh_searches_give(cylinder):
+    """A rod comes from afar, presses on another and leaves on its other side; most searches are left out."""
+    rod = cylinder(8, breaks=(0.0, 1.0, 2.0, 3.0), height=6.0)
+    thin = moved(cylinder(6, radius=0.5, height=4.0), (-2.0, 0.0, 0.0), ACROSS)
+    model = Model([Body(Space(rod), LAW), Body(Space(thin), LAW)], contacts=[Contact(0, 1, 10.0, points=(3, 3))])
+    base, packed = reference(model), pack(model)
+    mobile = np.arange(base.shape[0]) >= model.first_node[1]
+    searches = np.zeros(2, dtype=int)
+    touched = 0
+    for t in np.linspace(0.0, 2.0 * np.pi, 500):
+        x, kept, fresh = base.copy(), np.zeros_like(base), np.zeros_like(base)
+        x[mobile] += [0.0, 2.2 + 0.8 * np.cos(t), 3.0 + 2.0 * np.sin(t)]
+        outcome = add_forces(packed, x, kept)
+        searches[0] += np.isfinite(packed.states["gap"]).sum()
+        new = pack(model)
+        np.testing.assert_allclose(outcome, add_forces(new, x, fresh), rtol=1e-10, atol=1e-13)
+        searches[1] += np.isfinite(new.states["gap"]).sum()
+        np.testing.assert_allclose(kept, fresh, atol=1e-10 * (1.0 + np.abs(fresh).max()))
+        touched += outcome[1] > 0.0
+    assert 20 < touched < 480
+    assert searches[0] < 0.5 * searches[1]
+
+
+def test_work_along_a_path_is_the_change_of_energy(cylinder):
+    """A rod slides across arcs and elements of another: nothing is lost, nothing jumps."""
+    rod = cylinder(8, breaks=(0.0, 1.0, 2.0, 3.0), height=6.0)
+    thin = moved(cylinder(6, radius=0.5, height=4.0), (-2.0, 1.4, 0.0), ACROSS)
+    model = Model([Body(Space(rod), LAW), Body(Space(thin), LAW)], contacts=[Contact(0, 1, 10.0, points=(4, 8))])
+    base, packed = reference(model), pack(model)
+    mobile = np.arange(base.shape[0]) >= model.first_node[1]
+
+    def at(t):
+        x, forces = base.copy(), np.zeros_like(base)
+        x[mobile] += [0.6 * np.sin(2.0 * t), -0.1 * t, 1.3 + 2.4 * t]
+        outcome = add_forces(packed, x, forces)
+        return outcome[0], forces[mobile].sum(axis=0) @ [1.2 * np.cos(2.0 * t), -0.1, 2.4]
+
+    # Gauss points on many pieces: the force is smooth but for points that come and go.
+    x, w = np.polynomial.legendre.leggauss(2)
+    pieces = np.linspace(0.0, 1.0, 1201)
+    work = sum(
+        0.5 * (b - a) * v * at(0.5 * (a + b) + 0.5 * (b - a) * t)[1]
+        for a, b in pairwise(pieces)
+        for t, v in zip(x, w, strict=True)
+    )
+    gained = at(1.0)[0] - at(0.0)[0]
+    assert abs(gained) > 1e-3
+    assert abs(work + gained) < 1e-6 * abs(gained)
+
+
+def test_far_and_separated_bodies_do_nothing():
+    both = pair()
+    for shift in ([50.0, 0.0, 0.0], [-0.3, 0.0, 0.0]):
+        displacement = np.zeros((both.dofs // 3, 3))
+        displacement[both.first_node[1] :] = shift
+        packed, outcome, forces = forces_at(replace(both, contacts=both.contacts[:1]), displacement)
+        assert outcome == (0.0, 0.0, 0.0, 0.0)
+        assert not forces.any()
+        assert (packed.starts["element"] == -1.0).all()
+
+
+def test_numbers_that_are_not_finite_are_not_passed_over():
+    both = pair()
+    for bad in (np.nan, np.inf):
+        for chosen in (slice(3 * 16, 3 * 40), slice(None), slice(0, 1)):
+            displacement = shaken(both)
+            displacement[chosen] = bad
+            packed, outcome, forces = forces_at(both, displacement)
+            assert np.isnan(outcome).all()
+            assert np.isnan(forces).all()
+            # And it does not last.
+            fresh = forces_at(both, shaken(both))
+            forces[:] = 0.0
+            assert add_forces(packed, reference(both) + shaken(both).reshape(-1, 3), forces) == fresh[1]
+            assert np.array_equal(forces, fresh[2])
