@@ -109,26 +109,28 @@ def _stretches(work: Array, m2: float) -> None:
 @njit(BLOCK, **FAST)
 def block(work: Array, constants: Array, activation: float, wanted: bool) -> None:
     """Do what `point` does at the points of a block (`isorod.material.point_kernel.BLOCK`)."""
-    neo_hookean.block(work, constants, activation, wanted)
-    strongest, m1, m2 = constants[2], constants[3], constants[4]
+    mu, lame, strongest, m1, m2 = constants[0], constants[1], constants[2], constants[3], constants[4]
     active = activation * strongest
     if not (active > 0.0 or m1 > 0.0 or (wanted and strongest > 0.0)):
+        neo_hookean.block(work, constants, activation, wanted)
         return
+    neo_hookean.logarithms(work)
     _stretches(work, m2)
     for k in range(_W):
+        p = neo_hookean.stress_in_block(work, mu, lame, k)
         stretch = work[_STRETCH + k]
         short = stretch - 1.0
         level = 1.0 - 4.0 * short * short
         level = level if level > 0.0 else 0.0
         factor = active * level / stretch + m1 * work[_GROWTH + k]
-        for a in range(np.uint64(3)):
-            x = factor * work[_N + a * _W + k]
-            row = a * ROWS[3] + k
-            work[row] += x * work[ROWS[FIBRE] + k]
-            work[row + ROWS[1]] += x * work[ROWS[FIBRE + 1] + k]
-            work[row + ROWS[2]] += x * work[ROWS[FIBRE + 2] + k]
+        x, y, z = factor * work[_N + k], factor * work[_N + _W + k], factor * work[_N + _W + _W + k]
+        f, g, h = work[ROWS[FIBRE] + k], work[ROWS[FIBRE + 1] + k], work[ROWS[FIBRE + 2] + k]
+        work[k], work[ROWS[1] + k], work[ROWS[2] + k] = p[0] + x * f, p[1] + x * g, p[2] + x * h
+        work[ROWS[3] + k], work[ROWS[4] + k], work[ROWS[5] + k] = p[3] + y * f, p[4] + y * g, p[5] + y * h
+        work[ROWS[6] + k], work[ROWS[7] + k], work[ROWS[8] + k] = p[6] + z * f, p[7] + z * g, p[8] + z * h
     if not wanted:
         return
+    neo_hookean.energies_in_block(work, mu, lame)
     for k in range(_W):
         stretch = work[_STRETCH + k]
         short = min(max(stretch - 1.0, -ACTIVE_RANGE), ACTIVE_RANGE)

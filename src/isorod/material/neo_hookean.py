@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numba import f8, njit, types, void
+from numba import f8, njit, types, u8, void
 
 from isorod.arrays import Array
 from isorod.compiled import F1, F3, F4, F5, FAST, STRICT, cofactors, flat
@@ -34,7 +34,7 @@ def point(F: Array, constants: Array, fibre: Array, activation: float, stress: A
 
 
 @njit(void(F1), **FAST)
-def _logarithms(work: Array) -> None:
+def logarithms(work: Array) -> None:
     """Fill a row with ``ln det F``: by a series that is exact to rounding in [1/2, 2], or anywhere by the library."""
     far = 0.0
     for k in range(_W):
@@ -60,27 +60,29 @@ def _logarithms(work: Array) -> None:
         work[_LOG + k] = 2.0 * z * (1.0 + x * (1.0 / 3.0 + x * y))
 
 
-@njit(BLOCK, **FAST)
-def block(work: Array, constants: Array, activation: float, wanted: bool) -> None:
-    """Do what `point` does at the points of a block (`isorod.material.point_kernel.BLOCK`)."""
-    mu, lame = constants[0], constants[1]
-    _logarithms(work)
-    for k in range(_W):
-        f00, f01, f02 = work[ROWS[_F] + k], work[ROWS[_F + 1] + k], work[ROWS[_F + 2] + k]
-        f10, f11, f12 = work[ROWS[_F + 3] + k], work[ROWS[_F + 4] + k], work[ROWS[_F + 5] + k]
-        f20, f21, f22 = work[ROWS[_F + 6] + k], work[ROWS[_F + 7] + k], work[ROWS[_F + 8] + k]
-        q = (lame * work[_LOG + k] - mu) / work[ROWS[DETERMINANT] + k]
-        work[k] = mu * f00 + q * (f11 * f22 - f12 * f21)
-        work[ROWS[1] + k] = mu * f01 + q * (f12 * f20 - f10 * f22)
-        work[ROWS[2] + k] = mu * f02 + q * (f10 * f21 - f11 * f20)
-        work[ROWS[3] + k] = mu * f10 + q * (f21 * f02 - f22 * f01)
-        work[ROWS[4] + k] = mu * f11 + q * (f22 * f00 - f20 * f02)
-        work[ROWS[5] + k] = mu * f12 + q * (f20 * f01 - f21 * f00)
-        work[ROWS[6] + k] = mu * f20 + q * (f01 * f12 - f02 * f11)
-        work[ROWS[7] + k] = mu * f21 + q * (f02 * f10 - f00 * f12)
-        work[ROWS[8] + k] = mu * f22 + q * (f00 * f11 - f01 * f10)
-    if not wanted:
-        return
+@njit(types.UniTuple(f8, 9)(F1, f8, f8, u8), **FAST)
+def stress_in_block(work: Array, mu: float, lame: float, k: int) -> tuple[float, ...]:
+    """Return the nine components of ``P`` at a point of a block that has its ``ln det F``."""
+    f00, f01, f02 = work[ROWS[_F] + k], work[ROWS[_F + 1] + k], work[ROWS[_F + 2] + k]
+    f10, f11, f12 = work[ROWS[_F + 3] + k], work[ROWS[_F + 4] + k], work[ROWS[_F + 5] + k]
+    f20, f21, f22 = work[ROWS[_F + 6] + k], work[ROWS[_F + 7] + k], work[ROWS[_F + 8] + k]
+    q = (lame * work[_LOG + k] - mu) / work[ROWS[DETERMINANT] + k]
+    return (
+        mu * f00 + q * (f11 * f22 - f12 * f21),
+        mu * f01 + q * (f12 * f20 - f10 * f22),
+        mu * f02 + q * (f10 * f21 - f11 * f20),
+        mu * f10 + q * (f21 * f02 - f22 * f01),
+        mu * f11 + q * (f22 * f00 - f20 * f02),
+        mu * f12 + q * (f20 * f01 - f21 * f00),
+        mu * f20 + q * (f01 * f12 - f02 * f11),
+        mu * f21 + q * (f02 * f10 - f00 * f12),
+        mu * f22 + q * (f00 * f11 - f01 * f10),
+    )
+
+
+@njit(void(F1, f8, f8), **FAST)
+def energies_in_block(work: Array, mu: float, lame: float) -> None:
+    """Fill in the energies at the points of a block that has its ``ln det F``."""
     for k in range(_W):
         trace = 0.0
         for r in range(np.uint64(9)):
@@ -88,6 +90,20 @@ def block(work: Array, constants: Array, activation: float, wanted: bool) -> Non
         log = work[_LOG + k]
         work[ROWS[ENERGY] + k] = 0.5 * mu * (trace - 3.0 - 2.0 * log) + 0.5 * lame * log * log
         work[ROWS[ENERGY + 1] + k] = 0.0
+
+
+@njit(BLOCK, **FAST)
+def block(work: Array, constants: Array, activation: float, wanted: bool) -> None:
+    """Do what `point` does at the points of a block (`isorod.material.point_kernel.BLOCK`)."""
+    mu, lame = constants[0], constants[1]
+    logarithms(work)
+    for k in range(_W):
+        p = stress_in_block(work, mu, lame, k)
+        work[k], work[ROWS[1] + k], work[ROWS[2] + k] = p[0], p[1], p[2]
+        work[ROWS[3] + k], work[ROWS[4] + k], work[ROWS[5] + k] = p[3], p[4], p[5]
+        work[ROWS[6] + k], work[ROWS[7] + k], work[ROWS[8] + k] = p[6], p[7], p[8]
+    if wanted:
+        energies_in_block(work, mu, lame)
 
 
 @dataclass(frozen=True)
