@@ -11,7 +11,7 @@ from isorod import options
 
 options.initialize([])
 
-from isorod import modal, statics  # noqa: E402
+from isorod import dynamics, modal, statics  # noqa: E402
 from isorod.assembly.assembler import Assembler  # noqa: E402
 from isorod.assembly.mixed import MixedAssembler  # noqa: E402
 from isorod.checks import rigid_motions  # noqa: E402
@@ -358,7 +358,7 @@ def test_other_analyses_and_contact_refuse_it():
     with pytest.raises(InputError, match="'mixed' is for statics alone"):
         modal.solve(model, 2)
     with pytest.raises(InputError, match="'mixed' is for statics alone"):
-        model.bodies[0].parameters()
+        dynamics.solve(model, 1.0)
     plane = Contact(0, Plane((0.0, -1.5, 0.0), (0.0, 1.0, 0.0)), 10.0)
     with pytest.raises(InputError, match="takes none so far"):
         statics.solve(mixed(where, law(0.49), [start], contacts=[plane]))

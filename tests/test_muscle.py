@@ -13,7 +13,7 @@ from isorod.errors import InputError
 from isorod.geometry.center_line import helix
 from isorod.geometry.section import circle
 from isorod.material import LinearElastic, NeoHookean
-from isorod.material.muscle import Muscle, point_stress
+from isorod.material.muscle import Muscle, point
 from isorod.model import Body, Model, Support
 from isorod.output.stress import cauchy
 from isorod.space import Space
@@ -158,23 +158,26 @@ def test_law_is_frame_indifferent_and_sees_no_turn_about_the_fibre(a, b, c):
     assert np.abs(turned.energy(F @ Q) - law.energy(F)).max() < 1e-12 * scale
 
 
-def test_stress_at_one_point_is_that_of_the_batch():
+def test_one_point_is_that_of_the_batch():
     F, fibres = states()
     law, out = Muscle(**PAPER, activation=0.7, fibre=fibres), np.empty((3, 3))
-    stress, matrix = law.stress(F), MATRIX.stress(F)
+    stress, half, energy = law.stress(F), law.at(0.5).stress(F), law.energy(F)
+    slack, matrix = Muscle(30.0, 0.49), MATRIX.stress(F)
     for m in range(len(F)):
-        det = point_stress(F[m], law.parameters, law.fibre[m], 0.7, out)
-        assert det == pytest.approx(np.linalg.det(F[m]), rel=1e-13)
+        assert sum(point(F[m], law.constants, law.fibre[m], 1.0, out)) == pytest.approx(energy[m], rel=1e-14)
         assert np.array_equal(out, stress[m])
+        # energies are those without activation and with all of it, whatever the share
+        assert sum(point(F[m], law.constants, law.fibre[m], 0.5, out)) == pytest.approx(energy[m], rel=1e-14)
+        assert out == pytest.approx(half[m], rel=1e-13, abs=1e-12)
         # a law without fibres reads neither fibre nor activation
-        point_stress(F[m], MATRIX.parameters, np.full(3, np.nan), np.nan, out)
+        point(F[m], slack.constants, np.full(3, np.nan), np.nan, out)
         assert out == pytest.approx(matrix[m], rel=1e-13, abs=1e-12)
 
 
 @pytest.mark.parametrize("F", [np.diag([1, 1, 0.0]), np.diag([1, 1, -1.0]), np.full((3, 3), np.nan)])
 def test_an_inverted_point_has_no_stress(F):
     out, law = np.empty((3, 3)), Muscle(**PAPER, activation=1.0, fibre=(1, 0, 0))
-    assert not point_stress(F, law.parameters, np.array([1.0, 0, 0]), 1.0, out) > 0
+    assert np.isnan(sum(point(F, law.constants, np.array([1.0, 0, 0]), 1.0, out)))
     assert np.isnan(out).all()
     pair = np.stack([EYE, F])
     for value in (law.energy(pair), law.stress(pair), law.tangent(pair)):
@@ -342,13 +345,14 @@ def test_fibres_along_a_coil_are_its_tangents():
     assert np.array_equal(part, fibres[2:5])
 
 
-def test_constants_of_a_body_element_by_element():
-    law = Muscle(**PAPER, activation=1.0)
-    body = Body(Space(coil()), [MATRIX, law, law, NeoHookean(300.0, 0.3)])
-    assert np.array_equal(body.parameters()[1:3], np.tile(law.parameters, (2, 1)))
-    assert body.parameters()[0].tolist() == [MATRIX.mu, MATRIX.lame, 0, 0, 0]
-    with pytest.raises(InputError, match="element 1: got LinearElastic, need NeoHookean or Muscle"):
-        Body(Space(coil()), [MATRIX, LinearElastic(1.0, 0.3), MATRIX, MATRIX]).parameters()
+def test_modulus_and_work_bound_those_of_the_law():
+    """Taut fibres are as stiff as their tangent; from one end of their range to the other they do all their work."""
+    law = Muscle(**PAPER, activation=0.7, fibre=(0, 0, 1))
+    taut = law.at(0.0).tangent(np.diag([1.0, 1.0, 1.0 + 1e-9])[None])[0, 2, 2, 2, 2]
+    assert law.modulus == pytest.approx(taut, rel=1e-6)
+    short, long = (np.diag([1.0, 1.0, stretch])[None] for stretch in (0.5, 1.5))
+    work = [law.energy(F) - law.at(0.0).energy(F) for F in (short, long)]
+    assert law.activation_work == pytest.approx(float(work[1] - work[0]), rel=1e-12)
 
 
 @pytest.mark.parametrize("count", [0, 3, 5])

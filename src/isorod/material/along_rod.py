@@ -83,6 +83,12 @@ class Laws:
         """Return the first Piola-Kirchhoff stress, shape of ``F``."""
         return self._joined([law.stress(F[first:last]) for law, first, last in self.runs])
 
+    def discrete(self, F: Array, change: Array, wanted: bool) -> tuple[Array, Array]:
+        """Return stresses that do the work of the energy, and their moduli: see `isorod.material.law.Material.discrete`."""
+        found = [law.discrete(F[first:last], change[first:last], wanted) for law, first, last in self.runs]
+        moduli = [np.empty(0) if part is None else part for _, part in found]
+        return self._joined([stress for stress, _ in found]), self._joined(moduli)
+
     def tangent(self, F: Array) -> Array:
         """Return ``dP/dF``, shape ``F.shape + (3, 3)``."""
         return self._joined([law.tangent(F[first:last]) for law, first, last in self.runs])

@@ -1,40 +1,102 @@
-"""Stored-energy laws.
+"""What a law is: its energy and stress from one compiled function of a point, its tangent, and what follows from them.
 
-A law is a small class with ``energy``, ``stress`` and ``tangent`` of the deformation gradient ``F``, arrays whose last
-two axes are ``(3, 3)``; the stress is the first Piola-Kirchhoff stress ``P = dW/dF`` and the tangent
-``A_aAbB = dP_aA/dF_bB``.  Where ``det F <= 0`` a nonlinear law returns NaN.
+A new law is one file: a class with ``compiled``, ``constants`` and ``tangent``.  Statics, modes and both integrators of
+dynamics then take it.
 """
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from typing import ClassVar, Protocol, Self
 
 import numpy as np
 
 from isorod.arrays import Array
+from isorod.compiled import flat
 from isorod.errors import InputError, representable
+from isorod.material.discrete_gradient import discrete_gradient
+from isorod.material.point_kernel import Compiled, at_points
 
 
-class Material(Protocol):
-    """What the assembler asks of a law."""
+class Material(ABC):
+    """A law: arrays of deformation gradients ``F`` have any leading axes, the last two are ``(3, 3)``.
 
-    def energy(self, F: Array) -> Array:
-        """Return the stored energy per reference volume, shape ``F.shape[:-2]``."""
+    The stress is the first Piola-Kirchhoff stress ``P = dW/dF``, the tangent ``A_aAbB = dP_aA/dF_bB``; where
+    ``det F <= 0`` a nonlinear law returns NaN.
 
-    def stress(self, F: Array) -> Array:
-        """Return ``P``, shape of ``F``."""
+    Attributes
+    ----------
+    compiled
+        The addresses of its compiled functions (`isorod.material.point_kernel.compiled`); of a law without them
+        ``energy`` and ``stress`` are its own, and dynamics does not take it.
+    """
 
+    compiled: ClassVar[Compiled | None] = None
+
+    @property
+    def constants(self) -> Array:
+        """What the compiled functions take, any shape ``(c,)``."""
+        return np.empty(0)
+
+    @abstractmethod
     def tangent(self, F: Array) -> Array:
         """Return ``dP/dF``, shape ``F.shape + (3, 3)``."""
 
-    def at(self, factor: float) -> "Material":
+    def energy(self, F: Array) -> Array:
+        """Return the stored energy per reference volume, shape ``F.shape[:-2]``."""
+        return self._evaluate(F)[0].sum(axis=-1)
+
+    def stress(self, F: Array) -> Array:
+        """Return ``P``, shape of ``F``."""
+        return self._evaluate(F)[1]
+
+    def _evaluate(self, F: Array) -> tuple[Array, Array]:
+        assert self.compiled is not None
+        energy, stress = np.empty((*F.shape[:-2], 2)), np.empty(F.shape)
+        fibres = np.ascontiguousarray(self.fibres(F.shape[:-2])).reshape(-1, 3)
+        at_points(self.compiled.point, flat(F), self.constants, fibres, energy.reshape(-1, 2), stress.reshape(-1, 3, 3))
+        return energy, stress
+
+    def discrete(self, F: Array, change: Array, wanted: bool = True) -> tuple[Array, Array | None]:
+        """Return a stress between ``F`` and ``F + change`` that does exactly the work of the energy, and its moduli.
+
+        Parameters
+        ----------
+        F, change
+            Deformation gradient at the start, and its change, shape ``(..., 3, 3)``.
+        wanted
+            Whether moduli are: the derivatives of the stress by ``F + change``, shape ``F.shape + (3, 3)``.
+        """
+        return discrete_gradient(self, F, change, wanted)
+
+    def fibres(self, shape: tuple[int, ...]) -> Array:
+        """Return the unit vectors along its fibres at points of some shape, shape ``(*shape, 3)``; zero without fibres."""
+        return np.zeros((*shape, 3))
+
+    def at(self, factor: float) -> Self:
         """Return the law at a load factor: itself, unless something in it grows with the load, as a muscle's activation."""
+        return self
 
     @property
     def follows(self) -> bool:
         """Whether the law depends on the direction of the rod and has not been told it (`along`)."""
+        return False
 
-    def along(self, tangent: Array) -> "Material":
+    def along(self, tangent: Array) -> Self:
         """Return the law where the rod's unit tangent is ``tangent``, shape ``(..., 3)``."""
+        return self
+
+    @property
+    def modulus(self) -> float:
+        """Modulus of pressure waves at rest, the largest in three directions and those between them, force / area."""
+        n = np.array([(x, y, z) for x in (0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if (x, y, z) > (0, 0, 0)])
+        n = n / np.linalg.norm(n, axis=1, keepdims=True)
+        moduli = self.along(np.array([0.0, 0.0, 1.0])).tangent(np.eye(3)[None])[0]
+        return float(np.einsum("aAbB,na,nA,nb,nB->n", moduli, n, n, n, n).max())
+
+    @property
+    def activation_work(self) -> float:
+        """The most work per reference volume that activation can do, force / area."""
+        return 0.0
 
 
 class Split(Protocol):
@@ -53,8 +115,10 @@ class Split(Protocol):
 
 
 @dataclass(frozen=True)
-class _Isotropic:
-    E: float  # force / area
+class Isotropic(Material):
+    """Young's modulus ``E`` [force/area] and Poisson's ratio ``nu`` of a law that has these at rest."""
+
+    E: float
     nu: float
 
     def __post_init__(self) -> None:
@@ -77,19 +141,16 @@ class _Isotropic:
         return self.E * self.nu / ((1.0 + self.nu) * (1.0 - 2.0 * self.nu))
 
     @property
+    def constants(self) -> Array:
+        """``mu, lame``."""
+        return np.array([self.mu, self.lame])
+
+    @property
+    def modulus(self) -> float:
+        """Modulus of pressure waves at rest, force / area."""
+        return self.lame + 2.0 * self.mu
+
+    @property
     def shear(self) -> Self:
         """The law without its bulk term ``lame/2 theta^2``, for the mixed formulation (`isorod.assembly.mixed`)."""
         return replace(self, E=2.0 * self.mu, nu=0.0)
-
-    def at(self, factor: float) -> Self:
-        """Return the law itself."""
-        return self
-
-    @property
-    def follows(self) -> bool:
-        """No."""
-        return False
-
-    def along(self, tangent: Array) -> Self:
-        """Return the law itself."""
-        return self

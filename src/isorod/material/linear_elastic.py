@@ -6,11 +6,11 @@ from typing import ClassVar
 import numpy as np
 
 from isorod.arrays import Array
-from isorod.material.law import _Isotropic
+from isorod.material.law import Isotropic
 
 
 @dataclass(frozen=True)
-class LinearElastic(_Isotropic):
+class LinearElastic(Isotropic):
     """Isotropic linear elasticity in small strains: ``W = mu e:e + lame/2 (tr e)^2``, ``e = sym(F) - 1``."""
 
     # The bulk term's theta is tr e.

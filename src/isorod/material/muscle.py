@@ -8,12 +8,136 @@ from numba import f8, njit, types, void
 from numpy.typing import ArrayLike
 
 from isorod.arrays import Array
-from isorod.compiled import F1, F2, F3, F5, STRICT, cofactors, flat
+from isorod.compiled import F1, F2, F3, F5, FAST, STRICT, flat
 from isorod.errors import InputError
+from isorod.material import neo_hookean
 from isorod.material.neo_hookean import NeoHookean
+from isorod.material.point_kernel import ACTIVE, BLOCK, ENERGY, FIBRE, FREE, GRADIENT, POINT, POINTS, ROWS, compiled
 
 # Fibres shortened or stretched by more than this have no active force.
 ACTIVE_RANGE = 0.5
+
+_W = np.uint64(POINTS)
+_F = GRADIENT
+# Rows of a block that its fibres use: n = F f (3), its length (the stretch), and exp(m2 (stretch^2 - 1)) - 1.
+_N, _STRETCH, _GROWTH = ROWS[FREE + 1], ROWS[FREE + 4], ROWS[FREE + 5]
+
+
+@njit(types.UniTuple(f8, 2)(f8, F1, f8), **STRICT)
+def fibre_tension(stretch: float, constants: Array, activation: float) -> tuple[float, float]:
+    """Return ``T = dW/dlambda`` of active and passive fibres (eqs. 18, 19) and ``dT/dlambda``."""
+    tension = 0.0
+    slope = 0.0
+    short = stretch - 1.0
+    if abs(short) < ACTIVE_RANGE:
+        active = activation * constants[2]
+        tension = active * (1.0 - 4.0 * short * short)
+        slope = -8.0 * active * short
+    if short > 0.0 and constants[3] > 0.0:
+        m1, m2 = constants[3], constants[4]
+        growth = np.expm1(m2 * (stretch * stretch - 1.0))
+        tension += m1 * stretch * growth
+        slope += m1 * (growth + 2.0 * m2 * stretch * stretch * (growth + 1.0))
+    return tension, slope
+
+
+@njit(POINT, **STRICT)
+def point(F: Array, constants: Array, fibre: Array, activation: float, stress: Array) -> tuple[float, float]:
+    """Fill in ``P = P_matrix + T(lambda) n f^T``, ``n = F f / lambda``, ``T = dW/dlambda``, and return the energies.
+
+    See `isorod.material.point_kernel.POINT`; of a law without active stress and ``m1`` the fibre is not read.
+    """
+    stored, _ = neo_hookean.point(F, constants, fibre, activation, stress)
+    sigma, m1, m2 = constants[2], constants[3], constants[4]
+    if not (sigma > 0.0 or m1 > 0.0):
+        return stored, 0.0
+    f0, f1, f2 = fibre[0], fibre[1], fibre[2]
+    n0 = F[0, 0] * f0 + F[0, 1] * f1 + F[0, 2] * f2
+    n1 = F[1, 0] * f0 + F[1, 1] * f1 + F[1, 2] * f2
+    n2 = F[2, 0] * f0 + F[2, 1] * f1 + F[2, 2] * f2
+    stretch = np.sqrt(n0 * n0 + n1 * n1 + n2 * n2)
+    tension, _ = fibre_tension(stretch, constants, activation)
+    n0 *= tension / stretch
+    n1 *= tension / stretch
+    n2 *= tension / stretch
+    for A in range(3):
+        stress[0, A] += n0 * fibre[A]
+        stress[1, A] += n1 * fibre[A]
+        stress[2, A] += n2 * fibre[A]
+    short = min(max(stretch - 1.0, -ACTIVE_RANGE), ACTIVE_RANGE)
+    squared = max(stretch, 1.0) ** 2 - 1.0
+    # m1/2 times the integral of exp(m2 x) - 1 over x.
+    growth = np.expm1(m2 * squared) / m2 if m2 > 0.0 else squared
+    return stored + 0.5 * m1 * (growth - squared), sigma * (short - 4.0 / 3.0 * short**3)
+
+
+@njit(void(F1, f8), **FAST)
+def _stretches(work: Array, m2: float) -> None:
+    """Fill rows with ``n = F f``, its length, and ``exp(m2 (stretch^2 - 1)) - 1`` where the fibre is stretched, else 0."""
+    for k in range(_W):
+        f0, f1, f2 = work[ROWS[FIBRE] + k], work[ROWS[FIBRE + 1] + k], work[ROWS[FIBRE + 2] + k]
+        n0 = work[ROWS[_F] + k] * f0 + work[ROWS[_F + 1] + k] * f1 + work[ROWS[_F + 2] + k] * f2
+        n1 = work[ROWS[_F + 3] + k] * f0 + work[ROWS[_F + 4] + k] * f1 + work[ROWS[_F + 5] + k] * f2
+        n2 = work[ROWS[_F + 6] + k] * f0 + work[ROWS[_F + 7] + k] * f1 + work[ROWS[_F + 8] + k] * f2
+        square = n0 * n0 + n1 * n1 + n2 * n2
+        # Points that only fill up a block have no fibre.
+        square = square if square > 0.0 else 1.0
+        work[_N + k], work[_N + _W + k], work[_N + _W + _W + k] = n0, n1, n2
+        work[_STRETCH + k] = np.sqrt(square)
+        work[_GROWTH + k] = m2 * (square - 1.0 if square > 1.0 else 0.0)
+    large = 0.0
+    for k in range(_W):
+        large += 1.0 if work[_GROWTH + k] > 1.0 else 0.0
+    if large > 0.0:
+        for k in range(_W):
+            work[_GROWTH + k] = np.expm1(work[_GROWTH + k])
+        return
+    # The exponential series: to rounding up to 1.
+    for k in range(_W):
+        x = work[_GROWTH + k]
+        y = 1.0 + x * (1.0 / 17.0) * (1.0 + x * (1.0 / 18.0))
+        y = 1.0 + x * (1.0 / 15.0) * (1.0 + x * (1.0 / 16.0) * y)
+        y = 1.0 + x * (1.0 / 13.0) * (1.0 + x * (1.0 / 14.0) * y)
+        y = 1.0 + x * (1.0 / 11.0) * (1.0 + x * (1.0 / 12.0) * y)
+        y = 1.0 + x * (1.0 / 9.0) * (1.0 + x * (1.0 / 10.0) * y)
+        y = 1.0 + x * (1.0 / 7.0) * (1.0 + x * (1.0 / 8.0) * y)
+        y = 1.0 + x * (1.0 / 5.0) * (1.0 + x * (1.0 / 6.0) * y)
+        y = 1.0 + x * (1.0 / 3.0) * (1.0 + x * (1.0 / 4.0) * y)
+        work[_GROWTH + k] = x * (1.0 + x * 0.5 * y)
+
+
+@njit(BLOCK, **FAST)
+def block(work: Array, constants: Array, activation: float, wanted: bool) -> None:
+    """Do what `point` does at the points of a block (`isorod.material.point_kernel.BLOCK`)."""
+    mu, lame, strongest, m1, m2 = constants[0], constants[1], constants[2], constants[3], constants[4]
+    active = activation * strongest
+    if not (active > 0.0 or m1 > 0.0 or (wanted and strongest > 0.0)):
+        neo_hookean.block(work, constants, activation, wanted)
+        return
+    neo_hookean.logarithms(work)
+    _stretches(work, m2)
+    for k in range(_W):
+        p = neo_hookean.stress_in_block(work, mu, lame, k)
+        stretch = work[_STRETCH + k]
+        short = stretch - 1.0
+        level = 1.0 - 4.0 * short * short
+        level = level if level > 0.0 else 0.0
+        factor = active * level / stretch + m1 * work[_GROWTH + k]
+        x, y, z = factor * work[_N + k], factor * work[_N + _W + k], factor * work[_N + _W + _W + k]
+        f, g, h = work[ROWS[FIBRE] + k], work[ROWS[FIBRE + 1] + k], work[ROWS[FIBRE + 2] + k]
+        work[k], work[ROWS[1] + k], work[ROWS[2] + k] = p[0] + x * f, p[1] + x * g, p[2] + x * h
+        work[ROWS[3] + k], work[ROWS[4] + k], work[ROWS[5] + k] = p[3] + y * f, p[4] + y * g, p[5] + y * h
+        work[ROWS[6] + k], work[ROWS[7] + k], work[ROWS[8] + k] = p[6] + z * f, p[7] + z * g, p[8] + z * h
+    if not wanted:
+        return
+    neo_hookean.energies_in_block(work, mu, lame)
+    for k in range(_W):
+        stretch = work[_STRETCH + k]
+        short = min(max(stretch - 1.0, -ACTIVE_RANGE), ACTIVE_RANGE)
+        squared = max(stretch, 1.0) ** 2 - 1.0
+        growth = work[_GROWTH + k] / m2 if m2 > 0.0 else squared
+        work[ROWS[ENERGY] + k] += 0.5 * m1 * (growth - squared)
+        work[ROWS[ACTIVE] + k] = strongest * (short - 4.0 / 3.0 * short**3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +169,8 @@ class Muscle(NeoHookean):
         If a value is out of its range or not finite.
     """
 
+    compiled = compiled(point, block)
+
     sigma_max: float = 0.0
     m1: float = 0.0
     m2: float = 0.0
@@ -75,9 +201,19 @@ class Muscle(NeoHookean):
         object.__setattr__(self, "fibre", fibre / length)
 
     @property
-    def parameters(self) -> Array:
-        """``mu, lame, sigma_max, m1, m2`` as `point_stress` takes them, shape ``(5,)``."""
-        return np.array([self.mu, self.lame, self.sigma_max, self.m1, self.m2])
+    def constants(self) -> Array:
+        """``mu, lame``, active stress, ``m1, m2``."""
+        return np.array([self.mu, self.lame, self.activation * self.sigma_max, self.m1, self.m2])
+
+    @property
+    def modulus(self) -> float:
+        """Modulus of pressure waves along passive fibres that are just taut, force / area."""
+        return super().modulus + 2.0 * self.m1 * self.m2
+
+    @property
+    def activation_work(self) -> float:
+        """The work of active fibres over the whole range of their stretch, per volume: 2/3 of their stress."""
+        return 2.0 / 3.0 * self.activation * self.sigma_max
 
     def at(self, factor: float) -> Self:
         """Return the law at a load factor: ``factor`` times the activation."""
@@ -92,98 +228,30 @@ class Muscle(NeoHookean):
         """Return the law with the rod's tangents ``(..., 3)`` for fibres, if that is what ``fibre`` asks for."""
         return replace(self, fibre=tangent) if self.follows else self
 
-    def energy(self, F: Array) -> Array:
-        """Return the stored energy per reference volume, shape ``F.shape[:-2]``."""
-        stretch = np.sqrt(np.sum(np.einsum("...aA,...A->...a", F, self._fibres(F)) ** 2, axis=-1))
-        short = np.clip(stretch - 1.0, -ACTIVE_RANGE, ACTIVE_RANGE)
-        active = self.activation * self.sigma_max * (short - 4.0 / 3.0 * short**3)
-        squared = np.maximum(stretch, 1.0) ** 2 - 1.0
-        # m1/2 times the integral of exp(m2 x) - 1 over x.
-        growth = np.expm1(self.m2 * squared) / self.m2 if self.m2 > 0.0 else squared
-        return super().energy(F) + active + 0.5 * self.m1 * (growth - squared)
-
-    def stress(self, F: Array) -> Array:
-        """Return ``P = P_matrix + T(lambda) n f^T``, ``n = F f / lambda``, ``T = dW/dlambda``; shape of ``F``."""
-        return _stress(flat(F), self.parameters, self._fibres(F).reshape(-1, 3), self.activation).reshape(F.shape)
+    def fibres(self, shape: tuple[int, ...]) -> Array:
+        """Return the unit vectors along the fibres at points of some shape, shape ``(*shape, 3)``."""
+        if isinstance(self.fibre, str):
+            raise InputError("fibre direction 'tangent': only a body knows its rod's centre line; give the law to one")
+        return np.array(np.broadcast_to(np.asarray(self.fibre), (*shape, 3)), order="C")
 
     def tangent(self, F: Array) -> Array:
         """Return ``A_matrix + (T' n_a n_b + T/lambda (d_ab - n_a n_b)) f_A f_B``, shape ``F.shape + (3, 3)``."""
         moduli = super().tangent(F)
-        _add_fibres(
-            moduli.reshape(-1, 3, 3, 3, 3), flat(F), self.parameters, self._fibres(F).reshape(-1, 3), self.activation
-        )
+        fibres = self.fibres(F.shape[:-2]).reshape(-1, 3)
+        _add_moduli(moduli.reshape(-1, 3, 3, 3, 3), flat(F), self.constants, fibres)
         return moduli
 
-    def _fibres(self, F: Array) -> Array:
-        if isinstance(self.fibre, str):
-            raise InputError("fibre direction 'tangent': only a body knows its rod's centre line; give the law to one")
-        return np.array(np.broadcast_to(np.asarray(self.fibre), F.shape[:-1]), order="C")
+    def discrete(self, F: Array, change: Array, wanted: bool = True) -> tuple[Array, Array | None]:
+        """Add ``2 (dw / d lambda^2) f f^T`` of the fibres, with a difference quotient, to the matrix's ``S``."""
+        stress, moduli = super().discrete(F, change, wanted)
+        fibres = self.fibres(F.shape[:-2]).reshape(-1, 3)
+        rows = np.empty((0, 3, 3, 3, 3)) if moduli is None else moduli.reshape(-1, 3, 3, 3, 3)
+        _add_discrete(flat(F), flat(change), self.constants, fibres, stress.reshape(-1, 3, 3), rows)
+        return stress, moduli
 
 
-@njit(types.UniTuple(f8, 2)(f8, F1, f8), **STRICT)
-def fibre_tension(stretch: float, parameters: Array, activation: float) -> tuple[float, float]:
-    """Return ``T = dW/dlambda`` of active and passive fibres (eqs. 18, 19) and ``dT/dlambda``."""
-    tension = 0.0
-    slope = 0.0
-    short = stretch - 1.0
-    if abs(short) < ACTIVE_RANGE:
-        active = activation * parameters[2]
-        tension = active * (1.0 - 4.0 * short * short)
-        slope = -8.0 * active * short
-    if short > 0.0 and parameters[3] > 0.0:
-        m1, m2 = parameters[3], parameters[4]
-        growth = np.expm1(m2 * (stretch * stretch - 1.0))
-        tension += m1 * stretch * growth
-        slope += m1 * (growth + 2.0 * m2 * stretch * stretch * (growth + 1.0))
-    return tension, slope
-
-
-@njit(f8(F2, F1, F1, f8, F2), **STRICT)
-def point_stress(F: Array, parameters: Array, fibre: Array, activation: float, out: Array) -> float:
-    """Write the first Piola-Kirchhoff stress at one point into ``out`` and return ``det F``.
-
-    Parameters
-    ----------
-    F, out
-        Shape ``(3, 3)``; ``out`` is NaN where ``det F <= 0``.
-    parameters
-        ``mu, lame, sigma_max, m1, m2``; without fibres (neo-Hookean) ``sigma_max = m1 = 0``.
-    fibre
-        Unit vector; not read without fibres.
-    """
-    det = cofactors(F, out)
-    mu, lame = parameters[0], parameters[1]
-    factor = (lame * np.log(det) - mu) / det if det > 0.0 else np.nan
-    for a in range(3):
-        for A in range(3):
-            out[a, A] = mu * F[a, A] + factor * out[a, A]
-    if parameters[2] > 0.0 or parameters[3] > 0.0:
-        f0, f1, f2 = fibre[0], fibre[1], fibre[2]
-        n0 = F[0, 0] * f0 + F[0, 1] * f1 + F[0, 2] * f2
-        n1 = F[1, 0] * f0 + F[1, 1] * f1 + F[1, 2] * f2
-        n2 = F[2, 0] * f0 + F[2, 1] * f1 + F[2, 2] * f2
-        stretch = np.sqrt(n0 * n0 + n1 * n1 + n2 * n2)
-        tension, _ = fibre_tension(stretch, parameters, activation)
-        n0 *= tension / stretch
-        n1 *= tension / stretch
-        n2 *= tension / stretch
-        for A in range(3):
-            out[0, A] += n0 * fibre[A]
-            out[1, A] += n1 * fibre[A]
-            out[2, A] += n2 * fibre[A]
-    return det
-
-
-@njit(F3(F3, F1, F2, f8), **STRICT)
-def _stress(F: Array, parameters: Array, fibres: Array, activation: float) -> Array:
-    result = np.empty_like(F)
-    for m in range(F.shape[0]):
-        point_stress(F[m], parameters, fibres[m], activation, result[m])
-    return result
-
-
-@njit(void(F5, F3, F1, F2, f8), **STRICT)
-def _add_fibres(moduli: Array, F: Array, parameters: Array, fibres: Array, activation: float) -> None:
+@njit(void(F5, F3, F1, F2), **STRICT)
+def _add_moduli(moduli: Array, F: Array, constants: Array, fibres: Array) -> None:
     n = np.empty(3)
     for m in range(F.shape[0]):
         square = 0.0
@@ -191,7 +259,7 @@ def _add_fibres(moduli: Array, F: Array, parameters: Array, fibres: Array, activ
             n[a] = F[m, a, 0] * fibres[m, 0] + F[m, a, 1] * fibres[m, 1] + F[m, a, 2] * fibres[m, 2]
             square += n[a] * n[a]
         stretch = np.sqrt(square)
-        tension, slope = fibre_tension(stretch, parameters, activation)
+        tension, slope = fibre_tension(stretch, constants, 1.0)
         across = tension / stretch
         along = (slope - across) / square
         for a in range(3):
@@ -202,3 +270,89 @@ def _add_fibres(moduli: Array, F: Array, parameters: Array, fibres: Array, activ
                 for A in range(3):
                     for B in range(3):
                         moduli[m, a, A, b, B] += x * fibres[m, A] * fibres[m, B]
+
+
+@njit(types.UniTuple(f8, 2)(f8), **STRICT)
+def _exp_quotient(y: float) -> tuple[float, float]:
+    """Return ``(exp(y) - 1) / y`` and its derivative."""
+    if abs(y) < neo_hookean.SERIES:
+        value = 1.0 + y * (1.0 / 2.0 + y * (1.0 / 6.0 + y * (1.0 / 24.0 + y / 120.0)))
+        return value, 1.0 / 2.0 + y * (1.0 / 3.0 + y * (1.0 / 8.0 + y * (1.0 / 30.0 + y / 144.0)))
+    value = np.expm1(y) / y
+    return value, (np.exp(y) - value) / y
+
+
+@njit(types.UniTuple(f8, 2)(f8, f8, F1), **STRICT)
+def fibre_quotient(before: float, change: float, constants: Array) -> tuple[float, float]:
+    """Return the fibre energy's difference quotient over ``c = lambda^2``, and its derivative by the ``c`` at the end.
+
+    Parameters
+    ----------
+    before, change
+        ``c`` at the start, and how much it grows.
+    constants
+        The law's.
+    """
+    after = before + change
+    first, last = np.sqrt(before), np.sqrt(after)
+    total = first + last
+    stretched = change / total
+    low, high = -ACTIVE_RANGE, ACTIVE_RANGE
+    s0, s1 = first - 1.0, last - 1.0
+    k0, k1 = min(max(s0, low), high), min(max(s1, low), high)
+    inside = 1.0 if k1 == s1 else 0.0
+    # Share of the way within the active range; the force's slope jumps at its ends.
+    share, turn = inside, 0.0
+    if (k0 != s0 or k1 != s1) and stretched != 0.0:
+        share = (k1 - k0) / stretched
+        turn = (inside - share) / stretched
+    mean = 1.0 - 4.0 / 3.0 * (k1 * k1 + k1 * k0 + k0 * k0)
+    active = constants[2]
+    value = active * share * mean / total
+    slope = active * (turn * mean - share * 4.0 / 3.0 * (2.0 * k1 + k0) * inside - share * mean / total) / total
+    slope *= 0.5 / last
+    m1, m2 = constants[3], constants[4]
+    if m1 > 0.0 and m2 > 0.0 and max(before, after) > 1.0:
+        q0, q1 = max(before - 1.0, 0.0), max(after - 1.0, 0.0)
+        inside = 1.0 if after > 1.0 else 0.0
+        share, turn = 1.0, 0.0
+        grown = change
+        if before < 1.0 or after < 1.0:
+            grown = q1 - q0
+            share = grown / change
+            turn = (inside - share) / change
+        phi, dphi = _exp_quotient(m2 * grown)
+        scale = np.exp(m2 * q0)
+        bracket = scale * phi - 1.0
+        value += 0.5 * m1 * share * bracket
+        slope += 0.5 * m1 * (turn * bracket + share * scale * dphi * m2 * inside)
+    return value, slope
+
+
+@njit(void(F3, F3, F1, F2, F3, F5), **STRICT)
+def _add_discrete(F: Array, change: Array, constants: Array, fibres: Array, stress: Array, moduli: Array) -> None:
+    """Add ``2 q (F_m f) f^T``, and to moduli, if they have points, its derivatives; ``q`` is that of `fibre_quotient`."""
+    start, end = np.empty(3), np.empty(3)
+    for m in range(F.shape[0]):
+        f = fibres[m]
+        before = grown = 0.0
+        for a in range(3):
+            start[a] = F[m, a, 0] * f[0] + F[m, a, 1] * f[1] + F[m, a, 2] * f[2]
+            h = change[m, a, 0] * f[0] + change[m, a, 1] * f[1] + change[m, a, 2] * f[2]
+            end[a] = start[a] + h
+            before += start[a] * start[a]
+            grown += (start[a] + end[a]) * h
+        value, slope = fibre_quotient(before, grown, constants)
+        for a in range(3):
+            for A in range(3):
+                stress[m, a, A] += value * (start[a] + end[a]) * f[A]
+        if moduli.shape[0] == 0:
+            continue
+        for a in range(3):
+            for b in range(3):
+                x = 2.0 * slope * (start[a] + end[a]) * end[b]
+                if a == b:
+                    x += value
+                for A in range(3):
+                    for B in range(3):
+                        moduli[m, a, A, b, B] += x * f[A] * f[B]

@@ -13,7 +13,6 @@ from isorod.errors import InputError, representable
 from isorod.material.along_rod import Laws
 from isorod.material.law import Material
 from isorod.material.linear_elastic import LinearElastic
-from isorod.material.neo_hookean import NeoHookean
 from isorod.space.space import Space, Table
 
 if TYPE_CHECKING:
@@ -153,34 +152,9 @@ class Body:
     def _tangents(self, u: Array) -> Array:
         return self.space.rod.tangents(u.ravel()).reshape(*u.shape, 3)
 
-    def parameters(self) -> Array:
-        """Return the constants of each element's law as `isorod.material.muscle.point_stress` takes them, shape ``(elements, 5)``.
-
-        Raises
-        ------
-        InputError
-            If a law is neither neo-Hookean nor muscle, or the formulation is mixed.
-        """
-        if self.formulation != "displacement":
-            raise InputError(f"formulation {self.formulation!r} is for statics alone")
-        for e, law in enumerate(self.laws):
-            if not isinstance(law, NeoHookean):
-                raise InputError(f"material of element {e}: got {type(law).__name__}, need NeoHookean or Muscle here")
-        return np.array([law.parameters for law in self.laws if isinstance(law, NeoHookean)])
-
     def fibres(self, table: Table) -> Array:
         """Return the unit fibre directions at the quadrature points, shape ``(E, t, q, 3)``; zero where the law has none."""
         result = np.zeros((*table.weights.shape, 3))
         for law, first, last in self.laws_at(table.u).runs:
-            result[first:last] = getattr(law, "fibre", 0.0)
+            result[first:last] = law.fibres(result[first:last].shape[:-1])
         return result
-
-
-def element_laws(body: Body, index: int) -> Array:
-    """Return `isorod.model.body.Body.parameters` of a body with its fibres' stress at their final activation, shape ``(elements, 5)``."""
-    try:
-        laws = body.parameters()
-    except InputError as problem:
-        raise InputError(f"body {index}: {problem}") from None
-    laws[:, 2] *= [getattr(law, "activation", 0.0) for law in body.laws]
-    return laws

@@ -9,9 +9,9 @@ near-incompressible bodies is far slower.  A step ``dt`` longer than the critica
 grows with the wave number, in proportion to stiffness (Olovsson, Simonsson & Unosson, Int. J. Numer. Meth. Engng 63
 (2005) 1436-1445),
 
-    M = M0 + s G,    G = int E grad S . grad S dV,    E = lambda + 2 mu + 2 m1 m2,    s = SAFETY (dt^2 - t0^2) / 4,
+    M = M0 + s G,    G = int E grad S . grad S dV,    s = SAFETY (dt^2 - t0^2) / 4,
 
-the last term of ``E`` that of passive fibres.  Translations keep their mass exactly; the error of slow motions is of
+``E`` the modulus of pressure waves (`isorod.material.law.Material.modulus`).  Translations keep their mass exactly; the error of slow motions is of
 second order in the step.  It is largest where sections turn about the axis: ``G`` cannot tell that from swelling.  In
 the biceps, at six critical steps, stiff thin tendons that turn get 1.5 times their inertia more, the muscle 3 %; of the
 contracted muscle's frequencies below 300 Hz those of twisting fall by 2 to 16 %, all others by 1.5 % in the mean and 5
@@ -130,12 +130,10 @@ class Mass:
 def _matrices(body: Body) -> tuple[csr_matrix, csr_matrix, float]:
     """Return ``M0`` and ``G`` of a body, shape ``(nodes, nodes)``, and the ``s`` that first doubles the inertia of a section that turns."""
     space = body.space
-    parameters = body.parameters()
     masses, stiffnesses, longest = [], [], np.inf
     for e in range(space.axis.elements):
         table = space.tabulate(e, e + 1)
-        mu, lame, _, m1, m2 = parameters[e]
-        modulus, density = lame + 2.0 * mu + 2.0 * m1 * m2, body.densities[e]
+        modulus, density = body.laws[e].modulus, body.densities[e]
         functions = table.axial.shape[2] * table.section.shape[2]
         masses.append(
             element_kernel.mass(table.section, table.axial, density * table.weights).reshape(functions, functions)

@@ -1,23 +1,34 @@
 """The mesh as explicit steps see it: elements' points and constants, packed."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from numba import types
+from numba import from_dtype, types
 from numpy.typing import NDArray
 
 from isorod.arrays import Array, Index
-from isorod.compiled import F1, F2, U2
-from isorod.model.body import element_laws
+from isorod.compiled import F1, U2
+from isorod.errors import InputError
+from isorod.material.law import Material
+from isorod.material.point_kernel import POINTS
+from isorod.model.body import Body
 from isorod.model.model import Model
 
-# Points in a block: half of those in a section of order 2 with 8 control points.  Measured: blocks of 16 or less are
-# unrolled before they are vectorised, and three times slower, those of 24 in part.
-POINTS = 32
+# Rows of a block's geometry: the inverse Jacobian (9), the volume, and the fibre (3).
+GEOMETRY = 13
 
-# Rows of a block's geometry: the inverse Jacobian (9), the volume, the fibre (3), and the fibre seen from the disk x
-# axis (3).
-GEOMETRY = 16
+# Of an element: section functions, blocks in the section, points and functions along the axis; where its rows begin in
+# ``sections``, ``axial`` and ``geometry``, and its law's constants and their number; the addresses of its law's
+# functions (`isorod.material.point_kernel`).
+ELEMENT = np.dtype(
+    [
+        (name, np.uint64)
+        for name in (
+            *("functions", "blocks", "points", "along", "sections", "axial", "geometry"),
+            *("constants", "count", "point", "block"),
+        )
+    ]
+)
 
 
 class Mesh(NamedTuple):
@@ -26,8 +37,7 @@ class Mesh(NamedTuple):
     Attributes
     ----------
     elements
-        ``n`` (section functions), blocks in the section, points along the axis, axis functions, and where the element's
-        rows begin in ``sections``, ``axial`` and ``geometry``; shape ``(E, 7)``.
+        ``ELEMENT`` records, shape ``(E,)``.
     layers
         Where each layer of an element begins in a state vector, shape ``(E, l)``.
     sections
@@ -36,19 +46,19 @@ class Mesh(NamedTuple):
         For each element and point along it: ``R`` of each axis function, then ``dR/du``.
     geometry
         For each element, point along it and block: ``GEOMETRY`` rows.
-    laws
-        ``mu, lame``, active fibre stress at full activation, ``m1, m2``; shape ``(E, 5)``.
+    constants
+        Those of all elements' laws.
     """
 
-    elements: NDArray[np.uint64]
+    elements: NDArray[Any]
     layers: NDArray[np.uint64]
     sections: Array
     axial: Array
     geometry: Array
-    laws: Array
+    constants: Array
 
 
-MESH = types.NamedTuple([U2, U2, F1, F1, F1, F2], Mesh)
+MESH = types.NamedTuple([types.Array(from_dtype(ELEMENT), 1, "C"), U2, F1, F1, F1, F1], Mesh)
 
 
 def order(model: Model) -> Index:
@@ -67,45 +77,63 @@ def pack(model: Model) -> Mesh:
     Raises
     ------
     InputError
-        If a law is neither neo-Hookean nor muscle.
+        If a law has no compiled functions, or a body is mixed.
     """
-    elements, layers, laws = [], [], []
+    elements, layers = [], []
     sections: list[Array] = []
     axial: list[Array] = []
     geometry: list[Array] = []
+    constants: list[Array] = []
     longest = max(body.space.axis.degree for body in model.bodies) + 1
     for index, (body, first) in enumerate(zip(model.bodies, model.first_node[:-1], strict=True)):
         space = body.space
         table = space.tabulate(0, space.axis.elements)
-        points = table.section.shape[0]
-        blocks = -(-points // POINTS)
-        along, functions = table.axial.shape[1:]
-        rows = np.zeros((space.axis.elements, 7), dtype=np.uint64)
-        rows[:, :4] = space.layer_nodes, blocks, along, functions
+        blocks = -(-table.section.shape[0] // POINTS)
+        points, functions = table.axial.shape[1:]
         each = np.arange(space.axis.elements)
-        rows[:, 4] = sum(part.size for part in sections)
-        rows[:, 5] = sum(part.size for part in axial) + each * (2 * along * functions)
-        rows[:, 6] = sum(part.size for part in geometry) + each * (along * blocks * GEOMETRY * POINTS)
+        rows = np.zeros(space.axis.elements, ELEMENT)
+        rows["functions"], rows["blocks"], rows["points"], rows["along"] = space.layer_nodes, blocks, points, functions
+        rows["sections"] = _size(sections)
+        rows["axial"] = _size(axial) + each * (2 * points * functions)
+        rows["geometry"] = _size(geometry) + each * (points * blocks * GEOMETRY * POINTS)
+        for e, law in enumerate(_compiled_laws(body, index)):
+            rows["constants"][e], rows["count"][e] = _size(constants), law.constants.size
+            rows["point"][e], rows["block"][e] = law.compiled or (0, 0)
+            constants.append(law.constants)
         elements.append(rows)
         layer = np.zeros((space.axis.elements, longest), dtype=np.uint64)
         layer[:, :functions] = 3 * (first + space.layer_nodes * space.element_layers)
         layers.append(layer)
         sections.append(_blocks(table.section.transpose(2, 1, 0)).transpose(2, 0, 1, 3).ravel())
         axial.append(np.stack([table.axial, table.slopes], axis=2).ravel())
-        fibres = body.fibres(table)
-        inside = np.einsum("etqdA,etqA->etqd", table.inverse, fibres)
-        flat = table.inverse.reshape(*table.weights.shape, 9)
-        values = np.concatenate([flat, table.weights[..., None], fibres, inside], axis=-1)
+        inverses = table.inverse.reshape(*table.weights.shape, 9)
+        values = np.concatenate([inverses, table.weights[..., None], body.fibres(table)], axis=-1)
         geometry.append(_blocks(np.moveaxis(values, -1, 2)).swapaxes(2, 3).ravel())
-        laws.append(element_laws(body, index))
     return Mesh(
         elements=np.concatenate(elements),
         layers=np.concatenate(layers),
         sections=np.concatenate(sections),
         axial=np.concatenate(axial),
         geometry=np.concatenate(geometry),
-        laws=np.concatenate(laws),
+        constants=np.concatenate(constants),
     )
+
+
+def _compiled_laws(body: Body, index: int) -> tuple[Material, ...]:
+    """Return the laws of a body's elements; raise `InputError` if one cannot move in time."""
+    if body.formulation != "displacement":
+        raise InputError(f"body {index}: formulation {body.formulation!r} is for statics alone")
+    for e, law in enumerate(body.laws):
+        if law.compiled is None:
+            raise InputError(
+                f"body {index}: material of element {e}: got {type(law).__name__}, dynamics needs a law with a compiled stress, as "
+                "NeoHookean"
+            )
+    return body.laws
+
+
+def _size(parts: list[Array]) -> int:
+    return sum(part.size for part in parts)
 
 
 def _blocks(values: Array) -> Array:

@@ -9,7 +9,6 @@ import numpy as np
 
 from isorod import __version__
 from isorod.arrays import Array
-from isorod.dynamics.explicit.element_kernel import energies
 from isorod.dynamics.explicit.step_kernel import BLOWN, DONE, INVERTED, LOST, Course, activation
 from isorod.dynamics.explicit.system import System
 from isorod.errors import InputError, SolveError
@@ -76,13 +75,14 @@ class Run:
         model = system.model
         # Only functions that add up to one take part in the virtual work of a translation.
         self._carried = model.is_carrier.repeat(3) * (model.free >= 0)
-        # Active fibres do at most 2/3 of their stress as work, over the whole range of their stretch.
         volumes = np.concatenate(
             [body.space.tabulate(0, body.space.axis.elements).weights.sum(axis=(1, 2)) for body in model.bodies]
         )
-        self._available = 2.0 / 3.0 * float(volumes @ system.mesh.laws[:, 2])
+        laws = [law for body in model.bodies for law in body.laws]
+        # The most work that activation can do.
+        self._available = float(volumes @ [law.activation_work for law in laws])
         # Of a body at rest, rounding of its forces may be all there is.
-        self._noise = 1e-12 * float(volumes @ system.mesh.laws[:, 0])
+        self._noise = 1e-12 * float(volumes @ [law.modulus for law in laws])
 
     def solver(self) -> dict[str, str]:
         """Return the names of the methods at work."""
@@ -219,7 +219,7 @@ class Run:
         behind = motion.velocity
         ahead = system.velocity(((1.0 - half) * motion.momenta - dt * forces) / (1.0 + half))
         velocity = 0.5 * (behind + ahead)
-        stored, active = energies(system.mesh, motion.displacement)
+        stored, active = system.energies(motion.displacement)
         # What is held resists the acceleration of its neighbours too.
         resisted = system.momenta((ahead - behind) / dt + self.damping * velocity)
         held = (forces + resisted)[motion.held]
@@ -331,8 +331,10 @@ class Run:
         """Return what a checkpoint must have in common with this run."""
         system = self.system
         digest = hashlib.sha256()
+        digest.update(" ".join(type(law).__name__ for body in system.model.bodies for law in body.laws).encode())
         for array in (
-            *system.mesh,
+            # All but the elements, which hold addresses.
+            *system.mesh[1:],
             *(body.densities for body in system.model.bodies),
             system.motion.held,
             displacement,

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from isorod.arrays import Array
 from isorod.compiled import F1, STRICT
 from isorod.dynamics.explicit.cholesky import FACTORS, Factors, solve
-from isorod.dynamics.explicit.element_kernel import energies, internal_forces
+from isorod.dynamics.explicit.element_kernel import internal_forces
 from isorod.dynamics.explicit.mesh import MESH, Mesh
 
 # Outcomes of a run of steps: done; det F <= 0; more kinetic energy than there can be; no closest point found in
@@ -89,9 +89,10 @@ def load(mesh: Mesh, motion: Motion, course: Course, k: int) -> float:
     now = activation(time, course.ramp)
     # Half of the change to the next step and half of that from the last one: the trapezoidal rule.
     change = 0.5 * (activation(time + course.step, course.ramp) - activation(time - course.step, course.ramp))
+    inverted, _, active = internal_forces(mesh, motion.displacement, now, change > 0.0, motion.forces)
     if change > 0.0:
-        motion.sums[1] += change * energies(mesh, motion.displacement)[1]
-    return internal_forces(mesh, motion.displacement, now, motion.forces)
+        motion.sums[1] += change * active
+    return inverted
 
 
 @njit(b1(MOTION, FACTORS, COURSE), **STRICT)

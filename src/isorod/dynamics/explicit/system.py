@@ -107,7 +107,7 @@ class System:
     def forces(self, displacement: Array, activation: float) -> tuple[Array, tuple[float, ...]]:
         """Return internal less contact forces, and what contact says (`isorod.dynamics.explicit.contact_step_kernel.subtract`); changes no state."""
         forces = np.empty_like(displacement)
-        if internal_forces(self.mesh, displacement, activation, forces) > 0.0:
+        if internal_forces(self.mesh, displacement, activation, False, forces)[0] > 0.0:
             forces[:] = np.nan
         if self.contact is None:
             return forces, (0.0,) * 7
@@ -117,6 +117,11 @@ class System:
         said = contact_step_kernel.subtract(self.contact, displacement, forces)
         self.starts[:] = starts
         return forces, said
+
+    def energies(self, displacement: Array) -> tuple[float, float]:
+        """Return the stored energy without activation, and what full activation adds."""
+        _, stored, active = internal_forces(self.mesh, displacement, 0.0, True, np.empty_like(displacement))
+        return stored, active
 
     def worst(self, displacement: Array) -> str:
         """Return which element is the most compressed."""

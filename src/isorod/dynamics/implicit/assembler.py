@@ -6,7 +6,7 @@ CMAME 190 (2000) 1763-1783),
     u_1 - u_0 = dt (v_0 + v_1) / 2,    M (v_1 - v_0) / dt + c M (v_0 + v_1) / 2 + f(u_0, u_1) = 0,
 
 where the internal forces ``f`` do exactly the work ``W(u_1) - W(u_0)`` on ``u_1 - u_0``
-(`isorod.dynamics.implicit.stress_kernel`).  So whatever the step, energy, momentum and angular momentum stay what they
+(`isorod.material.law.Material.discrete`).  So whatever the step, energy, momentum and angular momentum stay what they
 are but for damping, supports and activation, which is that at the middle of the step.  Contact has its forces at the
 mean of both states: they keep both momenta, and the energy to second order.
 """
@@ -21,8 +21,7 @@ from isorod.assembly.assembler import Assembler
 from isorod.assembly.exchange import Exchange
 from isorod.assembly.part import ROUNDING, Part
 from isorod.assembly.split import Share
-from isorod.dynamics.implicit.stress_kernel import contract, evaluate
-from isorod.model.body import element_laws
+from isorod.dynamics.implicit.contract_kernel import contract
 from isorod.model.model import Model
 
 if TYPE_CHECKING:
@@ -35,16 +34,13 @@ class MotionPart(Part):
     def __init__(self, share: Share, free: Index, exchange: Exchange) -> None:
         super().__init__(share, free, exchange)
         t = self.table
-        self._parameters = element_laws(share.body, share.which)[share.first : share.last]
-        self._fibres = share.body.fibres(t).reshape(t.elements, -1, 3)
-        self._weights = t.weights.reshape(t.elements, -1, 1, 1)
         # Derivatives along and across of all functions of an element, then by place: (E, t q, 3, l n).
         plane = np.einsum("etj,qdi->etqdji", t.axial, t.section[:, :2])
         axis = np.einsum("etj,qi->etqji", t.slopes, t.section[:, 2])[:, :, :, None]
         derivatives = np.concatenate([plane, axis], axis=3).reshape(*t.weights.shape, 3, -1)
         gradient = np.swapaxes(t.inverse, -1, -2) @ derivatives
         self._gradient = gradient.reshape(t.elements, -1, *gradient.shape[-2:])
-        self._start = np.empty((t.elements, self._gradient.shape[1], 3, 3))
+        self._start = np.empty((*t.weights.shape, 3, 3))
         self.inertia = 0.0
 
     def begin(self, displacement: Array) -> None:
@@ -53,35 +49,27 @@ class MotionPart(Part):
         self._start += np.eye(3)
 
     def _changes(self, local: Array) -> Array:
-        """Return the displacement gradients, shape ``(E, t q, 3, 3)``."""
-        elements, points, _, functions = self._gradient.shape
+        """Return the displacement gradients, shape ``(E, t, q, 3, 3)``."""
+        elements, _, _, functions = self._gradient.shape
         changes = self._gradient.reshape(elements, -1, functions) @ local[self.dofs].reshape(elements, functions, 3)
-        return np.ascontiguousarray(np.swapaxes(changes.reshape(elements, points, 3, 3), -1, -2))
-
-    def _evaluate(self, local: Array, factor: float, wanted: bool) -> tuple[Array, Array]:
-        changes = self._changes(local)
-        stress = np.empty_like(changes)
-        moduli = np.empty((*changes.shape, 3, 3) if wanted else (changes.shape[0], 0, 3, 3, 3, 3))
-        for e, row in enumerate(self._parameters):
-            evaluate(self._start[e], changes[e], row, self._fibres[e], factor, stress[e], moduli[e])
-        return stress, moduli
+        return np.ascontiguousarray(np.swapaxes(changes.reshape(self._start.shape), -1, -2))
 
     def forces(self, local: Array, factor: float) -> Array:
         """Return the internal forces of the change ``local`` of the displacement, shape of ``dofs``."""
-        stress, _ = self._evaluate(local, factor, False)
+        stress, _ = self.laws.at(factor).discrete(self._start, self._changes(local), False)
         elements, _, _, functions = self._gradient.shape
-        stress = np.swapaxes(self._weights * stress, -1, -2).reshape(elements, -1, 3)
+        stress = np.swapaxes(self.table.weights[..., None, None] * stress, -1, -2).reshape(elements, -1, 3)
         rows = self._gradient.reshape(elements, -1, functions)
         return (np.swapaxes(rows, -1, -2) @ stress).reshape(self.dofs.shape)
 
     def matrices(self, local: Array, factor: float) -> Array:
         """Return the derivatives of internal and inertial forces, shape ``(E, l n 3, l n 3)``; they are not symmetric."""
-        _, moduli = self._evaluate(local, factor, True)
+        _, moduli = self.laws.at(factor).discrete(self._start, self._changes(local), True)
         elements, points, _, functions = self._gradient.shape
         result = np.empty((elements, functions, 3, functions, 3))
         right = np.empty((points, 3, 9, functions))
         for e in range(elements):
-            contract(self._weights[e].ravel(), moduli[e], self._gradient[e], right)
+            contract(self.table.weights[e].ravel(), moduli[e].reshape(-1, 3, 3, 3, 3), self._gradient[e], right)
             block = self._gradient[e].reshape(-1, functions).T @ right.reshape(3 * points, -1)
             result[e] = block.reshape(functions, 3, 3, functions).swapaxes(2, 3)
         for a in range(3):

@@ -7,7 +7,6 @@ import numpy as np
 from petsc4py import PETSc
 
 from isorod.arrays import Array
-from isorod.dynamics.explicit.element_kernel import energies
 from isorod.dynamics.explicit.run import IMBALANCE, Run
 from isorod.dynamics.explicit.step_kernel import activation
 from isorod.dynamics.explicit.system import System
@@ -45,7 +44,7 @@ class ImplicitRun(Run):
         self.cuts = 0
         # Contact is counted by who started the run.
         self.built = ["tangent", "mass"]
-        self._active = bool((system.mesh.laws[:, 2] > 0.0).any())
+        self._active = self._available > 0.0
         self._inertia = PETSc.KSP().create(PETSc.COMM_SELF)
         self._inertia.setOperators(self.assembler.mass())
         self._inertia.setType("preonly")
@@ -100,7 +99,7 @@ class ImplicitRun(Run):
         if self.assembler.contact is not None:
             pushed = self.assembler.contact.forces(change)[0] * self._carried
             motion.sums[2:] += dt * pushed.reshape(-1, 3).sum(axis=0)
-        before = energies(system.mesh, motion.displacement)[1] if self._active else 0.0
+        before = system.energies(motion.displacement)[1] if self._active else 0.0
         mean = change / dt
         motion.sums[0] += dt * self.damping * float(mean @ self.assembler.momenta(mean))
         motion.displacement[places] = displacement + change
@@ -108,7 +107,7 @@ class ImplicitRun(Run):
         after[held] = 0.0
         motion.velocity[places] = after
         if self._active:
-            motion.sums[1] -= level * (energies(system.mesh, motion.displacement)[1] - before)
+            motion.sums[1] -= level * (system.energies(motion.displacement)[1] - before)
         self.taken += 1
 
     def _measure(self) -> dict[str, Any]:
@@ -134,7 +133,7 @@ class ImplicitRun(Run):
             "contact_area": area,
             "penetration": max(0.0, -deepest),
             "kinetic": 0.5 * float(velocity @ momenta),
-            "stored": energies(system.mesh, motion.displacement)[0],
+            "stored": system.energies(motion.displacement)[0],
             "contact_energy": contact_energy,
             "added_kinetic": 0.0,
             "muscle_work": motion.sums[1],

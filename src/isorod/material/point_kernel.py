@@ -1,0 +1,118 @@
+"""A law's compiled functions: what they are given, how compiled loops call them, and the loops over points.
+
+A law has one compiled function of a point (``POINT``), and may have one of a block of points (``BLOCK``), which does the
+same faster.  Loops that know no law find them by their addresses, which plain arrays can hold: such loops stay in
+Numba's cache on disk, whatever laws there are.
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from llvmlite import ir
+from numba import b1, f8, njit, types, u8, void
+from numba.core import cgutils
+from numba.extending import intrinsic
+
+from isorod.arrays import Array
+from isorod.compiled import F1, F2, F3, FAST, STRICT
+
+# Points in a block: half of those in a section of order 2 with 8 control points.  Measured: blocks of 16 or less are
+# unrolled before they are vectorised, and three times slower, those of 24 in part.
+POINTS = 32
+
+# Rows of the work space of a block, ``POINTS`` numbers each: the stress P (9) that a law writes, F (9) and det F, the
+# fibre (3), the energy density and its derivative by the activation that a law writes if asked for, and what it may
+# use.
+STRESS, GRADIENT, DETERMINANT, FIBRE, ENERGY, ACTIVE, FREE = 0, 9, 18, 19, 22, 23, 24
+WORK = FREE + 6
+
+# Where each row begins.  Unsigned, as all indices into the work space: only then does the compiler see that rows do not
+# overlap.
+ROWS = tuple(np.uint64(POINTS * k) for k in range(WORK))
+
+POINT = types.UniTuple(f8, 2)(F2, F1, F1, f8, F2)
+"""``(F, constants, fibre, activation, stress)``: fills ``stress``, the first Piola-Kirchhoff one, shape ``(3, 3)`` as ``F``,
+with NaN where ``F`` cannot be, and returns the energy per reference volume without activation and what full activation
+adds.  ``activation`` is the share of the law's own, and energy and stress are linear in it."""
+
+BLOCK = void(F1, F1, f8, b1)
+"""``(work, constants, activation, wanted)``: fills the rows of the stress, and of the energies if ``wanted``."""
+
+
+class Compiled(NamedTuple):
+    """The addresses of a law's compiled functions; ``block`` is zero where it has none."""
+
+    point: int
+    block: int = 0
+
+
+_kept: list[Any] = []
+
+
+def compiled(point: Any, block: Any = None) -> Compiled:
+    """Return the addresses of a law's ``POINT`` and ``BLOCK`` functions, made by `numba.njit`."""
+    return Compiled(_address(point, POINT), 0 if block is None else _address(block, BLOCK))
+
+
+def _address(function: Any, signature: Any) -> int:
+    # The code lives as long as what holds it.
+    _kept.append(function)
+    result = function.get_compile_result(signature)
+    return int(result.library.get_pointer_to_function(result.fndesc.llvm_cfunc_wrapper_name))
+
+
+def _caller(signature: Any) -> Callable[..., Any]:
+    """Return what compiled code calls a function of this signature with: ``(address, arguments)``."""
+
+    def build(context: Any, builder: Any, _: Any, values: Any) -> Any:
+        kinds = [context.get_value_type(kind) for kind in signature.args]
+        kind = ir.FunctionType(context.get_value_type(signature.return_type), kinds)
+        function = builder.inttoptr(values[0], kind.as_pointer())
+        return builder.call(function, cgutils.unpack_tuple(builder, values[1]))
+
+    @intrinsic  # type: ignore[misc]
+    def call(typing: Any, address: Any, arguments: Any) -> Any:
+        return signature.return_type(u8, types.Tuple(signature.args)), build
+
+    return call  # type: ignore[no-any-return]
+
+
+call_point, call_block = _caller(POINT), _caller(BLOCK)
+
+
+@njit(void(u8, F3, F1, F2, F2, F3), **STRICT)
+def at_points(point: int, F: Array, constants: Array, fibres: Array, energy: Array, stress: Array) -> None:
+    """Fill in energies ``(points, 2)`` and stresses ``(points, 3, 3)`` at full activation.
+
+    Parameters
+    ----------
+    point
+        Address of the law's function.
+    F, fibres
+        Deformation gradients ``(points, 3, 3)`` and unit vectors ``(points, 3)``.
+    constants
+        The law's, any shape ``(c,)``.
+    """
+    for m in range(F.shape[0]):
+        energy[m, 0], energy[m, 1] = call_point(point, (F[m], constants, fibres[m], 1.0, stress[m]))
+
+
+@njit(void(u8, F1, F1, f8, F2, F2, F1), **FAST)
+def by_points(
+    point: int, work: Array, constants: Array, activation: float, F: Array, stress: Array, fibre: Array
+) -> None:
+    """Fill the rows of stress and energies of a block, point by point: for laws without a ``BLOCK`` function.
+
+    ``F``, ``stress`` and ``fibre`` are work space, shapes ``(3, 3)``, ``(3, 3)``, ``(3,)``.
+    """
+    for k in range(np.uint64(POINTS)):
+        for a in range(3):
+            fibre[a] = work[ROWS[FIBRE] + np.uint64(POINTS * a) + k]
+            for A in range(3):
+                F[a, A] = work[ROWS[GRADIENT] + np.uint64(POINTS * (3 * a + A)) + k]
+        rest, active = call_point(point, (F, constants, fibre, activation, stress))
+        work[ROWS[ENERGY] + k], work[ROWS[ACTIVE] + k] = rest, active
+        for a in range(3):
+            for A in range(3):
+                work[np.uint64(POINTS * (3 * a + A)) + k] = stress[a, A]
