@@ -5,6 +5,8 @@ reference surface: the same continuous problem as `isorod.contact`.  Everything 
 nothing here knows dolfinx.
 """
 
+from typing import Any, TypeVar
+
 import numpy as np
 from scipy import sparse
 from scipy.spatial import cKDTree
@@ -13,6 +15,8 @@ from comparisons.fem.biceps import contact_kernel
 from comparisons.fem.biceps.contact_kernel import Closest, Facet, Points, Pressing, Surface
 from isorod.errors import InputError
 from meshes.mesh import Array, Index, Mesh
+
+Table = TypeVar("Table", Points, Closest)
 
 
 class _Side:
@@ -53,7 +57,7 @@ class _Side:
     def stiffness(self, nodes: Array, penalty: float) -> tuple[Index, Array]:
         """Return the unknowns ``(m, 3 n)`` of each point in contact and its second derivative ``(m, 3 n, 3 n)``."""
         (active,) = np.nonzero(self.found.gap < 0.0)
-        points, found = _take(self.kept, active), Closest(*(one[active] for one in self.found))
+        points, found = _take(self.kept, active), _take(self.found, active)
         n = points.supports.shape[1] + self.surface.facets.shape[1]
         numbers = np.empty((len(active), n), dtype=np.int64)
         blocks = np.empty((len(active), 3 * n, 3 * n))
@@ -61,8 +65,10 @@ class _Side:
         return (3 * numbers[:, :, None] + np.arange(3)).reshape(len(active), 3 * n), blocks
 
 
-def _take(points: Points, which: Index) -> Points:
-    return Points(*(np.ascontiguousarray(one[which]) for one in points))
+def _take(tables: Table, which: Index) -> Table:
+    """Return some rows of each of the arrays."""
+    rows: Any = (one[which] for one in tables)
+    return type(tables)(*rows)
 
 
 def _facet_of(mesh: Mesh) -> Facet:
