@@ -4,13 +4,13 @@ import sys
 from collections.abc import Sequence
 from importlib import import_module
 
+from comparisons import STUDIES
 from comparisons.measure.study import LEVELS, Run
 from comparisons.stability import CASES
 from isorod.command.parser import Parser
 from isorod.errors import InputError, SolveError
 from isorod.output import results
 
-STUDIES = ("spring", "blade", "biceps", "stability")
 # What the main job runs.
 VERIFIED = ("spring", "blade")
 COMMANDS = (*STUDIES, "verify", "report")
@@ -53,12 +53,12 @@ def _main(arguments: Sequence[str]) -> int:
             run = Run(study, level, folder)
             import_module(f"comparisons.{study}").run(run, *([found.case] if found.case else []))
             run.record("end", {})
-    from comparisons.report import page as report
+    from comparisons.report import page
 
-    page = report.write(folder)
-    for line in report.summary(folder):
+    path = page.write(folder)
+    for line in page.summary(folder):
         print(line)
-    print(f"report: {page}")
+    print(f"report: {path}")
     return 0
 
 

@@ -17,8 +17,7 @@ from mpi4py import MPI
 from scipy.integrate import trapezoid
 
 from comparisons.fem import compat
-from comparisons.fem.biceps import dynamics, run
-from comparisons.fem.biceps import statics as pressed
+from comparisons.fem.biceps import dynamics, run, statics
 from comparisons.fem.biceps.branches import Branches
 from comparisons.fem.biceps.contact import Contact
 from comparisons.fem.biceps.run import Configuration, belly_bulge
@@ -280,9 +279,9 @@ def test_file_has_the_fields_of_every_sample(tmp_path):
 
 def test_fibres_along_the_branch():
     branches, contact, _ = branches_of(2, fibre="tangent", penalty=100.0)
-    found = pressed.solve(branches, contact, 0.1)
+    found = statics.solve(branches, contact, 0.1)
     straight, other, _ = branches_of(2, penalty=100.0)
-    reference = pressed.solve(straight, other, 0.1)
+    reference = statics.solve(straight, other, 0.1)
     # The branches lean by some degrees: nearly, but not quite the same.
     assert 1e-4 < np.abs(found.reactions / reference.reactions - 1.0)[:, 1].max() < 0.1
 
@@ -319,7 +318,7 @@ def test_motion_comes_to_rest_at_the_equilibrium():
     motion = dynamics.solve(branches, contact, scene.density, [0.05], lambda time: min(1.0, time / 5e-3), 800.0)
     last = motion.samples[-1]
     other, again, _ = branches_of(1, nu=0.3)
-    rest = pressed.solve(other, again)
+    rest = statics.solve(other, again)
     assert last.reactions[:, 1] == pytest.approx(rest.reactions[:, 1], rel=1e-3)
     assert belly_bulge(branches.source, last.positions) == pytest.approx(
         belly_bulge(other.source, rest.positions), rel=1e-2

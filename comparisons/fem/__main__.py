@@ -8,9 +8,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, NoReturn
 
-from comparisons.fem.presets import biceps as biceps_presets
-from comparisons.fem.presets import blade as blade_presets
-from comparisons.fem.presets import spring as presets
+from comparisons.fem import presets
 from comparisons.fem.quadrature import RULES
 from isorod import options
 from isorod.command.parser import split
@@ -19,7 +17,7 @@ from isorod.output import results
 from isorod.scenes.biceps import Biceps
 from meshes import biceps, blade, spring
 
-PRESETS = {"spring": presets.PRESETS, "blade": blade_presets.PRESETS, "biceps": biceps_presets.PRESETS}
+PRESETS = {name: import_module(f"{presets.__name__}.{name}").PRESETS for name in ("spring", "blade", "biceps")}
 
 # Where each scene's Configuration and run() are.
 RUNS = {"spring": "spring", "blade": "blade", "biceps": "biceps.run"}

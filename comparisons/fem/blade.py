@@ -1,7 +1,6 @@
 """The blade of Lu & Zhou (2011), section 4.3, in dolfinx, and the record of a run."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -12,7 +11,6 @@ from comparisons.fem import runs
 from comparisons.fem.domain import Domain
 from comparisons.fem.modal import DIRECT, Modes, Settings, Solid, solve
 from comparisons.fem.mode_shapes import save
-from comparisons.fem.statics import FAST, Element
 from isorod.errors import InputError
 from isorod.scenes.blade import Blade
 from meshes import blade
@@ -20,59 +18,35 @@ from meshes.mesh import Mesh
 
 
 @dataclass(frozen=True)
-class Configuration:
+class Configuration(runs.Configuration):
     """A mesh of the blade, an element on it, and how the equations are solved.
 
     Parameters
     ----------
-    cells, along, across, layers, order, grading, clustering
-        See `meshes.blade.build`; ``order`` None means the order that fits the element.
-    degree, quadrature, family
-        See `comparisons.fem.statics.Element`.
+    along, across, layers, grading, clustering
+        See `meshes.blade.build`.
     modes
         Number of modes.
-    solver
-        PETSc and SLEPc options; the user's own win.
-    matrix
-        PETSc type of the stiffness matrix, see `comparisons.fem.modal.solve`.
-    flags
-        C compiler flags of the forms.
+
+    Others see `comparisons.fem.runs.Configuration`.
     """
 
-    cells: str = "bricks"
     along: int = 6
     across: int = 1
     layers: int = 12
-    order: int | None = None
     grading: float = 1.0
     clustering: float = 1.0
-    degree: int = 2
-    quadrature: int | str | None = None
-    family: str = "Lagrange"
     modes: int = 10
-    solver: Mapping[str, object] | None = None
-    matrix: str | None = None
-    flags: Sequence[str] = FAST
 
     def __post_init__(self) -> None:
         if self.modes < 1:
             raise InputError(f"modes: got {self.modes}, need at least 1")
-        bricks = self.cells != "tetrahedra"
-        runs.check_element(bricks, self.degree, self.family, self.quadrature, self.geometry_order)
+        super().__post_init__()
 
     @property
     def geometry_order(self) -> int:
-        """Order of the mesh: that of the element, 2 on tetrahedra; 1 on the paper's mesh."""
-        if self.cells == "paper":
-            return 1
-        if self.order is not None:
-            return self.order
-        return 2 if self.cells == "tetrahedra" else self.degree
-
-    @property
-    def element(self) -> Element:
-        """The displacement element."""
-        return Element(self.degree, self.quadrature, self.family)
+        """As of all scenes, but 2 on all tetrahedra."""
+        return 2 if self.cells == "tetrahedra" and self.order is None else super().geometry_order
 
     def mesh(self) -> Mesh:
         """Return the mesh."""
@@ -110,18 +84,17 @@ def run(
     """Solve ``repeat`` times in this process and return the record, the same on every rank.
 
     The last solution's mode shapes go to ``modes_file`` if one is named (see `comparisons.fem.mode_shapes.save`).
-    ``seconds`` is as in `comparisons.fem.runs.timed`; its ``check`` is the Sturm count.
+    ``seconds`` is as in `comparisons.fem.runs.measured`; its ``check`` is the Sturm count.
     """
     start = perf_counter()
     where, mesh = runs.distribute(configuration.mesh, comm)
     meshing = perf_counter() - start
-    found, every, median = runs.timed(lambda: vibrations(where, configuration), repeat, comm)
+    found, record = runs.measured(lambda: vibrations(where, configuration), repeat, comm, meshing)
     if modes_file is not None:
         save(found, mesh, modes_file)
     return {
         "scene": "blade",
         "analysis": "modal",
-        "method": "fem",
         "frequencies": found.frequencies,
         "residuals": found.residuals,
         "sturm_count": found.below,
@@ -129,17 +102,7 @@ def run(
         "unknowns": found.unknowns,
         "cells": where.cells,
         "iterations": found.iterations,
-        "seconds": {"mesh": meshing} | median,
-        "warm": repeat > 1,
-        "runs": every,
-        "options": asdict(configuration)
-        | {
-            "order": configuration.geometry_order,
-            "quadrature": configuration.element.rule(where.shape),
-            "flags": list(configuration.flags),
-        },
+        "options": configuration.options(where.shape),
         "petsc_options": found.options,
-        "ranks": comm.size,
-        "peak_memory": found.peak_memory,
-        **runs.provenance(),
+        **record,
     }

@@ -1,6 +1,6 @@
-"""Static equilibrium near and at incompressibility with dolfinx: Taylor-Hood elements, displacement of one degree more than pressure.
+"""Static equilibrium near and at incompressibility with dolfinx: Taylor-Hood elements.
 
-Stationary point of ``integral of mu/2 (I1 - 2 ln J - 3) + p ln J - p^2 / (2 kappa)``: for the pressure that is left,
+The displacement is of one degree more than the pressure.  Stationary point of ``integral of mu/2 (I1 - 2 ln J - 3) + p ln J - p^2 / (2 kappa)``: for the pressure that is left,
 the neo-Hookean law of the other solutions; ``kappa`` may be infinite.
 """
 
@@ -17,7 +17,7 @@ from petsc4py import PETSc
 
 from comparisons.fem import compat, quadrature
 from comparisons.fem.domain import Domain
-from comparisons.fem.statics import FAST, NEWTON, Held, Newton, _Support
+from comparisons.fem.statics import FAST, NEWTON, Held, Newton, Support, variations
 from isorod.material import NeoHookean
 from isorod.options import defaults
 from meshes.mesh import Array
@@ -113,24 +113,13 @@ def solve(
     mesh = domain.mesh
     parts = [compat.block_element(mesh, "Lagrange", degree, 3), compat.scalar_element(mesh, "Lagrange", degree - 1)]
     state = dolfinx.fem.Function(compat.function_space(mesh, compat.mixed_element(parts)))
-    u, pressure = ufl.split(state)
-    F = ufl.Identity(3) + ufl.grad(u)
-    log = ufl.ln(ufl.det(F))
-    p = law.mu * pressure
-    stored = 0.5 * law.mu * (ufl.inner(F, F) - 2.0 * log - 3.0) + p * log - (0.5 / law.lame) * p**2
     rule = 2 * degree if domain.shape == "hexahedron" else 2 * degree - 2
-    energy = stored * ufl.dx(metadata=quadrature.measure(rule))
+    faces = [_Face(domain, name, force, rule, flags) for name, force in (loads or {}).items()]
     factor = dolfinx.fem.Constant(mesh, PETSc.ScalarType(0.0))
-    faces = {name: _measure(domain, name, rule) for name in loads or {}}
-    areas = {
-        name: _integral(mesh, dolfinx.fem.Constant(mesh, PETSc.ScalarType(1.0)) * ds, flags)
-        for name, ds in faces.items()
-    }
-    for name, force in (loads or {}).items():
-        energy -= factor * ufl.inner(ufl.as_vector([part / areas[name] for part in force]), u) * faces[name]
-    residual = ufl.derivative(energy, state, ufl.TestFunction(state.function_space))
-    tangent = ufl.derivative(residual, state, ufl.TrialFunction(state.function_space))
-    compiled = compat.form(residual, flags), compat.form(tangent, flags)
+    u, _ = ufl.split(state)
+    energy = _stored(state, law) * ufl.dx(metadata=quadrature.measure(rule))
+    energy -= sum(factor * ufl.inner(ufl.as_vector(one.traction.tolist()), u) * one.ds for one in faces)
+    forms = variations(energy, state, flags)
 
     iterations = 0
     first = None
@@ -138,20 +127,52 @@ def solve(
         for k in range(1, steps + 1):
             factor.value = k / steps
             supports = [_support(state.function_space, domain, one, k / steps) for one in held]
-            newton = Newton(state, *compiled, supports, None)
+            newton = Newton(state, *forms, supports, None)
             newton.matrix.setOption(PETSc.Mat.Option.SPD, False)
             newton.solve(first)
             reactions = newton.reactions()
             iterations += newton.snes.getIterationNumber()
             first = newton.x.copy()
             newton.destroy()
-    deflections = {
-        name: np.array([_integral(mesh, u[a] * ds, flags) for a in range(3)]) / areas[name]
-        for name, ds in faces.items()
-    }
     dofmap = state.function_space.dofmap
-    dofs = dofmap.index_map.size_global * dofmap.index_map_bs
-    return Equilibrium(state, reactions, deflections, dofs, iterations, perf_counter() - start)
+    return Equilibrium(
+        state,
+        reactions,
+        {one.name: one.mean(u) for one in faces},
+        dofmap.index_map.size_global * dofmap.index_map_bs,
+        iterations,
+        perf_counter() - start,
+    )
+
+
+def _stored(state: Any, law: NeoHookean) -> Any:
+    """Return the density whose stationary point is sought, of displacement and pressure."""
+    u, pressure = ufl.split(state)
+    F = ufl.Identity(3) + ufl.grad(u)
+    log = ufl.ln(ufl.det(F))
+    p = law.mu * pressure
+    return 0.5 * law.mu * (ufl.inner(F, F) - 2.0 * log - 3.0) + p * log - (0.5 / law.lame) * p**2
+
+
+class _Face:
+    """A loaded face: its measure ``ds``, its area, and the force over it."""
+
+    def __init__(self, domain: Domain, name: str, force: Sequence[float], rule: int, flags: Sequence[str]) -> None:
+        facets = np.sort(domain.facets(name)).astype(np.int32)
+        tags = dolfinx.mesh.meshtags(domain.mesh, 2, facets, np.ones(facets.size, dtype=np.int32))
+        data = {"subdomain_data": tags, "metadata": {"quadrature_degree": rule}}
+        self.name, self.flags, self.mesh = name, flags, domain.mesh
+        self.ds = ufl.Measure("ds", domain=domain.mesh, **data)(1)
+        self.area = self._integral(dolfinx.fem.Constant(domain.mesh, PETSc.ScalarType(1.0)))
+        self.traction = np.array(force) / self.area
+
+    def _integral(self, integrand: Any) -> float:
+        form = compat.form(integrand * self.ds, self.flags)
+        return float(self.mesh.comm.allreduce(dolfinx.fem.assemble_scalar(form), op=MPI.SUM))
+
+    def mean(self, u: Any) -> Array:
+        """Return the mean of a vector field, shape ``(3,)``."""
+        return np.array([self._integral(u[a]) for a in range(3)]) / self.area
 
 
 class _Guide:
@@ -170,17 +191,7 @@ class _Guide:
         self.unit = value.x.array[in_plain[own]]
 
 
-def _support(space: Any, domain: Domain, one: Held | Guided, factor: float) -> "_Support | _Guide":
+def _support(space: Any, domain: Domain, one: Held | Guided, factor: float) -> "Support | _Guide":
     if isinstance(one, Guided):
         return _Guide(space, domain, one, factor)
-    return _Support(space, domain, Held(one.face, tuple(factor * np.array(one.displacement))))
-
-
-def _measure(domain: Domain, name: str, rule: int) -> Any:
-    facets = np.sort(domain.facets(name)).astype(np.int32)
-    tags = dolfinx.mesh.meshtags(domain.mesh, 2, facets, np.ones(facets.size, dtype=np.int32))
-    return ufl.Measure("ds", domain=domain.mesh, subdomain_data=tags, metadata={"quadrature_degree": rule})(1)
-
-
-def _integral(mesh: Any, integrand: Any, flags: Sequence[str]) -> float:
-    return float(mesh.comm.allreduce(dolfinx.fem.assemble_scalar(compat.form(integrand, flags)), op=MPI.SUM))
+    return Support(space, domain, Held(one.face, tuple(factor * np.array(one.displacement))))

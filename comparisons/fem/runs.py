@@ -1,7 +1,8 @@
-"""What the finite element runs of all scenes share: element options that fit, meshes on all ranks, repeated timing, provenance."""
+"""What finite element runs share: options that fit together, meshes on all ranks, repeated timing, the record."""
 
 import statistics
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from time import perf_counter
 from typing import Any, TypeVar
 
@@ -10,6 +11,7 @@ from petsc4py import PETSc
 
 from comparisons.fem import compat
 from comparisons.fem.domain import Domain
+from comparisons.fem.statics import FAST, Element
 from isorod.errors import InputError
 from isorod.output import results
 from meshes.mesh import Mesh
@@ -18,6 +20,59 @@ Found = TypeVar("Found")
 
 # Of a run's parts, those that check the result and do not count as its time.
 CHECKS = ("check",)
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """A mesh of a scene, an element on it, and how the equations are solved.
+
+    Parameters
+    ----------
+    cells
+        Kind of the mesh, see the scene's ``build`` in `meshes`.
+    order
+        Order of the geometry; the one that fits the element if None.
+    degree, quadrature, family
+        See `comparisons.fem.statics.Element`.
+    solver
+        PETSc options; the user's own win.
+    matrix
+        PETSc matrix type, None for PETSc's default.
+    flags
+        C compiler flags of the forms.
+    """
+
+    cells: str = "bricks"
+    order: int | None = None
+    degree: int = 2
+    quadrature: int | str | None = None
+    family: str = "Lagrange"
+    solver: Mapping[str, object] | None = None
+    matrix: str | None = None
+    flags: Sequence[str] = FAST
+
+    def __post_init__(self) -> None:
+        bricks = self.cells != "tetrahedra"
+        check_element(bricks, self.degree, self.family, self.quadrature, self.geometry_order)
+
+    @property
+    def geometry_order(self) -> int:
+        """Order of the mesh: that of the element, at most 2 on tetrahedra; 1 on the paper's mesh."""
+        if self.cells == "paper":
+            return 1
+        if self.order is not None:
+            return self.order
+        return min(self.degree, 2) if self.cells == "tetrahedra" else self.degree
+
+    @property
+    def element(self) -> Element:
+        """The displacement element."""
+        return Element(self.degree, self.quadrature, self.family)
+
+    def options(self, shape: str) -> dict[str, Any]:
+        """Return all options, as they are on cells of a shape, for the record."""
+        found = {"order": self.geometry_order, "quadrature": self.element.rule(shape), "flags": list(self.flags)}
+        return asdict(self) | found
 
 
 def check_element(bricks: bool, degree: int, family: str, quadrature: int | str | None, order: int) -> None:
@@ -71,6 +126,20 @@ def timed(
     assert found is not None
     warm = runs[1:] or runs
     return found, runs, {name: statistics.median(one[name] for one in warm) for name in runs[0]}
+
+
+def measured(solve: Callable[[], Found], repeat: int, comm: MPI.Comm, meshing: float) -> tuple[Found, dict[str, Any]]:
+    """Return what the last of `timed` runs found, and what every record says of them; ``meshing`` in seconds."""
+    found, every, median = timed(solve, repeat, comm)
+    return found, {
+        "method": "fem",
+        "seconds": {"mesh": meshing} | median,
+        "warm": repeat > 1,
+        "runs": every,
+        "ranks": comm.size,
+        "peak_memory": found.peak_memory,  # type: ignore[attr-defined]
+        **provenance(),
+    }
 
 
 def provenance() -> dict[str, Any]:

@@ -14,7 +14,7 @@ from petsc4py import PETSc
 from comparisons.fem import compat, enhanced, quadrature
 from comparisons.fem.domain import Domain
 from comparisons.fem.material import Energy
-from comparisons.measure.timing import peak_memory
+from comparisons.measure.timing import Clock, peak_memory
 from isorod.errors import SolveError
 from isorod.options import defaults
 from meshes.mesh import Array, Index
@@ -151,37 +151,25 @@ def solve(
     SolveError
         If SNES or its linear solver fails.
     """
-    start = perf_counter()
     element = element or Element()
-    mesh = domain.mesh
-    if element.family == "enhanced":
-        state = dolfinx.fem.Function(enhanced.space(mesh))
-        F = enhanced.deformation_gradient(state)
-    else:
-        space = compat.function_space(mesh, compat.block_element(mesh, element.family, element.degree, 3))
-        state = dolfinx.fem.Function(space)
-        F = ufl.Identity(3) + ufl.grad(state)
-    setup = perf_counter() - start
-
-    start = perf_counter()
-    residual, tangent = _forms(state, F, energy, element.rule(domain.shape), flags)
-    forms = perf_counter() - start
-
-    start = perf_counter()
-    supports = [_Support(state.function_space, domain, one) for one in held]
+    clock = Clock()
+    state, F = _space(domain.mesh, element)
+    clock.lap("setup")
+    stored = energy(F) * ufl.dx(metadata=quadrature.measure(element.rule(domain.shape)))
+    residual, tangent = variations(stored, state, flags)
+    clock.lap("forms")
+    supports = [Support(state.function_space, domain, one) for one in held]
     with defaults(NEWTON | dict(DIRECT if options is None else options)):
         newton = Newton(state, residual, tangent, supports, matrix_type)
-        setup += perf_counter() - start
-        start = perf_counter()
+        clock.lap("setup")
         newton.solve()
         reactions = newton.reactions()
-        total = perf_counter() - start
+        clock.lap("solve")
         typed = dict(PETSc.Options().getAll())
         iterations = newton.snes.getIterationNumber(), newton.snes.getLinearSolveIterations()
         newton.destroy()
     dofmap = state.function_space.dofmap
-    comm = mesh.comm
-    seconds = {"forms": forms, "setup": setup, "assembly": newton.seconds, "solve": total - newton.seconds}
+    solving = clock.seconds["solve"] - newton.seconds
     return Equilibrium(
         displacement=state.sub(0).collapse() if element.family == "enhanced" else state,
         domain=domain,
@@ -191,22 +179,31 @@ def solve(
         newton_iterations=iterations[0],
         linear_iterations=iterations[1],
         residual_norms=newton.norms,
-        seconds=seconds,
+        seconds=clock.seconds | {"assembly": newton.seconds, "solve": solving},
         options=typed,
-        peak_memory=comm.allreduce(peak_memory(), op=MPI.MAX),
+        peak_memory=domain.mesh.comm.allreduce(peak_memory(), op=MPI.MAX),
     )
 
 
-def _forms(state: Any, F: Any, energy: Energy, rule: int | str, flags: Sequence[str]) -> tuple[Any, Any]:
-    """Return the residual and its derivative, the first and second variation of the stored energy."""
+def _space(mesh: Any, element: Element) -> tuple[Any, Any]:
+    """Return the displacement, a dolfinx function, and its deformation gradient."""
+    if element.family == "enhanced":
+        state = dolfinx.fem.Function(enhanced.space(mesh))
+        return state, enhanced.deformation_gradient(state)
+    lagrange = compat.block_element(mesh, element.family, element.degree, 3)
+    state = dolfinx.fem.Function(compat.function_space(mesh, lagrange))
+    return state, ufl.Identity(3) + ufl.grad(state)
+
+
+def variations(stored: Any, state: Any, flags: Sequence[str]) -> tuple[Any, Any]:
+    """Return the first and the second variation of an energy, compiled: the residual and its derivative."""
     space = state.function_space
-    stored = energy(F) * ufl.dx(metadata=quadrature.measure(rule))
     residual = ufl.derivative(stored, state, ufl.TestFunction(space))
     tangent = ufl.derivative(residual, state, ufl.TrialFunction(space))
     return compat.form(residual, flags), compat.form(tangent, flags)
 
 
-class _Support:
+class Support:
     """A support in a space of displacements, or a mixed one whose first part they are.
 
     Attributes

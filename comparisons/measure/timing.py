@@ -7,6 +7,7 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from time import perf_counter
 from typing import Any
 
 from isorod.errors import SolveError
@@ -41,6 +42,24 @@ def run(module: str, arguments: Sequence[str], ranks: int = 1, timeout: float = 
         raise SolveError(f"python -m {module} {' '.join(arguments)}: exit code {done.returncode}: {said}")
     record: dict[str, Any] = json.loads(done.stdout.strip().splitlines()[-1])
     return record
+
+
+class Clock:
+    """Wall time by part, in ``seconds``.  Time between `resume` and the `lap` before it counts for no part."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+        self.resume()
+
+    def resume(self) -> None:
+        """Start anew from here."""
+        self._last = perf_counter()
+
+    def lap(self, part: str) -> None:
+        """Add the time since the last call to a part."""
+        now = perf_counter()
+        self.seconds[part] = self.seconds.get(part, 0.0) + now - self._last
+        self._last = now
 
 
 def peak_memory() -> int:

@@ -8,11 +8,16 @@ import numpy as np
 
 from comparisons.measure import published
 from comparisons.measure.records import Record, part
-from comparisons.report import plots
+from comparisons.report import plots, precision
 from comparisons.report.html import percent, table
 from comparisons.report.precision import LUCK, reach, refused, runs
 
 MODES = tuple(f"mode {k}" for k in range(1, 11))
+
+
+def summary(records: list[Record]) -> list[str]:
+    """Return the study's main findings, one line each."""
+    return precision.summary("blade", "ten frequencies", records)
 
 
 def section(records: list[Record], folder: Path) -> list[str]:

@@ -1,27 +1,16 @@
 """The report page, made from result files alone."""
 
 import html
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import partial
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
+from comparisons import STUDIES
 from comparisons.measure.records import Record, newest
-from comparisons.report import biceps as report_biceps
-from comparisons.report import blade as report_blade
-from comparisons.report import precision
-from comparisons.report import spring as report_spring
-from comparisons.report import stability as report_stability
 from isorod.errors import InputError
 from isorod.output.results import write_beside
-
-# Study: its main findings, and its part of the page.
-STUDIES: dict[str, tuple[Callable[[list[Record]], list[str]], Callable[[list[Record], Path], list[str]]]] = {
-    "spring": (partial(precision.summary, "spring", "force"), report_spring.section),
-    "blade": (partial(precision.summary, "blade", "ten frequencies"), report_blade.section),
-    "biceps": (report_biceps.summary, report_biceps.section),
-    "stability": (report_stability.summary, report_stability.section),
-}
 
 _STYLE = """
 body { font: 16px/1.5 system-ui, sans-serif; color: #1b1b1b; max-width: 76rem; margin: 2rem auto; padding: 0 1.5rem; }
@@ -49,7 +38,7 @@ def write(folder: Path) -> Path:
         body.append(_provenance(found))
     for study, records in found.items():
         with _read(folder, study):
-            body.extend(STUDIES[study][1](records, folder))
+            body.extend(_part(study).section(records, folder))
     page = (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>isorod: error against run time</title>\n'
         f"<style>{_STYLE}</style></head>\n<body>\n<h1>isorod: error against run time</h1>\n"
@@ -66,8 +55,13 @@ def summary(folder: Path) -> list[str]:
     lines = []
     for study, records in _found(folder).items():
         with _read(folder, study):
-            lines += STUDIES[study][0](records)
+            lines += _part(study).summary(records)
     return lines
+
+
+def _part(study: str) -> Any:
+    """Return the study's module of the report: ``summary(records)``, its main findings, and ``section(records, folder)``."""
+    return import_module(f"comparisons.report.{study}")
 
 
 @contextmanager
@@ -89,9 +83,7 @@ def _found(folder: Path) -> dict[str, list[Record]]:
     found = {study: newest(folder, study) for study in STUDIES if (folder / f"{study}.jsonl").is_file()}
     found = {study: records for study, records in found.items() if records}
     if not found:
-        raise InputError(
-            f"results {folder}: no complete run of a study; run python -m comparisons {next(iter(STUDIES))} first"
-        )
+        raise InputError(f"results {folder}: no complete run of a study; run python -m comparisons {STUDIES[0]} first")
     return found
 
 

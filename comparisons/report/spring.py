@@ -5,7 +5,7 @@ from pathlib import Path
 
 from comparisons.measure import published
 from comparisons.measure.records import Record, part
-from comparisons.report import plots
+from comparisons.report import plots, precision
 from comparisons.report.html import table
 from comparisons.report.precision import LUCK, reach, refused, runs
 
@@ -14,6 +14,11 @@ PAPER_ELEMENTS = {
     "q2": "27-node bricks (Q2 displacement)",
     "enhanced": "8-node enhanced-strain bricks (9 modes)",
 }
+
+
+def summary(records: list[Record]) -> list[str]:
+    """Return the study's main findings, one line each."""
+    return precision.summary("spring", "force", records)
 
 
 def section(records: list[Record], folder: Path) -> list[str]:

@@ -142,6 +142,11 @@ class Branches:
         """The stored energy, a compiled form."""
         return compat.form(self._stored, self.flags)
 
+    def compile(self) -> None:
+        """Make all forms, compiled or from the cache."""
+        for form in ("residual", "tangent", "energy"):
+            getattr(self, form)
+
     def stored(self) -> float:
         """Return the stored energy of tendons and muscles at the present state and activation."""
         return float(dolfinx.fem.assemble_scalar(self.energy))

@@ -5,7 +5,7 @@ reference surface: the same continuous problem as `isorod.contact`.  Everything 
 nothing here knows dolfinx.
 """
 
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from scipy import sparse
@@ -15,6 +15,8 @@ from comparisons.fem.biceps import contact_kernel
 from comparisons.fem.biceps.contact_kernel import Closest, Facet, Points, Pressing, Surface
 from isorod.errors import InputError
 from meshes.mesh import Array, Index, Mesh
+
+Table = TypeVar("Table", Points, Closest)
 
 
 class _Side:
@@ -63,9 +65,10 @@ class _Side:
         return (3 * numbers[:, :, None] + np.arange(3)).reshape(len(active), 3 * n), blocks
 
 
-def _take(rows: Any, which: Index) -> Any:
-    """Return the chosen rows of a NamedTuple of arrays as one of its kind."""
-    return type(rows)(*(np.ascontiguousarray(one[which]) for one in rows))
+def _take(tables: Table, which: Index) -> Table:
+    """Return some rows of each of the arrays."""
+    rows: Any = (one[which] for one in tables)
+    return type(tables)(*rows)
 
 
 def _facet_of(mesh: Mesh) -> Facet:

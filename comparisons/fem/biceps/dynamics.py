@@ -1,8 +1,7 @@
-"""Explicit dynamics of the biceps' branches with dolfinx: central differences, lumped mass, contact, an activation that ramps up."""
+"""Explicit dynamics of the biceps' branches with dolfinx: central differences, lumped mass, contact, rising activation."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from time import perf_counter
 
 import numpy as np
 import ufl
@@ -13,7 +12,7 @@ from comparisons.fem import compat
 from comparisons.fem.biceps.branches import Branches
 from comparisons.fem.biceps.contact import Contact, Pressing
 from comparisons.fem.statics import FAST
-from comparisons.measure.timing import peak_memory
+from comparisons.measure.timing import Clock, peak_memory
 from isorod.errors import InputError, SolveError
 from meshes.mesh import Array
 
@@ -105,9 +104,20 @@ def lumped_mass(branches: Branches, density: float) -> Array:
 
 
 def critical_step(branches: Branches, contact: Contact, mass: Array, free: Array, start: Array) -> tuple[float, Array]:
-    """Return ``2 / omega`` of the highest frequency about the present state, and its mode to start the next search from.
+    """Return ``2 / omega`` of the highest frequency about the present state, and its mode.
 
     The tangent with the contact's stiffness, by Lanczos' method.
+
+    Parameters
+    ----------
+    branches, contact
+        In their present state.
+    mass
+        Of the nodes in the order of the space, shape ``(blocks,)``.
+    free
+        1, or 0 where held, shape ``(blocks, 3)``.
+    start
+        Where the search starts: any vector ``(3 blocks,)``, or the mode found last.
     """
     matrix = compat.create_matrix(branches.tangent, None)
     compat.assemble_matrix(matrix, branches.tangent, [])
@@ -123,6 +133,71 @@ def critical_step(branches: Branches, contact: Contact, mass: Array, free: Array
     return float(2.0 / np.sqrt(value[0])), mode[:, 0]
 
 
+class _State:
+    """Displacement and half-step velocity, by central differences.
+
+    ``(1 + c dt / 2) v_(n+1/2) = (1 - c dt / 2) v_(n-1/2) - dt M^-1 f(u_n, t_n)``, ``u_(n+1) = u_n + dt v_(n+1/2)``.
+    """
+
+    def __init__(self, branches: Branches, contact: Contact, density: float, damping: float) -> None:
+        self.branches, self.contact, self.damping = branches, contact, damping
+        self.mass = lumped_mass(branches, density)
+        self.ends = branches.ends()
+        self.free = np.ones((self.mass.size, 3))
+        for end in self.ends:
+            self.free.ravel()[end.dofs] = 0.0
+        self.inverse = self.free / self.mass[:, None]
+        self.u = branches.state.x.array.reshape(-1, 3)
+        self.u[:] = 0.0
+        self.velocity, self.mean = np.zeros_like(self.u), np.zeros_like(self.u)
+        self.internal, self.acceleration = np.empty_like(self.u), np.empty_like(self.u)
+        self.positions, self.pressed = branches.source.points, np.empty_like(branches.source.points)
+        self._mode = np.random.default_rng(0).random(self.u.size)
+
+    def critical_step(self) -> float:
+        """Return the critical step about the present state."""
+        step, self._mode = critical_step(self.branches, self.contact, self.mass, self.free, self._mode)
+        return step
+
+    def evaluate(self, activation: float, clock: Clock) -> Pressing:
+        """Write the internal forces and those of contact, and return the contact's state."""
+        self.branches.activation.value = activation
+        compat.assemble_array(self.internal.reshape(-1), self.branches.residual)
+        clock.lap("internal")
+        self.positions = self.branches.source.points + self.u[self.branches.node_dofs]
+        self.pressed[:] = 0.0
+        pressing = self.contact.add_forces(self.positions, self.pressed)
+        clock.lap("contact")
+        return pressing
+
+    def accelerate(self, dt: float, rest: bool) -> None:
+        """Take the velocity half a step ahead, from rest or from half a step behind."""
+        rows = self.branches.node_dofs
+        np.multiply(self.internal, self.inverse, out=self.acceleration)
+        self.acceleration[rows] += self.pressed * self.inverse[rows]
+        self.mean[:] = self.velocity
+        self.velocity *= 1.0 - 0.5 * self.damping * dt
+        # The velocity at rest is the mean of those half a step before and after.
+        self.acceleration *= dt * (0.5 + 0.25 * self.damping * dt) if rest else dt
+        self.velocity -= self.acceleration
+        self.velocity /= 1.0 + 0.5 * self.damping * dt
+
+    def kinetic(self) -> float:
+        """Return the kinetic energy, once a step: of the mean of the velocities half a step before and after."""
+        self.mean += self.velocity
+        self.mean *= 0.5
+        return 0.5 * float(self.mass @ np.einsum("ni,ni->n", self.mean, self.mean))
+
+    def sample(self, time: float, kinetic: float, dissipated: float, pressing: Pressing, dt: float) -> Sample:
+        """Return the state, or raise `SolveError` where it is not finite."""
+        held = np.array([np.bincount(end.components, self.internal.ravel()[end.dofs], 3) for end in self.ends])
+        stored = self.branches.stored()
+        if not np.isfinite([kinetic, stored]).all():
+            raise SolveError(f"explicit dynamics: not finite at {time:g} s; take a time step below {dt:.3g} s")
+        activation = float(self.branches.activation.value)
+        return Sample(time, activation, self.positions, held, kinetic, stored, dissipated, pressing)
+
+
 def solve(
     branches: Branches,
     contact: Contact,
@@ -134,11 +209,10 @@ def solve(
 ) -> Motion:
     """Return the motion from rest.
 
-    Half-step velocities: ``(1 + c dt / 2) v_(n+1/2) = (1 - c dt / 2) v_(n-1/2) - dt M^-1 f(u_n, t_n)``,
-    ``u_(n+1) = u_n + dt v_(n+1/2)``.
-
     Parameters
     ----------
+    branches, contact
+        What moves, and what keeps its parts apart.
     density
         Mass per volume.
     times
@@ -157,80 +231,41 @@ def solve(
     """
     if not times or min(np.diff([0.0, *times])) <= 0.0:
         raise InputError(f"times: got {list(times)}, need positive ascending times")
-    start = perf_counter()
-    residual = branches.residual
-    for form in ("tangent", "energy"):
-        getattr(branches, form)
-    seconds = {"forms": perf_counter() - start}
-    start = perf_counter()
-    mass = lumped_mass(branches, density)
-    ends = branches.ends()
-    free = np.ones((mass.size, 3))
-    for end in ends:
-        free.ravel()[end.dofs] = 0.0
-    inverse = free / mass[:, None]
-    rows = branches.node_dofs
-    u = branches.state.x.array.reshape(-1, 3)
-    u[:] = 0.0
-    rest = branches.source.points
-    internal = np.empty_like(u)
-    pressed = np.empty_like(rest)
-    velocity, before, acceleration = np.zeros_like(u), np.zeros_like(u), np.empty_like(u)
-    seconds["setup"] = perf_counter() - start
-
-    start = perf_counter()
-    limit, mode = critical_step(branches, contact, mass, free, np.random.default_rng(0).random(u.size))
-    seconds["critical"] = perf_counter() - start
-    critical = limit
-    dt = SAFETY * limit if time_step is None else time_step
-    clock = dict.fromkeys(("internal", "contact", "update"), 0.0)
+    clock, stepping = Clock(), Clock()
+    branches.compile()
+    clock.lap("forms")
+    state = _State(branches, contact, density, damping)
+    clock.lap("setup")
+    critical = state.critical_step()
+    clock.lap("critical")
+    dt = SAFETY * critical if time_step is None else time_step
     samples: list[Sample] = []
     time, steps, dissipated = 0.0, 0, 0.0
     while True:
-        due = time >= times[len(samples)] - 1e-9 * dt
-        begin = perf_counter()
-        branches.activation.value = activation(time)
-        compat.assemble_array(internal.reshape(-1), residual)
-        assembled = perf_counter()
-        positions = rest + u[rows]
-        pressed[:] = 0.0
-        pressing = contact.add_forces(positions, pressed)
-        touched = perf_counter()
-        np.multiply(internal, inverse, out=acceleration)
-        acceleration[rows] += pressed * inverse[rows]
-        before[:] = velocity
-        velocity *= 1.0 - 0.5 * damping * dt
-        # The velocity at rest is the mean of those half a step before and after.
-        acceleration *= dt if steps else dt * (0.5 + 0.25 * damping * dt)
-        velocity -= acceleration
-        velocity /= 1.0 + 0.5 * damping * dt
-        done = perf_counter()
-        mean = 0.5 * (before + velocity)
-        kinetic = 0.5 * float(mass @ np.einsum("ni,ni->n", mean, mean))
+        stepping.resume()
+        pressing = state.evaluate(activation(time), stepping)
+        state.accelerate(dt, steps == 0)
+        stepping.lap("update")
+        kinetic = state.kinetic()
         # Half of this step's before the sample, half behind.
         dissipated += dt * damping * kinetic
-        if due:
-            held = np.array([np.bincount(end.components, internal.ravel()[end.dofs], 3) for end in ends])
-            stored = branches.stored()
-            if not np.isfinite([kinetic, stored]).all():
-                raise SolveError(f"explicit dynamics: not finite at {time:g} s; take a time step below {dt:.3g} s")
-            samples.append(Sample(time, activation(time), positions, held, kinetic, stored, dissipated, pressing))
+        if time >= times[len(samples)] - 1e-9 * dt:
+            samples.append(state.sample(time, kinetic, dissipated, pressing, dt))
             if len(samples) == len(times):
                 break
-            start = perf_counter()
-            limit, mode = critical_step(branches, contact, mass, free, mode)
-            seconds["critical"] += perf_counter() - start
+            clock.resume()
+            limit = state.critical_step()
+            clock.lap("critical")
             critical = min(critical, limit)
             # What was half a step ahead with the old step is so with the new one to first order.
-            if time_step is None and SAFETY * limit < dt:
-                dt = SAFETY * limit
+            if time_step is None:
+                dt = min(dt, SAFETY * limit)
         dissipated += dt * damping * kinetic
-        resumed = perf_counter()
-        u += dt * velocity
+        stepping.resume()
+        state.u += dt * state.velocity
+        stepping.lap("update")
         time += dt
         steps += 1
-        clock["internal"] += assembled - begin
-        clock["contact"] += touched - assembled
-        clock["update"] += done - touched + perf_counter() - resumed
-    seconds |= clock | {"step": sum(clock.values()) / steps}
-    return Motion(samples, steps, dt, critical, seconds, peak_memory())
+    # The last state is evaluated too.
+    step = sum(stepping.seconds.values()) / (steps + 1)
+    return Motion(samples, steps, dt, critical, clock.seconds | stepping.seconds | {"step": step}, peak_memory())

@@ -10,8 +10,7 @@ import numpy as np
 from mpi4py import MPI
 
 from comparisons.fem import fields, runs
-from comparisons.fem.biceps import dynamics
-from comparisons.fem.biceps import statics as pressed
+from comparisons.fem.biceps import dynamics, statics
 from comparisons.fem.biceps.branches import Branches
 from comparisons.fem.biceps.contact import Contact, Pressing, surface_points
 from comparisons.fem.statics import DIRECT, FAST, Element
@@ -134,7 +133,7 @@ def run(
 ) -> dict[str, Any]:
     """Solve ``repeat`` times in this process and return the record.
 
-    ``seconds`` is as in `comparisons.fem.runs.timed`; of dynamics ``step`` is that of one step, without samples and
+    ``seconds`` is as in `comparisons.fem.runs.measured`; of dynamics ``step`` is that of one step, without samples and
     critical steps. The last state goes to ``file``, an ``.npz`` with ``points``, ``positions``, ``cells`` and
     ``belly_0`` and ``belly_1``, if one is named; of bricks also all samples, ``times`` ``(s,)``, ``displacement``
     ``(s, m, 3)`` and ``von_mises`` ``(s, m)`` on small cells, ``small_points`` and ``small_cells``.
@@ -149,13 +148,13 @@ def run(
     rule = element.rule(mesh.shape)
     assert isinstance(rule, int)
 
-    def once() -> pressed.Rest | dynamics.Motion:
+    def once() -> statics.Rest | dynamics.Motion:
         branches = Branches(scene, mesh, rule, configuration.compiler_flags)
         first, second = (f"{branch} belly" for branch in biceps.BRANCHES)
         contact = Contact(mesh, first, second, scene.penalty, configuration.contact_parts)
         if configuration.analysis == "statics":
             options = DIRECT if configuration.solver is None else configuration.solver
-            return pressed.solve(branches, contact, scene.activation, options=options)
+            return statics.solve(branches, contact, scene.activation, options=options)
         times = [scene.end_time * (k + 1) / scene.outputs for k in range(scene.outputs)]
         return dynamics.solve(
             branches,
@@ -167,8 +166,8 @@ def run(
             configuration.time_step,
         )
 
-    found, every, median = runs.timed(once, repeat, comm)
-    if isinstance(found, pressed.Rest):
+    found, record = runs.measured(once, repeat, comm, meshing)
+    if isinstance(found, statics.Rest):
         specific = _state(mesh, found.positions, found.reactions, found.stored, found.contact) | {
             "steps": found.steps,
             "cuts": found.cuts,
@@ -194,19 +193,13 @@ def run(
     return {
         "scene": "biceps",
         "analysis": configuration.analysis,
-        "method": "fem",
         **specific,
         "dofs": 3 * len(mesh.points),
         "nodes": len(mesh.points),
         "cells": len(mesh.cells),
-        "seconds": {"mesh": meshing} | median,
-        "warm": repeat > 1,
-        "runs": every,
         "options": asdict(configuration)
         | {"quadrature": rule, "parts": configuration.contact_parts, "flags": list(configuration.compiler_flags)},
-        "ranks": 1,
-        "peak_memory": found.peak_memory,
-        **runs.provenance(),
+        **record,
     }
 
 

@@ -1,4 +1,4 @@
-"""Static equilibrium of the biceps' branches in contact: load continuation in the activation, Newton's method by SNES."""
+"""Static equilibrium of the biceps' branches in contact: continuation in the activation, Newton's method by SNES."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -8,10 +8,10 @@ import numpy as np
 from petsc4py import PETSc
 from scipy import sparse
 
-from comparisons.fem.biceps.branches import ENDS, Branches, End
+from comparisons.fem.biceps.branches import Branches, End
 from comparisons.fem.biceps.contact import Contact, Pressing
 from comparisons.fem.statics import DIRECT, NEWTON, Newton
-from comparisons.measure.timing import peak_memory
+from comparisons.measure.timing import Clock, peak_memory
 from isorod.errors import SolveError
 from isorod.options import defaults
 from meshes.mesh import Array
@@ -135,70 +135,59 @@ def solve(
     SolveError
         If it fails however small the step.
     """
-    start = perf_counter()
-    for form in ("residual", "tangent", "energy"):
-        getattr(branches, form)
-    compiled = perf_counter() - start
-    start = perf_counter()
+    clock = Clock()
+    branches.compile()
+    clock.lap("forms")
     ends = branches.ends()
     with defaults(NEWTON | dict(DIRECT if options is None else options)):
         newton = _Pressed(branches, contact, ends)
-        setup = perf_counter() - start
-        start = perf_counter()
-        done, size, taken, cuts, iterations = 0.0, activation / steps, 0, 0, 0
-        last, slope, guess = newton.x.copy(), newton.x.duplicate(), newton.x.duplicate()
-        slope.set(0.0)
-        while done < activation * (1.0 - 1e-12):
-            target = min(done + size, activation)
-            branches.activation.value = target
-            newton.norms.clear()
-            guess.waxpy(target - done, slope, last)
-            try:
-                newton.solve(guess)
-            except SolveError as problem:
-                cuts += 1
-                size *= 0.5
-                iterations += newton.snes.getIterationNumber()
-                if size < activation / steps * 0.5**_HALVINGS:
-                    raise SolveError(f"activation {target:.4g}: {problem}") from None
-                continue
+        clock.lap("setup")
+        counts = _continue(newton, activation, activation / steps)
+        found = Rest(
+            positions=newton.positions(),
+            reactions=newton.reactions(),
+            stored=branches.stored(),
+            contact=newton.press(newton.force),
+            **counts,
+            residual_norms=list(newton.norms),
+            seconds=clock.seconds,
+            options=dict(PETSc.Options().getAll()),
+            peak_memory=peak_memory(),
+        )
+        clock.lap("solve")
+        newton.destroy()
+    found.seconds["assembly"], found.seconds["contact"] = newton.seconds, newton.contact_seconds
+    found.seconds["solve"] -= newton.seconds
+    return found
+
+
+def _continue(newton: _Pressed, activation: float, first: float) -> dict[str, int]:
+    """Lead from rest to an activation, in a first step of that size; return the counts of `Rest`."""
+    done, size = 0.0, first
+    counts = {"steps": 0, "cuts": 0, "newton_iterations": 0}
+    last, slope, guess = newton.x.copy(), newton.x.duplicate(), newton.x.duplicate()
+    slope.set(0.0)
+    while done < activation * (1.0 - 1e-12):
+        target = min(done + size, activation)
+        newton.branches.activation.value = target
+        newton.norms.clear()
+        guess.waxpy(target - done, slope, last)
+        try:
+            newton.solve(guess)
+        except SolveError as problem:
+            size *= 0.5
+            counts["cuts"] += 1
+            if size < first * 0.5**_HALVINGS:
+                raise SolveError(f"activation {target:.4g}: {problem}") from None
+        else:
             slope.waxpy(-1.0, last, newton.x)
             slope.scale(1.0 / (target - done))
             newton.x.copy(last)
             done = target
-            taken += 1
-            iterations += newton.snes.getIterationNumber()
+            counts["steps"] += 1
             if newton.snes.getIterationNumber() <= _EASY:
                 size *= 2.0
-        reactions = newton.reactions()
-        pressing = newton.press(newton.force)
-        total = perf_counter() - start
-        typed = dict(PETSc.Options().getAll())
-        positions = newton.positions()
-        norms = list(newton.norms)
-        for thing in (newton, last, slope, guess):
-            thing.destroy()
-    return Rest(
-        positions=positions,
-        reactions=reactions,
-        stored=branches.stored(),
-        contact=pressing,
-        steps=taken,
-        cuts=cuts,
-        newton_iterations=iterations,
-        residual_norms=norms,
-        seconds={
-            "forms": compiled,
-            "setup": setup,
-            "assembly": newton.seconds,
-            "contact": newton.contact_seconds,
-            "solve": total - newton.seconds,
-        },
-        options=typed,
-        peak_memory=peak_memory(),
-    )
-
-
-def by_end(reactions: Array) -> dict[str, list[float]]:
-    """Return the forces ``(4, 3)`` by the name of the end."""
-    return {name: [float(value) for value in force] for name, force in zip(ENDS, reactions, strict=True)}
+        counts["newton_iterations"] += newton.snes.getIterationNumber()
+    for vector in (last, slope, guess):
+        vector.destroy()
+    return counts
