@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from isorod.assembly.split import Numbers, Split
+from isorod.assembly.split import Split
 from isorod.assembly.unknowns import Unknowns
 from isorod.material import NeoHookean
 from isorod.model import Body, Model
@@ -12,17 +12,20 @@ from isorod.space import Space
 
 
 @pytest.fixture
-def numbers(cylinder):
+def model(cylinder):
     spaces = [Space(cylinder(4), elements=3), Space(Ring().rod()), Space(cylinder(5, height=2.0), elements=2, order=2)]
-    model = Model([Body(space, NeoHookean(1.0, 0.3)) for space in spaces])
-    return Numbers(model, 3 * model.first_node, Unknowns.layer_dofs)
+    return Model([Body(space, NeoHookean(1.0, 0.3)) for space in spaces])
+
+
+def split_of(model, size):
+    return Split(model, 3 * model.first_node, [Unknowns.layer_dofs(body) for body in model.bodies], size)
 
 
 @pytest.mark.parametrize("size", [1, 2, 3, 7, 40])
-def test_each_element_is_on_one_rank_and_shares_are_equal(numbers, size):
-    split = Split(numbers, size)
+def test_each_element_is_on_one_rank_and_shares_are_equal(model, size):
+    split = split_of(model, size)
     found = [[(s.which, e) for s in split.shares(rank) for e in range(s.first, s.last)] for rank in range(size)]
-    bodies = numbers.model.bodies
+    bodies = model.bodies
     assert [one for own in found for one in own] == [
         (b, e) for b, body in enumerate(bodies) for e in range(body.space.axis.elements)
     ]
@@ -31,8 +34,8 @@ def test_each_element_is_on_one_rank_and_shares_are_equal(numbers, size):
 
 
 @pytest.mark.parametrize("size", [2, 3, 7])
-def test_a_rank_owns_the_layers_whose_first_element_it_has(numbers, size):
-    split = Split(numbers, size)
+def test_a_rank_owns_the_layers_whose_first_element_it_has(model, size):
+    split = split_of(model, size)
     owner = split.owners()
     first = np.full(owner.size, size)
     for rank in reversed(range(size)):
@@ -41,5 +44,5 @@ def test_a_rank_owns_the_layers_whose_first_element_it_has(numbers, size):
     assert np.array_equal(owner, first)
 
 
-def test_numbers_of_displacements_are_all_where_there_is_nothing_else(numbers):
-    assert np.array_equal(numbers.of_model(), np.arange(numbers.model.dofs))
+def test_numbers_of_displacements_are_all_where_there_is_nothing_else(model):
+    assert np.array_equal(split_of(model, 2).numbers(), np.arange(model.dofs))

@@ -1,6 +1,5 @@
 """The degrees of freedom of a rank's elements, and how values come from vectors of unknowns and go there."""
 
-from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
@@ -21,7 +20,7 @@ class Exchange:
     window
         Those that this rank has, ascending; None where it has them all.
     numbers
-        Returns the assembler's number of each of the model's degrees of freedom, ascending.
+        The assembler's number of each of the model's degrees of freedom, ascending.
     bound
         The model's degrees of freedom that supports hold or tie.
     """
@@ -31,10 +30,10 @@ class Exchange:
         vector: PETSc.Vec | None,
         free: Index,
         window: Index | None,
-        numbers: Callable[[], Index],
+        numbers: Index,
         bound: Index,
     ) -> None:
-        self._vector, self._window, self._numbers, self._bound = vector, window, numbers, bound
+        self._vector, self._window, self.numbers, self._bound = vector, window, numbers, bound
         mine = free if window is None else free[window]
         self._slots = np.flatnonzero(mine >= 0)
         self._unknowns = mine[self._slots]
@@ -80,11 +79,6 @@ class Exchange:
     @cached_property
     def _everything(self) -> tuple[PETSc.Scatter, PETSc.Vec]:
         return PETSc.Scatter.toAll(self._vector)
-
-    @cached_property
-    def numbers(self) -> Index:
-        """The assembler's number of each of the model's degrees of freedom."""
-        return self._numbers()
 
     @cached_property
     def moved(self) -> tuple[Index, Index]:

@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit, void
 
 from isorod.arrays import Array
-from isorod.compiled import F2, F3, FAST
+from isorod.compiled import F2, F3, FAST, cofactors
 from isorod.geometry.rod import Rod
 
 # Length over radius of the section from which on it pays; a stubby body that is strained, not turned, takes more
@@ -55,12 +55,7 @@ class Extrapolation:
 def _solve(F: Array, P: Array, S: Array) -> None:
     """Fill ``S`` with ``F^-1 P``."""
     c = np.empty((3, 3))
-    for a in range(3):
-        i, j = (a + 1) % 3, (a + 2) % 3
-        for b in range(3):
-            k, m = (b + 1) % 3, (b + 2) % 3
-            c[a, b] = F[i, k] * F[j, m] - F[i, m] * F[j, k]
-    det = F[0, 0] * c[0, 0] + F[0, 1] * c[0, 1] + F[0, 2] * c[0, 2]
+    det = cofactors(F, c)
     for a in range(3):
         for b in range(3):
             S[a, b] = (c[0, a] * P[0, b] + c[1, a] * P[1, b] + c[2, a] * P[2, b]) / det
@@ -71,13 +66,8 @@ def _extrapolate(
     F: Array, P: Array, moduli: Array, F0: Array, P0: Array, moduli0: Array, excess0: Array, excess: Array
 ) -> None:
     """Fill ``excess`` with ``S' - S`` and add it to moduli ``(m, 9, 9)``; those of the last state hold their own."""
-    S, S0, step, grown, gained = (
-        np.empty((3, 3)),
-        np.empty((3, 3)),
-        np.empty((3, 3)),
-        np.empty((3, 3)),
-        np.empty((3, 3)),
-    )
+    S, S0, step = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    grown, gained = np.empty((3, 3)), np.empty((3, 3))
     for q in range(F.shape[0]):
         _solve(F[q], P[q], S)
         _solve(F0[q], P0[q], S0)

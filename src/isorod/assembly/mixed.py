@@ -157,6 +157,7 @@ class MixedAssembler(Assembler):
         return 3 * body.space.layer_nodes + (body.pressures.count if body.pressures is not None else 0)
 
     def _number(self) -> None:
+        """Number displacements and pressures, layer by layer."""
         model = self.model
         if model.contacts:
             raise InputError("contact: a model with the mixed formulation takes none so far")

@@ -5,7 +5,7 @@ from petsc4py import PETSc
 
 from isorod.arrays import Array
 from isorod.assembly.exchange import Exchange
-from isorod.assembly.split import Numbers, Split
+from isorod.assembly.split import Split
 from isorod.errors import InputError
 from isorod.model.body import Body
 from isorod.model.model import Model
@@ -56,8 +56,7 @@ class Unknowns:
     def _split(self) -> None:
         """Take this rank's elements and rows."""
         size, rank = self.comm.getSize(), self.comm.getRank()
-        numbers = Numbers(self.model, self.first, self.layer_dofs)
-        split = Split(numbers, size)
+        split = Split(self.model, self.first, [self.layer_dofs(body) for body in self.model.bodies], size)
         self.shares = split.shares(rank)
         window = None
         self.rows = self.unknowns
@@ -67,9 +66,8 @@ class Unknowns:
             self.rows = np.unique(self.free[(self.free >= 0) & self._owned]).size
             dofs = [share.dofs.ravel() for share in self.shares]
             window = np.unique(np.concatenate([np.empty(0, np.int64), *dofs]))
-        # No method of this object: Python would not let go of it, and of its matrices, before it looks for cycles.
         vector = self.vector() if size > 1 else None
-        self._exchange = Exchange(vector, self.free, window, numbers.of_model, self.model.bound)
+        self._exchange = Exchange(vector, self.free, window, split.numbers(), self.model.bound)
 
     def vector(self) -> PETSc.Vec:
         """Return a new zero vector of unknowns."""

@@ -173,6 +173,7 @@ class Axis:
 
 
 def _local(knots: Array, degree: int, weights: Array, u: Array) -> tuple[Index, Array, Array]:
+    """Return what `Axis.local` does, of knots and weights."""
     low, high = knots[0], knots[-1]
     inside = (u >= low) & (u <= high)
     if not inside.all():

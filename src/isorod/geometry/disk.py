@@ -110,6 +110,7 @@ def _kept(n: int, points: bytes) -> tuple[Array, Array]:
 
 
 def _tabulate(n: int, points: Array) -> tuple[Array, Array]:
+    """Return what `harmonic_functions` does, not kept."""
     radius = np.hypot(points[:, 0], points[:, 1])
     bad = ~(radius <= 1.0 + 1e-12)
     if bad.any():

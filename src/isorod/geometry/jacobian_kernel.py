@@ -14,13 +14,13 @@ def inverse_jacobians(values: Array, gradients: Array, section: Array, along: Ar
     ``values`` ``(q, n)`` and ``gradients`` ``(q, n, 2)`` are the rod's section functions, ``section`` and ``along``
     ``(u, n, 3)`` its control polygons and their derivatives.
     """
-    places, n, _ = section.shape
+    sections, n, _ = section.shape
     points = values.shape[0]
-    inverse = np.empty((places, points, 3, 3))
-    det = np.empty((places, points))
-    # Columns of the Jacobian, at all places at once.
-    polygons = np.empty((2, n, 3 * places))
-    for t in range(places):
+    inverse = np.empty((sections, points, 3, 3))
+    det = np.empty((sections, points))
+    # Columns of the Jacobian, of all sections at once.
+    polygons = np.empty((2, n, 3 * sections))
+    for t in range(sections):
         for i in range(n):
             for a in range(3):
                 polygons[0, i, 3 * t + a] = section[t, i, a]
@@ -28,7 +28,7 @@ def inverse_jacobians(values: Array, gradients: Array, section: Array, along: Ar
     first = np.dot(np.ascontiguousarray(gradients[:, :, 0]), polygons[0])
     second = np.dot(np.ascontiguousarray(gradients[:, :, 1]), polygons[0])
     third = np.dot(values, polygons[1])
-    for t in range(places):
+    for t in range(sections):
         for q in range(points):
             f0, f1, f2 = first[q, 3 * t], first[q, 3 * t + 1], first[q, 3 * t + 2]
             s0, s1, s2 = second[q, 3 * t], second[q, 3 * t + 1], second[q, 3 * t + 2]
