@@ -1,12 +1,13 @@
 """The compiled contact forces: search, pressure, and its share to the nodes.
 
-Searches left out.  Let a point be farther than ``D`` from a surface, and let no carrier have gone a longer way than
-``w`` since.  A point of a surface at fixed parameters is a convex combination of carriers: it has gone no more than
-``w`` either.  The point and the surface, **both** of which may approach, are still more than ``D - 2 w`` apart, so that
-there is no contact, and nothing to search for, while ``w <= D / 2``.  ``Packed.travel`` grows by the longest way of
-each call, no less than ``w`` in all, and ``Packed.clear`` is its value at which ``D / 2`` is used up.  ``D`` is how far
-the point is from the boxes of the surface's control points, which hold it; or, after a search, by how much the gap
-exceeds that of zero pressure.
+Lemma (searches left out).  Let a point be farther than ``D`` from a surface, and let no carrier have gone a longer way
+than ``w`` since.  Then the point is farther than ``D - 2 w`` from the surface, so that there is no contact, and nothing
+to search for, while ``w <= D / 2``.  Proof: a point of a surface at fixed parameters is a convex combination of
+carriers and has gone no more than ``w`` either; the slave's point **and** the master's, both, may have approached.
+
+``Packed.travel`` grows by the longest way of each call, in all by no less than ``w``; ``Packed.clear`` is its value at
+which ``D / 2`` is used up.  ``D`` is how far the point is from the boxes of the master's control points, which hold it;
+after a search, by how much the gap exceeds that of zero pressure, the foot found taken for the nearest.
 """
 
 from typing import NamedTuple
