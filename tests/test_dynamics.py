@@ -10,7 +10,7 @@ import pytest
 from isorod import dynamics, modal, statics
 from isorod.dynamics.explicit import mesh, run
 from isorod.dynamics.explicit.mass import Mass
-from isorod.dynamics.implicit.assembler import MotionAssembler
+from isorod.dynamics.implicit.assembler import StepAssembler
 from isorod.errors import InputError, SolveError
 from isorod.material import NeoHookean
 from isorod.material.muscle import Muscle
@@ -42,7 +42,7 @@ def velocities(model, seed=0, size=1.0):
 
 def momenta(model, velocity):
     """Consistent mass times velocities ``(o, dofs)``, by nodes that move with their rod: shape ``(o, nodes, 3)``."""
-    assembler = MotionAssembler(replace(model, contacts=()))
+    assembler = StepAssembler(replace(model, contacts=()))
     moving = np.array([assembler.momenta(one) for one in velocity])
     return moving.reshape(len(velocity), -1, 3) * model.is_carrier[:, None]
 

@@ -128,8 +128,8 @@ def test_critical_step_is_that_of_the_eigenvalue_problem(level, cylinder):
     mass = as_array(assembler.mass())
     largest = eigh(dense, mass, eigvals_only=True)[-1]
     made = System(model)
-    made.motion.displacement[made.places] = displacement
-    found = made.critical_step(made.motion.displacement, level)
+    made.state.displacement[made.order] = displacement
+    found = made.critical_step(made.state.displacement, level)
     print(f"critical step {found:.8g}, exact {2 / np.sqrt(largest):.8g}")
     assert found == pytest.approx(2.0 / np.sqrt(largest), rel=1e-4)
 
@@ -146,11 +146,11 @@ def test_forces_are_divided_by_the_assemblers_mass(cylinder):
     for scaling in (0.0, 0.1):
         made.scale(scaling)
         velocity = made.velocity(forces)
-        assert not velocity[made.places[~free]].any()
+        assert not velocity[made.order[~free]].any()
         np.testing.assert_allclose(made.momenta(velocity)[made.free], forces[made.free], rtol=1e-9, atol=1e-11)
         if scaling == 0.0:
-            found = velocity[made.places][free]
-            np.testing.assert_allclose(dense @ found, forces[made.places][free], rtol=1e-9, atol=1e-11)
+            found = velocity[made.order][free]
+            np.testing.assert_allclose(dense @ found, forces[made.order][free], rtol=1e-9, atol=1e-11)
 
 
 @pytest.mark.parametrize("order", [1, 2])

@@ -191,7 +191,7 @@ def test_a_spinning_body_keeps_both_momenta(steps, cylinder):
     flung = wild(model, 0.3) + field(model, lambda x: np.cross([0.3, 2.0, 0.5], x))
     history = run(model, 40 * step, step, outputs=10, velocity=flung)
     places = model.bodies[0].space.positions + history.displacement.reshape(len(history.times), -1, 3)
-    momenta = assembler.MotionAssembler(model).momenta
+    momenta = assembler.StepAssembler(model).momenta
     moving = np.array([momenta(one) for one in history.velocity]).reshape(places.shape)
     carries = model.is_carrier[:, None]
     momentum, angular = (carries * moving).sum(axis=1), np.cross(places, moving).sum(axis=1)
@@ -262,7 +262,7 @@ def test_reactions_are_those_of_the_time(cylinder):
     """A bar that spins about its held end is pulled inward: momentum's rate of change, by differences of the outputs."""
     model = bar(cylinder)
     history = run(model, 0.5, 0.005, outputs=100, velocity=swing(model))
-    momenta = assembler.MotionAssembler(model).momenta
+    momenta = assembler.StepAssembler(model).momenta
     carried = np.array([(momenta(v).reshape(-1, 3) * model.is_carrier[:, None]).sum(axis=0) for v in history.velocity])
     rate = (carried[2:] - carried[:-2]) / (history.times[2] - history.times[0])
     found = history.reactions[1:-1, 0]

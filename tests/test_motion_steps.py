@@ -7,7 +7,7 @@ from conftest import straight
 from isorod import dynamics
 from isorod.dynamics.explicit import mesh
 from isorod.dynamics.explicit.mass import Mass
-from isorod.dynamics.implicit.assembler import MotionAssembler
+from isorod.dynamics.implicit.assembler import StepAssembler
 from isorod.dynamics.implicit.newton import Newton
 from isorod.geometry.axis import Axis
 from isorod.geometry.rod import Rod
@@ -32,7 +32,7 @@ def bar(held="xyz", law=None, contacts=(), elements=2):
 @pytest.fixture
 def refuse_longer(monkeypatch):
     """Let Newton's method fail in all steps longer than one given; return how to say which, and the levels of activation solved at."""
-    begin, solve = MotionAssembler.begin, Newton.solve
+    begin, solve = StepAssembler.begin, Newton.solve
     limit, step, levels = [np.inf], [0.0], []
 
     def told(self, dt, *arguments):
@@ -45,7 +45,7 @@ def refuse_longer(monkeypatch):
         levels.append(factor)
         return solve(self, guess, factor)
 
-    monkeypatch.setattr(MotionAssembler, "begin", told)
+    monkeypatch.setattr(StepAssembler, "begin", told)
     monkeypatch.setattr(Newton, "solve", refused)
     return limit, levels
 

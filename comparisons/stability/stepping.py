@@ -14,6 +14,7 @@ from isorod import dynamics, modal
 from isorod.arrays import Array
 from isorod.dynamics.explicit.run import Run
 from isorod.dynamics.explicit.system import System
+from isorod.dynamics.run import Settings
 from isorod.geometry.center_line import straight
 from isorod.geometry.section import circle
 from isorod.material import NeoHookean
@@ -172,7 +173,7 @@ def _share(share: float, size: float) -> dict[str, Any]:
     model = _model()
     step = share * _critical(model)
     steps = round(DURATION / 8 / share)
-    motion = _Bold(System(model), 8 * steps * step, 8, step, 0.0, 0.0)
+    motion = _Bold(System(model), Settings(8 * steps * step, 8, step))
     motion.begin(np.zeros(model.dofs), np.where(model.free >= 0, _random(model, size), 0.0))
     while motion.index < motion.outputs:
         motion.advance()

@@ -2,6 +2,7 @@
 
 import sys
 from dataclasses import dataclass, fields
+from importlib import import_module
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -11,8 +12,8 @@ from numpy.typing import ArrayLike
 from petsc4py import PETSc
 
 from isorod.arrays import Array
-from isorod.dynamics.explicit.run import Run
 from isorod.dynamics.explicit.system import System
+from isorod.dynamics.run import Run, Settings
 from isorod.errors import InputError, whole_number
 from isorod.model.model import Model
 from isorod.output import checkpoint as files
@@ -133,7 +134,7 @@ def solve(
     Parameters
     ----------
     model
-        Bodies with densities, neo-Hookean or muscle.
+        Bodies with densities and laws with a compiled stress (`isorod.material.law.Material.compiled`).
     end_time
         Time to reach.
     time_step
@@ -165,28 +166,20 @@ def solve(
         does not converge.
     """
     start = perf_counter()
-    _check(model, end_time, time_step, damping, ramp, every)
-    outputs = whole_number("outputs", outputs, 1, 1_000_000)
+    settings = Settings(end_time, whole_number("outputs", outputs, 1, 1_000_000), time_step, damping, ramp)
+    _check(model, settings, every)
     if resume and checkpoint is None:
         raise InputError("resume: no checkpoint is named; give the file the run was to keep its state in")
-    run = _run_of(integrator)(System(model), end_time, outputs, time_step, damping, ramp)
+    run = _run_of(integrator)(System(model), settings)
     initial = _nodal(model, "displacement", displacement), _nodal(model, "velocity", velocity)
-    path = None if checkpoint is None else Path(checkpoint)
-    identity = {} if path is None else run.identity(*initial)
-    if path is not None and resume:
-        run.restore(files.read(path, identity))
-    else:
-        if path is not None:
-            files.refuse_unfinished(path)
-        run.begin(*initial)
-        if path is not None:
-            files.write(path, identity, run.state())
+    file = _Checkpoint(run, None if checkpoint is None else Path(checkpoint), initial)
+    file.begin(resume)
     resumed, first = run.time, run.taken
     setup, loop, saved = perf_counter() - start, 0.0, perf_counter()
-    while run.index < outputs:
+    while run.index < run.outputs:
         loop += run.advance()
-        if path is not None and (perf_counter() - saved >= every or run.index == outputs):
-            files.write(path, identity, run.state())
+        if perf_counter() - saved >= every or run.index == run.outputs:
+            file.write()
             saved = perf_counter()
         if progress and sys.stderr.isatty():
             _show(run, first, loop)
@@ -209,13 +202,33 @@ def solve(
 
 
 def _run_of(integrator: str) -> type[Run]:
-    if integrator == "explicit":
-        return Run
-    if integrator != "implicit":
+    if integrator not in ("explicit", "implicit"):
         raise InputError(f"integrator: got {integrator!r}, need 'explicit' or 'implicit'")
-    from isorod.dynamics.implicit.run import ImplicitRun
+    chosen: type[Run] = import_module(f"isorod.dynamics.{integrator}.run").Run
+    return chosen
 
-    return ImplicitRun
+
+class _Checkpoint:
+    """The file a run keeps its state in, if it has one."""
+
+    def __init__(self, run: Run, path: Path | None, initial: tuple[Array, Array]) -> None:
+        self._run, self._path, self._initial = run, path, initial
+        self._identity = {} if path is None else run.identity(*initial)
+
+    def begin(self, resume: bool) -> None:
+        """Begin the run, from the file if it is to be resumed."""
+        if self._path is not None and resume:
+            self._run.restore(files.read(self._path, self._identity))
+            return
+        if self._path is not None:
+            files.refuse_unfinished(self._path)
+        self._run.begin(*self._initial)
+        self.write()
+
+    def write(self) -> None:
+        """Keep the state."""
+        if self._path is not None:
+            files.write(self._path, self._identity, self._run.state())
 
 
 def _show(run: Run, first: int, loop: float) -> None:
@@ -226,17 +239,16 @@ def _show(run: Run, first: int, loop: float) -> None:
     print(f"\r[{bar:30s}] time {run.time:.4g}, step {run.taken}, {speed}  ", end=end, file=sys.stderr, flush=True)
 
 
-def _check(model: Model, end_time: float, time_step: float | None, damping: float, ramp: float, every: float) -> None:
+def _check(model: Model, settings: Settings, every: float) -> None:
     ranks = PETSc.COMM_WORLD.getSize()
     if ranks > 1:
         raise InputError(f"dynamics runs on one rank, got {ranks}: start it without mpirun")
-    positive = {"end time": end_time} | ({} if time_step is None else {"time step": time_step})
-    for name, value in positive.items():
-        if not (np.isfinite(value) and value > 0.0):
+    for name, value in (("end time", settings.end_time), ("time step", settings.time_step)):
+        if value is not None and not (np.isfinite(value) and value > 0.0):
             raise InputError(f"{name}: got {value:g}, need a positive time")
     for name, value, what in (
-        ("damping", damping, "1/time"),
-        ("ramp", ramp, "a time"),
+        ("damping", settings.damping, "1/time"),
+        ("ramp", settings.ramp, "a time"),
         ("time between checkpoints", every, "seconds"),
     ):
         if not (np.isfinite(value) and value >= 0.0):

@@ -12,7 +12,7 @@ from isorod.material.linear_elastic import LinearElastic
 from isorod.tensors import inverse
 
 
-class Run(NamedTuple):
+class Piece(NamedTuple):
     """Places ``first .. last - 1`` along the body that have one law."""
 
     law: Material
@@ -25,73 +25,73 @@ class Laws:
 
     Parameters
     ----------
-    runs
+    pieces
         Consecutive places of one law each, shape of the whole ``(places,)``.
     """
 
-    def __init__(self, runs: Sequence[Run]) -> None:
-        self.runs = tuple(runs)
+    def __init__(self, pieces: Sequence[Piece]) -> None:
+        self.pieces = tuple(pieces)
 
     @classmethod
     def of(cls, laws: Sequence[Material]) -> "Laws":
         """Return the laws given one by one."""
-        runs, first = [], 0
+        pieces, first = [], 0
         for _, same in groupby(laws, id):
             members = list(same)
-            runs.append(Run(members[0], first, first + len(members)))
+            pieces.append(Piece(members[0], first, first + len(members)))
             first += len(members)
-        return cls(runs)
+        return cls(pieces)
 
     def along(self, tangents: Array) -> "Laws":
         """Return the laws where the rod's unit tangents are ``tangents``, shape ``(places, ..., 3)``."""
-        return Laws([Run(law.along(tangents[first:last]), first, last) for law, first, last in self.runs])
+        return Laws([Piece(law.along(tangents[first:last]), first, last) for law, first, last in self.pieces])
 
     def at(self, factor: float) -> "Laws":
         """Return the laws at a load factor."""
-        return Laws([Run(law.at(factor), first, last) for law, first, last in self.runs])
+        return Laws([Piece(law.at(factor), first, last) for law, first, last in self.pieces])
 
     @property
     def follow(self) -> bool:
         """Whether a law asks for the rod's tangents (`along`)."""
-        return any(law.follows for law, _, _ in self.runs)
+        return any(law.follows for law, _, _ in self.pieces)
 
     @property
     def loaded(self) -> bool:
         """Whether a law changes with the load factor."""
-        return any(law.at(0.5) is not law for law, _, _ in self.runs)
+        return any(law.at(0.5) is not law for law, _, _ in self.pieces)
 
     @property
     def objective(self) -> bool:
         """Whether all laws have a second Piola-Kirchhoff stress that no rotation changes."""
-        return not any(isinstance(law, LinearElastic) for law, _, _ in self.runs)
+        return not any(isinstance(law, LinearElastic) for law, _, _ in self.pieces)
 
     @property
     def isotropic(self) -> Array | None:
         """Lame's parameters of each law, shape ``(places, 2)``, if all are linear elastic."""
         found = [
             np.tile((law.lame, law.mu), (last - first, 1))
-            for law, first, last in self.runs
+            for law, first, last in self.pieces
             if isinstance(law, LinearElastic)
         ]
-        return self._joined(found) if len(found) == len(self.runs) else None
+        return self._joined(found) if len(found) == len(self.pieces) else None
 
     def energy(self, F: Array) -> Array:
         """Return the stored energy per reference volume, shape ``F.shape[:-2]``."""
-        return self._joined([law.energy(F[first:last]) for law, first, last in self.runs])
+        return self._joined([law.energy(F[first:last]) for law, first, last in self.pieces])
 
     def stress(self, F: Array) -> Array:
         """Return the first Piola-Kirchhoff stress, shape of ``F``."""
-        return self._joined([law.stress(F[first:last]) for law, first, last in self.runs])
+        return self._joined([law.stress(F[first:last]) for law, first, last in self.pieces])
 
     def discrete(self, F: Array, change: Array, wanted: bool) -> tuple[Array, Array]:
         """Return stresses that do the work of the energy, and their moduli: see `isorod.material.law.Material.discrete`."""
-        found = [law.discrete(F[first:last], change[first:last], wanted) for law, first, last in self.runs]
+        found = [law.discrete(F[first:last], change[first:last], wanted) for law, first, last in self.pieces]
         moduli = [np.empty(0) if part is None else part for _, part in found]
         return self._joined([stress for stress, _ in found]), self._joined(moduli)
 
     def tangent(self, F: Array) -> Array:
         """Return ``dP/dF``, shape ``F.shape + (3, 3)``."""
-        return self._joined([law.tangent(F[first:last]) for law, first, last in self.runs])
+        return self._joined([law.tangent(F[first:last]) for law, first, last in self.pieces])
 
     @staticmethod
     def _joined(pieces: Sequence[Array]) -> Array:
@@ -100,13 +100,13 @@ class Laws:
 
 def shear_laws(laws: Laws) -> Laws:
     """Return the laws without their bulk terms."""
-    return Laws([Run(cast(Split, law).shear, first, last) for law, first, last in laws.runs])
+    return Laws([Piece(cast(Split, law).shear, first, last) for law, first, last in laws.pieces])
 
 
 def volume_change(laws: Laws, F: Array) -> tuple[Array, Array]:
     """Return ``theta`` and ``d theta / dF`` at deformation gradients ``(E, t, q, 3, 3)``; NaN where ``ln J`` has no value."""
     theta, slope = np.empty(F.shape[:-2]), np.empty(F.shape)
-    for law, first, last in laws.runs:
+    for law, first, last in laws.pieces:
         part = F[first:last]
         if cast(Split, law).logarithmic:
             inverses, det = inverse(part)

@@ -155,6 +155,6 @@ class Body:
     def fibres(self, table: Table) -> Array:
         """Return the unit fibre directions at the quadrature points, shape ``(E, t, q, 3)``; zero where the law has none."""
         result = np.zeros((*table.weights.shape, 3))
-        for law, first, last in self.laws_at(table.u).runs:
+        for law, first, last in self.laws_at(table.u).pieces:
             result[first:last] = law.fibres(result[first:last].shape[:-1])
         return result

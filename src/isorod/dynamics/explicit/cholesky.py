@@ -28,7 +28,7 @@ class Factors(NamedTuple):
         Entries of ``L`` left of the diagonal.
     inverse
         Inverse of the diagonal, shape ``(R,)``.
-    places
+    order
         Place of each row in a state vector for x, y and z, shape ``(3, R)``; a component that has a matrix of its own
         repeats another.
     """
@@ -38,7 +38,7 @@ class Factors(NamedTuple):
     starts: NDArray[np.uint64]
     values: Array
     inverse: Array
-    places: NDArray[np.uint64]
+    order: NDArray[np.uint64]
 
 
 FACTORS = types.NamedTuple([U2, U1, U1, F1, F1, U2], Factors)
@@ -91,13 +91,13 @@ def solve(factors: Factors, momenta: Array, velocity: Array) -> None:
     """
     largest = np.int64(np.max(factors.systems[:, 0]))
     x, y, z = np.empty(largest), np.empty(largest), np.empty(largest)
-    places, values = factors.places, factors.values
+    order, values = factors.order, factors.values
     for s in range(factors.systems.shape[0]):
         rows, top = factors.systems[s, 0], factors.systems[s, 1]
         for i in range(rows):
-            x[i] = momenta[places[_0, top + i]]
-            y[i] = momenta[places[_1, top + i]]
-            z[i] = momenta[places[_2, top + i]]
+            x[i] = momenta[order[_0, top + i]]
+            y[i] = momenta[order[_1, top + i]]
+            z[i] = momenta[order[_2, top + i]]
         for i in range(rows):
             left, start, inverse = factors.first[top + i], factors.starts[top + i], factors.inverse[top + i]
             a = b = c = 0.0
@@ -121,6 +121,6 @@ def solve(factors: Factors, momenta: Array, velocity: Array) -> None:
                 z[left + k] -= value * c
         # Where there are fewer components the others repeat one of them.
         for i in range(rows):
-            velocity[places[_0, top + i]] = x[i]
-            velocity[places[_1, top + i]] = y[i]
-            velocity[places[_2, top + i]] = z[i]
+            velocity[order[_0, top + i]] = x[i]
+            velocity[order[_1, top + i]] = y[i]
+            velocity[order[_2, top + i]] = z[i]

@@ -11,7 +11,19 @@ from isorod.dynamics.explicit.cholesky import FACTORS, Factors
 from isorod.dynamics.explicit.contact import STEP_CONTACT, StepContact
 from isorod.dynamics.explicit.end_faces import add_forces as add_face_forces
 from isorod.dynamics.explicit.mesh import MESH, Mesh
-from isorod.dynamics.explicit.step_kernel import BLOWN, COURSE, DONE, INVERTED, LOST, MOTION, Course, Motion, load, move
+from isorod.dynamics.explicit.step_kernel import (
+    BLOWN,
+    COURSE,
+    DONE,
+    INVERTED,
+    LOST,
+    PUSHED,
+    STATE,
+    Course,
+    State,
+    evaluate,
+    move,
+)
 
 
 class StepPressing(NamedTuple):
@@ -47,20 +59,20 @@ def subtract(contact: StepContact, displacement: Array, forces: Array) -> StepPr
     return StepPressing(sides.energy + ends.energy, sides.force + ends.force, area, deepest, x, y, z)
 
 
-@njit(types.UniTuple(i8, 2)(MESH, MOTION, FACTORS, COURSE, i8, STEP_CONTACT), **STRICT)
+@njit(types.UniTuple(i8, 2)(MESH, STATE, FACTORS, COURSE, i8, STEP_CONTACT), **STRICT)
 def advance(
-    mesh: Mesh, motion: Motion, factors: Factors, course: Course, steps: int, contact: StepContact
+    mesh: Mesh, state: State, factors: Factors, course: Course, steps: int, contact: StepContact
 ) -> tuple[int, int]:
     """Take a number of steps with contact; return how many were taken, and the outcome."""
     for k in range(steps):
-        if load(mesh, motion, course, k) > 0.0:
+        if evaluate(mesh, state, course, k) > 0.0:
             return k, INVERTED
-        pressing = subtract(contact, motion.displacement, motion.forces)
+        pressing = subtract(contact, state.displacement, state.forces)
         if not pressing.energy >= 0.0:
             return k, LOST
-        motion.sums[2] += course.step * pressing.x
-        motion.sums[3] += course.step * pressing.y
-        motion.sums[4] += course.step * pressing.z
-        if not move(motion, factors, course):
+        state.sums[PUSHED] += course.step * pressing.x
+        state.sums[PUSHED + 1] += course.step * pressing.y
+        state.sums[PUSHED + 2] += course.step * pressing.z
+        if not move(state, factors, course):
             return k + 1, BLOWN
     return steps, DONE

@@ -45,7 +45,7 @@ class Mass:
     ----------
     model
         Bodies with densities.
-    places
+    order
         From `isorod.dynamics.explicit.mesh.order`, shape ``(dofs,)``.
 
     Attributes
@@ -57,8 +57,8 @@ class Mass:
         inertia of a section that turns.
     """
 
-    def __init__(self, model: Model, places: Index) -> None:
-        self._model, self._places = model, places
+    def __init__(self, model: Model, order: Index) -> None:
+        self._model, self._order = model, order
         parts = [_matrices(body) for body in model.bodies]
         self.consistent, self.stiffness = [part[0] for part in parts], [part[1] for part in parts]
         self.largest_scaling = _MOST * min(part[2] for part in parts)
@@ -92,7 +92,7 @@ class Mass:
         InputError
             If a matrix is not positive definite.
         """
-        systems, places = [], []
+        systems, order = [], []
         firsts: list[NDArray[np.uint64]] = []
         rows: list[NDArray[np.uint64]] = []
         values: list[Array] = []
@@ -116,14 +116,14 @@ class Mass:
                 rows.append(starts + np.uint64(sum(part.size for part in values)))
                 values.append(entries)
                 inverse.append(1.0 / diagonal)
-                places.append(self._places[dofs[mask][:, np.resize(components, 3)]].T)
+                order.append(self._order[dofs[mask][:, np.resize(components, 3)]].T)
         return Factors(
             systems=np.array(systems, dtype=np.uint64),
             first=np.concatenate(firsts),
             starts=np.concatenate(rows),
             values=np.concatenate(values),
             inverse=np.concatenate(inverse),
-            places=np.ascontiguousarray(np.concatenate(places, axis=1), dtype=np.uint64),
+            order=np.ascontiguousarray(np.concatenate(order, axis=1), dtype=np.uint64),
         )
 
 

@@ -63,12 +63,12 @@ MESH = types.NamedTuple([types.Array(from_dtype(ELEMENT), 1, "C"), U2, F1, F1, F
 
 def order(model: Model) -> Index:
     """Return the place of each degree of freedom in a state vector (see `isorod.dynamics.explicit.element_kernel`), shape ``(dofs,)``."""
-    places = []
+    positions = []
     for body, first in zip(model.bodies, model.first_node[:-1], strict=True):
         size = body.space.layer_nodes
         local = np.arange(body.space.nodes)[:, None]
-        places.append(3 * first + 3 * size * (local // size) + size * np.arange(3) + local % size)
-    return np.concatenate(places).ravel()
+        positions.append(3 * first + 3 * size * (local // size) + size * np.arange(3) + local % size)
+    return np.concatenate(positions).ravel()
 
 
 def pack(model: Model) -> Mesh:

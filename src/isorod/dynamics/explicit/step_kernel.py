@@ -20,8 +20,11 @@ from isorod.dynamics.explicit.mesh import MESH, Mesh
 # contact.
 DONE, INVERTED, BLOWN, LOST = 0, 1, 2, 3
 
+# Where in `State.sums`: dissipated energy, work of the activation's changes, and the impulse of rigid obstacles (3).
+DISSIPATED, ACTIVATED, PUSHED = 0, 1, 2
 
-class Motion(NamedTuple):
+
+class State(NamedTuple):
     """State vectors, shape ``(dofs,)``, and sums over the steps taken.
 
     Attributes
@@ -70,7 +73,7 @@ class Course(NamedTuple):
     limit: float
 
 
-MOTION = types.NamedTuple([F1, F1, F1, F1, types.Array(u8, 1, "C"), F1, F1], Motion)
+STATE = types.NamedTuple([F1, F1, F1, F1, types.Array(u8, 1, "C"), F1, F1], State)
 COURSE = types.NamedUniTuple(f8, 5, Course)
 
 
@@ -82,49 +85,49 @@ def activation(time: float, ramp: float) -> float:
     return max(time, 0.0) / ramp
 
 
-@njit(f8(MESH, MOTION, COURSE, i8), **STRICT)
-def load(mesh: Mesh, motion: Motion, course: Course, k: int) -> float:
+@njit(f8(MESH, STATE, COURSE, i8), **STRICT)
+def evaluate(mesh: Mesh, state: State, course: Course, k: int) -> float:
     """Evaluate the internal forces of step ``k`` of a run and its share of ``sum W dalpha``; return the number of inverted points."""
     time = course.begin + k * course.step
     now = activation(time, course.ramp)
     # Half of the change to the next step and half of that from the last one: the trapezoidal rule.
     change = 0.5 * (activation(time + course.step, course.ramp) - activation(time - course.step, course.ramp))
-    inverted, _, active = internal_forces(mesh, motion.displacement, now, change > 0.0, motion.forces)
+    inverted, _, active = internal_forces(mesh, state.displacement, now, change > 0.0, state.forces)
     if change > 0.0:
-        motion.sums[1] += change * active
+        state.sums[ACTIVATED] += change * active
     return inverted
 
 
-@njit(b1(MOTION, FACTORS, COURSE), **STRICT)
-def move(motion: Motion, factors: Factors, course: Course) -> bool:
+@njit(b1(STATE, FACTORS, COURSE), **STRICT)
+def move(state: State, factors: Factors, course: Course) -> bool:
     """Take one step with the forces evaluated; return whether the kinetic energy stays below the limit."""
-    u, v, p, dt = motion.displacement, motion.velocity, motion.momenta, course.step
-    for h in range(motion.held.size):
-        place = motion.held[h]
-        motion.impulse[h] += dt * motion.forces[place]
-        motion.forces[place] = 0.0
+    u, v, p, dt = state.displacement, state.velocity, state.momenta, course.step
+    for h in range(state.held.size):
+        place = state.held[h]
+        state.impulse[h] += dt * state.forces[place]
+        state.forces[place] = 0.0
     half = 0.5 * course.damping * dt
     keep, push = (1.0 - half) / (1.0 + half), dt / (1.0 + half)
     # Twice the kinetic energies before and after, and the product of both velocities.
     before = mixed = after = 0.0
     for d in range(u.size):
         before += v[d] * p[d]
-        p[d] = keep * p[d] - push * motion.forces[d]
+        p[d] = keep * p[d] - push * state.forces[d]
         mixed += v[d] * p[d]
     solve(factors, p, v)
     for d in range(u.size):
         after += v[d] * p[d]
         u[d] += dt * v[d]
-    motion.sums[0] += dt * course.damping * 0.25 * (before + 2.0 * mixed + after)
+    state.sums[DISSIPATED] += dt * course.damping * 0.25 * (before + 2.0 * mixed + after)
     return 0.5 * after <= course.limit
 
 
-@njit(types.UniTuple(i8, 2)(MESH, MOTION, FACTORS, COURSE, i8), **STRICT)
-def advance(mesh: Mesh, motion: Motion, factors: Factors, course: Course, steps: int) -> tuple[int, int]:
+@njit(types.UniTuple(i8, 2)(MESH, STATE, FACTORS, COURSE, i8), **STRICT)
+def advance(mesh: Mesh, state: State, factors: Factors, course: Course, steps: int) -> tuple[int, int]:
     """Take a number of steps without contact; return how many were taken, and the outcome."""
     for k in range(steps):
-        if load(mesh, motion, course, k) > 0.0:
+        if evaluate(mesh, state, course, k) > 0.0:
             return k, INVERTED
-        if not move(motion, factors, course):
+        if not move(state, factors, course):
             return k + 1, BLOWN
     return steps, DONE

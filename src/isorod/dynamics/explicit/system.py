@@ -12,7 +12,7 @@ from isorod.dynamics.explicit.cholesky import solve
 from isorod.dynamics.explicit.element_kernel import internal_forces
 from isorod.dynamics.explicit.mass import Mass
 from isorod.dynamics.explicit.mesh import GEOMETRY, POINTS, order, pack
-from isorod.dynamics.explicit.step_kernel import Course, Motion
+from isorod.dynamics.explicit.step_kernel import Course, State
 from isorod.model.model import Model
 from isorod.tensors import determinant
 
@@ -43,16 +43,16 @@ class System:
     def __init__(self, model: Model) -> None:
         self.model = model
         self.mesh = pack(model)
-        self.places = order(model)
-        self.free = self.places[model.free >= 0]
-        self.mass = Mass(model, self.places)
+        self.order = order(model)
+        self.free = self.order[model.free >= 0]
+        self.mass = Mass(model, self.order)
         self.factors = self.mass.factors()
-        self.motion = Motion(
+        self.state = State(
             displacement=np.zeros(model.dofs),
             velocity=np.zeros(model.dofs),
             momenta=np.zeros(model.dofs),
             forces=np.zeros(model.dofs),
-            held=self.places[model.held].astype(np.uint64),
+            held=self.order[model.held].astype(np.uint64),
             impulse=np.zeros(model.held.size),
             sums=np.zeros(5),
         )
@@ -65,7 +65,7 @@ class System:
         if model.contacts:
             from isorod.dynamics.explicit import contact
 
-            self.contact = contact.pack(model, self.places)
+            self.contact = contact.pack(model, self.order)
 
     @property
     def starts(self) -> Array:
@@ -80,10 +80,10 @@ class System:
     def advance(self, course: Course, steps: int) -> tuple[int, int]:
         """Take steps; return how many were taken, and the outcome (see `isorod.dynamics.explicit.step_kernel`)."""
         if self.contact is None:
-            return step_kernel.advance(self.mesh, self.motion, self.factors, course, steps)
+            return step_kernel.advance(self.mesh, self.state, self.factors, course, steps)
         from isorod.dynamics.explicit import contact_step_kernel
 
-        return contact_step_kernel.advance(self.mesh, self.motion, self.factors, course, steps, self.contact)
+        return contact_step_kernel.advance(self.mesh, self.state, self.factors, course, steps, self.contact)
 
     def scale(self, scaling: float) -> None:
         """Add mass; see `isorod.dynamics.explicit.mass`."""
@@ -95,7 +95,7 @@ class System:
     def momenta(self, velocity: Array) -> Array:
         """Return mass times velocity, held degrees of freedom included, both state vectors."""
         result = np.empty_like(velocity)
-        result[self.places] = self.mass.momenta(velocity[self.places])
+        result[self.order] = self.mass.momenta(velocity[self.order])
         return result
 
     def velocity(self, momenta: Array) -> Array:
@@ -126,7 +126,7 @@ class System:
     def worst(self, displacement: Array) -> str:
         """Return which element is the most compressed."""
         model = self.model
-        everywhere = displacement[self.places]
+        everywhere = displacement[self.order]
         found: list[tuple[float, str]] = []
         for b, body in enumerate(model.bodies):
             table = body.space.tabulate(0, body.space.axis.elements)

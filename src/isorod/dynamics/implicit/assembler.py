@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from isorod.dynamics.implicit.contact import MidpointContact
 
 
-class MotionPart(Part):
+class StepPart(Part):
     """The elements of one body during a step."""
 
     def __init__(self, share: Share, free: Index, exchange: Exchange) -> None:
@@ -81,7 +81,7 @@ class MotionPart(Part):
         return (self.mass @ local[self.dofs].reshape(self.dofs.shape[0], -1, 3)).reshape(self.dofs.shape)
 
 
-class MotionAssembler(Assembler):
+class StepAssembler(Assembler):
     """Assembles the balance of a step; unknowns are the changes of the displacement.
 
     Attributes
@@ -92,8 +92,8 @@ class MotionAssembler(Assembler):
         What rounding makes of the residual.
     """
 
-    part = MotionPart
-    parts: list[MotionPart]  # type: ignore[assignment]
+    part = StepPart
+    parts: list[StepPart]  # type: ignore[assignment]
     contact: "MidpointContact | None"
 
     def __init__(self, model: Model) -> None:

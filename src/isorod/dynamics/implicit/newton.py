@@ -6,7 +6,7 @@ from petsc4py import PETSc
 from isorod.arrays import Array
 from isorod.assembly.assembler import Assembler
 from isorod.assembly.factorisation import factorisation
-from isorod.dynamics.implicit.assembler import MotionAssembler
+from isorod.dynamics.implicit.assembler import StepAssembler
 from isorod.petsc.snes import create_snes
 
 # What a user's option overrides.
@@ -28,7 +28,7 @@ class Newton:
         Newton iterations so far.
     """
 
-    def __init__(self, assembler: MotionAssembler) -> None:
+    def __init__(self, assembler: StepAssembler) -> None:
         self.assembler = assembler
         self.iterations = 0
         self.matrix = assembler.matrix()

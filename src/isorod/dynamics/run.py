@@ -1,0 +1,267 @@
+"""A motion under way, whatever the steps: outputs, balances, and the state that a checkpoint keeps."""
+
+import hashlib
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from isorod import __version__
+from isorod.arrays import Array
+from isorod.checks.reactions import support_forces
+from isorod.dynamics.explicit.step_kernel import PUSHED, activation
+from isorod.dynamics.explicit.system import System
+from isorod.errors import InputError
+
+# The balance of energy must hold to this share of the work done.
+IMBALANCE = 0.05
+
+# Steps that no one will wait for.
+_MOST = 1e12
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What a run is told; see `isorod.dynamics.solve`."""
+
+    end_time: float
+    outputs: int
+    time_step: float | None = None
+    damping: float = 0.0
+    ramp: float = 0.0
+
+
+class Run(ABC):
+    """A motion under way.
+
+    Attributes
+    ----------
+    index, taken
+        Intervals between outputs completed, and steps.
+    count
+        Steps in an interval.
+    rows
+        What was recorded so far, by the names of `isorod.dynamics.History`.
+    estimates
+        Time and value of each estimate of the critical step.
+    newton_iterations, cuts
+        Of implicit steps, so far: Newton iterations, and steps halved and tried again.
+    """
+
+    integrator: ClassVar[str]
+    # Share of a step by which velocities lag behind displacements.
+    lag: ClassVar[float]
+    built: Sequence[str] = ("mass",)
+
+    def __init__(self, system: System, settings: Settings) -> None:
+        self.system, self.settings = system, settings
+        self.interval = settings.end_time / settings.outputs
+        self.index, self.taken, self.count = 0, 0, 1
+        self.newton_iterations = self.cuts = 0
+        self.rows: dict[str, list[Any]] = {}
+        self.estimates: list[tuple[float, float]] = []
+        # Steps taken, activation, and whether there was contact at the last estimate.
+        self._estimated = np.zeros(3)
+        # Energy at the start; momentum that stays when all impulses are taken off.
+        self._energy = 0.0
+        self._momentum = np.zeros(3)
+        # Only functions that add up to one take part in the virtual work of a translation.
+        self._carried = system.model.is_carrier.repeat(3).astype(float)
+        volumes = np.concatenate(
+            [body.space.tabulate(0, body.space.axis.elements).weights.sum(axis=(1, 2)) for body in system.model.bodies]
+        )
+        laws = [law for body in system.model.bodies for law in body.laws]
+        # The most work that activation can do.
+        self._available = float(volumes @ [law.activation_work for law in laws])
+        # Of a body at rest, rounding of its forces may be all there is.
+        self._noise = 1e-12 * float(volumes @ [law.modulus for law in laws])
+
+    @abstractmethod
+    def solver(self) -> dict[str, str]:
+        """Return the names of the methods at work."""
+
+    @abstractmethod
+    def advance(self) -> float:
+        """Take the steps to the next output and record it; return the wall time of the steps."""
+
+    @abstractmethod
+    def _choose(self, critical: float) -> None:
+        """Choose the time step, given the critical one, and make the state what the steps start from."""
+
+    @abstractmethod
+    def _measure(self) -> dict[str, Any]:
+        """Return the state by the names of `isorod.dynamics.History`; changes nothing of it."""
+
+    @property
+    def outputs(self) -> int:
+        """Number of intervals between outputs."""
+        return self.settings.outputs
+
+    @property
+    def time(self) -> float:
+        """Time of the last output."""
+        return self.index * self.interval
+
+    @property
+    def step(self) -> float:
+        """Time step."""
+        return self.interval / self.count
+
+    def level(self, time: float) -> float:
+        """Return the share of the full activation at a time."""
+        return activation(time, self.settings.ramp)
+
+    def begin(self, displacement: Array, velocity: Array) -> None:
+        """Place the bodies, choose the time step, and take the first output."""
+        system, state = self.system, self.system.state
+        state.displacement[system.order] = displacement
+        state.velocity[system.order] = velocity
+        critical = self._critical()
+        if not critical > 0.0:
+            raise InputError(f"initial state: an element is inverted; {self.system.worst(state.displacement)}")
+        self.estimates.append((0.0, critical))
+        self._choose(critical)
+        self._momentum = self._free_momentum()
+        seen = self._measure()
+        self._energy = total(seen)
+        self._estimated[:] = 0.0, self.level(0.0), seen["contact_area"] > 0.0
+        self._balance(seen)
+        self._record(seen)
+
+    def _critical(self) -> float:
+        """Return the critical step at the start, with the mass there is, without activation and with all of it."""
+        return min(self.system.critical_step(self.system.state.displacement, level) for level in (0.0, 1.0))
+
+    def _divide(self, longest: float) -> None:
+        """Cut the interval in equal steps, none longer than the given one."""
+        count = np.ceil(self.interval / longest - 1e-9)
+        if not count * self.outputs < _MOST:
+            raise InputError(
+                f"time step {longest:.4g}: {count * self.outputs:.3g} steps to the end at {self.interval * self.outputs:.4g}, at most "
+                f"{_MOST:.0e} can be taken"
+            )
+        self.count = max(1, int(count))
+
+    def _seen(self, velocity: Array, held: Array, contact: Sequence[float]) -> dict[str, Any]:
+        """Return what outputs of both integrators say alike.
+
+        Parameters
+        ----------
+        velocity
+            At the time of the displacement, in the model's order, shape ``(dofs,)``.
+        held
+            Forces on the held degrees of freedom.
+        contact
+            From `isorod.dynamics.explicit.system.System.forces`.
+        """
+        energy, normal, area, deepest, *_ = contact
+        return {
+            "times": self.time,
+            "displacement": self.system.state.displacement[self.system.order],
+            "velocity": velocity,
+            "reactions": self._by_support(held),
+            "contact_force": normal,
+            "contact_area": area,
+            "penetration": max(0.0, -deepest),
+            "contact_energy": energy,
+        }
+
+    def _record(self, seen: dict[str, Any]) -> None:
+        """Keep an output."""
+        for name, value in seen.items():
+            self.rows.setdefault(name, []).append(value)
+
+    def _balance(self, seen: dict[str, Any]) -> float:
+        """Add the balances to an output; return the error of the energy."""
+        work, dissipated = self.rows.get("muscle_work", []), self.rows.get("dissipated", [])
+        scale = max(map(abs, [self._energy, seen["muscle_work"], seen["dissipated"], *work, *dissipated]))
+        error = total(seen) - self._energy - seen["muscle_work"] + seen["dissipated"]
+        state = self.system.state
+        amount = float(np.abs(self._moving(state.velocity)).sum())
+        amount += float(np.abs(self._by_support(state.impulse)).sum() + np.abs(state.sums[PUSHED:]).sum())
+        loose = float(np.linalg.norm(self._free_momentum() - self._momentum))
+        seen["energy_error"] = error / scale if scale > self._noise else 0.0
+        seen["momentum_error"] = loose / amount if amount > 0.0 else 0.0
+        return float(seen["energy_error"])
+
+    def _by_support(self, held: Array) -> Array:
+        """Return the sums of what belongs to the held degrees of freedom, shape ``(supports, 3)``."""
+        return support_forces(self.system.model, held)
+
+    def _moving(self, velocity: Array) -> Array:
+        """Return the momenta, of a state vector of velocities, that move with their rods, in the model's order."""
+        return self._carried * self.system.mass.momenta(velocity[self.system.order])
+
+    def _free_momentum(self) -> Array:
+        """Return the momentum of the velocities' time less all impulses so far: a constant."""
+        state = self.system.state
+        moved = state.displacement - self.lag * self.step * state.velocity
+        moving = self._moving(state.velocity + self.settings.damping * moved)
+        return moving.reshape(-1, 3).sum(axis=0) - self._by_support(state.impulse).sum(axis=0) - state.sums[PUSHED:]
+
+    def identity(self, displacement: Array, velocity: Array) -> dict[str, Any]:
+        """Return what a checkpoint must have in common with this run."""
+        system = self.system
+        digest = hashlib.sha256()
+        digest.update(" ".join(type(law).__name__ for body in system.model.bodies for law in body.laws).encode())
+        for array in (
+            # All but the elements, which hold addresses.
+            *system.mesh[1:],
+            *(body.densities for body in system.model.bodies),
+            system.state.held,
+            displacement,
+            velocity,
+            *system.contact_data,
+        ):
+            digest.update(np.ascontiguousarray(array).tobytes())
+        return {
+            "version": __version__,
+            "integrator": self.integrator,
+            "end_time": self.interval * self.outputs,
+            "outputs": self.outputs,
+            "time_step": self.settings.time_step,
+            "damping": float(self.settings.damping),
+            "ramp": float(self.settings.ramp),
+            "model": digest.hexdigest(),
+        }
+
+    def state(self) -> dict[str, Array]:
+        """Return all that is needed to continue (see `restore`)."""
+        system, state = self.system, self.system.state
+        return {
+            "finished": np.array(self.index == self.outputs),
+            "counts": np.array([self.index, self.taken, self.count]),
+            "displacement": state.displacement,
+            "velocity": state.velocity,
+            "momenta": state.momenta,
+            "scaling": np.array(system.mass.scaling),
+            "impulse": state.impulse,
+            "sums": state.sums,
+            "starts": system.starts,
+            "estimates": np.array(self.estimates),
+            "estimated": self._estimated,
+            "highest": system.highest,
+            "energy": np.array(self._energy),
+            "momentum": self._momentum,
+        } | {f"row_{name}": np.array(values) for name, values in self.rows.items()}
+
+    def restore(self, kept: dict[str, Array]) -> None:
+        """Continue from what `state` returned."""
+        self.index, self.taken, self.count = (int(value) for value in kept["counts"])
+        self.system.scale(float(kept["scaling"]))
+        for name in ("displacement", "velocity", "momenta", "impulse", "sums"):
+            getattr(self.system.state, name)[:] = kept[name]
+        self.system.starts[:] = kept["starts"]
+        self.system.highest[:] = kept["highest"]
+        self.estimates = [(float(time), float(value)) for time, value in kept["estimates"]]
+        self._estimated = kept["estimated"]
+        self._energy = float(kept["energy"])
+        self._momentum = kept["momentum"]
+        self.rows = {name[4:]: list(values) for name, values in kept.items() if name.startswith("row_")}
+
+
+def total(seen: dict[str, Any]) -> float:
+    """Return the energy of an output, all kinds together."""
+    return float(seen["kinetic"] + seen["stored"] + seen["contact_energy"])
