@@ -47,7 +47,7 @@ def test_rod_is_swept_with_twist_and_taper():
 
 
 def naca_points(digits, theta, chord=1.0):
-    """Points of the airfoil of Jacobs, Ward, Pinkerton (NACA Report 460, 1933) at x = (1 + cos theta) / 2, one by one."""
+    """Points of the airfoil of Jacobs, Ward, Pinkerton (NACA Report 460, 1933) at x = (1 + cos theta) / 2."""
     m, p, t = int(digits[0]) / 100, int(digits[1]) / 10, int(digits[2:]) / 100
     points = []
     for angle in theta:

@@ -1,4 +1,6 @@
-"""The band solver: right whatever the signs of the eigenvalues, offered where the numbering is banded, and gone before PETSc ends."""
+"""The band solver: right whatever the signs of the eigenvalues, offered where the numbering is banded, and gone before
+PETSc ends.
+"""
 
 import numpy as np
 import pytest
@@ -181,7 +183,10 @@ def test_the_mass_to_multiply_with_is_the_mass(lumped, held):
     ids=["end", "exit", "error", "interrupt"],
 )
 def test_a_program_ends_as_it_would_without(last, code, python):
-    """PETSc destroys at its end, after Python's, what was kept: a preconditioner written in Python must not be among that."""
+    """PETSc destroys at its end, after Python's, what was kept.
+
+    A preconditioner written in Python must not be among that.
+    """
     done = python(
         "from isorod import options; options.initialize([])\n"
         "from isorod import modal, statics; from isorod.statics import analysis\n"

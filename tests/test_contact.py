@@ -248,7 +248,10 @@ def test_start_values_change_nothing_but_time(pair):
 
 
 def test_a_sequence_of_steps_gives_what_fresh_searches_give(cylinder):
-    """A rod comes from afar, presses on another and leaves on its other side; searches are skipped only where nothing touches."""
+    """A rod comes from afar, presses on another and leaves on its other side.
+
+    Searches are skipped only where nothing touches.
+    """
     rod = cylinder(8, breaks=(0.0, 1.0, 2.0, 3.0), height=6.0)
     thin = moved(cylinder(6, radius=0.5, height=4.0), (-2.0, 0.0, 0.0), ACROSS)
     model = Model([Body(Space(rod), LAW), Body(Space(thin), LAW)], contacts=[Contact(0, 1, 10.0, points=(3, 3))])

@@ -1,4 +1,4 @@
-"""Rods in contact at rest: Newton stays quadratic, forces balance, and Hertz's pressure between a cylinder and a plane."""
+"""Rods in contact at rest: Newton stays quadratic, forces balance, and Hertz's pressure between cylinder and plane."""
 
 from dataclasses import replace
 from functools import cache
@@ -196,7 +196,9 @@ HERTZ_LOAD = 0.02  # displacement of the cylinder's back over its radius
 
 @cache
 def hertz(n, radial):
-    """Press a linear elastic cylinder of radius 1 on a rigid plane in plane strain; return what Hertz's theory is held to.
+    """Press a linear elastic cylinder of radius 1 on a rigid plane in plane strain.
+
+    Return what Hertz's theory is held to.
 
     One element of degree 1 along the axis, all axial displacements held: sections move in their plane and stay alike.
     The surface nodes within 1.2 rad of the top are pressed down, far from the contact (half width 0.1).  The partner is
@@ -282,7 +284,10 @@ def test_hertz_half_width_and_peak_pressure():
 
 @pytest.mark.slow
 def test_hertz_converges():
-    """Errors fall as arcs (and with them the depth of penetration) shrink; what stays is the finite width, 0.1 of the radius."""
+    """Errors fall as arcs (and with them the depth of penetration) shrink.
+
+    What stays is the finite width, 0.1 of the radius.
+    """
     runs = [hertz(64, 12), hertz(128, 12), hertz(192, 16)]
     worst = [max(abs(run["half width"]), abs(run["peak"])) for run in runs]
     assert worst[0] > 4.0 * worst[1] > 4.0 * worst[2]

@@ -1,4 +1,7 @@
-"""Paths beyond limit points and bifurcations: exact truss, Euler's column and its elastica, the shallow arch, and bad input."""
+"""Paths beyond limit points and bifurcations.
+
+Exact truss, Euler's column and its elastica, the shallow arch, and bad input.
+"""
 
 import numpy as np
 import pytest
@@ -40,7 +43,7 @@ def column(length, share=2.0):
 
 
 def elastica(ratio):
-    """Deflection and height of the tip over length, at a multiple of Euler's load (elliptic integrals, inextensible)."""
+    """Deflection and height of the tip over length, at a multiple of Euler's load (inextensible)."""
     m = brentq(lambda m: (2.0 / np.pi * ellipk(m)) ** 2 - ratio, 1e-14, 1.0 - 1e-12)
     return 2.0 * np.sqrt(m) / ellipk(m), 2.0 * ellipe(m) / ellipk(m) - 1.0
 

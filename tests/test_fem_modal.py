@@ -1,4 +1,7 @@
-"""Meshes of the blade and vibration modes by finite elements: exact bars, the blade's converged values, ranks, bad input."""
+"""Meshes of the blade and vibration modes by finite elements.
+
+Exact bars, the blade's converged values, ranks, bad input.
+"""
 
 import json
 import subprocess

@@ -49,7 +49,7 @@ SPACES = {
 
 @pytest.mark.parametrize("name", SPACES)
 def test_work_of_loads_on_rigid_motions(name):
-    """On a translation a load works with its resultant, on a turn with its moment about the centroid of where it acts."""
+    """On a translation a load works with its resultant, on a turn with its moment about the centroid of its place."""
     space, force = SPACES[name](), np.array([0.3, -0.7, 1.1])
     end = SectionLoad.end(space, "end", tuple(force)).nodal(space)
     table = space.tabulate(0, space.axis.elements)
@@ -281,7 +281,9 @@ def test_a_load_below_rounding_is_an_error(length):
 
 @pytest.mark.parametrize("stretch", [0.3, 0.5, 2.0, 5.0, 10.0])
 def test_uniaxial_stretch_is_exact(stretch):
-    """W of eq. 15: lateral stretch a of mu (a^2 - 1) + kappa ln(a^2 l) = 0, force mu (l - 1/l) + kappa ln(a^2 l) / l a reference area."""
+    """W of eq. 15: lateral stretch a of mu (a^2 - 1) + kappa ln(a^2 l) = 0, force mu (l - 1/l) + kappa ln(a^2 l) / l a
+    reference area.
+    """
     space = prism(10.0, ellipse(8, 1.0, 0.8), elements=4, section_degree=2, quadrature="auto")
     across = brentq(lambda a: LAW.mu * (a * a - 1.0) + LAW.lame * np.log(a * a * stretch), 1e-3, 10.0)
     stress = LAW.mu * (stretch - 1.0 / stretch) + LAW.lame * np.log(across**2 * stretch) / stretch

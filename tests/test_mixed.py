@@ -1,4 +1,6 @@
-"""The mixed formulation: exact derivatives, stable pairs, exact solutions at and near incompressibility, and what refuses it."""
+"""The mixed formulation: exact derivatives, stable pairs, exact solutions at and near incompressibility, and what
+refuses it.
+"""
 
 import re
 
@@ -220,7 +222,9 @@ def test_twisted_cylinder_of_rivlin(sections, nu, tolerance):
 
 
 def test_stress_of_the_twisted_cylinder():
-    """With ``B = F F^T``: ``s = mu B - (mu - p) 1``, radial ``-mu tau^2 (R^2 - r^2) / 2``, and von Mises from the deviator alone."""
+    """With ``B = F F^T``: ``s = mu B - (mu - p) 1``, radial ``-mu tau^2 (R^2 - r^2) / 2``, and von Mises from the
+    deviator alone.
+    """
     length, angle = 2.0, 0.5
     tau = angle / length
     where = space(length, n=8, degree=5, order=2)
@@ -254,7 +258,10 @@ def test_both_formulations_agree_where_nothing_locks():
 
 
 def test_the_spring_does_not_lock():
-    """The force at fixed shear modulus hardly depends on Poisson's ratio; the displacement formulation errs by a quarter."""
+    """The force at fixed shear modulus hardly depends on Poisson's ratio.
+
+    The displacement formulation errs by a quarter.
+    """
     forces = [
         statics.solve(Spring(E=2.014e4 / 1.3 * (1.0 + nu), nu=nu, formulation="mixed").model())
         for nu in (0.3, 0.49999, 0.5)
@@ -268,7 +275,10 @@ def test_the_spring_does_not_lock():
 
 
 def test_slender_and_incompressible_is_no_harder_than_either():
-    """Planar elastica at ``P L^2 / E I = 3`` (exact: deflection 0.60325344 L), length 1000 radii; knots resolve the clamp."""
+    """Planar elastica at ``P L^2 / E I = 3`` (exact: deflection 0.60325344 L), length 1000 radii.
+
+    Knots resolve the clamp.
+    """
     length = 1000.0
     breaks = (0.0, 1.0, 3.0, *np.linspace(0.0, length, 13)[1:])
     where = Space(straight(8, degree=4, breaks=breaks, height=length), order=2, quadrature="auto")

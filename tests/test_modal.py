@@ -253,7 +253,10 @@ def test_mode_shapes_converge(bar):
 
 @pytest.mark.parametrize("n", [4, 8])
 def test_lumped_mass_of_a_slender_bar_converges_to_the_same_bending(n, bar):
-    """First bending frequency, L / R = 200: rotary inertia does not matter, the axis' row sums converge at second order."""
+    """First bending frequency, L / R = 200.
+
+    Rotary inertia does not matter, the axis' row sums converge at second order.
+    """
     errors = []
     for elements in (8, 16, 32):
         model = bar(200.0, clamped, n=n, elements=elements, degree=2)
@@ -265,7 +268,10 @@ def test_lumped_mass_of_a_slender_bar_converges_to_the_same_bending(n, bar):
 
 @pytest.mark.parametrize("n", [4, 8])
 def test_lumped_mass_stands_on_the_surface(n, bar):
-    """At the control points, 1 / cos(pi / n) from the axis instead of spread: torsion comes at cos(pi / n) / sqrt(2)."""
+    """At the control points, 1 / cos(pi / n) from the axis instead of spread.
+
+    Torsion comes at cos(pi / n) / sqrt(2).
+    """
     ratios = []
     for elements in (8, 16, 32):
         model = bar(6.0, lambda space: [Support.end(space, "start")], n=n, elements=elements, degree=2)

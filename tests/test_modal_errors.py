@@ -59,7 +59,10 @@ FACTORS = [{}, {"st_pc_type": "cholesky", "st_pc_factor_mat_solver_type": "mumps
 @pytest.mark.parametrize("factors", FACTORS, ids=["default", "mumps"])
 @pytest.mark.parametrize("name", ["straight", "ring", "helix"])
 def test_a_singular_pencil_does_no_harm(name, factors, bar, petsc_options):
-    """The shift that a user forces upon a free body is one of its eigenvalues, zero: its own direction blows up, no other."""
+    """The shift that a user forces upon a free body is one of its eigenvalues, zero.
+
+    Its own direction blows up, no other.
+    """
     model = FREE[name](bar)
     expected = modal.solve(model, 4).eigenvalues
     petsc_options(st_shift=0.0, **factors)

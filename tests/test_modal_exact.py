@@ -24,7 +24,9 @@ def bar(cylinder):
 
 @pytest.mark.parametrize("n", [3, 4, 8])
 def test_torsion_of_a_free_circular_rod(n, bar):
-    """f_m = m / 2L sqrt(G / rho), exact in three dimensions: turned sections are in the space, what is left is the axis.
+    """f_m = m / 2L sqrt(G / rho), exact in three dimensions.
+
+    Turned sections are in the space, what is left is the axis.
 
     Splines of degree p on elements of length h have frequencies too high by C (k h)^2p.
     """

@@ -20,7 +20,9 @@ from isorod.space import Space
 
 @pytest.fixture
 def guided(cylinder):
-    """A bar of nu = 0 whose end faces stay in their planes, its middle on the axis: bending modes cos(m pi z / L), m odd.
+    """A bar of nu = 0 whose end faces stay in their planes, its middle on the axis.
+
+    Bending modes cos(m pi z / L), m odd.
 
     Pulled to the stretch ``s`` its state is u_z = (s - 1) z exactly: without Poisson's ratio the law takes no width
     from it.
@@ -41,7 +43,9 @@ def guided(cylinder):
 
 
 def guided_rate(length, stretch, m, radius=0.5):
-    """Return omega^2 of u_x = w cos kz, u_z = x f sin kz on the stretched bar: neo-Hookean Timoshenko theory, exact here.
+    """Return omega^2 of u_x = w cos kz, u_z = x f sin kz on the stretched bar.
+
+    Neo-Hookean Timoshenko theory, exact here.
 
     Tangent moduli of W = mu / 2 (F : F - 2 log J) at diag(1, 1, s): mu (1 + 1 / s^2) along, mu across, mu / s mixed.
     """
@@ -79,7 +83,10 @@ def test_tension_raises_bending_as_that_of_a_string(length, guided):
 
 
 def critical_stretch(length, radius=0.5):
-    """Return the stretch at which `guided_rate` of m = 1 is zero; 1 - it is Euler's pi^2 I / (A L^2) for a slender bar."""
+    """Return the stretch at which `guided_rate` of m = 1 is zero.
+
+    1 - it is Euler's pi^2 I / (A L^2) for a slender bar.
+    """
     c = (radius * np.pi / length) ** 2 / 4
     return np.sqrt((1 - c) / (1 + c))
 

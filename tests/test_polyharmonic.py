@@ -1,4 +1,7 @@
-"""The polyharmonic functions of the section: what determines them, and what keeps stiffness matrices well conditioned."""
+"""The polyharmonic functions of the section.
+
+What determines them, and what keeps stiffness matrices well conditioned.
+"""
 
 import numpy as np
 import pytest
@@ -129,7 +132,10 @@ def test_laplacian_applied_as_often_as_the_order_vanishes_and_not_earlier(n, ord
 @pytest.mark.parametrize("turn", [0.0, 0.3])
 @pytest.mark.parametrize("order", [2, 3, 4])
 def test_laplacian_by_differences_of_gradients(n, order, turn):
-    """The Laplacian of ``g T`` is ``(4 s g'' + 4 g') T + 4 g' xi . grad T``: of order ``K - 1``, so in the span of K - 1."""
+    """The Laplacian of ``g T`` is ``(4 s g'' + 4 g') T + 4 g' xi . grad T``.
+
+    Of order ``K - 1``, so in the span of K - 1.
+    """
     points, h = disk_points(0.8, 40 * order), 2e-3
     laplacian = sum(
         w

@@ -137,7 +137,10 @@ def test_blade_within_half_a_percent_with_405_unknowns():
     ],
 )
 def test_blade_on_half_smooth_axes(degree, rule, elements, unknowns, bound):
-    """C3 knots of degree 6 and 5 points along an element: what the section leaves, on two elements already, and no hourglass modes."""
+    """C3 knots of degree 6 and 5 points along an element.
+
+    What the section leaves, on two elements already, and no hourglass modes.
+    """
     scene = Blade(section_degree=degree, degree=6, continuity=3, elements=elements, quadrature=rule)
     found = modal.solve(scene.model())
     assert found.model.unknowns == unknowns

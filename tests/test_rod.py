@@ -188,7 +188,8 @@ def test_check_names_the_place_of_a_fold(make, elements):
     assert "\n" not in message
     number = r"(-?[\d.]+(?:e[+-]\d+)?)"
     found = re.search(
-        rf"element (\d+) at u = {number}, disk point \({number}, {number}\), position \({number}, {number}, {number}\): "
+        rf"element (\d+) at u = {number}, disk point \({number}, {number}\), "
+        rf"position \({number}, {number}, {number}\): "
         rf"Jacobian determinant {number}",
         message,
     )

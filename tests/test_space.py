@@ -1,4 +1,6 @@
-"""The displacement space: refinements nest and leave the rod, stiffness has six zeros and a bounded condition, bad input."""
+"""The displacement space: refinements nest and leave the rod, stiffness has six zeros and a bounded condition, bad
+input.
+"""
 
 import re
 from itertools import pairwise
@@ -159,7 +161,10 @@ def prism(cylinder):
 
 @pytest.mark.parametrize("sequence", SEQUENCES)
 def test_energy_falls_in_spaces_that_nest(sequence, prism):
-    """Displacements prescribed, no loads: the solution has the least energy, and less in a space that holds the other."""
+    """Displacements prescribed, no loads.
+
+    The solution has the least energy, and less in a space that holds the other.
+    """
     energies = []
     for change in SEQUENCES[sequence]:
         model = clamped(prism, change, LinearElastic(1.0, 0.3))
@@ -216,7 +221,10 @@ def test_a_rod_has_exactly_six_zero_eigenvalues(name, order, rule):
 
 @pytest.mark.parametrize(("n", "order"), [(16, 4), (32, 1), (32, 3), (64, 1), (64, 2)])
 def test_the_default_rule_sees_the_waves_of_a_section_of_many_points(n, order, cylinder):
-    """A wave of order n / 2 lives within 1 / n of the circle; a rule that looks nowhere near there has it nearly free."""
+    """A wave of order n / 2 lives within 1 / n of the circle.
+
+    A rule that looks nowhere near there has it nearly free.
+    """
     auto, fine = (
         spectrum(stiffness(Space(cylinder(n, height=2.0), order=order, quadrature=rule))) for rule in ("auto", "13x2")
     )

@@ -53,7 +53,10 @@ def test_newton_converges_quadratically(displacement, bar, petsc_options):
 
 
 def test_newton_converges_quadratically_on_the_spring(petsc_options):
-    """A slender rod, whose stretch follows its bending: stresses are extrapolated, or two Newton steps would make one order."""
+    """A slender rod, whose stretch follows its bending.
+
+    Stresses are extrapolated, or two Newton steps would make one order.
+    """
     petsc_options(snes_rtol=1e-15)
     norms = statics.solve(Spring(pull=2.0).model()).residual_norms
     assert norms[-1] < 1e-13 * norms[0]
@@ -82,7 +85,10 @@ def test_steps_that_diverge_are_cut_and_the_load_still_gets_there(displacement, 
 
 
 def test_a_large_step_does_not_end_in_an_equilibrium_of_no_meaning(bar):
-    """One step of linear prediction crushes the bar across; Newton's method would converge from there, with points near inversion."""
+    """One step of linear prediction crushes the bar across.
+
+    Newton's method would converge from there, with points near inversion.
+    """
     model = bar((0.0, 0.0, 12.5))
     one, many = statics.solve(model), statics.solve(model, 40)
     assert one.reactions == pytest.approx(many.reactions, rel=1e-7, abs=1e-7)
