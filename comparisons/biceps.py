@@ -1,4 +1,4 @@
-"""Study ``biceps``: Figs. 14-16 of Lu & Zhou (2011), equilibrium and motion of two muscles in contact beside finite elements."""
+"""Study ``biceps``: Figs. 14-16 of Lu & Zhou (2011), two muscles in contact beside finite elements."""
 
 from pathlib import Path
 from typing import Any
@@ -164,7 +164,7 @@ def _motions(study: Run, steps: Steps) -> None:
 
 
 def _save(path: Path, history: History, still: Equilibrium) -> None:
-    """Write ``times`` ``(o,)``, ``displacement`` ``(o, dofs)`` and, at rest, ``equilibrium`` ``(dofs,)`` to an ``.npz`` file."""
+    """Write ``times`` ``(o,)``, ``displacement`` ``(o, dofs)`` and ``equilibrium`` ``(dofs,)`` to an ``.npz`` file."""
 
     def write(where: Path) -> None:
         with open(where, "wb") as file:

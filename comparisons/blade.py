@@ -50,7 +50,10 @@ def _cylindrical(label: str, common: str, elements: Sequence[int]) -> Curve:
 
 
 def _half_smooth(degree: int, rule: str, elements: Sequence[int]) -> Curve:
-    """Return the curve of C3 axes of degree 6: of all degrees and continuities the fewest unknowns, with 5 points along an element."""
+    """Return the curve of C3 axes of degree 6.
+
+    Of all degrees and continuities the fewest unknowns, with 5 points along an element.
+    """
     common = f"--section-degree {degree} --degree 6 --continuity 3 --quadrature {rule}"
     return _cylindrical(f"polynomials N = {degree}, p = 6, C3, {rule}", common, elements)
 

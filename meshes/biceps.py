@@ -81,7 +81,10 @@ def _cut(rod: Rod, cuts: int) -> Rod:
 
 
 def _named(mesh: Mesh, name: str, low: float, high: float) -> Mesh:
-    """Return a branch with its lateral surface and its volume divided: between ``low`` and ``high`` on the axis is the muscle."""
+    """Return a branch with its lateral surface and its volume divided.
+
+    Between ``low`` and ``high`` on the axis is the muscle.
+    """
     assert mesh.parameters is not None
     u = mesh.parameters[:, 2]
 

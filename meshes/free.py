@@ -1,4 +1,7 @@
-"""Tetrahedra of a Rod about equally large everywhere: gmsh meshes a straight bar as thick as the rod, the Rod's map bends it."""
+"""Tetrahedra of a Rod about equally large everywhere.
+
+Gmsh meshes a straight bar as thick as the rod, the Rod's map bends it.
+"""
 
 from types import ModuleType
 
@@ -89,7 +92,10 @@ def _bar(rod: Rod) -> tuple[Array, Array, Array]:
 
 
 def _mesh(gmsh: ModuleType, length: Array, radius: Array, size: float) -> tuple[Array, Index]:
-    """Mesh the bar about the z axis, a disk at each end of an axis element; return points and corners of its tetrahedra."""
+    """Mesh the bar about the z axis, a disk at each end of an axis element.
+
+    Return points and corners of its tetrahedra.
+    """
     cad = gmsh.model.occ
     profiles = []
     for first in range(0, len(length) - 1, _STATIONS):

@@ -63,7 +63,10 @@ class Mesh:
         return float(self._cell_volumes().sum())
 
     def node_volumes(self) -> Array:
-        """Return each node's share of the volume, shape ``(nodes,)``: a cell's is shared out equally among its nodes."""
+        """Return each node's share of the volume, shape ``(nodes,)``.
+
+        A cell's is shared out equally among its nodes.
+        """
         shares = np.repeat(self._cell_volumes() / self.cells.shape[1], self.cells.shape[1])
         return np.asarray(np.bincount(self.cells.ravel(), shares, len(self.points)), dtype=float)
 
@@ -89,13 +92,14 @@ class Mesh:
             cell = int(np.argmax(bad))
             where = ", ".join(f"{value:.4g}" for value in self.points[self.cells[cell]].mean(axis=0))
             raise InputError(
-                f"mesh: cell {cell} at ({where}) is inverted (Jacobian determinant {det[cell].min():.3g}); use more cells"
+                f"mesh: cell {cell} at ({where}) is inverted (Jacobian determinant {det[cell].min():.3g}); use more "
+                "cells"
             )
         return float(det.min())
 
 
 def lexicographic(order: int, dimension: int) -> Array:
-    """Return the nodes of the unit square or cube of an order, first coordinate fastest, shape ``((order + 1)^d, d)``."""
+    """Return the nodes of the unit square or cube, first coordinate fastest, shape ``((order + 1)^d, d)``."""
     ticks = np.arange(order + 1.0) / order
     grids = np.meshgrid(*[ticks] * dimension, indexing="ij")
     return np.stack([grid.ravel() for grid in reversed(grids)], axis=1)

@@ -1,4 +1,7 @@
-"""Curved tetrahedra of a Rod with a flat section: triangles of the section, prisms of the layers, three tetrahedra to a prism."""
+"""Curved tetrahedra of a Rod with a flat section.
+
+Triangles of the section, prisms of the layers, three tetrahedra to a prism.
+"""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,7 @@
-"""Quadrilateral templates of the unit disk for flat sections: a rectangular grid, long along one diameter, short across it."""
+"""Quadrilateral templates of the unit disk for flat sections.
+
+A rectangular grid, long along one diameter, short across it.
+"""
 
 import numpy as np
 
@@ -77,7 +80,10 @@ def paper_section(corners: tuple[float, float] = (4.0, 10.0), clustering: float 
 
 
 def levels(along: int, clustering: float) -> Array:
-    """Return the ends of ``along`` cells of the interval (-1, 1), shape ``(along + 1,)``; ``clustering`` as in `strip`."""
+    """Return the ends of ``along`` cells of the interval (-1, 1), shape ``(along + 1,)``.
+
+    ``clustering`` as in `strip`.
+    """
     v = np.linspace(-1.0, 1.0, along + 1)
     return (1.0 - clustering) * v + clustering * np.sin(0.5 * np.pi * v)
 
@@ -89,7 +95,10 @@ def _nodes(levels: Array, order: int) -> Array:
 
 
 def _pull(s: Array, t: Array, back: float, front: float) -> Array:
-    """Map the square ``(-1, 1)^2`` of ``s``, in a row, and ``t``, in a column, onto the disk; its corners go to the angles ``back`` and ``front`` off the diameter."""
+    """Map the square ``(-1, 1)^2`` of ``s``, in a row, and ``t``, in a column, onto the disk.
+
+    Its corners go to the angles ``back`` and ``front`` off the diameter.
+    """
     way = 0.5 * (s + 1.0)
     low, high = -np.cos(back), np.cos(front)
     x = low + way * (high - low)

@@ -106,7 +106,10 @@ def free():
 
 
 def test_without_contact_each_branch_is_in_balance_by_itself(free):
-    """Forces and moments of both ends; the reaction at an end acts somewhere on its face, so moments balance within its radius."""
+    """Forces and moments of both ends.
+
+    The reaction at an end acts somewhere on its face, so moments balance within its radius.
+    """
     lower, upper = free.reactions[2], free.reactions[3]
     assert np.abs(lower + upper).max() < 1e-8 * np.abs(lower).max()
     assert free.reactions[:2] == pytest.approx(free.reactions[2:] * [-1, 1, 1], abs=1e-7)
@@ -170,7 +173,10 @@ def test_the_default_is_within_two_per_cent_of_finite_elements():
 
 
 def test_near_incompressibility_locks_the_ends_not_the_sections():
-    """With the paper's five elements nothing helps in the section; short elements at the ends do, and then order 2 is enough."""
+    """With the paper's five elements nothing helps in the section.
+
+    Short elements at the ends do, and then order 2 is enough.
+    """
 
     def force(**given):
         return np.linalg.norm(statics.solve(alone(Biceps(**given)), load_steps=4).reactions[3])
@@ -192,7 +198,10 @@ def test_resting_muscle_pulls_nothing():
 
 
 def test_fibres_along_the_branch_change_little():
-    """The centre lines lean by a few degrees from y; the force by less than a few per cent, but by more than nothing."""
+    """The centre lines lean by a few degrees from y.
+
+    The force by less than a few per cent, but by more than nothing.
+    """
     along_y, along = (statics.solve(alone(Biceps(fibre=f)), load_steps=4).reactions[3, 1] for f in ("y", "tangent"))
     assert 1e-3 < abs(along / along_y - 1) < 0.1
 
@@ -242,7 +251,10 @@ def test_record_of_the_equilibrium(capsys):
 
 @pytest.mark.parametrize("order", [1, 2])
 def test_the_papers_time_step_is_stable(order):
-    """Through the swing of the bellies and their clash, at some critical steps of the consistent mass; energy and momentum balance."""
+    """Through the swing of the bellies and their clash, at some critical steps of the consistent mass.
+
+    Energy and momentum balance.
+    """
     scene = Biceps(order=order, end_time=0.02, outputs=40)
     history = dynamics.solve(scene.model(), **scene.settings())
     print(f"critical step {history.critical_step:.4g}, energy {np.abs(history.energy_error).max():.1e}")

@@ -1,4 +1,7 @@
-"""The blade of Lu & Zhou 2011, section 4.3: Table 2, Fig. 13 and what does not change with units, refinement and ranks."""
+"""The blade of Lu & Zhou 2011, section 4.3: Table 2, Fig. 13.
+
+And what does not change with units, refinement and ranks.
+"""
 
 import json
 from itertools import pairwise
@@ -51,7 +54,9 @@ def slopes(frequency):
 
 
 def test_order_of_figure_13(frequencies):
-    """One order for the three lines; each for itself has the slope that the printed frequencies give (2.55, 3.71, 2.42)."""
+    """One order for the three lines; each for itself has the slope that the printed frequencies give (2.55, 3.71,
+    2.42).
+    """
     found = slopes(frequencies)
     print("orders", found, "mean", found.mean())
     assert 2.7 < found.mean() < 3.5
@@ -83,7 +88,10 @@ def test_opposite_twists_of_a_symmetric_foil_sound_the_same():
 
 
 def test_refined_spaces_nest_and_their_frequencies_fall():
-    """Rayleigh-Ritz, with a rule that integrates the products of the functions (nearly) exactly; never below the solid."""
+    """Rayleigh-Ritz, with a rule that integrates the products of the functions (nearly) exactly.
+
+    Never below the solid.
+    """
     steps = [
         {"elements": 5},
         {"elements": 10},

@@ -131,7 +131,10 @@ def test_bad_input_is_one_line(arguments, message, refused):
 @pytest.mark.parametrize("mode", [0, 1, 4])
 @pytest.mark.parametrize("more", [(), ("-eps_purify", "1")], ids=["default", "purified"])
 def test_a_shift_at_an_eigenvalue_does_no_harm(mode, more, blade):
-    """K - shift M is singular: its own direction blows up and no other; where vectors are purified with it the shift is moved."""
+    """K - shift M is singular: its own direction blows up and no other.
+
+    Where vectors are purified with it the shift is moved.
+    """
     expected = modal.solve(Blade(elements=6).model())
     shift = ("-st_shift", repr(float(expected.eigenvalues[mode])))
     code, out, err = blade("--elements", "6", "--json", *shift, *more)

@@ -1,4 +1,6 @@
-"""The command: what it prints, which PETSc options it takes, and bad input answered in one line with nothing left behind."""
+"""The command: what it prints, which PETSc options it takes, and bad input answered in one line with nothing left
+behind.
+"""
 
 import json
 import re

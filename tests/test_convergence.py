@@ -57,7 +57,10 @@ def test_torsional_frequencies_of_a_free_round_bar_are_of_order_2p(p, order, cyl
 
 @pytest.fixture(scope="module")
 def bar_on_rollers(cylinder):
-    """Frequencies of a bar whose faces stay in their planes and are free in them: waves along an endless bar, no layers."""
+    """Frequencies of a bar whose faces stay in their planes and are free in them.
+
+    Waves along an endless bar, no layers.
+    """
 
     def solve(p, elements, order, length=2 * np.pi, modes=12, n=4):
         space = Space(cylinder(n, height=length), elements, p, None, "8x4", order)
@@ -184,7 +187,10 @@ POCHHAMMER = {0.1: 0.9997746423, 0.5: 0.9941452085, 1.0: 0.9735264429}
 
 @pytest.mark.parametrize("kR", POCHHAMMER)
 def test_longitudinal_waves_converge_exponentially_with_the_order(kR, bar_on_rollers):
-    """The radial displacement is x, y times Bessel-like functions of r^2: n does not matter, each order adds a power of r^2."""
+    """The radial displacement is x, y times Bessel-like functions of r^2.
+
+    N does not matter, each order adds a power of r^2.
+    """
     length = np.pi / kR
     errors = []
     for order in (1, 2, 3):

@@ -113,7 +113,8 @@ def test_energy_is_kept_over_ten_periods(cylinder):
     history = dynamics.solve(model, 10.0 * period, 0.02, outputs=100, velocity=swing)
     top = history.displacement[:, -3]
     print(
-        f"deflection {np.ptp(top) / LENGTH:.2f} lengths, steps {history.steps}, energy {np.abs(history.energy_error).max():.1e}"
+        f"deflection {np.ptp(top) / LENGTH:.2f} lengths, steps {history.steps}, energy "
+        f"{np.abs(history.energy_error).max():.1e}"
     )
     assert np.ptp(top) > 0.5 * LENGTH
     assert np.abs(history.energy_error).max() < 1e-4
@@ -121,7 +122,9 @@ def test_energy_is_kept_over_ten_periods(cylinder):
 
 
 def test_the_energy_error_of_violent_motion_is_of_second_order(cylinder):
-    """All modes at once: what central differences leave of the energy is inherent to them, and falls with the square of the step."""
+    """All modes at once: what central differences leave of the energy is inherent to them, and falls with the square of
+    the step.
+    """
     model = bar(cylinder)
     critical = dynamics.solve(model, 1e-9, outputs=1).critical_step
     errors = []
@@ -310,7 +313,10 @@ def test_an_unstable_step_is_refused_and_the_critical_one_named(cylinder):
 
 
 def test_the_step_follows_a_muscle_that_stiffens(cylinder):
-    """Passive fibres stiffen exponentially when the bar is thrown: the default step is cut, one of the user's refused."""
+    """Passive fibres stiffen exponentially when the bar is thrown.
+
+    The default step is cut, one of the user's refused.
+    """
     law = Muscle(20.0, 0.3, m1=50.0, m2=1.0, fibre=(0.0, 0.0, 1.0))
     model = bar(cylinder, law=law)
     throw = field(model, lambda x: np.stack([0.0 * x[:, 0], 0.0 * x[:, 0], 0.8 * x[:, 2]], axis=1))
@@ -329,7 +335,9 @@ def test_the_step_follows_a_muscle_that_stiffens(cylinder):
 
 
 def test_a_bar_thrown_at_a_wall_comes_back(cylinder):
-    """Held at the face that hits, nu = 0: stress rho c v until 2 L / c, when the whole bar moves back as fast as it came.
+    """Held at the face that hits, nu = 0.
+
+    Stress rho c v until 2 L / c, when the whole bar moves back as fast as it came.
 
     By symmetry, one of two equal bars that hit each other head-on and exchange their velocities.
     """
@@ -348,7 +356,7 @@ def test_a_bar_thrown_at_a_wall_comes_back(cylinder):
 
 
 def test_a_bar_bounces_off_a_plane(cylinder):
-    """Thrown sideways: momentum is the plane's impulse, energy is kept, and the force is over when the bar flies off."""
+    """Thrown sideways: momentum is the plane's impulse, energy is kept, and the force ends when the bar flies off."""
     wall = Contact(0, Plane((1.05, 0.0, 0.0), (-1.0, 0.0, 0.0)), 2000.0)
     model = bar(cylinder, held="", contacts=[wall])
     thrown = field(model, lambda x: np.broadcast_to([1.0, 0.0, 0.0], x.shape))
@@ -366,7 +374,9 @@ def test_a_bar_bounces_off_a_plane(cylinder):
 
 
 def test_head_on_impact(cylinder):
-    """A bar hits a plane with its end face, nu = 0, as it would hit its mirror image: one of two equal bars that exchange velocities.
+    """A bar hits a plane with its end face, nu = 0, as it would hit its mirror image.
+
+    One of two equal bars that exchange velocities.
 
     Exact: contact lasts 2 L / c with stress rho c v; undamped energy is kept over ten periods 4 L / c.
     """

@@ -1,4 +1,5 @@
-"""Saint-Venant's problems: extension, bending, flexure and torsion of prismatic bars, exact solutions of the 3-D equations.
+"""Saint-Venant's problems: extension, bending, flexure and torsion of prismatic bars, exact solutions of the 3-D
+equations.
 
 What is polynomial in the section is biharmonic up to the third degree: order 2 holds it as soon as its values round the
 section are in the span of the boundary functions.  That are 1, cos and sin; waves of order 2 and more are approximated,

@@ -71,7 +71,8 @@ def test_forces_and_energies_are_the_assemblers(stretch, order, cylinder):
         error = np.abs(found - expected.array).max() / np.abs(expected.array).max()
         energy = assembler.energy(x, factor)
         print(
-            f"stretch {stretch}, activation {factor}: forces {error:.1e}, energy {(stored + factor * active) / energy - 1:.1e}"
+            f"stretch {stretch}, activation {factor}: forces {error:.1e}, energy "
+            f"{(stored + factor * active) / energy - 1:.1e}"
         )
         assert error < 1e-12
         assert stored + factor * active == pytest.approx(energy, rel=1e-12)
@@ -196,7 +197,9 @@ def test_a_law_without_compiled_stress_is_refused(cylinder):
 @pytest.mark.parametrize("which, normal", [("start", (0.0, 0.0, 1.0)), ("end", (0.0, 0.0, -2.0))])
 @pytest.mark.parametrize("order", [1, 2])
 def test_an_end_face_pressed_into_a_plane(which, normal, order, cylinder):
-    """Pushed in by a uniform depth: force and energy of the penalty on the whole face, and minus the energy's derivative."""
+    """Pushed in by a uniform depth: force and energy of the penalty on the whole face, and minus the energy's
+    derivative.
+    """
     space = Space(cylinder(6, radius=0.5, height=3.0), order=order, quadrature="full")
     penalty, depth, area = 7.0, 0.01, 0.25 * np.pi
     height = depth if which == "start" else 3.0 - depth

@@ -191,7 +191,10 @@ def test_contact_forces_and_stiffness_are_derivatives_of_the_energy(mesh, parts)
 
 
 def test_contact_of_rigid_overlap_is_exact():
-    """A cylinder pushed ``d`` into its mirror image, all by nodes: area and force tend to those of the lens between circles."""
+    """A cylinder pushed ``d`` into its mirror image, all by nodes.
+
+    Area and force tend to those of the lens between circles.
+    """
     breaks = [0.0, 0.0, 1.0, 2.0, 3.0, 3.0]
     axis = Axis(1, breaks, [1.0] * 4)
     turn = np.broadcast_to(np.array([[1.0, 0, 0], [0, 0, 1.0], [0, -1.0, 0]]), (4, 3, 3))
@@ -297,7 +300,10 @@ def test_nodes_and_masses(mesh):
 
 
 def test_motion_keeps_its_energy():
-    """At constant activation and without damping, an error of second order in the step; with it, what is dissipated is counted."""
+    """At constant activation and without damping, an error of second order in the step.
+
+    With it, what is dissipated is counted.
+    """
     errors = []
     for step in (8e-6, 4e-6):
         branches, contact, scene = branches_of(1)

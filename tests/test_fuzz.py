@@ -1,4 +1,6 @@
-"""Generated input of every kind ends in finite numbers or in one line and exit code 2: no traceback, no hang, no silent NaN.
+"""Generated input of every kind ends in finite numbers or in one line and exit code 2.
+
+No traceback, no hang, no silent NaN.
 
 Each family of inputs runs a few examples, and marked slow all of its share of ten thousand; the examples are the same
 at every run.
@@ -96,7 +98,10 @@ def generated(count: int, *strategies):
 
 @pytest.fixture(scope="module", autouse=True)
 def quiet():
-    """Leave out what costs time and depends on no input: the commit of a record; let PETSc's words reach it though it runs already."""
+    """Leave out what costs time and depends on no input: the commit of a record.
+
+    Let PETSc's words reach it though it runs already.
+    """
     patch = pytest.MonkeyPatch()
     patch.setattr(results, "_commit", lambda: None)
     patch.setattr(warnings, "showwarning", warnings.showwarning)

@@ -1,4 +1,6 @@
-"""Implicit dynamics: the work of its forces, order, what it conserves whatever the step, and agreement with explicit steps and statics."""
+"""Implicit dynamics: the work of its forces, order, what it conserves whatever the step, and agreement with explicit
+steps and statics.
+"""
 
 import json
 import re
@@ -259,7 +261,10 @@ def test_bouncing_off_a_plane(cylinder):
 
 
 def test_reactions_are_those_of_the_time(cylinder):
-    """A bar that spins about its held end is pulled inward: momentum's rate of change, by differences of the outputs."""
+    """A bar that spins about its held end is pulled inward.
+
+    Momentum's rate of change, by differences of the outputs.
+    """
     model = bar(cylinder)
     history = run(model, 0.5, 0.005, outputs=100, velocity=swing(model))
     momenta = assembler.StepAssembler(model).momenta
@@ -345,7 +350,10 @@ print([name for name in sys.modules if "implicit" in name or name.startswith("is
 
 
 def test_sweep_about_the_critical_step():
-    """Explicit steps from 0.1 to 1.1 critical ones: energy kept below, the blow-up above detected, the critical step named."""
+    """Explicit steps from 0.1 to 1.1 critical ones.
+
+    Energy kept below, the blow-up above detected, the critical step named.
+    """
     curves = point.sweeps(list(islice(stepping.run("quick"), 28)))[stepping.SHARE]
     small, violent = curves.values()
     assert point.reach(small) == 0.99

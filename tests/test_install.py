@@ -14,7 +14,10 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).resolve().parent.parent
-TOOLS = "bash sh env dirname basename realpath readlink cat sha256sum grep sed sort comm ls mkdir rm mktemp tail flock cp chmod id"
+TOOLS = (
+    "bash sh env dirname basename realpath readlink cat sha256sum grep sed sort comm ls mkdir rm "
+    "mktemp tail flock cp chmod id"
+)
 
 PYTHON = """#!/bin/sh
 # stands for /usr/bin/python3: makes a venv of stand-ins

@@ -95,7 +95,10 @@ def test_fibre_stress_is_the_curves_of_the_paper(activation):
 
 
 def test_named_points_of_the_curves():
-    """Largest active stress at rest length, three quarters a quarter away, none from half a length on; passive from rest on."""
+    """Largest active stress at rest length, three quarters a quarter away, none from half a length on.
+
+    Passive from rest on.
+    """
     law = Muscle(**PAPER, activation=1.0, fibre=(0, 0, 1))
     found = fibre_part(law, np.array([1.0, 0.75, 0.5, 0.3, 0.5 + 1e-9]))
     assert found == pytest.approx([30.0, 22.5, 0.0, 0.0, 30 * 4e-9], abs=1e-12)
@@ -301,7 +304,10 @@ def test_passive_bar_at_rest_stays_at_rest():
 
 
 def test_laws_in_a_row_share_the_force():
-    """Bars in series, nu = 0, small strain: force = displacement / sum(length / (E area)); the axis has a kink between them."""
+    """Bars in series, nu = 0, small strain: force = displacement / sum(length / (E area)).
+
+    The axis has a kink between them.
+    """
     space = Space(straight(degree=1, breaks=(0.0, 1.0, 3.0, 4.0), radius=0.5, height=4.0))
     laws = [LinearElastic(5.0, 0.0), LinearElastic(1.0, 0.0), LinearElastic(20.0, 0.0)]
     supports = [Support.end(space, "start"), Support.end(space, "end", displacement=(0.0, 0.0, 0.1))]
@@ -324,7 +330,10 @@ def coil():
 
 
 def test_fibres_along_a_coil_are_its_tangents():
-    """The centre line's tangent, by differences of points on it; the vector part of the law follows it, the other does not."""
+    """The centre line's tangent, by differences of points on it.
+
+    The vector part of the law follows it, the other does not.
+    """
     rod = coil()
     law, other = Muscle(**PAPER, activation=1.0), Muscle(**PAPER, activation=1.0, fibre=(0, 3.0, 4.0))
     space = Space(rod, elements=8, quadrature="2x1x3")

@@ -1,4 +1,7 @@
-"""Checkpoints: a run that was killed continues to the last bit; files that are not there, foreign, damaged or do not fit on the disk."""
+"""Checkpoints: a run that was killed continues to the last bit.
+
+Files that are not there, foreign, damaged or do not fit on the disk.
+"""
 
 import dataclasses
 import errno

@@ -78,9 +78,8 @@ def test_solved_scene_loads_no_foreign_package(name, python):
 @pytest.mark.parametrize("name", STATICS)
 def test_scene_of_one_passive_body_loads_no_muscle_contact_or_dynamics(name, python):
     done = python(
-        "import sys; from isorod.command import cli\n"
-        f"assert cli.main(['run', {name!r}, '--json']) == 0\n"
-        "print([m for m in sys.modules if m.startswith(('isorod.material.muscle', 'isorod.contact', 'isorod.dynamics'))])"
+        f"import sys; from isorod.command import cli\nassert cli.main(['run', {name!r}, '--json']) == 0\nprint([m for "
+        "m in sys.modules if m.startswith(('isorod.material.muscle', 'isorod.contact', 'isorod.dynamics'))])"
     )
     assert done.stdout.splitlines()[-1] == "[]", done.stderr
 

@@ -252,7 +252,10 @@ def test_support_forces_hold_the_whole_body_on_its_orbit():
 
 
 def test_a_slow_rotation_is_solved_as_well(bar):
-    """Its forces may be below the rounding of the stresses: displacements grow with the square of the speed all the same."""
+    """Its forces may be below the rounding of the stresses.
+
+    Displacements grow with the square of the speed all the same.
+    """
     slow, fast = (statics.solve(bar(speed)).displacement for speed in (1e-6, 1e-3))
     assert np.abs(1e6 * slow - fast).max() < 1e-4 * np.abs(fast).max()
 
@@ -334,7 +337,10 @@ def test_rotating_beam_is_the_published_one(speed):
 
 @pytest.fixture
 def spectrum(bar):
-    """Frequencies of a rotating bar of given slenderness, unit as in `rotating_beam`: flapping (along x) and lagging (along y)."""
+    """Frequencies of a rotating bar of given slenderness, unit as in `rotating_beam`.
+
+    Flapping (along x) and lagging (along y).
+    """
 
     def find(slenderness, speed, hub=0.0):
         unit = np.sqrt(E / RHO) / 2 / slenderness**2
@@ -354,7 +360,10 @@ def spectrum(bar):
 
 @pytest.mark.parametrize(("speed", "hub"), [(1, 0.0), (3, 0.0), (6, 0.0), (3, 1.0)])
 def test_frequencies_of_a_rotating_bar(speed, hub, spectrum):
-    """Extrapolated in (R / L)^2 and (R / L)^4 to a slender one.  In its plane of rotation the bar is softer by speed^2."""
+    """Extrapolated in (R / L)^2 and (R / L)^4 to a slender one.
+
+    In its plane of rotation the bar is softer by speed^2.
+    """
     found = np.array([spectrum(slenderness, speed, hub) for slenderness in (20.0, 40.0, 80.0)])
     first = (4 * found[1:] - found[:-1]) / 3
     limit = (16 * first[1] - first[0]) / 15

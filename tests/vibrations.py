@@ -51,7 +51,7 @@ def rates(modes):
 
 
 def share(modes, field):
-    """Return how much of each mode, rigid ones left out, is in every layer of nodes a multiple of ``field`` (0 to 1)."""
+    """Return how much of each mode but rigid ones is in every layer of nodes a multiple of ``field`` (0 to 1)."""
     space = modes.model.bodies[0].space
     moved = modes.vectors[modes.rigid :].reshape(-1, space.layers, 3 * space.layer_nodes)
     field = np.where(space.is_carrier[:, None], field, 0.0).reshape(space.layers, -1)

@@ -1,4 +1,7 @@
-"""Every dolfinx name that differs between 0.5.2 (Debian 12), 0.9 (Debian 13) and 0.11; nothing else knows the version."""
+"""Every dolfinx name that differs between 0.5.2 (Debian 12), 0.9 (Debian 13) and 0.11.
+
+Nothing else knows the version.
+"""
 
 import inspect
 import logging
@@ -108,7 +111,7 @@ def interpolation_points(space: Any) -> Array:
 
 
 def geometry_dofs(mesh: Any, cells: int) -> Index:
-    """Return the rows of ``mesh.geometry.x`` that are the nodes of this rank's first cells, shape ``(cells, nodes)``."""
+    """Return where in ``mesh.geometry.x`` the nodes of this rank's first cells are, shape ``(cells, nodes)``."""
     dofs = mesh.geometry.dofmap
     # An adjacency list up to 0.6, an array of shape (cells, nodes) since.
     table = dofs.array.reshape(dofs.num_nodes, -1) if hasattr(dofs, "num_nodes") else dofs
@@ -160,7 +163,7 @@ def form(integrals: Any, flags: Sequence[str]) -> Any:
 
 
 def expression(value: Any, where: Array, flags: Sequence[str]) -> Callable[[Any, Index], Array]:
-    """Return a function of ``(mesh, cells)`` that evaluates a UFL expression at reference points, shape ``(cells, ...)``."""
+    """Return a function of ``(mesh, cells)``: a UFL expression at reference points, shape ``(cells, ...)``."""
     with _quiet():
         compiled = fem.Expression(value, where, **_jit(fem.Expression.__init__, flags))
     if "mesh" in inspect.signature(compiled.eval).parameters:

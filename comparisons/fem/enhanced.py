@@ -1,4 +1,4 @@
-"""Enhanced-strain 8-node bricks: trilinear displacement and nine incompatible modes a cell, the element of the paper's FEM columns.
+"""Enhanced-strain 8-node bricks, the paper's finite element: trilinear, with nine incompatible modes a cell.
 
     F = I + grad u + (j0 / j) [a1 xi1, a2 xi2, a3 xi3] J0^-1
 
@@ -49,7 +49,7 @@ def _reference_coordinates(mesh: Any) -> Any:
 
 
 def _center_jacobians(mesh: Any, cells: int) -> Array:
-    """Return the gradients of the map from [0, 1]^3 at the centres of this rank's cells, ghosts included, ``(cells, 3, 3)``."""
+    """Return the gradients of the map from [0, 1]^3 at the cells' centres, ghosts included, ``(cells, 3, 3)``."""
     slopes = gradients("hexahedron", 1, compat.reference_nodes("hexahedron", 1), np.full((1, 3), 0.5))[0]
     # To [-1, 1]^3 it is half of that; J0 enters as j0 J0^-1 / j, which scales the modes and changes no result.
     return np.einsum("nb,cna->cab", slopes, mesh.geometry.x[compat.geometry_dofs(mesh, cells)])

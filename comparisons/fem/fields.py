@@ -16,7 +16,9 @@ from meshes.mesh import Array, Index
 
 
 class Sampler:
-    """Small cells, ``parts^3`` to a brick with points of their own, so that jumps of the stress show.  Serial, bricks only.
+    """Small cells, ``parts^3`` to a brick with points of their own, so that jumps of the stress show.
+
+    Serial, bricks only.
 
     Parameters
     ----------
@@ -68,7 +70,7 @@ class Sampler:
 
 
 def save(found: Equilibrium, path: Path, parts: int = 3) -> None:
-    """Write arrays ``points``, ``displacement`` ``(m, 3)``, ``von_mises`` ``(m,)`` and ``cells`` ``(k, 8)`` to an ``.npz`` file."""
+    """Write ``points``, ``displacement`` ``(m, 3)``, ``von_mises`` ``(m,)``, ``cells`` ``(k, 8)`` to an ``.npz``."""
     mesh = found.domain.mesh
     if found.domain.shape != "hexahedron" or mesh.comm.size > 1:
         raise InputError("fields: only bricks on one rank")

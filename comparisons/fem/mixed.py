@@ -1,7 +1,8 @@
 """Static equilibrium near and at incompressibility with dolfinx: Taylor-Hood elements.
 
-The displacement is of one degree more than the pressure.  Stationary point of ``integral of mu/2 (I1 - 2 ln J - 3) + p ln J - p^2 / (2 kappa)``: for the pressure that is left,
-the neo-Hookean law of the other solutions; ``kappa`` may be infinite.
+The displacement is of one degree more than the pressure.  Stationary point of ``integral of mu/2 (I1 - 2 ln J - 3) +
+p ln J - p^2 / (2 kappa)``: for the pressure that is left, the neo-Hookean law of the other solutions; ``kappa`` may be
+infinite.
 """
 
 from collections.abc import Callable, Mapping, Sequence

@@ -1,4 +1,6 @@
-"""Saint-Venant torsion constant of a section, between bounds: ``python -m comparisons.fem.torsion --around 64 --rings 8``.
+"""Saint-Venant torsion constant of a section, between bounds.
+
+``python -m comparisons.fem.torsion --around 64 --rings 8``.
 
 The section is meshed through its own map of the disk.  Warping in the space of finite elements makes the bar too stiff,
 a stress function too soft, so that the constant of the meshed section lies between the two answers.

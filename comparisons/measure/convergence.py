@@ -53,8 +53,9 @@ def richardson(sizes: Sequence[float], values: Sequence[float]) -> Limit:
 
 
 def extrapolate(sizes: Sequence[float], values: Sequence[float]) -> Limit:
-    """Return `richardson`'s limit, or the finest value where the values do not approach one monotonically with first order at least.
+    """Return `richardson`'s limit, or the finest value where there is none.
 
+    There is none where the values do not approach one monotonically with first order at least.
     One value alone has distance zero.
     """
     try:

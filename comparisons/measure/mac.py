@@ -7,7 +7,7 @@ from isorod.modal import Modes
 
 
 def shapes_at(found: Modes, xi: Array, u: Array) -> Array:
-    """Return mode shapes of the first body at parameter pairs ``xi`` ``(m, 2)``, ``u`` ``(m,)``, shape ``(modes, m, 3)``."""
+    """Return mode shapes of the first body at parameters ``xi`` ``(m, 2)``, ``u`` ``(m,)``, shape ``(modes, m, 3)``."""
     space = found.model.bodies[0].space
     result = np.empty((len(found.vectors), len(u), 3))
     # Points come in layers of equal u; a layer is one evaluation.
@@ -20,6 +20,9 @@ def shapes_at(found: Modes, xi: Array, u: Array) -> Array:
 
 
 def matrix(first: Array, second: Array) -> Array:
-    """Return ``|a.b|^2 / (a.a b.b)`` of every pair of shapes ``(modes, m, 3)``; 1 where two are the same but for a factor."""
+    """Return ``|a.b|^2 / (a.a b.b)`` of every pair of shapes ``(modes, m, 3)``.
+
+    1 where two are the same but for a factor.
+    """
     a, b = first.reshape(len(first), -1), second.reshape(len(second), -1)
     return (a @ b.T) ** 2 / np.outer(np.sum(a * a, axis=1), np.sum(b * b, axis=1))

@@ -1,4 +1,6 @@
-"""Time one configuration of the cylindrical element: ``python -m comparisons.measure.rod spring --section-points 8 ... --repeat 5``.
+"""Time one configuration of the cylindrical element.
+
+``python -m comparisons.measure.rod spring --section-points 8 ... --repeat 5``.
 
 Prints one JSON line.  The first run is cold; the others, in the same process, are warm.
 """

@@ -74,7 +74,7 @@ class WorkPrecision:
         return found | {"arguments": arguments, "error": self.error(found)}
 
     def run(self, curves: Sequence[Curve], targets: Sequence[float]) -> None:
-        """Record error and warm run time along each curve, or that a run was refused, then the fastest runs within each target."""
+        """Record error and warm run time along each curve, or the refusal, then the fastest runs within each target."""
         work = []
         for curve in curves:
             for arguments in curve.arguments:
@@ -95,7 +95,10 @@ class WorkPrecision:
                 self._side_by_side([one for one in fastest if one is not None])
 
     def _side_by_side(self, fastest: Sequence[Record]) -> None:
-        """Measure runs again, in turn, and record them with the least of the median times: the machine may have been busy before."""
+        """Measure runs again, in turn, and record them with the least of the median times.
+
+        The machine may have been busy before.
+        """
         again: list[list[dict[str, float]]] = [[] for _ in fastest]
         for _ in range(TURNS):
             for found, seconds in zip(fastest, again, strict=True):

@@ -23,8 +23,9 @@ def section(records: list[Record], folder: Path) -> list[str]:
     ours, fem = picture["dofs"]
     lines = ["<h2>Biceps: equilibrium and motion, von Mises stress</h2>"]
     lines.append(
-        f"<p>Two muscles between tendons are activated within {1e3 * motions[0]['options']['ramp']:g} ms, swell and press on each "
-        f"other. Cylindrical element ({ours:,} unknowns) above, 27-node bricks in dolfinx ({fem:,}) below, one scale.</p>"
+        f"<p>Two muscles between tendons are activated within {1e3 * motions[0]['options']['ramp']:g} ms, swell and "
+        f"press on each other. Cylindrical element ({ours:,} unknowns) above, 27-node bricks in dolfinx ({fem:,}) "
+        "below, one scale.</p>"
     )
     lines.append(
         f'<img src="{picture["file"]}" alt="initial shape, and von Mises stress at 5, 10, 15 ms and at equilibrium">'
@@ -52,8 +53,8 @@ def summary(records: list[Record]) -> list[str]:
     (limit,) = part(records, "converged")
     motions = part(records, "motion")
     rests = [
-        f"{record['label']} end forces {percent(found['end_force'])}, bulge {percent(found['belly_bulge'])}, contact force "
-        f"{percent(found['contact_force'])}"
+        f"{record['label']} end forces {percent(found['end_force'])}, bulge {percent(found['belly_bulge'])}, contact "
+        f"force {percent(found['contact_force'])}"
         for record in motions
         for found in (errors(record["equilibrium"], limit),)
     ]
@@ -61,15 +62,19 @@ def summary(records: list[Record]) -> list[str]:
     fem = whole(part(records, "fem motion")[0])
     for record in motions:
         lines.append(
-            f"biceps, {1e3 * END_TIME:g} ms of motion: cylindrical element {record['label']} {record['seconds']['loop']:.1f} s "
-            f"({record['microseconds_a_step']:.0f} us a step), dolfinx on the paper's mesh {fem:.0f} s (from "
-            f"{1e3 * _end(part(records, 'fem motion')[0]):g} ms): {ratio(record['seconds']['loop'], fem)} the time"
+            f"biceps, {1e3 * END_TIME:g} ms of motion: cylindrical element {record['label']} "
+            f"{record['seconds']['loop']:.1f} s ({record['microseconds_a_step']:.0f} us a step), dolfinx on the "
+            f"paper's mesh {fem:.0f} s (from {1e3 * _end(part(records, 'fem motion')[0]):g} ms): "
+            f"{ratio(record['seconds']['loop'], fem)} the time"
         )
     return lines
 
 
 def whole(record: Record) -> float:
-    """Return the seconds that a finite element run would take for the whole motion: time of a step by number of steps."""
+    """Return the seconds that a finite element run would take for the whole motion.
+
+    Time of a step by number of steps.
+    """
     return float(record["seconds"]["step"] * END_TIME / record["time_step"])
 
 
@@ -137,7 +142,8 @@ def _added_mass(motions: list[Record]) -> str:
         rows.append((record["label"], f"{1e6 * record['time_step']:.3g}", percent(record["added_kinetic_share"])))
     head = ("mass added for the time step", "time step µs", "share of the kinetic energy, mean")
     return (
-        "<p>The mass is consistent; for steps longer than its critical one, some is added to fast waves. Courses then differ a little in "
+        "<p>The mass is consistent; for steps longer than its critical one, some is added to fast waves. Courses then "
+        "differ a little in "
         "time, while the equilibrium they end in does not.</p>" + table(head, rows)
     )
 
@@ -183,8 +189,9 @@ def _speed(motions: list[Record], theirs: list[Record]) -> str:
     )
     rows = [row + ("",) * (len(head) - len(row)) for row in rows]
     return table(head, rows, text=(0, 6)) + (
-        f"<p>The finite elements' {1e3 * END_TIME:g} ms are not run: they are the measured time of a step (forces, contact and update; "
-        "without samples and critical steps) by the number of steps at the last time step taken.</p>"
+        f"<p>The finite elements' {1e3 * END_TIME:g} ms are not run: they are the measured time of a step (forces, "
+        "contact and update; without samples and critical steps) by the number of steps at the last time step "
+        "taken.</p>"
     )
 
 
@@ -209,9 +216,10 @@ def _equilibria(records: list[Record], limit: Record) -> str:
     # Numbers stay with their units.
     kept = [(*row[:2], *(text.replace(" ", "\u00a0") for text in row[2:])) for row in rows]
     return table(head, kept, text=(0, 1)) + (
-        f"<p>Reference: {html.escape(limit['element'])}, uniformly refined; extrapolated where the values approach a limit, else the "
-        "finest, with its distance from the one before. The area in contact has no reference: the bellies touch along a strip "
-        "too narrow for the bricks as for the element's points of contact, and it does not settle.</p>"
+        f"<p>Reference: {html.escape(limit['element'])}, uniformly refined; extrapolated where the values approach a "
+        "limit, else the finest, with its distance from the one before. The area in contact has no reference: the "
+        "bellies touch along a strip too narrow for the bricks as for the element's points of contact, and it does not "
+        "settle.</p>"
     )
 
 

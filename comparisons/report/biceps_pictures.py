@@ -203,7 +203,10 @@ def _animation(ours: _Ours, moving: _Theirs, path: Path) -> None:
 
 
 def _palette() -> Any:
-    """Return an image with one palette for all frames, so that colours do not flicker: the scale's in several lights, and greys."""
+    """Return an image with one palette for all frames, so that colours do not flicker.
+
+    The scale's in several lights, and greys.
+    """
     from matplotlib import colormaps
     from PIL import Image
 

@@ -36,16 +36,16 @@ def section(records: list[Record], folder: Path) -> list[str]:
     lines.append("<h2>Blade: how far the element is from the 3-D solution</h2>")
     lines.append(_elements(records, limit["frequencies"]))
     lines.append(
-        "<p>The paper's element (K = 1) has harmonic functions of the section only; they cannot carry the shear warping and the "
-        "thickness strain of a flat section, so modes 5, 7 and 10, which twist, stay stiff however fine the axis. That its "
-        "numbers come near Table 2 says nothing about this. K = 2 removes it.</p>"
+        "<p>The paper's element (K = 1) has harmonic functions of the section only; they cannot carry the shear "
+        "warping and the thickness strain of a flat section, so modes 5, 7 and 10, which twist, stay stiff however "
+        "fine the axis. That its numbers come near Table 2 says nothing about this. K = 2 removes it.</p>"
     )
     lines.append("<h2>Blade: Table 2 of Lu &amp; Zhou (2011)</h2>")
     lines.append(_published(entries))
     lines.append(_reference(records))
     lines.append(
-        "<h2>Blade: Fig. 13, convergence of the first three frequencies</h2><p>Against the model of 30 elements; common "
-        f"slope {order:.2f} (the paper draws 3).</p>"
+        "<h2>Blade: Fig. 13, convergence of the first three frequencies</h2><p>Against the model of 30 elements; "
+        f"common slope {order:.2f} (the paper draws 3).</p>"
         '<img src="blade-convergence.png" alt="error of three frequencies against the number of elements">'
     )
     lines.append("<h2>Blade: Fig. 12, mode shapes</h2>")

@@ -19,7 +19,8 @@ table { border-collapse: collapse; margin: 1rem 0; font-variant-numeric: tabular
 th, td { padding: .2rem .7rem; text-align: right; border-bottom: 1px solid #e3e3e3; }
 th { border-bottom: 2px solid #888; vertical-align: bottom; } td:first-child, th:first-child { text-align: left; }
 td.text, th.text { text-align: left; white-space: nowrap; }
-.failures td { white-space: nowrap; } .failures td.text:last-child { white-space: normal; min-width: 22rem; } .wide { overflow-x: auto; } code { font-size: .85em; }
+.failures td { white-space: nowrap; } .failures td.text:last-child { white-space: normal; min-width: 22rem; }
+.wide { overflow-x: auto; } code { font-size: .85em; }
 img { max-width: 100%; height: auto; } .big { font-size: 1.25rem; } .small { color: #555; font-size: .85rem; }
 """
 
@@ -60,7 +61,10 @@ def summary(folder: Path) -> list[str]:
 
 
 def _part(study: str) -> Any:
-    """Return the study's module of the report: ``summary(records)``, its main findings, and ``section(records, folder)``."""
+    """Return the study's module of the report.
+
+    ``summary(records)``, its main findings, and ``section(records, folder)``.
+    """
     return import_module(f"comparisons.report.{study}")
 
 
@@ -98,7 +102,8 @@ def _provenance(found: dict[str, list[Record]]) -> str:
     machine = last["machine"]
     named = ", ".join(f"{name} {version}" for name, version in versions.items())
     return (
-        f"<p class=small>{html.escape('; '.join(runs))}; {html.escape(machine['processor'])}, {machine['cores']} cores; "
-        f"{html.escape(named)}. One thread; run time is set-up + assembly + solve, median of the warm runs in one process; "
-        "import, compilation, the Sturm count that checks modes and, for dolfinx, mesh generation are left out.</p>"
+        f"<p class=small>{html.escape('; '.join(runs))}; {html.escape(machine['processor'])}, {machine['cores']} "
+        f"cores; {html.escape(named)}. One thread; run time is set-up + assembly + solve, median of the warm runs in "
+        "one process; import, compilation, the Sturm count that checks modes and, for dolfinx, mesh generation are "
+        "left out.</p>"
     )

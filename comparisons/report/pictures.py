@@ -105,7 +105,10 @@ def without_display() -> None:
 
 
 def add_von_mises(plotter: Any, mesh: Any, scale: tuple[float, float], bar: dict[str, Any] | None) -> None:
-    """Add the deformed surface of a mesh with ``displacement`` and ``von_mises``, coloured by the latter; ``bar`` describes its scale."""
+    """Add the deformed surface of a mesh with ``displacement`` and ``von_mises``, coloured by the latter.
+
+    ``bar`` describes its scale.
+    """
     plotter.add_mesh(
         mesh.warp_by_vector("displacement").extract_surface(algorithm="dataset_surface"),
         scalars="von_mises",

@@ -6,9 +6,9 @@ from comparisons.measure.records import Record, part
 from comparisons.report.html import milliseconds, percent, table
 
 LUCK = (
-    "<p>A run counts as reaching an error if it stays within when the axis alone, and the section alone, is refined one step. "
-    "Coarser runs that get there because both errors cancel are listed as such. The fastest of both sides were measured again, in turn; "
-    "the least of their median times counts.</p>"
+    "<p>A run counts as reaching an error if it stays within when the axis alone, and the section alone, is refined "
+    "one step. Coarser runs that get there because both errors cancel are listed as such. The fastest of both sides "
+    "were measured again, in turn; the least of their median times counts.</p>"
 )
 
 
@@ -115,7 +115,8 @@ def summary(study: str, quantity: str, records: list[Record]) -> list[str]:
         if ours and theirs:
             fast, slow = ours["seconds"]["total"], theirs["seconds"]["total"]
             lines.append(
-                f"{study}, {quantity} within {100 * target:g} %: cylindrical element {1e3 * fast:.0f} ms ({ours['dofs']:,} "
-                f"unknowns), best dolfinx {1e3 * slow:.0f} ms ({theirs['dofs']:,}): {ratio(fast, slow)} the time"
+                f"{study}, {quantity} within {100 * target:g} %: cylindrical element {1e3 * fast:.0f} ms "
+                f"({ours['dofs']:,} unknowns), best dolfinx {1e3 * slow:.0f} ms ({theirs['dofs']:,}): "
+                f"{ratio(fast, slow)} the time"
             )
     return lines

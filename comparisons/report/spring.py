@@ -29,8 +29,8 @@ def section(records: list[Record], folder: Path) -> list[str]:
     lines = []
     lines.append("<h2>Spring: error against run time</h2>")
     lines.append(
-        f"<p>Reference: the force {limit['force']:.5f}, extrapolated from three uniformly refined meshes of curved bricks "
-        f"(<code>{html.escape(limit['element'])}</code>, observed order {limit['order']:.1f}, finest mesh "
+        f"<p>Reference: the force {limit['force']:.5f}, extrapolated from three uniformly refined meshes of curved "
+        f"bricks (<code>{html.escape(limit['element'])}</code>, observed order {limit['order']:.1f}, finest mesh "
         f"{limit['uncertainty']:.1g} away).</p>"
     )
     lines.append('<img src="spring-work-precision.png" alt="error against run time and unknowns, log-log">')
@@ -38,16 +38,18 @@ def section(records: list[Record], folder: Path) -> list[str]:
     lines.append("<h2>Spring: von Mises stress</h2>")
     peaks = " and ".join(f"{peak:.1f}" for peak in picture["largest_von_mises"])
     lines.append(
-        f"<p>Deformed shape; one colour scale, that of the paper's Fig. 8. Largest values: {peaks} (left, right; at the "
+        f"<p>Deformed shape; one colour scale, that of the paper's Fig. 8. Largest values: {peaks} (left, right; at "
+        "the "
         f'clamped edges).</p><img src="{picture["file"]}" alt="von Mises stress of both models">'
     )
     lines.append("<h2>Spring: Table 1 of Lu &amp; Zhou (2011)</h2>")
     lines.extend(_published(records, extra) for extra in published.SPRING_GAUSS_POINTS)
     lines.append(
-        "<p>E = 2.014e4 is inferred (the paper does not print it). The column of 4 elements a turn hangs on the quadrature along "
-        "the axis: an element there spans 90° and its integrand is rational. t = p + 1 under-integrates it and the spring comes "
-        "4 % soft, t = p + 2 overshoots by 0.8 %, and with t = p + 4, where more points change nothing, it is 0.2 % above the "
-        "printed values. From 8 elements a turn on, all three rules agree with each other and with the paper.</p>"
+        "<p>E = 2.014e4 is inferred (the paper does not print it). The column of 4 elements a turn hangs on the "
+        "quadrature along the axis: an element there spans 90° and its integrand is rational. t = p + 1 "
+        "under-integrates it and the spring comes 4 % soft, t = p + 2 overshoots by 0.8 %, and with t = p + 4, where "
+        "more points change nothing, it is 0.2 % above the printed values. From 8 elements a turn on, all three rules "
+        "agree with each other and with the paper.</p>"
     )
     lines.append("<h2>Spring: finite element reference</h2>")
     lines.append(_reference(records))

@@ -64,8 +64,8 @@ def LIMITS(records: list[Record]) -> list[str]:
     lost = max(one["error"] / one["value"] for one in stretched if one["value"] >= 1e6)
     soft = max(one["soft_end"] for one in stretched)
     lines.append(
-        f"The force that the stiff end reports loses as many digits as the contrast has: its error is {lost:.0e} times the contrast. "
-        f"That of the soft end is right to {soft:.0e} throughout."
+        f"The force that the stiff end reports loses as many digits as the contrast has: its error is {lost:.0e} times "
+        f"the contrast. That of the soft end is right to {soft:.0e} throughout."
     )
     return lines
 
@@ -165,7 +165,10 @@ def _smooth(contrast: float) -> dict[str, Any]:
 
 
 def force_in_series(first: float, second: float, first_length: float, second_length: float, pull: float) -> float:
-    """Return the stress in bars in series pulled by ``pull``: ``P = E/2 (stretch - 1/stretch)``, neo-Hookean with nu = 0."""
+    """Return the stress in bars in series pulled by ``pull``.
+
+    ``P = E/2 (stretch - 1/stretch)``, neo-Hookean with nu = 0.
+    """
 
     def strain(stress: float) -> float:
         # stretch - 1 of stretch - 1/stretch = 2 half, without cancellation.
@@ -236,7 +239,7 @@ def _halved(
 
 
 def _motion(contrast: float, integrator: str, *powers: int) -> dict[str, Any]:
-    """Let the slowest mode go from its largest amplitude for a quarter of its period, at the end of which it passes zero."""
+    """Let the slowest mode go from its largest amplitude for a quarter of its period: then it passes zero."""
     model, exact = _halved(contrast, powers, NeoHookean, 2, 8)
     shape = modal.solve(model, 1).vectors[0]
     start = 1e-6 * shape / np.abs(shape).max()

@@ -1,4 +1,7 @@
-"""Towards incompressibility at a fixed shear modulus: the spring, a bent cantilever, a pinched section, and Rivlin's twisted cylinder."""
+"""Towards incompressibility at a fixed shear modulus.
+
+The spring, a bent cantilever, a pinched section, and Rivlin's twisted cylinder.
+"""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -101,7 +104,7 @@ def pinched(nu: float, formulation: str, **section: Any) -> tuple[float, statics
 
 
 def reference(case: str, nu: float, around: int, rings: int, layers: int) -> float:
-    """Return the result of a case with Taylor-Hood bricks (27 nodes for the displacement, 8 for the pressure) in dolfinx."""
+    """Return the result of a case with Taylor-Hood bricks in dolfinx: displacement at 27 nodes, pressure at 8."""
     from comparisons.fem import mixed
     from comparisons.fem.domain import Domain
     from comparisons.fem.statics import Held
@@ -193,7 +196,8 @@ def LIMITS(records: list[Record]) -> list[str]:
         if sweep == TWISTED:
             worst = max(record.get("error", np.inf) for curve in curves.values() for record in curve)
             lines.append(
-                f"Rivlin's twisted cylinder, torque and thrust of the mixed formulation: largest relative error {worst:.1e}."
+                "Rivlin's twisted cylinder, torque and thrust of the mixed formulation: largest relative error "
+                f"{worst:.1e}."
             )
             continue
         said = []

@@ -64,7 +64,8 @@ def LIMITS(records: list[Record]) -> list[str]:
         a, b = loads[-2:]
         x, y = a["value"] ** -2.0, b["value"] ** -2.0
         lines.append(
-            f"Euler's load extrapolated to no thickness: {(a['signed'] * y - b['signed'] * x) / (y - x):.0e} from the exact one."
+            f"Euler's load extrapolated to no thickness: {(a['signed'] * y - b['signed'] * x) / (y - x):.0e} from the "
+            "exact one."
         )
     twisted = [record for record in sweeps(records).get(TWIST, {}).get("", []) if "failure" not in record]
     if twisted:

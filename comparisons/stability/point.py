@@ -56,7 +56,10 @@ def holds(record: Mapping[str, Any]) -> bool:
 
 
 def reach(records: list[dict[str, Any]]) -> float | None:
-    """Return the last value up to which all points of a sweep hold, in the order of the records; None if the first does not."""
+    """Return the last value up to which all points of a sweep hold, in the order of the records.
+
+    None if the first does not.
+    """
     last = None
     for record in records:
         if not holds(record):

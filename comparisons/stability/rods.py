@@ -1,4 +1,4 @@
-"""What several cases share: the shallow arch, bars with the exact stiffness of Saint-Venant's solutions, condition numbers."""
+"""What several cases share: the shallow arch, bars of Saint-Venant's stiffness, condition numbers."""
 
 import numpy as np
 
@@ -33,10 +33,21 @@ def arch(span: float, rise: float) -> Rod:
 
 
 def stiffness(space: Space, kind: str, a: float, b: float, length: float) -> tuple[float, float, Model]:
-    """Return the stiffness of a straight bar along z with half axes ``a`` (x) and ``b`` (y), the exact one, and the model.
+    """Return the stiffness of a straight elliptical bar along z, the exact one, and the model.
 
     The end faces stay free to warp (torsion) and to change their shape (bending): then Saint-Venant's solutions are
     exact.
+
+    Parameters
+    ----------
+    space
+        Of the bar.
+    kind
+        One of `STIFFNESSES`.
+    a, b
+        Half axes along x and y, units of length.
+    length
+        Of the bar.
     """
     ends = [np.arange(space.layer_nodes), (space.layers - 1) * space.layer_nodes + np.arange(space.layer_nodes)]
     # Rotations are linear in the position, whose coefficients are those of the rod's map.

@@ -1,4 +1,4 @@
-"""Thin, concave, eccentric and twisted sections, and elements of very different lengths, up to where the map folds and past it."""
+"""Thin, concave, eccentric and twisted sections, elements of very different lengths, to where the map folds and on."""
 
 import warnings
 from collections.abc import Iterator
@@ -75,11 +75,12 @@ def LIMITS(records: list[Record]) -> list[str]:
         refused = [one["value"] for one in curve if "failure" in one]
         good = [one["value"] for one in curve if holds(one)]
         lines.append(
-            f"{sweep}: the map folds at {curve[0]['fold']:.5f}; right up to {max(good):.5f}, refused from {min(refused):.5f} on."
+            f"{sweep}: the map folds at {curve[0]['fold']:.5f}; right up to {max(good):.5f}, refused from "
+            f"{min(refused):.5f} on."
         )
     lines.append(
-        "Twist: sections that shrink below 95 % between layers of control points are warned of, below 70 % refused. Layers that differ by "
-        "whole turns look untwisted and cannot be told from it."
+        "Twist: sections that shrink below 95 % between layers of control points are warned of, below 70 % refused. "
+        "Layers that differ by whole turns look untwisted and cannot be told from it."
     )
     return lines
 
@@ -106,7 +107,8 @@ def run(level: str) -> Iterator[dict[str, Any]]:
                     ratio,
                     partial(_blade, ratio, element, symmetric),
                     series=f"{name}, {series}",
-                    reference=f"the same blade, polynomials N = {FINE['section_degree']}, p = {FINE['degree']}, 16 elements, full rule; ten modes",
+                    reference=f"the same blade, polynomials N = {FINE['section_degree']}, p = {FINE['degree']}, 16 "
+                    "elements, full rule; ten modes",
                     tolerance=2e-2,
                 )
     yield from _flowers()
@@ -202,7 +204,10 @@ def _outline_area(polygon: np.ndarray) -> float:
 
 
 def _smallest(depth: float) -> float:
-    """Return the smallest Jacobian of the flower's section on a grid 50 times as fine as `Rod.check`'s; on the circle, as it is there."""
+    """Return the smallest Jacobian of the flower's section on a grid 50 times as fine as `Rod.check`'s.
+
+    On the circle, as it is there.
+    """
     polygon = section.flower(16, 4, 1.0, depth)
     theta = 2.0 * np.pi * np.arange(6400) / 6400
     _, slopes = harmonic_functions(16, np.stack([np.cos(theta), np.sin(theta)], axis=1))

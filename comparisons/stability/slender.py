@@ -1,4 +1,7 @@
-"""Slender cantilevers, length over radius 10 to 1e6, under a dead tip load: locking, conditioning, rounding, Newton's iterations."""
+"""Slender cantilevers, length over radius 10 to 1e6, under a dead tip load.
+
+Locking, conditioning, rounding, Newton's iterations.
+"""
 
 from collections.abc import Iterator
 from contextlib import nullcontext
@@ -61,7 +64,8 @@ def LIMITS(records: list[Record]) -> list[str]:
         for series, curve in curves.items():
             last = reach(curve)
             lines.append(
-                f"{sweep}, {series}: error within {TOLERANCE:g} {'nowhere' if last is None else f'up to L/r = {last:.0e}'}."
+                f"{sweep}, {series}: error within {TOLERANCE:g} "
+                f"{'nowhere' if last is None else f'up to L/r = {last:.0e}'}."
             )
         ours, plain = (curves[name] for name in (next(iter(SERIES)), PLAIN_NEWTON))
         done = [

@@ -1,4 +1,4 @@
-"""Steps in time: explicit ones about the critical length and by the million, implicit ones of any length, and where these begin to pay."""
+"""Steps in time: explicit ones about the critical length and by the million, implicit ones, and where these pay."""
 
 from collections.abc import Callable, Iterator
 from functools import cache, partial
@@ -63,8 +63,8 @@ def LIMITS(records: list[Record]) -> list[str]:
         lines.append(f"{series}, {DURATION} critical steps long: energy kept to {TOLERANCE:g} {until}.")
     over = [one["value"] for one in records if one["sweep"] == SHARE and "failure" in one and one["value"] > 1.0]
     lines.append(
-        f"Of the {len(over)} runs in steps longer than the critical one, without mass added for them, each blows up and says so with the "
-        "critical step; users' steps of that length get mass added at the start, or are refused."
+        f"Of the {len(over)} runs in steps longer than the critical one, without mass added for them, each blows up "
+        "and says so with the critical step; users' steps of that length get mass added at the start, or are refused."
     )
     for series, curve in found[LONG].items():
         last = curve[-1]
@@ -77,15 +77,15 @@ def LIMITS(records: list[Record]) -> list[str]:
     for series, curve in found[LARGE].items():
         done = [one for one in curve if "failure" not in one]
         lines.append(
-            f"{series}: energy kept to {max(one['error'] for one in done):.0e} in steps of up to {max(one['value'] for one in done):g} "
-            "critical ones."
+            f"{series}: energy kept to {max(one['error'] for one in done):.0e} in steps of up to "
+            f"{max(one['value'] for one in done):g} critical ones."
         )
     curve = [one for one in found[CONTRAST][SERIES] if "failure" not in one]
     pays = [one["value"] for one in curve if one["implicit_seconds"] < one["explicit_seconds"]]
     ratio = curve[-1]["explicit_steps"] / curve[-1]["implicit_steps"]
     lines.append(
-        f"Tendon {curve[-1]['value']:.0e} times as stiff as the muscle: {ratio:.0f} explicit steps to an implicit one for an error of "
-        f"{TOLERANCE:g}; implicit steps take less time "
+        f"Tendon {curve[-1]['value']:.0e} times as stiff as the muscle: {ratio:.0f} explicit steps to an implicit one "
+        f"for an error of {TOLERANCE:g}; implicit steps take less time "
         + (f"from a ratio of {min(pays):.0e} on." if pays else "nowhere in this sweep.")
     )
     return lines
@@ -188,7 +188,10 @@ def _balances(rows: Any) -> dict[str, Any]:
 
 
 def _long(steps: int) -> Iterator[dict[str, Any]]:
-    """Yield points of one run a series: the energy error up to so many steps, and its mean there less that at the start."""
+    """Yield points of one run a series.
+
+    The energy error up to so many steps, and its mean there less that at the start.
+    """
     model = _model(elements=2)
     critical = _critical(model)
     for name, share in (("small", 0.9), ("large", 0.9), ("large", 0.5)):
@@ -233,7 +236,7 @@ def _contrast(ratio: float) -> dict[str, Any]:
         return _end(model, found.displacement[-1]), found
 
     def enough(steps: int, integrator: str) -> tuple[float, dynamics.History]:
-        """Return the error and the run with the fewest steps, of those and twice, four times ... as many, that are enough."""
+        """Return the error and the run with the fewest steps that are enough, of those and 2, 4 ... times as many."""
         place, found = end(steps, integrator)
         while True:
             finer, next_one = end(2 * steps, integrator)

@@ -1,4 +1,6 @@
-"""Solver options for spring, blade and biceps statics: every line as it goes behind ``isorod run``, in a process of its own.
+"""Solver options for spring, blade and biceps statics.
+
+Every line as it goes behind ``isorod run``, in a process of its own.
 
 At full level what works is timed once more, warm, in another process (`comparisons.measure.rod`).
 """
@@ -123,7 +125,8 @@ def LIMITS(records: list[Record]) -> list[str]:
         beside = "" if keep or not holds(default) else f" (the default takes {default['milliseconds']:.0f} ms)"
         failed = ", ".join(str(one["value"]) for one in points if not holds(one))
         lines.append(
-            f"{case}: recommended `isorod run {pick['line']}`, {pick['milliseconds']:.0f} ms{beside}; {len(good)} of {len(points)} "
+            f"{case}: recommended `isorod run {pick['line']}`, {pick['milliseconds']:.0f} ms{beside}; {len(good)} of "
+            f"{len(points)} "
             f"lines give the same to {TOLERANCE:g}" + (f", not: {failed}." if failed else ".")
         )
     return lines

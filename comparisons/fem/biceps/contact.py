@@ -139,7 +139,10 @@ class Contact:
             side.update(nodes)
 
     def add_forces(self, nodes: Array, out: Array) -> Pressing:
-        """Add the gradient of the energy to ``out``; both arrays of shape ``(nodes, 3)``, ``nodes`` the present positions."""
+        """Add the gradient of the energy to ``out``.
+
+        Both arrays of shape ``(nodes, 3)``, ``nodes`` the present positions.
+        """
         self._find(nodes)
         first, second = (
             contact_kernel.add_forces(nodes, side.kept, side.surface, side.found, self.penalty, out)
@@ -168,7 +171,10 @@ class Contact:
 
 
 def surface_points(mesh: Mesh, face: str, parts: int) -> tuple[Index, Array]:
-    """Return points on a named face as in `Points`, ``(m, n)`` nodes and shares: a lattice of ``parts`` to an edge on each facet."""
+    """Return points on a named face as in `Points`, ``(m, n)`` nodes and shares.
+
+    A lattice of ``parts`` to an edge on each facet.
+    """
     like, nodes = _facet_of(mesh), mesh.faces[face]
     a, b = (grid.ravel() for grid in np.meshgrid(*[np.arange(parts + 1) / parts] * 2, indexing="ij"))
     where = np.stack([a, b], axis=1)
@@ -203,7 +209,10 @@ def _stretch(mesh: Mesh, face: Index, slopes: Array) -> Array:
 
 
 def _rule(order: int, triangle: bool) -> tuple[Array, Array]:
-    """Return a rule of degree ``2 order`` or more on the unit square; on the unit triangle 3 or 6 points (Dunavant 1985)."""
+    """Return a rule of degree ``2 order`` or more on the unit square.
+
+    On the unit triangle 3 or 6 points (Dunavant 1985).
+    """
     if not triangle:
         x, w = np.polynomial.legendre.leggauss(order + 1)
         a, b = (grid.ravel() for grid in np.meshgrid(0.5 * (x + 1.0), 0.5 * (x + 1.0), indexing="ij"))

@@ -1,4 +1,7 @@
-"""Explicit dynamics of the biceps' branches with dolfinx: central differences, lumped mass, contact, rising activation."""
+"""Explicit dynamics of the biceps' branches with dolfinx.
+
+Central differences, lumped mass, contact, rising activation.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -119,7 +119,7 @@ class Configuration:
 
 
 def belly_bulge(mesh: Mesh, positions: Array) -> float:
-    """Return half the growth of the bellies' extent in z, the larger of both branches, as `Biceps.measure` does [length]."""
+    """Return half the growth of the bellies' extent in z, the larger one, as `Biceps.measure` does [length]."""
     found = []
     for branch in biceps.BRANCHES:
         supports, shares = surface_points(mesh, f"{branch} belly", 1 if mesh.order == 1 else _MEASURED)
@@ -238,7 +238,10 @@ def _history(mesh: Mesh, samples: Sequence[dynamics.Sample]) -> dict[str, Any]:
 def _save(
     path: Path, mesh: Mesh, positions: Array, branches: Branches, states: Sequence[tuple[float, float, Array]]
 ) -> None:
-    """Write mesh and last positions, and of bricks the fields at every state: time, activation, positions of the nodes."""
+    """Write mesh and last positions, and of bricks the fields at every state.
+
+    Time, activation, positions of the nodes.
+    """
     arrays: dict[str, Array | Index] = {"points": mesh.points, "positions": positions, "cells": mesh.cells}
     arrays |= {f"belly_{k}": mesh.faces[f"{branch} belly"] for k, branch in enumerate(biceps.BRANCHES)}
     if mesh.shape == "hexahedron":
