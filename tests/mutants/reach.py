@@ -1,7 +1,8 @@
 """Which tests can notice a change of a line: those that run it or, where that is not seen, those that run what uses it.
 
 Coverage sees no line of a compiled function; and what a module computes when it is imported, or a function keeps in a
-cache, it sees in the first test only. There the tests are those of the functions that name it, followed through the code.
+cache, it sees in the first test only. There the tests are those of the functions that name it, followed through the
+code.
 """
 
 import ast

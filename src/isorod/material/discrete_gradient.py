@@ -1,7 +1,8 @@
 """Stress between two states that does exactly the work of any law's energy: a discrete gradient.
 
-Between the states ``C_0`` and ``C_1 = C_0 + D`` the second Piola-Kirchhoff stress of the law is averaged on the straight
-way (the mean value discrete gradient, McLachlan, Quispel & Robidoux, Phil. Trans. R. Soc. A 357 (1999) 1021-1045),
+Between the states ``C_0`` and ``C_1 = C_0 + D`` the second Piola-Kirchhoff stress of the law is averaged on the
+straight way (the mean value discrete gradient, McLachlan, Quispel & Robidoux, Phil. Trans. R. Soc. A 357 (1999)
+1021-1045),
 
     S = int_0^1 S(C_0 + t D) dt + k D,    k = (2 (W_1 - W_0) - S : D) / (D : D),
 

@@ -11,11 +11,11 @@ grows with the wave number, in proportion to stiffness (Olovsson, Simonsson & Un
 
     M = M0 + s G,    G = int E grad S . grad S dV,    s = SAFETY (dt^2 - t0^2) / 4,
 
-``E`` the modulus of pressure waves (`isorod.material.law.Material.modulus`).  Translations keep their mass exactly; the error of slow motions is of
-second order in the step.  It is largest where sections turn about the axis: ``G`` cannot tell that from swelling.  In
-the biceps, at six critical steps, stiff thin tendons that turn get 1.5 times their inertia more, the muscle 3 %; of the
-contracted muscle's frequencies below 300 Hz those of twisting fall by 2 to 16 %, all others by 1.5 % in the mean and 5
-% at most.  As ``G`` is the same for x, y and z, linear and angular momentum are kept.
+``E`` the modulus of pressure waves (`isorod.material.law.Material.modulus`).  Translations keep their mass exactly; the
+error of slow motions is of second order in the step.  It is largest where sections turn about the axis: ``G`` cannot
+tell that from swelling.  In the biceps, at six critical steps, stiff thin tendons that turn get 1.5 times their inertia
+more, the muscle 3 %; of the contracted muscle's frequencies below 300 Hz those of twisting fall by 2 to 16 %, all
+others by 1.5 % in the mean and 5 % at most.  As ``G`` is the same for x, y and z, linear and angular momentum are kept.
 """
 
 import numpy as np
