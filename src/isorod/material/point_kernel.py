@@ -1,7 +1,7 @@
 """A law's compiled functions: what they are given, how compiled loops call them, and the loops over points.
 
-A law has one compiled function of a point (``POINT``), and may have one of a block of points (``BLOCK``), which does the
-same faster.  Loops that know no law find them by their addresses, which plain arrays can hold: such loops stay in
+A law has one compiled function of a point (``POINT``), and may have one of a block of points (``BLOCK``), which does
+the same faster.  Loops that know no law find them by their addresses, which plain arrays can hold: such loops stay in
 Numba's cache on disk, whatever laws there are.
 """
 
@@ -32,9 +32,9 @@ WORK = FREE + 6
 ROWS = tuple(np.uint64(POINTS * k) for k in range(WORK))
 
 POINT = types.UniTuple(f8, 2)(F2, F1, F1, f8, F2)
-"""``(F, constants, fibre, activation, stress)``: fills ``stress``, the first Piola-Kirchhoff one, shape ``(3, 3)`` as ``F``,
-with NaN where ``F`` cannot be, and returns the energy per reference volume without activation and what full activation
-adds.  ``activation`` is the share of the law's own, and energy and stress are linear in it."""
+"""``(F, constants, fibre, activation, stress)``: fills ``stress``, the first Piola-Kirchhoff one, shape ``(3, 3)`` as
+``F``, with NaN where ``F`` cannot be, and returns the energy per reference volume without activation and what full
+activation adds.  ``activation`` is the share of the law's own, and energy and stress are linear in it."""
 
 BLOCK = void(F1, F1, f8, b1)
 """``(work, constants, activation, wanted)``: fills the rows of the stress, and of the energies if ``wanted``."""

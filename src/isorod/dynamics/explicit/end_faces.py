@@ -1,4 +1,4 @@
-"""Contact of the end faces of rods with rigid planes, for explicit dynamics: the penalty of `isorod.contact` at the points of a face."""
+"""Contact of end faces with rigid planes, for explicit dynamics: the penalty of `isorod.contact` at a face's points."""
 
 from typing import NamedTuple
 
