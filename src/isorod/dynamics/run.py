@@ -139,8 +139,8 @@ class Run(ABC):
         count = np.ceil(self.interval / longest - 1e-9)
         if not count * self.outputs < _MOST:
             raise InputError(
-                f"time step {longest:.4g}: {count * self.outputs:.3g} steps to the end at {self.interval * self.outputs:.4g}, at most "
-                f"{_MOST:.0e} can be taken"
+                f"time step {longest:.4g}: {count * self.outputs:.3g} steps to the end at "
+                f"{self.interval * self.outputs:.4g}, at most {_MOST:.0e} can be taken"
             )
         self.count = max(1, int(count))
 

@@ -84,7 +84,7 @@ class Laws:
         return self._joined([law.stress(F[first:last]) for law, first, last in self.pieces])
 
     def discrete(self, F: Array, change: Array, wanted: bool) -> tuple[Array, Array]:
-        """Return stresses that do the work of the energy, and their moduli: see `isorod.material.law.Material.discrete`."""
+        """Return stresses that do the work of the energy, and their moduli (`Material.discrete`)."""
         found = [law.discrete(F[first:last], change[first:last], wanted) for law, first, last in self.pieces]
         moduli = [np.empty(0) if part is None else part for _, part in found]
         return self._joined([stress for stress, _ in found]), self._joined(moduli)
@@ -104,7 +104,7 @@ def shear_laws(laws: Laws) -> Laws:
 
 
 def volume_change(laws: Laws, F: Array) -> tuple[Array, Array]:
-    """Return ``theta`` and ``d theta / dF`` at deformation gradients ``(E, t, q, 3, 3)``; NaN where ``ln J`` has no value."""
+    """Return ``theta`` and ``d theta / dF`` for ``F`` ``(E, t, q, 3, 3)``; NaN where ``ln J`` has no value."""
     theta, slope = np.empty(F.shape[:-2]), np.empty(F.shape)
     for law, first, last in laws.pieces:
         part = F[first:last]

@@ -29,7 +29,7 @@ _SMALL = 0.05
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def discrete_gradient(law: "Material", F: Array, change: Array, wanted: bool) -> tuple[Array, Array | None]:
-    """Return the stress ``P`` and, if wanted, its derivatives by the end state (`isorod.material.law.Material.discrete`)."""
+    """Return the stress ``P`` and, if wanted, its derivatives by the end state (`Material.discrete`)."""
     # States that cannot be have no stress, though the way may seem to pass them by.
     bad = ~((determinant(F) > 0.0) & (determinant(F + change) > 0.0))[..., None, None]
     F, change = np.where(bad, np.eye(3), F), np.where(bad, 0.0, change)
@@ -60,7 +60,7 @@ def discrete_gradient(law: "Material", F: Array, change: Array, wanted: bool) ->
 
 
 def _averages(law: "Material", F: Array, D: Array, end: Array, wanted: bool) -> tuple[Array, Array]:
-    """Return the average of ``S``, shape of ``F``, and its derivatives ``IJbB`` by the components ``bB`` of the end state."""
+    """Return the average of ``S``, shape of ``F``, and its derivatives ``IJbB`` by the components of the end state."""
     C = _transposed(F) @ F
     mean, varied = np.zeros(F.shape), np.zeros((*F.shape, 3, 3) if wanted else 0)
     for t, weight in zip(0.5 * (1.0 + _POINTS), 0.5 * _WEIGHTS, strict=True):

@@ -69,11 +69,11 @@ class Material(ABC):
         return discrete_gradient(self, F, change, wanted)
 
     def fibres(self, shape: tuple[int, ...]) -> Array:
-        """Return the unit vectors along its fibres at points of some shape, shape ``(*shape, 3)``; zero without fibres."""
+        """Return the unit vectors along its fibres at points, shape ``(*shape, 3)``; zero without fibres."""
         return np.zeros((*shape, 3))
 
     def at(self, factor: float) -> Self:
-        """Return the law at a load factor: itself, unless something in it grows with the load, as a muscle's activation."""
+        """Return the law at a load factor: itself, unless something grows with the load, as a muscle's activation."""
         return self
 
     @property

@@ -73,7 +73,7 @@ def point(F: Array, constants: Array, fibre: Array, activation: float, stress: A
 
 @njit(void(F1, f8), **FAST)
 def _stretches(work: Array, m2: float) -> None:
-    """Fill rows with ``n = F f``, its length, and ``exp(m2 (stretch^2 - 1)) - 1`` where the fibre is stretched, else 0."""
+    """Fill rows with ``n = F f``, its length, and ``exp(m2 (stretch^2 - 1)) - 1`` where that is stretched, else 0."""
     for k in range(_W):
         f0, f1, f2 = work[ROWS[FIBRE] + k], work[ROWS[FIBRE + 1] + k], work[ROWS[FIBRE + 2] + k]
         n0 = work[ROWS[_F] + k] * f0 + work[ROWS[_F + 1] + k] * f1 + work[ROWS[_F + 2] + k] * f2
@@ -331,7 +331,7 @@ def fibre_quotient(before: float, change: float, constants: Array) -> tuple[floa
 
 @njit(void(F3, F3, F1, F2, F3, F5), **STRICT)
 def _add_discrete(F: Array, change: Array, constants: Array, fibres: Array, stress: Array, moduli: Array) -> None:
-    """Add ``2 q (F_m f) f^T``, and to moduli, if they have points, its derivatives; ``q`` is that of `fibre_quotient`."""
+    """Add ``2 q (F_m f) f^T``, and to moduli, if they have points, its derivatives; ``q``: `fibre_quotient`."""
     start, end = np.empty(3), np.empty(3)
     for m in range(F.shape[0]):
         f = fibres[m]

@@ -108,7 +108,7 @@ def block(work: Array, constants: Array, activation: float, wanted: bool) -> Non
 
 @dataclass(frozen=True)
 class NeoHookean(Isotropic):
-    """``W = mu/2 (I1 - 2 ln J - 3) + kappa/2 (ln J)^2`` with ``kappa`` Lame's first parameter (Lu & Zhou 2011, eq. 15)."""
+    """``W = mu/2 (I1 - 2 ln J - 3) + kappa/2 (ln J)^2``, ``kappa`` Lame's first parameter (Lu & Zhou 2011, eq. 15)."""
 
     compiled = compiled(point, block)
 

@@ -25,7 +25,10 @@ def _point(F: Array, constants: Array, fibre: Array, activation: float, stress: 
 
 @dataclass(frozen=True)
 class StVenantKirchhoff(Isotropic):
-    """``W = mu E:E + lame/2 (tr E)^2``, ``E = (F^T F - 1)/2``; softens in compression, to nothing at ``|F N| = 1/sqrt 3``."""
+    """``W = mu E:E + lame/2 (tr E)^2``, ``E = (F^T F - 1)/2``.
+
+    It softens in compression: a bar with ``nu = 0`` bears no more at the stretch ``1/sqrt 3``.
+    """
 
     compiled = compiled(_point)
 

@@ -69,7 +69,8 @@ class Body:
             representable("density", float(given.max()))
         if isinstance(self.material, Sequence) and len(self.material) != self.space.axis.elements:
             raise InputError(
-                f"material: got {len(self.material)} laws for {self.space.axis.elements} elements, need one law or one an element"
+                f"material: got {len(self.material)} laws for {self.space.axis.elements} elements, "
+                "need one law or one an element"
             )
 
         if self.formulation not in FORMULATIONS:
@@ -103,7 +104,7 @@ class Body:
         return float(np.median([getattr(law, "mu", 1.0) for law in self.laws]))
 
     def _warn_of_smooth_joints(self) -> None:
-        """Warn where stiffness jumps at a knot at which displacements are smooth: strains, which jump too, cannot follow."""
+        """Warn where stiffness jumps at a knot at which displacements are smooth: strains cannot follow."""
         if not isinstance(self.material, Sequence):
             return
         axis = self.space.axis
@@ -114,8 +115,8 @@ class Body:
         if smooth.any():
             k = int(np.argmax(np.where(smooth, jumps, 0.0)))
             warnings.warn(
-                f"stiffness jumps by {jumps[k]:.3g} at u = {axis.breaks[k + 1]:.4g}, where displacements are smooth: errors of a tenth and "
-                "more; take continuity 0, or a rod with that knot repeated (Rod.insert)",
+                f"stiffness jumps by {jumps[k]:.3g} at u = {axis.breaks[k + 1]:.4g}, where displacements are smooth: "
+                "errors of a tenth and more; take continuity 0, or a rod with that knot repeated (Rod.insert)",
                 stacklevel=4,
             )
 
@@ -153,7 +154,7 @@ class Body:
         return self.space.rod.tangents(u.ravel()).reshape(*u.shape, 3)
 
     def fibres(self, table: Table) -> Array:
-        """Return the unit fibre directions at the quadrature points, shape ``(E, t, q, 3)``; zero where the law has none."""
+        """Return the unit fibre directions at the quadrature points, ``(E, t, q, 3)``; zero where the law has none."""
         result = np.zeros((*table.weights.shape, 3))
         for law, first, last in self.laws_at(table.u).pieces:
             result[first:last] = law.fibres(result[first:last].shape[:-1])

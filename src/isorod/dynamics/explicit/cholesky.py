@@ -45,7 +45,7 @@ FACTORS = types.NamedTuple([U2, U1, U1, F1, F1, U2], Factors)
 
 
 def factorise(matrix: csr_matrix) -> tuple[NDArray[np.uint64], NDArray[np.uint64], Array, Array] | None:
-    """Return ``first``, ``starts`` and ``values`` of `Factors` and the diagonal of a matrix's factor; None if it is not positive definite."""
+    """Return ``first``, ``starts``, ``values`` and the diagonal of a matrix's factor; None if not positive definite."""
     if not (matrix.diagonal() > 0.0).all():
         return None
     matrix.sort_indices()

@@ -186,7 +186,7 @@ def _add_forces(mesh: Mesh, e: int, t: int, resultants: Array, forces: Array) ->
 
 @njit(types.UniTuple(f8, 3)(MESH, F1, f8, b1, F1), **FAST)
 def internal_forces(mesh: Mesh, u: Array, activation: float, wanted: bool, forces: Array) -> tuple[float, float, float]:
-    """Fill ``forces`` with the internal forces of the displacement ``u``; those of an element that is inverted are not usable.
+    """Fill ``forces`` with the internal forces of a displacement; those of inverted elements are not usable.
 
     Parameters
     ----------

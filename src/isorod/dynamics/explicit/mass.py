@@ -1,4 +1,4 @@
-"""The mass of explicit dynamics: consistent, with as much added to fast waves as a step longer than its critical one takes.
+"""The mass of explicit dynamics: consistent, with as much added to fast waves as a long step takes.
 
 A body's consistent mass ``M0`` is the same for x, y and z, and couples neighbouring layers.  Lumped on the control
 points it would be wrong: a section that swells would carry twice its kinetic energy and more, and waves of five
@@ -65,11 +65,11 @@ class Mass:
         self.scaling = 0.0
 
     def scaling_for(self, step: float, critical: float) -> float:
-        """Return the ``scaling`` for a step longer than the critical one of the consistent mass, at most what there may be."""
+        """Return the ``scaling`` for a step longer than the critical one of the consistent mass, or the largest."""
         return min(0.25 * SAFETY * (step - critical) * (step + critical), self.largest_scaling)
 
     def momenta(self, velocity: Array) -> Array:
-        """Return the momenta of all degrees of freedom, shape ``(dofs,)``, in the model's order as the velocities are."""
+        """Return the momenta, shape ``(dofs,)``, in the model's order as the velocities are."""
         return self._times(velocity, 1.0)
 
     def added(self, velocity: Array) -> float:
@@ -128,7 +128,7 @@ class Mass:
 
 
 def _matrices(body: Body) -> tuple[csr_matrix, csr_matrix, float]:
-    """Return ``M0`` and ``G`` of a body, shape ``(nodes, nodes)``, and the ``s`` that first doubles the inertia of a section that turns."""
+    """Return ``M0`` and ``G``, shape ``(nodes, nodes)``, and the ``s`` that doubles a turning section's inertia."""
     space = body.space
     masses, stiffnesses, longest = [], [], np.inf
     for e in range(space.axis.elements):
@@ -155,7 +155,7 @@ def _matrices(body: Body) -> tuple[csr_matrix, csr_matrix, float]:
 
 
 def _gyration(positions: Array, table: Table) -> float:
-    """Return the square of the smallest radius of gyration of the sections of one element, across both of their principal axes."""
+    """Return the square of the smallest radius of gyration of an element's sections, across both principal axes."""
     nodal = positions.reshape(table.axial.shape[2], -1, 3)
     x = np.einsum("qi,tj,jia->tqa", table.section[:, 2], table.axial[0], nodal)
     share = table.weights[0] / table.weights[0].sum(axis=1, keepdims=True)

@@ -62,7 +62,7 @@ MESH = types.NamedTuple([types.Array(from_dtype(ELEMENT), 1, "C"), U2, F1, F1, F
 
 
 def order(model: Model) -> Index:
-    """Return the place of each degree of freedom in a state vector (see `isorod.dynamics.explicit.element_kernel`), shape ``(dofs,)``."""
+    """Return where each degree of freedom is in a state vector (`element_kernel`), shape ``(dofs,)``."""
     positions = []
     for body, first in zip(model.bodies, model.first_node[:-1], strict=True):
         size = body.space.layer_nodes
@@ -126,8 +126,8 @@ def _compiled_laws(body: Body, index: int) -> tuple[Material, ...]:
     for e, law in enumerate(body.laws):
         if law.compiled is None:
             raise InputError(
-                f"body {index}: material of element {e}: got {type(law).__name__}, dynamics needs a law with a compiled stress, as "
-                "NeoHookean"
+                f"body {index}: material of element {e}: got {type(law).__name__}, "
+                "dynamics needs a law with a compiled stress, as NeoHookean"
             )
     return body.laws
 
@@ -137,7 +137,7 @@ def _size(parts: list[Array]) -> int:
 
 
 def _blocks(values: Array) -> Array:
-    """Return the last axis cut in blocks of ``POINTS``, the last one filled up with zeros, shape ``(..., blocks, POINTS)``."""
+    """Return the last axis cut in blocks, the last one filled up with zeros, shape ``(..., blocks, POINTS)``."""
     short = -values.shape[-1] % POINTS
     values = np.concatenate([values, np.zeros((*values.shape[:-1], short))], axis=-1)
     return values.reshape(*values.shape[:-1], -1, POINTS)

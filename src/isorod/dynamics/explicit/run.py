@@ -46,7 +46,7 @@ class Run(run.Run):
         return {"time integration": "central differences"}
 
     def _choose(self, critical: float) -> None:
-        """Choose the time step, given the critical one, and the mass it takes, and make the state what the scheme starts from."""
+        """Choose the time step and the mass it takes, and make the state what the scheme starts from."""
         self._divide(_SAFE * critical if self.settings.time_step is None else self.settings.time_step)
         if self.settings.time_step is not None and self.step > critical:
             self._add_mass(critical)
@@ -66,8 +66,8 @@ class Run(run.Run):
         self.estimates[-1] = (0.0, critical)
         if self.step > critical:
             raise InputError(
-                f"time step {self.step:.4g}: not stable, the critical step is {critical:.4g} with as much mass as may be added; take at "
-                f"most {_SAFE * critical:.3g}"
+                f"time step {self.step:.4g}: not stable, the critical step is {critical:.4g} with as much mass as may "
+                f"be added; take at most {_SAFE * critical:.3g}"
             )
 
     def advance(self) -> float:
@@ -164,8 +164,8 @@ class Run(run.Run):
             return
         if self.settings.time_step is not None:
             raise SolveError(
-                f"step {self.taken}, time {self.time:.6g}: the time step {self.step:.4g} is no longer stable, the critical one is "
-                f"{critical:.4g} now; {self._advice(critical)}"
+                f"step {self.taken}, time {self.time:.6g}: the time step {self.step:.4g} is no longer stable, the "
+                f"critical one is {critical:.4g} now; {self._advice(critical)}"
             )
         self._restep(_SAFE * critical)
 
@@ -188,13 +188,14 @@ class Run(run.Run):
         return f"take at most {_SAFE * critical:.3g}"
 
     def _blown(self, taken: int, last: Array, what: str) -> SolveError:
-        """Return the error of a run that blew up after some steps from the last output, at the displacement ``last``."""
+        """Return the error of a run that blew up some steps after the last output, at the displacement ``last``."""
         time = self.time + taken * self.step
         critical = self.system.critical_step(last, self.level(self.time))
         advice = "try a smaller one, or a finer or thicker body where it happened"
         if self.step > critical:
             advice = self._advice(critical)
         return SolveError(
-            f"step {self.taken + taken}, time {time:.6g}: {what}; {self.system.worst(self.system.state.displacement)}; the time step is "
-            f"{self.step:.4g}, the critical one was {critical:.4g} at the output before: {advice}"
+            f"step {self.taken + taken}, time {time:.6g}: {what}; "
+            f"{self.system.worst(self.system.state.displacement)}; the time step is {self.step:.4g}, the critical one "
+            f"was {critical:.4g} at the output before: {advice}"
         )

@@ -87,7 +87,7 @@ def activation(time: float, ramp: float) -> float:
 
 @njit(f8(MESH, STATE, COURSE, i8), **STRICT)
 def evaluate(mesh: Mesh, state: State, course: Course, k: int) -> float:
-    """Evaluate the internal forces of step ``k`` of a run and its share of ``sum W dalpha``; return the number of inverted points."""
+    """Evaluate the internal forces of step ``k`` and its share of ``sum W dalpha``; return how many points invert."""
     time = course.begin + k * course.step
     now = activation(time, course.ramp)
     # Half of the change to the next step and half of that from the last one: the trapezoidal rule.

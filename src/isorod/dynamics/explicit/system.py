@@ -99,13 +99,13 @@ class System:
         return result
 
     def velocity(self, momenta: Array) -> Array:
-        """Return the velocity that free degrees of freedom have with their momenta, both state vectors; zero where held."""
+        """Return the velocity that belongs to momenta, both state vectors; zero where held."""
         result = np.zeros_like(momenta)
         solve(self.factors, momenta, result)
         return result
 
     def forces(self, displacement: Array, activation: float) -> tuple[Array, tuple[float, ...]]:
-        """Return internal less contact forces, and what contact says (`isorod.dynamics.explicit.contact_step_kernel.subtract`); changes no state."""
+        """Return internal less contact forces, and what `contact_step_kernel.subtract` says; changes no state."""
         forces = np.empty_like(displacement)
         if internal_forces(self.mesh, displacement, activation, False, forces)[0] > 0.0:
             forces[:] = np.nan
@@ -141,7 +141,7 @@ class System:
         return min(found)[1]
 
     def critical_step(self, displacement: Array, activation: float) -> float:
-        """Return ``2 / omega`` of the highest frequency about a state: the largest stable time step; zero if the state cannot be.
+        """Return the largest stable step about a state, ``2 / omega`` of the highest frequency; zero if it cannot be.
 
         Lanczos iteration on ``M^-1 K``, symmetric in the inner product of ``M``, ``K`` by central differences of the
         forces, until the residual bounds the error of the frequency to half of ``_TOLERANCE``.  It starts near the last

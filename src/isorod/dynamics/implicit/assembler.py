@@ -63,7 +63,7 @@ class StepPart(Part):
         return (np.swapaxes(rows, -1, -2) @ stress).reshape(self.dofs.shape)
 
     def matrices(self, local: Array, factor: float) -> Array:
-        """Return the derivatives of internal and inertial forces, shape ``(E, l n 3, l n 3)``; they are not symmetric."""
+        """Return the derivatives of internal and inertial forces, ``(E, l n 3, l n 3)``; they are not symmetric."""
         _, moduli = self.laws.at(factor).discrete(self._start, self._changes(local), True)
         elements, points, _, functions = self._gradient.shape
         result = np.empty((elements, functions, 3, functions, 3))

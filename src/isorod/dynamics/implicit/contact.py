@@ -1,4 +1,4 @@
-"""Contact at the mean of the states at both ends of a step, for implicit dynamics; loaded by models that have contacts."""
+"""Contact at the mean of the states at both ends of an implicit step; loaded by models that have contacts."""
 
 from isorod.arrays import Array
 from isorod.contact.operator import ContactOperator

@@ -8,7 +8,7 @@ from isorod.compiled import F1, F3, F4, F5, FAST
 
 @njit(void(F1, F5, F3, F4), **FAST)
 def contract(weights: Array, moduli: Array, gradient: Array, out: Array) -> None:
-    """Fill ``out`` ``(points, 3, 9, n)``, index ``A, (a, b), k``, with weighted moduli times the gradients of functions ``k``.
+    """Fill ``out`` ``(points, 3, 9, n)``, index ``A, (a, b), k``, with weighted moduli times gradients.
 
     Parameters
     ----------

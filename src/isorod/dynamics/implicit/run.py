@@ -82,9 +82,9 @@ class Run(run.Run):
         self.cuts += 1
         if halvings == _HALVINGS:
             raise SolveError(
-                f"step {self.taken + 1}, time {time:.6g}: SNES diverged (reason {self.newton.snes.getConvergedReason()})"
-                f" in a time step of {self.step:.4g} however often it was halved; "
-                f"{self.system.worst(state.displacement)}"
+                f"step {self.taken + 1}, time {time:.6g}: SNES diverged "
+                f"(reason {self.newton.snes.getConvergedReason()}) in a time step of {self.step:.4g} however often "
+                f"it was halved; {self.system.worst(state.displacement)}"
             )
         self._step(time, 0.5 * dt, halvings + 1)
         self._step(time + 0.5 * dt, 0.5 * dt, halvings + 1)
