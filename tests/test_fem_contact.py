@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from comparisons.fem.biceps import contact_kernel as kernel
+from comparisons.fem.biceps.closest_kernel import Closest, Facet, Surface, closest
 from comparisons.fem.biceps.contact import Contact, surface_points
 from meshes.mesh import Mesh
 
@@ -24,11 +24,12 @@ def gaps(kind, x, turn):
     powers, coefficients = TRIANGLE if kind == "triangle" else SQUARE
     nodes = np.ascontiguousarray(np.array(NODES[kind], dtype=float) @ turn.T)
     x = np.ascontiguousarray(np.atleast_2d(x) @ turn.T)
-    found, xi = np.empty(len(x)), np.empty((len(x), 2))
-    facets, alone = np.arange(len(nodes))[None, :], np.full((1, 1), -1)
-    triangle = kind == "triangle"
-    kernel.closest(x, nodes, facets, alone, coefficients, powers, triangle, np.zeros(len(x), dtype=np.int64), xi, found)
-    return found, xi
+    surface = Surface(
+        np.arange(len(nodes))[None, :], np.full((1, 1), -1), Facet(coefficients, powers, kind == "triangle")
+    )
+    found = Closest(x, np.zeros(len(x), dtype=np.int64), np.empty((len(x), 2)), np.empty(len(x)))
+    closest(nodes, surface, found)
+    return found.gap, found.xi
 
 
 @pytest.mark.parametrize("turn", ROTATIONS)

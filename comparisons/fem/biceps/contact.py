@@ -11,8 +11,9 @@ import numpy as np
 from scipy import sparse
 from scipy.spatial import cKDTree
 
-from comparisons.fem.biceps import contact_kernel
-from comparisons.fem.biceps.contact_kernel import Closest, Facet, Points, Pressing, Surface
+from comparisons.fem.biceps import closest_kernel, contact_kernel
+from comparisons.fem.biceps.closest_kernel import Closest, Facet, Points, Surface
+from comparisons.fem.biceps.contact_kernel import Pressing
 from isorod.errors import InputError
 from meshes.mesh import Array, Index, Mesh
 
@@ -37,7 +38,7 @@ class _Side:
     def search(self, nodes: Array, reach: float) -> None:
         """Keep the points within ``reach`` of the facets, starting from the facets with the nearest centres."""
         x = np.empty((len(self.points.weights), 3))
-        contact_kernel.place(nodes, self.points, x)
+        closest_kernel.place(nodes, self.points, x)
         corners = nodes[self.surface.facets]
         centres = corners.mean(axis=1)
         # A facet bulges no farther from its centre than twice as far as its nodes are.
@@ -51,8 +52,8 @@ class _Side:
 
     def update(self, nodes: Array) -> None:
         """Find the closest points of those near, from where they were."""
-        contact_kernel.place(nodes, self.kept, self.found.x)
-        contact_kernel.closest(nodes, self.surface, self.found)
+        closest_kernel.place(nodes, self.kept, self.found.x)
+        closest_kernel.closest(nodes, self.surface, self.found)
 
     def stiffness(self, nodes: Array, penalty: float) -> tuple[Index, Array]:
         """Return the unknowns ``(m, 3 n)`` of each point in contact and its second derivative ``(m, 3 n, 3 n)``."""

@@ -12,23 +12,33 @@ the same when both states change places.  With ``P = F_m S``, ``F_m`` the mean o
 forces have no resultant and no moment.
 """
 
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
 from isorod.arrays import Array
 from isorod.tensors import determinant, inverse
 
-if TYPE_CHECKING:
-    from isorod.material.law import Material
-
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(4)
 # Size of ``D`` up to which the Gauss points are exact to rounding.
 _SMALL = 0.05
 
 
+class Law(Protocol):
+    """What is asked of a law; see `isorod.material.law.Material`."""
+
+    def energy(self, F: Array) -> Array:
+        """Return the stored energy."""
+
+    def stress(self, F: Array) -> Array:
+        """Return the first Piola-Kirchhoff stress."""
+
+    def tangent(self, F: Array) -> Array:
+        """Return its derivatives."""
+
+
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
-def discrete_gradient(law: "Material", F: Array, change: Array, wanted: bool) -> tuple[Array, Array | None]:
+def discrete_gradient(law: Law, F: Array, change: Array, wanted: bool) -> tuple[Array, Array | None]:
     """Return the stress ``P`` and, if wanted, its derivatives by the end state (`Material.discrete`)."""
     # States that cannot be have no stress, though the way may seem to pass them by.
     bad = ~((determinant(F) > 0.0) & (determinant(F + change) > 0.0))[..., None, None]
@@ -59,7 +69,7 @@ def discrete_gradient(law: "Material", F: Array, change: Array, wanted: bool) ->
     return stress, np.where(bad[..., None, None], np.nan, moduli)
 
 
-def _averages(law: "Material", F: Array, D: Array, end: Array, wanted: bool) -> tuple[Array, Array]:
+def _averages(law: Law, F: Array, D: Array, end: Array, wanted: bool) -> tuple[Array, Array]:
     """Return the average of ``S``, shape of ``F``, and its derivatives ``IJbB`` by the components of the end state."""
     C = _transposed(F) @ F
     mean, varied = np.zeros(F.shape), np.zeros((*F.shape, 3, 3) if wanted else 0)

@@ -14,7 +14,7 @@ from isorod.arrays import Array
 from isorod.compiled import flat
 from isorod.errors import InputError, representable
 from isorod.material.discrete_gradient import discrete_gradient
-from isorod.material.point_kernel import Compiled, at_points
+from isorod.material.points import Compiled, at_points
 
 
 class Material(ABC):
@@ -26,7 +26,7 @@ class Material(ABC):
     Attributes
     ----------
     compiled
-        The addresses of its compiled functions (`isorod.material.point_kernel.compiled`); of a law without them
+        The addresses of its compiled functions (`isorod.material.points.compiled`); of a law without them
         ``energy`` and ``stress`` are its own, and dynamics does not take it.
     """
 

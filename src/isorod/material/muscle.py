@@ -12,7 +12,7 @@ from isorod.compiled import F1, F2, F3, F5, FAST, STRICT, flat
 from isorod.errors import InputError
 from isorod.material import neo_hookean
 from isorod.material.neo_hookean import NeoHookean
-from isorod.material.point_kernel import ACTIVE, BLOCK, ENERGY, FIBRE, FREE, GRADIENT, POINT, POINTS, ROWS, compiled
+from isorod.material.points import ACTIVE, BLOCK, ENERGY, FIBRE, FREE, GRADIENT, POINT, POINTS, ROWS, compiled
 
 # Fibres shortened or stretched by more than this have no active force.
 ACTIVE_RANGE = 0.5
@@ -45,7 +45,7 @@ def fibre_tension(stretch: float, constants: Array, activation: float) -> tuple[
 def point(F: Array, constants: Array, fibre: Array, activation: float, stress: Array) -> tuple[float, float]:
     """Fill in ``P = P_matrix + T(lambda) n f^T``, ``n = F f / lambda``, ``T = dW/dlambda``, and return the energies.
 
-    See `isorod.material.point_kernel.POINT`; of a law without active stress and ``m1`` the fibre is not read.
+    See `isorod.material.points.POINT`; of a law without active stress and ``m1`` the fibre is not read.
     """
     stored, _ = neo_hookean.point(F, constants, fibre, activation, stress)
     sigma, m1, m2 = constants[2], constants[3], constants[4]
@@ -108,7 +108,7 @@ def _stretches(work: Array, m2: float) -> None:
 
 @njit(BLOCK, **FAST)
 def block(work: Array, constants: Array, activation: float, wanted: bool) -> None:
-    """Do what `point` does at the points of a block (`isorod.material.point_kernel.BLOCK`)."""
+    """Do what `point` does at the points of a block (`isorod.material.points.BLOCK`)."""
     mu, lame, strongest, m1, m2 = constants[0], constants[1], constants[2], constants[3], constants[4]
     active = activation * strongest
     if not (active > 0.0 or m1 > 0.0 or (wanted and strongest > 0.0)):

@@ -9,7 +9,7 @@ from numba import f8, njit, types, u8, void
 from isorod.arrays import Array
 from isorod.compiled import F1, F3, F4, F5, FAST, STRICT, cofactors, flat
 from isorod.material.law import Isotropic
-from isorod.material.point_kernel import BLOCK, DETERMINANT, ENERGY, FREE, GRADIENT, POINT, POINTS, ROWS, compiled
+from isorod.material.points import BLOCK, DETERMINANT, ENERGY, FREE, GRADIENT, POINT, POINTS, ROWS, compiled
 
 # Below this a difference quotient's derivative is taken from its power series.
 SERIES = 1e-3
@@ -20,7 +20,7 @@ _F, _LOG = GRADIENT, ROWS[FREE]
 
 @njit(POINT, **STRICT)
 def point(F: Array, constants: Array, fibre: Array, activation: float, stress: Array) -> tuple[float, float]:
-    """Fill in ``P = mu F + (lame ln J - mu) F^-T`` and return the energy (`isorod.material.point_kernel.POINT`)."""
+    """Fill in ``P = mu F + (lame ln J - mu) F^-T`` and return the energy (`isorod.material.points.POINT`)."""
     mu, lame = constants[0], constants[1]
     det = cofactors(F, stress)
     log = np.log(det) if det > 0.0 else np.nan
@@ -94,7 +94,7 @@ def energies_in_block(work: Array, mu: float, lame: float) -> None:
 
 @njit(BLOCK, **FAST)
 def block(work: Array, constants: Array, activation: float, wanted: bool) -> None:
-    """Do what `point` does at the points of a block (`isorod.material.point_kernel.BLOCK`)."""
+    """Do what `point` does at the points of a block (`isorod.material.points.BLOCK`)."""
     mu, lame = constants[0], constants[1]
     logarithms(work)
     for k in range(_W):

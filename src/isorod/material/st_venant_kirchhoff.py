@@ -8,7 +8,7 @@ from numba import njit
 from isorod.arrays import Array
 from isorod.compiled import STRICT
 from isorod.material.law import Isotropic
-from isorod.material.point_kernel import POINT, compiled
+from isorod.material.points import POINT, compiled
 from isorod.tensors import determinant
 
 

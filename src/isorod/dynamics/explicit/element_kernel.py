@@ -15,7 +15,7 @@ from numba import u8 as _u
 from isorod.arrays import Array
 from isorod.compiled import F1, FAST
 from isorod.dynamics.explicit.mesh import GEOMETRY, MESH, Mesh
-from isorod.material.point_kernel import (
+from isorod.material.points import (
     ACTIVE,
     DETERMINANT,
     ENERGY,
@@ -26,7 +26,7 @@ from isorod.material.point_kernel import (
     by_points,
     call_block,
 )
-from isorod.material.point_kernel import ROWS as _R
+from isorod.material.points import ROWS as _R
 
 _W = np.uint64(POINTS)
 _0, _1, _2, _3, _4, _6, _9 = (np.uint64(k) for k in (0, 1, 2, 3, 4, 6, 9))

@@ -10,7 +10,7 @@ from isorod.arrays import Array, Index
 from isorod.compiled import F1, U2
 from isorod.errors import InputError
 from isorod.material.law import Material
-from isorod.material.point_kernel import POINTS
+from isorod.material.points import POINTS
 from isorod.model.body import Body
 from isorod.model.model import Model
 
@@ -19,7 +19,7 @@ GEOMETRY = 13
 
 # Of an element: section functions, blocks in the section, points and functions along the axis; where its rows begin in
 # ``sections``, ``axial`` and ``geometry``, and its law's constants and their number; the addresses of its law's
-# functions (`isorod.material.point_kernel`).
+# functions (`isorod.material.points`).
 ELEMENT = np.dtype(
     [
         (name, np.uint64)
