@@ -200,7 +200,7 @@ def test_twins_of_a_symmetric_bar_are_found(cylinder):
     ],
 )
 def test_modes_that_the_inertia_does_not_confirm_are_refused(cylinder, monkeypatch, factor, said):
-    """Counted with another mass than solved with, fewer eigenvalues lie below the last one, or more, than were found."""
+    """Counted with another mass than solved with, fewer or more eigenvalues lie below the last one than were found."""
     where = bar(cylinder(height=6.0), "Q2", 4)
     sound = solve(where, STEEL, ["start"], 3)
     assert sound.below == 3
