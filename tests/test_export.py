@@ -96,7 +96,7 @@ def test_closed_rod_is_exported_too():
 
 
 def test_every_element_shows_its_own_stress_up_to_its_ends():
-    """An affine deformation of elements of different stiffness: each has one stress, its last points too, and all are in the rod."""
+    """An affine deformation, stiffness by element: each has one stress, its last points too, and all are in the rod."""
     laws = [LinearElastic(E, 0.3) for E in (1.0, 100.0, 10.0)]
     body = Body(Space(straight(5, height=3.0), elements=3, continuity=0), laws)
     nodal = body.space.positions @ np.diag([0.0, 0.0, 0.01])

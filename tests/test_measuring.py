@@ -15,7 +15,7 @@ SMALL = {"coils": 1, "elements_per_turn": 4, "section_points": 4}
 
 @pytest.fixture
 def clocked(monkeypatch):
-    """Let `comparisons.measure.rod` measure runs that take given times; return a function that says which, run by run."""
+    """Let `comparisons.measure.rod` measure runs of given times; return a function that says which, run by run."""
     true = run.solve
 
     def say(*totals):

@@ -31,7 +31,7 @@ def bar(held="xyz", law=None, contacts=(), elements=2):
 
 @pytest.fixture
 def refuse_longer(monkeypatch):
-    """Let Newton's method fail in all steps longer than one given; return how to say which, and the levels of activation solved at."""
+    """Let Newton's method fail in steps longer than a given one; return that limit and the activations solved at."""
     begin, solve = StepAssembler.begin, Newton.solve
     limit, step, levels = [np.inf], [0.0], []
 
@@ -82,7 +82,7 @@ def thrown(model, velocity):
 
 
 def test_the_critical_step_is_estimated_again_where_contact_begins():
-    """Long before as many steps are taken as bring an estimate by themselves, and once only: not again while it lasts."""
+    """Long before the steps taken bring an estimate by themselves, and once only: not again while it lasts."""
     wall = Contact(0, Plane((1.05, 0.0, 0.0), (-1.0, 0.0, 0.0)), 2000.0)
     model = bar(held="", contacts=[wall])
     history = dynamics.solve(model, 0.11, 0.01, outputs=11, velocity=thrown(model, [1.0, 0.0, 0.0]))
@@ -113,7 +113,7 @@ def squashed(a=1.2, b=0.4, length=3.0):
 
 @pytest.mark.parametrize(("a", "b"), [(1.2, 0.4), (0.4, 1.2)])
 def test_the_most_mass_that_is_added_trebles_the_inertia_about_the_thin_axis(a, b):
-    """Of a section that turns out of its plane: ``rho I`` and ``E A``, so that the wide axis gets ``2 (b / a)^2`` more."""
+    """Of a section that turns out of its plane: ``rho I`` and ``E A``, so the wide axis gets ``2 (b / a)^2`` more."""
     length, density = 3.0, 2.0
     space = squashed(a, b, length)
     model = Model([Body(space, NeoHookean(20.0, 0.3), density)])

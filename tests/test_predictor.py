@@ -1,4 +1,4 @@
-"""The first guess of a load step: straight in the first, and after that the cubic through two equilibria with their tangents."""
+"""The first guess of a load step: straight in the first, then the cubic through two equilibria with their tangents."""
 
 import numpy as np
 import pytest
@@ -32,7 +32,7 @@ def bent(size, turn):
     ],
 )
 def test_error_of_the_prediction_falls_with_its_order(turn, load_steps, steps, order):
-    """Force out of balance after it, of paths that shrink: the second power of the size from one equilibrium, the fourth from two."""
+    """Force out of balance after it, as paths shrink: of order two in size from one equilibrium, four from two."""
     norms = []
     for size in (0.4, 0.2):
         solution = statics.solve(bent(size, turn), load_steps)

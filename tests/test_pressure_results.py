@@ -1,4 +1,4 @@
-"""Pressures that the mixed formulation reports, and what is made of them: force per area, whatever the unknowns are counted in."""
+"""Pressures of the mixed formulation and what is made of them: force per area, whatever the unknowns are counted in."""
 
 import numpy as np
 import pytest

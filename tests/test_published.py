@@ -1,4 +1,4 @@
-"""The published numbers, which stand in comparisons.measure.published alone: sums of the printed tables guard every digit.
+"""The published numbers, in comparisons.measure.published alone: sums of the printed tables guard every digit.
 
 Other tests compare the tables with what the element gives (test_spring, test_blade); that alone would not see the last
 digits where the parameters inferred for the paper leave a tenth of a percent.

@@ -29,7 +29,7 @@ def swept(section, **keywords):
 
 
 def outline_integrals(space, u):
-    """Area, first and second moments ``(2,)`` and ``(2, 2)`` of a plane section by Green's theorem, from its outline alone."""
+    """Area, first and second moments ``(2,)``, ``(2, 2)`` of a plane section by Green's theorem, from its outline."""
     angle = 2.0 * np.pi * np.arange(20000) / 20000
     points, _ = space.rod.grid(np.stack([np.cos(angle), np.sin(angle)], axis=1), [u])
     points = points[0, :, :2]
@@ -45,7 +45,7 @@ def outline_integrals(space, u):
 @pytest.mark.parametrize("space", [{"order": 1}, {"order": 2}, {"section_degree": 3}], ids=str)
 @pytest.mark.parametrize("u", [0.0, 1.0])
 def test_resultant_acts_at_the_centroid_of_the_outline(name, space, u):
-    """Work on translations and turns: force and moment of a uniform traction, whatever the functions across the section."""
+    """Work on translations and turns: force and moment of a uniform traction, whatever the section's functions."""
     space = swept(SECTIONS[name], **space)
     nodal = SectionLoad(tuple(FORCE), u=u).nodal(space)
     area, first, _ = outline_integrals(space, u)

@@ -34,7 +34,7 @@ def test_forces_of_table_1(n, per_turn):
 
 @pytest.mark.parametrize("n", TABLE_1)
 def test_column_of_four_elements_a_turn_depends_on_the_rule_along_the_axis(n):
-    """Quadratic C0 elements of 90 degrees lock; with p + 1 points the rule hides some of it, with more the table's value comes."""
+    """Quadratic C0 elements of 90 degrees lock; p + 1 points hide some of it, with more the table's value comes."""
     low, high, near = (force(n, 4, quadrature=f"2x1x{t}") / TABLE_1[n][0] - 1 for t in (3, 4, 5))
     assert low == pytest.approx(-0.04, abs=0.006)
     assert high == pytest.approx(0.008, abs=0.002)

@@ -1,4 +1,4 @@
-"""Load steps that crush a body somewhere are taken again in shorter ones, whether the prediction crushes it or the solution."""
+"""Load steps that crush a body are taken again in shorter ones, whether the prediction crushes it or the solution."""
 
 from itertools import pairwise
 

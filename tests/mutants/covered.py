@@ -34,7 +34,7 @@ USUAL = {0, 1, 5}
 
 @dataclass(frozen=True)
 class Covered:
-    """Tests with their processor time (seconds) and the fixtures they share, and for each line of a file the tests that run it."""
+    """Tests with their processor time (seconds) and shared fixtures; for each line of a file the tests that run it."""
 
     seconds: dict[str, float]
     fixtures: dict[str, tuple[str, ...]]

@@ -20,7 +20,7 @@ LEFT_OUT = cst.Annotation | cst.Decorator | cst.Raise | cst.ImportFrom | cst.Imp
 
 @dataclass(frozen=True)
 class Mutant:
-    """One wrong change: file from the root, line (1-based), operator, the line before and after, and the mutated file."""
+    """One wrong change: file from the root, line (1-based), operator, the line before and after, the mutated file."""
 
     path: str
     line: int
@@ -36,7 +36,7 @@ class Mutant:
 
 
 def files(root: Path) -> list[str]:
-    """Return the files that are mutated, from the root, sorted: all of isorod, and the measuring half of comparisons."""
+    """Return the files that are mutated, from the root, sorted: all of isorod, the measuring half of comparisons."""
     core = list((root / "src/isorod").rglob("*.py"))
     places = ((path, path.relative_to(root / "comparisons")) for path in (root / "comparisons").rglob("*.py"))
     measuring = [path for path, place in places if MEASURING & {*place.parts[:-1], place.stem}]

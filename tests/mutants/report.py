@@ -29,9 +29,11 @@ def summary(records: Sequence[Record], run: Record, dropped: Sequence[str]) -> s
     never = sum(one["how"] == "unreached" for one in records)
     score = _share(records)
     parts += [
-        f"{len(records)} of {run['population']} mutants, drawn evenly from all that mutmut's operators make (seed {run['seed']}),",
+        f"{len(records)} of {run['population']} mutants, drawn evenly from all that mutmut's operators make "
+        f"(seed {run['seed']}),",
         f"each against the tests that reach its line, at most {run['budget']:g} s of them, quickest first:",
-        f"{score} caught, {late} of them by a test that did not end; {never} of the others are in lines that no test runs",
+        f"{score} caught, {late} of them by a test that did not end; "
+        f"{never} of the others are in lines that no test runs",
     ]
     return "\n".join(parts)
 

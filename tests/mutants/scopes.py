@@ -1,4 +1,4 @@
-"""Who uses what: each file cut into functions and statements, and the names that stand in them traced to where they are made."""
+"""Who uses what: each file cut into functions and statements, their names traced to where they are made."""
 
 import ast
 from collections.abc import Iterator

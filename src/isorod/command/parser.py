@@ -40,7 +40,7 @@ class Parser(argparse.ArgumentParser):
 
 
 def add_fields(parser: argparse.ArgumentParser, scene_type: Any) -> None:
-    """Make each field of a scene a ``--long-option``; one that is true or false (false where not given) takes no value."""
+    """Make each field of a scene a ``--long-option``; true or false ones (false where not given) take no value."""
     for field in dataclasses.fields(scene_type):
         kind: Any = field.type
         if isinstance(kind, types.UnionType):

@@ -26,7 +26,7 @@ def require() -> None:
 def grid(
     body: Body, fields: Mapping[str, Array], rings: int = 4, around: int = 32, slices: int = 6, factor: float = 1.0
 ) -> "pyvista.UnstructuredGrid":
-    """Return the undeformed rod as small cells, with vector fields as point data, and ``von_mises`` beside ``displacement``.
+    """Return the undeformed rod as small cells, vector fields as point data, ``von_mises`` beside ``displacement``.
 
     With a field ``pressure``, the coefficients of the mixed formulation (`isorod.statics.Equilibrium.pressures`), comes
     ``mean_stress``.

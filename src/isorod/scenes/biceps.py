@@ -1,4 +1,4 @@
-"""The biceps: two branches of tendon, muscle and tendon that swell and press on each other (Lu & Zhou 2011, section 5)."""
+"""The biceps: two branches of tendon, muscle, tendon that swell and press on each other (Lu & Zhou 2011, section 5)."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, cast
@@ -28,7 +28,7 @@ AROUND, ALONG = 64, 16
 
 @dataclass(frozen=True)
 class Biceps:
-    """Two branches, tendon - muscle - tendon along y, held at their ends; active muscle swells and the bellies press on each other.
+    """Two branches, tendon - muscle - tendon along y, ends held, whose active bellies swell and press on each other.
 
     No control point is printed in the paper.  Here every section is a circle normal to y, the branches mirror each
     other in the plane x = 0 and are symmetric in z; lengths are those of an adult's biceps, but for the tendons'
@@ -106,7 +106,8 @@ class Biceps:
                 raise InputError(f"{name.replace('_', ' ')}: got {value:g}, need a positive length in cm")
         if self.tendon_radius > self.belly_radius:
             raise InputError(
-                f"tendon radius: got {self.tendon_radius:g}, need at most the radius of the belly, {self.belly_radius:g}"
+                f"tendon radius: got {self.tendon_radius:g}, "
+                f"need at most the radius of the belly, {self.belly_radius:g}"
             )
         right = self._centers()
         return self._branch(right * [-1.0, 1.0, 1.0]), self._branch(right)

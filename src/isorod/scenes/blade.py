@@ -43,7 +43,10 @@ class Blade:
     quadrature: str = option("auto", "quadrature rule: auto, full, paper, RxS or RxSxT such as 2x1x4")
 
     def rod(self) -> Rod:
-        """Return the blade as first built (16 points round the paper's section): one quadratic element, twist and scale 0, 1/2, 1 of the way at its control points."""
+        """Return the blade as first built: 16 points round the paper's section, one quadratic element along.
+
+        Twist and scale are 0, 1/2, 1 of the way at its control points.
+        """
         for name in ("length", "taper"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value > 0.0):

@@ -66,8 +66,8 @@ class Spring:
         rod.check()
         if self.coils > 1 and abs(self.pitch) < 2.0 * self.wire_radius:
             warnings.warn(
-                f"pitch {self.pitch:g} is less than the wire's diameter {2.0 * self.wire_radius:g}: neighbouring coils overlap "
-                "and nothing keeps them apart",
+                f"pitch {self.pitch:g} is less than the wire's diameter {2.0 * self.wire_radius:g}: "
+                "neighbouring coils overlap and nothing keeps them apart",
                 stacklevel=2,
             )
         space = Space(

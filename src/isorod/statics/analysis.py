@@ -84,7 +84,7 @@ class Equilibrium:
     moments: Array = field(default_factory=lambda: np.zeros((0, 3)))
 
     def record(self) -> dict[str, Any]:
-        """Return what a record keeps of it; area in contact and deepest penetration are those of all contacts together."""
+        """Return what a record keeps of it; area in contact and deepest penetration are those of all contacts."""
         kept = ("newton_iterations", "linear_iterations", "load_steps", "cuts", "residual_norms")
         found = {name: getattr(self, name) for name in kept}
         if self.pressures:

@@ -1,0 +1,187 @@
+"""The blade's modes by finite elements: converged values, presets, ranks, bad input."""
+
+import dataclasses
+import json
+import subprocess
+import sys
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from reference import BLADE_FREQUENCIES as CONVERGED
+
+pytest.importorskip("dolfinx")
+
+from comparisons.fem.blade import Configuration, run, vibrations
+from comparisons.fem.domain import Domain
+from comparisons.fem.mode_shapes import nodal
+from comparisons.fem.presets import blade as presets
+from comparisons.measure import published
+from isorod.errors import SolveError
+from meshes import blade
+
+FEM = [sys.executable, "-m", "comparisons.fem", "blade"]
+
+
+def configuration(arguments: str) -> Configuration:
+    from comparisons.fem.__main__ import _parser
+
+    given = vars(_parser().parse_args(["blade", *arguments.split()]))
+    for name in ("scene", "repeat", "preset", "modes_file"):
+        given.pop(name)
+    return Configuration(**given | {"flags": tuple(given["flags"].split())})
+
+
+def test_best_preset_is_within_half_a_percent():
+    record = run(configuration(presets.PRESETS["best"]))
+    assert record["frequencies"] == pytest.approx(CONVERGED, rel=5e-3)
+    assert record["sturm_count"] == 10 and record["residuals"].max() < 1e-6
+    assert record["unknowns"] < record["dofs"] == 3321
+    assert set(record["seconds"]) == {"mesh", "forms", "setup", "assembly", "solve", "check", "total"}
+
+
+def test_accurate_preset_is_accurate():
+    assert run(configuration(presets.PRESETS["accurate"]))["frequencies"] == pytest.approx(CONVERGED, rel=1e-3)
+
+
+def test_quadratic_bricks_extrapolate_to_the_converged_values():
+    found = [run(configuration(arguments)) for arguments in presets.CONVERGED["quick"].arguments[:2]]
+    fine, finer = (np.array(record["frequencies"]) for record in found)
+    # Two meshes and the order seen on three.
+    assert finer + (finer - fine) / (1.5**3.5 - 1.0) == pytest.approx(CONVERGED, rel=1e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("level", presets.CONVERGED)
+def test_three_meshes_extrapolate_to_the_converged_values(level):
+    from comparisons.measure.convergence import richardson
+
+    records = [run(configuration(arguments)) for arguments in presets.CONVERGED[level].arguments]
+    sizes = [1.0 / record["options"]["layers"] for record in records]
+    for values, exact in zip(zip(*(record["frequencies"] for record in records), strict=True), CONVERGED, strict=True):
+        try:
+            limit = richardson(sizes, values).value
+        except SolveError:
+            limit = values[-1]
+        assert limit == pytest.approx(exact, rel=2e-4)
+
+
+def test_elements_on_the_mesh_of_the_papers_counts():
+    found = {name: run(configuration(arguments)) for name, arguments in presets.PAPER.items()}
+    trilinear, enhanced, quadratic = (np.array(record["frequencies"]) for record in found.values())
+    # Shear locking: the first mode is more than twice too fast.
+    assert trilinear[0] > 2.0 * CONVERGED[0]
+    # The paper's own element on a section that is only a guess.
+    assert enhanced == pytest.approx(published.BLADE_FEM_FREQUENCIES, rel=0.07)
+    assert np.abs(enhanced / published.BLADE_FEM_FREQUENCIES - 1.0).mean() < 0.04
+    assert quadratic == pytest.approx(CONVERGED, rel=0.025)
+
+
+def test_modes_file(tmp_path):
+    file = tmp_path / "modes.npz"
+    record = run(configuration("--along 4 --layers 6 --modes 3"), modes_file=file)
+    mesh = blade.build("bricks", 4, 1, 6)
+    with np.load(file) as arrays:
+        assert arrays["frequencies"] == pytest.approx(record["frequencies"])
+        assert np.array_equal(arrays["points"], mesh.points)
+        assert np.array_equal(arrays["cells"], mesh.cells) and arrays["shape"] == "hexahedron"
+        shapes, weights = arrays["modes"], arrays["weights"]
+        assert not shapes[:, arrays["u"] == 0.0].any()
+        assert np.abs(shapes[:, arrays["u"] == 1.0]).max() > 0.0
+    product = 40.0 * np.einsum("kma,m,lma->kl", shapes, weights, shapes)
+    assert product == pytest.approx(np.eye(3), abs=0.1)
+
+
+@pytest.mark.parametrize("arguments", ["--along 4 --layers 6 --degree 3", "--cells tetrahedra --layers 6"])
+def test_shapes_at_nodes_are_those_of_the_function(arguments):
+    from comparisons.fem import compat
+
+    chosen = configuration(arguments)
+    mesh = chosen.mesh()
+    found = vibrations(Domain.distribute(mesh), chosen)
+    values = nodal(found)
+    assert values is not None and values.shape == (10, len(mesh.points), 3)
+    # Against the degrees of freedom where those stand at the mesh's nodes: corners do for every degree.
+    space = found.displacement.function_space
+    corners = np.unique(mesh.cells[:, np.isin(mesh.reference, (0.0, 1.0)).all(axis=1)])
+    places = space.tabulate_dof_coordinates()
+    distance = np.linalg.norm(mesh.points[corners][:, None] - places[None], axis=2)
+    rows = distance.argmin(axis=1)
+    assert distance[np.arange(len(corners)), rows].max() < 1e-12
+    found.carry(found.shapes[4])
+    state = compat.petsc_vector(found.displacement).array_r.reshape(-1, 3)
+    assert state[rows] == pytest.approx(values[4, corners], abs=1e-10 * np.abs(values[4]).max())
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("arguments", ["--along 4 --layers 6", "--preset paper-enhanced"])
+def test_two_ranks_give_the_serial_modes(mpirun, tmp_path, arguments):
+    script = "import sys; from comparisons.fem.__main__ import main; sys.exit(main())"
+    file = tmp_path / "parallel.npz"
+    done = mpirun(2, "blade", *arguments.split(), "--modes-file", str(file), script=script)
+    assert done.returncode == 0, done.stderr
+    (line,) = done.stdout.strip().splitlines()
+    parallel = json.loads(line)
+    other = tmp_path / "serial.npz"
+    chosen = presets.PRESETS["paper-enhanced"] if "paper" in arguments else arguments
+    serial = run(configuration(chosen), modes_file=other)
+    assert parallel["ranks"] == 2 and parallel["sturm_count"] == serial["sturm_count"] == 10
+    assert parallel["dofs"] == serial["dofs"] and parallel["unknowns"] == serial["unknowns"]
+    assert parallel["frequencies"] == pytest.approx(serial["frequencies"], rel=1e-9)
+    with np.load(file) as a, np.load(other) as b:
+        overlap = np.einsum("kma,kma->k", a["modes"], b["modes"]) / np.einsum("kma,kma->k", b["modes"], b["modes"])
+        assert np.abs(overlap) == pytest.approx(np.ones(10), abs=1e-7)
+
+
+@pytest.mark.parametrize("family", [*presets.FULL, *presets.CONVERGED.values()], ids=lambda family: family.label)
+def test_meshes_of_the_presets_are_positive(family):
+    for arguments in family.arguments:
+        assert configuration(arguments).mesh().check() >= 0.0
+
+
+FAMILIES = [*presets.FULL, *presets.QUICK, *presets.CONVERGED.values()]
+
+
+@pytest.mark.parametrize("text", [*presets.PRESETS.values(), *(text for one in FAMILIES for text in one.arguments)])
+def test_presets_set_what_they_say_and_nothing_else(text):
+    words = text.split()
+    said = {name.removeprefix("--"): value for name, value in zip(words[::2], words[1::2], strict=True)}
+    found, default = configuration(text), configuration("")
+    for field in dataclasses.fields(Configuration):
+        value = getattr(found, field.name)
+        if field.name in said:
+            assert str(value) == said.pop(field.name)
+        else:
+            assert value == getattr(default, field.name)
+    assert not said
+
+
+@pytest.mark.parametrize("family", FAMILIES, ids=lambda family: family.label)
+def test_meshes_of_a_family_go_from_coarse_to_fine(family):
+    meshes = [configuration(text) for text in family.arguments]
+    for coarse, fine in pairwise(meshes):
+        assert fine.along * fine.across * fine.layers > coarse.along * coarse.across * coarse.layers
+        assert (fine.cells, fine.degree, fine.family) == (coarse.cells, coarse.degree, coarse.family)
+    if family in presets.CONVERGED.values():
+        # Richardson's: refined alike in all directions.
+        assert len(meshes) == 3
+        assert len({(one.layers / one.along, one.along / one.across, one.grading) for one in meshes}) == 1
+
+
+@pytest.mark.parametrize(
+    "arguments, said",
+    [
+        (["--modes", "0"], "modes: got 0, need at least 1"),
+        (["--along", "2", "--layers", "1", "--modes", "500"], "modes: got 500, need 1 to"),
+        (["--grading", "0"], "grading: got 0"),
+        (["--quadrature", "2", "--degree", "5"], "degree: got 5, need 1 to 4"),
+        (["--family", "enhanced"], "it is of degree 1"),
+        (["--layers", "6", "-eps_max_it", "1", "-eps_ncv", "13"], "SLEPc found"),
+        (["--layers", "6", "-eps_typo", "3"], "-eps_typo 3: nothing used it"),
+    ],
+)
+def test_bad_input_is_one_line(arguments, said):
+    done = subprocess.run([*FEM, *arguments], capture_output=True, text=True, check=False)
+    assert done.returncode == 2 and not done.stdout
+    (line,) = done.stderr.strip().splitlines()
+    assert line.startswith("comparisons.fem: ") and said in line
