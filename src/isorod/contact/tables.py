@@ -66,7 +66,19 @@ class _Tables:
             self.elements.append((layers, _polynomials(axis, e), [rows.get(other, -1) for other in beside]))
 
     def slave(self, space: "Space", chosen: Sequence[int], master: int, contact: Contact, share: float) -> None:
-        """Add the pass in which the last surface is the slave; ``share`` is the part of the energy that it gets."""
+        """Add the pass in which the last surface is the slave.
+
+        Parameters
+        ----------
+        space, chosen
+            Its space, and the elements of it that may touch.
+        master
+            Number of the other surface, or of an obstacle.
+        contact
+            What the user says.
+        share
+            Part of the energy that this pass gets.
+        """
         across, along = contact.points or (3, space.axis.degree + 1)
         first_point = sum(areas.size for areas in self.areas)
         starts = (first_point, across, along, len(self.around), len(self.along))

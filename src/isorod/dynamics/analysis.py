@@ -240,6 +240,7 @@ def _show(run: Run, first: int, loop: float) -> None:
 
 
 def _check(model: Model, settings: Settings, every: float) -> None:
+    """Raise `InputError` if a number is out of its range or the model holds what motions do not know."""
     ranks = PETSc.COMM_WORLD.getSize()
     if ranks > 1:
         raise InputError(f"dynamics runs on one rank, got {ranks}: start it without mpirun")

@@ -252,6 +252,7 @@ class Muscle(NeoHookean):
 
 @njit(void(F5, F3, F1, F2), **STRICT)
 def _add_moduli(moduli: Array, F: Array, constants: Array, fibres: Array) -> None:
+    """Add the fibres' share to moduli ``(points, 3, 3, 3, 3)``: see `Muscle.tangent`."""
     n = np.empty(3)
     for m in range(F.shape[0]):
         square = 0.0

@@ -137,6 +137,7 @@ class NeoHookean(Isotropic):
 
 @njit(F5(F3, f8, f8), **STRICT)
 def _tangent(F: Array, mu: float, lame: float) -> Array:
+    """Return the moduli at points ``(points, 3, 3)``: see `NeoHookean.tangent`."""
     result = np.empty((F.shape[0], 3, 3, 3, 3))
     g = np.empty((3, 3))
     for m in range(F.shape[0]):

@@ -104,7 +104,16 @@ def by_points(
 ) -> None:
     """Fill the rows of stress and energies of a block, point by point: for laws without a ``BLOCK`` function.
 
-    ``F``, ``stress`` and ``fibre`` are work space, shapes ``(3, 3)``, ``(3, 3)``, ``(3,)``.
+    Parameters
+    ----------
+    point
+        Address of the law's ``POINT`` function.
+    work
+        Rows of the block, ``WORK`` of ``POINTS`` numbers.
+    constants, activation
+        Of the law, shape ``(c,)``; share of its own activation.
+    F, stress, fibre
+        Work space, shapes ``(3, 3)``, ``(3, 3)``, ``(3,)``.
     """
     for k in range(np.uint64(POINTS)):
         for a in range(3):

@@ -88,6 +88,7 @@ def refuse_unfinished(path: Path) -> None:
 
 
 def _load(path: Path) -> tuple[dict[str, Any], dict[str, Array]]:
+    """Return identity and arrays of a checkpoint; raises `InputError` if it is none, or damaged."""
     if path.exists() and not path.is_file():
         raise InputError(f"checkpoint {path}: is no file; name another")
     try:

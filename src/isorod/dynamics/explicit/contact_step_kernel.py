@@ -63,7 +63,17 @@ def subtract(contact: StepContact, displacement: Array, forces: Array) -> StepPr
 def advance(
     mesh: Mesh, state: State, factors: Factors, course: Course, steps: int, contact: StepContact
 ) -> tuple[int, int]:
-    """Take a number of steps with contact; return how many were taken, and the outcome."""
+    """Take a number of steps with contact; return how many were taken, and the outcome.
+
+    Parameters
+    ----------
+    mesh, state, factors
+        Elements, state vectors (changed) and the factors of the mass.
+    course, steps
+        When the first step begins, how long steps are and what they are told; how many are wanted.
+    contact
+        From `isorod.dynamics.explicit.contact.pack`.
+    """
     for k in range(steps):
         if evaluate(mesh, state, course, k) > 0.0:
             return k, INVERTED

@@ -124,7 +124,15 @@ def move(state: State, factors: Factors, course: Course) -> bool:
 
 @njit(types.UniTuple(i8, 2)(MESH, STATE, FACTORS, COURSE, i8), **STRICT)
 def advance(mesh: Mesh, state: State, factors: Factors, course: Course, steps: int) -> tuple[int, int]:
-    """Take a number of steps without contact; return how many were taken, and the outcome."""
+    """Take a number of steps without contact; return how many were taken, and the outcome.
+
+    Parameters
+    ----------
+    mesh, state, factors
+        Elements, state vectors (changed) and the factors of the mass.
+    course, steps
+        When the first step begins, how long steps are and what they are told; how many are wanted.
+    """
     for k in range(steps):
         if evaluate(mesh, state, course, k) > 0.0:
             return k, INVERTED

@@ -64,6 +64,7 @@ class Newton:
         return self._last <= _NOISE * self.assembler.rounding
 
     def _test(self, snes: PETSc.SNES, iteration: int, norms: tuple[float, float, float]) -> PETSc.SNES.ConvergedReason:
+        """Return SNES's reason to stop: small beside the forces at work, or stalled at the rounding of these."""
         reasons = PETSc.SNES.ConvergedReason
         force = norms[2]
         if not np.isfinite(force):
