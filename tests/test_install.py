@@ -59,7 +59,7 @@ class Stage:
         (folder / "venv-python").write_text(self.fill(VENV_PYTHON))
         (folder / "installed").write_text("")
         (self.root / "docker").mkdir(parents=True)
-        (self.root / "src/isorod").mkdir(parents=True)
+        (self.root / "src/isorod/command").mkdir(parents=True)
         (self.root / "src/isorod/command/doctor.py").touch()
         for name in ("pyproject.toml", "docker/apt.txt", "docker/constraints.txt"):
             shutil.copy(ROOT / name, self.root / name)
