@@ -26,7 +26,7 @@ class Material(ABC):
     Attributes
     ----------
     compiled
-        The addresses of its compiled functions (`isorod.material.points.compiled`); of a law without them
+        The addresses of its compiled functions (`isorod.material.points.Compiled`); of a law without them
         ``energy`` and ``stress`` are its own, and dynamics does not take it.
     """
 

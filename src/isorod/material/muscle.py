@@ -12,7 +12,7 @@ from isorod.compiled import F1, F2, F3, F5, FAST, STRICT, flat
 from isorod.errors import InputError
 from isorod.material import neo_hookean
 from isorod.material.neo_hookean import NeoHookean
-from isorod.material.points import ACTIVE, BLOCK, ENERGY, FIBRE, FREE, GRADIENT, POINT, POINTS, ROWS, compiled
+from isorod.material.points import ACTIVE, ENERGY, FIBRE, FREE, GRADIENT, POINT, POINTS, ROWS, Compiled
 
 # Fibres shortened or stretched by more than this have no active force.
 ACTIVE_RANGE = 0.5
@@ -106,7 +106,7 @@ def _stretches(work: Array, m2: float) -> None:
         work[_GROWTH + k] = x * (1.0 + x * 0.5 * y)
 
 
-@njit(BLOCK, **FAST)
+@njit(**FAST)
 def block(work: Array, constants: Array, activation: float, wanted: bool) -> None:
     """Do what `point` does at the points of a block (`isorod.material.points.BLOCK`)."""
     mu, lame, strongest, m1, m2 = constants[0], constants[1], constants[2], constants[3], constants[4]
@@ -169,7 +169,7 @@ class Muscle(NeoHookean):
         If a value is out of its range or not finite.
     """
 
-    compiled = compiled(point, block)
+    compiled = Compiled(point, block)
 
     sigma_max: float = 0.0
     m1: float = 0.0

@@ -4,12 +4,12 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numba import f8, njit, types, u8, void
+from numba import f8, njit
 
 from isorod.arrays import Array
-from isorod.compiled import F1, F3, F4, F5, FAST, STRICT, cofactors, flat
+from isorod.compiled import F3, F5, FAST, STRICT, cofactors, flat
 from isorod.material.law import Isotropic
-from isorod.material.points import BLOCK, DETERMINANT, ENERGY, FREE, GRADIENT, POINT, POINTS, ROWS, compiled
+from isorod.material.points import DETERMINANT, ENERGY, FREE, GRADIENT, POINT, POINTS, ROWS, Compiled
 
 # Below this a difference quotient's derivative is taken from its power series.
 SERIES = 1e-3
@@ -33,7 +33,7 @@ def point(F: Array, constants: Array, fibre: Array, activation: float, stress: A
     return 0.5 * mu * (trace - 2.0 * log - 3.0) + 0.5 * lame * log * log, 0.0
 
 
-@njit(void(F1), **FAST)
+@njit(**FAST)
 def logarithms(work: Array) -> None:
     """Fill a row with ``ln det F``: by a series that is exact to rounding in [1/2, 2], or anywhere by the library."""
     far = 0.0
@@ -60,7 +60,7 @@ def logarithms(work: Array) -> None:
         work[_LOG + k] = 2.0 * z * (1.0 + x * (1.0 / 3.0 + x * y))
 
 
-@njit(types.UniTuple(f8, 9)(F1, f8, f8, u8), **FAST)
+@njit(**FAST)
 def stress_in_block(work: Array, mu: float, lame: float, k: int) -> tuple[float, ...]:
     """Return the nine components of ``P`` at a point of a block that has its ``ln det F``."""
     f00, f01, f02 = work[ROWS[_F] + k], work[ROWS[_F + 1] + k], work[ROWS[_F + 2] + k]
@@ -80,7 +80,7 @@ def stress_in_block(work: Array, mu: float, lame: float, k: int) -> tuple[float,
     )
 
 
-@njit(void(F1, f8, f8), **FAST)
+@njit(**FAST)
 def energies_in_block(work: Array, mu: float, lame: float) -> None:
     """Fill in the energies at the points of a block that has its ``ln det F``."""
     for k in range(_W):
@@ -92,7 +92,7 @@ def energies_in_block(work: Array, mu: float, lame: float) -> None:
         work[ROWS[ENERGY + 1] + k] = 0.0
 
 
-@njit(BLOCK, **FAST)
+@njit(**FAST)
 def block(work: Array, constants: Array, activation: float, wanted: bool) -> None:
     """Do what `point` does at the points of a block (`isorod.material.points.BLOCK`)."""
     mu, lame = constants[0], constants[1]
@@ -110,7 +110,7 @@ def block(work: Array, constants: Array, activation: float, wanted: bool) -> Non
 class NeoHookean(Isotropic):
     """``W = mu/2 (I1 - 2 ln J - 3) + kappa/2 (ln J)^2``, ``kappa`` Lame's first parameter (Lu & Zhou 2011, eq. 15)."""
 
-    compiled = compiled(point, block)
+    compiled = Compiled(point, block)
 
     # The bulk term's theta is ln J.
     logarithmic: ClassVar[bool] = True
@@ -153,7 +153,7 @@ def _tangent(F: Array, mu: float, lame: float) -> Array:
     return result
 
 
-@njit(types.UniTuple(f8, 2)(f8), **STRICT)
+@njit(**STRICT)
 def _log_quotient(x: float) -> tuple[float, float]:
     """Return ``log(1 + x) / x`` and its derivative."""
     if abs(x) < SERIES:
@@ -163,7 +163,7 @@ def _log_quotient(x: float) -> tuple[float, float]:
     return value, (1.0 / (1.0 + x) - value) / x
 
 
-@njit(void(f8, f8, F3, F4), **STRICT)
+@njit(**STRICT)
 def _vary(q: float, q_slope: float, work: Array, moduli: Array) -> None:
     """Fill in the derivatives of ``F_m S`` at one point, which `_discrete` left the work space for."""
     E, S, end, middle, slope, mean = work[2], work[3], work[4], work[5], work[6], work[7]
@@ -198,7 +198,7 @@ def _vary(q: float, q_slope: float, work: Array, moduli: Array) -> None:
                     moduli[a, A, b, B] = value
 
 
-@njit(void(F3, F3, f8, f8, F3, F5), **STRICT)
+@njit(**STRICT)
 def _discrete(start: Array, change: Array, mu: float, lame: float, stress: Array, moduli: Array) -> None:
     """Fill ``stress`` with ``F_m S``, and ``moduli``, if it has points, with its derivatives by ``F`` at the end."""
     work = np.empty((10, 3, 3))

@@ -6,7 +6,8 @@ Numba's cache on disk, whatever laws there are.
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from llvmlite import ir
@@ -40,24 +41,33 @@ BLOCK = void(F1, F1, f8, b1)
 """``(work, constants, activation, wanted)``: fills the rows of the stress, and of the energies if ``wanted``."""
 
 
-class Compiled(NamedTuple):
-    """The addresses of a law's compiled functions; ``block`` is zero where it has none."""
+class Compiled:
+    """A law's functions, made by `numba.njit`: compiled, or read from Numba's cache, when they are first asked for.
 
-    point: int
-    block: int = 0
+    Parameters
+    ----------
+    point, block
+        Functions that take what ``POINT`` and ``BLOCK`` say; the second may be left out.
+    """
 
+    def __init__(self, point: Any, block: Any = None) -> None:
+        # The code lives as long as what holds it.
+        self._point, self._block = point, block
 
-_kept: list[Any] = []
+    @cached_property
+    def point(self) -> int:
+        """Address of the function of a point."""
+        return _address(self._point, POINT)
 
-
-def compiled(point: Any, block: Any = None) -> Compiled:
-    """Return the addresses of a law's ``POINT`` and ``BLOCK`` functions, made by `numba.njit`."""
-    return Compiled(_address(point, POINT), 0 if block is None else _address(block, BLOCK))
+    @cached_property
+    def block(self) -> int:
+        """Address of the function of a block, zero where there is none."""
+        return 0 if self._block is None else _address(self._block, BLOCK)
 
 
 def _address(function: Any, signature: Any) -> int:
-    # The code lives as long as what holds it.
-    _kept.append(function)
+    if tuple(signature.args) not in function.overloads:
+        function.compile(signature)
     result = function.get_compile_result(signature)
     return int(result.library.get_pointer_to_function(result.fndesc.llvm_cfunc_wrapper_name))
 

@@ -8,7 +8,7 @@ from numba import njit
 from isorod.arrays import Array
 from isorod.compiled import STRICT
 from isorod.material.law import Isotropic
-from isorod.material.points import POINT, compiled
+from isorod.material.points import POINT, Compiled
 from isorod.tensors import determinant
 
 
@@ -30,7 +30,7 @@ class StVenantKirchhoff(Isotropic):
     It softens in compression: a bar with ``nu = 0`` bears no more at the stretch ``1/sqrt 3``.
     """
 
-    compiled = compiled(_point)
+    compiled = Compiled(_point)
 
     def tangent(self, F: Array) -> Array:
         """Return ``d_ab S_AB + lame F_aA F_bB + mu (F_aB F_bA + (F F^T)_ab d_AB)``, shape ``F.shape + (3, 3)``."""

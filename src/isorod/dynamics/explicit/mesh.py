@@ -98,7 +98,8 @@ def pack(model: Model) -> Mesh:
         rows["geometry"] = _size(geometry) + each * (points * blocks * GEOMETRY * POINTS)
         for e, law in enumerate(_compiled_laws(body, index)):
             rows["constants"][e], rows["count"][e] = _size(constants), law.constants.size
-            rows["point"][e], rows["block"][e] = law.compiled or (0, 0)
+            assert law.compiled is not None
+            rows["point"][e], rows["block"][e] = law.compiled.point, law.compiled.block
             constants.append(law.constants)
         elements.append(rows)
         layer = np.zeros((space.axis.elements, longest), dtype=np.uint64)
