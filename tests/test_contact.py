@@ -194,6 +194,7 @@ def test_points_off_the_named_elements_are_not_in_contact(cylinder):
         (lambda: Contact(0, 1, 1.0, points=(0, 3)), "points round an arc"),
         (lambda: Contact(0, 1, 1.0, points=(3,)), "two numbers"),
         (lambda: Contact(0, 1, 1.0, penetration=-1.0), "penetration"),
+        (lambda: Contact(0, 1, 1.0, penetration=0.0), "penetration"),
         (lambda: Contact(0, Plane((0, 0, 0), (0, 0, 1)), 1.0, second_elements=[0]), "rigid"),
         (lambda: Plane((0, 0, 0), (0, 0, 0)), "direction"),
         (lambda: Plane((0, 0, float("inf")), (0, 0, 1)), "finite"),

@@ -203,6 +203,8 @@ def test_a_spinning_body_keeps_both_momenta(steps, cylinder):
     assert np.abs(angular - angular[0]).max() < 1e-10 * size
     assert np.abs(angular[0]).max() > 1e-3 * size
     assert np.abs(history.energy_error).max() < 1e-9
+    # Implicit steps add no mass.
+    assert not history.added_kinetic.any() and history.added_kinetic_share == 0.0
 
 
 def test_explicit_steps_move_the_same(cylinder):
