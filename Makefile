@@ -21,7 +21,7 @@ export OMPI_MCA_btl ?= ^uct,openib,ofi,tcp
 help:
 	@echo "make verify    the main job: spring and blade against finite elements, quick level, and the report page"
 	@echo "make test      the tests but the slow ones         make test-all   all tests"
-	@echo "make mutants   share of 200 small wrong changes that the tests catch: hours; MUTANTS='--seed 2 --jobs 2' to choose"
+	@echo "make mutants   share of 200 small wrong changes that the tests catch: an hour; MUTANTS='--seed 2 --jobs 2' to choose"
 	@echo "make lint      ruff and mypy                       make clean      remove caches and build leftovers"
 	@echo "make install   only set up (the others do it too): apt packages, .venv; Debian 12 or 13"
 	@echo "PYTHON=python  after any of them: use that interpreter and install nothing (conda: environment.yml)"
