@@ -1,10 +1,12 @@
-# Every task sets up what it needs (docker/install: apt packages, .venv) and starts at once when that is done.
+# Every task sets up what it needs (docker/install: apt packages or wheels, .venv) and starts at once when that is done.
 # With PYTHON=... nothing is installed and that interpreter is used: make test PYTHON=python in a conda environment.
 ifdef PYTHON
 INSTALL := true
 else
 INSTALL := docker/install
 PYTHON := .venv/bin/python
+# the wheels bring an mpirun of their own
+export PATH := $(CURDIR)/.venv/bin:$(PATH)
 endif
 
 # One thread per rank: fair timings, and mpirun on few cores. No user site: the environment decides the versions.
@@ -23,7 +25,8 @@ help:
 	@echo "make test      the tests but the slow ones         make test-all   all tests"
 	@echo "make mutants   share of 200 small wrong changes that the tests catch: an hour; MUTANTS='--seed 2 --jobs 2' to choose"
 	@echo "make lint      ruff and mypy                       make clean      remove caches and build leftovers"
-	@echo "make install   only set up (the others do it too): apt packages, .venv; Debian 12 or 13"
+	@echo "make install   only set up (the others do it too): apt packages (root on Debian 12, 13) or wheels (any Linux), .venv"
+	@echo "GROUND=wheels  before any of them: neither apt nor root; GROUND=apt: Debian's packages, by sudo where not root"
 	@echo "PYTHON=python  after any of them: use that interpreter and install nothing (conda: environment.yml)"
 
 verify: install
