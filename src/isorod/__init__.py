@@ -9,7 +9,7 @@ __version__ = "0.1.0"
 
 
 class _MpiFirst(MetaPathFinder):
-    """Loads MPI when PETSc is first asked for: the library of the wheels' PETSc is found only if it is there already."""
+    """Loads MPI when PETSc is first asked for: the wheels' PETSc finds its library only if that is there already."""
 
     def find_spec(self, fullname: str, *_: Any) -> None:
         """Find nothing itself."""
