@@ -1,0 +1,111 @@
+"""README and docs do as they say: every command as printed, in a clone, and every link."""
+
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+PAGES = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").glob("*.md")])
+# What a page marks so takes minutes.
+MINUTES = re.compile(r"\bmin(utes)?\b")
+
+
+def blocks(page, language):
+    """Return the code blocks of a page in a language, "" for commands."""
+    return re.findall(rf"^```{language}\n(.*?)^```$", page.read_text(), re.MULTILINE | re.DOTALL)
+
+
+def commands():
+    """Return each command with the comment beside it, and its page."""
+    for page in PAGES:
+        for block in blocks(page, ""):
+            for line in block.splitlines():
+                command, _, comment = line.partition(" #")
+                if command.strip():
+                    yield pytest.param(command.strip(), comment, id=f"{page.stem}: {command.strip()}")
+
+
+def ends_late(command, comment):
+    """Return whether a command is for a person's patience, or for another machine than a test's."""
+    return command.startswith(
+        ("make", "docker", "pip", "conda", "GROUND=", "python -m comparisons ")
+    ) or MINUTES.search(comment)
+
+
+@pytest.fixture(scope="module")
+def clone(tmp_path_factory):
+    """A clone of what is in the tree, with this interpreter's programs first on PATH."""
+    if shutil.which("git") is None or not (ROOT / ".git").exists():
+        pytest.skip("no clone to be made here")
+    if not Path(sys.executable).with_name("isorod").exists():
+        pytest.skip("the isorod command is not beside this interpreter")
+    place = tmp_path_factory.mktemp("documents") / "isorod"
+    subprocess.run(["git", "-c", f"safe.directory={ROOT}", "clone", "-q", str(ROOT), str(place)], check=True)
+
+    def run(command, timeout=120):
+        path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+        return subprocess.run(
+            command,
+            shell=True,
+            cwd=place,
+            env=os.environ | {"PATH": path},
+            capture_output=True,
+            text=True,
+            timeout=timeout,
+        )
+
+    return run
+
+
+@pytest.mark.parametrize(("command", "comment"), [one for one in commands() if not ends_late(*one.values)])
+def test_a_command_runs_as_printed(clone, command, comment):
+    done = clone(command)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("command", "comment"),
+    [one for one in commands() if ends_late(*one.values) and one.values[0].startswith("isorod ")],
+)
+def test_a_command_of_minutes_runs_as_printed(clone, command, comment):
+    done = clone(command, 1800)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout
+
+
+@pytest.mark.parametrize(
+    ("command", "comment"), [one for one in commands() if one.values[0].startswith("python -m comparisons ")]
+)
+def test_a_study_is_known_as_printed(clone, command, comment):
+    # A study begins with its folder, which cannot be made here.
+    done = clone(f"{command.replace('--case NAME', '')} --results /dev/null/results")
+    assert done.returncode == 2
+    assert done.stderr.startswith("comparisons: results folder /dev/null/results: ")
+
+
+@pytest.mark.parametrize(("command", "comment"), [one for one in commands() if "make " in one.values[0]])
+def test_a_task_is_known_as_printed(command, comment):
+    task = shlex.split(command[command.index("make ") :])[1]
+    assert subprocess.run(["make", "-n", task], cwd=ROOT, capture_output=True, check=False).returncode == 0
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if blocks(page, "python")], ids=lambda page: page.stem)
+def test_scripts_run_as_printed(page, python):
+    for script in blocks(page, "python"):
+        done = python(script)
+        assert done.returncode == 0, done.stderr
+        assert done.stdout
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_links_lead_somewhere(page):
+    for link in re.findall(r"\]\(([^)#]+)\)", page.read_text()):
+        assert link.startswith("https://") or (page.parent / link).exists(), link
