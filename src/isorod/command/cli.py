@@ -196,12 +196,10 @@ def _report(record: dict[str, Any], fields: Fields, found: argparse.Namespace) -
     # Before anything is written: a record that cannot be one is an error.
     text = results.line(record)
     if found.output is not None:
-        from isorod.output import vtk
+        from isorod.output import folder
 
-        folder = results.make_folder(found.output)
-        for k, (body, nodal) in enumerate(fields):
-            vtk.write(body, nodal, folder / f"{record['scene']}-{k}.vtu")
-        results.append(folder / "results.jsonl", record)
+        record = folder.add(results.make_folder(found.output), record, fields)
+        text = results.line(record)
     if found.json:
         print(text)
         return
