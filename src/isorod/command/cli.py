@@ -127,7 +127,11 @@ def _scene_parser(name: str, scene_type: Any) -> Parser:
             metavar="float",
             help="seconds of run time between checkpoints (30)",
         )
-        parser.add_argument("--resume", action="store_true", help="continue the run whose state is in the checkpoint")
+        parser.add_argument(
+            "--resume",
+            action="store_true",
+            help="continue the run whose state is in the checkpoint, to a later end time too with more outputs",
+        )
     if "statics" in analyses or "modal" in analyses:
         parser.add_argument("--refine", action="store_true", help="solve on finer spaces too and estimate the error")
         parser.add_argument(
