@@ -85,6 +85,8 @@ def test_a_folder_below_a_file_is_refused(place, tmp_path):
 def test_a_folder_that_takes_no_files_is_refused():
     with pytest.raises(InputError, match="results folder /proc/results"):
         results.check_folder("/proc/results")
+    with pytest.raises(InputError, match=r"results folder x*: cannot write there \(File name too long\); name another"):
+        results.check_folder("x" * 300)
     with pytest.raises(InputError, match="empty name"):
         results.check_folder("")
 

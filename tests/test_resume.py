@@ -250,6 +250,10 @@ def test_a_place_that_cannot_be_written_to_is_known_before_the_first_step(tmp_pa
         InputError, match=r"checkpoint .*/nowhere/state: cannot be written \(No such file or directory\); name another"
     ):
         run(tmp_path / "nowhere" / "state", False)
+    with pytest.raises(InputError, match=r"checkpoint .*: cannot be written \(File name too long\); name another"):
+        run(tmp_path / ("x" * 300), False)
+    with pytest.raises(InputError, match=r"checkpoint .*: cannot be read \(File name too long\)"):
+        run(tmp_path / ("x" * 300), True)
     # A device would be read for ever.
     for place in (tmp_path, "/dev/full"):
         for resume in (False, True):

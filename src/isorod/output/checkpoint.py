@@ -3,6 +3,7 @@
 import hashlib
 import io
 import json
+import os
 import zipfile
 import zlib
 from collections.abc import Mapping
@@ -73,7 +74,8 @@ def read(path: Path, identity: Mapping[str, Any]) -> dict[str, Array]:
 
 def refuse_overwriting(path: Path) -> None:
     """Raise `InputError` if the file is there: no run begins where another has left its state."""
-    if not path.exists():
+    # A name that no file can have is refused where it is written.
+    if not os.path.exists(path):
         return
     _, arrays = _load(path)
     if not arrays["finished"]:
@@ -86,7 +88,7 @@ def refuse_overwriting(path: Path) -> None:
 
 def _load(path: Path) -> tuple[dict[str, Any], dict[str, Array]]:
     """Return identity and arrays of a checkpoint; raises `InputError` if it is none, or damaged."""
-    if path.exists() and not path.is_file():
+    if os.path.exists(path) and not path.is_file():
         raise InputError(f"checkpoint {path}: is no file; name another")
     try:
         content = path.read_bytes()

@@ -136,9 +136,9 @@ def check_folder(path: str) -> None:
     if not path:
         raise InputError("results folder: got an empty name")
     place = Path(path).absolute()
-    while not place.exists() and place != place.parent:
-        place = place.parent
     try:
+        while not place.exists() and place != place.parent:
+            place = place.parent
         # A full disk takes the name of a file, but not its first page.
         with tempfile.TemporaryFile(dir=place, buffering=0) as file:
             file.write(bytes(_PAGE))
