@@ -1,6 +1,7 @@
 """Records as JSON lines, and writing that leaves nothing half-done."""
 
 import contextlib
+import gc
 import json
 import os
 import stat
@@ -152,6 +153,22 @@ def test_a_writer_that_says_nothing_of_a_full_disk_is_found_out(tmp_path, room):
     with room(20000):
         results.write_beside(path, write)
     assert path.read_bytes() == b"x" * 15000
+
+
+def test_arrays_that_find_no_room_leave_the_old_ones_and_are_said_once(tmp_path, room, monkeypatch):
+    path, said = tmp_path / "fields.npz", []
+    results.write_arrays(path, a=np.arange(3))
+    monkeypatch.setattr(sys, "unraisablehook", said.append)
+    for size in (0, 5000):
+        with (
+            room(size),
+            pytest.raises(InputError, match=r"fields.npz: cannot be written \(File too large\); make room"),
+        ):
+            results.write_arrays(path, b=np.random.default_rng(0).random(10000))
+        gc.collect()
+    assert not said
+    assert [file.name for file in tmp_path.iterdir()] == ["fields.npz"]
+    assert np.load(path)["a"].tolist() == [0, 1, 2]
 
 
 def test_what_is_renamed_is_on_the_disk_and_its_new_name_too(tmp_path, monkeypatch):

@@ -2,6 +2,7 @@
 
 import errno
 import fcntl
+import io
 import json
 import math
 import os
@@ -16,6 +17,8 @@ from importlib import metadata
 from io import FileIO
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from isorod import __version__
 from isorod.errors import InputError, SolveError
@@ -183,6 +186,14 @@ def write_beside(path: Path, write: Callable[[Path], object]) -> None:
 def write_whole(path: Path, content: bytes) -> None:
     """Write a file, all of it or nothing, as `write_beside` does."""
     write_beside(path, lambda beside: beside.write_bytes(content))
+
+
+def write_arrays(path: Path, **arrays: Any) -> None:
+    """Write arrays to an ``.npz`` file, compressed, all of it or nothing."""
+    content = io.BytesIO()
+    # A ZIP file on a disk that is full says more than once that it cannot be closed.
+    np.savez_compressed(content, **arrays)
+    write_whole(path, content.getvalue())
 
 
 def refusal(what: str, problem: OSError) -> InputError:
