@@ -14,7 +14,7 @@ from comparisons.report import biceps_pictures
 from isorod import options
 from isorod.command import run as runs
 from isorod.dynamics import History
-from isorod.output.results import write_beside
+from isorod.output.results import write_arrays
 from isorod.scenes.biceps import Biceps
 from isorod.statics import Equilibrium
 
@@ -165,14 +165,9 @@ def _motions(study: Run, steps: Steps) -> None:
 
 def _save(path: Path, history: History, still: Equilibrium) -> None:
     """Write ``times`` ``(o,)``, ``displacement`` ``(o, dofs)`` and ``equilibrium`` ``(dofs,)`` to an ``.npz`` file."""
-
-    def write(where: Path) -> None:
-        with open(where, "wb") as file:
-            # Pictures need no more digits.
-            displacement = history.displacement.astype(np.float32)
-            np.savez_compressed(file, times=history.times, displacement=displacement, equilibrium=still.displacement)
-
-    write_beside(path, write)
+    # Pictures need no more digits.
+    displacement = history.displacement.astype(np.float32)
+    write_arrays(path, times=history.times, displacement=displacement, equilibrium=still.displacement)
 
 
 def _fem_motions(study: Run, steps: Steps) -> None:

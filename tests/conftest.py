@@ -1,7 +1,9 @@
 """What several test files share: small rods, PETSc options for one test, and runs in fresh processes."""
 
+import contextlib
 import os
 import re
+import resource
 import shutil
 import subprocess
 import sys
@@ -55,6 +57,22 @@ def straight(
 ) -> Rod:
     """Return a circular cylinder along z on the given breaks, of which z is a linear function of u."""
     return center_line.straight(height, breaks, degree).sweep(circle(n, radius))
+
+
+@pytest.fixture
+def room() -> Callable[[int], contextlib.AbstractContextManager[None]]:
+    """Let no file grow beyond so many bytes, as on a disk that is full."""
+
+    @contextlib.contextmanager
+    def limit(size: int) -> Iterator[None]:
+        before = resource.getrlimit(resource.RLIMIT_FSIZE)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+        try:
+            yield
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+    return limit
 
 
 @pytest.fixture(scope="session")

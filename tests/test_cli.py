@@ -275,7 +275,12 @@ def test_output_holds_the_records_and_the_fields(isorod, tmp_path):
         assert (done.returncode, done.stderr) == (0, "")
         records.append(json.loads(done.stdout))
         assert [json.loads(line) for line in (folder / "results.jsonl").read_text().splitlines()] == records, k
-    assert sorted(file.name for file in folder.iterdir()) == ["results.jsonl", "spring-0.vtu"]
+    assert sorted(file.name for file in folder.iterdir()) == [
+        "results.jsonl",
+        "spring-0.vtu",
+        "spring-run2-0.vtu",
+    ]
+    assert [record["files"] for record in records] == [["spring-0.vtu"], ["spring-run2-0.vtu"]]
     mesh = pyvista.read(folder / "spring-0.vtu")
     assert {"displacement", "von_mises"} <= set(mesh.point_data.keys())
     assert mesh.point_data["displacement"][-1] == pytest.approx([0, 0, 2], abs=1e-6)

@@ -5,6 +5,8 @@ import json
 import numpy as np
 import pytest
 
+from isorod.command import cli
+
 SMALL = (
     "run",
     "biceps",
@@ -79,6 +81,35 @@ def test_a_run_that_died_is_resumed_from_the_command_line(isorod, python, tmp_pa
     assert 0.0 < record["resumed"] < 0.004
     for name in ("times", "reactions", "kinetic", "contact_force", "steps"):
         assert record[name] == whole[name], name
+
+
+def test_a_finished_run_is_kept_and_goes_on_from_the_command_line(tmp_path, capsys):
+    file = tmp_path / "state"
+
+    def run(*words):
+        code = cli.main([*SMALL, "--json", *words])
+        out, err = capsys.readouterr()
+        assert err.count("\n") == (code == 2) and (code == 0 or not out)
+        return json.loads(out) if code == 0 else err
+
+    keep = "--checkpoint", str(file)
+    first = run(*keep)
+    before = file.read_bytes()
+    assert "is of a finished run; remove it, name another file, or go on from it with --resume and a later" in run(
+        *keep
+    )
+    # The same run has nothing left to do and is shown again.
+    again = run(*keep, "--resume")
+    assert (again["resumed"], again["end_force"], again["steps"]) == (0.004, first["end_force"], 160)
+    later = "--end-time", "0.006"
+    assert "outputs are 0.0005 apart there, 0.00075 here; take 12 outputs to time 0.006" in run(
+        *keep, "--resume", *later
+    )
+    assert file.read_bytes() == before
+    further, whole = run(*keep, "--resume", *later, "--outputs", "12"), run(*later, "--outputs", "12")
+    assert (further["resumed"], further["steps"]) == (0.004, 240)
+    for name in ("times", "reactions", "kinetic", "contact_force", "energy_error", "belly_bulge_history"):
+        assert further[name] == whole[name], name
 
 
 def test_text_shows_the_last_output(isorod):

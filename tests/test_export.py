@@ -1,5 +1,7 @@
 """Fields as VTK files."""
 
+import json
+import re
 import sys
 
 import numpy as np
@@ -7,10 +9,11 @@ import pytest
 from conftest import straight
 
 from isorod import statics
-from isorod.errors import InputError
+from isorod.command import cli
+from isorod.errors import InputError, SolveError
 from isorod.material import LinearElastic
 from isorod.model import Body
-from isorod.output import vtk
+from isorod.output import folder, vtk
 from isorod.output.stress import cauchy, von_mises
 from isorod.scenes.biceps import Biceps
 from isorod.scenes.ring import Ring
@@ -18,6 +21,8 @@ from isorod.scenes.spring import Spring
 from isorod.space import Space
 
 pyvista = pytest.importorskip("pyvista")
+
+COARSE = ("--coils", "1", "--section-points", "4", "--elements-per-turn", "4")
 
 
 @pytest.fixture(scope="module")
@@ -79,6 +84,72 @@ def test_file_that_cannot_be_written_is_refused_in_one_line(solved, tmp_path):
     assert [file.name for file in tmp_path.iterdir()] == ["wire.vtu"]
     with pytest.raises(InputError, match="cannot be written"):
         vtk.write(*solved, tmp_path / "no such folder" / "wire.vtu")
+
+
+def test_a_full_disk_leaves_the_old_file(solved, tmp_path, room):
+    path = tmp_path / "wire.vtu"
+    vtk.write(*solved, path)
+    good = path.read_bytes()
+    for size in (0, 5000, len(good) - 1):
+        with (
+            room(size),
+            pytest.raises(
+                InputError, match=r"wire.vtu: cannot be written \(File too large\); make room there, or name"
+            ),
+        ):
+            vtk.write(*solved, path)
+        assert path.read_bytes() == good
+        assert [file.name for file in tmp_path.iterdir()] == ["wire.vtu"]
+
+
+def test_a_results_folder_takes_a_run_as_a_whole_or_not_at_all(solved, tmp_path, room):
+    """Where there is no room for the fields, or, when they are written, for the record."""
+    record, fields = {"scene": "spring", "force": 1.0}, [solved, solved]
+
+    def add():
+        return folder.add(tmp_path, record, fields)
+
+    for _ in range(2):
+        before = {file.name: file.read_bytes() for file in tmp_path.iterdir()}
+        with room(5000), pytest.raises(InputError, match=r"spring-.*0.vtu: cannot be written"):
+            add()
+        record["text"] = "x" * 1_000_000
+        with room(900_000), pytest.raises(InputError, match=r"results.jsonl: cannot be written"):
+            add()
+        assert {file.name: file.read_bytes() for file in tmp_path.iterdir()} == before
+        del record["text"]
+        written = add()
+        assert json.loads((tmp_path / "results.jsonl").read_text().splitlines()[-1]) == written
+    assert written["files"] == ["spring-run2-0.vtu", "spring-run2-1.vtu"]
+    record["force"] = np.nan
+    with pytest.raises(SolveError, match="force is not a finite number"):
+        add()
+    # The first run's file is that of its record wherever it is.
+    (tmp_path / "spring-0.vtu").rename(tmp_path / "mine.vtu")
+    (tmp_path / "spring-1.vtu").unlink()
+    record["force"] = 2.0
+    assert add()["files"] == ["spring-run3-0.vtu", "spring-run3-1.vtu"]
+
+
+def test_the_command_says_that_the_disk_is_full_and_leaves_the_folder_as_it_was(tmp_path, room, capsys):
+    words = ["run", "spring", *COARSE, "--output", str(tmp_path)]
+    assert cli.main(words) == 0
+    before = {file.name: file.read_bytes() for file in tmp_path.iterdir()}
+    assert before.keys() == {"results.jsonl", "spring-0.vtu"}
+    capsys.readouterr()
+    with room(20_000):
+        assert cli.main(words) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert re.fullmatch(r"isorod: \S*spring-run2-0.vtu: cannot be written \(File too large\); make room .*\n", err)
+    assert {file.name: file.read_bytes() for file in tmp_path.iterdir()} == before
+
+
+@pytest.mark.parametrize("name", ["a name with blanks", "ümlaut/in/it"])
+def test_any_name_of_a_folder_will_do(name, tmp_path, capsys):
+    assert cli.main(["run", "spring", *COARSE, "--json", f"--output={tmp_path / name}"]) == 0
+    (written,) = json.loads(capsys.readouterr().out)["files"]
+    assert pyvista.read(tmp_path / name / written).n_points
 
 
 def test_without_pyvista_the_error_says_how_to_get_it(solved, monkeypatch):

@@ -317,6 +317,10 @@ def test_a_run_continues_from_its_checkpoint(outputs, cylinder, tmp_path, monkey
     for name in ("times", "displacement", "velocity", "reactions", "energy_error"):
         np.testing.assert_array_equal(getattr(again, name), getattr(whole, name), err_msg=name)
     assert again.steps == whole.steps
+    # And on to a later end.
+    later = {"end_time": 1.5, "time_step": 0.05} | settings | {"outputs": 6}
+    further = run(model, resume=True, **later)
+    np.testing.assert_array_equal(further.displacement, run(model, **later | {"checkpoint": None}).displacement)
     with pytest.raises(InputError, match="other run: integrator implicit there, explicit here"):
         dynamics.solve(model, 1.0, 0.05, resume=True, **settings)
 

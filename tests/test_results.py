@@ -1,5 +1,7 @@
 """Records as JSON lines, and writing that leaves nothing half-done."""
 
+import contextlib
+import gc
 import json
 import os
 import stat
@@ -84,6 +86,8 @@ def test_a_folder_below_a_file_is_refused(place, tmp_path):
 def test_a_folder_that_takes_no_files_is_refused():
     with pytest.raises(InputError, match="results folder /proc/results"):
         results.check_folder("/proc/results")
+    with pytest.raises(InputError, match=r"results folder x*: cannot write there \(File name too long\); name another"):
+        results.check_folder("x" * 300)
     with pytest.raises(InputError, match="empty name"):
         results.check_folder("")
 
@@ -128,6 +132,116 @@ def test_write_beside_that_fails_leaves_the_old_file_and_no_other(tmp_path):
     assert [file.name for file in tmp_path.iterdir()] == ["data.txt"]
 
 
+def test_a_writer_that_says_nothing_of_a_full_disk_is_found_out(tmp_path, room):
+    path = tmp_path / "data.txt"
+    path.write_text("old")
+
+    def write(beside: Path) -> None:
+        with open(beside, "wb", buffering=0) as file:
+            # What is left of these is not tried again.
+            for _ in range(3):
+                with contextlib.suppress(OSError):
+                    file.write(b"x" * 5000)
+
+    with (
+        room(12000),
+        pytest.raises(InputError, match=r"data.txt: cannot be written \(File too large\); make room there, or name"),
+    ):
+        results.write_beside(path, write)
+    assert path.read_text() == "old"
+    assert [file.name for file in tmp_path.iterdir()] == ["data.txt"]
+    with room(20000):
+        results.write_beside(path, write)
+    assert path.read_bytes() == b"x" * 15000
+
+
+def test_arrays_that_find_no_room_leave_the_old_ones_and_are_said_once(tmp_path, room, monkeypatch):
+    path, said = tmp_path / "fields.npz", []
+    results.write_arrays(path, a=np.arange(3))
+    monkeypatch.setattr(sys, "unraisablehook", said.append)
+    for size in (0, 5000):
+        with (
+            room(size),
+            pytest.raises(InputError, match=r"fields.npz: cannot be written \(File too large\); make room"),
+        ):
+            results.write_arrays(path, b=np.random.default_rng(0).random(10000))
+        gc.collect()
+    assert not said
+    assert [file.name for file in tmp_path.iterdir()] == ["fields.npz"]
+    assert np.load(path)["a"].tolist() == [0, 1, 2]
+
+
+def test_what_is_renamed_is_on_the_disk_and_its_new_name_too(tmp_path, monkeypatch):
+    seen, true = [], (os.fsync, os.replace)
+
+    def fsync(descriptor):
+        seen.append("folder" if stat.S_ISDIR(os.fstat(descriptor).st_mode) else "file")
+        true[0](descriptor)
+
+    def replace(*names):
+        seen.append("renamed")
+        true[1](*names)
+
+    monkeypatch.setattr(os, "fsync", fsync)
+    monkeypatch.setattr(os, "replace", replace)
+    results.write_whole(tmp_path / "data", b"new")
+    assert seen == ["file", "renamed", "folder"]
+
+
+@pytest.mark.parametrize("last", ['{"k": 0}\n', '{"k": 0}'])
+def test_a_record_that_finds_no_room_leaves_nothing_of_its_line(last, tmp_path, room):
+    path = tmp_path / "results.jsonl"
+    path.write_text(last)
+    with room(4000), pytest.raises(InputError, match=r"results.jsonl: cannot be written \(File too large\); make room"):
+        results.append(path, {"k": 1, "text": "x" * 8000})
+    assert path.read_text() == last
+    results.append(path, {"k": 2})
+    assert [json.loads(line)["k"] for line in path.read_text().splitlines()] == [0, 2]
+    with room(4000), pytest.raises(InputError, match="make room"):
+        results.append(tmp_path / "new", {"k": 1, "text": "x" * 8000})
+    assert [file.name for file in tmp_path.iterdir()] == ["results.jsonl"]
+
+
+def test_a_full_disk_is_known_before_the_work(tmp_path, room):
+    with (
+        room(0),
+        pytest.raises(InputError, match=r"results folder .*: cannot write there \(File too large\); make room"),
+    ):
+        results.check_folder(str(tmp_path / "new"))
+    assert not list(tmp_path.iterdir())
+
+
+WRITERS = """
+import os, sys
+from pathlib import Path
+from isorod.output import folder, vtk
+vtk.content = lambda body, fields: fields["content"] * 1000
+who = [os.fork() == 0 for _ in range(2)]
+for k in range(5):
+    content = repr((who, k))
+    folder.add(Path(sys.argv[1]), {"scene": "spring", "content": content}, [(None, {"content": content.encode()})] * 2)
+if not any(who):
+    for _ in range(2):
+        os.wait()
+"""
+
+
+def test_runs_that_share_a_folder_keep_their_files(tmp_path, python):
+    # Of an older run, which no record names.
+    (tmp_path / "spring-1.vtu").write_text("old")
+    done = python(WRITERS, str(tmp_path))
+    assert (done.returncode, done.stderr) == (0, "")
+    records = [json.loads(line) for line in (tmp_path / "results.jsonl").read_text().splitlines()]
+    assert len(records) == len({record["content"] for record in records}) == 20
+    for record in records:
+        assert len(record["files"]) == 2
+        for name in record["files"]:
+            assert (tmp_path / name).read_text() == 1000 * record["content"]
+    names = [name for record in records for name in record["files"]]
+    assert sorted([*names, "results.jsonl", "spring-1.vtu"]) == sorted(file.name for file in tmp_path.iterdir())
+    assert (tmp_path / "spring-1.vtu").read_text() == "old"
+
+
 def test_a_torn_last_line_is_taken_off_with_a_word_and_a_whole_one_is_kept(tmp_path):
     path = tmp_path / "results.jsonl"
     path.write_text('{"k": 0}\n{"k": 1, "text": "' + 20000 * "x")
@@ -157,7 +271,7 @@ class Killed(io.FileIO):
         return super().write(data)
 
 random.seed(int(sys.argv[2]))
-results.open = lambda path, mode: Killed(path, mode.replace("b", ""))
+results.open = lambda path, mode, buffering: Killed(path, mode.replace("b", ""))
 for k in range(100000):
     results.append(Path(sys.argv[1]), {"who": sys.argv[2], "k": k, "text": "x" * 100000})
     os.write(1, b"%d\\n" % k)

@@ -8,6 +8,7 @@ import errno
 import os
 import random
 import signal
+import stat
 import subprocess
 import sys
 import time
@@ -32,6 +33,9 @@ from test_resume import run
 run({file!r}, {resume})
 """
 SETTINGS = {"end_time": 1.5, "outputs": 300, "damping": 0.5, "ramp": 0.3}
+# Outputs as far apart, though the quotient is rounded otherwise.
+SHORT = {"end_time": 0.145, "outputs": 29}
+SIXTY = {"end_time": 0.3, "outputs": 60}
 
 
 def model(penalty=200.0):
@@ -126,6 +130,14 @@ def stop_after(outputs, monkeypatch):
 
 
 @pytest.fixture
+def finished(tmp_path):
+    """A checkpoint of a run that has ended before its activation is complete."""
+    file = tmp_path / "state"
+    assert run(file, False, **SHORT).times[-1] < SETTINGS["ramp"]
+    return file
+
+
+@pytest.fixture
 def stopped(tmp_path, monkeypatch):
     """A checkpoint of a run that was stopped."""
     file = tmp_path / "state"
@@ -141,8 +153,53 @@ def test_an_unfinished_run_is_not_overwritten(stopped, whole):
     with pytest.raises(InputError, match="is of an unfinished run; continue it with --resume, or remove it"):
         run(stopped, False)
     assert_same(run(stopped, True), whole)
-    # The finished one may be.
-    assert_same(run(stopped, False), whole)
+
+
+def test_a_finished_run_is_not_overwritten(finished):
+    before = finished.read_bytes()
+    with pytest.raises(InputError, match=r"is of a finished run; remove it, name another file, or go on .* --resume"):
+        run(finished, False, **SHORT)
+    assert finished.read_bytes() == before
+
+
+def test_a_finished_run_goes_on_to_a_later_end_as_if_it_had_not_stopped(finished, whole, tmp_path):
+    """While the activation still grows, with times that rounding would set apart, and twice."""
+    # What the run was told in between must not show either.
+    again = run(finished, True, end_time=0.29, outputs=58)
+    assert (again.resumed, again.times[-1]) == (0.145, 0.29)
+    history = run(finished, True)
+    assert history.resumed == 0.29
+    assert_same(history, whole)
+    # An end time that was computed is the same for all that.
+    end = 0.1 + 0.1 + 0.1
+    assert end != 0.3
+    file = tmp_path / "other"
+    run(file, False, **SHORT)
+    assert_same(run(file, True, end_time=end, outputs=60), dynamics.solve(model(), **SETTINGS | SIXTY))
+
+
+def test_an_unfinished_run_may_end_earlier_or_later(stopped, whole):
+    # It has 99 outputs.
+    with pytest.raises(InputError, match=r"has reached time 0\.5, past the end time 0\.4; take a later one"):
+        run(stopped, True, end_time=0.4, outputs=80)
+    early = run(stopped, True, end_time=0.55, outputs=110)
+    assert np.array_equal(early.displacement, whole.displacement[:111])
+    assert_same(run(stopped, True), whole)
+
+
+def test_going_on_with_outputs_elsewhere_is_refused_with_what_would_do(finished):
+    before = finished.read_bytes()
+    for end, outputs, advice in ((1.5, 29, "300 outputs to time 1.5"), (0.2012, 41, "40 outputs to time 0.2")):
+        with pytest.raises(
+            InputError,
+            match=rf"^checkpoint .*state: outputs are 0\.005 apart there, {end / outputs:.6g} here; take {advice}$",
+        ):
+            run(finished, True, end_time=end, outputs=outputs)
+    with pytest.raises(InputError, match=r"has reached time 0\.145, past the end time 0\.1; take a later one"):
+        run(finished, True, end_time=0.1, outputs=20)
+    with pytest.raises(InputError, match=r"belongs to another run: ramp 0\.3 there, 0\.6 here"):
+        run(finished, True, ramp=0.6)
+    assert finished.read_bytes() == before
 
 
 def test_a_foreign_checkpoint_is_refused(stopped):
@@ -190,9 +247,13 @@ def test_a_damaged_checkpoint_is_refused(stopped):
 
 def test_a_place_that_cannot_be_written_to_is_known_before_the_first_step(tmp_path):
     with pytest.raises(
-        InputError, match=r"checkpoint .*/nowhere/state: cannot be written \(No such file or directory\); make room"
+        InputError, match=r"checkpoint .*/nowhere/state: cannot be written \(No such file or directory\); name another"
     ):
         run(tmp_path / "nowhere" / "state", False)
+    with pytest.raises(InputError, match=r"checkpoint .*: cannot be written \(File name too long\); name another"):
+        run(tmp_path / ("x" * 300), False)
+    with pytest.raises(InputError, match=r"checkpoint .*: cannot be read \(File name too long\)"):
+        run(tmp_path / ("x" * 300), True)
     # A device would be read for ever.
     for place in (tmp_path, "/dev/full"):
         for resume in (False, True):
@@ -206,7 +267,7 @@ def test_a_full_disk_leaves_the_last_checkpoint(tmp_path, monkeypatch, whole):
     true, count = os.fsync, [0]
 
     def fsync(descriptor):
-        count[0] += 1
+        count[0] += stat.S_ISREG(os.fstat(descriptor).st_mode)
         if count[0] == 10:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         true(descriptor)

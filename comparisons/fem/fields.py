@@ -11,7 +11,7 @@ from comparisons.fem import compat
 from comparisons.fem.material import Energy
 from comparisons.fem.statics import FAST, Equilibrium
 from isorod.errors import InputError
-from isorod.output.results import write_beside
+from isorod.output.results import write_arrays
 from meshes.mesh import Array, Index
 
 
@@ -77,14 +77,4 @@ def save(found: Equilibrium, path: Path, parts: int = 3) -> None:
     everywhere = np.arange(mesh.topology.index_map(mesh.topology.dim).size_local)
     sampler = Sampler(found.displacement, [(found.energy, everywhere)], parts)
     displacement, von_mises = sampler.state()
-    write(path, points=sampler.points, displacement=displacement, von_mises=von_mises, cells=sampler.cells)
-
-
-def write(path: Path, **arrays: Array | Index) -> None:
-    """Write arrays to an ``.npz`` file."""
-
-    def onto(where: Path) -> None:
-        with open(where, "wb") as file:
-            np.savez_compressed(file, **arrays)
-
-    write_beside(path, onto)
+    write_arrays(path, points=sampler.points, displacement=displacement, von_mises=von_mises, cells=sampler.cells)

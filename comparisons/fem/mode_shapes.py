@@ -7,7 +7,7 @@ import numpy as np
 from comparisons.fem import compat
 from comparisons.fem.modal import Modes
 from comparisons.fem.statics import FAST
-from isorod.output.results import write_beside
+from isorod.output.results import write_arrays
 from meshes.mesh import Array, Mesh
 
 
@@ -59,8 +59,4 @@ def save(found: Modes, mesh: Mesh | None, path: Path) -> None:
         "order": np.array(mesh.order),
     }
 
-    def write(where: Path) -> None:
-        with open(where, "wb") as file:
-            np.savez_compressed(file, **arrays)
-
-    write_beside(path, write)
+    write_arrays(path, **arrays)

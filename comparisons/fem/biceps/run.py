@@ -15,6 +15,7 @@ from comparisons.fem.biceps.branches import Branches
 from comparisons.fem.biceps.contact import Contact, Pressing, surface_points
 from comparisons.fem.statics import DIRECT, FAST, Element
 from isorod.errors import InputError
+from isorod.output.results import write_arrays
 from isorod.scenes.biceps import Biceps
 from meshes import biceps
 from meshes.mesh import Array, Index, Mesh
@@ -257,4 +258,4 @@ def _save(
             "displacement": np.array([one for one, _ in shown]),
             "von_mises": np.array([one for _, one in shown]),
         }
-    fields.write(path, **arrays)
+    write_arrays(path, **arrays)

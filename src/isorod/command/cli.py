@@ -127,7 +127,11 @@ def _scene_parser(name: str, scene_type: Any) -> Parser:
             metavar="float",
             help="seconds of run time between checkpoints (30)",
         )
-        parser.add_argument("--resume", action="store_true", help="continue the run whose state is in the checkpoint")
+        parser.add_argument(
+            "--resume",
+            action="store_true",
+            help="continue the run whose state is in the checkpoint, to a later end time too with more outputs",
+        )
     if "statics" in analyses or "modal" in analyses:
         parser.add_argument("--refine", action="store_true", help="solve on finer spaces too and estimate the error")
         parser.add_argument(
@@ -196,12 +200,10 @@ def _report(record: dict[str, Any], fields: Fields, found: argparse.Namespace) -
     # Before anything is written: a record that cannot be one is an error.
     text = results.line(record)
     if found.output is not None:
-        from isorod.output import vtk
+        from isorod.output import folder
 
-        folder = results.make_folder(found.output)
-        for k, (body, nodal) in enumerate(fields):
-            vtk.write(body, nodal, folder / f"{record['scene']}-{k}.vtu")
-        results.append(folder / "results.jsonl", record)
+        record = folder.add(results.make_folder(found.output), record, fields)
+        text = results.line(record)
     if found.json:
         print(text)
         return

@@ -150,7 +150,7 @@ def solve(
         Initial values of all degrees of freedom, shape ``(dofs,)``; those of held ones are not read.
     checkpoint, every, resume
         File to keep the state in, at outputs at least this many seconds of wall time apart; whether to continue from
-        it.
+        it, to a later end time too if outputs are as far apart.  A file that is there is not overwritten without.
     progress
         Show how far it is on standard error, if that is a terminal.
     integrator
@@ -218,10 +218,14 @@ class _Checkpoint:
     def begin(self, resume: bool) -> None:
         """Begin the run, from the file if it is to be resumed."""
         if self._path is not None and resume:
-            self._run.restore(files.read(self._path, self._identity))
+            kept = files.read(self._path, self._identity)
+            try:
+                self._run.restore(kept)
+            except InputError as problem:
+                raise InputError(f"checkpoint {self._path}: {problem}") from None
             return
         if self._path is not None:
-            files.refuse_unfinished(self._path)
+            files.refuse_overwriting(self._path)
         self._run.begin(*self._initial)
         self.write()
 

@@ -4,6 +4,7 @@ import hashlib
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import Any, ClassVar
 
 import numpy as np
@@ -57,7 +58,8 @@ class Run(ABC):
 
     def __init__(self, system: System, settings: Settings) -> None:
         self.system, self.settings = system, settings
-        self.interval = settings.end_time / settings.outputs
+        # Of the end time as it is written: twice the time with twice the outputs has the same steps, to the last bit.
+        self.interval = float(Fraction(repr(float(settings.end_time))) / settings.outputs)
         self.index, self.taken, self.count = 0, 0, 1
         self.newton_iterations = self.cuts = 0
         self.rows: dict[str, list[Any]] = {}
@@ -219,8 +221,6 @@ class Run(ABC):
         return {
             "version": __version__,
             "integrator": self.integrator,
-            "end_time": self.interval * self.outputs,
-            "outputs": self.outputs,
             "time_step": self.settings.time_step,
             "damping": float(self.settings.damping),
             "ramp": float(self.settings.ramp),
@@ -232,6 +232,7 @@ class Run(ABC):
         system, state = self.system, self.system.state
         return {
             "finished": np.array(self.index == self.outputs),
+            "interval": np.array(self.interval),
             "counts": np.array([self.index, self.taken, self.count]),
             "displacement": state.displacement,
             "velocity": state.velocity,
@@ -248,7 +249,27 @@ class Run(ABC):
         } | {f"row_{name}": np.array(values) for name, values in self.rows.items()}
 
     def restore(self, kept: dict[str, Array]) -> None:
-        """Continue from what `state` returned."""
+        """Continue from what `state` returned, to another end time if it is not there yet.
+
+        Raises
+        ------
+        InputError
+            If outputs are not at the same times.
+        """
+        interval, reached = float(kept["interval"]), int(kept["counts"][0])
+        end = self.interval * self.outputs
+        if not abs(interval - self.interval) <= 1e-9 * interval:
+            outputs = max(round(end / interval), 1)
+            raise InputError(
+                f"outputs are {interval:.6g} apart there, {self.interval:.6g} here; "
+                f"take {outputs} outputs to time {outputs * interval:.6g}"
+            )
+        if reached > self.outputs:
+            raise InputError(
+                f"has reached time {reached * interval:.6g}, past the end time {end:.6g}; take a later one"
+            )
+        # Outputs to come are where they would be had the run not stopped.
+        self.interval = interval
         self.index, self.taken, self.count = (int(value) for value in kept["counts"])
         self.system.scale(float(kept["scaling"]))
         for name in ("displacement", "velocity", "momenta", "impulse", "sums"):

@@ -14,10 +14,10 @@ import numpy as np
 
 from isorod.arrays import Array
 from isorod.errors import InputError
-from isorod.output.results import write_beside
+from isorod.output.results import write_whole
 
 # Raised whenever what is stored, or what is computed from it, changes.
-_FORMAT = 2
+_FORMAT = 3
 _HEAD = b"isorod checkpoint "
 _DAMAGED = "is damaged or no checkpoint; remove it, or name another file"
 
@@ -41,17 +41,11 @@ def write(path: Path, identity: Mapping[str, Any], arrays: Mapping[str, Array]) 
     np.savez(content, identity=np.array(json.dumps({"format": _FORMAT} | dict(identity))), **arrays)
     data = content.getvalue()
 
-    def save(name: Path) -> None:
-        with open(name, "wb") as file:
-            file.write(_HEAD + hashlib.sha256(data).hexdigest().encode() + b"\n" + data)
-            file.flush()
-            # A full disk must be known before the last checkpoint is given up.
-            os.fsync(file.fileno())
-
+    head = _HEAD + hashlib.sha256(data).hexdigest().encode() + b"\n"
     try:
-        write_beside(path, save)
+        write_whole(path, head + data)
     except InputError as problem:
-        raise InputError(f"checkpoint {problem}; make room there or name another file with --checkpoint") from None
+        raise InputError(f"checkpoint {problem}") from None
 
 
 def read(path: Path, identity: Mapping[str, Any]) -> dict[str, Array]:
@@ -78,18 +72,23 @@ def read(path: Path, identity: Mapping[str, Any]) -> dict[str, Array]:
     return arrays
 
 
-def refuse_unfinished(path: Path) -> None:
-    """Raise `InputError` if the file is there and is not the checkpoint of a run that has reached its end."""
-    if not path.exists():
+def refuse_overwriting(path: Path) -> None:
+    """Raise `InputError` if the file is there: no run begins where another has left its state."""
+    # A name that no file can have is refused where it is written.
+    if not os.path.exists(path):
         return
     _, arrays = _load(path)
     if not arrays["finished"]:
         raise InputError(f"checkpoint {path}: is of an unfinished run; continue it with --resume, or remove it")
+    raise InputError(
+        f"checkpoint {path}: is of a finished run; remove it, name another file, or go on from it with --resume and a "
+        "later end time"
+    )
 
 
 def _load(path: Path) -> tuple[dict[str, Any], dict[str, Array]]:
     """Return identity and arrays of a checkpoint; raises `InputError` if it is none, or damaged."""
-    if path.exists() and not path.is_file():
+    if os.path.exists(path) and not path.is_file():
         raise InputError(f"checkpoint {path}: is no file; name another")
     try:
         content = path.read_bytes()

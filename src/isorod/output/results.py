@@ -1,6 +1,8 @@
 """Results as records, one JSON line a run, and writing that leaves nothing half-done."""
 
+import errno
 import fcntl
+import io
 import json
 import math
 import os
@@ -8,14 +10,21 @@ import platform
 import subprocess
 import tempfile
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from importlib import metadata
+from io import FileIO
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
+
+import numpy as np
 
 from isorod import __version__
 from isorod.errors import InputError, SolveError
+
+# What a disk gives room for at least.
+_PAGE = 4096
 
 
 def provenance() -> dict[str, Any]:
@@ -44,20 +53,61 @@ def line(record: Mapping[str, Any]) -> str:
 
 
 def append(path: Path, record: Mapping[str, Any]) -> None:
-    """Append the record to a file of JSON lines, as a whole even when several processes do.
+    """Append the record to a file of JSON lines, as a whole even when several processes do, or not at all.
 
     What a process killed while it wrote has left of a line is taken off first, with a warning; whole lines stay.
     """
-    data = (line(record) + "\n").encode()
+    data = line(record)
+    with locked(path) as file:
+        add(file, data)
+
+
+@contextmanager
+def locked(path: Path) -> Iterator[FileIO]:
+    """Open a file of JSON lines for `add`, by one process at a time; what is added stays only if the block ends well.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written; it has then the lines that it had before.
+    """
     try:
-        with open(path, "a+b") as file:
-            fcntl.flock(file, fcntl.LOCK_EX)
-            data = _mend(file, path) + data
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
+        with _alone(path) as file:
+            size = _mend(file, path)
+            try:
+                yield file
+                os.fsync(file.fileno())
+            except BaseException:
+                # Half a line, of a disk that is full, would be taken for one of a run that was killed.
+                file.truncate(size)
+                if size == 0:
+                    path.unlink()
+                raise
+        _settle(path.parent)
     except OSError as problem:
-        raise InputError(f"{path}: cannot be written ({problem.strerror})") from None
+        raise refusal(f"{path}: cannot be written", problem) from None
+
+
+def add(file: FileIO, text: str) -> None:
+    """Add a line to a file that `locked` has opened."""
+    size = file.seek(0, os.SEEK_END)
+    file.seek(max(0, size - 1))
+    data = (b"\n" if file.read(1) not in (b"", b"\n") else b"") + text.encode() + b"\n"
+    while data:
+        # A disk takes what there is room for, and refuses the rest.
+        data = data[file.write(data) :]
+
+
+@contextmanager
+def _alone(path: Path) -> Iterator[FileIO]:
+    """Open a file for appending and lock it."""
+    while True:
+        with open(path, "a+b", buffering=0) as file:
+            fcntl.flock(file, fcntl.LOCK_EX)
+            # Who had the lock before may have taken an empty file away.
+            if path.exists() and os.path.samestat(os.stat(path), os.fstat(file.fileno())):
+                yield file
+                return
 
 
 def is_torn(text: bytes) -> bool:
@@ -68,8 +118,8 @@ def is_torn(text: bytes) -> bool:
         return True
 
 
-def _mend(file: BinaryIO, path: Path) -> bytes:
-    """Cut a torn last line off a file that is locked; return the end of line that a whole one lacks."""
+def _mend(file: FileIO, path: Path) -> int:
+    """Cut a torn last line off a file that is locked; return the size that is left."""
     size = file.seek(0, os.SEEK_END)
     tail = b""
     while size > len(tail) and b"\n" not in tail:
@@ -77,13 +127,11 @@ def _mend(file: BinaryIO, path: Path) -> bytes:
         file.seek(start)
         tail = file.read(size - start)
     tail = tail.rpartition(b"\n")[2]
-    if not tail:
-        return b""
-    if not is_torn(tail):
-        return b"\n"
-    warnings.warn(f"{path}: the last line is torn, as of a run that was killed; it is removed", stacklevel=3)
-    file.truncate(size - len(tail))
-    return b""
+    if tail and is_torn(tail):
+        warnings.warn(f"{path}: the last line is torn, as of a run that was killed; it is removed", stacklevel=5)
+        size -= len(tail)
+        file.truncate(size)
+    return size
 
 
 def check_folder(path: str) -> None:
@@ -91,13 +139,14 @@ def check_folder(path: str) -> None:
     if not path:
         raise InputError("results folder: got an empty name")
     place = Path(path).absolute()
-    while not place.exists() and place != place.parent:
-        place = place.parent
     try:
-        with tempfile.TemporaryFile(dir=place):
-            pass
+        while not place.exists() and place != place.parent:
+            place = place.parent
+        # A full disk takes the name of a file, but not its first page.
+        with tempfile.TemporaryFile(dir=place, buffering=0) as file:
+            file.write(bytes(_PAGE))
     except OSError as problem:
-        raise InputError(f"results folder {path}: cannot write there ({problem.strerror}); name another") from None
+        raise refusal(f"results folder {path}: cannot write there", problem) from None
 
 
 def make_folder(path: str) -> Path:
@@ -106,24 +155,72 @@ def make_folder(path: str) -> Path:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as problem:
-        raise InputError(f"results folder {path}: cannot be made ({problem.strerror}); name another") from None
+        raise refusal(f"results folder {path}: cannot be made", problem) from None
     return folder
 
 
 def write_beside(path: Path, write: Callable[[Path], object]) -> None:
-    """Let ``write`` make a file beside ``path``, then rename it: the name never shows a half-written file."""
+    """Let ``write`` make a file beside ``path``, then rename it: the name never shows a half-written file.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written; what had its name before is then as it was, and nothing is left beside it.
+    """
     name = ""
     try:
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix)
         os.close(handle)
         write(Path(name))
         os.chmod(name, 0o666 & ~_umask())
+        _settle_whole(Path(name))
         os.replace(name, path)
+        _settle(path.parent)
     except OSError as problem:
-        raise InputError(f"{path}: cannot be written ({problem.strerror})") from None
+        raise refusal(f"{path}: cannot be written", problem) from None
     finally:
         if name:
             Path(name).unlink(missing_ok=True)
+
+
+def write_whole(path: Path, content: bytes) -> None:
+    """Write a file, all of it or nothing, as `write_beside` does."""
+    write_beside(path, lambda beside: beside.write_bytes(content))
+
+
+def write_arrays(path: Path, **arrays: Any) -> None:
+    """Write arrays to an ``.npz`` file, compressed, all of it or nothing."""
+    content = io.BytesIO()
+    # A ZIP file on a disk that is full says more than once that it cannot be closed.
+    np.savez_compressed(content, **arrays)
+    write_whole(path, content.getvalue())
+
+
+def refusal(what: str, problem: OSError) -> InputError:
+    """Return the error that says what cannot be done, for which reason, and what would help."""
+    full = problem.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+    advice = "make room there, or name another" if full else "name another"
+    return InputError(f"{what} ({problem.strerror or problem}); {advice}")
+
+
+def _settle(folder: Path) -> None:
+    """Have the disk take the names of files in a folder."""
+    handle = os.open(folder, os.O_RDONLY)
+    # Not every file system can, and the files themselves are there.
+    with suppress(OSError):
+        os.fsync(handle)
+    os.close(handle)
+
+
+def _settle_whole(path: Path) -> None:
+    """Have the disk take what was written to a file; raises `OSError` if it is full, even if the writer was silent."""
+    with open(path, "r+b") as file:
+        size = file.seek(0, os.SEEK_END)
+        # Some writers do not say that they came to the end of the disk, but there is then no room for another page.
+        file.write(bytes(_PAGE))
+        file.flush()
+        file.truncate(size)
+        os.fsync(file.fileno())
 
 
 def _umask() -> int:

@@ -11,7 +11,7 @@ from isorod.arrays import Array
 from isorod.errors import InputError
 from isorod.model.body import Body
 from isorod.output import stress
-from isorod.output.results import write_beside
+from isorod.output.results import write_whole
 
 if TYPE_CHECKING:
     import pyvista
@@ -77,9 +77,21 @@ def grid(
 
 
 def write(body: Body, fields: Mapping[str, Array], path: Path) -> None:
-    """Write the fields of `grid` to a ``.vtu`` file."""
+    """Write the fields of `grid` to a ``.vtu`` file; raises `InputError` if it cannot be written."""
+    write_whole(path, content(body, fields))
+
+
+def content(body: Body, fields: Mapping[str, Array]) -> bytes:
+    """Return what a ``.vtu`` file of the fields of `grid` holds."""
     mesh = grid(body, fields)
-    write_beside(path, mesh.save)
+    from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
+
+    writer = vtkXMLUnstructuredGridWriter()
+    writer.SetInputData(mesh)
+    # To memory: of a disk that is full the writer says nothing, or dies.
+    writer.WriteToOutputStringOn()
+    writer.Write()
+    return str(writer.GetOutputString()).encode()
 
 
 def _disk(rings: int, around: int) -> tuple[Array, np.ndarray]:
