@@ -107,9 +107,8 @@ def _find_scene(ours: Sequence[str], theirs: Sequence[str]) -> tuple[int, Parser
             f"no scene is named: {theirs[taken]} was taken for the value of {theirs[taken - 1]}; put it first: "
             f"isorod run {theirs[taken]} {theirs[taken - 1]}"
         )
-    raise InputError(
-        f"no scene is named; there are: {', '.join(scenes.SCENES)}; put one first: isorod run SCENE {[*ours, *theirs][0]}"
-    )
+    names = ", ".join(scenes.SCENES)
+    raise InputError(f"no scene is named; there are: {names}; put one first: isorod run SCENE {[*ours, *theirs][0]}")
 
 
 def _scene_parser(name: str, scene_type: Any) -> Parser:

@@ -4,8 +4,8 @@ A scene is a frozen dataclass of that name with a capital letter whose fields (m
 options.  It has a class attribute ``analysis`` (``"statics"``, ``"modal"``, ``"dynamics"`` or ``"geometry"``),
 ``rod()``, and for an analysis ``model()`` and ``measure(solution)``; for dynamics also ``settings()``, the keyword
 arguments of `isorod.dynamics.solve`.  Its class attribute ``units`` says, in words, the unit of each number that is the
-answer, by its name in `measure` or in the solution's record, the most wanted first.  A scene with a choice of analyses lists them in a class attribute ``analyses``,
-the default first, and has ``analysis`` as a property.
+answer, by its name in `measure` or in the solution's record, the most wanted first.  A scene with a choice of analyses
+lists them in a class attribute ``analyses``, the default first, and has ``analysis`` as a property.
 """
 
 import dataclasses
