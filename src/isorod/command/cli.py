@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from time import perf_counter
 from typing import Any
 
-# Nothing that takes its time: while it is imported, Ctrl-C would be answered by Python.
 from isorod import __version__, options, scenes
 from isorod.command import ending
 from isorod.command.parser import Parser, add_fields, field_values, split
@@ -20,15 +19,14 @@ _EPILOG = "Options with a single dash go to PETSc untouched (-snes_monitor, -ksp
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line; return the exit code, other than 0 with one line on standard error."""
-    words = sys.argv[1:] if arguments is None else list(arguments)
+    """Run a command line; return the exit code, other than 0 with one line on standard error."""
+    return ending.run("isorod", lambda: command(sys.argv[1:] if arguments is None else arguments))
+
+
+def command(arguments: Sequence[str]) -> int:
+    """Do what the first word says; return the exit code."""
     warnings.showwarning = _keep_warning
     _WARNINGS.clear()
-    return ending.run("isorod", lambda: _dispatch(words))
-
-
-def _dispatch(arguments: Sequence[str]) -> int:
-    """Do what the first word says; return the exit code."""
     ours, theirs = split(arguments)
     if theirs and ours[:1] != ["run"]:
         raise InputError(f"option {theirs[0]}: PETSc options go with 'isorod run SCENE'")

@@ -45,7 +45,7 @@ def run(program: str, command: Callable[[], int], kept: str = "", at_once: bool 
         several ranks: one that unwinds would wait for others that wait for it.
     """
     at_once = at_once or any(int(os.environ.get(name, "1")) > 1 for name in _SIZE)
-    with _signals(program, kept, at_once) as ignore_more:
+    with _signals(program, kept, at_once) as came:
         try:
             try:
                 return command()
@@ -53,25 +53,38 @@ def run(program: str, command: Callable[[], int], kept: str = "", at_once: bool 
                 # Here, where a full disk can still be said in a line, and not at Python's own end.
                 if sys.stdout is not None:
                     sys.stdout.flush()
-        except (InputError, SolveError) as problem:
+        except BaseException as problem:
+            if isinstance(problem, KeyboardInterrupt) and not came:
+                came.append(signal.SIGINT)
+            # Libraries make errors of their own of what unwinds through them.
+            if came:
+                return _stop(program, came[0], kept, *getattr(problem, "__notes__", []))
+            return _refuse(program, problem)
+
+
+def _refuse(program: str, problem: BaseException) -> int:
+    """Say what was wrong and return the exit code; raise again what is an error of the program's."""
+    match problem:
+        case InputError() | SolveError():
             return fail(program, str(problem))
-        except MemoryError:
+        case MemoryError():
             return fail(
                 program, "there is not enough memory for this; take fewer elements, section or quadrature points"
             )
-        except BrokenPipeError:
+        case BrokenPipeError():
             _discard_output()
             return 1
-        except OSError as problem:
-            if problem.filename is not None or problem.errno not in _FULL:
-                raise
+        case OSError(filename=None) if problem.errno in _FULL:
             _discard_output()
             return fail(program, f"standard output: cannot be written ({problem.strerror})")
-        except KeyboardInterrupt as stop:
-            ignore_more()
-            number = signal.SIGTERM if isinstance(stop, Terminated) else signal.SIGINT
-            _say(program, "; ".join([_WORDS[number], *([kept] if kept else []), *getattr(stop, "__notes__", [])]))
-            return 128 + number
+    raise problem
+
+
+def _stop(program: str, number: int, *kept: str) -> int:
+    """Say which signal came and what is kept; return the exit code."""
+    if rank() == 0:
+        _say(program, "; ".join([_WORDS[signal.Signals(number)], *filter(None, kept)]))
+    return 128 + number
 
 
 def fail(program: str, message: str) -> int:
@@ -89,41 +102,41 @@ def rank() -> int:
 
 
 @contextmanager
-def _signals(program: str, kept: str, at_once: bool) -> Iterator[Callable[[], None]]:
-    """Let SIGINT and SIGTERM unwind the stack or, at once, end the process; yield what lets them do nothing more.
+def _signals(program: str, kept: str, at_once: bool) -> Iterator[list[int]]:
+    """Let SIGINT and SIGTERM unwind the stack or, at once, end the process; yield which has come, if one has.
 
     Signals that the caller ignores stay ignored.
     """
+    came: list[int] = []
     if threading.current_thread() is not threading.main_thread():
-        yield lambda: None
+        yield came
         return
     numbers = [number for number in _WORDS if signal.getsignal(number) is not signal.SIG_IGN]
 
-    def default() -> None:
-        for number in numbers:
-            signal.signal(number, signal.SIG_DFL)
-
     def unwind(number: int, frame: FrameType | None) -> None:
-        default()
+        for one in numbers:
+            signal.signal(one, signal.SIG_DFL)
+        came.append(number)
+        if _importing(frame):
+            os._exit(_stop(program, number, kept))
         raise Terminated if number == signal.SIGTERM else KeyboardInterrupt
 
     wakeup = _watch(program, kept) if at_once else None
     before = {number: signal.signal(number, (lambda *_: None) if at_once else unwind) for number in numbers}
-    stopped = False
-
-    def stop() -> None:
-        nonlocal stopped
-        stopped = True
-        default()
-
     try:
-        yield stop
+        yield came
     finally:
         if wakeup is not None:
             os.close(signal.set_wakeup_fd(wakeup))
-        if not stopped:
-            for number, handler in before.items():
-                signal.signal(number, handler)
+        for number, handler in before.items() if not came else ():
+            signal.signal(number, handler)
+
+
+def _importing(frame: FrameType | None) -> bool:
+    """Return whether a module is being loaded, which may take an exception for a sign that it is not there."""
+    while frame is not None and frame.f_code.co_name != "_find_and_load":
+        frame = frame.f_back
+    return frame is not None
 
 
 def _watch(program: str, kept: str) -> int:
@@ -137,9 +150,7 @@ def _watch(program: str, kept: str) -> int:
     def wait() -> None:
         while number := os.read(reading, 1):
             if number[0] in _WORDS:
-                if rank() == 0:
-                    _say(program, "; ".join([_WORDS[signal.Signals(number[0])], *([kept] if kept else [])]))
-                os._exit(128 + number[0])
+                os._exit(_stop(program, number[0], kept))
         os.close(reading)
 
     threading.Thread(target=wait, daemon=True).start()
