@@ -4,6 +4,7 @@ import argparse
 import sys
 import warnings
 from collections.abc import Sequence
+from contextlib import nullcontext
 from time import perf_counter
 from typing import Any
 
@@ -76,14 +77,14 @@ def _run(ours: Sequence[str], theirs: Sequence[str]) -> int:
         results.check_folder(found.output)
         if scenes.analyses(scene_type) != ("geometry",):
             vtk.require()
-    if found.json:
-        printing.keep_standard_output()
     scene = scene_type(**values)
-    # What overflows ends as a number that is not finite, and no such number is reported.
-    with np.errstate(all="ignore"), options.petsc_errors():
-        record, fields = _geometry(scene, theirs) if scene.analysis == "geometry" else _analysis(scene, theirs, found)
-    if ending.rank() == 0:
-        _report(record, fields, found, scene)
+    solve = _geometry if scene.analysis == "geometry" else _analysis
+    with printing.apart() if found.json else nullcontext(print) as say:
+        # What overflows ends as a number that is not finite, and no such number is reported.
+        with np.errstate(all="ignore"), options.petsc_errors():
+            record, fields = solve(scene, theirs, found)
+        if ending.rank() == 0:
+            say(_report(record, fields, found, scene))
     return 0
 
 
@@ -168,7 +169,7 @@ def _settings(scene: Any, found: argparse.Namespace) -> dict[str, Any]:
     return {"load_steps": found.load_steps}
 
 
-def _geometry(scene: Any, theirs: Sequence[str]) -> tuple[dict[str, Any], Fields]:
+def _geometry(scene: Any, theirs: Sequence[str], found: argparse.Namespace) -> tuple[dict[str, Any], Fields]:
     if theirs:
         raise InputError(f"option {theirs[0]}: this scene is geometry only and uses no PETSc")
     from isorod.command import run
@@ -203,8 +204,8 @@ def _analysis(scene: Any, theirs: Sequence[str], found: argparse.Namespace) -> t
     return record, [(body, solution.fields(k)) for k, body in enumerate(solution.model.bodies)]
 
 
-def _report(record: dict[str, Any], fields: Fields, found: argparse.Namespace, scene: Any) -> None:
-    """Write the record and the fields where they are wanted, and print the record as JSON or for people."""
+def _report(record: dict[str, Any], fields: Fields, found: argparse.Namespace, scene: Any) -> str:
+    """Write the record and the fields where they are wanted; return the record as JSON or in words."""
     from isorod.command import printing
     from isorod.output import results
 
@@ -218,7 +219,7 @@ def _report(record: dict[str, Any], fields: Fields, found: argparse.Namespace, s
             vtk.write(body, nodal, folder / f"{record['scene']}-{k}.vtu")
         results.append(folder / "results.jsonl", record)
     _show_warnings()
-    print(text if found.json else printing.summary(record, scene))
+    return text if found.json else printing.summary(record, scene)
 
 
 def _first_line(scene_type: Any) -> str:

@@ -97,8 +97,8 @@ def fail(program: str, message: str) -> int:
 def rank() -> int:
     """Return the number of this rank, also before MPI has started."""
     told = next((os.environ[name] for name in _RANK if name in os.environ), None)
-    petsc = sys.modules.get("petsc4py.PETSc")
-    return int(told or (petsc.COMM_WORLD.getRank() if hasattr(petsc, "COMM_WORLD") else 0))
+    world = getattr(sys.modules.get("petsc4py.PETSc"), "COMM_WORLD", None)
+    return int(told or (world.getRank() if world else 0))
 
 
 @contextmanager

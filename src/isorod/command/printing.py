@@ -4,7 +4,8 @@ import dataclasses
 import os
 import sys
 import textwrap
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, redirect_stdout
 from typing import Any
 
 import numpy as np
@@ -17,16 +18,27 @@ _WIDTH, _INDENT = 80, 20
 _MOST = 12
 
 
-def keep_standard_output() -> None:
-    """Let only Python write to standard output from now on: what PETSc prints there goes to standard error.
+@contextmanager
+def apart() -> Iterator[Callable[[str], None]]:
+    """Send what is printed within to standard error; yield what prints a line on standard output all the same.
 
-    To the end of the process, as PETSc prints some of it only then.
+    What C libraries print goes there to the end of the process, as PETSc prints some of it only then.
     """
-    # Who has put something else in its place reads what Python prints alone.
-    if sys.stdout is not None and sys.stdout is sys.__stdout__:
-        sys.stdout.flush()
-        sys.stdout = open(os.dup(1), "w", encoding=sys.stdout.encoding)
+    stream = sys.stdout
+    # Who has put another stream in its place gets what Python prints, petsc4py's words among it.
+    kept = os.dup(1) if stream is not None and stream is sys.__stdout__ else None
+    if kept is not None:
         os.dup2(2, 1)
+
+    def say(text: str) -> None:
+        if kept is not None:
+            os.dup2(kept, 1)
+        print(text, file=stream, flush=True)
+        if kept is not None:
+            os.dup2(2, 1)
+
+    with redirect_stdout(sys.stderr):
+        yield say
 
 
 def summary(record: Mapping[str, Any], scene: Any) -> str:
