@@ -14,6 +14,8 @@ ROOMS = (
     "geometry material petsc space model contact assembly output checks dynamics statics modal scenes command".split()
 )
 GROUND = ["__init__", "errors", "arrays", "tensors", "compiled", "options"]
+# What ``python -m isorod`` runs stands on the ground and leads to the top.
+DOOR = "__main__"
 FOREIGN = {"dolfinx", "ufl", "basix", "ffcx", "gmsh", "pyvista", "vtk", "comparisons", "meshes"}
 
 
@@ -48,12 +50,12 @@ def room(module: str) -> str | None:
 def test_every_file_is_in_a_room_or_on_the_ground():
     for file in files(HOUSE):
         place = file.relative_to(HOUSE).parts
-        assert place[0] in ROOMS if len(place) > 1 else file.stem in GROUND, file
+        assert place[0] in ROOMS if len(place) > 1 else file.stem in [*GROUND, DOOR], file
 
 
 @pytest.mark.parametrize("own", [None, *ROOMS])
 def test_no_import_leads_to_a_later_room(own):
-    for file in files(HOUSE / own) if own else HOUSE.glob("*.py"):
+    for file in files(HOUSE / own) if own else (file for file in HOUSE.glob("*.py") if file.stem != DOOR):
         for module in imports(file):
             other = room(module)
             if other is not None:

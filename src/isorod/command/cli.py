@@ -1,18 +1,17 @@
 """The ``isorod`` command."""
 
 import argparse
-import os
 import sys
 import warnings
 from collections.abc import Sequence
+from contextlib import nullcontext
 from time import perf_counter
 from typing import Any
 
-import numpy as np
-
 from isorod import __version__, options, scenes
+from isorod.command import ending
 from isorod.command.parser import Parser, add_fields, field_values, split
-from isorod.errors import InputError, SolveError
+from isorod.errors import InputError
 
 # Each body with its fields by name.
 Fields = list[tuple[Any, dict[str, Any]]]
@@ -21,30 +20,19 @@ _EPILOG = "Options with a single dash go to PETSc untouched (-snes_monitor, -ksp
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line; return the exit code: 0, or 2 with one line on standard error."""
-    arguments = sys.argv[1:] if arguments is None else list(arguments)
-    warnings.showwarning = _show_warning
-    try:
-        return _dispatch(arguments)
-    except (InputError, SolveError) as problem:
-        return _fail(str(problem))
-    except MemoryError:
-        return _fail("there is not enough memory for this; take fewer elements, section or quadrature points")
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 1
+    """Run a command line; return the exit code, other than 0 with one line on standard error."""
+    return ending.run("isorod", lambda: command(sys.argv[1:] if arguments is None else arguments))
 
 
-def _fail(message: str) -> int:
-    if _rank() == 0:
-        # What is quoted of the input may have line ends.
-        print(f"isorod: {' '.join(message.split())}", file=sys.stderr)
-    return 2
-
-
-def _dispatch(arguments: Sequence[str]) -> int:
+def command(arguments: Sequence[str]) -> int:
     """Do what the first word says; return the exit code."""
+    warnings.showwarning = _keep_warning
+    _WARNINGS.clear()
     ours, theirs = split(arguments)
+    if theirs and ours[:1] != ["run"]:
+        raise InputError(f"option {theirs[0]}: PETSc options go with 'isorod run SCENE'")
+    if ours and ours[0].startswith("--") and "run" in ours:
+        raise InputError(f"option {ours[0]}: it goes behind the command: isorod run SCENE {ours[0]}")
     parser = Parser(prog="isorod", description="Rods as full 3-D continua through surface control points.")
     parser.add_argument("--version", action="version", version=f"isorod {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=Parser)
@@ -55,8 +43,6 @@ def _dispatch(arguments: Sequence[str]) -> int:
     found = parser.known(ours[:1]) if ours[:1] == ["run"] else parser.known(ours)
     if found.command == "run":
         return _run(ours[1:], theirs)
-    if theirs:
-        raise InputError(f"option {theirs[0]}: PETSc options go with 'isorod run SCENE'")
     if found.command == "list":
         for name in scenes.SCENES:
             scene = scenes.find(name)
@@ -72,13 +58,18 @@ def _dispatch(arguments: Sequence[str]) -> int:
 
 def _run(ours: Sequence[str], theirs: Sequence[str]) -> int:
     """Run a scene with our options and PETSc's; return the exit code."""
-    if not ours or ours[0] in ("-h", "--help"):
+    import numpy as np
+
+    from isorod.command import printing
+
+    if ours[:1] in (["-h"], ["--help"]) or not (ours or theirs):
         print("usage: isorod run SCENE [--option value ...] [-petsc_option value ...]\n")
         print("scenes: " + ", ".join(scenes.SCENES) + " ('isorod list' says what they are)\n" + _EPILOG)
         return 0
-    name = ours[0]
+    place, parser = _find_scene(ours, theirs)
+    name = ours[place]
     scene_type = scenes.find(name)
-    found = _scene_parser(name, scene_type).known(ours[1:])
+    found = parser.known([*ours[:place], *ours[place + 1 :]])
     values = field_values(found, scene_type)
     if found.output is not None:
         from isorod.output import results, vtk
@@ -87,12 +78,36 @@ def _run(ours: Sequence[str], theirs: Sequence[str]) -> int:
         if scenes.analyses(scene_type) != ("geometry",):
             vtk.require()
     scene = scene_type(**values)
-    # What overflows ends as a number that is not finite, and no such number is reported.
-    with np.errstate(all="ignore"), options.petsc_errors():
-        record, fields = _geometry(scene, theirs) if scene.analysis == "geometry" else _analysis(scene, theirs, found)
-    if _rank() == 0:
-        _report(record, fields, found)
+    solve = _geometry if scene.analysis == "geometry" else _analysis
+    with printing.apart() if found.json else nullcontext(print) as say:
+        # What overflows ends as a number that is not finite, and no such number is reported.
+        with np.errstate(all="ignore"), options.petsc_errors():
+            record, fields = solve(scene, theirs, found)
+        if ending.rank() == 0:
+            say(_report(record, fields, found, scene))
     return 0
+
+
+def _find_scene(ours: Sequence[str], theirs: Sequence[str]) -> tuple[int, Parser]:
+    """Return where the scene's name stands, also behind options, and the scene's parser.
+
+    A name that is the value of an option before it is not meant.
+    """
+    for place, word in enumerate(ours):
+        if place == 0 and not word.startswith("-"):
+            return place, _scene_parser(word, scenes.find(word))
+        if word in scenes.SCENES:
+            parser = _scene_parser(word, scenes.find(word))
+            if not parser.takes_value(ours[place - 1]):
+                return place, parser
+    taken = next((k for k in range(1, len(theirs)) if theirs[k] in scenes.SCENES), None)
+    if taken is not None:
+        raise InputError(
+            f"no scene is named: {theirs[taken]} was taken for the value of {theirs[taken - 1]}; put it first: "
+            f"isorod run {theirs[taken]} {theirs[taken - 1]}"
+        )
+    names = ", ".join(scenes.SCENES)
+    raise InputError(f"no scene is named; there are: {names}; put one first: isorod run SCENE {[*ours, *theirs][0]}")
 
 
 def _scene_parser(name: str, scene_type: Any) -> Parser:
@@ -158,7 +173,7 @@ def _settings(scene: Any, found: argparse.Namespace) -> dict[str, Any]:
     return {"load_steps": found.load_steps}
 
 
-def _geometry(scene: Any, theirs: Sequence[str]) -> tuple[dict[str, Any], Fields]:
+def _geometry(scene: Any, theirs: Sequence[str], found: argparse.Namespace) -> tuple[dict[str, Any], Fields]:
     if theirs:
         raise InputError(f"option {theirs[0]}: this scene is geometry only and uses no PETSc")
     from isorod.command import run
@@ -193,8 +208,9 @@ def _analysis(scene: Any, theirs: Sequence[str], found: argparse.Namespace) -> t
     return record, [(body, solution.fields(k)) for k, body in enumerate(solution.model.bodies)]
 
 
-def _report(record: dict[str, Any], fields: Fields, found: argparse.Namespace) -> None:
-    """Write the record and the fields where they are wanted, and print the record as JSON or for people."""
+def _report(record: dict[str, Any], fields: Fields, found: argparse.Namespace, scene: Any) -> str:
+    """Write the record and the fields where they are wanted; return the record as JSON or in words."""
+    from isorod.command import printing
     from isorod.output import results
 
     # Before anything is written: a record that cannot be one is an error.
@@ -204,33 +220,22 @@ def _report(record: dict[str, Any], fields: Fields, found: argparse.Namespace) -
 
         record = folder.add(results.make_folder(found.output), record, fields)
         text = results.line(record)
-    if found.json:
-        print(text)
-        return
-    for key, value in record.items():
-        if key == "seconds":
-            value = ", ".join(f"{part} {time:.4f}" for part, time in value.items())
-        elif key in ("options", "settings", "solver", "versions", "machine", "changes"):
-            value = ", ".join(f"{part} {item}" for part, item in value.items())
-        elif "times" in record and isinstance(value, np.ndarray) and value.shape[:1] == record["times"].shape:
-            key, value = f"{key} (end)", ", ".join(f"{item:.6g}" for item in value[-1].ravel())
-        elif isinstance(value, list | np.ndarray):
-            value = ", ".join(f"{item:.6g}" if isinstance(item, float) else str(item) for item in value)
-        print(f"{key.replace('_', ' '):18s} {value}")
+    _show_warnings()
+    return text if found.json else printing.summary(record, scene)
 
 
 def _first_line(scene_type: Any) -> str:
     return (scene_type.__doc__ or "").strip().splitlines()[0]
 
 
-def _rank() -> int:
-    if "petsc4py.PETSc" not in sys.modules:
-        return int(os.environ.get("OMPI_COMM_WORLD_RANK", os.environ.get("PMI_RANK", "0")))
-    from petsc4py import PETSc
-
-    return int(PETSc.COMM_WORLD.getRank())
+# Until there is a result: an error is said alone.
+_WARNINGS: list[str] = []
 
 
-def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
-    if _rank() == 0:
-        print(f"isorod: warning: {' '.join(str(message).split())}", file=sys.stderr)
+def _keep_warning(message: Warning | str, *_: object, **__: object) -> None:
+    _WARNINGS.append(" ".join(str(message).split()))
+
+
+def _show_warnings() -> None:
+    for text in _WARNINGS:
+        print(f"isorod: warning: {text}", file=sys.stderr)

@@ -38,6 +38,11 @@ class Parser(argparse.ArgumentParser):
             self.error(f"option {word} is not known" + (f"; did you mean {near[0]}?" if near else ""))
         return found
 
+    def takes_value(self, word: str) -> bool:
+        """Return whether a word is an option whose value is the next one."""
+        action = self._option_string_actions.get(word)
+        return action is not None and action.nargs != 0
+
 
 def add_fields(parser: argparse.ArgumentParser, scene_type: Any) -> None:
     """Make each field of a scene a ``--long-option``; true or false ones (false where not given) take no value."""

@@ -1,6 +1,5 @@
 """Dynamics, explicit or implicit, with damping, activation and contact, and the balances that prove them."""
 
-import sys
 from dataclasses import dataclass, fields
 from importlib import import_module
 from pathlib import Path
@@ -13,6 +12,7 @@ from petsc4py import PETSc
 
 from isorod.arrays import Array
 from isorod.dynamics.explicit.system import System
+from isorod.dynamics.progress import Progress
 from isorod.dynamics.run import Run, Settings
 from isorod.errors import InputError, whole_number
 from isorod.model.model import Model
@@ -152,7 +152,7 @@ def solve(
         File to keep the state in, at outputs at least this many seconds of wall time apart; whether to continue from
         it, to a later end time too if outputs are as far apart.  A file that is there is not overwritten without.
     progress
-        Show how far it is on standard error, if that is a terminal.
+        Show how far it is on standard error (`isorod.dynamics.progress`).
     integrator
         ``"explicit"`` or ``"implicit"``.
 
@@ -176,13 +176,19 @@ def solve(
     file.begin(resume)
     resumed, first = run.time, run.taken
     setup, loop, saved = perf_counter() - start, 0.0, perf_counter()
-    while run.index < run.outputs:
-        loop += run.advance()
-        if perf_counter() - saved >= every or run.index == run.outputs:
-            file.write()
-            saved = perf_counter()
-        if progress and sys.stderr.isatty():
-            _show(run, first, loop)
+    shown = Progress(run.time, end_time)
+    run.tell = shown if progress else run.tell
+    try:
+        while run.index < run.outputs:
+            loop += run.advance()
+            if perf_counter() - saved >= every or run.index == run.outputs:
+                file.write()
+                saved = perf_counter()
+    except KeyboardInterrupt as stop:
+        stop.add_note(file.keep())
+        raise
+    finally:
+        shown.close()
     return History(
         model=model,
         **{name: np.array(values) for name, values in run.rows.items()},
@@ -234,13 +240,16 @@ class _Checkpoint:
         if self._path is not None:
             files.write(self._path, self._identity, self._run.state())
 
-
-def _show(run: Run, first: int, loop: float) -> None:
-    done = run.index / run.outputs
-    speed = f"{1e6 * loop / max(run.taken - first, 1):.0f} us a step"
-    end = "\n" if run.index == run.outputs else ""
-    bar = "=" * int(30 * done)
-    print(f"\r[{bar:30s}] time {run.time:.4g}, step {run.taken}, {speed}  ", end=end, file=sys.stderr, flush=True)
+    def keep(self) -> str:
+        """Keep the state of a run that is interrupted; return where it is, in words."""
+        reached = f"time {self._run.time:.6g} of {self._run.settings.end_time:.6g}"
+        if self._path is None:
+            return f"{reached} is lost: it had no --checkpoint"
+        try:
+            self.write()
+        except InputError as problem:
+            return str(problem)
+        return f"checkpoint {self._path} has {reached}, --resume goes on from there"
 
 
 def _check(model: Model, settings: Settings, every: float) -> None:

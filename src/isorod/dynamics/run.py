@@ -2,7 +2,7 @@
 
 import hashlib
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, ClassVar
@@ -49,6 +49,8 @@ class Run(ABC):
         Time and value of each estimate of the critical step.
     newton_iterations, cuts
         Of implicit steps, so far: Newton iterations, and steps halved and tried again.
+    tell
+        Is called with the time reached, a few times a second where steps are short.
     """
 
     integrator: ClassVar[str]
@@ -63,6 +65,8 @@ class Run(ABC):
         self.index, self.taken, self.count = 0, 0, 1
         self.newton_iterations = self.cuts = 0
         self.rows: dict[str, list[Any]] = {}
+        self.tell: Callable[[float], object] = lambda time: None
+        self._kept: dict[str, Array] = {}
         self.estimates: list[tuple[float, float]] = []
         # Steps taken, activation, and whether there was contact at the last estimate.
         self._estimated = np.zeros(3)
@@ -84,9 +88,21 @@ class Run(ABC):
     def solver(self) -> dict[str, str]:
         """Return the names of the methods at work."""
 
-    @abstractmethod
     def advance(self) -> float:
-        """Take the steps to the next output and record it; return the wall time of the steps."""
+        """Take the steps to the next output and record it; return the wall time of the steps.
+
+        Ctrl-C on the way leaves the state of the last output.
+        """
+        self._kept = {name: np.array(value) for name, value in self._now().items()}
+        try:
+            return self._advance()
+        except KeyboardInterrupt:
+            self._go_back()
+            raise
+
+    @abstractmethod
+    def _advance(self) -> float:
+        """Do what `advance` says."""
 
     @abstractmethod
     def _choose(self, critical: float) -> None:
@@ -140,11 +156,19 @@ class Run(ABC):
         """Cut the interval in equal steps, none longer than the given one."""
         count = np.ceil(self.interval / longest - 1e-9)
         if not count * self.outputs < _MOST:
+            own = "" if longest == self.settings.time_step else ", which the critical one asks for"
             raise InputError(
-                f"time step {longest:.4g}: {count * self.outputs:.3g} steps to the end at "
+                f"time step {longest:.4g}{own}: {count * self.outputs:.3g} steps to the end at "
                 f"{self.interval * self.outputs:.4g}, at most {_MOST:.0e} can be taken"
             )
         self.count = max(1, int(count))
+
+    def _said_step(self) -> str:
+        """Return the time step as it was given, and what was made of it."""
+        given = self.settings.time_step
+        if given is None or np.isclose(given, self.step, rtol=1e-6, atol=0.0):
+            return f"{self.step:.4g}"
+        return f"{given:.4g} ({self.step:.4g} taken, {self.count:,} to each of {self.outputs:,} outputs)"
 
     def _seen(self, velocity: Array, held: Array, contact: Sequence[float]) -> dict[str, Any]:
         """Return what outputs of both integrators say alike.
@@ -229,6 +253,16 @@ class Run(ABC):
 
     def state(self) -> dict[str, Array]:
         """Return all that is needed to continue (see `restore`)."""
+        return self._now() | {f"row_{name}": np.array(values) for name, values in self.rows.items()}
+
+    def _go_back(self) -> None:
+        """Return to the last output."""
+        outputs = int(self._kept["counts"][0]) + 1
+        rows: dict[str, Any] = {f"row_{name}": values[:outputs] for name, values in self.rows.items()}
+        self.restore({name: value.copy() for name, value in self._kept.items()} | rows)
+
+    def _now(self) -> dict[str, Array]:
+        """Return the state but for what was recorded."""
         system, state = self.system, self.system.state
         return {
             "finished": np.array(self.index == self.outputs),
@@ -246,7 +280,7 @@ class Run(ABC):
             "highest": system.highest,
             "energy": np.array(self._energy),
             "momentum": self._momentum,
-        } | {f"row_{name}": np.array(values) for name, values in self.rows.items()}
+        }
 
     def restore(self, kept: dict[str, Array]) -> None:
         """Continue from what `state` returned, to another end time if it is not there yet.

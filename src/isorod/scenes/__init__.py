@@ -3,8 +3,9 @@
 A scene is a frozen dataclass of that name with a capital letter whose fields (made with `option`) become command line
 options.  It has a class attribute ``analysis`` (``"statics"``, ``"modal"``, ``"dynamics"`` or ``"geometry"``),
 ``rod()``, and for an analysis ``model()`` and ``measure(solution)``; for dynamics also ``settings()``, the keyword
-arguments of `isorod.dynamics.solve`.  A scene with a choice of analyses lists them in a class attribute ``analyses``,
-the default first, and has ``analysis`` as a property.
+arguments of `isorod.dynamics.solve`.  Its class attribute ``units`` says, in words, the unit of each number that is the
+answer, by its name in `measure` or in the solution's record, the most wanted first.  A scene with a choice of analyses
+lists them in a class attribute ``analyses``, the default first, and has ``analysis`` as a property.
 """
 
 import dataclasses
@@ -16,6 +17,14 @@ from isorod.errors import InputError
 
 # Names on the command line: those of the files here.  Each is imported only when it is asked for.
 SCENES = tuple(sorted(module.name for module in iter_modules(__path__)))
+
+
+# Those of a scene that is geometry only.
+GEOMETRY_UNITS = {
+    "volume": "(cube of the unit that lengths are in)",
+    "smallest_jacobian": "(of the map from disk and axis; positive: no fold)",
+    "control_points": "",
+}
 
 
 def option(default: Any, text: str) -> Any:

@@ -43,6 +43,16 @@ class Biceps:
     """
 
     analyses: ClassVar[tuple[str, ...]] = ("dynamics", "statics")
+    units: ClassVar[dict[str, str]] = {
+        "end_force": "N (at lower and upper end of the one branch, then of the other)",
+        "end_force_x": "N",
+        "end_force_y": "N",
+        "belly_bulge": "cm",
+        "belly_bulge_history": "cm",
+        "contact_force": "N",
+        "contact_area": "cm^2",
+        "penetration": "cm",
+    }
     # Contact needs control points round the section.
     section_degree: ClassVar[None] = None
 

@@ -23,6 +23,7 @@ class Blade:
     """Airfoil section swept along z with linear twist and taper, root face clamped; vibration modes."""
 
     analysis: ClassVar[str] = "modal"
+    units: ClassVar[dict[str, str]] = {"frequencies": "(cycles per unit of time; m, N and kg give Hz)"}
 
     length: float = option(8.3, "length [length]")
     twist: float = option(15.0, "turn of the tip about the axis [degrees]")

@@ -6,7 +6,7 @@ from typing import ClassVar
 from isorod.geometry import section
 from isorod.geometry.center_line import straight
 from isorod.geometry.rod import Rod
-from isorod.scenes import option
+from isorod.scenes import GEOMETRY_UNITS, option
 
 
 @dataclass(frozen=True)
@@ -14,6 +14,7 @@ class Flower:
     """Straight bar along z; its map folds where the petals are too deep."""
 
     analysis: ClassVar[str] = "geometry"
+    units: ClassVar[dict[str, str]] = GEOMETRY_UNITS
 
     radius: float = option(1.0, "mean radius of the control polygon, before the factor 1/cos(pi/n) [length]")
     petals: int = option(4, "number of petals")

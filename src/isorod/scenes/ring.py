@@ -6,7 +6,7 @@ from typing import ClassVar
 from isorod.geometry import section
 from isorod.geometry.center_line import helix
 from isorod.geometry.rod import Rod
-from isorod.scenes import option
+from isorod.scenes import GEOMETRY_UNITS, option
 
 
 @dataclass(frozen=True)
@@ -14,6 +14,7 @@ class Ring:
     """Ring of elliptical section about the z axis; the first and the last section are one."""
 
     analysis: ClassVar[str] = "geometry"
+    units: ClassVar[dict[str, str]] = GEOMETRY_UNITS
 
     radius: float = option(4.0, "radius of the centre line [length]")
     a: float = option(1.0, "half axis of the section in the ring's plane [length]")

@@ -22,6 +22,7 @@ class Spring:
     """Round wire wound in coils, both end faces clamped, the upper one pulled along the axis."""
 
     analysis: ClassVar[str] = "statics"
+    units: ClassVar[dict[str, str]] = {"force": "(unit of E x length^2; mm and MPa give N)"}
 
     coils: int = option(3, "number of turns")
     coil_radius: float = option(6.0, "radius of the helix, to the wire's centre [length]")

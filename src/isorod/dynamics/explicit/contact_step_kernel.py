@@ -59,22 +59,22 @@ def subtract(contact: StepContact, displacement: Array, forces: Array) -> StepPr
     return StepPressing(sides.energy + ends.energy, sides.force + ends.force, area, deepest, x, y, z)
 
 
-@njit(types.UniTuple(i8, 2)(MESH, STATE, FACTORS, COURSE, i8, STEP_CONTACT), **STRICT)
+@njit(types.UniTuple(i8, 2)(MESH, STATE, FACTORS, COURSE, i8, i8, STEP_CONTACT), **STRICT)
 def advance(
-    mesh: Mesh, state: State, factors: Factors, course: Course, steps: int, contact: StepContact
+    mesh: Mesh, state: State, factors: Factors, course: Course, first: int, last: int, contact: StepContact
 ) -> tuple[int, int]:
-    """Take a number of steps with contact; return how many were taken, and the outcome.
+    """Take steps ``first`` to ``last - 1`` with contact; return how many of all were taken, and the outcome.
 
     Parameters
     ----------
     mesh, state, factors
         Elements, state vectors (changed) and the factors of the mass.
-    course, steps
-        When the first step begins, how long steps are and what they are told; how many are wanted.
+    course, first, last
+        When step 0 begins, how long steps are and what they are told; which are wanted.
     contact
         From `isorod.dynamics.explicit.contact.pack`.
     """
-    for k in range(steps):
+    for k in range(first, last):
         if evaluate(mesh, state, course, k) > 0.0:
             return k, INVERTED
         pressing = subtract(contact, state.displacement, state.forces)
@@ -85,4 +85,4 @@ def advance(
         state.sums[PUSHED + 2] += course.step * pressing.z
         if not move(state, factors, course):
             return k + 1, BLOWN
-    return steps, DONE
+    return last, DONE

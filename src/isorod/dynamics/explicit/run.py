@@ -30,6 +30,9 @@ _OUTCOMES = {
 _SHORTER = 0.8
 _RETRIES = 15
 
+# Seconds that compiled steps keep Python, and with it Ctrl-C, waiting.
+_BLOCK = 0.2
+
 
 class Run(run.Run):
     """A motion under way in explicit steps."""
@@ -40,6 +43,8 @@ class Run(run.Run):
     def __init__(self, system: System, settings: Settings) -> None:
         super().__init__(system, settings)
         self._carried *= system.model.free >= 0
+        # Steps that take as long as a block, as far as is known.
+        self._block = 1
 
     def solver(self) -> dict[str, str]:
         """Return the names of the methods at work."""
@@ -66,26 +71,22 @@ class Run(run.Run):
         self.estimates[-1] = (0.0, critical)
         if self.step > critical:
             raise InputError(
-                f"time step {self.step:.4g}: not stable, the critical step is {critical:.4g} with as much mass as may "
-                f"be added; take at most {_SAFE * critical:.3g}"
+                f"time step {self._said_step()}: not stable, the critical step is {critical:.4g} with as much mass as "
+                f"may be added; take at most {_SAFE * critical:.3g}"
             )
 
-    def advance(self) -> float:
+    def _advance(self) -> float:
         """Take the steps to the next output and record it; return the wall time of the steps.
 
         An interval that blows up is taken again with a shorter step, unless the step is the user's.
         """
-        system, state = self.system, self.system.state
-        last = state.displacement.copy()
-        before = [array.copy() for array in (*state, system.starts)]
-        sums = self._energy, self._momentum.copy(), self.count
+        last = self.system.state.displacement.copy()
         seconds = 0.0
         for retries in range(_RETRIES + 1):
             limit = _GROWTH * (abs(self._energy) + self._available) + self._noise
             course = Course(self.time, self.step, self.settings.ramp, self.settings.damping, limit)
-            start = perf_counter()
-            taken, outcome = system.advance(course, self.count)
-            seconds += perf_counter() - start
+            taken, outcome, spent = self._take(course)
+            seconds += spent
             self.index += 1
             seen = self._measure()
             problem = _OUTCOMES.get(outcome, "")
@@ -102,14 +103,25 @@ class Run(run.Run):
             if self.settings.time_step is not None or retries == _RETRIES:
                 raise self._blown(taken, last, problem)
             shorter = _SHORTER * self.step
-            for array, kept in zip((*state, system.starts), before, strict=True):
-                array[:] = kept
-            self._energy, self._momentum[:], self.count = sums
+            self._go_back()
             self._restep(shorter)
         self.taken += taken
         self._record(seen)
         self._watch(seen)
         return seconds
+
+    def _take(self, course: Course) -> tuple[int, int, float]:
+        """Take the steps of an interval; return how many were taken, the outcome, and the wall time."""
+        taken, outcome, seconds = 0, DONE, 0.0
+        while outcome == DONE and taken < self.count:
+            first, last = taken, min(taken + self._block, self.count)
+            start = perf_counter()
+            taken, outcome = self.system.advance(course, first, last)
+            spent = perf_counter() - start
+            seconds += spent
+            self._block = max(1, int(_BLOCK * (last - first) / max(spent, 1e-9)))
+            self.tell(self.time + taken * self.step)
+        return taken, outcome, seconds
 
     def _stagger(self, velocity: Array, dissipated: float, work: float) -> None:
         """Take the velocity, given at the time of the displacement, back by half a step.
@@ -164,8 +176,8 @@ class Run(run.Run):
             return
         if self.settings.time_step is not None:
             raise SolveError(
-                f"step {self.taken}, time {self.time:.6g}: the time step {self.step:.4g} is no longer stable, the "
-                f"critical one is {critical:.4g} now; {self._advice(critical)}"
+                f"step {self.taken}, time {self.time:.6g}: the time step {self._said_step()} is no longer stable, "
+                f"the critical one is {critical:.4g} now; {self._advice(critical)}"
             )
         self._restep(_SAFE * critical)
 
@@ -196,6 +208,6 @@ class Run(run.Run):
             advice = self._advice(critical)
         return SolveError(
             f"step {self.taken + taken}, time {time:.6g}: {what}; "
-            f"{self.system.worst(self.system.state.displacement)}; the time step is {self.step:.4g}, the critical one "
-            f"was {critical:.4g} at the output before: {advice}"
+            f"{self.system.worst(self.system.state.displacement)}; the time step is {self._said_step()}, the critical "
+            f"one was {critical:.4g} at the output before: {advice}"
         )

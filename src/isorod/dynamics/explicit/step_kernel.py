@@ -122,20 +122,20 @@ def move(state: State, factors: Factors, course: Course) -> bool:
     return 0.5 * after <= course.limit
 
 
-@njit(types.UniTuple(i8, 2)(MESH, STATE, FACTORS, COURSE, i8), **STRICT)
-def advance(mesh: Mesh, state: State, factors: Factors, course: Course, steps: int) -> tuple[int, int]:
-    """Take a number of steps without contact; return how many were taken, and the outcome.
+@njit(types.UniTuple(i8, 2)(MESH, STATE, FACTORS, COURSE, i8, i8), **STRICT)
+def advance(mesh: Mesh, state: State, factors: Factors, course: Course, first: int, last: int) -> tuple[int, int]:
+    """Take steps ``first`` to ``last - 1`` without contact; return how many of all were taken, and the outcome.
 
     Parameters
     ----------
     mesh, state, factors
         Elements, state vectors (changed) and the factors of the mass.
-    course, steps
-        When the first step begins, how long steps are and what they are told; how many are wanted.
+    course, first, last
+        When step 0 begins, how long steps are and what they are told; which are wanted.
     """
-    for k in range(steps):
+    for k in range(first, last):
         if evaluate(mesh, state, course, k) > 0.0:
             return k, INVERTED
         if not move(state, factors, course):
             return k + 1, BLOWN
-    return steps, DONE
+    return last, DONE

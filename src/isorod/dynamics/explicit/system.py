@@ -77,13 +77,13 @@ class System:
         """What does not change of the contacts."""
         return () if self.contact is None else (*self.contact.packed.fixed, *self.contact.faces)
 
-    def advance(self, course: Course, steps: int) -> tuple[int, int]:
-        """Take steps; return how many were taken, and the outcome (see `isorod.dynamics.explicit.step_kernel`)."""
+    def advance(self, course: Course, first: int, last: int) -> tuple[int, int]:
+        """Take steps ``first`` to ``last - 1``; return as `isorod.dynamics.explicit.step_kernel.advance` does."""
         if self.contact is None:
-            return step_kernel.advance(self.mesh, self.state, self.factors, course, steps)
+            return step_kernel.advance(self.mesh, self.state, self.factors, course, first, last)
         from isorod.dynamics.explicit import contact_step_kernel
 
-        return contact_step_kernel.advance(self.mesh, self.state, self.factors, course, steps, self.contact)
+        return contact_step_kernel.advance(self.mesh, self.state, self.factors, course, first, last, self.contact)
 
     def scale(self, scaling: float) -> None:
         """Add mass; see `isorod.dynamics.explicit.mass`."""

@@ -49,11 +49,12 @@ class Run(run.Run):
     def _choose(self, critical: float) -> None:
         self._divide(self._longest)
 
-    def advance(self) -> float:
+    def _advance(self) -> float:
         """Take the steps to the next output and record it; return the wall time of the steps."""
         start = perf_counter()
         for k in range(self.count):
             self._step(self.time + k * self.step, self.step, 0)
+            self.tell(self.time + (k + 1) * self.step)
         seconds = perf_counter() - start
         self.index += 1
         seen = self._measure()
@@ -61,7 +62,7 @@ class Run(run.Run):
         if not abs(error) <= IMBALANCE:
             raise SolveError(
                 f"step {self.taken}, time {self.time:.6g}: the energy balance is off by {error:.2g} of the work done; "
-                f"the time step is {self.step:.4g}: try a smaller one"
+                f"the time step is {self._said_step()}: try a smaller one"
             )
         self._record(seen)
         return seconds

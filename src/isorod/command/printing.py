@@ -1,0 +1,141 @@
+"""What `isorod run` prints for people: the answer first, then its size, time and convergence, and how it came about."""
+
+import dataclasses
+import os
+import sys
+import textwrap
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, redirect_stdout
+from typing import Any
+
+import numpy as np
+
+from isorod.output.words import duration
+
+_WIDTH, _INDENT = 80, 20
+
+# Numbers of a list that are shown.
+_MOST = 12
+
+
+@contextmanager
+def apart() -> Iterator[Callable[[str], None]]:
+    """Send what is printed within to standard error; yield what prints a line on standard output all the same.
+
+    What C libraries print goes there to the end of the process, as PETSc prints some of it only then.
+    """
+    stream = sys.stdout
+    # Who has put another stream in its place gets what Python prints, petsc4py's words among it.
+    kept = os.dup(1) if stream is not None and stream is sys.__stdout__ else None
+    if kept is not None:
+        os.dup2(2, 1)
+
+    def say(text: str) -> None:
+        if kept is not None:
+            os.dup2(kept, 1)
+        print(text, file=stream, flush=True)
+        if kept is not None:
+            os.dup2(2, 1)
+
+    with redirect_stdout(sys.stderr):
+        yield say
+
+
+def summary(record: Mapping[str, Any], scene: Any) -> str:
+    """Return a record in words, on one screen of 80 columns.
+
+    Parameters
+    ----------
+    record
+        From `isorod.command.run`.
+    scene
+        Whose ``units`` say which of its numbers are the answer, in which order and in which unit.
+    """
+    rows = [*_answer(record, scene.units), *_effort(record), *_origin(record, scene)]
+    lines = []
+    for label, text in rows:
+        lines += textwrap.wrap(
+            f"{label} ".ljust(_INDENT) + text,
+            _WIDTH,
+            subsequent_indent=" " * _INDENT,
+            break_long_words=False,
+            break_on_hyphens=False,
+        )
+    return "\n".join(lines)
+
+
+def _answer(record: Mapping[str, Any], units: Mapping[str, str]) -> Iterator[tuple[str, str]]:
+    for name, unit in units.items():
+        if name not in record:
+            continue
+        value = np.asarray(record[name])
+        # What is over time has as many rows as there are outputs.
+        moving = "times" in record and value.shape[:1] == np.shape(record["times"])
+        text = ", ".join(f"{item:.6g}" for item in np.ravel(value[-1] if moving else value)[:_MOST])
+        if value.size > _MOST and not moving:
+            text += f" and {value.size - _MOST} more"
+        if moving and value.ndim == 1 and value.max() > value[-1]:
+            text += f" in the end, largest {value.max():.6g}"
+        yield name.replace("_", " "), f"{text} {unit}".rstrip()
+    if "error_estimate" in record:
+        changes = ", ".join(f"{name.replace('_', ' ')} {change:.2g}" for name, change in record["changes"].items())
+        yield "error", f"{record['error_estimate']:.2g}, relative, as estimated from finer spaces ({changes})"
+
+
+def _effort(record: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    if "seconds" not in record:
+        return
+    yield "size", f"{record['unknowns']:,} unknowns ({record['dofs']:,} degrees of freedom)"
+    seconds = record["seconds"]
+    names = {"setup": "set-up", "assembly": "assembly", "solve": "solve"}
+    parts = ", ".join(f"{names[part]} {duration(time)}" for part, time in seconds.items() if part in names)
+    apart = "".join(f"; {part} {duration(seconds[part])} apart" for part in ("check", "import") if part in seconds)
+    yield "time", f"{duration(seconds['total'])} ({parts}){apart}"
+    yield "convergence", "; ".join(_convergence(record))
+
+
+def _convergence(record: Mapping[str, Any]) -> Iterator[str]:
+    if "steps" in record:
+        yield f"{_count(record['steps'], 'time step')} of {record['time_step']:.4g}"
+        yield f"energy within {np.abs(record['energy_error']).max():.1g} of the work done"
+        yield f"momentum within {np.abs(record['momentum_error']).max():.1g}"
+        if record["resumed"] is not None:
+            yield f"continued from time {record['resumed']:.6g}"
+    if record.get("newton_iterations"):
+        yield _count(record["newton_iterations"], "Newton iteration")
+    if "load_steps" in record:
+        yield _count(record["load_steps"], "load step")
+    if record.get("cuts"):
+        yield f"{_count(record['cuts'], 'step')} cut and tried again"
+    if "residual_norms" in record:
+        yield f"force out of balance {record['residual_norms'][-1]:.1g}, at first {record['residual_norms'][0]:.3g}"
+    if "residuals" in record:
+        yield f"{_count(record['iterations'], 'restart')} of the eigensolver"
+        yield f"relative residuals within {np.max(record['residuals']):.1g}"
+        yield f"{_count(record['rigid'], 'rigid mode')}" if record["rigid"] else "no mode missed (Sturm count)"
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number:,} {what}{'' if number == 1 else 's'}"
+
+
+def _origin(record: Mapping[str, Any], scene: Any) -> Iterator[tuple[str, str]]:
+    """Return what was solved, how, and by which versions."""
+    changed = [
+        f"{field.name.replace('_', ' ')} {record['options'][field.name]}"
+        for field in dataclasses.fields(scene)
+        if record["options"][field.name] != field.default
+    ]
+    yield "scene", f"{record['scene']}, {record['analysis']}; {', '.join(changed) or 'options as they are by default'}"
+    if "solver" not in record:
+        yield "more", "--json prints all there is on one line, --output DIR keeps it"
+        return
+    solver = ", ".join(f"{part} {name}" for part, name in record["solver"].items())
+    built = " and ".join(record["built"]) or "nothing"
+    rules = " and ".join(dict.fromkeys(record["quadrature"]))
+    yield "method", f"{solver}; {built} built; quadrature {rules}; {_count(record['ranks'], 'rank')}"
+    if record["petsc_options"]:
+        yield "PETSc options", record["petsc_options"]
+    yield "versions", ", ".join(f"{name} {version}" for name, version in record["versions"].items())
+    histories = ", histories" if "times" in record else ""
+    yield "more", f"--json prints all there is on one line{histories}; --output DIR keeps it with the fields"
