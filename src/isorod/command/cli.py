@@ -79,12 +79,11 @@ def _run(ours: Sequence[str], theirs: Sequence[str]) -> int:
             vtk.require()
     scene = scene_type(**values)
     solve = _geometry if scene.analysis == "geometry" else _analysis
-    with printing.apart() if found.json else nullcontext(print) as say:
-        # What overflows ends as a number that is not finite, and no such number is reported.
-        with np.errstate(all="ignore"), options.petsc_errors():
-            record, fields = solve(scene, theirs, found)
-        if ending.rank() == 0:
-            say(_report(record, fields, found, scene))
+    # What overflows ends as a number that is not finite, and no such number is reported.
+    with printing.apart() if found.json else nullcontext(), np.errstate(all="ignore"), options.petsc_errors():
+        record, fields = solve(scene, theirs, found)
+    if ending.rank() == 0:
+        print(_report(record, fields, found, scene))
     return 0
 
 

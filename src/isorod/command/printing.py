@@ -1,10 +1,11 @@
 """What `isorod run` prints for people: the answer first, then its size, time and convergence, and how it came about."""
 
+import atexit
 import dataclasses
 import os
 import sys
 import textwrap
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, redirect_stdout
 from typing import Any
 
@@ -19,26 +20,26 @@ _MOST = 12
 
 
 @contextmanager
-def apart() -> Iterator[Callable[[str], None]]:
-    """Send what is printed within to standard error; yield what prints a line on standard output all the same.
-
-    What C libraries print goes there to the end of the process, as PETSc prints some of it only then.
-    """
-    stream = sys.stdout
-    # Who has put another stream in its place gets what Python prints, petsc4py's words among it.
-    kept = os.dup(1) if stream is not None and stream is sys.__stdout__ else None
-    if kept is not None:
-        os.dup2(2, 1)
-
-    def say(text: str) -> None:
+def apart() -> Iterator[None]:
+    """Send what is printed within to standard error, and what PETSc prints when the process ends."""
+    own = sys.stdout is not None and sys.stdout is sys.__stdout__
+    kept = os.dup(1) if own else None
+    try:
+        if own:
+            sys.stdout.flush()
+            os.dup2(2, 1)
+            atexit.register(_leave)
+        with redirect_stdout(sys.stderr):
+            yield
+    finally:
         if kept is not None:
             os.dup2(kept, 1)
-        print(text, file=stream, flush=True)
-        if kept is not None:
-            os.dup2(2, 1)
+            os.close(kept)
 
-    with redirect_stdout(sys.stderr):
-        yield say
+
+def _leave() -> None:
+    sys.stdout.flush()
+    os.dup2(2, 1)
 
 
 def summary(record: Mapping[str, Any], scene: Any) -> str:
