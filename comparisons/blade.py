@@ -98,6 +98,15 @@ CURVES = {
     ),
 }
 
+# Ours, as `comparisons.fem.presets.blade.BEST` are theirs.
+BEST = {
+    1e-2: _half_smooth(3, "3x1x5", (2,)).arguments,
+    5e-3: _half_smooth(3, "3x1x5", (2,)).arguments,
+    3e-3: _half_smooth(4, "4x2x5", (2,)).arguments,
+    1e-3: _half_smooth(4, "4x2x5", (4,)).arguments,
+    5e-4: _half_smooth(5, "4x2x5", (3,)).arguments,
+}
+
 
 def run(study: Run) -> None:
     """Run the study and append its records."""
