@@ -126,7 +126,7 @@ def run(study: Run) -> None:
                 found = rod.measure("blade", dict(values), repeat=1)
                 study.record("element", found | {"label": label})
         work = WorkPrecision(study, steps, "blade", FINER, lambda found: largest_error(found["frequencies"], reference))
-        work.run(curves, targets)
+        work.run(curves, targets, {target: (*BEST[target], *presets.BEST[target]) for target in targets})
         scene = scenes.find("blade")(section_points=32, elements=16, degree=3, order=2)
         shapes = modal.solve(scene.model())
         with steps.step("modal assurance criterion"):

@@ -82,7 +82,7 @@ def run(study: Run) -> None:
                 found = timing.run("comparisons.fem", ["spring", "--preset", name])
                 study.record("paper mesh", found | {"element": name.removeprefix("paper-")})
         work = WorkPrecision(study, steps, "spring", FINER, lambda found: abs(found["force"] / reference - 1.0))
-        work.run(curves, targets)
+        work.run(curves, targets, {target: (*BEST[target], *presets.BEST[target]) for target in targets})
         with steps.step("von Mises stress"):
             pictures.spring(study)
 

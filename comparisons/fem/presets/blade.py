@@ -64,8 +64,8 @@ FULL = (
     _family("P2 tetrahedra", f"{_P} 2", (4, 1, 16), (8, 2, 32), (12, 2, 48)),
     _family("P3 tetrahedra", f"{_P} 3", (4, 1, 10), (6, 1, 12), (8, 1, 16)),
 )
-# What was fastest within each error at full level.  Every level measures those of its targets, so that a quick answer is
-# not better for us than the full one.
+# What was fastest within each error at full level.  Every level measures those of its targets, so that a quick answer
+# is not better for us than the full one.
 BEST = {
     1e-2: (f"{_Q2} --along 4 --across 1 --layers 18",),
     5e-3: (f"{_Q2} --along 4 --across 1 --layers 20",),
