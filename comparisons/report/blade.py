@@ -40,8 +40,8 @@ def section(records: list[Record], folder: Path) -> list[str]:
         f"{scene['twist']:g}° and tapered to {scene['taper']:g} of its size at the tip; the root is clamped. What are "
         f"its ten lowest frequencies? Linear elastic, E = {scene['E']:g}, ν = {scene['nu']:g}, density "
         f"{scene['density']:g}; units are consistent ones, frequencies in Hz with seconds. The error is the largest "
-        f"of the ten. Converged frequencies: three uniformly refined meshes of dolfinx "
-        "(<code>{html.escape(limit['element'])}</code>), extrapolated mode by mode.</p>"
+        "of the ten. Converged frequencies: three uniformly refined meshes of dolfinx "
+        f"(<code>{html.escape(limit['element'])}</code>), extrapolated mode by mode.</p>"
     )
     lines += work.errors("blade", "blade's frequencies", records, folder, OURS, THEIRS)
     lines.append(heading(3, "Blade: how far the element is from the 3-D solution"))

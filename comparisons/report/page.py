@@ -32,7 +32,7 @@ def write(folder: Path) -> Path:
     parts = [heading(2, "Words and letters"), words.words()]
     for study, records in found.items():
         with _read(folder, study):
-            answers.extend(_part(study).answer(records))
+            answers += ["<div>", *_part(study).answer(records), "</div>"]
             parts.extend(_part(study).section(records, folder))
     with _read(folder, *found):
         parts += [heading(2, "Where these numbers come from"), _provenance(found)]
@@ -42,8 +42,9 @@ def write(folder: Path) -> Path:
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         f"<title>isorod: {words.TITLE}</title>\n"
         f"<style>{_STYLE.read_text()}</style></head>\n<body>\n<h1>{words.TITLE}</h1>\n"
+        + "<div class=answers>"
         + "\n".join(answers)
-        + f"\n{words.INTRODUCTION}\n{contents(body)}\n{body}\n</body></html>\n"
+        + f"</div>\n{words.INTRODUCTION}\n{contents(body)}\n{body}\n</body></html>\n"
     )
     path = folder / "report.html"
     write_beside(path, lambda where: where.write_text(page))

@@ -85,7 +85,7 @@ def story(records: list[Record], curves: Sequence[Record], quantity: str, wide: 
         for (method, curve), look in looks(curves).items():
             points = [one for one in curves if (one["method"], one["curve"]) == (method, curve)]
             errors = [one["error"] for one in points]
-            label = named(points[0], several=True)
+            label = named(points[0])
             axes[0].loglog([one["seconds"]["total"] for one in points], errors, label=label, markersize=6, **look)
             axes[1].loglog([one["dofs"] for one in points], errors, markersize=6, **look)
         best = pairs(records)
@@ -114,11 +114,11 @@ def story(records: list[Record], curves: Sequence[Record], quantity: str, wide: 
 
 
 def _gap(axis: Any, target: float, ours: float, theirs: float) -> None:
-    """Mark how far apart the run times are at an error."""
+    """Mark how far apart the run times are at an error, by our share of theirs."""
     axis.annotate("", (ours, target), (theirs, target), arrowprops={"arrowstyle": "<->", "shrinkA": 0, "shrinkB": 0})
-    text = f"{ratio(ours, theirs)} the time"
+    text = ratio(ours, theirs).removesuffix(" of")
     white = {"facecolor": "white", "edgecolor": "none", "pad": 1.5}
-    axis.text((ours * theirs) ** 0.5, target, text, ha="center", va="center", fontsize=11, bbox=white)
+    axis.text((ours * theirs) ** 0.5, target, text, ha="center", va="center", fontsize=12, weight="bold", bbox=white)
 
 
 def _percent(value: float, _: int) -> str:
@@ -132,10 +132,9 @@ def _time(value: float, _: int) -> str:
 def every(work: Sequence[Record], quantity: str, path: Path) -> None:
     """Draw error against run time of all curves, ours left, theirs right, each with its number as its marker."""
     pyplot = _pyplot()
-    several = len({version(one) for one in work if one["method"] == "fem"}) > 1
     curves: dict[str, list[Record]] = {}
     for record in work:
-        curves.setdefault(named(record, several), []).append(record)
+        curves.setdefault(named(record), []).append(record)
     sides = [
         {name: runs for name, runs in curves.items() if runs[0]["method"] == method}
         for method in ("cylindrical", "fem")

@@ -13,7 +13,6 @@ LUCK = (
     "fastest of both sides were measured again, in turn. Each configuration has one time on this page, the least of "
     "all its medians.</p>"
 )
-NAMES = {"cylindrical": "cylindrical element", "fem": "dolfinx"}
 
 
 def version(record: Record) -> str:
@@ -101,7 +100,7 @@ def answer(study: str, quantity: str, records: list[Record]) -> list[str]:
         best = (fastest(records, "fem", target, of=one) for one in known)
         share = ratio(ours["seconds"]["total"], theirs["seconds"]["total"])
         rows.append((percent(target), _cost(ours), *(_cost(one) if one else "none" for one in best), _bare(share)))
-    head = ("error within", "cylindrical element", *(f"dolfinx {one}" for one in known), "share of the time")
+    head = ("error within", "cylindrical element", *(f"dolfinx {one}" for one in known), "time")
     return [*lines, f"<div class=answer>{table(head, rows)}</div>"]
 
 
@@ -126,14 +125,14 @@ def reach(records: list[Record]) -> str:
                     continue
                 seconds = record["seconds"]
                 share = ratio(seconds["total"], best["seconds"]["total"]) if best and method == "cylindrical" else ""
-                name = f"{NAMES[method]} {version(record)}".strip()
                 rows.append(
                     (
                         percent(target),
-                        f"{name}: {record['curve']}" + ("" if holds else " (errors cancel: does not count)"),
+                        _side(record),
                         milliseconds(seconds["total"]),
-                        share.removesuffix(" of") if holds else "",
+                        _bare(share) if holds else "errors cancel",
                         f"{record['dofs']:,}",
+                        record["curve"],
                         percent(record["error"]),
                         ", ".join(percent(near["error"]) for near in record["finer"]),
                         milliseconds(seconds["check"]) if "check" in seconds else "",
@@ -146,17 +145,17 @@ def reach(records: list[Record]) -> str:
         "ms",
         "our share",
         "unknowns",
+        "curve",
         "its error",
         "one step finer",
         "check ms",
         "peak MiB",
     )
-    return table(head, rows, text=(0, 1))
+    return table(head, rows, text=(0, 1, 5))
 
 
 def runs(work: Sequence[Record]) -> str:
     """Return the table of every run, with its options; error and time first."""
-    several = len(versions(list(work))) > 1
     rows = []
     for record in work:
         seconds = record["seconds"]
@@ -169,7 +168,7 @@ def runs(work: Sequence[Record]) -> str:
         solver = text or " ".join(f"{key} {value}" for key, value in record.get("solver", {}).items())
         rows.append(
             (
-                named(record, several),
+                named(record),
                 percent(record["error"]),
                 milliseconds(seconds["total"]),
                 f"{record['dofs']:,}",
@@ -198,10 +197,13 @@ def runs(work: Sequence[Record]) -> str:
     return table(head, rows, text=(0, 9, 10))
 
 
-def named(record: Record, several: bool) -> str:
-    """Return the name of a run's curve, with the side, and with the version of dolfinx if there are several."""
-    side = "isorod" if record["method"] == "cylindrical" else f"dolfinx {version(record)}" if several else "dolfinx"
-    return f"{side}: {record['curve']}"
+def named(record: Record) -> str:
+    """Return the name of a run's curve with its side, of dolfinx with the version."""
+    return f"{_side(record)}: {record['curve']}"
+
+
+def _side(record: Record) -> str:
+    return "isorod" if record["method"] == "cylindrical" else f"dolfinx {version(record)}"
 
 
 def rerun(study: str, records: list[Record]) -> str:

@@ -22,8 +22,8 @@ MEANINGS = {
     "meshes, each finer than the last.",
     "run time": "Set-up + assembly + solve + check of one solution, in a process that has solved it before: the median "
     "of five. Import, compilation and, for dolfinx, mesh generation are left out.",
-    "check": "What proves a result and is part of its run time: of modes, a Sturm count, which shows by one more "
-    "factorisation that none of the lowest frequencies was missed.",
+    "check": "What proves a result and is part of its run time: of modes a Sturm count, one more factorisation, which "
+    "shows that none of the lowest frequencies was missed; of few quadrature points, that no motion escaped them.",
     "unknowns": "Displacement components of all control points, or nodes, those held by supports included.",
     "n": "Control points round a section.",
     "K": "Order of the functions across a section: K = 1 are the paper's, harmonic; K = 2 and 3 add functions that "

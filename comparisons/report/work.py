@@ -6,7 +6,7 @@ from pathlib import Path
 from comparisons.measure.records import Record, part
 from comparisons.report import plots
 from comparisons.report.html import figure, fold, heading
-from comparisons.report.precision import LUCK, reach, refused, rerun, runs
+from comparisons.report.precision import LUCK, named, reach, refused, rerun, runs
 
 
 def errors(
@@ -21,7 +21,7 @@ def errors(
     curves = plots.told(records, ours, theirs)
     plots.story(records, curves, quantity, *(folder / file for file in files[:2]))
     plots.every(work, quantity, folder / files[2])
-    count = len({(one["method"], one["curve"]) for one in work})
+    count = len({named(one) for one in work})
     return [
         heading(3, f"{study.title()}: error against run time"),
         figure(
@@ -29,7 +29,7 @@ def errors(
             f"error of the {quantity} against run time and against unknowns, both axes logarithmic",
             "Lower is more accurate, further left is faster, or smaller. Solid lines in blue and green are isorod, "
             "dashed ones in warm colours and black dolfinx. Rings mark the fastest within each error (dotted lines) "
-            "that stays there on finer meshes.",
+            "that stays there on finer meshes; arrows, our share of the run time.",
             narrow=files[1],
         ),
         fold(
