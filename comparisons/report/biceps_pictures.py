@@ -205,16 +205,16 @@ def _animation(ours: _Ours, moving: _Theirs, path: Path) -> None:
 def _palette() -> Any:
     """Return an image with one palette for all frames, so that colours do not flicker.
 
-    The scale's in several lights, and greys.
+    The scale's, also darker as lines upon it make them, and greys.
     """
     from matplotlib import colormaps
     from PIL import Image
 
     scale = colormaps["turbo"](np.linspace(0.0, 1.0, 44))[:, :3]
-    lights = np.concatenate([scale * light for light in (1.0, 0.87, 0.72, 0.55, 0.35)])
+    shades = np.concatenate([scale * shade for shade in (1.0, 0.87, 0.72, 0.55, 0.35)])
     greys = np.linspace(0.0, 1.0, 36)[:, None] * np.ones(3)
     image = Image.new("P", (1, 1))
-    image.putpalette(np.round(255.0 * np.concatenate([lights, greys])).astype(np.uint8).tobytes())
+    image.putpalette(np.round(255.0 * np.concatenate([shades, greys])).astype(np.uint8).tobytes())
     return image
 
 

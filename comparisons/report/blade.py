@@ -52,9 +52,7 @@ def section(records: list[Record], folder: Path) -> list[str]:
         "fine the axis. That its numbers come near Table 2 says nothing about this. K = 2 removes it.</p>"
     )
     lines.append(heading(3, "Blade: Table 2 of Lu & Zhou (2011)"))
-    lines.append(
-        "<p>The frequencies that the paper prints, and ours with its element; N is its number of elements.</p>"
-    )
+    lines.append("<p>The frequencies in Hz that the paper prints, and ours with its element.</p>")
     lines.append(_published(entries))
     lines.append(heading(3, "Blade: the converged frequencies"))
     lines.append(_reference(records))
@@ -107,12 +105,12 @@ def _published(entries: list[Record]) -> str:
     rows = []
     worst = 0.0
     for record in entries:
-        rows.append((f"N = {record['elements']}", "published", *_row(record["published"])))
+        rows.append((f"{record['elements']} elements", "published", *_row(record["published"])))
         rows.append(("", "ours", *_row(record["frequencies"])))
         rows.append(("", "deviation", *_deviations(record["frequencies"], record["published"])))
         worst = max(worst, float(np.max(np.abs(np.array(record["frequencies"]) / record["published"] - 1.0))))
     text = f"<p>Largest deviation of the 60 values: {percent(worst)}.</p>"
-    return table(("elements", "", *MODES), rows, text=(0, 1)) + text
+    return table(("Hz", "", *MODES), rows, text=(0, 1)) + text
 
 
 def _reference(records: list[Record]) -> str:

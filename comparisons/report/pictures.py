@@ -70,7 +70,7 @@ def modes(study: Run, found: Modes, exaggeration: float = 0.12) -> None:
     shapes = {f"mode {k + 1}": found.model.nodal(vector) for k, vector in enumerate(found.vectors)}
     # Displacements do not jump: merged points leave no faces inside.
     mesh = vtk.grid(body, shapes, rings=3, around=48, slices=3).clean(tolerance=1e-6)
-    names = [f"{k + 1}: {frequency:.4g} Hz" for k, frequency in enumerate(found.frequencies)]
+    names = [f"{k + 1}\n{frequency:.4g} Hz" for k, frequency in enumerate(found.frequencies)]
     wide, narrow = (study.folder / name for name in ("blade-modes.png", "blade-modes-narrow.png"))
     for path, rows, size in ((wide, 2, (1700, 1000)), (narrow, 4, (840, 1640))):
         write_beside(path, partial(_modes, mesh, names, exaggeration, rows, size))

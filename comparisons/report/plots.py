@@ -1,6 +1,7 @@
 """Plots made from result records alone."""
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -91,12 +92,11 @@ def story(records: list[Record], curves: Sequence[Record], quantity: str, wide: 
         best = pairs(records)
         for target, ours, theirs in (best[0], best[-1]) if best else ():
             _gap(axes[0], target, *(one["seconds"]["total"] for one in (ours, theirs)))
-        for k, (_, *both) in enumerate(best):
-            for one in both:
-                ring = {"color": "black", "marker": "o", "markersize": 14, "markerfacecolor": "none", "linestyle": ""}
-                label = "fastest within an error" if k == 0 and one is both[0] else None
-                axes[0].plot(one["seconds"]["total"], one["error"], label=label, **ring)
-                axes[1].plot(one["dofs"], one["error"], **ring)
+        ringed = [one for _, *both in best for one in both]
+        errors = [one["error"] for one in ringed]
+        rings = {"color": "black", "marker": "o", "markersize": 14, "markerfacecolor": "none", "linestyle": ""}
+        axes[0].plot([one["seconds"]["total"] for one in ringed], errors, label="fastest within an error", **rings)
+        axes[1].plot([one["dofs"] for one in ringed], errors, **rings)
         for axis, what in zip(axes, ("run time, one thread", "unknowns"), strict=True):
             axis.set_xlabel(what, fontsize=12)
             axis.tick_params(labelsize=11)
@@ -105,11 +105,11 @@ def story(records: list[Record], curves: Sequence[Record], quantity: str, wide: 
             for target in targets(records):
                 axis.axhline(target, color="black", linewidth=0.7, linestyle=":")
         axes[0].xaxis.set_major_formatter(_time)
-        axes[1].xaxis.set_major_formatter(lambda value, _: f"{value:,.0f}")
+        axes[1].xaxis.set_major_formatter(_count)
         for axis in axes[:1] if columns == 2 else axes:
             axis.set_ylabel(f"error of the {quantity}", fontsize=12)
         figure.legend(loc="outside lower center", ncols=3 if columns == 2 else 1, frameon=False, fontsize=11)
-        write_beside(path, lambda where, made=figure: made.savefig(where, dpi=130))
+        write_beside(path, partial(figure.savefig, dpi=130))
         pyplot.close(figure)
 
 
@@ -123,6 +123,10 @@ def _gap(axis: Any, target: float, ours: float, theirs: float) -> None:
 
 def _percent(value: float, _: int) -> str:
     return f"{100 * value:g} %"
+
+
+def _count(value: float, _: int) -> str:
+    return f"{value:,.0f}"
 
 
 def _time(value: float, _: int) -> str:

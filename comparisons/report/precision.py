@@ -65,8 +65,12 @@ def fastest(
 
 def pairs(records: list[Record]) -> list[tuple[float, Record, Record]]:
     """Return the targets that both sides reach, and the fastest of each."""
-    every = [(target, *(fastest(records, method, target) for method in MODULES)) for target in targets(records)]
-    return [(target, ours, theirs) for target, ours, theirs in every if ours and theirs]
+    found = []
+    for target in targets(records):
+        ours, theirs = (fastest(records, method, target) for method in MODULES)
+        if ours and theirs:
+            found.append((target, ours, theirs))
+    return found
 
 
 def ratio(ours: float, theirs: float) -> str:
