@@ -132,13 +132,22 @@ class Page(HTMLParser):
             self.explained.append(data)
 
 
+def write(folder):
+    """Write the page; its figures are made, and their files, but not drawn, which takes seconds."""
+    from matplotlib.figure import Figure
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Figure, "savefig", lambda self, path, **look: path.write_bytes(b""))
+        return page.write(folder)
+
+
 @pytest.fixture(scope="module")
 def written(tmp_path_factory):
     """The folder of a page of spring and blade, and the page."""
     folder = tmp_path_factory.mktemp("page")
     for study in SCENES:
         made(study, folder)
-    return folder, page.write(folder).read_text()
+    return folder, write(folder).read_text()
 
 
 def test_contents_lead_to_every_section(written):
@@ -226,6 +235,19 @@ def test_a_configuration_has_one_time_everywhere(written):
     assert "cylindrical element 14 ms (200 unknowns), best dolfinx 140 ms" in page.summary(folder)[0]
 
 
+def test_the_story_is_drawn_for_wide_and_for_narrow_screens(tmp_path):
+    from matplotlib.image import imread
+
+    found = [run_of("spring", m, "c", k, 10.0 * k, 1e-2 / k) for m in precision.MODULES for k in (1, 2)]
+    wide, narrow = tmp_path / "wide.png", tmp_path / "narrow.png"
+    plots.story([one | {"part": "work"} for one in found], found, "force", wide, narrow)
+    (height, width, _), (tall, slim, _) = (imread(path).shape for path in (wide, narrow))
+    assert width > 2 * height
+    assert tall > 2 * slim
+    # Letters of 11 points are at least 10 pixels tall where it is shown 400 pixels wide.
+    assert 11 / 72 * 130 * 400 / slim > 10
+
+
 def test_the_check_of_a_result_is_shown_as_a_part_of_the_total(written):
     (head,) = set(re.findall(r"<tr>(?:(?!</tr>).)*total ms.*?</tr>", written[1]))
     assert "<th>check</th>" in head
@@ -267,7 +289,7 @@ def test_records_of_another_version_are_said_to_be(tmp_path):
     path = tmp_path / "spring.jsonl"
     path.write_text(path.read_text().replace('"narrow"', '"other"'))
     with pytest.raises(page.InputError, match="damaged or of another version"):
-        page.write(tmp_path)
+        write(tmp_path)
 
 
 def test_colours_of_a_picture_are_those_of_its_scale():
