@@ -28,16 +28,16 @@ def clocked(monkeypatch, *lengths):
     return solve
 
 
-def test_checks_do_not_count_as_run_time(monkeypatch):
+def test_checks_count_as_run_time_and_stay_a_part_of_their_own(monkeypatch):
     _, _, seconds = runs.timed(clocked(monkeypatch, 8.0), 1, MPI.COMM_SELF)
-    assert seconds == {"assembly": 2.0, "check": 2.0, "total": 6.0}
+    assert seconds == {"assembly": 2.0, "check": 2.0, "total": 8.0}
 
 
 def test_the_time_is_the_median_of_the_warm_runs(monkeypatch):
     found, each, seconds = runs.timed(clocked(monkeypatch, 80.0, 4.0, 16.0, 8.0), 4, MPI.COMM_SELF)
     assert found.number == 4
-    assert [one["total"] for one in each] == [60.0, 3.0, 12.0, 6.0]
-    assert seconds == {"assembly": 2.0, "check": 2.0, "total": 6.0}
+    assert [one["total"] for one in each] == [80.0, 4.0, 16.0, 8.0]
+    assert seconds == {"assembly": 2.0, "check": 2.0, "total": 8.0}
 
 
 def test_provenance_names_the_finite_elements():

@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import pytest
 
@@ -44,6 +45,17 @@ def test_the_only_run_is_cold_and_its_time_counts(clocked):
     found = rod.measure("spring", SMALL, 1)
     assert found["seconds"]["total"] == 9.0
     assert found["warm"] is False
+
+
+def test_the_checks_of_a_result_count_as_run_time_and_stay_a_part_of_their_own(monkeypatch):
+    """A clock that ticks at the start, when the model is built and at the end; the analysis says what it took."""
+    ticks = iter((100.0, 101.0, 109.0))
+    monkeypatch.setattr(run, "perf_counter", lambda: next(ticks))
+    parts = {"setup": 1.0, "assembly": 2.0, "solve": 1.5, "check": 3.5}
+    monkeypatch.setattr(run, "import_module", lambda name: SimpleNamespace(solve=lambda model: solution))
+    solution = SimpleNamespace(seconds=parts)
+    scene = SimpleNamespace(analysis="modal", model=lambda: None)
+    assert run.solve(scene, {}) == (solution, parts | {"setup": 2.0, "total": 9.0})
 
 
 def test_a_record_says_what_was_measured():

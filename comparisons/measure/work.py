@@ -73,8 +73,12 @@ class WorkPrecision:
         found = timing.run(MODULES[method], words)
         return found | {"arguments": arguments, "error": self.error(found)}
 
-    def run(self, curves: Sequence[Curve], targets: Sequence[float]) -> None:
-        """Record error and warm run time along each curve, or the refusal, then the fastest runs within each target."""
+    def run(self, curves: Sequence[Curve], targets: Sequence[float], known: Mapping[float, Sequence[str]]) -> None:
+        """Record error and warm run time along each curve, or the refusal, then the fastest runs within each target.
+
+        ``known`` are arguments that were the fastest within a target before.  They are measured again with the fastest
+        of today: a machine that is busy for a moment must not keep them from winning.
+        """
         work = []
         for curve in curves:
             for arguments in curve.arguments:
@@ -90,9 +94,9 @@ class WorkPrecision:
             fastest = []
             for method in MODULES:
                 with self.steps.step(f"fastest {method} within {100 * target:g} %"):
-                    fastest.append(self._confirm([one for one in work if one["method"] == method], target))
+                    fastest += self._confirm([one for one in work if one["method"] == method], target, known[target])
             with self.steps.step(f"side by side within {100 * target:g} %"):
-                self._side_by_side([one for one in fastest if one is not None])
+                self._side_by_side(fastest)
 
     def _side_by_side(self, fastest: Sequence[Record]) -> None:
         """Measure runs again, in turn, and record them with the least of the median times.
@@ -108,14 +112,17 @@ class WorkPrecision:
             best = seconds[totals.index(min(totals))]
             self.study.record("confirm", found | {"seconds": best, "turns": totals})
 
-    def _confirm(self, work: Sequence[Record], target: float) -> Record | None:
+    def _confirm(self, work: Sequence[Record], target: float, known: Sequence[str]) -> list[Record]:
         """Return the fastest run within the target that stays within it when axis or section alone is refined.
+
+        Beside it, those whose arguments are known to have been the fastest and that stay within it too.
 
         On a coarse mesh errors of the axis and of the section can cancel; what is within the target by that luck is
         recorded, as not holding.
         """
+        held: list[Record] = []
         for found in sorted(work, key=lambda record: record["seconds"]["total"]):
-            if found["error"] > target:
+            if found["error"] > target or (held and found["arguments"] not in known):
                 continue
             finer: list[Record] = []
             for option, step in self.finer[found["method"]]:
@@ -134,9 +141,10 @@ class WorkPrecision:
             holds = len(finer) > 1 and all(near["error"] <= target for near in finer)
             confirmed = found | {"target": target, "finer": finer, "holds": holds}
             if holds:
-                return confirmed
-            self.study.record("confirm", confirmed)
-        return None
+                held.append(confirmed)
+            else:
+                self.study.record("confirm", confirmed)
+        return held
 
 
 def steps_of(curves: Sequence[Curve], targets: Sequence[float]) -> int:

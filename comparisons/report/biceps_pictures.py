@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from comparisons.measure.study import Run
-from comparisons.report.pictures import BAR, add_von_mises, without_display
+from comparisons.report.pictures import BAR, add_flat, without_display
 from isorod.model import Model
 from isorod.output import vtk
 from isorod.output.results import write_beside
@@ -153,7 +153,7 @@ def _picture(ours: _Ours, moving: _Theirs, still: _Theirs, path: Path) -> None:
             plotter.subplot(row, column)
             last = column == columns - 1
             mesh = rest[row] if last else side.at(TIMES[column - 1])
-            add_von_mises(plotter, mesh, SCALE, None)
+            add_flat(plotter, mesh, "von_mises", SCALE, "turbo", None)
             text = "equilibrium" if last else f"{1e3 * TIMES[column - 1]:g} ms"
             plotter.add_text(text, position="upper_left", font_size=11, color="black")
             _look(plotter)
@@ -189,7 +189,7 @@ def _animation(ours: _Ours, moving: _Theirs, path: Path) -> None:
             if time == 0.0:
                 mesh.point_data["displacement"][:] = 0.0
                 mesh.point_data["von_mises"][:] = 0.0
-            add_von_mises(plotter, mesh, SCALE, None)
+            add_flat(plotter, mesh, "von_mises", SCALE, "turbo", None)
             plotter.add_text(name, position="upper_left", font_size=10, color="black")
             if column == 0:
                 plotter.add_text(f"{1e3 * time:.1f} ms", position="lower_left", font_size=12, color="black")
@@ -205,16 +205,16 @@ def _animation(ours: _Ours, moving: _Theirs, path: Path) -> None:
 def _palette() -> Any:
     """Return an image with one palette for all frames, so that colours do not flicker.
 
-    The scale's in several lights, and greys.
+    The scale's, also darker as lines upon it make them, and greys.
     """
     from matplotlib import colormaps
     from PIL import Image
 
     scale = colormaps["turbo"](np.linspace(0.0, 1.0, 44))[:, :3]
-    lights = np.concatenate([scale * light for light in (1.0, 0.87, 0.72, 0.55, 0.35)])
+    shades = np.concatenate([scale * shade for shade in (1.0, 0.87, 0.72, 0.55, 0.35)])
     greys = np.linspace(0.0, 1.0, 36)[:, None] * np.ones(3)
     image = Image.new("P", (1, 1))
-    image.putpalette(np.round(255.0 * np.concatenate([lights, greys])).astype(np.uint8).tobytes())
+    image.putpalette(np.round(255.0 * np.concatenate([shades, greys])).astype(np.uint8).tobytes())
     return image
 
 

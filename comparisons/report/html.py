@@ -1,20 +1,68 @@
 """Pieces of the report page."""
 
 import html
+import re
 from collections.abc import Iterable, Sequence
+
+_HEADING = re.compile(r"<h([23]) id=([\w-]+)>(.*?)</h\1>", re.DOTALL)
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[object]], text: Sequence[int] = (0,)) -> str:
-    """Return a table; the columns ``text`` are set left, the others are numbers."""
+    """Return a table that scrolls in a box of its own where it is too wide.
+
+    The columns ``text`` are set left, the others are numbers; the first column stays in sight.  A value may have
+    several lines.
+    """
 
     def cells(tag: str, values: Sequence[object]) -> str:
         return "".join(
-            f"<{tag}{' class=text' if k in text else ''}>{html.escape(str(value))}</{tag}>"
+            f"<{tag}{' class=text' if k in text else ''}>{html.escape(str(value)).replace(chr(10), '<br>')}</{tag}>"
             for k, value in enumerate(values)
         )
 
     lines = [f"<tr>{cells('td', row)}</tr>" for row in rows]
     return f"<div class=wide><table><tr>{cells('th', head)}</tr>\n" + "\n".join(lines) + "\n</table></div>"
+
+
+def heading(level: int, text: str) -> str:
+    """Return a heading of level 2 (a scene) or 3 (a part of it) that the table of contents leads to."""
+    identity = re.sub(r"[^a-z0-9]+", "-", text.lower()).strip("-")
+    return f"<h{level} id={identity}>{html.escape(text)}</h{level}>"
+
+
+def contents(body: str) -> str:
+    """Return the table of contents: each `heading` of the body, parts below their scene and without its name."""
+    scenes: list[list[str]] = []
+    for level, identity, text in _HEADING.findall(body):
+        if level == "2":
+            scenes.append([f'<a href="#{identity}"><strong>{text}</strong></a>'])
+        else:
+            scenes[-1].append(f'<a href="#{identity}">{text.partition(": ")[2] or text}</a>')
+    blocks = ("<ul>" + "".join(f"<li>{link}</li>" for link in links) + "</ul>" for links in scenes)
+    return '<nav aria-label="Contents">' + "\n".join(blocks) + "</nav>"
+
+
+def figure(file: str, alt: str, caption: str, narrow: str | None = None) -> str:
+    """Return a picture with a caption that says what to see; ``narrow`` takes its place on narrow screens.
+
+    Without one the picture scrolls in a box of its own there.
+    """
+    image = f'<img src="{file}" alt="{html.escape(alt)}">'
+    if narrow is None:
+        shown = f"<div class=wide>{image}</div>"
+    else:
+        shown = f'<picture><source media="(max-width: 700px)" srcset="{narrow}">{image}</picture>'
+    return f"<figure>{shown}<figcaption>{caption}</figcaption></figure>"
+
+
+def fold(summary: str, *lines: str) -> str:
+    """Return what a click unfolds."""
+    return f"<details><summary>{html.escape(summary)}</summary>\n" + "\n".join(lines) + "\n</details>"
+
+
+def commands(lines: Iterable[str]) -> str:
+    """Return commands to type, each once."""
+    return "<pre>" + html.escape("\n".join(dict.fromkeys(lines))) + "</pre>"
 
 
 def percent(value: float) -> str:
@@ -24,4 +72,4 @@ def percent(value: float) -> str:
 
 def milliseconds(value: float) -> str:
     """Return seconds in milliseconds."""
-    return f"{1e3 * value:.1f}" if value < 0.1 else f"{1e3 * value:.0f}"
+    return f"{1e3 * value:.1f}" if value < 0.1 else f"{1e3 * value:,.0f}"

@@ -9,24 +9,18 @@ from typing import Any
 
 from comparisons import STUDIES
 from comparisons.measure.records import Record, newest
+from comparisons.report import words
+from comparisons.report.html import contents, heading
 from isorod.errors import InputError
 from isorod.output.results import write_beside
 
-_STYLE = """
-body { font: 16px/1.5 system-ui, sans-serif; color: #1b1b1b; max-width: 76rem; margin: 2rem auto; padding: 0 1.5rem; }
-h1, h2 { line-height: 1.2; } h2 { margin-top: 2.5rem; border-bottom: 1px solid #ccc; padding-bottom: .2rem; }
-table { border-collapse: collapse; margin: 1rem 0; font-variant-numeric: tabular-nums; font-size: .9rem; }
-th, td { padding: .2rem .7rem; text-align: right; border-bottom: 1px solid #e3e3e3; }
-th { border-bottom: 2px solid #888; vertical-align: bottom; } td:first-child, th:first-child { text-align: left; }
-td.text, th.text { text-align: left; white-space: nowrap; }
-.failures td { white-space: nowrap; } .failures td.text:last-child { white-space: normal; min-width: 22rem; }
-.wide { overflow-x: auto; } code { font-size: .85em; }
-img { max-width: 100%; height: auto; } .big { font-size: 1.25rem; } .small { color: #555; font-size: .85rem; }
-"""
+_STYLE = Path(__file__).with_name("style.css")
 
 
 def write(folder: Path) -> Path:
     """Write ``report.html`` and its plots from the newest complete run of each study; return its path.
+
+    The answers come first, then what a stranger has to know, the contents, and the studies one by one.
 
     Raises
     ------
@@ -34,17 +28,23 @@ def write(folder: Path) -> Path:
         If there is no complete run of any study, or a result file is damaged.
     """
     found = _found(folder)
-    body = [f"<p class=big>{html.escape(line)}</p>" for line in summary(folder)]
-    with _read(folder, *found):
-        body.append(_provenance(found))
+    answers: list[str] = []
+    parts = [heading(2, "Words and letters"), words.words()]
     for study, records in found.items():
         with _read(folder, study):
-            body.extend(_part(study).section(records, folder))
+            answers += ["<div>", *_part(study).answer(records), "</div>"]
+            parts.extend(_part(study).section(records, folder))
+    with _read(folder, *found):
+        parts += [heading(2, "Where these numbers come from"), _provenance(found)]
+    body = "\n".join(parts)
     page = (
-        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>isorod: error against run time</title>\n'
-        f"<style>{_STYLE}</style></head>\n<body>\n<h1>isorod: error against run time</h1>\n"
-        + "\n".join(body)
-        + "\n</body></html>\n"
+        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        f"<title>isorod: {words.TITLE}</title>\n"
+        f"<style>{_STYLE.read_text()}</style></head>\n<body>\n<h1>{words.TITLE}</h1>\n"
+        + "<div class=answers>"
+        + "\n".join(answers)
+        + f"</div>\n{words.INTRODUCTION}\n{contents(body)}\n{body}\n</body></html>\n"
     )
     path = folder / "report.html"
     write_beside(path, lambda where: where.write_text(page))
@@ -63,7 +63,8 @@ def summary(folder: Path) -> list[str]:
 def _part(study: str) -> Any:
     """Return the study's module of the report.
 
-    ``summary(records)``, its main findings, and ``section(records, folder)``.
+    ``summary(records)``, its main findings as text, ``answer(records)``, the same as HTML, and ``section(records,
+    folder)``.
     """
     return import_module(f"comparisons.report.{study}")
 
@@ -92,18 +93,24 @@ def _found(folder: Path) -> dict[str, list[Record]]:
 
 
 def _provenance(found: dict[str, list[Record]]) -> str:
-    versions: dict[str, str] = {}
+    known: dict[str, list[str]] = {}
     runs = []
     for study, records in found.items():
         for record in records:
-            versions |= record["versions"]
+            for name, version in record["versions"].items():
+                if version not in known.setdefault(name, []):
+                    known[name].append(version)
         last = records[-1]
-        runs.append(f"{study}: level {last['level']}, commit {last['commit']}, {last['time']}")
+        runs.append(
+            f'<li><a href="{study}.jsonl">{study}.jsonl</a>: level {html.escape(last["level"])}, commit '
+            f"{html.escape(str(last['commit']))}, {html.escape(last['time'])}</li>"
+        )
     machine = last["machine"]
-    named = ", ".join(f"{name} {version}" for name, version in versions.items())
+    named = ", ".join(f"{name} {' and '.join(every)}" for name, every in known.items())
     return (
-        f"<p class=small>{html.escape('; '.join(runs))}; {html.escape(machine['processor'])}, {machine['cores']} "
-        f"cores; {html.escape(named)}. One thread; run time is set-up + assembly + solve, median of the warm runs in "
-        "one process; import, compilation, the Sturm count that checks modes and, for dolfinx, mesh generation are "
-        "left out.</p>"
+        f"<ul>{''.join(runs)}</ul><p>Machine: {html.escape(machine['processor'])}, {machine['cores']} cores, "
+        f"{html.escape(machine['system'])}; one thread. Versions: {html.escape(named)}. This page and its plots are "
+        "made from those files alone: <code>python -m comparisons report</code> makes them again, <code>make "
+        "verify</code> measures spring and blade at quick level and takes about five minutes, <code>python -m "
+        "comparisons spring</code> measures all of it.</p>"
     )

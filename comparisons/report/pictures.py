@@ -2,6 +2,7 @@
 
 import os
 import tempfile
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,8 @@ from isorod.modal import Modes
 from isorod.output import vtk
 from isorod.output.results import write_beside
 
-SIZE = (1600, 720)
+SIZE = (1600, 640)
+NARROW = (840, 1240)
 
 # The scale of stresses, at the right of a panel.
 BAR: dict[str, Any] = {
@@ -50,52 +52,53 @@ def spring(study: Run) -> None:
         (ours, f"cylindrical element, {model.dofs:,} unknowns"),
         (theirs, f"Q2 bricks (dolfinx), {record['dofs']:,} unknowns"),
     )
-    path = study.folder / "spring-von-mises.png"
-    write_beside(path, lambda where: _side_by_side(panels, published.SPRING_STRESS_SCALE, where))
+    wide, narrow = (study.folder / name for name in ("spring-von-mises.png", "spring-von-mises-narrow.png"))
+    for path, stacked in ((wide, False), (narrow, True)):
+        write_beside(path, partial(_beside, panels, published.SPRING_STRESS_SCALE, stacked=stacked))
     peaks = [float(np.max(mesh.point_data["von_mises"])) for mesh, _ in panels]
-    study.record("picture", {"file": path.name, "largest_von_mises": peaks, "labels": [label for _, label in panels]})
+    labels = [label for _, label in panels]
+    study.record("picture", {"file": wide.name, "narrow": narrow.name, "largest_von_mises": peaks, "labels": labels})
 
 
-def modes(study: Run, found: Modes, rows: int = 2, exaggeration: float = 0.12) -> None:
+def modes(study: Run, found: Modes, exaggeration: float = 0.12) -> None:
     """Render Fig. 12: mode shapes over the body at rest, coloured by the size of the displacement.
 
     The largest displacement is drawn as ``exaggeration`` times the body's size.
     """
     without_display()
-    import pyvista
-
     body = found.model.bodies[0]
     shapes = {f"mode {k + 1}": found.model.nodal(vector) for k, vector in enumerate(found.vectors)}
     # Displacements do not jump: merged points leave no faces inside.
     mesh = vtk.grid(body, shapes, rings=3, around=48, slices=3).clean(tolerance=1e-6)
-    columns = -(-len(shapes) // rows)
-    plotter = pyvista.Plotter(shape=(rows, columns), off_screen=True, window_size=(1700, 1000), border=False)
+    names = [f"{k + 1}\n{frequency:.4g} Hz" for k, frequency in enumerate(found.frequencies)]
+    wide, narrow = (study.folder / name for name in ("blade-modes.png", "blade-modes-narrow.png"))
+    for path, rows, size in ((wide, 2, (1700, 1000)), (narrow, 4, (840, 1640))):
+        write_beside(path, partial(_modes, mesh, names, exaggeration, rows, size))
+    study.record("picture", {"file": wide.name, "narrow": narrow.name})
+
+
+def _modes(mesh: Any, names: list[str], exaggeration: float, rows: int, size: tuple[int, int], path: Path) -> None:
+    import pyvista
+
+    columns = -(-len(names) // rows)
+    plotter = pyvista.Plotter(shape=(rows, columns), off_screen=True, window_size=size, border=False)
     plotter.set_background("white")
-    rest = mesh.extract_surface(algorithm="dataset_surface")
-    for k, (name, frequency) in enumerate(zip(shapes, found.frequencies, strict=True)):
+    rest = mesh.extract_surface(algorithm="dataset_surface").extract_feature_edges(30.0)
+    for k, name in enumerate(names):
         plotter.subplot(*divmod(k, columns))
-        size = np.linalg.norm(mesh.point_data[name], axis=1)
-        mesh.point_data["size"] = size / size.max()
-        moved = mesh.warp_by_vector(name, factor=exaggeration * mesh.length / size.max())
-        plotter.add_mesh(rest.extract_feature_edges(30.0), color="black", line_width=1)
-        plotter.add_mesh(
-            moved.extract_surface(algorithm="dataset_surface"),
-            scalars="size",
-            cmap="viridis",
-            clim=(0.0, 1.0),
-            smooth_shading=True,
-            split_sharp_edges=True,
-            show_scalar_bar=False,
-            ambient=0.35,
-        )
-        plotter.add_text(f"{k + 1}: {frequency:.4g} Hz", position="upper_left", font_size=12, color="black")
+        moved = mesh.copy()
+        shape = moved.point_data[f"mode {k + 1}"]
+        length = np.linalg.norm(shape, axis=1)
+        moved.point_data["size"] = length / length.max()
+        moved.point_data["displacement"] = exaggeration * mesh.length / length.max() * shape
+        plotter.add_mesh(rest, color="black", line_width=1)
+        add_flat(plotter, moved, "size", (0.0, 1.0), "viridis", None)
+        plotter.add_text(name, position="upper_left", font_size=14, color="black")
         plotter.camera_position = [(1.0, -1.4, 0.55), (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)]
         plotter.reset_camera()
         plotter.camera.zoom(1.35)
-    path = study.folder / "blade-modes.png"
-    write_beside(path, lambda where: plotter.screenshot(str(where)))
+    plotter.screenshot(str(path))
     plotter.close()
-    study.record("picture", {"file": path.name})
 
 
 def without_display() -> None:
@@ -104,31 +107,45 @@ def without_display() -> None:
         os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
 
 
-def add_von_mises(plotter: Any, mesh: Any, scale: tuple[float, float], bar: dict[str, Any] | None) -> None:
-    """Add the deformed surface of a mesh with ``displacement`` and ``von_mises``, coloured by the latter.
+def add_flat(
+    plotter: Any, mesh: Any, field: str, scale: tuple[float, float], colours: str, bar: dict[str, Any] | None
+) -> None:
+    """Add the surface of a mesh with ``displacement``, in the very colours that the scale has for a field.
 
-    ``bar`` describes its scale.
+    Light and shade would falsify them, so lines show the shape: the outline, and the edges of the mesh's pieces, which
+    are what shares points.  ``bar`` describes the scale.
     """
-    plotter.add_mesh(
-        mesh.warp_by_vector("displacement").extract_surface(algorithm="dataset_surface"),
-        scalars="von_mises",
+    moved = mesh.warp_by_vector("displacement")
+    surface = moved.extract_surface(algorithm="dataset_surface")
+    actor = plotter.add_mesh(
+        surface,
+        scalars=field,
         clim=scale,
-        cmap="turbo",
-        smooth_shading=True,
-        split_sharp_edges=True,
+        cmap=colours,
+        lighting=False,
         show_scalar_bar=bar is not None,
         scalar_bar_args=bar,
     )
+    # Behind its own lines.
+    actor.mapper.SetResolveCoincidentTopologyToPolygonOffset()
+    actor.mapper.SetRelativeCoincidentTopologyPolygonOffsetParameters(2.0, 2.0)
+    outline = moved.clean(tolerance=1e-6).extract_surface(algorithm="dataset_surface")
+    edges = surface.extract_feature_edges(40.0)
+    plotter.add_mesh(edges, color="black", line_width=1.0, opacity=0.5, lighting=False)
+    plotter.add_silhouette(outline, color="black", line_width=2.5)
 
 
-def _side_by_side(panels: Any, scale: tuple[float, float], path: Path) -> None:
+def _beside(panels: Any, scale: tuple[float, float], path: Path, stacked: bool = False) -> None:
+    """Draw panels side by side, or one below the other for narrow screens."""
     import pyvista
 
-    plotter = pyvista.Plotter(shape=(1, len(panels)), off_screen=True, window_size=SIZE, border=False)
+    count = len(panels)
+    shape, size = ((count, 1), NARROW) if stacked else ((1, count), SIZE)
+    plotter = pyvista.Plotter(shape=shape, off_screen=True, window_size=size, border=False)
     plotter.set_background("white")
-    for column, (mesh, label) in enumerate(panels):
-        plotter.subplot(0, column)
-        add_von_mises(plotter, mesh, scale, BAR if column == len(panels) - 1 else None)
+    for k, (mesh, label) in enumerate(panels):
+        plotter.subplot(*((k, 0) if stacked else (0, k)))
+        add_flat(plotter, mesh, "von_mises", scale, "turbo", BAR if stacked or k == count - 1 else None)
         plotter.add_text(label, position="upper_left", font_size=14, color="black")
         plotter.camera_position = "xz"
         plotter.camera.elevation = 25
@@ -136,6 +153,6 @@ def _side_by_side(panels: Any, scale: tuple[float, float], path: Path) -> None:
         plotter.reset_camera()
         # Room for the scalar bar, the same in every panel.
         plotter.camera.focal_point = (1.2, 0.0, plotter.camera.focal_point[2])
-        plotter.camera.zoom(1.15)
+        plotter.camera.zoom(1.3)
     plotter.screenshot(str(path))
     plotter.close()

@@ -1,64 +1,169 @@
 """Plots made from result records alone."""
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 from comparisons.measure.records import Record
+from comparisons.report.precision import named, pairs, ratio, targets, version
 from isorod.output.results import write_beside
 
-# Okabe and Ito's colours: told apart by colour-blind readers too.
-COLOURS = ("#0072B2", "#009E73", "#56B4E9", "#004D40", "#3F51B5", "#00BFA5", "#1A237E", "#7CB342")
-FEM_COLOURS = ("#D55E00", "#E69F00", "#CC79A7", "#8B0000", "#A0522D", "#FF6F91", "#6A1B9A", "#9E9D24")
-# One fewer than colours, so that no two of many curves look alike.
-MARKERS = "osD^vPX"
+# Okabe and Ito's colours, told apart by colour-blind readers too: cold ones are ours, warm ones and black theirs.
+COLOURS = ("#0072B2", "#009E73", "#56B4E9")
+FEM_COLOURS = ("#D55E00", "#E69F00", "#CC79A7", "#000000")
+MARKERS = "oD^"
+FEM_MARKERS = "svPX"
+# Of many curves each is marked by its number.
+MANY = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#000000")
 
 
-def work_precision(records: Sequence[Record], target: float, quantity: str, path: Path) -> None:
-    """Draw error against warm run time and against unknowns, one curve a family.
-
-    Parameters
-    ----------
-    records
-        Records with ``curve``, ``method``, ``error``, ``dofs``, ``seconds``.
-    target
-        Error marked by a line.
-    quantity
-        What the error is of.
-    """
+def _pyplot() -> Any:
     import matplotlib
 
     matplotlib.use("Agg")
     from matplotlib import pyplot
 
-    curves = len({record["curve"] for record in records})
-    figure, axes = pyplot.subplots(1, 2, figsize=(12.5, max(5.2, 0.26 * curves)), sharey=True, layout="constrained")
-    styles: dict[str, dict[str, str]] = {}
-    for record in records:
-        if record["curve"] not in styles:
-            same = [curve for curve, style in styles.items() if style["method"] == record["method"]]
-            fem = record["method"] == "fem"
-            colours = FEM_COLOURS if fem else COLOURS
-            styles[record["curve"]] = {
-                "method": record["method"],
-                "color": colours[len(same) % len(colours)],
-                "marker": MARKERS[len(same) % len(MARKERS)],
-                "linestyle": "--" if fem else "-",
-            }
-    for curve, style in styles.items():
-        points = [record for record in records if record["curve"] == curve]
-        errors = [record["error"] for record in points]
-        look = {key: value for key, value in style.items() if key != "method"}
-        label = f"{curve} (dolfinx)" if style["method"] == "fem" else f"cylindrical, {curve}"
-        axes[0].loglog([record["seconds"]["total"] for record in points], errors, label=label, **look)
-        axes[1].loglog([record["dofs"] for record in points], errors, **look)
-    for axis, label in zip(axes, ("warm run time, one thread [s]", "degrees of freedom"), strict=True):
-        line = axis.axhline(target, color="black", linewidth=0.8)
-        axis.set_xlabel(label)
-        axis.grid(True, which="both", alpha=0.25)
-    line.set_label(f"{100 * target:g} %")
-    axes[0].set_ylabel(f"relative error of the {quantity}")
-    figure.legend(loc="outside right center", frameon=False)
-    write_beside(path, lambda where: figure.savefig(where, dpi=130))
+    return pyplot
+
+
+def told(records: list[Record], ours: Sequence[str], theirs: Sequence[str]) -> list[Record]:
+    """Return the runs of the few curves that tell the story, as many as there are colours.
+
+    Those that are fastest within an error, the smallest first, and the named ones; of dolfinx in the version that is
+    fastest there.
+    """
+    best = pairs(records)[::-1]
+    of = version(best[0][2]) if best else None
+    kept: list[tuple[str, str]] = []
+    for method, colours, fastest, more in (
+        ("cylindrical", COLOURS, [one["curve"] for _, one, _ in best], ours),
+        ("fem", FEM_COLOURS, [one["curve"] for _, _, one in best], theirs),
+    ):
+        # Room for one of the named ones at least.
+        winners = list(dict.fromkeys(fastest))[: len(colours) - 1]
+        measured = {one["curve"] for one in records if one["part"] == "work" and one["method"] == method}
+        curves = dict.fromkeys([*winners, *(curve for curve in more if curve in measured)])
+        kept += [(method, curve) for curve in list(curves)[: len(colours)]]
+    return [
+        one
+        for method, curve in kept
+        for one in records
+        if one["part"] == "work"
+        and (one["method"], one["curve"]) == (method, curve)
+        and (method == "cylindrical" or of in (None, version(one)))
+    ]
+
+
+def looks(curves: Sequence[Record]) -> dict[tuple[str, str], dict[str, str]]:
+    """Return colour, marker and line of each curve of the story, by method and curve: no two have one in common."""
+    found: dict[tuple[str, str], dict[str, str]] = {}
+    for method, colours, markers, line in (
+        ("cylindrical", COLOURS, MARKERS, "-"),
+        ("fem", FEM_COLOURS, FEM_MARKERS, "--"),
+    ):
+        names = dict.fromkeys(one["curve"] for one in curves if one["method"] == method)
+        for curve, colour, marker in zip(names, colours, markers, strict=False):
+            found[method, curve] = {"color": colour, "marker": marker, "linestyle": line}
+    return found
+
+
+def story(records: list[Record], curves: Sequence[Record], quantity: str, wide: Path, narrow: Path) -> None:
+    """Draw error against run time and against unknowns, for wide screens and, one below the other, for narrow ones.
+
+    Parameters
+    ----------
+    records
+        All of the study: their fastest are ringed, their targets marked.
+    curves
+        Runs that are drawn (`told`).
+    quantity
+        What the error is of.
+    """
+    pyplot = _pyplot()
+    for path, rows, columns, size in ((wide, 1, 2, (12.0, 5.4)), (narrow, 2, 1, (4.6, 9.4))):
+        figure, axes = pyplot.subplots(rows, columns, figsize=size, sharey=True, layout="constrained")
+        for (method, curve), look in looks(curves).items():
+            points = [one for one in curves if (one["method"], one["curve"]) == (method, curve)]
+            errors = [one["error"] for one in points]
+            label = named(points[0])
+            axes[0].loglog([one["seconds"]["total"] for one in points], errors, label=label, markersize=6, **look)
+            axes[1].loglog([one["dofs"] for one in points], errors, markersize=6, **look)
+        best = pairs(records)
+        for target, ours, theirs in (best[0], best[-1]) if best else ():
+            _gap(axes[0], target, *(one["seconds"]["total"] for one in (ours, theirs)))
+        ringed = [one for _, *both in best for one in both]
+        errors = [one["error"] for one in ringed]
+        rings = {"color": "black", "marker": "o", "markersize": 14, "markerfacecolor": "none", "linestyle": ""}
+        axes[0].plot([one["seconds"]["total"] for one in ringed], errors, label="fastest within an error", **rings)
+        axes[1].plot([one["dofs"] for one in ringed], errors, **rings)
+        for axis, what in zip(axes, ("run time, one thread", "unknowns"), strict=True):
+            axis.set_xlabel(what, fontsize=12)
+            axis.tick_params(labelsize=11)
+            axis.grid(True, which="major", alpha=0.3)
+            axis.yaxis.set_major_formatter(_percent)
+            for target in targets(records):
+                axis.axhline(target, color="black", linewidth=0.7, linestyle=":")
+        axes[0].xaxis.set_major_formatter(_time)
+        axes[1].xaxis.set_major_formatter(_count)
+        for axis in axes[:1] if columns == 2 else axes:
+            axis.set_ylabel(f"error of the {quantity}", fontsize=12)
+        figure.legend(loc="outside lower center", ncols=3 if columns == 2 else 1, frameon=False, fontsize=11)
+        write_beside(path, partial(figure.savefig, dpi=130))
+        pyplot.close(figure)
+
+
+def _gap(axis: Any, target: float, ours: float, theirs: float) -> None:
+    """Mark how far apart the run times are at an error, by our share of theirs."""
+    axis.annotate("", (ours, target), (theirs, target), arrowprops={"arrowstyle": "<->", "shrinkA": 0, "shrinkB": 0})
+    text = ratio(ours, theirs).removesuffix(" of")
+    white = {"facecolor": "white", "edgecolor": "none", "pad": 1.5}
+    axis.text((ours * theirs) ** 0.5, target, text, ha="center", va="center", fontsize=12, weight="bold", bbox=white)
+
+
+def _percent(value: float, _: int) -> str:
+    return f"{100 * value:g} %"
+
+
+def _count(value: float, _: int) -> str:
+    return f"{value:,.0f}"
+
+
+def _time(value: float, _: int) -> str:
+    return f"{1e3 * value:g} ms" if value < 1.0 else f"{value:g} s"
+
+
+def every(work: Sequence[Record], quantity: str, path: Path) -> None:
+    """Draw error against run time of all curves, ours left, theirs right, each with its number as its marker."""
+    pyplot = _pyplot()
+    curves: dict[str, list[Record]] = {}
+    for record in work:
+        curves.setdefault(named(record), []).append(record)
+    sides = [
+        {name: runs for name, runs in curves.items() if runs[0]["method"] == method}
+        for method in ("cylindrical", "fem")
+    ]
+    height = 5.5 + 0.27 * max(map(len, sides))
+    figure, axes = pyplot.subplots(1, 2, figsize=(13.0, height), sharex=True, sharey=True, layout="constrained")
+    for axis, side in zip(axes, sides, strict=True):
+        for k, (name, runs) in enumerate(side.items()):
+            axis.loglog(
+                [one["seconds"]["total"] for one in runs],
+                [one["error"] for one in runs],
+                color=MANY[k % len(MANY)],
+                linewidth=0.9,
+                marker=f"${k + 1}$",
+                markersize=8 if k < 9 else 12,
+                label=name,
+            )
+        axis.set_xlabel("run time, one thread", fontsize=12)
+        axis.tick_params(labelsize=11, labelleft=True)
+        axis.grid(True, which="major", alpha=0.3)
+        axis.xaxis.set_major_formatter(_time)
+        axis.yaxis.set_major_formatter(_percent)
+        axis.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), frameon=False, fontsize=11, ncols=1)
+    axes[0].set_ylabel(f"error of the {quantity}", fontsize=12)
+    write_beside(path, lambda where: figure.savefig(where, dpi=110))
     pyplot.close(figure)
 
 
@@ -70,12 +175,9 @@ def convergence(entries: Sequence[Record], path: Path) -> float:
     entries
         Records with ``elements`` and ``frequencies``, coarse to fine; the last is the reference.
     """
-    import matplotlib
-
-    matplotlib.use("Agg")
     import numpy as np
-    from matplotlib import pyplot
 
+    pyplot = _pyplot()
     elements = np.array([record["elements"] for record in entries[:-1]], dtype=float)
     reference = np.array(entries[-1]["frequencies"][:3])
     errors = np.array([record["frequencies"][:3] for record in entries[:-1]]) / reference - 1.0

@@ -6,16 +6,18 @@ from typing import Any
 
 from comparisons import stability
 from comparisons.measure.records import Record, part
-from comparisons.report.html import table
+from comparisons.report.html import figure, fold, heading, table
+from comparisons.report.precision import rerun
 from comparisons.stability.point import holds, sweeps
 
 
 def section(records: list[Record], folder: Path) -> list[str]:
     """Write the figures of a run of the study and return its HTML."""
-    lines = ["<h2>Stability: how far it holds</h2>"]
+    lines = [heading(2, "Stability")]
     lines.append(
-        "<p>Each case is swept until it fails. A point <em>holds</em> within the tolerance beside it; what is "
-        "<em>refused</em> ended with the one-line error shown, exit code 2, and no number.</p>"
+        "<p>How slender, thin, stiff or far from rest may it be? Each case is swept until it fails. A point "
+        "<em>holds</em> within the tolerance beside it; what is <em>refused</em> ended with the one-line error shown, "
+        "exit code 2, and no number.</p>"
     )
     lines.append(_overview(records))
     for ended in part(records, "case"):
@@ -23,11 +25,24 @@ def section(records: list[Record], folder: Path) -> list[str]:
         picture = f"stability-{ended['case']}.png"
         case = stability.find(ended["case"])
         case.plot(points, folder / picture)
-        lines.append(f"<h2>Stability: {html.escape(ended['title'])}</h2>")
+        lines.append(heading(3, f"Stability: {ended['title']}"))
         lines.append("<ul>" + "".join(f"<li>{html.escape(text)}</li>" for text in ended["limits"]) + "</ul>")
-        lines.append(f'<img src="{picture}" alt="{html.escape(ended["title"])}: error against the swept number">')
-        lines.extend(_tables(points, getattr(case, "COLUMNS", {})))
+        lines.append(
+            figure(
+                picture,
+                f"{ended['title']}: error against the swept number",
+                "Error against what is swept; the line is the tolerance, a cross on the upper edge a refusal.",
+            )
+        )
+        lines.append(fold(f"All {len(points)} points", *_tables(points, getattr(case, "COLUMNS", {}))))
+    lines.append(heading(3, "Stability: raw data, running it again"))
+    lines.append(rerun("stability", records))
     return lines
+
+
+def answer(records: list[Record]) -> list[str]:
+    """Return the study's main finding as HTML."""
+    return [f"<p>{html.escape(line.capitalize())}.</p>" for line in summary(records)]
 
 
 def summary(records: list[Record]) -> list[str]:
@@ -65,7 +80,7 @@ def _tables(points: list[Record], columns: dict[str, str]) -> list[str]:
         references = {
             one["reference"] for curve in curves.values() for one in curve if isinstance(one.get("reference"), str)
         }
-        lines.append(f"<h3>{html.escape(sweep)}</h3>")
+        lines.append(f"<h4>{html.escape(sweep)}</h4>")
         if references:
             lines.append(f"<p class=small>Reference: {html.escape('; '.join(sorted(references)))}.</p>")
         named = any(curves)

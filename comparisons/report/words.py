@@ -1,0 +1,55 @@
+"""What a stranger has to know to read the page."""
+
+import html
+
+TITLE = "Rods by their surface alone, beside finite elements"
+
+INTRODUCTION = (
+    "<p>A spring's wire, a blade, a muscle with its tendons: a rod is a solid that is long and slender. Finite "
+    "elements fill it with thousands of small bricks or tetrahedra. The <em>cylindrical element</em> of J. Lu and X. "
+    "Zhou (2011, "
+    '<a href="https://doi.org/10.1016/j.cma.2010.08.007">doi</a>) computes the same solid, with all its stresses, from '
+    "control points on its surface. <code>isorod</code> implements it, and refines it further than the paper does.</p>"
+    "<p>Each scene below is solved both ways, by isorod and by <code>dolfinx</code> (FEniCSx), a widely used finite "
+    "element library, on the same geometry and machine, with one thread. The finite elements are the fastest that a "
+    "search over elements, meshes, quadrature rules and solvers found, not a straw man. What is compared is the run "
+    "time that each takes to come within an error of the converged three-dimensional solution, and, beside it, the "
+    "numbers that the paper printed.</p>"
+)
+
+MEANINGS = {
+    "error": "Distance from the converged solution, relative. That solution is extrapolated from dolfinx on three "
+    "meshes, each finer than the last.",
+    "run time": "Set-up + assembly + solve + check of one solution, in a process that has solved it before: the median "
+    "of five. Import, compilation and, for dolfinx, mesh generation are left out.",
+    "check": "What proves a result and is part of its run time: of modes a Sturm count, one more factorisation, which "
+    "shows that none of the lowest frequencies was missed; of few quadrature points, that no motion escaped them.",
+    "unknowns": "Displacement components of all control points, or nodes, those held by supports included.",
+    "n": "Control points round a section.",
+    "K": "Order of the functions across a section: K = 1 are the paper's, harmonic; K = 2 and 3 add functions that "
+    "bending and twisting of thick and thin sections need.",
+    "N": "Degree of polynomials across a section, taken in place of n and K where all sections have one shape. Thin "
+    "directions take half of it.",
+    "p": "Degree of the B-splines along the axis.",
+    "C0 to C3": "How many derivatives are continuous from one element of the axis to the next; p - 1 if not said, 0 in "
+    "the paper's spring.",
+    "elements a turn": "Elements along the axis of the spring, in each of its turns.",
+    "2x1x2": "Quadrature rule R x S x T: R points along the radius and S round it in each of n slices of the section, "
+    "T along an element.",
+    "Q1 to Q4, S2 to S4": "Bricks of degree 1 to 4 in dolfinx, curved with the rod: Q with all inner nodes, S "
+    "(serendipity) with few of them. Q1 has 8 nodes, Q2 has 27, S2 has 20.",
+    "P1 to P3": "Tetrahedra of degree 1 to 3.",
+    "enhanced": "Bricks of 8 nodes with nine more modes of strain in each, which bend well: the paper's own finite "
+    "elements. dolfinx cannot remove those modes cell by cell, so their run times are not what they could be.",
+    "14 points": "Irons' quadrature rule, half the points of Gauss's.",
+    "quasi-Newton, CG + GAMG": "Other solvers of PETSc than the default, Newton with a direct factorisation: fewer "
+    "tangents for more iterations; conjugate gradients with algebraic multigrid.",
+    "layers, around, along, across": "Cells of a finite element mesh along the axis, round the wire, along the blade's "
+    "chord and through its thickness.",
+}
+
+
+def words() -> str:
+    """Return the list of letters and words."""
+    items = [f"<dt>{html.escape(word)}</dt><dd>{html.escape(text)}</dd>" for word, text in MEANINGS.items()]
+    return "<dl>" + "\n".join(items) + "</dl>"
