@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from comparisons.fem import presets
+from comparisons.fem.flags import FAST
 from comparisons.fem.quadrature import RULES
 from isorod import options
 from isorod.command.parser import split
@@ -124,7 +125,7 @@ def _add_common(it: argparse.ArgumentParser, scene: str, cells: Sequence[str]) -
 
 def _add_run(it: argparse.ArgumentParser) -> None:
     """Add the options of compiler and timing."""
-    it.add_argument("--flags", default="-O3 -march=native -g0", help="C compiler flags, one word: --flags='-O2'")
+    it.add_argument("--flags", default=" ".join(FAST), help="C compiler flags, one word: --flags='-O2'")
     it.add_argument("--repeat", type=_positive, default=1, metavar="N", help="runs in this process, the first one cold")
 
 

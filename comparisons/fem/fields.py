@@ -8,8 +8,9 @@ import numpy as np
 import ufl
 
 from comparisons.fem import compat
+from comparisons.fem.flags import FAST
 from comparisons.fem.material import Energy
-from comparisons.fem.statics import FAST, Equilibrium
+from comparisons.fem.statics import Equilibrium
 from isorod.errors import InputError
 from isorod.output.results import write_arrays
 from meshes.mesh import Array, Index

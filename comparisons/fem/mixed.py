@@ -18,7 +18,8 @@ from petsc4py import PETSc
 
 from comparisons.fem import compat, quadrature
 from comparisons.fem.domain import Domain
-from comparisons.fem.statics import FAST, NEWTON, Held, Newton, Support, variations
+from comparisons.fem.flags import FAST
+from comparisons.fem.statics import NEWTON, Held, Newton, Support, variations
 from isorod.material import NeoHookean
 from isorod.options import defaults
 from meshes.mesh import Array

@@ -13,8 +13,9 @@ from petsc4py import PETSc
 
 from comparisons.fem import compat, enhanced, quadrature
 from comparisons.fem.domain import Domain
+from comparisons.fem.flags import FAST
 from comparisons.fem.material import linear
-from comparisons.fem.statics import FAST, Element
+from comparisons.fem.statics import Element
 from comparisons.measure.timing import peak_memory
 from isorod.errors import InputError, SolveError
 from isorod.modal.pencil import Pencil, only_multiplies

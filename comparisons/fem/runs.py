@@ -11,7 +11,8 @@ from petsc4py import PETSc
 
 from comparisons.fem import compat
 from comparisons.fem.domain import Domain
-from comparisons.fem.statics import FAST, Element
+from comparisons.fem.flags import FAST
+from comparisons.fem.statics import Element
 from isorod.errors import InputError
 from isorod.output import results
 from meshes.mesh import Mesh

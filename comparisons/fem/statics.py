@@ -13,6 +13,7 @@ from petsc4py import PETSc
 
 from comparisons.fem import compat, enhanced, quadrature
 from comparisons.fem.domain import Domain
+from comparisons.fem.flags import FAST
 from comparisons.fem.material import Energy
 from comparisons.measure.timing import Clock, peak_memory
 from isorod.errors import SolveError
@@ -31,8 +32,6 @@ NEWTON = {"snes_linesearch_type": "basic", "snes_rtol": 1e-9, "snes_max_it": 15}
 
 # Preconditioners that want to know the rigid motions.
 _ALGEBRAIC = ("gamg", "ml", "hypre")
-
-FAST = ("-O3", "-march=native", "-g0")
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,7 +20,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from comparisons.fem import compat
-from comparisons.fem.statics import FAST
+from comparisons.fem.flags import FAST
 from isorod.errors import InputError
 from isorod.geometry import section
 from isorod.geometry.disk import harmonic_functions

@@ -37,9 +37,11 @@ def petsc_errors() -> Iterator[None]:
     except Exception as problem:
         petsc = sys.modules.get("petsc4py.PETSc")
         kind = getattr(petsc, "Error", None) if petsc else None
-        if kind is None or not isinstance(problem, kind):
+        # Some builds of slepc4py return beside raising, of which Python makes an error of its own.
+        told = problem.__cause__ if isinstance(problem, SystemError) else problem
+        if kind is None or not isinstance(told, kind):
             raise
-        lines = [re.sub(r"^\[\d+\] ", "", text).strip() for text in str(problem).splitlines()]
+        lines = [re.sub(r"^\[\d+\] ", "", text).strip() for text in str(told).splitlines()]
         said = [text for text in lines if text and not re.match(r"error code|\w+\(\) (line|at)", text)]
         raise InputError(f"PETSc: {' '.join(said) or lines[0]} (see -help)") from None
 

@@ -12,8 +12,8 @@ import ufl
 from mpi4py import MPI
 
 from comparisons.fem import compat, quadrature
+from comparisons.fem.flags import FAST
 from comparisons.fem.material import Energy, muscle, neo_hookean
-from comparisons.fem.statics import FAST
 from isorod.scenes.biceps import Biceps
 from meshes.biceps import BRANCHES
 from meshes.mesh import Array, Index, Mesh, match

@@ -13,7 +13,8 @@ from comparisons.fem import fields, runs
 from comparisons.fem.biceps import dynamics, statics
 from comparisons.fem.biceps.branches import Branches
 from comparisons.fem.biceps.contact import Contact, Pressing, surface_points
-from comparisons.fem.statics import DIRECT, FAST, Element
+from comparisons.fem.flags import FAST
+from comparisons.fem.statics import DIRECT, Element
 from isorod.errors import InputError
 from isorod.output.results import write_arrays
 from isorod.scenes.biceps import Biceps

@@ -108,6 +108,10 @@ class _Pressed(Newton):
             structure = PETSc.Mat.Structure
             matrix.axpy(1.0, add, structure.SUBSET_NONZERO_PATTERN if known else structure.DIFFERENT_NONZERO_PATTERN)
             add.destroy()
+            if not known:
+                # PETSc later than 3.18 (found in 3.22 and 3.25) gives the sum the nonzero state of any new matrix,
+                # takes its pattern for the old one and puts its numbers where the old factors were.
+                self.snes.getKSP().getPC().reset()
         self.contact_seconds += perf_counter() - start
 
 
