@@ -7,8 +7,8 @@ from importlib import import_module
 from comparisons import STUDIES
 from comparisons.measure.study import LEVELS, Run
 from comparisons.stability import CASES
+from isorod.command import ending
 from isorod.command.parser import Parser
-from isorod.errors import InputError, SolveError
 from isorod.output import results
 
 # What the main job runs.
@@ -17,15 +17,8 @@ COMMANDS = (*STUDIES, "verify", "report")
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Run the command line; return the exit code: 0, or 2 with one line on standard error."""
-    try:
-        return _main(arguments)
-    except (InputError, SolveError) as problem:
-        print(f"comparisons: {problem}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print("comparisons: interrupted; the records written so far are kept", file=sys.stderr)
-        return 130
+    """Run the command line; return the exit code, other than 0 with one line on standard error."""
+    return ending.run("comparisons", lambda: _main(arguments), "the records written so far are kept")
 
 
 def _main(arguments: Sequence[str]) -> int:

@@ -5,6 +5,7 @@ import sys
 from collections.abc import Sequence
 from typing import NoReturn
 
+from isorod.command import ending
 from isorod.errors import InputError
 from meshes import biceps, blade, gmsh_model, spring
 
@@ -13,7 +14,7 @@ SCENES = {"spring": spring, "blade": blade, "biceps": biceps}
 
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
-        self.exit(2, f"{self.prog}: {message}\n")
+        raise InputError(message)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -52,14 +53,15 @@ def _parser() -> argparse.ArgumentParser:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit code."""
+    # Gmsh lets no exception through until it is done.
+    return ending.run("meshes", lambda: _main(arguments), at_once=True)
+
+
+def _main(arguments: Sequence[str] | None) -> int:
     given = vars(_parser().parse_args(arguments))
     scene, output = SCENES[given.pop("scene")], given.pop("output")
-    try:
-        mesh = scene.build(**given)
-        gmsh_model.write(mesh, output)
-    except InputError as problem:
-        print(f"meshes: {problem}", file=sys.stderr)
-        return 2
+    mesh = scene.build(**given)
+    gmsh_model.write(mesh, output)
     exact = sum(rod.volume() for rod in (scene.rods() if scene is biceps else [scene.rod()]))
     print(
         f"{output}: {len(mesh.cells)} cells of {mesh.cells.shape[1]} nodes, {len(mesh.points)} nodes, "

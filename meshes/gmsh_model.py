@@ -1,6 +1,8 @@
 """The one place that talks to gmsh: sessions, and a `Mesh` as discrete entities in a .msh file."""
 
 import os
+import signal
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,9 +18,13 @@ from meshes.mesh import Array, Mesh, match
 @contextmanager
 def gmsh_session() -> Iterator[ModuleType]:
     """Start gmsh silently with an empty model, and end it again."""
+    interrupt = signal.getsignal(signal.SIGINT)
     import gmsh
 
     gmsh.initialize(["gmsh"], False)
+    # Its import has taken Ctrl-C away.
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGINT, interrupt)
     try:
         gmsh.option.setNumber("General.Terminal", 0)
         gmsh.option.setNumber("General.NumThreads", 1)

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import re
 from types import SimpleNamespace
 
 import numpy as np
@@ -317,6 +318,14 @@ def test_bad_input_is_one_line_and_exit_code_two(words, message, capsys):
     assert out == ""
     assert err.count("\n") == 1
     assert any(part in err for part in message.split("|"))
+
+
+@pytest.mark.parametrize("more", [[], ["--json"]])
+def test_a_warning_of_a_run_that_fails_does_not_stand_beside_the_error(more, capsys):
+    assert cli.main(["run", "biceps", "--tendon-factor", "1e12", "--order", "1", *more]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert re.fullmatch(r"isorod: time step 2.5e-05: not stable, .*\n", err)
 
 
 def test_a_negative_time_step_is_refused():

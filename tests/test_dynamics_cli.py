@@ -115,12 +115,15 @@ def test_a_finished_run_is_kept_and_goes_on_from_the_command_line(tmp_path, caps
 def test_text_shows_the_last_output(isorod):
     result = isorod(*SMALL)
     assert result.returncode == 0, result.stderr
-    (time,) = [line.split()[-1] for line in result.stdout.splitlines() if line.startswith("times (end)")]
-    assert float(time) == 0.004
+    (force,) = [line.split()[2] for line in result.stdout.splitlines() if line.startswith("contact force ")]
+    assert float(force) == pytest.approx(json.loads(isorod(*SMALL, "--json").stdout)["contact_force"][-1], rel=1e-5)
 
 
 def test_one_line_errors(isorod):
     assert "not stable, the critical step is" in refused(isorod(*SMALL, "--time-step", "1e-3"))
+    # What was typed, and what was made of it.
+    said = refused(isorod(*SMALL, "--time-step", "7e-3"))
+    assert "time step 0.007 (0.0005 taken, 1 to each of 8 outputs): not stable" in said
     assert "resume: no checkpoint is named" in refused(isorod(*SMALL, "--resume"))
     assert "density" in refused(isorod(*SMALL, "--density", "0"))
 

@@ -12,8 +12,9 @@ from comparisons.fem import presets
 from comparisons.fem.flags import FAST
 from comparisons.fem.quadrature import RULES
 from isorod import options
+from isorod.command import ending
 from isorod.command.parser import split
-from isorod.errors import InputError, SolveError
+from isorod.errors import InputError
 from isorod.output import results
 from isorod.scenes.biceps import Biceps
 from meshes import biceps, blade, spring
@@ -29,16 +30,7 @@ BICEPS = ("activation", "nu", "penalty", "fibre", "ramp", "damping", "end_time",
 
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
-        _fail(message)
-
-
-def _fail(message: object) -> NoReturn:
-    """Say what was wrong, once for all ranks, and end."""
-    from mpi4py import MPI
-
-    if MPI.COMM_WORLD.rank == 0:
-        print(f"comparisons.fem: {message}", file=sys.stderr, flush=True)
-    sys.exit(2)
+        raise InputError(message)
 
 
 def _positive(text: str) -> int:
@@ -131,7 +123,13 @@ def _add_run(it: argparse.ArgumentParser) -> None:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit code."""
-    ours, petsc = split(sys.argv[1:] if arguments is None else arguments)
+    words = sys.argv[1:] if arguments is None else arguments
+    # Long calls of dolfinx and PETSc let no exception through until they return.
+    return ending.run("comparisons.fem", lambda: _main(words), at_once=True)
+
+
+def _main(arguments: Sequence[str]) -> int:
+    ours, petsc = split(arguments)
     parser = _parser()
     given = vars(parser.parse_args(ours))
     preset = given.pop("preset")
@@ -159,14 +157,11 @@ def _run(given: dict[str, Any]) -> dict[str, Any]:
     given["flags"] = tuple(given["flags"].split())
     if name == "biceps":
         given["scene"] = Biceps(**{name: given.pop(name) for name in BICEPS})
-    try:
-        with options.petsc_errors():
-            record: dict[str, Any] = scene.run(scene.Configuration(**given), repeat, file and Path(file))
-    except (InputError, SolveError) as problem:
-        _fail(problem)
+    with options.petsc_errors():
+        record: dict[str, Any] = scene.run(scene.Configuration(**given), repeat, file and Path(file))
     unknown = unused_options()
     if unknown:
-        _fail(f"PETSc option {', '.join(unknown)}: nothing used it; check its spelling with -help")
+        raise InputError(f"PETSc option {', '.join(unknown)}: nothing used it; check its spelling with -help")
     return record
 
 

@@ -12,9 +12,8 @@ from typing import Any
 
 from comparisons.measure import timing
 from isorod import options, scenes
-from isorod.command import run
+from isorod.command import ending, run
 from isorod.command.parser import Parser, add_fields, field_values, split
-from isorod.errors import InputError, SolveError
 from isorod.output import results
 
 
@@ -53,20 +52,20 @@ def measure(
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Run the command line."""
+    """Run the command line; return the exit code."""
+    return ending.run("comparisons.measure.rod", lambda: _main(arguments))
+
+
+def _main(arguments: Sequence[str]) -> int:
     ours, theirs = split(arguments)
-    try:
-        name = ours[0] if ours else ""
-        scene_type = scenes.find(name)
-        parser = Parser(prog=f"python -m comparisons.measure.rod {name}")
-        add_fields(parser, scene_type)
-        parser.add_argument("--repeat", type=int, default=6, help="runs in this process, the first one cold (6)")
-        found = parser.known(ours[1:])
-        options.initialize(theirs)
-        print(results.line(measure(name, field_values(found, scene_type), found.repeat, petsc=theirs)))
-    except (InputError, SolveError) as problem:
-        print(f"comparisons.measure.rod: {problem}", file=sys.stderr)
-        return 2
+    name = ours[0] if ours else ""
+    scene_type = scenes.find(name)
+    parser = Parser(prog=f"python -m comparisons.measure.rod {name}")
+    add_fields(parser, scene_type)
+    parser.add_argument("--repeat", type=int, default=6, help="runs in this process, the first one cold (6)")
+    found = parser.known(ours[1:])
+    options.initialize(theirs)
+    print(results.line(measure(name, field_values(found, scene_type), found.repeat, petsc=theirs)))
     return 0
 
 

@@ -1,0 +1,159 @@
+"""What `isorod run` prints: the answer first, in words, on one screen; JSON alone on standard output; progress."""
+
+import json
+import re
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from test_motion_steps import MUSCLE, bar
+
+from isorod import dynamics, scenes
+from isorod.command import cli, printing
+from isorod.command import run as running
+from isorod.dynamics import progress
+from isorod.dynamics.explicit import run as explicit
+from isorod.output.words import duration
+
+SPRING = {"coils": 1, "elements_per_turn": 4, "section_points": 4}
+BICEPS = {"elements": 5, "end_elements": 0, "order": 1, "section_points": 4, "end_time": 2e-3, "outputs": 4}
+SOLVED = [
+    ("spring", SPRING),
+    ("spring", {"coils": 1, "section_points": 4, "nu": 0.5, "formulation": "mixed"}),
+    ("blade", {"elements": 4}),
+    ("biceps", BICEPS),
+    ("biceps", BICEPS | {"statics": True, "activation": 0.2}),
+]
+
+
+def words_of(options):
+    given = {key: value for key, value in options.items() if value is not True}
+    return [f"--{key.replace('_', '-')}={value}" for key, value in given.items()] + [
+        f"--{key}" for key in options if options[key] is True
+    ]
+
+
+def printed(capsys, *words):
+    assert cli.main(["run", *words]) == 0
+    return capsys.readouterr().out.splitlines()
+
+
+def test_every_number_a_scene_measures_has_its_unit():
+    for name, options in SOLVED:
+        scene = scenes.find(name)(**options)
+        settings = scene.settings() if scene.analysis == "dynamics" else {}
+        solution, _ = running.solve(scene, settings)
+        assert scene.measure(solution).keys() <= scene.units.keys()
+
+
+@pytest.mark.parametrize(
+    ("words", "first"),
+    [
+        ("spring --coils 1", r"force +18\.9\d* \(unit of E x length\^2; mm and MPa give N\)"),
+        ("blade --elements 4", r"frequencies +0\.\d+, 1\.\d+, .*"),
+        ("biceps --order 1 --end-time 0.02", r"end force +\d+\.\d+, \d+\.\d+, \d+\.\d+, \d+\.\d+ N \(at lower and .*"),
+        ("biceps --statics --order 1", r"end force +\d+\.\d+, \d+\.\d+, \d+\.\d+, \d+\.\d+ N \(at lower and .*"),
+        ("flower", r"volume +6\.23844 \(cube of the unit that lengths are in\)"),
+        ("ring", r"volume +118\.435 \(cube of the unit that lengths are in\)"),
+    ],
+)
+def test_the_answer_comes_first_and_all_is_on_one_screen(words, first, capsys):
+    lines = printed(capsys, *words.split())
+    assert re.fullmatch(first, lines[0])
+    assert len(lines) <= 24
+    assert max(map(len, lines)) <= 80
+    labels = [line[:19].strip() for line in lines if not line.startswith(" ")]
+    assert labels[-1] == "more"
+    if "ring" not in words.split() and "flower" not in words:
+        places = [labels.index(label) for label in ("size", "time", "convergence", "scene", "method", "versions")]
+        assert places == sorted(places)
+
+
+def test_the_numbers_are_those_of_the_record(capsys):
+    whole = " ".join(" ".join(printed(capsys, "biceps", *words_of(BICEPS))).split())
+    record = json.loads(printed(capsys, "biceps", "--json", *words_of(BICEPS))[0])
+    assert ", ".join(f"{force:.6g}" for force in record["end_force"]) + " N" in whole
+    force = record["contact_force"]
+    largest = f" in the end, largest {max(force):.6g}" if max(force) > force[-1] else ""
+    assert f"contact force {force[-1]:.6g}{largest} N" in whole
+    assert f"{record['unknowns']:,} unknowns ({record['dofs']:,} degrees of freedom)" in whole
+    assert f"{record['steps']:,} time steps of 2.5e-05; energy within" in whole
+    assert "biceps, dynamics; end time 0.002, outputs 4" in whole
+    record |= {"contact_force": np.array([0.0, 3.0, 2.0, 1.5, 1.0]), "times": np.arange(5.0)}
+    said = printing.summary(record, scenes.find("biceps")(**BICEPS))
+    assert "contact force       1 in the end, largest 3 N" in said
+
+
+def test_an_estimated_error_is_part_of_the_answer(capsys):
+    lines = printed(capsys, "spring", *words_of(SPRING), "--refine")
+    assert re.match(r"error +0?\.?\d\S*, relative, as estimated from finer spaces", lines[1])
+
+
+@pytest.mark.parametrize(
+    ("seconds", "words"),
+    [(0.0123, "12.3 ms"), (2.14, "2.1 s"), (59.9, "59.9 s"), (192.4, "3 min 12 s"), (3900.0, "1 h 5 min")],
+)
+def test_times_are_in_words(seconds, words):
+    assert duration(seconds) == words
+
+
+@pytest.mark.parametrize("options", ["-snes_monitor -ksp_view", "-log_view", "-help"])
+def test_json_is_alone_on_standard_output(options, isorod):
+    done = isorod("run", "spring", *words_of(SPRING), "--json", *options.split())
+    assert done.returncode == 0
+    assert done.stdout.count("\n") == 1
+    assert json.loads(done.stdout)["scene"] == "spring"
+    for word in {"-log_view": ["Mflop"], "-help": ["-snes_rtol"]}.get(options, ["SNES Function norm", "KSP Object"]):
+        assert word in done.stderr
+
+
+def test_standard_output_is_given_back(python):
+    script = "from isorod.command import cli; import os\ncli.main(['run', 'ring', '--json']); os.system('echo after')"
+    lines = python(script).stdout.splitlines()
+    assert json.loads(lines[0])["scene"] == "ring"
+    assert lines[1:] == ["after"]
+
+
+@pytest.fixture
+def talkative(monkeypatch):
+    """Let every call be the time to say something."""
+    monkeypatch.setattr(progress, "_FIRST", 0.0)
+    monkeypatch.setattr(progress, "_BETWEEN", 0.0)
+
+
+@pytest.mark.parametrize("settings", [{}, {"integrator": "implicit", "time_step": 0.1}])
+def test_progress_is_a_line_now_and_then_also_within_an_interval(settings, talkative, monkeypatch, capsys):
+    monkeypatch.setattr(explicit, "_BLOCK", 1e-9)
+    dynamics.solve(bar(law=MUSCLE), 1.0, outputs=2, ramp=0.5, progress=True, **settings)
+    lines = capsys.readouterr().err.splitlines()
+    found = [re.fullmatch(r"isorod: time (\S+) of 1, (\d+)%, about \S+ m?s to go", line) for line in lines]
+    times = [float(one[1]) for one in found]
+    assert len(times) >= 4
+    assert times == sorted(times) and times[-1] == 1.0
+    assert [int(one[2]) for one in found] == pytest.approx([100 * time for time in times], abs=0.51)
+
+
+def test_the_time_to_go_is_that_of_the_way_left(talkative, monkeypatch, capsys):
+    clock = iter([100.0, 110.0, 130.0])
+    monkeypatch.setattr(progress, "perf_counter", lambda: next(clock))
+    shown = progress.Progress(2.0, 10.0)
+    shown(4.0)
+    shown(8.0)
+    assert capsys.readouterr().err == (
+        "isorod: time 4 of 10, 40%, about 30.0 s to go\nisorod: time 8 of 10, 80%, about 10.0 s to go\n"
+    )
+
+
+def test_lines_are_seconds_apart_and_short_runs_say_nothing(monkeypatch, capsys):
+    clock = [0.0]
+    monkeypatch.setattr(progress, "perf_counter", lambda: clock[0])
+    shown, said = progress.Progress(0.0, 100.0), []
+    for second in range(1, 101):
+        clock[0] = second
+        shown(float(second))
+        if capsys.readouterr().err:
+            said.append(second)
+    assert 5 <= said[0] <= 10
+    assert {10 <= later - sooner <= 30 for sooner, later in pairwise(said)} == {True}
+    dynamics.solve(bar(), 0.2, outputs=2, progress=True)
+    assert capsys.readouterr().err == ""
