@@ -31,7 +31,7 @@ def section(records: list[Record], folder: Path) -> list[str]:
     """Write the plots of a run of the study and return its HTML."""
     records = precision.settled(records)
     (limit,), (picture,) = part(records, "converged"), part(records, "picture")
-    entries = part(records, "table 2")
+    entries, (mac,) = part(records, "table 2"), part(records, "mac")
     order = plots.convergence(entries, folder / "blade-convergence.png")
     scene = next(one for one in part(records, "work") if one["method"] == "cylindrical")["options"]
     lines = [heading(2, "Blade")]
@@ -79,9 +79,10 @@ def section(records: list[Record], folder: Path) -> list[str]:
     lines.append(heading(3, "Blade: the same modes"))
     lines.append(
         "<p>Modal assurance criterion: 1 if a mode of isorod has the shape of one of dolfinx, 0 if they have nothing "
-        "in common. Ones on the diagonal say that both found the same modes in the same order.</p>"
+        "in common. Ones on the diagonal say that both found the same modes in the same order. "
+        f"{mac['dofs'][0]:,} unknowns of isorod, {mac['dofs'][1]:,} of dolfinx.</p>"
     )
-    lines.append(_assurance(part(records, "mac")[0]))
+    lines.append(_assurance(mac["matrix"]))
     return lines + work.closing("blade", records)
 
 
@@ -117,7 +118,8 @@ def _reference(records: list[Record]) -> str:
     (limit,) = part(records, "converged")
     rows = []
     for record in part(records, "convergence"):
-        rows.append((record["arguments"], f"{record['dofs']:,}", *_row(record["frequencies"])))
+        mesh = record["arguments"].removeprefix("--").replace(" --", ", ")
+        rows.append((mesh, f"{record['dofs']:,}", *_row(record["frequencies"])))
     rows.append(("extrapolated", "", *_row(limit["frequencies"])))
     for record in part(records, "paper mesh"):
         rows.append(
@@ -133,8 +135,6 @@ def _reference(records: list[Record]) -> str:
     return table(("finite elements, Hz", "unknowns", *MODES), rows)
 
 
-def _assurance(record: Record) -> str:
-    rows = [(name, *(f"{value:.3f}" for value in row)) for name, row in zip(MODES, record["matrix"], strict=True)]
-    ours, theirs = record["dofs"]
-    head = (f"ours ({ours:,} unknowns) \\ dolfinx ({theirs:,})", *MODES)
-    return table(head, rows)
+def _assurance(matrix: Sequence[Sequence[float]]) -> str:
+    rows = [(name, *(f"{value:.3f}" for value in row)) for name, row in zip(MODES, matrix, strict=True)]
+    return table(("isorod \\ dolfinx", *MODES), rows)

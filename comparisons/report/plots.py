@@ -5,8 +5,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from comparisons.measure.records import Record
-from comparisons.report.precision import named, pairs, ratio, targets, version
+from comparisons.measure.records import Record, part
+from comparisons.report.precision import named, pairs, ratio, targets, version, versions
 from isorod.output.results import write_beside
 
 # Okabe and Ito's colours, told apart by colour-blind readers too: cold ones are ours, warm ones and black theirs.
@@ -30,41 +30,36 @@ def _pyplot() -> Any:
 def told(records: list[Record], ours: Sequence[str], theirs: Sequence[str]) -> list[Record]:
     """Return the runs of the few curves that tell the story, as many as there are colours.
 
-    Those that are fastest within an error, the smallest first, and the named ones; of dolfinx in the version that is
-    fastest there.
+    Those that are fastest within an error, the smallest first, and the named ones, of dolfinx in the version that is
+    fastest within the smallest.
     """
     best = pairs(records)[::-1]
-    of = version(best[0][2]) if best else None
-    kept: list[tuple[str, str]] = []
-    for method, colours, fastest, more in (
-        ("cylindrical", COLOURS, [one["curve"] for _, one, _ in best], ours),
-        ("fem", FEM_COLOURS, [one["curve"] for _, _, one in best], theirs),
-    ):
+    of = ("", version(best[0][2])) if best else ("", *versions(records)[:1])
+    work = part(records, "work")
+    kept: list[str] = []
+    for method, colours, more in (("cylindrical", COLOURS, ours), ("fem", FEM_COLOURS, theirs)):
+        winners = dict.fromkeys(named(one) for _, *both in best for one in both if one["method"] == method)
+        others = [
+            named(one)
+            for curve in more
+            for one in work
+            if (one["method"], one["curve"]) == (method, curve) and version(one) in of
+        ]
         # Room for one of the named ones at least.
-        winners = list(dict.fromkeys(fastest))[: len(colours) - 1]
-        measured = {one["curve"] for one in records if one["part"] == "work" and one["method"] == method}
-        curves = dict.fromkeys([*winners, *(curve for curve in more if curve in measured)])
-        kept += [(method, curve) for curve in list(curves)[: len(colours)]]
-    return [
-        one
-        for method, curve in kept
-        for one in records
-        if one["part"] == "work"
-        and (one["method"], one["curve"]) == (method, curve)
-        and (method == "cylindrical" or of in (None, version(one)))
-    ]
+        kept += list(dict.fromkeys([*list(winners)[: len(colours) - 1], *others]))[: len(colours)]
+    return [one for name in kept for one in work if named(one) == name]
 
 
-def looks(curves: Sequence[Record]) -> dict[tuple[str, str], dict[str, str]]:
-    """Return colour, marker and line of each curve of the story, by method and curve: no two have one in common."""
-    found: dict[tuple[str, str], dict[str, str]] = {}
+def looks(curves: Sequence[Record]) -> dict[str, dict[str, str]]:
+    """Return colour, marker and line of each curve of the story by its name: no two have colour or marker in common."""
+    found: dict[str, dict[str, str]] = {}
     for method, colours, markers, line in (
         ("cylindrical", COLOURS, MARKERS, "-"),
         ("fem", FEM_COLOURS, FEM_MARKERS, "--"),
     ):
-        names = dict.fromkeys(one["curve"] for one in curves if one["method"] == method)
-        for curve, colour, marker in zip(names, colours, markers, strict=False):
-            found[method, curve] = {"color": colour, "marker": marker, "linestyle": line}
+        names = dict.fromkeys(named(one) for one in curves if one["method"] == method)
+        for name, colour, marker in zip(names, colours, markers, strict=False):
+            found[name] = {"color": colour, "marker": marker, "linestyle": line}
     return found
 
 
@@ -83,10 +78,9 @@ def story(records: list[Record], curves: Sequence[Record], quantity: str, wide: 
     pyplot = _pyplot()
     for path, rows, columns, size in ((wide, 1, 2, (12.0, 5.4)), (narrow, 2, 1, (4.6, 9.4))):
         figure, axes = pyplot.subplots(rows, columns, figsize=size, sharey=True, layout="constrained")
-        for (method, curve), look in looks(curves).items():
-            points = [one for one in curves if (one["method"], one["curve"]) == (method, curve)]
+        for label, look in looks(curves).items():
+            points = [one for one in curves if named(one) == label]
             errors = [one["error"] for one in points]
-            label = named(points[0])
             axes[0].loglog([one["seconds"]["total"] for one in points], errors, label=label, markersize=6, **look)
             axes[1].loglog([one["dofs"] for one in points], errors, markersize=6, **look)
         best = pairs(records)

@@ -103,8 +103,8 @@ def answer(study: str, quantity: str, records: list[Record]) -> list[str]:
     for target, ours, theirs in pairs(records):
         best = (fastest(records, "fem", target, of=one) for one in known)
         share = ratio(ours["seconds"]["total"], theirs["seconds"]["total"])
-        rows.append((percent(target), _cost(ours), *(_cost(one) if one else "none" for one in best), _bare(share)))
-    head = ("error within", "cylindrical element", *(f"dolfinx {one}" for one in known), "time")
+        rows.append((percent(target), _bare(share), _cost(ours), *(_cost(one) if one else "none" for one in best)))
+    head = ("error within", "share of the time", "cylindrical element", *(f"best dolfinx {one}" for one in known))
     return [*lines, f"<div class=answer>{table(head, rows)}</div>"]
 
 
@@ -117,14 +117,16 @@ def _bare(share: str) -> str:
 
 
 def reach(records: list[Record]) -> str:
-    """Return the table of the fastest runs within each target, and of what only luck brings there."""
+    """Return the table of the fastest runs within each target, and of what only luck brings there sooner."""
     known = versions(records)
     rows = []
     for target in targets(records):
         best = fastest(records, "fem", target)
         for method, of in (("cylindrical", None), *(("fem", one) for one in known)):
-            for holds in (True, False):
-                record = fastest(records, method, target, holds, of)
+            held, lucky = (fastest(records, method, target, holds, of) for holds in (True, False))
+            if held and lucky and lucky["seconds"]["total"] >= held["seconds"]["total"]:
+                lucky = None
+            for record, holds in ((held, True), (lucky, False)):
                 if record is None:
                     continue
                 seconds = record["seconds"]

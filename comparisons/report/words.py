@@ -44,8 +44,8 @@ MEANINGS = {
     "14 points": "Irons' quadrature rule, half the points of Gauss's.",
     "quasi-Newton, CG + GAMG": "Other solvers of PETSc than the default, Newton with a direct factorisation: fewer "
     "tangents for more iterations; conjugate gradients with algebraic multigrid.",
-    "layers, around, along, across": "Cells of a finite element mesh along the axis, round the wire, along the blade's "
-    "chord and through its thickness.",
+    "layers, around, along, across, grading": "Cells of a finite element mesh along the axis, round the wire, along "
+    "the blade's chord and through its thickness; a grading above 1 makes layers thinner towards the root.",
 }
 
 

@@ -72,10 +72,10 @@ BEST = {
 QUICK = (
     _family("S2 bricks", _S2, (4, 24), (8, 48), (12, 60)),
     _family("S2 bricks, quasi-Newton", f"{_S2} {_QN}", (8, 48), (12, 60)),
-    _family("S3 bricks", _S3, (4, 24), (12, 24)),
+    _family("S3 bricks", _S3, (4, 12), (4, 24)),
     _family("S3 bricks, quasi-Newton", f"{_S3} {_QN}", (4, 24)),
     _family("S4 bricks", _S4, (4, 24), (8, 24)),
-    _family("Q2 bricks", _Q2, (4, 24), (12, 60)),
+    _family("Q2 bricks", _Q2, (4, 24), (8, 48)),
     _family("P2 tetrahedra", f"{_P} 2", (8, 48), (12, 60)),
 )
 
