@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from importlib import import_module
 
 from comparisons import STUDIES
+from comparisons.measure import timing
 from comparisons.measure.study import LEVELS, Run
 from comparisons.stability import CASES
 from isorod.command import ending
@@ -34,17 +35,27 @@ def _main(arguments: Sequence[str]) -> int:
         default=[],
         help="of the stability study, this case alone (repeat for more)",
     )
+    parser.add_argument(
+        "--dolfinx",
+        action="append",
+        default=[],
+        metavar="PYTHON",
+        help="spring, blade: measure the dolfinx of this Python beside that of the running one (repeat for more)",
+    )
     parser.add_argument("--results", default="results", metavar="DIR", help="folder of records and report (results)")
     found = parser.known(arguments)
     if found.case and found.command != "stability":
         parser.error(f"--case {found.case[0]}: only the stability study has cases")
+    if found.dolfinx and found.command not in (*VERIFIED, "verify"):
+        parser.error(f"--dolfinx {found.dolfinx[0]}: only {' and '.join(VERIFIED)} compare versions of dolfinx")
     results.check_folder(found.results)
+    others = _others(found.dolfinx)
     folder = results.make_folder(found.results)
     level = found.level or ("quick" if found.command == "verify" else "full")
     for study in STUDIES:
         if found.command == study or (found.command == "verify" and study in VERIFIED):
             run = Run(study, level, folder)
-            import_module(f"comparisons.{study}").run(run, *([found.case] if found.case else []))
+            import_module(f"comparisons.{study}").run(run, *([more] if (more := found.case or others) else []))
             run.record("end", {})
     from comparisons.report import page
 
@@ -53,6 +64,19 @@ def _main(arguments: Sequence[str]) -> int:
         print(line)
     print(f"report: {path}")
     return 0
+
+
+def _others(programs: Sequence[str]) -> list[str]:
+    """Return the paths of other interpreters; each must have a dolfinx of a version of its own."""
+    if not programs:
+        return []
+    versions = {timing.find_dolfinx(sys.executable)[1]: sys.executable}
+    for program in programs:
+        path, version = timing.find_dolfinx(program)
+        if version in versions:
+            raise InputError(f"--dolfinx {program}: dolfinx {version} is measured already, by {versions[version]}")
+        versions[version] = path
+    return list(versions.values())[1:]
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ from comparisons.measure import mac, published, rod, timing
 from comparisons.measure.convergence import extrapolate
 from comparisons.measure.records import Record
 from comparisons.measure.study import Run, Steps
-from comparisons.measure.work import Curve, WorkPrecision, fem_curves, steps_of
+from comparisons.measure.work import Curve, WorkPrecision, fem_curves, steps_of, with_others
 from comparisons.report import pictures
 from isorod import modal, options, scenes
 
@@ -108,10 +108,14 @@ BEST = {
 }
 
 
-def run(study: Run) -> None:
-    """Run the study and append its records."""
+def run(study: Run, others: Sequence[str] = ()) -> None:
+    """Run the study and append its records; ``others`` are interpreters whose dolfinx is measured too."""
     options.initialize([])
-    curves, family, targets = CURVES[study.level], presets.CONVERGED[study.level], TARGETS[study.level]
+    curves, family, targets = (
+        with_others(CURVES[study.level], others),
+        presets.CONVERGED[study.level],
+        TARGETS[study.level],
+    )
     total = 1 + len(family.arguments) + len(PAPER) + len(ELEMENTS) + steps_of(curves, targets) + 2
     with study.progress(total) as steps:
         with steps.step("Table 2"):

@@ -8,7 +8,7 @@ from comparisons.fem.presets.family import Family
 from comparisons.measure import published, rod, timing
 from comparisons.measure.convergence import richardson
 from comparisons.measure.study import Run, Steps
-from comparisons.measure.work import Curve, WorkPrecision, fem_curves, steps_of
+from comparisons.measure.work import Curve, WorkPrecision, fem_curves, steps_of, with_others
 from comparisons.report import pictures
 from isorod import options
 
@@ -65,10 +65,10 @@ BEST = {
 PAPER_MESH = {"quick": ("paper-q1", "paper-enhanced"), "full": ("paper-q1", "paper-q2", "paper-enhanced")}
 
 
-def run(study: Run) -> None:
-    """Run the study and append its records."""
+def run(study: Run, others: Sequence[str] = ()) -> None:
+    """Run the study and append its records; ``others`` are interpreters whose dolfinx is measured too."""
     options.initialize([])
-    curves, family = CURVES[study.level], presets.CONVERGED[study.level]
+    curves, family = with_others(CURVES[study.level], others), presets.CONVERGED[study.level]
     targets = TARGETS[study.level]
     total = len(published.SPRING_GAUSS_POINTS) + len(family.meshes) + len(PAPER_MESH[study.level]) + 1
     total += steps_of(curves, targets)

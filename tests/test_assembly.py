@@ -289,7 +289,8 @@ def test_smallest_jacobian_names_body_element_and_place():
 
 def test_a_folded_rod_is_refused_and_the_element_named():
     rod = Ring(a=6.0).rod()
-    with pytest.raises(InputError, match=r"folds in element 0 at u = .*disk point \(-"):
+    # The ring folds everywhere alike; which element is worst is a matter of the last digits.
+    with pytest.raises(InputError, match=r"folds in element \d at u = .*disk point \(-"):
         Assembler(Model([Body(Space(rod), NeoHookean(1.0, 0.3))]), PETSc.COMM_SELF)
 
 

@@ -2,6 +2,7 @@
 
 import json
 import re
+import sys
 
 import numpy as np
 import pytest
@@ -89,10 +90,11 @@ def rows(table):
     return [[re.sub("<[^>]+>", "", cell) for cell in row] for row in cells]
 
 
-def measured(forces, times, monkeypatch, tmp_path, target=1e-2, finer=FINER, slower=None, known=()):
+def measured(forces, times, monkeypatch, tmp_path, target=1e-2, finer=FINER, slower=None, known=(), others=None):
     """Run a work-precision of made-up solvers; return the records of what reaches the target."""
+    factors = slower or {}
 
-    def run(module, words):
+    def run(module, words, interpreter=sys.executable):
         elements, points = int(words[words.index("--elements") + 1]), int(words[words.index("--points") + 1])
         (method,) = (name for name in work.MODULES if work.MODULES[name] == module)
         return {
@@ -100,8 +102,8 @@ def measured(forces, times, monkeypatch, tmp_path, target=1e-2, finer=FINER, slo
             "force": forces(elements, points),
             "dofs": elements * points,
             "peak_memory": 2**20,
-            "versions": {"dolfinx": "0.9"} if method == "fem" else {},
-            "seconds": {"total": times(elements, points) * (slower or {}).get(method, 1.0)},
+            "versions": {"dolfinx": (others or {}).get(interpreter, "0.9")} if method == "fem" else {},
+            "seconds": {"total": times(elements, points) * factors.get(method, 1.0) * factors.get(interpreter, 1.0)},
         }
 
     monkeypatch.setattr(work.timing, "run", run)
@@ -112,6 +114,7 @@ def measured(forces, times, monkeypatch, tmp_path, target=1e-2, finer=FINER, slo
         )
         for method in work.MODULES
     ]
+    curves = work.with_others(curves, list(others or ()))
     with study.progress(work.steps_of(curves, [target])) as steps:
         precision_of = work.WorkPrecision(
             study, steps, "made-up", dict.fromkeys(work.MODULES, finer), lambda found: abs(found["force"] - 1.0)
@@ -145,6 +148,22 @@ def test_the_fastest_of_both_sides_are_measured_again_in_turn(monkeypatch, tmp_p
         assert best is not None
         assert best["turns"] == [320.0, 64.0, 64.0]
         assert best["seconds"]["total"] == 64.0
+
+
+def test_each_version_of_dolfinx_has_its_own_fastest_run(monkeypatch, tmp_path):
+    """The other interpreter is faster where the solver is slow, and measured in turn with the running one."""
+    others, slower = {"/else/python": "0.11"}, {"/else/python": 0.5}
+    found = measured(
+        lambda n, p: 1.0 + 1.0 / n**2, lambda n, p: n * p, monkeypatch, tmp_path, slower=slower, others=others
+    )
+    runs = [(one["interpreter"], one["versions"].get("dolfinx")) for one in records.part(found, "work")]
+    assert runs == [(sys.executable, None)] * 6 + [(sys.executable, "0.9")] * 6 + [("/else/python", "0.11")] * 6
+    best = [one for one in records.part(found, "confirm") if one["holds"]]
+    assert [(one["versions"].get("dolfinx"), one["turns"]) for one in best] == [
+        (None, [64.0] * work.TURNS),
+        ("0.9", [64.0] * work.TURNS),
+        ("0.11", [32.0] * work.TURNS),
+    ]
 
 
 def test_the_best_known_are_measured_again_too_whatever_the_curves_said(monkeypatch, tmp_path):
@@ -254,9 +273,9 @@ def test_a_refused_run_is_recorded_and_the_study_goes_on(monkeypatch, tmp_path):
 def test_runs_are_repeated_six_times_and_checks_run_once_and_every_step_is_shown(monkeypatch, tmp_path, capsys):
     repeats = []
 
-    def spy(module, words):
+    def spy(module, words, interpreter):
         repeats.append(int(words[words.index("--repeat") + 1]))
-        return made_up(module, words)
+        return made_up(module, words, interpreter)
 
     measured(lambda n, p: 1.0, lambda n, p: n * p, monkeypatch, tmp_path)
     made_up = work.timing.run

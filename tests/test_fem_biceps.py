@@ -24,7 +24,6 @@ from comparisons.fem.biceps.run import Configuration, belly_bulge, run
 from comparisons.fem.fields import Sampler
 from comparisons.fem.material import muscle
 from comparisons.fem.presets import biceps as biceps_presets
-from comparisons.fem.statics import DIRECT, NEWTON
 from isorod.errors import InputError, SolveError
 from isorod.geometry.axis import Axis
 from isorod.geometry.center_line import straight
@@ -32,7 +31,6 @@ from isorod.geometry.rod import Rod
 from isorod.geometry.section import circle
 from isorod.material import NeoHookean
 from isorod.material.muscle import Muscle
-from isorod.options import defaults
 from isorod.output.stress import von_mises
 from isorod.scenes.biceps import Biceps
 from meshes import biceps, gmsh_model
@@ -289,25 +287,6 @@ def test_fibres_along_the_branch():
     reference = statics.solve(straight, other, 0.1)
     # The branches lean by some degrees: nearly, but not quite the same.
     assert 1e-4 < np.abs(found.reactions / reference.reactions - 1.0)[:, 1].max() < 0.1
-
-
-def test_factors_follow_the_pattern_of_the_contact():
-    """Bellies that come to touch couple nodes that were not: the same solver has to solve the new equations too."""
-    branches, contact, _ = branches_of(1)
-    with defaults(NEWTON | DIRECT | {"pc_type": "lu"}):
-        newton = statics._Pressed(branches, contact, branches.ends())
-    x, right, solver = newton.x, newton.x.duplicate(), newton.snes.getKSP()
-    right.setArray(np.random.default_rng(5).normal(size=right.local_size))
-    entries = []
-    for depth in (0.5, 0.75, 0.9):
-        x.setArray(branches.to_dofs(squeezed(branches.source, depth, 0.0) - branches.source.points))
-        newton._tangent(newton.snes, x, newton.matrix, newton.matrix)
-        solver.setOperators(newton.matrix)
-        solver.solve(right, x)
-        entries.append(newton.matrix.getInfo()["nz_used"])
-        assert (newton.matrix * x - right).norm() < 1e-9 * right.norm()
-    assert np.all(np.diff(entries) > 0)
-    newton.destroy()
 
 
 def test_nodes_and_masses(mesh):

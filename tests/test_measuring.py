@@ -1,12 +1,15 @@
 """How runs are timed: what is cold, what counts, and the environment of a measurement."""
 
 import json
+import os
+import re
 import subprocess
 import sys
 from types import SimpleNamespace
 
 import pytest
 
+from comparisons.__main__ import main
 from comparisons.measure import rod, timing
 from isorod.command import run
 from isorod.errors import SolveError
@@ -114,6 +117,46 @@ def test_a_measurement_has_one_thread_whatever_the_caller_has(speaker, monkeypat
 def test_a_measurement_that_fails_says_its_last_line(speaker):
     with pytest.raises(SolveError, match=r"^python -m speaker fail: exit code 3: it is too short$"):
         timing.run(speaker, ["fail"])
+
+
+def test_another_interpreter_has_the_checkout_and_its_own_programs(speaker, tmp_path, monkeypatch):
+    other = tmp_path / "else" / "python"
+    other.parent.mkdir()
+    other.write_text(f'#!/bin/sh\nexec {sys.executable} "$@"\n')
+    other.chmod(0o755)
+    # The module is found by a PYTHONPATH that is this interpreter's alone.
+    with pytest.raises(SolveError, match=r"No module named '?speaker"):
+        timing.run(speaker, [], interpreter=str(other))
+    (tmp_path / "here" / "speaker").mkdir(parents=True)
+    monkeypatch.chdir(tmp_path / "here")
+    (tmp_path / "here" / "speaker" / "__main__.py").write_text(f"import comparisons, isorod, meshes\n{SPEAKER}")
+    found = timing.run(speaker, ["--a"], interpreter=str(other))
+    assert found["arguments"] == ["--a"]
+    assert found["environment"]["PATH"].split(os.pathsep)[0] == str(other.parent)
+
+
+@pytest.mark.parametrize(
+    ("program", "said"),
+    [
+        ("/no/such/python", "no such program"),
+        ("mute", r"finite elements do not run there \(nothing said\)"),
+        ("bare", r"finite elements do not run there \(.*No module named '?\w+"),
+        ("same", "is measured already"),
+    ],
+)
+def test_an_interpreter_without_another_dolfinx_is_one_line(program, said, tmp_path, monkeypatch, capsys):
+    """Before anything runs or is written."""
+    pytest.importorskip("dolfinx")
+    scripts = {"mute": "exit 1", "bare": f'exec {sys.executable} -S "$@"', "same": f'exec {sys.executable} "$@"'}
+    for name, text in scripts.items():
+        (tmp_path / name).write_text(f"#!/bin/sh\n{text}\n")
+        (tmp_path / name).chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}{os.pathsep}{os.environ['PATH']}")
+    results = tmp_path / "results"
+    assert main(["spring", "--dolfinx", program, "--results", str(results)]) == 2
+    out, err = capsys.readouterr()
+    assert re.fullmatch(rf"comparisons: --dolfinx {program}: .*{said}.*\n", err) and not out
+    assert not results.exists()
 
 
 def test_ranks_are_started_by_mpirun(monkeypatch):

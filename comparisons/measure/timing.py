@@ -3,6 +3,7 @@
 import json
 import os
 import resource
+import shutil
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -10,11 +11,17 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from isorod.errors import SolveError
+from isorod.errors import InputError, SolveError
+
+# What another interpreter needs of this one: the sources, and nothing else.
+_CHECKOUT = Path(__file__).parents[2]
 
 
-def environment() -> dict[str, str]:
-    """Return the environment of a measurement: one thread a rank, and mpirun willing to run as root."""
+def environment(interpreter: str = sys.executable) -> dict[str, str]:
+    """Return the environment of a measurement: one thread a rank, and mpirun willing to run as root.
+
+    Another interpreter gets its own programs first, such as its compiler, and its own packages.
+    """
     fixed = {
         "OMP_NUM_THREADS": "1",
         "OPENBLAS_NUM_THREADS": "1",
@@ -22,10 +29,42 @@ def environment() -> dict[str, str]:
         "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
         "PYTHONNOUSERSITE": "1",
     }
+    if interpreter != sys.executable:
+        fixed["PATH"] = os.pathsep.join((os.path.dirname(interpreter), os.environ.get("PATH", os.defpath)))
+        fixed["PYTHONPATH"] = os.pathsep.join(map(str, (_CHECKOUT / "src", _CHECKOUT)))
     return os.environ | fixed
 
 
-def run(module: str, arguments: Sequence[str], ranks: int = 1, timeout: float = 3600.0) -> dict[str, Any]:
+def find_dolfinx(program: str) -> tuple[str, str]:
+    """Return the path of another Python interpreter, and the version of dolfinx that it has.
+
+    Raises
+    ------
+    InputError
+        If there is no such program, or ``comparisons.fem`` does not run with it.
+    """
+    interpreter = shutil.which(program)
+    if interpreter is None:
+        raise InputError(f"--dolfinx {program}: no such program; name the Python of an environment that has dolfinx")
+    # Not what links lead to: a virtual environment is known by the name it is started with.
+    interpreter = os.path.abspath(interpreter)
+    script = "import comparisons.fem.spring, comparisons.fem.blade; print(comparisons.fem.compat.version)"
+    done = subprocess.run(
+        [interpreter, "-c", script], capture_output=True, text=True, env=environment(interpreter), check=False
+    )
+    if done.returncode:
+        said = (done.stderr.strip().splitlines() or ["nothing said"])[-1]
+        raise InputError(f"--dolfinx {program}: finite elements do not run there ({said}); it needs dolfinx and numba")
+    return interpreter, done.stdout.strip().splitlines()[-1]
+
+
+def run(
+    module: str,
+    arguments: Sequence[str],
+    ranks: int = 1,
+    timeout: float = 3600.0,
+    interpreter: str = sys.executable,
+) -> dict[str, Any]:
     """Run ``python -m module`` in a process of its own and return the JSON record that it prints last.
 
     Raises
@@ -33,10 +72,11 @@ def run(module: str, arguments: Sequence[str], ranks: int = 1, timeout: float = 
     SolveError
         With the last line of what it said, if it fails.
     """
-    command = [sys.executable, "-m", module, *arguments]
+    command = [interpreter, "-m", module, *arguments]
     if ranks > 1:
         command = ["mpirun", "--oversubscribe", "-n", str(ranks), *command]
-    done = subprocess.run(command, capture_output=True, text=True, env=environment(), timeout=timeout, check=False)
+    around = environment(interpreter)
+    done = subprocess.run(command, capture_output=True, text=True, env=around, timeout=timeout, check=False)
     if done.returncode:
         said = (done.stderr.strip().splitlines() or ["nothing said"])[-1]
         raise SolveError(f"python -m {module} {' '.join(arguments)}: exit code {done.returncode}: {said}")

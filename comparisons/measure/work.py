@@ -1,8 +1,9 @@
 """Error against run time: curves of discretisations, and the fastest that reaches an error and keeps it."""
 
 import re
+import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 from comparisons.measure import timing
@@ -21,11 +22,15 @@ MODULES = {"cylindrical": "comparisons.measure.rod", "fem": "comparisons.fem"}
 
 @dataclass(frozen=True)
 class Curve:
-    """A family of discretisations, coarse to fine, that makes one curve of the work-precision diagram."""
+    """A family of discretisations, coarse to fine, that makes one curve of the work-precision diagram.
+
+    ``interpreter`` is the Python that measures it.
+    """
 
     label: str
     method: str
     arguments: tuple[str, ...]
+    interpreter: str = sys.executable
 
 
 class Family(Protocol):
@@ -43,6 +48,17 @@ class Family(Protocol):
 def fem_curves(families: Sequence[Family]) -> tuple[Curve, ...]:
     """Return the curves of families of finite element meshes."""
     return tuple(Curve(family.label, "fem", tuple(family.arguments)) for family in families)
+
+
+def with_others(curves: Sequence[Curve], interpreters: Sequence[str]) -> tuple[Curve, ...]:
+    """Return the curves, and those of finite elements once more for each other interpreter and its dolfinx."""
+    fem = [curve for curve in curves if curve.method == "fem"]
+    return (*curves, *(replace(curve, interpreter=one) for one in interpreters for curve in fem))
+
+
+def _sides(curves: Sequence[Curve]) -> list[tuple[str, str]]:
+    """Return whom the fastest runs are of: methods, each with its interpreter."""
+    return list(dict.fromkeys((curve.method, curve.interpreter) for curve in curves))
 
 
 @dataclass(frozen=True)
@@ -68,10 +84,11 @@ class WorkPrecision:
     finer: Mapping[str, Sequence[tuple[str, int]]]
     error: Callable[[Record], float]
 
-    def _measure(self, method: str, arguments: str, repeat: int) -> Record:
+    def _measure(self, side: tuple[str, str], arguments: str, repeat: int) -> Record:
+        method, interpreter = side
         words = [self.scene, *arguments.split(), "--repeat", str(repeat)]
-        found = timing.run(MODULES[method], words)
-        return found | {"arguments": arguments, "error": self.error(found)}
+        found = timing.run(MODULES[method], words, interpreter=interpreter)
+        return found | {"arguments": arguments, "error": self.error(found), "interpreter": interpreter}
 
     def run(self, curves: Sequence[Curve], targets: Sequence[float], known: Mapping[float, Sequence[str]]) -> None:
         """Record error and warm run time along each curve, or the refusal, then the fastest runs within each target.
@@ -84,7 +101,7 @@ class WorkPrecision:
             for arguments in curve.arguments:
                 with self.steps.step(f"{curve.label}: {arguments}"):
                     try:
-                        found = self._measure(curve.method, arguments, REPEAT)
+                        found = self._measure((curve.method, curve.interpreter), arguments, REPEAT)
                     except SolveError as problem:
                         refused = {"curve": curve.label, "arguments": arguments, "message": str(problem)}
                         self.study.record("refused", refused)
@@ -92,9 +109,10 @@ class WorkPrecision:
                     work.append(self.study.record("work", found | {"curve": curve.label}))
         for target in targets:
             fastest = []
-            for method in MODULES:
-                with self.steps.step(f"fastest {method} within {100 * target:g} %"):
-                    fastest += self._confirm([one for one in work if one["method"] == method], target, known[target])
+            for side in _sides(curves):
+                mine = [one for one in work if _side(one) == side]
+                with self.steps.step(f"fastest {side[0]} within {100 * target:g} %"):
+                    fastest += self._confirm(mine, target, known[target])
             with self.steps.step(f"side by side within {100 * target:g} %"):
                 self._side_by_side(fastest)
 
@@ -106,7 +124,7 @@ class WorkPrecision:
         again: list[list[dict[str, float]]] = [[] for _ in fastest]
         for _ in range(TURNS):
             for found, seconds in zip(fastest, again, strict=True):
-                seconds.append(self._measure(found["method"], found["arguments"], REPEAT)["seconds"])
+                seconds.append(self._measure(_side(found), found["arguments"], REPEAT)["seconds"])
         for found, seconds in zip(fastest, again, strict=True):
             totals = [one["total"] for one in seconds]
             best = seconds[totals.index(min(totals))]
@@ -131,7 +149,7 @@ class WorkPrecision:
                     continue
                 arguments = found["arguments"].replace(count[0], f"{option} {int(count[1]) + step}")
                 try:
-                    near = self._measure(found["method"], arguments, 1)
+                    near = self._measure(_side(found), arguments, 1)
                 except SolveError:
                     finer = []
                     break
@@ -147,6 +165,10 @@ class WorkPrecision:
         return held
 
 
+def _side(record: Record) -> tuple[str, str]:
+    return record["method"], record["interpreter"]
+
+
 def steps_of(curves: Sequence[Curve], targets: Sequence[float]) -> int:
     """Return the number of steps that `WorkPrecision.run` shows."""
-    return sum(len(curve.arguments) for curve in curves) + len(targets) * (len(MODULES) + 1)
+    return sum(len(curve.arguments) for curve in curves) + len(targets) * (len(_sides(curves)) + 1)

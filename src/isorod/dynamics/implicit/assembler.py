@@ -65,6 +65,8 @@ class StepPart(Part):
     def matrices(self, local: Array, factor: float) -> Array:
         """Return the derivatives of internal and inertial forces, ``(E, l n 3, l n 3)``; they are not symmetric."""
         _, moduli = self.laws.at(factor).discrete(self._start, self._changes(local), True)
+        # The memory's order is NumPy's choice, and another one in its later versions.
+        moduli = np.ascontiguousarray(moduli)
         elements, points, _, functions = self._gradient.shape
         result = np.empty((elements, functions, 3, functions, 3))
         right = np.empty((points, 3, 9, functions))
