@@ -142,8 +142,13 @@ class Rod:
         from isorod.geometry import jacobian_kernel
 
         values, gradients = harmonic_functions(self.section_points, xi)
-        found: tuple[Array, Array] = jacobian_kernel.inverse_jacobians(values, gradients, *self._sections(u))
-        return found
+        section, along = self._sections(u)
+        inverse, det = (
+            np.empty((section.shape[0], values.shape[0], 3, 3)),
+            np.empty((section.shape[0], values.shape[0])),
+        )
+        jacobian_kernel.inverse_jacobians(values, gradients, section, along, inverse, det)
+        return inverse, det
 
     def tangents(self, u: ArrayLike) -> Array:
         """Return the unit tangents ``(len(u), 3)`` of the centre line, the image of the disk's centre."""
