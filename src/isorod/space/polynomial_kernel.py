@@ -55,7 +55,7 @@ def orthogonalise(polygon: Array, share: Array, values: Array, powers: Index) ->
         if triangle[k, k] < 0.0:
             triangle[k] *= -1.0
     # The inverse of the triangular factor, its rows made positive on the diagonal.
-    return np.linalg.inv(triangle)
+    return np.ascontiguousarray(np.linalg.inv(triangle))
 
 
 @njit(types.Tuple((F2, F3))(R2, R3, F2, I2, F2), **STRICT)
