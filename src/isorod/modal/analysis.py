@@ -67,8 +67,8 @@ class Modes:
     ranks: int
 
     def __repr__(self) -> str:
-        values = ", ".join(f"{one:.6g}" for one in self.frequencies[:10])
-        more = ", ..." if self.frequencies.size > 10 else ""
+        values = ", ".join(f"{one:.6g}" for one in self.frequencies[:6])
+        more = ", ..." if self.frequencies.size > 6 else ""
         return (
             f"Modes of {self.model!r}\n  {self.frequencies.size} modes, {self.rigid} of them rigid, residuals up to "
             f"{self.residuals.max():.3g}\n  frequencies {values}{more}"

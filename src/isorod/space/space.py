@@ -84,7 +84,7 @@ class Space(Checked):
         kind = f"section degree {self.section_degree}" if self.section_degree is not None else f"order {self.order}"
         return (
             f"Space({self.layers} layers of {self.layer_nodes} nodes, {self.axis.elements} elements of degree "
-            f"{self.axis.degree}, {kind}, quadrature {self.rule}; {self.rod!r})"
+            f"{self.axis.degree}, {kind}, quadrature {self.rule})\n  on {self.rod!r}"
         )
 
     @cached_property
