@@ -59,7 +59,7 @@ BAD = {
     "no body": (lambda body: Model([]), "model: got no bodies, need at least one"),
     "one support": (
         lambda body: Model([body], Support.end(body.space, "end")),
-        "Model: supports: got Support, need a seq",
+        "Model: supports: got Support, need a sequence",
     ),
     "no support": (lambda body: Model([body], [3]), "Model: supports: got list, need a sequence, each a Support"),
     "no law": (lambda body: Body(body.space, 3.0), "Body: material: got 3.0, need a Material or a sequence, each"),
@@ -137,7 +137,7 @@ def test_results_fit_on_a_screen(body):
         "3 modes": modal.solve(Blade(elements=4).model(), 3),
         "2 outputs from time 0": dynamics.solve(biceps.model(), **biceps.settings()),
         "bodies 1, supports 2; 156 degrees": model,
-        "9 layers of 4 nodes": Space(body.space.rod, elements=8, degree=2, continuity=1),
+        "13 layers of 4 nodes": Space(body.space.rod, elements=8, degree=2, continuity=1),
         "9 layers of 4 control points": body.space.rod,
         "degree 2, 4 elements": body.space.rod.axis,
     }

@@ -117,9 +117,14 @@ class _Cache(FunctionCache):  # type: ignore[misc]
         return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep it if that can be."""
+        """Keep it if that can be, in the place of what is damaged."""
         with suppress(OSError):
-            super().save_overload(sig, data)
+            try:
+                super().save_overload(sig, data)
+            # Reading damaged pickles raises anything.
+            except Exception:
+                self.flush()
+                super().save_overload(sig, data)
 
 
 def _beside(function: Any) -> str:
