@@ -75,6 +75,16 @@ def room() -> Callable[[int], contextlib.AbstractContextManager[None]]:
     return limit
 
 
+@pytest.fixture(scope="session", autouse=True)
+def compiled() -> None:
+    """Compile before the first test what is not kept: what runs print is then as it is for people, day by day."""
+    from isorod import compiling
+
+    for kernel in compiling.load_all():
+        if not kernel.kept:
+            kernel.ready()
+
+
 @pytest.fixture(scope="session")
 def cylinder() -> Callable[..., Rod]:
     """`straight` as a fixture."""

@@ -9,7 +9,7 @@ from petsc4py import PETSc
 
 from isorod import statics
 from isorod.assembly.assembler import Assembler
-from isorod.assembly.stiffness_kernel import stiffness
+from isorod.assembly.part import stiffness
 from isorod.errors import InputError
 from isorod.geometry.axis import Axis
 from isorod.geometry.rod import Rod

@@ -13,7 +13,7 @@ HOUSE = ROOT / "src" / "isorod"
 ROOMS = (
     "geometry material petsc space model contact assembly output checks dynamics statics modal scenes command".split()
 )
-GROUND = ["__init__", "errors", "arrays", "tensors", "compiled", "options"]
+GROUND = ["__init__", "errors", "arrays", "tensors", "compiling", "compiled", "options"]
 # What ``python -m isorod`` runs stands on the ground and leads to the top.
 DOOR = "__main__"
 FOREIGN = {"dolfinx", "ufl", "basix", "ffcx", "gmsh", "pyvista", "vtk", "comparisons", "meshes"}

@@ -3,12 +3,13 @@
 from typing import Any
 
 import numpy as np
-from numba import f8, i8, njit, types, u8
+from numba import f8, i8, types, u8
 
 from isorod.arrays import Array
+from isorod.compiling import njit
 
 # Sums in the order in which they are written; floating-point errors give infinities and NaN, as NumPy's do.
-STRICT: Any = {"cache": True, "error_model": "numpy"}
+STRICT: Any = {"error_model": "numpy"}
 # Sums may be reordered, so that loops become vector instructions; NaN and infinities still count.
 FAST: Any = STRICT | {"fastmath": {"contract", "reassoc", "nsz", "arcp"}}
 

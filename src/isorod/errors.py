@@ -1,4 +1,17 @@
-"""The errors a user can cause or meet; each message is one line: what, where, what would be right."""
+"""The errors a user can cause or meet, and checks of what is given.
+
+Each message is one line: what, where, what would be right.
+"""
+
+import sys
+import types
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from functools import cache
+from numbers import Real
+from typing import Any, Union, get_args, get_origin
+
+import numpy as np
 
 
 class InputError(ValueError):
@@ -13,10 +26,36 @@ class SolveError(RuntimeError):
     """An analysis did not reach a solution."""
 
 
+class Checked:
+    """A frozen dataclass whose fields are checked against their annotations when it is made; whole numbers are int."""
+
+    def __post_init__(self) -> None:
+        owner: Any = type(self)
+        for name, kind in _kinds(owner):
+            value = getattr(self, name)
+            expect(f"{owner.__name__}: {name}", value, kind)
+            if type(value) is not int and _fits(value, float) and not _fits(0.5, kind):
+                object.__setattr__(self, name, int(value))
+
+
+def expect(name: str, value: object, kind: Any) -> None:
+    """Raise `InputError` if a value is not of the kind that an annotation says.
+
+    Numbers may be of any type that is real, sequences arrays; nothing is asked of kinds that cannot be told apart.
+    """
+    if _fits(value, kind):
+        return
+    plain = value is None or isinstance(value, str | Real)
+    own = getattr(value, getattr(kind, "__name__", "").lower() or "_", None)
+    hint = f" (its {kind.__name__.lower()}() is one)" if callable(own) else ""
+    shown = f"{value!r:.40}" if plain else f"{type(value).__name__}"
+    raise InputError(f"{name}: got {shown}, need {_words(kind)}{hint}")
+
+
 def whole_number(name: str, value: float, low: int, high: int) -> int:
     """Return ``value`` as an integer, or raise `InputError` if it is not one from ``low`` to ``high``."""
     # NaN and infinity fail the comparison, before int() sees them.
-    if not low <= value <= high or int(value) != value:
+    if not _fits(value, float) or not low <= value <= high or int(value) != value:
         raise InputError(f"{name}: got {value}, need an integer from {low} to {high}")
     return int(value)
 
@@ -25,3 +64,51 @@ def representable(name: str, value: float) -> None:
     """Raise `InputError` if a positive value is so far from one that products with it leave double precision."""
     if not 1e-100 <= value <= 1e100:
         raise InputError(f"{name}: got {value:g}, need 1e-100 to 1e100; choose other units")
+
+
+@cache
+def _kinds(owner: type) -> tuple[tuple[str, Any], ...]:
+    """Return the names and kinds of the fields that are given."""
+    module = vars(sys.modules[owner.__module__])
+    return tuple((one.name, _evaluated(one.type, module)) for one in fields(owner) if one.init)  # type: ignore[arg-type]
+
+
+def _evaluated(kind: Any, module: Mapping[str, Any]) -> Any:
+    """Return what an annotation in quotes stands for; names for type checkers alone stand for anything."""
+
+    class Names(dict[str, Any]):
+        def __missing__(self, name: str) -> Any:
+            return module.get(name, object)
+
+    return eval(kind, {}, Names()) if isinstance(kind, str) else kind
+
+
+def _fits(value: Any, kind: Any) -> bool:
+    """Return whether a value is of a kind, or the kind is none that can be asked."""
+    origin, parts = get_origin(kind), get_args(kind)
+    if origin in (Union, types.UnionType):
+        return any(_fits(value, part) for part in parts)
+    if kind is float:
+        return isinstance(value, Real) and not isinstance(value, bool)
+    if kind is int:
+        return _fits(value, float) and float(value).is_integer()
+    if kind is bool:
+        return isinstance(value, bool | np.bool_)
+    if origin in (Sequence, tuple):
+        several = (isinstance(value, Sequence) and not isinstance(value, str)) or np.ndim(value) > 0
+        return several and all(_fits(one, parts[0]) for one in value)
+    if getattr(kind, "_is_protocol", False):
+        asked = {*vars(kind), *vars(kind).get("__annotations__", ())}
+        return {name for name in asked if not name.startswith("_")} <= set(dir(value))
+    return not isinstance(kind, type) or isinstance(value, kind)
+
+
+def _words(kind: Any) -> str:
+    """Return what a kind is in words."""
+    parts = get_args(kind)
+    if get_origin(kind) in (Union, types.UnionType):
+        return " or ".join(_words(part) for part in parts)
+    if get_origin(kind) in (Sequence, tuple):
+        return f"a sequence, each {_words(parts[0])}"
+    plain = {int: "an integer", float: "a number", str: "a text", bool: "True or False", type(None): "None"}
+    return plain.get(kind) or f"a {kind.__name__}"

@@ -11,19 +11,45 @@ from typing import Any
 
 from isorod.errors import InputError
 
+# What PETSc reads only when it starts; all other options are read by what they are for.
+_AT_THE_START = re.compile(
+    r"-(info\w*|log\w*|malloc\w*|debug\w*|start_in_debugger|stop_for_debugger|on_error_\w+|fp_trap|history|python|mpi\w*"
+    r"|get_total_flops|check_pointer_intensity|device_\w+|cuda_\w+|hip_\w+|use_gpu_aware_mpi|options_monitor\w*"
+    r"|no_signal_handler|skip_petscrc|petsc_\w+|display|nox\w*|saws_\w+|tmp|shared_tmp|not_shared_tmp|version|v)$"
+)
+
 
 def initialize(arguments: Sequence[str]) -> None:
-    """Start PETSc with its part of the command line; must come before anything else imports ``petsc4py.PETSc``."""
+    """Give PETSc its part of the command line, and start it if it does not run yet.
+
+    Nothing needs this to be called but options: importing what uses PETSc starts it.
+
+    Raises
+    ------
+    InputError
+        If PETSc runs already and an option is one that it reads only when it starts, or a file of options cannot be
+        read; none of the options is set then.
+    """
     import petsc4py
 
-    if any(option.startswith(("-eps_", "-st_", "-slepc", "-bv_", "-ds_")) for option in arguments):
-        start: Any = import_module("slepc4py")
-    else:
-        start = petsc4py
     for option, value in pairwise(arguments):
         # PETSc itself prints a page about this.
         if option == "-options_file" and not os.access(value, os.R_OK):
             raise InputError(f"PETSc options file {value}: cannot be read")
+    running: Any = sys.modules.get("petsc4py.PETSc")
+    if running is not None and running.Sys.isInitialized():
+        late = next((word for word in arguments if _AT_THE_START.match(word)), None)
+        if late is not None:
+            raise InputError(
+                f"PETSc option {late}: PETSc runs already and reads it only when it starts; call "
+                "isorod.options.initialize before anything imports petsc4py.PETSc, as isorod's analyses and dolfinx do"
+            )
+        running.Options().insertString(" ".join(f'"{word}"' if " " in word else word for word in arguments))
+        return
+    if any(option.startswith(("-eps_", "-st_", "-slepc", "-bv_", "-ds_")) for option in arguments):
+        start: Any = import_module("slepc4py")
+    else:
+        start = petsc4py
     # A fixed name: PETSc takes the program's for an option if it looks like one.
     # Its signal handler would answer a closed pipe with a page of text.
     start.init(["isorod", "-no_signal_handler", *arguments])

@@ -5,10 +5,10 @@ axis functions; an element's nodes run layer by layer.  The sums are factorised:
 """
 
 import numpy as np
-from numba import i8, njit, types
+from numba import i8, types
 
 from isorod.arrays import Array
-from isorod.compiled import F2, F3, F4, F5, FAST, R2
+from isorod.compiled import F2, F3, F4, F5, FAST, R2, njit
 from isorod.space.space import Table
 
 # In the order of the table's fields; points in the section are kept ones.

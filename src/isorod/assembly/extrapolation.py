@@ -8,10 +8,10 @@ problems discretized via displacement-based finite elements, Comput. Methods App
 """
 
 import numpy as np
-from numba import njit, void
+from numba import void
 
 from isorod.arrays import Array
-from isorod.compiled import F2, F3, FAST, cofactors
+from isorod.compiled import F2, F3, FAST, cofactors, njit
 from isorod.geometry.rod import Rod
 
 # Length over radius of the section from which on it pays; a stubby body that is strained, not turned, takes more

@@ -12,11 +12,11 @@ import numpy as np
 from petsc4py import PETSc
 
 from isorod.arrays import Array, Index
-from isorod.assembly import element_kernel, mixed_kernel, stiffness_kernel
+from isorod.assembly import element_kernel, mixed_kernel
 from isorod.assembly.assembler import Assembler
 from isorod.assembly.exchange import Exchange
 from isorod.assembly.extrapolation import Extrapolation
-from isorod.assembly.part import Part
+from isorod.assembly.part import Part, stiffness
 from isorod.assembly.split import Share
 from isorod.errors import InputError
 from isorod.material.along_rod import shear_laws, volume_change
@@ -89,13 +89,13 @@ class MixedPart(Part):
             stress = laws.stress(F) + p[..., None, None] * slope
             tangent = self._pressed(self.extrapolation.tangent(F, stress, tangent), p, slope)
         none = np.zeros((tangent.shape[0], 2))
-        stiffness = stiffness_kernel.stiffness(t, tangent, none)
+        own_stiffness = stiffness(t, tangent, none)
         both = mixed_kernel.coupling(t, slope, self.across, self.along)
         values = np.ascontiguousarray(np.repeat(self.across[:, None, :], 3, axis=1))
         own = element_kernel.mass(values, self.along, -self.compliance * t.weights)
         elements, layers = self.layers.shape
         both = both.reshape(elements, layers, self.moves, layers - 1, -1)
-        result = self._padded_matrices(stiffness)
+        result = self._padded_matrices(own_stiffness)
         result[:, :, : self.moves, :-1, self.moves :] = both
         result[:, :-1, self.moves :, :, : self.moves] = both.transpose(0, 3, 4, 1, 2)
         result[:, :-1, self.moves :, :-1, self.moves :] = own

@@ -1,11 +1,11 @@
 """The compiled loops of the mixed formulation."""
 
 import numpy as np
-from numba import njit, void
+from numba import void
 
 from isorod.arrays import Array
 from isorod.assembly.element_kernel import TABLE
-from isorod.compiled import F2, F3, F5, F6, F7, FAST
+from isorod.compiled import F2, F3, F5, F6, F7, FAST, njit
 from isorod.space.space import Table
 
 

@@ -9,9 +9,11 @@ from isorod.assembly import element_kernel
 from isorod.assembly.exchange import Exchange
 from isorod.assembly.extrapolation import Extrapolation
 from isorod.assembly.pattern import Entries, Numbered, Pattern
+from isorod.assembly.pattern_kernel import Blocks
 from isorod.assembly.split import Share
-from isorod.assembly.stiffness_kernel import merged_stiffness, stiffness
+from isorod.assembly.stiffness_kernel import Work, add_stiffness
 from isorod.model.load import Spin
+from isorod.space.space import Table
 
 
 class Part:
@@ -117,7 +119,7 @@ class Part:
 
     def entries(self, local: Array, factor: float) -> Array:
         """Return the sum of the element tangents, much larger, as entries of the pattern."""
-        return merged_stiffness(self.table, *self._moduli(local, factor), self.pattern.blocks)
+        return _stiffness(self.table, *self._moduli(local, factor), self.pattern.blocks)
 
     def _moduli(self, local: Array, factor: float) -> tuple[Array, Array]:
         """Return the moduli at points, and Lame's parameters of elements, which stand for them where there are none."""
@@ -130,6 +132,25 @@ class Part:
         if self.extrapolation is not None:
             tangent = self.extrapolation.tangent(F, laws.stress(F), tangent)
         return tangent, np.zeros((elements, 2))
+
+
+def stiffness(table: Table, tangent: Array, isotropic: Array) -> Array:
+    """Return element matrices ``(E, l, n, 3, l, n, 3)`` (`isorod.assembly.stiffness_kernel.add_stiffness`)."""
+    elements, _, functions = table.axial.shape
+    size = 3 * table.section.shape[2]
+    # Each is a part of the entries by itself, whose rows are as long as it has columns.
+    width = functions * size
+    layer = np.arange(functions)
+    start = width * width * np.arange(elements)[:, None, None] + size * (width * layer[:, None] + layer)
+    blocks = Blocks(start, np.full((elements, functions), width), elements * width * width)
+    return _stiffness(table, tangent, isotropic, blocks).reshape(elements, functions, size // 3, 3, functions, -1, 3)
+
+
+def _stiffness(table: Table, tangent: Array, isotropic: Array, blocks: Blocks) -> Array:
+    """Return the entries of a pattern to which element matrices add up."""
+    result = np.zeros(blocks.total)
+    add_stiffness(table, tangent, isotropic, blocks, Work.of(table), result)
+    return result
 
 
 # Relative error of a stress, in units of the stiffness, that is taken for rounding of the deformation gradient.

@@ -13,6 +13,7 @@ from petsc4py import PETSc
 
 from isorod.arrays import Array, Index
 from isorod.assembly import pattern_kernel
+from isorod.assembly.pattern_kernel import Blocks, Coupling
 from isorod.petsc.matrix import Rows
 
 
@@ -34,11 +35,22 @@ class Pattern:
 
     def __init__(self, element_layers: Index, size: int) -> None:
         self.size = size
-        self._coupling, self.blocks = pattern_kernel.pattern(np.ascontiguousarray(element_layers), size)
+        element_layers = np.ascontiguousarray(element_layers)
+        elements, functions = element_layers.shape
+        count = int(element_layers.max(initial=-1)) + 1
+        layers, first, columns = (np.empty(n, dtype=int) for n in (count, count + 1, elements * functions**2))
+        start, width = np.full((elements, functions, functions), -1), np.zeros((elements, functions), dtype=int)
+        mark, near = np.full(count, -1), np.empty(elements * functions, dtype=int)
+        room = Coupling(layers, first, columns, size)
+        rows, pairs = pattern_kernel.couple(element_layers, room, start, width, mark, near)
+        self._coupling = Coupling(layers[:rows], first[: rows + 1], columns[:pairs], size)
+        self.blocks = Blocks(start, width, pairs * size * size)
 
     def indices(self, number: Index) -> tuple[Index, Index]:
         """Return row and column of each entry, shape ``(total,)``, as numbers of what is at ``layer size + place``."""
-        return pattern_kernel.pattern_indices(self._coupling, np.ascontiguousarray(number))
+        row, column = np.empty(self.blocks.total, dtype=int), np.empty(self.blocks.total, dtype=int)
+        pattern_kernel.pattern_indices(self._coupling, np.ascontiguousarray(number), row, column)
+        return row, column
 
     def compressed_rows(self, number: Index, size: int) -> Rows | None:
         """Return the entries that have a number as compressed rows of a matrix of ``size``; None if some descend."""
@@ -47,7 +59,8 @@ class Pattern:
         whole = bool((there >= 0).all())
         start, column = np.empty(size + 1, dtype=PETSc.IntType), np.empty(total, dtype=PETSc.IntType)
         entries = np.empty(0 if whole else total, dtype=np.int64)
-        count = pattern_kernel.pattern_rows(self._coupling, np.ascontiguousarray(number), entries, start, column)
+        near = np.empty(self.size * int(np.diff(self._coupling.first).max(initial=0)), dtype=int)
+        count = pattern_kernel.pattern_rows(self._coupling, np.ascontiguousarray(number), entries, start, column, near)
         if count < 0 or total > np.iinfo(PETSc.IntType).max:
             return None
         return Rows(None if whole else entries[:count], start, column[:count])
@@ -56,7 +69,9 @@ class Pattern:
         """Return the entries ``(total,)`` of the sum of element matrices ``(E, l size, l size)``."""
         elements, functions, _ = self.blocks.start.shape
         shaped = matrices.reshape(elements, functions, self.size, functions, self.size)
-        return pattern_kernel.merge(shaped, self.blocks)
+        entries = np.zeros(self.blocks.total)
+        pattern_kernel.merge(np.ascontiguousarray(shaped), self.blocks, entries)
+        return entries
 
 
 class Numbered(NamedTuple):

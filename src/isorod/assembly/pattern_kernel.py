@@ -2,11 +2,11 @@
 
 from typing import Any, NamedTuple
 
-import numpy as np
-from numba import i8, njit, types
+from numba import i8, types, void
 
 from isorod.arrays import Array, Index
-from isorod.compiled import F1, F5, FAST, I1, I2, I3
+from isorod.compiled import F1, F5, FAST, I1, I2, I3, njit
+from isorod.petsc.matrix import P1
 
 
 class Coupling(NamedTuple):
@@ -34,47 +34,82 @@ COUPLING = types.NamedTuple([I1, I1, I1, i8], Coupling)
 BLOCKS = types.NamedTuple([I3, I2, i8], Blocks)
 
 
-@njit(types.Tuple((COUPLING, BLOCKS))(I2, i8), **FAST)
-def pattern(element_layers: Index, size: int) -> tuple[Coupling, Blocks]:
-    """Return how elements ``(E, l)`` couple layers of ``size`` entries, row by row; negative layers are none."""
-    elements, functions = element_layers.shape
-    count = element_layers.max() + 1
-    keys = np.empty(elements * functions * functions, dtype=np.int64)
-    place = 0
-    for e in range(elements):
-        for j in range(functions):
-            for m in range(functions):
-                if element_layers[e, j] >= 0 and element_layers[e, m] >= 0:
-                    keys[place] = element_layers[e, j] * count + element_layers[e, m]
-                    place += 1
-    pairs = np.unique(keys[:place])
-    columns = pairs % count
-    layers = np.unique(pairs // count)
-    first = np.searchsorted(pairs, layers * count)
-    first = np.append(first, pairs.size)
-    start = np.full((elements, functions, functions), -1, dtype=np.int64)
-    width = np.zeros((elements, functions), dtype=np.int64)
-    for e in range(elements):
-        for j in range(functions):
-            if element_layers[e, j] < 0:
-                continue
-            row = np.searchsorted(layers, element_layers[e, j])
-            width[e, j] = (first[row + 1] - first[row]) * size
-            for m in range(functions):
-                if element_layers[e, m] < 0:
-                    continue
-                pair = np.searchsorted(pairs, element_layers[e, j] * count + element_layers[e, m])
-                start[e, j, m] = size * (first[row] * size + pair - first[row])
-    return Coupling(layers, first, columns, size), Blocks(start, width, pairs.size * size * size)
+@njit(types.UniTuple(i8, 2)(I2, COUPLING, I3, I2, I1, I1), **FAST)
+def couple(
+    element_layers: Index, coupling: Coupling, start: Index, width: Index, mark: Index, near: Index
+) -> tuple[int, int]:
+    """Fill in how elements ``(E, l)`` couple layers, row by row; return the numbers of rows and of couplings.
 
-
-@njit(types.UniTuple(I1, 2)(COUPLING, I1), **FAST)
-def pattern_indices(coupling: Coupling, number: Index) -> tuple[Index, Index]:
-    """Return the numbers of row and column of each entry of an `isorod.assembly.pattern.Pattern`."""
+    Parameters
+    ----------
+    element_layers
+        Negative where there is none.
+    coupling
+        With room for all layers, and one more in ``first``, and for ``E l l`` couplings.
+    start, width
+        Of `Blocks`, filled where blocks have a place.
+    mark, near
+        Work space: -1 for each layer, and room for each element's layers.
+    """
     layers, first, columns, size = coupling
-    total = columns.size * size * size
-    row = np.empty(total, dtype=np.int64)
-    column = np.empty(total, dtype=np.int64)
+    elements, functions = element_layers.shape
+    count = mark.size
+    # The elements' layers sorted by layers; in the room of ``first`` where those of a layer begin, in the end where
+    # they end.
+    for r in range(count + 1):
+        first[r] = 0
+    for e in range(elements):
+        for j in range(functions):
+            if element_layers[e, j] >= 0:
+                first[element_layers[e, j] + 1] += 1
+    for r in range(count):
+        first[r + 1] += first[r]
+    for e in range(elements):
+        for j in range(functions):
+            if element_layers[e, j] >= 0:
+                near[first[element_layers[e, j]]] = e * functions + j
+                first[element_layers[e, j]] += 1
+    rows = pairs = begin = 0
+    for r in range(count):
+        end = first[r]
+        if end == begin:
+            continue
+        top = pairs
+        for k in range(begin, end):
+            e = near[k] // functions
+            for m in range(functions):
+                column = element_layers[e, m]
+                if column < 0 or mark[column] >= top:
+                    continue
+                # Into its place among those of the row, which are few.
+                c = pairs
+                while c > top and columns[c - 1] > column:
+                    columns[c] = columns[c - 1]
+                    c -= 1
+                columns[c] = column
+                mark[column] = top
+                pairs += 1
+        for c in range(top, pairs):
+            mark[columns[c]] = c
+        for k in range(begin, end):
+            e, j = near[k] // functions, near[k] % functions
+            for m in range(functions):
+                if element_layers[e, m] >= 0:
+                    start[e, j, m] = size * (top * (size - 1) + mark[element_layers[e, m]])
+            width[e, j] = (pairs - top) * size
+        layers[rows] = r
+        # At or before ``r``, and read.
+        first[rows] = top
+        rows += 1
+        begin = end
+    first[rows] = pairs
+    return rows, pairs
+
+
+@njit(void(COUPLING, I1, I1, I1), **FAST)
+def pattern_indices(coupling: Coupling, number: Index, row: Index, column: Index) -> None:
+    """Fill in the numbers of row and column of each entry of an `isorod.assembly.pattern.Pattern`."""
+    layers, first, columns, size = coupling
     place = 0
     for r in range(layers.size):
         for i in range(size):
@@ -85,11 +120,10 @@ def pattern_indices(coupling: Coupling, number: Index) -> tuple[Index, Index]:
                     row[place] = own
                     column[place] = number[other + k]
                     place += 1
-    return row, column
 
 
-@njit(**FAST)
-def pattern_rows(coupling: Coupling, number: Index, entries: Index, start: Any, column: Any) -> int:
+@njit(i8(COUPLING, I1, I1, P1, P1, I1), **FAST)
+def pattern_rows(coupling: Coupling, number: Index, entries: Index, start: Any, column: Any, near: Index) -> int:
     """Fill in the compressed rows of the entries of a pattern that have a number.
 
     Returns how many there are, or -1 if rows or columns do not ascend.
@@ -104,12 +138,13 @@ def pattern_rows(coupling: Coupling, number: Index, entries: Index, start: Any, 
         To be filled with which entries they are, if it has room: it need not where all are.
     start, column
         To be filled with the first entry of each row and the columns.
+    near
+        Work space for the entries of one row.
     """
     layers, first, columns, size = coupling
     total = 0
     place = 0
     row = -1
-    near = np.empty(size * np.diff(first).max() if layers.size else 0, dtype=np.int64)
     for r in range(layers.size):
         # All rows of a layer have the same columns.
         width = size * (first[r + 1] - first[r])
@@ -135,7 +170,8 @@ def pattern_rows(coupling: Coupling, number: Index, entries: Index, start: Any, 
                     row += 1
                     start[row] = total
                 if total > begin:
-                    column[total : total + count] = column[begin : begin + count]
+                    for k in range(count):
+                        column[total + k] = column[begin + k]
                 for k in range(count if entries.size else 0):
                     entries[total + k] = place + near[k]
                 total += count
@@ -145,12 +181,11 @@ def pattern_rows(coupling: Coupling, number: Index, entries: Index, start: Any, 
     return total
 
 
-@njit(F1(F5, BLOCKS), **FAST)
-def merge(matrices: Array, blocks: Blocks) -> Array:
-    """Return the sum of element matrices ``(E, l, size, l, size)`` as entries of a pattern."""
+@njit(void(F5, BLOCKS, F1), **FAST)
+def merge(matrices: Array, blocks: Blocks, entries: Array) -> None:
+    """Add element matrices ``(E, l, size, l, size)`` to entries of a pattern."""
     elements, functions, size = matrices.shape[:3]
     start, width = blocks.start, blocks.width
-    result = np.zeros(blocks.total)
     for e in range(elements):
         for j in range(functions):
             for i in range(size):
@@ -159,5 +194,4 @@ def merge(matrices: Array, blocks: Blocks) -> Array:
                         continue
                     place = start[e, j, m] + i * width[e, j]
                     for k in range(size):
-                        result[place + k] += matrices[e, j, i, m, k]
-    return result
+                        entries[place + k] += matrices[e, j, i, m, k]

@@ -7,12 +7,12 @@ components ``a b`` those with ``a <= b`` will do where rows and columns have the
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+from numba import types, void
 
 from isorod.arrays import Array, Index
 from isorod.assembly.element_kernel import TABLE
 from isorod.assembly.pattern_kernel import BLOCKS, Blocks
-from isorod.compiled import F1, F2, F7, FAST
+from isorod.compiled import F1, F2, F7, FAST, njit
 from isorod.space.space import Table
 
 # The pairs of components a <= b among all nine, and the place of each of the nine, or of its mirror image, among these.
@@ -62,49 +62,32 @@ def _pull_back_isotropic(moduli: Array, weight: float, inverse: Array, lame: flo
 
 
 @njit(**FAST)
-def _place(matrix: Array, j: int, m: int, block: Array) -> None:
-    """Put a block ``(n, 3, n, 3)`` into an element matrix ``(l, n, 3, l, n, 3)``, and its transpose across."""
-    n = block.shape[0]
-    for i in range(n):
-        for a in range(3):
-            for k in range(n):
-                for b in range(3):
-                    matrix[j, i, a, m, k, b] = block[i, a, k, b]
-    if j < m:
-        for i in range(n):
-            for a in range(3):
-                for k in range(n):
-                    for b in range(3):
-                        matrix[m, i, a, j, k, b] = block[k, b, i, a]
+def _add(entries: Array, start: int, width: int, block: Array, size: int, transposed: bool) -> None:
+    """Add a block of ``size`` rows, row by row in ``block``, or its transpose, to the entries that begin at ``start``.
 
-
-@njit(**FAST)
-def _add(entries: Array, start: int, width: int, block: Array, transposed: bool) -> None:
-    """Add a block ``(n, 3, n, 3)``, or its transpose, to the entries that begin at ``start``, rows ``width`` apart.
-
-    Nothing is added where ``start`` is negative.
+    Rows are ``width`` entries apart; nothing is added where ``start`` is negative.
     """
     if start < 0:
         return
-    size = 3 * block.shape[0]
-    flat = block.reshape(size, size)
     for i in range(size):
         row = entries[start + i * width : start + i * width + size]
         if transposed:
             for k in range(size):
-                row[k] += flat[k, i]
+                row[k] += block[k * size + i]
         else:
             for k in range(size):
-                row[k] += flat[i, k]
+                row[k] += block[i * size + k]
 
 
-class _Work(NamedTuple):
-    """Arrays that each element fills anew.
+class Work(NamedTuple):
+    """Arrays that each element fills anew but the first two, shaped as the products of matrices take them.
 
-    Rows: derivatives in the section (``across``), and the functions themselves, which stand for those along the axis
-    (``whole``). Columns, times the moduli: to rows across, of all nine pairs those along the axis, of six pairs those
-    across; to rows along the axis, of six pairs those along it.  Section matrices of each point along the axis: both
-    across, mixed, mixed the other way round, both along.
+    Rows: derivatives in the section (``across``, ``(n, 2 q)``), and the functions themselves, which stand for those
+    along the axis (``whole``, ``(n, q)``).  Columns, times the moduli: to rows across, of all nine pairs those along
+    the axis, of six pairs those across (``to_across``, ``(2 q, 15 n)``); to rows along the axis, of six pairs those
+    along it (``to_whole``, ``(q, 6 n)``).  Their products ``mixed_plane`` and ``axis``.  Section matrices of each point
+    along the axis, rows of ``n 3 n 3`` entries: both across, mixed, mixed the other way round, both along
+    (``matrices``, ``4 t`` rows), their ``factors``, and the ``block`` of each pair of axis functions.
     """
 
     across: Array
@@ -117,124 +100,82 @@ class _Work(NamedTuple):
     factors: Array
     block: Array
 
-
-@njit(**FAST)
-def _work(section: Array, along: int, functions: int) -> _Work:
-    """Return room for elements of so many points and functions along."""
-    points, _, n = section.shape
-    across = np.empty((n, points, 2))
-    whole = np.empty((n, points))
-    for q in range(points):
-        for i in range(n):
-            across[i, q, 0] = section[q, 0, i]
-            across[i, q, 1] = section[q, 1, i]
-            whole[i, q] = section[q, 2, i]
-    pairs = functions * (functions + 1) // 2
-    return _Work(
-        across,
-        whole,
-        np.empty((points, 2, 15, n)),
-        np.empty((points, 6, n)),
-        np.empty((n, 15, n)),
-        np.empty((n, 6, n)),
-        np.empty((along, 4, n, 3, n, 3)),
-        np.empty((pairs, along, 4)),
-        np.empty((pairs, n, 3, n, 3)),
-    )
-
-
-@njit(**FAST)
-def _blocks(table: Table, e: int, tangent: Array, isotropic: Array, w: _Work) -> None:
-    """Fill ``w.block`` with an element's blocks of axis functions ``j <= m``, in this order; moduli are its own."""
-    section, axial, slopes = table.section, table.axial[e], table.slopes[e]
-    inverse, weights = table.inverse[e], table.weights[e]
-    along, functions = axial.shape
-    points, _, n = section.shape
-    pairs = w.block.shape[0]
-    moduli, half = np.empty((3, 3, 9)), np.empty((3, 9))
-    for t in range(along):
-        for q in range(points):
-            if tangent.size:
-                _pull_back(moduli, half, weights[t, q], inverse[t, q], tangent[t, q])
-            else:
-                _pull_back_isotropic(moduli, weights[t, q], inverse[t, q], isotropic[0], isotropic[1])
-            for d in range(2):
-                for ab in range(9):
-                    x = moduli[d, 2, ab]
-                    for k in range(n):
-                        w.to_across[q, d, ab, k] = x * section[q, 2, k]
-                for h in range(6):
-                    x = moduli[d, 0, _UPPER[h]]
-                    y = moduli[d, 1, _UPPER[h]]
-                    for k in range(n):
-                        w.to_across[q, d, 9 + h, k] = x * section[q, 0, k] + y * section[q, 1, k]
-            for h in range(6):
-                x = moduli[2, 2, _UPPER[h]]
-                for k in range(n):
-                    w.to_whole[q, h, k] = x * section[q, 2, k]
-        np.dot(
-            w.across.reshape(n, 2 * points), w.to_across.reshape(2 * points, 15 * n), w.mixed_plane.reshape(n, 15 * n)
+    @classmethod
+    def of(cls, table: Table) -> "Work":
+        """Return room for the elements of a table."""
+        _, along, functions = table.axial.shape
+        points, _, n = table.section.shape
+        pairs = functions * (functions + 1) // 2
+        sizes = (
+            *((2 * points, 15 * n), (points, 6 * n), (n, 15 * n), (n, 6 * n)),
+            *((4 * along, 9 * n * n), (pairs, 4 * along), (pairs, 9 * n * n)),
         )
-        np.dot(w.whole, w.to_whole.reshape(points, 6 * n), w.axis.reshape(n, 6 * n))
-        for i in range(n):
-            for a in range(3):
-                for k in range(n):
-                    for b in range(3):
-                        row, column = (i, k) if a <= b else (k, i)
-                        h = _PLACE[3 * a + b]
-                        w.matrices[t, 0, i, a, k, b] = w.mixed_plane[row, 9 + h, column]
-                        w.matrices[t, 1, i, a, k, b] = w.mixed_plane[i, 3 * a + b, k]
-                        w.matrices[t, 2, i, a, k, b] = w.mixed_plane[k, 3 * b + a, i]
-                        w.matrices[t, 3, i, a, k, b] = w.axis[row, h, column]
-        p = 0
-        for j in range(functions):
-            for m in range(j, functions):
-                w.factors[p, t, 0] = axial[t, j] * axial[t, m]
-                w.factors[p, t, 1] = axial[t, j] * slopes[t, m]
-                w.factors[p, t, 2] = slopes[t, j] * axial[t, m]
-                w.factors[p, t, 3] = slopes[t, j] * slopes[t, m]
-                p += 1
-    np.dot(
-        w.factors.reshape(pairs, 4 * along), w.matrices.reshape(4 * along, 9 * n * n), w.block.reshape(pairs, 9 * n * n)
-    )
+        across = np.ascontiguousarray(table.section[:, :2].transpose(2, 0, 1)).reshape(n, 2 * points)
+        return cls(across, np.ascontiguousarray(table.section[:, 2].T), *(np.empty(size) for size in sizes))
 
 
-@njit(F7(TABLE, F7, F2), **FAST)
-def stiffness(table: Table, tangent: Array, isotropic: Array) -> Array:
-    """Return element matrices ``(E, l, n, 3, l, n, 3)`` of the tangent moduli ``dP/dF`` ``(E, t, q, 3, 3, 3, 3)``.
+@njit(void(TABLE, F7, F2, BLOCKS, types.NamedUniTuple(F2, 9, Work), F1), **FAST)
+def add_stiffness(table: Table, tangent: Array, isotropic: Array, blocks: Blocks, w: Work, entries: Array) -> None:
+    """Add the element matrices of the tangent moduli ``dP/dF`` ``(E, t, q, 3, 3, 3, 3)`` to entries (`Blocks`).
 
     The moduli must have major symmetry, as those of a stored energy do.  Where ``t`` and ``q`` are 0 there, each
     element has those of isotropic linear elasticity, Lame's parameters ``isotropic`` ``(E, 2)``, the second one the
     shear modulus.
     """
-    elements, along, functions = table.axial.shape
-    n = table.section.shape[2]
-    work = _work(table.section, along, functions)
-    result = np.empty((elements, functions, n, 3, functions, n, 3))
+    section, axial, slopes, inverse, weights = table.section, table.axial, table.slopes, table.inverse, table.weights
+    elements, along, functions = axial.shape
+    points, _, n = section.shape
+    moduli, half = np.empty((3, 3, 9)), np.empty((3, 9))
     for e in range(elements):
-        _blocks(table, e, tangent[e], isotropic[e], work)
+        for t in range(along):
+            for q in range(points):
+                if tangent.size:
+                    _pull_back(moduli, half, weights[e, t, q], inverse[e, t, q], tangent[e, t, q])
+                else:
+                    _pull_back_isotropic(moduli, weights[e, t, q], inverse[e, t, q], isotropic[e, 0], isotropic[e, 1])
+                for d in range(2):
+                    row = w.to_across[2 * q + d]
+                    for ab in range(9):
+                        x = moduli[d, 2, ab]
+                        for k in range(n):
+                            row[ab * n + k] = x * section[q, 2, k]
+                    for h in range(6):
+                        x = moduli[d, 0, _UPPER[h]]
+                        y = moduli[d, 1, _UPPER[h]]
+                        for k in range(n):
+                            row[(9 + h) * n + k] = x * section[q, 0, k] + y * section[q, 1, k]
+                for h in range(6):
+                    x = moduli[2, 2, _UPPER[h]]
+                    for k in range(n):
+                        w.to_whole[q, h * n + k] = x * section[q, 2, k]
+            np.dot(w.across, w.to_across, w.mixed_plane)
+            np.dot(w.whole, w.to_whole, w.axis)
+            place = 0
+            for i in range(n):
+                for a in range(3):
+                    for k in range(n):
+                        for b in range(3):
+                            first, second = (i, k) if a <= b else (k, i)
+                            h = _PLACE[3 * a + b]
+                            w.matrices[4 * t, place] = w.mixed_plane[first, (9 + h) * n + second]
+                            w.matrices[4 * t + 1, place] = w.mixed_plane[i, (3 * a + b) * n + k]
+                            w.matrices[4 * t + 2, place] = w.mixed_plane[k, (3 * b + a) * n + i]
+                            w.matrices[4 * t + 3, place] = w.axis[first, h * n + second]
+                            place += 1
+            p = 0
+            for j in range(functions):
+                for m in range(j, functions):
+                    w.factors[p, 4 * t] = axial[e, t, j] * axial[e, t, m]
+                    w.factors[p, 4 * t + 1] = axial[e, t, j] * slopes[e, t, m]
+                    w.factors[p, 4 * t + 2] = slopes[e, t, j] * axial[e, t, m]
+                    w.factors[p, 4 * t + 3] = slopes[e, t, j] * slopes[e, t, m]
+                    p += 1
+        np.dot(w.factors, w.matrices, w.block)
         p = 0
         for j in range(functions):
             for m in range(j, functions):
-                _place(result[e], j, m, work.block[p])
+                for turn in range(2 if j < m else 1):
+                    first, second = (j, m) if turn == 0 else (m, j)
+                    start, width = blocks.start[e, first, second], blocks.width[e, first]
+                    _add(entries, start, width, w.block[p], 3 * n, turn == 1)
                 p += 1
-    return result
-
-
-@njit(F1(TABLE, F7, F2, BLOCKS), **FAST)
-def merged_stiffness(table: Table, tangent: Array, isotropic: Array, blocks: Blocks) -> Array:
-    """Return the sum of the same element matrices as entries, as `isorod.assembly.pattern_kernel.merge` does."""
-    elements, along, functions = table.axial.shape
-    work = _work(table.section, along, functions)
-    start, width = blocks.start, blocks.width
-    result = np.zeros(blocks.total)
-    for e in range(elements):
-        _blocks(table, e, tangent[e], isotropic[e], work)
-        p = 0
-        for j in range(functions):
-            for m in range(j, functions):
-                _add(result, start[e, j, m], width[e, j], work.block[p], False)
-                if j < m:
-                    _add(result, start[e, m, j], width[e, m], work.block[p], True)
-                p += 1
-    return result

@@ -39,6 +39,7 @@ def command(arguments: Sequence[str]) -> int:
     run = commands.add_parser("run", help="run a scene", add_help=False)
     run.add_argument("rest", nargs=argparse.REMAINDER)
     commands.add_parser("list", help="list the scenes")
+    commands.add_parser("compile", help="compile everything ahead, so that no run has to wait for it")
     commands.add_parser("doctor", help="show versions, what is missing and how to get it")
     found = parser.known(ours[:1]) if ours[:1] == ["run"] else parser.known(ours)
     if found.command == "run":
@@ -48,6 +49,10 @@ def command(arguments: Sequence[str]) -> int:
             scene = scenes.find(name)
             print(f"{name:10s} {scenes.analyses(scene)[0]:10s} {_first_line(scene)}")
         return 0
+    if found.command == "compile":
+        from isorod.command import compile as ahead
+
+        return ahead.main()
     if found.command == "doctor":
         from isorod.command import doctor
 

@@ -192,6 +192,24 @@ def _threads() -> Check:
     return Check("threads", value or f"not set ({os.cpu_count()} cores)", fair, hint, required=False)
 
 
+def _compiled() -> Check:
+    """Say where compiled code is kept, whether that can be written to, and how much of it is there."""
+    name = "compiled code"
+    try:
+        from isorod import compiling
+
+        kernels = compiling.load_all()
+    except Exception:  # what is missing has a line of its own
+        return Check(name, "unknown", True, required=False)
+    there = sum(kernel.kept for kernel in kernels)
+    lasting = all(kernel.lasting for kernel in kernels)
+    place = next((found for kernel in kernels if (found := compiling.place(kernel))), "nowhere")
+    value = f"{there} of {len(kernels)} functions, in {place}" + ("" if lasting else " (read-only)")
+    if there < len(kernels):
+        return Check(name, value, lasting, "'isorod compile' compiles all ahead" if lasting else compiling.HINT, False)
+    return Check(name, value, True, required=False)
+
+
 def _optional(module: str, distribution: str, hint: str, used_for: str) -> Check:
     """Look a module up without importing it."""
     try:
@@ -251,6 +269,7 @@ def report() -> list[Check]:
         _petsc,
         _blas,
         _threads,
+        _compiled,
         lambda: _optional("slepc4py", "slepc4py", _get("python3-slepc4py-real", "slepc4py"), "modal analysis"),
         lambda: _optional("dolfinx", "fenics-dolfinx", _get("python3-dolfinx-real", "fenics-dolfinx"), "comparisons"),
         _compiler,

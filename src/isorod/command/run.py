@@ -16,12 +16,16 @@ def solve(scene: Any, settings: Mapping[str, Any]) -> tuple[Any, dict[str, float
     ``settings`` are keyword arguments of the analysis (`solve` of `isorod.statics`, `isorod.modal`, `isorod.dynamics`).
      PETSc must be running.
     """
+    from isorod.compiled import cofactors
+
     try:
         analysis = import_module(f"isorod.{scene.analysis}")
     except ImportError as problem:
         raise InputError(
             f"{scene.analysis} analysis: module {problem.name} is not installed (see 'isorod doctor')"
         ) from None
+    # Numba takes half a second before the first function, whichever that is.
+    cofactors.ready()
     start = perf_counter()
     model = scene.model()
     built = perf_counter()

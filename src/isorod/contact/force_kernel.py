@@ -13,10 +13,10 @@ after a search, by how much the gap exceeds that of zero pressure, the foot foun
 from typing import NamedTuple
 
 import numpy as np
-from numba import b1, f8, i8, njit, types, void
+from numba import b1, f8, i8, types, void
 
 from isorod.arrays import Array
-from isorod.compiled import F1, F2, F3, FAST
+from isorod.compiled import F1, F2, F3, FAST, njit
 from isorod.contact.packed import ELEMENT_ROW, PACKED, PASS_ROW, PLANE, SURFACE_ROW, Packed, Row
 from isorod.contact.surface_kernel import EDGE, END, FOOT, LOST, Foot, arc_of, closest, dot, new_foot, surface_gap
 

@@ -7,10 +7,10 @@ A surface is ``x(theta, u) = sum_ij Phi_i(theta) R_j(u) x_ij`` (Lu & Zhou 2011, 
 from typing import NamedTuple
 
 import numpy as np
-from numba import b1, f8, i8, njit, types, void
+from numba import b1, f8, i8, types, void
 
 from isorod.arrays import Array
-from isorod.compiled import F1, F2, FAST
+from isorod.compiled import F1, F2, FAST, njit
 from isorod.contact.packed import ELEMENT_ROW, ELEMENTS, FUNCTIONS, START_ROW, SURFACE_ROW, Row, Table
 
 # Outcome of a closest-point search.

@@ -1,10 +1,10 @@
 """Second variations of contact, compiled."""
 
 import numpy as np
-from numba import b1, f8, from_dtype, i8, njit, types, void
+from numba import b1, f8, from_dtype, i8, types, void
 
 from isorod.arrays import Array, Index
-from isorod.compiled import F1, F2, I1, STRICT
+from isorod.compiled import F1, F2, I1, STRICT, njit
 from isorod.contact.force_kernel import rigid_gap, site
 from isorod.contact.packed import CYLINDER, FUNCTIONS, PACKED, Packed, Row, Table
 from isorod.contact.surface_kernel import FOOT, Foot, arc_of, dot, evaluate, new_foot, surface_gap

@@ -14,7 +14,7 @@ from isorod.arrays import Array
 from isorod.dynamics.explicit.system import System
 from isorod.dynamics.progress import Progress
 from isorod.dynamics.run import Run, Settings
-from isorod.errors import InputError, whole_number
+from isorod.errors import InputError, expect, whole_number
 from isorod.model.model import Model
 from isorod.output import checkpoint as files
 
@@ -92,6 +92,13 @@ class History:
     solver: dict[str, str]
     ranks: int
 
+    def __repr__(self) -> str:
+        return (
+            f"History of {self.model!r}\n  {self.times.size} outputs from time {self.times[0]:.6g} to "
+            f"{self.times[-1]:.6g}, {self.steps} steps of {self.time_step:.3g}\n"
+            f"  errors of energy {self.energy_error[-1]:.2g}, of momentum {self.momentum_error[-1]:.2g}"
+        )
+
     @property
     def added_kinetic_share(self) -> float:
         """Share of the kinetic energy, over all outputs, that is in mass added for the time step."""
@@ -165,6 +172,7 @@ def solve(
         If the motion blows up: the message names step, time, element, and the critical time step; or an implicit step
         does not converge.
     """
+    expect("model", model, Model)
     start = perf_counter()
     settings = Settings(end_time, whole_number("outputs", outputs, 1, 1_000_000), time_step, damping, ramp)
     _check(model, settings, every)

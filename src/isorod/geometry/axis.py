@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from isorod.arrays import Array, Index
-from isorod.errors import InputError, whole_number
+from isorod.errors import Checked, InputError, whole_number
 from isorod.geometry import bspline
 
 MAX_DEGREE = 6
@@ -21,7 +21,7 @@ _KEPT_ELEMENTS = 1000
 
 
 @dataclass(frozen=True, eq=False)
-class Axis:
+class Axis(Checked):
     """A NURBS basis in one parameter ``u`` (Lu & Zhou 2011, eqs. 8-10).
 
     Parameters
@@ -51,6 +51,7 @@ class Axis:
     multiplicities: Index = field(init=False)
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         object.__setattr__(self, "knots", np.array(self.knots, dtype=float).ravel())
         object.__setattr__(self, "weights", np.array(self.weights, dtype=float).ravel())
         p, knots, weights = self.degree, self.knots, self.weights
@@ -75,6 +76,10 @@ class Axis:
         if (counts[1:-1] > p).any():
             k = 1 + int(np.argmax(counts[1:-1] > p))
             raise InputError(f"interior knot {values[k]:g} stands {counts[k]} times; degree {p} allows {p}")
+
+    def __repr__(self) -> str:
+        low, high = self.breaks[0], self.breaks[-1]
+        return f"Axis(degree {self.degree}, {self.elements} elements from {low:g} to {high:g})"
 
     @property
     def count(self) -> int:

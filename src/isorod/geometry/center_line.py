@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from isorod.arrays import Array
-from isorod.errors import InputError, whole_number
+from isorod.errors import InputError, expect, whole_number
 from isorod.geometry.axis import MAX_ELEMENTS, Axis
 from isorod.geometry.rod import Rod
 
@@ -73,15 +73,17 @@ def helix(radius: float, pitch: float, turns: int, arcs_per_turn: int = 4) -> Ce
     radius, pitch
         Radius and rise per turn, units of length.
     turns, arcs_per_turn
-        Numbers of turns, and of arcs (elements) in each; at least 1 and 3.
+        Whole numbers of turns, and of arcs (elements) in each; at least 1 and 3.
     """
     if not (np.isfinite(radius) and radius > 0.0):
         raise InputError(f"centre line radius: got {radius:g}, need a positive length")
     if not np.isfinite(pitch):
         raise InputError(f"pitch: got {pitch}, need a finite length")
+    for name, count in (("turns", turns), ("arcs a turn", arcs_per_turn)):
+        expect(f"helix: {name}", count, int)
     if turns < 1 or arcs_per_turn < 3:
         raise InputError(f"helix: got {turns} turns of {arcs_per_turn} arcs, need at least 1 turn of at least 3 arcs")
-    arcs = turns * arcs_per_turn
+    arcs = int(turns * arcs_per_turn)
     if arcs > MAX_ELEMENTS:
         raise InputError(f"helix: {arcs} arcs are too many; at most {MAX_ELEMENTS}")
     knots = np.concatenate([[0.0], np.repeat(np.arange(arcs + 1.0), 2), [arcs]])

@@ -1,23 +1,27 @@
 """The rod's Jacobians at many points, compiled."""
 
 import numpy as np
-from numba import njit, types
+from numba import void
 
 from isorod.arrays import Array
-from isorod.compiled import F2, F3, F4, FAST, R2, R3
+from isorod.compiled import F2, F3, F4, FAST, R2, R3, njit
 
 
-@njit(types.Tuple((F4, F2))(R2, R3, F3, F3), **FAST)
-def inverse_jacobians(values: Array, gradients: Array, section: Array, along: Array) -> tuple[Array, Array]:
-    """Return ``d(xi_1, xi_2, u)/dx`` ``(u, q, 3, 3)`` and ``det dx/d(xi_1, xi_2, u)`` ``(u, q)`` of a rod.
+@njit(void(R2, R3, F3, F3, F4, F2), **FAST)
+def inverse_jacobians(
+    values: Array, gradients: Array, section: Array, along: Array, inverse: Array, det: Array
+) -> None:
+    """Fill in ``d(xi_1, xi_2, u)/dx`` ``(u, q, 3, 3)`` and ``det dx/d(xi_1, xi_2, u)`` ``(u, q)`` of a rod.
 
     ``values`` ``(q, n)`` and ``gradients`` ``(q, n, 2)`` are the rod's section functions, ``section`` and ``along``
     ``(u, n, 3)`` its control polygons and their derivatives.
     """
     sections, n, _ = section.shape
     points = values.shape[0]
-    inverse = np.empty((sections, points, 3, 3))
-    det = np.empty((sections, points))
+    tables, products = np.empty((3, points, n)), np.empty((3, points, 3 * sections))
+    for q in range(points):
+        for i in range(n):
+            tables[0, q, i], tables[1, q, i], tables[2, q, i] = gradients[q, i, 0], gradients[q, i, 1], values[q, i]
     # Columns of the Jacobian, of all sections at once.
     polygons = np.empty((2, n, 3 * sections))
     for t in range(sections):
@@ -25,9 +29,9 @@ def inverse_jacobians(values: Array, gradients: Array, section: Array, along: Ar
             for a in range(3):
                 polygons[0, i, 3 * t + a] = section[t, i, a]
                 polygons[1, i, 3 * t + a] = along[t, i, a]
-    first = np.dot(np.ascontiguousarray(gradients[:, :, 0]), polygons[0])
-    second = np.dot(np.ascontiguousarray(gradients[:, :, 1]), polygons[0])
-    third = np.dot(values, polygons[1])
+    for k in range(3):
+        np.dot(tables[k], polygons[0 if k < 2 else 1], products[k])
+    first, second, third = products[0], products[1], products[2]
     for t in range(sections):
         for q in range(points):
             f0, f1, f2 = first[q, 3 * t], first[q, 3 * t + 1], first[q, 3 * t + 2]
@@ -44,4 +48,3 @@ def inverse_jacobians(values: Array, gradients: Array, section: Array, along: Ar
             inverse[t, q, 2, 0] = by * (f1 * s2 - f2 * s1)
             inverse[t, q, 2, 1] = by * (f2 * s0 - f0 * s2)
             inverse[t, q, 2, 2] = by * (f0 * s1 - f1 * s0)
-    return inverse, det

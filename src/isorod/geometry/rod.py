@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from isorod.arrays import Array
-from isorod.errors import FoldedRodError, InputError
+from isorod.errors import Checked, FoldedRodError, InputError
 from isorod.geometry.axis import Axis
 from isorod.geometry.disk import check_count, harmonic_functions
 from isorod.geometry.quadrature import Rule, axis_points, section_points
@@ -22,7 +22,7 @@ _SHRUNK = 0.7
 
 
 @dataclass(frozen=True, eq=False)
-class Rod:
+class Rod(Checked):
     """A rod given by control points on its surface only.
 
     Parameters
@@ -45,6 +45,7 @@ class Rod:
     closed: bool = False
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         points = np.array(self.control_points, dtype=float)
         object.__setattr__(self, "control_points", points)
         if points.ndim != 3 or points.shape[0] != self.axis.count or points.shape[2] != 3:
@@ -58,6 +59,10 @@ class Rod:
             raise InputError(f"rod control point {i} of layer {j} is not finite")
         if self.closed and not np.array_equal(points[0], points[-1]):
             raise InputError("closed rod: the last layer of control points must repeat the first")
+
+    def __repr__(self) -> str:
+        layers, n, _ = self.control_points.shape
+        return f"Rod({layers} layers of {n} control points{', closed' if self.closed else ''}; {self.axis!r})"
 
     @property
     def section_points(self) -> int:
@@ -142,8 +147,13 @@ class Rod:
         from isorod.geometry import jacobian_kernel
 
         values, gradients = harmonic_functions(self.section_points, xi)
-        found: tuple[Array, Array] = jacobian_kernel.inverse_jacobians(values, gradients, *self._sections(u))
-        return found
+        section, along = self._sections(u)
+        inverse, det = (
+            np.empty((section.shape[0], values.shape[0], 3, 3)),
+            np.empty((section.shape[0], values.shape[0])),
+        )
+        jacobian_kernel.inverse_jacobians(values, gradients, section, along, inverse, det)
+        return inverse, det
 
     def tangents(self, u: ArrayLike) -> Array:
         """Return the unit tangents ``(len(u), 3)`` of the centre line, the image of the disk's centre."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from isorod.arrays import Array
 from isorod.compiled import flat
-from isorod.errors import InputError, representable
+from isorod.errors import Checked, InputError, representable
 from isorod.material.discrete_gradient import discrete_gradient
 from isorod.material.points import Compiled, at_points
 
@@ -115,13 +115,14 @@ class Split(Protocol):
 
 
 @dataclass(frozen=True)
-class Isotropic(Material):
+class Isotropic(Checked, Material):
     """Young's modulus ``E`` [force/area] and Poisson's ratio ``nu`` of a law that has these at rest."""
 
     E: float
     nu: float
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if not (np.isfinite(self.E) and self.E > 0.0):
             raise InputError(f"Young's modulus E: got {self.E:g}, need a positive stress")
         representable("Young's modulus E", self.E)

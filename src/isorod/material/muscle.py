@@ -4,15 +4,15 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
-from numba import f8, njit, types, void
+from numba import f8, types, void
 from numpy.typing import ArrayLike
 
 from isorod.arrays import Array
-from isorod.compiled import F1, F2, F3, F5, FAST, STRICT, flat
+from isorod.compiled import F1, F2, F3, F5, FAST, STRICT, flat, njit
 from isorod.errors import InputError
 from isorod.material import neo_hookean
 from isorod.material.neo_hookean import NeoHookean
-from isorod.material.points import ACTIVE, ENERGY, FIBRE, FREE, GRADIENT, POINT, POINTS, ROWS, Compiled
+from isorod.material.points import ACTIVE, BLOCK, ENERGY, FIBRE, FREE, GRADIENT, POINT, POINTS, ROWS, Compiled
 
 # Fibres shortened or stretched by more than this have no active force.
 ACTIVE_RANGE = 0.5
@@ -106,7 +106,7 @@ def _stretches(work: Array, m2: float) -> None:
         work[_GROWTH + k] = x * (1.0 + x * 0.5 * y)
 
 
-@njit(**FAST)
+@njit(BLOCK, **FAST)
 def block(work: Array, constants: Array, activation: float, wanted: bool) -> None:
     """Do what `point` does at the points of a block (`isorod.material.points.BLOCK`)."""
     mu, lame, strongest, m1, m2 = constants[0], constants[1], constants[2], constants[3], constants[4]

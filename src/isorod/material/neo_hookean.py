@@ -4,12 +4,12 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numba import f8, njit
+from numba import f8, void
 
 from isorod.arrays import Array
-from isorod.compiled import F3, F5, FAST, STRICT, cofactors, flat
+from isorod.compiled import F3, F5, FAST, STRICT, cofactors, flat, njit
 from isorod.material.law import Isotropic
-from isorod.material.points import DETERMINANT, ENERGY, FREE, GRADIENT, POINT, POINTS, ROWS, Compiled
+from isorod.material.points import BLOCK, DETERMINANT, ENERGY, FREE, GRADIENT, POINT, POINTS, ROWS, Compiled
 
 # Below this a difference quotient's derivative is taken from its power series.
 SERIES = 1e-3
@@ -92,7 +92,7 @@ def energies_in_block(work: Array, mu: float, lame: float) -> None:
         work[ROWS[ENERGY + 1] + k] = 0.0
 
 
-@njit(**FAST)
+@njit(BLOCK, **FAST)
 def block(work: Array, constants: Array, activation: float, wanted: bool) -> None:
     """Do what `point` does at the points of a block (`isorod.material.points.BLOCK`)."""
     mu, lame = constants[0], constants[1]
@@ -198,7 +198,7 @@ def _vary(q: float, q_slope: float, work: Array, moduli: Array) -> None:
                     moduli[a, A, b, B] = value
 
 
-@njit(**STRICT)
+@njit(void(F3, F3, f8, f8, F3, F5), **STRICT)
 def _discrete(start: Array, change: Array, mu: float, lame: float, stress: Array, moduli: Array) -> None:
     """Fill ``stress`` with ``F_m S``, and ``moduli``, if it has points, with its derivatives by ``F`` at the end."""
     work = np.empty((10, 3, 3))

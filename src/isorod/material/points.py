@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 from llvmlite import ir
-from numba import b1, f8, njit, types, u8, void
+from numba import b1, f8, types, u8, void
 from numba.core import cgutils
 from numba.extending import intrinsic
 
 from isorod.arrays import Array
-from isorod.compiled import F1, F2, F3, FAST, STRICT
+from isorod.compiled import F1, F2, F3, FAST, STRICT, njit
 
 # Points in a block: half of those in a section of order 2 with 8 control points.  Measured: blocks of 16 or less are
 # unrolled before they are vectorised, and three times slower, those of 24 in part.

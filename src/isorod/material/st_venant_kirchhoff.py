@@ -3,10 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from isorod.arrays import Array
-from isorod.compiled import STRICT
+from isorod.compiled import STRICT, njit
 from isorod.material.law import Isotropic
 from isorod.material.points import POINT, Compiled
 from isorod.tensors import determinant

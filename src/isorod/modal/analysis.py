@@ -12,7 +12,7 @@ from isorod.arrays import Array
 from isorod.assembly.assembler import Assembler
 from isorod.assembly.factorisation import factorisation
 from isorod.checks import hourglass, rigid_motions
-from isorod.errors import InputError, SolveError
+from isorod.errors import InputError, SolveError, expect
 from isorod.material.linear_elastic import LinearElastic
 from isorod.modal.pencil import Found, Pencil, only_multiplies
 from isorod.model.model import Model
@@ -66,6 +66,14 @@ class Modes:
     solver: dict[str, str]
     ranks: int
 
+    def __repr__(self) -> str:
+        values = ", ".join(f"{one:.6g}" for one in self.frequencies[:6])
+        more = ", ..." if self.frequencies.size > 6 else ""
+        return (
+            f"Modes of {self.model!r}\n  {self.frequencies.size} modes, {self.rigid} of them rigid, residuals up to "
+            f"{self.residuals.max():.3g}\n  frequencies {values}{more}"
+        )
+
     def record(self) -> dict[str, Any]:
         """Return what a record keeps of them."""
         return {name: getattr(self, name) for name in ("residuals", "rigid", "below", "shift", "iterations")}
@@ -104,6 +112,9 @@ def solve(
     SolveError
         If SLEPc does not converge, a factorisation fails, or the Sturm count shows that a mode was missed.
     """
+    expect("model", model, Model)
+    expect("modes", modes, int)
+    expect("state", state, Equilibrium | None)
     start = perf_counter()
     _refuse(model, state)
     loose = rigid_motions.free_motions(model) if state is None else []

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from isorod.arrays import Array
-from isorod.errors import InputError, representable
+from isorod.errors import Checked, InputError, representable
 from isorod.material.along_rod import Laws
 from isorod.material.law import Material
 from isorod.material.linear_elastic import LinearElastic
@@ -28,7 +28,7 @@ _JUMP = 10.0
 
 
 @dataclass(frozen=True, eq=False)
-class Body:
+class Body(Checked):
     """A rod with its displacement space and material.
 
     Parameters
@@ -56,6 +56,7 @@ class Body:
     formulation: str = "displacement"
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         given = np.asarray(self.density, dtype=float)
         if given.shape not in ((), (self.space.axis.elements,)):
             raise InputError(

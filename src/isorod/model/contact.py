@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from isorod.errors import InputError, whole_number
+from isorod.errors import Checked, InputError, whole_number
 
 if TYPE_CHECKING:
     from isorod.space.space import Space
@@ -15,19 +15,20 @@ Vector = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
-class Plane:
+class Plane(Checked):
     """A rigid half space that ends at ``point``; ``normal``, of any length, points out of it, to where the rod is."""
 
     point: Vector
     normal: Vector
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         _check_vector("plane: point", self.point, False)
         _check_vector("plane: normal", self.normal, True)
 
 
 @dataclass(frozen=True)
-class Cylinder:
+class Cylinder(Checked):
     """A rigid circular cylinder without ends, which rods stay out of; ``axis``, of any length, is its direction."""
 
     point: Vector
@@ -35,6 +36,7 @@ class Cylinder:
     radius: float
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         _check_vector("cylinder: point", self.point, False)
         _check_vector("cylinder: axis", self.axis, True)
         if not (np.isfinite(self.radius) and self.radius > 0.0):
@@ -42,7 +44,7 @@ class Cylinder:
 
 
 @dataclass(frozen=True)
-class Contact:
+class Contact(Checked):
     """Frictionless contact of a body with another one, or with a rigid obstacle.
 
     Parameters
@@ -78,6 +80,7 @@ class Contact:
     faces: Sequence[str] = ()
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if not (np.isfinite(self.penalty) and self.penalty > 0.0):
             raise InputError(f"contact: got penalty {self.penalty:g}, need a positive pressure per length")
         if self.first == self.second:

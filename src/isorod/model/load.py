@@ -1,12 +1,12 @@
 """Dead loads: forces that keep their direction and size while the rod moves, and grow with the load factor."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
 
 from isorod.arrays import Array
-from isorod.errors import InputError
+from isorod.errors import Checked, InputError
 from isorod.geometry.quadrature import section_points
 from isorod.space.space import Space
 
@@ -23,7 +23,7 @@ class Load(Protocol):
 
 
 @dataclass(frozen=True)
-class SectionLoad:
+class SectionLoad(Checked):
     """A force spread uniformly over a cross-section: ``t = force / A`` on the section's reference area ``A``.
 
     Its nodal forces are ``f_jl = R_j(u) (force / A) int S_l dA``; the potential is
@@ -38,13 +38,17 @@ class SectionLoad:
         to 1.
     body
         Index of the body in the model.
+    space
+        The space in whose parameter ``u`` is, if it is to be checked that the body has the same.
     """
 
     force: tuple[float, float, float]
     u: float | None = None
     body: int = 0
+    space: Space | None = field(default=None, repr=False, compare=False)
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         _check("section load: force", self.force)
 
     @classmethod
@@ -55,7 +59,7 @@ class SectionLoad:
         ends = {"start": 0, "end": -1}
         if which not in ends:
             raise InputError(f"load: got end {which!r}, need 'start' or 'end'")
-        return cls(force, float(space.axis.breaks[ends[which]]), body)
+        return cls(force, float(space.axis.breaks[ends[which]]), body, space)
 
     def nodal(self, space: Space) -> Array:
         """Return the nodal forces, shape ``(nodes, 3)``."""
@@ -75,7 +79,7 @@ class SectionLoad:
 
 
 @dataclass(frozen=True)
-class BodyForce:
+class BodyForce(Checked):
     """A uniform force per reference volume, such as weight ``density * gravity``: ``f_jl = density int S_l R_j dV``.
 
     Parameters
@@ -90,6 +94,7 @@ class BodyForce:
     body: int = 0
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         _check("body force: density", self.density)
 
     def nodal(self, space: Space) -> Array:
@@ -107,7 +112,7 @@ def _check(name: str, vector: tuple[float, float, float]) -> None:
 
 
 @dataclass(frozen=True)
-class Spin:
+class Spin(Checked):
     """A steady rotation of the frame in which displacements are measured: centrifugal force, by the load factor.
 
     Parameters
@@ -122,6 +127,7 @@ class Spin:
     center: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if not np.isfinite([*self.velocity, *self.center]).all():
             raise InputError(f"spin: velocity {self.velocity}, center {self.center}: both must be finite")
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isorod.arrays import Array, Index
-from isorod.errors import InputError
+from isorod.errors import Checked, InputError
 from isorod.model.body import Body
 from isorod.model.load import Load, Spin
 from isorod.model.numbering import number
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class Model:
+class Model(Checked):
     """Bodies, supports, loads and contacts; degrees of freedom are numbered body by body, node by node, ``x, y, z``.
 
     Attributes
@@ -53,6 +53,9 @@ class Model:
     motions: tuple[SupportMotion, ...] = field(init=False)
 
     def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.bodies:
+            raise InputError("model: got no bodies, need at least one")
         for b, body in enumerate(self.bodies):
             if self.spin is not None and not body.densities.min() > 0.0:
                 raise InputError(f"spin: body {b} has no density")
@@ -62,7 +65,7 @@ class Model:
         first_node = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
         motions = []
         for k, support in enumerate(self.supports):
-            space = self._space(f"support {k}", support.body)
+            space = self._space(f"support {k}", support)
             try:
                 motions.append(support.motion(space, int(first_node[support.body])))
             except InputError as problem:
@@ -71,13 +74,22 @@ class Model:
         for name, value in (("first_node", first_node), ("motions", tuple(motions)), *numbering._asdict().items()):
             object.__setattr__(self, name, value)
         for k, load in enumerate(self.loads):
-            self._space(f"load {k}", load.body)
+            self._space(f"load {k}", load)
 
-    def _space(self, what: str, body: int) -> Space:
-        """Return the space of a body that a support or a load names."""
-        if not 0 <= body < len(self.bodies):
-            raise InputError(f"{what}: body {body} is not one of the {len(self.bodies)} bodies")
-        return self.bodies[body].space
+    def __repr__(self) -> str:
+        counts = {name: len(getattr(self, name)) for name in ("bodies", "supports", "loads", "contacts")}
+        parts = ", ".join(f"{name} {count}" for name, count in counts.items() if count)
+        spin = "" if self.spin is None else ", spin"
+        return f"Model({parts}{spin}; {self.dofs} degrees of freedom, {self.unknowns} unknowns)"
+
+    def _space(self, what: str, one: Support | Load) -> Space:
+        """Return the space of the body that a support or a load names."""
+        if not 0 <= one.body < len(self.bodies):
+            raise InputError(f"{what}: body {one.body} is not one of the {len(self.bodies)} bodies")
+        space, made_for = self.bodies[one.body].space, getattr(one, "space", None)
+        if made_for is not None and not made_for.matches(space):
+            raise InputError(f"{what}: made for another space than that of body {one.body}; take that body's")
+        return space
 
     def prescribed(self, factor: float) -> Array:
         """Return what supports add to the unknowns at a load factor, shape ``(dofs,)``.

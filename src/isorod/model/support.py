@@ -1,18 +1,18 @@
 """Supports, and the motions they prescribe."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from isorod.arrays import Array, Index
-from isorod.errors import InputError
+from isorod.errors import Checked, InputError
 from isorod.space.space import Space
 
 
 @dataclass(frozen=True, eq=False)
-class Support:
+class Support(Checked):
     """Prescribed displacements of nodes.
 
     Parameters
@@ -34,6 +34,8 @@ class Support:
     tied
         Components, letters of ``"xyz"``, in which the nodes turn with the others but translate freely, as one: their
         carriers (`Space.is_carrier`) share one unknown.
+    space
+        That of the nodes, if it is to be checked that the body has the same.
     """
 
     nodes: Index
@@ -43,6 +45,7 @@ class Support:
     turn: ArrayLike = (0.0, 0.0, 0.0)
     arms: ArrayLike | None = None
     tied: str = ""
+    space: Space | None = field(default=None, repr=False)
 
     @classmethod
     def end(
@@ -97,7 +100,7 @@ class Support:
             arms = space.positions[nodes]
             middle = arms[is_carrier[:, 0]].mean(axis=0) if center is None else np.array(center, dtype=float)
             arms = arms - is_carrier * middle
-        return cls(nodes, components, is_carrier * np.array(displacement, dtype=float), body, turn, arms, tied)
+        return cls(nodes, components, is_carrier * np.array(displacement, dtype=float), body, turn, arms, tied, space)
 
     def motion(self, space: Space, first_node: int) -> "SupportMotion":
         """Return what the support does with degrees of freedom of a space that starts with node ``first_node``.

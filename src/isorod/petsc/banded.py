@@ -13,14 +13,14 @@ import weakref
 from typing import Any
 
 import numpy as np
-from numba import njit
+from numba import i8, void
 from petsc4py import PETSc
 from scipy.linalg import lapack
 
 from isorod.arrays import Array
-from isorod.compiled import STRICT
+from isorod.compiled import F1, F2, STRICT, njit
 from isorod.petsc.library import forget, set_singular
-from isorod.petsc.matrix import compressed_rows
+from isorod.petsc.matrix import P1, compressed_rows
 
 NAME = f"{__name__}.Banded"
 
@@ -68,7 +68,7 @@ class Banded:
     applyTranspose = apply
 
 
-@njit(**STRICT)
+@njit(i8(P1, P1), **STRICT)
 def _bandwidth(start: Any, column: Any) -> int:
     """Return how far the entries of compressed rows reach from the diagonal to the left."""
     width = 0
@@ -78,22 +78,26 @@ def _bandwidth(start: Any, column: Any) -> int:
     return width
 
 
-@njit(**STRICT)
 def _lower_band(start: Any, column: Any, values: Array, width: int) -> Array:
-    """Return the entries on and below the diagonal, shape ``(n, width + 1)``.
+    """Return what `_fill_band` makes of a matrix."""
+    result = np.zeros((start.size - 1, width + 1))
+    _fill_band(start, column, values, result)
+    return result
+
+
+@njit(void(P1, P1, F1, F2), **STRICT)
+def _fill_band(start: Any, column: Any, values: Array, result: Array) -> None:
+    """Fill in the entries on and below the diagonal, shape ``(n, width + 1)``.
 
     Row ``j`` holds column ``j`` from the diagonal on.  The entries are read off above the diagonal, where those of a
     column are a row and lie side by side.
     """
-    n = start.size - 1
-    result = np.zeros((n, width + 1))
-    for j in range(n):
+    for j in range(start.size - 1):
         for k in range(start[j + 1] - 1, start[j] - 1, -1):
             i = column[k]
             if i < j:
                 break
             result[j, i - j] = values[k]
-    return result
 
 
 def _whole_band(lower: Array) -> Array:

@@ -5,11 +5,15 @@ from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
+from numba import from_dtype, i8, types
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
+from isorod.compiled import I1, STRICT, njit
 from isorod.petsc.library import POINTER, function
+
+# Array of the integers that PETSc counts with.
+P1 = types.Array(from_dtype(np.dtype(PETSc.IntType)), 1, "C")
 
 # Attribute of a matrix whose arrays were made here: which of the given entries is where, and the arrays.
 _ARRAYS = "isorod_arrays"
@@ -78,6 +82,7 @@ def _compressed_rows(size: int, rows: NDArray[Any], columns: NDArray[Any]) -> Ro
     """Return the compressed rows of entries, or None if two are at one place."""
     if rows.size > np.iinfo(PETSc.IntType).max:
         return None
+    rows, columns = np.ascontiguousarray(rows, dtype=np.int64), np.ascontiguousarray(columns, dtype=np.int64)
     start = np.zeros(size + 1, dtype=PETSc.IntType)
     entries, column = np.empty(rows.size, dtype=np.int64), np.empty(rows.size, dtype=PETSc.IntType)
     total = _compress(rows, columns, start, entries, column)
@@ -90,7 +95,7 @@ def _compressed_rows(size: int, rows: NDArray[Any], columns: NDArray[Any]) -> Ro
     return Rows(entries[:total], start, column[:total])
 
 
-@njit(cache=True)
+@njit(i8(I1, I1, P1, I1, P1), **STRICT)
 def _compress(rows: Any, columns: Any, start: Any, entries: Any, column: Any) -> int:
     """Fill compressed rows with the entries that have no negative index; return their number, -1 if they descend."""
     total = 0

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, cast
 import numpy as np
 
 from isorod.arrays import Array
-from isorod.errors import InputError, whole_number
+from isorod.errors import Checked, InputError, whole_number
 from isorod.geometry import section
 from isorod.geometry.axis import Axis
 from isorod.geometry.rod import Rod
@@ -27,7 +27,7 @@ AROUND, ALONG = 64, 16
 
 
 @dataclass(frozen=True)
-class Biceps:
+class Biceps(Checked):
     """Two branches, tendon - muscle - tendon along y, ends held, whose active bellies swell and press on each other.
 
     No control point is printed in the paper.  Here every section is a circle normal to y, the branches mirror each

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from isorod.errors import InputError
+from isorod.errors import Checked, InputError
 from isorod.geometry import section
 from isorod.geometry.axis import Axis
 from isorod.geometry.rod import Rod
@@ -19,7 +19,7 @@ _AXIS = Axis(2, np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0]), np.ones(3))
 
 
 @dataclass(frozen=True)
-class Blade:
+class Blade(Checked):
     """Airfoil section swept along z with linear twist and taper, root face clamped; vibration modes."""
 
     analysis: ClassVar[str] = "modal"

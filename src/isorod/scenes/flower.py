@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
+from isorod.errors import Checked
 from isorod.geometry import section
 from isorod.geometry.center_line import straight
 from isorod.geometry.rod import Rod
@@ -10,7 +11,7 @@ from isorod.scenes import GEOMETRY_UNITS, option
 
 
 @dataclass(frozen=True)
-class Flower:
+class Flower(Checked):
     """Straight bar along z; its map folds where the petals are too deep."""
 
     analysis: ClassVar[str] = "geometry"

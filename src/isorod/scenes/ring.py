@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
+from isorod.errors import Checked
 from isorod.geometry import section
 from isorod.geometry.center_line import helix
 from isorod.geometry.rod import Rod
@@ -10,7 +11,7 @@ from isorod.scenes import GEOMETRY_UNITS, option
 
 
 @dataclass(frozen=True)
-class Ring:
+class Ring(Checked):
     """Ring of elliptical section about the z axis; the first and the last section are one."""
 
     analysis: ClassVar[str] = "geometry"

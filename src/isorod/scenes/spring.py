@@ -4,7 +4,7 @@ import warnings
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from isorod.errors import InputError
+from isorod.errors import Checked, InputError
 from isorod.geometry import section
 from isorod.geometry.center_line import helix
 from isorod.geometry.rod import Rod
@@ -18,7 +18,7 @@ ARCS_PER_TURN = 4
 
 
 @dataclass(frozen=True)
-class Spring:
+class Spring(Checked):
     """Round wire wound in coils, both end faces clamped, the upper one pulled along the axis."""
 
     analysis: ClassVar[str] = "statics"

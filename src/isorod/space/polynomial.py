@@ -144,4 +144,9 @@ def _points(n: int, degree: int) -> tuple[Array, Array, Array, Array]:
     """Return weights ``(m,)`` of points of the disk, and the harmonic functions' values and slopes ``(m, n)``."""
     xi, area = section_points(n, Rule(degree + 4, 4 + ceil(2.0 * pi * degree / n), 1))
     values, gradients = harmonic_functions(n, xi)
-    return area, values, np.ascontiguousarray(gradients[:, :, 0]), np.ascontiguousarray(gradients[:, :, 1])
+    return (
+        area.copy(),
+        values.copy(),
+        np.ascontiguousarray(gradients[:, :, 0]),
+        np.ascontiguousarray(gradients[:, :, 1]),
+    )

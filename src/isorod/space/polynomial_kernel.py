@@ -1,13 +1,13 @@
 """What `isorod.space.polynomial` computes over the points of a section, compiled."""
 
 import numpy as np
-from numba import njit
+from numba import types
 
 from isorod.arrays import Array, Index
-from isorod.compiled import STRICT
+from isorod.compiled import F1, F2, F3, I2, R2, R3, STRICT, njit
 
 
-@njit(**STRICT)
+@njit(types.Tuple((F2, F1, F1))(F2, F1, F2, F2, F2), **STRICT)
 def principal_frame(
     polygon: Array, area: Array, values: Array, first: Array, second: Array
 ) -> tuple[Array, Array, Array]:
@@ -42,7 +42,7 @@ def principal_frame(
     return (polygon - centroid) @ axes / (0.5 * extents), extents, share
 
 
-@njit(**STRICT)
+@njit(F2(F2, F1, F2, I2), **STRICT)
 def orthogonalise(polygon: Array, share: Array, values: Array, powers: Index) -> Array:
     """Return the matrix that makes monomials orthogonal over the section, shape ``(count, count)``."""
     first, second = _monomials(values @ polygon, powers.max())
@@ -55,10 +55,10 @@ def orthogonalise(polygon: Array, share: Array, values: Array, powers: Index) ->
         if triangle[k, k] < 0.0:
             triangle[k] *= -1.0
     # The inverse of the triangular factor, its rows made positive on the diagonal.
-    return np.linalg.inv(triangle)
+    return np.ascontiguousarray(np.linalg.inv(triangle))
 
 
-@njit(**STRICT)
+@njit(types.Tuple((F2, F3))(R2, R3, F2, I2, F2), **STRICT)
 def functions(harmonic: Array, slopes: Array, polygon: Array, powers: Index, mix: Array) -> tuple[Array, Array]:
     """Return values ``(m, count)`` and gradients ``(m, count, 2)`` by the disk's coordinates.
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from isorod.arrays import Array, Index
-from isorod.errors import FoldedRodError, InputError
+from isorod.errors import Checked, FoldedRodError, InputError
 from isorod.geometry.axis import Axis
 from isorod.geometry.disk import check_count
 from isorod.geometry.quadrature import Rule, axis_points, section_points
@@ -25,7 +25,7 @@ _BYTES_A_POINT = 8 * 32
 
 
 @dataclass(frozen=True, eq=False)
-class Space:
+class Space(Checked):
     """Displacements ``sum_jl S_l(xi) R_j(u) d_jl`` on a rod, ``S_l`` the functions of a section basis.
 
     Nodes are numbered layer by layer: node ``j count + l`` is that of ``S_l R_j``; a closed rod's last layer is its
@@ -70,6 +70,22 @@ class Space:
     section_points: int | None = None
     section_degree: int | None = None
     section_basis: SectionBasis | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        # What they refuse is refused now, not when an analysis first asks for them.
+        self.basis, self.axis, self.rule  # noqa: B018
+
+    def matches(self, other: "Space") -> bool:
+        """Whether the nodes of another space are those of this one."""
+        return self is other or (self.nodes == other.nodes and np.allclose(self.positions, other.positions))
+
+    def __repr__(self) -> str:
+        kind = f"section degree {self.section_degree}" if self.section_degree is not None else f"order {self.order}"
+        return (
+            f"Space({self.layers} layers of {self.layer_nodes} nodes, {self.axis.elements} elements of degree "
+            f"{self.axis.degree}, {kind}, quadrature {self.rule})\n  on {self.rod!r}"
+        )
 
     @cached_property
     def basis(self) -> SectionBasis:

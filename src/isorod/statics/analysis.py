@@ -13,7 +13,7 @@ from isorod.assembly.assembler import Assembler
 from isorod.assembly.factorisation import is_mixed
 from isorod.checks import hourglass, rigid_motions
 from isorod.checks.reactions import check_balance, support_forces, support_moments
-from isorod.errors import SolveError
+from isorod.errors import SolveError, expect, whole_number
 from isorod.model.model import Model
 from isorod.petsc.library import solver_types
 from isorod.statics.newton import Diverged, Newton
@@ -83,6 +83,18 @@ class Equilibrium:
     pressures: "Sequence[Array | None]" = ()
     moments: Array = field(default_factory=lambda: np.zeros((0, 3)))
 
+    def __repr__(self) -> str:
+        forces = [f"support {k} ({', '.join(f'{x:.6g}' for x in force)})" for k, force in enumerate(self.reactions[:5])]
+        return "\n  ".join(
+            (
+                f"Equilibrium of {self.model!r}",
+                f"load steps {self.load_steps}, cut {self.cuts}, Newton iterations {self.newton_iterations}, "
+                f"last residual norm {self.residual_norms[-1]:.3g}",
+                f"largest displacement {np.abs(self.displacement).max(initial=0.0):.6g}",
+                *(f"reaction of {force}" for force in forces),
+            )
+        )
+
     def record(self) -> dict[str, Any]:
         """Return what a record keeps of it; area in contact and deepest penetration are those of all contacts."""
         kept = ("newton_iterations", "linear_iterations", "load_steps", "cuts", "residual_norms")
@@ -128,10 +140,14 @@ def solve(model: Model, load_steps: int = 1, comm: PETSc.Comm | None = None) -> 
 
     Raises
     ------
+    InputError
+        If it is not a model, or the number of steps none.
     SolveError
         If a rigid motion is free, or a step was halved ten times in vain: the message names element, axis position and
         ``det F``; or penetration does not fall to what the contact asks for.
     """
+    expect("model", model, Model)
+    load_steps = whole_number("load steps", load_steps, 1, 1_000_000)
     start = perf_counter()
     rigid_motions.refuse_free(model)
     assembler = assembler_for(model, comm)

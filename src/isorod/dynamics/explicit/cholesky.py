@@ -3,12 +3,12 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import b1, njit, types, void
+from numba import b1, types, void
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from isorod.arrays import Array
-from isorod.compiled import F1, FAST, U1, U2
+from isorod.compiled import F1, FAST, U1, U2, njit
 
 _0, _1, _2 = (np.uint64(k) for k in range(3))
 

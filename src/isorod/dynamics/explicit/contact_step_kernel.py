@@ -2,10 +2,10 @@
 
 from typing import NamedTuple
 
-from numba import f8, i8, njit, types
+from numba import f8, i8, types
 
 from isorod.arrays import Array
-from isorod.compiled import F1, STRICT
+from isorod.compiled import F1, STRICT, njit
 from isorod.contact.force_kernel import add_forces
 from isorod.dynamics.explicit.cholesky import FACTORS, Factors
 from isorod.dynamics.explicit.contact import STEP_CONTACT, StepContact

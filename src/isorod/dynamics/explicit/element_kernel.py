@@ -9,11 +9,11 @@ A state vector holds layer by layer the x, then the y, then the z components of 
 """
 
 import numpy as np
-from numba import b1, f8, njit, types, void
+from numba import b1, f8, types, void
 from numba import u8 as _u
 
 from isorod.arrays import Array
-from isorod.compiled import F1, FAST
+from isorod.compiled import F1, FAST, njit
 from isorod.dynamics.explicit.mesh import GEOMETRY, MESH, Mesh
 from isorod.material.points import (
     ACTIVE,

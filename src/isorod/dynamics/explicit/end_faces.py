@@ -3,10 +3,10 @@
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import from_dtype, njit, types
+from numba import from_dtype, types
 
 from isorod.arrays import Array
-from isorod.compiled import F1, F2, STRICT
+from isorod.compiled import F1, F2, STRICT, njit
 from isorod.contact.force_kernel import PRESSING, Pressing
 from isorod.contact.packed import Table
 from isorod.errors import InputError

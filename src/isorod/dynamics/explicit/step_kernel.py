@@ -7,11 +7,11 @@ and stable up to ``omega dt = 2`` with or without damping.
 from typing import NamedTuple
 
 import numpy as np
-from numba import b1, f8, i8, njit, types, u8
+from numba import b1, f8, i8, types, u8
 from numpy.typing import NDArray
 
 from isorod.arrays import Array
-from isorod.compiled import F1, STRICT
+from isorod.compiled import F1, STRICT, njit
 from isorod.dynamics.explicit.cholesky import FACTORS, Factors, solve
 from isorod.dynamics.explicit.element_kernel import internal_forces
 from isorod.dynamics.explicit.mesh import MESH, Mesh

@@ -1,9 +1,9 @@
 """The sums over points of an implicit step's tangent."""
 
-from numba import njit, void
+from numba import void
 
 from isorod.arrays import Array
-from isorod.compiled import F1, F3, F4, F5, FAST
+from isorod.compiled import F1, F3, F4, F5, FAST, njit
 
 
 @njit(void(F1, F5, F3, F4), **FAST)

@@ -1,0 +1,40 @@
+"""Compiling everything ahead, so that no run has to wait for it: the command ``isorod compile``."""
+
+import sys
+from time import perf_counter
+
+from isorod.errors import InputError
+
+
+def main() -> int:
+    """Compile what is not kept yet and say in one line what, where and how long; return the exit code.
+
+    Raises
+    ------
+    InputError
+        If it could not be kept, before anything is compiled.
+    """
+    from isorod import compiling
+
+    start = perf_counter()
+    kernels = compiling.load_all()
+    wanted = [kernel for kernel in kernels if not kernel.kept]
+    refused = next((kernel for kernel in wanted if not kernel.lasting), None)
+    if refused is not None:
+        raise InputError(f"compile: {compiling.HINT}")
+    compiling.NOTICE.time = "about a minute"
+    for kernel in wanted:
+        kernel.ready()
+    seconds = perf_counter() - start
+    there = len(kernels) - len(wanted)
+    print(
+        f"isorod: {len(wanted)} functions compiled in {seconds:.0f} s, {there} were there; "
+        f"kept in {compiling.place(kernels[0])}"
+    )
+    return 0
+
+
+if __name__ == "__main__":
+    from isorod.command import cli
+
+    sys.exit(cli.main(["compile", *sys.argv[1:]]))

@@ -1,0 +1,214 @@
+"""When functions are compiled, and where what they are compiled to is kept.
+
+Numba keeps it in the folder ``NUMBA_CACHE_DIR`` if that is set, else beside the source, else, where that cannot be
+written to, in the user's folder for such things.  Here it may also be read beside the source without being written
+there, as where an administrator has installed and compiled everything, and where nothing can be written nothing is
+kept.
+"""
+
+import os
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from numba import config
+from numba.core import event
+from numba.core.caching import CompileResultCacheImpl, FunctionCache
+from numba.core.registry import CPUDispatcher
+
+# Numba's own, whose types are known at run time alone.
+_Dispatcher: Any = CPUDispatcher
+
+# All functions with a signature, in the order in which their modules were imported.
+KERNELS: list["Kernel"] = []
+
+_PACKAGE = Path(__file__).parent
+
+
+class Kernel(_Dispatcher):
+    """A function of `njit`: compiled, or read from the disk, when it is first called from Python or compiled code.
+
+    Attributes
+    ----------
+    declared
+        The one signature it is compiled for; None if for any it is called with.
+    """
+
+    declared: Any = None
+
+    def ready(self) -> None:
+        """Have it compiled for the declared signature."""
+        if self.declared is not None and self._can_compile:
+            self.compile(self.declared)
+            self.disable_compile()
+
+    @property
+    def kept(self) -> bool:
+        """Whether the code of the declared signature is on the disk, and of the present source."""
+        cache = self._find_cache()
+        if cache is None:
+            return False
+        key = cache._index_key(self.declared, self.targetctx.codegen())
+        return key in cache.index()
+
+    @property
+    def folder(self) -> str | None:
+        """Where its code is kept, or None."""
+        cache = self._find_cache()
+        return None if cache is None else str(cache.cache_path)
+
+    @property
+    def lasting(self) -> bool:
+        """Whether what is compiled now can be kept."""
+        cache = self._find_cache()
+        return cache is not None and os.access(cache.cache_path, os.W_OK)
+
+    def compile(self, sig: Any) -> Any:
+        """Compile for a signature, or read what was compiled before."""
+        cache = self._find_cache()
+        if cache is not None:
+            self._cache = cache
+        return super().compile(sig)
+
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        """Return what a call in compiled code is compiled to."""
+        self.ready()
+        return super().get_call_template(args, kws)
+
+    def _compile_for_args(self, *args: Any, **kws: Any) -> Any:
+        if self.declared is None:
+            return super()._compile_for_args(*args, **kws)
+        # What is returned is called with the arguments, and no longer compiles but converts or refuses them.
+        self.ready()
+        return self
+
+    def _find_cache(self) -> "_Cache | None":
+        """Return the cache that Numba would write to, but that beside the source where that alone has the code."""
+        if isinstance(self._cache, _Cache):
+            return self._cache
+        found = None
+        for kind in (_Cache, _ReadOnlyCache):
+            # Without a folder to write to, or to read from, there is none of the kind.
+            with suppress(RuntimeError):
+                cache = kind(self.py_func)
+                if found is None or (cache.index() and not found.index()):
+                    found = cache
+            if found is not None and (config.CACHE_DIR or found.cache_path == _beside(self.py_func)):
+                break
+        return found
+
+
+class _Cache(FunctionCache):  # type: ignore[misc]
+    """Numba's cache of a function, whose files may be unreadable, damaged or on a full disk: then it is compiled."""
+
+    def index(self) -> Any:
+        """Return what is there, by signature and processor."""
+        with suppress(Exception):
+            return self._cache_file._load_index()
+        return {}
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Return what is there for a signature, or None."""
+        with suppress(Exception):
+            return super().load_overload(sig, target_context)
+        return None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep it if that can be, in the place of what is damaged."""
+        with suppress(OSError):
+            try:
+                super().save_overload(sig, data)
+            # Reading damaged pickles raises anything.
+            except Exception:
+                self.flush()
+                super().save_overload(sig, data)
+
+
+def _beside(function: Any) -> str:
+    return os.path.join(os.path.dirname(function.__code__.co_filename), "__pycache__")
+
+
+# Its name differs between versions of Numba.
+_InTree: Any = next(one for one in CompileResultCacheImpl._locator_classes if "InTree" in one.__name__)
+
+
+class _ReadOnlyLocator(_InTree):
+    """The folder beside the source, whether it can be written to or not."""
+
+    def ensure_cache_path(self) -> None:
+        if not os.path.isdir(self.get_cache_path()):
+            raise OSError
+
+
+class _ReadOnlyImpl(CompileResultCacheImpl):  # type: ignore[misc]
+    _locator_classes: Any = (_ReadOnlyLocator,)
+
+
+class _ReadOnlyCache(_Cache):
+    _impl_class: Any = _ReadOnlyImpl
+
+
+def njit(signature: Any = None, **options: Any) -> Callable[[Callable[..., Any]], Any]:
+    """Decorate a function as `numba.njit` does, but compile it when it is first called, and keep it where that can be.
+
+    What Python calls has a signature: then `isorod compile` knows it.  ``options`` are those of `numba.njit`.
+    """
+
+    def decorate(function: Callable[..., Any]) -> Kernel:
+        kernel = Kernel(function, targetoptions={"nopython": True, "boundscheck": None} | options)
+        if signature is not None:
+            kernel.declared = signature
+            KERNELS.append(kernel)
+        return kernel
+
+    return decorate
+
+
+def load_all() -> list[Kernel]:
+    """Import each module that has functions to compile; return those with a signature."""
+    for file in sorted(_PACKAGE.rglob("*.py")):
+        if "njit(" in file.read_text(encoding="utf-8"):
+            import_module(".".join(["isorod", *file.relative_to(_PACKAGE).with_suffix("").parts]))
+    return KERNELS
+
+
+def place(kernel: Kernel) -> str:
+    """Return where compiled code is kept, in words: the package's folders or the one round all of them."""
+    folder = kernel.folder
+    if folder is None:
+        return ""
+    return f"{_PACKAGE}/**/__pycache__" if folder == _beside(kernel.py_func) else os.path.dirname(folder)
+
+
+class Notice(event.Listener):  # type: ignore[misc]
+    """Says in one line on standard error that something is compiled, when that is first so."""
+
+    said = False
+    time = "some 10 seconds"
+
+    def on_start(self, found: Any) -> None:
+        """Say it."""
+        kernel = found.data["dispatcher"]
+        if self.said or not isinstance(kernel, Kernel):
+            return
+        self.said = True
+        if int(os.environ.get("OMPI_COMM_WORLD_RANK", os.environ.get("PMI_RANK", "0"))) != 0:
+            return
+        print(f"isorod: compiling ({self._how(kernel)})", file=sys.stderr, flush=True)
+
+    def on_end(self, found: Any) -> None:
+        """Say nothing."""
+
+    def _how(self, kernel: Kernel) -> str:
+        if kernel.lasting:
+            return f"once, {self.time}; kept in {place(kernel)}"
+        return f"{self.time}, each time: {HINT}"
+
+
+HINT = "no folder to keep it in can be written to; set NUMBA_CACHE_DIR to one that can"
+
+NOTICE = Notice()
+event.register("numba:compile", NOTICE)

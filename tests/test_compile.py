@@ -1,0 +1,203 @@
+"""When functions are compiled, where that is kept, and what is said of it."""
+
+import ast
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import pytest
+
+from isorod import compiling
+
+ROOT = Path(__file__).parent.parent
+HOUSE = ROOT / "src" / "isorod"
+
+# The smallest compiled function, called; then whether numba compiled anything.
+SMALL = """
+import numpy as np
+from isorod.compiled import cofactors
+g = np.empty((3, 3))
+print(cofactors(2.0 * np.eye(3), g), g[0, 0])
+"""
+
+# Counts what numba compiles, its own functions too, in a run of the command.
+COUNTED = """
+import sys
+from numba.core import event
+class Count(event.Listener):
+    names = []
+    def on_start(self, found): self.names.append(found.data["dispatcher"].py_func.__qualname__)
+    def on_end(self, found): pass
+event.register("numba:compile", Count())
+from isorod.command.cli import main
+for line in sys.argv[1:]:
+    assert main(line.split()) == 0
+print("compiled", len(Count.names), Count.names)
+"""
+SHORT = (
+    "run spring --coils 1",
+    "run spring --coils 1 --nu 0.5 --formulation mixed --elements-per-turn 4",
+    "run blade --modes 2 --elements 4",
+    "run blade --modes 2 --section-degree 3 --elements 2",
+    "run biceps --end-time 2e-4 --outputs 1",
+    "run biceps --end-time 4e-4 --outputs 1 --integrator implicit --time-step 2e-4",
+)
+
+
+def environment(**more: str) -> dict[str, str]:
+    """Return this process's without a folder for compiled code."""
+    return {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"} | more
+
+
+@pytest.fixture
+def tree():
+    """A copy of the package that is in nobody's way and that any user may read."""
+    folder = Path(tempfile.mkdtemp())
+    shutil.copytree(HOUSE, folder / "isorod", ignore=shutil.ignore_patterns("__pycache__"))
+    folder.chmod(0o755)
+    yield folder
+    shutil.rmtree(folder)
+
+
+def barred(tree: Path) -> dict[str, str]:
+    """Return an environment in which nothing can be kept, for the administrator neither: files stand where folders
+    would.
+    """
+    for folder in [tree / "isorod", *(path for path in (tree / "isorod").rglob("*") if path.is_dir())]:
+        (folder / "__pycache__").touch()
+    return environment(PYTHONPATH=str(tree), HOME="/dev/null", XDG_CACHE_HOME="/dev/null", PYTHONDONTWRITEBYTECODE="1")
+
+
+def test_all_functions_are_compiled_on_demand():
+    """numba's own decorator would compile at import, and raise where nothing can be kept."""
+    for file in HOUSE.rglob("*.py"):
+        for node in ast.walk(ast.parse(file.read_text())):
+            if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("numba"):
+                assert not {one.name for one in node.names} & {"njit", "jit"}, file
+
+
+def test_importing_compiles_and_reads_nothing(python):
+    script = "from isorod import compiling; print(sum(len(one.overloads) for one in compiling.load_all()))"
+    assert python(script).stdout == "0\n"
+
+
+def test_laws_say_what_they_are_called_with():
+    from isorod.material.muscle import Muscle
+    from isorod.material.neo_hookean import NeoHookean
+    from isorod.material.st_venant_kirchhoff import StVenantKirchhoff
+
+    compiling.load_all()
+    for law in (Muscle, NeoHookean, StVenantKirchhoff):
+        functions = [law.compiled._point, law.compiled._block]
+        assert all(one is None or one in compiling.KERNELS for one in functions), law
+
+
+def test_after_compile_runs_compile_nothing(isorod, python):
+    """Of the command's first run nothing is asked: the functions may have been there."""
+    done = isorod("compile")
+    assert done.returncode == 0, done.stderr
+    assert re.fullmatch(r"isorod: \d+ functions compiled in \d+ s, \d+ were there; kept in .+\n", done.stdout)
+    assert re.search(r"^isorod: 0 functions compiled", isorod("compile").stdout)
+    done = python(COUNTED, *SHORT)
+    assert done.stdout.splitlines()[-1] == "compiled 0 []", done.stdout[-500:] + done.stderr
+    assert "compiling" not in done.stderr
+
+
+def test_a_run_that_compiles_says_so_once(python, tmp_path):
+    first = python(SMALL, env=environment(NUMBA_CACHE_DIR=str(tmp_path)))
+    assert first.stdout == "8.0 4.0\n"
+    assert re.fullmatch(rf"isorod: compiling \(once, .*; kept in {tmp_path}\)\n", first.stderr)
+    assert [path.suffix for path in sorted(tmp_path.rglob("*.cofactors*.nb?"))] == [".nbc", ".nbi"]
+    second = python(SMALL, env=environment(NUMBA_CACHE_DIR=str(tmp_path)))
+    assert (second.stdout, second.stderr) == (first.stdout, "")
+
+
+def test_only_the_first_rank_says_so(python, tmp_path):
+    done = python(SMALL, env=environment(NUMBA_CACHE_DIR=str(tmp_path), OMPI_COMM_WORLD_RANK="1"))
+    assert (done.stdout, done.stderr) == ("8.0 4.0\n", "")
+
+
+def test_where_nothing_can_be_kept_it_runs_all_the_same(tree, python, isorod):
+    without = barred(tree)
+    done = python(SMALL, env=without)
+    assert (done.returncode, done.stdout) == (0, "8.0 4.0\n"), done.stderr
+    assert re.fullmatch(r"isorod: compiling \(.*each time: .*set NUMBA_CACHE_DIR.*\)\n", done.stderr)
+    refused = isorod("compile", env=without)
+    assert (refused.returncode, refused.stdout) == (2, "")
+    assert re.fullmatch(r"isorod: compile: .*set NUMBA_CACHE_DIR.*\n", refused.stderr)
+    row = next(line for line in isorod("doctor", env=without).stdout.splitlines() if "compiled code" in line)
+    assert re.search(r"^! compiled code +0 of \d+ functions, in nowhere .*set NUMBA_CACHE_DIR", row)
+
+
+def other_user() -> dict[str, object]:
+    """Return how a process is started that may not write what this one writes."""
+    return {"user": 65534, "group": 65534, "extra_groups": []} if os.getuid() == 0 else {}
+
+
+def test_what_an_administrator_has_compiled_others_read(tree):
+    """Beside the source, where they cannot write."""
+    command = [sys.executable, "-c", SMALL]
+    alone = environment(PYTHONPATH=str(tree), HOME="/dev/null", XDG_CACHE_HOME="/dev/null")
+    keywords = {"capture_output": True, "text": True, "timeout": 60, "cwd": tree}
+    assert "kept in" in subprocess.run(command, env=alone, **keywords).stderr
+    folders = [path for path in tree.rglob("*") if path.is_dir()]
+    for folder in folders:
+        folder.chmod(0o555)
+    done = subprocess.run(command, env=alone, **keywords, **other_user())
+    for folder in folders:
+        folder.chmod(0o755)
+    assert (done.stdout, done.stderr) == ("8.0 4.0\n", "")
+
+
+def test_another_user_keeps_it_in_the_folder_of_their_own(tree):
+    """Where the package's cannot be written to and has nothing."""
+    own = Path(tempfile.mkdtemp())
+    own.chmod(0o777)
+    folders = [tree / "isorod", *(path for path in (tree / "isorod").rglob("*") if path.is_dir())]
+    for folder in folders:
+        folder.chmod(0o555)
+    done = subprocess.run(
+        [sys.executable, "-c", SMALL],
+        env=environment(PYTHONPATH=str(tree), HOME=str(own), XDG_CACHE_HOME=str(own)),
+        **{"capture_output": True, "text": True, "timeout": 60, "cwd": tree},
+        **other_user(),
+    )
+    for folder in folders:
+        folder.chmod(0o755)
+    kept = list(own.rglob("*.cofactors*.nbc"))
+    shutil.rmtree(own)
+    assert done.stdout == "8.0 4.0\n" and f"kept in {own}" in done.stderr
+    assert len(kept) == 1
+
+
+@pytest.mark.parametrize("damage", ["cut short", "not to be read"])
+def test_damaged_files_are_compiled_anew(python, tmp_path, damage):
+    kept = environment(NUMBA_CACHE_DIR=str(tmp_path))
+    python(SMALL, env=kept)
+    (file,) = tmp_path.rglob("*.cofactors*.nbi")
+    if damage == "cut short":
+        file.write_bytes(file.read_bytes()[:20])
+    else:
+        file.unlink()
+        file.mkdir()
+    done = python(SMALL, env=kept)
+    assert (done.returncode, done.stdout) == (0, "8.0 4.0\n"), done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_the_doctor_counts_what_is_there(python, isorod, tmp_path):
+    kept = environment(NUMBA_CACHE_DIR=str(tmp_path))
+    python(SMALL, env=kept)
+    row = next(line for line in isorod("doctor", env=kept).stdout.splitlines() if "compiled code" in line)
+    assert re.search(rf"compiled code +1 of {len(compiling.load_all())} functions, in {tmp_path} .*isorod compile", row)
+
+
+@pytest.mark.slow
+def test_a_first_run_compiles_little(python, tmp_path):
+    """It took 38 s for 158 functions, most of them numba's own for single lines of NumPy."""
+    done = python(COUNTED, "run spring", env=environment(NUMBA_CACHE_DIR=str(tmp_path)))
+    assert int(re.search(r"^compiled (\d+)", done.stdout, re.MULTILINE)[1]) < 45

@@ -1,0 +1,55 @@
+"""PETSc's options from Python: before PETSc has started, after, and not at all."""
+
+import pytest
+from petsc4py import PETSc
+
+from isorod import options
+from isorod.errors import InputError
+
+SOLVE = """
+from isorod.scenes.spring import Spring
+from isorod import statics
+print(statics.solve(Spring(coils=1, elements_per_turn=4, section_points=3).model()).load_steps)
+"""
+IMPORTS = {
+    "nothing": "",
+    "PETSc": "from petsc4py import PETSc",
+    "MPI": "from mpi4py import MPI",
+    "SLEPc": "from slepc4py import SLEPc",
+    "isorod first": "import isorod.modal, isorod.dynamics",
+    "options after PETSc": "from petsc4py import PETSc; from isorod import options; options.initialize([])",
+}
+
+
+@pytest.mark.parametrize("before", IMPORTS.values(), ids=IMPORTS)
+def test_solving_needs_no_start(before, python):
+    done = python(before + SOLVE)
+    assert (done.stdout, done.stderr) == ("1\n", "")
+
+
+def test_solving_needs_no_start_beside_dolfinx(python):
+    pytest.importorskip("dolfinx")
+    done = python("import dolfinx" + SOLVE)
+    assert done.stdout == "1\n", done.stderr
+
+
+def test_options_count_after_petsc_has_started(petsc_options, tmp_path):
+    file = tmp_path / "more"
+    file.write_text("-snes_atol 1e-30\n")
+    petsc_options(snes_rtol="1e-8", snes_atol="1e-50", snes_monitor="")
+    options.initialize(["-snes_rtol", "1e-3", "-options_file", str(file), "-snes_monitor"])
+    found = PETSc.Options()
+    assert (found.getReal("snes_rtol"), found.getReal("snes_atol")) == (1e-3, 1e-30)
+
+
+@pytest.mark.parametrize("word", ["-log_view", "-info", "-malloc_debug", "-start_in_debugger", "-fp_trap"])
+def test_what_petsc_reads_only_when_it_starts_is_refused_then(word):
+    with pytest.raises(InputError, match=f"PETSc option {word}: .*before anything imports petsc4py.PETSc"):
+        options.initialize(["-never_set", "1", word])
+    assert not PETSc.Options().hasName("never_set")
+
+
+def test_what_petsc_reads_when_it_starts_is_taken_then(python):
+    script = "from isorod import options; options.initialize(['-log_view', '-info', ':none'])" + SOLVE
+    done = python(script)
+    assert "PETSc Performance Summary" in done.stdout, done.stderr
