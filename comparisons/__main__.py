@@ -10,6 +10,7 @@ from comparisons.measure.study import LEVELS, Run
 from comparisons.stability import CASES
 from isorod.command import ending
 from isorod.command.parser import Parser
+from isorod.errors import InputError
 from isorod.output import results
 
 # What the main job runs.

@@ -1,11 +1,12 @@
 """Scenes: ready models with parameters, one a file that bears the scene's name.
 
 A scene is a frozen dataclass (`isorod.errors.Checked`) of that name with a capital letter whose fields (made with
-`option`) become command line options.  It has a class attribute ``analysis`` (``"statics"``, ``"modal"``, ``"dynamics"`` or ``"geometry"``),
-``rod()``, and for an analysis ``model()`` and ``measure(solution)``; for dynamics also ``settings()``, the keyword
-arguments of `isorod.dynamics.solve`.  Its class attribute ``units`` says, in words, the unit of each number that is the
-answer, by its name in `measure` or in the solution's record, the most wanted first.  A scene with a choice of analyses
-lists them in a class attribute ``analyses``, the default first, and has ``analysis`` as a property.
+`option`) become command line options. It has a class attribute ``analysis`` (``"statics"``, ``"modal"``,
+``"dynamics"`` or ``"geometry"``), ``rod()``, and for an analysis ``model()`` and ``measure(solution)``; for dynamics
+also ``settings()``, the keyword arguments of `isorod.dynamics.solve`. Its class attribute ``units`` says, in words,
+the unit of each number that is the answer, by its name in `measure` or in the solution's record, the most wanted
+first. A scene with a choice of analyses lists them in a class attribute ``analyses``, the default first, and has
+``analysis`` as a property.
 """
 
 import dataclasses
