@@ -328,6 +328,15 @@ def test_a_warning_of_a_run_that_fails_does_not_stand_beside_the_error(more, cap
     assert re.fullmatch(r"isorod: time step 2.5e-05: not stable, .*\n", err)
 
 
+@pytest.mark.parametrize("words", ["", "--integrator implicit"])
+@pytest.mark.parametrize("value", ["1e-300", "1e300"])
+def test_a_time_that_products_cannot_hold_is_refused(value, words, capsys):
+    assert cli.main(["run", "biceps", "--order", "1", "--end-time", value, *words.split()]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert re.fullmatch(r"isorod: end time: got 1e[-+]300, need 1e-100 to 1e100; choose other units\n", err)
+
+
 def test_a_negative_time_step_is_refused():
     with pytest.raises(InputError, match="time step: got -1, need a positive time, or 0"):
         Biceps(time_step=-1.0).settings()

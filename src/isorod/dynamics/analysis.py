@@ -14,7 +14,7 @@ from isorod.arrays import Array
 from isorod.dynamics.explicit.system import System
 from isorod.dynamics.progress import Progress
 from isorod.dynamics.run import Run, Settings
-from isorod.errors import InputError, expect, whole_number
+from isorod.errors import InputError, expect, representable, whole_number
 from isorod.model.model import Model
 from isorod.output import checkpoint as files
 
@@ -268,6 +268,7 @@ def _check(model: Model, settings: Settings, every: float) -> None:
     for name, value in (("end time", settings.end_time), ("time step", settings.time_step)):
         if value is not None and not (np.isfinite(value) and value > 0.0):
             raise InputError(f"{name}: got {value:g}, need a positive time")
+    representable("end time", settings.end_time)
     for name, value, what in (
         ("damping", settings.damping, "1/time"),
         ("ramp", settings.ramp, "a time"),
