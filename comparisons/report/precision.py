@@ -218,10 +218,14 @@ def rerun(study: str, records: list[Record]) -> str:
     lines = [f"python -m comparisons {study}" + ("" if level == "full" else f" --level {level}")]
     for _, *both in pairs(records):
         lines += [f"python -m {MODULES[one['method']]} {study} {one['arguments']} --repeat {REPEAT}" for one in both]
+    others = versions(records)[1:]
+    how = (
+        f" (dolfinx {', '.join(others)}: with the Python that has it, --dolfinx PYTHON in the study)" if others else ""
+    )
     return (
         f'<p>Every run is a line of JSON in <a href="{study}.jsonl">{study}.jsonl</a>, with options, times by part, '
         f"versions, commit and machine; those of this page have <code>run</code> {html.escape(run)}. To run the study "
-        f"again{', and the fastest of each side alone' if len(lines) > 1 else ''}:</p>" + commands(lines)
+        f"again{', and the fastest of each side alone' if len(lines) > 1 else ''}{how}:</p>" + commands(lines)
     )
 
 
