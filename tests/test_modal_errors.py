@@ -7,7 +7,7 @@ import pytest
 from petsc4py import PETSc
 from vibrations import FREE, bars, clamped
 
-from isorod import modal, statics
+from isorod import modal, options, statics
 from isorod.errors import InputError, SolveError
 from isorod.modal.pencil import Pencil
 from isorod.model import Model, Support
@@ -149,3 +149,11 @@ def test_preconditioned_eigensolvers_agree(kind, held, bar, petsc_options):
     found = modal.solve(model, 5)
     assert found.solver["eps"] == kind
     assert np.abs(found.eigenvalues - expected.eigenvalues).max() < 1e-6 * expected.eigenvalues[expected.rigid]
+
+
+def test_an_error_of_petsc_within_a_system_error_is_one_line():
+    """As slepc4py's methods end where they return beside raising; a system error that is not PETSc's passes."""
+    with pytest.raises(InputError, match=r"^PETSc: error code 62 \(see -help\)$"), options.petsc_errors():
+        raise SystemError("returned a result with an exception set") from PETSc.Error(62)
+    with pytest.raises(SystemError, match="bad call"), options.petsc_errors():
+        raise SystemError("bad call") from ValueError("of another")

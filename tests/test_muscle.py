@@ -361,7 +361,7 @@ def test_modulus_and_work_bound_those_of_the_law():
     assert law.modulus == pytest.approx(taut, rel=1e-6)
     short, long = (np.diag([1.0, 1.0, stretch])[None] for stretch in (0.5, 1.5))
     work = [law.energy(F) - law.at(0.0).energy(F) for F in (short, long)]
-    assert law.activation_work == pytest.approx(float(work[1] - work[0]), rel=1e-12)
+    assert law.activation_work == pytest.approx((work[1] - work[0]).item(), rel=1e-12)
 
 
 @pytest.mark.parametrize("count", [0, 3, 5])

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 import warnings
+from importlib import import_module, metadata
 from pathlib import Path
 
 import numpy as np
@@ -68,12 +69,25 @@ def test_append_to_what_is_no_file_is_refused(tmp_path):
 
 
 def test_provenance_names_versions_commit_machine_and_time():
+    import_module("petsc4py")
     found = json.loads(results.line(results.provenance()))
     assert {"isorod", "python", "numpy", "scipy", "numba", "petsc4py"} <= found["versions"].keys()
     assert found["machine"]["cores"] >= 1
     assert found["machine"]["processor"]
     assert found["time"].endswith("+00:00")
     assert "commit" in found
+
+
+def test_a_package_that_came_within_another_has_the_version_of_its_module(monkeypatch):
+    """And one that is not loaded has none."""
+
+    def version(name: str) -> str:
+        raise metadata.PackageNotFoundError(name)
+
+    monkeypatch.setattr(results.metadata, "version", version)
+    monkeypatch.delitem(sys.modules, "numba", raising=False)
+    found = results.provenance()["versions"]
+    assert found["numpy"] == np.__version__ and "numba" not in found
 
 
 @pytest.mark.parametrize("place", ["file/inside", "file", "file/far/inside"])

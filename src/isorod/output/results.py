@@ -8,6 +8,7 @@ import math
 import os
 import platform
 import subprocess
+import sys
 import tempfile
 import warnings
 from collections.abc import Callable, Iterator, Mapping
@@ -34,7 +35,9 @@ def provenance() -> dict[str, Any]:
         try:
             versions[name] = metadata.version(name)
         except metadata.PackageNotFoundError:
-            continue
+            # It came within another package; what was not loaded had no part in the result.
+            if name in sys.modules:
+                versions[name] = sys.modules[name].__version__
     return {
         "versions": versions,
         "commit": _commit(),
