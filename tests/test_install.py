@@ -107,13 +107,14 @@ def test_first_run_installs_and_says_so_in_one_line(stage):
     assert done.returncode == 0, done.stderr
     assert len(done.stdout.splitlines()) == 1
     assert re.search(r"(\d+) of \1 apt packages", done.stdout)
-    update, install, venv, *pip, doctor = done.calls
+    update, install, venv, *pip, compiling, doctor = done.calls
     assert update.endswith("update")
     assert "--no-install-recommends" in install
     assert "libopenblas0-serial" in install
     assert venv.startswith("python -m venv --system-site-packages")
     assert all("--only-binary=:all:" in call and "docker/constraints.txt" in call for call in pip)
     assert "--editable" in pip[-1]
+    assert compiling == "venv -m isorod.command.compile"
     assert doctor == "venv -m isorod.command.doctor"
     assert stage.stamp.exists()
 
@@ -216,7 +217,7 @@ def took_wheels(done):
     assert done.returncode == 0, done.stderr
     assert len(done.stdout.splitlines()) == 1
     assert "as wheels" in done.stdout
-    venv, *pip, doctor = done.calls
+    venv, *pip, _, doctor = done.calls
     assert venv.startswith("python -m venv ") and "--system-site-packages" not in venv
     assert all("--only-binary=:all:" in call and "docker/constraints.txt" in call for call in pip)
     assert pip[-1].endswith("[compare,dev,wheels]")
@@ -338,6 +339,7 @@ def test_the_image_knows_the_tasks_and_no_list_of_packages():
     lines = (ROOT / "docker/Dockerfile").read_text().splitlines()
     assert [line for line in lines if "apt-get" in line or "pip" in line] == []
     assert any(line.startswith("RUN docker/install") for line in lines)
+    assert lines.index("RUN isorod compile") > lines.index("COPY . .")
 
 
 def test_check_refuses_an_unknown_suite():
