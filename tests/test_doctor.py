@@ -58,7 +58,7 @@ def test_mapped_libraries_are_read_once_each_and_without_plain_files(tmp_path):
 @pytest.mark.parametrize(("there", "said"), [("/opt/c++", "/opt/c++"), (None, "missing")])
 def test_the_compiler_that_dolfinx_needs_is_named(there, said, monkeypatch):
     monkeypatch.setattr(doctor.shutil, "which", lambda name: there if name == "g++" else None)
-    (check,) = [check for check in doctor.report() if check.name == "C++ compiler"]
+    (check,) = [check for check in doctor.report() if check.name == "C compiler"]
     assert (check.value, check.ok, "apt-get" in check.hint or "conda" in check.hint) == (said, bool(there), not there)
 
 
@@ -208,8 +208,10 @@ def test_threads_are_judged(monkeypatch, threads, ok):
 def test_version_in_the_text_of_a_module(tmp_path):
     module = tmp_path / "gmsh.py"
     module.write_text('GMSH_API_VERSION = "4.8.4"\nGMSH_API_VERSION_MAJOR = 4\n')
-    assert doctor._api_version(str(module)) == "API 4.8.4"
-    assert doctor._api_version(None) == ""
+    assert doctor._written_version(str(module)) == "API 4.8.4"
+    module.write_text("__version__ = '3.25.1'\n")
+    assert doctor._written_version(str(module)) == "3.25.1"
+    assert doctor._written_version(None) == ""
 
 
 def test_nothing_heavy_is_imported():

