@@ -111,6 +111,6 @@ def _provenance(found: dict[str, list[Record]]) -> str:
         f"<ul>{''.join(runs)}</ul><p>Machine: {html.escape(machine['processor'])}, {machine['cores']} cores, "
         f"{html.escape(machine['system'])}; one thread. Versions: {html.escape(named)}. This page and its plots are "
         "made from those files alone: <code>python -m comparisons report</code> makes them again, <code>make "
-        "verify</code> measures spring and blade at quick level and takes about five minutes, <code>python -m "
+        "verify</code> measures spring and blade at quick level and takes some minutes, <code>python -m "
         "comparisons spring</code> measures all of it.</p>"
     )

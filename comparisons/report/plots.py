@@ -176,18 +176,19 @@ def convergence(entries: Sequence[Record], path: Path) -> float:
     reference = np.array(entries[-1]["frequencies"][:3])
     errors = np.array([record["frequencies"][:3] for record in entries[:-1]]) / reference - 1.0
     slopes = -np.polyfit(np.log(elements), np.log(errors), 1)[0]
-    figure, axis = pyplot.subplots(figsize=(6.2, 4.6), layout="constrained")
+    figure, axis = pyplot.subplots(figsize=(4.8, 3.9), layout="constrained")
     for k in range(3):
         label = f"mode {k + 1}, slope {slopes[k]:.2f}"
         axis.loglog(elements, errors[:, k], color=COLOURS[k], marker=MARKERS[k], label=label)
     guide = errors[0].mean() * (elements / elements[0]) ** -3.0
     axis.loglog(elements, guide, color="black", linewidth=0.8, linestyle=":", label="slope 3")
     axis.set_xlabel("elements")
-    axis.set_ylabel("frequency / frequency of the finest model - 1")
+    axis.set_ylabel("error of the frequency")
+    axis.yaxis.set_major_formatter(_percent)
     axis.set_xticks(elements, [f"{count:g}" for count in elements])
     axis.minorticks_off()
     axis.grid(True, alpha=0.25)
     axis.legend(frameon=False)
-    write_beside(path, lambda where: figure.savefig(where, dpi=130))
+    write_beside(path, lambda where: figure.savefig(where, dpi=120))
     pyplot.close(figure)
     return float(slopes.mean())
