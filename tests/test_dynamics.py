@@ -1,8 +1,5 @@
 """Explicit dynamics: exact discrete motions, order, impacts, and the balances of energy and momentum."""
 
-import io
-import sys
-
 import numpy as np
 import pytest
 from motions import DENSITY, LENGTH, SPEED, E, bar, field, momenta, velocities
@@ -279,14 +276,3 @@ def test_settings_are_checked(cylinder):
     inside_out = field(model, lambda x: -2.0 * x)
     with pytest.raises(InputError, match=r"initial state: an element is inverted; smallest det F = .* in element"):
         dynamics.solve(model, 1.0, displacement=inside_out)
-
-
-def test_progress_is_shown_on_a_terminal_alone(cylinder, monkeypatch):
-    for terminal in (True, False):
-        stream = io.StringIO()
-        monkeypatch.setattr(stream, "isatty", lambda answer=terminal: answer)
-        monkeypatch.setattr(sys, "stderr", stream)
-        dynamics.solve(bar(cylinder), 1.0, outputs=4, progress=True)
-        said = stream.getvalue()
-        assert said.count("\r") == (4 if terminal else 0)
-        assert not terminal or said.endswith("\n")

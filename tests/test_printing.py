@@ -1,7 +1,9 @@
 """What `isorod run` prints: the answer first, in words, on one screen; JSON alone on standard output; progress."""
 
+import io
 import json
 import re
+import sys
 from itertools import pairwise
 
 import numpy as np
@@ -157,3 +159,17 @@ def test_lines_are_seconds_apart_and_short_runs_say_nothing(monkeypatch, capsys)
     assert {10 <= later - sooner <= 30 for sooner, later in pairwise(said)} == {True}
     dynamics.solve(bar(), 0.2, outputs=2, progress=True)
     assert capsys.readouterr().err == ""
+
+
+def test_a_terminal_gets_a_bar_whose_line_is_ended(monkeypatch):
+    stream = io.StringIO()
+    monkeypatch.setattr(stream, "isatty", lambda: True)
+    monkeypatch.setattr(sys, "stderr", stream)
+    for name in ("_FIRST_OF_BAR", "_BETWEEN_BARS"):
+        monkeypatch.setattr(progress, name, 0.0)
+    monkeypatch.setattr(explicit, "_BLOCK", 1e9)
+    dynamics.solve(bar(), 1.0, outputs=4, progress=True)
+    first, *bars = stream.getvalue().split("\r")
+    assert first == "" and len(bars) >= 4
+    assert re.match(r"\[={30}\] time 1 of 1, 100%, about 0 ms to go", bars[-1])
+    assert bars[-1].endswith("\n")
