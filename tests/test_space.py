@@ -267,7 +267,7 @@ def test_forces_of_the_supports_balance_whatever_the_order(order, prism):
 BAD_SPACES = [
     ({"order": 0}, "polyharmonic order: got 0, need an integer from 1 to 6"),
     ({"order": 7}, "polyharmonic order: got 7, need an integer from 1 to 6"),
-    ({"order": 1.5}, "polyharmonic order: got 1.5, need an integer"),
+    ({"order": 1.5}, "Space: order: got 1.5, need an integer"),
     ({"section_points": 24}, "section points: got 24, need a multiple of the 16 of the rod itself"),
     ({"section_points": 8}, "section points: got 8, need a multiple of the 16"),
     ({"section_points": 0}, "section points: got 0, need a multiple of the 16"),

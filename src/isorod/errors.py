@@ -31,8 +31,10 @@ class Checked:
 
     def __post_init__(self) -> None:
         owner: Any = type(self)
-        for name, kind in _kinds(owner):
+        for name, kind, plain in _kinds(owner):
             value = getattr(self, name)
+            if type(value) in plain:
+                continue
             expect(f"{owner.__name__}: {name}", value, kind)
             if type(value) is not int and _fits(value, float) and not _fits(0.5, kind):
                 object.__setattr__(self, name, int(value))
@@ -67,10 +69,17 @@ def representable(name: str, value: float) -> None:
 
 
 @cache
-def _kinds(owner: type) -> tuple[tuple[str, Any], ...]:
-    """Return the names and kinds of the fields that are given."""
-    module = vars(sys.modules[owner.__module__])
-    return tuple((one.name, _evaluated(one.type, module)) for one in fields(owner) if one.init)  # type: ignore[arg-type]
+def _kinds(owner: Any) -> tuple[tuple[str, Any, tuple[Any, ...]], ...]:
+    """Return of each field that is given the name, the kind, and types whose values are of that kind for certain."""
+    found = []
+    for one in fields(owner):
+        if one.init:
+            # The annotation is one of the class that has it, which may be a base in another file.
+            base = next(base for base in owner.__mro__ if one.name in vars(base).get("__annotations__", ()))
+            kind = _evaluated(one.type, vars(sys.modules[base.__module__]))
+            union = get_origin(kind) in (Union, types.UnionType)
+            found.append((one.name, kind, get_args(kind) if union else (kind,)))
+    return tuple(found)
 
 
 def _evaluated(kind: Any, module: Mapping[str, Any]) -> Any:

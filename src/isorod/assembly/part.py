@@ -148,7 +148,8 @@ def stiffness(table: Table, tangent: Array, isotropic: Array) -> Array:
 
 def _stiffness(table: Table, tangent: Array, isotropic: Array, blocks: Blocks) -> Array:
     """Return the entries of a pattern to which element matrices add up."""
-    result = np.zeros(blocks.total)
+    result = Work.lines((1, blocks.total))[0]
+    result[:] = 0.0
     add_stiffness(table, tangent, isotropic, blocks, Work.of(table), result)
     return result
 

@@ -35,6 +35,8 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    from isorod.command import cli
-
-    sys.exit(cli.main(["compile", *sys.argv[1:]]))
+    try:
+        sys.exit(main())
+    except InputError as problem:
+        print(f"isorod: {problem}", file=sys.stderr)
+        sys.exit(2)
