@@ -94,6 +94,8 @@ def _evaluated(kind: Any, module: Mapping[str, Any]) -> Any:
 
 def _fits(value: Any, kind: Any) -> bool:
     """Return whether a value is of a kind, or the kind is none that can be asked."""
+    if type(value) is kind:
+        return True
     origin, parts = get_origin(kind), get_args(kind)
     if origin in (Union, types.UnionType):
         return any(_fits(value, part) for part in parts)
@@ -107,9 +109,15 @@ def _fits(value: Any, kind: Any) -> bool:
         several = (isinstance(value, Sequence) and not isinstance(value, str)) or np.ndim(value) > 0
         return several and all(_fits(one, parts[0]) for one in value)
     if getattr(kind, "_is_protocol", False):
-        asked = {*vars(kind), *vars(kind).get("__annotations__", ())}
-        return {name for name in asked if not name.startswith("_")} <= set(dir(value))
+        return all(hasattr(value, name) for name in _asked(kind))
     return not isinstance(kind, type) or isinstance(value, kind)
+
+
+@cache
+def _asked(protocol: Any) -> tuple[str, ...]:
+    """Return what a protocol asks for."""
+    names = {*vars(protocol), *vars(protocol).get("__annotations__", ())}
+    return tuple(name for name in names if not name.startswith("_"))
 
 
 def _words(kind: Any) -> str:
