@@ -88,9 +88,9 @@ def _effort(record: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         return
     yield "size", f"{record['unknowns']:,} unknowns ({record['dofs']:,} degrees of freedom)"
     seconds = record["seconds"]
-    names = {"setup": "set-up", "assembly": "assembly", "solve": "solve"}
+    names = {"setup": "set-up", "assembly": "assembly", "solve": "solve", "check": "check"}
     parts = ", ".join(f"{names[part]} {duration(time)}" for part, time in seconds.items() if part in names)
-    apart = "".join(f"; {part} {duration(seconds[part])} apart" for part in ("check", "import") if part in seconds)
+    apart = f"; import {duration(seconds['import'])} apart" if "import" in seconds else ""
     yield "time", f"{duration(seconds['total'])} ({parts}){apart}"
     yield "convergence", "; ".join(_convergence(record))
 
