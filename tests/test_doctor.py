@@ -62,6 +62,12 @@ def test_the_compiler_that_dolfinx_needs_is_named(there, said, monkeypatch):
     assert (check.value, check.ok, "apt-get" in check.hint or "conda" in check.hint) == (said, bool(there), not there)
 
 
+def test_a_compiler_without_python_headers_is_not_enough(monkeypatch, tmp_path):
+    monkeypatch.setattr(doctor.sysconfig, "get_path", lambda name: str(tmp_path))
+    check = doctor._compiler()
+    assert not check.ok and not check.required and "no Python.h" in check.hint
+
+
 def test_report_has_all_that_isorod_uses_and_what_it_cannot_do_without():
     checks = {check.name: check for check in doctor.report()}
     required = ["isorod", "Python", "numpy", "scipy", "numba", "MPI", "petsc4py", "PETSc scalar, index"]

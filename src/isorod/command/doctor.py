@@ -10,6 +10,7 @@ import re
 import shutil
 import site
 import sys
+import sysconfig
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from importlib import import_module, metadata
@@ -242,8 +243,11 @@ def _written_version(origin: str | None) -> str:
 
 def _compiler() -> Check:
     found = next((path for name in ("cc", "gcc", "clang") if (path := shutil.which(name))), None)
-    hint = "" if found else f"for dolfinx; {_get('gcc libc6-dev', 'c-compiler')}"
-    return Check("C compiler", found or "missing", bool(found), hint, required=False)
+    if found is None:
+        return Check("C compiler", "missing", False, f"for dolfinx; {_get('gcc libc6-dev', 'c-compiler')}", False)
+    headers = (Path(sysconfig.get_path("include")) / "Python.h").is_file()
+    hint = "" if headers else f"no Python.h, for dolfinx; {_get('python3-dev', 'python')}"
+    return Check("C compiler", found, headers, hint, required=False)
 
 
 def _one_line(error: BaseException) -> str:
