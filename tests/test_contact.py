@@ -201,7 +201,10 @@ def test_points_off_the_named_elements_are_not_in_contact(cylinder):
         (lambda: Plane((0, 0), (0, 0, 1)), "three"),
         (lambda: Cylinder((0, 0, 0), (0, 0, 0), 1.0), "direction"),
         (lambda: Cylinder((0, 0, 0), (0, 0, 1), -1.0), "radius"),
-        (lambda: Contact(0, 1, 1.0, first_elements=[0.5]), "first_elements: got list, need a sequence, each an integer"),
+        (
+            lambda: Contact(0, 1, 1.0, first_elements=[0.5]),
+            "first_elements: got list, need a sequence, each an integer",
+        ),
     ],
 )
 def test_bad_numbers_get_one_line(make, message):
