@@ -17,7 +17,7 @@ LUCK = (
 
 def version(record: Record) -> str:
     """Return the version of dolfinx that a run was made with; empty if it has none."""
-    return str(record["versions"].get("dolfinx", ""))
+    return str(record["versions"].get("dolfinx", "")).partition(".post")[0]
 
 
 def versions(records: list[Record]) -> list[str]:
