@@ -153,7 +153,7 @@ def test_preconditioned_eigensolvers_agree(kind, held, bar, petsc_options):
 
 def test_an_error_of_petsc_within_a_system_error_is_one_line():
     """As slepc4py's methods end where they return beside raising; a system error that is not PETSc's passes."""
-    with pytest.raises(InputError, match=r"^PETSc: error code 62 \(see -help\)$"), options.petsc_errors():
+    with pytest.raises(InputError, match=r"^PETSc: .+ \(see -help\)$"), options.petsc_errors():
         raise SystemError("returned a result with an exception set") from PETSc.Error(62)
     with pytest.raises(SystemError, match="bad call"), options.petsc_errors():
         raise SystemError("bad call") from ValueError("of another")
