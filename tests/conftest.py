@@ -137,7 +137,8 @@ def mpirun() -> Callable[..., subprocess.CompletedProcess[str]]:
     more = ["--oversubscribe"] if "Open MPI" in _run([program, "--version"]).stdout else []
 
     def run(ranks: int, *arguments: str, script: str | None = None) -> subprocess.CompletedProcess[str]:
-        words = COMMAND if script is None else [sys.executable, "-c", script]
+        # First: what the wheels' PETSc asks for before it is imported.
+        words = COMMAND if script is None else [sys.executable, "-c", f"import isorod\n{script}"]
         return _run([program, *more, "-n", str(ranks), *words, *arguments])
 
     return run
