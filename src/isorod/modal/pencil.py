@@ -159,7 +159,7 @@ class Pencil:
             ksp.setType(PETSc.KSP.Type.PREONLY)
             ksp.getPC().setType(PETSc.PC.Type.CHOLESKY)
             ksp.getPC().setFactorSolverType("mumps")
-            eps.solve()
+            _solve(eps)
             values = sorted(eps.getEigenvalue(k).real for k in range(eps.getConverged()))
             eps.destroy()
             if len(values) <= self.rigid:
@@ -221,7 +221,7 @@ class Pencil:
             if kind in PRECONDITIONED and self.rigid:
                 pairs = self._rigid_pairs()
                 eps.setDeflationSpace([vector for _, vector in pairs])
-            eps.solve()
+            _solve(eps)
             options = dict(PETSc.Options().getAll())
         self._collect(eps, pairs)
         iterations = eps.getIterationNumber()
@@ -291,7 +291,7 @@ class Pencil:
             count = max(1, min(missing + 2, self.size - before - 1))
             room = min(max(2 * count, count + 15), self.size - before)
             eps.setDimensions(count, room, room)
-            eps.solve()
+            _solve(eps)
             iterations += eps.getIterationNumber()
             self._collect(eps, pairs)
             if len(pairs) == before:
@@ -338,3 +338,12 @@ def only_multiplies() -> bool:
     """Return whether the eigensolver takes the mass only to multiply with, as the default with a shift of zero does."""
     typed = (name for name in PETSc.Options().getAll() if name.startswith(("eps_", "st_")))
     return all(name.startswith(_HARMLESS) for name in typed)
+
+
+def _solve(eps: SLEPc.EPS) -> None:
+    """Solve; what an error leaves half-done is given up, not destroyed, at which newer SLEPc would fail once more."""
+    try:
+        eps.solve()
+    except Exception:
+        eps.incRef()
+        raise
