@@ -69,7 +69,7 @@ def assert_same(first, second):
         "energy_error",
         "estimates",
     ):
-        assert np.array_equal(getattr(first, name), getattr(second, name)), name
+        np.testing.assert_array_equal(getattr(first, name), getattr(second, name), name)
     assert first.steps == second.steps and first.time_step == second.time_step
 
 

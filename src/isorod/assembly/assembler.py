@@ -1,6 +1,6 @@
 """Residual, tangent and energy of a model as PETSc vectors and matrices; elements and rows split along the axis."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cached_property
 from time import perf_counter
@@ -15,6 +15,7 @@ from isorod.assembly.part import Part
 from isorod.assembly.pattern import Entries, Numbered, joined, rows_and_columns
 from isorod.assembly.unknowns import Unknowns
 from isorod.errors import InputError
+from isorod.geometry.quadrature import Rule
 from isorod.model.model import Model
 from isorod.petsc.matrix import componentwise, create_matrix, preallocate, set_values
 from isorod.tensors import determinant
@@ -268,7 +269,7 @@ class Assembler(Unknowns):
 
     def _mass(self, lumped: bool, numbers: Sequence[Index]) -> PETSc.Mat:
         """Return the mass matrix of the components of which each node's numbers are given, all three or one."""
-        found = [part.mass_entries(lumped, number) for number in numbers for part in self.parts]
+        found = [entries for part in self.parts for entries in part.mass_entries(lumped, numbers)]
         matrix = self._matrix([entries for entries, _ in found], 3 // len(numbers))
         set_values(matrix, joined([merged for _, merged in found], float))
         self.note("lumped mass" if lumped else "mass")
@@ -282,6 +283,14 @@ class Assembler(Unknowns):
             if self.contact is not None:
                 energy += self.contact.forces(local)[1]
             return float(self.comm.tompi4py().allreduce(energy))
+
+    def by_other_rules(self, rules: Mapping[int, Rule]) -> list[tuple[Part, Part]]:
+        """Return this rank's parts of the bodies for which there are rules, and the same elements by those rules."""
+        return [
+            (part, Part(share, self.free, self._exchange, rules[part.which]))
+            for part, share in zip(self.parts, self.shares, strict=True)
+            if part.which in rules
+        ]
 
     def pressures(self, x: PETSc.Vec) -> "Sequence[Array | None]":
         """Return the pressures of mixed bodies (`isorod.assembly.mixed`): none here."""

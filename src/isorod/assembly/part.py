@@ -1,5 +1,6 @@
 """The elements of one body that a rank assembles: their forces, tangents and masses."""
 
+from collections.abc import Iterable, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -12,8 +13,12 @@ from isorod.assembly.pattern import Entries, Numbered, Pattern
 from isorod.assembly.pattern_kernel import Blocks
 from isorod.assembly.split import Share
 from isorod.assembly.stiffness_kernel import Work, add_stiffness
+from isorod.geometry.quadrature import Rule
 from isorod.model.load import Spin
 from isorod.space.space import Table
+
+# Where the entries of a transposed 3 x 3 matrix are.
+_TRANSPOSED = np.arange(9).reshape(3, 3).T.ravel()
 
 
 class Part:
@@ -27,6 +32,8 @@ class Part:
         Unknown of each of the assembler's degrees of freedom, -1 if it is held.
     exchange
         Where their values are on this rank.
+    rule
+        Quadrature rule in place of the space's own.
 
     Attributes
     ----------
@@ -38,11 +45,11 @@ class Part:
         What extrapolates the stress of the tangents, if anything does.
     """
 
-    def __init__(self, share: Share, free: Index, exchange: Exchange) -> None:
+    def __init__(self, share: Share, free: Index, exchange: Exchange, rule: Rule | None = None) -> None:
         body = share.body
         self.body, self.which = body, share.which
         self.first_node, self.first_dof = share.first_node, share.first_dof
-        self.table = body.space.tabulate(share.first, share.last)
+        self.table = body.space.tabulate(share.first, share.last, rule)
         self.laws = body.laws_at(self.table.u)
         self.layers = share.layers
         self.width = share.width
@@ -67,13 +74,14 @@ class Part:
         mass = element_kernel.mass(t.section, t.axial, density * t.weights)
         return mass.reshape(mass.shape[0], mass.shape[1] * mass.shape[2], -1)
 
-    def mass_entries(self, lumped: bool, number: Index) -> tuple[Entries, Array]:
-        """Return where in a matrix the mass of one component is, and that mass; nodes have their ``number`` there."""
+    def mass_entries(self, lumped: bool, numbers: Sequence[Index]) -> list[tuple[Entries, Array]]:
+        """Return where in a matrix the mass of some components is, and that mass; nodes have these numbers there."""
         if lumped:
-            nodes = number[self.dofs[:, ::3].ravel() // 3]
-            return (nodes, nodes), self.lumped_mass().ravel()
+            nodes, masses = self.dofs[:, ::3].ravel() // 3, self.lumped_mass().ravel()
+            return [((number[nodes], number[nodes]), masses) for number in numbers]
         pattern = Pattern(self.free_layers, self.body.space.layer_nodes)
-        return Numbered(pattern, number[self.first_node :]), pattern.merge(self.mass)
+        masses = pattern.merge(self.mass)
+        return [(Numbered(pattern, number[self.first_node :]), masses) for number in numbers]
 
     def lumped_mass(self) -> Array:
         """Return the element masses of one component, shape ``(E, l n)``."""
@@ -106,6 +114,25 @@ class Part:
     def energy(self, local: Array, factor: float) -> float:
         """Return the stored energy."""
         return float(np.sum(self.table.weights * self.laws.at(factor).energy(self.gradients(local))))
+
+    def curvatures(self, local: Array, factor: float, motions: Iterable[Array]) -> Array:
+        """Return the second derivatives of the stored energy along motions of this rank's degrees of freedom."""
+        laws, weights = self.laws.at(factor), self.table.weights
+        isotropic = laws.isotropic
+        if isotropic is None:
+            tangent = laws.tangent(self.gradients(local)).reshape(-1, 9, 9) * weights.reshape(-1, 1, 1)
+        else:
+            lame, mu = (isotropic.T[:, :, None, None] * weights).reshape(2, -1)
+        found = []
+        for motion in motions:
+            slope = self.gradients(motion).reshape(-1, 9)
+            slope[:, ::4] -= 1.0
+            if isotropic is None:
+                found.append(np.sum(slope * (tangent @ slope[:, :, None])[:, :, 0]))
+                continue
+            strain = slope + slope[:, _TRANSPOSED]
+            found.append(lame @ slope[:, ::4].sum(axis=1) ** 2 + 0.5 * mu @ np.einsum("pi,pi->p", strain, strain))
+        return np.array(found)
 
     def forces(self, local: Array, factor: float) -> Array:
         """Return the internal forces, shape of ``dofs``."""

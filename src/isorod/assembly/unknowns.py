@@ -80,10 +80,15 @@ class Unknowns:
 
     def _state(self, x: PETSc.Vec, factor: float) -> Array:
         """Return this rank's degrees of freedom at a load factor: what supports prescribe and the unknowns."""
+        local = self.local(self.model.prescribed(factor))
+        self._exchange.add_unknowns(x, local)
+        return local
+
+    def local(self, displacement: Array) -> Array:
+        """Return this rank's degrees of freedom of all degrees of freedom, shape ``(dofs,)``."""
         moved, slots = self._exchange.moved
         local = np.zeros(self._exchange.size)
-        local[slots] = self.model.prescribed(factor)[moved]
-        self._exchange.add_unknowns(x, local)
+        local[slots] = displacement[moved]
         return local
 
     def _bound(self, local: Array) -> Array:

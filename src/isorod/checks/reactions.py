@@ -62,6 +62,12 @@ def check_balance(
         return
     resultant, noise = assembler.imbalance(x, 1.0)
     gap = float(np.linalg.norm(resultant))
+    if assembler.contact is not None and out_of_balance > max(tolerance * load, gap):
+        # Contact is held against the rounding of the largest stiffness alone (`isorod.statics.convergence`).
+        raise SolveError(
+            f"forces do not balance: {out_of_balance:.2g} is left over, supports carry {largest:.2g}: stiffness "
+            "differs too much along the model for double precision"
+        )
     if gap <= tolerance * load:
         return
     rounding = np.linalg.norm(support_forces(model, noise), axis=1)

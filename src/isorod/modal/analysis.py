@@ -133,10 +133,11 @@ def solve(
         raise SolveError(f"{problem}{hourglass.hint(model)}") from None
     vectors = _shapes(assembler, found)
     begin = perf_counter()
-    if hourglass.suspected(model):
+    rules = hourglass.better_rules(model)
+    if rules:
         flexible = slice(len(loose), None)
         about = None if state is None else state.displacement
-        hourglass.check_modes(model, found.eigenvalues[flexible], vectors[flexible], about, lumped, comm)
+        hourglass.check_modes(assembler, rules, found.eigenvalues[flexible], vectors[flexible], about)
     check = pencil.check_seconds + perf_counter() - begin
     assert found.below is not None
     return Modes(

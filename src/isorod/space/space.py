@@ -181,8 +181,10 @@ class Space(Checked):
         nodes = self.element_layers[:, :, None] * self.layer_nodes + np.arange(self.layer_nodes)
         return nodes.reshape(self.axis.elements, -1)
 
-    def tabulate(self, first: int, last: int) -> "Table":
+    def tabulate(self, first: int, last: int, rule: Rule | None = None) -> "Table":
         """Return the functions and the geometry at the quadrature points of the elements ``first .. last - 1``.
+
+        The points are those of the space's own rule, if no other is given.
 
         Raises
         ------
@@ -191,7 +193,7 @@ class Space(Checked):
         FoldedRodError
             If the Jacobian is not positive at one of them.
         """
-        rule = self.rule
+        rule = self.rule if rule is None else rule
         _refuse_beyond_memory((last - first) * rule.axial * self.points_around * rule.radial * rule.angular)
         xi, area = section_points(self.points_around, rule, self.turn)
         u, length = (points[first:last] for points in axis_points(self.axis, rule.axial))
