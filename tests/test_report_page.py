@@ -219,6 +219,16 @@ def test_the_story_has_few_curves_and_no_two_look_alike(written):
     assert len({look["color"] for look in crowd.values()}) == len({look["marker"] for look in crowd.values()}) == 7
 
 
+def test_the_curves_between_which_gaps_are_marked_are_drawn(monkeypatch):
+    runs = [
+        [run_of("spring", m, str(k), 0, 1.0, 1.0) | {"part": "work"} for k in range(5)] for m in ("cylindrical", "fem")
+    ]
+    best = [(0.1**k, *both) for k, both in enumerate(zip(*runs, strict=True))]
+    monkeypatch.setattr(plots, "pairs", lambda _: best)
+    drawn = set(map(precision.named, plots.told([*runs[0], *runs[1]], (), ())))
+    assert {precision.named(one) for _, *both in (best[0], best[-1]) for one in both} <= drawn
+
+
 def test_a_configuration_has_one_time_everywhere(written):
     """Along the curve 20 and 40 ms, measured again 14 and 32: the least is its time, in every table and line."""
     folder, text = written
