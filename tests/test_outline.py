@@ -99,7 +99,7 @@ def test_crowding_about_the_trailing_edge_meets_an_airfoil_better(tmp_path):
 
 
 def test_crowding_is_a_moebius_map():
-    """A circle stays one, as arcs of a tenth of it have it; control points stand four times as close where they crowd, and as far apart opposite."""
+    """A circle stays one, as arcs of a tenth have it; points stand four times as close here, as far apart opposite."""
     points = np.stack([np.cos(THETA), np.sin(THETA)], axis=1)
     crowded = from_points(points, 40, near=(0.0, 1.0), closer=4.0)
     assert np.hypot(*curve(crowded).T) == pytest.approx(np.ones(THETA.size), abs=3e-3)

@@ -204,7 +204,7 @@ def _crowded(theta: Array, points: Array, near: ArrayLike, closer: float) -> Arr
     """Return the angles of points after the Moebius map that stretches them about a place."""
     place = np.asarray(near, dtype=float)
     if place.shape != (2,) or not np.isfinite(place).all():
-        raise InputError(f"section points near a place: got {near}, need two finite coordinates")
+        raise InputError(f"section points near a place: got {place.tolist()}, need two finite coordinates")
     if not (np.isfinite(closer) and closer >= 1.0):
         raise InputError(f"section points closer: got {closer:g}, need a factor of 1 or more")
     focus = (closer - 1.0) / (closer + 1.0) * np.exp(1j * theta[np.argmin(np.hypot(*(points - place).T))])
