@@ -136,7 +136,8 @@ def _recovered(axis: Axis, means: tuple[Array, Array], centres: Array, u: Array)
     The sum of the nodal forces' moments is that of the work on a rotation of the layers beyond, whose places
     ``sum_{j >= k} R_j x_j`` are not quite ``psi_k x``: what loads along the rod, ``-f'``, do there is taken off.
     """
-    points, weights = (one.ravel() for one in axis_points(axis, axis.degree + 1))
+    # Rational functions want more points than splines.
+    points, weights = (one.ravel() for one in axis_points(axis, axis.degree + 6))
     first, values, slopes = axis.local(points)
     number = first[:, None] + np.arange(axis.degree)
     _, splines, rates = bspline.table(axis.knots[1:-1], axis.degree - 1, points)

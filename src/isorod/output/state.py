@@ -8,6 +8,7 @@ element above it is meant.  Every rank has the whole answer, and none waits for 
 """
 
 from dataclasses import dataclass, field
+from numbers import Real
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -166,7 +167,7 @@ class Deformation:
                 return found[0]
             raise InputError(f"body: this {type(named).__name__} is that of none of the model's {len(bodies)} bodies")
         if isinstance(named, bool) or not isinstance(named, int | np.integer) or not 0 <= named < len(bodies):
-            shown = repr(named) if isinstance(named, int | float | str | None) else type(named).__name__
+            shown = f"{named!r:.40}" if isinstance(named, Real | str | None) else type(named).__name__
             raise InputError(f"body: got {shown}, need a number from 0 to {len(bodies) - 1}, or a Rod of the model")
         return int(named)
 
@@ -267,10 +268,10 @@ def _numbers(given: ArrayLike) -> Array | None:
 def _parameters(space: Space, u: ArrayLike) -> Array:
     """Return axis parameters as given, the names of ends replaced."""
     low, high = space.axis.breaks[[0, -1]]
-    values = _numbers({"start": low, "end": high}.get(u, u) if isinstance(u, str) else u)
+    values = _numbers({"start": low, "end": high}.get(u) if isinstance(u, str) else u)
     if values is not None and values.size and ((values >= low) & (values <= high)).all():
         return values
-    got = f"{u!r:.40}" if np.ndim(u) == 0 else "some that are not"
+    got = f"{u!r:.40}" if isinstance(u, Real | str | None) else "some that are not"
     raise InputError(f"axis parameter u: got {got}, need numbers from {low:g} to {high:g}, or 'start' or 'end'")
 
 
