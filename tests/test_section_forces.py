@@ -206,7 +206,7 @@ def test_shapes_are_those_of_u():
         assert (found.force.shape, found.moment.shape, found.centroid.shape) == ((*shape, 3),) * 3
         assert found.frame.shape == (*shape, 3, 3)
         assert len(repr(found).splitlines()) <= 3 and "array" not in repr(found)
-    with pytest.raises(InputError, match="axis parameter u: got 1.5, need numbers from 0 to 1, or 'start' or 'end'"):
+    with pytest.raises(InputError, match=r"axis parameter u: got 1.5, need numbers from 0 to 1, or 'start' or 'end'"):
         solution.section_forces(0, 1.5)
 
 

@@ -88,21 +88,20 @@ _OFFERED = {
 }
 _MODULES = ("dynamics", "errors", "modal", "options", "scenes", "statics")
 
+# Type checkers would take any name for one that is there.
 if not TYPE_CHECKING:
-    # Of what is not literal here type checkers would make no names at all.
     __all__ = [*_OFFERED, *_MODULES]
 
-
-def __getattr__(name: str) -> Any:
-    """Load what is offered under a name."""
-    if name in _MODULES:
-        return import_module(f"isorod.{name}")
-    if name not in _OFFERED:
-        raise AttributeError(f"module 'isorod' has no attribute {name!r}", name=name, obj=sys.modules["isorod"])
-    place, _, other = _OFFERED[name].partition(":")
-    found = getattr(import_module(place), other or name)
-    globals()[name] = found
-    return found
+    def __getattr__(name: str) -> Any:
+        """Load what is offered under a name."""
+        if name in _MODULES:
+            return import_module(f"isorod.{name}")
+        if name not in _OFFERED:
+            raise AttributeError(f"module 'isorod' has no attribute {name!r}", name=name, obj=sys.modules["isorod"])
+        place, _, other = _OFFERED[name].partition(":")
+        found = getattr(import_module(place), other or name)
+        globals()[name] = found
+        return found
 
 
 def __dir__() -> list[str]:

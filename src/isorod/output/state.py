@@ -268,10 +268,14 @@ def _numbers(given: ArrayLike) -> Array | None:
 def _parameters(space: Space, u: ArrayLike) -> Array:
     """Return axis parameters as given, the names of ends replaced."""
     low, high = space.axis.breaks[[0, -1]]
-    values = _numbers({"start": low, "end": high}.get(u) if isinstance(u, str) else u)
-    if values is not None and values.size and ((values >= low) & (values <= high)).all():
-        return values
-    got = f"{u!r:.40}" if isinstance(u, Real | str | None) else "some that are not"
+    values = _numbers({"start": low, "end": high}.get(u, "") if isinstance(u, str) else u)
+    if values is None:
+        got = f"{u!r:.40}" if isinstance(u, str) else type(u).__name__
+    else:
+        inside = (values >= low) & (values <= high)
+        if values.size and inside.all():
+            return values
+        got = f"{values[~inside].flat[0]:g}" if values.size else "none"
     raise InputError(f"axis parameter u: got {got}, need numbers from {low:g} to {high:g}, or 'start' or 'end'")
 
 
