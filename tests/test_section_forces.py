@@ -135,7 +135,7 @@ def test_directions_move_with_the_section():
 @pytest.mark.parametrize(("elements", "degree"), [(8, 4), (16, 2)])
 def test_spring(elements, degree):
     """Axial force small beside the stiffness: a section's own stress is off by a tenth, these are in balance."""
-    space = Space(helix(10.0, 4.0, 2).sweep(circle(8, 0.8)), order=2, degree=degree, elements=elements)
+    space = Space(helix(10.0, 4.0, 2, 4).sweep(circle(8, 0.8)), order=2, degree=degree, elements=elements)
     ends = Support.end(space, "start"), Support.end(space, "end", displacement=(0.0, 0.0, 2.0))
     solution = statics.solve(Model([Body(space, NeoHookean(2e5, 0.3))], ends))
     assert_balanced(solution, np.linspace(0.0, 8.0, 41), 1e-5)
@@ -148,7 +148,7 @@ def test_spring(elements, degree):
 
 def test_a_slender_spring_section_alone_is_worse():
     """What the recovery is for: the stress of one section, integrated, is 3 % off and more where these are exact."""
-    space = Space(helix(10.0, 4.0, 2).sweep(circle(8, 0.8)), order=2, degree=4, elements=8)
+    space = Space(helix(10.0, 4.0, 2, 4).sweep(circle(8, 0.8)), order=2, degree=4, elements=8)
     ends = Support.end(space, "start"), Support.end(space, "end", displacement=(0.0, 0.0, 2.0))
     solution = statics.solve(Model([Body(space, NeoHookean(2e5, 0.3))], ends))
     table = space.tabulate(2, 3)
@@ -177,7 +177,7 @@ def test_moments_are_about_the_centroid():
 
 def test_ring_pulled_apart():
     """A closed rod, held on one side and pulled on the other: by symmetry half of the pull in each arm."""
-    rod = helix(10.0, 0.0, 1).sweep(circle(6, 0.5), closed=True)
+    rod = helix(10.0, 0.0, 1, 4).sweep(circle(6, 0.5), closed=True)
     space = Space(rod, elements=16, degree=4, order=2)
     pull = 1e-3
     held = Support(space.layers // 2 * space.layer_nodes + np.arange(space.layer_nodes), "xyz")

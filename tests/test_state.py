@@ -31,7 +31,7 @@ def affine(model, gradient=F):
 
 @pytest.fixture(scope="module")
 def model():
-    wire = Space(helix(2.0, 1.0, 1).sweep(circle(5, 0.3)), degree=3, elements=8)
+    wire = Space(helix(2.0, 1.0, 1, 4).sweep(circle(5, 0.3)), degree=3, elements=8)
     bar = Space(straight(4, height=2.0), elements=3, order=2)
     return Model([Body(wire, LAW), Body(bar, LAW)])
 
