@@ -165,7 +165,7 @@ def test_modes_answer_one_by_one():
         assert mode.frequency == modes.frequencies[k]
     assert modes[-1].number == 2
     assert repr(modes[1]).startswith("Mode 1 of Model(")
-    assert np.array_equal(modes[0].position(0, "end") - modes[0].at(0, "end"), [0.0, 0.0, 3.0])
+    assert modes[0].position(0, "end") - modes[0].at(0, "end") == pytest.approx([0.0, 0.0, 3.0], abs=1e-12)
     for number in (3, -4, 1.5, "first", slice(2)):
         with pytest.raises(InputError, match=r"^mode: got .*, need an integer from -3 to 2"):
             modes[number]
