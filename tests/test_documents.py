@@ -21,6 +21,12 @@ def blocks(page, language):
     return re.findall(rf"^```{language}\n(.*?)^```$", page.read_text(), re.MULTILINE | re.DOTALL)
 
 
+def scripts(page):
+    """Return the Python scripts of a page, each with what it prints where that stands below it, else None."""
+    below = r"^```python\n(.*?)^```$(?:\n\n^```text\n(.*?)^```$)?"
+    return [(one[1], one[2]) for one in re.finditer(below, page.read_text(), re.MULTILINE | re.DOTALL)]
+
+
 def commands():
     """Return each command with the comment beside it, and its page."""
     for page in PAGES:
@@ -97,12 +103,12 @@ def test_a_task_is_known_as_printed(command, comment):
     assert subprocess.run(["make", "-n", task], cwd=ROOT, capture_output=True, check=False).returncode == 0
 
 
-@pytest.mark.parametrize("page", [page for page in PAGES if blocks(page, "python")], ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", [page for page in PAGES if scripts(page)], ids=lambda page: page.stem)
 def test_scripts_run_as_printed(page, python):
-    for script in blocks(page, "python"):
+    for script, printed in scripts(page):
         done = python(script)
         assert done.returncode == 0, done.stderr
-        assert done.stdout
+        assert done.stdout == printed if printed else done.stdout
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)

@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 
 from comparisons.measure.study import Run
-from comparisons.report.pictures import BAR, add_flat, without_display
+from comparisons.report.pictures import BAR
 from isorod.model import Model
 from isorod.output import vtk
+from isorod.output.picture import add_flat, without_display
 from isorod.output.results import write_beside
 from isorod.scenes.biceps import Biceps
 

@@ -1,6 +1,5 @@
 """Pictures of fields, rendered without a display."""
 
-import os
 import tempfile
 from functools import partial
 from pathlib import Path
@@ -13,6 +12,7 @@ from comparisons.measure.study import Run
 from isorod import scenes, statics
 from isorod.modal import Modes
 from isorod.output import vtk
+from isorod.output.picture import add_flat, without_display
 from isorod.output.results import write_beside
 
 SIZE = (1600, 640)
@@ -101,40 +101,6 @@ def _modes(mesh: Any, names: list[str], exaggeration: float, rows: int, size: tu
         plotter.camera.SetWindowCenter(-0.3, 0.0)
     plotter.screenshot(str(path))
     plotter.close()
-
-
-def without_display() -> None:
-    """Let VTK draw off screen; must come before pyvista is imported."""
-    if not os.environ.get("DISPLAY"):
-        os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
-
-
-def add_flat(
-    plotter: Any, mesh: Any, field: str, scale: tuple[float, float], colours: str, bar: dict[str, Any] | None
-) -> None:
-    """Add the surface of a mesh with ``displacement``, in the very colours that the scale has for a field.
-
-    Light and shade would falsify them, so lines show the shape: the outline, and the edges of the mesh's pieces, which
-    are what shares points.  ``bar`` describes the scale.
-    """
-    moved = mesh.warp_by_vector("displacement")
-    surface = moved.extract_surface(algorithm="dataset_surface")
-    actor = plotter.add_mesh(
-        surface,
-        scalars=field,
-        clim=scale,
-        cmap=colours,
-        lighting=False,
-        show_scalar_bar=bar is not None,
-        scalar_bar_args=bar,
-    )
-    # Behind its own lines.
-    actor.mapper.SetResolveCoincidentTopologyToPolygonOffset()
-    actor.mapper.SetRelativeCoincidentTopologyPolygonOffsetParameters(2.0, 2.0)
-    outline = moved.clean(tolerance=1e-6).extract_surface(algorithm="dataset_surface")
-    edges = surface.extract_feature_edges(40.0)
-    plotter.add_mesh(edges, color="black", line_width=1.0, opacity=0.5, lighting=False)
-    plotter.add_silhouette(outline, color="black", line_width=2.5)
 
 
 def _beside(panels: Any, scale: tuple[float, float], path: Path, stacked: bool = False) -> None:

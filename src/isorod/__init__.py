@@ -1,11 +1,123 @@
-"""Rods as full 3-D continua, solved through surface control points alone."""
+"""Rods as full 3-D continua, solved through surface control points alone.
+
+What a script needs is here by name: rods (`helix`, `circle`, ...), models (`Space`, `Body`, `Model`, ...) and the
+analyses (`statics.solve`, `modal.solve`, `dynamics.solve`).  Each is loaded when it is first asked for.
+"""
 
 import sys
 from importlib import import_module, util
 from importlib.abc import MetaPathFinder
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from isorod import dynamics as dynamics
+    from isorod import errors as errors
+    from isorod import modal as modal
+    from isorod import options as options
+    from isorod import scenes as scenes
+    from isorod import statics as statics
+    from isorod.dynamics import History as History
+    from isorod.errors import FoldedRodError as FoldedRodError
+    from isorod.errors import InputError as InputError
+    from isorod.errors import SolveError as SolveError
+    from isorod.geometry.axis import Axis as Axis
+    from isorod.geometry.center_line import CenterLine as CenterLine
+    from isorod.geometry.center_line import helix as helix
+    from isorod.geometry.center_line import straight as straight
+    from isorod.geometry.rod import Rod as Rod
+    from isorod.geometry.section import airfoil as airfoil
+    from isorod.geometry.section import circle as circle
+    from isorod.geometry.section import ellipse as ellipse
+    from isorod.geometry.section import flower as flower
+    from isorod.geometry.section import from_points as section_from_points  # noqa: F401
+    from isorod.geometry.section import naca as naca
+    from isorod.material import LinearElastic as LinearElastic
+    from isorod.material import Material as Material
+    from isorod.material import NeoHookean as NeoHookean
+    from isorod.material.muscle import Muscle as Muscle
+    from isorod.material.st_venant_kirchhoff import StVenantKirchhoff as StVenantKirchhoff
+    from isorod.modal import Modes as Modes
+    from isorod.model import Body as Body
+    from isorod.model import BodyForce as BodyForce
+    from isorod.model import Contact as Contact
+    from isorod.model import Cylinder as Cylinder
+    from isorod.model import Model as Model
+    from isorod.model import Plane as Plane
+    from isorod.model import SectionLoad as SectionLoad
+    from isorod.model import Spin as Spin
+    from isorod.model import Support as Support
+    from isorod.space import Space as Space
+    from isorod.statics import Equilibrium as Equilibrium
+    from isorod.geometry.center_line import arc as arc
+    from isorod.geometry.center_line import polyline as polyline
+    from isorod.geometry.center_line import nurbs as nurbs
+    from isorod.model import Pressure as Pressure
+    from isorod.geometry.section import rounded_rectangle as rounded_rectangle
+    from isorod.geometry.section import from_file as section_from_file  # noqa: F401
 
 __version__ = "0.1.0"
+
+# Where each name is, and under which where that is another: what type checkers read above.
+_OFFERED = {
+    "Axis": "isorod.geometry.axis",
+    "Body": "isorod.model",
+    "BodyForce": "isorod.model",
+    "CenterLine": "isorod.geometry.center_line",
+    "Contact": "isorod.model",
+    "Cylinder": "isorod.model",
+    "Equilibrium": "isorod.statics",
+    "FoldedRodError": "isorod.errors",
+    "History": "isorod.dynamics",
+    "InputError": "isorod.errors",
+    "LinearElastic": "isorod.material",
+    "Material": "isorod.material",
+    "Model": "isorod.model",
+    "Modes": "isorod.modal",
+    "Muscle": "isorod.material.muscle",
+    "NeoHookean": "isorod.material",
+    "Plane": "isorod.model",
+    "Pressure": "isorod.model",
+    "Rod": "isorod.geometry.rod",
+    "SectionLoad": "isorod.model",
+    "SolveError": "isorod.errors",
+    "Space": "isorod.space",
+    "Spin": "isorod.model",
+    "StVenantKirchhoff": "isorod.material.st_venant_kirchhoff",
+    "Support": "isorod.model",
+    "airfoil": "isorod.geometry.section",
+    "arc": "isorod.geometry.center_line",
+    "circle": "isorod.geometry.section",
+    "ellipse": "isorod.geometry.section",
+    "flower": "isorod.geometry.section",
+    "helix": "isorod.geometry.center_line",
+    "naca": "isorod.geometry.section",
+    "nurbs": "isorod.geometry.center_line",
+    "polyline": "isorod.geometry.center_line",
+    "rounded_rectangle": "isorod.geometry.section",
+    "section_from_file": "isorod.geometry.section:from_file",
+    "section_from_points": "isorod.geometry.section:from_points",
+    "straight": "isorod.geometry.center_line",
+}
+_MODULES = ("dynamics", "errors", "modal", "options", "scenes", "statics")
+
+# Type checkers would take any name for one that is there.
+if not TYPE_CHECKING:
+    __all__ = [*_OFFERED, *_MODULES]
+
+    def __getattr__(name: str) -> Any:
+        """Load what is offered under a name."""
+        if name in _MODULES:
+            return import_module(f"isorod.{name}")
+        if name not in _OFFERED:
+            raise AttributeError(f"module 'isorod' has no attribute {name!r}", name=name, obj=sys.modules["isorod"])
+        place, _, other = _OFFERED[name].partition(":")
+        found = getattr(import_module(place), other or name)
+        globals()[name] = found
+        return found
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_OFFERED, *_MODULES})
 
 
 class _MpiFirst(MetaPathFinder):

@@ -12,7 +12,7 @@ from typing import Any
 from isorod.errors import InputError
 
 # What PETSc reads only when it starts; all other options are read by what they are for.
-_AT_THE_START = re.compile(
+AT_THE_START = re.compile(
     r"-(info\w*|log\w*|malloc\w*|debug\w*|start_in_debugger|stop_for_debugger|on_error_\w+|fp_trap|history|python|mpi\w*"
     r"|get_total_flops|check_pointer_intensity|device_\w+|cuda_\w+|hip_\w+|use_gpu_aware_mpi|options_monitor\w*"
     r"|no_signal_handler|skip_petscrc|petsc_\w+|display|nox\w*|saws_\w+|tmp|shared_tmp|not_shared_tmp|version|v)$"
@@ -38,7 +38,7 @@ def initialize(arguments: Sequence[str]) -> None:
             raise InputError(f"PETSc options file {value}: cannot be read")
     running: Any = sys.modules.get("petsc4py.PETSc")
     if running is not None and running.Sys.isInitialized():
-        late = next((word for word in arguments if _AT_THE_START.match(word)), None)
+        late = next((word for word in arguments if AT_THE_START.match(word)), None)
         if late is not None:
             raise InputError(
                 f"PETSc option {late}: PETSc runs already and reads it only when it starts; call "

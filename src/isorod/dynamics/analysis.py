@@ -1,5 +1,6 @@
 """Dynamics, explicit or implicit, with damping, activation and contact, and the balances that prove them."""
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
 from importlib import import_module
 from pathlib import Path
@@ -11,17 +12,42 @@ from numpy.typing import ArrayLike
 from petsc4py import PETSc
 
 from isorod.arrays import Array
+from isorod.dynamics.explicit.step_kernel import activation
 from isorod.dynamics.explicit.system import System
 from isorod.dynamics.progress import Progress
 from isorod.dynamics.run import Run, Settings
 from isorod.errors import InputError, expect, representable, whole_number
 from isorod.model.model import Model
 from isorod.output import checkpoint as files
+from isorod.output.state import State
+from isorod.petsc.options import in_force
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Instant(State):
+    """A motion at one of its outputs, which answers for any point of it (`isorod.output.state`).
+
+    Attributes
+    ----------
+    model, displacement, factor
+        As for `isorod.output.state.State`.
+    velocity
+        All degrees of freedom, shape ``(dofs,)``.
+    time
+        Of the output.
+    """
+
+    velocity: Array
+    time: float
+
+    def __repr__(self) -> str:
+        largest = np.abs(self.displacement).max(initial=0.0)
+        return f"Instant {self.time:.6g} of {self.model!r}\n  largest displacement {largest:.6g}"
 
 
 @dataclass(frozen=True, eq=False)
 class History:
-    """A motion, at its outputs.
+    """A motion, at its outputs: ``history[k]`` is the `Instant` ``k``, which answers for any point of it.
 
     Attributes
     ----------
@@ -61,6 +87,8 @@ class History:
         Time at which the run continued from a checkpoint, or None.
     seconds, built, solver, ranks
         As for `isorod.statics.Equilibrium`; ``loop`` is the part of ``solve`` spent in compiled steps.
+    ramp
+        Time in which the activation of muscles grows.
     """
 
     model: Model
@@ -91,6 +119,20 @@ class History:
     built: list[str]
     solver: dict[str, str]
     ranks: int
+    ramp: float = 0.0
+
+    def __len__(self) -> int:
+        return self.times.size
+
+    def __getitem__(self, number: int) -> Instant:
+        """Return the motion at an output, the initial state by 0, the end by -1; raises `InputError`."""
+        k = whole_number("output", number, -len(self), len(self) - 1) % len(self)
+        time = float(self.times[k])
+        factor = float(activation(time, self.ramp))
+        return Instant(self.model, self.displacement[k], self.velocity[k], time, factor=factor)
+
+    def __iter__(self) -> Iterator[Instant]:
+        return (self[k] for k in range(len(self)))
 
     def __repr__(self) -> str:
         return (
@@ -107,7 +149,7 @@ class History:
 
     def record(self) -> dict[str, Any]:
         """Return what a record keeps of it: all but the motion itself."""
-        left_out = ("model", "displacement", "velocity", "estimates", "seconds", "built", "solver", "ranks")
+        left_out = ("model", "displacement", "velocity", "estimates", "seconds", "built", "solver", "ranks", "ramp")
         found = {one.name: getattr(self, one.name) for one in fields(self) if one.name not in left_out}
         return found | {"added_kinetic_share": self.added_kinetic_share}
 
@@ -130,6 +172,7 @@ def solve(
     resume: bool = False,
     progress: bool = False,
     integrator: str = "explicit",
+    petsc: Mapping[str, object] | None = None,
 ) -> History:
     """Integrate the motion of a model from time zero.
 
@@ -162,12 +205,15 @@ def solve(
         Show how far it is on standard error (`isorod.dynamics.progress`).
     integrator
         ``"explicit"`` or ``"implicit"``.
+    petsc
+        PETSc options for the implicit steps of this run alone, such as ``{"snes_rtol": 1e-8}``
+        (`isorod.petsc.options.in_force`).
 
     Raises
     ------
     InputError
         If a number is out of range, the explicit time step is not stable at the start with as much mass as may be
-        added, or a checkpoint cannot be used.
+        added, a checkpoint cannot be used, or an option is refused.
     SolveError
         If the motion blows up: the message names step, time, element, and the critical time step; or an implicit step
         does not converge.
@@ -178,25 +224,26 @@ def solve(
     _check(model, settings, every)
     if resume and checkpoint is None:
         raise InputError("resume: no checkpoint is named; give the file the run was to keep its state in")
-    run = _run_of(integrator)(System(model), settings)
-    initial = _nodal(model, "displacement", displacement), _nodal(model, "velocity", velocity)
-    file = _Checkpoint(run, None if checkpoint is None else Path(checkpoint), initial)
-    file.begin(resume)
-    resumed, first = run.time, run.taken
-    setup, loop, saved = perf_counter() - start, 0.0, perf_counter()
-    shown = Progress(run.time, end_time)
-    run.tell = shown if progress else run.tell
-    try:
-        while run.index < run.outputs:
-            loop += run.advance()
-            if perf_counter() - saved >= every or run.index == run.outputs:
-                file.write()
-                saved = perf_counter()
-    except KeyboardInterrupt as stop:
-        stop.add_note(file.keep())
-        raise
-    finally:
-        shown.close()
+    with in_force(petsc):
+        run = _run_of(integrator)(System(model), settings)
+        initial = _nodal(model, "displacement", displacement), _nodal(model, "velocity", velocity)
+        file = _Checkpoint(run, None if checkpoint is None else Path(checkpoint), initial)
+        file.begin(resume)
+        resumed, first = run.time, run.taken
+        setup, loop, saved = perf_counter() - start, 0.0, perf_counter()
+        shown = Progress(run.time, end_time)
+        run.tell = shown if progress else run.tell
+        try:
+            while run.index < run.outputs:
+                loop += run.advance()
+                if perf_counter() - saved >= every or run.index == run.outputs:
+                    file.write()
+                    saved = perf_counter()
+        except KeyboardInterrupt as stop:
+            stop.add_note(file.keep())
+            raise
+        finally:
+            shown.close()
     return History(
         model=model,
         **{name: np.array(values) for name, values in run.rows.items()},
@@ -212,6 +259,7 @@ def solve(
         built=[*run.built, *(["contact"] if model.contacts else [])],
         solver=run.solver(),
         ranks=1,
+        ramp=settings.ramp,
     )
 
 

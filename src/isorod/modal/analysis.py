@@ -1,27 +1,70 @@
 """Vibration modes: ``K x = omega^2 M x`` on the unknowns, by SLEPc."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from time import perf_counter
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 from petsc4py import PETSc
 
 from isorod.arrays import Array
 from isorod.assembly.assembler import Assembler
 from isorod.assembly.factorisation import factorisation
 from isorod.checks import hourglass, rigid_motions
-from isorod.errors import InputError, SolveError, expect
+from isorod.errors import InputError, SolveError, expect, whole_number
 from isorod.material.linear_elastic import LinearElastic
 from isorod.modal.pencil import Found, Pencil, only_multiplies
 from isorod.model.model import Model
+from isorod.output.state import Deformation, Named
+from isorod.petsc.options import in_force
 from isorod.statics.analysis import Equilibrium
+
+# Largest displacement of a mode that is drawn, over the model's size.
+_EXAGGERATION = 0.12
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Mode(Deformation):
+    """A mode shape, which answers for any point of it (`isorod.output.state`).
+
+    Attributes
+    ----------
+    model, displacement
+        What was solved, and the shape on all degrees of freedom, shape ``(dofs,)``, ``x^T M x = 1``.
+    number, frequency
+        Its place among the modes, from 0, and cycles per time.
+    state
+        Displacement about which it is, shape ``(dofs,)``: positions, centre lines and pictures are of the rods deformed
+        so, and more by the shape; None for the state of rest.
+    """
+
+    number: int
+    frequency: float
+    state: Array | None = None
+
+    def __repr__(self) -> str:
+        return f"Mode {self.number} of {self.model!r}\n  frequency {self.frequency:.6g}"
+
+    def position(self, body: Named, u: ArrayLike, xi: ArrayLike = (0.0, 0.0), scale: float = 1.0) -> Array:
+        """Return where points of a body are, shape ``(..., 3)``, moved from its state by ``scale`` times the shape."""
+        found = super().position(body, u, xi, scale)
+        return found if self.state is None else found + Deformation(self.model, self.state).at(body, u, xi)
+
+    def _scale(self, largest: float) -> float:
+        return _EXAGGERATION * self.model.size / largest
+
+    def _mesh(self, body: int, colour: str) -> Any:
+        mesh = super()._mesh(body, colour)
+        if self.state is not None:
+            mesh.points += Deformation(self.model, self.state)._mesh(body, colour).point_data["motion"]
+        return mesh
 
 
 @dataclass(frozen=True, eq=False)
 class Modes:
-    """Vibration modes, ascending.
+    """Vibration modes, ascending: ``modes[k]`` is the `Mode` ``k``, which answers for any point of it.
 
     Attributes
     ----------
@@ -50,6 +93,8 @@ class Modes:
         ``setup``, ``assembly``, ``solve`` and, for the Sturm count, ``check``, wall time.
     built, solver, ranks
         As for `isorod.statics.Equilibrium`.
+    state
+        Displacement about which they are, shape ``(dofs,)``, or None for the state of rest.
     """
 
     model: Model
@@ -65,6 +110,18 @@ class Modes:
     built: list[str]
     solver: dict[str, str]
     ranks: int
+    state: Array | None = None
+
+    def __len__(self) -> int:
+        return self.frequencies.size
+
+    def __getitem__(self, number: int) -> Mode:
+        """Return a mode, the first (of a free body a rigid one) by 0, the last by -1; raises `InputError`."""
+        k = whole_number("mode", number, -len(self), len(self) - 1) % len(self)
+        return Mode(self.model, self.vectors[k], k, float(self.frequencies[k]), self.state)
+
+    def __iter__(self) -> Iterator[Mode]:
+        return (self[k] for k in range(len(self)))
 
     def __repr__(self) -> str:
         values = ", ".join(f"{one:.6g}" for one in self.frequencies[:6])
@@ -89,6 +146,7 @@ def solve(
     lumped: bool = False,
     state: Equilibrium | None = None,
     comm: PETSc.Comm | None = None,
+    petsc: Mapping[str, object] | None = None,
 ) -> Modes:
     """Return the lowest vibration modes about the state of rest, or about an equilibrium.
 
@@ -104,17 +162,26 @@ def solve(
     state
         A static solution of the same model: modes of the deformed, prestressed (and, with a spin, softened) body;
         gyroscopic forces are left out.  A linear elastic body has no such modes: its tangent knows no stress.
+    petsc
+        PETSc and SLEPc options for this solve alone, such as ``{"eps_tol": 1e-10}`` (`isorod.petsc.options.in_force`).
 
     Raises
     ------
     InputError
-        If a density is not positive, there are not as many unknowns as modes, or a state is of a linear elastic body.
+        If a density is not positive, there are not as many unknowns as modes, a state is of a linear elastic body, or
+        an option is refused.
     SolveError
         If SLEPc does not converge, a factorisation fails, or the Sturm count shows that a mode was missed.
     """
     expect("model", model, Model)
     expect("modes", modes, int)
     expect("state", state, Equilibrium | None)
+    with in_force(petsc):
+        return _solve(model, modes, lumped, state, comm)
+
+
+def _solve(model: Model, modes: int, lumped: bool, state: Equilibrium | None, comm: PETSc.Comm | None) -> Modes:
+    """Return what `solve` does, as the options in force say."""
     start = perf_counter()
     _refuse(model, state)
     loose = rigid_motions.free_motions(model) if state is None else []
@@ -159,6 +226,7 @@ def solve(
         built=assembler.built,
         solver=found.solver,
         ranks=assembler.comm.getSize(),
+        state=None if state is None else state.displacement,
     )
 
 

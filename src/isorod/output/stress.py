@@ -1,4 +1,4 @@
-"""Cauchy and von Mises stress."""
+"""First Piola-Kirchhoff, Cauchy and von Mises stress."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -9,15 +9,15 @@ from isorod.model.body import Body
 from isorod.tensors import determinant
 
 
-def cauchy(
+def first_piola(
     body: Body,
     nodal: ArrayLike,
     xi: ArrayLike,
     u: ArrayLike,
     factor: float = 1.0,
     pressure: ArrayLike | None = None,
-) -> Array:
-    """Return the Cauchy stress ``P F^T / det F`` at a grid of points.
+) -> tuple[Array, Array]:
+    """Return the first Piola-Kirchhoff stress and the deformation gradient at a grid of points.
 
     Parameters
     ----------
@@ -33,7 +33,8 @@ def cauchy(
 
     Returns
     -------
-    Array of shape ``(t, q, 3, 3)``, force per current area.
+    stress, deformation_gradient
+        Both of shape ``(t, q, 3, 3)``; force per reference area.
 
     Raises
     ------
@@ -43,14 +44,25 @@ def cauchy(
     _, F = body.space.displacement(nodal, xi, u)
     laws = body.laws_at(np.asarray(u, dtype=float), xi).at(factor)
     if body.pressures is None:
-        stress = laws.stress(F)
-    else:
-        if pressure is None:
-            raise InputError("stress of a body with the mixed formulation: its pressure is missing")
-        from isorod.material.along_rod import shear_laws, volume_change
+        return laws.stress(F), F
+    if pressure is None:
+        raise InputError("stress of a body with the mixed formulation: its pressure is missing")
+    from isorod.material.along_rod import shear_laws, volume_change
 
-        own = body.pressures.evaluate(pressure, xi, u)
-        stress = shear_laws(laws).stress(F) + own[..., None, None] * volume_change(laws, F)[1]
+    own = body.pressures.evaluate(pressure, xi, u)
+    return shear_laws(laws).stress(F) + own[..., None, None] * volume_change(laws, F)[1], F
+
+
+def cauchy(
+    body: Body,
+    nodal: ArrayLike,
+    xi: ArrayLike,
+    u: ArrayLike,
+    factor: float = 1.0,
+    pressure: ArrayLike | None = None,
+) -> Array:
+    """Return the Cauchy stress ``P F^T / det F``, force per current area, of what `first_piola` takes, its shape."""
+    stress, F = first_piola(body, nodal, xi, u, factor, pressure)
     return np.einsum("tqaA,tqbA->tqab", stress, F) / determinant(F)[..., None, None]
 
 

@@ -54,6 +54,14 @@ def solver_types(snes: PETSc.SNES) -> dict[str, str]:
     return names
 
 
+def is_used(name: str) -> bool:
+    """Return whether something has asked for a PETSc option since it was set."""
+    # PetscBool is an int, in later versions one byte of it.
+    used = ctypes.c_int()
+    function("PetscOptionsUsed", POINTER, ctypes.c_char_p, ctypes.c_void_p)(None, name.encode(), ctypes.byref(used))
+    return bool(used.value)
+
+
 def unused_options() -> list[str]:
     """Return the PETSc options given on the command line that nothing has asked for so far, as ``-name value``.
 

@@ -1,6 +1,6 @@
 """Static equilibrium: SNES with load continuation."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
@@ -15,7 +15,9 @@ from isorod.checks import hourglass, rigid_motions
 from isorod.checks.reactions import check_balance, support_forces, support_moments
 from isorod.errors import SolveError, expect, whole_number
 from isorod.model.model import Model
+from isorod.output.state import State
 from isorod.petsc.library import solver_types
+from isorod.petsc.options import in_force
 from isorod.statics.newton import Diverged, Newton
 
 if TYPE_CHECKING:
@@ -30,8 +32,8 @@ AUGMENTATIONS = 50
 
 
 @dataclass(frozen=True, eq=False)
-class Equilibrium:
-    """A static solution.
+class Equilibrium(State):
+    """A static solution, which answers for any point of it (`isorod.output.state`).
 
     Attributes
     ----------
@@ -66,8 +68,6 @@ class Equilibrium:
         Moment of each support on the model about the mean of its nodes' present positions, shape ``(supports, 3)``.
     """
 
-    model: Model
-    displacement: Array
     reactions: Array
     load_steps: int
     cuts: int
@@ -108,7 +108,7 @@ class Equilibrium:
 
     def fields(self, body: int) -> dict[str, Array]:
         """Return a body's displacement, shape ``(nodes, 3)``, and its pressure coefficients if it has some."""
-        found = {"displacement": self.model.nodal(self.displacement, body)}
+        found = super().fields(body)
         pressure = self.pressures[body] if self.pressures else None
         return found if pressure is None else found | {"pressure": pressure}
 
@@ -122,7 +122,12 @@ def assembler_for(model: Model, comm: PETSc.Comm | None = None) -> Assembler:
     return MixedAssembler(model, comm)
 
 
-def solve(model: Model, load_steps: int = 1, comm: PETSc.Comm | None = None) -> Equilibrium:
+def solve(
+    model: Model,
+    load_steps: int = 1,
+    comm: PETSc.Comm | None = None,
+    petsc: Mapping[str, object] | None = None,
+) -> Equilibrium:
     """Bring supports and loads to their full values and return the equilibrium.
 
     Each load step starts with a predictor, linear from the last equilibrium or, once there are two, the cubic through
@@ -137,17 +142,25 @@ def solve(model: Model, load_steps: int = 1, comm: PETSc.Comm | None = None) -> 
         Bodies and supports; the supports must leave no rigid motion free.
     load_steps
         Number of equal steps to start with.
+    petsc
+        PETSc options for this solve alone, such as ``{"snes_rtol": 1e-10}`` (`isorod.petsc.options.in_force`).
 
     Raises
     ------
     InputError
-        If it is not a model, or the number of steps none.
+        If it is not a model, or the number of steps none, or an option is refused.
     SolveError
         If a rigid motion is free, or a step was halved ten times in vain: the message names element, axis position and
         ``det F``; or penetration does not fall to what the contact asks for.
     """
     expect("model", model, Model)
     load_steps = whole_number("load steps", load_steps, 1, 1_000_000)
+    with in_force(petsc):
+        return _solve(model, load_steps, comm)
+
+
+def _solve(model: Model, load_steps: int, comm: PETSc.Comm | None) -> Equilibrium:
+    """Return what `solve` does, as the options in force say."""
     start = perf_counter()
     rigid_motions.refuse_free(model)
     assembler = assembler_for(model, comm)

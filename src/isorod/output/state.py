@@ -1,0 +1,285 @@
+"""What a solution answers: displacements, places, stresses and section forces of a body, wherever they are asked for.
+
+A body is named by its number in the model, or by its `Rod`, its `Space` or the `Body` itself.  Its points are pairs of
+axis parameters ``u`` and disk points ``xi``: ``u`` is a number, ``"start"`` or ``"end"``, or an array of any shape;
+``xi`` has the shape ``(2,)`` or ``(..., 2)`` and is the centre ``(0, 0)`` where not given.  The answer is on the grid
+of both: its shape is that of ``u``, then that of ``xi`` without its last axis, then that of one value.  At a knot the
+element above it is meant.  Every rank has the whole answer, and none waits for another.
+"""
+
+from dataclasses import dataclass, field
+from numbers import Real
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from isorod.arrays import Array
+from isorod.errors import InputError, expect, whole_number
+from isorod.geometry.rod import Rod
+from isorod.model.body import Body
+from isorod.model.model import Model
+from isorod.space.space import Space
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
+    from isorod.output.section_forces import SectionForces
+
+# A body, by its number in the model or by what it is made of.
+Named = int | Rod | Space | Body
+
+# Of `State.stress`.
+KINDS = ("cauchy", "pk1", "von Mises")
+
+
+class _Points(NamedTuple):
+    """A grid of points of a body: parameters ``(t,)`` and ``(q, 2)``, and the shape in which they were given."""
+
+    number: int
+    body: Body
+    u: Array
+    xi: Array
+    shape: tuple[int, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Deformation:
+    """Displacements of a model, and what they say of any point.
+
+    Attributes
+    ----------
+    model
+        What was solved.
+    displacement
+        All degrees of freedom, shape ``(dofs,)``, on every rank.
+    """
+
+    model: Model
+    displacement: Array
+
+    def fields(self, body: int) -> dict[str, Array]:
+        """Return a body's displacement, shape ``(nodes, 3)``."""
+        return {"displacement": self.model.nodal(self.displacement, body)}
+
+    def at(self, body: Named, u: ArrayLike, xi: ArrayLike = (0.0, 0.0)) -> Array:
+        """Return the displacement at points of a body, shape ``(..., 3)`` (for all shapes, see `isorod.output.state`).
+
+        Raises
+        ------
+        InputError
+            If the body is none of the model, or a parameter is no number or outside the rod.
+        """
+        points = self._points(body, u, xi)
+        nodal = self.fields(points.number)["displacement"]
+        moved, _ = points.body.space.displacement(nodal, points.xi, points.u)
+        return moved.reshape(*points.shape, 3)
+
+    def position(self, body: Named, u: ArrayLike, xi: ArrayLike = (0.0, 0.0), scale: float = 1.0) -> Array:
+        """Return where points of a body are, shape ``(..., 3)``, moved by ``scale`` times their displacement."""
+        points = self._points(body, u, xi)
+        _check_scale(scale)
+        rest, _ = points.body.space.rod.grid(points.xi, points.u)
+        return rest.reshape(*points.shape, 3) + scale * self.at(body, u, xi)
+
+    def centre_line(self, body: Named, count: int = 101, scale: float = 1.0) -> Array:
+        """Return the deformed centre line, the image of the disk's centre, at evenly spaced axis parameters.
+
+        Parameters
+        ----------
+        count
+            Number of points, both ends among them.
+        scale
+            By how much displacements are multiplied.
+
+        Returns
+        -------
+        Array of shape ``(count, 3)``.
+        """
+        breaks = self.model.bodies[self._number(body)].space.axis.breaks
+        number = whole_number("centre line: points", count, 2, 10_000_000)
+        return self.position(body, np.linspace(breaks[0], breaks[-1], number), scale=scale)
+
+    def plot(
+        self,
+        colour: str | None = None,
+        scale: float | None = None,
+        view: tuple[float, float, float] = (1.0, -1.4, 0.55),
+        size: tuple[int, int] = (1000, 700),
+    ) -> "Image":
+        """Return a picture of all bodies, which a notebook shows; its ``save("name.png")`` keeps it.
+
+        Drawn off screen by pyvista, which is loaded now; a thin grey line is the centre line at rest.
+
+        Parameters
+        ----------
+        colour
+            What the colours show: ``"von Mises"`` stress or the size of the ``"displacement"``; of a mode, whose size
+            means nothing, the latter alone.
+        scale
+            By how much displacements are multiplied; where not given 1, of a mode so that it can be seen.
+        view
+            Direction from which one looks.
+        size
+            Width and height, pixels.
+
+        Raises
+        ------
+        InputError
+            If pyvista is not installed, or an argument cannot be used.
+        """
+        from isorod.output import picture
+
+        shown = self._colours[0] if colour is None else colour
+        if shown not in self._colours:
+            raise InputError(f"plot: got colour {colour!r}, need {' or '.join(map(repr, self._colours))}")
+        if scale is not None:
+            _check_scale(scale)
+        picture.check(view, size)
+        meshes = [self._mesh(b, shown) for b in range(len(self.model.bodies))]
+        largest = max(float(np.linalg.norm(mesh.point_data["motion"], axis=1).max()) for mesh in meshes)
+        lines = [self.centre_line(b, 50 * body.space.axis.elements, 0.0) for b, body in enumerate(self.model.bodies)]
+        return picture.draw(meshes, lines, shown, self._scale(largest) if scale is None else scale, view, size)
+
+    # What `plot` can show, by default the first.
+    _colours: ClassVar[tuple[str, ...]] = ("displacement",)
+
+    def _scale(self, largest: float) -> float:
+        """Return by how much `plot` multiplies displacements, of which the largest is given."""
+        return 1.0
+
+    def _mesh(self, body: int, colour: str) -> Any:
+        """Return a body at rest as small cells with its ``motion`` and the ``colour``."""
+        from isorod.output import vtk
+
+        mesh = vtk.grid(self.model.bodies[body], {"motion": self.fields(body)["displacement"]})
+        mesh.point_data["colour"] = np.linalg.norm(mesh.point_data["motion"], axis=1)
+        return mesh
+
+    def _number(self, named: Named) -> int:
+        """Return the number of a body."""
+        bodies = self.model.bodies
+        if isinstance(named, Rod | Space | Body):
+            found = [b for b, body in enumerate(bodies) if any(named is x for x in (body, body.space, body.space.rod))]
+            if len(found) > 1:
+                raise InputError(f"body: this {type(named).__name__} is that of bodies {found}; give the number of one")
+            if found:
+                return found[0]
+            raise InputError(f"body: this {type(named).__name__} is that of none of the model's {len(bodies)} bodies")
+        if isinstance(named, bool) or not isinstance(named, int | np.integer) or not 0 <= named < len(bodies):
+            shown = f"{named!r:.40}" if isinstance(named, Real | str | None) else type(named).__name__
+            raise InputError(f"body: got {shown}, need a number from 0 to {len(bodies) - 1}, or a Rod of the model")
+        return int(named)
+
+    def _points(self, named: Named, u: ArrayLike, xi: ArrayLike = (0.0, 0.0)) -> _Points:
+        """Return points of a body by their parameters."""
+        number = self._number(named)
+        body = self.model.bodies[number]
+        along, across = _parameters(body.space, u), _numbers(xi)
+        if across is None or across.ndim == 0 or across.shape[-1] != 2 or not across.size:
+            raise InputError("disk points xi: need two numbers, or an array of shape (..., 2)")
+        shape = (*along.shape, *across.shape[:-1])
+        return _Points(number, body, along.ravel(), across.reshape(-1, 2), shape)
+
+
+@dataclass(frozen=True, eq=False)
+class State(Deformation):
+    """Displacements with the stresses they make.
+
+    Attributes
+    ----------
+    model, displacement
+        As for `Deformation`.
+    factor
+        Load factor of the stress, which a muscle's activation follows.
+    """
+
+    factor: float = field(default=1.0, kw_only=True)
+
+    def deformation_gradient(self, body: Named, u: ArrayLike, xi: ArrayLike = (0.0, 0.0)) -> Array:
+        """Return the deformation gradient at points of a body, shape ``(..., 3, 3)``."""
+        points = self._points(body, u, xi)
+        nodal = self.fields(points.number)["displacement"]
+        _, gradient = points.body.space.displacement(nodal, points.xi, points.u)
+        return gradient.reshape(*points.shape, 3, 3)
+
+    def stress(self, body: Named, u: ArrayLike, xi: ArrayLike = (0.0, 0.0), kind: str = "cauchy") -> Array:
+        """Return the stress at points of a body, that of the mixed formulation with its pressure.
+
+        Parameters
+        ----------
+        body, u, xi
+            The points (`isorod.output.state`).
+        kind
+            ``"cauchy"``, force per present area, shape ``(..., 3, 3)``; ``"pk1"``, the first Piola-Kirchhoff stress,
+            force per area at rest, the second index that of the normal at rest; ``"von Mises"`` of Cauchy's, ``(...)``.
+
+        Raises
+        ------
+        InputError
+            As for `at`, or if the kind is not known.
+        """
+        from isorod.output import stress
+
+        if kind not in KINDS:
+            raise InputError(f"stress: got kind {kind!r}, need one of {', '.join(map(repr, KINDS))}")
+        points = self._points(body, u, xi)
+        fields = self.fields(points.number)
+        given = points.body, fields["displacement"], points.xi, points.u, self.factor, fields.get("pressure")
+        if kind == "von Mises":
+            return stress.von_mises(stress.cauchy(*given)).reshape(points.shape)
+        found = stress.first_piola(*given)[0] if kind == "pk1" else stress.cauchy(*given)
+        return found.reshape(*points.shape, 3, 3)
+
+    def section_forces(self, body: Named, u: ArrayLike) -> "SectionForces":
+        """Return normal force, shear forces, torsion and bending moments in sections of a body, from the stress.
+
+        Their sign and directions are those of `isorod.output.section_forces.SectionForces`.
+        """
+        from isorod.output.section_forces import section_forces
+
+        number = self._number(body)
+        fields, owner = self.fields(number), self.model.bodies[number]
+        return section_forces(
+            owner, fields["displacement"], _parameters(owner.space, u), self.factor, fields.get("pressure")
+        )
+
+    _colours: ClassVar[tuple[str, ...]] = ("von Mises", "displacement")
+
+    def _mesh(self, body: int, colour: str) -> Any:
+        if colour != "von Mises":
+            return super()._mesh(body, colour)
+        from isorod.output import vtk
+
+        mesh = vtk.grid(self.model.bodies[body], self.fields(body), factor=self.factor)
+        mesh.point_data["colour"] = mesh.point_data["von_mises"]
+        mesh.point_data["motion"] = mesh.point_data["displacement"]
+        return mesh
+
+
+def _numbers(given: ArrayLike) -> Array | None:
+    """Return an array of numbers, or None if these are none."""
+    try:
+        return np.asarray(given, dtype=float)
+    except (TypeError, ValueError):
+        return None
+
+
+def _parameters(space: Space, u: ArrayLike) -> Array:
+    """Return axis parameters as given, the names of ends replaced."""
+    low, high = space.axis.breaks[[0, -1]]
+    values = _numbers({"start": low, "end": high}.get(u, "") if isinstance(u, str) else u)
+    if values is None:
+        got = f"{u!r:.40}" if isinstance(u, str) else type(u).__name__
+    else:
+        inside = (values >= low) & (values <= high)
+        if values.size and inside.all():
+            return values
+        got = f"{values[~inside].flat[0]:g}" if values.size else "none"
+    raise InputError(f"axis parameter u: got {got}, need numbers from {low:g} to {high:g}, or 'start' or 'end'")
+
+
+def _check_scale(scale: float) -> None:
+    expect("scale", scale, float)
+    if not np.isfinite(scale):
+        raise InputError(f"scale: got {scale}, need a finite number")

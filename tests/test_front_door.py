@@ -1,0 +1,145 @@
+"""``import isorod``: what a script needs, by name, loaded when asked for, and known to type checkers."""
+
+import ast
+import inspect
+import shutil
+import subprocess
+import sys
+import zipfile
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+import isorod
+
+ROOT = Path(__file__).parent.parent
+SOURCE = ROOT / "src" / "isorod" / "__init__.py"
+
+SPRING = """
+import isorod
+
+wire = isorod.helix(radius=10, pitch=4, turns=2).sweep(isorod.circle(8, 0.8))
+space = isorod.Space(wire, order=2, degree=4, elements=16)
+ends = isorod.Support.end(space, "start"), isorod.Support.end(space, "end", displacement=(0, 0, 2))
+model = isorod.Model([isorod.Body(space, isorod.NeoHookean(E=2e5, nu=0.3))], ends)
+solution = isorod.statics.solve(model, petsc={"snes_rtol": 1e-10})
+print(solution.at(wire, "end")[2], round(solution.section_forces(wire, "end").force[2], 4))
+print(round(solution.reactions[1, 2], 4))
+"""
+
+
+def test_a_script_with_one_import(python):
+    done = python(SPRING)
+    assert done.stderr == ""
+    moved, force, reaction = done.stdout.split()
+    assert (float(moved), force) == (2.0, reaction)
+
+
+def test_the_import_loads_nothing_else(python):
+    """No module of isorod nor package of others; the wheels' finder looks for a package, and loads none."""
+    before = "import sys, importlib.util, importlib.abc, typing; before = set(sys.modules)"
+    done = python(f"{before}; import isorod; isorod.__version__; dir(isorod); print(sorted(set(sys.modules) - before))")
+    assert done.stdout == "['isorod']\n", done.stderr
+
+
+@pytest.mark.parametrize(
+    ("names", "heavy"),
+    [
+        ("isorod.helix(1, 1, 1).sweep(isorod.circle(4, 0.1)); isorod.errors", "petsc4py numba"),
+        ("isorod.Model, isorod.Support, isorod.Space", "petsc4py isorod.statics isorod.modal isorod.contact pyvista"),
+        ("isorod.statics.solve", "slepc4py pyvista PIL isorod.output.section_forces isorod.output.picture"),
+    ],
+)
+def test_a_name_loads_no_more_than_its_own(names, heavy, python):
+    done = python(f"import sys, isorod; {names}; print([one for one in {heavy.split()!r} if one in sys.modules])")
+    assert done.stdout == "[]\n", done.stderr
+
+
+def test_names_are_what_they_stand_for():
+    assert len(isorod.__all__) == len(set(isorod.__all__)) > 30
+    for name in isorod.__all__:
+        found = getattr(isorod, name)
+        if inspect.ismodule(found):
+            assert found is import_module(f"isorod.{name}")
+        else:
+            assert found.__name__ == isorod._OFFERED[name].rpartition(":")[2] or found.__name__ == name
+            assert found.__doc__
+    assert set(isorod.__all__) <= set(dir(isorod))
+
+
+def test_type_checkers_see_the_names_that_are_there():
+    tree = ast.parse(SOURCE.read_text())
+    (block,) = (node for node in tree.body if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING")
+    seen = {alias.asname: f"{node.module}:{alias.name}" for node in block.body for alias in node.names}
+    there = {name: f"isorod:{name}" for name in isorod._MODULES}
+    for name, place in isorod._OFFERED.items():
+        there[name] = place if ":" in place else f"{place}:{name}"
+    assert seen == there
+
+
+def test_an_unknown_name_is_an_attribute_error_with_the_nearest():
+    with pytest.raises(AttributeError, match=r"^module 'isorod' has no attribute 'Suport'$") as caught:
+        isorod.Suport  # noqa: B018
+    assert (caught.value.name, caught.value.obj) == ("Suport", isorod)
+    assert not hasattr(isorod, "from_points")
+
+
+USER = """
+import numpy as np
+
+import isorod
+from isorod import Equilibrium, History, Model, Modes, statics
+
+wire: isorod.Rod = isorod.helix(radius=10, pitch=4, turns=2).sweep(isorod.circle(8, 0.8))
+space = isorod.Space(wire, order=2)
+body = isorod.Body(space, isorod.NeoHookean(E=2e5, nu=0.3))
+model = Model([body], [isorod.Support.end(space, "start")], loads=[isorod.SectionLoad((0.0, 0.0, 1.0))])
+solution: Equilibrium = statics.solve(model, petsc={"snes_rtol": 1e-10, "snes_monitor": None})
+tip = float(solution.at(wire, "end")[2])
+forces = solution.section_forces(wire, np.linspace(0.0, 8.0, 9))
+torsion = forces.M[:, 0] + forces.N
+stress = solution.stress(0, [1.0, 2.0], (1.0, 0.0), kind="von Mises")
+modes: Modes = isorod.modal.solve(model, 3)
+shape = modes[0].centre_line(body, 20)
+history: History = isorod.dynamics.solve(model, 1.0)
+times = [instant.time for instant in history]
+solution.plot("displacement", scale=2.0).save("picture.png")
+"""
+
+
+MISTAKEN = """
+import isorod
+
+isorod.Space(3)
+isorod.Suport
+isorod.statics.solve(None)
+"""
+
+
+def test_scripts_of_users_are_checked_strictly(tmp_path, pytestconfig):
+    """As of a package that is installed: nothing is said of isorod itself, what is right passes, mistakes are seen."""
+    pytest.importorskip("mypy")
+    (tmp_path / "right.py").write_text(USER)
+    (tmp_path / "wrong.py").write_text(MISTAKEN)
+    # Reading NumPy's types for the first time takes most of the time.
+    cache = ["--cache-dir", str(pytestconfig.cache.mkdir("mypy-of-users"))]
+    command = [sys.executable, "-m", "mypy", "--strict", *cache, "right.py", "wrong.py"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False)
+    said = [(line.partition(": ")[0], line.rpartition(" ")[2]) for line in done.stdout.splitlines()[:-1]]
+    assert said == [("wrong.py:4", "[arg-type]"), ("wrong.py:5", "[attr-defined]"), ("wrong.py:6", "[arg-type]")], done
+
+
+def test_the_package_ships_its_types(tmp_path):
+    pytest.importorskip("setuptools")
+    place = tmp_path / "isorod"
+    place.mkdir()
+    for name in ("pyproject.toml", "README.md", "LICENSE"):
+        shutil.copy(ROOT / name, place)
+    shutil.copytree(ROOT / "src", place / "src", ignore=shutil.ignore_patterns("__pycache__", "*.egg-info"))
+    build = "from setuptools import build_meta; print(build_meta.build_wheel('.'))"
+    done = subprocess.run([sys.executable, "-c", build], cwd=place, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    with zipfile.ZipFile(place / done.stdout.splitlines()[-1]) as wheel:
+        assert "isorod/py.typed" in wheel.namelist()
+        assert "isorod/output/state.py" in wheel.namelist()
