@@ -22,15 +22,20 @@ if TYPE_CHECKING:
     from isorod.errors import SolveError as SolveError
     from isorod.geometry.axis import Axis as Axis
     from isorod.geometry.center_line import CenterLine as CenterLine
+    from isorod.geometry.center_line import arc as arc
     from isorod.geometry.center_line import helix as helix
+    from isorod.geometry.center_line import nurbs as nurbs
+    from isorod.geometry.center_line import polyline as polyline
     from isorod.geometry.center_line import straight as straight
     from isorod.geometry.rod import Rod as Rod
     from isorod.geometry.section import airfoil as airfoil
     from isorod.geometry.section import circle as circle
     from isorod.geometry.section import ellipse as ellipse
     from isorod.geometry.section import flower as flower
+    from isorod.geometry.section import from_file as section_from_file  # noqa: F401
     from isorod.geometry.section import from_points as section_from_points  # noqa: F401
     from isorod.geometry.section import naca as naca
+    from isorod.geometry.section import rounded_rectangle as rounded_rectangle
     from isorod.material import LinearElastic as LinearElastic
     from isorod.material import Material as Material
     from isorod.material import NeoHookean as NeoHookean
@@ -43,17 +48,12 @@ if TYPE_CHECKING:
     from isorod.model import Cylinder as Cylinder
     from isorod.model import Model as Model
     from isorod.model import Plane as Plane
+    from isorod.model import Pressure as Pressure
     from isorod.model import SectionLoad as SectionLoad
     from isorod.model import Spin as Spin
     from isorod.model import Support as Support
     from isorod.space import Space as Space
     from isorod.statics import Equilibrium as Equilibrium
-    from isorod.geometry.center_line import arc as arc
-    from isorod.geometry.center_line import polyline as polyline
-    from isorod.geometry.center_line import nurbs as nurbs
-    from isorod.model import Pressure as Pressure
-    from isorod.geometry.section import rounded_rectangle as rounded_rectangle
-    from isorod.geometry.section import from_file as section_from_file  # noqa: F401
 
 __version__ = "0.1.0"
 
