@@ -1,0 +1,241 @@
+"""A scene that a file describes: to the command what a scene class is (`isorod.scenes`)."""
+
+import inspect
+import re
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from isorod.errors import InputError, SolveError
+from isorod.files import schema
+from isorod.files.document import Document, Place, shown
+from isorod.files.form import Call, Form, Name, call, choice
+from isorod.files.rod import RodPlan
+
+if TYPE_CHECKING:
+    from isorod.geometry.rod import Rod
+    from isorod.model.model import Model
+
+# What a file has at its top; those that are there several times have names.
+TOP = ("title", "rod", "support", "load", "spin", "obstacle", "contact", "analysis", "measure")
+
+# What a record has besides what is measured.
+RESERVED = frozenset(
+    "scene options data analysis dofs unknowns quadrature built seconds solver ranks versions commit machine time files "
+    "settings petsc_options error_estimate changes refinements newton_iterations linear_iterations load_steps cuts "
+    "residual_norms pressures contact_area penetration residuals rigid below shift iterations times steps time_step "
+    "critical_step resumed smallest_jacobian volume control_points".split()
+)
+
+# Of each analysis the class of its solutions.
+_SOLUTIONS = {"statics": "Equilibrium", "modal": "Modes", "dynamics": "History"}
+
+_FORCE = "(of force: the unit of E times that of length squared)"
+
+
+class FileScene:
+    """The scene of a TOML file.
+
+    Parameters
+    ----------
+    path
+        The file.
+
+    Attributes
+    ----------
+    name
+        Of the file, without its folder and ending.
+    title
+        What the file says it is.
+    content
+        All that the file says, as `tomllib` reads it.
+    data
+        SHA-256 sum of each data file, by its name in the scene's file.
+    analysis
+        ``"statics"``, ``"modal"``, ``"dynamics"`` or ``"geometry"``.
+    units
+        Of each number that is the answer, in words.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read, or something in it is not known, missing, or not of its kind: with file, line and place.
+    """
+
+    def __init__(self, path: str) -> None:
+        document = Document(path)
+        self.name, self.content, self.data = Path(path).stem, document.content, document.read
+        self._top = top = document.top
+        for key in self.content:
+            if key not in TOP:
+                raise (top / key).unknown_key(TOP)
+        self.title = self.content.get("title", self.name)
+        if not isinstance(self.title, str):
+            raise (top / "title").error(f"got {shown(self.title)}, need a text")
+        if "analysis" not in self.content:
+            raise top.error(f"analysis is missing: analysis = {' or '.join(map(repr, schema.ANALYSES))}")
+        self.analysis = self._analysis()
+        self.plans = {name: RodPlan(place, table) for name, place, table in self._named("rod", RodPlan.KEYS)}
+        if not self.plans:
+            raise top.error("no rod is in it: [rod.NAME]")
+        self._supports = self._choices("support", schema.SUPPORTS)
+        self._loads = self._choices("load", schema.LOADS)
+        self._obstacles = self._choices("obstacle", schema.OBSTACLES)
+        self._contacts = {name: call(place, schema.CONTACTS, table) for name, place, table in self._named("contact")}
+        self._spin = None
+        if "spin" in self.content:
+            self._spin = call(top / "spin", schema.SPIN, (top / "spin").table(self.content["spin"]))
+        self._check_names()
+        self.units: dict[str, str] = {}
+        self._measures = dict(self._asked())
+
+    def _analysis(self) -> str:
+        """Return the word of the analysis; what it is told is read when it is there (`settings`)."""
+        place, said = self._top / "analysis", self.content["analysis"]
+        table = {said: {}} if isinstance(said, str) else place.table(said)
+        for word in table:
+            if word not in schema.ANALYSES:
+                raise place.unknown(word, schema.ANALYSES) if said == word else (place / word).unknown_key(
+                    schema.ANALYSES
+                )
+        if len(table) != 1:
+            raise place.error(f"need one of {', '.join(schema.ANALYSES)}")
+        return next(iter(table))
+
+    def settings(self) -> dict[str, Any]:
+        """Return the keyword arguments of the analysis."""
+        # Loads the analysis, which starts PETSc.
+        return choice(self._top / "analysis", schema.ANALYSES, self.content["analysis"]).arguments
+
+    def _named(self, kind: str, keys: tuple[str, ...] = ()) -> Iterator[tuple[str, Place, dict[str, Any]]]:
+        """Yield name, place and table of each thing of a kind; ``keys`` are what it has, and no names."""
+        place = self._top / kind
+        several = self.content.get(kind, {})
+        if not isinstance(several, dict):
+            raise place.error(f"got {shown(several)}, need a table for each, with a name: [{kind}.NAME]")
+        for name, table in several.items():
+            if name in keys or not isinstance(table, dict):
+                raise (place / name).error(f"it belongs to one {kind}, which has a name: [{kind}.NAME]")
+            yield name, place / name, table
+
+    def _choices(self, kind: str, words: Mapping[str, Form]) -> dict[str, Call]:
+        return {name: choice(place, words, table) for name, place, table in self._named(kind, tuple(words))}
+
+    def _check_names(self) -> None:
+        """Raise `InputError` if a rod, an obstacle or a contact is named that is not there, or which is not said."""
+        for one in [*self._supports.values(), *self._loads.values(), *self._contacts.values()]:
+            self._names(one)
+        both = next((name for name in self._obstacles if name in self.plans), None)
+        if both is not None:
+            raise (self._top / "obstacle" / both).error("a rod has this name; choose another")
+
+    def _asked(self) -> Iterator[tuple[str, Callable[..., Any]]]:
+        """Yield what is measured, by its name, and note its unit."""
+        fitting = {
+            word: form
+            for word, form in schema.MEASURES.items()
+            if _SOLUTIONS.get(self.analysis, "-") in str(form.solution)
+        }
+        place = self._top / "measure"
+        if "measure" in self.content and not fitting:
+            raise place.error(f"nothing else is measured in {self.analysis}: its results are told without")
+        for name, at, table in self._named("measure", tuple(fitting)):
+            if name in RESERVED:
+                raise at.error("a result has something else of this name; choose another")
+            unit = table.get("unit", "")
+            if not isinstance(unit, str):
+                raise (at / "unit").error(f"got {shown(unit)}, need a text")
+            asked = choice(at, fitting, {key: value for key, value in table.items() if key != "unit"})
+            self.units[name] = unit
+            yield name, partial(asked.make, **self._names(asked))
+        if self.analysis == "modal":
+            self.units["frequencies"] = "(cycles per unit of time)"
+            yield "frequencies", lambda solution: solution.frequencies
+        elif fitting and "measure" not in self.content:
+            for k, name in enumerate(self._supports):
+                self.units[f"reaction_{name}"] = _FORCE
+                yield f"reaction_{name}", partial(schema.MEASURES["reaction"].function, support=k)
+        if self.analysis == "geometry":
+            from isorod.scenes import GEOMETRY_UNITS
+
+            self.units = GEOMETRY_UNITS
+
+    def _names(self, one: Call) -> dict[str, Any]:
+        """Return what the names among the arguments of a call stand for; the only rod need not be named."""
+        rods = {name: k for k, name in enumerate(self.plans)}
+        known = {
+            "rod": rods,
+            "support": {name: k for k, name in enumerate(self._supports)},
+            "contact": {name: k for k, name in enumerate(self._contacts)},
+            "rod or obstacle": rods | self._obstacles,
+        }
+        found = {}
+        for parameter in one.form.parameters.values():
+            if parameter.kind not in known:
+                continue
+            said = one.arguments.get(parameter.name)
+            if isinstance(said, Name):
+                found[parameter.name] = said.among(known[parameter.kind])
+            elif len(rods) > 1:
+                raise one.place.error(f"rod is missing: which of {', '.join(rods)}?")
+        return found
+
+    def rods(self) -> "list[Rod]":
+        """Return the rods as first built."""
+        return [plan.rod() for plan in self.plans.values()]
+
+    def model(self) -> "Model":
+        """Return the model; raises `InputError` with file, line and place."""
+        from isorod.model.model import Model
+
+        bodies = [plan.body() for plan in self.plans.values()]
+
+        def placed(one: Call) -> Any:
+            names = self._names(one)
+            if "space" in inspect.signature(one.form.function).parameters:
+                names["space"] = bodies[names.get("body", 0)].space
+            return one.make(**names)
+
+        def contact(one: Call) -> Any:
+            names = self._names(one)
+            if isinstance(names["second"], Call):
+                names["second"] = names["second"].make()
+            return one.make(**names)
+
+        parts = {
+            "supports": [placed(one) for one in self._supports.values()],
+            "loads": [placed(one) for one in self._loads.values()],
+            "contacts": [contact(one) for one in self._contacts.values()],
+            "spin": self._spin and self._spin.make(),
+        }
+        with self.told("rod"):
+            return Model(bodies, **parts)
+
+    def measure(self, solution: Any) -> dict[str, object]:
+        """Return what the file asks for; without, the force of each support, or the frequencies."""
+        return {name: ask(solution=solution) for name, ask in self._measures.items()}
+
+    @contextmanager
+    def told(self, kind: str = "analysis") -> Iterator[None]:
+        """Let errors of the model and its analysis be errors of the file, in its own names."""
+        places = {"support": self._supports, "load": self._loads, "contact": self._contacts, "body": self.plans}
+
+        def named(match: re.Match[str]) -> str:
+            names = [*places[match[1]]]
+            k = int(match[2])
+            return f"{match[1].replace('body', 'rod')} {names[k]}" if k < len(names) else match[0]
+
+        try:
+            yield
+        except (InputError, SolveError) as problem:
+            said = str(problem)
+            if said.startswith(f"{self._top.document.name}:"):
+                raise
+            place = self._top / kind
+            first = re.match(r"(support|load|contact) (\d+): ", said)
+            if first and int(first[2]) < len(places[first[1]]):
+                place, said = self._top / first[1] / [*places[first[1]]][int(first[2])], said[first.end() :]
+            said = re.sub(r"\b(support|load|contact|body) (\d+)\b", named, said)
+            raise type(problem)(str(place.error(said))) from None

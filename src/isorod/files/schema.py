@@ -1,0 +1,62 @@
+"""What a scene file may say: words, and what of this package each calls.
+
+A new curve, section, law, support, load, obstacle or measure is one more line here; its keys, their kinds and defaults
+are those of its signature, what they mean is in its docstring.
+"""
+
+from isorod.files.form import CONTACT, PARTNER, POINTS, ROD, SUPPORT, Form
+
+CURVES = {
+    "straight": Form("isorod.geometry.center_line:straight"),
+    "helix": Form("isorod.geometry.center_line:helix"),
+}
+SECTIONS = {
+    "circle": Form("isorod.geometry.section:circle", defaults={"n": 8}),
+    "ellipse": Form("isorod.geometry.section:ellipse", defaults={"n": 8}),
+    "flower": Form("isorod.geometry.section:flower"),
+    "airfoil": Form("isorod.geometry.section:airfoil"),
+    "naca": Form("isorod.geometry.section:naca", defaults={"n": 16}),
+    "outline": Form("isorod.geometry.section:from_points", kinds={"points": POINTS}, defaults={"n": 16}),
+}
+LAWS = {
+    "LinearElastic": Form("isorod.material.linear_elastic:LinearElastic"),
+    "NeoHookean": Form("isorod.material.neo_hookean:NeoHookean"),
+    "StVenantKirchhoff": Form("isorod.material.st_venant_kirchhoff:StVenantKirchhoff"),
+    "Muscle": Form("isorod.material.muscle:Muscle"),
+}
+# What else a rod has: keys of its own, and those of its space.
+SWEEP = Form("isorod.geometry.center_line:CenterLine.sweep", left=("section",))
+BODY = Form("isorod.model.body:Body", left=("space", "material"))
+SPACE = Form("isorod.space.space:Space", defaults={"quadrature": "auto"}, left=("rod", "section_basis"))
+
+_BODY = {"kinds": {"body": ROD}, "keys": {"body": ROD, "which": "end"}, "left": ("space",)}
+SUPPORTS = {
+    "end": Form("isorod.model.support:Support.end", **_BODY),
+}
+LOADS = {
+    "end": Form("isorod.model.load:SectionLoad.end", **_BODY),
+    "section": Form("isorod.model.load:SectionLoad", main="u", **_BODY),
+    "body_force": Form("isorod.model.load:BodyForce", **_BODY),
+}
+SPIN = Form("isorod.model.load:Spin")
+OBSTACLES = {
+    "Plane": Form("isorod.model.contact:Plane"),
+    "Cylinder": Form("isorod.model.contact:Cylinder"),
+}
+CONTACTS = Form("isorod.model.contact:Contact", kinds={"first": ROD, "second": PARTNER})
+
+_RUN = ("model", "comm", "state", "displacement", "velocity", "checkpoint", "every", "resume", "progress")
+ANALYSES = {
+    "statics": Form("isorod.statics:solve", left=_RUN),
+    "modal": Form("isorod.modal:solve", left=_RUN),
+    "dynamics": Form("isorod.dynamics:solve", left=_RUN),
+    "geometry": Form("isorod.files.measures:geometry"),
+}
+
+_RESULT = ("solution",)
+MEASURES = {
+    "reaction": Form("isorod.files.measures:reaction", kinds={"support": SUPPORT}, left=_RESULT),
+    "moment": Form("isorod.files.measures:moment", kinds={"support": SUPPORT}, left=_RESULT),
+    "displacement": Form("isorod.files.measures:displacement", kinds={"rod": ROD}, left=_RESULT),
+    "contact_force": Form("isorod.files.measures:contact_force", kinds={"contact": CONTACT}, left=_RESULT),
+}
