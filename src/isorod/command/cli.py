@@ -11,7 +11,7 @@ from typing import Any
 from isorod import __version__, files, options, scenes
 from isorod.command import ending
 from isorod.command.parser import Parser, add_fields, field_values, split
-from isorod.errors import Checked, InputError
+from isorod.errors import InputError
 
 # Each body with its fields by name.
 Fields = list[tuple[Any, dict[str, Any]]]
@@ -39,6 +39,9 @@ def command(arguments: Sequence[str]) -> int:
     run = commands.add_parser("run", help="run a scene, or a file that describes one", add_help=False)
     run.add_argument("rest", nargs=argparse.REMAINDER)
     commands.add_parser("list", help="list the scenes")
+    new = commands.add_parser("new", help="write a file to begin with")
+    new.add_argument("name", nargs="?", default="my.toml", metavar="NAME.toml", help="name of the file (my.toml)")
+    new.add_argument("--from", default="starter", dest="origin", metavar="EXAMPLE", help="spring, ring ... (starter)")
     commands.add_parser("compile", help="compile everything ahead, so that no run has to wait for it")
     commands.add_parser("doctor", help="show versions, what is missing and how to get it")
     found = parser.known(ours[:1]) if ours[:1] == ["run"] else parser.known(ours)
@@ -49,6 +52,10 @@ def command(arguments: Sequence[str]) -> int:
             scene = scenes.find(name)
             print(f"{name:10s} {scenes.analyses(scene)[0]:10s} {_first_line(scene)}")
         return 0
+    if found.command == "new":
+        from isorod.command import new as starter
+
+        return starter.main(found.name, found.origin)
     if found.command == "compile":
         from isorod.command import compile as ahead
 
@@ -173,7 +180,8 @@ def _scene_parser(name: str, scene: Any) -> Parser:
 
 def _settings(scene: Any, found: argparse.Namespace) -> dict[str, Any]:
     """Return the keyword arguments of the scene's analysis: what is typed before what a file says."""
-    own = {} if isinstance(scene, Checked) and scene.analysis != "dynamics" else scene.settings()
+    told = scene.analysis == "dynamics" or hasattr(scene, "content")
+    own = scene.settings() if told else {}
     typed: dict[str, Any]
     if scene.analysis == "modal":
         typed = {"modes": found.modes, "lumped": found.mass and found.mass == "lumped"}

@@ -3,6 +3,7 @@
 import hashlib
 import math
 import re
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -139,7 +140,7 @@ def _vtk(place: Place, name: str, path: Path) -> Points:
         raise place.error(f"{name}: no polyline is in it")
     ends = vtk_to_numpy(lines.GetOffsetsArray())
     numbers = vtk_to_numpy(lines.GetConnectivityArray())
-    pieces = [list(numbers[first:last]) for first, last in zip(ends, ends[1:], strict=False)]
+    pieces = [list(numbers[first:last]) for first, last in pairwise(ends)]
     try:
         order = _joined(pieces)
     except InputError as problem:

@@ -121,12 +121,10 @@ class Place:
 
 def shown(value: Any) -> str:
     """Return a value of TOML in short."""
-    kinds = {dict: "a table", list: "a list"}
-    if isinstance(value, list) and len(text := repr(value)) <= 40:
-        return text
-    if isinstance(value, bool):
-        return str(value).lower()
-    return kinds.get(type(value)) or f"{value!r:.40}"
+    if isinstance(value, dict):
+        return "a table"
+    text = str(value).lower() if isinstance(value, bool) else repr(value)
+    return "a list" if isinstance(value, list) and len(text) > 40 else f"{text:.40}"
 
 
 def _nearest(word: str, known: Collection[str]) -> str | None:

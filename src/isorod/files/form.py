@@ -100,8 +100,9 @@ class Form:
     @property
     def principal(self) -> str | None:
         """The main key, if it has any."""
-        required = [key for key, one in self.parameters.items() if one.required]
-        return self.main or next(iter([*required, *self.parameters]), None)
+        told = [key for key, one in self.parameters.items() if one.name not in self.defaults]
+        required = [key for key in told if self.parameters[key].required]
+        return self.main or next(iter([*required, *told]), None)
 
 
 class Name(NamedTuple):
@@ -155,7 +156,9 @@ class Call:
     def make(self, /, **more: Any) -> Any:
         """Call the function; what it refuses is an error of this place, or of the key that the message speaks of."""
         with self.place.told({key: place for key, (_, place) in self._given.items()}):
-            given = {name: one.make() if isinstance(one, Call | Points) else one for name, one in self.arguments.items()}
+            given = {
+                name: one.make() if isinstance(one, Call | Points) else one for name, one in self.arguments.items()
+            }
             return self.form.function(**given | more)
 
 
@@ -177,7 +180,9 @@ def choice(place: Place, words: Mapping[str, Form], value: Any) -> Call:
     table = place.table(value)
     said = [key for key in table if key in words]
     if not said:
-        raise (place / next(iter(table))).unknown_key(words) if table else place.error(f"need one of {', '.join(words)}")
+        raise (
+            (place / next(iter(table))).unknown_key(words) if table else place.error(f"need one of {', '.join(words)}")
+        )
     word, form, at = said[0], words[said[0]], place / said[0]
     inner, beside = table[word], {key: (one, place / key) for key, one in table.items() if key != word}
     second = next((key for key in said[1:] if key not in form.parameters), None)

@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from isorod.files import schema
-from isorod.files.data import Points
 from isorod.files.document import Place
 from isorod.files.form import Call, call, choice
 

@@ -23,9 +23,9 @@ TOP = ("title", "rod", "support", "load", "spin", "obstacle", "contact", "analys
 
 # What a record has besides what is measured.
 RESERVED = frozenset(
-    "scene options data analysis dofs unknowns quadrature built seconds solver ranks versions commit machine time files "
-    "settings petsc_options error_estimate changes refinements newton_iterations linear_iterations load_steps cuts "
-    "residual_norms pressures contact_area penetration residuals rigid below shift iterations times steps time_step "
+    "scene options data analysis dofs unknowns quadrature built seconds solver ranks versions commit machine time "
+    "files settings petsc_options error_estimate changes refinements newton_iterations linear_iterations load_steps "
+    "cuts residual_norms pressures contact_area penetration residuals rigid below shift iterations times steps time_step "
     "critical_step resumed smallest_jacobian volume control_points".split()
 )
 
@@ -97,8 +97,10 @@ class FileScene:
         table = {said: {}} if isinstance(said, str) else place.table(said)
         for word in table:
             if word not in schema.ANALYSES:
-                raise place.unknown(word, schema.ANALYSES) if said == word else (place / word).unknown_key(
-                    schema.ANALYSES
+                raise (
+                    place.unknown(word, schema.ANALYSES)
+                    if said == word
+                    else (place / word).unknown_key(schema.ANALYSES)
                 )
         if len(table) != 1:
             raise place.error(f"need one of {', '.join(schema.ANALYSES)}")
@@ -165,7 +167,7 @@ class FileScene:
     def _names(self, one: Call) -> dict[str, Any]:
         """Return what the names among the arguments of a call stand for; the only rod need not be named."""
         rods = {name: k for k, name in enumerate(self.plans)}
-        known = {
+        known: dict[Any, Mapping[str, Any]] = {
             "rod": rods,
             "support": {name: k for k, name in enumerate(self._supports)},
             "contact": {name: k for k, name in enumerate(self._contacts)},
@@ -204,14 +206,12 @@ class FileScene:
                 names["second"] = names["second"].make()
             return one.make(**names)
 
-        parts = {
-            "supports": [placed(one) for one in self._supports.values()],
-            "loads": [placed(one) for one in self._loads.values()],
-            "contacts": [contact(one) for one in self._contacts.values()],
-            "spin": self._spin and self._spin.make(),
-        }
+        supports = [placed(one) for one in self._supports.values()]
+        loads = [placed(one) for one in self._loads.values()]
+        contacts = [contact(one) for one in self._contacts.values()]
+        spin = None if self._spin is None else self._spin.make()
         with self.told("rod"):
-            return Model(bodies, **parts)
+            return Model(bodies, supports, spin, contacts, loads)
 
     def measure(self, solution: Any) -> dict[str, object]:
         """Return what the file asks for; without, the force of each support, or the frequencies."""
@@ -220,7 +220,12 @@ class FileScene:
     @contextmanager
     def told(self, kind: str = "analysis") -> Iterator[None]:
         """Let errors of the model and its analysis be errors of the file, in its own names."""
-        places = {"support": self._supports, "load": self._loads, "contact": self._contacts, "body": self.plans}
+        places: dict[str, Mapping[str, Any]] = {
+            "support": self._supports,
+            "load": self._loads,
+            "contact": self._contacts,
+            "body": self.plans,
+        }
 
         def named(match: re.Match[str]) -> str:
             names = [*places[match[1]]]

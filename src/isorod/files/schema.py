@@ -29,14 +29,19 @@ SWEEP = Form("isorod.geometry.center_line:CenterLine.sweep", left=("section",))
 BODY = Form("isorod.model.body:Body", left=("space", "material"))
 SPACE = Form("isorod.space.space:Space", defaults={"quadrature": "auto"}, left=("rod", "section_basis"))
 
-_BODY = {"kinds": {"body": ROD}, "keys": {"body": ROD, "which": "end"}, "left": ("space",)}
+
+def _on_rod(target: str, main: str | None = None) -> Form:
+    return Form(target, main, kinds={"body": ROD}, keys={"body": ROD, "which": "end"}, left=("space",))
+
+
 SUPPORTS = {
-    "end": Form("isorod.model.support:Support.end", **_BODY),
+    "end": _on_rod("isorod.model.support:Support.end"),
+    "patch": _on_rod("isorod.model.support:Support.patch"),
 }
 LOADS = {
-    "end": Form("isorod.model.load:SectionLoad.end", **_BODY),
-    "section": Form("isorod.model.load:SectionLoad", main="u", **_BODY),
-    "body_force": Form("isorod.model.load:BodyForce", **_BODY),
+    "end": _on_rod("isorod.model.load:SectionLoad.end"),
+    "section": _on_rod("isorod.model.load:SectionLoad", main="u"),
+    "body_force": _on_rod("isorod.model.load:BodyForce"),
 }
 SPIN = Form("isorod.model.load:Spin")
 OBSTACLES = {

@@ -65,6 +65,8 @@ def _parts(kind: Any) -> tuple[Any, ...]:
     """Return what a kind may be one of, None left out: that is to write nothing."""
     if _is_array(kind) or get_origin(kind) not in (Union, types.UnionType):
         return (kind,)
+    if set(get_args(ArrayLike)) <= set(get_args(kind)):
+        return (ArrayLike,)
     parts = tuple(part for part in get_args(kind) if part is not type(None))
     # The name of a file may also be given as a text in Python.
     return tuple(part for part in parts if part is not str) if Path in parts else parts
