@@ -11,6 +11,9 @@ from typing import Any
 from isorod.errors import InputError, SolveError
 from isorod.files import lines
 
+# What a scene's file has at its top; what may be there several times has names.
+KEYS = ("title", "analysis", "rod", "support", "load", "spin", "obstacle", "contact", "measure")
+
 # A scene is written by hand; what is longer are data, which go beside it.
 _LONGEST = 1_000_000
 
@@ -95,14 +98,17 @@ class Place:
 
     def unknown_key(self, known: Collection[str]) -> InputError:
         """Return the error of this key, which is none of those known, with the nearest of them."""
-        above = Place(self.document, self.path[:-1])
+        above, word = Place(self.document, self.path[:-1]), str(self.path[-1])
+        said = _unknown(word, known)
+        if above.path and word in KEYS:
+            said = f"{word!r} is not known here; write it above the first [table], or as [{word}]"
         where = f"{self.document.name}:{self.document.line(self.path)}: "
-        return InputError(where + (f"{above}: " if above.path else "") + _unknown(str(self.path[-1]), known))
+        return InputError(where + (f"{above}: " if above.path else "") + said)
 
     def table(self, value: Any) -> dict[str, Any]:
         """Return a value that must be a table."""
         if not isinstance(value, dict):
-            raise self.error(f"got {shown(value)}, need a table: {{...}}, or [{self}]")
+            raise self.error(f"got {shown(value)}, need a table {{...}}")
         return value
 
     @contextmanager
@@ -114,9 +120,18 @@ class Place:
             said = str(problem)
             if said.startswith(f"{self.document.name}:"):
                 raise
-            spoken = (at for key, at in (keys or {}).items() if re.search(rf"\b{key.replace('_', '[_ ]')}\b", said))
-            told = str(next(spoken, self).error(said))
-            raise (SolveError if isinstance(problem, SolveError) else InputError)(told) from None
+            kind = SolveError if isinstance(problem, SolveError) else InputError
+            raise kind(self.about(said, keys or {})) from None
+
+    def about(self, said: str, keys: "Mapping[str, Place]") -> str:
+        """Return what an error says as one of the key that it speaks of, or else of this place."""
+        head, _, rest = said.partition("got ")
+        # A key of one letter may be a word of a sentence.
+        for text, shortest in ((head, 1), (rest, 2)):
+            for key, at in keys.items():
+                if len(key) >= shortest and re.search(rf"\b{key.replace('_', '[_ ]')}\b", text):
+                    return str(at.error(re.sub(rf"^{key.replace('_', '[_ ]')}: ", "", said)))
+        return str(self.error(said))
 
 
 def shown(value: Any) -> str:

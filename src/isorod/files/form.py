@@ -134,6 +134,8 @@ class Call:
     ----------
     arguments
         What the function is given, by its own names; a `Call` or a `Name` where the parameter's kind says so.
+    keys
+        Where each key stands.
 
     Raises
     ------
@@ -142,7 +144,8 @@ class Call:
     """
 
     def __init__(self, place: Place, form: Form, given: Mapping[str, tuple[Any, Place]]) -> None:
-        self.place, self.form, self._given = place, form, given
+        self.place, self.form = place, form
+        self.keys = {key: at for key, (_, at) in given.items()}
         self.arguments = {one.name: one.default for one in form.parameters.values() if one.name in form.defaults}
         for key, (value, at) in given.items():
             if key not in form.parameters:
@@ -155,7 +158,7 @@ class Call:
 
     def make(self, /, **more: Any) -> Any:
         """Call the function; what it refuses is an error of this place, or of the key that the message speaks of."""
-        with self.place.told({key: place for key, (_, place) in self._given.items()}):
+        with self.place.told(self.keys):
             given = {
                 name: one.make() if isinstance(one, Call | Points) else one for name, one in self.arguments.items()
             }

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from isorod.errors import InputError, SolveError
 from isorod.files import schema
-from isorod.files.document import Document, Place, shown
+from isorod.files.document import KEYS, Document, Place, shown
 from isorod.files.form import Call, Form, Name, call, choice
 from isorod.files.rod import RodPlan
 
@@ -18,15 +18,12 @@ if TYPE_CHECKING:
     from isorod.geometry.rod import Rod
     from isorod.model.model import Model
 
-# What a file has at its top; those that are there several times have names.
-TOP = ("title", "rod", "support", "load", "spin", "obstacle", "contact", "analysis", "measure")
-
 # What a record has besides what is measured.
 RESERVED = frozenset(
     "scene options data analysis dofs unknowns quadrature built seconds solver ranks versions commit machine time "
     "files settings petsc_options error_estimate changes refinements newton_iterations linear_iterations load_steps "
-    "cuts residual_norms pressures contact_area penetration residuals rigid below shift iterations times steps time_step "
-    "critical_step resumed smallest_jacobian volume control_points".split()
+    "cuts residual_norms pressures contact_area penetration residuals rigid below shift iterations times steps "
+    "time_step critical_step resumed smallest_jacobian volume control_points".split()
 )
 
 # Of each analysis the class of its solutions.
@@ -69,8 +66,8 @@ class FileScene:
         self.name, self.content, self.data = Path(path).stem, document.content, document.read
         self._top = top = document.top
         for key in self.content:
-            if key not in TOP:
-                raise (top / key).unknown_key(TOP)
+            if key not in KEYS:
+                raise (top / key).unknown_key(KEYS)
         self.title = self.content.get("title", self.name)
         if not isinstance(self.title, str):
             raise (top / "title").error(f"got {shown(self.title)}, need a text")
@@ -94,17 +91,16 @@ class FileScene:
     def _analysis(self) -> str:
         """Return the word of the analysis; what it is told is read when it is there (`settings`)."""
         place, said = self._top / "analysis", self.content["analysis"]
-        table = {said: {}} if isinstance(said, str) else place.table(said)
-        for word in table:
-            if word not in schema.ANALYSES:
-                raise (
-                    place.unknown(word, schema.ANALYSES)
-                    if said == word
-                    else (place / word).unknown_key(schema.ANALYSES)
-                )
-        if len(table) != 1:
+        if isinstance(said, str):
+            if said not in schema.ANALYSES:
+                raise place.unknown(said, schema.ANALYSES)
+            return said
+        strange = next((word for word in place.table(said) if word not in schema.ANALYSES), None)
+        if strange is not None:
+            raise (place / strange).unknown_key(schema.ANALYSES)
+        if len(said) != 1:
             raise place.error(f"need one of {', '.join(schema.ANALYSES)}")
-        return next(iter(table))
+        return str(*said)
 
     def settings(self) -> dict[str, Any]:
         """Return the keyword arguments of the analysis."""
@@ -123,7 +119,7 @@ class FileScene:
             yield name, place / name, table
 
     def _choices(self, kind: str, words: Mapping[str, Form]) -> dict[str, Call]:
-        return {name: choice(place, words, table) for name, place, table in self._named(kind, tuple(words))}
+        return {name: choice(place, words, table) for name, place, table in self._named(kind)}
 
     def _check_names(self) -> None:
         """Raise `InputError` if a rod, an obstacle or a contact is named that is not there, or which is not said."""
@@ -135,15 +131,12 @@ class FileScene:
 
     def _asked(self) -> Iterator[tuple[str, Callable[..., Any]]]:
         """Yield what is measured, by its name, and note its unit."""
-        fitting = {
-            word: form
-            for word, form in schema.MEASURES.items()
-            if _SOLUTIONS.get(self.analysis, "-") in str(form.solution)
-        }
+        kind = _SOLUTIONS.get(self.analysis, "none")
+        fitting = {word: form for word, form in schema.MEASURES.items() if kind in str(form.solution)}
         place = self._top / "measure"
         if "measure" in self.content and not fitting:
             raise place.error(f"nothing else is measured in {self.analysis}: its results are told without")
-        for name, at, table in self._named("measure", tuple(fitting)):
+        for name, at, table in self._named("measure"):
             if name in RESERVED:
                 raise at.error("a result has something else of this name; choose another")
             unit = table.get("unit", "")
@@ -175,7 +168,7 @@ class FileScene:
         }
         found = {}
         for parameter in one.form.parameters.values():
-            if parameter.kind not in known:
+            if not isinstance(parameter.kind, str) or parameter.kind not in known:
                 continue
             said = one.arguments.get(parameter.name)
             if isinstance(said, Name):
@@ -211,7 +204,16 @@ class FileScene:
         contacts = [contact(one) for one in self._contacts.values()]
         spin = None if self._spin is None else self._spin.make()
         with self.told("rod"):
-            return Model(bodies, supports, spin, contacts, loads)
+            model = Model(bodies, supports, spin, contacts, loads)
+        try:
+            # What is wrong with a load is found when its forces are.
+            model.external  # noqa: B018
+        except InputError:
+            for one, load in zip(self._loads.values(), loads, strict=True):
+                with one.place.told(one.keys):
+                    load.nodal(bodies[load.body].space)
+            raise
+        return model
 
     def measure(self, solution: Any) -> dict[str, object]:
         """Return what the file asks for; without, the force of each support, or the frequencies."""
@@ -235,12 +237,15 @@ class FileScene:
         try:
             yield
         except (InputError, SolveError) as problem:
-            said = str(problem)
+            said = re.sub(r"\b(support|load|contact|body) (\d+)\b(?!: )", named, str(problem))
             if said.startswith(f"{self._top.document.name}:"):
-                raise
-            place = self._top / kind
+                raise type(problem)(said) from None
             first = re.match(r"(support|load|contact) (\d+): ", said)
             if first and int(first[2]) < len(places[first[1]]):
-                place, said = self._top / first[1] / [*places[first[1]]][int(first[2])], said[first.end() :]
-            said = re.sub(r"\b(support|load|contact|body) (\d+)\b", named, said)
-            raise type(problem)(str(place.error(said))) from None
+                one = [*places[first[1]].values()][int(first[2])]
+                raise type(problem)(one.place.about(said[first.end() :], one.keys)) from None
+            place, keys = self._top / kind, {}
+            if kind == "analysis" and isinstance(self.content[kind], dict):
+                at = place / self.analysis
+                keys = {key: at / key for key in at.table(self.content[kind][self.analysis])}
+            raise type(problem)(place.about(said, keys)) from None
