@@ -27,7 +27,7 @@ MUSCLE = Muscle(30.0, 0.45, sigma_max=30.0, m1=35.0, m2=0.5, activation=0.8, fib
 
 
 def ring():
-    line = helix(3.0, 0.0, 1)
+    line = helix(3.0, 0.0, 1, 4)
     return line.sweep(circle(5, 0.7), closed=True)
 
 

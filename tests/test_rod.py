@@ -147,7 +147,7 @@ def test_check_returns_a_positive_determinant(rod, cylinder):
 
 
 def bent_too_much():
-    return helix(0.9, 1.0, 1).sweep(circle(8, 1.0))
+    return helix(0.9, 1.0, 1, 4).sweep(circle(8, 1.0))
 
 
 def clockwise():

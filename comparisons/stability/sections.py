@@ -232,7 +232,7 @@ def _flowers() -> Iterator[dict[str, Any]]:
 
 def _rings() -> Iterator[dict[str, Any]]:
     radius, wire = 2.0, 0.5
-    line = helix(radius, 0.0, 1)
+    line = helix(radius, 0.0, 1, 4)
 
     def solve(offset: float) -> dict[str, Any]:
         outline = section.circle(8, wire) - np.array([offset, 0.0])

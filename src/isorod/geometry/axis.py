@@ -152,6 +152,13 @@ class Axis(Checked):
         multiplicity[0] = degree + 1
         return self._on_knots(degree, np.concatenate([np.repeat(cuts, multiplicity), np.repeat(old[-1], degree + 1)]))
 
+    def cut(self, parts: Index) -> "Axis":
+        """Return the axis with each element cut in as many equal parts, ``(elements,)``, as smoothly as can be."""
+        share = np.concatenate([np.arange(1, count) / count for count in parts])
+        whole = np.repeat(np.arange(self.elements), parts - 1)
+        new = self.breaks[whole] + share * np.diff(self.breaks)[whole]
+        return self._on_knots(self.degree, np.sort(np.concatenate([self.knots, new])))
+
     def insert(self, u: float, multiplicity: int = 1) -> "Axis":
         """Return the axis with the knot ``u`` inserted ``multiplicity`` times (its space contains this one)."""
         present = int(np.count_nonzero(self.knots == u))

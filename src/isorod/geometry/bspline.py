@@ -43,6 +43,12 @@ def table(knots: Array, degree: int, u: Array) -> tuple[Index, Array, Array]:
     return span - degree, values, slopes
 
 
+def greville(knots: Array, degree: int) -> Array:
+    """Return the Greville points of clamped knots, the means of ``degree`` successive ones, shape ``(m,)``."""
+    means = np.convolve(knots[1:-1], np.full(degree, 1.0 / degree), "valid")
+    return np.clip(means, knots[0], knots[-1])
+
+
 def transfer(knots: Array, degree: int, finer: Array, finer_degree: int, columns: Array) -> Array:
     """Return coefficients on nested finer splines ``(finer count, c)`` of functions with ``columns`` ``(count, c)``.
 
@@ -69,13 +75,13 @@ def transfer(knots: Array, degree: int, finer: Array, finer_degree: int, columns
 def _collocation(knots: bytes, degree: int, finer: bytes, p: int) -> tuple[tuple[Index, Array], tuple[Array, Index]]:
     """Return a spline's functions at a finer one's Greville points, and factors of the matrix of its own there."""
     fine = np.frombuffer(finer)
-    greville = np.clip(np.convolve(fine[1:-1], np.full(p, 1.0 / p), "valid"), fine[0], fine[-1])
-    first, values, _ = table(fine, p, greville)
+    points = greville(fine, p)
+    first, values, _ = table(fine, p, points)
     column = first[:, None] + np.arange(p + 1)
     # LAPACK's band storage, with room for row exchanges.
-    band = np.zeros((3 * p + 1, greville.size))
-    band[2 * p + np.arange(greville.size)[:, None] - column, column] = values
-    return table(np.frombuffer(knots), degree, greville)[:2], lapack.dgbtrf(band, p, p)[:2]
+    band = np.zeros((3 * p + 1, points.size))
+    band[2 * p + np.arange(points.size)[:, None] - column, column] = values
+    return table(np.frombuffer(knots), degree, points)[:2], lapack.dgbtrf(band, p, p)[:2]
 
 
 _kept_collocation = lru_cache(maxsize=8)(_collocation)

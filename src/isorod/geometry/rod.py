@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from isorod.arrays import Array
 from isorod.errors import Checked, FoldedRodError, InputError
+from isorod.geometry import fold
 from isorod.geometry.axis import Axis
 from isorod.geometry.disk import check_count, harmonic_functions
 from isorod.geometry.quadrature import Rule, axis_points, section_points
@@ -33,6 +34,8 @@ class Rod(Checked):
         Shape ``(layers, n, 3)`` in units of length: layer ``j`` belongs to axis function ``j``, point ``i`` to ``T_i``.
     closed
         True if the first and the last layer are one and the same (a ring).
+    fitted
+        True if the sections themselves, not the layers of control points, were given their size.
 
     Raises
     ------
@@ -43,6 +46,7 @@ class Rod(Checked):
     axis: Axis
     control_points: Array
     closed: bool = False
+    fitted: bool = False
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -108,12 +112,7 @@ class Rod(Checked):
             if tensors.shape != shape:
                 raise InputError(f"{name}: got shape {tensors.shape}, need {shape} for this axis")
         points = centers[:, None, :] + section @ (turn @ stretch)[:, :, :2].swapaxes(1, 2)
-        if closed:
-            gap = np.abs(points[-1] - points[0]).max()
-            if not gap <= 1e-9 * np.abs(points).max():
-                raise InputError(f"closed rod: the last section is {gap:.3g} away from the first; they must coincide")
-            points[-1] = points[0]
-        return cls(axis, points, closed)
+        return cls(axis, closing(points) if closed else points, closed)
 
     def refine(self, parts: int = 1, degree: int | None = None, continuity: int | None = None) -> "Rod":
         """Return the same rod with more control points (see `Axis.refine`)."""
@@ -127,7 +126,7 @@ class Rod(Checked):
         points = self.axis.transfer(axis, self.control_points)
         if self.closed:
             points[-1] = points[0]
-        return Rod(axis, points, self.closed)
+        return Rod(axis, points, self.closed, self.fitted)
 
     def points(self, xi: ArrayLike, u: ArrayLike) -> Array:
         """Return the positions ``(m, 3)`` of the parameter pairs ``xi`` ``(m, 2)`` and ``u`` ``(m,)``."""
@@ -181,7 +180,8 @@ class Rod(Checked):
         Raises
         ------
         FoldedRodError
-            Where the map folds (determinant not positive): the message names element, ``u``, disk point and position.
+            Where the map folds (determinant not positive): the message names element, ``u``, disk point, position and
+            why (`isorod.geometry.fold`).
         """
         axis = self.axis
         xi, values, across = _dense_grid(self.section_points)
@@ -201,9 +201,10 @@ class Rod(Checked):
             raise FoldedRodError(
                 f"the rod folds in element {t // inside.size} at u = {u.ravel()[t]:.4g}, disk point "
                 f"({xi[q, 0]:.3f}, {xi[q, 1]:.3f}), position ({where}): Jacobian determinant {det[t, q]:.3g}, must be "
-                "positive"
+                f"positive; {fold.reason(self._sections, u, int(t), xi[q])}"
             )
-        self._check_turns(u, section)
+        if not self.fitted:
+            self._check_turns(u, section)
         return float(det[t, q])
 
     def _check_turns(self, u: Array, section: Array) -> None:
@@ -227,6 +228,14 @@ class Rod(Checked):
             if shares[e, t] < _SHRUNK:
                 raise FoldedRodError(text)
             warnings.warn(text, stacklevel=3)
+
+
+def closing(points: Array) -> Array:
+    """Return layers of control points whose last, which must coincide with the first, is the first exactly."""
+    gap = np.abs(points[-1] - points[0]).max()
+    if not gap <= 1e-9 * np.abs(points).max():
+        raise InputError(f"closed rod: the last section is {gap:.3g} away from the first; they must coincide")
+    return np.concatenate([points[:-1], points[:1]])
 
 
 @lru_cache(maxsize=8)

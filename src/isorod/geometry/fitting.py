@@ -1,0 +1,129 @@
+"""Curves and fields in the space of an axis: interpolation, least squares, and as many elements as a field needs."""
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy.linalg import solve_banded
+
+from isorod.arrays import Array, Index
+from isorod.errors import InputError
+from isorod.geometry import bspline
+from isorod.geometry.axis import MAX_ELEMENTS, Axis
+
+Field = Callable[[Array], Array]
+
+# A field is measured at this many points of an element for each degree of the axis.
+_POINTS = 4
+_ROUNDS = 12
+
+
+def evaluate(axis: Axis, coefficients: Array, u: Array) -> tuple[Array, Array]:
+    """Return a field ``(t, ...)`` and its derivative by the parameter there, of coefficients ``(axis.count, ...)``."""
+    first, values, slopes = axis.local(u)
+    near = coefficients[first[:, None] + np.arange(axis.degree + 1)]
+    return np.einsum("tj,tj...->t...", values, near), np.einsum("tj,tj...->t...", slopes, near)
+
+
+def inside(axis: Axis, count: int) -> Array:
+    """Return ``count`` evenly spaced parameters of every element, its ends left out, shape ``(elements, count)``."""
+    share = np.arange(1.0, count + 1.0) / (count + 1.0)
+    return axis.breaks[:-1, None] + np.diff(axis.breaks)[:, None] * share
+
+
+def interpolate(axis: Axis, field: Field) -> Array:
+    """Return the coefficients ``(axis.count, ...)`` of what equals a field at the Greville points of the axis."""
+    points = bspline.greville(axis.knots, axis.degree)
+    wanted = field(points)
+    first, values, _ = axis.local(points)
+    p, row = axis.degree, np.arange(axis.count)[:, None]
+    column = first[:, None] + np.arange(p + 1)
+    band = np.zeros((2 * p + 1, axis.count))
+    band[p + row - column, column] = values
+    found: Array = solve_banded((p, p), band, wanted.reshape(axis.count, -1))
+    return found.reshape(wanted.shape)
+
+
+def resolve(axis: Axis, field: Field, tolerance: float) -> tuple[Axis, Array]:
+    """Return the axis with as many knots more as a field needs, and the field's coefficients there.
+
+    Parameters
+    ----------
+    axis
+        To begin with; the space of what is returned contains its space.
+    field
+        Of parameters ``(t,)``, shape ``(t, ..., 3)``: vectors, continuous.
+    tolerance
+        How far the vectors may be off, in their unit.
+
+    Raises
+    ------
+    InputError
+        If no number of knots will do: the field jumps.
+    """
+    power = 1.0 / (axis.degree + 1)
+    for _ in range(_ROUNDS):
+        coefficients = interpolate(axis, field)
+        u = inside(axis, _POINTS * axis.degree)
+        off = evaluate(axis, coefficients, u.ravel())[0] - field(u.ravel())
+        errors = np.linalg.norm(off, axis=-1).reshape(axis.elements, -1).max(axis=1)
+        if errors.max() <= tolerance:
+            return axis, coefficients
+        # The error falls with that power of the element's length.
+        parts = np.clip(np.ceil(1.05 * (errors / tolerance) ** power), 1, 4).astype(int)
+        if parts.sum() > MAX_ELEMENTS // 100:
+            break
+        axis = axis.cut(parts)
+    worst = int(np.argmax(errors))
+    raise InputError(
+        f"sweep: at u = {axis.breaks[worst]:.4g} sections are {errors.max():.3g} off and more elements do not help; "
+        "frame and scale must be continuous"
+    )
+
+
+def least_squares(functions: Index, values: Array, points: Array, count: int) -> Array:
+    """Return the coefficients ``(count, c)`` of the curve nearest to points.
+
+    Parameters
+    ----------
+    functions, values
+        Which functions live at each point's parameter, and how large they are there, both ``(t, p + 1)``; those
+        numbered below 0 or from ``count`` on are left out.
+    points
+        Shape ``(t, c)``.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If the points do not determine it.
+    """
+    # Straight lines and arcs do without.
+    from scipy.sparse import csr_matrix
+    from scipy.sparse.linalg import splu
+
+    rows = np.broadcast_to(np.arange(points.shape[0])[:, None], functions.shape)
+    there = (functions >= 0) & (functions < count)
+    matrix = csr_matrix((values[there], (rows[there], functions[there])), shape=(points.shape[0], count))
+    try:
+        found: Array = splu((matrix.T @ matrix).tocsc()).solve(matrix.T @ points)
+    except RuntimeError as error:
+        raise np.linalg.LinAlgError("the points do not determine the curve") from error
+    return found
+
+
+def nearest(axis: Axis, u: Array, points: Array) -> Array:
+    """Return the coefficients ``(axis.count, c)`` of the curve nearest to points, through the first and the last.
+
+    Parameters
+    ----------
+    u
+        Ascending parameters of the points ``(t,)``, the first and the last those of the axis.
+    points
+        Shape ``(t, c)``.
+    """
+    first, values, _ = axis.local(u)
+    functions = first[:, None] + np.arange(axis.degree + 1)
+    fixed = np.zeros((axis.count, points.shape[1]))
+    fixed[0], fixed[-1] = points[0], points[-1]
+    rest = points - np.einsum("tj,tjc->tc", values, fixed[functions])
+    fixed[1:-1] = least_squares(functions - 1, values, rest, axis.count - 2)
+    return fixed

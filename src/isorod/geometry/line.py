@@ -1,0 +1,187 @@
+"""A centre line and the frames along it, and the rods swept along them."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from numbers import Real
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from isorod.arrays import Array
+from isorod.errors import InputError, expect
+from isorod.geometry.axis import Axis
+from isorod.geometry.fitting import Field, evaluate, resolve
+from isorod.geometry.frames import Share
+from isorod.geometry.rod import Rod, closing
+
+Scale = float | ArrayLike | Callable[[Array], ArrayLike]
+
+# Sections are this near to where they belong, as a share of their size. Most of it is tilt, 0.3 degrees, which matters
+# with its square; sizes are right to 1e-3. A fifth of it takes twice the elements along a cubic spline, whose tangents
+# have corners in their slope at the knots.
+TOLERANCE = 5e-3
+
+
+@dataclass(frozen=True, eq=False)
+class CenterLine:
+    """A centre line to sweep along.
+
+    Parameters
+    ----------
+    axis, centers
+        The curve: control points ``(axis.count, 3)``.
+    rotations, stretches
+        Where they are exact, the frames' control tensors ``R_j`` and ``S_j`` of eq. 13, ``(axis.count, 3, 3)``.
+    frames
+        Where they are not, a function of parameters ``(t,)``: the section's two directions, ``(t, 3, 2)``.
+    closed
+        Whether its end is its start.
+    stations
+        Parameters ``(m,)`` of the points it was made from, to which the values of a list ``scale`` belong.
+    """
+
+    axis: Axis
+    centers: Array
+    rotations: Array | None = None
+    stretches: Array | None = None
+    frames: Field | None = None
+    closed: bool = False
+    stations: Array | None = None
+
+    def sweep(
+        self,
+        section: ArrayLike,
+        closed: bool | None = None,
+        *,
+        scale: Scale = 1.0,
+        twist: float = 0.0,
+        end: ArrayLike | None = None,
+        tolerance: float = TOLERANCE,
+    ) -> Rod:
+        """Return the rod whose section is the control polygon ``(n, 2)``.
+
+        Frames, scale and twist that are not in the axis's space get as many knots more as they need: every section is
+        then within ``tolerance`` of where it belongs, measured between the knots.
+
+        Parameters
+        ----------
+        section
+            Control polygon, shape ``(n, 2)``; the same everywhere unless one of the following is given.
+        closed
+            Whether the last section is the first; the line's own where not given.
+        scale
+            The section's size: a number, a function of axis parameters ``(t,)``, or several numbers, joined smoothly
+            (C1) and without overshoot: one for each point of a polyline, for other lines evenly spaced in the
+            parameter.
+        twist
+            Turn of the last section against the first beyond that of the frames, from its first direction to its
+            second, degrees; evenly along the length.
+        end
+            Control polygon of the last section, of as many points; those in between go from one to the other evenly
+            along the length.
+        tolerance
+            How far sections may be off, as a share of the largest's size.
+
+        Raises
+        ------
+        InputError
+            If a number is not positive or finite, shapes do not fit, the last section of a closed rod is not the first,
+            or the frames jump.
+        """
+        closed = self.closed if closed is None else closed
+        plain = isinstance(scale, Real) and not isinstance(scale, bool) and scale == 1.0 and twist == 0.0
+        if self.frames is None and plain and end is None:
+            return Rod.sweep(section, self.axis, self.centers, self.rotations, self.stretches, closed)
+        first = _polygon("section", section)
+        last = first if end is None else _polygon("section at the end", end)
+        if last.shape != first.shape:
+            raise InputError(f"section at the end: got {len(last)} points, need the {len(first)} of the first")
+        expect("twist", twist, float)
+        if not np.isfinite(twist):
+            raise InputError(f"twist: got {twist}, need a finite number of degrees")
+        if not tolerance > 0.0:
+            raise InputError(f"sweep: tolerance: got {tolerance:g}, need a positive share of the section's size")
+        frames, size, share = self.frames or self._frames, self._size(scale), Share(self.axis, self.centers)
+
+        def arms(u: Array) -> Array:
+            way = share(u)
+            angle = np.radians(twist) * way
+            turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+            turned = size(u)[:, None, None] * np.einsum("tak,klt->tal", frames(u), turn)
+            polygons = first + way[:, None, None] * (last - first)
+            result: Array = polygons @ turned.swapaxes(1, 2)
+            return result
+
+        largest = max(np.abs(first).max(), np.abs(last).max()) * size(self._fine()).max()
+        axis, found = resolve(self.axis, arms, tolerance * largest)
+        centers = self.axis.transfer(axis, self.centers)
+        points = centers[:, None, :] + found
+        return Rod(axis, closing(points) if closed else points, closed, fitted=True)
+
+    def _frames(self, u: Array) -> Array:
+        """Return the section's directions at ``u`` of the control tensors."""
+        tensors = np.broadcast_to(np.eye(3), (self.axis.count, 3, 3))
+        for given in (self.stretches, self.rotations):
+            tensors = tensors if given is None else given @ tensors
+        return evaluate(self.axis, tensors[:, :, :2], u)[0]
+
+    def _fine(self) -> Array:
+        """Return parameters, closely spaced."""
+        u: Array = np.linspace(self.axis.breaks[0], self.axis.breaks[-1], 16 * self.axis.elements + 1)
+        return u
+
+    def _size(self, scale: Scale) -> Callable[[Array], Array]:
+        """Return the section's size as a function of parameters ``(t,)``."""
+        given = scale if callable(scale) else self._between(_numbers("scale", scale))
+
+        def size(u: Array) -> Array:
+            return np.broadcast_to(np.asarray(given(u), dtype=float), u.shape)
+
+        u = self._fine()
+        sizes = size(u)
+        good = (sizes > 0.0) & np.isfinite(sizes)
+        if not good.all():
+            k = int(np.argmin(good))
+            raise InputError(f"scale: got {sizes[k]:g} at u = {u[k]:.4g}, need positive numbers")
+        return size
+
+    def _between(self, numbers: Array) -> Callable[[Array], Array]:
+        """Return a function of parameters ``(t,)`` that joins numbers."""
+        if numbers.ndim == 0:
+            return lambda u: np.full(u.shape, float(numbers))
+        if numbers.ndim != 1 or numbers.size < 2:
+            raise InputError(f"scale: got an array of shape {numbers.shape}, need a number or at least 2 in a row")
+        # Loaded where radii are given.
+        from scipy.interpolate import PchipInterpolator
+
+        places = np.linspace(self.axis.breaks[0], self.axis.breaks[-1], numbers.size)
+        if self.stations is not None:
+            places = self.stations
+            # A closed polyline's first point is its last.
+            missing = places.size - numbers.size
+            if missing == 1 and self.closed:
+                numbers = np.append(numbers, numbers[0])
+            elif missing:
+                raise InputError(
+                    f"scale: got {numbers.size} numbers for {places.size - self.closed} points, need one each"
+                )
+        if not self.closed:
+            return PchipInterpolator(places, numbers)
+        # As it ends so it begins: a point more on either side.
+        length = places[-1] - places[0]
+        places = np.concatenate([[places[-2] - length], places, [places[1] + length]])
+        return PchipInterpolator(places, np.concatenate([numbers[-2:-1], numbers, numbers[1:2]]))
+
+
+def _polygon(name: str, points: ArrayLike) -> Array:
+    polygon = _numbers(name, points)
+    if polygon.ndim != 2 or polygon.shape[1] != 2:
+        raise InputError(f"{name}: got shape {polygon.shape}, need (n, 2)")
+    return polygon
+
+
+def _numbers(name: str, values: ArrayLike | float) -> Array:
+    try:
+        return np.asarray(values, dtype=float)
+    except (TypeError, ValueError):
+        raise InputError(f"{name}: got {values!r:.40}, need numbers") from None

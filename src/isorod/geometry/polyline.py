@@ -1,0 +1,143 @@
+"""Smooth curves near given points: C2 cubic splines with as few elements as a tolerance allows."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from isorod.arrays import Array, Index
+from isorod.geometry import bspline
+from isorod.geometry.axis import Axis
+from isorod.geometry.fitting import evaluate, interpolate, least_squares, nearest
+
+DEGREE = 3
+
+# So often the points' parameters are moved to where the curve is nearest.
+_PROJECTIONS = 3
+
+# Between two points the curve is looked at so often, and may stray from the polyline by this share of a chord. Cubic
+# splines through random walks with chords of very unequal length, ends that do not bend, stray by 0.34 at most.
+_BETWEEN = 7
+_STRAYS = 0.5
+
+
+class Curve(NamedTuple):
+    """A spline, and the parameters ``(m,)`` at which it is nearest to points."""
+
+    axis: Axis
+    centers: Array
+    parameters: Array
+
+
+def through(points: Array, tolerance: float, closed: bool) -> Curve:
+    """Return a cubic spline near points, C2, with the fewest elements that were found to do.
+
+    A least-squares curve (Piegl & Tiller, The NURBS Book, 2nd ed., section 9.4) whose knots follow the points, so that
+    each element has one at least; the points' parameters, chord lengths at first, are moved to where the curve is
+    nearest (Hoschek, CAGD 5, 1988, 27-31).  A curve counts as near if it also keeps to the polyline in between, within the tolerance and
+    half the longest of the three chords about; where no such curve is found, the cubic spline through all points does.
+
+    Parameters
+    ----------
+    points
+        Shape ``(m, 3)``, ``m >= 2`` (closed: 4), neighbours apart; of a closed curve the last is the first again.
+    tolerance
+        How far points may be from the curve; an open curve passes through the first and the last.
+    """
+    degree = DEGREE if closed else min(DEGREE, len(points) - 1)
+    fewest, most = (3, len(points) - 1) if closed else (1, len(points) - degree)
+    low, high, best = fewest - 1, fewest, None
+    # More until it does, in steps of a quarter as the last may stray, then halved in between.
+    while (best := _near(points, tolerance, high, degree, closed)) is None and high < most:
+        low, high = high, min(high + 1 + high // 4, most)
+    if best is None:
+        return _interpolating(points, closed)
+    while high - low > 1:
+        middle = (low + high) // 2
+        found = _near(points, tolerance, middle, degree, closed)
+        low, high, best = (middle, high, best) if found is None else (low, middle, found)
+    axis = best.axis.refine(1, DEGREE)
+    return Curve(axis, best.axis.transfer(axis, best.centers), best.parameters)
+
+
+def _chord_lengths(points: Array) -> Array:
+    return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+
+
+def _near(points: Array, tolerance: float, elements: int, degree: int, closed: bool) -> Curve | None:
+    """Return the curve of so many elements, None if points are farther from it than the tolerance."""
+    t = _chord_lengths(points)
+    places = np.linspace(0.0, len(t) - 1.0, elements + 1)
+    for _ in range(_PROJECTIONS):
+        breaks = np.interp(places, np.arange(len(t)), t)
+        try:
+            axis, centers = (_periodic if closed else _clamped)(points, t, breaks, degree)
+        except np.linalg.LinAlgError:
+            return None
+        where, slope = evaluate(axis, centers, t)
+        t[1:-1] += (np.einsum("ta,ta->t", points - where, slope) / np.einsum("ta,ta->t", slope, slope))[1:-1]
+        if (np.diff(t) <= 0.0).any():
+            return None
+        where, _ = evaluate(axis, centers, t)
+        if np.linalg.norm(points - where, axis=1).max() <= tolerance:
+            return Curve(axis, centers, t) if _keeps_to(points, tolerance, axis, centers, t) else None
+    return None
+
+
+def _keeps_to(points: Array, tolerance: float, axis: Axis, centers: Array, t: Array) -> bool:
+    """Return whether the curve keeps to the polyline between the points, which it meets at ``t``."""
+    share = np.arange(1.0, _BETWEEN + 1.0) / (_BETWEEN + 1.0)
+    x, _ = evaluate(axis, centers, (t[:-1, None] + np.diff(t)[:, None] * share).ravel())
+    arm = x.reshape(len(t) - 1, _BETWEEN, 3) - points[:-1, None]
+    chord = np.diff(points, axis=0)
+    square = np.einsum("ta,ta->t", chord, chord)
+    along = np.clip(np.einsum("tsa,ta->ts", arm, chord) / square[:, None], 0.0, 1.0)
+    off = np.linalg.norm(arm - along[:, :, None] * chord[:, None], axis=2).max(axis=1)
+    length = np.pad(np.sqrt(square), 1, mode="edge")
+    longest = np.maximum(np.maximum(length[:-2], length[2:]), length[1:-1])
+    return bool((off <= tolerance + _STRAYS * longest).all())
+
+
+def _interpolating(points: Array, closed: bool) -> Curve:
+    """Return the cubic spline with all points for its knots; the ends of an open one do not bend."""
+    # Loaded where a polyline is that rough.
+    from scipy.interpolate import CubicSpline
+
+    t = _chord_lengths(points)
+    spline = CubicSpline(t, points, bc_type="periodic" if closed else "natural")
+    axis = _axis(t, DEGREE)
+    centers = interpolate(axis, spline)
+    centers[0], centers[-1] = points[0], points[-1]
+    return Curve(axis, centers, t)
+
+
+def _axis(breaks: Array, degree: int) -> Axis:
+    knots = np.concatenate([np.repeat(breaks[0], degree), breaks, np.repeat(breaks[-1], degree)])
+    return Axis(degree, knots, np.ones(knots.size - degree - 1))
+
+
+def _clamped(points: Array, t: Array, breaks: Array, degree: int) -> tuple[Axis, Array]:
+    """Return the spline on ``breaks`` nearest to points at ``t``."""
+    axis = _axis(breaks, degree)
+    return axis, nearest(axis, t, points)
+
+
+def _periodic(points: Array, t: Array, breaks: Array, degree: int) -> tuple[Axis, Array]:
+    """Return the spline on ``breaks`` nearest to points at ``t`` that goes on as it began, on a clamped axis."""
+    count, length = breaks.size - 1, breaks[-1] - breaks[0]
+    turns, place = np.divmod(np.arange(-degree, count + degree + 1), count)
+    knots = breaks[place] + turns * length
+
+    def functions(u: Array) -> tuple[Index, Array]:
+        first, values, _ = bspline.table(knots, degree, u)
+        return (first[:, None] + np.arange(degree + 1)) % count, values
+
+    found = least_squares(*functions(t[:-1]), points[:-1], count)
+    axis = _axis(breaks, degree)
+
+    def field(u: Array) -> Array:
+        which, values = functions(np.where(u < breaks[-1], u, breaks[0]))
+        return np.einsum("tj,tjc->tc", values, found[which])
+
+    centers = interpolate(axis, field)
+    centers[-1] = centers[0]
+    return axis, centers
