@@ -46,7 +46,7 @@ PAIR: dict[str, Any] = {
             "space": {"elements": 2, "degree": 2},
         },
         "high": {
-            "curve": {"helix": {"radius": 4.0, "pitch": 1.0, "turns": 1}},
+            "curve": {"helix": {"radius": 4.0, "pitch": 1.0, "turns": 1, "arcs_per_turn": 4}},
             "section": {"circle": 0.5, "n": 4},
             "law": {"NeoHookean": {"E": 100.0, "nu": 0.3}},
             "space": {"degree": 2},

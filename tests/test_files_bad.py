@@ -1,4 +1,4 @@
-"""A scene file that is wrong anywhere is refused in one line that names file, line and place, and nothing is written."""
+"""A scene file that is wrong anywhere is refused in one line: file, line and place; nothing is written."""
 
 import copy
 import os

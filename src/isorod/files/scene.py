@@ -20,10 +20,12 @@ if TYPE_CHECKING:
 
 # What a record has besides what is measured.
 RESERVED = frozenset(
-    "scene options data analysis dofs unknowns quadrature built seconds solver ranks versions commit machine time "
-    "files settings petsc_options error_estimate changes refinements newton_iterations linear_iterations load_steps "
-    "cuts residual_norms pressures contact_area penetration residuals rigid below shift iterations times steps "
-    "time_step critical_step resumed smallest_jacobian volume control_points".split()
+    "scene options data analysis dofs unknowns quadrature discretisation built seconds solver ranks versions commit "
+    "machine time files settings petsc_options error_estimate estimate_seconds changes refinements newton_iterations "
+    "linear_iterations load_steps cuts residual_norms pressures contact_area penetration residuals rigid below shift "
+    "iterations frequencies times reactions contact_force kinetic stored contact_energy added_kinetic muscle_work "
+    "dissipated energy_error momentum_error steps time_step critical_step microseconds_a_step resumed integrator "
+    "added_kinetic_share smallest_jacobian volume control_points".split()
 )
 
 # Of each analysis the class of its solutions.

@@ -8,7 +8,10 @@ from isorod.files.form import CONTACT, PARTNER, POINTS, ROD, SUPPORT, Form
 
 CURVES = {
     "straight": Form("isorod.geometry.center_line:straight"),
+    "arc": Form("isorod.geometry.center_line:arc"),
     "helix": Form("isorod.geometry.center_line:helix"),
+    "polyline": Form("isorod.geometry.center_line:polyline", kinds={"points": POINTS}),
+    "nurbs": Form("isorod.files.curves:nurbs", kinds={"points": POINTS}),
 }
 SECTIONS = {
     "circle": Form("isorod.geometry.section:circle", defaults={"n": 8}),
@@ -25,7 +28,12 @@ LAWS = {
     "Muscle": Form("isorod.material.muscle:Muscle"),
 }
 # What else a rod has: keys of its own, and those of its space.
-SWEEP = Form("isorod.geometry.center_line:CenterLine.sweep", left=("section",))
+SWEEP = Form(
+    "isorod.geometry.center_line:CenterLine.sweep",
+    kinds={"end": SECTIONS},
+    keys={"end": "end_section", "tolerance": "section_tolerance"},
+    left=("section",),
+)
 BODY = Form("isorod.model.body:Body", left=("space", "material"))
 SPACE = Form("isorod.space.space:Space", defaults={"quadrature": "auto"}, left=("rod", "section_basis"))
 
