@@ -207,7 +207,7 @@ def leaves(value: Any, path: tuple[str | int, ...] = ()) -> Iterator[tuple[tuple
     """Yield the place of each key and its value, tables before what is in them."""
     if path:
         yield path, value
-    inner = value.items() if isinstance(value, dict) else ()
+    inner: Any = value.items() if isinstance(value, dict) else ()
     if isinstance(value, list) and value and isinstance(value[0], dict):
         inner = enumerate(value)
     for key, one in inner:

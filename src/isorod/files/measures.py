@@ -15,7 +15,7 @@ Component = Literal["x", "y", "z"]
 
 
 def geometry() -> None:
-    """Say nothing of mechanics: volume, smallest Jacobian determinant and number of control points of the rods."""
+    """Tell volume, smallest Jacobian determinant and number of control points of the rods, and no mechanics."""
 
 
 def reaction(solution: "Equilibrium | History", support: int, component: Component | None = None) -> Any:
@@ -24,7 +24,7 @@ def reaction(solution: "Equilibrium | History", support: int, component: Compone
     Parameters
     ----------
     support
-        The support.
+        Which one.
     component
         ``"x"``, ``"y"`` or ``"z"``; all three where not given.
     """
@@ -37,7 +37,7 @@ def moment(solution: "Equilibrium", support: int, component: Component | None = 
     Parameters
     ----------
     support
-        The support.
+        Which one.
     component
         ``"x"``, ``"y"`` or ``"z"``; all three where not given.
     """
@@ -56,7 +56,7 @@ def displacement(
     Parameters
     ----------
     rod
-        The rod.
+        Whose point it is.
     u
         Axis parameter of the point; that of the end face where not given.
     xi
@@ -76,12 +76,12 @@ def displacement(
 
 
 def contact_force(solution: "Equilibrium", contact: int) -> float:
-    """Return the total normal force of a contact (statics; the record of a motion has that of all contacts).
+    """Return the total normal force of a contact (statics alone; a motion's record has that of all contacts).
 
     Parameters
     ----------
     contact
-        The contact.
+        Which one.
     """
     return float(solution.contacts[contact].force)
 
