@@ -74,7 +74,7 @@ BAD = {
         lambda body: Model([body], loads=[SectionLoad.end(other(), "end", (0.0, 0.0, 1.0))]),
         "load 0: made for another space than that of body 0",
     ),
-    "half a turn": (lambda body: helix(1.0, 1.0, 1.5), "helix: turns: got 1.5, need an integer"),
+    "turns in words": (lambda body: helix(1.0, 1.0, "two"), "helix: turns: got 'two', need a number"),
     "half an arc": (lambda body: helix(1.0, 1.0, 1, 4.5), "helix: arcs a turn: got 4.5, need an integer"),
 }
 
@@ -119,7 +119,7 @@ def test_numbers_may_be_of_any_type():
     assert [type(value) for value in (scene.coils, scene.section_points, scene.elements_per_turn)] == [int] * 3
     space = Space(scene.rod(), elements=np.int32(8), degree=3.0, section_points=8.0)
     assert (space.axis.elements, space.axis.degree, space.points_around) == (8, 3, 8)
-    assert helix(1.0, 1.0, 2.0).axis.elements == 8
+    assert helix(1.0, 1.0, np.float32(2.0), 4.0).axis.elements == 8
 
 
 def test_a_support_of_an_equal_space_will_do(body):

@@ -90,3 +90,11 @@ def test_small_pull_shows_the_textbook_stiffness(coils, wire, excess):
     textbook = shear * (2 * wire) ** 4 / (8 * 12**3 * coils)
     stiffness = force(8, 8, pull=1e-4, degree=4, quadrature="full", coils=coils, wire_radius=wire) / 1e-4
     assert 0.5 * excess < stiffness / textbook - 1.0 < excess
+
+
+@pytest.mark.parametrize(("pitch", "excess"), [(2.60258, 5.6e-5), (3.6, 1.05e-4)])
+def test_a_helix_that_climbs_evenly_is_a_little_stiffer(pitch, excess):
+    """What 4 arcs a turn lose by their lead angle's wobble, which goes with its square."""
+    fine = {"degree": 5, "continuity": None, "quadrature": "4x4x6", "section_degree": 3, "pitch": pitch}
+    paper, even = (force(8, 8, helix=kind, **fine) for kind in ("paper", "even"))
+    assert even / paper - 1.0 == pytest.approx(excess, abs=8e-6)

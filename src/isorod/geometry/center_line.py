@@ -118,6 +118,10 @@ def helix(
     pitch the wire lies on the cylinder, but climbs unevenly: with 4 arcs a turn that spring's at 3.10 to 4.38 degrees
     in place of 3.95, an error that falls with the square of their number only.
 
+    The wobble makes a spring softer by about its mean square: fully converged, the even helix takes 0.0057 % more force
+    than 4 arcs (mean square of the wobble 0.0045 %, volumes equal within 1e-6), with a pitch of 3.6 it takes
+    0.0105 % more (0.0086 %; the lead angle of the arcs is 4.29 to 6.05 degrees in place of 5.45).
+
     Parameters
     ----------
     radius, pitch

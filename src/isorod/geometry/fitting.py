@@ -62,7 +62,10 @@ def resolve(axis: Axis, field: Field, tolerance: float) -> tuple[Axis, Array]:
     """
     power = 1.0 / (axis.degree + 1)
     for _ in range(_ROUNDS):
-        coefficients = interpolate(axis, field)
+        fit = np.sort(np.concatenate([inside(axis, 2 * axis.degree).ravel(), axis.breaks]))
+        wanted = field(fit)
+        # Interpolation would make circles too small everywhere: it errs to one side.
+        coefficients = nearest(axis, fit, wanted.reshape(fit.size, -1)).reshape(axis.count, *wanted.shape[1:])
         u = inside(axis, _POINTS * axis.degree)
         off = evaluate(axis, coefficients, u.ravel())[0] - field(u.ravel())
         errors = np.linalg.norm(off, axis=-1).reshape(axis.elements, -1).max(axis=1)

@@ -51,6 +51,7 @@ class Frames:
 
     def check(self) -> None:
         """Raise `InputError` if the curve stands still, has a corner, or closed does not come back as it left."""
+        self._along(_samples(self.axis))
         breaks, nudge = self.axis.breaks, 1e-9 * np.diff(self.axis.breaks)
         before, after = self._along(breaks[1:] - nudge)[1], self._along(breaks[:-1] + nudge)[1]
         turn = np.linalg.norm(np.roll(after, -1, axis=0) - before, axis=1)
@@ -92,7 +93,7 @@ class Frames:
         """Return places and unit tangents ``(t, 3)``."""
         where, slope = evaluate(self.axis, self.centers, u)
         speed = np.linalg.norm(slope, axis=1)
-        if not speed.min() > 1e-9 * speed.max():
+        if not speed.min() > 1e-6 * self.share.pace:
             raise InputError(
                 f"centre line: it stands still at u = {u[np.argmin(speed)]:.4g} and has no direction there"
             )
@@ -123,6 +124,8 @@ class Share:
         self.speed, between = (np.linalg.norm(evaluate(axis, centers, u)[1], axis=1) for u in (self.u, middle))
         step = np.diff(self.u) / 6.0 * (self.speed[:-1] + 4.0 * between + self.speed[1:])
         self.length = np.concatenate([[0.0], np.cumsum(step)])
+        # Length for each unit of the parameter, in the mean.
+        self.pace = float(self.length[-1] / (self.u[-1] - self.u[0]))
 
     def __call__(self, u: Array) -> Array:
         """Return the shares ``(t,)`` at parameters ``(t,)``."""

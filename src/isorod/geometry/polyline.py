@@ -14,6 +14,9 @@ DEGREE = 3
 # So often the points' parameters are moved to where the curve is nearest.
 _PROJECTIONS = 3
 
+# Parameters stay apart by this share of a chord.
+_APART = 1e-6
+
 # Between two points the curve is looked at so often, and may stray from the polyline by this share of a chord. Cubic
 # splines through random walks with chords of very unequal length, ends that do not bend, stray by 0.34 at most.
 _BETWEEN = 7
@@ -33,8 +36,9 @@ def through(points: Array, tolerance: float, closed: bool) -> Curve:
 
     A least-squares curve (Piegl & Tiller, The NURBS Book, 2nd ed., section 9.4) whose knots follow the points, so that
     each element has one at least; the points' parameters, chord lengths at first, are moved to where the curve is
-    nearest (Hoschek, CAGD 5, 1988, 27-31).  A curve counts as near if it also keeps to the polyline in between, within the tolerance and
-    half the longest of the three chords about; where no such curve is found, the cubic spline through all points does.
+    nearest (Hoschek, CAGD 5, 1988, 27-31).  A curve counts as near if it also keeps to the polyline in between, within
+    the tolerance and half the longest of the three chords about; where no such curve is found, the cubic spline through
+    all points does.
 
     Parameters
     ----------
@@ -65,18 +69,18 @@ def _chord_lengths(points: Array) -> Array:
 
 def _near(points: Array, tolerance: float, elements: int, degree: int, closed: bool) -> Curve | None:
     """Return the curve of so many elements, None if points are farther from it than the tolerance."""
-    t = _chord_lengths(points)
-    places = np.linspace(0.0, len(t) - 1.0, elements + 1)
+    chords = _chord_lengths(points)
+    breaks = np.interp(np.linspace(0.0, len(points) - 1.0, elements + 1), np.arange(len(points)), chords)
+    t = chords.copy()
     for _ in range(_PROJECTIONS):
-        breaks = np.interp(places, np.arange(len(t)), t)
         try:
             axis, centers = (_periodic if closed else _clamped)(points, t, breaks, degree)
         except np.linalg.LinAlgError:
             return None
         where, slope = evaluate(axis, centers, t)
         t[1:-1] += (np.einsum("ta,ta->t", points - where, slope) / np.einsum("ta,ta->t", slope, slope))[1:-1]
-        if (np.diff(t) <= 0.0).any():
-            return None
+        # Points nearer to each other than to the curve may come in another order along it.
+        t = np.maximum.accumulate(np.clip(t, chords[0], chords[-1])) * (1.0 - _APART) + chords * _APART
         where, _ = evaluate(axis, centers, t)
         if np.linalg.norm(points - where, axis=1).max() <= tolerance:
             return Curve(axis, centers, t) if _keeps_to(points, tolerance, axis, centers, t) else None
