@@ -24,7 +24,7 @@ TITLES: dict[str, Mapping[str, Form]] = {
     "Rotation of the frame: `[spin]`": {"": schema.SPIN},
     "Obstacles: `[obstacle.NAME]`": schema.OBSTACLES,
     "Contacts: `[contact.NAME]`": {"": schema.CONTACTS},
-    "What is measured: `[measure.NAME]`, each with a `unit`, which is a word for people": schema.MEASURES,
+    "What is measured: `[measure.NAME]`": schema.MEASURES,
 }
 
 
@@ -47,6 +47,8 @@ def _rows(word: str, form: Form) -> Iterator[str]:
         main = " (main)" if word and key == form.principal else ""
         default = "needed" if one.required else f"`{_shown(one.default)}`" if one.default is not None else ""
         meant = told.get(one.name, "")
+        if key in form.more:
+            meant = "A word for people, beside the number."
         if one.kind == ROD and not one.required:
             default, meant = "the only one", "What it acts on."
         yield _row("", f"`{key}`{main}", one.words, default, meant)

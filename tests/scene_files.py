@@ -6,8 +6,6 @@ import math
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-POINTS = "x,y,z\n0,0,0\n0,0,1\n0,0,2\n0,0,3\n"
-
 BEAM: dict[str, Any] = {
     "title": "beam",
     "analysis": {"statics": {"load_steps": 1}},
@@ -46,7 +44,7 @@ PAIR: dict[str, Any] = {
             "space": {"elements": 2, "degree": 2},
         },
         "high": {
-            "curve": {"helix": {"radius": 4.0, "pitch": 1.0, "turns": 1, "arcs_per_turn": 4}},
+            "curve": {"helix": {"radius": 4.0, "pitch": 1.0, "turns": 1.0, "arcs_per_turn": 4}},
             "section": {"circle": 0.5, "n": 4},
             "law": {"NeoHookean": {"E": 100.0, "nu": 0.3}},
             "space": {"degree": 2},
@@ -100,13 +98,34 @@ RING: dict[str, Any] = {
     "analysis": "geometry",
     "rod": {
         "ring": {
-            "curve": {"helix": {"radius": 4.0, "pitch": 0.0, "turns": 1, "arcs_per_turn": 4}},
+            "curve": {"helix": {"radius": 4.0, "pitch": 0.0, "turns": 1.0, "arcs_per_turn": 4}},
             "section": {"outline": "outline.csv", "n": 4},
             "closed": True,
         }
     },
 }
-VALID = {"beam": BEAM, "pair": PAIR, "modes": MODES, "motion": MOTION, "ring": RING}
+WIRE: dict[str, Any] = {
+    "analysis": "geometry",
+    "rod": {
+        "wire": {
+            "curve": {"polyline": "line.csv", "tolerance": 0.01, "closed": False, "normal": [1.0, 0.0, 0.0]},
+            "section": {"circle": 0.1, "n": 6},
+            "scale": [1.0, 1.5, 1.0],
+            "twist": 30.0,
+            "end_section": {"ellipse": {"a": 0.1, "b": 0.15, "n": 6}},
+        },
+        "bow": {
+            "curve": {"arc": 4.0, "angle": 45.0, "phase": 10.0},
+            "section": {"circle": 0.1},
+        },
+        "spline": {
+            "curve": {"nurbs": "line.csv", "degree": 2, "weights": [1.0, 2.0, 1.0]},
+            "section": {"circle": 0.1},
+        },
+    },
+}
+VALID = {"wire": WIRE, "beam": BEAM, "pair": PAIR, "modes": MODES, "motion": MOTION, "ring": RING}
+LINE = "x,y,z\n0,0,0\n0,1,1\n0,0,3\n"
 OUTLINE = "\n".join(f"{math.cos(t)},{math.sin(t)}" for t in (2.0 * math.pi * k / 12 for k in range(12)))
 
 # Names that are the user's: another one there is as good.
@@ -139,7 +158,6 @@ OUT_OF_RANGE: dict[str, list[Any]] = {
     "load_steps": [0, -1],
     "modes": [0, -3, 10000],
     "radius": [0.0, -1.0],
-    "normal": [[0.0, 0.0, 0.0]],
     "axis": [[0.0, 0.0, 0.0]],
     "penalty": [0.0, -1.0],
     "points": [[0, 3], [3, 100]],
@@ -163,6 +181,12 @@ OUT_OF_RANGE: dict[str, list[Any]] = {
     "reaction": ["tipp"],
     "displacement": ["bem"],
     "rod": ["bem"],
+    "tolerance": [-1.0],
+    "angle": [0.0, 400.0],
+    "arc": [0.0, -1.0],
+    "normal": [[0.0, 0.0, 0.0]],
+    "weights": [[1.0, 0.0, 1.0], [1.0, 2.0]],
+    "scale": [[1.0, -1.0, 1.0], [1.0, 2.0], [1.0]],
     "first": ["floor", "lo"],
     "second": ["low", "flor"],
 }

@@ -18,7 +18,7 @@ from isorod.geometry import center_line, section
 from isorod.scenes.flower import Flower
 from isorod.scenes.ring import Ring
 from isorod.scenes.spring import Spring
-from tests.scene_files import BEAM, MODES, MOTION, OUTLINE, PAIR, RING, VALID, text
+from tests.scene_files import BEAM, LINE, MODES, MOTION, OUTLINE, PAIR, RING, VALID, text
 
 EXAMPLES = Path(new.__file__).parent.parent / "files" / "examples"
 
@@ -108,7 +108,7 @@ def test_new_overwrites_nothing_and_leaves_nothing_half_done(words, there, said,
 
 @pytest.mark.parametrize("name", VALID)
 def test_a_record_holds_what_gives_the_same_result_again(name, written, capsys):
-    first = record_of(capsys, written(VALID[name], outline_csv=OUTLINE))
+    first = record_of(capsys, written(VALID[name], outline_csv=OUTLINE, line_csv=LINE))
     again = record_of(capsys, written(first["options"]))
     assert first["options"] == VALID[name]
     assert again["options"] == first["options"]
@@ -129,7 +129,7 @@ def test_a_record_has_the_sums_of_its_data(written, capsys):
 
 @pytest.mark.parametrize("name", VALID)
 def test_no_measure_can_have_a_name_of_the_record(name, written, capsys):
-    record = record_of(capsys, written(VALID[name], outline_csv=OUTLINE))
+    record = record_of(capsys, written(VALID[name], outline_csv=OUTLINE, line_csv=LINE))
     own = {*VALID[name].get("measure", ()), "frequencies"}
     assert record.keys() - own <= RESERVED, record.keys() - own - RESERVED
 

@@ -9,7 +9,7 @@ import pytest
 
 from isorod.command import cli
 from isorod.files.lines import lines
-from tests.scene_files import BEAM, OUTLINE, VALID, mutants, text
+from tests.scene_files import BEAM, LINE, OUTLINE, VALID, mutants, text
 
 ALL = list(mutants())
 
@@ -19,6 +19,7 @@ def refused(capsys, tmp_path, monkeypatch, recwarn):
     """Run a file of a text; return its only line of complaint, having made sure that nothing else has happened."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "outline.csv").write_text(OUTLINE)
+    (tmp_path / "line.csv").write_text(LINE)
 
     def run(content: str | bytes) -> str:
         (tmp_path / "my.toml").write_bytes(content.encode() if isinstance(content, str) else content)
@@ -26,7 +27,7 @@ def refused(capsys, tmp_path, monkeypatch, recwarn):
         out, err = capsys.readouterr()
         assert (code, out) == (2, ""), (content, out, err)
         assert re.fullmatch(r"isorod: my\.toml:\d+: .+\n", err), (content, err)
-        assert {one.name for one in tmp_path.iterdir()} == {"outline.csv", "my.toml"}
+        assert {one.name for one in tmp_path.iterdir()} == {"line.csv", "outline.csv", "my.toml"}
         return err.removeprefix("isorod: my.toml:").rstrip("\n")
 
     return run
@@ -36,6 +37,7 @@ def refused(capsys, tmp_path, monkeypatch, recwarn):
 def test_the_scenes_that_are_changed_are_right(name, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "outline.csv").write_text(OUTLINE)
+    (tmp_path / "line.csv").write_text(LINE)
     (tmp_path / "my.toml").write_text(text(VALID[name]))
     assert cli.main(["run", "my.toml"]) == 0, capsys.readouterr().err
 

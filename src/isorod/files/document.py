@@ -82,11 +82,6 @@ class Place:
         words = "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in self.path)
         return words.removeprefix(".")
 
-    @property
-    def name(self) -> str:
-        """The last name on the way."""
-        return next((key for key in reversed(self.path) if isinstance(key, str)), "")
-
     def error(self, message: str) -> InputError:
         """Return the error that says what is wrong here."""
         where = f"{self.document.name}:{self.document.line(self.path)}: "

@@ -63,6 +63,8 @@ class Form:
         Parameters that have another name in files.
     left
         Parameters that are none of the file's.
+    more
+        Kinds of keys that are no parameters, but for whoever reads the file.
     """
 
     target: str
@@ -71,6 +73,7 @@ class Form:
     defaults: Mapping[str, Any] = field(default_factory=dict)
     keys: Mapping[str, str] = field(default_factory=dict)
     left: tuple[str, ...] = ()
+    more: Mapping[str, Any] = field(default_factory=dict)
 
     @cached_property
     def function(self) -> Any:
@@ -95,7 +98,7 @@ class Form:
             if name not in ("self", *self.left):
                 kind = self.kinds.get(name) or evaluated(one.annotation, module)
                 found[self.keys.get(name, name)] = Parameter(name, kind, self.defaults.get(name, one.default))
-        return found
+        return found | {key: Parameter(key, kind, None) for key, kind in self.more.items()}
 
     @property
     def principal(self) -> str | None:

@@ -141,11 +141,8 @@ class FileScene:
         for name, at, table in self._named("measure"):
             if name in RESERVED:
                 raise at.error("a result has something else of this name; choose another")
-            unit = table.get("unit", "")
-            if not isinstance(unit, str):
-                raise (at / "unit").error(f"got {shown(unit)}, need a text")
-            asked = choice(at, fitting, {key: value for key, value in table.items() if key != "unit"})
-            self.units[name] = unit
+            asked = choice(at, fitting, table)
+            self.units[name] = asked.arguments.pop("unit", "")
             yield name, partial(asked.make, **self._names(asked))
         if self.analysis == "modal":
             self.units["frequencies"] = "(cycles per unit of time)"

@@ -66,10 +66,15 @@ ANALYSES = {
     "geometry": Form("isorod.files.measures:geometry"),
 }
 
-_RESULT = ("solution",)
+
+def _measure(name: str, **kinds: str) -> Form:
+    # The unit is a word for people.
+    return Form(f"isorod.files.measures:{name}", kinds=kinds, left=("solution",), more={"unit": str})
+
+
 MEASURES = {
-    "reaction": Form("isorod.files.measures:reaction", kinds={"support": SUPPORT}, left=_RESULT),
-    "moment": Form("isorod.files.measures:moment", kinds={"support": SUPPORT}, left=_RESULT),
-    "displacement": Form("isorod.files.measures:displacement", kinds={"rod": ROD}, left=_RESULT),
-    "contact_force": Form("isorod.files.measures:contact_force", kinds={"contact": CONTACT}, left=_RESULT),
+    "reaction": _measure("reaction", support=SUPPORT),
+    "moment": _measure("moment", support=SUPPORT),
+    "displacement": _measure("displacement", rod=ROD),
+    "contact_force": _measure("contact_force", contact=CONTACT),
 }
