@@ -1,6 +1,5 @@
 """Points that a scene file takes from a file beside it: CSV, or polylines of VTK."""
 
-import hashlib
 import math
 import re
 from itertools import pairwise
@@ -57,12 +56,7 @@ def points(place: Place, value: Any) -> Points:
     """
     if not isinstance(value, str):
         return Points(values.value_of(place, value, values.ArrayLike))
-    path = place.document.folder / value
-    try:
-        content = path.read_bytes()
-    except (OSError, ValueError) as problem:
-        raise place.error(f"{value}: cannot be read ({getattr(problem, 'strerror', None) or problem})") from None
-    place.document.read[value] = hashlib.sha256(content).hexdigest()
+    content, path = place.data(value), place.document.folder / value
     if path.suffix.lower() in _VTK:
         found = _vtk(place, value, path)
     else:

@@ -1,6 +1,7 @@
 """A TOML file as read, and its places: errors name file, line and key."""
 
 import difflib
+import hashlib
 import re
 import tomllib
 from collections.abc import Collection, Iterator, Mapping
@@ -105,6 +106,15 @@ class Place:
         if not isinstance(value, dict):
             raise self.error(f"got {shown(value)}, need a table {{...}}")
         return value
+
+    def data(self, name: str) -> bytes:
+        """Return the content of a file beside the scene's, and note its sum; raises `InputError` if there is none."""
+        try:
+            content = (self.document.folder / name).read_bytes()
+        except (OSError, ValueError) as problem:
+            raise self.error(f"{name}: cannot be read ({getattr(problem, 'strerror', None) or problem})") from None
+        self.document.read[name] = hashlib.sha256(content).hexdigest()
+        return content
 
     @contextmanager
     def told(self, keys: "Mapping[str, Place] | None" = None) -> Iterator[None]:

@@ -35,7 +35,7 @@ SWEEP = Form(
     left=("section",),
 )
 BODY = Form("isorod.model.body:Body", left=("space", "material"))
-SPACE = Form("isorod.space.space:Space", defaults={"quadrature": "auto"}, left=("rod", "section_basis"))
+SPACE = Form("isorod.space.space:Space", left=("rod", "section_basis"))
 
 
 def _on_rod(target: str, main: str | None = None) -> Form:

@@ -20,7 +20,7 @@ def value_of(place: Place, value: Any, kind: Any) -> Any:
     """Return a value of TOML as one of a kind.
 
     Numbers must be finite, lists of the length that the kind has, whole numbers may be written ``8.0``; the name of a
-    file is one beside the scene's file.
+    file is one of a file that is there, beside the scene's.
 
     Raises
     ------
@@ -42,7 +42,13 @@ def value_of(place: Place, value: Any, kind: Any) -> Any:
 
 def words(kind: Any) -> str:
     """Return what a kind is in words."""
-    plain = {int: "an integer", float: "a number", str: "a text", bool: "true or false", Path: "the name of a file"}
+    plain = {
+        int: "an integer",
+        float: "a number",
+        str: "a text",
+        bool: "true or false",
+        Path: "the name of a file beside this one",
+    }
     told = []
     for one in _parts(kind):
         origin, parts = get_origin(one), get_args(one)
@@ -119,6 +125,7 @@ def _made(place: Place, value: Any, kind: Any) -> Any:
     if kind is float:
         return float(value)
     if kind is Path:
+        place.data(value)
         return place.document.folder / value
     if isinstance(value, list):
         return np.array(value, dtype=float) if _is_array(kind) else tuple(value)
