@@ -12,6 +12,7 @@ from numbers import Real
 from typing import Any, Union, get_args, get_origin
 
 import numpy as np
+from numpy.typing import NDArray
 
 
 class InputError(ValueError):
@@ -52,6 +53,14 @@ def expect(name: str, value: object, kind: Any) -> None:
     hint = f" (its {kind.__name__.lower()}() is one)" if callable(own) else ""
     shown = f"{value!r:.40}" if plain else f"{type(value).__name__}"
     raise InputError(f"{name}: got {shown}, need {_words(kind)}{hint}")
+
+
+def numbers(name: str, values: Any) -> NDArray[np.float64]:
+    """Return an array of numbers, or raise `InputError` if they are none or of no one shape."""
+    try:
+        return np.asarray(values, dtype=float)
+    except (TypeError, ValueError):
+        raise InputError(f"{name}: got {values!r:.40}, need numbers") from None
 
 
 def whole_number(name: str, value: float, low: int, high: int) -> int:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from isorod.arrays import Array
-from isorod.errors import InputError, expect, whole_number
+from isorod.errors import InputError, expect, numbers, whole_number
 from isorod.geometry import bspline
 from isorod.geometry import polyline as near_points
 from isorod.geometry.axis import MAX_ELEMENTS, Axis
@@ -222,11 +222,12 @@ def polyline(
     expect("polyline: tolerance", tolerance, float)
     if not (np.isfinite(tolerance) and tolerance >= 0.0):
         raise InputError(f"polyline: tolerance: got {tolerance:g}, need a length, 0 or more")
-    if closed and len(given) > 1 and not np.array_equal(given[0], given[-1]):
+    repeated = closed and len(given) > 1 and np.array_equal(given[0], given[-1])
+    count, least = len(given) - repeated, 3 if closed else 2
+    if count < least:
+        raise InputError(f"polyline: got {count} points, need at least {least}")
+    if closed and not repeated:
         given = np.concatenate([given, given[:1]])
-    least = 3 if closed else 2
-    if len(given) - closed < least:
-        raise InputError(f"polyline: got {len(given) - closed} points, need at least {least}")
     if len(given) > MAX_ELEMENTS:
         raise InputError(f"polyline: {len(given)} points are too many; at most {MAX_ELEMENTS}")
     chords = np.linalg.norm(np.diff(given, axis=0), axis=1)
@@ -285,10 +286,7 @@ def _positive(name: str, value: float) -> None:
 
 def _points(name: str, values: ArrayLike, shape: tuple[int | None, ...]) -> Array:
     """Return finite numbers of a shape, in which None stands for any number."""
-    try:
-        found = np.asarray(values, dtype=float)
-    except (TypeError, ValueError):
-        raise InputError(f"{name}: got {values!r:.40}, need numbers") from None
+    found = numbers(name, values)
     wanted = (
         "(" + ", ".join("m" if size is None else str(size) for size in shape) + ("," if len(shape) == 1 else "") + ")"
     )
@@ -306,7 +304,7 @@ def _numbers_of(curve: Any, *names: str) -> Array:
     for name in names:
         value = getattr(curve, name, None)
         if value is not None:
-            return np.asarray(value, dtype=float)
+            return numbers(f"nurbs: {name}", value)
     raise InputError(
         f"nurbs: got {type(curve).__name__} without {' or '.join(names)}, need a curve of splinepy or geomdl"
     )

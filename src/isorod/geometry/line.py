@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from isorod.arrays import Array
-from isorod.errors import InputError, expect
+from isorod.errors import InputError, expect, numbers
 from isorod.geometry.axis import Axis
 from isorod.geometry.fitting import Field, evaluate, resolve
 from isorod.geometry.frames import Share
@@ -132,10 +132,13 @@ class CenterLine:
 
     def _size(self, scale: Scale) -> Callable[[Array], Array]:
         """Return the section's size as a function of parameters ``(t,)``."""
-        given = scale if callable(scale) else self._between(_numbers("scale", scale))
+        given = scale if callable(scale) else self._between(numbers("scale", scale))
 
         def size(u: Array) -> Array:
-            return np.broadcast_to(np.asarray(given(u), dtype=float), u.shape)
+            found = numbers("scale", given(u))
+            if found.shape not in ((), u.shape):
+                raise InputError(f"scale: the function gave shape {found.shape} for {u.size} parameters, need one each")
+            return np.broadcast_to(found, u.shape)
 
         u = self._fine()
         sizes = size(u)
@@ -145,43 +148,40 @@ class CenterLine:
             raise InputError(f"scale: got {sizes[k]:g} at u = {u[k]:.4g}, need positive numbers")
         return size
 
-    def _between(self, numbers: Array) -> Callable[[Array], Array]:
+    def _between(self, given: Array) -> Callable[[Array], Array]:
         """Return a function of parameters ``(t,)`` that joins numbers."""
-        if numbers.ndim == 0:
-            return lambda u: np.full(u.shape, float(numbers))
-        if numbers.ndim != 1 or numbers.size < 2:
-            raise InputError(f"scale: got an array of shape {numbers.shape}, need a number or at least 2 in a row")
+        if given.ndim == 0:
+            return lambda u: np.full(u.shape, float(given))
+        if given.ndim != 1 or given.size < 2:
+            raise InputError(f"scale: got an array of shape {given.shape}, need a number or at least 2 in a row")
+        good = (given > 0.0) & np.isfinite(given)
+        if not good.all():
+            k = int(np.argmin(good))
+            raise InputError(f"scale: number {k} is {given[k]:g}, need positive numbers")
         # Loaded where radii are given.
         from scipy.interpolate import PchipInterpolator
 
-        places = np.linspace(self.axis.breaks[0], self.axis.breaks[-1], numbers.size)
+        places = np.linspace(self.axis.breaks[0], self.axis.breaks[-1], given.size)
         if self.stations is not None:
             places = self.stations
             # A closed polyline's first point is its last.
-            missing = places.size - numbers.size
+            missing = places.size - given.size
             if missing == 1 and self.closed:
-                numbers = np.append(numbers, numbers[0])
+                given = np.append(given, given[0])
             elif missing:
                 raise InputError(
-                    f"scale: got {numbers.size} numbers for {places.size - self.closed} points, need one each"
+                    f"scale: got {given.size} numbers for {places.size - self.closed} points, need one each"
                 )
         if not self.closed:
-            return PchipInterpolator(places, numbers)
+            return PchipInterpolator(places, given)
         # As it ends so it begins: a point more on either side.
         length = places[-1] - places[0]
         places = np.concatenate([[places[-2] - length], places, [places[1] + length]])
-        return PchipInterpolator(places, np.concatenate([numbers[-2:-1], numbers, numbers[1:2]]))
+        return PchipInterpolator(places, np.concatenate([given[-2:-1], given, given[1:2]]))
 
 
 def _polygon(name: str, points: ArrayLike) -> Array:
-    polygon = _numbers(name, points)
+    polygon = numbers(name, points)
     if polygon.ndim != 2 or polygon.shape[1] != 2:
         raise InputError(f"{name}: got shape {polygon.shape}, need (n, 2)")
     return polygon
-
-
-def _numbers(name: str, values: ArrayLike | float) -> Array:
-    try:
-        return np.asarray(values, dtype=float)
-    except (TypeError, ValueError):
-        raise InputError(f"{name}: got {values!r:.40}, need numbers") from None

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from isorod.arrays import Array
-from isorod.errors import Checked, FoldedRodError, InputError
+from isorod.errors import Checked, FoldedRodError, InputError, numbers
 from isorod.geometry import fold
 from isorod.geometry.axis import Axis
 from isorod.geometry.disk import check_count, harmonic_functions
@@ -99,8 +99,7 @@ class Rod(Checked):
         rotations, stretches
             Tensors of shape ``(layers, 3, 3)``; identity where not given.
         """
-        section = np.asarray(section, dtype=float)
-        centers = np.asarray(centers, dtype=float)
+        section, centers = numbers("section", section), numbers("centre line", centers)
         if section.ndim != 2 or section.shape[1] != 2:
             raise InputError(f"section: got shape {section.shape}, need (n, 2)")
         if centers.shape != (axis.count, 3):
