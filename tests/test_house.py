@@ -10,9 +10,10 @@ ROOT = Path(__file__).parent.parent
 HOUSE = ROOT / "src" / "isorod"
 
 # From the ground up; what stands before them is a file of its own.
-ROOMS = (
-    "geometry material petsc space model contact assembly output checks dynamics statics modal scenes command".split()
-)
+ROOMS = [
+    *"geometry material petsc space model contact assembly output checks dynamics statics modal".split(),
+    *"scenes files command".split(),
+]
 GROUND = ["errors", "arrays", "tensors", "compiling", "compiled", "options"]
 # What ``python -m isorod`` runs, and what ``import isorod`` offers: they stand on the ground and lead to the top.
 DOORS = ("__init__", "__main__")

@@ -85,13 +85,13 @@ def _kinds(owner: Any) -> tuple[tuple[str, Any, tuple[Any, ...]], ...]:
         if one.init:
             # The annotation is one of the class that has it, which may be a base in another file.
             base = next(base for base in owner.__mro__ if one.name in vars(base).get("__annotations__", ()))
-            kind = _evaluated(one.type, vars(sys.modules[base.__module__]))
+            kind = evaluated(one.type, vars(sys.modules[base.__module__]))
             union = get_origin(kind) in (Union, types.UnionType)
             found.append((one.name, kind, get_args(kind) if union else (kind,)))
     return tuple(found)
 
 
-def _evaluated(kind: Any, module: Mapping[str, Any]) -> Any:
+def evaluated(kind: Any, module: Mapping[str, Any]) -> Any:
     """Return what an annotation in quotes stands for; names for type checkers alone stand for anything."""
 
     class Names(dict[str, Any]):

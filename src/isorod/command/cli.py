@@ -1,6 +1,7 @@
 """The ``isorod`` command."""
 
 import argparse
+import dataclasses
 import sys
 import warnings
 from collections.abc import Sequence
@@ -8,7 +9,7 @@ from contextlib import nullcontext
 from time import perf_counter
 from typing import Any
 
-from isorod import __version__, options, scenes
+from isorod import __version__, files, options, scenes
 from isorod.command import ending
 from isorod.command.parser import Parser, add_fields, field_values, split
 from isorod.errors import InputError
@@ -36,9 +37,12 @@ def command(arguments: Sequence[str]) -> int:
     parser = Parser(prog="isorod", description="Rods as full 3-D continua through surface control points.")
     parser.add_argument("--version", action="version", version=f"isorod {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=Parser)
-    run = commands.add_parser("run", help="run a scene", add_help=False)
+    run = commands.add_parser("run", help="run a scene, or a file that describes one", add_help=False)
     run.add_argument("rest", nargs=argparse.REMAINDER)
     commands.add_parser("list", help="list the scenes")
+    new = commands.add_parser("new", help="write a file to begin with")
+    new.add_argument("name", nargs="?", default="my.toml", metavar="NAME.toml", help="name of the file (my.toml)")
+    new.add_argument("--from", default="starter", dest="origin", metavar="EXAMPLE", help="spring, ring ... (starter)")
     commands.add_parser("compile", help="compile everything ahead, so that no run has to wait for it")
     commands.add_parser("doctor", help="show versions, what is missing and how to get it")
     found = parser.known(ours[:1]) if ours[:1] == ["run"] else parser.known(ours)
@@ -49,6 +53,10 @@ def command(arguments: Sequence[str]) -> int:
             scene = scenes.find(name)
             print(f"{name:10s} {scenes.analyses(scene)[0]:10s} {_first_line(scene)}")
         return 0
+    if found.command == "new":
+        from isorod.command import new as starter
+
+        return starter.main(found.name, found.origin)
     if found.command == "compile":
         from isorod.command import compile as ahead
 
@@ -69,20 +77,18 @@ def _run(ours: Sequence[str], theirs: Sequence[str]) -> int:
 
     if ours[:1] in (["-h"], ["--help"]) or not (ours or theirs):
         print("usage: isorod run SCENE [--option value ...] [-petsc_option value ...]\n")
-        print("scenes: " + ", ".join(scenes.SCENES) + " ('isorod list' says what they are)\n" + _EPILOG)
+        print("scenes: " + ", ".join(scenes.SCENES) + " ('isorod list' says what they are), or a file NAME.toml")
+        print("('isorod new' writes one to begin with)\n" + _EPILOG)
         return 0
-    place, parser = _find_scene(ours, theirs)
-    name = ours[place]
-    scene_type = scenes.find(name)
+    place, scene, parser = _find_scene(ours, theirs)
     found = parser.known([*ours[:place], *ours[place + 1 :]])
-    values = field_values(found, scene_type)
+    scene = _told(scene, found)
     if found.output is not None:
         from isorod.output import results, vtk
 
         results.check_folder(found.output)
-        if scenes.analyses(scene_type) != ("geometry",):
+        if scenes.analyses(scene) != ("geometry",):
             vtk.require()
-    scene = scene_type(**values)
     solve = _geometry if scene.analysis == "geometry" else _analysis
     # What overflows ends as a number that is not finite, and no such number is reported.
     with printing.apart() if found.json else nullcontext(), np.errstate(all="ignore"), options.petsc_errors():
@@ -92,19 +98,18 @@ def _run(ours: Sequence[str], theirs: Sequence[str]) -> int:
     return 0
 
 
-def _find_scene(ours: Sequence[str], theirs: Sequence[str]) -> tuple[int, Parser]:
-    """Return where the scene's name stands, also behind options, and the scene's parser.
+def _find_scene(ours: Sequence[str], theirs: Sequence[str]) -> tuple[int, Any, Parser]:
+    """Return where the scene's name stands, also behind options, its class or the scene of a file, and its parser.
 
     A name that is the value of an option before it is not meant.
     """
     for place, word in enumerate(ours):
-        if place == 0 and not word.startswith("-"):
-            return place, _scene_parser(word, scenes.find(word))
-        if word in scenes.SCENES:
-            parser = _scene_parser(word, scenes.find(word))
-            if not parser.takes_value(ours[place - 1]):
-                return place, parser
-    taken = next((k for k in range(1, len(theirs)) if theirs[k] in scenes.SCENES), None)
+        if (place == 0 and not word.startswith("-")) or _is_scene(word):
+            scene = files.find(word)
+            parser = _scene_parser(word, scene)
+            if place == 0 or not parser.takes_value(ours[place - 1]):
+                return place, scene, parser
+    taken = next((k for k in range(1, len(theirs)) if _is_scene(theirs[k])), None)
     if taken is not None:
         raise InputError(
             f"no scene is named: {theirs[taken]} was taken for the value of {theirs[taken - 1]}; put it first: "
@@ -114,11 +119,26 @@ def _find_scene(ours: Sequence[str], theirs: Sequence[str]) -> tuple[int, Parser
     raise InputError(f"no scene is named; there are: {names}; put one first: isorod run SCENE {[*ours, *theirs][0]}")
 
 
-def _scene_parser(name: str, scene_type: Any) -> Parser:
-    """Return the parser of a scene's fields and of what its analyses can be told."""
-    parser = Parser(prog=f"isorod run {name}", description=_first_line(scene_type), epilog=_EPILOG, allow_abbrev=False)
-    add_fields(parser, scene_type)
-    analyses = scenes.analyses(scene_type)
+def _told(scene: Any, found: argparse.Namespace) -> Any:
+    """Return the scene of a class, or that of a file, with the options that were typed."""
+    if isinstance(scene, type):
+        return scene(**field_values(found, scene))
+    names = {field.name for field in dataclasses.fields(scene)}
+    typed = {name: value for name, value in vars(found).items() if name in names and value is not None}
+    return dataclasses.replace(scene, **typed) if typed else scene
+
+
+def _is_scene(word: str) -> bool:
+    return word in scenes.SCENES or (word.endswith(".toml") and not word.startswith("-"))
+
+
+def _scene_parser(name: str, scene: Any) -> Parser:
+    """Return the parser of the fields of a scene class, or of a file's scene, and of what its analyses can be told."""
+    said = _first_line(scene) if isinstance(scene, type) else scene.title
+    parser = Parser(prog=f"isorod run {name}", description=said, epilog=_EPILOG, allow_abbrev=False)
+    if isinstance(scene, type) or scene.analysis != "geometry":
+        add_fields(parser, scene)
+    analyses = scenes.analyses(scene)
     if "statics" in analyses:
         parser.add_argument(
             "--load-steps", type=int, default=1, metavar="int", help="equal load steps to start with (1)"
@@ -151,7 +171,7 @@ def _scene_parser(name: str, scene_type: Any) -> Parser:
             action="store_true",
             help="continue the run whose state is in the checkpoint, to a later end time too with more outputs",
         )
-    if "statics" in analyses or "modal" in analyses:
+    if isinstance(scene, type) and ("statics" in analyses or "modal" in analyses):
         parser.add_argument("--refine", action="store_true", help="solve on finer spaces too and estimate the error")
         parser.add_argument(
             "--tolerance",
@@ -161,20 +181,28 @@ def _scene_parser(name: str, scene_type: Any) -> Parser:
         )
     parser.add_argument("--json", action="store_true", help="print the result as one line of JSON")
     parser.add_argument("--output", metavar="DIR", help="write the result (and fields as .vtu) into this folder")
+    if not isinstance(scene, type):
+        # What is not typed is as the file says.
+        parser.set_defaults(load_steps=None, modes=None, mass=None, integrator=None)
     return parser
 
 
 def _settings(scene: Any, found: argparse.Namespace) -> dict[str, Any]:
-    """Return the keyword arguments of the scene's analysis."""
+    """Return the keyword arguments of the scene's analysis: what is typed before what a file says."""
+    told = scene.analysis == "dynamics" or hasattr(scene, "content")
+    own = scene.settings() if told else {}
+    typed: dict[str, Any]
     if scene.analysis == "modal":
-        return {"modes": found.modes, "lumped": found.mass == "lumped"}
-    if scene.analysis == "dynamics":
-        keep = {"checkpoint": found.checkpoint, "every": found.checkpoint_every, "resume": found.resume}
-        keep["integrator"] = found.integrator
-        return scene.settings() | keep | {"progress": True}
-    if found.load_steps < 1:
-        raise InputError(f"load steps: got {found.load_steps}, need at least 1")
-    return {"load_steps": found.load_steps}
+        typed = {"modes": found.modes, "lumped": found.mass and found.mass == "lumped"}
+    elif scene.analysis == "dynamics":
+        own |= {"checkpoint": found.checkpoint, "every": found.checkpoint_every, "resume": found.resume}
+        own |= {"progress": True}
+        typed = {"integrator": found.integrator}
+    else:
+        if found.load_steps is not None and found.load_steps < 1:
+            raise InputError(f"load steps: got {found.load_steps}, need at least 1")
+        typed = {"load_steps": found.load_steps}
+    return own | {name: value for name, value in typed.items() if value is not None}
 
 
 def _geometry(scene: Any, theirs: Sequence[str], found: argparse.Namespace) -> tuple[dict[str, Any], Fields]:
@@ -187,9 +215,10 @@ def _geometry(scene: Any, theirs: Sequence[str], found: argparse.Namespace) -> t
 
 def _analysis(scene: Any, theirs: Sequence[str], found: argparse.Namespace) -> tuple[dict[str, Any], Fields]:
     """Solve a scene; return its record, and the fields of each body."""
-    settings = _settings(scene, found)
     begin = perf_counter()
     options.initialize(theirs)
+    # Those of a file are held to the analysis, which starts PETSc.
+    settings = _settings(scene, found)
     from isorod.command import run
     from isorod.petsc.library import unused_options
 

@@ -116,18 +116,25 @@ def _convergence(record: Mapping[str, Any]) -> Iterator[str]:
         yield f"{_count(record['rigid'], 'rigid mode')}" if record["rigid"] else "no mode missed (Sturm count)"
 
 
+def _told(record: Mapping[str, Any], scene: Any) -> str:
+    """Return the options of a scene that are not as by default, or the title of one from a file."""
+    if hasattr(scene, "content"):
+        return str(scene.title)
+    changed = [
+        f"{field.name.replace('_', ' ')} {record['options'][field.name]}"
+        for field in dataclasses.fields(scene)
+        if record["options"][field.name] != field.default
+    ]
+    return ", ".join(changed) or "options as they are by default"
+
+
 def _count(number: int, what: str) -> str:
     return f"{number:,} {what}{'' if number == 1 else 's'}"
 
 
 def _origin(record: Mapping[str, Any], scene: Any) -> Iterator[tuple[str, str]]:
     """Return what was solved, how, and by which versions."""
-    changed = [
-        f"{field.name.replace('_', ' ')} {record['options'][field.name]}"
-        for field in dataclasses.fields(scene)
-        if record["options"][field.name] != field.default
-    ]
-    yield "scene", f"{record['scene']}, {record['analysis']}; {', '.join(changed) or 'options as they are by default'}"
+    yield "scene", f"{record['scene']}, {record['analysis']}; {_told(record, scene)}"
     if "solver" not in record:
         yield "more", "--json prints all there is on one line, --output DIR keeps it"
         return

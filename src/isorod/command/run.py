@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from importlib import import_module
 from time import perf_counter
 from typing import Any
@@ -26,10 +27,12 @@ def solve(scene: Any, settings: Mapping[str, Any]) -> tuple[Any, dict[str, float
         ) from None
     # Numba takes half a second before the first function, whichever that is.
     cofactors.ready()
-    start = perf_counter()
-    model = scene.model()
-    built = perf_counter()
-    solution = analysis.solve(model, **settings)
+    # The scene of a file says where in it errors come from.
+    with getattr(scene, "told", nullcontext)():
+        start = perf_counter()
+        model = scene.model()
+        built = perf_counter()
+        solution = analysis.solve(model, **settings)
     seconds = dict(solution.seconds)
     seconds["setup"] += built - start
     # With ``check``: what proves a result is a part of getting it.
@@ -39,11 +42,11 @@ def solve(scene: Any, settings: Mapping[str, Any]) -> tuple[Any, dict[str, float
 
 def geometry(scene: Any) -> dict[str, Any]:
     """Return the record of a scene that is geometry only."""
-    rod = scene.rod()
+    rods = scene.rods() if hasattr(scene, "rods") else [scene.rod()]
     return _scene(scene) | {
-        "smallest_jacobian": rod.check(),
-        "volume": rod.volume(),
-        "control_points": rod.distinct_control_points,
+        "smallest_jacobian": min(rod.check() for rod in rods),
+        "volume": sum(rod.volume() for rod in rods),
+        "control_points": sum(rod.distinct_control_points for rod in rods),
     }
 
 
@@ -80,5 +83,8 @@ def record(
 
 
 def _scene(scene: Any) -> dict[str, Any]:
+    """Return what a scene is; of one from a file all that the file says, and sums of the data beside it."""
+    if hasattr(scene, "content"):
+        return {"scene": scene.name, "options": scene.content, "data": scene.data, "analysis": scene.analysis}
     name = type(scene).__name__.lower()
     return {"scene": name, "options": dataclasses.asdict(scene), "analysis": scene.analysis}

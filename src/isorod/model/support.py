@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from isorod.arrays import Array, Index
 from isorod.errors import Checked, InputError
+from isorod.model.patch import patch_nodes
 from isorod.space.space import Space
 
 
@@ -94,6 +95,57 @@ class Support(Checked):
         if which not in layers:
             raise InputError(f"support: got end {which!r}, need 'start' or 'end'")
         nodes = layers[which] * space.layer_nodes + np.arange(space.layer_nodes)
+        return cls._of(nodes, space, components, displacement, body, turn, center, tied)
+
+    @classmethod
+    def patch(
+        cls,
+        space: Space,
+        around: tuple[float, float],
+        along: tuple[float, float],
+        components: str = "xyz",
+        displacement: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        body: int = 0,
+        turn: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        center: tuple[float, float, float] | None = None,
+        tied: str = "",
+    ) -> "Support":
+        """Return a support of a patch of the lateral surface: every node whose function acts there is held.
+
+        The patch moves exactly as is said; so does what surrounds it within an arc of the section and, towards its
+        edges less and less, within ``degree`` elements: a fine patch needs a fine space.
+
+        Parameters
+        ----------
+        around
+            Angles round the section, degrees, from the first counter-clockwise to the second, at most 360 more; angles
+            of the disk, which are those of the section's first axis if that is a circle.
+        along
+            Lengths along the centre line, from the start, the first below the second.
+        components, tied, displacement, body, turn, center
+            As for `end`.
+
+        Raises
+        ------
+        InputError
+            If an angle or a length is out of range, or the section functions have no control points on the surface.
+        """
+        nodes = patch_nodes(space, around, along)
+        return cls._of(nodes, space, components, displacement, body, turn, center, tied)
+
+    @classmethod
+    def _of(
+        cls,
+        nodes: Index,
+        space: Space,
+        components: str,
+        displacement: tuple[float, float, float],
+        body: int,
+        turn: tuple[float, float, float],
+        center: tuple[float, float, float] | None,
+        tied: str,
+    ) -> "Support":
+        """Return a support of nodes that move as a rigid body does."""
         is_carrier = space.is_carrier[nodes, None]
         arms = None
         if np.any(turn):

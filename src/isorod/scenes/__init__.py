@@ -41,5 +41,5 @@ def analyses(scene_type: Any) -> tuple[str, ...]:
 def find(name: str) -> Any:
     """Return the scene class of that name, or raise `InputError` with the names there are."""
     if name not in SCENES:
-        raise InputError(f"scene {name!r} is not known; there are: {', '.join(SCENES)}")
+        raise InputError(f"scene {name!r} is not known; there are: {', '.join(SCENES)}; a file's name ends in .toml")
     return getattr(import_module(f"{__name__}.{name}"), name.capitalize())

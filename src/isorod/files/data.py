@@ -1,0 +1,188 @@
+"""Points that a scene file takes from a file beside it: CSV, or polylines of VTK."""
+
+import math
+import re
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from isorod.arrays import Array
+from isorod.errors import InputError
+from isorod.files import values
+from isorod.files.document import Place
+
+if TYPE_CHECKING:
+    from vtkmodules.vtkCommonDataModel import vtkPolyData
+
+_AXES = ("x", "y", "z")
+# Names under which programs that find centre lines keep the radius.
+_RADIUS = ("radius", "r", "maximuminscribedsphereradius")
+_VTK = (".vtk", ".vtp")
+
+
+class Points:
+    """Points, and what a data file says of the radius there.
+
+    Attributes
+    ----------
+    array
+        Shape ``(m, 2)`` or ``(m, 3)``.
+    radius
+        Shape ``(m,)``, or None.
+    """
+
+    def __init__(self, array: Array, radius: Array | None = None) -> None:
+        self.array, self.radius = array, radius
+
+    def make(self) -> Array:
+        """Return the array."""
+        return self.array
+
+
+def points(place: Place, value: Any) -> Points:
+    """Return points given in lists, or by the name of a file relative to the scene's: CSV, ``.vtk``, ``.vtp``.
+
+    CSV has a point a line, two or three numbers and, behind them, a radius; commas, semicolons or blanks between.  A
+    first line of names may say which columns are ``x``, ``y``, ``z`` and ``radius``; what begins with ``#`` is not
+    read.  Of VTK (legacy ASCII or binary, or XML) a file has one polyline, in one cell or in many, and may have a
+    point array ``radius``.
+
+    Raises
+    ------
+    InputError
+        With the line of the data file, if it cannot be read, or a value is missing, not finite or no number.
+    """
+    if not isinstance(value, str):
+        return Points(values.value_of(place, value, values.ArrayLike))
+    content, path = place.data(value), place.document.folder / value
+    if path.suffix.lower() in _VTK:
+        found = _vtk(place, value, path)
+    else:
+        found = _csv(place, value, content)
+    table = found.array if found.radius is None else np.column_stack([found.array, found.radius])
+    if not np.isfinite(table).all():
+        raise place.error(f"{value}: point {np.argmin(np.isfinite(table).all(axis=1))} is not finite")
+    if found.radius is not None and not found.radius.min() > 0.0:
+        k = int(np.argmin(found.radius))
+        raise place.error(f"{value}: the radius of point {k} is {found.radius[k]:g}, need a positive length")
+    return found
+
+
+def _csv(place: Place, name: str, content: bytes) -> Points:
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError as problem:
+        line = content.count(b"\n", 0, problem.start) + 1
+        raise place.error(f"{name}:{line}: byte {content[problem.start]:#04x} is not UTF-8") from None
+    columns: list[str] | None = None
+    rows: list[list[float]] = []
+    for number, whole in enumerate(text.splitlines(), 1):
+        words = [word for word in re.split(r"\s*[,;]\s*|\s+", whole.partition("#")[0].strip()) if word]
+        if not words:
+            continue
+        if not rows and columns is None and not any(map(_is_number, words)):
+            columns = [word.strip("\"'").lower() for word in words]
+            continue
+        wrong = next((word for word in words if not _is_number(word) or not math.isfinite(float(word))), None)
+        if wrong is not None:
+            raise place.error(f"{name}:{number}: got {wrong:.40}, need a finite number")
+        if rows and len(words) != len(rows[0]):
+            raise place.error(f"{name}:{number}: {len(words)} numbers where the lines above have {len(rows[0])}")
+        rows.append([float(word) for word in words])
+    if not rows:
+        raise place.error(f"{name}: no points are in it")
+    table = np.array(rows)
+    return _named(place, name, table, columns) if columns else _counted(place, name, table)
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return "_" not in word
+
+
+def _counted(place: Place, name: str, table: Array) -> Points:
+    count = table.shape[1]
+    if count not in (2, 3, 4):
+        raise place.error(f"{name}: {count} numbers a line, need x, y[, z][, radius]")
+    return Points(table[:, :3], table[:, 3] if count == 4 else None)
+
+
+def _named(place: Place, name: str, table: Array, columns: list[str]) -> Points:
+    if len(columns) != table.shape[1]:
+        raise place.error(f"{name}: {len(columns)} names of columns for {table.shape[1]} numbers a line")
+    axes = [columns.index(axis) for axis in _AXES if axis in columns]
+    if len(axes) < 2 or [columns[k] for k in axes] != list(_AXES[: len(axes)]):
+        raise place.error(f"{name}: got columns {', '.join(columns)}, need x, y[, z][, radius]")
+    radius = next((table[:, columns.index(one)] for one in _RADIUS if one in columns), None)
+    return Points(table[:, axes], radius)
+
+
+def _vtk(place: Place, name: str, path: Path) -> Points:
+    try:
+        from vtkmodules.util.numpy_support import vtk_to_numpy
+
+        mesh = _polydata(path)
+    except ImportError:
+        raise place.error(f"{name}: VTK files need vtk, which is not installed: pip install vtk") from None
+    lines = mesh.GetLines()
+    if not mesh.GetNumberOfPoints() or not lines.GetNumberOfCells():
+        raise place.error(f"{name}: no polyline is in it")
+    ends = vtk_to_numpy(lines.GetOffsetsArray())
+    numbers = vtk_to_numpy(lines.GetConnectivityArray())
+    pieces = [list(numbers[first:last]) for first, last in pairwise(ends)]
+    try:
+        order = _joined(pieces)
+    except InputError as problem:
+        raise place.error(f"{name}: {problem}") from None
+    array = np.array(vtk_to_numpy(mesh.GetPoints().GetData()), dtype=float)[order]
+    data = mesh.GetPointData()
+    found = {data.GetArrayName(k).lower(): data.GetArray(k) for k in range(data.GetNumberOfArrays())}
+    radius = next((found[one] for one in _RADIUS if found.get(one) is not None), None)
+    return Points(array, None if radius is None else np.array(vtk_to_numpy(radius), dtype=float).reshape(-1)[order])
+
+
+def _polydata(path: Path) -> "vtkPolyData":
+    """Return what VTK reads from a file; nothing is in it if it cannot be read."""
+    from vtkmodules.vtkCommonCore import vtkObject
+
+    reader: Any
+    if path.suffix.lower() == ".vtp":
+        from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
+
+        reader = vtkXMLPolyDataReader()
+    else:
+        from vtkmodules.vtkIOLegacy import vtkPolyDataReader
+
+        reader = vtkPolyDataReader()
+    reader.SetFileName(str(path))
+    # What it says of bad files are many lines, from C++.
+    shown = vtkObject.GetGlobalWarningDisplay()
+    vtkObject.GlobalWarningDisplayOff()
+    try:
+        reader.Update()
+    finally:
+        vtkObject.SetGlobalWarningDisplay(shown)
+    return reader.GetOutput()
+
+
+def _joined(pieces: list[list[int]]) -> list[int]:
+    """Return the points of lines that continue each other, in order; raises `InputError` if they do not."""
+    order = pieces.pop(0)
+    while pieces:
+        for k, piece in enumerate(pieces):
+            if order[-1] in (piece[0], piece[-1]):
+                order += piece[1:] if piece[0] == order[-1] else piece[-2::-1]
+            elif order[0] in (piece[0], piece[-1]):
+                order = (piece[:-1] if piece[-1] == order[0] else piece[:0:-1]) + order
+            else:
+                continue
+            del pieces[k]
+            break
+        else:
+            raise InputError(f"{len(pieces) + 1} lines that do not meet, need one polyline")
+    return order

@@ -1,0 +1,220 @@
+"""Functions and classes that a scene file calls: their parameters are its keys."""
+
+import inspect
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from importlib import import_module
+from typing import Any, NamedTuple
+
+from isorod.errors import evaluated
+from isorod.files import values
+from isorod.files.data import Points, points
+from isorod.files.document import Place, shown
+
+# What a parameter may be beside a value: the name of something, or points that a file may hold.
+ROD, SUPPORT, CONTACT, PARTNER = "rod", "support", "contact", "rod or obstacle"
+POINTS = "points"
+
+_NAMES = (ROD, SUPPORT, CONTACT, PARTNER)
+
+
+class Parameter(NamedTuple):
+    """A key of a scene file: the function's name for it, its kind, its default.
+
+    The kind is an annotation, a word above, or the words of which one is called to make the value.
+    """
+
+    name: str
+    kind: Any
+    default: Any
+
+    @property
+    def required(self) -> bool:
+        """Whether it must be given."""
+        return self.default is inspect.Parameter.empty
+
+    @property
+    def words(self) -> str:
+        """What its value may be."""
+        if isinstance(self.kind, dict):
+            return f"one of {', '.join(self.kind)}"
+        if self.kind == POINTS:
+            return "points in lists, or the name of a file beside this one"
+        return f"the name of a {self.kind}" if self.kind in _NAMES else values.words(self.kind)
+
+
+@dataclass(frozen=True)
+class Form:
+    """A function or class that a file calls.
+
+    Parameters
+    ----------
+    target
+        Where it is, such as ``"isorod.geometry.center_line:helix"``; imported when it is asked for.
+    main
+        Key that is meant where a word has a value and not a table; the first that must be given, or the first of all.
+    kinds
+        Parameters that are more than their annotations say.
+    defaults
+        What a file need not say though the function wants to be told.
+    keys
+        Parameters that have another name in files.
+    left
+        Parameters that are none of the file's.
+    more
+        Kinds of keys that are no parameters, but for whoever reads the file.
+    """
+
+    target: str
+    main: str | None = None
+    kinds: Mapping[str, Any] = field(default_factory=dict)
+    defaults: Mapping[str, Any] = field(default_factory=dict)
+    keys: Mapping[str, str] = field(default_factory=dict)
+    left: tuple[str, ...] = ()
+    more: Mapping[str, Any] = field(default_factory=dict)
+
+    @cached_property
+    def function(self) -> Any:
+        """What is called."""
+        module, _, names = self.target.partition(":")
+        found: Any = import_module(module)
+        for name in names.split("."):
+            found = getattr(found, name)
+        return found
+
+    @property
+    def solution(self) -> Any:
+        """The annotation of what a measure is taken of."""
+        return inspect.signature(self.function).parameters["solution"].annotation
+
+    @cached_property
+    def parameters(self) -> dict[str, Parameter]:
+        """The keys it has in a file."""
+        module = vars(sys.modules[self.function.__module__])
+        found = {}
+        for name, one in inspect.signature(self.function).parameters.items():
+            if name not in ("self", *self.left):
+                kind = self.kinds.get(name) or evaluated(one.annotation, module)
+                found[self.keys.get(name, name)] = Parameter(name, kind, self.defaults.get(name, one.default))
+        return found | {key: Parameter(key, kind, None) for key, kind in self.more.items()}
+
+    @property
+    def principal(self) -> str | None:
+        """The main key, if it has any."""
+        told = [key for key, one in self.parameters.items() if one.name not in self.defaults]
+        required = [key for key in told if self.parameters[key].required]
+        return self.main or next(iter([*required, *told]), None)
+
+
+class Name(NamedTuple):
+    """The name of a rod, a support, an obstacle or a contact, and where it is said."""
+
+    place: Place
+    name: str
+
+    def among(self, known: Mapping[str, Any]) -> Any:
+        """Return what it names; raises `InputError` with the nearest of the names there are."""
+        if self.name not in known:
+            raise self.place.unknown(self.name, known)
+        return known[self.name]
+
+
+class Call:
+    """A call that a file asks for, its arguments held to the parameters of the form.
+
+    Parameters
+    ----------
+    place
+        Where it stands.
+    form
+        What is called.
+    given
+        Value and place of each key.
+
+    Attributes
+    ----------
+    arguments
+        What the function is given, by its own names; a `Call` or a `Name` where the parameter's kind says so.
+    keys
+        Where each key stands.
+
+    Raises
+    ------
+    InputError
+        If a key is not known or missing, or a value not of its kind.
+    """
+
+    def __init__(self, place: Place, form: Form, given: Mapping[str, tuple[Any, Place]]) -> None:
+        self.place, self.form = place, form
+        self.keys = {key: at for key, (_, at) in given.items()}
+        self.arguments = {one.name: one.default for one in form.parameters.values() if one.name in form.defaults}
+        for key, (value, at) in given.items():
+            if key not in form.parameters:
+                raise at.unknown_key(form.parameters)
+            one = form.parameters[key]
+            self.arguments[one.name] = _argument(at, value, one.kind)
+        for key, one in form.parameters.items():
+            if one.required and key not in given:
+                raise place.error(f"{key} is missing: {one.words}")
+
+    def make(self, /, **more: Any) -> Any:
+        """Call the function; what it refuses is an error of this place, or of the key that the message speaks of."""
+        with self.place.told(self.keys):
+            given = {
+                name: one.make() if isinstance(one, Call | Points) else one for name, one in self.arguments.items()
+            }
+            return self.form.function(**given | more)
+
+
+def call(place: Place, form: Form, table: Mapping[str, Any]) -> Call:
+    """Return the call of a form whose keys are those of a table."""
+    return Call(place, form, {key: (value, place / key) for key, value in table.items()})
+
+
+def choice(place: Place, words: Mapping[str, Form], value: Any) -> Call:
+    """Return the call that one of several words asks for.
+
+    Three ways to write it are the same: ``{circle = {radius = 2.0, n = 8}}``, ``{circle = 2.0, n = 8}``, and, of what
+    needs no more, the word alone.
+    """
+    if isinstance(value, str):
+        if value not in words:
+            raise place.unknown(value, words)
+        return call(place, words[value], {})
+    table = place.table(value)
+    said = [key for key in table if key in words]
+    if not said:
+        raise (
+            (place / next(iter(table))).unknown_key(words) if table else place.error(f"need one of {', '.join(words)}")
+        )
+    word, form, at = said[0], words[said[0]], place / said[0]
+    inner, beside = table[word], {key: (one, place / key) for key, one in table.items() if key != word}
+    second = next((key for key in said[1:] if key not in form.parameters), None)
+    if second is not None:
+        raise (place / second).error(f"beside {word}: need one of the two")
+    principal = form.principal
+    if isinstance(inner, dict) and (principal is None or not isinstance(form.parameters[principal].kind, dict)):
+        given = {key: (one, at / key) for key, one in inner.items()}
+    elif principal is None:
+        raise at.error(f"got {shown(inner)}, need nothing: {word} = {{}}")
+    else:
+        given = {principal: (inner, at)}
+    twice = next((key for key in beside if key in given), None)
+    if twice is not None:
+        raise (place / twice).error(f"given twice, by {at} too")
+    return Call(at, form, given | beside)
+
+
+def _argument(place: Place, value: Any, kind: Any) -> Any:
+    """Return the value of a key as its parameter takes it."""
+    if isinstance(kind, dict):
+        return choice(place, kind, value)
+    if kind == POINTS:
+        return points(place, value)
+    if kind in _NAMES:
+        if not isinstance(value, str):
+            raise place.error(f"got {shown(value)}, need the name of a {kind}")
+        return Name(place, value)
+    return values.value_of(place, value, kind)

@@ -1,0 +1,90 @@
+"""A rod of a scene file: curve, section, laws and space."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from isorod.files import schema
+from isorod.files.data import Points
+from isorod.files.document import Place
+from isorod.files.form import Call, call, choice
+
+if TYPE_CHECKING:
+    from isorod.geometry.rod import Rod
+    from isorod.model.body import Body
+
+
+class RodPlan:
+    """What a file says of a rod.
+
+    Raises
+    ------
+    InputError
+        If something is not known, missing, or not of its kind.
+    """
+
+    KEYS = ("curve", "section", "law", "space")
+
+    def __init__(self, place: Place, table: Mapping[str, Any]) -> None:
+        self.place = place
+        sweep = {key: one for key, one in table.items() if key in schema.SWEEP.parameters}
+        self._sweep = call(place, schema.SWEEP, sweep)
+        rest = {key: one for key, one in table.items() if key not in (*self.KEYS, *sweep)}
+        self._body: Call | None = None
+        if rest:
+            # Geometry alone does without.
+            known = (*self.KEYS, *schema.SWEEP.parameters, *schema.BODY.parameters)
+            for key in rest:
+                if key not in known:
+                    raise (place / key).unknown_key(known)
+            self._body = call(place, schema.BODY, rest)
+        if "curve" not in table:
+            raise place.error(f"curve is missing: one of {', '.join(schema.CURVES)}")
+        self.curve = choice(place / "curve", schema.CURVES, table["curve"])
+        radius = next((one.radius for one in self.curve.arguments.values() if isinstance(one, Points)), None)
+        if radius is not None:
+            if "scale" in table:
+                raise (place / "scale").error("given twice: the curve's file has a radius")
+            self._sweep.arguments["scale"] = radius
+        self.section = self._section(table, radius is not None)
+        self.laws = self._laws(table)
+        self.space = call(place / "space", schema.SPACE, (place / "space").table(table.get("space", {})))
+
+    def _section(self, table: Mapping[str, Any], scaled: bool) -> Call:
+        """Return the section: of a curve with radii the unit circle where it is not given."""
+        if "section" in table or scaled:
+            return choice(self.place / "section", schema.SECTIONS, table.get("section", "circle"))
+        raise self.place.error(f"section is missing: one of {', '.join(schema.SECTIONS)}")
+
+    def _laws(self, table: Mapping[str, Any]) -> list[Call]:
+        place, said = self.place / "law", table.get("law", [])
+        if not isinstance(said, list):
+            return [choice(place, schema.LAWS, said)]
+        if "law" in table and not said:
+            raise place.error("no law is in the list")
+        return [choice(place / k, schema.LAWS, one) for k, one in enumerate(said)]
+
+    def rod(self) -> "Rod":
+        """Return the rod as first built, having made sure that it does not fold."""
+        line, outline = self.curve.make(), self.section.make()
+        with self.place.told():
+            rod: Rod = self._sweep.make(self=line, section=outline)
+            rod.check()
+        return rod
+
+    def body(self) -> "Body":
+        """Return the body."""
+        if not self.laws:
+            raise self.place.error(f"law is missing: one of {', '.join(schema.LAWS)}")
+        rod = self.rod()
+        own = rod.axis.elements
+        if len(self.laws) not in (1, own):
+            raise (self.place / "law").error(
+                f"got {len(self.laws)} laws for the {own} elements of the curve, need one, or one for each"
+            )
+        space = self.space.make(rod=rod)
+        laws = [one.make() for one in self.laws]
+        parts = space.axis.elements // own
+        material = laws[0] if len(laws) == 1 else [law for law in laws for _ in range(parts)]
+        told = self._body or call(self.place, schema.BODY, {})
+        body: Body = told.make(space=space, material=material)
+        return body

@@ -1,0 +1,280 @@
+"""A scene that a file describes: to the command what a scene class is (`isorod.scenes`)."""
+
+import inspect
+import re
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, fields
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from isorod.errors import InputError, SolveError
+from isorod.files import schema
+from isorod.files.document import KEYS, Document, Place, shown
+from isorod.files.form import Call, Form, Name, call, choice
+from isorod.files.rod import RodPlan
+from isorod.scenes import GEOMETRY_UNITS, option
+
+if TYPE_CHECKING:
+    from isorod.geometry.rod import Rod
+    from isorod.model.model import Model
+
+# What a record has besides what is measured.
+RESERVED = frozenset(
+    "scene options data analysis dofs unknowns quadrature discretisation built seconds solver ranks versions commit "
+    "machine time files settings petsc_options error_estimate estimate_seconds changes refinements newton_iterations "
+    "linear_iterations load_steps cuts residual_norms pressures contact_area penetration residuals rigid below shift "
+    "iterations frequencies times reactions contact_force kinetic stored contact_energy added_kinetic muscle_work "
+    "dissipated energy_error momentum_error steps time_step critical_step microseconds_a_step resumed integrator "
+    "added_kinetic_share smallest_jacobian volume control_points".split()
+)
+
+# Of each analysis the class of its solutions.
+_SOLUTIONS = {"statics": "Equilibrium", "modal": "Modes", "dynamics": "History"}
+
+_FORCE = "(of force: the unit of E times that of length squared)"
+
+
+def _space(text: str) -> Any:
+    return option(None, f"{text}, of every rod (as the file says)")
+
+
+@dataclass(eq=False)
+class FileScene:
+    """The scene of a TOML file.
+
+    Parameters
+    ----------
+    path
+        The file.
+    elements, order, section_points, section_degree, degree, continuity, quadrature
+        What the space of every rod (`isorod.space.space.Space`) is told in the place of what the file says; where not
+        given, what it says, if that is the same for all rods.
+
+    Attributes
+    ----------
+    name
+        Of the file, without its folder and ending.
+    title
+        What the file says it is.
+    content
+        All that the file says, as `tomllib` reads it, and what its spaces are told besides.
+    data
+        SHA-256 sum of each data file, by its name in the scene's file.
+    analysis
+        ``"statics"``, ``"modal"``, ``"dynamics"`` or ``"geometry"``.
+    units
+        Of each number that is the answer, in words.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read, or something in it is not known, missing, or not of its kind: with file, line and place.
+    """
+
+    path: str
+    elements: int | None = _space("elements along the axis")
+    order: int | None = _space("polyharmonic order K of the section functions, 1 to 6")
+    section_points: int | None = _space("control points round the section")
+    section_degree: int | None = _space("polynomials of this degree across the section, 1 to 8")
+    degree: int | None = _space("degree along the axis, up to 6")
+    continuity: int | None = _space("continuity at inserted knots, 0 to degree - 1")
+    quadrature: str | None = _space("quadrature rule: auto, full, paper, RxS or RxSxT such as 2x1x4")
+
+    def __post_init__(self) -> None:
+        document = Document(self.path)
+        self.name, self.content, self.data = Path(self.path).stem, document.content, document.read
+        self._top = top = document.top
+        for key in self.content:
+            if key not in KEYS:
+                raise (top / key).unknown_key(KEYS)
+        self.title = self.content.get("title", self.name)
+        if not isinstance(self.title, str):
+            raise (top / "title").error(f"got {shown(self.title)}, need a text")
+        if "analysis" not in self.content:
+            raise top.error(f"analysis is missing: analysis = {' or '.join(map(repr, schema.ANALYSES))}")
+        self.analysis = self._analysis()
+        self._tell_spaces()
+        self.plans = {name: RodPlan(place, table) for name, place, table in self._named("rod", RodPlan.KEYS)}
+        if not self.plans:
+            raise top.error("no rod is in it: [rod.NAME]")
+        self._supports = self._choices("support", schema.SUPPORTS)
+        self._loads = self._choices("load", schema.LOADS)
+        self._obstacles = self._choices("obstacle", schema.OBSTACLES)
+        self._contacts = {name: call(place, schema.CONTACTS, table) for name, place, table in self._named("contact")}
+        self._spin = None
+        if "spin" in self.content:
+            self._spin = call(top / "spin", schema.SPIN, (top / "spin").table(self.content["spin"]))
+        self._check_names()
+        self.units: dict[str, str] = {}
+        self._measures = dict(self._asked())
+
+    def _tell_spaces(self) -> None:
+        """Let what was given for the spaces of all rods, and what the file says of them, be the same."""
+        rods = [table for _, _, table in self._named("rod", RodPlan.KEYS)]
+        for name in (one.name for one in fields(self) if one.metadata):
+            given = getattr(self, name)
+            for table in rods if given is not None else ():
+                if isinstance(space := table.setdefault("space", {}), dict):
+                    space[name] = given
+            spaces = [table.get("space", {}) for table in rods]
+            said = [space.get(name) for space in spaces if isinstance(space, dict)]
+            setattr(self, name, said[0] if said and all(one == said[0] for one in said) else None)
+
+    def _analysis(self) -> str:
+        """Return the word of the analysis; what it is told is read when it is there (`settings`)."""
+        place, said = self._top / "analysis", self.content["analysis"]
+        if isinstance(said, str):
+            if said not in schema.ANALYSES:
+                raise place.unknown(said, schema.ANALYSES)
+            return said
+        strange = next((word for word in place.table(said) if word not in schema.ANALYSES), None)
+        if strange is not None:
+            raise (place / strange).unknown_key(schema.ANALYSES)
+        if len(said) != 1:
+            raise place.error(f"need one of {', '.join(schema.ANALYSES)}")
+        return str(*said)
+
+    def settings(self) -> dict[str, Any]:
+        """Return the keyword arguments of the analysis."""
+        # Loads the analysis, which starts PETSc.
+        return choice(self._top / "analysis", schema.ANALYSES, self.content["analysis"]).arguments
+
+    def _named(self, kind: str, keys: tuple[str, ...] = ()) -> Iterator[tuple[str, Place, dict[str, Any]]]:
+        """Yield name, place and table of each thing of a kind; ``keys`` are what it has, and no names."""
+        place = self._top / kind
+        several = self.content.get(kind, {})
+        if not isinstance(several, dict):
+            raise place.error(f"got {shown(several)}, need a table for each, with a name: [{kind}.NAME]")
+        for name, table in several.items():
+            if name in keys or not isinstance(table, dict):
+                raise (place / name).error(f"it belongs to one {kind}, which has a name: [{kind}.NAME]")
+            yield name, place / name, table
+
+    def _choices(self, kind: str, words: Mapping[str, Form]) -> dict[str, Call]:
+        return {name: choice(place, words, table) for name, place, table in self._named(kind)}
+
+    def _check_names(self) -> None:
+        """Raise `InputError` if a rod, an obstacle or a contact is named that is not there, or which is not said."""
+        for one in [*self._supports.values(), *self._loads.values(), *self._contacts.values()]:
+            self._names(one)
+        both = next((name for name in self._obstacles if name in self.plans), None)
+        if both is not None:
+            raise (self._top / "obstacle" / both).error("a rod has this name; choose another")
+
+    def _asked(self) -> Iterator[tuple[str, Callable[..., Any]]]:
+        """Yield what is measured, by its name, and note its unit."""
+        kind = _SOLUTIONS.get(self.analysis, "none")
+        fitting = {word: form for word, form in schema.MEASURES.items() if kind in str(form.solution)}
+        place = self._top / "measure"
+        if "measure" in self.content and not fitting:
+            raise place.error(f"nothing else is measured in {self.analysis}: its results are told without")
+        for name, at, table in self._named("measure"):
+            if name in RESERVED:
+                raise at.error("a result has something else of this name; choose another")
+            asked = choice(at, fitting, table)
+            self.units[name] = asked.arguments.pop("unit", "")
+            yield name, partial(asked.make, **self._names(asked))
+        if self.analysis == "modal":
+            self.units["frequencies"] = "(cycles per unit of time)"
+            yield "frequencies", lambda solution: solution.frequencies
+        elif fitting and "measure" not in self.content:
+            for k, name in enumerate(self._supports):
+                self.units[f"reaction_{name}"] = _FORCE
+                yield f"reaction_{name}", partial(schema.MEASURES["reaction"].function, support=k)
+        if self.analysis == "geometry":
+            self.units = GEOMETRY_UNITS
+
+    def _names(self, one: Call) -> dict[str, Any]:
+        """Return what the names among the arguments of a call stand for; the only rod need not be named."""
+        rods = {name: k for k, name in enumerate(self.plans)}
+        known: dict[Any, Mapping[str, Any]] = {
+            "rod": rods,
+            "support": {name: k for k, name in enumerate(self._supports)},
+            "contact": {name: k for k, name in enumerate(self._contacts)},
+            "rod or obstacle": rods | self._obstacles,
+        }
+        found = {}
+        for parameter in one.form.parameters.values():
+            if not isinstance(parameter.kind, str) or parameter.kind not in known:
+                continue
+            said = one.arguments.get(parameter.name)
+            if isinstance(said, Name):
+                found[parameter.name] = said.among(known[parameter.kind])
+            elif len(rods) > 1:
+                raise one.place.error(f"rod is missing: which of {', '.join(rods)}?")
+        return found
+
+    def rods(self) -> "list[Rod]":
+        """Return the rods as first built."""
+        return [plan.rod() for plan in self.plans.values()]
+
+    def model(self) -> "Model":
+        """Return the model; raises `InputError` with file, line and place."""
+        from isorod.model.model import Model
+
+        bodies = [plan.body() for plan in self.plans.values()]
+
+        def placed(one: Call) -> Any:
+            names = self._names(one)
+            if "space" in inspect.signature(one.form.function).parameters:
+                names["space"] = bodies[names.get("body", 0)].space
+            return one.make(**names)
+
+        def contact(one: Call) -> Any:
+            names = self._names(one)
+            if isinstance(names["second"], Call):
+                names["second"] = names["second"].make()
+            return one.make(**names)
+
+        supports = [placed(one) for one in self._supports.values()]
+        loads = [placed(one) for one in self._loads.values()]
+        contacts = [contact(one) for one in self._contacts.values()]
+        spin = None if self._spin is None else self._spin.make()
+        with self.told("rod"):
+            model = Model(bodies, supports, spin, contacts, loads)
+        try:
+            # What is wrong with a load is found when its forces are.
+            model.external  # noqa: B018
+        except InputError:
+            for one, load in zip(self._loads.values(), loads, strict=True):
+                with one.place.told(one.keys):
+                    load.nodal(bodies[load.body].space)
+            raise
+        return model
+
+    def measure(self, solution: Any) -> dict[str, object]:
+        """Return what the file asks for; without, the force of each support, or the frequencies."""
+        return {name: ask(solution=solution) for name, ask in self._measures.items()}
+
+    @contextmanager
+    def told(self, kind: str = "analysis") -> Iterator[None]:
+        """Let errors of the model and its analysis be errors of the file, in its own names."""
+        places: dict[str, Mapping[str, Any]] = {
+            "support": self._supports,
+            "load": self._loads,
+            "contact": self._contacts,
+            "body": self.plans,
+        }
+
+        def named(match: re.Match[str]) -> str:
+            names = [*places[match[1]]]
+            k = int(match[2])
+            return f"{match[1].replace('body', 'rod')} {names[k]}" if k < len(names) else match[0]
+
+        try:
+            yield
+        except (InputError, SolveError) as problem:
+            said = re.sub(r"\b(support|load|contact|body) (\d+)\b(?!: )", named, str(problem))
+            if said.startswith(f"{self._top.document.name}:"):
+                raise type(problem)(said) from None
+            first = re.match(r"(support|load|contact) (\d+): ", said)
+            if first and int(first[2]) < len(places[first[1]]):
+                one = [*places[first[1]].values()][int(first[2])]
+                raise type(problem)(one.place.about(said[first.end() :], one.keys)) from None
+            place, keys = self._top / kind, {}
+            if kind == "analysis" and isinstance(self.content[kind], dict):
+                at = place / self.analysis
+                keys = {key: at / key for key in at.table(self.content[kind][self.analysis])}
+            raise type(problem)(place.about(said, keys)) from None

@@ -1,0 +1,80 @@
+"""What a scene file may say: words, and what of this package each calls.
+
+A new curve, section, law, support, load, obstacle or measure is one more line here; its keys, their kinds and defaults
+are those of its signature, what they mean is in its docstring.
+"""
+
+from isorod.files.form import CONTACT, PARTNER, POINTS, ROD, SUPPORT, Form
+
+CURVES = {
+    "straight": Form("isorod.geometry.center_line:straight"),
+    "arc": Form("isorod.geometry.center_line:arc"),
+    "helix": Form("isorod.geometry.center_line:helix"),
+    "polyline": Form("isorod.geometry.center_line:polyline", kinds={"points": POINTS}),
+    "nurbs": Form("isorod.files.curves:nurbs", kinds={"points": POINTS}),
+}
+SECTIONS = {
+    "circle": Form("isorod.geometry.section:circle", defaults={"n": 8}),
+    "ellipse": Form("isorod.geometry.section:ellipse", defaults={"n": 8}),
+    "flower": Form("isorod.geometry.section:flower"),
+    "airfoil": Form("isorod.geometry.section:airfoil"),
+    "naca": Form("isorod.geometry.section:naca", defaults={"n": 16}),
+    "outline": Form("isorod.geometry.section:from_points", kinds={"points": POINTS}, defaults={"n": 16}),
+}
+LAWS = {
+    "LinearElastic": Form("isorod.material.linear_elastic:LinearElastic"),
+    "NeoHookean": Form("isorod.material.neo_hookean:NeoHookean"),
+    "StVenantKirchhoff": Form("isorod.material.st_venant_kirchhoff:StVenantKirchhoff"),
+    "Muscle": Form("isorod.material.muscle:Muscle"),
+}
+# What else a rod has: keys of its own, and those of its space.
+SWEEP = Form(
+    "isorod.geometry.center_line:CenterLine.sweep",
+    kinds={"end": SECTIONS},
+    keys={"end": "end_section", "tolerance": "section_tolerance"},
+    left=("section",),
+)
+BODY = Form("isorod.model.body:Body", left=("space", "material"))
+SPACE = Form("isorod.space.space:Space", left=("rod", "section_basis"))
+
+
+def _on_rod(target: str, main: str | None = None) -> Form:
+    return Form(target, main, kinds={"body": ROD}, keys={"body": ROD, "which": "end"}, left=("space",))
+
+
+SUPPORTS = {
+    "end": _on_rod("isorod.model.support:Support.end"),
+    "patch": _on_rod("isorod.model.support:Support.patch"),
+}
+LOADS = {
+    "end": _on_rod("isorod.model.load:SectionLoad.end"),
+    "section": _on_rod("isorod.model.load:SectionLoad", main="u"),
+    "body_force": _on_rod("isorod.model.load:BodyForce"),
+}
+SPIN = Form("isorod.model.load:Spin")
+OBSTACLES = {
+    "Plane": Form("isorod.model.contact:Plane"),
+    "Cylinder": Form("isorod.model.contact:Cylinder"),
+}
+CONTACTS = Form("isorod.model.contact:Contact", kinds={"first": ROD, "second": PARTNER})
+
+_RUN = ("model", "comm", "state", "displacement", "velocity", "checkpoint", "every", "resume", "progress")
+ANALYSES = {
+    "statics": Form("isorod.statics:solve", left=_RUN),
+    "modal": Form("isorod.modal:solve", left=_RUN),
+    "dynamics": Form("isorod.dynamics:solve", left=_RUN),
+    "geometry": Form("isorod.files.measures:geometry"),
+}
+
+
+def _measure(name: str, **kinds: str) -> Form:
+    # The unit is a word for people.
+    return Form(f"isorod.files.measures:{name}", kinds=kinds, left=("solution",), more={"unit": str})
+
+
+MEASURES = {
+    "reaction": _measure("reaction", support=SUPPORT),
+    "moment": _measure("moment", support=SUPPORT),
+    "displacement": _measure("displacement", rod=ROD),
+    "contact_force": _measure("contact_force", contact=CONTACT),
+}

@@ -1,0 +1,51 @@
+"""Patches of a rod's lateral surface, named by angle and length."""
+
+import numpy as np
+
+from isorod.arrays import Array, Index
+from isorod.errors import InputError
+from isorod.geometry.rod import Rod
+from isorod.space.space import Space
+
+# Parts of an element in which its length is measured, and places round an arc at which functions are looked at.
+_PARTS, _PLACES = 16, 64
+# Rounding of a function that vanishes, and, as a share of the whole, of lengths as they are written down.
+_SMALL, _ROUNDED = 1e-9, 1e-6
+
+
+def patch_nodes(space: Space, around: tuple[float, float], along: tuple[float, float]) -> Index:
+    """Return the nodes whose functions act on a patch (see `isorod.model.support.Support.patch`), ``(m,)``."""
+    if not space.basis.on_surface:
+        raise InputError("patch: the section functions have no control points on the surface; leave out section_degree")
+    first, last = (float(angle) for angle in around)
+    if not (np.isfinite([first, last]).all() and 0.0 < last - first <= 360.0):
+        raise InputError(f"patch: around is from {first:g} to {last:g} degrees, need a positive angle of at most 360")
+    theta = np.radians(np.linspace(first, last, _PLACES * space.points_around + 1))
+    values, _ = space.basis.functions(np.stack([np.cos(theta), np.sin(theta)], axis=1))
+    acting = (np.abs(values) > _SMALL).any(axis=0) & space.basis.is_carrier
+    layers = np.unique(space.element_layers[_elements(space, along)])
+    return (layers[:, None] * space.layer_nodes + np.flatnonzero(acting)).ravel()
+
+
+def _elements(space: Space, along: tuple[float, float]) -> Index:
+    """Return the elements between two lengths along the centre line."""
+    u, lengths = _lengths(space.rod)
+    whole = float(lengths[-1])
+    low, high = (float(length) for length in along)
+    if not -_ROUNDED * whole <= low < high <= (1.0 + _ROUNDED) * whole:
+        raise InputError(f"patch: along is from {low:g} to {high:g}, need lengths from 0 to {whole:g}, ascending")
+    start, end = np.interp([low + _ROUNDED * whole, high - _ROUNDED * whole], lengths, u)
+    breaks = space.axis.breaks
+    return np.flatnonzero((breaks[:-1] < end) & (breaks[1:] > start))
+
+
+def _lengths(rod: Rod) -> tuple[Array, Array]:
+    """Return axis parameters and the lengths of the centre line up to there, both ``(m,)``."""
+    breaks = rod.axis.breaks
+    u = np.append((breaks[:-1, None] + np.diff(breaks)[:, None] * np.arange(_PARTS) / _PARTS).ravel(), breaks[-1])
+    points, weights = np.polynomial.legendre.leggauss(4)
+    half = 0.5 * np.diff(u)
+    at = (u[:-1, None] + half[:, None] * (1.0 + points)).ravel()
+    along = rod.grid([[0.0, 0.0]], at)[1][:, 0, :, 2]
+    steps = half * (np.linalg.norm(along, axis=1).reshape(-1, points.size) @ weights)
+    return u, np.concatenate([[0.0], np.cumsum(steps)])

@@ -1,0 +1,86 @@
+"""The tables of docs/files.md, made from the schema: ``python -m tests.files_page`` writes them anew."""
+
+import inspect
+import re
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from isorod.files import schema
+from isorod.files.form import ROD, Form
+
+PAGE = Path(__file__).parent.parent / "docs" / "files.md"
+BEGIN, END = "<!-- tables from here on: python -m tests.files_page -->\n", "<!-- to here -->\n"
+
+TITLES: dict[str, Mapping[str, Form]] = {
+    'Analyses: `[analysis.WORD]`, or `analysis = "WORD"`': schema.ANALYSES,
+    "Curves: `curve = {WORD ...}` of a rod": schema.CURVES,
+    "Sections: `section = {WORD ...}` of a rod": schema.SECTIONS,
+    "Laws: `law = {WORD ...}` of a rod": schema.LAWS,
+    "More keys of a rod": {"": schema.SWEEP, " ": schema.BODY},
+    "The space of a rod: `space = {...}`": {"": schema.SPACE},
+    "Supports: `[support.NAME]`": schema.SUPPORTS,
+    "Loads: `[load.NAME]`": schema.LOADS,
+    "Rotation of the frame: `[spin]`": {"": schema.SPIN},
+    "Obstacles: `[obstacle.NAME]`": schema.OBSTACLES,
+    "Contacts: `[contact.NAME]`": {"": schema.CONTACTS},
+    "What is measured: `[measure.NAME]`": schema.MEASURES,
+}
+
+
+def tables() -> str:
+    """Return all tables."""
+    parts = []
+    for title, words in TITLES.items():
+        rows = [row for word, form in words.items() for row in _rows(word.strip(), form)]
+        parts.append(f"### {title}\n\n| | key | value | if not given | |\n|---|---|---|---|---|\n" + "".join(rows))
+    return "\n".join(parts)
+
+
+def _rows(word: str, form: Form) -> Iterator[str]:
+    documentation = inspect.getdoc(form.function) or ""
+    if word:
+        first = " ".join(documentation.split("\n\n")[0].split())
+        yield _row(f"`{word}`", "", "", "", _capital(first.removeprefix("Return ")))
+    told = _parameters(documentation)
+    for key, one in form.parameters.items():
+        main = " (main)" if word and key == form.principal else ""
+        default = "needed" if one.required else f"`{_shown(one.default)}`" if one.default is not None else ""
+        meant = told.get(one.name, "")
+        if key in form.more:
+            meant = "A word for people, beside the number."
+        if one.kind == ROD and not one.required:
+            default, meant = "the only one", "What it acts on."
+        yield _row("", f"`{key}`{main}", one.words, default, meant)
+
+
+def _row(*cells: str) -> str:
+    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |\n"
+
+
+def _parameters(documentation: str) -> dict[str, str]:
+    """Return what a docstring says of each parameter."""
+    found: dict[str, str] = {}
+    section = re.search(r"Parameters\n-+\n(.*?)(?=\n\n\w+\n-+\n|\Z)", documentation, re.DOTALL)
+    names: list[str] = []
+    for line in section[1].splitlines() if section else []:
+        if line and not line.startswith(" "):
+            names = line.split(", ")
+        for name in names if line.startswith(" ") else ():
+            found[name] = f"{found.get(name, '')} {line.strip()}".strip()
+    return {name: re.sub(r"`{2}", "`", text) for name, text in found.items()}
+
+
+def _shown(default: Any) -> str:
+    if isinstance(default, bool):
+        return str(default).lower()
+    return str(list(default)) if isinstance(default, tuple) else repr(default).replace("'", '"')
+
+
+def _capital(text: str) -> str:
+    return re.sub(r"`{2}", "`", text[:1].upper() + text[1:])
+
+
+if __name__ == "__main__":
+    before, _, after = PAGE.read_text().partition(BEGIN)
+    PAGE.write_text(before + BEGIN + "\n" + tables() + "\n" + END + after.partition(END)[2])

@@ -1,0 +1,138 @@
+"""Centre lines from files beside a scene: CSV, and polylines of VTK with their radii."""
+
+import numpy as np
+import pytest
+
+from isorod.errors import InputError
+from isorod.files.scene import FileScene
+from isorod.geometry import center_line, section
+
+T = np.linspace(0.0, 1.0, 9)
+LINE = np.stack([np.sin(T), T**2, 3.0 * T], axis=1)
+RADIUS = 0.2 + 0.1 * T
+
+
+def scene(folder, file, more=""):
+    path = folder / "my.toml"
+    path.write_text(f"analysis = 'geometry'\n[rod.a]\ncurve = {{polyline = '{file}', tolerance = 0.0}}\n{more}\n")
+    return FileScene(str(path))
+
+
+def rows(table, mark=","):
+    return "\n".join(mark.join(f"{value!r}" for value in row) for row in table.tolist()) + "\n"
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        rows(LINE),
+        "x,y,z\n" + rows(LINE),
+        '"z";"x";"y"\r\n' + rows(LINE[:, [2, 0, 1]], ";").replace("\n", "\r\n"),
+        "# a line\n\n" + rows(LINE, "   ") + "\n# the end\n",
+        "\ufeffX, Y, Z\n" + rows(LINE, " , "),
+    ],
+)
+def test_points_of_csv_are_those_of_python(content, tmp_path):
+    (tmp_path / "line.csv").write_bytes(content.encode())
+    (rod,) = scene(tmp_path, "line.csv", "section = {circle = 0.3}").rods()
+    expected = center_line.polyline(LINE, 0.0).sweep(section.circle(8, 0.3))
+    np.testing.assert_array_equal(rod.control_points, expected.control_points)
+
+
+@pytest.mark.parametrize("content", [rows(np.c_[LINE, RADIUS]), "radius,x,y,z\n" + rows(np.c_[RADIUS, LINE])])
+def test_a_radius_scales_the_section_which_is_a_circle_where_not_given(content, tmp_path):
+    (tmp_path / "line.csv").write_text(content)
+    line = center_line.polyline(LINE, 0.0)
+    for more, outline in (
+        ("", section.circle(8)),
+        ("section = {ellipse = {a = 1.0, b = 0.5}}", section.ellipse(8, 1, 0.5)),
+    ):
+        (rod,) = scene(tmp_path, "line.csv", more).rods()
+        expected = line.sweep(outline, scale=RADIUS)
+        np.testing.assert_array_equal(rod.control_points, expected.control_points)
+    with pytest.raises(InputError, match=r"my.toml:4: rod.a.scale: given twice: the curve's file has a radius"):
+        scene(tmp_path, "line.csv", "scale = 2.0")
+
+
+def polydata(pieces, name="Radius"):
+    from vtkmodules.util.numpy_support import numpy_to_vtk
+    from vtkmodules.vtkCommonCore import vtkPoints
+    from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
+
+    points, cells, mesh = vtkPoints(), vtkCellArray(), vtkPolyData()
+    points.SetDataTypeToDouble()
+    for point in LINE:
+        points.InsertNextPoint(point)
+    for piece in pieces:
+        cells.InsertNextCell(len(piece))
+        for number in piece:
+            cells.InsertCellPoint(number)
+    mesh.SetPoints(points)
+    mesh.SetLines(cells)
+    radius = numpy_to_vtk(RADIUS, deep=True)
+    radius.SetName(name)
+    mesh.GetPointData().AddArray(radius)
+    return mesh
+
+
+WHOLE = [list(range(9))]
+SEGMENTS = [[k, k + 1] for k in (3, 0, 1, 2)] + [[8, 7], [7, 6]] + [[4, 5], [5, 6]]
+
+
+@pytest.mark.parametrize("pieces", [WHOLE, SEGMENTS, [[4, 5, 6, 7, 8], [4, 3, 2, 1, 0]]])
+@pytest.mark.parametrize("ending", ["vtk", "vtp"])
+def test_a_polyline_of_vtk_is_read_with_its_radius(pieces, ending, tmp_path):
+    pytest.importorskip("vtkmodules")
+    from vtkmodules.vtkIOLegacy import vtkPolyDataWriter
+    from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
+
+    writer = vtkPolyDataWriter() if ending == "vtk" else vtkXMLPolyDataWriter()
+    writer.SetFileName(str(tmp_path / f"line.{ending}"))
+    writer.SetInputData(polydata(pieces))
+    assert writer.Write()
+    (rod,) = scene(tmp_path, f"line.{ending}").rods()
+    expected = center_line.polyline(LINE, 0.0).sweep(section.circle(8), scale=RADIUS)
+    np.testing.assert_allclose(rod.control_points, expected.control_points, atol=1e-6)
+
+
+@pytest.mark.parametrize("ending", ["vtk", "vtp"])
+@pytest.mark.parametrize(
+    "content", [b"", b"nonsense\n", b"# vtk DataFile Version 3.0\nx\nASCII\nDATASET POLYDATA\nPOINTS"]
+)
+def test_what_vtk_cannot_read_is_one_line(content, ending, tmp_path, capfd):
+    pytest.importorskip("vtkmodules")
+    (tmp_path / f"line.{ending}").write_bytes(content)
+    with pytest.raises(InputError, match=rf"my.toml:3: rod.a.curve.polyline: line.{ending}: no polyline is in it"):
+        scene(tmp_path, f"line.{ending}")
+    assert capfd.readouterr() == ("", "")
+
+
+def test_lines_that_do_not_meet_are_refused(tmp_path):
+    pytest.importorskip("vtkmodules")
+    from vtkmodules.vtkIOLegacy import vtkPolyDataWriter
+
+    writer = vtkPolyDataWriter()
+    writer.SetFileName(str(tmp_path / "line.vtk"))
+    writer.SetInputData(polydata([[0, 1, 2], [4, 5], [7, 8]]))
+    writer.Write()
+    with pytest.raises(InputError, match=r"line.vtk: 3 lines that do not meet, need one polyline"):
+        scene(tmp_path, "line.vtk")
+
+
+def test_control_points_of_nurbs_may_come_from_a_file(tmp_path):
+    from types import SimpleNamespace
+
+    (tmp_path / "line.csv").write_text(rows(LINE))
+    path = tmp_path / "my.toml"
+    path.write_text(
+        "analysis = 'geometry'\n[rod.a]\ncurve = {nurbs = 'line.csv', degree = 2, weights = "
+        f"{[1.0] * 4 + [2.0] + [1.0] * 4}}}\nsection = {{circle = 0.1}}\n"
+    )
+    (rod,) = FileScene(str(path)).rods()
+    knots = [0.0, 0.0, *np.linspace(0.0, 1.0, 8), 1.0, 1.0]
+    curve = SimpleNamespace(degree=2, knotvector=knots, ctrlpts=LINE, weights=[1.0] * 4 + [2.0] + [1.0] * 4)
+    expected = center_line.nurbs(curve).sweep(section.circle(8, 0.1))
+    np.testing.assert_array_equal(rod.control_points, expected.control_points)
+    path.write_text(path.read_text().replace("degree = 2", "degree = 9"))
+    with pytest.raises(InputError, match=r"my.toml:3: rod.a.curve.degree: nurbs: degree: got 9"):
+        FileScene(str(path)).rods()

@@ -1,0 +1,50 @@
+"""A scene from a file loads nothing that it does not need."""
+
+import json
+
+import pytest
+
+from tests.scene_files import MODES, OUTLINE, RING, text
+from tests.test_scenes import FOREIGN, HEAVY
+
+LOADED = """
+import json, sys
+from isorod.command import cli
+assert cli.main({!r}) == 0
+print(json.dumps(sorted(sys.modules)))
+"""
+
+
+@pytest.fixture
+def modules(python, tmp_path):
+    """Run a command in a fresh process; return the modules it has loaded in the end."""
+
+    def run(*words):
+        done = python(LOADED.format(list(words)), cwd=str(tmp_path))
+        assert done.returncode == 0, done.stderr
+        return json.loads(done.stdout.splitlines()[-1])
+
+    return run
+
+
+def test_modes_of_a_passive_body_load_no_contact_dynamics_muscle_or_pictures(modules, tmp_path):
+    (tmp_path / "my.toml").write_text(text({key: one for key, one in MODES.items() if key != "spin"}))
+    found = modules("run", "my.toml", "--json")
+    rooms = ("isorod.contact", "isorod.dynamics", "isorod.material.muscle")
+    assert not [name for name in found if name.startswith((*rooms, "isorod.scenes.", "isorod.command.new"))]
+    assert not {name.split(".")[0] for name in found} & (set(FOREIGN) - {"slepc4py"})
+
+
+def test_geometry_of_a_file_needs_numpy_and_scipy_alone(modules, tmp_path):
+    (tmp_path / "outline.csv").write_text(OUTLINE)
+    (tmp_path / "my.toml").write_text(text(RING))
+    assert not {name.split(".")[0] for name in modules("run", "my.toml", "--json")} & set(HEAVY)
+
+
+def test_a_scene_of_the_package_reads_no_files(modules):
+    found = modules("run", "ring", "--json")
+    assert not [name for name in found if name.startswith("isorod.files.")] and "tomllib" not in found
+
+
+def test_writing_a_file_to_begin_with_loads_nothing_heavy(modules):
+    assert not {name.split(".")[0] for name in modules("new")} & (set(HEAVY) - {"numpy", "scipy"})

@@ -1,0 +1,23 @@
+"""docs/files.md: its tables are those of the schema, its example runs."""
+
+import re
+
+from isorod.command import cli, new
+from tests.files_page import BEGIN, PAGE, tables
+
+
+def test_the_tables_are_those_of_the_schema():
+    """``python -m tests.files_page`` writes them anew."""
+    assert f"{BEGIN}\n{tables()}\n" in PAGE.read_text()
+
+
+def test_the_example_runs(tmp_path, capsys):
+    (content,) = re.findall(r"```toml\n(.*?)```", PAGE.read_text(), re.DOTALL)
+    (tmp_path / "my.toml").write_text(content)
+    assert cli.main(["run", str(tmp_path / "my.toml")]) == 0, capsys.readouterr().err
+    assert capsys.readouterr().out.startswith("tip ")
+
+
+def test_the_examples_are_named():
+    text = PAGE.read_text()
+    assert all(name in text for name in new.EXAMPLES if name != new.STARTER)
