@@ -21,6 +21,7 @@ from isorod.petsc.matrix import componentwise, create_matrix, preallocate, set_v
 from isorod.tensors import determinant
 
 if TYPE_CHECKING:
+    from isorod.assembly.pressing import Pressing
     from isorod.contact.operator import ContactOperator
 
 _SYMMETRIC = (PETSc.Mat.Option.SYMMETRIC, PETSc.Mat.Option.SYMMETRY_ETERNAL)
@@ -54,6 +55,7 @@ class Assembler(Unknowns):
             super().__init__(model, comm)
             self.parts = [self.part(share, self.free, self._exchange) for share in self.shares]
             self.contact = self._contact()
+            self._pressing = self._followers()
 
     @contextmanager
     def _timed(self) -> Iterator[None]:
@@ -80,10 +82,35 @@ class Assembler(Unknowns):
         self.note("contact")
         return ContactOperator(self.model)
 
+    def _followers(self) -> "list[Pressing]":
+        """Return the pressures that follow each part, if any does."""
+        loads = self.model.following
+        if not loads:
+            return []
+        from isorod.assembly.pressing import Pressing
+
+        self.note("following pressure")
+        return [Pressing(share, [load for load in loads if load.body == share.which]) for share in self.shares]
+
+    def _loads(self, local: Array) -> Array:
+        """Return the forces of the loads at load factor 1 in a state of this rank."""
+        if not self._pressing:
+            return self._external
+        return self._external + self._sums(self._pressed(*one, local) for one in self._followed)
+
+    @property
+    def _followed(self) -> "list[tuple[Part, Pressing]]":
+        return list(zip(self.parts, self._pressing, strict=True))
+
+    @staticmethod
+    def _pressed(part: Part, pressing: "Pressing", local: Array) -> Array:
+        """Return what pressure that follows a part adds to the forces, shape of its ``dofs``."""
+        return pressing.forces(part.nodal(local)).reshape(part.dofs.shape)
+
     @cached_property
     def _constant(self) -> bool:
         """Whether no state changes the tangent; on all ranks alike, since to have a state takes them all."""
-        return self.contact is None and all(body.linear for body in self.model.bodies)
+        return self.contact is None and not self._pressing and all(body.linear for body in self.model.bodies)
 
     @cached_property
     def _external(self) -> Array:
@@ -140,7 +167,7 @@ class Assembler(Unknowns):
             total -= factor * self._sums(part.centrifugal(local, spin) for part in self.parts)
         if self.contact is not None:
             total -= self.contact.forces(local)[0]
-        return total - factor * self._external
+        return total - factor * self._loads(local)
 
     def extrapolate(self) -> None:
         """Let the next tangent be exact; those of slender bodies after it extrapolate the stress.
@@ -159,15 +186,21 @@ class Assembler(Unknowns):
             Norm of the nodal forces of supports and loads.
         """
         with self._timed():
-            forces = self._forces(self._state(x, factor), factor)
+            local = self._state(x, factor)
+            forces = self._forces(local, factor)
             self._exchange.store(forces, out)
-            own = float(np.sum(forces[self._exchange.bound[1]] ** 2) + np.sum((factor * self._external) ** 2))
+            own = float(np.sum(forces[self._exchange.bound[1]] ** 2) + np.sum((factor * self._loads(local)) ** 2))
             return float(np.sqrt(self.comm.tompi4py().allreduce(own)))
 
     def reactions(self, x: PETSc.Vec, factor: float) -> Array:
         """Return the forces of the supports on the model, one a degree of freedom in `Model.bound`, on every rank."""
         with self._timed():
             return self._bound(self._forces(self._state(x, factor), factor))
+
+    def carried(self, x: PETSc.Vec) -> float:
+        """Return the norm of the nodal forces of the loads at load factor 1."""
+        own = self._loads(self._state(x, 1.0)) if self.model.loads else np.zeros(1)
+        return float(np.sqrt(self.comm.tompi4py().allreduce(float(own @ own))))
 
     def imbalance(self, x: PETSc.Vec, factor: float) -> tuple[Array, Array]:
         """Return the resultant ``(3,)`` of the forces on what no support holds, and what rounding makes of others.
@@ -192,11 +225,14 @@ class Assembler(Unknowns):
         with self._timed():
             local = np.zeros(self._exchange.size) if self._constant else self._state(x, factor)
             matrices, spin = [], self.model.spin
-            if keep or spin is not None:
+            if keep or spin is not None or self._pressing:
                 matrices = [part.matrices(local, factor) for part in self.parts]
                 if spin is not None:
                     for part, block in zip(self.parts, matrices, strict=True):
                         block -= factor * part.softening(spin)
+                if self._pressing:
+                    for (part, pressing), block in zip(self._followed, matrices, strict=True):
+                        block -= factor * pressing.stiffness(part.nodal(local))
                 merged = [part.pattern.merge(block) for part, block in zip(self.parts, matrices, strict=True)]
             else:
                 merged = [part.entries(local, factor) for part in self.parts]
@@ -228,7 +264,7 @@ class Assembler(Unknowns):
             move = np.zeros(local.size)
             move[slots] = (self.model.prescribed(factor + step) - self.model.prescribed(factor))[moved]
             total = self._sums(self._change(*one, local, move, step) for one in zip(self.parts, matrices, strict=True))
-            total -= step * self._external
+            total -= step * self._loads(local)
             if self.contact is not None:
                 total += self.contact.product(move)
             self._exchange.store(total, out)

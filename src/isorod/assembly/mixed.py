@@ -82,7 +82,7 @@ class MixedPart(Part):
         _, slope = volume_change(self.laws, F)
         laws = self.laws.at(factor)
         tangent = np.array(laws.tangent(F), order="C")
-        for law, first, last in self.laws.pieces:
+        for law, first, last, _ in self.laws.pieces:
             if cast(Split, law).logarithmic:
                 mixed_kernel.add_curvature(tangent[first:last], slope[first:last], p[first:last])
         if self.extrapolation is not None:

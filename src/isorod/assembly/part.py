@@ -50,7 +50,7 @@ class Part:
         self.body, self.which = body, share.which
         self.first_node, self.first_dof = share.first_node, share.first_dof
         self.table = body.space.tabulate(share.first, share.last, rule)
-        self.laws = body.laws_at(self.table.u)
+        self.laws = body.laws_at(self.table.u, self.table.xi)
         self.layers = share.layers
         self.width = share.width
         self.dofs = share.dofs
@@ -70,8 +70,7 @@ class Part:
     def mass(self) -> Array:
         """Element mass matrices of one component, shape ``(E, l n, l n)``."""
         t = self.table
-        density = self.body.densities[t.first : t.first + t.elements, None, None]
-        mass = element_kernel.mass(t.section, t.axial, density * t.weights)
+        mass = element_kernel.mass(t.section, t.axial, self.body.densities_at(t) * t.weights)
         return mass.reshape(mass.shape[0], mass.shape[1] * mass.shape[2], -1)
 
     def mass_entries(self, lumped: bool, numbers: Sequence[Index]) -> list[tuple[Entries, Array]]:

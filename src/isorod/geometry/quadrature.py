@@ -1,24 +1,32 @@
 """Quadrature on disk x axis, written ``n x r x s x t`` (Lu & Zhou 2011, eq. 14).
 
-The disk is cut in ``n`` slices, one an arc; each has ``r`` radial and ``s`` angular Gauss points, and each element
-``t`` along the axis.  The paper's rule is ``r = 2, s = 1, t = p + 1``; it under-integrates, and the published numbers
-depend on it.
+The disk is cut in ``n`` slices, one an arc; each has ``r`` radial (in each of the rod's rings) and ``s`` angular Gauss
+points, and each element ``t`` along the axis.  The paper's rule is ``r = 2, s = 1, t = p + 1``; it under-integrates,
+and the published numbers depend on it.
 """
 
 import re
 from dataclasses import dataclass
 from functools import cache, lru_cache
+from itertools import pairwise
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from isorod.arrays import Array
+from isorod.arrays import Array, Index
 from isorod.errors import InputError, whole_number
 from isorod.geometry.axis import Axis
+
+# Radii of the rings of a section that is whole: a single one.
+WHOLE = (0.0, 1.0)
+
+# A point this near to the radius between two rings, relative, lies on it.
+_ON_RADIUS = 1e-12
 
 
 @dataclass(frozen=True)
 class Rule:
-    """Numbers of radial and angular Gauss points in a slice of the disk, and of Gauss points along an element."""
+    """Numbers of radial and angular Gauss points in a slice of a ring, and of Gauss points along an element."""
 
     radial: int
     angular: int
@@ -66,22 +74,41 @@ class Rule:
 
 
 @lru_cache(maxsize=32)
-def section_points(n: int, rule: Rule, turn: float = 0.0) -> tuple[Array, Array]:
-    """Return points ``(n r s, 2)`` and weights ``(n r s,)``, whose sum is pi, on the unit disk, not to be written to.
+def section_points(n: int, rule: Rule, turn: float = 0.0, rings: tuple[float, ...] = WHOLE) -> tuple[Array, Array]:
+    """Return points ``(rings n r s, 2)`` of the unit disk ring by ring, and weights; neither is to be written to.
 
-    The slices are the arcs of ``n`` control points of which the first stands at the angle ``turn``.
+    The slices are the arcs of ``n`` control points of which the first stands at the angle ``turn``; the rings are those
+    between the radii given, and the weights add up to their area on the disk.
     """
-    r, wr = _gauss(rule.radial)
+    share, wr = _gauss(rule.radial)
     s, ws = _gauss(rule.angular)
     theta = turn + 2.0 * np.pi / n * (np.arange(n)[:, None] + s - 0.5)
-    radius = np.broadcast_to(r[None, :, None], (n, r.size, s.size))
-    angle = np.broadcast_to(theta[:, None, :], radius.shape)
-    points = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=-1)
-    weights = np.broadcast_to(2.0 * np.pi / n * (r * wr)[:, None] * ws, radius.shape)
-    found = points.reshape(-1, 2), weights.reshape(-1).copy()
+    points, weights = [], []
+    for inner, outer in pairwise(rings):
+        r = inner + (outer - inner) * share
+        radius = np.broadcast_to(r[None, :, None], (n, r.size, s.size))
+        angle = np.broadcast_to(theta[:, None, :], radius.shape)
+        points.append(np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=-1).reshape(-1, 2))
+        area = 2.0 * np.pi / n * (r * ((outer - inner) * wr))[:, None] * ws
+        weights.append(np.broadcast_to(area, radius.shape).ravel())
+    found = np.concatenate(points), np.concatenate(weights)
     for array in found:
         array.flags.writeable = False
     return found
+
+
+def circle_points(n: int, angular: int, radius: float, turn: float = 0.0) -> tuple[Array, Array]:
+    """Return points ``(n s, 2)`` of a circle on the disk, and weights by the angle, whose sum is 2 pi."""
+    s, ws = _gauss(angular)
+    theta = (turn + 2.0 * np.pi / n * (np.arange(n)[:, None] + s - 0.5)).ravel()
+    return radius * np.stack([np.cos(theta), np.sin(theta)], axis=1), np.tile(2.0 * np.pi / n * ws, n)
+
+
+def ring_of(rings: tuple[float, ...], xi: ArrayLike) -> Index:
+    """Return the ring of each disk point ``(q, 2)``; where two meet, the outer one."""
+    points = np.asarray(xi, dtype=float)
+    inner = np.array(rings[1:-1]) * (1.0 - _ON_RADIUS)
+    return np.searchsorted(inner, np.hypot(points[:, 0], points[:, 1]), side="right")
 
 
 def axis_points(axis: Axis, count: int) -> tuple[Array, Array]:

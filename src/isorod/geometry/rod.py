@@ -1,7 +1,8 @@
 """The geometry of a rod: disk x axis, ``x(xi, u) = sum_ij T_i(xi) R_j(u) P_ij`` (Lu & Zhou 2011, eqs. 11-13)."""
 
 import warnings
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -12,7 +13,7 @@ from isorod.errors import Checked, FoldedRodError, InputError, numbers
 from isorod.geometry import fold
 from isorod.geometry.axis import Axis
 from isorod.geometry.disk import check_count, harmonic_functions
-from isorod.geometry.quadrature import Rule, axis_points, section_points
+from isorod.geometry.quadrature import WHOLE, Rule, axis_points, section_points
 from isorod.tensors import determinant
 
 # Sections between layers of control points may be this much smaller than the smallest of these before that is warned
@@ -20,6 +21,12 @@ from isorod.tensors import determinant
 # half.
 _SHRINKS = 0.95
 _SHRUNK = 0.7
+
+# The thinnest ring of a section, as a share of its radius.
+_THINNEST = 1e-3
+
+# The smallest radius of a hole, or of a core: 1 / r^2 is among the functions of such sections.
+_INNERMOST = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,17 +43,21 @@ class Rod(Checked):
         True if the first and the last layer are one and the same (a ring).
     fitted
         True if the sections themselves, not the layers of control points, were given their size.
+    rings
+        Radii on the disk, from the inside, between which the section's rings lie: ``(0, 1)`` is one that is whole,
+        ``(0.5, 1)`` a tube, ``(0, 0.8, 1)`` a core with a sheath.
 
     Raises
     ------
     InputError
-        If shapes do not fit, a value is not finite, or a closed rod's end layers differ.
+        If shapes do not fit, a value is not finite, a closed rod's end layers differ, or radii do not rise to 1.
     """
 
     axis: Axis
     control_points: Array
     closed: bool = False
     fitted: bool = False
+    rings: tuple[float, ...] = WHOLE
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -63,10 +74,19 @@ class Rod(Checked):
             raise InputError(f"rod control point {i} of layer {j} is not finite")
         if self.closed and not np.array_equal(points[0], points[-1]):
             raise InputError("closed rod: the last layer of control points must repeat the first")
+        object.__setattr__(self, "rings", tuple(float(radius) for radius in self.rings))
+        thinnest = np.diff(self.rings).min(initial=np.inf if len(self.rings) > 1 else 0.0)
+        innermost = min((radius for radius in self.rings if radius != 0.0), default=0.0)
+        if not (thinnest >= _THINNEST and innermost >= _INNERMOST and self.rings[-1] == 1.0):
+            raise InputError(
+                f"rings: got radii {', '.join(f'{radius:g}' for radius in self.rings)}; need some that rise from 0, or "
+                f"that of a hole, to 1, by {_THINNEST:g} or more each, the first of them {_INNERMOST:g} or more"
+            )
 
     def __repr__(self) -> str:
         layers, n, _ = self.control_points.shape
-        return f"Rod({layers} layers of {n} control points{', closed' if self.closed else ''}; {self.axis!r})"
+        rings = "" if self.rings == WHOLE else f", rings {' '.join(f'{radius:g}' for radius in self.rings)}"
+        return f"Rod({layers} layers of {n} control points{', closed' if self.closed else ''}{rings}; {self.axis!r})"
 
     @property
     def section_points(self) -> int:
@@ -125,7 +145,15 @@ class Rod(Checked):
         points = self.axis.transfer(axis, self.control_points)
         if self.closed:
             points[-1] = points[0]
-        return Rod(axis, points, self.closed, self.fitted)
+        return Rod(axis, points, self.closed, self.fitted, self.rings)
+
+    def with_rings(self, rings: Sequence[float]) -> "Rod":
+        """Return the rod with a hole or in layers: radii of its rings as shares of the outer one, from the inside.
+
+        ``(0.5, 1)`` is a tube, ``(0, 0.8, 1)`` a core with a sheath.  Where the section is not round, radii are those
+        of the disk, whose circles the harmonic map takes to curves like the outline.
+        """
+        return replace(self, rings=tuple(rings))
 
     def points(self, xi: ArrayLike, u: ArrayLike) -> Array:
         """Return the positions ``(m, 3)`` of the parameter pairs ``xi`` ``(m, 2)`` and ``u`` ``(m,)``."""
@@ -168,7 +196,7 @@ class Rod(Checked):
     def volume(self) -> float:
         """Return the volume (length cubed), by a full quadrature rule."""
         rule = Rule.full(self.section_points, self.axis.degree + 2)
-        xi, area = section_points(self.section_points, rule)
+        xi, area = section_points(self.section_points, rule, rings=self.rings)
         u, length = axis_points(self.axis, rule.axial)
         _, jacobian = self.grid(xi, u.ravel())
         return float(np.einsum("tq,t,q->", determinant(jacobian), length.ravel(), area))

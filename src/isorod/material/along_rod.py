@@ -1,4 +1,4 @@
-"""The material laws along one body, evaluated at all its points at once."""
+"""The material laws along one body, and across it, evaluated at all its points at once."""
 
 from collections.abc import Sequence
 from itertools import groupby
@@ -6,27 +6,40 @@ from typing import NamedTuple, cast
 
 import numpy as np
 
-from isorod.arrays import Array
+from isorod.arrays import Array, Index
 from isorod.material.law import Material, Split
 from isorod.material.linear_elastic import LinearElastic
 from isorod.tensors import inverse
 
 
 class Piece(NamedTuple):
-    """Places ``first .. last - 1`` along the body that have one law."""
+    """Places ``first .. last - 1`` along the body that have one law, at all points of the section or at some."""
 
     law: Material
     first: int
     last: int
+    points: slice | Index = slice(None)
+
+    @property
+    def whole(self) -> bool:
+        """Whether it is the law of all points of the section."""
+        return isinstance(self.points, slice)
+
+    def of(self, F: Array) -> Array:
+        """Return what an array ``(places, ..., points, 3, 3)`` holds of its own points."""
+        own = F[self.first : self.last]
+        return own if self.whole else own[..., self.points, :, :]
 
 
 class Laws:
     """A law for each place along a body: entry ``k`` of every array's first axis obeys law ``k``.
 
+    Where laws differ across the section too, the third axis from the end is that of the section's points.
+
     Parameters
     ----------
     pieces
-        Consecutive places of one law each, shape of the whole ``(places,)``.
+        Consecutive places of one law each, shape of the whole ``(places,)``; in rings, of each ring.
     """
 
     def __init__(self, pieces: Sequence[Piece]) -> None:
@@ -35,78 +48,99 @@ class Laws:
     @classmethod
     def of(cls, laws: Sequence[Material]) -> "Laws":
         """Return the laws given one by one."""
-        pieces, first = [], 0
-        for _, same in groupby(laws, id):
-            members = list(same)
-            pieces.append(Piece(members[0], first, first + len(members)))
-            first += len(members)
-        return cls(pieces)
+        return cls(_runs(laws))
+
+    @classmethod
+    def in_rings(cls, laws: Sequence[Sequence[Material]], ring: Index) -> "Laws":
+        """Return the laws given for each ring one by one, where the section's points ``(q,)`` lie in these rings."""
+        return cls(
+            [piece._replace(points=np.flatnonzero(ring == r)) for r, own in enumerate(laws) for piece in _runs(own)]
+        )
 
     def along(self, tangents: Array) -> "Laws":
         """Return the laws where the rod's unit tangents are ``tangents``, shape ``(places, ..., 3)``."""
-        return Laws([Piece(law.along(tangents[first:last]), first, last) for law, first, last in self.pieces])
+        return Laws([piece._replace(law=piece.law.along(tangents[piece.first : piece.last])) for piece in self.pieces])
 
     def at(self, factor: float) -> "Laws":
         """Return the laws at a load factor."""
-        return Laws([Piece(law.at(factor), first, last) for law, first, last in self.pieces])
+        return Laws([piece._replace(law=piece.law.at(factor)) for piece in self.pieces])
 
     @property
     def follow(self) -> bool:
         """Whether a law asks for the rod's tangents (`along`)."""
-        return any(law.follows for law, _, _ in self.pieces)
+        return any(piece.law.follows for piece in self.pieces)
 
     @property
     def loaded(self) -> bool:
         """Whether a law changes with the load factor."""
-        return any(law.at(0.5) is not law for law, _, _ in self.pieces)
+        return any(piece.law.at(0.5) is not piece.law for piece in self.pieces)
 
     @property
     def objective(self) -> bool:
         """Whether all laws have a second Piola-Kirchhoff stress that no rotation changes."""
-        return not any(isinstance(law, LinearElastic) for law, _, _ in self.pieces)
+        return not any(isinstance(piece.law, LinearElastic) for piece in self.pieces)
 
     @property
     def isotropic(self) -> Array | None:
-        """Lame's parameters of each law, shape ``(places, 2)``, if all are linear elastic."""
+        """Lame's parameters of each law, shape ``(places, 2)``, if all are linear elastic and none is a ring's."""
         found = [
-            np.tile((law.lame, law.mu), (last - first, 1))
-            for law, first, last in self.pieces
-            if isinstance(law, LinearElastic)
+            np.tile((piece.law.lame, piece.law.mu), (piece.last - piece.first, 1))
+            for piece in self.pieces
+            if isinstance(piece.law, LinearElastic) and piece.whole
         ]
-        return self._joined(found) if len(found) == len(self.pieces) else None
+        if len(found) < len(self.pieces):
+            return None
+        return found[0] if len(found) == 1 else np.concatenate(found)
 
     def energy(self, F: Array) -> Array:
         """Return the stored energy per reference volume, shape ``F.shape[:-2]``."""
-        return self._joined([law.energy(F[first:last]) for law, first, last in self.pieces])
+        return self._joined(F, [piece.law.energy(piece.of(F)) for piece in self.pieces])
 
     def stress(self, F: Array) -> Array:
         """Return the first Piola-Kirchhoff stress, shape of ``F``."""
-        return self._joined([law.stress(F[first:last]) for law, first, last in self.pieces])
+        return self._joined(F, [piece.law.stress(piece.of(F)) for piece in self.pieces])
 
     def discrete(self, F: Array, change: Array, wanted: bool) -> tuple[Array, Array]:
         """Return stresses that do the work of the energy, and their moduli (`Material.discrete`)."""
-        found = [law.discrete(F[first:last], change[first:last], wanted) for law, first, last in self.pieces]
-        moduli = [np.empty(0) if part is None else part for _, part in found]
-        return self._joined([stress for stress, _ in found]), self._joined(moduli)
+        found = [piece.law.discrete(piece.of(F), piece.of(change), wanted) for piece in self.pieces]
+        stress = self._joined(F, [stress for stress, _ in found])
+        moduli = [part for _, part in found if part is not None]
+        return stress, self._joined(F, moduli) if moduli else np.empty(0)
 
     def tangent(self, F: Array) -> Array:
         """Return ``dP/dF``, shape ``F.shape + (3, 3)``."""
-        return self._joined([law.tangent(F[first:last]) for law, first, last in self.pieces])
+        return self._joined(F, [piece.law.tangent(piece.of(F)) for piece in self.pieces])
 
-    @staticmethod
-    def _joined(pieces: Sequence[Array]) -> Array:
-        return pieces[0] if len(pieces) == 1 else np.concatenate(pieces)
+    def _joined(self, F: Array, found: Sequence[Array]) -> Array:
+        """Return at the points of ``F`` what was found for each piece."""
+        if all(piece.whole for piece in self.pieces):
+            return found[0] if len(found) == 1 else np.concatenate(found)
+        ahead = F.ndim - 2
+        result = np.empty(F.shape[:ahead] + found[0].shape[ahead:])
+        for piece, own in zip(self.pieces, found, strict=True):
+            result[(slice(piece.first, piece.last), *[slice(None)] * (ahead - 2), piece.points)] = own
+        return result
+
+
+def _runs(laws: Sequence[Material]) -> list[Piece]:
+    """Return a piece for each run of one law."""
+    pieces, first = [], 0
+    for _, same in groupby(laws, id):
+        members = list(same)
+        pieces.append(Piece(members[0], first, first + len(members)))
+        first += len(members)
+    return pieces
 
 
 def shear_laws(laws: Laws) -> Laws:
     """Return the laws without their bulk terms."""
-    return Laws([Piece(cast(Split, law).shear, first, last) for law, first, last in laws.pieces])
+    return Laws([piece._replace(law=cast(Split, piece.law).shear) for piece in laws.pieces])
 
 
 def volume_change(laws: Laws, F: Array) -> tuple[Array, Array]:
     """Return ``theta`` and ``d theta / dF`` for ``F`` ``(E, t, q, 3, 3)``; NaN where ``ln J`` has no value."""
     theta, slope = np.empty(F.shape[:-2]), np.empty(F.shape)
-    for law, first, last in laws.pieces:
+    for law, first, last, _ in laws.pieces:
         part = F[first:last]
         if cast(Split, law).logarithmic:
             inverses, det = inverse(part)

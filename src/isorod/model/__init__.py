@@ -2,7 +2,7 @@
 
 from isorod.model.body import Body
 from isorod.model.contact import Contact, Cylinder, Plane
-from isorod.model.load import BodyForce, SectionLoad, Spin
+from isorod.model.load import BodyForce, Pressure, SectionLoad, Spin
 from isorod.model.model import Model
 from isorod.model.support import Support
 
@@ -13,6 +13,7 @@ __all__ = [
     "Cylinder",
     "Model",
     "Plane",
+    "Pressure",
     "SectionLoad",
     "Spin",
     "Support",

@@ -7,9 +7,11 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from isorod.arrays import Array
 from isorod.errors import Checked, InputError, representable
+from isorod.geometry.quadrature import ring_of
 from isorod.material.along_rod import Laws
 from isorod.material.law import Material
 from isorod.material.linear_elastic import LinearElastic
@@ -36,9 +38,11 @@ class Body(Checked):
     space
         The displacement space.
     material
-        One law for the whole rod, or one for each element of the space, shape ``(elements,)``.
+        One law for the whole rod, or one for each element of the space, shape ``(elements,)``; where the rod has
+        several rings (`isorod.geometry.rod.Rod.rings`) one for each of these from the inside, ``(rings,)``, or for
+        each element and ring ``(elements, rings)``.
     density
-        Mass per reference volume, one for the whole rod or one for each element of the space.
+        Mass per reference volume, one for the whole rod or of the shape of several laws.
     formulation
         ``"displacement"``, or ``"mixed"``: displacement and pressure (`isorod.assembly.mixed`), which does not lock
         near incompressibility and takes a Poisson's ratio of 0.5; statics alone knows it.
@@ -51,35 +55,53 @@ class Body(Checked):
     """
 
     space: Space
-    material: Material | Sequence[Material]
-    density: float | Sequence[float] = 0.0
+    material: Material | Sequence[Material] | Sequence[Sequence[Material]]
+    density: float | Sequence[float] | Sequence[Sequence[float]] = 0.0
     formulation: str = "displacement"
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        elements, rings = self.space.axis.elements, self._rings
         given = np.asarray(self.density, dtype=float)
-        if given.shape not in ((), (self.space.axis.elements,)):
-            raise InputError(
-                f"density: got shape {given.shape}, need one or one for each of the {self.space.axis.elements} elements"
-            )
+        if given.shape not in ((), *self._shapes):
+            several = f"each of the {elements} elements" if rings == 1 else f"each of the {rings} rings"
+            raise InputError(f"density: got shape {given.shape}, need one or one for {several}")
         bad = ~(np.isfinite(given) & (given >= 0.0))
         if bad.any():
             raise InputError(f"density: got {given[bad].flat[0]:g}, need a finite mass per volume, not negative")
         if given.any():
             representable("density", float(given[given > 0.0].min()))
             representable("density", float(given.max()))
-        if isinstance(self.material, Sequence) and len(self.material) != self.space.axis.elements:
-            raise InputError(
-                f"material: got {len(self.material)} laws for {self.space.axis.elements} elements, "
-                "need one law or one an element"
-            )
-
+        if isinstance(self.material, Sequence) and not self._fits(self.material):
+            count = f"{len(self.material)} laws for {elements} elements, need one law or one an element"
+            if rings > 1:
+                count = f"{len(self.material)} laws for {rings} rings, need one law, one a ring, or such for elements"
+            raise InputError(f"material: got {count}")
         if self.formulation not in FORMULATIONS:
             raise InputError(f"formulation: got {self.formulation!r}, need one of {', '.join(FORMULATIONS)}")
-        for e, law in enumerate(self.laws):
+        for k, law in enumerate(self.laws):
             if self.formulation == "displacement" and not np.isfinite(getattr(law, "lame", 0.0)):
-                raise InputError(f"material of element {e}: incompressible (nu = 0.5); that takes formulation 'mixed'")
+                raise InputError(
+                    f"material of element {k // rings}: incompressible (nu = 0.5); that takes formulation 'mixed'"
+                )
         self._warn_of_smooth_joints()
+
+    @property
+    def _rings(self) -> int:
+        return len(self.space.rod.rings) - 1
+
+    @property
+    def _shapes(self) -> tuple[tuple[int, ...], ...]:
+        """Shapes of what is given for several places of the rod."""
+        elements, rings = self.space.axis.elements, self._rings
+        return ((elements,),) if rings == 1 else ((rings,), (elements, rings))
+
+    def _fits(self, laws: Sequence[Material] | Sequence[Sequence[Material]]) -> bool:
+        """Whether several laws are as many as there are places."""
+        rows = [law for law in laws if isinstance(law, Sequence)]
+        if not rows:
+            return (len(laws),) == self._shapes[0]
+        return len(rows) == len(laws) and all((len(rows), len(row)) in self._shapes for row in rows)
 
     @cached_property
     def pressures(self) -> "Pressures | None":
@@ -109,8 +131,8 @@ class Body(Checked):
         if not isinstance(self.material, Sequence):
             return
         axis = self.space.axis
-        moduli = np.array([getattr(law, "E", np.nan) for law in self.laws])
-        jumps = np.exp(np.abs(np.diff(np.log(moduli)))) * (1.0 - 1e-9)
+        moduli = np.array([getattr(law, "E", np.nan) for law in self.laws]).reshape(-1, self._rings)
+        jumps = np.exp(np.abs(np.diff(np.log(moduli), axis=0)).max(axis=1)) * (1.0 - 1e-9)
         times = np.searchsorted(axis.knots, axis.breaks[1:-1], "right") - np.searchsorted(axis.knots, axis.breaks[1:-1])
         smooth = (jumps > _JUMP) & (times < axis.degree)
         if smooth.any():
@@ -123,32 +145,51 @@ class Body(Checked):
 
     @cached_property
     def densities(self) -> Array:
-        """The mass per reference volume of each element, shape ``(elements,)``."""
-        return np.broadcast_to(np.asarray(self.density, dtype=float), (self.space.axis.elements,))
+        """The mass per reference volume of each element, and of each of its rings, shape ``(elements rings,)``."""
+        given = np.asarray(self.density, dtype=float)
+        if self._rings == 1:
+            return np.broadcast_to(given, (self.space.axis.elements,))
+        return np.broadcast_to(given, (self.space.axis.elements, self._rings)).ravel()
+
+    def densities_at(self, table: Table) -> Array:
+        """Return the mass per reference volume at quadrature points, ``(E, 1, q)``, or 1 for ``q`` if all have it."""
+        own = self.densities.reshape(-1, self._rings)[table.first : table.first + table.elements]
+        return own[:, None, :] if self._rings == 1 else own[:, None, ring_of(self.space.rod.rings, table.xi)]
 
     @cached_property
     def laws(self) -> tuple[Material, ...]:
-        """The law of each element, shape ``(elements,)``."""
-        if isinstance(self.material, Sequence):
-            return tuple(self.material)
-        return (self.material,) * self.space.axis.elements
+        """The law of each element, and of each of its rings, shape ``(elements rings,)``."""
+        if not isinstance(self.material, Sequence):
+            return (self.material,) * (self.space.axis.elements * self._rings)
+        found: list[Material] = []
+        for one in self.material:
+            found += one if isinstance(one, Sequence) else [one]
+        # One a ring stands for all elements.
+        return tuple(found) if len(found) == self.densities.size else tuple(found) * self.space.axis.elements
 
     @cached_property
     def linear(self) -> bool:
         """Whether its stiffness is the same in all states."""
         return self.formulation == "displacement" and all(isinstance(law, LinearElastic) for law in self.laws)
 
-    def laws_at(self, u: Array) -> Laws:
-        """Return the laws at axis parameters, for deformation gradients of shape ``u.shape + (q, 3, 3)``.
+    def laws_at(self, u: Array, xi: ArrayLike) -> Laws:
+        """Return the laws at axis parameters and disk points, for deformation gradients ``u.shape + (q, 3, 3)``.
 
         Parameters
         ----------
         u
             Shape ``(E,)`` or ``(E, t)``, each row within one element; at a knot the element above it is meant.
+        xi
+            Shape ``(q, 2)``; where two rings meet the outer one is meant.
         """
         breaks = self.space.axis.breaks
         elements = np.searchsorted(breaks[1:-1], u.reshape(u.shape[0], -1)[:, 0], side="right")
-        laws = Laws.of([self.laws[e] for e in elements])
+        rings = self._rings
+        if rings == 1:
+            laws = Laws.of([self.laws[e] for e in elements])
+        else:
+            each = [[self.laws[e * rings + r] for e in elements] for r in range(rings)]
+            laws = Laws.in_rings(each, ring_of(self.space.rod.rings, xi))
         return laws.along(self._tangents(u)[..., None, :]) if laws.follow else laws
 
     def _tangents(self, u: Array) -> Array:
@@ -157,6 +198,6 @@ class Body(Checked):
     def fibres(self, table: Table) -> Array:
         """Return the unit fibre directions at the quadrature points, ``(E, t, q, 3)``; zero where the law has none."""
         result = np.zeros((*table.weights.shape, 3))
-        for law, first, last in self.laws_at(table.u).pieces:
-            result[first:last] = law.fibres(result[first:last].shape[:-1])
+        for law, first, last, points in self.laws_at(table.u, table.xi).pieces:
+            result[first:last, :, points] = law.fibres(result[first:last, :, points].shape[:-1])
         return result

@@ -1,4 +1,4 @@
-"""Dead loads: forces that keep their direction and size while the rod moves, and grow with the load factor."""
+"""Loads, which grow with the load factor: all but pressure keep direction and size while the rod moves."""
 
 from dataclasses import dataclass, field
 from typing import Protocol
@@ -7,7 +7,7 @@ import numpy as np
 
 from isorod.arrays import Array
 from isorod.errors import Checked, InputError
-from isorod.geometry.quadrature import section_points
+from isorod.geometry.quadrature import axis_points, circle_points, section_points
 from isorod.space.space import Space
 
 
@@ -67,7 +67,7 @@ class SectionLoad(Checked):
         u = high if self.u is None else self.u
         if not low <= u <= high:
             raise InputError(f"section load: got u = {u}, need an axis parameter from {low:g} to {high:g}")
-        xi, area = section_points(space.points_around, space.rule, space.turn)
+        xi, area = section_points(space.points_around, space.rule, space.turn, space.rod.rings)
         _, jacobian = space.rod.grid(xi, [u])
         area = area * np.linalg.norm(np.cross(jacobian[0, :, :, 0], jacobian[0, :, :, 1]), axis=1)
         share = area @ space.basis.functions(xi)[0] / area.sum()
@@ -76,6 +76,68 @@ class SectionLoad(Checked):
         result = np.zeros((space.layers, space.layer_nodes, 3))
         result[layers] = values[0][:, None, None] * share[:, None] * np.array(self.force)
         return result.reshape(-1, 3)
+
+
+@dataclass(frozen=True)
+class Pressure(Checked):
+    """A uniform pressure on the lateral surface, along its normal: ``f_jl = -p int S_l R_j n dA``.
+
+    Parameters
+    ----------
+    pressure
+        Force per area at load factor 1; positive where it pushes the surface into the body.
+    surface
+        ``"outer"``, or ``"inner"``: that of the hole of a rod that has one (`isorod.geometry.rod.Rod.rings`).
+    body
+        Index of the body in the model.
+    follows
+        Whether normal and area are those of the moving surface, as of a fluid's pressure; if not, the force on each
+        piece of the surface stays as it is, which where displacements are small is the same.
+
+    Raises
+    ------
+    InputError
+        If the pressure is not finite or the surface none; and, from ``points``, if the body's rod has no hole.
+    """
+
+    pressure: float
+    surface: str = "outer"
+    body: int = 0
+    follows: bool = False
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not np.isfinite(self.pressure):
+            raise InputError(f"pressure: got {self.pressure:g}, need a finite force per area")
+        if self.surface not in ("outer", "inner"):
+            raise InputError(f"pressure: got surface {self.surface!r}, need 'outer' or 'inner'")
+
+    def points(self, space: Space) -> tuple[Array, Array, Array]:
+        """Return the surface's disk points ``(q, 2)`` and axis parameters ``(E, t)``, and weights ``(E, t, q)``.
+
+        The weights, by angle and axis parameter, are times the pressure, with the sign of its force along
+        ``dx/dtheta x dx/du``, which points away from the centre line.
+        """
+        radius = space.rod.rings[0 if self.surface == "inner" else -1]
+        if radius == 0.0:
+            raise InputError("pressure on the inner surface: the rod has no hole; see Rod.with_rings")
+        rule = space.basis.full(space.axis.degree)
+        xi, angle = circle_points(space.points_around, rule.angular, radius, space.turn)
+        u, length = axis_points(space.axis, rule.axial)
+        force = -self.pressure if self.surface == "outer" else self.pressure
+        return xi, u, force * length[:, :, None] * angle
+
+    def nodal(self, space: Space) -> Array:
+        """Return the nodal forces on the surface where it is at rest, shape ``(nodes, 3)``."""
+        xi, u, weights = self.points(space)
+        _, jacobian = space.rod.grid(xi, u.ravel())
+        # d xi / d theta is xi turned by a right angle.
+        around = jacobian[..., 1] * xi[:, :1] - jacobian[..., 0] * xi[:, 1:]
+        force = weights[..., None] * np.cross(around, jacobian[..., 2]).reshape(*weights.shape, 3)
+        axial = space.axis.local(u.ravel())[1].reshape(*u.shape, -1)
+        shares = np.einsum("etj,qn,etqa->ejna", axial, space.basis.functions(xi)[0], force, optimize=True)
+        nodes = space.element_nodes.ravel()
+        return np.stack([np.bincount(nodes, shares[..., a].ravel(), space.nodes) for a in range(3)], axis=1)
 
 
 @dataclass(frozen=True)

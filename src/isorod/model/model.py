@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from isorod.arrays import Array, Index
 from isorod.errors import Checked, InputError
 from isorod.model.body import Body
-from isorod.model.load import Load, Spin
+from isorod.model.load import Load, Pressure, Spin
 from isorod.model.numbering import number
 from isorod.model.support import Support, SupportMotion
 from isorod.space.space import Space
@@ -108,12 +108,19 @@ class Model(Checked):
 
     @cached_property
     def external(self) -> Array:
-        """Nodal forces of the loads at load factor 1, shape ``(dofs,)``."""
+        """Nodal forces of the loads at load factor 1 but of those in ``following``, shape ``(dofs,)``."""
         result = np.zeros((int(self.first_node[-1]), 3))
         for load in self.loads:
+            if load in self.following:
+                continue
             first, last = self.first_node[load.body : load.body + 2]
             result[first:last] += load.nodal(self.bodies[load.body].space)
         return result.ravel()
+
+    @property
+    def following(self) -> list[Pressure]:
+        """The loads that follow the surface."""
+        return [load for load in self.loads if isinstance(load, Pressure) and load.follows]
 
     @property
     def dofs(self) -> int:

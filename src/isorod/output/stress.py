@@ -24,7 +24,8 @@ def cauchy(
     nodal
         Displacements of the body's nodes, shape ``(nodes, 3)``.
     xi, u
-        Disk points ``(q, 2)`` and axis parameters ``(t,)``; at a knot the element above it is meant.
+        Disk points ``(q, 2)`` and axis parameters ``(t,)``; at a knot the element above it is meant, at a radius
+        where two rings meet the outer one.
     factor
         Load factor, which a muscle's activation follows.
     pressure
@@ -40,7 +41,7 @@ def cauchy(
         If a mixed body's pressure is missing.
     """
     _, F = body.space.displacement(nodal, xi, u)
-    laws = body.laws_at(np.asarray(u, dtype=float)).at(factor)
+    laws = body.laws_at(np.asarray(u, dtype=float), xi).at(factor)
     if body.pressures is None:
         stress = laws.stress(F)
     else:

@@ -1,7 +1,8 @@
 """Fields on a rod as VTK files."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -31,14 +32,15 @@ def grid(
     With a field ``pressure``, the coefficients of the mixed formulation (`isorod.statics.Equilibrium.pressures`), comes
     ``mean_stress``.
 
-    Every element gets points of its own, so that what jumps between elements is shown as it is.
+    Every element, and every ring of the section, gets points of its own, so that what jumps between them is shown as
+    it is.
 
     Parameters
     ----------
     fields
         Values at the body's nodes by name, shape ``(nodes, 3)`` each.
     rings, around, slices
-        Cells along the radius, round the section and along an element.
+        Cells along the radius (one a ring at least), round the section and along an element.
     factor
         Load factor of the stress, which a muscle's activation follows.
 
@@ -50,7 +52,7 @@ def grid(
     require()
     import pyvista
 
-    xi, cells = _disk(rings, around)
+    xi, cells = _disk(body.space.rod.rings, rings, around)
     axis = body.space.axis
     inside = np.linspace(0.0, 1.0, slices + 1)
     # Stay inside the element: at a knot the next one would be meant.
@@ -94,16 +96,26 @@ def content(body: Body, fields: Mapping[str, Array]) -> bytes:
     return str(writer.GetOutputString()).encode()
 
 
-def _disk(rings: int, around: int) -> tuple[Array, np.ndarray]:
-    """Return points and quadrilaterals of the disk; those at the centre have one corner twice."""
+def _disk(bounds: Sequence[float], rings: int, around: int) -> tuple[Array, np.ndarray]:
+    """Return points and quadrilaterals of the rings of the disk; those at its centre have one corner twice."""
     angle = 2.0 * np.pi * np.arange(around) / around
-    radius = np.arange(1, rings + 1) / rings
-    ring = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    xi = np.concatenate([[[0.0, 0.0]], (radius[:, None, None] * ring).reshape(-1, 2)])
+    circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     here = np.arange(around)
     following = (here + 1) % around
-    cells = [np.stack([np.zeros_like(here), 1 + here, 1 + following, np.zeros_like(here)], axis=1)]
-    for k in range(rings - 1):
-        low = 1 + k * around
-        cells.append(np.stack([low + here, low + around + here, low + around + following, low + following], axis=1))
-    return xi, np.concatenate(cells)
+    points: list[Array] = []
+    cells = []
+    count = 0
+    for inner, outer in pairwise(bounds):
+        # Stay inside the ring: where two meet the outer one would be meant.
+        last = outer if outer == bounds[-1] else outer * (1.0 - 1e-9)
+        radius = np.linspace(inner, last, max(1, round(rings * (outer - inner))) + 1)
+        if inner == 0.0:
+            points.append(np.zeros((1, 2)))
+            cells.append(np.stack([np.zeros_like(here), 1 + here, 1 + following, np.zeros_like(here)], axis=1))
+            radius, count = radius[1:], 1
+        points.append((radius[:, None, None] * circle).reshape(-1, 2))
+        for k in range(radius.size - 1):
+            low = count + k * around
+            cells.append(np.stack([low + here, low + around + here, low + around + following, low + following], axis=1))
+        count += radius.size * around
+    return np.concatenate(points), np.concatenate(cells)

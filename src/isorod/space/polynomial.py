@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from isorod.arrays import Array
 from isorod.errors import InputError, representable, whole_number
 from isorod.geometry.disk import harmonic_functions
-from isorod.geometry.quadrature import Rule, section_points
+from isorod.geometry.quadrature import WHOLE, Rule, section_points
 from isorod.geometry.rod import Rod
 from isorod.space.basis import monomials
 
@@ -54,9 +54,10 @@ class Polynomials:
     """
 
     on_surface: ClassVar[bool] = False
+    most: ClassVar[int] = MAX_DEGREE
 
     def __init__(self, rod: Rod, degree: int) -> None:
-        self.degree = degree = whole_number("section degree", degree, 1, MAX_DEGREE)
+        self.degree = degree = whole_number("section degree", degree, 1, self.most)
         points = rod.control_points
         arms = points - points.mean(axis=1, keepdims=True)
         representable("section's extent", float(np.abs(arms).max()))
@@ -76,11 +77,14 @@ class Polynomials:
         # Geometry alone does without compiled code.
         from isorod.space import polynomial_kernel
 
-        area, values, first, second = _points(rod.section_points, degree)
+        area, values, first, second = _points(rod.section_points, degree, rod.rings)
         self._polygon, extents, share = polynomial_kernel.principal_frame(
             np.ascontiguousarray(self._polygon), area, values, first, second
         )
-        across = max(2, ceil(degree * max(0.5, extents.min() / extents.max()) - 1e-9))
+        across = degree
+        # Round a hole a wall is bent all ways.
+        if rod.rings == WHOLE:
+            across = max(2, ceil(degree * max(0.5, extents.min() / extents.max()) - 1e-9))
         self._powers = monomials(degree, across)
         self._mix = polynomial_kernel.orthogonalise(self._polygon, share, values, self._powers)
 
@@ -139,10 +143,15 @@ class Polynomials:
         return self.degree - 1, int(self._powers[:, 1].max()) - 1
 
 
+def fine_rule(n: int, degree: int) -> Rule:
+    """Return a rule that measures a section of ``n`` arcs, and products of polynomials over it."""
+    return Rule(degree + 4, 4 + ceil(2.0 * pi * degree / n), 1)
+
+
 @lru_cache(maxsize=8)
-def _points(n: int, degree: int) -> tuple[Array, Array, Array, Array]:
-    """Return weights ``(m,)`` of points of the disk, and the harmonic functions' values and slopes ``(m, n)``."""
-    xi, area = section_points(n, Rule(degree + 4, 4 + ceil(2.0 * pi * degree / n), 1))
+def _points(n: int, degree: int, rings: tuple[float, ...]) -> tuple[Array, Array, Array, Array]:
+    """Return weights ``(m,)`` of points of the rings, and the harmonic functions' values and slopes ``(m, n)``."""
+    xi, area = section_points(n, fine_rule(n, degree), rings=rings)
     values, gradients = harmonic_functions(n, xi)
     return (
         area.copy(),

@@ -6,6 +6,9 @@ from numba import types
 from isorod.arrays import Array, Index
 from isorod.compiled import F1, F2, F3, I2, R2, R3, STRICT, njit
 
+# A section has no principal directions of its own where its moments of inertia differ by less than this share.
+ROUND = 1e-9
+
 
 @njit(types.Tuple((F2, F1, F1))(F2, F1, F2, F2, F2), **STRICT)
 def principal_frame(
@@ -33,8 +36,13 @@ def principal_frame(
         for i in range(2):
             for k in range(2):
                 inertia[i, k] += share[q] * place[q, i] * place[q, k]
-    # The wider direction first.
-    axes = np.ascontiguousarray(np.linalg.eigh(inertia)[1][:, ::-1])
+    sizes, found = np.linalg.eigh(inertia)
+    # The wider direction first; where all are as wide, that of the first control point, not what rounding makes of it.
+    axes = np.ascontiguousarray(found[:, ::-1])
+    if sizes[1] - sizes[0] <= ROUND * sizes[1]:
+        arm = polygon[0] - centroid
+        x, y = arm / np.sqrt(arm @ arm)
+        axes[0, 0], axes[1, 0], axes[0, 1], axes[1, 1] = x, y, -y, x
     turned = place @ axes
     extents = np.empty(2)
     for k in range(2):

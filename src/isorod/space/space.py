@@ -12,7 +12,7 @@ from isorod.arrays import Array, Index
 from isorod.errors import Checked, FoldedRodError, InputError
 from isorod.geometry.axis import Axis
 from isorod.geometry.disk import check_count
-from isorod.geometry.quadrature import Rule, axis_points, section_points
+from isorod.geometry.quadrature import WHOLE, Rule, axis_points, section_points
 from isorod.geometry.rod import Rod, section_gradient
 from isorod.geometry.section import refinement_turn
 from isorod.space.basis import SectionBasis
@@ -50,8 +50,8 @@ class Space(Checked):
     quadrature
         ``"auto"``, ``"full"``, ``"paper"``, ``"RxS"`` or ``"RxSxT"`` (see `isorod.geometry.quadrature`).
     section_degree
-        Polynomials of this degree in the section's coordinates (`isorod.space.polynomial`) take the place of the
-        functions of control points (`isorod.space.polyharmonic`).
+        Polynomials of this degree in the section's coordinates (`isorod.space.polynomial`; of a rod with rings,
+        `isorod.space.ringed`) take the place of the functions of control points (`isorod.space.polyharmonic`).
     section_basis
         Any other functions in the place of both (`isorod.space.basis`).
 
@@ -100,7 +100,17 @@ class Space(Checked):
                 raise InputError(
                     "section degree: polynomials take the place of order and section points; leave those out"
                 )
-            return Polynomials(self.rod, self.section_degree)
+            if self.rod.rings == WHOLE:
+                return Polynomials(self.rod, self.section_degree)
+            # Rods without rings do without it.
+            from isorod.space.ringed import Ringed
+
+            return Ringed(self.rod, self.section_degree)
+        if self.rod.rings != WHOLE:
+            raise InputError(
+                "section degree: the rod has a hole or layers, which functions of control points do not see; give a "
+                "degree, such as 4"
+            )
         return Polyharmonic(self.points_around, self.order, self.turn)
 
     @cached_property
@@ -194,8 +204,9 @@ class Space(Checked):
             If the Jacobian is not positive at one of them.
         """
         rule = self.rule if rule is None else rule
-        _refuse_beyond_memory((last - first) * rule.axial * self.points_around * rule.radial * rule.angular)
-        xi, area = section_points(self.points_around, rule, self.turn)
+        in_section = self.points_around * rule.radial * rule.angular * (len(self.rod.rings) - 1)
+        _refuse_beyond_memory((last - first) * rule.axial * in_section)
+        xi, area = section_points(self.points_around, rule, self.turn, self.rod.rings)
         u, length = (points[first:last] for points in axis_points(self.axis, rule.axial))
         values, gradients = self.basis.functions(xi)
         _, axial, slopes = self.axis.local(u.ravel())

@@ -124,6 +124,8 @@ def _compiled_laws(body: Body, index: int) -> tuple[Material, ...]:
     """Return the laws of a body's elements; raise `InputError` if one cannot move in time."""
     if body.formulation != "displacement":
         raise InputError(f"body {index}: formulation {body.formulation!r} is for statics alone")
+    if len(body.space.rod.rings) > 2:
+        raise InputError(f"body {index}: its rod has layers, which dynamics does not take; statics and modes do")
     for e, law in enumerate(body.laws):
         if law.compiled is None:
             raise InputError(

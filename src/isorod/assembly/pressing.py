@@ -1,0 +1,101 @@
+"""Pressure that follows a surface: ``f_jl = -p int S_l R_j (dx/dtheta x dx/du) dtheta du``, ``x`` where it is now."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from isorod.arrays import Array
+from isorod.assembly.split import Share
+from isorod.errors import InputError
+from isorod.model.load import Pressure
+
+# Of the cross product of two vectors.
+_CROSS = np.zeros((3, 3, 3))
+for _a, _b, _c in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+    _CROSS[_a, _b, _c], _CROSS[_a, _c, _b] = 1.0, -1.0
+
+
+class Surface(NamedTuple):
+    """Functions at the points of a surface, as in `isorod.space.space.Table`, and the pressure times the weights.
+
+    ``values`` and ``around`` ``(q, n)`` are those of the section and their derivatives by the angle, ``axial`` and
+    ``slopes`` ``(E, t, l)`` those along the axis, ``weights`` ``(E, t, q)``.
+    """
+
+    values: Array
+    around: Array
+    axial: Array
+    slopes: Array
+    weights: Array
+
+
+class Pressing:
+    """The following pressures on the elements of one body that a rank assembles.
+
+    Parameters
+    ----------
+    share
+        Which elements they are.
+    loads
+        Pressures on that body.
+
+    Raises
+    ------
+    InputError
+        If the body has the mixed formulation.
+    """
+
+    def __init__(self, share: Share, loads: Sequence[Pressure]) -> None:
+        space = share.body.space
+        if loads and share.body.formulation != "displacement":
+            raise InputError(f"pressure that follows body {share.which}: the mixed formulation takes none so far")
+        nodes = space.element_nodes[share.first : share.last]
+        shape = (*share.layers.shape, space.layer_nodes, 3)
+        self._positions = space.positions[nodes].reshape(shape)
+        self._surfaces = []
+        for load in loads:
+            xi, u, weights = load.points(space)
+            values, gradients = space.basis.functions(xi)
+            own = u[share.first : share.last]
+            _, axial, slopes = space.axis.local(own.ravel())
+            self._surfaces.append(
+                Surface(
+                    values,
+                    gradients[:, :, 1] * xi[:, :1] - gradients[:, :, 0] * xi[:, 1:],
+                    axial.reshape(*own.shape, -1),
+                    slopes.reshape(*own.shape, -1),
+                    weights[share.first : share.last],
+                )
+            )
+
+    def _tangents(self, s: Surface, nodal: Array) -> tuple[Array, Array]:
+        """Return ``dx/dtheta`` and ``dx/du``, shape ``(E, t, q, 3)``."""
+        places = self._positions + nodal
+        around = np.einsum("etj,qn,ejna->etqa", s.axial, s.around, places, optimize=True)
+        return around, np.einsum("etj,qn,ejna->etqa", s.slopes, s.values, places, optimize=True)
+
+    def forces(self, nodal: Array) -> Array:
+        """Return the forces at load factor 1, shape of the nodal displacements ``(E, l, n, 3)``."""
+        result = np.zeros(nodal.shape)
+        for s in self._surfaces:
+            pull = s.weights[..., None] * np.cross(*self._tangents(s, nodal))
+            result += np.einsum("etj,qn,etqa->ejna", s.axial, s.values, pull, optimize=True)
+        return result
+
+    def stiffness(self, nodal: Array) -> Array:
+        """Return the derivatives of the forces, made symmetric, shape ``(E, l n 3, l n 3)``.
+
+        They are symmetric but for terms along the edges of the surface at free ends, which Newton's method does
+        without.
+        """
+        size = nodal[0].size
+        result = np.zeros((nodal.shape[0], size, size))
+        for s in self._surfaces:
+            around, along = (s.weights[..., None] * one for one in self._tangents(s, nodal))
+            by_around = np.einsum("qn,qk,abc,etqc->etnkab", s.values, s.around, _CROSS, along, optimize=True)
+            by_along = np.einsum("qn,qk,acb,etqc->etnkab", s.values, s.values, _CROSS, around, optimize=True)
+            whole = np.einsum("etj,etm,etnkab->ejnamkb", s.axial, s.axial, by_around, optimize=True)
+            whole += np.einsum("etj,etm,etnkab->ejnamkb", s.axial, s.slopes, by_along, optimize=True)
+            result += whole.reshape(result.shape)
+        return 0.5 * (result + np.swapaxes(result, 1, 2))

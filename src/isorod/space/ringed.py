@@ -1,0 +1,202 @@
+"""Functions of a section with a hole or in layers: polynomials of its coordinates, and even powers of the radius.
+
+On the disk a section is cut in rings at radii ``r_j`` (`isorod.geometry.rod.Rod.rings`).  Beside the polynomials of the
+section's coordinates ``X`` (`isorod.space.polynomial`) stand, for each inner edge of a ring, ``f_k(r) Re Z^m`` and
+``f_k(r) Im Z^m``, ``Z = X_1 + i X_2``, where ``f_k`` is zero inside of the edge and outside of it a polynomial of
+degree ``k``, in ``r^2`` or in ``r^-2``, that starts from zero.  So a displacement may have a kink where two layers
+meet; and round a hole, about whose centre the plane elastic states ``r^(-m) exp(i m theta)`` and
+``r^(2 - m) exp(i m theta)`` (J. H. Michell, On the direct determination of stress in an elastic solid, Proc. London
+Math. Soc. 31 (1899) 100-124) have no Taylor series, each of them is such a product: Lame's tube is exact.  A section
+with a hole and one in layers differ in nothing else than whether there is a ring inside of the innermost edge.
+
+The ``Re Z^m`` and ``Im Z^m`` are complete on every closed curve round the centre (J. L. Walsh, The approximation of
+harmonic functions by harmonic polynomials and by harmonic rational functions, Bull. Amer. Math. Soc. 35 (1929)
+499-544), so that with the degree all these functions are, in sections of any shape; where it is not round, more slowly.
+"""
+
+from functools import cached_property
+from itertools import pairwise
+from math import ceil, pi
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import qr
+from scipy.special import eval_jacobi
+
+from isorod.arrays import Array, Index
+from isorod.errors import InputError
+from isorod.geometry.disk import harmonic_functions
+from isorod.geometry.quadrature import Rule, ring_of, section_points
+from isorod.geometry.rod import Rod
+from isorod.space.polynomial import Polynomials, fine_rule
+
+# What is left of a function of size one, orthogonal to all others, if it is to count as one more: in a round section
+# the square of the radius is a polynomial of the coordinates already.
+_NEW = 1e-6
+
+
+class Ringed(Polynomials):
+    """Polynomials of total degree ``N`` in a section's principal coordinates, and ring functions.
+
+    Of the latter those in ``r^2`` have ``2 k + m <= N``, those in ``r^-2`` one more.  The first functions are 1 and the
+    two coordinates, and all are orthogonal over the section.  Round a hole a round section has ``(N + 1)^2``, as many
+    as there are polynomials in both coordinates and the radius; what is there already is left out.
+
+    Parameters
+    ----------
+    rod
+        The geometry, whose section has a hole, or layers.
+    degree
+        Total degree ``N``, 1 to 12.
+
+    Raises
+    ------
+    InputError
+        If the degree is out of range, or the rod's sections are not affine images of each other.
+    """
+
+    most: ClassVar[int] = 12
+
+    def __init__(self, rod: Rod, degree: int) -> None:
+        super().__init__(rod, degree)
+        self._rings = rod.rings
+        # Of a ring function: the edge it starts from, in which power it is a polynomial, its degree and its wave, and
+        # whether that is a sine.
+        kinds = [
+            (j, of, k, m, part)
+            for j, edge in enumerate(self._rings[:-1])
+            if edge > 0.0
+            for of, total in enumerate((degree, degree + 1))
+            for k in range(1, total // 2 + 1)
+            for m in range(total - 2 * k + 1)
+            for part in range(1 if m == 0 else 2)
+        ]
+        self._kinds: Index = np.array(kinds, dtype=np.int64)
+        n = rod.section_points
+        rule = Rule(self._radial_points(1e-8), fine_rule(n, degree).angular, 1)
+        xi, area = section_points(n, rule, rings=rod.rings)
+        gradients = harmonic_functions(n, xi)[1]
+        first, second = gradients[:, :, 0] @ self._polygon, gradients[:, :, 1] @ self._polygon
+        area = area * np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
+        candidates = self._candidates(xi)[0] * np.sqrt(area / area.sum())[:, None]
+        self._mix, self._taken = _orthogonalised(candidates)
+
+    @property
+    def count(self) -> int:
+        """Number of functions."""
+        return self._taken.size
+
+    def functions(self, xi: ArrayLike) -> tuple[Array, Array]:
+        """Return values ``(m, count)`` and gradients ``(m, count, 2)`` at disk points ``(m, 2)``, outside of a hole."""
+        values, gradients = self._candidates(np.asarray(xi, dtype=float).reshape(-1, 2))
+        mixed = np.swapaxes(gradients[:, self._taken], 1, 2) @ self._mix
+        return values[:, self._taken] @ self._mix, np.ascontiguousarray(np.swapaxes(mixed, 1, 2))
+
+    def _candidates(self, xi: Array) -> tuple[Array, Array]:
+        """Return values ``(q, c)`` and gradients ``(q, c, 2)`` of monomials, then of ring functions, at disk points."""
+        harmonic, slopes = harmonic_functions(self._polygon.shape[0], xi)
+        place = harmonic @ self._polygon
+        # d X_c / d xi_b
+        turn = np.einsum("qib,ic->qbc", slopes, self._polygon)
+        powers = place[:, None, :] ** np.arange(self.degree + 1)[:, None]
+        by = np.concatenate([np.zeros_like(powers[:, :1]), powers[:, :-1]], axis=1)
+        by = by * np.arange(self.degree + 1)[:, None]
+        a, b = self._powers.T
+        smooth = powers[:, a, 0] * powers[:, b, 1]
+        rise = np.stack([by[:, a, 0] * powers[:, b, 1], powers[:, a, 0] * by[:, b, 1]], axis=2)
+        radius = np.hypot(xi[:, 0], xi[:, 1])
+        edges, of, degrees, waves, sine = self._kinds.T
+        z = place[:, 0] + 1j * place[:, 1]
+        circles = z[:, None] ** np.arange(self.degree + 1)
+        wave = circles[:, waves]
+        wave_rise = waves * circles[:, np.maximum(waves - 1, 0)]
+        grown = turn[:, :, 0] + 1j * turn[:, :, 1]
+        value, slope = self._radial(radius, ring_of(self._rings, xi))
+        value, slope = value[:, edges, of, degrees], slope[:, edges, of, degrees]
+        # ``Re (-i z)`` is ``Im z``.
+        turned = np.where(sine == 1, -1j, 1.0)
+        outward = xi / np.where(radius > 0.0, radius, 1.0)[:, None]
+        ringed = value * (wave * turned).real
+        ring_rise = (value * turned * wave_rise)[:, :, None] * grown[:, None, :]
+        ring_rise = ring_rise.real + (slope * (wave * turned).real)[:, :, None] * outward[:, None, :]
+        return (
+            np.concatenate([smooth, ringed], axis=1),
+            np.concatenate([rise @ np.swapaxes(turn, 1, 2), ring_rise], axis=1),
+        )
+
+    def _radial(self, radius: Array, ring: Index) -> tuple[Array, Array]:
+        """Return ``f_k`` of each edge and its derivative, shape ``(q, edges, 2, (N + 1) / 2 + 1)``.
+
+        They are ``t P^(0,2)_{k-1}(2 t - 1)``, Jacobi polynomials that are orthogonal in ``t``, which grows from 0 at
+        the edge to 1 at the outline and is linear in ``r^2``, or in ``r^-2``.
+        """
+        count = (self.degree + 1) // 2 + 1
+        value, slope = (np.zeros((radius.size, len(self._rings) - 1, 2, count)) for _ in range(2))
+        for j, edge in enumerate(self._rings[:-1]):
+            beyond = ring >= j
+            for of, power in enumerate((2.0, -2.0)) if edge > 0.0 else ():
+                r = radius[beyond]
+                t = (r**power - edge**power) / (1.0 - edge**power)
+                grows = power * r ** (power - 1.0) / (1.0 - edge**power)
+                for k in range(1, count):
+                    own = eval_jacobi(k - 1, 0.0, 2.0, 2.0 * t - 1.0)
+                    rise = (k + 2.0) * eval_jacobi(k - 2, 1.0, 3.0, 2.0 * t - 1.0) if k > 1 else 0.0
+                    value[beyond, j, of, k] = t * own
+                    slope[beyond, j, of, k] = (own + t * rise) * grows
+        return value, slope
+
+    def auto(self, degree: int) -> Rule:
+        """Return a rule of as many radial points as there are radial functions, and some for ``1 / r``."""
+        return Rule(self._radial_points(1e-4), self._around, degree + 1)
+
+    def full(self, degree: int) -> Rule:
+        """Return a rule whose error is small beside that of the functions, with points for the degree all ways."""
+        return Rule(self._radial_points(1e-12), self._around + 2, degree + 2)
+
+    def _radial_points(self, error: float) -> int:
+        """Return how many points integrate products of two functions in each ring to a relative error.
+
+        A Gauss rule's error falls by ``rho^2`` a point, ``rho`` the sum of the half axes of the ellipse about the ring
+        that reaches to the pole at the centre.
+        """
+        root = min(np.sqrt(inner / outer) for inner, outer in pairwise(self._rings) if inner > 0.0)
+        decay = 2.0 * np.log((1.0 + root) / (1.0 - root))
+        return min(64, self.degree + 1 + ceil(-np.log(error) / decay))
+
+    @cached_property
+    def _around(self) -> int:
+        """Points in a slice, in which the square of a polynomial runs through ``4 pi N / n``."""
+        return max(3, ceil(2.0 * pi * self.degree / self._polygon.shape[0]))
+
+    @property
+    def pressure_degrees(self) -> tuple[int, int]:
+        """Raise `InputError`: pressures would have to jump from ring to ring."""
+        raise InputError("formulation: got 'mixed', a rod with a hole or layers takes 'displacement' alone")
+
+
+def _orthogonalised(candidates: Array) -> tuple[Array, NDArray[np.intp]]:
+    """Return the matrix that makes functions, weighted at points ``(q, c)``, orthonormal, and which were taken.
+
+    The first three stay first; of the others those are left out that are sums of what is there.
+    """
+    frame, head = np.linalg.qr(candidates[:, :3])
+    scale = np.linalg.norm(candidates[:, 3:], axis=0)
+    rest = candidates[:, 3:] / scale
+    share = np.zeros((3, rest.shape[1]))
+    # Twice is enough.
+    for _ in range(2):
+        more = frame.T @ rest
+        rest = rest - frame @ more
+        share += more
+    _, triangle, order = qr(rest, mode="economic", pivoting=True)
+    size = np.abs(np.diag(triangle))
+    rank = int(np.count_nonzero(size > _NEW))
+    kept = order[:rank]
+    # candidates = orthonormal @ whole
+    whole = np.zeros((3 + rank, 3 + rank))
+    whole[:3, :3] = head
+    whole[:3, 3:] = share[:, kept] * scale[kept]
+    whole[3:, 3:] = triangle[:rank, :rank] * scale[kept]
+    whole *= np.where(np.diag(whole) < 0.0, -1.0, 1.0)[:, None]
+    return np.linalg.inv(whole), np.concatenate([np.arange(3), 3 + kept])
