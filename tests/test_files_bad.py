@@ -133,7 +133,7 @@ ENDS = "[support.low]\nend = 'start'\n[support.high]\nend = 'end'\n"
             f"analysis = 'statics'\n{ROD}{ENDS}[load.pull]\nend = 'end'\n",
             "11: load.pull.end: force is missing: 3 numbers",
         ),
-        (f"analysis = 'statics'\n{ROD}{ENDS}[load.pull]\n", "10: load.pull: need one of end, section, body_force"),
+        (f"analysis = 'statics'\n{ROD}{ENDS}[load.pull]\n", "10: load.pull: need one of end, section, "),
         (f"analysis = 'statics'\n{ROD}", "1: analysis: supports: rod bar is free to move"),
         (f"analysis = 'modal'\n{ROD}{ENDS}", "1: analysis: .*density"),
         (f"analysis = 'dynamics'\n{ROD}{ENDS}", "1: analysis: end_time is missing: a number"),
@@ -214,23 +214,24 @@ def test_what_is_no_file_is_refused(name, said, tmp_path, monkeypatch, capsys):
 @pytest.mark.parametrize(
     ("data", "said"),
     [
-        ("", "outline.csv: no points are in it"),
-        ("x,y\n", "outline.csv: no points are in it"),
-        ("0,0\n1,zero\n", "outline.csv:2: got zero, need a finite number"),
-        ("0,0\n1,nan\n", "outline.csv:2: got nan, need a finite number"),
-        ("0,0\n1,0,0\n", "outline.csv:2: 3 numbers where the lines above have 2"),
-        ("0,0,0,0,0\n", "outline.csv: 5 numbers a line, need x, y"),
-        ("a,b\n0,0\n", "outline.csv: got columns a, b, need x, y"),
-        ("x,y,z\n0,0\n", "outline.csv: 3 names of columns for 2 numbers a line"),
-        ("0,0,0,-1\n", "outline.csv: the radius of point 0 is -1, need a positive length"),
-        (b"0,0\n1,\xff\n", "outline.csv:2: byte 0xff is not UTF-8"),
-        ("0,0\n1,0\n1,1\n", "section points: got an array of shape"),
-        ("0,0\n0,1\n1,1\n1,0\n", "section points run clockwise"),
+        ("", "line.csv: no points are in it"),
+        ("x,y,z\n", "line.csv: no points are in it"),
+        ("0,0,0\n1,zero,0\n", "line.csv:2: got zero, need a finite number"),
+        ("0,0,0\n# nothing\n\n1,nan,0\n", "line.csv:4: got nan, need a finite number"),
+        ("0,0,0\n1,1_0,0\n", "line.csv:2: got 1_0, need a finite number"),
+        ("0,0,0\n1,0\n", "line.csv:2: 2 numbers where the lines above have 3"),
+        ("0,0,0,0,0\n", "line.csv: 5 numbers a line, need x, y"),
+        ("a,b,c\n0,0,0\n", "line.csv: got columns a, b, c, need x, y"),
+        ("x,y,z\n0,0\n", "line.csv: 3 names of columns for 2 numbers a line"),
+        ("0,0,0,1\n0,0,1,-1\n", "line.csv: the radius of point 1 is -1, need a positive length"),
+        (b"0,0,0\n1,\xff,0\n", "line.csv:2: byte 0xff is not UTF-8"),
+        ("0,0\n1,1\n", "polyline: got shape .2, 2., need .m, 3."),
+        ("0,0,0\n0,0,0\n1,1,1\n", "polyline: point 0 coincides with the next one"),
     ],
 )
 def test_bad_data_are_refused_with_their_line(data, said, refused, tmp_path):
-    (tmp_path / "outline.csv").write_bytes(data if isinstance(data, bytes) else data.encode())
-    assert re.match(rf"5: rod.ring.section.outline: {said}", found := refused(text(VALID["ring"]))), found
+    (tmp_path / "line.csv").write_bytes(data if isinstance(data, bytes) else data.encode())
+    assert re.match(rf"4: rod.wire.curve.polyline: {said}", found := refused(text(VALID["wire"]))), found
 
 
 def test_an_error_of_the_solver_names_the_file(refused):
