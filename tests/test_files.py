@@ -2,6 +2,7 @@
 
 import copy
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -169,6 +170,36 @@ def test_what_is_typed_wins_over_the_file(written, capsys):
     assert lumped["settings"]["lumped"] is True
     assert lumped["settings"]["modes"] == 3
     assert record_of(capsys, written(BEAM), "--load-steps", "2")["settings"] == {"load_steps": 2}
+
+
+def test_spaces_may_be_typed_and_are_in_the_record(written, capsys):
+    path = written(PAIR)
+    record = record_of(capsys, path, "--elements", "8", "--degree", "3")
+    spaces = [rod["space"] for rod in record["options"]["rod"].values()]
+    assert spaces == [{"elements": 8, "degree": 3}] * 2
+    again = record_of(capsys, written(record["options"]))
+    assert (again["dofs"], again["touch"]) == (record["dofs"], record["touch"])
+    assert record["dofs"] > record_of(capsys, written(PAIR))["dofs"]
+
+
+@pytest.mark.parametrize(
+    ("table", "words", "said"),
+    [
+        (BEAM, ["--elements", "3"], r"my.toml:9: rod.beam.space.elements: got 3, need a multiple of the 2"),
+        (MOTION, ["--degree", "9"], r"my.toml:3: rod.muscle.space.degree: axis degree: got 9"),
+        (RING, ["--elements", "8"], "option --elements is not known"),
+        (BEAM, ["--degre", "3"], r"option --degre is not known; did you mean --degree\?"),
+    ],
+)
+def test_what_is_typed_wrongly_is_refused(table, words, said, written, capsys):
+    assert cli.main(["run", written(table, outline_csv=OUTLINE), *words]) == 2
+    assert re.search(said, capsys.readouterr().err)
+
+
+def test_a_scene_says_what_its_spaces_have_in_common(written):
+    scene = FileScene(written(PAIR))
+    assert (scene.degree, scene.elements, scene.order) == (2, None, None)
+    assert FileScene(scene.path, elements=8).content["rod"]["high"]["space"] == {"degree": 2, "elements": 8}
 
 
 def test_results_are_written_under_the_name_of_the_file(written, tmp_path, capsys):

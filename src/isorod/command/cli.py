@@ -1,6 +1,7 @@
 """The ``isorod`` command."""
 
 import argparse
+import dataclasses
 import sys
 import warnings
 from collections.abc import Sequence
@@ -81,8 +82,7 @@ def _run(ours: Sequence[str], theirs: Sequence[str]) -> int:
         return 0
     place, scene, parser = _find_scene(ours, theirs)
     found = parser.known([*ours[:place], *ours[place + 1 :]])
-    if isinstance(scene, type):
-        scene = scene(**field_values(found, scene))
+    scene = _told(scene, found)
     if found.output is not None:
         from isorod.output import results, vtk
 
@@ -119,6 +119,15 @@ def _find_scene(ours: Sequence[str], theirs: Sequence[str]) -> tuple[int, Any, P
     raise InputError(f"no scene is named; there are: {names}; put one first: isorod run SCENE {[*ours, *theirs][0]}")
 
 
+def _told(scene: Any, found: argparse.Namespace) -> Any:
+    """Return the scene of a class, or that of a file, with the options that were typed."""
+    if isinstance(scene, type):
+        return scene(**field_values(found, scene))
+    names = {field.name for field in dataclasses.fields(scene)}
+    typed = {name: value for name, value in vars(found).items() if name in names and value is not None}
+    return dataclasses.replace(scene, **typed) if typed else scene
+
+
 def _is_scene(word: str) -> bool:
     return word in scenes.SCENES or (word.endswith(".toml") and not word.startswith("-"))
 
@@ -127,7 +136,7 @@ def _scene_parser(name: str, scene: Any) -> Parser:
     """Return the parser of the fields of a scene class, or of a file's scene, and of what its analyses can be told."""
     said = _first_line(scene) if isinstance(scene, type) else scene.title
     parser = Parser(prog=f"isorod run {name}", description=said, epilog=_EPILOG, allow_abbrev=False)
-    if isinstance(scene, type):
+    if isinstance(scene, type) or scene.analysis != "geometry":
         add_fields(parser, scene)
     analyses = scenes.analyses(scene)
     if "statics" in analyses:

@@ -4,6 +4,7 @@ import inspect
 import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass, fields
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,6 +14,7 @@ from isorod.files import schema
 from isorod.files.document import KEYS, Document, Place, shown
 from isorod.files.form import Call, Form, Name, call, choice
 from isorod.files.rod import RodPlan
+from isorod.scenes import GEOMETRY_UNITS, option
 
 if TYPE_CHECKING:
     from isorod.geometry.rod import Rod
@@ -34,6 +36,11 @@ _SOLUTIONS = {"statics": "Equilibrium", "modal": "Modes", "dynamics": "History"}
 _FORCE = "(of force: the unit of E times that of length squared)"
 
 
+def _space(text: str) -> Any:
+    return option(None, f"{text}, of every rod (as the file says)")
+
+
+@dataclass(eq=False)
 class FileScene:
     """The scene of a TOML file.
 
@@ -41,6 +48,9 @@ class FileScene:
     ----------
     path
         The file.
+    elements, order, section_points, section_degree, degree, continuity, quadrature
+        What the space of every rod (`isorod.space.space.Space`) is told in the place of what the file says; where not
+        given, what it says, if that is the same for all rods.
 
     Attributes
     ----------
@@ -49,7 +59,7 @@ class FileScene:
     title
         What the file says it is.
     content
-        All that the file says, as `tomllib` reads it.
+        All that the file says, as `tomllib` reads it, and what its spaces are told besides.
     data
         SHA-256 sum of each data file, by its name in the scene's file.
     analysis
@@ -63,9 +73,18 @@ class FileScene:
         If it cannot be read, or something in it is not known, missing, or not of its kind: with file, line and place.
     """
 
-    def __init__(self, path: str) -> None:
-        document = Document(path)
-        self.name, self.content, self.data = Path(path).stem, document.content, document.read
+    path: str
+    elements: int | None = _space("elements along the axis")
+    order: int | None = _space("polyharmonic order K of the section functions, 1 to 6")
+    section_points: int | None = _space("control points round the section")
+    section_degree: int | None = _space("polynomials of this degree across the section, 1 to 8")
+    degree: int | None = _space("degree along the axis, up to 6")
+    continuity: int | None = _space("continuity at inserted knots, 0 to degree - 1")
+    quadrature: str | None = _space("quadrature rule: auto, full, paper, RxS or RxSxT such as 2x1x4")
+
+    def __post_init__(self) -> None:
+        document = Document(self.path)
+        self.name, self.content, self.data = Path(self.path).stem, document.content, document.read
         self._top = top = document.top
         for key in self.content:
             if key not in KEYS:
@@ -76,6 +95,7 @@ class FileScene:
         if "analysis" not in self.content:
             raise top.error(f"analysis is missing: analysis = {' or '.join(map(repr, schema.ANALYSES))}")
         self.analysis = self._analysis()
+        self._tell_spaces()
         self.plans = {name: RodPlan(place, table) for name, place, table in self._named("rod", RodPlan.KEYS)}
         if not self.plans:
             raise top.error("no rod is in it: [rod.NAME]")
@@ -89,6 +109,18 @@ class FileScene:
         self._check_names()
         self.units: dict[str, str] = {}
         self._measures = dict(self._asked())
+
+    def _tell_spaces(self) -> None:
+        """Let what was given for the spaces of all rods, and what the file says of them, be the same."""
+        rods = [table for _, _, table in self._named("rod", RodPlan.KEYS)]
+        for name in (one.name for one in fields(self) if one.metadata):
+            given = getattr(self, name)
+            for table in rods if given is not None else ():
+                if isinstance(space := table.setdefault("space", {}), dict):
+                    space[name] = given
+            spaces = [table.get("space", {}) for table in rods]
+            said = [space.get(name) for space in spaces if isinstance(space, dict)]
+            setattr(self, name, said[0] if said and all(one == said[0] for one in said) else None)
 
     def _analysis(self) -> str:
         """Return the word of the analysis; what it is told is read when it is there (`settings`)."""
@@ -152,8 +184,6 @@ class FileScene:
                 self.units[f"reaction_{name}"] = _FORCE
                 yield f"reaction_{name}", partial(schema.MEASURES["reaction"].function, support=k)
         if self.analysis == "geometry":
-            from isorod.scenes import GEOMETRY_UNITS
-
             self.units = GEOMETRY_UNITS
 
     def _names(self, one: Call) -> dict[str, Any]:
