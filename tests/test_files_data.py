@@ -1,5 +1,7 @@
 """Centre lines from files beside a scene: CSV, and polylines of VTK with their radii."""
 
+import locale
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,14 @@ from isorod.geometry import center_line, section
 T = np.linspace(0.0, 1.0, 9)
 LINE = np.stack([np.sin(T), T**2, 3.0 * T], axis=1)
 RADIUS = 0.2 + 0.1 * T
+
+
+@pytest.fixture(autouse=True)
+def own_locale():
+    """Return the locale as it is before VTK's writers of these tests, which leave that of C, and restore it."""
+    kept = locale.setlocale(locale.LC_ALL)
+    yield kept
+    locale.setlocale(locale.LC_ALL, kept)
 
 
 def scene(folder, file, more=""):
@@ -81,7 +91,7 @@ SEGMENTS = [[k, k + 1] for k in (3, 0, 1, 2)] + [[8, 7], [7, 6]] + [[4, 5], [5, 
 
 @pytest.mark.parametrize("pieces", [WHOLE, SEGMENTS, [[4, 5, 6, 7, 8], [4, 3, 2, 1, 0]]])
 @pytest.mark.parametrize("ending", ["vtk", "vtp"])
-def test_a_polyline_of_vtk_is_read_with_its_radius(pieces, ending, tmp_path):
+def test_a_polyline_of_vtk_is_read_with_its_radius(pieces, ending, tmp_path, own_locale):
     pytest.importorskip("vtkmodules")
     from vtkmodules.vtkIOLegacy import vtkPolyDataWriter
     from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
@@ -90,7 +100,9 @@ def test_a_polyline_of_vtk_is_read_with_its_radius(pieces, ending, tmp_path):
     writer.SetFileName(str(tmp_path / f"line.{ending}"))
     writer.SetInputData(polydata(pieces))
     assert writer.Write()
+    locale.setlocale(locale.LC_ALL, own_locale)
     (rod,) = scene(tmp_path, f"line.{ending}").rods()
+    assert locale.setlocale(locale.LC_ALL) == own_locale
     expected = center_line.polyline(LINE, 0.0).sweep(section.circle(8), scale=RADIUS)
     np.testing.assert_allclose(rod.control_points, expected.control_points, atol=1e-6)
 

@@ -205,3 +205,12 @@ def test_a_tighter_tolerance_takes_more_elements_and_keeps_it():
         assert np.abs(np.linalg.norm(arms, axis=2) / 0.05 - 1.0).max() < tolerance
         assert np.abs(np.einsum("tqa,ta->tq", arms, rod.tangents(u))).max() < 1.1 * tolerance * 0.05
     assert elements[0] < elements[1] < elements[2]
+
+
+def test_radii_of_a_closed_polyline_go_on_as_they_began():
+    line = polyline(TREFOIL, 1e-3, closed=True)
+    rod = line.sweep(circle(8, 1.0), scale=0.2 + 0.1 * np.sin(KNOT), tolerance=2e-5)
+    x, _ = rod.grid([[0.0, 0.0], [1.0, 0.0]], [0.0, 0.05, line.axis.breaks[-1] - 0.05])
+    here, after, before = np.linalg.norm(x[:, 1] - x[:, 0], axis=1)
+    # The curve's speed at its start is the length of (5, 0, -3).
+    assert ((after - here) / 0.05, (here - before) / 0.05) == pytest.approx([0.1 / 34**0.5] * 2, rel=0.02)

@@ -1,5 +1,6 @@
 """Points that a scene file takes from a file beside it: CSV, or polylines of VTK."""
 
+import locale
 import math
 import re
 from itertools import pairwise
@@ -160,13 +161,14 @@ def _polydata(path: Path) -> "vtkPolyData":
 
         reader = vtkPolyDataReader()
     reader.SetFileName(str(path))
-    # What it says of bad files are many lines, from C++.
-    shown = vtkObject.GetGlobalWarningDisplay()
+    # What it says of bad files are many lines, from C++; and it leaves the C locale, in which Python reads ASCII alone.
+    shown, kept = vtkObject.GetGlobalWarningDisplay(), locale.setlocale(locale.LC_ALL)
     vtkObject.GlobalWarningDisplayOff()
     try:
         reader.Update()
     finally:
         vtkObject.SetGlobalWarningDisplay(shown)
+        locale.setlocale(locale.LC_ALL, kept)
     return reader.GetOutput()
 
 
