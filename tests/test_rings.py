@@ -9,6 +9,7 @@ from isorod.geometry.center_line import helix, straight
 from isorod.geometry.rod import Rod
 from isorod.geometry.section import airfoil, circle, ellipse
 from isorod.material import LinearElastic, NeoHookean
+from isorod.material.muscle import Muscle
 from isorod.model import Body, BodyForce, Contact, Model, Plane, Pressure, SectionLoad, Support
 from isorod.output import vtk
 from isorod.space import Space
@@ -276,6 +277,30 @@ def test_a_law_for_each_element_and_ring():
     assert statics.solve(Model([body], pulled)).reactions[0, 2] == pytest.approx(0.01 / compliance, rel=1e-9)
 
 
+def test_laws_of_rings_are_those_of_the_points_within_them():
+    """Fibres that follow the rod in the core, which contracts; rubber around."""
+    muscle, rubber = Muscle(1.0, 0.3, 0.5, 0.4, 0.6, 1.0, "tangent"), NeoHookean(2.0, 0.2)
+    space = Space(helix(10.0, 4.0, 1).sweep(circle(8, 1.0)).with_rings((0.0, 0.5, 1.0)), section_degree=2)
+    body = Body(space, [muscle, rubber])
+    xi = np.array([[0.9, 0.0], [0.1, 0.2], [0.0, 0.5], [-0.3, 0.0]])
+    core = np.array([False, True, False, True])
+    u = np.array([0.1, 0.4, 0.8])
+    F = np.eye(3) + 0.1 * np.random.default_rng(2).standard_normal((3, 4, 3, 3))
+    laws = body.laws_at(u, xi).at(0.7)
+    along = muscle.at(0.7).along(space.rod.tangents(u)[:, None])
+    for name in ("energy", "stress", "tangent"):
+        found = getattr(laws, name)(F)
+        assert np.array_equal(found[:, core], getattr(along, name)(F[:, core]))
+        assert np.array_equal(found[:, ~core], getattr(rubber, name)(F[:, ~core]))
+    stress, moduli = laws.discrete(F, 0.01 * F, True)
+    assert np.array_equal(stress[:, core], along.discrete(F[:, core], 0.01 * F[:, core], True)[0])
+    assert np.array_equal(moduli[:, ~core], rubber.discrete(F[:, ~core], 0.01 * F[:, ~core], True)[1])
+    fibres = body.fibres(space.tabulate(0, 1))
+    lengths = np.linalg.norm(fibres, axis=-1)
+    inside = np.hypot(*space.tabulate(0, 1).xi.T) < 0.5
+    assert lengths[..., inside] == pytest.approx(1.0) and not lengths[..., ~inside].any()
+
+
 def test_picture_of_a_tube_has_its_hole_and_stress_jumps_where_layers_meet():
     space, body = layered()
     strain = 1e-5
@@ -316,6 +341,7 @@ LAW = LinearElastic(E, NU)
             lambda: Body(layered()[0], LAW, [1.0, 2.0]),
             r"density: got shape \(2,\), need one or one for each of the 3 ri",
         ),
+        (lambda: Body(layered()[0], LAW, [[1.0, 2.0, 3.0], [1.0]]), "density: got rows of different lengths"),
         (lambda: Body(tube(2), LAW, formulation="mixed").pressures, "a rod with a hole or layers takes 'displacement'"),
         (
             lambda: Model([Body(tube(2), LAW)], contacts=[Contact(0, Plane((0, 0, 0), (0, 0, 1)), 1.0)]),

@@ -110,7 +110,8 @@ class Assembler(Unknowns):
     @cached_property
     def _constant(self) -> bool:
         """Whether no state changes the tangent; on all ranks alike, since to have a state takes them all."""
-        return self.contact is None and not self._pressing and all(body.linear for body in self.model.bodies)
+        plain = self.contact is None and not self.model.following
+        return plain and all(body.linear for body in self.model.bodies)
 
     @cached_property
     def _external(self) -> Array:

@@ -139,8 +139,8 @@ def from_file(
     path
         A file of points ``x, y``, or one that ends in ``.dat`` with an airfoil (`isorod.geometry.outline.read`).
     near, closer
-        As in `from_points`, ``near`` in the coordinates of the file.  An airfoil of 24 control points that stand twice
-        as close about its trailing edge is met 2.5 times better: to 0.0016 of its chord, not 0.0043.
+        As in `from_points`, ``near`` in the coordinates of the file.  By control points that stand twice as close about
+        its trailing edge an airfoil is met twice as well.
 
     Raises
     ------

@@ -62,7 +62,12 @@ class Body(Checked):
     def __post_init__(self) -> None:
         super().__post_init__()
         elements, rings = self.space.axis.elements, self._rings
-        given = np.asarray(self.density, dtype=float)
+        try:
+            given = np.asarray(self.density, dtype=float)
+        except ValueError:
+            raise InputError(
+                "density: got rows of different lengths, need as many densities for each element"
+            ) from None
         if given.shape not in ((), *self._shapes):
             several = f"each of the {elements} elements" if rings == 1 else f"each of the {rings} rings"
             raise InputError(f"density: got shape {given.shape}, need one or one for {several}")
