@@ -17,7 +17,7 @@ TITLES: dict[str, Mapping[str, Form]] = {
     "Curves: `curve = {WORD ...}` of a rod": schema.CURVES,
     "Sections: `section = {WORD ...}` of a rod": schema.SECTIONS,
     "Laws: `law = {WORD ...}` of a rod": schema.LAWS,
-    "More keys of a rod": {"": schema.SWEEP, " ": schema.BODY},
+    "More keys of a rod": {"": schema.SWEEP, " ": schema.RINGS, "  ": schema.BODY},
     "The space of a rod: `space = {...}`": {"": schema.SPACE},
     "Supports: `[support.NAME]`": schema.SUPPORTS,
     "Loads: `[load.NAME]`": schema.LOADS,

@@ -16,6 +16,7 @@ from isorod.files.form import Form
 from isorod.files.lines import lines
 from isorod.files.scene import RESERVED, FileScene
 from isorod.geometry import center_line, section
+from isorod.model.load import Pressure
 from isorod.scenes.flower import Flower
 from isorod.scenes.ring import Ring
 from isorod.scenes.spring import Spring
@@ -227,6 +228,28 @@ def test_laws_in_a_list_are_those_of_the_elements_of_the_curve(written):
     force = statics.solve(scene.model()).reactions[1, 2]
     area = np.pi * 0.25
     assert force == pytest.approx(1e-3 / (0.5 / (100.0 * area) + 1.5 / (300.0 * area)), rel=1e-10)
+
+
+def test_a_tube_under_pressure_is_that_of_python(written):
+    table = copy.deepcopy(BEAM)
+    table["rod"]["beam"] |= {
+        "curve": {"straight": 2.0},
+        "rings": [0.5, 0.75, 1.0],
+        "law": [{"LinearElastic": {"E": 100.0, "nu": 0.3}}, {"LinearElastic": {"E": 200.0, "nu": 0.3}}],
+        "density": [1.0, 2.0],
+        "space": {"section_degree": 4, "elements": 2},
+    }
+    del table["support"]["band"]
+    table["load"] = {"inside": {"pressure": 0.1, "surface": "inner"}}
+    model = FileScene(written(table)).model()
+    (body,) = model.bodies
+    assert body.space.rod.rings == (0.5, 0.75, 1.0)
+    assert [law.E for law in body.laws] == [100.0, 200.0] * 2
+    assert body.densities.tolist() == [1.0, 2.0] * 2
+    np.testing.assert_array_equal(model.external.reshape(-1, 3), Pressure(0.1, "inner").nodal(body.space))
+    table["rod"]["beam"]["law"] *= 2
+    with pytest.raises(InputError, match=r"rod.beam.law: got 4 laws for the 2 rings of the section, need one, or one"):
+        FileScene(written(table)).model()
 
 
 @pytest.mark.parametrize(

@@ -28,11 +28,14 @@ class RodPlan:
         self.place = place
         sweep = {key: one for key, one in table.items() if key in schema.SWEEP.parameters}
         self._sweep = call(place, schema.SWEEP, sweep)
-        rest = {key: one for key, one in table.items() if key not in (*self.KEYS, *sweep)}
+        rings = {key: one for key, one in table.items() if key in schema.RINGS.parameters}
+        self._rings = call(place, schema.RINGS, rings) if rings else None
+        rest = {key: one for key, one in table.items() if key not in (*self.KEYS, *sweep, *rings)}
         self._body: Call | None = None
         if rest:
             # Geometry alone does without.
-            known = (*self.KEYS, *schema.SWEEP.parameters, *schema.BODY.parameters)
+            forms = schema.SWEEP, schema.RINGS, schema.BODY
+            known = (*self.KEYS, *(key for form in forms for key in form.parameters))
             for key in rest:
                 if key not in known:
                     raise (place / key).unknown_key(known)
@@ -69,21 +72,22 @@ class RodPlan:
         with self.place.told():
             rod: Rod = self._sweep.make(self=line, section=outline)
             rod.check()
-        return rod
+        return rod if self._rings is None else self._rings.make(self=rod)
 
     def body(self) -> "Body":
         """Return the body."""
         if not self.laws:
             raise self.place.error(f"law is missing: one of {', '.join(schema.LAWS)}")
         rod = self.rod()
-        own = rod.axis.elements
-        if len(self.laws) not in (1, own):
-            raise (self.place / "law").error(
-                f"got {len(self.laws)} laws for the {own} elements of the curve, need one, or one for each"
-            )
-        space = self.space.make(rod=rod)
+        own, rings = rod.axis.elements, len(rod.rings) - 1
         laws = [one.make() for one in self.laws]
-        parts = space.axis.elements // own
+        places = own if rings == 1 else rings
+        if len(laws) not in (1, places):
+            each = f"the {own} elements of the curve" if rings == 1 else f"the {rings} rings of the section"
+            raise (self.place / "law").error(f"got {len(laws)} laws for {each}, need one, or one for each")
+        space = self.space.make(rod=rod)
+        # Each element of the curve is cut in as many parts; rings are all along.
+        parts = space.axis.elements // own if rings == 1 else 1
         material = laws[0] if len(laws) == 1 else [law for law in laws for _ in range(parts)]
         told = self._body or call(self.place, schema.BODY, {})
         body: Body = told.make(space=space, material=material)

@@ -19,7 +19,9 @@ SECTIONS = {
     "flower": Form("isorod.geometry.section:flower"),
     "airfoil": Form("isorod.geometry.section:airfoil"),
     "naca": Form("isorod.geometry.section:naca", defaults={"n": 16}),
-    "outline": Form("isorod.geometry.section:from_points", kinds={"points": POINTS}, defaults={"n": 16}),
+    "rounded_rectangle": Form("isorod.geometry.section:rounded_rectangle", defaults={"n": 16}),
+    "outline": Form("isorod.geometry.section:from_file", defaults={"n": 16}),
+    "points": Form("isorod.geometry.section:from_points", defaults={"n": 16}),
 }
 LAWS = {
     "LinearElastic": Form("isorod.material.linear_elastic:LinearElastic"),
@@ -34,6 +36,7 @@ SWEEP = Form(
     keys={"end": "end_section", "tolerance": "section_tolerance"},
     left=("section",),
 )
+RINGS = Form("isorod.geometry.rod:Rod.with_rings")
 BODY = Form("isorod.model.body:Body", left=("space", "material"))
 SPACE = Form("isorod.space.space:Space", left=("rod", "section_basis"))
 
@@ -49,6 +52,7 @@ SUPPORTS = {
 LOADS = {
     "end": _on_rod("isorod.model.load:SectionLoad.end"),
     "section": _on_rod("isorod.model.load:SectionLoad", main="u"),
+    "pressure": _on_rod("isorod.model.load:Pressure"),
     "body_force": _on_rod("isorod.model.load:BodyForce"),
 }
 SPIN = Form("isorod.model.load:Spin")
