@@ -50,6 +50,8 @@ class Modes:
         ``setup``, ``assembly``, ``solve`` and, for the Sturm count, ``check``, wall time.
     built, solver, ranks
         As for `isorod.statics.Equilibrium`.
+    lumped, about
+        Mass matrix and state that were asked for.
     """
 
     model: Model
@@ -65,6 +67,8 @@ class Modes:
     built: list[str]
     solver: dict[str, str]
     ranks: int
+    lumped: bool = False
+    about: Equilibrium | None = None
 
     def __repr__(self) -> str:
         values = ", ".join(f"{one:.6g}" for one in self.frequencies[:6])
@@ -73,6 +77,19 @@ class Modes:
             f"Modes of {self.model!r}\n  {self.frequencies.size} modes, {self.rigid} of them rigid, residuals up to "
             f"{self.residuals.max():.3g}\n  frequencies {values}{more}"
         )
+
+    def estimate(self, section: bool = True) -> float | None:
+        """Return an estimate of the frequencies' largest relative error (`isorod.checks.estimate`).
+
+        None where there is none, as about a state.  It takes about as long as the modes.  Without ``section`` it is
+        that of the approximation along the axis.
+        """
+        if self.about is not None:
+            return None
+        from isorod.checks import estimate
+
+        flexible = slice(self.rigid, None)
+        return estimate.of_modes(self.model, self.eigenvalues[flexible], self.vectors[flexible], self.lumped, section)
 
     def record(self) -> dict[str, Any]:
         """Return what a record keeps of them."""
@@ -116,6 +133,7 @@ def solve(
     expect("modes", modes, int)
     expect("state", state, Equilibrium | None)
     start = perf_counter()
+    model = model.in_displacements()
     _refuse(model, state)
     loose = rigid_motions.free_motions(model) if state is None else []
     wanted = _wanted(model, modes, len(loose))
@@ -159,6 +177,8 @@ def solve(
         built=assembler.built,
         solver=found.solver,
         ranks=assembler.comm.getSize(),
+        lumped=lumped,
+        about=state,
     )
 
 
