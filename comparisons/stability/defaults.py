@@ -47,7 +47,7 @@ class Bare:
     @staticmethod
     def paper(rod: Rod, elements: int | None = None, degree: int | None = None, **given: Any) -> Space:
         """Return the space of a rod."""
-        if (degree or 0) >= _FINE or (elements or 0) >= _MANY and given.get("section_degree", 0) >= _FINE - 1:
+        if (degree or 0) >= _FINE or ((elements or 0) >= _MANY and given.get("section_degree", 0) >= _FINE - 1):
             return Space.paper(rod, elements, degree, **given)
         return Space(rod)
 
