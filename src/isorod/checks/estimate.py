@@ -20,8 +20,8 @@ from isorod.checks.finer import Finer
 from isorod.model.model import Model
 from isorod.options import defaults
 
-# Steps of Newton's method with one tangent, which cost next to nothing beside it.
-_STEPS = 4
+# Steps of Newton's method; with one tangent as long as each is this much smaller than the one before, and enough.
+_STEPS, _QUICK, _DONE = 4, 0.1, 1e-3
 
 # A sum that is a smaller share of its terms is rounding.
 _CANCELS = 1e-9
@@ -69,17 +69,22 @@ def of_equilibrium(
     matrix, force, change = assembler.matrix(), assembler.vector(), assembler.vector()
     ksp = _solver(assembler, matrix)
     try:
-        assembler.tangent(x, 1.0, matrix)
-        ksp.setOperators(matrix)
-        # With one tangent: what slender rods turn by a straight step stretches them.
-        size = np.inf
+        size = 0.0
         for _ in range(_STEPS):
             assembler.residual(x, 1.0, force)
-            ksp.solve(force, change)
-            last, size = size, change.norm()
-            if not size < last:
-                break
+            last, size = size, np.inf
+            if last:
+                ksp.solve(force, change)
+                size = change.norm()
+            # One tangent does, unless what slender rods turn by a straight step stretches them.
+            if not size < _QUICK * last:
+                assembler.tangent(x, 1.0, matrix)
+                ksp.setOperators(matrix)
+                ksp.solve(force, change)
+                size = change.norm()
             x.axpy(-1.0, change)
+            if not size > _DONE * max(last, size):
+                break
         found = assembler.displacement(x, 1.0)
         carried = assembler.reactions(x, 1.0)
     finally:

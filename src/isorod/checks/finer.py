@@ -176,5 +176,5 @@ def _support(support: Support, space: Space, fine: Space, across: Array) -> Supp
         return onto @ np.broadcast_to(np.asarray(given, dtype=float), (function.size, 3))
 
     arms = None if support.arms is None else moved(support.arms)
-    kept = {"body": support.body, "turn": support.turn, "tied": support.tied}
-    return Support(np.array(nodes), support.components, moved(support.displacement), arms=arms, **kept)
+    given = moved(support.displacement)
+    return Support(np.array(nodes), support.components, given, support.body, support.turn, arms, support.tied)

@@ -137,7 +137,9 @@ class Body(Checked):
 
     def _nearly_incompressible(self) -> bool:
         """Return whether the mixed formulation pays: where it can be taken, and displacements alone may lock."""
-        if min(law.nu if isinstance(law, Isotropic) else 0.0 for law in self.laws) < _NEARLY:
+        # Fibres, active or not, carry stress that a pressure of its own mesh does not balance as well.
+        plain = (law.nu if isinstance(law, Isotropic) and not hasattr(law, "activation") else 0.0 for law in self.laws)
+        if min(plain) < _NEARLY:
             return False
         try:
             return min(self.space.basis.pressure_degrees) > 0
