@@ -91,7 +91,7 @@ def test_there_is_none_where_supports_are_within_the_rod_or_something_touches():
 
 
 def test_a_large_error_is_warned_of_and_a_small_one_said(capsys):
-    assert cli.main("run spring --coils 1 --section-degree 1 --degree 2 --elements-per-turn 4 --json".split()) == 0
+    assert cli.main("run blade --preset paper --json".split()) == 0
     out, err = capsys.readouterr()
     assert err.startswith("isorod: warning: the error is about ")
     assert json.loads(out)["error_estimate"] > 0.01
