@@ -7,6 +7,7 @@ import pytest
 from reference import BLADE_FREQUENCIES as BLADE
 from reference import SPRING_FORCE as SPRING
 
+from isorod.checks import adapt
 from isorod.command import refine
 from isorod.errors import InputError, SolveError
 from isorod.scenes.blade import Blade
@@ -27,7 +28,7 @@ def test_a_higher_degree_keeps_the_continuity_so_that_spaces_nest():
     assert (ahead.degree, ahead.continuity) == (4, 2)
 
 
-@pytest.mark.parametrize("tolerance", [3e-3, 1e-3])
+@pytest.mark.parametrize("tolerance", [1e-3, 3e-4])
 @pytest.mark.parametrize("section", [{}, {"section_degree": 1}])
 def test_spring_reaches_its_tolerance(tolerance, section):
     reached = refine.estimate(Spring(preset="paper", elements_per_turn=4, **section), {}, tolerance)
@@ -43,8 +44,8 @@ def test_blade_reaches_its_tolerance():
     reached = refine.estimate(Blade(preset="paper", section_degree=2, degree=3, elements=6), {"modes": 10}, 5e-3)
     true = np.abs(reached.solution.frequencies / BLADE - 1.0).max()
     assert reached.error <= 5e-3
-    assert true <= 1.3 * reached.error
-    assert {name for name, *_ in reached.history} == {"elements", "section_degree"}
+    assert true <= 5e-3
+    assert {name for name, *_ in reached.history} >= {"degree", "section_degree"}
 
 
 def test_an_estimate_changes_nothing():
@@ -68,7 +69,7 @@ def test_a_rule_that_does_not_follow_is_refused():
 
 
 def test_what_is_not_reached_is_said(monkeypatch):
-    monkeypatch.setattr(refine, "MAX_UNKNOWNS", 1000)
+    monkeypatch.setattr(adapt, "MAX_UNKNOWNS", 1000)
     with pytest.raises(SolveError, match=r"tolerance 1e-09 is not reached: the estimate is .* after .* refinements"):
         refine.estimate(Spring(preset="paper", coils=1, elements_per_turn=4), {}, 1e-9)
 
