@@ -46,7 +46,8 @@ PAPER = {
 
 
 def _cylindrical(label: str, common: str, elements: Sequence[int]) -> Curve:
-    return Curve(label, "cylindrical", tuple(f"{common} --elements {count}" for count in elements))
+    arguments = tuple(f"--preset paper {common} --elements {count}" for count in elements)
+    return Curve(label, "cylindrical", arguments)
 
 
 def _half_smooth(degree: int, rule: str, elements: Sequence[int]) -> Curve:
@@ -127,11 +128,11 @@ def run(study: Run, others: Sequence[str] = ()) -> None:
                 study.record("paper mesh", found | {"element": name})
         for label, values in ELEMENTS.items():
             with steps.step(f"element {label}"):
-                found = rod.measure("blade", dict(values), repeat=1)
+                found = rod.measure("blade", values | {"preset": "paper"}, repeat=1)
                 study.record("element", found | {"label": label})
         work = WorkPrecision(study, steps, "blade", FINER, lambda found: largest_error(found["frequencies"], reference))
         work.run(curves, targets, {target: (*BEST[target], *presets.BEST[target]) for target in targets})
-        scene = scenes.find("blade")(section_points=32, elements=16, degree=3, order=2)
+        scene = scenes.find("blade")(preset="paper", section_points=32, elements=16, degree=3, order=2)
         shapes = modal.solve(scene.model())
         with steps.step("modal assurance criterion"):
             _assurance(study, shapes, family.arguments[-2])
@@ -148,6 +149,7 @@ def _table(study: Run) -> None:
     """Record all entries of Table 2 with the paper's rule."""
     for elements, frequencies in published.BLADE_FREQUENCIES.items():
         values: dict[str, Any] = {
+            "preset": "paper",
             "length": published.BLADE_LENGTH,
             "twist": published.BLADE_TWIST,
             "taper": published.BLADE_TAPER,

@@ -23,7 +23,8 @@ FINER = {
 
 
 def _cylindrical(label: str, common: str, elements: Sequence[int]) -> Curve:
-    return Curve(label, "cylindrical", tuple(f"{common} --elements-per-turn {count}" for count in elements))
+    arguments = tuple(f"--preset paper {common} --elements-per-turn {count}" for count in elements)
+    return Curve(label, "cylindrical", arguments)
 
 
 PAPER = "--degree 2 --continuity 0 --quadrature paper"
@@ -58,9 +59,11 @@ CURVES = {
 }
 # Ours, as `comparisons.fem.presets.spring.BEST` are theirs.
 BEST = {
-    1e-2: ("--degree 2 --section-points 4 --quadrature 2x1x2 --elements-per-turn 8",),
-    1e-3: tuple(f"--degree 2 --section-points {n} --quadrature 2x1x2 --elements-per-turn 8" for n in (5, 6)),
-    1e-4: ("--degree 2 --section-points 6 --quadrature 2x1x2 --elements-per-turn 8",),
+    1e-2: ("--preset paper --degree 2 --section-points 4 --quadrature 2x1x2 --elements-per-turn 8",),
+    1e-3: tuple(
+        f"--preset paper --degree 2 --section-points {n} --quadrature 2x1x2 --elements-per-turn 8" for n in (5, 6)
+    ),
+    1e-4: ("--preset paper --degree 2 --section-points 6 --quadrature 2x1x2 --elements-per-turn 8",),
 }
 PAPER_MESH = {"quick": ("paper-q1", "paper-enhanced"), "full": ("paper-q1", "paper-q2", "paper-enhanced")}
 
@@ -92,6 +95,7 @@ def _table(study: Run, extra: int) -> None:
     for points, forces in published.SPRING_FORCE.items():
         for elements, force in zip(published.SPRING_ELEMENTS_PER_TURN, forces, strict=True):
             values: dict[str, Any] = {
+                "preset": "paper",
                 "E": published.SPRING_E,
                 "nu": published.SPRING_NU,
                 "section_points": points,

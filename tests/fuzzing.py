@@ -208,7 +208,7 @@ class Maker:
     def space(self) -> Space:
         """Return a space on such a rod."""
         rod = self.rod()
-        return Space(
+        return Space.paper(
             rod,
             elements=self.seldom(rod.axis.elements * self.choice(1, 1, 2), 0, -1, 10**9),
             degree=self.seldom(max(rod.axis.degree, self.choice(1, 2, 3)), 0, 9, 10**9, 2.5, math.nan),

@@ -15,7 +15,9 @@ SPEED = np.sqrt(E / DENSITY)
 
 def bar(cylinder, held="xyz", nu=0.3, elements=4, degree=2, law=None, contacts=(), radius=1.0, quadrature="auto"):
     """A cylinder along z, one end of which may be held."""
-    space = Space(cylinder(4, radius=radius, height=LENGTH), elements=elements, degree=degree, quadrature=quadrature)
+    space = Space.paper(
+        cylinder(4, radius=radius, height=LENGTH), elements=elements, degree=degree, quadrature=quadrature
+    )
     supports = [Support.end(space, "start", held)] if held else []
     return Model([Body(space, law or NeoHookean(E, nu), DENSITY)], supports, contacts=contacts)
 

@@ -12,7 +12,7 @@ LAW = NeoHookean(1.0, 0.3)
 
 
 def prism(length, section=None, **space):
-    return Space(straight(length).sweep(circle(4) if section is None else section), **space)
+    return Space.paper(straight(length).sweep(circle(4) if section is None else section), **space)
 
 
 def slender(length, elements=8, degree=3):
@@ -30,7 +30,7 @@ def tip(space, solution):
 
 
 SPACES = {
-    "control points": lambda: Space(Spring(coils=1, section_points=4).rod()),
-    "order 2": lambda: Space(Spring(coils=1, section_points=4).rod(), order=2, degree=3),
+    "control points": lambda: Space.paper(Spring(coils=1, section_points=4).rod()),
+    "order 2": lambda: Space.paper(Spring(coils=1, section_points=4).rod(), order=2, degree=3),
     "polynomials": lambda: prism(6.0, elements=3, section_degree=3),
 }

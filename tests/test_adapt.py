@@ -7,6 +7,7 @@ import pytest
 from reference import BLADE_FREQUENCIES as BLADE
 from reference import SPRING_FORCE as SPRING
 
+from isorod.checks import adapt
 from isorod.command import refine
 from isorod.errors import InputError, SolveError
 from isorod.scenes.blade import Blade
@@ -14,23 +15,23 @@ from isorod.scenes.spring import Spring
 
 
 def test_directions_of_control_points_and_of_polynomials():
-    scene = Spring(order=6, section_points=8, degree=3, elements_per_turn=4)
+    scene = Spring(preset="paper", order=6, section_points=8, degree=3, elements_per_turn=4)
     assert set(refine.finer(scene)) == {"section_points", "degree", "elements_per_turn"}
-    scene = Blade(section_degree=3, degree=6)
+    scene = Blade(preset="paper", section_degree=3, degree=6)
     assert set(refine.finer(scene)) == {"section_degree", "elements"}
     assert refine.finer(scene)["section_degree"].section_degree == 4
-    assert set(refine.finer(Blade(section_degree=8, degree=2))) == {"degree", "elements"}
+    assert set(refine.finer(Blade(preset="paper", section_degree=8, degree=2))) == {"degree", "elements"}
 
 
 def test_a_higher_degree_keeps_the_continuity_so_that_spaces_nest():
-    ahead = refine.finer(Spring(degree=3))["degree"]
+    ahead = refine.finer(Spring(preset="paper", degree=3))["degree"]
     assert (ahead.degree, ahead.continuity) == (4, 2)
 
 
-@pytest.mark.parametrize("tolerance", [3e-3, 1e-3])
+@pytest.mark.parametrize("tolerance", [1e-3, 3e-4])
 @pytest.mark.parametrize("section", [{}, {"section_degree": 1}])
 def test_spring_reaches_its_tolerance(tolerance, section):
-    reached = refine.estimate(Spring(elements_per_turn=4, **section), {}, tolerance)
+    reached = refine.estimate(Spring(preset="paper", elements_per_turn=4, **section), {}, tolerance)
     true = abs(reached.scene.measure(reached.solution)["force"] / SPRING - 1.0)
     print(tolerance, reached.scene, reached.error, true)
     assert reached.error <= tolerance
@@ -40,15 +41,15 @@ def test_spring_reaches_its_tolerance(tolerance, section):
 
 
 def test_blade_reaches_its_tolerance():
-    reached = refine.estimate(Blade(section_degree=2, degree=3, elements=6), {"modes": 10}, 5e-3)
+    reached = refine.estimate(Blade(preset="paper", section_degree=2, degree=3, elements=6), {"modes": 10}, 5e-3)
     true = np.abs(reached.solution.frequencies / BLADE - 1.0).max()
     assert reached.error <= 5e-3
-    assert true <= 1.3 * reached.error
-    assert {name for name, *_ in reached.history} == {"elements", "section_degree"}
+    assert true <= 5e-3
+    assert {name for name, *_ in reached.history} >= {"degree", "section_degree"}
 
 
 def test_an_estimate_changes_nothing():
-    scene = Spring(elements_per_turn=4)
+    scene = Spring(preset="paper", elements_per_turn=4)
     reached = refine.estimate(scene, {})
     assert reached.scene == scene
     assert not reached.history
@@ -59,22 +60,35 @@ def test_an_estimate_changes_nothing():
 @pytest.mark.parametrize("tolerance", [0.0, -1e-3, 1e-30, 1.0, float("nan"), float("inf")])
 def test_a_tolerance_out_of_range_is_refused(tolerance):
     with pytest.raises(InputError, match=r"tolerance: got .*, need a relative error between 0 and 1"):
-        refine.estimate(Spring(), {}, tolerance)
+        refine.estimate(Spring(preset="paper"), {}, tolerance)
 
 
 def test_a_rule_that_does_not_follow_is_refused():
     with pytest.raises(InputError, match="quadrature: got 'paper', refinement needs a rule that follows"):
-        refine.estimate(Spring(quadrature="paper"), {})
+        refine.estimate(Spring(preset="paper", quadrature="paper"), {})
 
 
 def test_what_is_not_reached_is_said(monkeypatch):
-    monkeypatch.setattr(refine, "MAX_UNKNOWNS", 1000)
+    monkeypatch.setattr(adapt, "MAX_UNKNOWNS", 1000)
     with pytest.raises(SolveError, match=r"tolerance 1e-09 is not reached: the estimate is .* after .* refinements"):
-        refine.estimate(Spring(coils=1, elements_per_turn=4), {}, 1e-9)
+        refine.estimate(Spring(preset="paper", coils=1, elements_per_turn=4), {}, 1e-9)
 
 
 def test_on_the_command_line(isorod):
-    done = isorod("run", "spring", "--coils", "1", "--section-degree", "1", "--tolerance", "1e-2", "--json")
+    done = isorod(
+        "run",
+        "spring",
+        "--preset",
+        "paper",
+        "--no-estimate",
+        "--coils",
+        "1",
+        "--section-degree",
+        "1",
+        "--tolerance",
+        "1e-2",
+        "--json",
+    )
     assert (done.returncode, done.stderr) == (0, "")
     record = json.loads(done.stdout)
     assert record["error_estimate"] <= 1e-2

@@ -23,12 +23,12 @@ from isorod.space import Space
 
 
 def spring(rule="full"):
-    return Spring(coils=1, section_points=4, elements_per_turn=4, quadrature=rule).model()
+    return Spring(preset="paper", coils=1, section_points=4, elements_per_turn=4, quadrature=rule).model()
 
 
 def ring():
     """A closed rod, held at a few nodes and not in every direction."""
-    space = Space(Ring(section_points=5).rod(), elements=8, degree=3)
+    space = Space.paper(Ring(section_points=5).rod(), elements=8, degree=3)
     supports = [
         Support([0, 1], "xy"),
         Support([2, space.nodes - 1], "z"),
@@ -39,8 +39,8 @@ def ring():
 
 def two_bodies():
     """A spring that is free to turn about z at one end, and a ring of another law; the bodies do not touch."""
-    wire = Space(Spring(coils=1, section_points=3).rod(), degree=2, elements=4, quadrature="paper")
-    hoop = Space(Ring(section_points=4).rod(), elements=8, degree=2, continuity=0)
+    wire = Space.paper(Spring(coils=1, section_points=3).rod(), degree=2, elements=4, quadrature="paper")
+    hoop = Space.paper(Ring(section_points=4).rod(), elements=8, degree=2, continuity=0)
     supports = [
         Support.end(wire, "start"),
         Support.end(wire, "end", "z", (0.0, 0.0, 0.3)),
@@ -52,14 +52,14 @@ def two_bodies():
 
 def spinning():
     """A spring clamped at one end in a frame that turns about a line off its axis."""
-    space = Space(Spring(coils=1, section_points=4).rod(), elements=4)
+    space = Space.paper(Spring(coils=1, section_points=4).rod(), elements=4)
     body = Body(space, NeoHookean(5e3, 0.3), density=2.0)
     return Model([body], [Support.end(space, "start")], Spin((0.02, -0.04, 0.1), (1.0, 2.0, 0.0)))
 
 
 def tendon_and_muscle():
     """A wire of two laws whose fibres run along it and act more and more with the load factor."""
-    space = Space(Spring(coils=1, section_points=4).rod(), elements=4)
+    space = Space.paper(Spring(coils=1, section_points=4).rod(), elements=4)
     tendon = NeoHookean(90.0, 0.3)
     muscle = Muscle(30.0, 0.4, sigma_max=40.0, activation=0.8)
     supports = [Support.end(space, "start"), Support.end(space, "end", "z", (0.0, 0.0, 0.1))]
@@ -144,7 +144,7 @@ def test_tangent_is_the_same_whether_element_matrices_are_kept(assembler):
 @pytest.mark.parametrize("refinement", [{}, {"order": 2}, {"section_degree": 3}], ids=["paper", "K = 2", "polynomials"])
 def test_lames_parameters_stand_for_moduli_at_points(refinement):
     """Linear elastic elements, two of them of another law, against the general kernel."""
-    space = Space(Spring(coils=1, section_points=5).rod(), elements=4, **refinement)
+    space = Space.paper(Spring(coils=1, section_points=5).rod(), elements=4, **refinement)
     soft, stiff = LinearElastic(80.0, 0.35), LinearElastic(900.0, 0.1)
     (part,) = Assembler(Model([Body(space, [soft, stiff, stiff, soft])]), PETSc.COMM_SELF).parts
     F = np.broadcast_to(np.eye(3), (*part.table.weights.shape, 3, 3))
@@ -200,7 +200,7 @@ def rest_and_mass(density=3.0, n=6):
     rod = Rod.sweep(
         circle(n, 0.5), Axis(2, [0, 0, 0, 0.3, 1, 1, 1], np.ones(4)), np.outer([0, 0.3, 1.3, 2], [0.2, 0, 1])
     )
-    space = Space(rod, degree=3, quadrature="6x4x6")
+    space = Space.paper(rod, degree=3, quadrature="6x4x6")
     assembler = Assembler(Model([Body(space, NeoHookean(1.0, 0.3), density)]), PETSc.COMM_SELF)
     return assembler, space.positions, as_array(assembler.mass())
 
@@ -231,7 +231,7 @@ def test_lumped_mass_is_the_row_sums():
 
 def test_spinning_bar_is_stretched_by_its_own_mass(cylinder):
     """u(z) = rho w^2 (L^2 z / 2 - z^3 / 6) / E for a bar along the radius, nu = 0; its clamp carries m w^2 L / 2."""
-    space = Space(cylinder(4, height=4.0, radius=0.3), elements=2, degree=3)
+    space = Space.paper(cylinder(4, height=4.0, radius=0.3), elements=2, degree=3)
     body = Body(space, LinearElastic(1e4, 0.0), density=5.0)
     solution = statics.solve(Model([body], [Support.end(space, "start")], Spin((0.2, 0.0, 0.0))))
     z = np.linspace(0, 1, 7)
@@ -291,7 +291,7 @@ def test_a_folded_rod_is_refused_and_the_element_named():
     rod = Ring(a=6.0).rod()
     # The ring folds everywhere alike; which element is worst is a matter of the last digits.
     with pytest.raises(InputError, match=r"folds in element \d at u = .*disk point \(-"):
-        Assembler(Model([Body(Space(rod), NeoHookean(1.0, 0.3))]), PETSc.COMM_SELF)
+        Assembler(Model([Body(Space.paper(rod), NeoHookean(1.0, 0.3))]), PETSc.COMM_SELF)
 
 
 @pytest.mark.parametrize(
@@ -313,7 +313,7 @@ def test_refuses_supports_that_cannot_be(supports, message):
 
 def test_a_closed_rod_has_no_ends():
     with pytest.raises(InputError, match="closed rod has none"):
-        Support.end(Space(Ring().rod()), "start")
+        Support.end(Space.paper(Ring().rod()), "start")
     with pytest.raises(InputError, match="need 'start' or 'end'"):
         Support.end(spring().bodies[0].space, "top")
 

@@ -14,7 +14,7 @@ from isorod.statics.convergence import Convergence
 
 
 def assembler(kind):
-    space = Space(straight(4, height=3.0), elements=2, degree=2)
+    space = Space.paper(straight(4, height=3.0), elements=2, degree=2)
     ends = [Support.end(space, "start"), Support.end(space, "end", displacement=(0.0, 0.0, 0.1))]
     if kind == "mixed":
         return MixedAssembler(Model([Body(space, NeoHookean(3.0, 0.4), formulation="mixed")], ends))
@@ -61,7 +61,7 @@ def test_displacements_are_compared_with_the_forces_carried():
 
 
 def test_size_of_a_model_is_that_of_its_largest_body():
-    small, large = (Space(straight(4, height=height)) for height in (3.0, 7.0))
+    small, large = (Space.paper(straight(4, height=height)) for height in (3.0, 7.0))
     law = NeoHookean(1.0, 0.3)
     for spaces in ((small, large), (large, small)):
         assert Convergence(Assembler(Model([Body(space, law) for space in spaces]))).size == pytest.approx(7.0)
@@ -74,7 +74,7 @@ def test_the_tangent_is_known_to_be_symmetric(kind):
 
 
 def test_the_mass_operator_is_known_to_be_symmetric():
-    space = Space(straight(4, height=3.0), elements=2, degree=2)
+    space = Space.paper(straight(4, height=3.0), elements=2, degree=2)
     made = Assembler(Model([Body(space, NeoHookean(3.0, 0.3), 1.0)], [Support.end(space, "start")]))
     for operator in (made.mass(), made.mass_operator()):
         assert operator.isSymmetricKnown() == (True, True)

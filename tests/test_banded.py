@@ -85,18 +85,18 @@ def test_a_singular_matrix_makes_the_solve_fail_and_the_next_one_not(dense):
 
 
 def two_springs():
-    space = Space(Spring(coils=1, section_points=4).rod(), elements=4)
+    space = Space.paper(Spring(coils=1, section_points=4).rod(), elements=4)
     return Model([Body(space, NeoHookean(1.0, 0.3))] * 2, [Support.end(space, "start", body=b) for b in range(2)])
 
 
 @pytest.mark.parametrize(
     ("model", "expected"),
     [
-        (lambda: Spring(coils=1).model(), True),
-        (lambda: Spring(coils=1, order=3, section_points=8).model(), True),
-        (lambda: Blade(section_degree=3, degree=4).model(), True),
+        (lambda: Spring(preset="paper", coils=1).model(), True),
+        (lambda: Spring(preset="paper", coils=1, order=3, section_points=8).model(), True),
+        (lambda: Blade(preset="paper", section_degree=3, degree=4).model(), True),
         (two_springs, True),
-        (lambda: Model([Body(Space(Ring().rod(), elements=8, degree=3), NeoHookean(1.0, 0.3))]), False),
+        (lambda: Model([Body(Space.paper(Ring().rod(), elements=8, degree=3), NeoHookean(1.0, 0.3))]), False),
     ],
     ids=["spring", "order 3", "polynomials", "two bodies", "ring"],
 )
@@ -116,17 +116,17 @@ def test_is_offered_where_the_matrix_is_banded(model, expected):
 @pytest.mark.parametrize("typed", [{"pc_type": "lu"}, {"pc_factor_mat_solver_type": "mumps"}, {"mat_type": "baij"}])
 def test_what_is_typed_of_a_factorisation_or_matrix_wins(typed, petsc_options):
     petsc_options(**typed)
-    solution = statics.solve(Spring(coils=1, section_points=4).model())
+    solution = statics.solve(Spring(preset="paper", coils=1, section_points=4).model())
     assert solution.solver["pc"] == "lu"
 
 
 @pytest.mark.parametrize(
     "scene",
     [
-        Spring(coils=1, section_points=4, elements_per_turn=8),
+        Spring(preset="paper", coils=1, section_points=4, elements_per_turn=8),
         # Slender: the tangent's condition number is 3e15.
-        Spring(coils=1, section_points=4, elements_per_turn=8, wire_radius=1e-3),
-        Spring(coils=1, section_points=6, order=2, degree=3, elements_per_turn=4),
+        Spring(preset="paper", coils=1, section_points=4, elements_per_turn=8, wire_radius=1e-3),
+        Spring(preset="paper", coils=1, section_points=6, order=2, degree=3, elements_per_turn=4),
     ],
     ids=["spring", "slender", "order 2"],
 )
@@ -145,7 +145,7 @@ def test_statics_agree_with_mumps(scene, petsc_options):
 @pytest.mark.parametrize("shift", [None, 30.0, -1.0])
 def test_modes_agree_with_mumps_below_and_between_eigenvalues(shift, petsc_options):
     """Above the first eigenvalue the shifted matrix is not definite."""
-    model = Blade(section_degree=2, degree=3, elements=6).model()
+    model = Blade(preset="paper", section_degree=2, degree=3, elements=6).model()
     if shift is not None:
         petsc_options(st_shift=shift)
     own = modal.solve(model, 6)
@@ -159,7 +159,7 @@ def test_modes_agree_with_mumps_below_and_between_eigenvalues(shift, petsc_optio
 @pytest.mark.parametrize("lumped", [False, True])
 @pytest.mark.parametrize("held", ["xyz", "z"])
 def test_the_mass_to_multiply_with_is_the_mass(lumped, held):
-    space = Space(Spring(coils=1, section_points=4).rod(), elements=4)
+    space = Space.paper(Spring(coils=1, section_points=4).rod(), elements=4)
     model = Model([Body(space, NeoHookean(1.0, 0.3), 2.0)], [Support.end(space, "start", held)])
     assembler = Assembler(model)
     entries, operator = assembler.mass(lumped), assembler.mass_operator(lumped)
@@ -188,9 +188,9 @@ def test_a_program_ends_as_it_would_without(last, code, python):
         "from isorod import options; options.initialize([])\n"
         "from isorod import modal, statics; from isorod.statics import analysis, newton\n"
         "from isorod.scenes.spring import Spring; from isorod.scenes.blade import Blade\n"
-        "solver = newton.Newton(analysis.assembler_for(Spring(coils=1, section_points=4).model()))\n"
+        "solver = newton.Newton(analysis.assembler_for(Spring(preset='paper', coils=1, section_points=4).model()))\n"
         "solver.advance(0.0, 1.0)\n"
-        "modes = modal.solve(Blade(elements=4).model(), 2)\n"
+        "modes = modal.solve(Blade(preset='paper', elements=4).model(), 2)\n"
         f"{last}"
     )
     assert done.returncode in (code, -2 if code == 130 else code), done.stderr

@@ -60,7 +60,7 @@ class Almansi:
 def spaces(request, cylinder):
     """The same space in two bases."""
     rod, common = cylinder(5, height=3.0), {"elements": 2, "degree": 3, "quadrature": request.param}
-    return Space(rod, order=2, **common), Space(rod, section_basis=Almansi(5), **common)
+    return Space.paper(rod, order=2, **common), Space.paper(rod, section_basis=Almansi(5), **common)
 
 
 def model(space, formulation="displacement"):
@@ -100,7 +100,7 @@ def test_contact_asks_for_control_points(spaces):
 @pytest.mark.parametrize("other", [{"order": 2}, {"section_points": 10}, {"section_degree": 2}])
 def test_other_section_functions_have_no_say(cylinder, other):
     with pytest.raises(InputError, match="section basis: it takes the place of"):
-        _ = Space(cylinder(5), section_basis=Almansi(5), **other).nodes
+        _ = Space.paper(cylinder(5), section_basis=Almansi(5), **other).nodes
 
 
 def basis_of(n, order, degree=None):

@@ -24,7 +24,7 @@ for name in dir(material.NeoHookean):
         setattr(material.NeoHookean, name, refuse)
 material.NeoHookean.__init__ = refuse
 material.LinearElastic.stress = refuse
-assert cli.main(["run", "blade", "--elements", "5", "--json"]) == 0
+assert cli.main(["run", "blade", "--preset", "paper", "--no-estimate", "--elements", "5", "--json"]) == 0
 print(json.dumps(sorted({name.split(".")[0] for name in sys.modules})))
 """
 
@@ -47,7 +47,7 @@ def blade(capsys):
         typed.extend(word[1:] for word in theirs)
         k = min((arguments.index(word) for word in theirs), default=len(arguments))
         PETSc.Options().insertString(" ".join(arguments[k:]))
-        code = cli.main(["run", "blade", *arguments])
+        code = cli.main(["run", "blade", "--preset", "paper", "--no-estimate", *arguments])
         return (code, *capsys.readouterr())
 
     yield run
@@ -135,7 +135,7 @@ def test_a_shift_at_an_eigenvalue_does_no_harm(mode, more, blade):
 
     Where vectors are purified with it the shift is moved.
     """
-    expected = modal.solve(Blade(elements=6).model())
+    expected = modal.solve(Blade(preset="paper", elements=6).model())
     shift = ("-st_shift", repr(float(expected.eigenvalues[mode])))
     code, out, err = blade("--elements", "6", "--json", *shift, *more)
     assert (code, err) == (0, "")
@@ -166,7 +166,7 @@ def test_a_shift_at_an_eigenvalue_does_no_harm(mode, more, blade):
 )
 def test_options_of_slepc_reach_it_and_change_no_frequency(options, blade):
     """To 1e-6, since some of them only take a looser tolerance."""
-    expected = modal.solve(Blade(elements=8).model(), 4)
+    expected = modal.solve(Blade(preset="paper", elements=8).model(), 4)
     code, out, err = blade("--elements", "8", "--modes", "4", "--json", *options.split())
     assert (code, err) == (0, "")
     record = json.loads(out)
@@ -181,7 +181,19 @@ def test_options_of_slepc_reach_it_and_change_no_frequency(options, blade):
 def test_slepc_options_in_a_fresh_process(isorod):
     """The number of modes typed for SLEPc wins; its monitors write to standard error, beside the record."""
     typed = "-eps_nev 3 -eps_type arnoldi -st_pc_factor_mat_solver_type mumps -eps_monitor -eps_view"
-    done = isorod("run", "blade", "--elements", "6", "--modes", "9", "--json", *typed.split())
+    done = isorod(
+        "run",
+        "blade",
+        "--preset",
+        "paper",
+        "--no-estimate",
+        "--elements",
+        "6",
+        "--modes",
+        "9",
+        "--json",
+        *typed.split(),
+    )
     assert done.returncode == 0
     lines = done.stderr.splitlines()
     assert any(re.search(r"EPS nconv=\d+", line) for line in lines)
@@ -191,7 +203,7 @@ def test_slepc_options_in_a_fresh_process(isorod):
 
 @pytest.mark.parametrize("typed", ["-eps_max_it 1 -eps_ncv 13", "-eps_typo 3", "-eps_nev 400"])
 def test_errors_of_a_fresh_process_are_one_line(typed, isorod):
-    done = isorod("run", "blade", "--elements", "6", "--json", *typed.split())
+    done = isorod("run", "blade", "--preset", "paper", "--no-estimate", "--elements", "6", "--json", *typed.split())
     assert (done.returncode, done.stdout) == (2, "")
     assert re.fullmatch(
         r"isorod: (modes: SLEPc found \d|PETSc option -eps_typo 3|modes: got 400, need).+\n", done.stderr
@@ -199,16 +211,35 @@ def test_errors_of_a_fresh_process_are_one_line(typed, isorod):
 
 
 def test_lumped_mass_from_the_command_line(capsys):
-    assert cli.main("run blade --elements 6 --json --mass lumped".split()) == 0
+    assert cli.main("run blade --preset paper --no-estimate --elements 6 --json --mass lumped".split()) == 0
     record = json.loads(capsys.readouterr().out)
     assert record["built"] == ["tangent", "lumped mass"]
     assert record["settings"]["lumped"] is True
-    assert record["frequencies"] == pytest.approx(modal.solve(Blade(elements=6).model(), lumped=True).frequencies)
+    assert record["frequencies"] == pytest.approx(
+        modal.solve(Blade(preset="paper", elements=6).model(), lumped=True).frequencies
+    )
 
 
 def test_modes_are_written_for_pictures(tmp_path, capsys):
     pyvista = pytest.importorskip("pyvista")
-    assert cli.main(["run", "blade", "--elements", "6", "--modes", "3", "--output", str(tmp_path)]) == 0
+    assert (
+        cli.main(
+            [
+                "run",
+                "blade",
+                "--preset",
+                "paper",
+                "--no-estimate",
+                "--elements",
+                "6",
+                "--modes",
+                "3",
+                "--output",
+                str(tmp_path),
+            ]
+        )
+        == 0
+    )
     mesh = pyvista.read(tmp_path / "blade-0.vtu")
     assert {"mode_1", "mode_2", "mode_3"} <= set(mesh.array_names)
     root = np.abs(mesh.points[:, 2]) < 1e-9

@@ -12,7 +12,7 @@ import pytest
 from isorod import scenes, statics
 from isorod.command import cli
 
-COARSE = "--coils 1 --elements-per-turn 4 --section-points 3 --degree 2".split()
+COARSE = "--preset paper --no-estimate --coils 1 --elements-per-turn 4 --section-points 3 --degree 2".split()
 
 
 @pytest.fixture
@@ -60,7 +60,7 @@ BAD = [
     ("--E -5", "E: got -5, need a positive stress"),
     ("--E nan", "E: got nan, need a positive stress"),
     ("--E inf", "E: got inf, need a positive stress"),
-    ("--nu 0.5", "incompressible \\(nu = 0.5\\); that takes formulation .mixed."),
+    ("--nu 0.5 --formulation displacement", "incompressible \\(nu = 0.5\\); that takes formulation .mixed."),
     ("--nu 0.7", "nu: got 0.7, need"),
     ("--nu -1", "nu: got -1, need"),
     ("--nu nan", "nu: got nan, need"),
@@ -206,7 +206,7 @@ def test_petsc_options_of_the_user_win_and_the_force_is_the_same(options, solver
 
 
 def coarse_force():
-    scene = scenes.find("spring")(coils=1, elements_per_turn=4, section_points=3, degree=2)
+    scene = scenes.find("spring")(preset="paper", coils=1, elements_per_turn=4, section_points=3, degree=2)
     return statics.solve(scene.model()).reactions[1, 2]
 
 
@@ -239,7 +239,7 @@ def test_help_of_petsc_and_of_the_scene(isorod, capsys):
 
 
 def test_json_line_of_the_papers_model(capsys):
-    options = "--section-points 4 --elements-per-turn 24 --degree 2 --continuity 0 --quadrature paper --json"
+    options = "--section-points 4 --elements-per-turn 24 --degree 2 --continuity 0 --quadrature paper --order 1 --json"
     assert cli.main(["run", "spring", *options.split()]) == 0
     out, err = capsys.readouterr()
     assert (out.count("\n"), err) == (1, "")
@@ -276,7 +276,7 @@ def test_help_is_no_error(arguments, capsys):
 
 @pytest.mark.parametrize("pitch", ["1.9", "0", "-1"])
 def test_pitch_below_the_wires_diameter_warns_in_one_line_and_goes_on(pitch, capsys):
-    assert cli.main(["run", "spring", "--coils", "2", *COARSE[2:], f"--pitch={pitch}", "--json"]) == 0
+    assert cli.main(["run", "spring", "--coils", "2", *COARSE[:3], *COARSE[5:], f"--pitch={pitch}", "--json"]) == 0
     out, err = capsys.readouterr()
     assert re.fullmatch(r"isorod: warning: pitch .* is less than the wire's diameter 2: .*\n", err)
     assert json.loads(out)["scene"] == "spring"

@@ -314,7 +314,7 @@ def test_the_table_of_every_run_says_its_parts_and_its_solver():
 
 
 def test_mac_of_modes_with_themselves_is_the_identity_on_the_diagonal():
-    found = modal.solve(Blade(elements=6).model(), 4)
+    found = modal.solve(Blade(preset="paper", elements=6).model(), 4)
     rng = np.random.default_rng(1)
     radius, angle = np.sqrt(rng.random(60)), 2.0 * np.pi * rng.random(60)
     xi = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)

@@ -117,7 +117,7 @@ def test_rigid_motion_turns_the_forces_with_it():
 def test_rod_on_a_plane_has_the_closed_form(cylinder):
     """Pressure eps (R cos phi - R + depth) over the arc below the plane."""
     radius, depth, length, penalty = 1.5, 0.2, 4.0, 7.0
-    space = Space(cylinder(8, radius=radius, height=length))
+    space = Space.paper(cylinder(8, radius=radius, height=length))
     plane = Plane((0.0, depth - radius, 1.0), (0.0, 3.0, 0.0))
     model = Model([Body(space, LAW)], contacts=[Contact(0, plane, penalty, points=(64, 2))])
     packed, (energy, force, area, deepest), forces = forces_at(model, np.zeros(model.dofs))
@@ -135,7 +135,7 @@ def test_rod_on_a_plane_has_the_closed_form(cylinder):
 def test_rod_against_a_cylinder_has_the_closed_form(cylinder):
     """Parallel axes a distance apart: the gap of each point is known, and so is the force between two circles."""
     radius, obstacle, distance, penalty, length = 1.0, 2.5, 3.3, 7.0, 2.0
-    space = Space(cylinder(8, radius=radius, height=length))
+    space = Space.paper(cylinder(8, radius=radius, height=length))
     second = Cylinder((distance, 0.0, 5.0), (0.0, 0.0, -2.0), obstacle)
     model = Model([Body(space, LAW)], contacts=[Contact(0, second, penalty, points=(64, 2))])
     packed, (energy, force, *_), forces = forces_at(model, np.zeros(model.dofs))
@@ -154,8 +154,8 @@ def test_two_cylinders_have_the_closed_form(cylinder):
     """Both circles are slaves in turn with half the weight."""
     distance, penalty, length = 1.9, 7.0, 2.0
     spaces = [
-        Space(cylinder(8, height=length)),
-        Space(moved(cylinder(8, radius=1.2, height=length), (distance + 0.2, 0.0, 0.0))),
+        Space.paper(cylinder(8, height=length)),
+        Space.paper(moved(cylinder(8, radius=1.2, height=length), (distance + 0.2, 0.0, 0.0))),
     ]
     model = Model([Body(space, LAW) for space in spaces], contacts=[Contact(0, 1, penalty, points=(32, 2))])
     _, (_, force, _, deepest), _ = forces_at(model, np.zeros(model.dofs))
@@ -171,7 +171,7 @@ def test_two_cylinders_have_the_closed_form(cylinder):
 def test_points_off_the_named_elements_are_not_in_contact(cylinder):
     """Two rods side by side overlap all along; only the middle elements of one are named."""
     rod = cylinder(8, breaks=(0.0, 1.0, 2.0, 3.0, 4.0), height=4.0)
-    spaces = [Space(rod), Space(moved(rod, (1.9, 0.0, 0.0)))]
+    spaces = [Space.paper(rod), Space.paper(moved(rod, (1.9, 0.0, 0.0)))]
     named = Contact(0, 1, 1.0, first_elements=[1, 2], points=(3, 3))
     model = Model([Body(space, LAW) for space in spaces], contacts=[named])
     packed, (_, force, area, _), forces = forces_at(model, np.zeros(model.dofs))
@@ -231,7 +231,7 @@ def test_a_model_refuses_what_is_not_there(contact, message):
 
 
 def test_polynomial_sections_have_no_control_points_to_touch(cylinder):
-    body = Body(Space(cylinder(8), section_degree=2), LAW)
+    body = Body(Space.paper(cylinder(8), section_degree=2), LAW)
     with pytest.raises(InputError, match="contact 0: body 0 has section functions without control points"):
         Model([body], contacts=[Contact(0, Plane((0.0, -1.0, 0.0), (0.0, 1.0, 0.0)), 1.0)])
 
@@ -250,7 +250,7 @@ from isorod import options
 options.initialize([])
 from isorod import statics
 from isorod.scenes.spring import Spring
-statics.solve(Spring(coils=1, section_points=4).model())
+statics.solve(Spring(preset="paper", coils=1, section_points=4).model())
 print([name for name in sys.modules if name.startswith("isorod.contact")])
 """
     assert python(script).stdout.strip() == "[]"

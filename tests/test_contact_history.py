@@ -86,7 +86,9 @@ def crossing(cylinder):
     """A rod, a thinner one across it, and a motion of both, from afar to a touch and on."""
     rod = cylinder(8, breaks=(0.0, 1.0, 2.0, 3.0), height=6.0)
     thin = moved(cylinder(6, radius=0.5, height=4.0), (-2.0, 0.0, 0.0), ACROSS)
-    model = Model([Body(Space(rod), LAW), Body(Space(thin), LAW)], contacts=[Contact(0, 1, 10.0, points=(3, 3))])
+    model = Model(
+        [Body(Space.paper(rod), LAW), Body(Space.paper(thin), LAW)], contacts=[Contact(0, 1, 10.0, points=(3, 3))]
+    )
     first = np.arange(model.dofs // 3)[:, None] < model.first_node[1]
     way = [np.array([0.2 * np.sin(3.0 * t), 0.8 * np.cos(t), np.sin(t)]) for t in np.linspace(0.0, 2.0 * np.pi, 300)]
     return model, [reference(model) + np.where(first, -w, w + OFFSET) for w in way]
@@ -131,7 +133,9 @@ def test_a_sequence_of_steps_gives_what_fresh_searches_give(cylinder):
     """A rod comes from afar, presses on another and leaves on its other side; most searches are left out."""
     rod = cylinder(8, breaks=(0.0, 1.0, 2.0, 3.0), height=6.0)
     thin = moved(cylinder(6, radius=0.5, height=4.0), (-2.0, 0.0, 0.0), ACROSS)
-    model = Model([Body(Space(rod), LAW), Body(Space(thin), LAW)], contacts=[Contact(0, 1, 10.0, points=(3, 3))])
+    model = Model(
+        [Body(Space.paper(rod), LAW), Body(Space.paper(thin), LAW)], contacts=[Contact(0, 1, 10.0, points=(3, 3))]
+    )
     base, packed = reference(model), pack(model)
     mobile = np.arange(base.shape[0]) >= model.first_node[1]
     searches = np.zeros(2, dtype=int)
@@ -154,7 +158,9 @@ def test_work_along_a_path_is_the_change_of_energy(cylinder):
     """A rod slides across arcs and elements of another: nothing is lost, nothing jumps."""
     rod = cylinder(8, breaks=(0.0, 1.0, 2.0, 3.0), height=6.0)
     thin = moved(cylinder(6, radius=0.5, height=4.0), (-2.0, 1.4, 0.0), ACROSS)
-    model = Model([Body(Space(rod), LAW), Body(Space(thin), LAW)], contacts=[Contact(0, 1, 10.0, points=(4, 8))])
+    model = Model(
+        [Body(Space.paper(rod), LAW), Body(Space.paper(thin), LAW)], contacts=[Contact(0, 1, 10.0, points=(4, 8))]
+    )
     base, packed = reference(model), pack(model)
     mobile = np.arange(base.shape[0]) >= model.first_node[1]
 

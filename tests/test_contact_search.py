@@ -20,7 +20,7 @@ def crossing(gap):
     thin = straight(6, radius=0.5, height=4.0)
     across = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
     points = thin.control_points @ across.T + np.array([-2.0, 1.5 + gap, 3.0])
-    spaces = Space(thick), Space(Rod(thin.axis, points))
+    spaces = Space.paper(thick), Space.paper(Rod(thin.axis, points))
     return Model([Body(space, LAW) for space in spaces], contacts=[Contact(0, 1, 10.0, points=(5, 6))])
 
 

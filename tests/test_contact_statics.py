@@ -25,8 +25,8 @@ def crossing(press=0.5, penalty=1e4, gap=0.05, **contact):
     """Two crossing bars of radius 1 and length 8, ends clamped; those of the second are pressed down on the first."""
     rod = straight(8, breaks=(0.0, 1.0, 2.0, 3.0, 4.0), height=8.0)
     points = rod.control_points - [0.0, 0.0, 4.0]
-    low = Space(Rod(rod.axis, points), degree=3, order=2, quadrature="auto")
-    high = Space(Rod(rod.axis, points @ ACROSS.T + [0.0, 2.0 + gap, 0.0]), degree=3, order=2, quadrature="auto")
+    low = Space.paper(Rod(rod.axis, points), degree=3, order=2, quadrature="auto")
+    high = Space.paper(Rod(rod.axis, points @ ACROSS.T + [0.0, 2.0 + gap, 0.0]), degree=3, order=2, quadrature="auto")
     supports = [Support.end(low, "start"), Support.end(low, "end")]
     supports += [Support.end(high, end, displacement=(0.0, -press, 0.0), body=1) for end in ("start", "end")]
     return Model([Body(low, LAW), Body(high, LAW)], supports, contacts=[Contact(0, 1, penalty, **contact)])
@@ -155,7 +155,7 @@ def test_augmented_lagrangian_that_does_not_get_there_says_so(monkeypatch):
 def test_bar_bent_round_a_rigid_cylinder():
     """Held ends, an obstacle in the middle: symmetric, and the obstacle takes what the ends give."""
     rod = straight(8, breaks=tuple(np.linspace(0.0, 6.0, 7)), radius=0.5, height=12.0)
-    space = Space(Rod(rod.axis, rod.control_points - [0.0, 0.0, 6.0]), order=2, quadrature="auto", degree=3)
+    space = Space.paper(Rod(rod.axis, rod.control_points - [0.0, 0.0, 6.0]), order=2, quadrature="auto", degree=3)
     ends = [Support.end(space, end, displacement=(0.0, -0.4, 0.0)) for end in ("start", "end")]
     obstacle = Cylinder((0.0, -1.5, 0.0), (1.0, 0.0, 0.0), 1.0)
     solution = statics.solve(Model([Body(space, LAW)], ends, contacts=[Contact(0, obstacle, 1e4)]), load_steps=2)
@@ -202,7 +202,7 @@ def hertz(n, radial):
     The surface nodes within 1.2 rad of the top are pressed down, far from the contact (half width 0.1).  The partner is
     rigid and flat: ``R* = R``, ``E* = E / (1 - nu^2)``.  The penalty grows with n: 8 E over the length of an arc.
     """
-    space = Space(straight(8, degree=1), degree=1, order=2, section_points=n, quadrature=f"{radial}x1x1")
+    space = Space.paper(straight(8, degree=1), degree=1, order=2, section_points=n, quadrature=f"{radial}x1x1")
     angle = space.turn + 2.0 * np.pi / n * np.arange(n)
     top = np.flatnonzero(np.cos(angle - 0.5 * np.pi) > np.cos(1.2))
     back = np.concatenate([top, space.layer_nodes + top])
@@ -241,7 +241,7 @@ def test_penetration_is_relative_to_the_radius_of_the_named_elements():
     rod = straight(8, degree=1, breaks=(0.0, 1.0, 2.0), height=2.0)
     points = rod.control_points * np.array([0.5, 1.0, 1.5])[:, None, None]
     points[..., 2] = rod.control_points[..., 2]
-    space = Space(Rod(rod.axis, points))
+    space = Space.paper(Rod(rod.axis, points))
     plane = Plane((0.0, -1.0, 0.0), (0.0, 1.0, 0.0))
     model = Model([Body(space, LAW)], contacts=[Contact(0, plane, 1.0, elements) for elements in (None, [1])])
     whole, thick = ContactOperator(model).results(np.zeros(model.dofs))
@@ -255,7 +255,7 @@ def test_two_cylinders_press_as_one_on_a_plane():
     n, penalty, radial = 32, 40.0, "8x1x1"
     low = straight(8, degree=1)
     high = Rod(low.axis, low.control_points + np.array([0.0, 2.0, 0.0]))
-    spaces = [Space(rod, degree=1, order=2, section_points=n, quadrature=radial) for rod in (low, high)]
+    spaces = [Space.paper(rod, degree=1, order=2, section_points=n, quadrature=radial) for rod in (low, high)]
     angle = spaces[0].turn + 2.0 * np.pi / n * np.arange(n)
     supports = []
     for body, side in enumerate((-1.0, 1.0)):

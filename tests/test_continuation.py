@@ -24,7 +24,9 @@ def quadratic(centers, rotations=None):
 
 
 def polynomials(rod, elements=8, degree=4):
-    return Space(rod, elements=elements, degree=degree, continuity=0, section_degree=3, quadrature=f"4x5x{degree}")
+    return Space.paper(
+        rod, elements=elements, degree=degree, continuity=0, section_degree=3, quadrature=f"4x5x{degree}"
+    )
 
 
 def column(length, share=2.0):

@@ -49,7 +49,7 @@ def test_torsional_frequencies_of_a_free_round_bar_are_of_order_2p(p, order, cyl
     """f = m / (2 L) sqrt(G / rho), exact in 3-D; the turning sections are held exactly, so that the axis alone errs."""
     length, m, elements, errors = 4.0, 2, (6, 8, 12), []
     for count in elements:
-        space = Space(cylinder(4, height=length), count, p, None, "4x4", order)
+        space = Space.paper(cylinder(4, height=length), count, p, None, "4x4", order)
         frequencies = modal.solve(Model([Body(space, LAW, 1.0)]), 10).frequencies
         errors.append(np.abs(frequencies / (m / (2 * length)) - 1.0).min())
     assert_order(p, elements, errors, {2: 6e-5, 3: 4e-7, 4: 3.2e-9, 5: 4e-11}[p])
@@ -63,7 +63,7 @@ def bar_on_rollers(cylinder):
     """
 
     def solve(p, elements, order, length=2 * np.pi, modes=12, n=4):
-        space = Space(cylinder(n, height=length), elements, p, None, "8x4", order)
+        space = Space.paper(cylinder(n, height=length), elements, p, None, "8x4", order)
         held = [Support.end(space, "start", "z"), Support.end(space, "end", "z")]
         return modal.solve(Model([Body(space, LAW, 1.0)], held), modes).frequencies[3:]
 
@@ -88,7 +88,7 @@ def test_frequencies_of_a_free_ring_are_of_order_2p(p):
     """Curved, rational, kinks of the map at the joints of its arcs, which are knots; no ends."""
 
     def ring(p, elements):
-        space = Space(Ring().rod(), elements, p, None, "4x4x9")
+        space = Space.paper(Ring().rod(), elements, p, None, "4x4x9")
         return modal.solve(Model([Body(space, LAW, 1.0)]), 4).frequencies[6:]
 
     fine = ring(6, 48)
@@ -105,11 +105,11 @@ def spring(p, parts, order=1, levels=0):
 
     Of ``levels`` each halves the element at either end once more.
     """
-    scene = Spring(coils=1, section_points=4)
+    scene = Spring(preset="paper", coils=1, section_points=4)
     rod = scene.rod()
     for level in range(1, levels + 1):
         rod = rod.insert(0.5**level).insert(4.0 - 0.5**level)
-    space = Space(rod, parts * rod.axis.elements, p, None, "4x4x9", order)
+    space = Space.paper(rod, parts * rod.axis.elements, p, None, "4x4x9", order)
     ends = [Support.end(space, "start"), Support.end(space, "end", displacement=(0.0, 0.0, 2.0))]
     return statics.solve(Model([Body(space, NeoHookean(scene.E, scene.nu))], ends)).reactions[1, 2]
 
@@ -139,7 +139,7 @@ def test_equal_elements_longer_than_the_layers_at_its_ends_cost_the_spring_the_o
 
 def clamped_bar(rod, p, elements, order):
     """Shear force that moves one clamped end of a bar against the other."""
-    space = Space(rod, elements, p, None, "6x4", order)
+    space = Space.paper(rod, elements, p, None, "6x4", order)
     ends = [Support.end(space, "start"), Support.end(space, "end", displacement=(0.1, 0.0, 0.0))]
     return statics.solve(Model([Body(space, LAW)], ends)).reactions[1, 0]
 
@@ -205,7 +205,7 @@ def test_longitudinal_waves_converge_exponentially_with_the_order(kR, bar_on_rol
 
 
 def spring_force(p, elements, order, rule, n=8):
-    space = Space(Spring(coils=1).rod(), elements, p, None, rule, order, n)
+    space = Space.paper(Spring(coils=1).rod(), elements, p, None, rule, order, n)
     ends = [Support.end(space, "start"), Support.end(space, "end", displacement=(0.0, 0.0, 2.0))]
     return statics.solve(Model([Body(space, LAW)], ends)).reactions[1, 2]
 
@@ -224,7 +224,7 @@ def test_the_default_rule_errs_less_than_the_space_of_a_spring(p, order):
 
 
 def blade_frequencies(order, n, rule):
-    space = Space(Blade().rod(), 8, 3, None, rule, order, n)
+    space = Space.paper(Blade().rod(), 8, 3, None, rule, order, n)
     model = Model([Body(space, LinearElastic(3e6, 0.3), 40.0)], [Support.end(space, "start")])
     return modal.solve(model).frequencies
 

@@ -55,7 +55,7 @@ def on_rollers(space):
 @pytest.mark.parametrize("n", [3, 4, 8, 16])
 def test_patch_of_the_paper(n, p, rule, cylinder, petsc_options):
     petsc_options(snes_rtol=1e-14)
-    space = Space(cylinder(n), degree=p, quadrature=rule)
+    space = Space.paper(cylinder(n), degree=p, quadrature=rule)
     model, fixed = on_rollers(space)
     solution = statics.solve(model)
     u, x = model.nodal(solution.displacement), nodes(space)
@@ -111,7 +111,7 @@ def tension_along_the_generators(space):
 @pytest.mark.parametrize("n", [3, 4, 8, 16])
 def test_patch_on_a_distorted_cylinder(n, p, rule, petsc_options):
     petsc_options(snes_rtol=1e-14)
-    space = Space(distorted(n), degree=p, quadrature=rule)
+    space = Space.paper(distorted(n), degree=p, quadrature=rule)
     gradient, a, u, exact = tension_along_the_generators(space)
     assert np.abs(u - exact).max() < 1e-12 * np.abs(exact).max()
     _, F = space.displacement(u, XI, [0.0, 0.1, 0.2, 0.6, 1.0])
@@ -125,7 +125,7 @@ def test_patch_on_a_rational_axis_is_as_good_as_the_rule_along_it(petsc_options)
     petsc_options(snes_rtol=1e-14)
     errors = []
     for points in (3, 6, 12):
-        space = Space(distorted(5, (1.0, 0.9, 1.2, 1.1, 1.0)), quadrature=f"2x1x{points}")
+        space = Space.paper(distorted(5, (1.0, 0.9, 1.2, 1.1, 1.0)), quadrature=f"2x1x{points}")
         _, _, u, exact = tension_along_the_generators(space)
         errors.append(np.abs(u - exact).max() / np.abs(exact).max())
     assert errors[0] > 1e-6
@@ -150,7 +150,7 @@ def single_elements(n, cylinder):
 @pytest.mark.parametrize("n", range(3, 17))
 def test_single_element_has_exactly_six_zero_eigenvalues(n, p, rule, law, cylinder):
     for rod in single_elements(n, cylinder):
-        (matrix,) = stiffness(Space(rod, degree=p, quadrature=rule), law)
+        (matrix,) = stiffness(Space.paper(rod, degree=p, quadrature=rule), law)
         assert np.abs(matrix - matrix.T).max() < 1e-14 * np.abs(matrix).max()
         values = np.linalg.eigvalsh(matrix) / np.abs(matrix).max()
         assert np.abs(values[:6]).max() < 1e-14
@@ -159,7 +159,7 @@ def test_single_element_has_exactly_six_zero_eigenvalues(n, p, rule, law, cylind
 
 @pytest.mark.parametrize("n", [3, 4, 8, 16])
 def test_elements_of_the_spring_have_exactly_six_zero_eigenvalues_with_the_papers_rule(n):
-    space = Space(Spring(section_points=n, coils=1).rod(), quadrature="paper")
+    space = Space.paper(Spring(section_points=n, coils=1).rod(), quadrature="paper")
     for matrix in stiffness(space, NeoHookean(1.0, 0.3)):
         values = np.linalg.eigvalsh(matrix) / np.abs(matrix).max()
         assert np.abs(values[:6]).max() < 1e-13
@@ -168,7 +168,7 @@ def test_elements_of_the_spring_have_exactly_six_zero_eigenvalues_with_the_paper
 
 @pytest.mark.parametrize("rule", RULES)
 def test_rigid_motion_leaves_no_residual(rule):
-    space = Space(Spring(section_points=5, coils=1).rod(), elements=8, degree=3, quadrature=rule)
+    space = Space.paper(Spring(section_points=5, coils=1).rod(), elements=8, degree=3, quadrature=rule)
     assembler = Assembler(Model([Body(space, NeoHookean(1.0, 0.3))]))
     x, residual = assembler.vector(), assembler.vector()
     Q = turn([1.0, -2.0, 3.0], 2.5)
@@ -187,7 +187,7 @@ def test_rigid_motion_leaves_no_residual(rule):
 def test_torsion_of_a_round_bar_is_exact(n, rule, cylinder, petsc_options):
     """Linear torsion moves points by a field linear in the section: torque = mu pi a^4 / 2 per twist."""
     petsc_options(snes_rtol=1e-14)
-    space = Space(cylinder(n, breaks=(0.0, 0.3, 1.0), radius=0.5, height=2.0), degree=3, quadrature=rule)
+    space = Space.paper(cylinder(n, breaks=(0.0, 0.3, 1.0), radius=0.5, height=2.0), degree=3, quadrature=rule)
     law, twist, x = LinearElastic(3.0, 0.25), 0.1, nodes(space)
     exact = twist * x[:, 2:] * np.stack([-x[:, 1], x[:, 0], 0 * x[:, 0]], axis=1)
     faces = [*range(n), *range(space.nodes - n, space.nodes)]

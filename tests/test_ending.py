@@ -167,7 +167,7 @@ def tangent(*arguments, **keywords):
     return true(*arguments, **keywords)
 
 Assembler.tangent = tangent
-sys.exit(cli.main(["run", "spring", "--coils", "1"]))
+sys.exit(cli.main(["run", "spring", "--preset", "paper", "--no-estimate", "--coils", "1"]))
 """
 
 
@@ -190,7 +190,11 @@ except BaseException:
 def test_a_signal_while_modules_are_loaded_is_one_line(name, code, tmp_path):
     (tmp_path / "slepc4py.py").write_text(LOADING.format(name=name))
     script = f"import sys; sys.path.insert(0, {str(tmp_path)!r}); from isorod.command.cli import main; sys.exit(main())"
-    assert end("-c", script, "run", "blade", "-eps_tol", "1e-9") == (code, "", f"isorod: {WORDS[name]}\n")
+    assert end("-c", script, "run", "blade", "--preset", "paper", "--no-estimate", "-eps_tol", "1e-9") == (
+        code,
+        "",
+        f"isorod: {WORDS[name]}\n",
+    )
 
 
 ENDING = "import signal, sys, time\nfrom isorod.command import ending\n"

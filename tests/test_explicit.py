@@ -32,8 +32,8 @@ def ring():
 
 
 def two_bodies(cylinder, order, law):
-    first = Space(cylinder(4, height=3.0), elements=3, order=order, quadrature="auto")
-    second = Space(ring(), degree=3, continuity=1, order=3 - order, quadrature="paper")
+    first = Space.paper(cylinder(4, height=3.0), elements=3, order=order, quadrature="auto")
+    second = Space.paper(ring(), degree=3, continuity=1, order=3 - order, quadrature="paper")
     bodies = [Body(first, [ELASTIC, law, ELASTIC], 1.0), Body(second, law, 2.0)]
     return Model(bodies, [Support.end(first, "start")])
 
@@ -85,7 +85,7 @@ def test_forces_and_energies_on_a_rod_that_lies_in_no_plane(stretch):
     turns = [rotation((0.7, 0.4, 0.3)) @ rotation((0.0, 0.0, angle)) for angle in (0.0, 0.3, 0.6)]
     centers = np.array([[0.0, 0.0, 0.0], [0.6, 0.3, 1.0], [0.2, -0.4, 2.2]])
     stretches = np.array([1.0, 0.8, 0.7])[:, None, None] * np.eye(3)
-    space = Space(Rod.sweep(flower(7, 1, 0.6, 0.2), axis, centers, turns, stretches), elements=2, order=2)
+    space = Space.paper(Rod.sweep(flower(7, 1, 0.6, 0.2), axis, centers, turns, stretches), elements=2, order=2)
     inverse = space.tabulate(0, 2).inverse
     assert np.abs(inverse).min(axis=(0, 1, 2)).max() > 0.0 and np.abs(inverse).max(axis=(0, 1, 2)).min() > 0.1
     model = Model([Body(space, MUSCLE, 1.0)], [Support.end(space, "start", "xz")])
@@ -103,7 +103,7 @@ def test_forces_and_energies_on_a_rod_that_lies_in_no_plane(stretch):
 
 
 def test_points_are_counted_where_the_body_is_inverted(cylinder):
-    model = Model([Body(Space(cylinder(4), quadrature="paper"), ELASTIC, 1.0)])
+    model = Model([Body(Space.paper(cylinder(4), quadrature="paper"), ELASTIC, 1.0)])
     mesh, places = pack(model), order_in_state(model)
     positions = model.bodies[0].space.positions
     points = model.bodies[0].space.tabulate(0, 1).weights.size
@@ -119,7 +119,7 @@ def test_points_are_counted_where_the_body_is_inverted(cylinder):
 @pytest.mark.parametrize("level", [0.0, 1.0])
 def test_critical_step_is_that_of_the_eigenvalue_problem(level, cylinder):
     """The largest eigenvalue of the assembled tangent and mass, in a deformed state."""
-    space = Space(cylinder(4, height=3.0), elements=3, quadrature="auto")
+    space = Space.paper(cylinder(4, height=3.0), elements=3, quadrature="auto")
     model = Model([Body(space, MUSCLE, 1.0)], [Support.end(space, "start")])
     displacement = deformed(model, (1.0, 1.0, 1.1), seed=2)
     assembler = Assembler(model)
@@ -159,7 +159,7 @@ def test_forces_are_divided_by_the_assemblers_mass(cylinder):
 def test_inertia_of_translation_swelling_and_rotation(order, points, cylinder):
     """Kinetic energies of a cylinder; mass for a longer step changes that of translations by nothing."""
     radius, height, density = 0.5, 3.0, 2.0
-    space = Space(cylinder(points, radius=radius, height=height), elements=4, order=order, quadrature="full")
+    space = Space.paper(cylinder(points, radius=radius, height=height), elements=4, order=order, quadrature="full")
     made = System(Model([Body(space, ELASTIC, density)]))
     whole = density * np.pi * radius**2 * height
     moved, x = space.is_carrier[:, None] * [1.0, 0.0, 0.0], space.positions
@@ -183,13 +183,13 @@ def test_inertia_of_translation_swelling_and_rotation(order, points, cylinder):
 
 
 def test_too_few_quadrature_points_for_a_mass(cylinder):
-    model = Model([Body(Space(cylinder(8), order=3, quadrature="2x1"), ELASTIC, 1.0)])
+    model = Model([Body(Space.paper(cylinder(8), order=3, quadrature="2x1"), ELASTIC, 1.0)])
     with pytest.raises(InputError, match="quadrature: too few points for a positive mass of body 0; take 'auto'"):
         System(model)
 
 
 def test_a_law_without_compiled_stress_is_refused(cylinder):
-    model = Model([Body(Space(cylinder(4)), LinearElastic(1.0, 0.3), 1.0)])
+    model = Model([Body(Space.paper(cylinder(4)), LinearElastic(1.0, 0.3), 1.0)])
     with pytest.raises(InputError, match="body 0: material of element 0: got LinearElastic, dynamics needs a law"):
         pack(model)
 
@@ -200,7 +200,7 @@ def test_an_end_face_pressed_into_a_plane(which, normal, order, cylinder):
     """Pushed in by a uniform depth: force and energy of the penalty on the whole face, and minus the energy's
     derivative.
     """
-    space = Space(cylinder(6, radius=0.5, height=3.0), order=order, quadrature="full")
+    space = Space.paper(cylinder(6, radius=0.5, height=3.0), order=order, quadrature="full")
     penalty, depth, area = 7.0, 0.01, 0.25 * np.pi
     height = depth if which == "start" else 3.0 - depth
     wall = Contact(0, Plane((0.3, 0.2, height), normal), penalty, faces=(which,), points=(1, 1))
@@ -225,9 +225,9 @@ def test_faces_are_checked(cylinder):
         Contact(0, plane, 1.0, faces=("top",))
     with pytest.raises(InputError, match="end faces meet planes alone"):
         Contact(0, 1, 1.0, faces=("end",))
-    closed = Model([Body(Space(ring()), ELASTIC, 1.0)], contacts=[Contact(0, plane, 1.0, faces=("end",))])
+    closed = Model([Body(Space.paper(ring()), ELASTIC, 1.0)], contacts=[Contact(0, plane, 1.0, faces=("end",))])
     with pytest.raises(InputError, match="contact 0: a closed rod has no end faces"):
         end_faces.pack(closed)
-    bar = Model([Body(Space(cylinder(4)), ELASTIC, 1.0)], contacts=[Contact(0, plane, 1.0, faces=("end",))])
+    bar = Model([Body(Space.paper(cylinder(4)), ELASTIC, 1.0)], contacts=[Contact(0, plane, 1.0, faces=("end",))])
     with pytest.raises(InputError, match="contact 0: contact of end faces is for explicit dynamics alone"):
         Assembler(bar)

@@ -27,7 +27,7 @@ COARSE = ("--coils", "1", "--section-points", "4", "--elements-per-turn", "4")
 
 @pytest.fixture(scope="module")
 def solved():
-    model = Spring(coils=1, section_points=4, elements_per_turn=4).model()
+    model = Spring(preset="paper", coils=1, section_points=4, elements_per_turn=4).model()
     return model.bodies[0], {"displacement": model.nodal(statics.solve(model).displacement)}
 
 
@@ -159,7 +159,7 @@ def test_without_pyvista_the_error_says_how_to_get_it(solved, monkeypatch):
 
 
 def test_closed_rod_is_exported_too():
-    space = Space(Ring(section_points=5).rod())
+    space = Space.paper(Ring(section_points=5).rod())
     fields = {"displacement": np.ones((space.nodes, 3))}
     mesh = vtk.grid(Body(space, LinearElastic(1.0, 0.3)), fields, rings=1, around=8, slices=2)
     assert np.abs(mesh.point_data["displacement"] - 1).max() < 1e-6
@@ -169,7 +169,7 @@ def test_closed_rod_is_exported_too():
 def test_every_element_shows_its_own_stress_up_to_its_ends():
     """An affine deformation, stiffness by element: each has one stress, its last points too, and all are in the rod."""
     laws = [LinearElastic(E, 0.3) for E in (1.0, 100.0, 10.0)]
-    body = Body(Space(straight(5, height=3.0), elements=3, continuity=0), laws)
+    body = Body(Space.paper(straight(5, height=3.0), elements=3, continuity=0), laws)
     nodal = body.space.positions @ np.diag([0.0, 0.0, 0.01])
     mesh = vtk.grid(body, {"displacement": nodal}, rings=1, around=4, slices=3)
     found = mesh.point_data["von_mises"].reshape(3, -1)

@@ -23,12 +23,12 @@ SPACES = {
 
 
 def with_rule(rule, nu=0.3, formulation="displacement", **keywords):
-    space = Space(straight(n=8, breaks=(0.0, 1.0, 2.0)), quadrature=str(rule), **keywords)
+    space = Space.paper(straight(n=8, breaks=(0.0, 1.0, 2.0)), quadrature=str(rule), **keywords)
     return Model([Body(space, NeoHookean(1.0, nu), formulation=formulation)])
 
 
 def chosen(**keywords):
-    return Space(straight(n=8, breaks=(0.0, 1.0, 2.0)), quadrature="auto", **keywords).rule
+    return Space.paper(straight(n=8, breaks=(0.0, 1.0, 2.0)), quadrature="auto", **keywords).rule
 
 
 @pytest.mark.parametrize("name", SPACES)
@@ -60,7 +60,7 @@ def test_one_smooth_joint_among_others_wants_all_points():
     heights = np.array([knots[j + 1 : j + 3].mean() for j in range(6)])
     rod = Rod.sweep(circle(8), Axis(2, knots, np.ones(6)), heights[:, None] * np.array([0.0, 0.0, 1.0]))
     for points, suspected in ((2, True), (3, False)):
-        space = Space(rod, quadrature=str(replace(chosen(degree=2), axial=points)))
+        space = Space.paper(rod, quadrature=str(replace(chosen(degree=2), axial=points)))
         assert bool(hourglass.better_rules(Model([Body(space, NeoHookean(1.0, 0.3))]))) is suspected
 
 

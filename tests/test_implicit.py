@@ -25,7 +25,7 @@ E, DENSITY, LENGTH = 100.0, 2.0, 4.0
 
 def bar(cylinder, held="xyz", law=None, elements=4, contacts=()):
     """A cylinder along z, one end of which may be held."""
-    space = Space(cylinder(4, height=LENGTH), elements=elements, degree=2, quadrature="auto")
+    space = Space.paper(cylinder(4, height=LENGTH), elements=elements, degree=2, quadrature="auto")
     supports = [Support.end(space, "start", held)] if held else []
     return Model([Body(space, law or NeoHookean(E, 0.3), DENSITY)], supports, contacts=contacts)
 

@@ -136,7 +136,7 @@ def test_a_load_below_rounding_is_an_error(length):
 
 
 def test_bad_input(cylinder):
-    space = Space(cylinder(4, height=4.0), elements=3)
+    space = Space.paper(cylinder(4, height=4.0), elements=3)
     body, start = Body(space, LAW, density=1.0), Support.end(space, "start")
     nan = float("nan")
     cases = [
@@ -181,7 +181,7 @@ from isorod.material import NeoHookean
 from isorod.model import Body, Model, Support
 from isorod.scenes.spring import Spring
 from isorod.space import Space
-space = Space(Spring(coils=1, section_points=4).rod())
+space = Space.paper(Spring(coils=1, section_points=4).rod())
 supports = [Support.end(space, "start"), Support.end(space, "end", "y", turn=(0.0, 0.2, 0.0), tied="xz")]
 loads = [BodyForce((0.0, 0.0, 1e-2)), SectionLoad((0.0, 0.1, 0.2), u=0.3)]
 s = statics.solve(Model([Body(space, NeoHookean(100.0, 0.3))], supports, loads=loads))

@@ -33,7 +33,7 @@ def law(nu, kind=NeoHookean):
 
 
 def space(height=3.0, n=6, **keywords):
-    return Space(straight(n=n, height=height), **({"elements": 2, "degree": 3} | keywords))
+    return Space.paper(straight(n=n, height=height), **({"elements": 2, "degree": 3} | keywords))
 
 
 def mixed(where, material, supports=(), **keywords):
@@ -137,7 +137,7 @@ def flat(ratio):
 def test_inf_sup_constant_is_bounded_below_when_the_axis_is_refined(degree, continuity, sections, bound):
     rod = straight(n=8, height=8.0)
     found = [
-        inf_sup(Space(rod, elements=e, degree=degree, continuity=continuity, quadrature="auto", **sections))
+        inf_sup(Space.paper(rod, elements=e, degree=degree, continuity=continuity, quadrature="auto", **sections))
         for e in (4, 8, 16)
     ]
     print(sections, degree, continuity, *(f"{beta:.3f}" for beta in found))
@@ -149,19 +149,19 @@ def test_inf_sup_constant_is_bounded_below_when_the_axis_is_refined(degree, cont
     ("sections", "bound"), [({"order": 1}, 0.47), ({"order": 2}, 0.14), ({"section_degree": 4}, 0.19)], ids=str
 )
 def test_inf_sup_constant_of_a_flat_section(sections, bound):
-    found = [inf_sup(Space(flat(0.2), elements=e, degree=3, **sections)) for e in (4, 8)]
+    found = [inf_sup(Space.paper(flat(0.2), elements=e, degree=3, **sections)) for e in (4, 8)]
     assert bound < found[0] < found[1]
 
 
 @pytest.mark.parametrize("n", [4, 5, 6, 7, 8])
 @pytest.mark.parametrize("order", [1, 2, 3, 4])
 def test_no_pressure_goes_unseen_however_few_points_the_section_has(n, order):
-    assert inf_sup(Space(straight(n=n, height=4.0), elements=2, degree=3, order=order)) > 0.1
+    assert inf_sup(Space.paper(straight(n=n, height=4.0), elements=2, degree=3, order=order)) > 0.1
 
 
 def test_inf_sup_constant_of_a_coil_with_kinks_in_its_parameter():
     found = [
-        inf_sup(Space(Spring(coils=1).rod(), elements=e, degree=2, continuity=1, quadrature="auto", order=2))
+        inf_sup(Space.paper(Spring(coils=1).rod(), elements=e, degree=2, continuity=1, quadrature="auto", order=2))
         for e in (4, 8)
     ]
     assert 0.29 < found[0] < found[1]
@@ -169,7 +169,7 @@ def test_inf_sup_constant_of_a_coil_with_kinks_in_its_parameter():
 
 def test_rigid_motions_are_all_that_a_free_incompressible_body_has(cylinder):
     for rod in (cylinder(n=6, height=3.0), Ring().rod()):
-        where = Space(rod, degree=3)
+        where = Space.paper(rod, degree=3)
         model = mixed(where, LinearElastic(3.0, 0.5))
         assembler = MixedAssembler(model)
         tangent = assembler.matrix()
@@ -247,7 +247,7 @@ def test_stress_of_the_twisted_cylinder():
 
 def test_both_formulations_agree_where_nothing_locks():
     forces = {
-        formulation: statics.solve(Spring(formulation=formulation, order=2).model()).reactions[1, 2]
+        formulation: statics.solve(Spring(preset="paper", formulation=formulation, order=2).model()).reactions[1, 2]
         for formulation in ("displacement", "mixed")
     }
     assert forces["mixed"] == pytest.approx(forces["displacement"], rel=1e-4)
@@ -256,14 +256,14 @@ def test_both_formulations_agree_where_nothing_locks():
 def test_the_spring_does_not_lock():
     """The force at fixed shear modulus hardly depends on Poisson's ratio; displacements alone err by a quarter."""
     forces = [
-        statics.solve(Spring(E=2.014e4 / 1.3 * (1.0 + nu), nu=nu, formulation="mixed").model())
+        statics.solve(Spring(preset="paper", E=2.014e4 / 1.3 * (1.0 + nu), nu=nu, formulation="mixed").model())
         for nu in (0.3, 0.49999, 0.5)
     ]
     values = [solution.reactions[1, 2] for solution in forces]
     assert values[1] == pytest.approx(values[0], rel=5e-3)
     assert values[2] == pytest.approx(values[1], rel=1e-5)
     assert max(solution.newton_iterations for solution in forces) <= 5
-    locked = statics.solve(Spring(E=2.014e4 / 1.3 * 1.49999, nu=0.49999).model()).reactions[1, 2]
+    locked = statics.solve(Spring(preset="paper", E=2.014e4 / 1.3 * 1.49999, nu=0.49999).model()).reactions[1, 2]
     assert locked > 1.2 * values[1]
 
 
@@ -271,7 +271,7 @@ def test_slender_and_incompressible_is_no_harder_than_either():
     """Elastica at ``P L^2 / E I = 3`` (exact: deflection 0.60325344 L), length 1000 radii; knots resolve the clamp."""
     length = 1000.0
     breaks = (0.0, 1.0, 3.0, *np.linspace(0.0, length, 13)[1:])
-    where = Space(straight(8, degree=4, breaks=breaks, height=length), order=2, quadrature="auto")
+    where = Space.paper(straight(8, degree=4, breaks=breaks, height=length), order=2, quadrature="auto")
     force = 3.0 * 3.0 * MU * np.pi / 4.0 / length**2
     load = SectionLoad.end(where, "end", (0.0, force, 0.0))
     solution = statics.solve(mixed(where, law(0.5), [Support.end(where, "start")], loads=[load]))
@@ -312,10 +312,10 @@ def test_loads_and_ties_work_on_the_displacements_alone():
 
 @pytest.mark.mpi
 def test_results_do_not_depend_on_the_number_of_ranks(mpirun):
-    arguments = "run", "spring", "--json", "--nu", "0.5", "--formulation", "mixed", "--coils", "1"
+    words = "run spring --preset paper --no-estimate --json --nu 0.5 --formulation mixed --coils 1"
     found = []
     for ranks in (1, 2):
-        done = mpirun(ranks, *arguments)
+        done = mpirun(ranks, *words.split())
         assert done.returncode == 0, done.stderr
         found.append(float(re.search(r'"force": ([^,]*)', done.stdout)[1]))
     assert found[1] == pytest.approx(found[0], rel=1e-9)
@@ -326,7 +326,7 @@ def test_results_do_not_depend_on_the_number_of_ranks(mpirun):
 
 def test_an_incompressible_material_needs_the_mixed_formulation():
     with pytest.raises(InputError, match="element 0: incompressible"):
-        Body(space(), law(0.5))
+        Body(space(), law(0.5), formulation="displacement")
 
 
 def test_refuses_a_formulation_that_is_not_known():
@@ -381,7 +381,7 @@ def test_nothing_of_it_is_imported_unless_asked_for(python):
     script = (
         "import sys; from isorod import options; options.initialize([]); from isorod import statics\n"
         "from isorod.scenes.spring import Spring\n"
-        "statics.solve(Spring(coils=1, formulation=sys.argv[1]).model())\n"
+        "statics.solve(Spring(preset='paper', coils=1, formulation=sys.argv[1]).model())\n"
         "print([name for name in ('isorod.assembly.mixed', 'isorod.space.pressure') if name in sys.modules])"
     )
     assert python(script, "displacement").stdout.strip() == "[]"
@@ -389,11 +389,10 @@ def test_nothing_of_it_is_imported_unless_asked_for(python):
 
 
 def test_command_runs_it_and_says_what_is_wrong(isorod, tmp_path):
-    done = isorod(
-        "run", "spring", "--coils", "1", "--nu", "0.5", "--formulation", "mixed", "--json", "--output", str(tmp_path)
-    )
+    words = "run spring --preset paper --coils 1 --nu 0.5 --formulation mixed --json"
+    done = isorod(*words.split(), "--output", str(tmp_path))
     assert done.returncode == 0, done.stderr
     assert '"pressures": ' in done.stdout
-    done = isorod("run", "spring", "--nu", "0.5")
+    done = isorod("run", "spring", "--preset", "paper", "--no-estimate", "--nu", "0.5")
     assert done.returncode == 2
     assert done.stderr == "isorod: material of element 0: incompressible (nu = 0.5); that takes formulation 'mixed'\n"

@@ -150,7 +150,7 @@ def solved(request, bar):
     model = {
         "sliding": lambda: bar(6.0, sliding, n=5),
         "free": lambda: FREE["helix"](bar),
-        "blade": lambda: Blade(elements=6).model(),
+        "blade": lambda: Blade(preset="paper", elements=6).model(),
     }.get(request.param, lambda: bar(6.0, clamped))()
     return modal.solve(model, 9, lumped=lumped), *matrices(model, lumped)
 
@@ -208,7 +208,7 @@ def test_prescribed_displacements_do_not_move_a_mode(bar):
 @pytest.mark.parametrize("free", [True, False])
 def test_frequencies_scale_with_wave_speed_over_length(E_, rho, size, free, cylinder):
     def find(E, rho, size):
-        space = Space(cylinder(4, height=5.0 * size, radius=size), elements=4, degree=3)
+        space = Space.paper(cylinder(4, height=5.0 * size, radius=size), elements=4, degree=3)
         model = Model([Body(space, LinearElastic(E, 0.3), rho)], [] if free else clamped(space))
         return rates(modal.solve(model, 6))
 
@@ -281,7 +281,7 @@ def test_lumped_mass_stands_on_the_surface(n, bar):
 
 def record(path):
     """Save what the ranks find together (called under mpirun)."""
-    space = Space(Spring(section_points=4, coils=1).rod(), elements=4, degree=3)
+    space = Space.paper(Spring(section_points=4, coils=1).rod(), elements=4, degree=3)
     free = Model([Body(space, LinearElastic(E, 0.3), RHO)])
     pulled = Model(
         [Body(space, NeoHookean(E, 0.3), RHO)],

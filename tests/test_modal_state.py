@@ -26,7 +26,7 @@ def guided(cylinder):
 
     def make(length, stretch=1.0, radius=0.5):
         rod = cylinder(4, height=length, radius=radius)
-        space = Space(rod, elements=8, degree=4, continuity=0)
+        space = Space.paper(rod, elements=8, degree=4, continuity=0)
         middle = space.layers // 2 * space.layer_nodes + np.arange(space.layer_nodes)
         ends = [
             Support.end(space, "start", "z"),
@@ -126,7 +126,7 @@ def test_all_unstable_modes_are_found(guided):
 
 
 def test_an_undeformed_state_changes_nothing(cylinder):
-    space = Space(cylinder(4, height=6.0), elements=4)
+    space = Space.paper(cylinder(4, height=6.0), elements=4)
     model = Model([Body(space, NeoHookean(E, 0.3), RHO)], [Support.end(space, end) for end in ("start", "end")])
     about, rest = modal.solve(model, 5, state=statics.solve(model)), modal.solve(model, 5)
     assert about.eigenvalues == pytest.approx(rest.eigenvalues, rel=1e-12)
@@ -136,7 +136,7 @@ def test_an_undeformed_state_changes_nothing(cylinder):
 
 def test_modes_are_the_curvature_of_the_energy_about_a_bent_state():
     """Along each mode of a pulled spring the stored energy bends up by its eigenvalue: no mode of rest would do."""
-    spring = Spring(coils=1, section_points=4, pull=3.0, elements_per_turn=4)
+    spring = Spring(preset="paper", coils=1, section_points=4, pull=3.0, elements_per_turn=4)
     rest = spring.model()
     model = Model([replace(rest.bodies[0], density=RHO)], rest.supports)
     state = statics.solve(model)

@@ -21,7 +21,7 @@ MUSCLE = Muscle(100.0, 0.3, sigma_max=40.0, m1=35.0, m2=0.5, activation=1.0, fib
 
 
 def bar(held="xyz", law=None, contacts=(), elements=2):
-    space = Space(straight(4, height=4.0), elements=elements, degree=2, quadrature="auto")
+    space = Space.paper(straight(4, height=4.0), elements=elements, degree=2, quadrature="auto")
     supports = [Support.end(space, "start", held)] if held else []
     return Model([Body(space, law or NeoHookean(100.0, 0.3), 2.0)], supports, contacts=contacts)
 
@@ -108,7 +108,7 @@ def test_a_step_that_contact_makes_unstable_is_shortened_at_once():
 def squashed(a=1.2, b=0.4, length=3.0):
     axis = Axis(2, np.repeat([0.0, 1.0], 3), np.ones(3))
     rod = Rod.sweep(ellipse(8, a, b), axis, np.outer([0.0, 0.5, 1.0], [0.0, 0.0, length]))
-    return Space(rod, elements=3, quadrature="full")
+    return Space.paper(rod, elements=3, quadrature="full")
 
 
 @pytest.mark.parametrize(("a", "b"), [(1.2, 0.4), (0.4, 1.2)])

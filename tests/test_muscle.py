@@ -244,7 +244,7 @@ def test_fibres_along_a_rod_need_a_rod():
 
 def bar(law, held="", stretch=1.0, elements=2, order=2):
     """A cylinder along z of radius 0.5 and length 2, free to swell, its far end free or held at a stretch."""
-    space = Space(straight(radius=0.5, height=2.0), elements=elements, order=order)
+    space = Space.paper(straight(radius=0.5, height=2.0), elements=elements, order=order)
     first = np.arange(space.layer_nodes)
     # Two control points lie on the x axis and two on the y axis: what holds the bar there leaves it free to swell.
     supports = [Support(first, "z"), Support([1, 3], "x"), Support([0, 2], "y")]
@@ -308,7 +308,7 @@ def test_laws_in_a_row_share_the_force():
 
     The axis has a kink between them.
     """
-    space = Space(straight(degree=1, breaks=(0.0, 1.0, 3.0, 4.0), radius=0.5, height=4.0))
+    space = Space.paper(straight(degree=1, breaks=(0.0, 1.0, 3.0, 4.0), radius=0.5, height=4.0))
     laws = [LinearElastic(5.0, 0.0), LinearElastic(1.0, 0.0), LinearElastic(20.0, 0.0)]
     supports = [Support.end(space, "start"), Support.end(space, "end", displacement=(0.0, 0.0, 0.1))]
     solution = statics.solve(Model([Body(space, laws)], supports))
@@ -336,7 +336,7 @@ def test_fibres_along_a_coil_are_its_tangents():
     """
     rod = coil()
     law, other = Muscle(**PAPER, activation=1.0), Muscle(**PAPER, activation=1.0, fibre=(0, 3.0, 4.0))
-    space = Space(rod, elements=8, quadrature="2x1x3")
+    space = Space.paper(rod, elements=8, quadrature="2x1x3")
     body = Body(space, [law] * 3 + [other] * 2 + [MATRIX] * 3)
     table = space.tabulate(0, 8)
     fibres = body.fibres(table)
@@ -367,5 +367,5 @@ def test_modulus_and_work_bound_those_of_the_law():
 @pytest.mark.parametrize("count", [0, 3, 5])
 def test_refuses_a_wrong_number_of_laws(count):
     with pytest.raises(InputError, match=f"material: got {count} laws for 4 elements") as caught:
-        Body(Space(coil()), [MATRIX] * count)
+        Body(Space.paper(coil()), [MATRIX] * count)
     assert "\n" not in str(caught.value)

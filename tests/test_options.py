@@ -11,7 +11,7 @@ from isorod.errors import InputError
 SOLVE = """
 from isorod.scenes.spring import Spring
 from isorod import statics
-print(statics.solve(Spring(coils=1, elements_per_turn=4, section_points=3).model()).load_steps)
+print(statics.solve(Spring(preset="paper", coils=1, elements_per_turn=4, section_points=3).model()).load_steps)
 """
 IMPORTS = {
     "nothing": "",

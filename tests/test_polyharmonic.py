@@ -231,4 +231,4 @@ def test_refuses_an_order_that_cannot_be(order, cylinder):
     with pytest.raises(InputError, match=rf"^polyharmonic order: got {order}, need an integer from 1 to 6$"):
         Polyharmonic(4, order).functions([[0.0, 0.0]])
     with pytest.raises(InputError, match=rf"order: got {order}, need an integer"):
-        _ = Space(cylinder(4), order=order).nodes
+        _ = Space.paper(cylinder(4), order=order).nodes

@@ -64,7 +64,7 @@ def test_gradients_are_those_of_the_values():
 @pytest.mark.parametrize("name", RODS)
 def test_positions_are_the_rod_itself(name):
     rod = RODS[name]
-    space = Space(rod, 2 * rod.axis.elements, 3, section_degree=3)
+    space = Space.paper(rod, 2 * rod.axis.elements, 3, section_degree=3)
     xi, u = disk(20), np.linspace(rod.axis.breaks[0], rod.axis.breaks[-1], 9)
     values, _ = space.basis.functions(xi)
     first, axial, _ = space.axis.local(u)
@@ -85,7 +85,7 @@ def test_a_thin_section_takes_fewer_across_its_thickness(a, b, degree, expected)
 @pytest.mark.parametrize("section_degree", [1, 2, 4])
 @pytest.mark.parametrize("name", ["blade", "spring"])
 def test_six_zero_eigenvalues_and_they_are_the_rigid_motions(name, section_degree):
-    space = Space(RODS[name], degree=2, quadrature="auto", section_degree=section_degree)
+    space = Space.paper(RODS[name], degree=2, quadrature="auto", section_degree=section_degree)
     model = Model([Body(space, LinearElastic(1.0, 0.3), 1.0)])
     assembler = Assembler(model)
     stiffness = assembler.matrix()
@@ -99,7 +99,7 @@ def test_six_zero_eigenvalues_and_they_are_the_rigid_motions(name, section_degre
 
 
 def test_mass_is_the_rods():
-    space = Space(RODS["blade"], 4, quadrature="full", section_degree=4)
+    space = Space.paper(RODS["blade"], 4, quadrature="full", section_degree=4)
     model = Model([Body(space, LinearElastic(1.0, 0.3), 2.0)])
     assembler = Assembler(model)
     ones = assembler.state((space.is_carrier[:, None] * np.array([1.0, 0.0, 0.0])).ravel())
@@ -115,13 +115,15 @@ def test_torsion_constant_of_an_ellipse_is_exact(a, b):
     from test_exactness import torsion_constant
 
     exact = np.pi * a**3 * b**3 / (a**2 + b**2)
-    assert torsion_constant(Space(prism(a, b), quadrature="8x4", section_degree=2)) == pytest.approx(exact, rel=1e-10)
-    stiff = torsion_constant(Space(prism(a, b), quadrature="8x4", section_degree=1))
+    assert torsion_constant(Space.paper(prism(a, b), quadrature="8x4", section_degree=2)) == pytest.approx(
+        exact, rel=1e-10
+    )
+    stiff = torsion_constant(Space.paper(prism(a, b), quadrature="8x4", section_degree=1))
     assert stiff == pytest.approx(np.pi * a * b * (a**2 + b**2) / 4, rel=1e-10)
 
 
 def test_blade_within_half_a_percent_with_405_unknowns():
-    scene = Blade(section_degree=3, degree=4, elements=12)
+    scene = Blade(preset="paper", section_degree=3, degree=4, elements=12)
     found = modal.solve(scene.model())
     assert found.model.unknowns == 405
     assert np.abs(found.frequencies / BLADE - 1.0).max() < 5e-3
@@ -138,7 +140,7 @@ def test_blade_within_half_a_percent_with_405_unknowns():
 )
 def test_blade_on_half_smooth_axes(degree, rule, elements, unknowns, bound):
     """C3 knots, degree 6, 5 points along an element: what the section leaves, on two elements, no hourglass modes."""
-    scene = Blade(section_degree=degree, degree=6, continuity=3, elements=elements, quadrature=rule)
+    scene = Blade(preset="paper", section_degree=degree, degree=6, continuity=3, elements=elements, quadrature=rule)
     found = modal.solve(scene.model())
     assert found.model.unknowns == unknowns
     assert np.abs(found.frequencies / BLADE - 1.0).max() < bound
@@ -147,7 +149,9 @@ def test_blade_on_half_smooth_axes(degree, rule, elements, unknowns, bound):
 def test_blade_converges_with_the_degree():
     """By Rayleigh's principle each frequency falls when the degree grows, and none falls below the 3-D value."""
     found = [
-        modal.solve(Blade(section_degree=degree, degree=4, elements=12, quadrature="full").model()).frequencies
+        modal.solve(
+            Blade(preset="paper", section_degree=degree, degree=4, elements=12, quadrature="full").model()
+        ).frequencies
         for degree in (2, 3, 4, 5)
     ]
     for coarse, fine in pairwise(found):
@@ -160,7 +164,7 @@ def test_blade_converges_with_the_degree():
 
 def test_spring_agrees_with_control_points():
     """Both converge to the same three-dimensional solution: 6.0992 with K = 2, n = 8 and 16 elements a turn."""
-    scene = Spring(section_degree=3, degree=4, elements_per_turn=8)
+    scene = Spring(preset="paper", section_degree=3, degree=4, elements_per_turn=8)
     force = statics.solve(scene.model()).reactions[1, 2]
     assert force == pytest.approx(SPRING_FORCE, rel=3e-4)
 
@@ -182,7 +186,7 @@ def test_sections_of_different_shape_are_refused():
 @pytest.mark.parametrize("other", [{"order": 2}, {"section_points": 32}])
 def test_order_and_section_points_have_no_say(other):
     with pytest.raises(InputError, match="section degree: polynomials take the place of order and section points"):
-        _ = Space(RODS["blade"], section_degree=2, **other).layer_nodes
+        _ = Space.paper(RODS["blade"], section_degree=2, **other).layer_nodes
 
 
 def test_a_concave_section_is_no_matter():

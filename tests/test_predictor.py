@@ -12,7 +12,7 @@ from isorod.space import Space
 
 def bent(size, turn):
     """A bar whose end is moved and turned, the more the larger the size."""
-    space = Space(straight(4, height=4.0), elements=3, degree=2)
+    space = Space.paper(straight(4, height=4.0), elements=3, degree=2)
     move = tuple(size * np.array([0.8, 0.3, -0.2]))
     end = Support.end(space, "end", displacement=move, turn=tuple(size * np.array(turn)))
     return Model([Body(space, NeoHookean(1.0, 0.3))], [Support.end(space, "start"), end])

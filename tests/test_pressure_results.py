@@ -17,7 +17,7 @@ STRETCH = 1.3
 
 def stretched(law, lateral, **keywords):
     """A rod of which both ends move as in a uniaxial state of stress; the lateral surface is free."""
-    space = Space(straight(n=6, height=3.0), elements=2, degree=3, **keywords)
+    space = Space.paper(straight(n=6, height=3.0), elements=2, degree=3, **keywords)
     F = np.diag([lateral, lateral, STRETCH])
     ends = []
     for which in ("start", "end"):
@@ -49,7 +49,7 @@ def test_pressure_of_a_compressible_linear_bar():
 
 
 def test_unknown_pressures_of_a_rod_of_several_laws_are_counted_in_the_middle_shear_modulus():
-    space = Space(straight(n=6), elements=3, degree=2, continuity=0)
+    space = Space.paper(straight(n=6), elements=3, degree=2, continuity=0)
     laws = [NeoHookean(3.0 * mu, 0.5) for mu in (2.0, 90.0, 5.0)]
     assert Body(space, laws, formulation="mixed").pressure_unit == pytest.approx(5.0)
 

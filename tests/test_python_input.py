@@ -17,7 +17,7 @@ from isorod.scenes.ring import Ring
 from isorod.scenes.spring import Spring
 from isorod.space import Space
 
-SPRING = Spring(coils=1, elements_per_turn=4, section_points=4)
+SPRING = Spring(preset="paper", coils=1, elements_per_turn=4, section_points=4)
 
 
 @pytest.fixture(scope="module")
@@ -26,24 +26,33 @@ def body():
 
 
 def other():
-    return Spring(coils=2, elements_per_turn=4, section_points=4).model().bodies[0].space
+    return Spring(preset="paper", coils=2, elements_per_turn=4, section_points=4).model().bodies[0].space
 
 
 BAD = {
     "a scene": (lambda body: statics.solve(SPRING), r"model: got Spring, need a Model \(its model\(\) is one\)"),
-    "a scene's modes": (lambda body: modal.solve(Blade()), r"model: got Blade, need a Model \(its model"),
+    "a scene's modes": (lambda body: modal.solve(Blade(preset="paper")), r"model: got Blade, need a Model \(its model"),
     "a scene's motion": (lambda body: dynamics.solve(Biceps(), 1.0), r"model: got Biceps, need a Model \(its model"),
     "no model": (lambda body: statics.solve(None), "model: got None, need a Model"),
     "steps": (lambda body: statics.solve(SPRING.model(), load_steps=2.5), "load steps: got 2.5, need an integer"),
     "no steps": (lambda body: statics.solve(SPRING.model(), load_steps=0), "load steps: got 0, need an integer from 1"),
     "words": (lambda body: statics.solve(SPRING.model(), load_steps="a"), "load steps: got a, need an integer"),
-    "modes": (lambda body: modal.solve(Blade().model(), modes=2.5), "modes: got 2.5, need an integer"),
-    "state": (lambda body: modal.solve(Blade().model(), state=3), "state: got 3, need a Equilibrium or None"),
-    "a field": (lambda body: Spring(E="a"), "Spring: E: got 'a', need a number"),
-    "points": (lambda body: Spring(section_points="8"), "Spring: section_points: got '8', need an integer"),
-    "half a point": (lambda body: Spring(section_points=8.5), "Spring: section_points: got 8.5, need an integer"),
+    "modes": (lambda body: modal.solve(Blade(preset="paper").model(), modes=2.5), "modes: got 2.5, need an integer"),
+    "state": (
+        lambda body: modal.solve(Blade(preset="paper").model(), state=3),
+        "state: got 3, need a Equilibrium or None",
+    ),
+    "a field": (lambda body: Spring(preset="paper", E="a"), "Spring: E: got 'a', need a number"),
+    "points": (
+        lambda body: Spring(preset="paper", section_points="8"),
+        "Spring: section_points: got '8', need an integer",
+    ),
+    "half a point": (
+        lambda body: Spring(preset="paper", section_points=8.5),
+        "Spring: section_points: got 8.5, need an integer",
+    ),
     "NaN points": (
-        lambda body: Spring(section_points=float("nan")),
+        lambda body: Spring(preset="paper", section_points=float("nan")),
         "Spring: section_points: got nan, need an integer",
     ),
     "a flag": (lambda body: Biceps(statics="no"), "Biceps: statics: got 'no', need True or False"),
@@ -111,13 +120,20 @@ SPACES = {
 def test_a_space_is_checked_when_it_is_made(case, body):
     given, said = SPACES[case]
     with pytest.raises(InputError, match=f"^{said}"):
-        Space(body.space.rod, **given)
+        Space.paper(body.space.rod, **given)
 
 
 def test_numbers_may_be_of_any_type():
-    scene = Spring(coils=np.int64(1), section_points=4.0, elements_per_turn=np.float64(4.0), E=np.float32(3.0), nu=0)
+    scene = Spring(
+        preset="paper",
+        coils=np.int64(1),
+        section_points=4.0,
+        elements_per_turn=np.float64(4.0),
+        E=np.float32(3.0),
+        nu=0,
+    )
     assert [type(value) for value in (scene.coils, scene.section_points, scene.elements_per_turn)] == [int] * 3
-    space = Space(scene.rod(), elements=np.int32(8), degree=3.0, section_points=8.0)
+    space = Space.paper(scene.rod(), elements=np.int32(8), degree=3.0, section_points=8.0)
     assert (space.axis.elements, space.axis.degree, space.points_around) == (8, 3, 8)
     assert helix(1.0, 1.0, np.float32(2.0), 4.0).axis.elements == 8
 
@@ -134,10 +150,10 @@ def test_results_fit_on_a_screen(body):
     biceps = Biceps(elements=5, order=1, end_time=2e-4, outputs=1)
     found = {
         "reaction of support 1 (": statics.solve(model),
-        "3 modes": modal.solve(Blade(elements=4).model(), 3),
+        "3 modes": modal.solve(Blade(preset="paper", elements=4).model(), 3),
         "2 outputs from time 0": dynamics.solve(biceps.model(), **biceps.settings()),
         "bodies 1, supports 2; 156 degrees": model,
-        "13 layers of 4 nodes": Space(body.space.rod, elements=8, degree=2, continuity=1),
+        "13 layers of 4 nodes": Space.paper(body.space.rod, elements=8, degree=2, continuity=1),
         "9 layers of 4 control points": body.space.rod,
         "degree 2, 4 elements": body.space.rod.axis,
     }

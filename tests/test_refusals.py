@@ -20,7 +20,9 @@ from isorod.scenes.spring import Spring
 from isorod.space import Space
 
 
-@pytest.mark.parametrize("scene", [Blade(elements=4, quadrature="1x1x3"), Spring(quadrature="1x1x4")])
+@pytest.mark.parametrize(
+    "scene", [Blade(preset="paper", elements=4, quadrature="1x1x3"), Spring(preset="paper", quadrature="1x1x4")]
+)
 def test_one_radial_point_is_refused(scene):
     with pytest.raises(InputError, match="half of the bending stiffness"):
         scene.model().bodies[0].space.tabulate(0, 1)
@@ -28,13 +30,17 @@ def test_one_radial_point_is_refused(scene):
 
 def test_hourglass_modes_are_refused():
     with pytest.raises(SolveError, match="does not see the energy"):
-        modal.solve(Blade(elements=6, order=2, quadrature="paper").model(), 4)
+        modal.solve(Blade(preset="paper", elements=6, order=2, quadrature="paper").model(), 4)
     with pytest.raises(SolveError, match=r"2x1x1 has fewer points than 'auto'"):
-        modal.solve(Blade(elements=6, quadrature="2x1x1").model(), 4)
+        modal.solve(Blade(preset="paper", elements=6, quadrature="2x1x1").model(), 4)
 
 
 @pytest.mark.parametrize(
-    "scene", [Spring(quadrature="paper"), Spring(quadrature="2x1x2", degree=2, elements_per_turn=4)]
+    "scene",
+    [
+        Spring(preset="paper", quadrature="paper"),
+        Spring(preset="paper", quadrature="2x1x2", degree=2, elements_per_turn=4),
+    ],
 )
 def test_the_papers_rules_pass(scene):
     found = statics.solve(scene.model())
@@ -43,29 +49,29 @@ def test_the_papers_rules_pass(scene):
 
 
 def test_default_rules_are_not_checked():
-    assert "check" not in statics.solve(dataclasses.replace(Spring(), coils=1).model()).seconds
+    assert "check" not in statics.solve(dataclasses.replace(Spring(preset="paper"), coils=1).model()).seconds
 
 
 @pytest.mark.parametrize("pull", [1e-300, 1e-20, 1e-13, 1e-10])
 def test_displacements_that_leave_no_digits_are_refused(pull):
     with pytest.raises(SolveError, match="double precision"):
-        statics.solve(Spring(pull=pull).model())
+        statics.solve(Spring(preset="paper", pull=pull).model())
 
 
 def test_small_displacements_are_right():
-    force = {pull: statics.solve(Spring(pull=pull).model()).reactions[1, 2] for pull in (1e-3, 1e-8)}
+    force = {pull: statics.solve(Spring(preset="paper", pull=pull).model()).reactions[1, 2] for pull in (1e-3, 1e-8)}
     assert force[1e-8] / 1e-8 == pytest.approx(force[1e-3] / 1e-3, rel=1e-3)
 
 
 def test_moments_alone_are_no_imbalance():
-    space = Space(straight(4.0).sweep(circle(8)), section_degree=2)
+    space = Space.paper(straight(4.0).sweep(circle(8)), section_degree=2)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         stiffness(space, "weak", 1.0, 1.0, 4.0)
 
 
 def test_a_translation_is_no_imbalance():
-    space = Space(straight(4.0).sweep(circle(8)), section_degree=2)
+    space = Space.paper(straight(4.0).sweep(circle(8)), section_degree=2)
     ends = [Support.end(space, end, displacement=(1.0, 2.0, 3.0)) for end in ("start", "end")]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -77,12 +83,12 @@ def test_a_translation_is_no_imbalance():
 def test_loose_tolerances_are_refused(modulus):
     """Whatever forces are counted in."""
     with petsc({"snes_atol": 1e5 * modulus}), pytest.raises(SolveError, match="tolerances of SNES are loose"):
-        statics.solve(Spring(pull=6.0, E=modulus).model())
+        statics.solve(Spring(preset="paper", pull=6.0, E=modulus).model())
 
 
 @pytest.mark.parametrize("modulus", [1e-60, 1e-12, 1e60])
 def test_units_do_not_matter(modulus):
-    scaled, plain = (statics.solve(Spring(E=E).model()).reactions[1, 2] / E for E in (modulus, 1.0))
+    scaled, plain = (statics.solve(Spring(preset="paper", E=E).model()).reactions[1, 2] / E for E in (modulus, 1.0))
     assert scaled == pytest.approx(plain, rel=1e-6)
 
 

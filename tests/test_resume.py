@@ -42,10 +42,10 @@ def model(penalty=200.0):
     from conftest import straight
 
     law = Muscle(100.0, 0.3, sigma_max=80.0, m1=35.0, m2=0.5, activation=1.0, fibre=(0.0, 0.0, 1.0))
-    muscle = Space(straight(4, height=4.0), elements=4, quadrature="auto")
+    muscle = Space.paper(straight(4, height=4.0), elements=4, quadrature="auto")
     rod = straight(4, height=4.0)
     rod = dataclasses.replace(rod, control_points=rod.control_points + np.array([2.02, 0.0, 0.0]))
-    other = Space(rod, elements=2, quadrature="paper")
+    other = Space.paper(rod, elements=2, quadrature="paper")
     supports = [Support.end(muscle, "start"), Support.end(other, "start", body=1)]
     contacts = [Contact(0, 1, penalty), Contact(0, Plane((-1.02, 0.0, 0.0), (1.0, 0.0, 0.0)), penalty)]
     return Model([Body(muscle, law, 2.0), Body(other, NeoHookean(50.0, 0.3), 2.0)], supports, contacts=contacts)

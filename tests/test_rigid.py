@@ -23,7 +23,7 @@ LAW = LinearElastic(1.0, 0.3)
 
 def bar(cylinder, order=1, height=6.0, radius=1.0, n=4, **refinement):
     """Layers of ``n`` nodes at angles 0, 2 pi / n, ..."""
-    return Space(cylinder(n, height=height, radius=radius), elements=4, order=order, **refinement)
+    return Space.paper(cylinder(n, height=height, radius=radius), elements=4, order=order, **refinement)
 
 
 SPACES = {
@@ -31,9 +31,9 @@ SPACES = {
     "bar of order 3": lambda cylinder: bar(cylinder, order=3),
     "bar of finer section": lambda cylinder: bar(cylinder, section_points=12),
     "bar of 3 points": lambda cylinder: bar(cylinder, n=3),
-    "helix": lambda cylinder: Space(Spring(section_points=5).rod(), elements=12, degree=3),
-    "ring": lambda cylinder: Space(Ring(section_points=4).rod(), elements=8, order=2),
-    "blade": lambda cylinder: Space(Blade().rod(), elements=3),
+    "helix": lambda cylinder: Space.paper(Spring(section_points=5).rod(), elements=12, degree=3),
+    "ring": lambda cylinder: Space.paper(Ring(section_points=4).rod(), elements=8, order=2),
+    "blade": lambda cylinder: Space.paper(Blade().rod(), elements=3),
 }
 
 
@@ -140,7 +140,7 @@ def test_an_end_that_is_a_point_or_an_edge_does_not_hold_a_rod(shape, expected):
     """A cone by its tip, a wedge by its edge, and a blunt cone."""
     circle = control_points(4)
     layers = [np.column_stack([circle * scale, np.full(4, z)]) for scale, z in (((1.0, 1.0), 0.0), (shape, 5.0))]
-    space = Space(Rod(Axis(1, [0.0, 0.0, 1.0, 1.0], [1.0, 1.0]), np.array(layers)), elements=3, degree=2)
+    space = Space.paper(Rod(Axis(1, [0.0, 0.0, 1.0, 1.0], [1.0, 1.0]), np.array(layers)), elements=3, degree=2)
     assert len(rigid_motions.free_motions(Model([Body(space, LAW)], [Support.end(space, "end")]))) == expected
     assert not rigid_motions.free_motions(Model([Body(space, LAW)], [Support.end(space, "start")]))
 
@@ -165,7 +165,7 @@ def test_only_nodes_that_carry_the_rod_hold_it(cylinder):
 
 
 def test_ring_held_in_its_planes_of_symmetry():
-    space = Space(Ring(section_points=4).rod())
+    space = Space.paper(Ring(section_points=4).rod())
     quarter = 2 * space.layer_nodes
     layer = np.arange(space.layer_nodes)
     first, second = [layer, layer + 2 * quarter], [layer + quarter, layer + 3 * quarter]
@@ -177,7 +177,7 @@ def test_ring_held_in_its_planes_of_symmetry():
 
 @pytest.mark.parametrize("held", [(), (0,), (1,), (0, 1), (0, 2), (0, 1, 2)])
 def test_every_body_counts_for_itself(held, cylinder):
-    spaces = [bar(cylinder), Space(Ring().rod()), bar(cylinder, n=3)]
+    spaces = [bar(cylinder), Space.paper(Ring().rod()), bar(cylinder, n=3)]
     supports = [Support([0, 1, 5], body=b) for b in held]
     model = Model([Body(space, NeoHookean(2.0, 0.3)) for space in spaces], supports)
     found = rigid_motions.free_motions(model)
@@ -191,7 +191,7 @@ def oblique(cylinder):
     q, _ = np.linalg.qr(np.random.default_rng(5).normal(size=(3, 3)))
     q *= np.linalg.det(q)
     rod = cylinder(4, height=6.0)
-    return Space(Rod(rod.axis, rod.control_points @ q.T + [3.0, -7.0, 2.0]), elements=4), q
+    return Space.paper(Rod(rod.axis, rod.control_points @ q.T + [3.0, -7.0, 2.0]), elements=4), q
 
 
 def words(text):
@@ -249,6 +249,6 @@ def test_control_points_of_the_bars_stand_where_the_supports_think(cylinder):
 @pytest.mark.parametrize(("ratio", "free"), [(1e-1, 0), (1e-5, 0), (1e-7, 0), (3e-9, 2)])
 def test_whether_a_needle_is_held_by_its_face_does_not_depend_on_the_unit_of_length(ratio, free, unit, cylinder):
     """One that is too thin for double precision is free to turn about both directions across it."""
-    space = Space(cylinder(4, radius=ratio * unit, height=unit))
+    space = Space.paper(cylinder(4, radius=ratio * unit, height=unit))
     model = Model([Body(space, NeoHookean(1.0, 0.3))], [Support.end(space, "start")])
     assert len(rigid_motions.free_motions(model)) == free

@@ -25,7 +25,7 @@ def swept(section, **keywords):
     turns = [rotation((0.0, 0.0, angle)) for angle in (0.0, 0.2, 0.4)]
     stretches = np.array([1.0, 0.8, 0.6])[:, None, None] * np.eye(3)
     centers = np.outer([0.0, 2.0, 4.0], [0.1, 0.2, 1.0])
-    return Space(Rod.sweep(section, axis, centers, turns, stretches), quadrature="16x12x3", **keywords)
+    return Space.paper(Rod.sweep(section, axis, centers, turns, stretches), quadrature="16x12x3", **keywords)
 
 
 def outline_integrals(space, u):

@@ -40,7 +40,7 @@ REFINEMENTS = {
 
 def space_on(rod, section=1, order=2, degree=3, parts=1, continuity=None, quadrature="auto"):
     elements, points = parts * 2 * rod.axis.elements, section * rod.section_points
-    return Space(rod, elements, degree, continuity, quadrature, order, points)
+    return Space.paper(rod, elements, degree, continuity, quadrature, order, points)
 
 
 def grid(space, count=40):
@@ -96,7 +96,7 @@ def test_refined_control_points_make_the_same_map_of_the_disk(n, multiple, cylin
     points = random.standard_normal((n, 3))
     fine = refine(points, multiple)
     assert fine.shape == (n * multiple, 3)
-    coarse, finer = Space(cylinder(n)), Space(cylinder(n), section_points=n * multiple)
+    coarse, finer = Space.paper(cylinder(n)), Space.paper(cylinder(n), section_points=n * multiple)
     assert finer.turn == refinement_turn(n, multiple)
     xi, _ = grid(coarse, 200)
     difference = finer.basis.functions(xi)[0] @ fine - coarse.basis.functions(xi)[0] @ points
@@ -115,7 +115,7 @@ def test_refining_in_two_steps_or_one_is_the_same():
 def test_number_of_nodes(degree, cylinder):
     rod = cylinder(4, breaks=(0.0, 1.0, 2.0))
     for continuity in range(degree):
-        space = Space(rod, 6, degree, continuity, "auto", 3, 12)
+        space = Space.paper(rod, 6, degree, continuity, "auto", 3, 12)
         # two elements of the rod, C1 between them; each cut in three
         knots = 4 * (degree - continuity) + degree - min(1, continuity)
         assert space.layers == degree + 1 + knots
@@ -199,7 +199,7 @@ def spectrum(matrix):
 @pytest.mark.parametrize("order", [1, 2, 3, 4, 6])
 @pytest.mark.parametrize("n", [3, 4, 5, 8, 16])
 def test_an_element_has_exactly_six_zero_eigenvalues(n, order, rule, cylinder):
-    values = spectrum(stiffness(Space(cylinder(n, height=2.0), order=order, quadrature=rule)))
+    values = spectrum(stiffness(Space.paper(cylinder(n, height=2.0), order=order, quadrature=rule)))
     assert np.abs(values[:6]).max() < 1e-14 * values[-1]
     assert values[6] > 1e-9
 
@@ -209,7 +209,7 @@ def test_an_element_has_exactly_six_zero_eigenvalues(n, order, rule, cylinder):
 @pytest.mark.parametrize("name", ["blade", "spring"])
 def test_a_rod_has_exactly_six_zero_eigenvalues(name, order, rule):
     rod = RODS[name]
-    values = spectrum(stiffness(Space(rod, order=order, elements=4, degree=3, quadrature=rule)))
+    values = spectrum(stiffness(Space.paper(rod, order=order, elements=4, degree=3, quadrature=rule)))
     assert np.abs(values[:6]).max() < 1e-14 * values[-1]
     assert values[6] > 1e-9
 
@@ -218,7 +218,8 @@ def test_a_rod_has_exactly_six_zero_eigenvalues(name, order, rule):
 def test_the_default_rule_sees_the_waves_of_a_section_of_many_points(n, order, cylinder):
     """A wave of order n / 2 lives within 1 / n of the circle; a rule that looks nowhere near has it nearly free."""
     auto, fine = (
-        spectrum(stiffness(Space(cylinder(n, height=2.0), order=order, quadrature=rule))) for rule in ("auto", "13x2")
+        spectrum(stiffness(Space.paper(cylinder(n, height=2.0), order=order, quadrature=rule)))
+        for rule in ("auto", "13x2")
     )
     print(f"smallest eigenvalue over that of a fine rule: {auto[6] / fine[6]:.2g}")
     assert auto[6] > 0.01 * fine[6]
@@ -233,7 +234,7 @@ def conditions(space):
 @pytest.mark.parametrize(("section", "n"), [("circle", 4), ("circle", 8), ("circle", 16), ("blade", 16)])
 def test_condition_number_does_not_explode_with_the_order(section, n, cylinder):
     rod = RODS["blade"] if section == "blade" else cylinder(n, breaks=(0.0, 1.0, 2.0), height=2.0)
-    found = [conditions(Space(rod, 2, order=order, quadrature="12x4")) for order in (1, 2, 3, 4)]
+    found = [conditions(Space.paper(rod, 2, order=order, quadrature="12x4")) for order in (1, 2, 3, 4)]
     for order, pair in enumerate(found, 1):
         print(f"{section} n = {n}, K = {order}: held {pair[0]:.3g}, free {pair[1]:.3g}, over K = 1:", pair / found[0])
     assert np.all(np.array(found) < 4 * found[0])
@@ -285,7 +286,7 @@ BAD_SPACES = [
 @pytest.mark.parametrize(("values", "message"), BAD_SPACES, ids=str)
 def test_a_space_that_cannot_be_is_refused_in_one_line(values, message):
     with pytest.raises(InputError) as caught:
-        space = Space(RODS["blade"], **values)
+        space = Space.paper(RODS["blade"], **values)
         Assembler(Model([Body(space, LinearElastic(1.0, 0.3))]))
     assert str(caught.value).startswith(message)
     assert "\n" not in str(caught.value)
@@ -311,7 +312,7 @@ def test_a_space_that_cannot_be_is_refused_in_one_line(values, message):
     ],
 )
 def test_the_command_line_refuses_it_in_one_line(arguments, message, capsys):
-    assert cli.main(["run", *arguments.split()]) == 2
+    assert cli.main(["run", *arguments.split(), "--preset", "paper", "--no-estimate"]) == 2
     out, err = capsys.readouterr()
     assert out == ""
     assert re.fullmatch(r"isorod: .+\n", err), err
@@ -319,7 +320,7 @@ def test_the_command_line_refuses_it_in_one_line(arguments, message, capsys):
 
 
 def test_more_points_than_memory_holds_are_refused_before_they_are_made(cylinder):
-    space = Space(cylinder(), elements=10_000, quadrature="64x64x64")
+    space = Space.paper(cylinder(), elements=10_000, quadrature="64x64x64")
     with pytest.raises(
         InputError, match=r"10485760000 quadrature points need 2.5e\+03 GiB and more, there are .*fewer"
     ):

@@ -37,7 +37,7 @@ def bar(cylinder):
         speed, law=NeoHookean, held=clamped, length=5.0, radius=0.3, center=0.0, axis=(1.0, 0.0, 0.0), **refinement
     ):
         rod = cylinder(4, height=length, radius=radius)
-        space = Space(rod, **({"elements": 8, "degree": 4} | refinement))
+        space = Space.paper(rod, **({"elements": 8, "degree": 4} | refinement))
         spin = Spin(tuple(speed * np.array(axis)), (0.0, 0.0, center)) if speed else None
         return Model([Body(space, law(E, 0.0), RHO)], held(space), spin)
 
@@ -97,7 +97,7 @@ def test_spinning_ring_widens_as_a_thin_hoop():
     """u / R = c / (1 - c), c = rho w^2 R^2 / E (it grows into a larger orbit), extrapolated in (thickness / R)^2."""
     speed, found = 1.0, []
     for thickness in (0.2, 0.1, 0.05):
-        space = Space(Ring(radius=1.0, a=thickness, b=thickness, section_points=4).rod(), elements=32, degree=5)
+        space = Space.paper(Ring(radius=1.0, a=thickness, b=thickness, section_points=4).rod(), elements=32, degree=5)
         # Layers of the first quadrant's ends, where the axis has its corners, and opposite.
         layer = np.arange(space.layer_nodes)
         quarter = space.layers // 4 * space.layer_nodes
@@ -120,7 +120,7 @@ def test_spinning_ring_widens_as_a_thin_hoop():
 
 def askew(speed=1.0):
     """A clamped spring rotating about a line askew to everything."""
-    space = Space(Spring(coils=1, section_points=4).rod(), elements=4, order=2)
+    space = Space.paper(Spring(coils=1, section_points=4).rod(), elements=4, order=2)
     supports = [Support.end(space, "start", displacement=(0.3, -0.2, 0.5)), Support([space.nodes - 1], "x")]
     return Model(
         [Body(space, NeoHookean(5e3, 0.3), RHO)], supports, Spin((0.3 * speed, -0.4 * speed, speed), (1.0, 2.0, -3.0))
@@ -293,7 +293,7 @@ def test_spin_must_be_finite(velocity, center):
 
 
 def test_what_rotates_needs_a_density(cylinder):
-    space = Space(cylinder(4))
+    space = Space.paper(cylinder(4))
     bodies = [Body(space, NeoHookean(E, 0.0), RHO), Body(space, NeoHookean(E, 0.0))]
     with pytest.raises(InputError, match="spin: body 1 has no density"):
         Model(bodies, [], Spin((1.0, 0.0, 0.0)))

@@ -13,7 +13,11 @@ from isorod.space import Space
 
 @pytest.fixture
 def model(cylinder):
-    spaces = [Space(cylinder(4), elements=3), Space(Ring().rod()), Space(cylinder(5, height=2.0), elements=2, order=2)]
+    spaces = [
+        Space.paper(cylinder(4), elements=3),
+        Space.paper(Ring().rod()),
+        Space.paper(cylinder(5, height=2.0), elements=2, order=2),
+    ]
     return Model([Body(space, NeoHookean(1.0, 0.3)) for space in spaces])
 
 

@@ -17,7 +17,7 @@ PER_TURN, TABLE_1 = published.SPRING_ELEMENTS_PER_TURN, published.SPRING_FORCE
 
 def solve(n, per_turn, **changes):
     options = {"E": published.SPRING_E, "degree": 2, "continuity": 0, "quadrature": "paper"} | changes
-    return statics.solve(Spring(section_points=n, elements_per_turn=per_turn, **options).model())
+    return statics.solve(Spring(preset="paper", section_points=n, elements_per_turn=per_turn, **options).model())
 
 
 def force(n, per_turn, **changes):
@@ -42,7 +42,7 @@ def test_column_of_four_elements_a_turn_depends_on_the_rule_along_the_axis(n):
 
 
 def test_degrees_of_freedom_of_the_papers_finest_model():
-    model = Spring(section_points=4, elements_per_turn=24, degree=2, continuity=0).model()
+    model = Spring(preset="paper", section_points=4, elements_per_turn=24, degree=2, continuity=0).model()
     assert model.dofs == 1740
     assert model.unknowns == 1740 - 2 * 4 * 3
 

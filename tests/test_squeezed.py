@@ -16,7 +16,7 @@ from isorod.statics.convergence import squeezed
 
 def wrung(displacement, turn):
     """A short bar of coarse elements whose end face is moved and turned far."""
-    space = Space(straight(4, height=4.0), elements=3, degree=2)
+    space = Space.paper(straight(4, height=4.0), elements=3, degree=2)
     end = Support.end(space, "end", displacement=displacement, turn=turn)
     return Model([Body(space, NeoHookean(1.0, 0.0))], [Support.end(space, "start"), end])
 

@@ -206,23 +206,23 @@ def test_motion_errs_by_its_steps_and_its_mass_not_by_the_contrast(integrator, p
 
 
 def test_a_joint_without_a_knot_is_warned_of():
-    space = Space(straight(breaks=[0.0, 4.0, 10.0], degree=3).sweep(circle(8)), elements=2)
+    space = Space.paper(straight(breaks=[0.0, 4.0, 10.0], degree=3).sweep(circle(8)), elements=2)
     laws = [NeoHookean(100.0, 0.0), NeoHookean(1.0, 0.0)]
     for either in (laws, laws[::-1]):
         with pytest.warns(UserWarning, match="stiffness jumps by 100 at u = 4"):
             Body(space, either)
-    three = Space(straight(breaks=[0.0, 4.0, 10.0, 12.0], degree=3).sweep(circle(8)), elements=3)
+    three = Space.paper(straight(breaks=[0.0, 4.0, 10.0, 12.0], degree=3).sweep(circle(8)), elements=3)
     for moduli, place in (([1.0, 20.0, 1e3], 10), ([1.0, 50.0, 1.0], 4), ([1e3, 20.0, 1.0], 4), ([1.0, 1.0, 0.02], 10)):
         with pytest.warns(UserWarning, match=f"stiffness jumps by 50 at u = {place}"):
             Body(three, [NeoHookean(E, 0.0) for E in moduli])
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        Body(Space(straight(breaks=[0.0, 4.0, 10.0], degree=3, continuity=0).sweep(circle(8)), elements=2), laws)
+        Body(Space.paper(straight(breaks=[0.0, 4.0, 10.0], degree=3, continuity=0).sweep(circle(8)), elements=2), laws)
         Body(space, [NeoHookean(2.0, 0.0), NeoHookean(1.0, 0.0)])
 
 
 def test_densities_belong_to_elements():
-    space = Space(straight(breaks=[0.0, 4.0, 10.0]).sweep(circle(8)), elements=2)
+    space = Space.paper(straight(breaks=[0.0, 4.0, 10.0]).sweep(circle(8)), elements=2)
     law = LinearElastic(1.0, 0.0)
     for wrong in ([1.0, 2.0, 3.0], [1.0, -1.0], [1.0, np.nan]):
         with pytest.raises(InputError, match="density"):
@@ -233,7 +233,7 @@ def test_densities_belong_to_elements():
 
 
 def test_laws_given_one_by_one_are_linear_elastic_too():
-    space = Space(straight(breaks=[0.0, 4.0, 10.0]).sweep(circle(8)), elements=2)
+    space = Space.paper(straight(breaks=[0.0, 4.0, 10.0]).sweep(circle(8)), elements=2)
     body = Body(space, [LinearElastic(1.0, 0.0)] * 2, 1.0)
     model = Model([body], [Support.end(space, "start"), Support.end(space, "end", displacement=(0.0, 0.0, 0.1))])
     with pytest.raises(InputError, match="linear elastic"):
@@ -261,7 +261,7 @@ def test_control_points_converge_on_thin_ellipses(points):
 
 
 def test_stiffness_of_a_circle_is_exact_in_all_three_ways():
-    space = Space(straight(3.0).sweep(circle(8)), section_degree=2)
+    space = Space.paper(straight(3.0).sweep(circle(8)), section_degree=2)
     for kind in ("torsion", "weak", "strong"):
         found, exact, _ = stiffness(space, kind, 1.0, 1.0, 3.0)
         assert found == pytest.approx(exact, rel=1e-11)

@@ -28,7 +28,7 @@ def test_lines_of_options_agree_with_the_default(records):
             assert record["milliseconds"] > 0.0
 
 
-SMALL = "spring --coils 1 --elements-per-turn 4 --section-points 4"
+SMALL = "spring --preset paper --no-estimate --coils 1 --elements-per-turn 4 --section-points 4"
 
 
 def tuned(lines, monkeypatch, limit=300.0):

@@ -22,7 +22,7 @@ def bar(cylinder):
     """A clamped bar of radius 1 and height 4 whose upper face is displaced."""
 
     def make(displacement, law=LAW, n=4, elements=4, degree=2):
-        space = Space(cylinder(n, height=4.0), elements=elements, degree=degree)
+        space = Space.paper(cylinder(n, height=4.0), elements=elements, degree=degree)
         ends = [Support.end(space, "start"), Support.end(space, "end", displacement=displacement)]
         return Model([Body(space, law)], ends)
 
@@ -55,7 +55,7 @@ def test_newton_converges_quadratically(displacement, bar, petsc_options):
 def test_newton_converges_quadratically_on_the_spring(petsc_options):
     """A slender rod, whose stretch follows its bending: without extrapolation two steps would make one order."""
     petsc_options(snes_rtol=1e-15)
-    norms = statics.solve(Spring(pull=2.0).model()).residual_norms
+    norms = statics.solve(Spring(preset="paper", pull=2.0).model()).residual_norms
     assert norms[-1] < 1e-13 * norms[0]
     assert len(norms) <= 6
     assert_quadratic(norms[1:], norms[0])
@@ -63,7 +63,7 @@ def test_newton_converges_quadratically_on_the_spring(petsc_options):
 
 @pytest.mark.parametrize("steps", [2, 3, 7])
 def test_result_does_not_depend_on_the_load_steps(steps, bar):
-    for model in (bar((1.5, 0.5, -0.5)), Spring(coils=1, section_points=4).model()):
+    for model in (bar((1.5, 0.5, -0.5)), Spring(preset="paper", coils=1, section_points=4).model()):
         one, many = statics.solve(model), statics.solve(model, steps)
         assert many.load_steps > one.load_steps
         assert np.abs(many.displacement - one.displacement).max() < 1e-8 * np.abs(one.displacement).max()
@@ -132,8 +132,8 @@ FREE = {
 @pytest.mark.parametrize("free", FREE)
 @pytest.mark.parametrize(("n", "elements", "p", "E"), [(3, 4, 2, 1.0), (8, 12, 3, 1.0), (16, 40, 2, 1e6)])
 def test_a_free_rigid_motion_is_refused(n, elements, p, E, free, cylinder):
-    straight = Space(cylinder(n, height=4.0), elements=elements, degree=p)
-    curved = Space(Spring(section_points=n, coils=1).rod(), elements=4 * elements, degree=p)
+    straight = Space.paper(cylinder(n, height=4.0), elements=elements, degree=p)
+    curved = Space.paper(Spring(section_points=n, coils=1).rod(), elements=4 * elements, degree=p)
     for space in (straight, curved):
         with pytest.raises(SolveError, match=r"body \d is free to (turn about|move along) \(") as caught:
             statics.solve(Model([Body(space, NeoHookean(E, 0.3))], FREE[free](space)))
@@ -149,7 +149,7 @@ def test_a_free_rigid_motion_is_refused(n, elements, p, E, free, cylinder):
     ],
 )
 def test_the_free_motion_is_named(supports, motion, cylinder):
-    space = Space(cylinder(4, height=4.0), elements=3)
+    space = Space.paper(cylinder(4, height=4.0), elements=3)
     held = [Support.end(space, end, supports.replace("spin", "z")) for end in ("start", "end")]
     if supports == "spin":
         held += [Support([0], "x"), Support([1], "y")]
@@ -170,7 +170,7 @@ def test_nothing_moves_where_nothing_is_displaced(bar):
 
 
 def test_a_model_held_everywhere_has_its_displacements(cylinder):
-    space = Space(cylinder(4))
+    space = Space.paper(cylinder(4))
     supports = [Support([k], "xyz", (0.1 * k, 0.0, 0.0)) for k in range(space.nodes)]
     solution = statics.solve(Model([Body(space, LinearElastic(1.0, 0.3))], supports))
     assert np.array_equal(solution.displacement.reshape(-1, 3)[:, 0], 0.1 * np.arange(12))
@@ -196,7 +196,7 @@ def test_reaction_is_the_derivative_of_the_energy_by_the_displacement():
     """dW/d(pull) = force: Castigliano at finite deformation."""
 
     def energy(pull):
-        model = Spring(coils=1, section_points=4, pull=pull).model()
+        model = Spring(preset="paper", coils=1, section_points=4, pull=pull).model()
         solution = statics.solve(model)
         assembler = Assembler(model)
         x = assembler.vector()

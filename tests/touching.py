@@ -44,8 +44,8 @@ ACROSS = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])  # z to x
 def pair():
     """A straight rod along z, section refined and of order 2, and a ring that cuts into it, both with obstacles."""
     rod = straight(8, breaks=(0.0, 1.0, 2.0, 3.0), height=6.0)
-    first = Space(rod, section_points=16, order=2)
-    second = Space(ring((-RING - 1.6, 0.0, 3.1)), elements=8, degree=3)
+    first = Space.paper(rod, section_points=16, order=2)
+    second = Space.paper(ring((-RING - 1.6, 0.0, 3.1)), elements=8, degree=3)
     contacts = [
         Contact(0, 1, 100.0, points=(3, 4)),
         Contact(0, Plane((0.0, 0.95, 0.0), (0.0, -2.0, 0.0)), 50.0),
@@ -59,7 +59,9 @@ def crease():
     # An arc, and a point, in the middle below.
     rod = straight(4, radius=0.4, height=2.0)
     thin = moved(rod, (-1.0, 1.3, 0.0), ACROSS)
-    return Model([Body(Space(thin), LAW), Body(Space(bent()), LAW)], contacts=[Contact(0, 1, 10.0, points=(5, 12))])
+    return Model(
+        [Body(Space.paper(thin), LAW), Body(Space.paper(bent()), LAW)], contacts=[Contact(0, 1, 10.0, points=(5, 12))]
+    )
 
 
 def reference(model):

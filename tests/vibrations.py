@@ -31,7 +31,7 @@ def bars(cylinder):
 
     def make(length, held=lambda space: [], nu=0.3, radius=1.0, n=4, elements=8, degree=4, density=RHO, **more):
         rod = cylinder(n, height=length, radius=radius)
-        space = Space(rod, elements=elements, degree=degree, **more)
+        space = Space.paper(rod, elements=elements, degree=degree, **more)
         return Model([Body(space, LinearElastic(E, nu), density)], held(space))
 
     return make
@@ -85,7 +85,7 @@ def bending(modes):
 
 
 def free_model(rod, **refinement):
-    return Model([Body(Space(rod, **refinement), LinearElastic(E, 0.3), RHO)])
+    return Model([Body(Space.paper(rod, **refinement), LinearElastic(E, 0.3), RHO)])
 
 
 FREE = {
@@ -96,5 +96,5 @@ FREE = {
     "slender helix": lambda bar: free_model(Spring(section_points=4, wire_radius=0.1).rod(), elements=24, degree=3),
     "ring": lambda bar: free_model(Ring(section_points=6).rod(), elements=8, degree=3),
     "flower": lambda bar: free_model(Flower().rod(), elements=4, quadrature="full"),
-    "blade": lambda bar: Model(Blade(elements=6).model().bodies),
+    "blade": lambda bar: Model(Blade(preset="paper", elements=6).model().bodies),
 }

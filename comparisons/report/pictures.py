@@ -36,7 +36,7 @@ def spring(study: Run) -> None:
     without_display()
     import pyvista
 
-    scene = scenes.find("spring")(E=published.SPRING_E, nu=published.SPRING_NU, elements_per_turn=8, degree=3)
+    scene = scenes.find("spring")(preset="paper", E=published.SPRING_E, nu=published.SPRING_NU)
     model = scene.model()
     solution = statics.solve(model)
     ours = vtk.grid(model.bodies[0], {"displacement": model.nodal(solution.displacement)})

@@ -134,7 +134,7 @@ def plot(records: list[Record], path: Path) -> None:
 
 def _space(joint: bool, elements: int = 4, degree: int = 3, order: int | None = None) -> Space:
     line = straight(breaks=[0.0, JOINT, LENGTH], degree=degree, continuity=0 if joint else degree - 1)
-    return Space(line.sweep(circle(8)), elements=2 * elements, section_degree=order, quadrature="auto")
+    return Space.paper(line.sweep(circle(8)), elements=2 * elements, section_degree=order, quadrature="auto")
 
 
 def _halves(space: Space, first: Any, second: Any) -> list[Any]:
@@ -191,7 +191,9 @@ def _bent(contrast: float) -> dict[str, Any]:
     coarse, newton, balance = force(_space(True, 4, 3, 3))
     fine, _, _ = force(_space(True, 8, 5, 4))
     # A tendon without end is a wall: the muscle alone on the same elements.
-    alone = Space(straight(LENGTH - JOINT, degree=3).sweep(circle(8)), elements=4, section_degree=3, quadrature="auto")
+    alone = Space.paper(
+        straight(LENGTH - JOINT, degree=3).sweep(circle(8)), elements=4, section_degree=3, quadrature="auto"
+    )
     ends = Support.end(alone, "start"), Support.end(alone, "end", displacement=(SIDEWAYS, 0.0, 0.0))
     wall = float(statics.solve(Model([Body(alone, NeoHookean(1.0, 0.3))], ends)).reactions[1, 0])
     return {
@@ -229,7 +231,7 @@ def _halved(
     """Return a thin bar that moves along its axis alone, one end held, and its four lowest frequencies."""
     first_E, first_density, second_E, second_density = (contrast**power for power in powers)
     rod = straight(breaks=[0.0, JOINT, LENGTH], degree=degree, continuity=0).sweep(circle(8, 0.1))
-    space = Space(rod, elements=elements, section_degree=1, quadrature="auto")
+    space = Space.paper(rod, elements=elements, section_degree=1, quadrature="auto")
     laws = _halves(space, law(first_E, 0.0), law(second_E, 0.0))
     body = Body(space, laws, _halves(space, first_density, second_density))
     # Only along the axis: the lateral motions of a bar with nu = 0 are others' modes.

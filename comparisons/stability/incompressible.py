@@ -72,13 +72,13 @@ def bump(z: Array) -> Array:
 def spring(nu: float, formulation: str, **section: Any) -> tuple[float, statics.Equilibrium]:
     """Return the force of the spring of the scene, its shear modulus that of nu = 0.3."""
     young = Spring.E / 1.3 * (1.0 + nu)
-    solution = statics.solve(Spring(E=young, nu=nu, formulation=formulation, **section).model())
+    solution = statics.solve(Spring(preset="paper", E=young, nu=nu, formulation=formulation, **section).model())
     return float(solution.reactions[1, 2]), solution
 
 
 def bent(nu: float, formulation: str, **section: Any) -> tuple[float, statics.Equilibrium]:
     """Return the deflection of a cantilever."""
-    space = Space(straight(breaks=KNOTS, degree=3).sweep(circle(8)), quadrature="auto", **section)
+    space = Space.paper(straight(breaks=KNOTS, degree=3).sweep(circle(8)), quadrature="auto", **section)
     load = SectionLoad.end(space, "end", (0.0, FORCE, 0.0))
     body = Body(space, law(nu), formulation=formulation)
     solution = statics.solve(Model([body], [Support.end(space, "start")], loads=[load]))
@@ -88,7 +88,7 @@ def bent(nu: float, formulation: str, **section: Any) -> tuple[float, statics.Eq
 def pinched(nu: float, formulation: str, **section: Any) -> tuple[float, statics.Equilibrium]:
     """Return the work of the forces that pinch a section on their displacements."""
     rod = straight(breaks=(0.0, HEIGHT)).sweep(circle(8))
-    space = Space(rod, elements=6, degree=4, quadrature="auto", **section)
+    space = Space.paper(rod, elements=6, degree=4, quadrature="auto", **section)
     axis = space.axis
     heights = np.array([axis.knots[j + 1 : j + axis.degree + 1].mean() for j in range(axis.count)])
     # The bump is a polynomial of the axis' degree: interpolation is exact.
@@ -128,7 +128,7 @@ def reference(case: str, nu: float, around: int, rings: int, layers: int) -> flo
 def twisted(angle: float, **section: Any) -> tuple[float, statics.Equilibrium]:
     """Return the larger relative error of torque and thrust of Rivlin's twisted cylinder, length 2, radius 1."""
     length = 2.0
-    space = Space(straight(length).sweep(circle(8)), elements=8, degree=5, quadrature="auto", **section)
+    space = Space.paper(straight(length).sweep(circle(8)), elements=8, degree=5, quadrature="auto", **section)
     ends = Support.end(space, "start"), Support.end(space, "end", turn=(0.0, 0.0, angle))
     solution = statics.solve(
         Model([Body(space, law(RATIOS[-1]), formulation="mixed")], ends), load_steps=int(np.ceil(2.0 * angle))

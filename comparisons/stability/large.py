@@ -132,7 +132,7 @@ def plot(records: list[Record], path: Path) -> None:
 
 def _space(rod: Rod, elements: int, degree: int = 4) -> Space:
     """Return a space without locking."""
-    return Space(rod, elements, degree, continuity=0, section_degree=3, quadrature=f"{degree}x5x{degree}")
+    return Space.paper(rod, elements, degree, continuity=0, section_degree=3, quadrature=f"{degree}x5x{degree}")
 
 
 def _line(space: Space, last: int = 0) -> Index:
@@ -161,7 +161,7 @@ def _roll(turns: float, length: float) -> dict[str, Any]:
 
 def _stretch(stretch: float) -> dict[str, Any]:
     rod = straight(10.0).sweep(ellipse(8, 1.0, 0.8))
-    space = Space(rod, elements=4, section_degree=2, quadrature="auto")
+    space = Space.paper(rod, elements=4, section_degree=2, quadrature="auto")
     across = brentq(lambda a: LAW.mu * (a * a - 1.0) + LAW.lame * np.log(a * a * stretch), 1e-6, 1e3)
     stress = LAW.mu * (stretch - 1.0 / stretch) + LAW.lame * np.log(across**2 * stretch) / stretch
     along = int(np.argmax(np.abs(space.positions[: space.layer_nodes, 0])))
@@ -178,7 +178,7 @@ def _stretch(stretch: float) -> dict[str, Any]:
 
 
 def _twist(turns: int) -> dict[str, Any]:
-    space = Space(straight(20.0).sweep(circle(4)), 8 * turns, 3, section_degree=3, quadrature="auto")
+    space = Space.paper(straight(20.0).sweep(circle(4)), 8 * turns, 3, section_degree=3, quadrature="auto")
     supports = [
         Support.end(space, "start"),
         Support(_line(space), "xy"),

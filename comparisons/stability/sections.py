@@ -142,7 +142,7 @@ def plot(records: list[Record], path: Path) -> None:
 
 def _ellipse(ratio: float, element: dict[str, Any], kind: str) -> dict[str, Any]:
     n = element.get("section_points", 8)
-    space = Space(straight(4.0).sweep(section.ellipse(n, 1.0, 1.0 / ratio)), **element)
+    space = Space.paper(straight(4.0).sweep(section.ellipse(n, 1.0, 1.0 / ratio)), **element)
     found, exact, model = stiffness(space, kind, 1.0, 1.0 / ratio, 4.0)
     plain, scaled = condition(model)
     return {"error": abs(found / exact - 1.0), "condition": plain, "scaled": scaled}
@@ -151,7 +151,7 @@ def _ellipse(ratio: float, element: dict[str, Any], kind: str) -> dict[str, Any]
 def _short(ratio: float, kind: str) -> dict[str, Any]:
     middle = 2.0 / ratio
     line = straight(breaks=[0.0, 2.0, 2.0 + middle, 4.0 + middle], degree=3)
-    space = Space(line.sweep(section.ellipse(8, 1.0, 0.5)), section_degree=2)
+    space = Space.paper(line.sweep(section.ellipse(8, 1.0, 0.5)), section_degree=2)
     found, exact, model = stiffness(space, kind, 1.0, 0.5, 4.0 + middle)
     plain, scaled = condition(model)
     return {"error": abs(found / exact - 1.0), "condition": plain, "scaled": scaled}
@@ -183,7 +183,7 @@ def _blade(ratio: float, element: dict[str, Any], symmetric: bool) -> dict[str, 
     rod.check()
 
     def frequencies(element: dict[str, Any], quadrature: str) -> np.ndarray:
-        space = Space(rod, quadrature=quadrature, **element)
+        space = Space.paper(rod, quadrature=quadrature, **element)
         body = Body(space, LinearElastic(scene.E, scene.nu), scene.density)
         return modal.solve(Model([body], [Support.end(space, "start")]), 10).frequencies
 

@@ -101,7 +101,7 @@ def plot(records: list[Record], path: Path) -> None:
 
 def _solve(length: float, load: float, space: dict[str, Any]) -> tuple[float, statics.Equilibrium]:
     force = load * 0.25 * np.pi / length**2
-    made = Space(straight(length).sweep(circle(8 if "order" in space else 4)), **space)
+    made = Space.paper(straight(length).sweep(circle(8 if "order" in space else 4)), **space)
     model = Model(
         [Body(made, NeoHookean(1.0, 0.0))],
         [Support.end(made, "start")],

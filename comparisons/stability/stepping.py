@@ -133,7 +133,7 @@ def plot(records: list[Record], path: Path) -> None:
 
 def _model(ratio: float = 1.0, elements: int = 4) -> Model:
     rod = straight(breaks=[0.0, JOINT, LENGTH], continuity=0).sweep(circle(8))
-    space = Space(rod, elements=elements, quadrature="auto")
+    space = Space.paper(rod, elements=elements, quadrature="auto")
     half = space.axis.elements // 2
     laws = [NeoHookean(ratio * E, 0.3)] * half + [NeoHookean(E, 0.3)] * half
     return Model([Body(space, laws, DENSITY)], [Support.end(space, "start")])

@@ -87,19 +87,20 @@ EIGEN = {
     "generalised Davidson": "-eps_type gd",
 }
 DEFAULT = "default"
+PAPER = "--preset paper --no-estimate"
 STATICS = {DEFAULT: "", **DIRECT, **KRYLOV, **NONLINEAR}
 MODES = {DEFAULT: "", **EIGEN}
 CASES = {
     "full": {
-        "spring": STATICS,
-        "spring --order 2 --section-points 12 --elements-per-turn 12": STATICS,
-        "blade": MODES,
-        "blade --order 2 --degree 3": MODES,
+        f"spring {PAPER}": STATICS,
+        f"spring {PAPER} --order 2 --section-points 12 --elements-per-turn 12": STATICS,
+        f"blade {PAPER}": MODES,
+        f"blade {PAPER} --order 2 --degree 3": MODES,
         "biceps --statics": STATICS,
     },
     "quick": {
-        "spring": {name: STATICS[name] for name in (DEFAULT, "Cholesky, MUMPS", "CG + GAMG", "quasi-Newton")},
-        "blade": {name: MODES[name] for name in (DEFAULT, "LOBPCG", "Lanczos")},
+        f"spring {PAPER}": {name: STATICS[name] for name in (DEFAULT, "Cholesky, MUMPS", "CG + GAMG", "quasi-Newton")},
+        f"blade {PAPER}": {name: MODES[name] for name in (DEFAULT, "LOBPCG", "Lanczos")},
         "biceps --statics --elements 5 --end-elements 0": {name: STATICS[name] for name in (DEFAULT, "trust region")},
     },
 }

@@ -6,6 +6,7 @@ Taylor & Pister, CMAME 51 (1985) 177-208), where a law is ``W = psi + kappa/2 th
 ``theta`` is then zero in the mean.
 """
 
+from collections.abc import Sequence
 from typing import cast
 
 import numpy as np
@@ -195,6 +196,15 @@ class MixedAssembler(Assembler):
 
     def _displacements(self, unknowns: Array) -> Array:
         return unknowns[self._number_of[: self.model.unknowns]]
+
+    def pressed(self, x: PETSc.Vec, pressures: Sequence[Array | None]) -> PETSc.Vec:
+        """Return a vector of unknowns with pressures, such as `pressures` returns, put in its place; on one rank."""
+        first = self.model.unknowns
+        for body, given in zip(self.model.bodies, pressures, strict=True):
+            if given is not None:
+                x.array_w[self._number_of[first : first + given.size]] = given.ravel() / body.pressure_unit
+                first += given.size
+        return x
 
     def pressures(self, x: PETSc.Vec) -> list[Array | None]:
         """Return each body's coefficients of its `isorod.space.pressure.Pressures`, force per area, or None."""

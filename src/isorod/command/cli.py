@@ -179,6 +179,9 @@ def _scene_parser(name: str, scene: Any) -> Parser:
             metavar="float",
             help="refine until the relative error is estimated to be below this",
         )
+        parser.add_argument(
+            "--no-estimate", action="store_true", help="leave out the estimate of the error, which takes as long again"
+        )
     parser.add_argument("--json", action="store_true", help="print the result as one line of JSON")
     parser.add_argument("--output", metavar="DIR", help="write the result (and fields as .vtu) into this folder")
     if not isinstance(scene, type):
@@ -234,6 +237,8 @@ def _analysis(scene: Any, theirs: Sequence[str], found: argparse.Namespace) -> t
         refined = {"error_estimate": reached.error, "changes": reached.changes, "refinements": reached.history}
     else:
         solution, seconds = run.solve(scene, settings)
+        if not getattr(found, "no_estimate", True):
+            refined = run.estimate(solution)
     record = run.record(scene, solution, {"import": imported} | seconds, settings, theirs) | refined
     left = unused_options()
     if left:

@@ -78,7 +78,9 @@ def _answer(record: Mapping[str, Any], units: Mapping[str, str]) -> Iterator[tup
         if moving and value.ndim == 1 and value.max() > value[-1]:
             text += f" in the end, largest {value.max():.6g}"
         yield name.replace("_", " "), f"{text} {unit}".rstrip()
-    if "error_estimate" in record:
+    if "error_estimate" in record and not record.get("changes"):
+        yield "error", f"about {record['error_estimate']:.1g}, relative, as estimated by a step on a finer space"
+    elif "error_estimate" in record:
         changes = ", ".join(f"{name.replace('_', ' ')} {change:.2g}" for name, change in record["changes"].items())
         yield "error", f"{record['error_estimate']:.2g}, relative, as estimated from finer spaces ({changes})"
 
@@ -128,6 +130,12 @@ def _told(record: Mapping[str, Any], scene: Any) -> str:
     return ", ".join(changed) or "options as they are by default"
 
 
+def _element(found: Mapping[str, Any]) -> str:
+    chosen = [name.replace("_", " ") for name in found["chosen"]]
+    mixed = "; mixed formulation" if found["formulation"] == "mixed" else ""
+    return f"{found['element']}{mixed}" + (f" (chosen: {', '.join(chosen)})" if chosen else "")
+
+
 def _count(number: int, what: str) -> str:
     return f"{number:,} {what}{'' if number == 1 else 's'}"
 
@@ -138,10 +146,10 @@ def _origin(record: Mapping[str, Any], scene: Any) -> Iterator[tuple[str, str]]:
     if "solver" not in record:
         yield "more", "--json prints all there is on one line, --output DIR keeps it"
         return
+    yield "element", "; ".join(dict.fromkeys(_element(one) for one in record["discretisation"]))
     solver = ", ".join(f"{part} {name}" for part, name in record["solver"].items())
     built = " and ".join(record["built"]) or "nothing"
-    rules = " and ".join(dict.fromkeys(record["quadrature"]))
-    yield "method", f"{solver}; {built} built; quadrature {rules}; {_count(record['ranks'], 'rank')}"
+    yield "method", f"{solver}; {built} built; {_count(record['ranks'], 'rank')}"
     if record["petsc_options"]:
         yield "PETSc options", record["petsc_options"]
     yield "versions", ", ".join(f"{name} {version}" for name, version in record["versions"].items())

@@ -7,23 +7,22 @@ its error.  The estimate is the sum of the changes.
 
 import dataclasses
 from collections.abc import Mapping
+from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from isorod.arrays import Array
+from isorod.checks import adapt
+from isorod.checks.adapt import MAX_STEPS, MAX_UNKNOWNS
 from isorod.command import run
 from isorod.errors import InputError, SolveError
 from isorod.geometry.axis import MAX_DEGREE
 from isorod.geometry.disk import MAX_COUNT
 from isorod.space.polyharmonic import MAX_ORDER
 from isorod.space.polynomial import MAX_DEGREE as MAX_SECTION_DEGREE
-
-# Solutions are not converged to less than this.
-SMALLEST = 1e-10
-# Refinements tried before giving up, and unknowns beyond which no space is tried.
-MAX_STEPS = 24
-MAX_UNKNOWNS = 400_000
+from isorod.space.space import Space
 
 
 def finer(scene: Any) -> dict[str, Any]:
@@ -59,9 +58,10 @@ class Estimate:
     error
         Estimate of the largest relative error of the quantities measured: the sum of the changes.
     changes
-        Largest relative change when the space is refined in one direction, by the direction.
+        Largest relative change when the space is refined in one direction, by the direction; empty where a tolerance
+        was reached, by the error's own estimate.
     history
-        Options changed so far, with the estimate that each left behind: ``(option, value, error before)``.
+        Options changed so far, with the error before: ``(option, value, error before)``.
     """
 
     scene: Any
@@ -73,9 +73,10 @@ class Estimate:
 
 
 def estimate(scene: Any, settings: Mapping[str, Any], tolerance: float | None = None) -> Estimate:
-    """Estimate a scene's error by refining its space in each direction, and refine until it is below the tolerance.
+    """Estimate a scene's error by refining its space in each direction, or refine until it is below a tolerance.
 
-    Each step refines in the direction with the largest change for its cost (work of a banded factorisation).
+    To a tolerance the estimate of `isorod.checks.estimate` leads (`isorod.checks.adapt`); with contact, which has none,
+    the changes do: each step refines in the direction with the largest for its cost (work of a banded factorisation).
 
     Parameters
     ----------
@@ -94,12 +95,21 @@ def estimate(scene: Any, settings: Mapping[str, Any], tolerance: float | None = 
     SolveError
         If the tolerance is not reached within 24 refinements or 400,000 unknowns.
     """
-    if tolerance is not None and not SMALLEST <= tolerance < 1.0:
-        raise InputError(f"tolerance: got {tolerance:g}, need a relative error between 0 and 1, not below {SMALLEST:g}")
-    if scene.quadrature not in ("auto", "full"):
+    if tolerance is not None:
+        adapt.check(tolerance)
+    if scene.quadrature not in ("auto", "full", None):
         raise InputError(
             f"quadrature: got {scene.quadrature!r}, refinement needs a rule that follows the space: auto or full"
         )
+    if tolerance is not None and scene.order is None and scene.section_degree is None and _free(scene):
+        # A section that may miss as much as the tolerance lets it.
+        scene = replace(scene, **adapt.section(scene.rod(), tolerance))
+    model = scene.model()
+    space = model.bodies[0].space
+    if tolerance is not None and not model.contacts:
+        return _reach(scene, settings, space, tolerance)
+    if {"degree", "elements"} & {*space.chosen}:
+        scene = on(scene, replace(space, quadrature=scene.quadrature or "auto"))
     solved: dict[Any, tuple[Any, dict[str, float]]] = {}
     history: list[tuple[str, int, float]] = []
 
@@ -128,6 +138,43 @@ def estimate(scene: Any, settings: Mapping[str, Any], tolerance: float | None = 
     raise SolveError(
         f"tolerance {tolerance:g} is not reached: the estimate is {error:.2g} after {len(history)} refinements"
     )
+
+
+def on(scene: Any, space: Space) -> Any:
+    """Return the scene on a space of its rod."""
+    names = {field.name for field in dataclasses.fields(scene)}
+    kept = ("order", "section_degree", "degree", "continuity", "quadrature")
+    fields = {name: getattr(space, name) for name in kept if name in names}
+    if space.section_degree is None:
+        fields["section_points"] = space.points_around
+    elements = space.axis.elements
+    fields |= {"elements": elements} if "elements" in names else {"elements_per_turn": elements // scene.coils}
+    return replace(scene, **fields)
+
+
+def _reach(scene: Any, settings: Mapping[str, Any], space: Space, tolerance: float) -> Estimate:
+    """Refine until the estimate is below the tolerance."""
+    tried: dict[int, tuple[Any, dict[str, float]]] = {}
+
+    def solve(space: Space) -> Any:
+        one = on(scene, space)
+        solution, seconds = run.solve(one, settings)
+        tried[id(solution)] = one, seconds
+        return solution
+
+    solution, _, steps = adapt.reach(solve, space, tolerance)
+    history = [
+        (name if hasattr(scene, name) else "elements_per_turn", value, before.error)
+        for before, step in pairwise(steps)
+        for name, value in step.changed.items()
+    ]
+    one, seconds = tried[id(solution)]
+    return Estimate(one, solution, seconds, steps[-1].error, {}, history)
+
+
+def _free(scene: Any) -> bool:
+    """Return whether control points round the section are not asked for: those of a spring are its shape's."""
+    return hasattr(scene, "elements_per_turn") or scene.section_points is None
 
 
 def _quantities(scene: Any, solution: Any) -> Array:

@@ -1,6 +1,7 @@
 """Running a scene: from its parameters to a solution and a record of it."""
 
 import dataclasses
+import warnings
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from importlib import import_module
@@ -9,6 +10,9 @@ from typing import Any
 
 from isorod.errors import InputError
 from isorod.output import results
+
+# Error above which a result is warned of.
+LARGE = 0.01
 
 
 def solve(scene: Any, settings: Mapping[str, Any]) -> tuple[Any, dict[str, float]]:
@@ -38,6 +42,23 @@ def solve(scene: Any, settings: Mapping[str, Any]) -> tuple[Any, dict[str, float
     # With ``check``: what proves a result is a part of getting it.
     seconds["total"] = perf_counter() - start
     return solution, seconds
+
+
+def estimate(solution: Any) -> dict[str, Any]:
+    """Return what a record says of a solution's error, where that can be told; warn of a large one."""
+    if not hasattr(solution, "estimate") or solution.ranks > 1:
+        return {}
+    start = perf_counter()
+    error = solution.estimate()
+    if error is None:
+        return {}
+    if error > LARGE:
+        warnings.warn(
+            f"the error is about {100.0 * error:.2g} %, as estimated on a finer space: --tolerance 5e-3 finds one that "
+            "is fine enough",
+            stacklevel=2,
+        )
+    return {"error_estimate": error, "estimate_seconds": perf_counter() - start}
 
 
 def geometry(scene: Any) -> dict[str, Any]:
@@ -72,6 +93,7 @@ def record(
         "unknowns": model.unknowns,
         **solution.record(),
         "quadrature": [str(body.space.rule) for body in model.bodies],
+        "discretisation": [body.discretisation for body in model.bodies],
         "built": solution.built,
         "seconds": dict(seconds),
         "solver": solution.solver,

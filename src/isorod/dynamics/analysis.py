@@ -220,6 +220,7 @@ def solve(
     """
     expect("model", model, Model)
     start = perf_counter()
+    model = model.in_motion()
     settings = Settings(end_time, whole_number("outputs", outputs, 1, 1_000_000), time_step, damping, ramp)
     _check(model, settings, every)
     if resume and checkpoint is None:

@@ -2,9 +2,9 @@
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,9 +13,9 @@ from isorod.arrays import Array
 from isorod.errors import Checked, InputError, representable
 from isorod.geometry.quadrature import ring_of
 from isorod.material.along_rod import Laws
-from isorod.material.law import Material
+from isorod.material.law import Isotropic, Material
 from isorod.material.linear_elastic import LinearElastic
-from isorod.space.space import Space, Table
+from isorod.space.space import CHOICES, Space, Table
 
 if TYPE_CHECKING:
     from isorod.space.pressure import Pressures
@@ -28,6 +28,10 @@ FORMULATIONS = ("displacement", "mixed")
 # elements each).
 _JUMP = 10.0
 
+# Poisson's ratio from which pressures pay: below, displacements across the section that are chosen err less than 1e-4
+# on the spring; at 0.4999 by 2e-3, the mixed formulation by 1e-5 in three times the time.
+_NEARLY = 0.49
+
 
 @dataclass(frozen=True, eq=False)
 class Body(Checked):
@@ -38,14 +42,20 @@ class Body(Checked):
     space
         The displacement space.
     material
-        One law for the whole rod, or one for each element of the space, shape ``(elements,)``; where the rod has
-        several rings (`isorod.geometry.rod.Rod.rings`) one for each of these from the inside, ``(rings,)``, or for
-        each element and ring ``(elements, rings)``.
+        One law for the whole rod, or one for each element of the space or of the rod itself, shape ``(elements,)``;
+        where the rod has several rings (`isorod.geometry.rod.Rod.rings`) one for each of these from the inside,
+        ``(rings,)``, or for each element and ring ``(elements, rings)``.
     density
         Mass per reference volume, one for the whole rod or of the shape of several laws.
     formulation
         ``"displacement"``, or ``"mixed"``: displacement and pressure (`isorod.assembly.mixed`), which does not lock
-        near incompressibility and takes a Poisson's ratio of 0.5; statics alone knows it.
+        near incompressibility and takes a Poisson's ratio of 0.5; statics without contact alone knows it.  Where not
+        given, mixed in statics without contact if all laws have a Poisson's ratio of 0.49 or more.
+
+    Attributes
+    ----------
+    chosen
+        Whether the formulation was not given.
 
     Raises
     ------
@@ -57,10 +67,14 @@ class Body(Checked):
     space: Space
     material: Material | Sequence[Material] | Sequence[Sequence[Material]]
     density: float | Sequence[float] | Sequence[Sequence[float]] = 0.0
-    formulation: str = "displacement"
+    formulation: str | None = None
+    chosen: bool = field(init=False)
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        object.__setattr__(self, "chosen", self.formulation is None)
+        for name in ("material", "density"):
+            object.__setattr__(self, name, self._on_elements(getattr(self, name)))
         elements, rings = self.space.axis.elements, self._rings
         try:
             given = np.asarray(self.density, dtype=float)
@@ -82,6 +96,9 @@ class Body(Checked):
             if rings > 1:
                 count = f"{len(self.material)} laws for {rings} rings, need one law, one a ring, or such for elements"
             raise InputError(f"material: got {count}")
+
+        if self.formulation is None:
+            object.__setattr__(self, "formulation", "mixed" if self._nearly_incompressible() else "displacement")
         if self.formulation not in FORMULATIONS:
             raise InputError(f"formulation: got {self.formulation!r}, need one of {', '.join(FORMULATIONS)}")
         for k, law in enumerate(self.laws):
@@ -108,6 +125,14 @@ class Body(Checked):
             return (len(laws),) == self._shapes[0]
         return len(rows) == len(laws) and all((len(rows), len(row)) in self._shapes for row in rows)
 
+    @property
+    def discretisation(self) -> dict[str, Any]:
+        """What a record keeps of space and formulation, and which of that was chosen."""
+        space = self.space
+        kept = {name: getattr(space, name) for name in CHOICES if getattr(space, name) is not None}
+        chosen = [*space.chosen, *(["formulation"] if self.chosen and self.formulation == "mixed" else [])]
+        return {"element": str(space), **kept, "formulation": self.formulation, "chosen": chosen}
+
     @cached_property
     def pressures(self) -> "Pressures | None":
         """The pressure space of the mixed formulation.
@@ -130,6 +155,40 @@ class Body(Checked):
     def pressure_unit(self) -> float:
         """What the unknown pressures of the mixed formulation are counted in: the middle shear modulus, force/area."""
         return float(np.median([getattr(law, "mu", 1.0) for law in self.laws]))
+
+    def _on_elements(self, given: Any) -> Any:
+        """Return what is given for each element of the rod for each of the space's."""
+        own, elements = self.space.rod.axis.elements, self.space.axis.elements
+        several = Sequence, np.ndarray
+        if own == elements or not isinstance(given, several) or len(given) != own:
+            return given
+        if self._rings > 1 and not all(isinstance(row, several) for row in given):
+            return given
+        return [one for one in given for _ in range(elements // own)]
+
+    def _nearly_incompressible(self) -> bool:
+        """Return whether the mixed formulation pays: where it can be taken, and displacements alone may lock."""
+        # Fibres, active or not, carry stress that a pressure of its own mesh does not balance as well.
+        plain = (law.nu if isinstance(law, Isotropic) and not hasattr(law, "activation") else 0.0 for law in self.laws)
+        if self._rings > 1 or min(plain) < _NEARLY:
+            return False
+        try:
+            return min(self.space.basis.pressure_degrees) > 0
+        except InputError:
+            return False
+
+    def in_displacements(self) -> "Body":
+        """Return the body for what knows no pressures: in displacements, unless the mixed formulation was asked for."""
+        if not (self.chosen and self.formulation == "mixed"):
+            return self
+        return replace(self, formulation="displacement")
+
+    def in_motion(self) -> "Body":
+        """Return the body for steps in time: `in_displacements`, a rule that was chosen such that no mass is missed."""
+        body = self.in_displacements()
+        if "quadrature" not in self.space.chosen:
+            return body
+        return replace(body, space=replace(self.space, quadrature="auto"))
 
     def _warn_of_smooth_joints(self) -> None:
         """Warn where stiffness jumps at a knot at which displacements are smooth: strains cannot follow."""

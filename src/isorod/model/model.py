@@ -1,7 +1,7 @@
 """What every analysis takes: bodies (a space with a material) and supports."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -56,6 +56,8 @@ class Model(Checked):
         super().__post_init__()
         if not self.bodies:
             raise InputError("model: got no bodies, need at least one")
+        if self.contacts:
+            object.__setattr__(self, "bodies", [body.in_displacements() for body in self.bodies])
         for b, body in enumerate(self.bodies):
             if self.spin is not None and not body.densities.min() > 0.0:
                 raise InputError(f"spin: body {b} has no density")
@@ -90,6 +92,18 @@ class Model(Checked):
         if made_for is not None and not made_for.matches(space):
             raise InputError(f"{what}: made for another space than that of body {one.body}; take that body's")
         return space
+
+    def in_displacements(self) -> "Model":
+        """Return the model for what knows no pressures (`Body.in_displacements`)."""
+        return self._of([body.in_displacements() for body in self.bodies])
+
+    def in_motion(self) -> "Model":
+        """Return the model for steps in time (`Body.in_motion`)."""
+        return self._of([body.in_motion() for body in self.bodies])
+
+    def _of(self, bodies: Sequence[Body]) -> "Model":
+        same = all(one is other for one, other in zip(bodies, self.bodies, strict=True))
+        return self if same else replace(self, bodies=bodies)
 
     def prescribed(self, factor: float) -> Array:
         """Return what supports add to the unknowns at a load factor, shape ``(dofs,)``.

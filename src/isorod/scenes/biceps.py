@@ -1,16 +1,17 @@
 """The biceps: two branches of tendon, muscle, tendon that swell and press on each other (Lu & Zhou 2011, section 5)."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 import numpy as np
 
 from isorod.arrays import Array
-from isorod.errors import Checked, InputError, whole_number
+from isorod.errors import InputError, whole_number
 from isorod.geometry import section
 from isorod.geometry.axis import Axis
 from isorod.geometry.rod import Rod
-from isorod.scenes import option
+from isorod.scenes import Preset, option, preset
 
 if TYPE_CHECKING:
     from isorod.dynamics.analysis import History
@@ -27,7 +28,7 @@ AROUND, ALONG = 64, 16
 
 
 @dataclass(frozen=True)
-class Biceps(Checked):
+class Biceps(Preset):
     """Two branches, tendon - muscle - tendon along y, ends held, whose active bellies swell and press on each other.
 
     No control point is printed in the paper.  Here every section is a circle normal to y, the branches mirror each
@@ -82,12 +83,31 @@ class Biceps(Checked):
     damping: float = option(100.0, "mass-proportional damping [1/s]")
     density: float = option(1.06e-5, "mass per volume [N s^2/cm^4]")
     section_points: int = option(8, "control points round a branch (paper: 8)")
-    elements: int = option(10, "elements along a branch besides end_elements, a multiple of 5 (paper: 5)")
-    end_elements: int = option(1, "cuts of the element next to each held end, shortest at the end (paper: 0)")
-    order: int = option(2, "polyharmonic order K of the section functions, 1 to 6 (paper: 1)")
-    degree: int = option(2, "degree along the axis, 2 to 6 (paper: 2)")
+    elements: int | None = option(None, "elements along a branch besides end_elements, a multiple of 5 (10; paper: 5)")
+    end_elements: int | None = option(
+        None, "cuts of the element next to each held end, shortest at the end (1; paper: 0)"
+    )
+    order: int | None = option(None, "polyharmonic order K of the section functions, 1 to 6 (2; paper: 1)")
+    degree: int | None = option(None, "degree along the axis, 2 to 6 (2)")
     continuity: int | None = option(None, "continuity at inserted knots, 0 to degree - 1 (degree - 1)")
-    quadrature: str = option("auto", "quadrature rule: auto, full, paper, RxS or RxSxT such as 2x1x4")
+    quadrature: str | None = option(None, "quadrature rule: auto, full, paper, RxS or RxSxT such as 2x1x4 (auto)")
+    preset: str | None = preset("order 1 (K = 1), degree 2, 5 elements a branch, quadrature auto")
+
+    PAPER: ClassVar[Mapping[str, Any]] = {
+        "order": 1,
+        "degree": 2,
+        "elements": 5,
+        "end_elements": 0,
+        "quadrature": "auto",
+    }
+    # Contact wants points round the section, and the smallest elements say how long steps may be.
+    SUITS: ClassVar[Mapping[str, Any]] = {
+        "order": 2,
+        "degree": 2,
+        "elements": 10,
+        "end_elements": 1,
+        "quadrature": "auto",
+    }
 
     @property
     def analysis(self) -> str:
@@ -135,7 +155,7 @@ class Biceps(Checked):
 
     def _end_knots(self) -> Array:
         """Return where the elements next to the held ends are cut: 1 : 2 : 4 ... from the end on."""
-        count = whole_number("end elements", self.end_elements, 0, 8)
+        count = whole_number("end elements", cast(int, self.end_elements), 0, 8)
         cuts = self.tendon_length * (2.0 ** np.arange(1, count + 1) - 1.0) / (2.0 ** (count + 1) - 1.0)
         return np.concatenate([cuts, 2.0 * self.tendon_length + self.belly_length - cuts])
 
@@ -176,8 +196,9 @@ class Biceps(Checked):
         if not (np.isfinite(self.tendon_factor) and self.tendon_factor > 0.0):
             raise InputError(f"tendon factor: got {self.tendon_factor:g}, need a positive number")
         fibre = "tangent" if self.fibre == "tangent" else (0.0, 1.0, 0.0)
-        if self.elements < ELEMENTS or self.elements % ELEMENTS:
-            raise InputError(f"elements: got {self.elements}, need a multiple of {ELEMENTS}")
+        elements = cast(int, self.elements)
+        if elements < ELEMENTS or elements % ELEMENTS:
+            raise InputError(f"elements: got {elements}, need a multiple of {ELEMENTS}")
         tendon = NeoHookean(self.tendon_factor * self.E, self.nu)
         muscle = Muscle(self.E, self.nu, self.sigma_max, self.m1, self.m2, self.activation, fibre)
         bodies, supports, bellies = [], [], []
@@ -187,7 +208,7 @@ class Biceps(Checked):
                 rod = rod.insert(u)
             space = Space(
                 rod,
-                elements=self.elements // ELEMENTS * rod.axis.elements,
+                elements=elements // ELEMENTS * rod.axis.elements,
                 degree=self.degree,
                 continuity=self.continuity,
                 quadrature=self.quadrature,
@@ -195,7 +216,8 @@ class Biceps(Checked):
             )
             middle = 0.5 * (space.axis.breaks[1:] + space.axis.breaks[:-1]) - self.tendon_length
             in_belly = (middle > 0.0) & (middle < self.belly_length)
-            bodies.append(Body(space, [muscle if inside else tendon for inside in in_belly], self.density))
+            laws = [muscle if inside else tendon for inside in in_belly]
+            bodies.append(Body(space, laws, self.density, "displacement"))
             supports += [Support.end(space, end, body=branch) for end in ("start", "end")]
             bellies.append(np.flatnonzero(in_belly).tolist())
         contact = Contact(0, 1, self.penalty, *bellies)

@@ -1,25 +1,29 @@
 """The blade of a small wind turbine: twisted, tapered, clamped at its root (Lu & Zhou 2011, section 4.3, Table 2)."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from isorod.errors import Checked, InputError
+from isorod.errors import InputError
 from isorod.geometry import section
 from isorod.geometry.axis import Axis
 from isorod.geometry.rod import Rod
-from isorod.scenes import option
+from isorod.scenes import Preset, option, preset
 
 if TYPE_CHECKING:
     from isorod.modal.analysis import Modes
     from isorod.model.model import Model
 
+# Control points round the section as first built.
+POINTS = 16
+
 _AXIS = Axis(2, np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0]), np.ones(3))
 
 
 @dataclass(frozen=True)
-class Blade(Checked):
+class Blade(Preset):
     """Airfoil section swept along z with linear twist and taper, root face clamped; vibration modes."""
 
     analysis: ClassVar[str] = "modal"
@@ -33,15 +37,24 @@ class Blade(Checked):
     density: float = option(40.0, "mass per volume")
     airfoil: str = option("paper", "section: paper, or a NACA 4-digit number such as 2412")
     chord: float = option(2.0, "chord of the root section [length]")
-    section_points: int = option(16, "control points round the section; with the paper's section a multiple of 16")
-    elements: int = option(20, "elements along the blade")
-    order: int = option(1, "polyharmonic order K of the section functions, 1 to 6 (paper: 1)")
-    section_degree: int | None = option(
-        None, "polynomials of this degree across the section, 1 to 8, in place of order and section points (none)"
+    section_points: int | None = option(
+        None, "control points round the section, with the paper's section a multiple of 16, for functions of these (16)"
     )
-    degree: int = option(2, "degree along the axis, 2 to 6")
-    continuity: int | None = option(None, "continuity at inserted knots, 0 to degree - 1 (degree - 1)")
-    quadrature: str = option("auto", "quadrature rule: auto, full, paper, RxS or RxSxT such as 2x1x4")
+    elements: int | None = option(None, "elements along the blade (chosen)")
+    order: int | None = option(
+        None, "polyharmonic order K of functions of the control points, 1 to 6 (polynomials; paper: 1)"
+    )
+    section_degree: int | None = option(None, "polynomials of this degree across the section, 1 to 8 (chosen)")
+    degree: int | None = option(None, "degree along the axis, 2 to 6 (5)")
+    continuity: int | None = option(
+        None, "continuity at inserted knots, 0 to degree - 1 (that where elements are given, else 0)"
+    )
+    quadrature: str | None = option(
+        None, "quadrature rule: auto, full, paper, RxS or RxSxT such as 2x1x4 (one that goes with the element)"
+    )
+    preset: str | None = preset("order 1 (K = 1), degree 2, 20 elements, quadrature auto")
+
+    PAPER: ClassVar[Mapping[str, Any]] = {"order": 1, "degree": 2, "elements": 20, "quadrature": "auto"}
 
     def rod(self) -> Rod:
         """Return the blade as first built: 16 points round the paper's section, one quadratic element along.
@@ -70,7 +83,7 @@ class Blade(Checked):
             if not (np.isfinite(self.chord) and self.chord > 0.0):
                 raise InputError(f"chord: got {self.chord:g}, need a positive length")
             return 0.5 * self.chord * section.airfoil()
-        return section.naca(self.airfoil, self.section_points, self.chord)
+        return section.naca(self.airfoil, self.section_points or POINTS, self.chord)
 
     def model(self) -> "Model":
         """Return the model: linear elastic, root clamped."""
@@ -90,7 +103,8 @@ class Blade(Checked):
             quadrature=self.quadrature,
             order=self.order,
             section_degree=self.section_degree,
-            section_points=self.section_points,
+            # Those of another section than the paper's are what its outline is fitted with.
+            section_points=self.section_points if self.airfoil == "paper" else None,
         )
         body = Body(space, LinearElastic(self.E, self.nu), self.density)
         return Model([body], [Support.end(space, "start")])

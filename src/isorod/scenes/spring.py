@@ -1,14 +1,15 @@
 """A helical spring pulled along its axis (Lu & Zhou 2011, section 4.2, Table 1)."""
 
 import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
-from isorod.errors import Checked, InputError
+from isorod.errors import InputError
 from isorod.geometry import section
 from isorod.geometry.center_line import HELIX_ELEMENTS, helix
 from isorod.geometry.rod import Rod
-from isorod.scenes import option
+from isorod.scenes import Preset, option, preset
 
 if TYPE_CHECKING:
     from isorod.model.model import Model
@@ -21,7 +22,7 @@ _PER_TURN = {"paper": ARCS_PER_TURN, "even": HELIX_ELEMENTS}
 
 
 @dataclass(frozen=True)
-class Spring(Checked):
+class Spring(Preset):
     """Round wire wound in coils, both end faces clamped, the upper one pulled along the axis."""
 
     analysis: ClassVar[str] = "statics"
@@ -38,17 +39,30 @@ class Spring(Checked):
     )
     pull: float = option(2.0, "displacement of the upper end along the axis [length]")
     section_points: int = option(8, "control points round the wire, at least 3")
-    elements_per_turn: int = option(8, "elements a turn, a multiple of 4 (even helix: 8)")
-    order: int = option(1, "polyharmonic order K of the section functions, 1 to 6 (paper: 1)")
-    section_degree: int | None = option(
-        None, "polynomials of this degree across the section, 1 to 8, in place of order and section points (none)"
+    elements_per_turn: int | None = option(None, "elements a turn, a multiple of 4, of an even helix 8 (chosen)")
+    order: int | None = option(
+        None, "polyharmonic order K of functions of the control points, 1 to 6 (polynomials; paper: 1)"
     )
-    degree: int = option(3, "degree along the axis, 2 to 6")
-    continuity: int | None = option(None, "continuity at inserted knots, 0 to degree - 1 (degree - 1)")
-    formulation: str = option(
-        "displacement", "displacement, or mixed: displacement and pressure, for nu near or at 0.5"
+    section_degree: int | None = option(None, "polynomials of this degree across the section, 1 to 8 (chosen)")
+    degree: int | None = option(None, "degree along the axis, 2 to 6 (5)")
+    continuity: int | None = option(
+        None, "continuity at inserted knots, 0 to degree - 1 (that where elements are given, else 0)"
     )
-    quadrature: str = option("auto", "quadrature rule: auto, full, paper, RxS or RxSxT such as 2x1x4")
+    formulation: str | None = option(
+        None, "displacement, or mixed: displacement and pressure (mixed from nu = 0.49 on)"
+    )
+    quadrature: str | None = option(
+        None, "quadrature rule: auto, full, paper, RxS or RxSxT such as 2x1x4 (one that goes with the element)"
+    )
+    preset: str | None = preset("order 1 (K = 1), degree 3, 8 elements a turn, displacements alone, quadrature auto")
+
+    PAPER: ClassVar[Mapping[str, Any]] = {
+        "order": 1,
+        "degree": 3,
+        "elements_per_turn": 8,
+        "formulation": "displacement",
+        "quadrature": "auto",
+    }
 
     def rod(self) -> Rod:
         """Return the wire as first built: four quadratic arcs a turn, or a quartic spline that climbs evenly.
@@ -74,9 +88,9 @@ class Spring(Checked):
         from isorod.space.space import Space
 
         rod = self.rod()
-        own = _PER_TURN[self.helix]
-        if self.elements_per_turn < own or self.elements_per_turn % own:
-            raise InputError(f"elements a turn: got {self.elements_per_turn}, need a multiple of {own}")
+        own, each = _PER_TURN[self.helix], self.elements_per_turn
+        if each is not None and (each < own or each % own):
+            raise InputError(f"elements a turn: got {each}, need a multiple of {own}")
         rod.check()
         if self.coils > 1 and abs(self.pitch) < 2.0 * self.wire_radius:
             warnings.warn(
@@ -86,7 +100,7 @@ class Spring(Checked):
             )
         space = Space(
             rod,
-            elements=self.coils * self.elements_per_turn,
+            elements=None if each is None else self.coils * each,
             degree=self.degree,
             continuity=self.continuity,
             quadrature=self.quadrature,

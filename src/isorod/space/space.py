@@ -1,9 +1,10 @@
 """The displacement space on a rod, and everything about it that does not change during an analysis."""
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import NamedTuple
+from numbers import Real
+from typing import NamedTuple, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,6 +16,7 @@ from isorod.geometry.disk import check_count
 from isorod.geometry.quadrature import WHOLE, Rule, axis_points, section_points
 from isorod.geometry.rod import Rod, section_gradient
 from isorod.geometry.section import refinement_turn
+from isorod.space import choice
 from isorod.space.basis import SectionBasis
 from isorod.space.polyharmonic import Polyharmonic
 from isorod.space.polynomial import Polynomials
@@ -23,6 +25,9 @@ from isorod.tensors import inverse
 # Jacobian matrices, their inverses, and what both are made of.
 _BYTES_A_POINT = 8 * 32
 
+# What is chosen where it is not given.
+CHOICES = ("order", "section_points", "section_degree", "elements", "degree", "continuity", "quadrature")
+
 
 @dataclass(frozen=True, eq=False)
 class Space(Checked):
@@ -30,23 +35,26 @@ class Space(Checked):
 
     Nodes are numbered layer by layer: node ``j count + l`` is that of ``S_l R_j``; a closed rod's last layer is its
     first.
-    The paper's element is the default: ``order`` 1 and the rod's own functions.  Refinements nest (a degree at the same
-    continuity), and none moves the rod.
+    What is not given is chosen by the rod's shape (`isorod.space.choice`), and the attributes then say what it is;
+    `paper` makes the paper's element.  Refinements nest (a degree at the same continuity), and none moves the rod.
 
     Parameters
     ----------
     rod
         The geometry.
     elements
-        Number of elements along the axis: a multiple of the rod's own; the rod's own where not given.
+        Number of elements along the axis: a multiple of the rod's own.
     degree
         Degree along the axis, from the rod's own to 6.
     continuity
-        Continuity at knots the rod does not have, ``0 .. degree - 1``; ``degree - 1`` where not given.
+        Continuity at knots the rod does not have, ``0 .. degree - 1``; where not given ``degree - 1``, or 0 if the
+        elements are chosen.
     order
-        Polyharmonic order ``K`` of the section functions, 1 to 6.
+        Polyharmonic order ``K`` of functions of control points (`isorod.space.polyharmonic`), 1 to 6; contact needs
+        these.
     section_points
-        Number of control points ``n`` round the section: a multiple of the rod's own; the rod's own where not given.
+        Number of control points ``n`` round the section for them: a multiple of the rod's own, and that where not
+        given.
     quadrature
         ``"auto"``, ``"full"``, ``"paper"``, ``"RxS"`` or ``"RxSxT"`` (see `isorod.geometry.quadrature`).
     section_degree
@@ -54,6 +62,11 @@ class Space(Checked):
         `isorod.space.ringed`) take the place of the functions of control points (`isorod.space.polyharmonic`).
     section_basis
         Any other functions in the place of both (`isorod.space.basis`).
+
+    Attributes
+    ----------
+    chosen
+        Names of those parameters that were not given.
 
     Raises
     ------
@@ -65,32 +78,90 @@ class Space(Checked):
     elements: int | None = None
     degree: int | None = None
     continuity: int | None = None
-    quadrature: str = "full"
-    order: int = 1
+    quadrature: str | None = None
+    order: int | None = None
     section_points: int | None = None
     section_degree: int | None = None
     section_basis: SectionBasis | None = None
+    chosen: tuple[str, ...] = field(init=False)
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        given = {name for name in CHOICES if getattr(self, name) is not None}
+        self._choose_section()
+        elements, degree, continuity = choice.axis(self.rod, self.elements, self.degree, self.continuity)
+        self._set(elements=elements, degree=degree, continuity=continuity)
+        if self.quadrature is None:
+            self._set(quadrature=str(choice.rule(self.basis, self.axis)))
+        self._set(chosen=tuple(name for name in CHOICES if name not in given and getattr(self, name) is not None))
         # What they refuse is refused now, not when an analysis first asks for them.
         self.basis, self.axis, self.rule  # noqa: B018
+
+    def _set(self, **values: object) -> None:
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+
+    def _choose_section(self) -> None:
+        """Choose section functions, if none are given, or the order of those that are."""
+        if self.section_basis is not None or self.section_degree is not None:
+            return
+        if self.order is None:
+            points = self.section_points is not None
+            self._set(**({"order": choice.ORDER} if points else choice.section(self.rod)))
+
+    @classmethod
+    def paper(
+        cls,
+        rod: Rod,
+        elements: int | None = None,
+        degree: int | None = None,
+        continuity: int | None = None,
+        quadrature: str = "full",
+        order: int = 1,
+        section_points: int | None = None,
+        section_degree: int | None = None,
+        section_basis: SectionBasis | None = None,
+    ) -> "Space":
+        """Return the paper's element: of what is not given, ``order`` 1 and the rod's own control points and axis.
+
+        The axis is as smooth as its degree and the rod allow.  The paper's own rule is ``quadrature="paper"``, which
+        sees less than the whole stiffness.
+        """
+        own = section_degree is None and section_basis is None
+        degree = rod.axis.degree if degree is None else degree
+        return cls(
+            rod,
+            rod.axis.elements if elements is None else elements,
+            degree,
+            degree - 1 if continuity is None and isinstance(degree, Real) else continuity,
+            quadrature,
+            order if own or order != 1 else None,
+            section_points,
+            section_degree,
+            section_basis,
+        )
+
+    def __str__(self) -> str:
+        """Return what it is in words."""
+        kind = f"section degree {self.section_degree}"
+        if self.section_degree is None:
+            kind = f"order {self.order} of {self.points_around} control points"
+        if self.section_basis is not None:
+            kind = type(self.section_basis).__name__
+        smooth = f"C{self.continuity}" if self.elements != 1 else "alone"
+        return f"{kind}; {self.elements} elements of degree {self.degree}, {smooth}; quadrature {self.rule}"
 
     def matches(self, other: "Space") -> bool:
         """Whether the nodes of another space are those of this one."""
         return self is other or (self.nodes == other.nodes and np.allclose(self.positions, other.positions))
 
     def __repr__(self) -> str:
-        kind = f"section degree {self.section_degree}" if self.section_degree is not None else f"order {self.order}"
-        return (
-            f"Space({self.layers} layers of {self.layer_nodes} nodes, {self.axis.elements} elements of degree "
-            f"{self.axis.degree}, {kind}, quadrature {self.rule})\n  on {self.rod!r}"
-        )
+        return f"Space({self.layers} layers of {self.layer_nodes} nodes)\n  {self}\n  on {self.rod!r}"
 
     @cached_property
     def basis(self) -> SectionBasis:
         """The section functions."""
-        refined = self.order != 1 or self.section_points not in (None, self.rod.section_points)
+        refined = self.order not in (None, 1) or self.section_points not in (None, self.rod.section_points)
         if self.section_basis is not None:
             if refined or self.section_degree is not None:
                 raise InputError("section basis: it takes the place of order, section points and section degree")
@@ -111,13 +182,12 @@ class Space(Checked):
                 "section degree: the rod has a hole or layers, which functions of control points do not see; give a "
                 "degree, such as 4"
             )
-        return Polyharmonic(self.points_around, self.order, self.turn)
+        return Polyharmonic(self.points_around, cast(int, self.order), self.turn)
 
     @cached_property
     def axis(self) -> Axis:
         """Axis of the displacement space."""
-        own = self.rod.axis.elements
-        elements = own if self.elements is None else self.elements
+        own, elements = self.rod.axis.elements, cast(int, self.elements)
         if elements < own or elements % own:
             raise InputError(f"elements: got {elements}, need a multiple of the {own} elements of the rod itself")
         return self.rod.axis.refine(elements // own, self.degree, self.continuity)
@@ -129,7 +199,7 @@ class Space(Checked):
             return self.basis.auto(self.axis.degree)
         if self.quadrature == "full":
             return self.basis.full(self.axis.degree)
-        return Rule.parse(self.quadrature, self.axis.degree)
+        return Rule.parse(cast(str, self.quadrature), self.axis.degree)
 
     @cached_property
     def multiple(self) -> int:

@@ -217,7 +217,7 @@ class _Path:
         if model.contacts:
             raise InputError("continuation takes no contacts")
         rigid_motions.refuse_free(model)
-        self.assembler = Assembler(model, comm)
+        self.assembler = Assembler(model.in_displacements(), comm)
         self.x, self.factor = self.assembler.vector(), 0.0
         self.matrix = self.assembler.matrix()
         self.convergence = Convergence(self.assembler)

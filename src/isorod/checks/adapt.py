@@ -1,0 +1,128 @@
+"""The coarsest of the spaces tried whose result is estimated to be within a tolerance.
+
+Each step estimates the error as a whole and along the axis alone (`isorod.checks.estimate`), and refines what makes
+more than its half of the tolerance: a degree more across the section (or an order, then twice the control points), a
+degree more along the axis, then twice the elements.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, Protocol, TypeVar
+
+from isorod.errors import InputError, SolveError
+from isorod.geometry.axis import MAX_DEGREE
+from isorod.geometry.disk import MAX_COUNT
+from isorod.geometry.rod import Rod
+from isorod.model.model import Model
+from isorod.space import choice
+from isorod.space.polynomial import MAX_DEGREE as MAX_SECTION_DEGREE
+from isorod.space.space import Space
+
+# Results are not converged to less than this.
+SMALLEST = 1e-10
+# Refinements tried before giving up, and unknowns beyond which no space is tried.
+MAX_STEPS = 24
+MAX_UNKNOWNS = 400_000
+
+# Polyharmonic order from which points round the section tell more than another order.
+_ORDER = 2
+
+
+class Solution(Protocol):
+    """What is asked of a solution."""
+
+    @property
+    def model(self) -> Model:
+        """What was solved."""
+
+    def estimate(self, section: bool = True) -> float | None:
+        """Return an estimate of its error, or of that along the axis alone."""
+
+
+Found = TypeVar("Found", bound=Solution)
+
+
+@dataclass(frozen=True)
+class Step:
+    """One space that was tried: what was changed since the last one, and the error it left."""
+
+    changed: dict[str, Any]
+    error: float
+
+
+def reach(solve: Callable[[Space], Found], space: Space, tolerance: float) -> tuple[Found, Space, list[Step]]:
+    """Return the first solution whose estimated relative error is within the tolerance, its space, and all steps.
+
+    Parameters
+    ----------
+    solve
+        Builds a model on a space and solves it.
+    space
+        To start with.
+    tolerance
+        Relative error, between 1e-10 and 1.
+
+    Raises
+    ------
+    InputError
+        If the tolerance is out of range, or the solution has no estimate (contact, supports within the rod).
+    SolveError
+        If it is not reached within 24 refinements or 400,000 unknowns.
+    """
+    check(tolerance)
+    changed: dict[str, Any] = {}
+    steps: list[Step] = []
+    while True:
+        solution = solve(space)
+        error = solution.estimate()
+        if error is None:
+            raise InputError("tolerance: this result has no estimate of its error")
+        steps.append(Step(changed, error))
+        if error <= tolerance:
+            return solution, space, steps
+        along = solution.estimate(section=False) or 0.0
+        changed = {}
+        if max(error - along, 0.0) >= 0.5 * tolerance:
+            changed |= _across(space)
+        if along >= 0.5 * tolerance or not changed:
+            changed |= _along(space)
+        if len(steps) > MAX_STEPS or not changed or solution.model.unknowns > MAX_UNKNOWNS:
+            raise SolveError(
+                f"tolerance {tolerance:g} is not reached: the estimate is {error:.2g} after {len(steps) - 1} "
+                "refinements"
+            )
+        space = refined(space, changed)
+
+
+def check(tolerance: float) -> None:
+    """Raise `InputError` for a tolerance out of range."""
+    if not SMALLEST <= tolerance < 1.0:
+        raise InputError(f"tolerance: got {tolerance:g}, need a relative error between 0 and 1, not below {SMALLEST:g}")
+
+
+def section(rod: Rod, tolerance: float) -> dict[str, int]:
+    """Return section functions that miss as much as the tolerance lets them, to start with."""
+    check(tolerance)
+    # A frequency goes with the root of a stiffness.
+    return choice.section(rod, min(1.5 * tolerance, 0.1))
+
+
+def refined(space: Space, changed: dict[str, Any]) -> Space:
+    """Return a space with other numbers, and the rule that goes with them unless one was given that follows."""
+    follows = space.quadrature in ("auto", "full")
+    made = replace(space, quadrature=space.quadrature if follows else "auto", **changed)
+    return made if follows else replace(made, quadrature=str(choice.rule(made.basis, made.axis)))
+
+
+def _across(space: Space) -> dict[str, Any]:
+    if space.section_degree is not None:
+        return {"section_degree": space.section_degree + 1} if space.section_degree < MAX_SECTION_DEGREE else {}
+    if space.order is not None and space.order < _ORDER:
+        return {"order": space.order + 1}
+    return {"section_points": 2 * space.points_around} if 2 * space.points_around <= MAX_COUNT else {}
+
+
+def _along(space: Space) -> dict[str, Any]:
+    if space.axis.degree < MAX_DEGREE:
+        return {"degree": space.axis.degree + 1}
+    return {"elements": 2 * space.axis.elements}

@@ -1,0 +1,180 @@
+"""The same model on a finer space that contains its own: a degree more across the section, and one along the axis."""
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import ceil, pi
+from typing import Any
+
+import numpy as np
+
+from isorod.arrays import Array, Index
+from isorod.geometry.axis import MAX_DEGREE
+from isorod.geometry.disk import MAX_COUNT
+from isorod.geometry.quadrature import Rule, axis_points, section_points
+from isorod.model.body import Body
+from isorod.model.model import Model
+from isorod.model.support import Support
+from isorod.space import choice
+from isorod.space.polynomial import MAX_DEGREE as MAX_SECTION_DEGREE
+from isorod.space.pressure import Pressures
+from isorod.space.space import Space
+
+# What of a section function another basis may miss.
+_EXACT = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Finer:
+    """A model on finer spaces.
+
+    Attributes
+    ----------
+    coarse, model
+        The model as it was, and on the finer spaces.
+    across
+        Of each body, the section functions in those of the finer space, shape ``(finer count, count)``.
+    """
+
+    coarse: Model
+    model: Model
+    across: Sequence[Array]
+
+    @classmethod
+    def of(cls, model: Model, section: bool = True) -> "Finer | None":
+        """Return the model on finer spaces; None where a contact or a support has no meaning there.
+
+        Without ``section`` they are finer along the axis alone.
+        """
+        if model.contacts:
+            return None
+        spaces = [_finer(body.space, section) for body in model.bodies]
+        across = [_across(body.space, fine) for body, fine in zip(model.bodies, spaces, strict=True)]
+        supports = []
+        for one in model.supports:
+            moved = _support(one, model.bodies[one.body].space, spaces[one.body], across[one.body])
+            if moved is None:
+                return None
+            supports.append(moved)
+        loads: list[Any] = [replace(load, space=None) if hasattr(load, "space") else load for load in model.loads]  # type: ignore[type-var]
+        with warnings.catch_warnings():
+            # They were said of the model itself.
+            warnings.simplefilter("ignore")
+            bodies = [_body(body, fine) for body, fine in zip(model.bodies, spaces, strict=True)]
+            return cls(model, Model(bodies, supports, model.spin, loads=loads), across)
+
+    def displacement(self, displacement: Array) -> Array:
+        """Return a vector of all degrees of freedom on the finer spaces."""
+        found = []
+        for b, (body, fine) in enumerate(zip(self.coarse.bodies, self.model.bodies, strict=True)):
+            space = body.space
+            nodal = self.coarse.nodal(displacement, b).reshape(space.layers, space.layer_nodes, 3)
+            whole = np.concatenate([nodal, nodal[: space.rod.closed]])
+            layers = space.axis.transfer(fine.space.axis, whole)[: fine.space.layers]
+            found.append(np.einsum("il,jla->jia", self.across[b], layers).ravel())
+        return np.concatenate(found)
+
+    def pressures(self, coefficients: Sequence[Array | None]) -> list[Array | None]:
+        """Return pressure coefficients on the finer spaces."""
+        found: list[Array | None] = []
+        for b, given in enumerate(coefficients):
+            own, fine = self.coarse.bodies[b].pressures, self.model.bodies[b].pressures
+            if given is None or own is None or fine is None:
+                found.append(None)
+                continue
+            xi = _points(own.space)
+            across = _inclusion(own.section_functions(xi), fine.section_functions(xi))
+            u = axis_points(fine.space.axis, fine.degree + 1)[0].ravel()
+            along = _inclusion(*(_table(one, u) for one in (own, fine)))
+            found.append((along @ given @ across.T)[: fine.layers])
+        return found
+
+
+def _finer(space: Space, section: bool) -> Space:
+    across: dict[str, Any] = {"section_basis": space.section_basis, "section_points": space.section_points}
+    if space.section_degree is not None:
+        across["section_degree"] = min(space.section_degree + section, MAX_SECTION_DEGREE)
+    elif space.order is not None and section:
+        # Beyond biharmonic functions waves round the section are what is missing.
+        across["order"] = max(space.order, 2)
+        if space.order > 1 and 2 * space.points_around <= MAX_COUNT:
+            across["section_points"] = 2 * space.points_around
+    else:
+        across["order"] = space.order
+    more = space.axis.degree < MAX_DEGREE
+    made = Space(
+        space.rod,
+        space.axis.elements * (1 if more else 2),
+        min(space.axis.degree + 1, MAX_DEGREE),
+        space.continuity,
+        "auto",
+        **across,
+    )
+    rule, wanted = space.rule, choice.rule(made.basis, made.axis)
+    points = (max(pair) for pair in zip((rule.radial, rule.angular, rule.axial), vars(wanted).values(), strict=True))
+    return replace(made, quadrature=str(Rule(*points)))
+
+
+def _points(space: Space) -> Array:
+    """Return points of the disk that tell functions of the highest degree apart."""
+    n = 2 * space.points_around
+    return section_points(n, Rule(MAX_SECTION_DEGREE + 2, 2 + ceil(2.0 * pi * MAX_SECTION_DEGREE / n), 1))[0]
+
+
+def _inclusion(own: Array, fine: Array) -> Array:
+    return np.linalg.lstsq(fine, own, rcond=1e-12)[0]
+
+
+def _table(pressures: Pressures, u: Array) -> Array:
+    """Return the functions along the axis at parameters ``(t,)``, which may jump at knots, shape ``(t, layers)``."""
+    first, values = pressures.axial_functions(u)
+    table = np.zeros((u.size, pressures.layers))
+    np.put_along_axis(table, first[:, None] + np.arange(values.shape[1]), values, axis=1)
+    return table
+
+
+def _across(space: Space, fine: Space) -> Array:
+    xi = _points(space)
+    return _inclusion(space.basis.functions(xi)[0], fine.basis.functions(xi)[0])
+
+
+def _body(body: Body, space: Space) -> Body:
+    parts = space.axis.elements // body.space.axis.elements
+
+    def on_elements(given: Any) -> Any:
+        return [one for one in given for _ in range(parts)] if np.ndim(given) == 1 else given
+
+    return Body(space, on_elements(body.material), on_elements(body.density), body.formulation)
+
+
+def _support(support: Support, space: Space, fine: Space, across: Array) -> Support | None:
+    """Return a support on the finer space: of the whole of an end face there, or of the same functions of one."""
+    layer, function = np.divmod(np.asarray(support.nodes, dtype=np.int64), space.layer_nodes)
+    last = space.layers - 1
+    if space.rod.closed or not layer.size or not np.isin(layer, (0, last)).all():
+        return None
+    functions = range(across.shape[0])
+    nodes: list[int] = []
+    rows: list[Array] = []
+    for place in np.unique(layer):
+        here = np.flatnonzero(layer == place)
+        onto = np.zeros((across.shape[0], function.size))
+        onto[:, here] = across[:, function[here]]
+        if np.unique(function[here]).size == space.layer_nodes:
+            wanted: Index = np.arange(across.shape[0])
+        else:
+            # Those that are functions of the finer space too.
+            wanted = np.array([int(np.argmax(np.abs(column))) for column in onto[:, here].T])
+            if np.abs(onto[wanted, here] - 1.0).max() > _EXACT or np.abs(onto).sum(axis=0)[here].max() > 1.0 + _EXACT:
+                return None
+        first = 0 if place == 0 else fine.layers - 1
+        nodes += [first * len(functions) + int(i) for i in wanted]
+        rows += list(onto[wanted])
+    onto = np.array(rows)
+
+    def moved(given: Any) -> Array:
+        return onto @ np.broadcast_to(np.asarray(given, dtype=float), (function.size, 3))
+
+    arms = None if support.arms is None else moved(support.arms)
+    given = moved(support.displacement)
+    return Support(np.array(nodes), support.components, given, support.body, support.turn, arms, support.tied)

@@ -1,0 +1,198 @@
+"""What is chosen where nothing is given: right by default, recorded, and never in the place of what is given."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+from reference import BLADE_FREQUENCIES, SPRING_FORCE
+
+from isorod import dynamics, modal, statics
+from isorod.command import cli
+from isorod.errors import InputError
+from isorod.geometry import section
+from isorod.geometry.center_line import helix, straight
+from isorod.material import LinearElastic, NeoHookean
+from isorod.model import Body, Contact, Model, Plane, SectionLoad, Support
+from isorod.scenes.blade import Blade
+from isorod.scenes.flower import Flower
+from isorod.scenes.ring import Ring
+from isorod.scenes.spring import Spring
+from isorod.space import Space
+
+WITHIN = 5e-3
+
+
+def test_spring_and_blade_without_options_are_right():
+    """A tenth of what is asked for, and a quarter: there is room for rods that are less kind."""
+    force = statics.solve(Spring().model()).reactions[1, 2]
+    assert force == pytest.approx(SPRING_FORCE, rel=0.1 * WITHIN)
+    frequencies = modal.solve(Blade().model()).frequencies
+    assert frequencies == pytest.approx(np.array(BLADE_FREQUENCIES), rel=0.4 * WITHIN)
+
+
+@pytest.mark.parametrize("nu", [0.4, 0.49, 0.4999, 0.5])
+def test_a_spring_near_incompressibility_is_right(nu):
+    fine = Spring(coils=1, nu=nu, section_degree=4, degree=6, elements_per_turn=8, formulation="mixed")
+    expected = statics.solve(fine.model()).reactions[1, 2]
+    model = Spring(coils=1, nu=nu).model()
+    assert model.bodies[0].formulation == ("mixed" if nu >= 0.49 else "displacement")
+    assert statics.solve(model).reactions[1, 2] == pytest.approx(expected, rel=0.2 * WITHIN)
+
+
+def test_a_blade_near_incompressibility_is_right():
+    expected = modal.solve(Blade(nu=0.49, section_degree=5, degree=6, continuity=2, elements=8).model()).frequencies
+    assert modal.solve(Blade(nu=0.49).model()).frequencies == pytest.approx(expected, rel=WITHIN)
+
+
+def cantilever(space, length, law):
+    load = SectionLoad.end(space, "end", (1e-4 / length**2, 0.0, 0.0))
+    model = Model([Body(space, law)], [Support.end(space, "start")], loads=[load])
+    found = statics.solve(model)
+    return float(load.nodal(space).ravel() @ found.displacement)
+
+
+@pytest.mark.parametrize("length", [2.0, 20.0, 1000.0])
+@pytest.mark.parametrize("outline", [section.circle(4), section.ellipse(8, 1.0, 0.05), section.airfoil()], ids=len)
+def test_a_bare_space_bends_as_a_fine_one(length, outline):
+    rod, law = straight(length).sweep(outline), NeoHookean(1.0, 0.3)
+    fine = Space(rod, section_degree=7, degree=6, elements=8, continuity=0, quadrature="9x4x6")
+    assert cantilever(Space(rod), length, law) == pytest.approx(cantilever(fine, length, law), rel=WITHIN)
+
+
+@pytest.mark.parametrize("free", [True, False])
+def test_modes_of_a_bare_space(free):
+    rod = straight(12.0).sweep(section.ellipse(8, 1.0, 0.4))
+
+    def frequencies(space):
+        supports = [] if free else [Support.end(space, "start")]
+        found = modal.solve(Model([Body(space, LinearElastic(1.0, 0.3), 1.0)], supports))
+        return found.frequencies[found.rigid :]
+
+    fine = Space(rod, section_degree=6, degree=6, elements=8, continuity=0, quadrature="auto")
+    assert frequencies(Space(rod)) == pytest.approx(frequencies(fine), rel=WITHIN)
+
+
+def test_stiffness_may_jump_where_the_rod_has_a_knot():
+    """Bars in series, a law for each of the rod's own elements; nu = 0, so that exact values are known."""
+    space = Space(straight(breaks=[0.0, 4.0, 10.0], degree=3).sweep(section.circle(8)))
+    assert space.axis.elements > 2
+    body = Body(space, [LinearElastic(1000.0, 0.0), LinearElastic(1.0, 0.0)])
+    ends = Support.end(space, "start"), Support.end(space, "end", displacement=(0.0, 0.0, 1e-3))
+    exact = np.pi * 1e-3 / (4.0 / 1000.0 + 6.0)
+    assert statics.solve(Model([body], ends)).reactions[1, 2] == pytest.approx(exact, rel=1e-8)
+
+
+def test_elements_follow_what_a_rod_turns():
+    def elements(rod):
+        return Space(rod).axis.elements / rod.axis.elements
+
+    assert elements(helix(6.0, 2.0, 2).sweep(section.circle(4))) == 1
+    assert elements(helix(6.0, 2.0, 2, 3).sweep(section.circle(4))) == 2
+    assert elements(Ring().rod()) == 2
+    assert elements(Blade(twist=0.0).rod()) == elements(Blade(twist=90.0).rod()) == 4
+    coarse = Space(straight(10.0).sweep(section.circle(4)), degree=2)
+    assert (coarse.elements, coarse.degree, coarse.continuity) == (32, 2, 0)
+
+
+def test_section_functions_follow_the_section():
+    def functions(outline):
+        space = Space(straight(10.0).sweep(outline))
+        return space.section_degree or (space.order, space.section_points)
+
+    square = section.from_points([[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1]], 8)
+    assert functions(section.circle(4)) == functions(section.ellipse(6, 1.0, 0.01)) == 3
+    assert functions(square) == 6
+    assert functions(section.airfoil()) == 4
+    assert functions(section.flower()) == (2, 32)
+    assert Space(straight(1.0).sweep(section.circle(4))).section_degree == 5
+
+
+def test_sections_that_are_no_images_of_each_other_have_functions_of_control_points():
+    rod = straight(10.0).sweep(section.circle(4))
+    points = rod.control_points.copy()
+    points[1, 0] *= 1.2
+    space = Space(dataclasses.replace(rod, control_points=points))
+    assert (space.order, space.section_points, space.section_degree) == (2, 24, None)
+
+
+def test_what_is_given_wins_and_the_rest_is_named():
+    rod = Blade().rod()
+    bare = Space(rod)
+    assert bare.chosen == ("section_degree", "elements", "degree", "continuity", "quadrature")
+    given = Space(rod, order=2, degree=3, elements=6, continuity=1, quadrature="full")
+    assert (given.order, given.degree, given.elements, given.continuity) == (2, 3, 6, 1)
+    assert (given.section_degree, given.quadrature, given.chosen) == (None, "full", ())
+    assert Space(rod, elements=6, degree=3).continuity == 2
+    assert Space(rod, section_points=32).order == 2
+    assert "section degree 4; 4 elements of degree 5, C0; quadrature 4x2x5" in repr(bare)
+
+
+def test_the_papers_element_is_that_of_the_rods_own_functions():
+    space = Space.paper(Ring(section_points=5).rod())
+    assert (space.order, space.points_around, space.elements, space.degree) == (1, 5, 4, 2)
+    assert Space.paper(Blade().rod(), degree=4, elements=3).continuity == 3
+
+
+def test_the_mixed_formulation_is_left_where_nothing_knows_it():
+    space = Space(straight(4.0).sweep(section.circle(8)), order=2)
+    body = Body(space, NeoHookean(1.0, 0.499), 1.0)
+    clamped = Model([body], [Support.end(space, "start")])
+    assert body.formulation == "mixed"
+    assert modal.solve(clamped, 2).model.bodies[0].formulation == "displacement"
+    below = Plane((0.0, -1.5, 0.0), (0.0, 1.0, 0.0))
+    assert Model([body], contacts=[Contact(0, below, 1.0)]).bodies[0].formulation == "displacement"
+    with pytest.raises(InputError, match="formulation 'mixed' is for statics alone"):
+        modal.solve(Model([Body(space, NeoHookean(1.0, 0.499), 1.0, "mixed")]), 2)
+
+
+@pytest.mark.parametrize("integrator", ["explicit", "implicit"])
+def test_a_free_rod_moves_with_all_its_mass(integrator):
+    """As many points as the degree see no mass in one motion along a rod that nothing holds."""
+    space = Space(straight(4.0).sweep(section.circle(8)))
+    model = Model([Body(space, NeoHookean(1.0, 0.3), 2.0)])
+    velocity = np.kron(space.is_carrier, [0.1, 0.0, 0.2])
+    step = 0.05 if integrator == "implicit" else None
+    found = dynamics.solve(model, 0.1, step, outputs=1, velocity=velocity, integrator=integrator)
+    assert found.displacement[-1] == pytest.approx(0.1 * velocity, abs=1e-8)
+
+
+def test_contact_without_control_points_is_refused():
+    space = Space(straight(4.0).sweep(section.circle(8)))
+    body = Body(space, NeoHookean(1.0, 0.3))
+    with pytest.raises(InputError, match="contact"):
+        Model([body], contacts=[Contact(0, Plane((0.0, -1.5, 0.0), (0.0, 1.0, 0.0)), 1.0)])
+
+
+def test_a_preset_fills_what_is_not_given():
+    assert Spring(preset="paper") == Spring(
+        order=1, degree=3, continuity=2, elements_per_turn=8, formulation="displacement", quadrature="auto",
+        preset="paper",
+    )  # fmt: skip
+    assert Blade(preset="paper", degree=4).continuity == 3
+    assert Blade(preset="paper", section_degree=3).order is None
+    with pytest.raises(InputError, match="preset: got 'book', need 'paper'"):
+        Spring(preset="book")
+
+
+def test_a_record_says_what_was_chosen(capsys):
+    assert cli.main(["run", "blade", "--modes", "3", "--degree", "4", "--json"]) == 0
+    (found,) = json.loads(capsys.readouterr().out)["discretisation"]
+    assert (found["degree"], found["section_degree"], found["formulation"]) == (4, 4, "displacement")
+    assert found["chosen"] == ["section_degree", "elements", "continuity", "quadrature"]
+    assert cli.main(["run", "flower", "--json"]) == 0
+    assert cli.main(["run", "blade", "--modes", "3"]) == 0
+    text = " ".join(capsys.readouterr().out.split())
+    assert "element section degree 4; 4 elements of degree 5, C0; quadrature 4x2x5 (chosen: section degree," in text
+
+
+def test_functions_of_control_points_carry_a_flower():
+    """Against an order and a degree more: petals are where polynomials err by 4 % in torsion."""
+    rod = dataclasses.replace(Flower(length=8.0), depth=0.3).rod()
+
+    def twisted(space):
+        ends = Support.end(space, "start"), Support.end(space, "end", turn=(0.0, 0.0, 1e-3))
+        return statics.solve(Model([Body(space, LinearElastic(1.0, 0.3))], ends)).moments[1, 2]
+
+    fine = Space(rod, order=3, section_points=48, degree=5, elements=4, continuity=0, quadrature="auto")
+    assert twisted(Space(rod)) == pytest.approx(twisted(fine), rel=WITHIN)

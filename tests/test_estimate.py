@@ -1,0 +1,131 @@
+"""The estimate that is printed with a result: near the true error, absent where there is none, said when large."""
+
+import json
+
+import numpy as np
+import pytest
+from reference import BLADE_FREQUENCIES, SPRING_FORCE
+
+from isorod import modal, statics
+from isorod.checks import adapt
+from isorod.checks.finer import Finer
+from isorod.command import cli, refine
+from isorod.errors import InputError
+from isorod.geometry import section
+from isorod.geometry.center_line import straight
+from isorod.material import LinearElastic, NeoHookean
+from isorod.model import Body, Contact, Model, Plane, SectionLoad, Support
+from isorod.scenes.blade import Blade
+from isorod.scenes.spring import Spring
+from isorod.space import Space
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"preset": "paper"}, {"section_degree": 1}, {"section_degree": 2}, {"degree": 2, "elements_per_turn": 8}],
+)
+def test_error_of_the_spring(changes):
+    solution = statics.solve(Spring(**changes).model())
+    error = abs(solution.reactions[1, 2] / SPRING_FORCE - 1.0)
+    assert 0.5 * error < solution.estimate() < 2.0 * error
+
+
+@pytest.mark.parametrize("changes", [{}, {"preset": "paper"}, {"section_degree": 2}, {"section_degree": 3}])
+def test_error_of_the_blade(changes):
+    solution = modal.solve(Blade(**changes).model())
+    error = np.abs(solution.frequencies / np.array(BLADE_FREQUENCIES) - 1.0).max()
+    assert 0.5 * error < solution.estimate() < 2.0 * error
+
+
+def test_error_of_the_mixed_formulation():
+    def force(**changes):
+        solution = statics.solve(Spring(coils=1, nu=0.4999, **changes).model())
+        return solution.reactions[1, 2], solution
+
+    exact, _ = force(section_degree=4, degree=6)
+    found, solution = force(section_degree=2, degree=3)
+    error = abs(found / exact - 1.0)
+    assert error > 1e-4
+    assert error / 3.0 < solution.estimate() < 3.0 * error
+
+
+def free_bar(space):
+    return modal.solve(Model([Body(space, LinearElastic(1.0, 0.3), 1.0)]), 4)
+
+
+def test_error_of_a_free_body_and_of_the_axis_alone():
+    rod = straight(10.0).sweep(section.circle(8))
+    exact = free_bar(Space(rod, section_degree=5, degree=6, elements=8, continuity=0)).frequencies[6:]
+    solution = free_bar(Space(rod, section_degree=4, degree=3, elements=3, continuity=0))
+    error = np.abs(solution.frequencies[6:] / exact - 1.0).max()
+    assert error / 3.0 < solution.estimate() < 3.0 * error
+    assert solution.estimate(section=False) == pytest.approx(solution.estimate(), rel=0.1)
+    across = free_bar(Space(rod, section_degree=1, elements=4, degree=5))
+    assert across.estimate() > 100.0 * across.estimate(section=False)
+
+
+def bar(space, *more, **keywords):
+    return Model([Body(space, NeoHookean(1.0, 0.3))], [Support.end(space, "start"), *more], **keywords)
+
+
+def test_a_finer_space_holds_the_same_displacements():
+    space = Space(straight(3.0).sweep(section.ellipse(8, 1.0, 0.5)), section_degree=3, elements=2, degree=3)
+    model = bar(space)
+    finer = Finer.of(model)
+    moved = np.random.default_rng(1).normal(size=model.dofs)
+    xi, u = [[0.0, 0.0], [0.3, -0.5], [0.0, 1.0]], [0.1, 0.5, 0.9]
+    expected = space.displacement(moved, xi, u)[0]
+    there = finer.model.bodies[0].space
+    assert (there.section_degree, there.axis.degree) == (4, 4)
+    assert there.displacement(finer.displacement(moved), xi, u)[0] == pytest.approx(expected, abs=1e-10)
+
+
+def test_there_is_none_where_supports_are_within_the_rod_or_something_touches():
+    space = Space.paper(straight(4.0).sweep(section.circle(8)), elements=4, order=2)
+    load = SectionLoad.end(space, "end", (0.0, 1e-3, 0.0))
+    inside = Support(2 * space.layer_nodes + np.arange(3), "z")
+    assert statics.solve(bar(space, inside, loads=[load])).estimate() is None
+    touching = bar(space, contacts=[Contact(0, Plane((0.0, -3.0, 0.0), (0.0, 1.0, 0.0)), 1.0)], loads=[load])
+    assert statics.solve(touching).estimate() is None
+    assert statics.solve(bar(space, loads=[load])).estimate() > 0.0
+
+
+def test_a_large_error_is_warned_of_and_a_small_one_said(capsys):
+    assert cli.main("run blade --preset paper --json".split()) == 0
+    out, err = capsys.readouterr()
+    assert err.startswith("isorod: warning: the error is about ")
+    assert json.loads(out)["error_estimate"] > 0.01
+    assert cli.main("run spring --coils 1".split()) == 0
+    out, err = capsys.readouterr()
+    assert err == ""
+    assert "relative, as estimated by a step on a finer" in " ".join(out.split())
+    assert cli.main("run spring --coils 1 --no-estimate --json".split()) == 0
+    assert "error_estimate" not in capsys.readouterr().out
+
+
+def test_a_tolerance_chooses_all_directions():
+    reached = refine.estimate(Blade(), {}, 5e-3)
+    assert reached.solution.frequencies == pytest.approx(np.array(BLADE_FREQUENCIES), rel=5e-3)
+    assert (reached.scene.section_degree, reached.scene.degree, reached.history) == (3, 5, [])
+    finer = refine.estimate(Blade(), {}, 2e-4)
+    assert finer.error <= 2e-4
+    assert finer.solution.frequencies == pytest.approx(np.array(BLADE_FREQUENCIES), rel=4e-4)
+
+
+def test_a_tolerance_for_any_model():
+    """What is built on a space, with what is wanted of it left to the caller."""
+    rod = straight(10.0).sweep(section.circle(8))
+
+    def solve(space):
+        load = SectionLoad.end(space, "end", (0.0, 1e-4, 0.0))
+        return statics.solve(bar(space, loads=[load]))
+
+    coarse = Space(rod, section_degree=1, elements=1, degree=2, quadrature="auto")
+    solution, space, steps = adapt.reach(solve, coarse, 1e-3)
+    assert steps[0].error > 0.1 > 1e-3 >= steps[-1].error
+    assert space.section_degree > 1 and space.axis.degree > 2
+    work = float(solution.model.external @ solution.displacement)
+    fine = solve(Space(rod, section_degree=5, elements=8))
+    assert work == pytest.approx(float(fine.model.external @ fine.displacement), rel=3e-3)
+    with pytest.raises(InputError, match="tolerance: got 2, need a relative error between 0 and 1"):
+        adapt.reach(solve, coarse, 2.0)
