@@ -18,7 +18,9 @@ MINUTES = re.compile(r"\bmin(utes)?\b")
 
 def blocks(page, language):
     """Return the code blocks of a page in a language, "" for commands."""
-    return re.findall(rf"^```{language}\n(.*?)^```$", page.read_text(), re.MULTILINE | re.DOTALL)
+    # All of them: what ends one begins no other.
+    found = re.findall(r"^```(\w*)\n(.*?)^```$", page.read_text(), re.MULTILINE | re.DOTALL)
+    return [block for kind, block in found if kind == language]
 
 
 def scripts(page):
