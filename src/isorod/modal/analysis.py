@@ -47,7 +47,7 @@ class Mode(Deformation):
     def __repr__(self) -> str:
         return f"Mode {self.number} of {self.model!r}\n  frequency {self.frequency:.6g}"
 
-    def position(self, body: Named, u: ArrayLike, xi: ArrayLike = (0.0, 0.0), scale: float = 1.0) -> Array:
+    def position(self, body: Named, u: ArrayLike, xi: ArrayLike | None = None, scale: float = 1.0) -> Array:
         """Return where points of a body are, shape ``(..., 3)``, moved from its state by ``scale`` times the shape."""
         found = super().position(body, u, xi, scale)
         return found if self.state is None else found + Deformation(self.model, self.state).at(body, u, xi)

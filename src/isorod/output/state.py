@@ -2,9 +2,11 @@
 
 A body is named by its number in the model, or by its `Rod`, its `Space` or the `Body` itself.  Its points are pairs of
 axis parameters ``u`` and disk points ``xi``: ``u`` is a number, ``"start"`` or ``"end"``, or an array of any shape;
-``xi`` has the shape ``(2,)`` or ``(..., 2)`` and is the centre ``(0, 0)`` where not given.  The answer is on the grid
-of both: its shape is that of ``u``, then that of ``xi`` without its last axis, then that of one value.  At a knot the
-element above it is meant.  Every rank has the whole answer, and none waits for another.
+``xi`` has the shape ``(2,)`` or ``(..., 2)`` and is the centre ``(0, 0)`` where not given; the centre of a hollow rod
+is where its inner surface is in the mean, and has a displacement but no stress.  The answer is on the grid of both: its
+shape is that of ``u``, then that of ``xi`` without its last axis, then that of one value.  At a knot the element above
+it is meant, at a radius where two rings meet the outer one.  Every rank has the whole answer, and none waits for
+another.
 """
 
 from dataclasses import dataclass, field
@@ -34,13 +36,17 @@ KINDS = ("cauchy", "pk1", "von Mises")
 
 
 class _Points(NamedTuple):
-    """A grid of points of a body: parameters ``(t,)`` and ``(q, 2)``, and the shape in which they were given."""
+    """A grid of points of a body: parameters ``(t,)`` and ``(q, 2)``, and the shape in which they were given.
+
+    Where ``mean``, all ``xi`` together stand for one point, the centre of a hole.
+    """
 
     number: int
     body: Body
     u: Array
     xi: Array
     shape: tuple[int, ...]
+    mean: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +68,7 @@ class Deformation:
         """Return a body's displacement, shape ``(nodes, 3)``."""
         return {"displacement": self.model.nodal(self.displacement, body)}
 
-    def at(self, body: Named, u: ArrayLike, xi: ArrayLike = (0.0, 0.0)) -> Array:
+    def at(self, body: Named, u: ArrayLike, xi: ArrayLike | None = None) -> Array:
         """Return the displacement at points of a body, shape ``(..., 3)`` (for all shapes, see `isorod.output.state`).
 
         Raises
@@ -73,17 +79,17 @@ class Deformation:
         points = self._points(body, u, xi)
         nodal = self.fields(points.number)["displacement"]
         moved, _ = points.body.space.displacement(nodal, points.xi, points.u)
-        return moved.reshape(*points.shape, 3)
+        return _on_grid(moved, points)
 
-    def position(self, body: Named, u: ArrayLike, xi: ArrayLike = (0.0, 0.0), scale: float = 1.0) -> Array:
+    def position(self, body: Named, u: ArrayLike, xi: ArrayLike | None = None, scale: float = 1.0) -> Array:
         """Return where points of a body are, shape ``(..., 3)``, moved by ``scale`` times their displacement."""
         points = self._points(body, u, xi)
         _check_scale(scale)
         rest, _ = points.body.space.rod.grid(points.xi, points.u)
-        return rest.reshape(*points.shape, 3) + scale * self.at(body, u, xi)
+        return _on_grid(rest, points) + scale * self.at(body, u, xi)
 
     def centre_line(self, body: Named, count: int = 101, scale: float = 1.0) -> Array:
-        """Return the deformed centre line, the image of the disk's centre, at evenly spaced axis parameters.
+        """Return the deformed centre line, of a hollow rod that of its hole, at evenly spaced axis parameters.
 
         Parameters
         ----------
@@ -171,13 +177,20 @@ class Deformation:
             raise InputError(f"body: got {shown}, need a number from 0 to {len(bodies) - 1}, or a Rod of the model")
         return int(named)
 
-    def _points(self, named: Named, u: ArrayLike, xi: ArrayLike = (0.0, 0.0)) -> _Points:
+    def _points(self, named: Named, u: ArrayLike, xi: ArrayLike | None) -> _Points:
         """Return points of a body by their parameters."""
         number = self._number(named)
         body = self.model.bodies[number]
-        along, across = _parameters(body.space, u), _numbers(xi)
+        hole = body.space.rod.rings[0]
+        if xi is None and hole > 0.0:
+            along, angle = _parameters(body.space, u), np.linspace(0.0, 2.0 * np.pi, 65)[:-1]
+            round_it = hole * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+            return _Points(number, body, along.ravel(), round_it, along.shape, mean=True)
+        along, across = _parameters(body.space, u), _numbers((0.0, 0.0) if xi is None else xi)
         if across is None or across.ndim == 0 or across.shape[-1] != 2 or not across.size:
             raise InputError("disk points xi: need two numbers, or an array of shape (..., 2)")
+        if (np.linalg.norm(across, axis=-1) < hole * (1.0 - 1e-12)).any():
+            raise InputError(f"disk points xi: the rod is hollow, need points from {hole:g} to 1 away from the centre")
         shape = (*along.shape, *across.shape[:-1])
         return _Points(number, body, along.ravel(), across.reshape(-1, 2), shape)
 
@@ -255,6 +268,11 @@ class State(Deformation):
         mesh.point_data["colour"] = mesh.point_data["von_mises"]
         mesh.point_data["motion"] = mesh.point_data["displacement"]
         return mesh
+
+
+def _on_grid(values: Array, points: _Points) -> Array:
+    """Return vectors ``(t, q, 3)`` in the shape in which the points were given."""
+    return (values.mean(axis=1) if points.mean else values).reshape(*points.shape, 3)
 
 
 def _numbers(given: ArrayLike) -> Array | None:
