@@ -21,12 +21,12 @@ if TYPE_CHECKING:
     from isorod.errors import InputError as InputError
     from isorod.errors import SolveError as SolveError
     from isorod.geometry.axis import Axis as Axis
-    from isorod.geometry.center_line import CenterLine as CenterLine
     from isorod.geometry.center_line import arc as arc
     from isorod.geometry.center_line import helix as helix
     from isorod.geometry.center_line import nurbs as nurbs
     from isorod.geometry.center_line import polyline as polyline
     from isorod.geometry.center_line import straight as straight
+    from isorod.geometry.line import CenterLine as CenterLine
     from isorod.geometry.rod import Rod as Rod
     from isorod.geometry.section import airfoil as airfoil
     from isorod.geometry.section import circle as circle
@@ -62,7 +62,7 @@ _OFFERED = {
     "Axis": "isorod.geometry.axis",
     "Body": "isorod.model",
     "BodyForce": "isorod.model",
-    "CenterLine": "isorod.geometry.center_line",
+    "CenterLine": "isorod.geometry.line",
     "Contact": "isorod.model",
     "Cylinder": "isorod.model",
     "Equilibrium": "isorod.statics",
