@@ -177,8 +177,8 @@ ENDS = "[support.low]\nend = 'start'\n[support.high]\nend = 'end'\n"
             "12: support.band.patch: patch: .*no control points on the surface",
         ),
         (
-            f"analysis = 'statics'\n{ROD.replace('0.3', '0.5')}{ENDS}",
-            "2: rod.bar: material of element 0: incompressible",
+            f"analysis = 'statics'\n{ROD.replace('0.3', '0.5')}formulation = 'displacement'\n{ENDS}",
+            "6: rod.bar.formulation: material of element 0: incompressible",
         ),
         ("analysis = 'geometry'\n[rod.bar]\ncurve = {straight = 1" + "0" * 400 + "}\n", "3: rod.bar.curve.straight: "),
         (

@@ -66,7 +66,7 @@ def test_a_patch_holds_no_more_nodes_than_act_there(space):
 def test_lengths_are_those_of_the_centre_line():
     """A quarter of a torus is a quarter of its length."""
     rod = center_line.helix(6.0, 0.0, 1, 4).sweep(section.circle(8, 1.0), closed=True)
-    space = Space(rod, elements=16, quadrature="auto")
+    space = Space.paper(rod, elements=16, quadrature="auto")
     length = 12.0 * np.pi
     quarter = Support.patch(space, (0.0, 360.0), (0.25 * length, 0.5 * length)).nodes
     assert set(quarter // space.layer_nodes) == set(space.element_layers[4:8].ravel())

@@ -52,6 +52,13 @@ class RodPlan:
         self.laws = self._laws(table)
         self.space = call(place / "space", schema.SPACE, (place / "space").table(table.get("space", {})))
 
+    def take_surface_points(self) -> None:
+        """Let the section functions be those of control points, if nothing is told of them."""
+        from isorod.space.choice import ORDER
+
+        if not {"order", "section_points", "section_degree"} & set(self.space.arguments):
+            self.space.arguments["order"] = ORDER
+
     def _section(self, table: Mapping[str, Any], scaled: bool) -> Call:
         """Return the section: of a curve with radii the unit circle where it is not given."""
         if "section" in table or scaled:

@@ -99,6 +99,7 @@ class FileScene:
         self.plans = {name: RodPlan(place, table) for name, place, table in self._named("rod", RodPlan.KEYS)}
         if not self.plans:
             raise top.error("no rod is in it: [rod.NAME]")
+        self._give_surfaces()
         self._supports = self._choices("support", schema.SUPPORTS)
         self._loads = self._choices("load", schema.LOADS)
         self._obstacles = self._choices("obstacle", schema.OBSTACLES)
@@ -121,6 +122,15 @@ class FileScene:
             spaces = [table.get("space", {}) for table in rods]
             said = [space.get(name) for space in spaces if isinstance(space, dict)]
             setattr(self, name, said[0] if said and all(one == said[0] for one in said) else None)
+
+    def _give_surfaces(self) -> None:
+        """Take control points on the surface where contacts and patches need them, if nothing else is told."""
+        touching = [table.get(key) for _, _, table in self._named("contact") for key in ("first", "second")]
+        only = next(iter(self.plans))
+        held = [table.get("rod", only) for _, _, table in self._named("support") if "patch" in table]
+        for name, plan in self.plans.items():
+            if name in touching or name in held:
+                plan.take_surface_points()
 
     def _analysis(self) -> str:
         """Return the word of the analysis; what it is told is read when it is there (`settings`)."""

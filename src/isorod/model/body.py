@@ -162,7 +162,7 @@ class Body(Checked):
         several = Sequence, np.ndarray
         if own == elements or not isinstance(given, several) or len(given) != own:
             return given
-        if self._rings > 1 and not all(isinstance(row, several) for row in given):
+        if all(isinstance(row, several) for row in given) != (self._rings > 1):
             return given
         return [one for one in given for _ in range(elements // own)]
 
