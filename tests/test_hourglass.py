@@ -9,6 +9,7 @@ from petsc4py import PETSc
 
 from isorod.assembly.assembler import Assembler
 from isorod.checks import hourglass
+from isorod.errors import SolveError
 from isorod.geometry.axis import Axis
 from isorod.geometry.quadrature import Rule
 from isorod.geometry.rod import Rod
@@ -98,6 +99,24 @@ def test_curvatures_are_those_of_the_tangent_with_that_rule(law):
     for motion, curvature in zip(motions, found, strict=True):
         x = good.state(motion)
         assert curvature == pytest.approx(x.dot(tangent * x), rel=1e-12)
+
+
+def test_energies_are_held_against_those_of_the_better_rule(monkeypatch):
+    """Refused from just below to just above what an assembler by that rule says."""
+    rod, random = straight(n=8, breaks=(0.0, 1.0, 2.0)), np.random.default_rng(3)
+    poor, good = (
+        Assembler(Model([Body(Space(rod, degree=2, quadrature=rule), NeoHookean(3.0, 0.3))]))
+        for rule in ("2x1x2", "3x2x4")
+    )
+    displacement = 0.05 * random.standard_normal(poor.model.dofs)
+    energy, seen = (one.energy(one.state(displacement), 1.0) for one in (poor, good))
+    assert abs(seen / energy - 1.0) > 0.01
+    rules = {0: Rule(3, 2, 4)}
+    monkeypatch.setattr(hourglass, "FACTOR", (1.0 + 1e-9) * seen / energy)
+    hourglass.check_energy(poor, rules, displacement, energy)
+    monkeypatch.setattr(hourglass, "FACTOR", (1.0 - 1e-9) * seen / energy)
+    with pytest.raises(SolveError, match=r"quadrature 2x1x2: 3x2x4 sees .* times the stored energy"):
+        hourglass.check_energy(poor, rules, displacement, energy)
 
 
 @pytest.mark.parametrize("dense", [True, False])
