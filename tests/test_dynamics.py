@@ -220,6 +220,7 @@ def test_a_bar_bounces_off_a_plane(cylinder):
     assert momentum[-1, 0] < -0.3 * momentum[0, 0]
 
 
+@pytest.mark.slow
 def test_head_on_impact(cylinder):
     """A bar hits a plane with its end face, nu = 0, as it would hit its mirror image.
 

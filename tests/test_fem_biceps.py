@@ -377,6 +377,7 @@ def test_presets_are_arguments_that_parse():
         Configuration(**given, scene=scene)
 
 
+@pytest.mark.slow
 def test_command_line():
     options = "--analysis dynamics --degree 1 --size 1.2 --end-time 4e-4 --outputs 2".split()
     done = subprocess.run([*FEM, "biceps", *options], capture_output=True, text=True, check=True)

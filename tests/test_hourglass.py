@@ -1,18 +1,22 @@
-"""Which quadrature rules are held against the one that would be chosen, and with which."""
+"""Which quadrature rules are held against the one that would be chosen, with which, and what the checks count by."""
 
 from dataclasses import astuple, replace
 
 import numpy as np
 import pytest
 from conftest import straight
+from petsc4py import PETSc
 
+from isorod.assembly.assembler import Assembler
 from isorod.checks import hourglass
+from isorod.errors import SolveError
 from isorod.geometry.axis import Axis
 from isorod.geometry.quadrature import Rule
 from isorod.geometry.rod import Rod
 from isorod.geometry.section import circle
-from isorod.material import NeoHookean
+from isorod.material import LinearElastic, NeoHookean
 from isorod.model import Body, Model
+from isorod.petsc import inertia
 from isorod.space import Space
 
 SPACES = {
@@ -80,6 +84,57 @@ def test_the_rule_it_is_held_against_has_the_more_points_in_each_direction(given
     good = chosen(degree=2)
     (better,) = hourglass.better_rules(with_rule(given, degree=2)).values()
     assert astuple(better) == tuple(max(a, b) for a, b in zip(astuple(good), astuple(given), strict=True))
+
+
+@pytest.mark.parametrize("law", [LinearElastic(3.0, 0.3), NeoHookean(3.0, 0.3)])
+def test_curvatures_are_those_of_the_tangent_with_that_rule(law):
+    """About a state, along motions that hold no end, seen by a rule that is not the space's own."""
+    rod, random = straight(n=8, breaks=(0.0, 1.0, 2.0)), np.random.default_rng(1)
+    poor, good = (Assembler(Model([Body(Space(rod, degree=2, quadrature=rule), law)])) for rule in ("2x1x2", "3x2x4"))
+    state, *motions = 0.05 * random.standard_normal((4, poor.model.dofs))
+    ((_, better),) = poor.by_other_rules({0: Rule(3, 2, 4)})
+    found = better.curvatures(poor.local(state), 1.0, [poor.local(motion) for motion in motions])
+    tangent = good.matrix()
+    good.tangent(good.state(state), 1.0, tangent)
+    for motion, curvature in zip(motions, found, strict=True):
+        x = good.state(motion)
+        assert curvature == pytest.approx(x.dot(tangent * x), rel=1e-12)
+
+
+def test_energies_are_held_against_those_of_the_better_rule(monkeypatch):
+    """Refused from just below to just above what an assembler by that rule says."""
+    rod, random = straight(n=8, breaks=(0.0, 1.0, 2.0)), np.random.default_rng(3)
+    poor, good = (
+        Assembler(Model([Body(Space(rod, degree=2, quadrature=rule), NeoHookean(3.0, 0.3))]))
+        for rule in ("2x1x2", "3x2x4")
+    )
+    displacement = 0.05 * random.standard_normal(poor.model.dofs)
+    energy, seen = (one.energy(one.state(displacement), 1.0) for one in (poor, good))
+    assert abs(seen / energy - 1.0) > 0.01
+    rules = {0: Rule(3, 2, 4)}
+    monkeypatch.setattr(hourglass, "FACTOR", (1.0 + 1e-9) * seen / energy)
+    hourglass.check_energy(poor, rules, displacement, energy)
+    monkeypatch.setattr(hourglass, "FACTOR", (1.0 - 1e-9) * seen / energy)
+    with pytest.raises(SolveError, match=r"quadrature 2x1x2: 3x2x4 sees .* times the stored energy"):
+        hourglass.check_energy(poor, rules, displacement, energy)
+
+
+@pytest.mark.parametrize("dense", [True, False])
+def test_negative_eigenvalues_are_counted_where_pivots_are_blocks(dense, monkeypatch):
+    """A zero diagonal leaves pivots of two rows, each with an eigenvalue of either sign."""
+    random = np.random.default_rng(2)
+    full = random.standard_normal((30, 30))
+    full += full.T
+    np.fill_diagonal(full, np.where(np.arange(30) < 20, 0.0, -40.0))
+    matrix = PETSc.Mat().createAIJ((30, 30), nnz=30)
+    matrix.setValues(range(30), range(30), full)
+    matrix.assemble()
+    matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+    if not dense:
+        monkeypatch.setattr(inertia, "_DENSE", 0)
+    negative = int(np.count_nonzero(np.linalg.eigvalsh(full) < 0.0))
+    assert 10 < negative < 30
+    assert inertia.negative_eigenvalues(matrix) == negative
 
 
 def test_a_failure_names_the_rule_where_it_may_be_the_cause():
