@@ -39,7 +39,9 @@ def command(arguments: Sequence[str]) -> int:
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=Parser)
     run = commands.add_parser("run", help="run a scene, or a file that describes one", add_help=False)
     run.add_argument("rest", nargs=argparse.REMAINDER)
-    compare = commands.add_parser("compare", help="solve a scene by finite elements too, and tell errors and times", add_help=False)
+    compare = commands.add_parser(
+        "compare", help="solve a scene by finite elements too, and tell errors and times", add_help=False
+    )
     compare.add_argument("rest", nargs=argparse.REMAINDER)
     commands.add_parser("list", help="list the scenes")
     new = commands.add_parser("new", help="write a file to begin with")
