@@ -35,10 +35,10 @@ def variants(scene: Any, model: Any, known: Sequence[Mapping[str, Any]]) -> list
     known
         Of each body what was chosen, as records tell it (`isorod.model.body.Body.discretisation`).
     """
-    base = {name: known[0].get(name) for name in _KEPT if all(one.get(name) == known[0].get(name) for one in known)}
-    base = {name: value for name, value in base.items() if value is not None}
-    least = max(body.space.rod.axis.elements for body in model.bodies)
-    lowest = max(body.space.rod.axis.degree for body in model.bodies)
+    same = (name for name in _KEPT if len({one.get(name) for one in known}) == 1)
+    base: dict[str, int] = {name: known[0][name] for name in same if name in known[0]}
+    axes = [body.space.rod.axis for body in model.bodies]
+    least, lowest = (max(getattr(axis, name) for axis in axes) for name in ("elements", "degree"))
     section, degree, elements = (base.get(name) for name in ("section_degree", "degree", "elements"))
     along: list[dict[str, int]] = [{}, {}]
     if elements is not None and elements % 2 == 0 and (elements // 2) % least == 0:
@@ -56,7 +56,7 @@ def variants(scene: Any, model: Any, known: Sequence[Mapping[str, Any]]) -> list
     elif "order" in base and "section_points" in base:
         across[1] = {"order": max(2, base["order"])} | {"section_points": 2 * base["section_points"]}
     both = [across[0] | along[0], across[1] | along[1]]
-    found = []
+    found: list[tuple[dict[str, int], bool]] = []
     for changed in (*both, *across, *along):
         if changed and changed not in [one for one, _ in found]:
             found.append((changed, changed in both))

@@ -175,7 +175,7 @@ def _draw(
         plotter.set_background("white")
         moved = [mesh.points + mesh.point_data["motion"] for row in rows for mesh in row]
         everything = np.concatenate([*moved, *(mesh.points for mesh in rows[0])] if modal else moved)
-        view = _direction(everything)
+        view = np.array(_direction(everything))
         for k, row in enumerate(rows):
             for column, mesh in enumerate(row):
                 plotter.subplot(*((2 * k + column, 0) if stacked else (k, column)))

@@ -11,8 +11,8 @@ from isorod.errors import InputError
 
 # What the comparison needs besides, and how to get it.
 NEEDED = {
-    "dolfinx": "Debian: apt install python3-dolfinx-real; elsewhere: pip install 'isorod[wheels]' (Python 3.12 or later) "
-    "or conda install -c conda-forge fenics-dolfinx",
+    "dolfinx": "Debian: apt install python3-dolfinx-real; elsewhere: pip install 'isorod[wheels]' or conda install -c "
+    "conda-forge fenics-dolfinx",
     "pyvista": "pip install 'isorod[compare]'",
     "matplotlib": "pip install 'isorod[compare]'",
     "rich": "pip install 'isorod[compare]'",
