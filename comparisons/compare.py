@@ -37,7 +37,7 @@ DEGREE = 2
 # At full level more elements, by degree on the levels of the mesh, whose run times are measured.
 MORE = {"quick": {}, "full": {1: (2, 4), 3: (1, 2)}}
 
-# Runs of each configuration, the first one cold: many of what takes no time.
+# Runs of each configuration, the first one cold: many of what takes no time; larger meshes than these run once.
 REPEAT = 5
 REPEAT_MESH = {1: 4, 2: 3}
 
@@ -167,7 +167,7 @@ class Comparison:
     def _mesh(self, level: int, degree: int = DEGREE) -> _Solved:
         file = self.folder / f"fem-{degree}-{level}.npz"
         arguments = _words(level, degree)
-        repeat = str(REPEAT_MESH.get(level, 2))
+        repeat = str(REPEAT_MESH.get(level, 1))
         words = ["rods", self.what.word, *arguments, "--repeat", repeat, "--fields", str(file)]
         record = timing.run("comparisons.fem", words)
         named = {"curve": f"Q{degree} bricks", "label": f"mesh {level}", "arguments": " ".join(arguments)}

@@ -6,14 +6,15 @@ from typing import Any
 
 import numpy as np
 
-from comparisons.measure.convergence import Limit, extrapolate
+from comparisons.measure.convergence import Limit, richardson
 from comparisons.measure.records import Record
 from isorod.arrays import Array
+from isorod.errors import SolveError
 
 FREQUENCIES = "frequencies"
 
-# Orders of convergence above this are chance: displacements of degree 2 reach 4.
-HIGHEST_ORDER = 6.0
+# Orders of convergence beyond these are chance: displacements of degree 2 reach 4.
+LOWEST_ORDER, HIGHEST_ORDER = 0.5, 6.0
 
 # Largest relative difference of meshes of what is the same on all.
 GIVEN = 1e-7
@@ -32,7 +33,7 @@ class Converged:
     uncertainties
         How far the finest mesh is from the limit, or, without one, from the mesh before.
     orders
-        Observed orders, None where there is none.
+        Observed orders, None where there is none; below 1, as at edges of held faces, limits are those of first order.
     spread
         Largest relative difference of the meshes from the finest.
     """
@@ -99,11 +100,19 @@ def _spread(every: Sequence[Sequence[float]]) -> float:
 
 
 def _limit(sizes: Sequence[float], column: Sequence[float]) -> Limit:
-    """Return the extrapolated value; the finest where the order is too high to be one."""
-    limit = extrapolate(sizes, column)
-    if limit.order is not None and limit.order > HIGHEST_ORDER:
-        return Limit(float(column[-1]), None, abs(float(column[-1] - column[-2])))
-    return limit
+    """Return the extrapolated value; the finest where the order is too low or too high to be one."""
+    try:
+        limit = richardson(sizes, column)
+    except (SolveError, ValueError):
+        limit = Limit(0.0, None, 0.0)
+    last = float(column[-1] - column[-2])
+    if limit.order is None or not LOWEST_ORDER <= limit.order <= HIGHEST_ORDER:
+        return Limit(float(column[-1]), None, abs(last))
+    if limit.order >= 1.0:
+        return limit
+    # A lower order takes the limit far from all meshes, and may be that of coarse ones.
+    step = last * sizes[-1] / (sizes[-2] - sizes[-1])
+    return Limit(float(column[-1] + step), limit.order, abs(step))
 
 
 def errors(reference: Sequence[Converged], found: Mapping[str, Any]) -> dict[str, float]:

@@ -24,6 +24,9 @@ SHAPES = 3
 # Directions from which one may look, all of them from above.
 VIEWS = ((1.0, -1.4, 0.55), (-1.0, -1.4, 0.55), (0.35, -1.0, 0.3), (1.0, -0.35, 0.3), (0.35, -0.5, 1.0))
 
+# How many times larger what is upright must look if it is not z.
+LYING = 1.3
+
 # The largest displacement of a mode is drawn as this share of the rods' size.
 EXAGGERATION = 0.12
 
@@ -175,7 +178,7 @@ def _draw(
         plotter.set_background("white")
         moved = [mesh.points + mesh.point_data["motion"] for row in rows for mesh in row]
         everything = np.concatenate([*moved, *(mesh.points for mesh in rows[0])] if modal else moved)
-        view = np.array(_direction(everything))
+        view, up = _direction(everything)
         for k, row in enumerate(rows):
             for column, mesh in enumerate(row):
                 plotter.subplot(*((2 * k + column, 0) if stacked else (k, column)))
@@ -185,20 +188,21 @@ def _draw(
                     rest = mesh.extract_surface(algorithm="dataset_surface").extract_feature_edges(30.0)
                     plotter.add_mesh(rest, color="grey", line_width=1, lighting=False)
                 plotter.add_text(captions[k][column], position="upper_left", font_size=12, color="black")
-                picture.look(plotter.camera, everything, view, PANEL)
+                picture.look(plotter.camera, everything, view, PANEL, up)
         plotter.screenshot(str(path))
     finally:
         plotter.close()
 
 
-def _direction(points: Array) -> tuple[float, float, float]:
-    """Return the direction from which points fill a panel most."""
+def _direction(points: Array) -> tuple[Array, Array]:
+    """Return the direction from which points fill a panel most, and what is upright then: z, if not far better."""
 
-    def height(view: tuple[float, float, float]) -> float:
-        towards = np.array(view) / np.linalg.norm(view)
-        right = np.cross((0.0, 0.0, 1.0), towards)
+    def height(view: Array, up: Array) -> float:
+        towards = view / np.linalg.norm(view)
+        right = np.cross(up, towards)
         right /= np.linalg.norm(right)
         wide, high = (float(np.ptp(points @ axis)) for axis in (right, np.cross(towards, right)))
-        return max(high, wide * PANEL[1] / PANEL[0])
+        return max(high, wide * PANEL[1] / PANEL[0]) * (1.0 if up[2] else LYING)
 
-    return min(VIEWS, key=height)
+    seen = [(np.roll(view, turn), np.roll((0.0, 0.0, 1.0), turn)) for turn in range(3) for view in VIEWS]
+    return min(seen, key=lambda one: height(*one))

@@ -90,11 +90,14 @@ def bar(title: str, size: Sequence[int]) -> dict[str, Any]:
     return _BAR | {"title": title, "position_x": 1.0 - 0.7 * _ROOM / size[0], "width": 0.5 * _ROOM / size[0]}
 
 
-def look(camera: Any, points: Array, view: Array, size: Sequence[int]) -> None:
-    """Look at points ``(m, 3)`` so that they fill what the scale of colours leaves of the picture, from far away."""
+def look(camera: Any, points: Array, view: Array, size: Sequence[int], up: Array | None = None) -> None:
+    """Look at points ``(m, 3)`` so that they fill what the scale of colours leaves of the picture, from far away.
+
+    Upright is ``up``; where not given z, or y where one looks along z.
+    """
     towards = view / np.linalg.norm(view)
-    # Upright is z, or y where one looks along z.
-    up = np.array([0.0, 0.0, 1.0]) if abs(towards[2]) < 0.999 else np.array([0.0, 1.0, 0.0])
+    if up is None:
+        up = np.array([0.0, 0.0, 1.0]) if abs(towards[2]) < 0.999 else np.array([0.0, 1.0, 0.0])
     right = np.cross(up, towards)
     right /= np.linalg.norm(right)
     axes = np.stack([right, np.cross(towards, right), towards])
