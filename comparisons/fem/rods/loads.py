@@ -65,7 +65,8 @@ def _volumes(elements: Elements, cells: Index) -> Array:
     values = lagrange(source.order, source.reference, where)
     det = np.linalg.det(np.einsum("qnb,cna->cqab", slopes, source.points[source.cells[cells]]))
     shares = (det * weights) @ values
-    return np.bincount(source.cells[cells].ravel(), shares.ravel(), len(source.points))
+    nodes = source.cells[cells].ravel()
+    return np.asarray(np.bincount(nodes, shares.ravel(), len(source.points)), dtype=float)
 
 
 def centrifugal(laws: Laws, spin: Spin, u: Any) -> Any:

@@ -1,7 +1,7 @@
 """A scene of isorod's, built in or from a file, in dolfinx: the mesh of its rods, the solution, and the record."""
 
 from contextlib import nullcontext
-from dataclasses import asdict, dataclass, is_dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -94,7 +94,7 @@ def run(
     if comm.size > 1:
         raise InputError("rods: only on one rank")
     found = files.find(configuration.name)
-    scene = found() if isinstance(found, type) else found
+    scene: Any = found() if isinstance(found, type) else found
     if scene.analysis not in _SETTINGS:
         raise InputError(
             f"{configuration.name}: got {scene.analysis}; the finite element side has statics and modes only"
@@ -131,7 +131,7 @@ def run(
         "formulation": "displacement",
         "units": scene.units,
         "options": asdict(configuration) | {"quadrature": Element(configuration.degree).rule(mesh.shape)},
-        "scene_options": asdict(scene) if is_dataclass(scene) and not hasattr(scene, "content") else scene.content,
+        "scene_options": scene.content if hasattr(scene, "content") else asdict(scene),
         "settings": settings,
         "petsc_options": solution.options,
         **record,

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 
 from comparisons.fem.flags import FAST
 from comparisons.fem.rods import equilibrium
+from comparisons.fem.rods import modes as modes_of_rods
 from comparisons.fem.rods.solution import Solution
 from isorod.errors import InputError
 from isorod.model.model import Model
@@ -53,4 +54,6 @@ def solve(
         raise InputError(f"degree: got {degree}, need the mesh's order {mesh.order}")
     if analysis == "statics":
         return equilibrium.solve(model, mesh, load_steps, options, flags)
+    if analysis == "modal":
+        return modes_of_rods.solve(model, mesh, modes, options, flags)
     raise InputError(f"analysis {analysis}: the finite element side has statics and modes only")
