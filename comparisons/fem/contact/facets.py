@@ -63,7 +63,7 @@ def nodal(mesh: Mesh, like: Facet, face: Index) -> Points:
     _, slopes = values_and_slopes(like, mesh.face_reference)
     areas = np.linalg.norm(_area_vectors(mesh, face, slopes), axis=2) * (0.5 if like.triangle else 1.0) / face.shape[1]
     nodes, where = np.unique(face, return_inverse=True)
-    weights = np.bincount(where.ravel(), areas.ravel())
+    weights = np.asarray(np.bincount(where.ravel(), areas.ravel()), dtype=float)
     return Points(nodes[:, None].astype(np.int64), np.ones((nodes.size, 1)), weights)
 
 
