@@ -31,15 +31,16 @@ _UNFIT = re.compile(r"[^\w.-]+")
 # Meshes, each of so many times the cells of the coarsest in each direction; what is tried in the place of the last
 # where that would have more degrees of freedom than the level allows.
 LEVELS, INSTEAD = (1, 2, 4), 3
-MOST = {"quick": 150_000, "full": 600_000}
+MOST = {"quick": 100_000, "full": 600_000}
 DEGREE = 2
 
 # At full level more elements, by degree on the levels of the mesh, whose run times are measured.
 MORE = {"quick": {}, "full": {1: (2, 4), 3: (1, 2)}}
 
-# Runs of each configuration, the first one cold: many of what takes no time; larger meshes than these run once.
+# Runs of each configuration, the first one cold: of isorod, and of meshes up to so many degrees of freedom, larger ones
+# once.
 REPEAT = 5
-REPEAT_MESH = {1: 4, 2: 3}
+REPEAT_MESH = {6_000: 4, 30_000: 2}
 
 
 @dataclass(frozen=True)
@@ -120,7 +121,7 @@ class Comparison:
         for one in meshes:
             own = judge.of_mesh(one.record, one.sample)
             self._record("work", one.record | own)
-        self._more(judge)
+        self._more(judge, finest)
         default = self._ours(judge)
         with self.steps.step("pictures"):
             solution, _ = solve(scene, settings_of(scene), 1)
@@ -131,12 +132,12 @@ class Comparison:
         """Return finite elements on nested meshes; those that are too large are left out, with a record of it."""
         found: list[_Solved] = []
         for level in LEVELS:
-            fitting = self._fitting(found, level)
+            fitting, dofs = self._fitting(found, level)
             if fitting is None:
                 continue
             with self.steps.step(f"finite elements of degree {DEGREE}, mesh {fitting}"):
                 try:
-                    found.append(self._mesh(fitting))
+                    found.append(self._mesh(fitting, dofs))
                 except timing.Failed as problem:
                     if len(found) < 2:
                         raise InputError(f"{self.what.word}: finite elements: {problem.said}") from None
@@ -148,38 +149,39 @@ class Comparison:
             )
         return found
 
-    def _fitting(self, found: Sequence[_Solved], level: int) -> int | None:
-        """Return the level of a mesh, or the one in its place, that is not too large; None if there is none."""
+    def _fitting(self, found: Sequence[_Solved], level: int) -> tuple[int | None, float]:
+        """Return the level of a mesh, or the one in its place, that is not too large, or None, and how large it is."""
         if not found:
-            return level
+            return level, 0.0
         last = found[-1]
         for one in (level, INSTEAD) if level > INSTEAD else (level,):
             wanted = last.record["dofs"] * (one / last.level) ** 3
             if wanted <= MOST[self.study.level]:
-                return one
+                return one, wanted
             self._refuse(
                 "fem",
                 _words(one, DEGREE),
                 f"left out: about {wanted:,.0f} unknowns, at most {MOST[self.study.level]:,}",
             )
-        return None
+        return None, 0.0
 
-    def _mesh(self, level: int, degree: int = DEGREE) -> _Solved:
+    def _mesh(self, level: int, dofs: float, degree: int = DEGREE) -> _Solved:
         file = self.folder / f"fem-{degree}-{level}.npz"
         arguments = _words(level, degree)
-        repeat = str(REPEAT_MESH.get(level, 1))
-        words = ["rods", self.what.word, *arguments, "--repeat", repeat, "--fields", str(file)]
+        repeat = next((count for most, count in REPEAT_MESH.items() if dofs <= most), 1)
+        words = ["rods", self.what.word, *arguments, "--repeat", str(repeat), "--fields", str(file)]
         record = timing.run("comparisons.fem", words)
         named = {"curve": f"Q{degree} bricks", "label": f"mesh {level}", "arguments": " ".join(arguments)}
         return _Solved(level, record | named | {"sequence": True}, Sample.read(file, record.get("rigid", 0)))
 
-    def _more(self, judge: distance.Judge) -> None:
+    def _more(self, judge: distance.Judge, finest: _Solved) -> None:
         """Record finite elements of other degrees."""
         for degree, levels in MORE[self.study.level].items():
             for level in levels:
                 with self.steps.step(f"finite elements of degree {degree}, mesh {level}"):
                     try:
-                        one = self._mesh(level, degree)
+                        dofs = finest.record["dofs"] * (level * degree / (finest.level * DEGREE)) ** 3
+                        one = self._mesh(level, dofs, degree)
                     except timing.Failed as problem:
                         self._refuse("fem", _words(level, degree), problem.said)
                         continue

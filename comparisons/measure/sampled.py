@@ -203,7 +203,7 @@ def away(model: Any, rods: Index, u: Array) -> Array:
             if rod.closed:
                 beyond = np.minimum(beyond, np.maximum(first + length[-1] - place, place - last))
                 beyond = np.minimum(beyond, np.maximum(first - place, place + length[-1] - last))
-            result[here] &= beyond >= width
+            result[here] &= beyond >= (1.0 - _SAME) * width
     return result
 
 

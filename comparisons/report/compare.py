@@ -233,9 +233,9 @@ def _measured(records: list[Record]) -> str:
         f"<p>Units: {said}.</p>"
         + table(head, rows)
         + "<p>The limit is extrapolated from three meshes where they approach one (order: of how many times the cells' "
-        "size the error goes down; below 1, as where edges of held faces have stresses without limit, as if it were 1); "
-        "± is then how far the finest mesh is from it. Elsewhere it is the finest mesh's, and ± its difference from "
-        "the mesh before.</p>"
+        "size the error goes down; below 1, as where stresses at edges of held faces have no limit, as if it were 1), "
+        "and ± is then how far the finest mesh is from it. Elsewhere it is the finest mesh's, and ± how far that is "
+        "from the mesh before.</p>"
     )
 
 
