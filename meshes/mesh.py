@@ -98,6 +98,27 @@ class Mesh:
         return float(det.min())
 
 
+def join(*parts: Mesh) -> Mesh:
+    """Return meshes of the same kind of cell as one: nodes and cells of each behind those of the ones before."""
+    first = parts[0]
+    assert all((part.shape, part.order) == (first.shape, first.order) for part in parts)
+    nodes = np.cumsum([0, *(len(part.points) for part in parts)])
+    cells = np.cumsum([0, *(len(part.cells) for part in parts)])
+    known = [part.parameters for part in parts if part.parameters is not None]
+    assert len(known) in (0, len(parts))
+    return Mesh(
+        first.shape,
+        first.order,
+        np.concatenate([part.points for part in parts]),
+        np.concatenate([part.cells + at for part, at in zip(parts, nodes, strict=False)]),
+        first.reference,
+        {name: face + at for part, at in zip(parts, nodes, strict=False) for name, face in part.faces.items()},
+        first.face_reference,
+        np.concatenate(known) if known else None,
+        {name: own + at for part, at in zip(parts, cells, strict=False) for name, own in part.regions.items()},
+    )
+
+
 def lexicographic(order: int, dimension: int) -> Array:
     """Return the nodes of the unit square or cube, first coordinate fastest, shape ``((order + 1)^d, d)``."""
     ticks = np.arange(order + 1.0) / order

@@ -3,11 +3,13 @@
 A rectangular grid, long along one diameter, short across it.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from isorod.errors import InputError
 from meshes.mesh import Array, Index
-from meshes.template import Template, blocks
+from meshes.template import Template, blocks, edges
 
 
 def strip(
@@ -52,9 +54,14 @@ def strip(
         raise InputError(f"clustering: got {clustering:g}, need 0 to 1")
     s = _nodes(levels(along, clustering), order)
     t = _nodes(np.linspace(-1.0, 1.0, across + 1), order)
+    return pulled(s, t, order, corners, turn)
+
+
+def pulled(s: Array, t: Array, order: int, corners: tuple[float, float], turn: float = 0.0) -> Template:
+    """Return the grid whose nodes have the coordinates ``s`` and ``t``, from -1 to 1, along and across the diameter."""
     disk = _pull(s[None, :], t[:, None], *np.radians(corners))
     number = np.arange(s.size * t.size).reshape(t.size, s.size)
-    return _turned(Template(order, disk.reshape(-1, 2), blocks(number, order), _rim(_border(number), order)), turn)
+    return turned(Template(order, disk.reshape(-1, 2), blocks(number, order), edges(_border(number), order)), turn)
 
 
 def paper_section(corners: tuple[float, float] = (4.0, 10.0), clustering: float = 0.0, turn: float = 0.0) -> Template:
@@ -76,7 +83,7 @@ def paper_section(corners: tuple[float, float] = (4.0, 10.0), clustering: float 
     quads = np.concatenate([grid.quads, [[low, cap, inner, high]]])
     rim = grid.rim.copy()
     rim[rim == inner] = cap
-    return _turned(Template(1, points, quads, rim), turn)
+    return turned(Template(1, points, quads, rim), turn)
 
 
 def levels(along: int, clustering: float) -> Array:
@@ -110,17 +117,14 @@ def _pull(s: Array, t: Array, back: float, front: float) -> Array:
 
 
 def _border(number: Index) -> Index:
-    """Return the border of a grid counter-clockwise, the first node repeated at the end."""
-    sides = [number[0, :-1], number[:-1, -1], number[-1, :0:-1], number[:, 0][::-1]]
+    """Return the border of a grid counter-clockwise."""
+    sides = [number[0, :-1], number[:-1, -1], number[-1, :0:-1], number[:0:-1, 0]]
     return np.concatenate(sides)
 
 
-def _rim(border: Index, order: int) -> Index:
-    return border[order * np.arange((border.size - 1) // order)[:, None] + np.arange(order + 1)]
-
-
-def _turned(template: Template, degrees: float) -> Template:
-    return Template(template.order, template.points @ rotation(degrees), template.quads, template.rim)
+def turned(template: Template, degrees: float) -> Template:
+    """Return a template turned counter-clockwise."""
+    return replace(template, points=template.points @ rotation(degrees))
 
 
 def rotation(degrees: float) -> Array:

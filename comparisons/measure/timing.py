@@ -17,6 +17,14 @@ from isorod.errors import InputError, SolveError
 _CHECKOUT = Path(__file__).parents[2]
 
 
+class Failed(SolveError):
+    """A measurement that failed; ``said`` is the last line that it said."""
+
+    def __init__(self, message: str, said: str) -> None:
+        super().__init__(message)
+        self.said = said
+
+
 def environment(interpreter: str = sys.executable) -> dict[str, str]:
     """Return the environment of a measurement: one thread a rank, and mpirun willing to run as root.
 
@@ -69,7 +77,7 @@ def run(
 
     Raises
     ------
-    SolveError
+    Failed
         With the last line of what it said, if it fails.
     """
     command = [interpreter, "-m", module, *arguments]
@@ -79,7 +87,8 @@ def run(
     done = subprocess.run(command, capture_output=True, text=True, env=around, timeout=timeout, check=False)
     if done.returncode:
         said = (done.stderr.strip().splitlines() or ["nothing said"])[-1]
-        raise SolveError(f"python -m {module} {' '.join(arguments)}: exit code {done.returncode}: {said}")
+        asked = f"python -m {module} {' '.join(arguments)}"
+        raise Failed(f"{asked}: exit code {done.returncode}: {said}", said.removeprefix(f"{module}: "))
     record: dict[str, Any] = json.loads(done.stdout.strip().splitlines()[-1])
     return record
 

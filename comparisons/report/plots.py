@@ -15,6 +15,7 @@ FEM_COLOURS = ("#D55E00", "#E69F00", "#CC79A7", "#000000")
 MARKERS = "oD^"
 FEM_MARKERS = "svPX"
 # Of many curves each is marked by its number.
+FIELDS = {"displacement": "displacement field", "shape": "mode shapes"}
 MANY = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#000000")
 
 
@@ -162,6 +163,73 @@ def every(work: Sequence[Record], quantity: str, path: Path) -> None:
     axes[0].set_ylabel(f"error of the {quantity}", fontsize=12)
     write_beside(path, lambda where: figure.savefig(where, dpi=110))
     pyplot.close(figure)
+
+
+def labelled(work: Sequence[Record], told: float, wide: Path, narrow: Path) -> None:
+    """Draw error against run time of a comparison, each run with its label: of what is measured, and of the field.
+
+    Parameters
+    ----------
+    work
+        Its runs: those of a ``sequence`` are joined, the others stand alone.
+    told
+        Error below which finite elements do not tell one.
+    wide, narrow
+        Files of the plot, and of that for narrow screens, one panel below the other.
+    """
+    pyplot = _pyplot()
+    curves = list(dict.fromkeys(one["curve"] for one in work))
+    fem = iter(zip(FEM_COLOURS, FEM_MARKERS, strict=True))
+    looks = {name: (COLOURS[0], MARKERS[0]) if name == "isorod" else next(fem) for name in curves}
+    fields = [max(("displacement", "shape"), key=lambda name: name in work[0]["field"])]
+    for path, rows, columns, size in ((wide, 1, 2, (12.0, 5.4)), (narrow, 2, 1, (4.6, 9.4))):
+        figure, axes = pyplot.subplots(rows, columns, figsize=size, layout="constrained")
+        for axis, error_of, what in (
+            (axes[0], lambda one: one["error"], "error of what is measured"),
+            (axes[1], lambda one: one["field"].get(fields[0], 0.0), f"error of the {FIELDS[fields[0]]}"),
+        ):
+            for name, (colour, marker) in looks.items():
+                points = [one for one in work if one["curve"] == name and error_of(one) > 0.0]
+                points.sort(key=lambda one: one["seconds"]["total"])
+                joined = [one for one in points if one["sequence"]]
+                axis.loglog(
+                    [one["seconds"]["total"] for one in joined],
+                    [error_of(one) for one in joined],
+                    color=colour,
+                    linestyle="-" if name == "isorod" else "--",
+                    linewidth=1.2,
+                )
+                axis.loglog(
+                    [one["seconds"]["total"] for one in points],
+                    [error_of(one) for one in points],
+                    color=colour,
+                    marker=marker,
+                    linestyle="",
+                    label=f"{name}, dolfinx" if name != "isorod" else name,
+                )
+                for one in points:
+                    place = one["seconds"]["total"], error_of(one)
+                    axis.annotate(one["label"], place, (5, 4), textcoords="offset points", fontsize=9, color=colour)
+            axis.set_xlabel("run time, one thread", fontsize=12)
+            axis.set_ylabel(what, fontsize=12)
+            axis.tick_params(labelsize=11)
+            axis.grid(True, which="major", alpha=0.3)
+            axis.xaxis.set_major_formatter(_time)
+            axis.yaxis.set_major_formatter(_percent)
+            axis.margins(0.12)
+        if told > 0.0:
+            axes[0].axhspan(
+                axes[0].get_ylim()[0], told, color="black", alpha=0.06, label="less than finite elements tell"
+            )
+        figure.legend(
+            *axes[0].get_legend_handles_labels(),
+            loc="outside lower center",
+            ncols=3 if columns == 2 else 1,
+            frameon=False,
+            fontsize=11,
+        )
+        write_beside(path, partial(figure.savefig, dpi=130))
+        pyplot.close(figure)
 
 
 def convergence(entries: Sequence[Record], path: Path) -> float:

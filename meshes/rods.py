@@ -1,0 +1,151 @@
+"""Meshes of any rods: curved hexahedra whose templates and layers follow from the rods themselves.
+
+What a section is meshed with is chosen by `meshes.sections`; here it is tensored with layers along the rod.  On level 1
+a cell is as long as a multiple of its width, and turns no more than `TURN` with the centre line and the section's
+twist; where that makes more than `CELLS` cells, they are longer, up to `LONGEST` times their width: bending varies
+slowly along slender rods.  Every element of the axis has layers of its own, since laws may change from one to the next.
+Level L has L times as many cells as level 1 in all three directions, and its nodes are among those of level 2 L.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from isorod.errors import InputError
+from isorod.geometry.rod import Rod
+from meshes.bricks import tensored
+from meshes.mesh import Array, Index, Mesh, join
+from meshes.sections import sections
+from meshes.template import Template
+
+# Lengths of cells that are tried in turn, as multiples of their width.
+_LENGTHS = (1.5, 2.0, 3.0, 4.5, 6.0)
+
+# Cells of a rod on level 1 from which longer ones are tried; of order 2 level 4 then has about 200,000 unknowns.
+CELLS = 130
+
+# How far a layer turns on level 1, degrees: 8 layers make a coil.
+TURN = 45.0
+
+# A little more than that is no reason for a layer more: helices turn by a little more than circles.
+_SLACK = 0.1
+
+# Layers of an open rod on level 1, at least.
+_FEWEST = 4
+
+# Places along each element of the axis where the rod is measured.
+_PLACES = 9
+
+
+def build(rods: Sequence[Rod], level: int = 1, order: int = 2) -> Mesh:
+    """Return one mesh of hexahedra of all rods, which share no node.
+
+    Regions are named ``rod 0``, ``rod 1`` ...; faces ``rod 0 start`` and ``rod 0 end`` of a rod that is not closed,
+    ``rod 0 lateral``, and ``rod 0 inner`` of one with a hole.  Circles between the rings of a section are mesh lines,
+    and ends of axis elements mesh planes.  Nodes and cells stand rod by rod.
+
+    Parameters
+    ----------
+    rods
+        The rods.
+    level
+        How many times as many cells there are in each direction as on level 1.
+    order
+        Polynomial order of the geometry, 1 to 3.  Cells of order 1 are half as long in each direction as those of
+        order 2: their nodes are the same.
+
+    Raises
+    ------
+    InputError
+        If a number is out of range, a rod folds, or its section is one that no template fits.
+    """
+    if not rods:
+        raise InputError("mesh: no rod is given, need at least one")
+    if level < 1:
+        raise InputError(f"mesh: level: got {level}, need 1 or more")
+    if order not in (1, 2, 3):
+        raise InputError(f"mesh: order of the cells: got {order}, need 1 to 3")
+    return join(*(_named(_mesh(rod, f"rod {k}", level, order), f"rod {k}") for k, rod in enumerate(rods)))
+
+
+def _mesh(rod: Rod, name: str, level: int, order: int) -> Mesh:
+    """Return the mesh of one rod with the first template whose cells are all positive."""
+    finer = 2 * level if order == 1 else level
+    reason = InputError("mesh: no template")
+    for section in sections(rod):
+        if section.quality <= 0.0:
+            continue
+        layers = _layers(rod, section.make(1, 2))
+        mesh = tensored(rod, section.make(finer, order), _positions(rod, finer * layers, order))
+        try:
+            mesh.check()
+        except InputError as problem:
+            reason = problem
+            continue
+        return mesh
+    # If the rod itself folds, that says more.
+    try:
+        rod.check()
+    except InputError as problem:
+        raise InputError(f"mesh: {name}: {problem}") from None
+    raise InputError(f"mesh: {name}: no template fits its section ({reason}); take a smoother or thicker section")
+
+
+def _named(mesh: Mesh, name: str) -> Mesh:
+    faces = {f"{name} {key}": face for key, face in mesh.faces.items()}
+    return replace(mesh, faces=faces, regions={name: np.arange(len(mesh.cells))})
+
+
+def _layers(rod: Rod, template: Template) -> Index:
+    """Return the number of layers on level 1 in each element of the axis."""
+    length, width, turn = _measures(rod, template)
+    least = np.maximum(1.0, turn / np.radians(TURN) - _SLACK)
+    for longest in _LENGTHS:
+        layers = np.ceil(np.maximum(least, length / (longest * width)) - 1e-6).astype(np.int64)
+        if layers.sum() * len(template.quads) <= CELLS:
+            break
+    if not rod.closed:
+        layers *= -(-_FEWEST // int(layers.sum()))
+    return layers
+
+
+def _measures(rod: Rod, template: Template) -> tuple[Array, Array, Array]:
+    """Return each axis element's length, the width of the template's cells in it, and how far the section turns."""
+    breaks = rod.axis.breaks
+    inside = np.linspace(0.0, 1.0, _PLACES)
+    # Both sides of every knot: the axis may have a kink there.
+    inside[0], inside[-1] = 1e-6, 1.0 - 1e-6
+    u = breaks[:-1, None] + np.diff(breaks)[:, None] * inside
+    places, _ = rod.grid(template.points, u.ravel())
+    places = places.reshape(*u.shape, -1, 3)
+    length = np.linalg.norm(np.diff(places, axis=1), axis=-1).sum(axis=1).mean(axis=1)
+    corner = template.order * np.array([0, 1])
+    a, b, c, d = (
+        places[:, :, template.quads[:, i + (template.order + 1) * j]]
+        for i, j in ((0, 0), (corner[1], 0), (corner[1], corner[1]), (0, corner[1]))
+    )
+    sides = np.stack([np.linalg.norm(one - other, axis=-1) for one, other in ((a, b), (b, c), (c, d), (d, a))])
+    width = np.median(sides.max(axis=0), axis=-1).mean(axis=1)
+    return length, width, _turns(rod, u)
+
+
+def _turns(rod: Rod, u: Array) -> Array:
+    """Return the angles by which sections turn in each element, bending and twist together, radians."""
+    _, jacobian = rod.grid([[0.0, 0.0]], u.ravel())
+    columns = jacobian[:, 0] / np.linalg.norm(jacobian[:, 0], axis=-2, keepdims=True)
+    left, _, right = np.linalg.svd(columns)
+    frames = (left @ right).reshape(*u.shape, 3, 3)
+    trace = np.einsum("etab,etab->et", frames[:, 1:], frames[:, :-1])
+    angles: Array = np.arccos(np.clip(0.5 * (trace - 1.0), -1.0, 1.0)).sum(axis=1)
+    return angles
+
+
+def _positions(rod: Rod, layers: Index, order: int) -> Array:
+    """Return the axis parameters of the nodes, evenly spaced in each element of the axis."""
+    ends = rod.axis.breaks
+    each = [
+        low + (high - low) * np.arange(order * count) / (order * count)
+        for low, high, count in zip(ends[:-1], ends[1:], layers, strict=True)
+    ]
+    return np.append(np.concatenate(each), ends[-1])
