@@ -121,11 +121,11 @@ def test_a_tolerance_for_any_model():
         return statics.solve(bar(space, loads=[load]))
 
     coarse = Space(rod, section_degree=1, elements=1, degree=2, quadrature="auto")
-    solution, space, steps = adapt.reach(solve, coarse, 1e-3)
+    solution, (space,), steps = adapt.reach(lambda spaces: solve(*spaces), [coarse], 1e-3)
     assert steps[0].error > 0.1 > 1e-3 >= steps[-1].error
     assert space.section_degree > 1 and space.axis.degree > 2
     work = float(solution.model.external @ solution.displacement)
     fine = solve(Space(rod, section_degree=5, elements=8))
     assert work == pytest.approx(float(fine.model.external @ fine.displacement), rel=3e-3)
     with pytest.raises(InputError, match="tolerance: got 2, need a relative error between 0 and 1"):
-        adapt.reach(solve, coarse, 2.0)
+        adapt.reach(lambda spaces: solve(*spaces), [coarse], 2.0)

@@ -5,7 +5,7 @@ more than its half of the tolerance: a degree more across the section (or an ord
 degree more along the axis, then twice the elements.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Protocol, TypeVar
 
@@ -44,20 +44,22 @@ Found = TypeVar("Found", bound=Solution)
 
 @dataclass(frozen=True)
 class Step:
-    """One space that was tried: what was changed since the last one, and the error it left."""
+    """Spaces that were tried: what was changed since the last ones, of the first body that was refined, and the error it left."""
 
     changed: dict[str, Any]
     error: float
 
 
-def reach(solve: Callable[[Space], Found], space: Space, tolerance: float) -> tuple[Found, Space, list[Step]]:
-    """Return the first solution whose estimated relative error is within the tolerance, its space, and all steps.
+def reach(
+    solve: Callable[[Sequence[Space]], Found], spaces: Sequence[Space], tolerance: float
+) -> tuple[Found, Sequence[Space], list[Step]]:
+    """Return the first solution whose estimated relative error is within the tolerance, its spaces, and all steps.
 
     Parameters
     ----------
     solve
-        Builds a model on a space and solves it.
-    space
+        Builds a model on spaces, one a body, and solves it.
+    spaces
         To start with.
     tolerance
         Relative error, between 1e-10 and 1.
@@ -73,25 +75,23 @@ def reach(solve: Callable[[Space], Found], space: Space, tolerance: float) -> tu
     changed: dict[str, Any] = {}
     steps: list[Step] = []
     while True:
-        solution = solve(space)
+        solution = solve(spaces)
         error = solution.estimate()
         if error is None:
             raise InputError("tolerance: this result has no estimate of its error")
         steps.append(Step(changed, error))
         if error <= tolerance:
-            return solution, space, steps
+            return solution, spaces, steps
         along = solution.estimate(section=False) or 0.0
-        changed = {}
-        if max(error - along, 0.0) >= 0.5 * tolerance:
-            changed |= _across(space)
-        if along >= 0.5 * tolerance or not changed:
-            changed |= _along(space)
+        across, both = max(error - along, 0.0) >= 0.5 * tolerance, along >= 0.5 * tolerance
+        changes = _changes(spaces, across, both)
+        changed = next((one for one in changes if one), {})
         if len(steps) > MAX_STEPS or not changed or solution.model.unknowns > MAX_UNKNOWNS:
             raise SolveError(
                 f"tolerance {tolerance:g} is not reached: the estimate is {error:.2g} after {len(steps) - 1} "
                 "refinements"
             )
-        space = refined(space, changed)
+        spaces = [refined(*one) for one in zip(spaces, changes, strict=True)]
 
 
 def check(tolerance: float) -> None:
@@ -112,6 +112,22 @@ def refined(space: Space, changed: dict[str, Any]) -> Space:
     follows = space.quadrature in ("auto", "full")
     made = replace(space, quadrature=space.quadrature if follows else "auto", **changed)
     return made if follows else replace(made, quadrature=str(choice.rule(made.basis, made.axis)))
+
+
+def _changes(spaces: Sequence[Space], across: bool, along: bool) -> list[dict[str, Any]]:
+    """Return what to refine each space by, along the axis too where no more can be done across.
+
+    Those of the lowest degree are refined first.
+    """
+    wide = min(space.section_degree or 0 for space in spaces)
+    found = [_across(one) if across and (one.section_degree or 0) == wide else {} for one in spaces]
+    if along or not any(found):
+        least = min(space.axis.degree for space in spaces)
+        found = [
+            changed | (_along(one) if one.axis.degree == least else {})
+            for changed, one in zip(found, spaces, strict=True)
+        ]
+    return found
 
 
 def _across(space: Space) -> dict[str, Any]:

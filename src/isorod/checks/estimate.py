@@ -94,14 +94,14 @@ def of_equilibrium(
     pairs = [(carried * finer.model.prescribed(1.0)[finer.model.bound], work)]
     for weights in (finer.model.external, state * (not finer.model.external.any() and not pairs[0][0].any())):
         pairs.append((weights * found, float(weights @ state)))
-    changes = [abs(terms.sum() - before) / abs(before) for terms, before in pairs if _counts(before, terms)]
+    changes = [abs(before / terms.sum() - 1.0) for terms, before in pairs if _counts(terms)]
     error = max(changes, default=np.nan)
     return float(error) if np.isfinite(error) else None
 
 
-def _counts(total: float, terms: Array) -> bool:
+def _counts(terms: Array) -> bool:
     """Return whether a sum is more than what is left of terms that cancel."""
-    return abs(total) > _CANCELS * float(np.abs(terms).sum())
+    return abs(terms.sum()) > _CANCELS * float(np.abs(terms).sum())
 
 
 def of_modes(
@@ -141,7 +141,7 @@ def of_modes(
     finally:
         for one in (ksp, stiffness, shifted, mass):
             one.destroy()
-    error = float(np.abs(np.sqrt(np.abs(values / eigenvalues)) - 1.0).max())
+    error = float(np.abs(np.sqrt(np.abs(eigenvalues / values)) - 1.0).max())
     return error if np.isfinite(error) else None
 
 

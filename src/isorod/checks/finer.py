@@ -118,7 +118,8 @@ def _finer(space: Space, section: bool) -> Space:
 def _points(space: Space) -> Array:
     """Return points of the disk that tell functions of the highest degree apart."""
     n = 2 * space.points_around
-    return section_points(n, Rule(MAX_SECTION_DEGREE + 2, 2 + ceil(2.0 * pi * MAX_SECTION_DEGREE / n), 1))[0]
+    rule = Rule(MAX_SECTION_DEGREE + 2, 2 + ceil(2.0 * pi * MAX_SECTION_DEGREE / n), 1)
+    return section_points(n, rule, rings=space.rod.rings)[0]
 
 
 def _inclusion(own: Array, fine: Array) -> Array:
@@ -139,12 +140,14 @@ def _across(space: Space, fine: Space) -> Array:
 
 
 def _body(body: Body, space: Space) -> Body:
-    parts = space.axis.elements // body.space.axis.elements
+    elements, rings = body.space.axis.elements, len(space.rod.rings) - 1
 
     def on_elements(given: Any) -> Any:
-        return [one for one in given for _ in range(parts)] if np.ndim(given) == 1 else given
+        rows = [[*given[e * rings : (e + 1) * rings]] for e in range(elements)]
+        finer = [row for row in rows for _ in range(space.axis.elements // elements)]
+        return finer if rings > 1 else [row[0] for row in finer]
 
-    return Body(space, on_elements(body.material), on_elements(body.density), body.formulation)
+    return Body(space, on_elements(body.laws), on_elements(body.densities), body.formulation)
 
 
 def _support(support: Support, space: Space, fine: Space, across: Array) -> Support | None:
