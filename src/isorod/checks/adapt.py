@@ -1,6 +1,6 @@
 """The coarsest of the spaces tried whose result is estimated to be within a tolerance.
 
-Each step estimates the error as a whole and along the axis alone (`isorod.checks.estimate`), and refines what makes
+Each step estimates the error across the section and along the axis (`isorod.checks.estimate`), and refines what makes
 more than its half of the tolerance: a degree more across the section (or an order, then twice the control points), a
 degree more along the axis, then twice the elements.
 """
@@ -35,8 +35,8 @@ class Solution(Protocol):
     def model(self) -> Model:
         """What was solved."""
 
-    def estimate(self, section: bool = True) -> float | None:
-        """Return an estimate of its error, or of that along the axis alone."""
+    def estimate(self, *directions: str) -> float | None:
+        """Return an estimate of its error, or of that in one of `isorod.checks.finer.DIRECTIONS`."""
 
 
 Found = TypeVar("Found", bound=Solution)
@@ -76,15 +76,14 @@ def reach(
     steps: list[Step] = []
     while True:
         solution = solve(spaces)
-        error = solution.estimate()
-        if error is None:
+        across, along = solution.estimate("section"), solution.estimate("axis")
+        if across is None or along is None:
             raise InputError("tolerance: this result has no estimate of its error")
+        error = across + along
         steps.append(Step(changed, error))
         if error <= tolerance:
             return solution, spaces, steps
-        along = solution.estimate(section=False) or 0.0
-        across, both = max(error - along, 0.0) >= 0.5 * tolerance, along >= 0.5 * tolerance
-        changes = _changes(spaces, across, both)
+        changes = _changes(spaces, across >= 0.5 * tolerance, along >= 0.5 * tolerance)
         changed = next((one for one in changes if one), {})
         if len(steps) > MAX_STEPS or not changed or solution.model.unknowns > MAX_UNKNOWNS:
             raise SolveError(
