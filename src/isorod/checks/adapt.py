@@ -1,11 +1,11 @@
 """The coarsest of the spaces tried whose result is estimated to be within a tolerance.
 
-Each step estimates the error as a whole and along the axis alone (`isorod.checks.estimate`), and refines what makes
+Each step estimates the error across the section and along the axis (`isorod.checks.estimate`), and refines what makes
 more than its half of the tolerance: a degree more across the section (or an order, then twice the control points), a
 degree more along the axis, then twice the elements.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Protocol, TypeVar
 
@@ -35,8 +35,8 @@ class Solution(Protocol):
     def model(self) -> Model:
         """What was solved."""
 
-    def estimate(self, section: bool = True) -> float | None:
-        """Return an estimate of its error, or of that along the axis alone."""
+    def estimate(self, *directions: str) -> float | None:
+        """Return an estimate of its error, or of that in one of `isorod.checks.finer.DIRECTIONS`."""
 
 
 Found = TypeVar("Found", bound=Solution)
@@ -44,20 +44,22 @@ Found = TypeVar("Found", bound=Solution)
 
 @dataclass(frozen=True)
 class Step:
-    """One space that was tried: what was changed since the last one, and the error it left."""
+    """Spaces that were tried: what was changed since the last ones, of the first body that was refined, and the error it left."""
 
     changed: dict[str, Any]
     error: float
 
 
-def reach(solve: Callable[[Space], Found], space: Space, tolerance: float) -> tuple[Found, Space, list[Step]]:
-    """Return the first solution whose estimated relative error is within the tolerance, its space, and all steps.
+def reach(
+    solve: Callable[[Sequence[Space]], Found], spaces: Sequence[Space], tolerance: float
+) -> tuple[Found, Sequence[Space], list[Step]]:
+    """Return the first solution whose estimated relative error is within the tolerance, its spaces, and all steps.
 
     Parameters
     ----------
     solve
-        Builds a model on a space and solves it.
-    space
+        Builds a model on spaces, one a body, and solves it.
+    spaces
         To start with.
     tolerance
         Relative error, between 1e-10 and 1.
@@ -73,25 +75,22 @@ def reach(solve: Callable[[Space], Found], space: Space, tolerance: float) -> tu
     changed: dict[str, Any] = {}
     steps: list[Step] = []
     while True:
-        solution = solve(space)
-        error = solution.estimate()
-        if error is None:
+        solution = solve(spaces)
+        across, along = solution.estimate("section"), solution.estimate("axis")
+        if across is None or along is None:
             raise InputError("tolerance: this result has no estimate of its error")
+        error = across + along
         steps.append(Step(changed, error))
         if error <= tolerance:
-            return solution, space, steps
-        along = solution.estimate(section=False) or 0.0
-        changed = {}
-        if max(error - along, 0.0) >= 0.5 * tolerance:
-            changed |= _across(space)
-        if along >= 0.5 * tolerance or not changed:
-            changed |= _along(space)
+            return solution, spaces, steps
+        changes = _changes(spaces, across >= 0.5 * tolerance, along >= 0.5 * tolerance)
+        changed = next((one for one in changes if one), {})
         if len(steps) > MAX_STEPS or not changed or solution.model.unknowns > MAX_UNKNOWNS:
             raise SolveError(
                 f"tolerance {tolerance:g} is not reached: the estimate is {error:.2g} after {len(steps) - 1} "
                 "refinements"
             )
-        space = refined(space, changed)
+        spaces = [refined(*one) for one in zip(spaces, changes, strict=True)]
 
 
 def check(tolerance: float) -> None:
@@ -112,6 +111,22 @@ def refined(space: Space, changed: dict[str, Any]) -> Space:
     follows = space.quadrature in ("auto", "full")
     made = replace(space, quadrature=space.quadrature if follows else "auto", **changed)
     return made if follows else replace(made, quadrature=str(choice.rule(made.basis, made.axis)))
+
+
+def _changes(spaces: Sequence[Space], across: bool, along: bool) -> list[dict[str, Any]]:
+    """Return what to refine each space by, along the axis too where no more can be done across.
+
+    Those of the lowest degree are refined first.
+    """
+    wide = min(space.section_degree or 0 for space in spaces)
+    found = [_across(one) if across and (one.section_degree or 0) == wide else {} for one in spaces]
+    if along or not any(found):
+        least = min(space.axis.degree for space in spaces)
+        found = [
+            changed | (_along(one) if one.axis.degree == least else {})
+            for changed, one in zip(found, spaces, strict=True)
+        ]
+    return found
 
 
 def _across(space: Space) -> dict[str, Any]:

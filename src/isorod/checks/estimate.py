@@ -1,13 +1,13 @@
-"""An estimate of a result's error: what one tangent on a finer space, at the result, changes.
+"""An estimate of a result's error: what one tangent on finer spaces, at the result, changes.
 
-The finer space (`isorod.checks.finer`) has a degree more across the section and along the axis.  In statics the
-tangent at the result takes its residual there to corrections, as hierarchical error estimates do (Bank & Weiser, Math.
-Comp. 44 (1985) 283-301, with the whole space in the place of bubbles); modes take a step of inverse iteration and a
-Rayleigh-Ritz projection.  What a finer space sees it says: not what no section degree tells (a singularity), nor the
-geometry.
+There are two of these (`isorod.checks.finer`): one is finer across the section, one along the axis, and what they
+change, and what is left on them by the rule for singular solutions, adds up.  In statics the tangent at the result takes its residual there to corrections, as hierarchical error
+estimates do (Bank & Weiser, Math. Comp. 44 (1985) 283-301, with the whole space in the place of bubbles); modes take a
+step of inverse iteration and a Rayleigh-Ritz projection.  What a finer space sees it says: not what no section degree
+tells (a singularity), nor the geometry.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from petsc4py import PETSc
@@ -16,7 +16,7 @@ from scipy.linalg import eigh
 from isorod.arrays import Array
 from isorod.assembly.assembler import Assembler
 from isorod.assembly.factorisation import factorisation, is_mixed
-from isorod.checks.finer import Finer
+from isorod.checks.finer import DIRECTIONS, Finer
 from isorod.model.model import Model
 from isorod.options import defaults
 
@@ -34,7 +34,7 @@ def of_equilibrium(
     displacement: Array,
     work: float,
     pressures: Sequence[Array | None] = (),
-    section: bool = True,
+    directions: Sequence[str] = DIRECTIONS,
 ) -> float | None:
     """Return the relative change of the work that moved supports or loads do, the larger; None where there is none.
 
@@ -50,14 +50,28 @@ def of_equilibrium(
         Of the supports' forces on the displacements they prescribe.
     pressures
         Coefficients of mixed bodies.
-    section
-        Whether the finer space is finer across the section too.
+    directions
+        Which of `isorod.checks.finer.DIRECTIONS` count.
     """
-    finer = Finer.of(model, section)
-    if finer is None or not model.unknowns:
-        return None
+    return _total(model, directions, lambda finer: _equilibrium(finer, displacement, work, pressures))
+
+
+def _total(model: Model, directions: Sequence[str], change: Callable[[Finer], float | None]) -> float | None:
+    """Return the sum of what finer spaces change, or None."""
+    total = 0.0
+    for direction in directions:
+        finer = Finer.of(model, direction)
+        found = None if finer is None or not model.unknowns else change(finer)
+        if finer is None or found is None:
+            return None
+        total += found / (1.0 - finer.left)
+    return total
+
+
+def _equilibrium(finer: Finer, displacement: Array, work: float, pressures: Sequence[Array | None]) -> float | None:
+    """Return the change on finer spaces."""
     state = finer.displacement(displacement)
-    if is_mixed(model):
+    if is_mixed(finer.model):
         from isorod.assembly.mixed import MixedAssembler
 
         mixed = MixedAssembler(finer.model)
@@ -69,7 +83,7 @@ def of_equilibrium(
     matrix, force, change = assembler.matrix(), assembler.vector(), assembler.vector()
     ksp = _solver(assembler, matrix)
     try:
-        size = 0.0
+        size = gained = 0.0
         for _ in range(_STEPS):
             assembler.residual(x, 1.0, force)
             last, size = size, np.inf
@@ -82,30 +96,41 @@ def of_equilibrium(
                 ksp.setOperators(matrix)
                 ksp.solve(force, change)
                 size = change.norm()
+            gained = gained or abs(force.dot(change))
             x.axpy(-1.0, change)
             if not size > _DONE * max(last, size):
                 break
         found = assembler.displacement(x, 1.0)
-        carried = assembler.reactions(x, 1.0)
+        given = finer.model.prescribed(1.0)[finer.model.bound]
+        carried = assembler.reactions(x, 1.0) if given.any() else given
     finally:
         ksp.destroy()
         matrix.destroy()
+    if not np.isfinite(size):
+        # Too far for straight steps: the energy of the first, if there is one.
+        before = abs(work) + abs(float(finer.model.external @ state))
+        return gained / (before + gained) if np.isfinite(gained) and before else 1.0
     # What moved supports do and what loads do, or where neither do, how far it goes.
-    pairs = [(carried * finer.model.prescribed(1.0)[finer.model.bound], work)]
+    pairs = [(carried * given, work)]
     for weights in (finer.model.external, state * (not finer.model.external.any() and not pairs[0][0].any())):
         pairs.append((weights * found, float(weights @ state)))
-    changes = [abs(terms.sum() - before) / abs(before) for terms, before in pairs if _counts(before, terms)]
+    changes = [abs(before / terms.sum() - 1.0) for terms, before in pairs if _counts(terms)]
     error = max(changes, default=np.nan)
     return float(error) if np.isfinite(error) else None
 
 
-def _counts(total: float, terms: Array) -> bool:
+def _counts(terms: Array) -> bool:
     """Return whether a sum is more than what is left of terms that cancel."""
-    return abs(total) > _CANCELS * float(np.abs(terms).sum())
+    return abs(terms.sum()) > _CANCELS * float(np.abs(terms).sum())
 
 
 def of_modes(
-    model: Model, eigenvalues: Array, vectors: Array, lumped: bool = False, section: bool = True
+    model: Model,
+    eigenvalues: Array,
+    vectors: Array,
+    free: bool = False,
+    lumped: bool = False,
+    directions: Sequence[str] = DIRECTIONS,
 ) -> float | None:
     """Return the largest relative change of the frequencies of flexible modes at rest; None where there is none.
 
@@ -113,35 +138,43 @@ def of_modes(
     ----------
     eigenvalues, vectors
         ``omega^2`` ``(m,)`` and shapes ``(m, dofs)`` of the modes above the rigid ones.
+    free
+        Whether there are rigid ones.
     lumped
         Whether with the lumped mass matrix.
-    section
+    directions
         As for `of_equilibrium`.
     """
-    finer = Finer.of(model, section)
-    if finer is None or not eigenvalues.size:
+    if not eigenvalues.size:
         return None
+    return _total(model, directions, lambda finer: _modes(finer, eigenvalues, vectors, free, lumped))
+
+
+def _modes(finer: Finer, eigenvalues: Array, vectors: Array, free: bool, lumped: bool) -> float | None:
+    """Return the change on finer spaces."""
     assembler = Assembler(finer.model)
-    stiffness, mass = assembler.matrix(), assembler.mass(lumped)
-    assembler.tangent(assembler.vector(), 0.0, stiffness)
-    shifted = stiffness.duplicate(copy=True)
-    ksp = _solver(assembler, shifted)
+    matrix, mass = assembler.matrix(), assembler.mass(lumped) if free else assembler.mass_operator(lumped)
+    assembler.tangent(assembler.vector(), 0.0, matrix)
+    # Definite, of a free body too.
+    shift = float(eigenvalues[0]) if free else 0.0
+    if free:
+        matrix.axpy(shift, mass, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
+    ksp = _solver(assembler, matrix)
     try:
-        # Definite, of a free body too.
-        shifted.axpy(float(eigenvalues[0]), mass, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
-        ksp.setOperators(shifted)
-        found, right = [], assembler.vector()
-        for vector in vectors:
-            mass.mult(assembler.state(finer.displacement(vector)), right)
-            found.append(assembler.vector())
-            ksp.solve(right, found[-1])
-        below, above = (_products(matrix, found) for matrix in (mass, stiffness))
+        pushed, found, heavy = ([assembler.vector() for _ in vectors] for _ in range(3))
+        for vector, force, shape, image in zip(vectors, pushed, found, heavy, strict=True):
+            mass.mult(assembler.state(finer.displacement(vector)), force)
+            ksp.solve(force, shape)
+            mass.mult(shape, image)
+        # The shifted stiffness times a shape is the force.
+        above, below = (np.array([[a.dot(b) for b in found] for a in images]) for images in (pushed, heavy))
         scale = 1.0 / np.sqrt(np.diag(below))
-        values = eigh(above * scale * scale[:, None], below * scale * scale[:, None], eigvals_only=True)
+        above, below = (0.5 * (one + one.T) * scale * scale[:, None] for one in (above, below))
+        values = eigh(above, below, eigvals_only=True) - shift
     finally:
-        for one in (ksp, stiffness, shifted, mass):
+        for one in (ksp, matrix, mass):
             one.destroy()
-    error = float(np.abs(np.sqrt(np.abs(values / eigenvalues)) - 1.0).max())
+    error = float(np.abs(np.sqrt(np.abs(eigenvalues / values)) - 1.0).max())
     return error if np.isfinite(error) else None
 
 
@@ -153,12 +186,3 @@ def _solver(assembler: Assembler, matrix: PETSc.Mat) -> PETSc.KSP:
     with defaults({f"{_PREFIX}ksp_type": "preonly"} | factorisation(assembler, _PREFIX)):
         ksp.setFromOptions()
     return ksp
-
-
-def _products(matrix: PETSc.Mat, vectors: Sequence[PETSc.Vec]) -> Array:
-    image = vectors[0].duplicate()
-    rows = []
-    for one in vectors:
-        matrix.mult(one, image)
-        rows.append([image.dot(other) for other in vectors])
-    return np.array(rows)

@@ -179,7 +179,7 @@ def _scene_parser(name: str, scene: Any) -> Parser:
             action="store_true",
             help="continue the run whose state is in the checkpoint, to a later end time too with more outputs",
         )
-    if isinstance(scene, type) and ("statics" in analyses or "modal" in analyses):
+    if "statics" in analyses or "modal" in analyses:
         parser.add_argument("--refine", action="store_true", help="solve on finer spaces too and estimate the error")
         parser.add_argument(
             "--tolerance",

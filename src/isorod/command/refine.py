@@ -6,14 +6,14 @@ its error.  The estimate is the sum of the changes.
 """
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
-from isorod.arrays import Array
 from isorod.checks import adapt
 from isorod.checks.adapt import MAX_STEPS, MAX_UNKNOWNS
 from isorod.command import run
@@ -26,25 +26,44 @@ from isorod.space.space import Space
 
 
 def finer(scene: Any) -> dict[str, Any]:
-    """Return the scene on the next finer space in each direction, by the name of its option."""
-    found: dict[str, int] = {}
-    if scene.section_degree is not None:
-        if scene.section_degree < MAX_SECTION_DEGREE:
-            found["section_degree"] = scene.section_degree + 1
-    else:
-        if scene.order < MAX_ORDER:
-            found["order"] = scene.order + 1
-        if 2 * scene.section_points <= MAX_COUNT:
-            found["section_points"] = 2 * scene.section_points
-    if scene.degree < MAX_DEGREE:
-        found["degree"] = scene.degree + 1
-    name = "elements" if hasattr(scene, "elements") else "elements_per_turn"
-    found[name] = 2 * getattr(scene, name)
-    ahead = {name: dataclasses.replace(scene, **{name: value}) for name, value in found.items()}
+    """Return the scene on the next finer space in each direction, by the name of its option.
+
+    The scene of a file has to be on spaces of its own (`isorod.files.scene.FileScene.on`).
+    """
+    if hasattr(scene, "content"):
+        return _finer_file(scene)
+    found = _ahead(scene)
+    ahead = {name: replace(scene, **{name: value}) for name, value in found.items()}
     if "degree" in ahead and scene.continuity is None:
         # With the continuity that goes with the higher degree the spaces would not nest.
-        ahead["degree"] = dataclasses.replace(ahead["degree"], continuity=scene.degree - 1)
+        ahead["degree"] = replace(ahead["degree"], continuity=scene.degree - 1)
     return ahead
+
+
+def _finer_file(scene: Any) -> dict[str, Any]:
+    found: dict[str, dict[str, dict[str, Any]]] = {}
+    for rod, space in scene.spaces.items():
+        for name, value in _ahead(SimpleNamespace(**{"section_degree": None} | space)).items():
+            found.setdefault(name, {})[rod] = space | {name: value}
+    return {name: replace(scene, spaces=scene.spaces | rods) for name, rods in found.items()}
+
+
+def _ahead(one: Any) -> dict[str, int]:
+    """Return the next finer number in each direction of a scene, or of a space."""
+    found: dict[str, int] = {}
+    if one.section_degree is not None:
+        if one.section_degree < MAX_SECTION_DEGREE:
+            found["section_degree"] = one.section_degree + 1
+    else:
+        if one.order < MAX_ORDER:
+            found["order"] = one.order + 1
+        if 2 * one.section_points <= MAX_COUNT:
+            found["section_points"] = 2 * one.section_points
+    if one.degree < MAX_DEGREE:
+        found["degree"] = one.degree + 1
+    name = "elements" if hasattr(one, "elements") else "elements_per_turn"
+    found[name] = 2 * getattr(one, name)
+    return found
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -81,8 +100,8 @@ def estimate(scene: Any, settings: Mapping[str, Any], tolerance: float | None = 
     Parameters
     ----------
     scene
-        A scene with ``order``, ``section_points``, ``section_degree``, ``degree`` and ``elements`` or
-        ``elements_per_turn``.
+        The scene of a file, or one with ``order``, ``section_points``, ``section_degree``, ``degree`` and ``elements``
+        or ``elements_per_turn``.
     settings
         Keyword arguments of the scene's analysis.
     tolerance
@@ -97,19 +116,18 @@ def estimate(scene: Any, settings: Mapping[str, Any], tolerance: float | None = 
     """
     if tolerance is not None:
         adapt.check(tolerance)
-    if scene.quadrature not in ("auto", "full", None):
-        raise InputError(
-            f"quadrature: got {scene.quadrature!r}, refinement needs a rule that follows the space: auto or full"
-        )
-    if tolerance is not None and scene.order is None and scene.section_degree is None and _free(scene):
-        # A section that may miss as much as the tolerance lets it.
-        scene = replace(scene, **adapt.section(scene.rod(), tolerance))
     model = scene.model()
-    space = model.bodies[0].space
+    spaces = [body.space for body in model.bodies]
+    for space in spaces:
+        if "quadrature" not in space.chosen and space.quadrature not in ("auto", "full"):
+            raise InputError(
+                f"quadrature: got {space.quadrature!r}, refinement needs a rule that follows the space: auto or full"
+            )
     if tolerance is not None and not model.contacts:
-        return _reach(scene, settings, space, tolerance)
-    if {"degree", "elements"} & {*space.chosen}:
-        scene = on(scene, replace(space, quadrature=scene.quadrature or "auto"))
+        return _reach(scene, settings, [_start(space, tolerance) for space in spaces], tolerance)
+    if hasattr(scene, "content") or {"degree", "elements"} & {*spaces[0].chosen}:
+        follows = [replace(one, quadrature="auto") if "quadrature" in one.chosen else one for one in spaces]
+        scene = on(scene, follows)
     solved: dict[Any, tuple[Any, dict[str, float]]] = {}
     history: list[tuple[str, int, float]] = []
 
@@ -120,12 +138,12 @@ def estimate(scene: Any, settings: Mapping[str, Any], tolerance: float | None = 
 
     for _ in range(MAX_STEPS + 1):
         solution, seconds = solve(scene)
-        here = _quantities(scene, solution)
+        here = scene.measure(solution)
         ahead = finer(scene)
         changes, gains = {}, {}
         for name, one in ahead.items():
             other, _ = solve(one)
-            changes[name] = float(np.max(np.abs(_quantities(one, other) / here - 1.0)))
+            changes[name] = _change(scene, here, one.measure(other))
             gains[name] = changes[name] / (_work(other) - _work(solution))
         error = sum(changes.values())
         if tolerance is None or error <= tolerance:
@@ -133,15 +151,18 @@ def estimate(scene: Any, settings: Mapping[str, Any], tolerance: float | None = 
         best = max(gains, key=lambda name: gains[name])
         if solved[ahead[best]][0].model.dofs > MAX_UNKNOWNS:
             break
-        history.append((best, getattr(ahead[best], best), error))
+        history.append((best, _told(ahead[best], best), error))
         scene = ahead[best]
     raise SolveError(
         f"tolerance {tolerance:g} is not reached: the estimate is {error:.2g} after {len(history)} refinements"
     )
 
 
-def on(scene: Any, space: Space) -> Any:
-    """Return the scene on a space of its rod."""
+def on(scene: Any, spaces: Sequence[Space]) -> Any:
+    """Return the scene on spaces of its rods; one of a class has the same for all."""
+    if hasattr(scene, "content"):
+        return scene.on(spaces)
+    space = spaces[0]
     names = {field.name for field in dataclasses.fields(scene)}
     kept = ("order", "section_degree", "degree", "continuity", "quadrature")
     fields = {name: getattr(space, name) for name in kept if name in names}
@@ -152,17 +173,26 @@ def on(scene: Any, space: Space) -> Any:
     return replace(scene, **fields)
 
 
-def _reach(scene: Any, settings: Mapping[str, Any], space: Space, tolerance: float) -> Estimate:
+def _start(space: Space, tolerance: float) -> Space:
+    """Return a space whose section, if it was chosen, misses as much as the tolerance lets it."""
+    if not ({"section_degree", "section_points"} & {*space.chosen}):
+        return space
+    rule = None if "quadrature" in space.chosen else space.quadrature
+    none = dict.fromkeys(("order", "section_points", "section_degree"))
+    return replace(space, quadrature=rule, **none | adapt.section(space.rod, tolerance))
+
+
+def _reach(scene: Any, settings: Mapping[str, Any], spaces: Sequence[Space], tolerance: float) -> Estimate:
     """Refine until the estimate is below the tolerance."""
     tried: dict[int, tuple[Any, dict[str, float]]] = {}
 
-    def solve(space: Space) -> Any:
-        one = on(scene, space)
+    def solve(spaces: Sequence[Space]) -> Any:
+        one = on(scene, spaces)
         solution, seconds = run.solve(one, settings)
         tried[id(solution)] = one, seconds
         return solution
 
-    solution, _, steps = adapt.reach(solve, space, tolerance)
+    solution, _, steps = adapt.reach(solve, spaces, tolerance)
     history = [
         (name if hasattr(scene, name) else "elements_per_turn", value, before.error)
         for before, step in pairwise(steps)
@@ -172,14 +202,21 @@ def _reach(scene: Any, settings: Mapping[str, Any], space: Space, tolerance: flo
     return Estimate(one, solution, seconds, steps[-1].error, {}, history)
 
 
-def _free(scene: Any) -> bool:
-    """Return whether control points round the section are not asked for: those of a spring are its shape's."""
-    return hasattr(scene, "elements_per_turn") or scene.section_points is None
+def _change(scene: Any, here: Mapping[str, Any], there: Mapping[str, Any]) -> float:
+    """Return the largest relative change of what is measured: of each frequency, or of a vector's size."""
+    changes = [0.0]
+    for name, value in here.items():
+        a, b = (np.atleast_1d(np.asarray(one, float)) for one in (value, there[name]))
+        if scene.analysis == "modal":
+            changes.append(float(np.abs(b / a - 1.0).max()))
+        elif a.any():
+            changes.append(float(np.linalg.norm(b - a) / np.linalg.norm(a)))
+    return max(changes)
 
 
-def _quantities(scene: Any, solution: Any) -> Array:
-    """Return what the scene measures as one vector."""
-    return np.concatenate([np.atleast_1d(np.asarray(value, float)) for value in scene.measure(solution).values()])
+def _told(scene: Any, name: str) -> Any:
+    """Return a number of a scene's space, of several rods those of the first."""
+    return next(iter(scene.spaces.values()))[name] if hasattr(scene, "content") else getattr(scene, name)
 
 
 def _work(solution: Any) -> float:

@@ -2,9 +2,9 @@
 
 import inspect
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,6 +19,7 @@ from isorod.scenes import GEOMETRY_UNITS, option
 if TYPE_CHECKING:
     from isorod.geometry.rod import Rod
     from isorod.model.model import Model
+    from isorod.space.space import Space
 
 # What a record has besides what is measured.
 RESERVED = frozenset(
@@ -51,6 +52,8 @@ class FileScene:
     elements, order, section_points, section_degree, degree, continuity, quadrature
         What the space of every rod (`isorod.space.space.Space`) is told in the place of what the file says; where not
         given, what it says, if that is the same for all rods.
+    spaces
+        All that the space of a rod is told in the place of that, by its name (`on`).
 
     Attributes
     ----------
@@ -81,6 +84,7 @@ class FileScene:
     degree: int | None = _space("degree along the axis, up to 6")
     continuity: int | None = _space("continuity at inserted knots, 0 to degree - 1")
     quadrature: str | None = _space("quadrature rule: auto, full, paper, RxS or RxSxT such as 2x1x4")
+    spaces: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         document = Document(self.path)
@@ -113,12 +117,16 @@ class FileScene:
 
     def _tell_spaces(self) -> None:
         """Let what was given for the spaces of all rods, and what the file says of them, be the same."""
-        rods = [table for _, _, table in self._named("rod", RodPlan.KEYS)]
+        named = {name: table for name, _, table in self._named("rod", RodPlan.KEYS)}
+        rods = [*named.values()]
         for name in (one.name for one in fields(self) if one.metadata):
             given = getattr(self, name)
             for table in rods if given is not None else ():
                 if isinstance(space := table.setdefault("space", {}), dict):
                     space[name] = given
+        for rod, space in self.spaces.items():
+            named[rod]["space"] = dict(space)
+        for name in (one.name for one in fields(self) if one.metadata):
             spaces = [table.get("space", {}) for table in rods]
             said = [space.get(name) for space in spaces if isinstance(space, dict)]
             setattr(self, name, said[0] if said and all(one == said[0] for one in said) else None)
@@ -219,6 +227,15 @@ class FileScene:
     def rods(self) -> "list[Rod]":
         """Return the rods as first built."""
         return [plan.rod() for plan in self.plans.values()]
+
+    def on(self, spaces: "Sequence[Space]") -> "FileScene":
+        """Return the same scene with its rods on these spaces, one a rod."""
+        told, keys = {}, [one.name for one in fields(self) if one.metadata]
+        for name, space in zip(self.plans, spaces, strict=True):
+            told[name] = {key: getattr(space, key) for key in keys if getattr(space, key) is not None}
+            if space.section_degree is None:
+                told[name]["section_points"] = space.points_around
+        return replace(self, spaces=told, **dict.fromkeys(keys))
 
     def model(self) -> "Model":
         """Return the model; raises `InputError` with file, line and place."""

@@ -134,18 +134,19 @@ class Modes:
             f"{self.residuals.max():.3g}\n  frequencies {values}{more}"
         )
 
-    def estimate(self, section: bool = True) -> float | None:
+    def estimate(self, *directions: str) -> float | None:
         """Return an estimate of the frequencies' largest relative error (`isorod.checks.estimate`).
 
-        None where there is none, as about a state.  It takes about as long as the modes.  Without ``section`` it is
-        that of the approximation along the axis.
+        None where there is none, as about a state.  It takes about as long as the modes.  It is the sum of those of the
+        approximation across the ``"section"`` and along the ``"axis"``, unless one of them is asked for.
         """
         if self.state is not None:
             return None
         from isorod.checks import estimate
 
-        flexible = slice(self.rigid, None)
-        return estimate.of_modes(self.model, self.eigenvalues[flexible], self.vectors[flexible], self.lumped, section)
+        above, asked = slice(self.rigid, None), directions or estimate.DIRECTIONS
+        values, shapes = self.eigenvalues[above], self.vectors[above]
+        return estimate.of_modes(self.model, values, shapes, self.rigid > 0, self.lumped, asked)
 
     def record(self) -> dict[str, Any]:
         """Return what a record keeps of them."""

@@ -98,14 +98,16 @@ class Equilibrium(State):
             )
         )
 
-    def estimate(self, section: bool = True) -> float | None:
+    def estimate(self, *directions: str) -> float | None:
         """Return an estimate of the relative error (`isorod.checks.estimate`); None where there is none, as in contact.
 
-        It takes about as long as the solution.  Without ``section`` it is that of the approximation along the axis.
+        It takes about as long as the solution.  It is the sum of those of the approximation across the ``"section"``
+        and along the ``"axis"``, unless one of them is asked for.
         """
         from isorod.checks import estimate
 
-        return estimate.of_equilibrium(self.model, self.displacement, self.work, self.pressures, section)
+        asked = directions or estimate.DIRECTIONS
+        return estimate.of_equilibrium(self.model, self.displacement, self.work, self.pressures, asked)
 
     def record(self) -> dict[str, Any]:
         """Return what a record keeps of it; area in contact and deepest penetration are those of all contacts."""
