@@ -74,8 +74,6 @@ def _mesh(rod: Rod, name: str, level: int, order: int) -> Mesh:
     finer = 2 * level if order == 1 else level
     reason = InputError("mesh: no template")
     for section in sections(rod):
-        if section.quality <= 0.0:
-            continue
         layers = _layers(rod, section.make(1, 2))
         mesh = tensored(rod, section.make(finer, order), _positions(rod, finer * layers, order))
         try:

@@ -146,7 +146,7 @@ def test_a_patch_is_away_from_on_both_sides():
     space = Space(rod, elements=8, degree=2, order=1)
     patch = Support.patch(space, along=(3.9, 4.1), around=(-10.0, 10.0))
     inside = sampled.away(
-        Model([Body(space, NeoHookean(1.0, 0.3))], [patch]), np.zeros(3, dtype=np.int64), np.array([0.1, 0.5, 0.9])
+        Model([Body(space, NeoHookean(1.0, 0.3))], [patch]), np.zeros(3, dtype=np.int64), np.array([0.0, 0.5, 1.0])
     )
     assert inside.tolist() == [True, False, True]
 

@@ -63,6 +63,10 @@ class Pressed(Newton):
         self.nodal, self.contacts = nodal, contacts
         self.contact_seconds = 0.0
         self._pattern: sparse.csr_array | None = None
+        # What is held has a row of the identity, to which nothing may be added.
+        self._is_held = np.zeros(3 * len(nodal.source.points), dtype=bool)
+        for support in supports:
+            self._is_held[support.dofs] = True
         if contacts:
             # Pressed together bodies may be close to buckling: symmetric is all that is sure.
             self.matrix.setOption(PETSc.Mat.Option.SPD, False)
@@ -86,7 +90,7 @@ class Pressed(Newton):
         return pressings
 
     def add_forces(self, out: PETSc.Vec) -> None:
-        """Add forces that no form knows; the ends, which are held, have none."""
+        """Add forces that no form knows."""
         self.press(out)
 
     def add_stiffness(self, matrix: PETSc.Mat) -> None:
@@ -100,7 +104,8 @@ class Pressed(Newton):
             to_dof = (3 * self.nodal.node_dofs[:, None] + np.arange(3)).ravel()
             rows, columns = (to_dof[np.concatenate([getattr(part, name) for part in parts])] for name in ("row", "col"))
             values = np.concatenate([part.data for part in parts])
-            csr = sparse.coo_array((values, (rows, columns)), shape=parts[0].shape).tocsr()
+            free = ~(self._is_held[rows] | self._is_held[columns])
+            csr = sparse.coo_array((values[free], (rows[free], columns[free])), shape=parts[0].shape).tocsr()
             csr.sort_indices()
             pattern = csr.copy()
             pattern.data[:] = 1.0

@@ -254,8 +254,11 @@ def pairs(ours: Array, theirs: Array, weights: Array, frequencies: Sequence[Arra
     left = np.empty(len(theirs))
     for k, shape in enumerate(second):
         near = np.flatnonzero(apart[:, k] < max(CLOSE, 1.5 * apart[partner[k], k]))
-        basis = first[near].reshape(near.size, -1).T
-        wanted = shape.ravel()
-        rest = wanted - basis @ np.linalg.lstsq(basis, wanted, rcond=1e-12)[0]
-        left[k] = np.linalg.norm(rest) / np.linalg.norm(wanted)
+        rest = shape - np.tensordot(combination(first[near], shape), first[near], 1)
+        left[k] = np.linalg.norm(rest) / np.linalg.norm(shape)
     return partner, left
+
+
+def combination(shapes: Array, wanted: Array) -> Array:
+    """Return the factors of shapes ``(modes, n, 3)`` whose sum is nearest to one ``(n, 3)``."""
+    return np.asarray(np.linalg.lstsq(shapes.reshape(len(shapes), -1).T, wanted.ravel(), rcond=1e-12)[0])

@@ -1,12 +1,14 @@
 """Pictures of a comparison: isorod's solution and that of finite elements beside each other, seen alike."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from comparisons.measure import sampled
 from comparisons.measure.records import Record
 from comparisons.measure.sampled import GAUSS, Sample
 from comparisons.measure.study import Run
@@ -26,6 +28,19 @@ VIEWS = ((1.0, -1.4, 0.55), (-1.0, -1.4, 0.55), (0.35, -1.0, 0.3), (1.0, -0.35, 
 
 # How many times larger what is upright must look if it is not z.
 LYING = 1.3
+
+_EQUILIBRIUM = (
+    "Deformed, coloured by von Mises stress on one scale, left isorod by default, right dolfinx on its finest mesh. "
+    "What is above the scale, at held edges, has the colour of its end."
+)
+_MODES = (
+    "The first mode shapes, left isorod by default, right dolfinx on its finest mesh, coloured by the size of the "
+    "displacement; grey lines are the rods at rest. Where frequencies lie within 2 % of each other, any combination is "
+    "nearly a shape: isorod's that is nearest to that of dolfinx is drawn."
+)
+
+# Nodes at which shapes are brought into line.
+_PLACES = 400
 
 # The largest displacement of a mode is drawn as this share of the rods' size.
 EXAGGERATION = 0.12
@@ -49,20 +64,23 @@ def write(study: Run, solution: Any, records: Sequence[Record], sample: Sample) 
     peak = max(float(np.max(mesh.point_data["colour"])) for row in rows for mesh in row)
     # Stresses at held edges have no limit: what nearly all of the rods have fills the scale.
     scale = (0.0, 1.0 if modal else min(peak, 1.02 * max(_most(mesh) for mesh in rows[0])))
+    lines = [_at_rest(body) for body in solution.model.bodies] if modal else []
     labels = [f"{name}, {one['dofs']:,} unknowns" for name, one in zip(("isorod", "dolfinx"), records, strict=True)]
     files = [f"{study.study}-{which}.png" for which in ("picture", "picture-narrow")]
     for file, stacked in zip(files, (False, True), strict=True):
-        draw = partial(_draw, rows, _captions(rows, labels, records), scale, modal, stacked)
+        draw = partial(_draw, rows, lines, _captions(rows, labels, records), scale, modal, stacked)
         write_beside(study.folder / file, draw)
-    said = (
-        "The first mode shapes, left isorod by default, right dolfinx on its finest mesh, coloured by the size of the "
-        "displacement; thin lines are the rods at rest. Of frequencies that lie together any combination is a shape."
-        if modal
-        else "Deformed, coloured by von Mises stress on one scale, left isorod by default, right dolfinx on its finest "
-        "mesh. What is above the scale, at held edges, has the colour of its end."
-    )
+    said = _MODES if modal else _EQUILIBRIUM
     alt = "mode shapes of both sides" if modal else "von Mises stress of both sides on the deformed rods"
     study.record("picture", {"file": files[0], "narrow": files[1], "alt": alt, "caption": said})
+
+
+def _at_rest(body: Any) -> Array:
+    """Return a rod's centre line, of a hollow one that of its hole, shape ``(m, 3)``."""
+    breaks = body.space.rod.axis.breaks
+    u = np.linspace(breaks[0], breaks[-1], 50 * body.space.axis.elements)
+    angle, hole = np.linspace(0.0, 2.0 * np.pi, 33)[:-1], body.space.rod.rings[0]
+    return np.asarray(body.space.rod.grid(hole * np.stack([np.cos(angle), np.sin(angle)], axis=1), u)[0].mean(axis=1))
 
 
 def _most(mesh: Any) -> float:
@@ -97,27 +115,23 @@ def _modes(solution: Any, sample: Sample, record: Record) -> list[tuple[Any, Any
     assert sample.modes is not None
     size = float(np.linalg.norm(np.ptp(sample.points, axis=0)))
     rows = []
+    some = np.unique(np.linspace(0, len(sample.points) - 1, _PLACES).astype(np.int64))
+    places = replace(sample.places, **{name: getattr(sample.places, name)[some] for name in ("rod", "xi", "u")})
+    known, frequencies = sampled.fields(solution, places)["modes"], solution.frequencies[solution.rigid :]
     for k, theirs in enumerate(sample.modes[:SHAPES]):
-        mode = solution[solution.rigid + k]
-        ours = _joined(solution, [mode.fields(b) for b in range(len(solution.model.bodies))], "displacement", 1.0)
+        near = np.abs(frequencies / frequencies[k] - 1.0) < sampled.CLOSE
+        factors = np.zeros(len(solution))
+        factors[solution.rigid :][near] = sampled.combination(known[near], theirs[some])
+        nodal = [solution.model.nodal(factors @ solution.vectors, b) for b in range(len(solution.model.bodies))]
+        ours = _joined(solution, [{"displacement": one} for one in nodal], "displacement", 1.0)
         lengths = np.linalg.norm(theirs, axis=1)
         other = _bricks(sample, theirs, lengths[sample.cells])
         for mesh in (ours, other):
             largest = float(np.max(np.linalg.norm(mesh.point_data["motion"], axis=1)))
             mesh.point_data["colour"] = np.linalg.norm(mesh.point_data["motion"], axis=1) / largest
             mesh.point_data["motion"] *= EXAGGERATION * size / largest
-        # A shape's sign is nobody's.
-        if _opposed(ours, other):
-            other.point_data["motion"] *= -1.0
         rows.append((ours, other))
     return rows
-
-
-def _opposed(ours: Any, theirs: Any) -> bool:
-    from scipy.spatial import cKDTree
-
-    _, near = cKDTree(theirs.points).query(ours.points)
-    return float(np.sum(ours.point_data["motion"] * theirs.point_data["motion"][near])) < 0.0
 
 
 def _joined(solution: Any, fields: Sequence[dict[str, Array]], colour: str, factor: float) -> Any:
@@ -163,6 +177,7 @@ def _corners(p: int) -> list[list[int]]:
 
 def _draw(
     rows: Sequence[Any],
+    lines: Sequence[Array],
     captions: Sequence[Sequence[str]],
     scale: tuple[float, float],
     modal: bool,
@@ -177,16 +192,15 @@ def _draw(
     try:
         plotter.set_background("white")
         moved = [mesh.points + mesh.point_data["motion"] for row in rows for mesh in row]
-        everything = np.concatenate([*moved, *(mesh.points for mesh in rows[0])] if modal else moved)
+        everything = np.concatenate([*moved, *lines])
         view, up = _direction(everything)
         for k, row in enumerate(rows):
             for column, mesh in enumerate(row):
                 plotter.subplot(*((2 * k + column, 0) if stacked else (k, column)))
                 bar = picture.bar("displacement" if modal else "von Mises", PANEL) if column else None
                 picture.add_flat(plotter, mesh, "colour", scale, "viridis" if modal else "turbo", bar, "motion")
-                if modal:
-                    rest = mesh.extract_surface(algorithm="dataset_surface").extract_feature_edges(30.0)
-                    plotter.add_mesh(rest, color="grey", line_width=1, lighting=False)
+                for line in lines:
+                    plotter.add_mesh(pyvista.lines_from_points(line), color="grey", line_width=2, lighting=False)
                 plotter.add_text(captions[k][column], position="upper_left", font_size=12, color="black")
                 picture.look(plotter.camera, everything, view, PANEL, up)
         plotter.screenshot(str(path))

@@ -74,8 +74,8 @@ def centrifugal(laws: Laws, spin: Spin, u: Any) -> Any:
     mesh = laws.elements.mesh
     field, centre = (dolfinx.fem.Constant(mesh, np.array(value, dtype=float)) for value in (spin.field, spin.center))
     arm = ufl.SpatialCoordinate(mesh) + u - centre
-    everywhere = sum(laws.dx(kind) for kind in laws.present[1:]) + laws.dx(laws.present[0])
-    return -0.5 * laws.density * ufl.inner(arm, field * arm) * everywhere
+    density = -0.5 * laws.density * ufl.inner(arm, field * arm)
+    return sum(density * laws.dx(kind) for kind in laws.present)
 
 
 def following(elements: Elements, model: Model, rule: int, u: Any, test: Any) -> Any:

@@ -21,6 +21,7 @@ class Condition(NamedTuple):
     """Displacements of some degrees of freedom, as `comparisons.fem.statics.Newton` takes them."""
 
     condition: Any
+    dofs: Index
 
 
 class _Trace:
@@ -142,7 +143,8 @@ class Supports:
         if self.whole:
             value = dolfinx.fem.Function(space)
             self._values = [(value, None)]
-            return [Condition(dolfinx.fem.dirichletbc(value, np.sort(blocks[nodes]).astype(np.int32)))]
+            held = np.sort(blocks[nodes]).astype(np.int32)
+            return [Condition(dolfinx.fem.dirichletbc(value, held), self.held)]
         found = []
         for c in range(3):
             part = space.sub(c)
@@ -152,7 +154,7 @@ class Supports:
             here[np.asarray(back)] = np.arange(len(back))
             dofs = np.sort(3 * blocks[rows[components == c]] + c).astype(np.int32)
             self._values.append((value, np.asarray(back)))
-            found.append(Condition(dolfinx.fem.dirichletbc(value, [dofs, here[dofs]], part)))
+            found.append(Condition(dolfinx.fem.dirichletbc(value, [dofs, here[dofs]], part), dofs))
         return found
 
     def move(self, factor: float) -> None:
