@@ -111,7 +111,7 @@ def test_two_degrees_where_one_tells_nothing(outline, degree, finer):
     assert Finer.of(model, "section").model.bodies[0].space.section_degree == finer
 
 
-@pytest.mark.parametrize("seed", [6, 9, 17, 52, 61])
+@pytest.mark.parametrize("seed", [6, 17, 52])
 def test_error_of_random_rods(seed):
     """Rods, laws, loads and spaces of the study; it counts them all, and here no estimate may be far off."""
     found = estimates.compare(seed)

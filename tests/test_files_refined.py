@@ -32,6 +32,7 @@ force = [0.0, -1e-3, 0.0]
 rod = "bar"
 displacement = {place}
 """
+PULLED = LOAD.format(place="{}")
 WIRE = """
 [rod.wire]
 curve = {straight = 4.0}
@@ -65,7 +66,7 @@ def run(tmp_path, capsys):
     return told
 
 
-def bar(space="", analysis="statics", more=LOAD.format(place="{}")):
+def bar(space="", analysis="statics", more=PULLED):
     return BAR.format(analysis=analysis, space=space) + more
 
 

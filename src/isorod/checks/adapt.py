@@ -44,7 +44,7 @@ Found = TypeVar("Found", bound=Solution)
 
 @dataclass(frozen=True)
 class Step:
-    """Spaces that were tried: what was changed since the last ones, of the first body that was refined, and the error it left."""
+    """Spaces that were tried: what was changed since the last ones, in the first body refined, and the error left."""
 
     changed: dict[str, Any]
     error: float

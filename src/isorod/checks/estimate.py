@@ -1,10 +1,10 @@
 """An estimate of a result's error: what one tangent on finer spaces, at the result, changes.
 
 There are two of these (`isorod.checks.finer`): one is finer across the section, one along the axis, and what they
-change, and what is left on them by the rule for singular solutions, adds up.  In statics the tangent at the result takes its residual there to corrections, as hierarchical error
-estimates do (Bank & Weiser, Math. Comp. 44 (1985) 283-301, with the whole space in the place of bubbles); modes take a
-step of inverse iteration and a Rayleigh-Ritz projection.  What a finer space sees it says: not what no section degree
-tells (a singularity), nor the geometry.
+change, and what is left on them by the rule for singular solutions, adds up.  In statics the tangent at the result
+takes its residual there to corrections, as hierarchical error estimates do (Bank & Weiser, Math. Comp. 44 (1985)
+283-301, with the whole space in the place of bubbles); modes take a step of inverse iteration and a Rayleigh-Ritz
+projection.  What a finer space sees it says: nothing of the geometry, and nothing across sections of degree 8.
 """
 
 from collections.abc import Callable, Sequence

@@ -1,8 +1,8 @@
-"""The same model on a finer space that contains its own: a degree or two more across the section, or one along the axis.
+"""The same model on a finer space that contains its own: of a higher degree across the section, or along the axis.
 
 Where a section looks the same turned by half, even and odd functions have parts of their own: torsion warps by even
-ones, which an odd degree has no more of than the even one before it; then, and from degree 1, whose displacements are
-all in need of the third, it is two degrees.
+ones, of which an odd degree has no more than the even one before it.  Then it is two degrees more, and so it is from
+degree 1, where shear by bending takes the third.
 """
 
 import warnings

@@ -20,7 +20,7 @@ from isorod.geometry.section import refinement_turn
 from isorod.space.basis import SectionBasis
 from isorod.space.polyharmonic import Polyharmonic
 from isorod.space.polynomial import MAX_DEGREE as MAX_SECTION_DEGREE
-from isorod.space.polynomial import Polynomials
+from isorod.space.polynomial import polynomials
 
 DEGREE = 5
 
@@ -76,11 +76,11 @@ def section(rod: Rod, missed: float = WARPING) -> dict[str, int]:
     multiple = ceil(POINTS / rod.section_points)
     points = {"order": ORDER, "section_points": multiple * rod.section_points}
     try:
-        best = _torsion_constant(rod, Polynomials(rod, MAX_SECTION_DEGREE))
+        best = _of_polynomials(rod, MAX_SECTION_DEGREE)
     except InputError:
         return points
     for degree in range(LEAST if _shape(rod)[1] > LONG else LEAST_SHORT, MOST + 1):
-        constant = _torsion_constant(rod, Polynomials(rod, degree))
+        constant = _of_polynomials(rod, degree)
         if constant <= (1.0 + missed) * best:
             return {"section_degree": degree}
     turn = refinement_turn(rod.section_points, multiple)
@@ -93,6 +93,12 @@ def rule(basis: SectionBasis, axis: Axis) -> Rule:
     found, degree = basis.auto(axis.degree), axis.degree
     sharp = degree > 1 and (axis.multiplicities[1:-1] >= degree).all()
     return Rule(found.radial, found.angular, degree) if sharp else found
+
+
+@lru_cache(maxsize=32)
+def _of_polynomials(rod: Rod, degree: int) -> float:
+    """Return the torsion constant of polynomials, kept for who asks again of the same rod."""
+    return _torsion_constant(rod, polynomials(rod, degree))
 
 
 def _torsion_constant(rod: Rod, basis: SectionBasis) -> float:

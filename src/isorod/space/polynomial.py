@@ -148,6 +148,12 @@ def fine_rule(n: int, degree: int) -> Rule:
     return Rule(degree + 4, 4 + ceil(2.0 * pi * degree / n), 1)
 
 
+@lru_cache(maxsize=16, typed=True)
+def polynomials(rod: Rod, degree: int) -> Polynomials:
+    """Return the polynomials of a rod, kept for who asks again: a refinement, an estimate of the error."""
+    return Polynomials(rod, degree)
+
+
 @lru_cache(maxsize=8)
 def _points(n: int, degree: int, rings: tuple[float, ...]) -> tuple[Array, Array, Array, Array]:
     """Return weights ``(m,)`` of points of the rings, and the harmonic functions' values and slopes ``(m, n)``."""

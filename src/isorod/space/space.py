@@ -19,7 +19,7 @@ from isorod.geometry.section import refinement_turn
 from isorod.space import choice
 from isorod.space.basis import SectionBasis
 from isorod.space.polyharmonic import Polyharmonic
-from isorod.space.polynomial import Polynomials
+from isorod.space.polynomial import polynomials
 from isorod.tensors import inverse
 
 # Jacobian matrices, their inverses, and what both are made of.
@@ -172,7 +172,7 @@ class Space(Checked):
                     "section degree: polynomials take the place of order and section points; leave those out"
                 )
             if self.rod.rings == WHOLE:
-                return Polynomials(self.rod, self.section_degree)
+                return polynomials(self.rod, self.section_degree)
             # Rods without rings do without it.
             from isorod.space.ringed import Ringed
 

@@ -1,0 +1,83 @@
+"""What estimates of error cost: ``python -m comparisons.stability.cost``.
+
+One JSON line: the time of the estimate over that of the run, default spaces, and that of ``--tolerance 5e-3`` on the
+blade over that of the best discretisation known by hand (`comparisons.blade.BEST`).  Processor time of one process,
+measured in turn, the least of each.
+"""
+
+import sys
+from collections.abc import Callable, Sequence
+from functools import partial
+from time import process_time
+from typing import Any
+
+from comparisons.blade import BEST
+from isorod import options, statics
+from isorod.command import refine, run
+from isorod.command.parser import Parser, add_fields, field_values
+from isorod.geometry import section
+from isorod.geometry.center_line import straight
+from isorod.material import NeoHookean
+from isorod.model import Body, Model, SectionLoad, Support
+from isorod.output import results
+from isorod.scenes.blade import Blade
+from isorod.scenes.spring import Spring
+from isorod.space import Space
+
+TOLERANCE = 5e-3
+
+
+def bar() -> Any:
+    """Return the solution of a clamped round bar with a force at its end."""
+    space = Space(straight(10.0).sweep(section.circle(8)))
+    load = SectionLoad.end(space, "end", (0.0, 1e-3, 0.0))
+    return statics.solve(Model([Body(space, NeoHookean(1.0, 0.3))], [Support.end(space, "start")], loads=[load]))
+
+
+def best() -> Blade:
+    """Return the blade on the best discretisation known by hand."""
+    parser = Parser()
+    add_fields(parser, Blade)
+    return Blade(**field_values(parser.parse_args(BEST[TOLERANCE][0].split()), Blade))
+
+
+def measure(turns: int) -> dict[str, float]:
+    """Return the ratios, of the least times in so many turns."""
+    solves: dict[str, Callable[[], Any]] = {
+        "bar": bar,
+        "spring": lambda: run.solve(Spring(), {})[0],
+        "blade": lambda: run.solve(Blade(), {})[0],
+    }
+    hand = best()
+    found = {name: _least([solve, _estimates(solve)], turns) for name, solve in solves.items()}
+    pair = [partial(run.solve, hand, {}), partial(refine.estimate, Blade(), {}, TOLERANCE)]
+    # The estimate is what comes after the solution.
+    ratios = {f"estimate of the {name}": both / alone - 1.0 for name, (alone, both) in found.items()}
+    by_hand, by_itself = _least(pair, turns)
+    return ratios | {"tolerance on the blade": by_itself / by_hand}
+
+
+def _estimates(solve: Callable[[], Any]) -> Callable[[], Any]:
+    return lambda: solve().estimate()
+
+
+def _least(works: Sequence[Callable[[], Any]], turns: int) -> list[float]:
+    """Return the least time of each piece of work, after one run that does not count."""
+    times: list[list[float]] = [[] for _ in works]
+    for _ in range(turns + 1):
+        for work, found in zip(works, times, strict=True):
+            start = process_time()
+            work()
+            found.append(process_time() - start)
+    return [min(found[1:]) for found in times]
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Measure in as many turns as are asked for (20)."""
+    options.initialize([])
+    print(results.line(measure(int(arguments[0]) if arguments else 20)))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
