@@ -135,6 +135,8 @@ def test_both_sides_run_and_the_answer_is_on_page_and_screen(both, capsys):
     ):
         assert piece in text
     assert (folder / "compare-my-bar-errors.png").stat().st_size > 10_000
+    assert "with nothing chosen by hand isorod is" in text
+    assert report._by({"discretisation": [{"chosen": ["quadrature"]}]}) == "on the space that its file gives it"
     assert all(arguments[-2] == "--fields" for _, arguments in asked)
 
 
@@ -147,10 +149,11 @@ def test_modes_are_paired_and_the_page_has_a_row_for_each(both, capsys):
     assert (folder / "report.html").read_text().count("<td class=text>mode ") == 4
 
 
-def test_meshes_that_are_too_large_are_left_out_and_said(both, monkeypatch):
+@pytest.mark.parametrize("most", [(30_000, 1e3), (10**6, 20.0)])
+def test_meshes_that_are_too_large_are_left_out_and_said(most, both, monkeypatch):
     monkeypatch.setattr(compare, "LEVELS", (1, 2, 4))
     monkeypatch.setattr(compare, "variants", lambda *_: [])
-    monkeypatch.setitem(compare.MOST, "quick", 30_000)
+    monkeypatch.setitem(compare.MOST, "quick", compare.Most(*most))
     records, folder, _ = both(FILE)
     assert [one["label"] for one in part(records, "work")][:-1] == ["mesh 1", "mesh 2", "mesh 3"]
     assert "--level 4 --degree 2: left out: about" in (folder / "report.html").read_text()
