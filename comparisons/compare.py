@@ -40,7 +40,7 @@ class Most(NamedTuple):
 # Meshes, each of so many times the cells of the coarsest in each direction; what is tried in the place of the last
 # where that would be more than the level allows.
 LEVELS, INSTEAD = (1, 2, 4), 3
-MOST = {"quick": Most(100_000, 120.0), "full": Most(600_000, 3600.0)}
+MOST = {"quick": Most(150_000, 180.0), "full": Most(600_000, 3600.0)}
 
 # Power of the number of unknowns that run times grow with.
 GROWTH = 1.5
@@ -92,13 +92,17 @@ def subject(word: str) -> Subject:
     return Subject(word, scene, scene.model())
 
 
-def main(word: str, level: str, folder: str) -> None:
-    """Compare a scene and append the records to a results folder, which is made when there are any."""
+def main(word: str, level: str, folder: str) -> str:
+    """Compare a scene and append the records to a results folder, which is made when there are any.
+
+    Returns the name of the study.
+    """
     what = subject(word)
     study = Run(what.study, level, Path(folder))
     more = sum(len(levels) for levels in MORE[study.level].values())
     with study.progress(len(LEVELS) + more + 8) as steps, tempfile.TemporaryDirectory() as place:
         Comparison(study, steps, what, Path(place)).run()
+    return study.study
 
 
 @dataclass(frozen=True)
