@@ -260,7 +260,7 @@ def _field_words(records: list[Record]) -> str:
             "frequencies within 2 % does not have, in L2 over the volume; the largest is told, without modes as high "
             "as the last, which may be one of a pair.</p>"
         )
-    own = [one for one in fem if one["field"]["displacement"] > 0.0]
+    own = [one for one in fem if one["field"].get("displacement", 0.0) > 0.0]
     doubt = (
         f" dolfinx' own mesh before the finest is {_share(own[-1]['field']['displacement'])} from it." if own else ""
     )
@@ -276,9 +276,10 @@ def _field_words(records: list[Record]) -> str:
 
 def _field_table(work: Sequence[Record]) -> str:
     rows = []
-    if "shapes" in work[0]["field"]:
-        count = len(work[0]["field"]["shapes"])
-        for one in work:
+    modal = [one for one in work if "shapes" in one["field"]]
+    if modal:
+        count = len(modal[0]["field"]["shapes"])
+        for one in modal:
             field = one["field"]
             rows.append((_named(one), f"{one['dofs']:,}", _share(field["shape"]), *map(_share, field["shapes"])))
         return table(("run", "unknowns", "largest", *(f"mode {k + 1}" for k in range(count))), rows)

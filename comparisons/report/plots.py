@@ -180,11 +180,11 @@ def labelled(work: Sequence[Record], told: float, wide: Path, narrow: Path) -> N
         Files of the plot, and of that for narrow screens, one panel below the other.
     """
     pyplot = _pyplot()
-    field = "shape" if "shape" in work[0]["field"] else "displacement"
+    field = "shape" if any("shape" in one["field"] for one in work) else "displacement"
     for path, rows, columns, size in ((wide, 1, 2, (12.0, 5.4)), (narrow, 2, 1, (4.6, 9.4))):
         figure, axes = pyplot.subplots(rows, columns, figsize=size, layout="constrained")
         _points(axes[0], [(one, one["error"]) for one in work], "error of what is measured")
-        _points(axes[1], [(one, one["field"][field]) for one in work], f"error of the {FIELDS[field]}")
+        _points(axes[1], [(one, one["field"].get(field, 0.0)) for one in work], f"error of the {FIELDS[field]}")
         if told > 0.0:
             low, high = axes[0].get_ylim()
             axes[0].axhspan(low, told, color="black", alpha=0.06, label="less than finite elements tell")
