@@ -27,6 +27,9 @@ _TIP = 2e-3
 # The most curved point is looked for in this share of its length.
 _NOSE = 0.1
 
+# Angles this near to each other are the same, radians.
+_SAME = 0.01
+
 # How near to its place a node is found, as a share of the section's length; steps to find it, and halvings of a step.
 _NEAR = 1e-12
 _STEPS = 25
@@ -69,7 +72,8 @@ def tips(section: Plane) -> list[tuple[float, float]]:
         first = np.exp(1j * outermost).mean()
         curved = np.exp(1j * angle[np.argmax(np.where(short < _NOSE * np.ptp(z.real), turn, -np.inf))])
         found.append([float(np.angle(one)) for one in (first, first + curved, curved)])
-    return [(first, first + (second - first) % (2.0 * np.pi)) for first, second in zip(*found, strict=True)]
+    pairs = [(first, first + (second - first) % (2.0 * np.pi)) for first, second in zip(*found, strict=True)]
+    return [pair for k, pair in enumerate(pairs) if not any(np.allclose(pair, one, atol=_SAME) for one in pairs[:k])]
 
 
 def laid_out(
@@ -149,6 +153,7 @@ def _inverse(section: Plane, start: Array, wanted: Array) -> Array:
             if not worse.any():
                 break
             step[worse] *= 0.5
-        step[outside] = 0.0
+        else:
+            break
         xi = xi + step
     raise InputError("mesh: the section is not crossed by straight lines from side to side")

@@ -14,7 +14,6 @@ from itertools import product
 import numpy as np
 
 from isorod.errors import InputError
-from isorod.geometry.quadrature import Rule, section_points
 from isorod.geometry.rod import Rod
 from meshes.annulus import annulus, wrapped
 from meshes.flat import Plane, circle, laid_out, plane, tips
@@ -31,8 +30,8 @@ _GOOD = 0.7
 # The least at any Gauss point; edges that a smooth outline continues have 0 where they meet.
 _LEAST = 0.02
 
-# How far the area of a section meshed with quadrilaterals of order 2 may be off on level 1.
-_AREA = 0.02
+# How far the outline may be off on level 1: the area between it and edges of order 2, as a share of the section's.
+_OFF = 0.02
 
 # Sections looked at, about.
 _STATIONS = 8
@@ -68,15 +67,15 @@ class Section:
         In words.
     make
         Returns the template of a level and an order.
-    quality, area
-        On level 1 with order 2: the mean scaled Jacobian, of the core where there are layers, and how far the area is
-        off.
+    quality, off
+        On level 1 with order 2: the mean scaled Jacobian, of the core where there are layers, and the share of the area
+        that lies between the outline and the edges.
     """
 
     name: str
     make: Maker
     quality: float
-    area: float
+    off: float
 
 
 def sections(rod: Rod) -> Iterator[Section]:
@@ -85,8 +84,6 @@ def sections(rod: Rod) -> Iterator[Section]:
     hollow = rod.rings[0] > 0.0
     # Rings round a core go on from its edges.
     radius, layers = (1.0, ()) if hollow else (rod.rings[1], rod.rings[1:])
-    xi, weights = section_points(rod.section_points, Rule(6, 6, 1), rings=rod.rings if hollow else (0.0, radius))
-    exact = _area_elements(rod, xi, u) @ weights
     rest = []
     for name, make in _rings_round(rod, u) if hollow else _cores(rod, u, radius):
         try:
@@ -96,16 +93,16 @@ def sections(rod: Rod) -> Iterator[Section]:
         quality, areas = _measure(rod, template, radius, u)
         if quality.min() <= 0.0:
             continue
-        off = float(np.abs(areas.sum(axis=1) / exact - 1.0).max())
+        off = _off(rod, template, radius, u)
         made = partial(_wrapped, make, layers) if len(layers) > 1 else make
         section = Section(name, made, _mean(quality, areas), off)
         # The directions of rings are given.
-        if off <= _AREA and (hollow or section.quality >= _GOOD):
+        if off <= _OFF and (hollow or section.quality >= _GOOD):
             yield section
         else:
             rest.append(section)
     yield from sorted(
-        (one for one in rest if one.quality > 0.0), key=lambda one: 10.0 * max(0.0, one.area - _AREA) - one.quality
+        (one for one in rest if one.quality > 0.0), key=lambda one: 10.0 * max(0.0, one.off - _OFF) - one.quality
     )
 
 
@@ -116,11 +113,21 @@ def _stations(rod: Rod) -> Array:
     return u[:: max(1, u.size // _STATIONS)]
 
 
-def _area_elements(rod: Rod, xi: Array, u: Array) -> Array:
-    """Return the sections' area elements at disk points, ``(t, q)``."""
-    _, jacobian = rod.grid(xi, u)
-    area: Array = np.linalg.norm(np.cross(jacobian[..., 0], jacobian[..., 1]), axis=-1)
-    return area
+def _off(rod: Rod, template: Template, radius: float, u: Array) -> float:
+    """Return the area between the outline and the template's edges of order 2 as a share of what these enclose."""
+    angle = np.unwrap(np.arctan2(*template.points[template.rim].T[::-1]), axis=0)
+    a, b, c = radius * circle(angle)
+    nodes = [rod.grid(xi, u)[0] for xi in (a, b, c)]
+    apart, length, inside = 0.0, nodes[2] - nodes[0], nodes[0] - rod.grid([[0.0, 0.0]], u)[0]
+    for share in (0.25, 0.75):
+        functions = (1.0 - share) * (1.0 - 2.0 * share), 4.0 * share * (1.0 - share), share * (2.0 * share - 1.0)
+        edge = sum(function * node for function, node in zip(functions, nodes, strict=True))
+        # The places on the outline amid the nodes' angles.
+        low, high = (angle[0], angle[1]) if share < 0.5 else (angle[1], angle[2])
+        exact, _ = rod.grid(radius * circle(0.5 * (low + high)), u)
+        apart = apart + 0.5 * np.linalg.norm(np.cross(edge - exact, length), axis=2).sum(axis=1)
+    area = 0.5 * np.linalg.norm(np.cross(inside, length).sum(axis=1), axis=1)
+    return float((apart / area).max())
 
 
 def _measure(rod: Rod, template: Template, radius: float, u: Array) -> tuple[Array, Array]:
@@ -184,7 +191,7 @@ def _cores(rod: Rod, u: Array, radius: float) -> Iterator[tuple[str, Maker]]:
     if ratio < _FLAT:
         yield from round_ones
     along = int(np.clip(round(0.75 * ratio), 2, 8))
-    for count, across in ((along, 1), (along + 2, 1), (2 * along, 1), (2 * along, 2)):
+    for count, across in ((along, 1), (along + 2, 1), (2 * along, 2)):
         for grading, both in product(_GRADINGS, ends):
             make = partial(_grid, section, both, count, across, grading)
             corners = _corners(rod, make, count, radius, u)
