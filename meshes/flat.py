@@ -136,10 +136,9 @@ def _between(sides: list[Array], s: Array, t: Array) -> Array:
 
 def _inverse(section: Plane, start: Array, wanted: Array) -> Array:
     """Return the points of the disk that stand at places ``(m, 2)``, by Newton's method, damped."""
-    xi = start.copy()
-    length = np.ptp(wanted, axis=0).max()
+    xi, length = start, np.ptp(wanted, axis=0).max()
+    places, slopes = section(xi)
     for _ in range(_STEPS):
-        places, slopes = section(xi)
         short = wanted - places
         gap = np.linalg.norm(short, axis=1)
         if gap.max() <= _NEAR * length:
@@ -149,11 +148,12 @@ def _inverse(section: Plane, start: Array, wanted: Array) -> Array:
             new = xi + step
             outside = np.linalg.norm(new, axis=1) >= 1.0
             new[outside] = xi[outside]
-            worse = outside | (np.linalg.norm(wanted - section(new)[0], axis=1) > gap + _NEAR * length)
+            places, slopes = section(new)
+            worse = outside | (np.linalg.norm(wanted - places, axis=1) > gap + _NEAR * length)
             if not worse.any():
                 break
             step[worse] *= 0.5
         else:
             break
-        xi = xi + step
+        xi = new
     raise InputError("mesh: the section is not crossed by straight lines from side to side")

@@ -9,14 +9,15 @@ Level L has L times as many cells as level 1 in all three directions, and its no
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
-from isorod.errors import FoldedRodError, InputError, whole_number
+from isorod.errors import InputError, whole_number
 from isorod.geometry.rod import Rod
 from meshes.bricks import tensored
 from meshes.mesh import Array, Index, Mesh, join
-from meshes.sections import sections
+from meshes.sections import Maker, parts, sections
 from meshes.template import Template
 
 # Lengths of cells that are tried in turn, as multiples of their width.
@@ -56,7 +57,7 @@ def build(rods: Sequence[Rod], level: int = 1, order: int = 2) -> Mesh:
         How many times as many cells there are in each direction as on level 1, 1 to 16.
     order
         Polynomial order of the geometry, 1 to 3.  Cells of order 1 are half as long in each direction as those of
-        order 2: their nodes are the same.
+        order 2: their nodes are as many.
 
     Raises
     ------
@@ -102,26 +103,30 @@ def owners(mesh: Mesh) -> Index:
 
 
 def _mesh(rod: Rod, name: str, level: int, order: int) -> Mesh:
-    """Return the mesh of one rod with the first template whose cells are all positive."""
+    """Return the mesh of one rod."""
     try:
-        rod.check()
-    except FoldedRodError as problem:
-        raise FoldedRodError(f"mesh: {name}: {problem}") from None
-    finer = 2 * level if order == 1 else level
+        make, layers = _chosen(rod, order)
+        mesh = tensored(rod, make(level, order), _positions(rod, parts(level, order) * layers, order))
+        mesh.check()
+    except InputError as problem:
+        raise type(problem)(f"mesh: {name}: {str(problem).removeprefix('mesh: ')}") from None
+    return mesh
+
+
+@lru_cache(maxsize=16)
+def _chosen(rod: Rod, order: int) -> tuple[Maker, Index]:
+    """Return the first template whose cells are all positive on level 1, and the layers in each axis element there."""
+    rod.check()
     reason = "its outline is too uneven"
-    for section in sections(rod):
-        template = section.make(1, 2)
-        layers = _layers(rod, template)
+    for section in sections(rod, order):
+        layers = _layers(rod, section.make(1, 2))
         try:
-            # Which template is taken is the same on all levels.
-            tensored(rod, template, _positions(rod, layers, 2)).check()
-            mesh = tensored(rod, section.make(finer, order), _positions(rod, finer * layers, order))
-            mesh.check()
+            tensored(rod, section.make(1, order), _positions(rod, parts(1, order) * layers, order)).check()
         except InputError as problem:
             reason = str(problem).removeprefix("mesh: ").split("; ")[0]
             continue
-        return mesh
-    raise InputError(f"mesh: {name}: no template fits its section ({reason}); take a smoother or thicker outline")
+        return section.make, layers
+    raise InputError(f"no template fits its section ({reason}); take a smoother or thicker outline")
 
 
 def _named(mesh: Mesh, name: str) -> Mesh:

@@ -21,7 +21,7 @@ from meshes.mesh import Array, gradients, lexicographic
 from meshes.strip import turned
 from meshes.template import Template, o_grid
 
-# The template for a number of cells, relative to that of level 1, and an order.
+# The template of a level and an order.
 Maker = Callable[[int, int], Template]
 
 # A mean scaled Jacobian that is good enough not to look for a better one.
@@ -32,6 +32,9 @@ _LEAST = 0.02
 
 # How far the outline may be off on level 1: the area between it and edges of order 2, as a share of the section's.
 _OFF = 0.02
+
+# Levels on which grids are tried beside the first.
+_LEVELS = (2, 3, 4)
 
 # Sections looked at, about.
 _STATIONS = 8
@@ -68,8 +71,8 @@ class Section:
     make
         Returns the template of a level and an order.
     quality, off
-        On level 1 with order 2: the mean scaled Jacobian, of the core where there are layers, and the share of the area
-        that lies between the outline and the edges.
+        On level 1: the mean scaled Jacobian, of the core where there are layers, and the share of the area that lies
+        between the outline and edges of order 2.
     """
 
     name: str
@@ -78,22 +81,30 @@ class Section:
     off: float
 
 
-def sections(rod: Rod) -> Iterator[Section]:
+def parts(level: int, order: int) -> int:
+    """Return in how many parts a direction of a cell of level 1 is cut.
+
+    Cells of order 1 are half as long as others: their nodes are as many as those of order 2.
+    """
+    return 2 * level if order == 1 else level
+
+
+def sections(rod: Rod, order: int) -> Iterator[Section]:
     """Yield ways to mesh a rod's section: those that are good by rising numbers of cells, then the rest, best first."""
     u = _stations(rod)
     hollow = rod.rings[0] > 0.0
     # Rings round a core go on from its edges.
     radius, layers = (1.0, ()) if hollow else (rod.rings[1], rod.rings[1:])
     rest = []
-    for name, make in _rings_round(rod, u) if hollow else _cores(rod, u, radius):
+    for name, make in _rings_round(rod, u) if hollow else _cores(rod, order, u, radius):
         try:
-            template = make(1, 2)
+            template = make(1, order)
         except InputError:
             continue
         quality, areas = _measure(rod, template, radius, u)
         if quality.min() <= 0.0:
             continue
-        off = _off(rod, template, radius, u)
+        off = _off(rod, make(1, 2), radius, u)
         made = partial(_wrapped, make, layers) if len(layers) > 1 else make
         section = Section(name, made, _mean(quality, areas), off)
         # The directions of rings are given.
@@ -179,7 +190,7 @@ def _rings_round(rod: Rod, u: Array) -> Iterator[tuple[str, Maker]]:
         yield f"annulus of {around} cells", partial(_annulus, around, rod.rings, turn)
 
 
-def _cores(rod: Rod, u: Array, radius: float) -> Iterator[tuple[str, Maker]]:
+def _cores(rod: Rod, order: int, u: Array, radius: float) -> Iterator[tuple[str, Maker]]:
     """Yield ways to mesh a section without a hole, or its core inside of a radius: those that fit its shape first."""
     ratio, section = _ratio(rod, u), plane(rod, float(u[u.size // 2]), radius)
     ends = tips(section)
@@ -194,7 +205,7 @@ def _cores(rod: Rod, u: Array, radius: float) -> Iterator[tuple[str, Maker]]:
     for count, across in ((along, 1), (along + 2, 1), (2 * along, 2)):
         for grading, both in product(_GRADINGS, ends):
             make = partial(_grid, section, both, count, across, grading)
-            corners = _corners(rod, make, count, radius, u)
+            corners = _corners(rod, make, count, order, radius, u)
             if corners is not None:
                 yield f"grid of {count} x {across} cells", partial(make, corners)
                 break
@@ -203,26 +214,31 @@ def _cores(rod: Rod, u: Array, radius: float) -> Iterator[tuple[str, Maker]]:
 
 
 def _corners(
-    rod: Rod, make: Callable[[tuple[float, float], int, int], Template], along: int, radius: float, u: Array
+    rod: Rod,
+    make: Callable[[tuple[float, float], int, int], Template],
+    along: int,
+    order: int,
+    radius: float,
+    u: Array,
 ) -> tuple[float, float] | None:
     """Return the corners of a grid of ``along`` cells that make the best quadrilaterals in each of its halves.
 
-    None if there are none with which the finer ones of levels 2 and 4 can be used as well.
+    None if there are none with which finer levels can be used as well.
     """
-    best = [(-1.0, _CORNERS[0])] * 2
+    best, columns = [(-1.0, _CORNERS[0])] * 2, along * parts(1, order)
     for corner in _CORNERS:
         try:
-            quality, area = _measure(rod, make((corner, corner), 1, 2), radius, u)
+            quality, area = _measure(rod, make((corner, corner), 1, order), radius, u)
         except InputError:
             continue
-        for k, half in enumerate((slice(None, (along + 1) // 2), slice(along // 2, None))):
-            parts = (one.reshape(len(u), -1, along)[..., half].reshape(len(u), -1) for one in (quality, area))
-            best[k] = max(best[k], (_mean(*parts), corner))
+        for k, half in enumerate((slice(None, (columns + 1) // 2), slice(columns // 2, None))):
+            own = (one.reshape(len(u), -1, columns)[..., half].reshape(len(u), -1) for one in (quality, area))
+            best[k] = max(best[k], (_mean(*own), corner))
     corners = best[0][1], best[1][1]
     if min(best)[0] <= 0.0:
         return None
     try:
-        finer = [_measure(rod, make(corners, level, 2), radius, u)[0].min() for level in (2, 4)]
+        finer = [_measure(rod, make(corners, level, order), radius, u)[0].min() for level in _LEVELS]
     except InputError:
         return None
     return corners if min(finer) > 0.0 else None
@@ -238,22 +254,25 @@ def _grid(
     level: int,
     order: int,
 ) -> Template:
-    return laid_out(section, ends, along * level, across * level, order, corners, grading)
+    count = parts(level, order)
+    return laid_out(section, ends, along * count, across * count, order, corners, grading)
 
 
 def _o_grid(around: int, rings: int, turn: float, level: int, order: int) -> Template:
-    return turned(o_grid(around * level, rings * level, order), turn)
+    count = parts(level, order)
+    return turned(o_grid(around * count, rings * count, order), turn)
 
 
 def _annulus(around: int, radii: tuple[float, ...], turn: float, level: int, order: int) -> Template:
-    return annulus(around * level, radii, _rings(radii, around, level), order, turn)
+    count = parts(level, order)
+    return annulus(around * count, radii, _rings(radii, around, count), order, turn)
 
 
 def _wrapped(make: Maker, radii: tuple[float, ...], level: int, order: int) -> Template:
-    core = make(level, order)
-    return wrapped(core, radii, _rings(radii, len(core.rim) // level, level))
+    core, count = make(level, order), parts(level, order)
+    return wrapped(core, radii, _rings(radii, len(core.rim) // count, count))
 
 
-def _rings(radii: tuple[float, ...], around: int, level: int) -> list[int]:
+def _rings(radii: tuple[float, ...], around: int, count: int) -> list[int]:
     """Return the numbers of rings between radii, of cells in a round section less than about twice as long as wide."""
-    return [level * max(1, round(0.6 * ratio * around / (2.0 * np.pi))) for ratio in np.diff(np.log(radii))]
+    return [count * max(1, round(0.6 * ratio * around / (2.0 * np.pi))) for ratio in np.diff(np.log(radii))]
