@@ -18,7 +18,7 @@ from comparisons.fem.rods.run import Configuration, mesh_of, run
 from comparisons.fem.statics import Element
 from isorod import files, statics
 from isorod import modal as rods_modal
-from isorod.errors import InputError
+from isorod.errors import InputError, SolveError
 from isorod.material import LinearElastic, NeoHookean
 from isorod.model import Body, BodyForce, Model, Pressure, SectionLoad, Spin, Support
 from isorod.space import Space
@@ -205,3 +205,29 @@ def test_a_tied_face_is_refused():
     model = replace(clamped(space=space), supports=[Support.end(space, "start", "z", tied="xy")])
     with pytest.raises(InputError, match="support 0: a tied face is not on the finite element side"):
         found(model)
+
+
+def test_a_patch_of_the_surface_moves_as_it_is_told():
+    """The nodes where nothing else acts, up to planes of the mesh at both ends of the patch."""
+    space = Space(straight(8, height=HEIGHT), elements=8, degree=2, order=2)
+    way = np.array([0.0, -0.05, 0.02])
+    patch = Support.patch(space, (30.0, 150.0), (2.0, 3.0), displacement=tuple(way))
+    model = Model([Body(space, LinearElastic(200.0, 0.3))], [Support.end(space, "start"), patch])
+    mesh = mesh_of(model)
+    one = solve(model, mesh, "statics")
+    (held,) = np.nonzero(np.abs(one.displacement - way).max(axis=1) < 1e-12)
+    xi, u = mesh.parameters[held, :2], mesh.parameters[held, 2]
+    assert np.hypot(*xi.T) == pytest.approx(1.0) and (xi[:, 1] >= 0.5 - 1e-9).all()
+    assert [u.min(), u.max()] == pytest.approx([0.5, 0.75]) and one.reactions.sum(axis=0) == pytest.approx(np.zeros(3))
+
+
+def test_what_nothing_holds_is_refused():
+    space = Space(straight(8, height=HEIGHT), elements=2, degree=2, section_degree=2)
+    with pytest.raises(SolveError, match="free to"):
+        found(Model([Body(space, LinearElastic(200.0, 0.3))], [Support.end(space, "start", "z")]))
+
+
+def test_an_incompressible_law_is_refused():
+    space = Space(straight(8, height=HEIGHT), elements=2, degree=2, section_degree=2)
+    with pytest.raises(InputError, match="incompressible"):
+        found(clamped(space=space, law=NeoHookean(1.0, 0.5)))

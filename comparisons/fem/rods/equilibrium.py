@@ -18,6 +18,7 @@ from comparisons.fem.rods.solution import Solution
 from comparisons.fem.rods.supports import Supports
 from comparisons.fem.statics import DIRECT, NEWTON, Element
 from comparisons.measure.timing import Clock, peak_memory
+from isorod.checks.rigid_motions import refuse_free
 from isorod.errors import SolveError
 from isorod.model.model import Model
 from isorod.options import defaults
@@ -104,6 +105,7 @@ def solve(
     flags: Sequence[str],
 ) -> Solution:
     """Return the equilibrium at full load, see `comparisons.fem.rods.solve`."""
+    refuse_free(model)
     clock = Clock()
     elements = Elements(mesh, [body.space.rod for body in model.bodies])
     rule = Element(mesh.order).rule(mesh.shape)
