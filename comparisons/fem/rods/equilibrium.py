@@ -31,6 +31,9 @@ HALVINGS = 10
 _ROUNDING = 1e-6
 _STALLED = 0.3
 
+# Where contacts come and go the forces that are left may grow at first; from the third iteration on this is too much.
+_WILD = 5.0
+
 
 class _Loaded(Pressed):
     """Newton's method with dead loads and contacts, and an end that knows rounding.
@@ -80,6 +83,8 @@ class _Loaded(Pressed):
             return reason.CONVERGED_FNORM_RELATIVE
         if k > 1 and _STALLED * self._course[-2] < norm <= _ROUNDING * scale:
             return reason.CONVERGED_SNORM_RELATIVE
+        if self.contacts and k > 2 and norm > _WILD * self._course[0]:
+            return reason.DIVERGED_DTOL
         return reason.DIVERGED_MAX_IT if k >= most else reason.ITERATING
 
     def solve(self, first: PETSc.Vec | None = None) -> None:
