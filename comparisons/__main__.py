@@ -59,8 +59,9 @@ def _main(arguments: Sequence[str]) -> int:
     results.check_folder(found.results)
     others = _others(found.dolfinx)
     level = found.level or ("quick" if found.command in ("verify", COMPARED) else "full")
+    only = None
     if found.scene is not None:
-        import_module(f"comparisons.{COMPARED}").main(found.scene, level, found.results)
+        only = import_module(f"comparisons.{COMPARED}").main(found.scene, level, found.results)
     folder = results.make_folder(found.results)
     for study in STUDIES:
         if found.command == study or (found.command == "verify" and study in VERIFIED):
@@ -70,7 +71,7 @@ def _main(arguments: Sequence[str]) -> int:
     from comparisons.report import page
 
     path = page.write(folder)
-    for line in page.summary(folder):
+    for line in page.summary(folder, only):
         print(line)
     print(f"report: {path}")
     return 0

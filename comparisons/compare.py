@@ -9,7 +9,7 @@ import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -24,14 +24,27 @@ from comparisons.report import rod_pictures
 from isorod import options, scenes
 from isorod.errors import InputError, SolveError
 from isorod.output import results
+from isorod.output.words import duration
 
 # What names of files are better without.
 _UNFIT = re.compile(r"[^\w.-]+")
 
+
+class Most(NamedTuple):
+    """How large a mesh may be, and how long its solution may take, as told by the mesh before."""
+
+    dofs: int
+    seconds: float
+
+
 # Meshes, each of so many times the cells of the coarsest in each direction; what is tried in the place of the last
-# where that would have more degrees of freedom than the level allows.
+# where that would be more than the level allows.
 LEVELS, INSTEAD = (1, 2, 4), 3
-MOST = {"quick": 100_000, "full": 600_000}
+MOST = {"quick": Most(150_000, 180.0), "full": Most(600_000, 3600.0)}
+
+# Power of the number of unknowns that run times grow with.
+GROWTH = 1.5
+
 DEGREE = 2
 
 # At full level more elements, by degree on the levels of the mesh, whose run times are measured.
@@ -79,13 +92,17 @@ def subject(word: str) -> Subject:
     return Subject(word, scene, scene.model())
 
 
-def main(word: str, level: str, folder: str) -> None:
-    """Compare a scene and append the records to a results folder, which is made when there are any."""
+def main(word: str, level: str, folder: str) -> str:
+    """Compare a scene and append the records to a results folder, which is made when there are any.
+
+    Returns the name of the study.
+    """
     what = subject(word)
     study = Run(what.study, level, Path(folder))
     more = sum(len(levels) for levels in MORE[study.level].values())
     with study.progress(len(LEVELS) + more + 8) as steps, tempfile.TemporaryDirectory() as place:
         Comparison(study, steps, what, Path(place)).run()
+    return study.study
 
 
 @dataclass(frozen=True)
@@ -145,7 +162,7 @@ class Comparison:
         if len(found) < 2:
             raise InputError(
                 f"{self.what.word}: finite elements need {found[0].record['dofs']:,} unknowns on the coarsest mesh, "
-                f"and two meshes at least; --level full allows {MOST['full']:,}"
+                f"and two meshes at least; --level full allows {MOST['full'].dofs:,}"
             )
         return found
 
@@ -153,16 +170,15 @@ class Comparison:
         """Return the level of a mesh, or the one in its place, that is not too large, or None, and how large it is."""
         if not found:
             return level, 0.0
-        last = found[-1]
+        last, most = found[-1].record, MOST[self.study.level]
         for one in (level, INSTEAD) if level > INSTEAD else (level,):
-            wanted = last.record["dofs"] * (one / last.level) ** 3
-            if wanted <= MOST[self.study.level]:
-                return one, wanted
-            self._refuse(
-                "fem",
-                _words(one, DEGREE),
-                f"left out: about {wanted:,.0f} unknowns, at most {MOST[self.study.level]:,}",
-            )
+            finer = (one / found[-1].level) ** 3
+            dofs, seconds = last["dofs"] * finer, last["seconds"]["total"] * finer**GROWTH
+            if dofs <= most.dofs and seconds <= most.seconds:
+                return one, dofs
+            large = f"about {dofs:,.0f} unknowns and {duration(seconds)}"
+            limit = f"at most {most.dofs:,} and {duration(most.seconds)}"
+            self._refuse("fem", _words(one, DEGREE), f"left out: {large}; {limit}")
         return None, 0.0
 
     def _mesh(self, level: int, dofs: float, degree: int = DEGREE) -> _Solved:

@@ -27,6 +27,9 @@ _TIP = 2e-3
 # The most curved point is looked for in this share of its length.
 _NOSE = 0.1
 
+# Angles this near to each other are the same, radians.
+_SAME = 0.01
+
 # How near to its place a node is found, as a share of the section's length; steps to find it, and halvings of a step.
 _NEAR = 1e-12
 _STEPS = 25
@@ -69,7 +72,8 @@ def tips(section: Plane) -> list[tuple[float, float]]:
         first = np.exp(1j * outermost).mean()
         curved = np.exp(1j * angle[np.argmax(np.where(short < _NOSE * np.ptp(z.real), turn, -np.inf))])
         found.append([float(np.angle(one)) for one in (first, first + curved, curved)])
-    return [(first, first + (second - first) % (2.0 * np.pi)) for first, second in zip(*found, strict=True)]
+    pairs = [(first, first + (second - first) % (2.0 * np.pi)) for first, second in zip(*found, strict=True)]
+    return [pair for k, pair in enumerate(pairs) if not any(np.allclose(pair, one, atol=_SAME) for one in pairs[:k])]
 
 
 def laid_out(
@@ -132,10 +136,9 @@ def _between(sides: list[Array], s: Array, t: Array) -> Array:
 
 def _inverse(section: Plane, start: Array, wanted: Array) -> Array:
     """Return the points of the disk that stand at places ``(m, 2)``, by Newton's method, damped."""
-    xi = start.copy()
-    length = np.ptp(wanted, axis=0).max()
+    xi, length = start, np.ptp(wanted, axis=0).max()
+    places, slopes = section(xi)
     for _ in range(_STEPS):
-        places, slopes = section(xi)
         short = wanted - places
         gap = np.linalg.norm(short, axis=1)
         if gap.max() <= _NEAR * length:
@@ -145,10 +148,12 @@ def _inverse(section: Plane, start: Array, wanted: Array) -> Array:
             new = xi + step
             outside = np.linalg.norm(new, axis=1) >= 1.0
             new[outside] = xi[outside]
-            worse = outside | (np.linalg.norm(wanted - section(new)[0], axis=1) > gap + _NEAR * length)
+            places, slopes = section(new)
+            worse = outside | (np.linalg.norm(wanted - places, axis=1) > gap + _NEAR * length)
             if not worse.any():
                 break
             step[worse] *= 0.5
-        step[outside] = 0.0
-        xi = xi + step
+        else:
+            break
+        xi = new
     raise InputError("mesh: the section is not crossed by straight lines from side to side")

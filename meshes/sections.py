@@ -14,7 +14,6 @@ from itertools import product
 import numpy as np
 
 from isorod.errors import InputError
-from isorod.geometry.quadrature import Rule, section_points
 from isorod.geometry.rod import Rod
 from meshes.annulus import annulus, wrapped
 from meshes.flat import Plane, circle, laid_out, plane, tips
@@ -22,7 +21,7 @@ from meshes.mesh import Array, gradients, lexicographic
 from meshes.strip import turned
 from meshes.template import Template, o_grid
 
-# The template for a number of cells, relative to that of level 1, and an order.
+# The template of a level and an order.
 Maker = Callable[[int, int], Template]
 
 # A mean scaled Jacobian that is good enough not to look for a better one.
@@ -31,8 +30,11 @@ _GOOD = 0.7
 # The least at any Gauss point; edges that a smooth outline continues have 0 where they meet.
 _LEAST = 0.02
 
-# How far the area of a section meshed with quadrilaterals of order 2 may be off on level 1.
-_AREA = 0.02
+# How far the outline may be off on level 1: the area between it and edges of order 2, as a share of the section's.
+_OFF = 0.02
+
+# Levels on which grids are tried beside the first.
+_LEVELS = (2, 3, 4)
 
 # Sections looked at, about.
 _STATIONS = 8
@@ -68,44 +70,50 @@ class Section:
         In words.
     make
         Returns the template of a level and an order.
-    quality, area
-        On level 1 with order 2: the mean scaled Jacobian, of the core where there are layers, and how far the area is
-        off.
+    quality, off
+        On level 1: the mean scaled Jacobian, of the core where there are layers, and the share of the area that lies
+        between the outline and edges of order 2.
     """
 
     name: str
     make: Maker
     quality: float
-    area: float
+    off: float
 
 
-def sections(rod: Rod) -> Iterator[Section]:
+def parts(level: int, order: int) -> int:
+    """Return in how many parts a direction of a cell of level 1 is cut.
+
+    Cells of order 1 are half as long as others: their nodes are as many as those of order 2.
+    """
+    return 2 * level if order == 1 else level
+
+
+def sections(rod: Rod, order: int) -> Iterator[Section]:
     """Yield ways to mesh a rod's section: those that are good by rising numbers of cells, then the rest, best first."""
     u = _stations(rod)
     hollow = rod.rings[0] > 0.0
     # Rings round a core go on from its edges.
     radius, layers = (1.0, ()) if hollow else (rod.rings[1], rod.rings[1:])
-    xi, weights = section_points(rod.section_points, Rule(6, 6, 1), rings=rod.rings if hollow else (0.0, radius))
-    exact = _area_elements(rod, xi, u) @ weights
     rest = []
-    for name, make in _rings_round(rod, u) if hollow else _cores(rod, u, radius):
+    for name, make in _rings_round(rod, u) if hollow else _cores(rod, order, u, radius):
         try:
-            template = make(1, 2)
+            template = make(1, order)
         except InputError:
             continue
         quality, areas = _measure(rod, template, radius, u)
         if quality.min() <= 0.0:
             continue
-        off = float(np.abs(areas.sum(axis=1) / exact - 1.0).max())
+        off = _off(rod, make(1, 2), radius, u)
         made = partial(_wrapped, make, layers) if len(layers) > 1 else make
         section = Section(name, made, _mean(quality, areas), off)
         # The directions of rings are given.
-        if off <= _AREA and (hollow or section.quality >= _GOOD):
+        if off <= _OFF and (hollow or section.quality >= _GOOD):
             yield section
         else:
             rest.append(section)
     yield from sorted(
-        (one for one in rest if one.quality > 0.0), key=lambda one: 10.0 * max(0.0, one.area - _AREA) - one.quality
+        (one for one in rest if one.quality > 0.0), key=lambda one: 10.0 * max(0.0, one.off - _OFF) - one.quality
     )
 
 
@@ -116,11 +124,21 @@ def _stations(rod: Rod) -> Array:
     return u[:: max(1, u.size // _STATIONS)]
 
 
-def _area_elements(rod: Rod, xi: Array, u: Array) -> Array:
-    """Return the sections' area elements at disk points, ``(t, q)``."""
-    _, jacobian = rod.grid(xi, u)
-    area: Array = np.linalg.norm(np.cross(jacobian[..., 0], jacobian[..., 1]), axis=-1)
-    return area
+def _off(rod: Rod, template: Template, radius: float, u: Array) -> float:
+    """Return the area between the outline and the template's edges of order 2 as a share of what these enclose."""
+    angle = np.unwrap(np.arctan2(*template.points[template.rim].T[::-1]), axis=0)
+    a, b, c = radius * circle(angle)
+    nodes = [rod.grid(xi, u)[0] for xi in (a, b, c)]
+    apart, length, inside = 0.0, nodes[2] - nodes[0], nodes[0] - rod.grid([[0.0, 0.0]], u)[0]
+    for share in (0.25, 0.75):
+        functions = (1.0 - share) * (1.0 - 2.0 * share), 4.0 * share * (1.0 - share), share * (2.0 * share - 1.0)
+        edge = sum(function * node for function, node in zip(functions, nodes, strict=True))
+        # The places on the outline amid the nodes' angles.
+        low, high = (angle[0], angle[1]) if share < 0.5 else (angle[1], angle[2])
+        exact, _ = rod.grid(radius * circle(0.5 * (low + high)), u)
+        apart = apart + 0.5 * np.linalg.norm(np.cross(edge - exact, length), axis=2).sum(axis=1)
+    area = 0.5 * np.linalg.norm(np.cross(inside, length).sum(axis=1), axis=1)
+    return float((apart / area).max())
 
 
 def _measure(rod: Rod, template: Template, radius: float, u: Array) -> tuple[Array, Array]:
@@ -172,7 +190,7 @@ def _rings_round(rod: Rod, u: Array) -> Iterator[tuple[str, Maker]]:
         yield f"annulus of {around} cells", partial(_annulus, around, rod.rings, turn)
 
 
-def _cores(rod: Rod, u: Array, radius: float) -> Iterator[tuple[str, Maker]]:
+def _cores(rod: Rod, order: int, u: Array, radius: float) -> Iterator[tuple[str, Maker]]:
     """Yield ways to mesh a section without a hole, or its core inside of a radius: those that fit its shape first."""
     ratio, section = _ratio(rod, u), plane(rod, float(u[u.size // 2]), radius)
     ends = tips(section)
@@ -184,10 +202,10 @@ def _cores(rod: Rod, u: Array, radius: float) -> Iterator[tuple[str, Maker]]:
     if ratio < _FLAT:
         yield from round_ones
     along = int(np.clip(round(0.75 * ratio), 2, 8))
-    for count, across in ((along, 1), (along + 2, 1), (2 * along, 1), (2 * along, 2)):
+    for count, across in ((along, 1), (along + 2, 1), (2 * along, 2)):
         for grading, both in product(_GRADINGS, ends):
             make = partial(_grid, section, both, count, across, grading)
-            corners = _corners(rod, make, count, radius, u)
+            corners = _corners(rod, make, count, order, radius, u)
             if corners is not None:
                 yield f"grid of {count} x {across} cells", partial(make, corners)
                 break
@@ -196,26 +214,31 @@ def _cores(rod: Rod, u: Array, radius: float) -> Iterator[tuple[str, Maker]]:
 
 
 def _corners(
-    rod: Rod, make: Callable[[tuple[float, float], int, int], Template], along: int, radius: float, u: Array
+    rod: Rod,
+    make: Callable[[tuple[float, float], int, int], Template],
+    along: int,
+    order: int,
+    radius: float,
+    u: Array,
 ) -> tuple[float, float] | None:
     """Return the corners of a grid of ``along`` cells that make the best quadrilaterals in each of its halves.
 
-    None if there are none with which the finer ones of levels 2 and 4 can be used as well.
+    None if there are none with which finer levels can be used as well.
     """
-    best = [(-1.0, _CORNERS[0])] * 2
+    best, columns = [(-1.0, _CORNERS[0])] * 2, along * parts(1, order)
     for corner in _CORNERS:
         try:
-            quality, area = _measure(rod, make((corner, corner), 1, 2), radius, u)
+            quality, area = _measure(rod, make((corner, corner), 1, order), radius, u)
         except InputError:
             continue
-        for k, half in enumerate((slice(None, (along + 1) // 2), slice(along // 2, None))):
-            parts = (one.reshape(len(u), -1, along)[..., half].reshape(len(u), -1) for one in (quality, area))
-            best[k] = max(best[k], (_mean(*parts), corner))
+        for k, half in enumerate((slice(None, (columns + 1) // 2), slice(columns // 2, None))):
+            own = (one.reshape(len(u), -1, columns)[..., half].reshape(len(u), -1) for one in (quality, area))
+            best[k] = max(best[k], (_mean(*own), corner))
     corners = best[0][1], best[1][1]
     if min(best)[0] <= 0.0:
         return None
     try:
-        finer = [_measure(rod, make(corners, level, 2), radius, u)[0].min() for level in (2, 4)]
+        finer = [_measure(rod, make(corners, level, order), radius, u)[0].min() for level in _LEVELS]
     except InputError:
         return None
     return corners if min(finer) > 0.0 else None
@@ -231,22 +254,25 @@ def _grid(
     level: int,
     order: int,
 ) -> Template:
-    return laid_out(section, ends, along * level, across * level, order, corners, grading)
+    count = parts(level, order)
+    return laid_out(section, ends, along * count, across * count, order, corners, grading)
 
 
 def _o_grid(around: int, rings: int, turn: float, level: int, order: int) -> Template:
-    return turned(o_grid(around * level, rings * level, order), turn)
+    count = parts(level, order)
+    return turned(o_grid(around * count, rings * count, order), turn)
 
 
 def _annulus(around: int, radii: tuple[float, ...], turn: float, level: int, order: int) -> Template:
-    return annulus(around * level, radii, _rings(radii, around, level), order, turn)
+    count = parts(level, order)
+    return annulus(around * count, radii, _rings(radii, around, count), order, turn)
 
 
 def _wrapped(make: Maker, radii: tuple[float, ...], level: int, order: int) -> Template:
-    core = make(level, order)
-    return wrapped(core, radii, _rings(radii, len(core.rim) // level, level))
+    core, count = make(level, order), parts(level, order)
+    return wrapped(core, radii, _rings(radii, len(core.rim) // count, count))
 
 
-def _rings(radii: tuple[float, ...], around: int, level: int) -> list[int]:
+def _rings(radii: tuple[float, ...], around: int, count: int) -> list[int]:
     """Return the numbers of rings between radii, of cells in a round section less than about twice as long as wide."""
-    return [level * max(1, round(0.6 * ratio * around / (2.0 * np.pi))) for ratio in np.diff(np.log(radii))]
+    return [count * max(1, round(0.6 * ratio * around / (2.0 * np.pi))) for ratio in np.diff(np.log(radii))]

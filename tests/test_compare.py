@@ -135,10 +135,13 @@ def test_both_sides_run_and_the_answer_is_on_page_and_screen(both, capsys):
     ):
         assert piece in text
     assert (folder / "compare-my-bar-errors.png").stat().st_size > 10_000
+    assert "with nothing chosen by hand isorod is" in text
+    assert report._by({"discretisation": [{"chosen": ["quadrature"]}]}) == "on the space that its file gives it"
     assert all(arguments[-2] == "--fields" for _, arguments in asked)
 
 
-def test_modes_are_paired_and_the_page_has_a_row_for_each(both, capsys):
+def test_modes_are_paired_and_the_page_has_a_row_for_each(both, capsys, monkeypatch):
+    monkeypatch.setattr(compare, "variants", lambda *_: [])
     records, folder, _ = both(MODES)
     default = next(one for one in part(records, "work") if one["label"] == "default")
     assert default["field"]["partner"] == [0, 1, 2, 3] and default["field"]["shape"] < 1e-9
@@ -147,10 +150,11 @@ def test_modes_are_paired_and_the_page_has_a_row_for_each(both, capsys):
     assert (folder / "report.html").read_text().count("<td class=text>mode ") == 4
 
 
-def test_meshes_that_are_too_large_are_left_out_and_said(both, monkeypatch):
+@pytest.mark.parametrize("most", [(30_000, 1e3), (10**6, 20.0)])
+def test_meshes_that_are_too_large_are_left_out_and_said(most, both, monkeypatch):
     monkeypatch.setattr(compare, "LEVELS", (1, 2, 4))
     monkeypatch.setattr(compare, "variants", lambda *_: [])
-    monkeypatch.setitem(compare.MOST, "quick", 30_000)
+    monkeypatch.setitem(compare.MOST, "quick", compare.Most(*most))
     records, folder, _ = both(FILE)
     assert [one["label"] for one in part(records, "work")][:-1] == ["mesh 1", "mesh 2", "mesh 3"]
     assert "--level 4 --degree 2: left out: about" in (folder / "report.html").read_text()
@@ -165,6 +169,14 @@ def test_what_finite_elements_refuse_is_one_line_and_nothing_is_written(both, mo
     said = capsys.readouterr().err.splitlines()
     assert said[-1].startswith("comparisons: ") and said[-1].endswith("my bar.toml: contact: not here")
     assert not folder.exists()
+
+
+def test_a_measurement_that_fails_or_takes_too_long_says_so_in_a_line():
+    with pytest.raises(timing.Failed, match="exit code 2: ") as caught:
+        timing.run("comparisons.measure.rod", ["sprig"])
+    assert caught.value.said.startswith("scene 'sprig' is not known; there are")
+    with pytest.raises(timing.Failed, match=r"python -m timeit .*: not done after 0\.2 s"):
+        timing.run("timeit", ["-n1", "import time; time.sleep(9)"], timeout=0.2)
 
 
 @pytest.mark.parametrize(

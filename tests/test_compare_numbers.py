@@ -1,9 +1,12 @@
 """What a comparison is made of: limits of three meshes, fields at the same points, pairs of modes."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from comparisons.measure import quantities, sampled
+from comparisons.measure.distance import Judge
 from comparisons.measure.quantities import Converged
 from comparisons.measure.sampled import Places, Sample
 from comparisons.measure.variants import variants
@@ -218,3 +221,15 @@ def test_coarser_and_finer_about_what_is_chosen(tmp_path):
     finer = next(one for one in found if one.label == "2e").arguments
     told = dict(zip(finer[::2], finer[1::2], strict=True))
     assert told == {"--section-degree": "3", "--elements": "8", "--degree": "5", "--continuity": "0"}
+
+
+def test_meshes_that_do_not_nest_have_no_field_error(bar):
+    rod = bar.model.bodies[0].space.rod
+    samples = []
+    for mesh in (rods.build([rod], 1), rods.build([rod], 2)):
+        places = places_of(mesh)[0]
+        samples.append(Sample(places, mesh.node_volumes(), mesh.points, mesh.cells, mesh.order, mesh.points))
+    judge = Judge(bar.model, [], samples[1], [])
+    assert judge.of_mesh({}, samples[0])["field"] == {"displacement": 0.0}
+    moved = replace(samples[0].places, xi=0.9 * samples[0].places.xi, u=0.93 * samples[0].places.u)
+    assert judge.of_mesh({}, replace(samples[0], places=moved))["field"] == {}

@@ -12,13 +12,15 @@ pytest.importorskip("gmsh")
 from dataclasses import replace
 
 from comparisons.fem import modal
+from comparisons.fem import statics as elements
 from comparisons.fem.domain import Domain
+from comparisons.fem.material import neo_hookean
 from comparisons.fem.rods import solve
 from comparisons.fem.rods.run import Configuration, mesh_of, run
-from comparisons.fem.statics import Element
+from comparisons.fem.statics import Element, Held
 from isorod import files, statics
 from isorod import modal as rods_modal
-from isorod.errors import InputError
+from isorod.errors import InputError, SolveError
 from isorod.material import LinearElastic, NeoHookean
 from isorod.model import Body, BodyForce, Model, Pressure, SectionLoad, Spin, Support
 from isorod.space import Space
@@ -43,9 +45,15 @@ def found(model, analysis="statics", level=1, **more):
     return solve(model, mesh_of(model, level), analysis, **more)
 
 
-def test_a_bar_in_tension_is_exact():
+def plain(mesh):
+    """Return a mesh of one rod for what knows of one body only."""
+    return replace(mesh, faces={name.removeprefix("rod 0 "): face for name, face in mesh.faces.items()})
+
+
+@pytest.mark.parametrize("degree", [1, 2, 3])
+def test_a_bar_in_tension_is_exact(degree):
     model = pulled(clamped(), (0.0, 0.0, 0.1))
-    mesh = mesh_of(model)
+    mesh = mesh_of(model, 1, degree)
     solution = solve(model, mesh, "statics")
     area = mesh.volume() / HEIGHT
     assert solution.reactions[:, 2] == pytest.approx([-200.0 * area * 0.1 / HEIGHT, 200.0 * area * 0.1 / HEIGHT])
@@ -153,14 +161,24 @@ def test_an_end_that_turns_has_the_same_forces_and_moments(components):
         assert one.at(0, "end", (0.3, 0.4)) == pytest.approx(other.at(0, "end", (0.3, 0.4)), abs=1e-12)
 
 
+def test_the_spring_is_that_of_the_other_path_on_the_same_mesh():
+    scene = files.find("spring")()
+    model = scene.model()
+    mesh = mesh_of(model)
+    one = solve(model, mesh, "statics")
+    held = [Held("start"), Held("end", (0.0, 0.0, scene.pull))]
+    other = elements.solve(Domain.distribute(plain(mesh)), neo_hookean(scene.E, scene.nu), held)
+    assert one.reactions == pytest.approx(other.reactions, abs=1e-6)
+    assert scene.measure(one)["force"] == pytest.approx(other.reactions[1, 2], rel=1e-6)
+
+
 def test_modes_are_those_of_the_other_path_on_the_same_mesh():
     scene = files.find("blade")()
     model = scene.model()
     mesh = mesh_of(model)
     one = solve(model, mesh, "modal", modes=6)
-    plain = replace(mesh, faces={name.removeprefix("rod 0 "): face for name, face in mesh.faces.items()})
     solid = modal.Solid(scene.E, scene.nu, scene.density)
-    other = modal.solve(Domain.distribute(plain), solid, ["start"], 6, Element(2))
+    other = modal.solve(Domain.distribute(plain(mesh)), solid, ["start"], 6, Element(2))
     assert one.frequencies == pytest.approx(other.frequencies, rel=1e-8)
     assert scene.measure(one)["frequencies"] is one.frequencies
     fields = one.fields()
@@ -205,3 +223,29 @@ def test_a_tied_face_is_refused():
     model = replace(clamped(space=space), supports=[Support.end(space, "start", "z", tied="xy")])
     with pytest.raises(InputError, match="support 0: a tied face is not on the finite element side"):
         found(model)
+
+
+def test_a_patch_of_the_surface_moves_as_it_is_told():
+    """The nodes where nothing else acts, up to planes of the mesh at both ends of the patch."""
+    space = Space(straight(8, height=HEIGHT), elements=8, degree=2, order=2)
+    way = np.array([0.0, -0.05, 0.02])
+    patch = Support.patch(space, (30.0, 150.0), (2.0, 3.0), displacement=tuple(way))
+    model = Model([Body(space, LinearElastic(200.0, 0.3))], [Support.end(space, "start"), patch])
+    mesh = mesh_of(model)
+    one = solve(model, mesh, "statics")
+    (held,) = np.nonzero(np.abs(one.displacement - way).max(axis=1) < 1e-12)
+    xi, u = mesh.parameters[held, :2], mesh.parameters[held, 2]
+    assert np.hypot(*xi.T) == pytest.approx(1.0) and (xi[:, 1] >= 0.5 - 1e-9).all()
+    assert [u.min(), u.max()] == pytest.approx([0.5, 0.75]) and one.reactions.sum(axis=0) == pytest.approx(np.zeros(3))
+
+
+def test_what_nothing_holds_is_refused():
+    space = Space(straight(8, height=HEIGHT), elements=2, degree=2, section_degree=2)
+    with pytest.raises(SolveError, match="free to"):
+        found(Model([Body(space, LinearElastic(200.0, 0.3))], [Support.end(space, "start", "z")]))
+
+
+def test_an_incompressible_law_is_refused():
+    space = Space(straight(8, height=HEIGHT), elements=2, degree=2, section_degree=2)
+    with pytest.raises(InputError, match="incompressible"):
+        found(clamped(space=space, law=NeoHookean(1.0, 0.5)))

@@ -77,7 +77,7 @@ class Modes:
     Attributes
     ----------
     domain
-        What was solved on, if it is one.
+        What was solved on: a `Domain`, or whatever the body was made from.
     shapes
         Mode shapes ``x^T M x = 1``, a PETSc vector each, on the degrees of freedom that are free.
     displacement, carry
@@ -106,7 +106,7 @@ class Modes:
         Largest resident set of a rank so far, bytes.
     """
 
-    domain: Domain | None
+    domain: Any
     shapes: list[PETSc.Vec]
     displacement: Any
     carry: Callable[[PETSc.Vec], None]
@@ -163,7 +163,7 @@ def solve(
     return lowest(domain, body, modes, 0 if held else RIGID, settings, begin)
 
 
-def lowest(domain: Domain | None, body: "Body", modes: int, rigid: int, settings: Settings, begin: float) -> Modes:
+def lowest(domain: Any, body: "Body", modes: int, rigid: int, settings: Settings, begin: float) -> Modes:
     """Return the lowest modes of a body with some rigid motions, which was begun to be made at a time."""
     times = [begin]
     if modes < 1 or modes + rigid > body.unknowns:

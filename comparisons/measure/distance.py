@@ -12,6 +12,10 @@ from comparisons.measure.records import Record
 from comparisons.measure.sampled import Places, Sample
 from isorod.arrays import Array
 
+# Share of a mesh's nodes that the finest must have too for fields to be compared; of level 2 that of level 3 has one in
+# eight.
+ENOUGH = 0.05
+
 
 @dataclass(frozen=True)
 class Judge:
@@ -42,9 +46,10 @@ class Judge:
     def of_mesh(self, record: Record, sample: Sample) -> dict[str, Any]:
         """Return errors of a finite element run; its field is compared at the nodes that the finest mesh has too."""
         here, there = sampled.shared(sample.places, self.places)
-        weights = sample.weights[here]
-        own, best = (one.fields(rows) for one, rows in ((sample, here), (self.finest, there)))
-        field = self._fields(record, own, best, weights)
+        field: dict[str, Any] = {}
+        if here.size >= ENOUGH * len(sample.weights):
+            own, best = (one.fields(rows) for one, rows in ((sample, here), (self.finest, there)))
+            field = self._fields(record, own, best, sample.weights[here])
         if sample.von_mises is not None:
             field |= self._peaks(sample.places, sample.von_mises)
         return self._errors(record, field)

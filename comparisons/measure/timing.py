@@ -78,16 +78,20 @@ def run(
     Raises
     ------
     Failed
-        With the last line of what it said, if it fails.
+        With the last line of what it said, if it fails, or when it takes too long.
     """
     command = [interpreter, "-m", module, *arguments]
     if ranks > 1:
         command = ["mpirun", "--oversubscribe", "-n", str(ranks), *command]
     around = environment(interpreter)
-    done = subprocess.run(command, capture_output=True, text=True, env=around, timeout=timeout, check=False)
+    asked = f"python -m {module} {' '.join(arguments)}"
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, env=around, timeout=timeout, check=False)
+    except subprocess.TimeoutExpired:
+        late = f"not done after {timeout:g} s"
+        raise Failed(f"{asked}: {late}", late) from None
     if done.returncode:
         said = (done.stderr.strip().splitlines() or ["nothing said"])[-1]
-        asked = f"python -m {module} {' '.join(arguments)}"
         raise Failed(f"{asked}: exit code {done.returncode}: {said}", said.removeprefix(f"{module}: "))
     record: dict[str, Any] = json.loads(done.stdout.strip().splitlines()[-1])
     return record

@@ -51,10 +51,12 @@ def write(folder: Path) -> Path:
     return path
 
 
-def summary(folder: Path) -> list[str]:
-    """Return the main findings of the newest runs, one line each."""
+def summary(folder: Path, only: str | None = None) -> list[str]:
+    """Return the main findings of the newest runs, or of the one of a study, one line each."""
     lines = []
     for study, records in _found(folder).items():
+        if only not in (None, study):
+            continue
         with _read(folder, study):
             lines += _part(study).summary(records)
     return lines

@@ -180,14 +180,15 @@ def labelled(work: Sequence[Record], told: float, wide: Path, narrow: Path) -> N
         Files of the plot, and of that for narrow screens, one panel below the other.
     """
     pyplot = _pyplot()
-    field = "shape" if "shape" in work[0]["field"] else "displacement"
+    field = "shape" if any("shape" in one["field"] for one in work) else "displacement"
     for path, rows, columns, size in ((wide, 1, 2, (12.0, 5.4)), (narrow, 2, 1, (4.6, 9.4))):
         figure, axes = pyplot.subplots(rows, columns, figsize=size, layout="constrained")
         _points(axes[0], [(one, one["error"]) for one in work], "error of what is measured")
-        _points(axes[1], [(one, one["field"][field]) for one in work], f"error of the {FIELDS[field]}")
+        _points(axes[1], [(one, one["field"].get(field, 0.0)) for one in work], f"error of the {FIELDS[field]}")
         if told > 0.0:
-            low = axes[0].get_ylim()[0]
+            low, high = axes[0].get_ylim()
             axes[0].axhspan(low, told, color="black", alpha=0.06, label="less than finite elements tell")
+            axes[0].set_ylim(low, max(high, 1.5 * told))
         handles = axes[0].get_legend_handles_labels()
         place = {"loc": "outside lower center", "ncols": 3 if columns == 2 else 1}
         figure.legend(*handles, **place, frameon=False, fontsize=11)
@@ -229,7 +230,8 @@ def _points(axis: Any, runs: Sequence[tuple[Record, float]], what: str) -> None:
     axis.grid(True, which="major", alpha=0.3)
     axis.xaxis.set_major_formatter(_time)
     axis.yaxis.set_major_formatter(_percent)
-    axis.margins(0.12)
+    # With room for the last label.
+    axis.margins(0.2, 0.12)
     for scale in (axis.xaxis, axis.yaxis):
         low, high = scale.get_view_interval()
         if high < 100.0 * low:

@@ -140,7 +140,7 @@ def _joined(solution: Any, fields: Sequence[dict[str, Array]], colour: str, fact
 
     meshes = []
     for body, own in zip(solution.model.bodies, fields, strict=True):
-        mesh = vtk.grid(body, own, rings=3, around=48, slices=6, factor=factor)
+        mesh = vtk.grid(body, own, rings=3, around=48, slices=12, factor=factor)
         mesh.point_data["motion"] = mesh.point_data["displacement"]
         if colour == "von_mises":
             mesh.point_data["colour"] = mesh.point_data["von_mises"]

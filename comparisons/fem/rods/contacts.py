@@ -16,11 +16,13 @@ from isorod.model.contact import Contact, Cylinder, Plane
 from isorod.model.model import Model
 from meshes.mesh import Index, Mesh
 
-# Each facet is cut in this many times as many: contact begins inside of it.
-PARTS = 3
+# Each facet is cut in so many parts to an edge, contact begins inside of it: such that parts are no longer than this
+# share of the thinner rod's radius, but few and many at most.
+_LONGEST = 0.5
+_FEWEST, _MOST = 3, 6
 
-# Points of two rods that are farther apart than this share of the thinner one's width are left alone for a while.
-_REACH = 0.25
+# Points of two rods that are farther apart than this share of that radius are left alone for a while.
+_REACH = 0.5
 
 # Multipliers of the augmented Lagrangian are updated at most this many times, as in isorod.
 AUGMENTATIONS = 50
@@ -66,7 +68,8 @@ def _made(elements: Elements, model: Model, k: int) -> Touching:
     contact, mesh = model.contacts[k], elements.source
     if isinstance(contact.second, Plane | Cylinder):
         facets = _facets(elements, model, contact.first, contact.first_elements)
-        return Obstacle(gauss(mesh, facet_of(mesh), facets, PARTS), contact.second, contact.penalty)
+        parts = _parts(mesh, [facets], _radius(contact, elements))
+        return Obstacle(gauss(mesh, facet_of(mesh), facets, parts), contact.second, contact.penalty)
     if contact.penetration is not None:
         raise InputError(f"contact {k}: a largest penetration between two rods is not on the finite element side")
     sides = {
@@ -74,7 +77,9 @@ def _made(elements: Elements, model: Model, k: int) -> Touching:
         for name, (body, chosen) in zip(("first", "second"), contact.sides, strict=True)
     }
     named: Mesh = replace(mesh, faces={**mesh.faces, **sides})
-    return Surfaces(named, "first", "second", contact.penalty, PARTS, _reach(mesh, contact, elements))
+    radius = _radius(contact, elements)
+    parts = _parts(mesh, [*sides.values()], radius)
+    return Surfaces(named, "first", "second", contact.penalty, parts, _REACH * radius)
 
 
 def _facets(elements: Elements, model: Model, body: int, chosen: Sequence[int] | None) -> Index:
@@ -93,11 +98,15 @@ def _facets(elements: Elements, model: Model, body: int, chosen: Sequence[int] |
     return np.asarray(facets[np.isin(element, list(chosen))])
 
 
-def _reach(mesh: Mesh, contact: Contact, elements: Elements) -> float:
-    """Return a share of the width of the thinner of two rods."""
-    widths = []
-    for body, _ in contact.sides:
-        rod = elements.rods[body]
-        polygon = rod.control_points
-        widths.append(float(np.linalg.norm(polygon - polygon.mean(axis=1, keepdims=True), axis=2).mean(axis=1).min()))
-    return _REACH * 2.0 * min(widths)
+def _radius(contact: Contact, elements: Elements) -> float:
+    """Return the smallest mean distance of a layer's control points from their middle, of the rods of a contact."""
+    polygons = [elements.rods[body].control_points for body, _ in contact.sides]
+    arms = [polygon - polygon.mean(axis=1, keepdims=True) for polygon in polygons]
+    return min(float(np.linalg.norm(one, axis=2).mean(axis=1).min()) for one in arms)
+
+
+def _parts(mesh: Mesh, faces: Sequence[Index], radius: float) -> int:
+    """Return in how many parts to an edge the facets of some faces are cut."""
+    corners = [mesh.points[facets][:, np.isin(mesh.face_reference, (0.0, 1.0)).all(axis=1)] for facets in faces]
+    longest = max(float(np.ptp(one, axis=1).max(axis=1).mean()) for one in corners)
+    return int(np.clip(np.ceil(longest / (_LONGEST * radius)), _FEWEST, _MOST))

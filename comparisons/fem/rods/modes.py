@@ -32,7 +32,7 @@ def solve(model: Model, mesh: Mesh, modes: int, options: Mapping[str, object] | 
     laws, supports = Laws(elements, model, rule), Supports(elements, model)
     settings = modal.Settings(modal.DIRECT if options is None else options, flags)
     found = modal.lowest(
-        None, _body(elements, laws, supports, settings), modes, len(free_motions(model)), settings, begin
+        elements, _body(elements, laws, supports, settings), modes, len(free_motions(model)), settings, begin
     )
     return Solution(
         model=model,

@@ -18,7 +18,9 @@ from isorod.errors import InputError
 from isorod.geometry.rod import Rod
 from isorod.model.load import SectionLoad
 from isorod.model.model import Model
+from isorod.model.support import Support
 from isorod.output.results import write_arrays
+from isorod.space.space import Space
 from meshes import rods
 from meshes.mesh import Mesh
 
@@ -71,11 +73,19 @@ def _cut(model: Model, b: int) -> Rod:
         for side, chosen in contact.sides:
             if side == b and chosen is not None:
                 where += [float(axis.breaks[e + end]) for e in chosen for end in (0, 1)]
+    where += [u for support in model.supports if support.body == b for u in _ends_of(support, body.space)]
     low, high = axis.breaks[[0, -1]]
     for u in sorted(set(where)):
         if low < u < high and np.abs(rod.axis.breaks - u).min() > 1e-9 * (high - low):
             rod = rod.insert(u)
     return rod
+
+
+def _ends_of(support: Support, space: Space) -> list[float]:
+    """Return where along the axis a patch begins and ends: whose elements have all their layers held."""
+    layers = np.unique(np.asarray(support.nodes) // space.layer_nodes)
+    held = np.isin(space.element_layers, layers).all(axis=1).astype(int)
+    return [float(u) for u in space.axis.breaks[np.flatnonzero(np.diff(held, prepend=0, append=0))]]
 
 
 def run(

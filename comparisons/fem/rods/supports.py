@@ -152,9 +152,10 @@ class Supports:
             value = dolfinx.fem.Function(plain)
             here = np.empty(3 * len(blocks), dtype=np.int32)
             here[np.asarray(back)] = np.arange(len(back))
-            dofs = np.sort(3 * blocks[rows[components == c]] + c).astype(np.int32)
+            dofs = np.sort(3 * blocks[rows[components == c]] + c)
             self._values.append((value, np.asarray(back)))
-            found.append(Condition(dolfinx.fem.dirichletbc(value, [dofs, here[dofs]], part), dofs))
+            both = [dofs.astype(np.int32), here[dofs]]
+            found.append(Condition(dolfinx.fem.dirichletbc(value, both, part), dofs))
         return found
 
     def move(self, factor: float) -> None:
