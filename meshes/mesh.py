@@ -54,9 +54,22 @@ class Mesh:
 
     def jacobians(self, where: Array) -> Array:
         """Return the Jacobian determinants ``(cells, m)`` at the reference points ``where`` ``(m, 3)``."""
+        return np.linalg.det(self._tangents(where))
+
+    def _tangents(self, where: Array) -> Array:
+        """Return the cells' Jacobian matrices ``(cells, m, 3, 3)``."""
         slopes = gradients(self.shape, self.order, self.reference, where)
-        jacobian = np.einsum("qnb,cna->cqab", slopes, self.points[self.cells])
-        return np.linalg.det(jacobian)
+        return np.einsum("qnb,cna->cqab", slopes, self.points[self.cells], optimize=True)
+
+    def quality(self) -> Array:
+        """Return each cell's smallest scaled Jacobian at quadrature points, shape ``(cells,)``.
+
+        That is the Jacobian determinant over the product of its columns' lengths: 1 where lines of a hexahedron cross
+        at right angles.
+        """
+        tangents = self._tangents(_rule(self.shape, 2 * self.order + 1)[0])
+        scaled: Array = np.linalg.det(tangents) / np.linalg.norm(tangents, axis=-2).prod(axis=-1)
+        return scaled.min(axis=1)
 
     def volume(self) -> float:
         """Return the volume of the cells (length cubed); the rule is exact for the polynomial cells."""

@@ -9,14 +9,15 @@ Level L has L times as many cells as level 1 in all three directions, and its no
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
-from isorod.errors import InputError
+from isorod.errors import InputError, whole_number
 from isorod.geometry.rod import Rod
 from meshes.bricks import tensored
 from meshes.mesh import Array, Index, Mesh, join
-from meshes.sections import sections
+from meshes.sections import Maker, parts, sections
 from meshes.template import Template
 
 # Lengths of cells that are tried in turn, as multiples of their width.
@@ -24,6 +25,9 @@ _LENGTHS = (1.5, 2.0, 3.0, 4.5, 6.0)
 
 # Cells of a rod on level 1 from which longer ones are tried; of order 2 level 4 then has about 200,000 unknowns.
 CELLS = 130
+
+# The highest level: of order 2, it has 10 million unknowns and more.
+MOST = 16
 
 # How far a layer turns on level 1, degrees: 8 layers make a coil.
 TURN = 45.0
@@ -50,10 +54,10 @@ def build(rods: Sequence[Rod], level: int = 1, order: int = 2) -> Mesh:
     rods
         The rods.
     level
-        How many times as many cells there are in each direction as on level 1.
+        How many times as many cells there are in each direction as on level 1, 1 to 16.
     order
         Polynomial order of the geometry, 1 to 3.  Cells of order 1 are half as long in each direction as those of
-        order 2: their nodes are the same.
+        order 2: their nodes are as many.
 
     Raises
     ------
@@ -62,34 +66,67 @@ def build(rods: Sequence[Rod], level: int = 1, order: int = 2) -> Mesh:
     """
     if not rods:
         raise InputError("mesh: no rod is given, need at least one")
-    if level < 1:
-        raise InputError(f"mesh: level: got {level}, need 1 or more")
-    if order not in (1, 2, 3):
-        raise InputError(f"mesh: order of the cells: got {order}, need 1 to 3")
+    whole_number("mesh: level", level, 1, MOST)
+    whole_number("mesh: order of the cells", order, 1, 3)
     return join(*(_named(_mesh(rod, f"rod {k}", level, order), f"rod {k}") for k, rod in enumerate(rods)))
 
 
+def places(mesh: Mesh, rods: Sequence[Rod]) -> Index:
+    """Return the rod, the axis element and the ring that each cell of a mesh of `build` is in, shape ``(cells, 3)``."""
+    assert mesh.parameters is not None
+    found = np.empty((len(mesh.cells), 3), dtype=np.int64)
+    for k, (rod, cells) in enumerate(zip(rods, mesh.regions.values(), strict=True)):
+        own = mesh.parameters[mesh.cells[cells]]
+        u, breaks = own[:, :, 2], rod.axis.breaks
+        if rod.closed:
+            # The last layer ends in nodes of the start.
+            last = np.ptp(u, axis=1, keepdims=True) > 0.5 * np.ptp(breaks)
+            u = np.where(last & (u == breaks[0]), breaks[-1], u)
+        radius = np.linalg.norm(own[:, :, :2], axis=2).mean(axis=1)
+        found[cells] = np.stack(
+            [
+                np.full(len(cells), k),
+                np.searchsorted(breaks, u.mean(axis=1)) - 1,
+                np.searchsorted(rod.rings[1:-1], radius),
+            ],
+            axis=1,
+        )
+    return found
+
+
+def owners(mesh: Mesh) -> Index:
+    """Return the number of the rod that each node of a mesh of `build` belongs to, shape ``(nodes,)``."""
+    found = np.empty(len(mesh.points), dtype=np.int64)
+    for k, cells in enumerate(mesh.regions.values()):
+        found[mesh.cells[cells]] = k
+    return found
+
+
 def _mesh(rod: Rod, name: str, level: int, order: int) -> Mesh:
-    """Return the mesh of one rod with the first template whose cells are all positive."""
-    finer = 2 * level if order == 1 else level
-    reason = InputError("mesh: no template")
-    for section in sections(rod):
-        if section.quality <= 0.0:
-            continue
-        layers = _layers(rod, section.make(1, 2))
-        mesh = tensored(rod, section.make(finer, order), _positions(rod, finer * layers, order))
-        try:
-            mesh.check()
-        except InputError as problem:
-            reason = problem
-            continue
-        return mesh
-    # If the rod itself folds, that says more.
+    """Return the mesh of one rod."""
     try:
-        rod.check()
+        make, layers = _chosen(rod, order)
+        mesh = tensored(rod, make(level, order), _positions(rod, parts(level, order) * layers, order))
+        mesh.check()
     except InputError as problem:
-        raise InputError(f"mesh: {name}: {problem}") from None
-    raise InputError(f"mesh: {name}: no template fits its section ({reason}); take a smoother or thicker section")
+        raise type(problem)(f"mesh: {name}: {str(problem).removeprefix('mesh: ')}") from None
+    return mesh
+
+
+@lru_cache(maxsize=16)
+def _chosen(rod: Rod, order: int) -> tuple[Maker, Index]:
+    """Return the first template whose cells are all positive on level 1, and the layers in each axis element there."""
+    rod.check()
+    reason = "its outline is too uneven"
+    for section in sections(rod, order):
+        layers = _layers(rod, section.make(1, 2))
+        try:
+            tensored(rod, section.make(1, order), _positions(rod, parts(1, order) * layers, order)).check()
+        except InputError as problem:
+            reason = str(problem).removeprefix("mesh: ").split("; ")[0]
+            continue
+        return section.make, layers
+    raise InputError(f"no template fits its section ({reason}); take a smoother or thicker outline")
 
 
 def _named(mesh: Mesh, name: str) -> Mesh:

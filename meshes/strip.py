@@ -54,14 +54,14 @@ def strip(
         raise InputError(f"clustering: got {clustering:g}, need 0 to 1")
     s = _nodes(levels(along, clustering), order)
     t = _nodes(np.linspace(-1.0, 1.0, across + 1), order)
-    return pulled(s, t, order, corners, turn)
-
-
-def pulled(s: Array, t: Array, order: int, corners: tuple[float, float], turn: float = 0.0) -> Template:
-    """Return the grid whose nodes have the coordinates ``s`` and ``t``, from -1 to 1, along and across the diameter."""
     disk = _pull(s[None, :], t[:, None], *np.radians(corners))
-    number = np.arange(s.size * t.size).reshape(t.size, s.size)
-    return turned(Template(order, disk.reshape(-1, 2), blocks(number, order), edges(_border(number), order)), turn)
+    return turned(grid(disk, order), turn)
+
+
+def grid(points: Array, order: int) -> Template:
+    """Return the template whose nodes are a grid of points of the disk ``(rows, columns, 2)``, its border the rim."""
+    number = np.arange(points.shape[0] * points.shape[1]).reshape(points.shape[:2])
+    return Template(order, points.reshape(-1, 2), blocks(number, order), edges(_border(number), order))
 
 
 def paper_section(corners: tuple[float, float] = (4.0, 10.0), clustering: float = 0.0, turn: float = 0.0) -> Template:
@@ -71,17 +71,17 @@ def paper_section(corners: tuple[float, float] = (4.0, 10.0), clustering: float 
     neither a grid nor an O-grid has.  A strip of 16 by 3 lacks one node and one quadrilateral: it is put round a node
     of the front end.
     """
-    grid = strip(16, 3, 1, corners, clustering)
+    plain = strip(16, 3, 1, corners, clustering)
     low, inner, high = (17 * (row + 1) - 1 for row in range(3))
-    points = grid.points.copy()
+    points = plain.points.copy()
     # The node that the cap takes off the rim moves inward, so that no two of the three cells at it are in line.
     neighbour = points[inner - 1]
     outside = points[inner].copy()
     points[inner] = 0.5 * (outside + neighbour)
     points = np.concatenate([points, outside[None]])
     cap = len(points) - 1
-    quads = np.concatenate([grid.quads, [[low, cap, inner, high]]])
-    rim = grid.rim.copy()
+    quads = np.concatenate([plain.quads, [[low, cap, inner, high]]])
+    rim = plain.rim.copy()
     rim[rim == inner] = cap
     return turned(Template(1, points, quads, rim), turn)
 
