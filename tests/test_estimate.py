@@ -12,7 +12,7 @@ from isorod.checks import adapt
 from isorod.checks.finer import Finer
 from isorod.command import cli, refine, run
 from isorod.errors import InputError
-from isorod.geometry import section
+from isorod.geometry import axis, section
 from isorod.geometry.center_line import straight
 from isorod.material import LinearElastic, NeoHookean
 from isorod.model import Body, Contact, Model, Plane, SectionLoad, Support
@@ -164,6 +164,13 @@ def test_there_is_none_where_supports_are_within_the_rod_or_something_touches():
     touching = bar(space, contacts=[Contact(0, Plane((0.0, -3.0, 0.0), (0.0, 1.0, 0.0)), 1.0)], loads=[load])
     assert statics.solve(touching).estimate() is None
     assert statics.solve(bar(space, loads=[load])).estimate() > 0.0
+
+
+def test_there_is_none_where_no_finer_space_can_be_had(monkeypatch):
+    space = Space(straight(4.0).sweep(section.circle(8)), section_degree=2, elements=4, degree=6)
+    solution = statics.solve(bar(space, loads=[SectionLoad.end(space, "end", (0.0, 1e-3, 0.0))]))
+    monkeypatch.setattr(axis, "MAX_ELEMENTS", 4)
+    assert solution.estimate() is None
 
 
 def test_a_large_error_is_warned_of_and_a_small_one_said(capsys):
