@@ -17,6 +17,7 @@ from isorod.arrays import Array
 from isorod.assembly.assembler import Assembler
 from isorod.assembly.factorisation import factorisation, is_mixed
 from isorod.checks.finer import DIRECTIONS, Finer
+from isorod.errors import InputError
 from isorod.model.model import Model
 from isorod.options import defaults
 
@@ -60,7 +61,11 @@ def _total(model: Model, directions: Sequence[str], change: Callable[[Finer], fl
     """Return the sum of what finer spaces change, or None."""
     total = 0.0
     for direction in directions:
-        finer = Finer.of(model, direction)
+        try:
+            finer = Finer.of(model, direction)
+        except InputError:
+            # No finer one can be had: too many elements, or points, or what they take.
+            return None
         found = None if finer is None or not model.unknowns else change(finer)
         if finer is None or found is None:
             return None

@@ -109,7 +109,8 @@ class Finer:
 
 
 def _finer(space: Space, direction: str) -> Space:
-    across, along = _across_as_is(space), {"elements": space.axis.elements, "degree": space.axis.degree}
+    across = _across_as_is(space)
+    along: dict[str, Any] = {"elements": space.axis.elements, "degree": space.axis.degree}
     if direction == "section":
         across |= _more_across(space)
     elif space.axis.degree < MAX_DEGREE:
@@ -133,7 +134,7 @@ def _more_across(space: Space) -> dict[str, Any]:
     if space.section_degree is not None:
         degree, plain = space.section_degree, space.rod.rings == WHOLE
         apart = plain and (degree == 1 or degree % 2 == 0) and _turns_onto_itself(space.rod)
-        return {"section_degree": min(degree + 1 + apart, MAX_SECTION_DEGREE)}
+        return {"section_degree": min(degree + 1 + apart, getattr(space.basis, "most", degree))}
     if space.order is None:
         return {}
     # Beyond biharmonic functions waves round the section are what is missing.

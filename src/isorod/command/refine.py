@@ -178,8 +178,8 @@ def _start(space: Space, tolerance: float) -> Space:
     if not ({"section_degree", "section_points"} & {*space.chosen}):
         return space
     rule = None if "quadrature" in space.chosen else space.quadrature
-    none = dict.fromkeys(("order", "section_points", "section_degree"))
-    return replace(space, quadrature=rule, **none | adapt.section(space.rod, tolerance))
+    section: dict[str, Any] = dict.fromkeys(("order", "section_points", "section_degree"))
+    return replace(space, quadrature=rule, **section | adapt.section(space.rod, tolerance))
 
 
 def _reach(scene: Any, settings: Mapping[str, Any], spaces: Sequence[Space], tolerance: float) -> Estimate:

@@ -231,11 +231,12 @@ class FileScene:
     def on(self, spaces: "Sequence[Space]") -> "FileScene":
         """Return the same scene with its rods on these spaces, one a rod."""
         told, keys = {}, [one.name for one in fields(self) if one.metadata]
+        rest: dict[str, Any] = dict.fromkeys(keys)
         for name, space in zip(self.plans, spaces, strict=True):
             told[name] = {key: getattr(space, key) for key in keys if getattr(space, key) is not None}
             if space.section_degree is None:
                 told[name]["section_points"] = space.points_around
-        return replace(self, spaces=told, **dict.fromkeys(keys))
+        return replace(self, spaces=told, **rest)
 
     def model(self) -> "Model":
         """Return the model; raises `InputError` with file, line and place."""
