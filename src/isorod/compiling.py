@@ -155,10 +155,14 @@ def njit(signature: Any = None, **options: Any) -> Callable[[Callable[..., Any]]
     """Decorate a function as `numba.njit` does, but compile it when it is first called, and keep it where that can be.
 
     What Python calls has a signature: then `isorod compile` knows it.  ``options`` are those of `numba.njit`.
+
+    All that compiled code calls is inlined.  Else a function would be there several times, differently optimised, by
+    itself and in each that calls it, and which copy is run would be a matter of what was compiled or read first: a
+    process that compiles would have other last bits than one that reads what is kept.
     """
 
     def decorate(function: Callable[..., Any]) -> Kernel:
-        kernel = Kernel(function, targetoptions={"nopython": True, "boundscheck": None} | options)
+        kernel = Kernel(function, targetoptions={"nopython": True, "boundscheck": None, "forceinline": True} | options)
         if signature is not None:
             kernel.declared = signature
             KERNELS.append(kernel)

@@ -20,7 +20,7 @@ _UPPER: Index = np.array([0, 1, 2, 4, 5, 8])
 _PLACE: Index = np.array([0, 1, 2, 1, 3, 4, 2, 4, 5])
 
 
-@njit(forceinline=True, **FAST)
+@njit(**FAST)
 def _pull_back(moduli: Array, half: Array, weight: float, inverse: Array, tangent: Array) -> None:
     """Fill ``moduli`` ``(d, c, 3 a + b)`` with ``weight dP_aA/dF_bB dxi_d/dx_A dxi_c/dx_B``.
 
@@ -41,7 +41,7 @@ def _pull_back(moduli: Array, half: Array, weight: float, inverse: Array, tangen
                 )
 
 
-@njit(forceinline=True, **FAST)
+@njit(**FAST)
 def _pull_back_isotropic(moduli: Array, weight: float, inverse: Array, lame: float, mu: float) -> None:
     """Do the same for ``dP_aA/dF_bB = lame d_aA d_bB + mu (d_ab d_AB + d_aB d_bA)``."""
     for d in range(3):
@@ -61,7 +61,7 @@ def _pull_back_isotropic(moduli: Array, weight: float, inverse: Array, lame: flo
             moduli[1, 0, 3 * a + b] = moduli[0, 1, 3 * b + a]
 
 
-@njit(forceinline=True, **FAST)
+@njit(**FAST)
 def _add(entries: Array, start: int, width: int, block: Array, size: int, transposed: bool) -> None:
     """Add a block of ``size`` rows, row by row in ``block``, or its transpose, to the entries that begin at ``start``.
 
