@@ -275,4 +275,6 @@ def _wrapped(make: Maker, radii: tuple[float, ...], level: int, order: int) -> T
 
 def _rings(radii: tuple[float, ...], around: int, count: int) -> list[int]:
     """Return the numbers of rings between radii, of cells in a round section less than about twice as long as wide."""
-    return [count * max(1, round(0.6 * ratio * around / (2.0 * np.pi))) for ratio in np.diff(np.log(radii))]
+    # More than 8 cells go round a flat or uneven section, which is no thicker for that.
+    width = 2.0 * np.pi / min(around, 8)
+    return [count * max(1, round(0.6 * ratio / width)) for ratio in np.diff(np.log(radii))]
