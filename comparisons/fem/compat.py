@@ -28,6 +28,7 @@ __all__ = [
     "assemble_vector",
     "block_element",
     "cell_dofs",
+    "collapsed",
     "create_matrix",
     "create_mesh",
     "expression",
@@ -148,6 +149,13 @@ def function_space(mesh: Any, element: Any) -> Any:
     make = getattr(fem, "functionspace", None) or fem.FunctionSpace
     with _quiet():
         return make(mesh, element)
+
+
+def collapsed(part: Any) -> tuple[Any, Index]:
+    """Return a part of a space as a space of its own, and where its degrees of freedom are in the whole, ``(m,)``."""
+    space, back = part.collapse()
+    # Later versions put the list in another.
+    return space, np.asarray(back, dtype=np.int64).ravel()
 
 
 def _jit(function: Callable[..., Any], flags: Sequence[str]) -> dict[str, Any]:

@@ -110,13 +110,13 @@ def solve(
     flags: Sequence[str],
 ) -> Solution:
     """Return the equilibrium at full load, see `comparisons.fem.rods.solve`."""
-    refuse_free(model)
     clock = Clock()
     elements = Elements(mesh, [body.space.rod for body in model.bodies])
     rule = Element(mesh.order).rule(mesh.shape)
     assert isinstance(rule, int)
     laws = Laws(elements, model, rule)
     supports = Supports(elements, model)
+    refuse_free(model)
     loads = dead(elements, model)
     contacts = Contacts(elements, model)
     clock.lap("setup")

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import dolfinx.fem
 import numpy as np
 
+from comparisons.fem import compat
 from comparisons.fem.rods.elements import Elements
 from isorod.errors import InputError
 from isorod.model.model import Model
@@ -148,12 +149,12 @@ class Supports:
         found = []
         for c in range(3):
             part = space.sub(c)
-            plain, back = part.collapse()
+            plain, back = compat.collapsed(part)
             value = dolfinx.fem.Function(plain)
             here = np.empty(3 * len(blocks), dtype=np.int32)
-            here[np.asarray(back)] = np.arange(len(back))
+            here[back] = np.arange(len(back))
             dofs = np.sort(3 * blocks[rows[components == c]] + c)
-            self._values.append((value, np.asarray(back)))
+            self._values.append((value, back))
             both = [dofs.astype(np.int32), here[dofs]]
             found.append(Condition(dolfinx.fem.dirichletbc(value, both, part), dofs))
         return found
