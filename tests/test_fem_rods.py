@@ -11,19 +11,31 @@ pytest.importorskip("gmsh")
 
 from dataclasses import replace
 
-from comparisons.fem import modal
+import dolfinx.fem
+
+from comparisons.fem import compat, modal
 from comparisons.fem import statics as elements
 from comparisons.fem.domain import Domain
+from comparisons.fem.flags import FAST
 from comparisons.fem.material import neo_hookean
 from comparisons.fem.rods import solve
+from comparisons.fem.rods.elements import Elements
+from comparisons.fem.rods.laws import Laws
+from comparisons.fem.rods.places import Places, lagrange
 from comparisons.fem.rods.run import Configuration, mesh_of, run
 from comparisons.fem.statics import Element, Held
 from isorod import files, statics
 from isorod import modal as rods_modal
 from isorod.errors import InputError, SolveError
+from isorod.geometry.center_line import arc
+from isorod.geometry.section import circle
 from isorod.material import LinearElastic, NeoHookean
+from isorod.material.muscle import Muscle
+from isorod.material.st_venant_kirchhoff import StVenantKirchhoff
 from isorod.model import Body, BodyForce, Model, Pressure, SectionLoad, Spin, Support
 from isorod.space import Space
+from meshes import rods
+from meshes.mesh import gradients
 
 HEIGHT = 4.0
 
@@ -161,6 +173,42 @@ def test_an_end_that_turns_has_the_same_forces_and_moments(components):
         assert one.at(0, "end", (0.3, 0.4)) == pytest.approx(other.at(0, "end", (0.3, 0.4)), abs=1e-12)
 
 
+LAWS = {
+    "linear": LinearElastic(200.0, 0.3),
+    "neo-Hookean": NeoHookean(200.0, 0.3),
+    "St. Venant": StVenantKirchhoff(200.0, 0.3),
+    "muscle": Muscle(30.0, 0.4, 20.0, 5.0, 2.0, 0.7, "tangent"),
+    "muscle along y": Muscle(30.0, 0.4, 20.0, 0.0, 0.0, 0.7, (0.0, 1.0, 0.0)),
+}
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_energies_are_those_of_isorods_laws(name):
+    rod = arc(3.0, 60.0).sweep(circle(8, 0.5))
+    body = Body(Space(rod, elements=2, degree=2, section_degree=2), LAWS[name])
+    model = Model([body])
+    mesh = mesh_of(model)
+    held = Elements(mesh, [rod])
+    laws = Laws(held, model, 4)
+    rng = np.random.default_rng(2)
+    moved = mesh.points @ (0.2 * rng.normal(size=(3, 3))) + 0.01 * rng.normal(size=mesh.points.shape)
+    held.state.x.array[:] = held.to_dofs(moved)
+    laws.activation.value = 0.6
+    stored = dolfinx.fem.assemble_scalar(compat.form(laws.energy(held.state), FAST))
+
+    x, w = np.polynomial.legendre.leggauss(3)
+    where = np.stack([one.ravel() for one in np.meshgrid(*[0.5 * (x + 1.0)] * 3, indexing="ij")], axis=1)
+    weights = 0.125 * np.einsum("i,j,k->ijk", w, w, w).ravel()
+    slopes = gradients("hexahedron", 2, mesh.reference, where)
+    jacobian = np.einsum("qnb,cna->cqab", slopes, mesh.points[mesh.cells])
+    F = np.eye(3) + np.einsum("qnb,cna->cqab", slopes, moved[mesh.cells]) @ np.linalg.inv(jacobian)
+    u = held.parameters[:, :, 2] @ lagrange(2, mesh.reference, where).T
+    law = LAWS[name].at(0.6).along(rod.tangents(u.ravel()).reshape(*u.shape, 3))
+    exact = np.einsum("cq,cq,q->", law.energy(F), np.linalg.det(jacobian), weights)
+    # Directions of fibres are polynomials between the nodes.
+    assert stored == pytest.approx(exact, rel=1e-4 if name == "muscle" else 1e-12)
+
+
 def test_the_spring_is_that_of_the_other_path_on_the_same_mesh():
     scene = files.find("spring")()
     model = scene.model()
@@ -216,6 +264,39 @@ def test_the_command_answers_what_the_file_asks_for(tmp_path):
 def test_what_is_no_analysis_here_is_refused(name, message):
     with pytest.raises(InputError, match=message):
         run(Configuration(name))
+
+
+def test_points_of_a_closed_rod_are_found_beyond_its_joint_too():
+    rod = files.find("ring")().rod()
+    mesh = rods.build([rod], 1, 2)
+    held = Elements(mesh, [rod])
+    low, high = rod.axis.breaks[[0, -1]]
+    places = Places(2, mesh.reference, held.parameters, high - low)
+    rng = np.random.default_rng(1)
+    angle, u = 2.0 * np.pi * rng.random(60), np.append(rng.uniform(low, high, 58), [low, high])
+    points = np.stack([0.98 * np.cos(angle), 0.98 * np.sin(angle), u], axis=1)
+    cell, where = places.find(points)
+    values = lagrange(2, mesh.reference, where)
+    moved = np.einsum("mn,mna->ma", values, mesh.points[mesh.cells[cell]])
+    # A brick is a polynomial between nodes on the curve.
+    assert moved == pytest.approx(rod.points(points[:, :2], points[:, 2]), abs=0.05)
+    assert np.einsum("mn,mna->ma", values, held.parameters[cell])[:, :2] == pytest.approx(points[:, :2])
+    middles = held.middles(0)[1]
+    assert middles.min() > low and middles.max() < high
+    with pytest.raises(InputError, match="no cell has the point"):
+        places.find(np.array([[1.3, 0.0, low]]))
+
+
+def test_stress_is_isorods_inside_the_rod():
+    space = Space(straight(8, height=HEIGHT), elements=4, degree=3, section_degree=4)
+    model = clamped(space=space, law=NeoHookean(200.0, 0.3), loads=[SectionLoad((0.5, 0.0, 2.0))])
+    fields, other = found(model, level=2).fields(), statics.solve(model)
+    inside = np.flatnonzero(np.abs(fields["stress_parameters"][:, 2] - 0.5) < 0.25)[::41]
+    exact = [other.stress(0, p[2], p[:2], "von Mises") for p in fields["stress_parameters"][inside]]
+    assert fields["von_mises"][inside] == pytest.approx(np.array(exact), abs=0.02 * np.max(exact))
+    assert fields["stress_points"][inside] == pytest.approx(
+        np.array([other.position(0, p[2], p[:2], 0.0) for p in fields["stress_parameters"][inside]]), abs=0.02
+    )
 
 
 def test_a_tied_face_is_refused():

@@ -8,7 +8,9 @@ from meshes.mesh import Array, Index, gradients
 
 # A point belongs to a cell if its reference position is inside but for this: the rim of a section is a polynomial.
 _OUTSIDE = 0.05
-_NEWTON_STEPS = 25
+_INSIDE = 1e-9
+_NEWTON_STEPS = 12
+_FAR = 1.0
 # Cells that are tried, those with the nearest middles first.
 _TRIED = 32
 
@@ -56,14 +58,15 @@ class Places:
             If a point is in no cell.
         """
         cell, where, outside = self._search(points)
-        if self.period is not None:
-            later = self._search(points + np.array([0.0, 0.0, self.period]))
-            better = later[2] < outside
-            cell, outside = np.where(better, later[0], cell), np.where(better, later[2], outside)
-            where = np.where(better[:, None], later[1], where)
+        lost = np.flatnonzero(outside > _INSIDE)
+        if self.period is not None and lost.size:
+            found = self._search(points[lost] + np.array([0.0, 0.0, self.period]))
+            better = found[2] < outside[lost]
+            for own, other in zip((cell, where, outside), found, strict=True):
+                own[lost[better]] = other[better]
         if (outside > _OUTSIDE).any():
-            lost = points[int(np.argmax(outside))]
-            raise InputError(f"mesh: no cell has the point xi ({lost[0]:.4g}, {lost[1]:.4g}), u {lost[2]:.4g}")
+            x, y, u = points[int(np.argmax(outside))]
+            raise InputError(f"mesh: no cell has the point xi ({x:.4g}, {y:.4g}), u {u:.4g}")
         return cell, where
 
     def _search(self, points: Array) -> tuple[Index, Array, Array]:
@@ -74,7 +77,7 @@ class Places:
         cell = tried[:, 0].astype(np.int64)
         best, outside = np.full((len(points), 3), 0.5), np.full(len(points), np.inf)
         for k in range(count):
-            left = np.flatnonzero(outside > 1e-9)
+            left = np.flatnonzero(outside > _INSIDE)
             if not left.size:
                 break
             where = self._invert(tried[left, k], points[left])
@@ -86,15 +89,20 @@ class Places:
 
     def _invert(self, cells: Index, points: Array) -> Array:
         """Return reference positions at which the parameters are the points', one cell each, by Newton's method."""
-        nodes = self.parameters[cells]
         where = np.full((len(points), 3), 0.5)
-        for _ in range(_NEWTON_STEPS):
-            values = lagrange(self.order, self.reference, where)
-            slopes = gradients("hexahedron", self.order, self.reference, where)
-            gap = points - np.einsum("mn,mna->ma", values, nodes)
+        left = np.arange(len(points))
+        for step in range(_NEWTON_STEPS):
+            nodes, here = self.parameters[cells[left]], where[left]
+            values = lagrange(self.order, self.reference, here)
+            slopes = gradients("hexahedron", self.order, self.reference, here)
+            gap = points[left] - np.einsum("mn,mna->ma", values, nodes)
             change = np.linalg.solve(np.einsum("mnb,mna->mab", slopes, nodes), gap[:, :, None])[:, :, 0]
-            # Far outside it is not this cell.
-            where = np.clip(where + change, -1.0, 2.0)
-            if np.abs(change).max() < 1e-13:
+            where[left] = np.clip(here + change, -_FAR, 1.0 + _FAR)
+            going = np.abs(change).max(axis=1) > 1e-13
+            if step > 1:
+                # Far outside it is not this cell.
+                going &= (np.abs(where[left] - 0.5) < 0.5 + _FAR).all(axis=1)
+            left = left[going]
+            if not left.size:
                 break
         return where
