@@ -1,4 +1,5 @@
 """Finite element meshes of the same geometry: every node is put by the Rod's own map.
 
-``python -m meshes spring`` writes a .msh file; `meshes.spring` and its like return a `Mesh` to whoever solves on it.
+``python -m meshes my.toml`` writes a .msh file; `meshes.rods.build` returns a `Mesh` of any rods to whoever solves on
+it, `meshes.spring` and its like those of the published scenes.
 """

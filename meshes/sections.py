@@ -36,7 +36,7 @@ _OFF = 0.015
 # Levels on which grids are tried beside the first.
 _LEVELS = (2, 3, 4)
 
-# Sections looked at, about.
+# Sections looked at, at most.
 _STATIONS = 8
 
 # Sections are flat from this ratio of length to height on.
@@ -112,16 +112,14 @@ def sections(rod: Rod, order: int) -> Iterator[Section]:
             yield section
         else:
             rest.append(section)
-    yield from sorted(
-        (one for one in rest if one.quality > 0.0), key=lambda one: 10.0 * max(0.0, one.off - _OFF) - one.quality
-    )
+    yield from sorted(rest, key=lambda one: 10.0 * max(0.0, one.off - _OFF) - one.quality)
 
 
 def _stations(rod: Rod) -> Array:
     """Return axis parameters at which sections are looked at, off the knots, where rods may have kinks."""
     inside = np.array([1e-6, 0.5, 1.0 - 1e-6])
     u = (rod.axis.breaks[:-1, None] + np.diff(rod.axis.breaks)[:, None] * inside).ravel()
-    return u[:: max(1, u.size // _STATIONS)]
+    return u[np.linspace(0, u.size - 1, min(u.size, _STATIONS)).astype(int)]
 
 
 def _off(rod: Rod, template: Template, radius: float, u: Array) -> float:
@@ -275,4 +273,6 @@ def _wrapped(make: Maker, radii: tuple[float, ...], level: int, order: int) -> T
 
 def _rings(radii: tuple[float, ...], around: int, count: int) -> list[int]:
     """Return the numbers of rings between radii, of cells in a round section less than about twice as long as wide."""
-    return [count * max(1, round(0.6 * ratio * around / (2.0 * np.pi))) for ratio in np.diff(np.log(radii))]
+    # More than 8 cells go round a flat or uneven section, which is no thicker for that.
+    width = 2.0 * np.pi / min(around, 8)
+    return [count * max(1, round(0.6 * ratio / width)) for ratio in np.diff(np.log(radii))]
