@@ -257,6 +257,41 @@ def test_the_command_answers_what_the_file_asks_for(tmp_path):
     json.dumps(record["seconds"])
 
 
+def test_a_file_asks_both_programs_by_the_same_words(tmp_path):
+    file = tmp_path / "tube.toml"
+    file.write_text(
+        """
+        [rod.tube]
+        curve = {straight = 20.0}
+        section = {circle = 2.0}
+        rings = [0.5, 1.0]
+        law = {LinearElastic = {E = 200.0, nu = 0.3}}
+        [support.wall]
+        end = "start"
+        [load.pull]
+        end = "end"
+        force = [0.1, 0.0, 0.0]
+        [analysis.statics]
+        [measure.deflection]
+        displacement = "tube"
+        component = "x"
+        [measure.outside]
+        displacement = "tube"
+        u = 0.5
+        xi = [0.0, 1.0]
+        [measure.wall]
+        moment = "wall"
+        component = "y"
+        """
+    )
+    scene = files.find(str(file))
+    own = scene.measure(statics.solve(scene.model()))
+    record = run(Configuration(str(file)))
+    assert record["deflection"] == pytest.approx(own["deflection"], rel=0.01)
+    assert record["outside"] == pytest.approx(own["outside"], abs=0.01 * abs(own["deflection"]))
+    assert record["wall"] == pytest.approx(own["wall"], rel=1e-3) == pytest.approx(-2.0, rel=1e-3)
+
+
 @pytest.mark.parametrize(
     "name, message",
     [("flower", "flower: got geometry; the finite element side has statics and modes only"), ("no", "'no'")],
