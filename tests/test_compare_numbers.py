@@ -233,3 +233,12 @@ def test_meshes_that_do_not_nest_have_no_field_error(bar):
     assert judge.of_mesh({}, samples[0])["field"] == {"displacement": 0.0}
     moved = replace(samples[0].places, xi=0.9 * samples[0].places.xi, u=0.93 * samples[0].places.u)
     assert judge.of_mesh({}, replace(samples[0], places=moved))["field"] == {}
+
+
+def test_sections_by_control_points_take_twice_as_many(tmp_path):
+    (tmp_path / "bar.toml").write_text(FILE.replace("[support.root]", "space = {order = 2}\n[support.root]"))
+    scene = FileScene(str(tmp_path / "bar.toml"))
+    model = scene.model()
+    found = variants(scene, model, [body.discretisation for body in model.bodies])
+    assert [one.label for one in found] == ["e/2", "2n, 2e", "2n", "2e"]
+    assert {"--order", "2", "--section-points", "16"} <= set(found[1].arguments)

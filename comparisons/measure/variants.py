@@ -53,8 +53,8 @@ def variants(scene: Any, model: Any, known: Sequence[Mapping[str, Any]]) -> list
     if section is not None:
         steps = [section + step for step in (-1, 1, 2)]
         across = [{"section_degree": one} if 2 <= one <= MAX_SECTION_DEGREE else {} for one in steps]
-    elif "order" in base and "section_points" in base:
-        across[1] = {"order": max(2, base["order"])} | {"section_points": 2 * base["section_points"]}
+    elif "order" in base and len(points := {body.space.points_around for body in model.bodies}) == 1:
+        across[1] = {"order": max(2, base["order"]), "section_points": 2 * points.pop()}
     both = [across[0] | along[0], across[1] | along[1]]
     found: list[tuple[dict[str, int], bool]] = []
     for changed in (*both, *across, *along):

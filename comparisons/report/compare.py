@@ -164,7 +164,7 @@ def _of_default(records: list[Record]) -> str:
     """Return the default's errors in words, its own estimate beside them."""
     default, doubt = _default(records), told(records)
     errors = ", ".join(f"{name.replace('_', ' ')} {_share(error)}" for name, error in default["errors"].items())
-    own = f"; its own estimate {_share(default['error_estimate'])}" if "error_estimate" in default else ""
+    own = f"; isorod's own estimate {_share(default['error_estimate'])}" if "error_estimate" in default else ""
     return f"error of {errors or 'nothing measured'}; finite elements tell to {_share(doubt)}{own}"
 
 
