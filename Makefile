@@ -32,11 +32,14 @@ help:
 verify: install
 	@$(PYTHON) -m comparisons verify
 
+# Files of tests side by side; more than a few at once would be in the way of those that start ranks.
+PYTEST := -m pytest -n auto --maxprocesses 4 --dist loadfile
+
 test: install
-	@$(PYTHON) -m pytest -m "not slow"
+	@$(PYTHON) $(PYTEST) -m "not slow"
 
 test-all: install
-	@$(PYTHON) -m pytest
+	@$(PYTHON) $(PYTEST)
 
 mutants: install
 	@$(PYTHON) -m tests.mutants $(MUTANTS)

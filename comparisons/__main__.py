@@ -4,7 +4,7 @@ import sys
 from collections.abc import Sequence
 from importlib import import_module
 
-from comparisons import STUDIES
+from comparisons import COMPARED, STUDIES
 from comparisons.measure import timing
 from comparisons.measure.study import LEVELS, Run
 from comparisons.stability import CASES
@@ -15,7 +15,7 @@ from isorod.output import results
 
 # What the main job runs.
 VERIFIED = ("spring", "blade")
-COMMANDS = (*STUDIES, "verify", "report")
+COMMANDS = (*STUDIES, COMPARED, "verify", "report")
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -26,9 +26,12 @@ def main(arguments: Sequence[str]) -> int:
 def _main(arguments: Sequence[str]) -> int:
     parser = Parser(prog="python -m comparisons", description="Error against run time, measured here.")
     parser.add_argument(
-        "command", choices=COMMANDS, help="a study; verify: spring and blade at quick level; report: the page again"
+        "command",
+        choices=COMMANDS,
+        help="a study; compare: a scene of yours; verify: spring and blade at quick level; report: the page again",
     )
-    parser.add_argument("--level", choices=LEVELS, help="quick (verify's) or full (a study's own)")
+    parser.add_argument("scene", nargs="?", metavar="SCENE", help="compare: NAME.toml, spring or blade")
+    parser.add_argument("--level", choices=LEVELS, help="quick (that of verify and compare) or full (a study's own)")
     parser.add_argument(
         "--case",
         action="append",
@@ -49,10 +52,17 @@ def _main(arguments: Sequence[str]) -> int:
         parser.error(f"--case {found.case[0]}: only the stability study has cases")
     if found.dolfinx and found.command not in (*VERIFIED, "verify"):
         parser.error(f"--dolfinx {found.dolfinx[0]}: only {' and '.join(VERIFIED)} compare versions of dolfinx")
+    if found.command == COMPARED and found.scene is None:
+        parser.error("compare: no scene is named; name one: NAME.toml, spring or blade")
+    if found.command != COMPARED and found.scene is not None:
+        parser.error(f"{found.command} {found.scene}: only compare takes a scene")
     results.check_folder(found.results)
     others = _others(found.dolfinx)
+    level = found.level or ("quick" if found.command in ("verify", COMPARED) else "full")
+    only = None
+    if found.scene is not None:
+        only = import_module(f"comparisons.{COMPARED}").main(found.scene, level, found.results)
     folder = results.make_folder(found.results)
-    level = found.level or ("quick" if found.command == "verify" else "full")
     for study in STUDIES:
         if found.command == study or (found.command == "verify" and study in VERIFIED):
             run = Run(study, level, folder)
@@ -61,7 +71,7 @@ def _main(arguments: Sequence[str]) -> int:
     from comparisons.report import page
 
     path = page.write(folder)
-    for line in page.summary(folder):
+    for line in page.summary(folder, only):
         print(line)
     print(f"report: {path}")
     return 0

@@ -9,7 +9,7 @@ from isorod.geometry.rod import Rod
 from isorod.scenes.biceps import Biceps
 from meshes.bricks import bricks
 from meshes.free import free
-from meshes.mesh import Index, Mesh
+from meshes.mesh import Index, Mesh, join
 from meshes.template import o_grid
 
 CELLS = ("tetrahedra", "bricks")
@@ -111,22 +111,4 @@ def _named(mesh: Mesh, name: str, low: float, high: float) -> Mesh:
         mesh.face_reference,
         mesh.parameters,
         {f"{name} {key}": numbers for key, numbers in regions.items()},
-    )
-
-
-def join(one: Mesh, other: Mesh) -> Mesh:
-    """Return two meshes of the same kind of cell as one, the nodes and cells of ``other`` behind those of ``one``."""
-    assert (one.shape, one.order) == (other.shape, other.order)
-    assert one.parameters is not None and other.parameters is not None
-    nodes, cells = len(one.points), len(one.cells)
-    return Mesh(
-        one.shape,
-        one.order,
-        np.concatenate([one.points, other.points]),
-        np.concatenate([one.cells, other.cells + nodes]),
-        one.reference,
-        {**one.faces, **{name: face + nodes for name, face in other.faces.items()}},
-        one.face_reference,
-        np.concatenate([one.parameters, other.parameters]),
-        {**one.regions, **{name: numbers + cells for name, numbers in other.regions.items()}},
     )

@@ -27,34 +27,42 @@ def bricks(rod: Rod, template: Template, layers: int, grading: float = 1.0) -> M
     InputError
         If the rod is closed, or the layers do not fit its elements, or a brick is inverted.
     """
-    order = template.order
-    u = axis_positions(rod, layers, order, grading)
-    positions, _ = rod.grid(template.points, u)
-    count = len(template.points)
+    mesh = tensored(rod, template, axis_positions(rod, layers, template.order, grading))
+    mesh.check()
+    return mesh
 
-    along = count * np.arange(order + 1)
-    start = count * order * np.arange(layers)
-    cells = start[:, None, None, None] + along[:, None] + template.quads[:, None, :]
-    side = start[:, None, None, None] + along[:, None] + template.rim[:, None, :]
-    # The start face looks against the axis: transposed, its quadrilaterals turn the other way round.
+
+def tensored(rod: Rod, template: Template, u: Array) -> Mesh:
+    """Return bricks whose nodes have the axis parameters ``u``, ``(order * layers + 1,)``, unchecked.
+
+    Faces are ``start`` and ``end``, ``lateral``, and ``inner`` round a hole.  The last layer of a closed rod ends in
+    the nodes that the first begins with, whose parameter is that of the start; it has neither start nor end.
+    """
+    order, count = template.order, len(template.points)
+    layers = (u.size - 1) // order
+    sections = u[:-1] if rod.closed else u
+    positions, _ = rod.grid(template.points, sections)
+
+    along = count * ((order * np.arange(layers)[:, None] + np.arange(order + 1)) % sections.size)
+    cells = along[:, None, :, None] + template.quads[:, None, :]
+    # A start face looks against the axis: transposed, its quadrilaterals turn the other way round.
     square = np.arange((order + 1) ** 2).reshape(order + 1, order + 1)
-    faces = {
-        "start": template.quads[:, square.T.ravel()],
-        "end": count * order * layers + template.quads,
-        "lateral": side.reshape(-1, (order + 1) ** 2),
-    }
-    mesh = Mesh(
+    ends = {"start": template.quads[:, square.T.ravel()], "end": along[-1, -1] + template.quads}
+    edges = {"lateral": template.rim, "inner": template.hole}
+    sides = {name: along[:, None, :, None] + edge[:, None, :] for name, edge in edges.items() if edge.size}
+    return Mesh(
         "hexahedron",
         order,
         positions.reshape(-1, 3),
         cells.reshape(-1, (order + 1) ** 3),
         lexicographic(order, 3),
-        faces,
+        ({} if rod.closed else ends) | {name: side.reshape(-1, square.size) for name, side in sides.items()},
         lexicographic(order, 2),
-        np.concatenate([np.tile(template.points, (u.size, 1)), np.repeat(u, count)[:, None]], axis=1),
+        np.concatenate(
+            [np.tile(template.points, (sections.size, 1)), np.repeat(sections, count)[:, None]],
+            axis=1,
+        ),
     )
-    mesh.check()
-    return mesh
 
 
 def axis_positions(rod: Rod, layers: int, order: int, grading: float = 1.0) -> Array:

@@ -54,9 +54,22 @@ class Mesh:
 
     def jacobians(self, where: Array) -> Array:
         """Return the Jacobian determinants ``(cells, m)`` at the reference points ``where`` ``(m, 3)``."""
+        return np.linalg.det(self._tangents(where))
+
+    def _tangents(self, where: Array) -> Array:
+        """Return the cells' Jacobian matrices ``(cells, m, 3, 3)``."""
         slopes = gradients(self.shape, self.order, self.reference, where)
-        jacobian = np.einsum("qnb,cna->cqab", slopes, self.points[self.cells])
-        return np.linalg.det(jacobian)
+        return np.einsum("qnb,cna->cqab", slopes, self.points[self.cells], optimize=True)
+
+    def quality(self) -> Array:
+        """Return each cell's smallest scaled Jacobian at quadrature points, shape ``(cells,)``.
+
+        That is the Jacobian determinant over the product of its columns' lengths: 1 where lines of a hexahedron cross
+        at right angles.
+        """
+        tangents = self._tangents(_rule(self.shape, 2 * self.order + 1)[0])
+        scaled: Array = np.linalg.det(tangents) / np.linalg.norm(tangents, axis=-2).prod(axis=-1)
+        return scaled.min(axis=1)
 
     def volume(self) -> float:
         """Return the volume of the cells (length cubed); the rule is exact for the polynomial cells."""
@@ -96,6 +109,27 @@ class Mesh:
                 "cells"
             )
         return float(det.min())
+
+
+def join(*parts: Mesh) -> Mesh:
+    """Return meshes of the same kind of cell as one: nodes and cells of each behind those of the ones before."""
+    first = parts[0]
+    assert all((part.shape, part.order) == (first.shape, first.order) for part in parts)
+    nodes = np.cumsum([0, *(len(part.points) for part in parts)])
+    cells = np.cumsum([0, *(len(part.cells) for part in parts)])
+    known = [part.parameters for part in parts if part.parameters is not None]
+    assert len(known) in (0, len(parts))
+    return Mesh(
+        first.shape,
+        first.order,
+        np.concatenate([part.points for part in parts]),
+        np.concatenate([part.cells + at for part, at in zip(parts, nodes, strict=False)]),
+        first.reference,
+        {name: face + at for part, at in zip(parts, nodes, strict=False) for name, face in part.faces.items()},
+        first.face_reference,
+        np.concatenate(known) if known else None,
+        {name: own + at for part, at in zip(parts, cells, strict=False) for name, own in part.regions.items()},
+    )
 
 
 def lexicographic(order: int, dimension: int) -> Array:

@@ -3,11 +3,13 @@
 A rectangular grid, long along one diameter, short across it.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from isorod.errors import InputError
 from meshes.mesh import Array, Index
-from meshes.template import Template, blocks
+from meshes.template import Template, blocks, edges
 
 
 def strip(
@@ -53,8 +55,13 @@ def strip(
     s = _nodes(levels(along, clustering), order)
     t = _nodes(np.linspace(-1.0, 1.0, across + 1), order)
     disk = _pull(s[None, :], t[:, None], *np.radians(corners))
-    number = np.arange(s.size * t.size).reshape(t.size, s.size)
-    return _turned(Template(order, disk.reshape(-1, 2), blocks(number, order), _rim(_border(number), order)), turn)
+    return turned(grid(disk, order), turn)
+
+
+def grid(points: Array, order: int) -> Template:
+    """Return the template whose nodes are a grid of points of the disk ``(rows, columns, 2)``, its border the rim."""
+    number = np.arange(points.shape[0] * points.shape[1]).reshape(points.shape[:2])
+    return Template(order, points.reshape(-1, 2), blocks(number, order), edges(_border(number), order))
 
 
 def paper_section(corners: tuple[float, float] = (4.0, 10.0), clustering: float = 0.0, turn: float = 0.0) -> Template:
@@ -64,19 +71,19 @@ def paper_section(corners: tuple[float, float] = (4.0, 10.0), clustering: float 
     neither a grid nor an O-grid has.  A strip of 16 by 3 lacks one node and one quadrilateral: it is put round a node
     of the front end.
     """
-    grid = strip(16, 3, 1, corners, clustering)
+    plain = strip(16, 3, 1, corners, clustering)
     low, inner, high = (17 * (row + 1) - 1 for row in range(3))
-    points = grid.points.copy()
+    points = plain.points.copy()
     # The node that the cap takes off the rim moves inward, so that no two of the three cells at it are in line.
     neighbour = points[inner - 1]
     outside = points[inner].copy()
     points[inner] = 0.5 * (outside + neighbour)
     points = np.concatenate([points, outside[None]])
     cap = len(points) - 1
-    quads = np.concatenate([grid.quads, [[low, cap, inner, high]]])
-    rim = grid.rim.copy()
+    quads = np.concatenate([plain.quads, [[low, cap, inner, high]]])
+    rim = plain.rim.copy()
     rim[rim == inner] = cap
-    return _turned(Template(1, points, quads, rim), turn)
+    return turned(Template(1, points, quads, rim), turn)
 
 
 def levels(along: int, clustering: float) -> Array:
@@ -110,17 +117,14 @@ def _pull(s: Array, t: Array, back: float, front: float) -> Array:
 
 
 def _border(number: Index) -> Index:
-    """Return the border of a grid counter-clockwise, the first node repeated at the end."""
-    sides = [number[0, :-1], number[:-1, -1], number[-1, :0:-1], number[:, 0][::-1]]
+    """Return the border of a grid counter-clockwise."""
+    sides = [number[0, :-1], number[:-1, -1], number[-1, :0:-1], number[:0:-1, 0]]
     return np.concatenate(sides)
 
 
-def _rim(border: Index, order: int) -> Index:
-    return border[order * np.arange((border.size - 1) // order)[:, None] + np.arange(order + 1)]
-
-
-def _turned(template: Template, degrees: float) -> Template:
-    return Template(template.order, template.points @ rotation(degrees), template.quads, template.rim)
+def turned(template: Template, degrees: float) -> Template:
+    """Return a template turned counter-clockwise."""
+    return replace(template, points=template.points @ rotation(degrees))
 
 
 def rotation(degrees: float) -> Array:

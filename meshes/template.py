@@ -1,6 +1,6 @@
 """Quadrilateral templates of the unit disk: a square core in rings that turn it into the circle (an O-grid)."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -13,7 +13,7 @@ BULGE = 0.35
 
 @dataclass(frozen=True, eq=False)
 class Template:
-    """A mesh of the unit disk.
+    """A mesh of the unit disk, with or without a hole.
 
     Attributes
     ----------
@@ -24,13 +24,16 @@ class Template:
     quads
         Node numbers, shape ``(quads, (order + 1)^2)``, lexicographic in the quadrilateral, counter-clockwise.
     rim
-        Node numbers of the boundary edges, shape ``(around, order + 1)``, counter-clockwise.
+        Node numbers of the outer boundary's edges, shape ``(around, order + 1)``, counter-clockwise.
+    hole
+        Those of the edges round a hole, clockwise; no row if there is none.
     """
 
     order: int
     points: Array
     quads: Index
     rim: Index
+    hole: Index = field(default_factory=lambda: np.empty((0, 0), dtype=np.int64))
 
 
 def o_grid(around: int, rings: int = 1, order: int = 2, core: float | None = None) -> Template:
@@ -98,9 +101,7 @@ def o_grid(around: int, rings: int = 1, order: int = 2, core: float | None = Non
         # Radius first, angle second: counter-clockwise.
         closed = np.concatenate([radial, radial[:, :1]], axis=1)
         quads.append(blocks(closed.T, order))
-    rim = np.append(radial[-1], radial[-1][0])
-    edges = rim[order * np.arange(around)[:, None] + np.arange(order + 1)]
-    return Template(order, nodes, np.concatenate(quads), edges)
+    return Template(order, nodes, np.concatenate(quads), edges(radial[-1], order))
 
 
 def _balanced_core(cells: int, rings: int) -> float:
@@ -116,3 +117,9 @@ def blocks(grid: Index, order: int) -> Index:
     i = order * np.arange(rows)[:, None, None, None] + inside[:, None]
     j = order * np.arange(columns)[:, None, None] + inside
     return grid[i, j].reshape(rows * columns, (order + 1) ** 2)
+
+
+def edges(circle: Index, order: int) -> Index:
+    """Return the edges ``(count, order + 1)`` of a circle of node numbers, of which the first is not repeated."""
+    closed = np.append(circle, circle[0])
+    return closed[order * np.arange(circle.size // order)[:, None] + np.arange(order + 1)]

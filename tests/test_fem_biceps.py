@@ -19,8 +19,8 @@ from scipy.integrate import trapezoid
 from comparisons.fem import compat
 from comparisons.fem.biceps import dynamics, statics
 from comparisons.fem.biceps.branches import Branches
-from comparisons.fem.biceps.contact import Contact
 from comparisons.fem.biceps.run import Configuration, belly_bulge, run
+from comparisons.fem.contact.surfaces import Contact
 from comparisons.fem.fields import Sampler
 from comparisons.fem.material import muscle
 from comparisons.fem.presets import biceps as biceps_presets

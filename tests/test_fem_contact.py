@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from comparisons.fem.biceps.closest_kernel import Closest, Facet, Surface, closest
-from comparisons.fem.biceps.contact import Contact, surface_points
+from comparisons.fem.contact.closest_kernel import Closest, Facet, Surface, closest
+from comparisons.fem.contact.facets import surface_points
+from comparisons.fem.contact.surfaces import Contact
 from meshes.mesh import Mesh
 
 ROTATIONS = Rotation.random(12, random_state=1).as_matrix()

@@ -6,9 +6,9 @@ import pytest
 pytest.importorskip("dolfinx")
 pytest.importorskip("gmsh")
 
-from comparisons.fem.biceps import statics
 from comparisons.fem.biceps.branches import Branches
-from comparisons.fem.biceps.contact import Contact
+from comparisons.fem.contact.surfaces import Contact
+from comparisons.fem.pressed import Pressed
 from comparisons.fem.statics import DIRECT, NEWTON
 from isorod.options import defaults
 from isorod.scenes.biceps import Biceps
@@ -21,7 +21,7 @@ def test_factors_follow_the_pattern_of_the_contact():
     branches, contact = Branches(scene, mesh, 2), Contact(mesh, "first belly", "second belly", scene.penalty)
     first = np.unique(mesh.cells[mesh.regions["first muscle"]])
     with defaults(NEWTON | DIRECT | {"pc_type": "lu"}):
-        newton = statics._Pressed(branches, contact, branches.ends())
+        newton = Pressed(branches, branches.residual, branches.tangent, branches.ends(), [contact])
     x, right, solver = newton.x, newton.x.duplicate(), newton.snes.getKSP()
     right.setArray(np.random.default_rng(5).normal(size=right.local_size))
     entries = []

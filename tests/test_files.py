@@ -75,7 +75,27 @@ def test_the_trefoil_has_few_lines_and_meets_its_points():
     assert rod.closed
 
 
-@pytest.mark.parametrize("name", new.EXAMPLES)
+def filled(path):
+    """Return the lines of a file that are neither empty nor comments."""
+    return [line for line in path.read_text().splitlines() if line.split("#")[0].strip()]
+
+
+def test_the_page_tells_the_lines_of_each_example():
+    page = (Path(__file__).parent.parent / "docs" / "files.md").read_text()
+    told = dict(re.findall(r"^\| `(\w+)` \| (\d+) \|", page, re.MULTILINE))
+    assert len(told) == 10
+    assert told == {name: str(len(filled(EXAMPLES / f"{name}.toml"))) for name in told}
+
+
+def test_examples_choose_no_space():
+    """But for the scenes of the paper, with its own."""
+    assert [name for name in new.EXAMPLES if "space =" in (EXAMPLES / f"{name}.toml").read_text()] == ["spring"]
+
+
+SLOW = {"crossing": pytest.mark.slow}
+
+
+@pytest.mark.parametrize("name", [pytest.param(name, marks=SLOW.get(name, ())) for name in new.EXAMPLES])
 def test_an_example_is_written_and_runs_at_once(name, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     words = [] if name == new.STARTER else ["own.toml", "--from", name]
@@ -92,6 +112,8 @@ def test_an_example_is_written_and_runs_at_once(name, tmp_path, monkeypatch, cap
         ([], "my.toml", "my.toml: is there already, and is not overwritten"),
         (["a.toml", "--from", "trefoil"], "trefoil.csv", "trefoil.csv: is there already, and is not overwritten"),
         (["a.toml", "--from", "sprin"], None, "example 'sprin' is not known; there are: .*spring"),
+        (["a.toml", "--from", "wing"], "wing.dat", "wing.dat: is there already, and is not overwritten"),
+        (["a.toml", "--from", "muscle"], "muscle.vtk", "muscle.vtk: is there already, and is not overwritten"),
         (["a.txt"], None, "a.txt: need a name that ends in .toml"),
         (["no/a.toml"], None, "no/a.toml: cannot be written"),
     ],

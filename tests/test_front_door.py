@@ -117,13 +117,13 @@ isorod.statics.solve(None)
 """
 
 
-def test_scripts_of_users_are_checked_strictly(tmp_path, pytestconfig):
+def test_scripts_of_users_are_checked_strictly(tmp_path):
     """As of a package that is installed: nothing is said of isorod itself, what is right passes, mistakes are seen."""
     pytest.importorskip("mypy")
     (tmp_path / "right.py").write_text(USER)
     (tmp_path / "wrong.py").write_text(MISTAKEN)
     # Reading NumPy's types for the first time takes most of the time.
-    cache = ["--cache-dir", str(pytestconfig.cache.mkdir("mypy-of-users"))]
+    cache = ["--cache-dir", str(ROOT / ".mypy_cache" / "users")]
     command = [sys.executable, "-m", "mypy", "--strict", *cache, "right.py", "wrong.py"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False)
     said = [(line.partition(": ")[0], line.rpartition(" ")[2]) for line in done.stdout.splitlines()[:-1]]

@@ -90,7 +90,9 @@ def test_the_rule_it_is_held_against_has_the_more_points_in_each_direction(given
 def test_curvatures_are_those_of_the_tangent_with_that_rule(law):
     """About a state, along motions that hold no end, seen by a rule that is not the space's own."""
     rod, random = straight(n=8, breaks=(0.0, 1.0, 2.0)), np.random.default_rng(1)
-    poor, good = (Assembler(Model([Body(Space(rod, degree=2, quadrature=rule), law)])) for rule in ("2x1x2", "3x2x4"))
+    poor, good = (
+        Assembler(Model([Body(Space.paper(rod, degree=2, quadrature=rule), law)])) for rule in ("2x1x2", "3x2x4")
+    )
     state, *motions = 0.05 * random.standard_normal((4, poor.model.dofs))
     ((_, better),) = poor.by_other_rules({0: Rule(3, 2, 4)})
     found = better.curvatures(poor.local(state), 1.0, [poor.local(motion) for motion in motions])
@@ -105,7 +107,7 @@ def test_energies_are_held_against_those_of_the_better_rule(monkeypatch):
     """Refused from just below to just above what an assembler by that rule says."""
     rod, random = straight(n=8, breaks=(0.0, 1.0, 2.0)), np.random.default_rng(3)
     poor, good = (
-        Assembler(Model([Body(Space(rod, degree=2, quadrature=rule), NeoHookean(3.0, 0.3))]))
+        Assembler(Model([Body(Space.paper(rod, degree=2, quadrature=rule), NeoHookean(3.0, 0.3))]))
         for rule in ("2x1x2", "3x2x4")
     )
     displacement = 0.05 * random.standard_normal(poor.model.dofs)

@@ -26,7 +26,8 @@ def bar(height=6.0, **keywords):
 
 
 def moved(model, displacement):
-    return State(model, np.broadcast_to(displacement, (model.dofs // 3, 3)).ravel())
+    carriers = model.bodies[0].space.is_carrier[:, None]
+    return State(model, (carriers * np.broadcast_to(displacement, (carriers.size, 3))).ravel())
 
 
 def extent(picture):

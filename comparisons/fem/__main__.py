@@ -22,7 +22,7 @@ from meshes import biceps, blade, spring
 PRESETS = {name: import_module(f"{presets.__name__}.{name}").PRESETS for name in ("spring", "blade", "biceps")}
 
 # Where each scene's Configuration and run() are.
-RUNS = {"spring": "spring", "blade": "blade", "biceps": "biceps.run"}
+RUNS = {"spring": "spring", "blade": "blade", "biceps": "biceps.run", "rods": "rods.run"}
 
 # Parameters of the biceps that are options here too.
 BICEPS = ("activation", "nu", "penalty", "fibre", "ramp", "damping", "end_time", "outputs")
@@ -52,7 +52,7 @@ def _parser() -> argparse.ArgumentParser:
         prog="comparisons.fem",
         description="Finite element reference solutions with dolfinx. Options with a single dash go to PETSc.",
     )
-    scenes = parser.add_subparsers(dest="scene", required=True, metavar="SCENE", help="spring, blade or biceps")
+    scenes = parser.add_subparsers(dest="scene", required=True, metavar="SCENE", help="spring, blade, biceps or rods")
     it = scenes.add_parser("spring", help="the helical spring, pulled")
     it.add_argument("--around", type=int, default=8, metavar="N", help="cells round the wire")
     it.add_argument("--layers", type=int, default=48, metavar="N", help="cells along the wire, a multiple of 12")
@@ -72,6 +72,12 @@ def _parser() -> argparse.ArgumentParser:
     it.add_argument("--modes-file", metavar="FILE", help="write the mode shapes to this .npz file")
     _add_common(it, "blade", blade.CELLS)
     _add_biceps(scenes.add_parser("biceps", help="the biceps' equilibrium, or its motion"))
+    it = scenes.add_parser("rods", help="any scene of isorod's: its name, or that of a .toml file")
+    it.add_argument("name", metavar="NAME", help="scene or file")
+    it.add_argument("--level", type=_positive, default=1, metavar="L", help="cells in each direction, times level 1's")
+    it.add_argument("--degree", type=_positive, default=2, metavar="P", help="degree of displacement and geometry")
+    it.add_argument("--fields", metavar="FILE", help="write nodes, displacements or modes, stress to this .npz file")
+    _add_run(it)
     return parser
 
 
@@ -132,7 +138,7 @@ def _main(arguments: Sequence[str]) -> int:
     ours, petsc = split(arguments)
     parser = _parser()
     given = vars(parser.parse_args(ours))
-    preset = given.pop("preset")
+    preset = given.pop("preset", None)
     if preset:
         # Behind the scene's name and before what was typed, which then wins.
         given = vars(parser.parse_args([ours[0], *PRESETS[ours[0]][preset].split(), *ours[1:]]))

@@ -37,6 +37,7 @@ __all__ = [
     "interpolation_points",
     "lift",
     "mixed_element",
+    "nodal_element",
     "original_cells",
     "petsc_vector",
     "reference_nodes",
@@ -84,6 +85,17 @@ def block_element(mesh: Any, family: str, degree: int, size: int) -> Any:
     import basix.ufl
 
     return basix.ufl.element(family, mesh.basix_cell(), degree, shape=(size,))
+
+
+def nodal_element(mesh: Any, degree: int, size: int) -> Any:
+    """Return the element of ``size`` copies of that whose nodes are those of the geometry, equally spaced."""
+    if _UFL_ELEMENTS:
+        scalar = ufl.FiniteElement("Lagrange", mesh.ufl_cell(), degree, variant="equispaced")
+        return ufl.VectorElement(scalar, dim=size)
+    import basix.ufl
+
+    variant = basix.LagrangeVariant.equispaced
+    return basix.ufl.element("Lagrange", mesh.basix_cell(), degree, lagrange_variant=variant, shape=(size,))
 
 
 def scalar_element(mesh: Any, family: str, degree: int) -> Any:

@@ -77,7 +77,7 @@ class Modes:
     Attributes
     ----------
     domain
-        What was solved on.
+        What was solved on: a `Domain`, or whatever the body was made from.
     shapes
         Mode shapes ``x^T M x = 1``, a PETSc vector each, on the degrees of freedom that are free.
     displacement, carry
@@ -106,7 +106,7 @@ class Modes:
         Largest resident set of a rank so far, bytes.
     """
 
-    domain: Domain
+    domain: Any
     shapes: list[PETSc.Vec]
     displacement: Any
     carry: Callable[[PETSc.Vec], None]
@@ -158,9 +158,14 @@ def solve(
     if not solid.density > 0.0:
         raise InputError(f"density: got {solid.density:g}, modes need a positive mass per volume")
     settings = settings or Settings()
-    rigid = 0 if held else RIGID
-    times = [perf_counter()]
-    body = _Body(domain, solid, held, element or Element(), settings)
+    begin = perf_counter()
+    body = _body(domain, solid, held, element or Element(), settings)
+    return lowest(domain, body, modes, 0 if held else RIGID, settings, begin)
+
+
+def lowest(domain: Any, body: "Body", modes: int, rigid: int, settings: Settings, begin: float) -> Modes:
+    """Return the lowest modes of a body with some rigid motions, which was begun to be made at a time."""
+    times = [begin]
     if modes < 1 or modes + rigid > body.unknowns:
         raise InputError(f"modes: got {modes}, need 1 to {body.unknowns - rigid} (the unknowns there are)")
     times.append(perf_counter())
@@ -177,7 +182,7 @@ def solve(
     return Modes(
         domain=domain,
         shapes=found.vectors,
-        displacement=body.displacement(),
+        displacement=body.displacement,
         carry=body.carry,
         frequencies=np.sqrt(np.maximum(found.eigenvalues, 0.0)) / (2.0 * np.pi),
         eigenvalues=found.eigenvalues,
@@ -195,49 +200,71 @@ def solve(
             "check": pencil.check_seconds,
         },
         options=found.options,
-        peak_memory=domain.mesh.comm.allreduce(peak_memory(), op=MPI.MAX),
+        peak_memory=body.comm.allreduce(peak_memory(), op=MPI.MAX),
     )
 
 
-class _Body:
-    """Spaces, forms and matrices of a body.
+class Body:
+    """Forms and matrices of a body.
 
     The stiffness is assembled by 3 x 3 blocks (``baij``): inserting a block at a time is three times faster than entry
     by entry. Of the mass only one component is assembled, and PETSc's MAIJ applies it to all three: Lanczos steps
     multiply by it more often than they solve.
+
+    Parameters
+    ----------
+    state
+        A dolfinx function: the displacement, or that and something else.
+    displacement
+        The displacement, in UFL.
+    stored
+        Energy of the state, integrals.
+    density
+        Mass per volume: a number, or a scalar in UFL.
+    scalar
+        Space of one component of the displacement, where the state is nothing but that.
+    free
+        This rank's own nodes that are not held, local numbers; or, without ``whole``, degrees of freedom.
+    degree
+        Of the displacement.
+    whole
+        Whether nodes are free or held as a whole.
     """
 
-    def __init__(self, domain: Domain, solid: Solid, held: Sequence[str], element: Element, settings: Settings) -> None:
-        mesh = domain.mesh
-        self.comm = mesh.comm
-        self.plain = element.family != "enhanced"
-        self.solid, self.flags = solid, settings.flags
-        self.measure = ufl.dx(metadata=quadrature.measure(element.rule(domain.shape)))
+    def __init__(
+        self,
+        state: Any,
+        displacement: Any,
+        stored: Any,
+        density: Any,
+        scalar: Any,
+        free: Index,
+        degree: int,
+        settings: Settings,
+        whole: bool = True,
+    ) -> None:
+        self.state, self.displacement, self.density, self.scalar, self.free = state, displacement, density, scalar, free
+        self.space = state.function_space
+        self.comm = self.space.mesh.comm
+        self.plain = scalar is not None and whole
+        self.flags = settings.flags
         # Enough points for a mass that is definite, whatever the rule of the stiffness; they cost little in one
         # component.
-        self.mass_measure = ufl.dx(metadata={"quadrature_degree": 2 * element.degree})
-        if self.plain:
-            self.space = compat.function_space(mesh, compat.block_element(mesh, element.family, element.degree, 3))
-            self.scalar = compat.function_space(mesh, compat.block_element(mesh, element.family, element.degree, 1))
-            # PETSc adds only part of the entries of two parallel sbaij matrices with blocks (MatAXPY, 3.18).
-            self.kind, self.final = "baij", settings.matrix_type or ("sbaij" if self.comm.size == 1 else "aij")
-        else:
-            self.space = enhanced.space(mesh)
-            self.kind, self.final = "aij", settings.matrix_type or "aij"
-        self.state = dolfinx.fem.Function(self.space)
-        self.free = self._free(domain, held)
+        self.mass_measure = ufl.dx(domain=self.space.mesh, metadata={"quadrature_degree": 2 * degree})
+        # PETSc adds only part of the entries of two parallel sbaij matrices with blocks (MatAXPY, 3.18).
+        by_blocks = "sbaij" if self.comm.size == 1 else "aij"
+        self.kind = "baij" if self.plain else "aij"
+        self.final = settings.matrix_type or (by_blocks if self.plain else "aij")
         dofmap = self.space.dofmap
+        self.blocks = dofmap.index_map_bs if whole else 1
         self.dofs = dofmap.index_map.size_global * dofmap.index_map_bs
-        self.unknowns = self.comm.allreduce(self.free.size * dofmap.index_map_bs, op=MPI.SUM)
-        self.first = dofmap.index_map.local_range[0]
+        self.unknowns = self.comm.allreduce(self.free.size * self.blocks, op=MPI.SUM)
+        self.first = dofmap.index_map.local_range[0] * (dofmap.index_map_bs // self.blocks)
         start = perf_counter()
-        self.stiffness_form = self._form(linear(solid.E, solid.nu)(self._deformation()) * self.measure)
+        self.stiffness_form = self._form(stored)
         self.mass_form = self._scalar_mass() if self.plain else None
         self.symbolic = perf_counter() - start
         self.matrix = compat.create_matrix(self.stiffness_form, self.kind)
-
-    def _deformation(self) -> Any:
-        return ufl.Identity(3) + ufl.grad(self.state) if self.plain else enhanced.deformation_gradient(self.state)
 
     def _form(self, energy: Any) -> Any:
         """Return the compiled second variation of an energy."""
@@ -246,20 +273,7 @@ class _Body:
 
     def _scalar_mass(self) -> Any:
         u, v = ufl.TrialFunction(self.scalar), ufl.TestFunction(self.scalar)
-        return compat.form(self.solid.density * ufl.inner(u, v) * self.mass_measure, self.flags)
-
-    def _free(self, domain: Domain, held: Sequence[str]) -> Index:
-        """Return this rank's own nodes that are not held (without blocks: degrees of freedom), local numbers."""
-        own = np.ones(self.space.dofmap.index_map.size_local, dtype=bool)
-        for face in held:
-            facets = domain.facets(face)
-            if self.plain:
-                where = dolfinx.fem.locate_dofs_topological(self.space, 2, facets)
-            else:
-                plain = self.space.sub(0).collapse()[0]
-                where = dolfinx.fem.locate_dofs_topological((self.space.sub(0), plain), 2, facets)[0]
-            own[where[where < own.size]] = False
-        return np.flatnonzero(own)
+        return compat.form(self.density * ufl.inner(u, v) * self.mass_measure, self.flags)
 
     def _rows(self, blocks: int) -> PETSc.IS:
         rows = (self.first + self.free).astype(PETSc.IntType)
@@ -296,10 +310,9 @@ class _Body:
 
     def _stiffness(self) -> PETSc.Mat:
         compat.assemble_matrix(self.matrix, self.stiffness_form, [])
-        blocks = self.space.dofmap.index_map_bs
         _declare(self.matrix, definite=False)
         whole = self.matrix if self.unknowns < self.dofs else self.matrix.copy()
-        return _declare(self._reduced(whole, blocks, self.final), definite=self.unknowns < self.dofs)
+        return _declare(self._reduced(whole, self.blocks, self.final), definite=self.unknowns < self.dofs)
 
     def _mass(self) -> PETSc.Mat:
         """Assemble the mass to multiply with."""
@@ -314,12 +327,12 @@ class _Body:
 
     def _mass_by_blocks(self) -> PETSc.Mat:
         """Assemble the mass with the type and sparsity of the stiffness."""
-        u = self.displacement()
-        form = self._form(0.5 * self.solid.density * ufl.inner(u, u) * self.mass_measure)
+        u = self.displacement
+        form = self._form(0.5 * self.density * ufl.inner(u, u) * self.mass_measure)
         matrix = self.matrix.duplicate()
         compat.assemble_matrix(matrix, form, [])
         _declare(matrix, definite=False)
-        return _declare(self._reduced(matrix, self.space.dofmap.index_map_bs, self.final), definite=False)
+        return _declare(self._reduced(matrix, self.blocks, self.final), definite=False)
 
     def _set_near_null_space(self, stiffness: PETSc.Mat) -> None:
         """Tell algebraic multigrid the rigid motions."""
@@ -328,16 +341,11 @@ class _Body:
         positions.array[:] = self.space.tabulate_dof_coordinates()[self.free].ravel()
         stiffness.setNearNullSpace(PETSc.NullSpace().createRigidBody(positions))
 
-    def displacement(self) -> Any:
-        """Return the displacement of the state."""
-        return self.state if self.plain else ufl.split(self.state)[0]
-
     def carry(self, shape: PETSc.Vec) -> None:
         """Make a vector of the free unknowns the state."""
-        blocks = self.space.dofmap.index_map_bs
         own = compat.petsc_vector(self.state)
         own.set(0.0)
-        own.array[:].reshape(-1, blocks)[self.free] = shape.array_r.reshape(-1, blocks)
+        own.array[:].reshape(-1, self.blocks)[self.free] = shape.array_r.reshape(-1, self.blocks)
         own.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
 
 
@@ -354,3 +362,35 @@ def _declare(matrix: PETSc.Mat, definite: bool) -> PETSc.Mat:
 def _table(space: Any) -> Index:
     table = space.dofmap.list
     return np.asarray(getattr(table, "array", table)).ravel()
+
+
+def _body(domain: Domain, solid: Solid, held: Sequence[str], element: Element, settings: Settings) -> Body:
+    """Return a homogeneous body, held on named faces."""
+    mesh = domain.mesh
+    plain = element.family != "enhanced"
+    scalar = None
+    if plain:
+        space = compat.function_space(mesh, compat.block_element(mesh, element.family, element.degree, 3))
+        scalar = compat.function_space(mesh, compat.block_element(mesh, element.family, element.degree, 1))
+    else:
+        space = enhanced.space(mesh)
+    state = dolfinx.fem.Function(space)
+    F = ufl.Identity(3) + ufl.grad(state) if plain else enhanced.deformation_gradient(state)
+    stored = linear(solid.E, solid.nu)(F) * ufl.dx(metadata=quadrature.measure(element.rule(domain.shape)))
+    displacement = state if plain else ufl.split(state)[0]
+    free = _free(space, domain, held, plain)
+    return Body(state, displacement, stored, solid.density, scalar, free, element.degree, settings)
+
+
+def _free(space: Any, domain: Domain, held: Sequence[str], plain: bool) -> Index:
+    """Return this rank's own nodes that are not held (without blocks: degrees of freedom), local numbers."""
+    own = np.ones(space.dofmap.index_map.size_local, dtype=bool)
+    for face in held:
+        facets = domain.facets(face)
+        if plain:
+            where = dolfinx.fem.locate_dofs_topological(space, 2, facets)
+        else:
+            displacements = space.sub(0).collapse()[0]
+            where = dolfinx.fem.locate_dofs_topological((space.sub(0), displacements), 2, facets)[0]
+        own[where[where < own.size]] = False
+    return np.flatnonzero(own)

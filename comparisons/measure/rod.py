@@ -1,20 +1,70 @@
 """Time one configuration of the cylindrical element.
 
-``python -m comparisons.measure.rod spring --section-points 8 ... --repeat 5``.
+``python -m comparisons.measure.rod spring|my.toml --section-points 8 ... --repeat 5``.
 
 Prints one JSON line.  The first run is cold; the others, in the same process, are warm.
 """
 
+import dataclasses
 import statistics
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
-from comparisons.measure import timing
-from isorod import options, scenes
+from comparisons.measure import sampled, timing
+from isorod import files, options
 from isorod.command import ending, run
 from isorod.command.parser import Parser, add_fields, field_values, split
 from isorod.output import results
+
+
+def find(name: str, values: Mapping[str, Any]) -> Any:
+    """Return a scene of the package, or that of a file, with those of its fields that are not None."""
+    scene = files.find(name)
+    given = {key: value for key, value in values.items() if value is not None}
+    if isinstance(scene, type):
+        return scene(**given)
+    return dataclasses.replace(scene, **given) if given else scene
+
+
+def settings_of(scene: Any) -> dict[str, Any]:
+    """Return the keyword arguments of a scene's analysis: what its file says."""
+    return scene.settings() if hasattr(scene, "content") else {}
+
+
+def solve(scene: Any, settings: Mapping[str, Any], repeat: int) -> tuple[Any, list[dict[str, float]]]:
+    """Return the last of ``repeat`` solutions, and the wall times of each run."""
+    from petsc4py import PETSc
+
+    runs: list[dict[str, float]] = []
+    solution = None
+    for _ in range(repeat):
+        # What the last run left does not count as the next one's.
+        solution = None
+        PETSc.garbage_cleanup()
+        solution, seconds = run.solve(scene, settings)
+        runs.append(seconds)
+    return solution, runs
+
+
+def record(
+    scene: Any,
+    solution: Any,
+    runs: Sequence[dict[str, float]],
+    settings: Mapping[str, Any],
+    petsc: Sequence[str] = (),
+) -> dict[str, Any]:
+    """Return the record of what `solve` returned: ``seconds`` are the median of the warm runs, or the only run."""
+    warm = runs[1:] or runs
+    median = {key: statistics.median(one[key] for one in warm) for key in runs[0]}
+    return {
+        "method": "cylindrical",
+        **run.record(scene, solution, median, settings, petsc),
+        "warm": len(runs) > 1,
+        "runs": list(runs),
+        "peak_memory": timing.peak_memory(),
+    }
 
 
 def measure(
@@ -29,26 +79,9 @@ def measure(
     ``seconds`` holds the median of the warm runs, or the only run.  ``settings`` are those of the scene's analysis;
     ``petsc`` must be what PETSc was started with.
     """
-    from petsc4py import PETSc
-
-    scene = scenes.find(name)(**values)
-    runs: list[dict[str, float]] = []
-    solution = None
-    for _ in range(repeat):
-        # What the last run left does not count as the next one's.
-        solution = None
-        PETSc.garbage_cleanup()
-        solution, seconds = run.solve(scene, settings or {})
-        runs.append(seconds)
-    warm = runs[1:] or runs
-    median = {key: statistics.median(one[key] for one in warm) for key in runs[0]}
-    return {
-        "method": "cylindrical",
-        **run.record(scene, solution, median, settings or {}, petsc),
-        "warm": repeat > 1,
-        "runs": runs,
-        "peak_memory": timing.peak_memory(),
-    }
+    scene = find(name, values)
+    solution, runs = solve(scene, settings or {}, repeat)
+    return record(scene, solution, runs, settings or {}, petsc)
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -59,13 +92,24 @@ def main(arguments: Sequence[str]) -> int:
 def _main(arguments: Sequence[str]) -> int:
     ours, theirs = split(arguments)
     name = ours[0] if ours else ""
-    scene_type = scenes.find(name)
+    known = files.find(name)
     parser = Parser(prog=f"python -m comparisons.measure.rod {name}")
-    add_fields(parser, scene_type)
+    add_fields(parser, known)
     parser.add_argument("--repeat", type=int, default=6, help="runs in this process, the first one cold (6)")
+    parser.add_argument("--estimate", action="store_true", help="estimate the error too, apart from the time")
+    parser.add_argument("--at", metavar="NPZ", help="where fields are wanted (comparisons.measure.sampled.Places)")
+    parser.add_argument("--fields", metavar="NPZ", help="write them to this file")
     found = parser.known(ours[1:])
+    scene = find(name, field_values(found, known))
     options.initialize(theirs)
-    print(results.line(measure(name, field_values(found, scene_type), found.repeat, petsc=theirs)))
+    settings = settings_of(scene)
+    solution, runs = solve(scene, settings, found.repeat)
+    values = record(scene, solution, runs, settings, theirs)
+    if found.estimate:
+        values |= run.estimate(solution)
+    if found.fields:
+        results.write_arrays(Path(found.fields), **sampled.fields(solution, sampled.Places.read(Path(found.at))))
+    print(results.line(values))
     return 0
 
 

@@ -17,6 +17,14 @@ from isorod.errors import InputError, SolveError
 _CHECKOUT = Path(__file__).parents[2]
 
 
+class Failed(SolveError):
+    """A measurement that failed; ``said`` is the last line that it said."""
+
+    def __init__(self, message: str, said: str) -> None:
+        super().__init__(message)
+        self.said = said
+
+
 def environment(interpreter: str = sys.executable) -> dict[str, str]:
     """Return the environment of a measurement: one thread a rank, and mpirun willing to run as root.
 
@@ -69,17 +77,22 @@ def run(
 
     Raises
     ------
-    SolveError
-        With the last line of what it said, if it fails.
+    Failed
+        With the last line of what it said, if it fails, or when it takes too long.
     """
     command = [interpreter, "-m", module, *arguments]
     if ranks > 1:
         command = ["mpirun", "--oversubscribe", "-n", str(ranks), *command]
     around = environment(interpreter)
-    done = subprocess.run(command, capture_output=True, text=True, env=around, timeout=timeout, check=False)
+    asked = f"python -m {module} {' '.join(arguments)}"
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, env=around, timeout=timeout, check=False)
+    except subprocess.TimeoutExpired:
+        late = f"not done after {timeout:g} s"
+        raise Failed(f"{asked}: {late}", late) from None
     if done.returncode:
         said = (done.stderr.strip().splitlines() or ["nothing said"])[-1]
-        raise SolveError(f"python -m {module} {' '.join(arguments)}: exit code {done.returncode}: {said}")
+        raise Failed(f"{asked}: exit code {done.returncode}: {said}", said.removeprefix(f"{module}: "))
     record: dict[str, Any] = json.loads(done.stdout.strip().splitlines()[-1])
     return record
 

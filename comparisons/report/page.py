@@ -7,7 +7,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from comparisons import STUDIES
+from comparisons import COMPARED, STUDIES
 from comparisons.measure.records import Record, newest
 from comparisons.report import words
 from comparisons.report.html import contents, heading
@@ -29,7 +29,7 @@ def write(folder: Path) -> Path:
     """
     found = _found(folder)
     answers: list[str] = []
-    parts = [heading(2, "Words and letters"), words.words()]
+    parts = [heading(2, "Words and letters"), words.words(found)]
     for study, records in found.items():
         with _read(folder, study):
             answers += ["<div>", *_part(study).answer(records), "</div>"]
@@ -44,17 +44,19 @@ def write(folder: Path) -> Path:
         f"<style>{_STYLE.read_text()}</style></head>\n<body>\n<h1>{words.TITLE}</h1>\n"
         + "<div class=answers>"
         + "\n".join(answers)
-        + f"</div>\n{words.INTRODUCTION}\n{contents(body)}\n{body}\n</body></html>\n"
+        + f"</div>\n{words.introduction(found)}\n{contents(body)}\n{body}\n</body></html>\n"
     )
     path = folder / "report.html"
     write_beside(path, lambda where: where.write_text(page))
     return path
 
 
-def summary(folder: Path) -> list[str]:
-    """Return the main findings of the newest runs, one line each."""
+def summary(folder: Path, only: str | None = None) -> list[str]:
+    """Return the main findings of the newest runs, or of the one of a study, one line each."""
     lines = []
     for study, records in _found(folder).items():
+        if only not in (None, study):
+            continue
         with _read(folder, study):
             lines += _part(study).summary(records)
     return lines
@@ -66,7 +68,7 @@ def _part(study: str) -> Any:
     ``summary(records)``, its main findings as text, ``answer(records)``, the same as HTML, and ``section(records,
     folder)``.
     """
-    return import_module(f"comparisons.report.{study}")
+    return import_module(f"comparisons.report.{study.partition('-')[0]}")
 
 
 @contextmanager
@@ -85,7 +87,10 @@ def _read(folder: Path, *studies: str) -> Iterator[None]:
 
 def _found(folder: Path) -> dict[str, list[Record]]:
     """Return the newest complete run of each study that has one."""
-    found = {study: newest(folder, study) for study in STUDIES if (folder / f"{study}.jsonl").is_file()}
+    # Of comparisons of scenes each has its own.
+    others = sorted(path.stem for path in folder.glob(f"{COMPARED}-*.jsonl"))
+    names = [*(one for one in STUDIES if (folder / f"{one}.jsonl").is_file()), *others]
+    found = {study: newest(folder, study) for study in names}
     found = {study: records for study, records in found.items() if records}
     if not found:
         raise InputError(f"results {folder}: no complete run of a study; run python -m comparisons {STUDIES[0]} first")
@@ -107,10 +112,14 @@ def _provenance(found: dict[str, list[Record]]) -> str:
         )
     machine = last["machine"]
     named = ", ".join(f"{name} {' and '.join(every)}" for name, every in known.items())
+    more = (
+        ", <code>make verify</code> measures spring and blade at quick level and takes some minutes, <code>python -m "
+        "comparisons spring</code> measures all of it"
+        if set(STUDIES) & found.keys()
+        else ""
+    )
     return (
         f"<ul>{''.join(runs)}</ul><p>Machine: {html.escape(machine['processor'])}, {machine['cores']} cores, "
         f"{html.escape(machine['system'])}; one thread. Versions: {html.escape(named)}. This page and its plots are "
-        "made from those files alone: <code>python -m comparisons report</code> makes them again, <code>make "
-        "verify</code> measures spring and blade at quick level and takes some minutes, <code>python -m "
-        "comparisons spring</code> measures all of it.</p>"
+        f"made from those files alone: <code>python -m comparisons report</code> makes them again{more}.</p>"
     )

@@ -15,6 +15,9 @@ FEM_COLOURS = ("#D55E00", "#E69F00", "#CC79A7", "#000000")
 MARKERS = "oD^"
 FEM_MARKERS = "svPX"
 # Of many curves each is marked by its number.
+# What is compared with itself is a rounding error off.
+SHOWN = 1e-9
+FIELDS = {"displacement": "displacement field", "shape": "mode shapes"}
 MANY = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#000000")
 
 
@@ -162,6 +165,78 @@ def every(work: Sequence[Record], quantity: str, path: Path) -> None:
     axes[0].set_ylabel(f"error of the {quantity}", fontsize=12)
     write_beside(path, lambda where: figure.savefig(where, dpi=110))
     pyplot.close(figure)
+
+
+def labelled(work: Sequence[Record], told: float, wide: Path, narrow: Path) -> None:
+    """Draw error against run time of a comparison, each run with its label: of what is measured, and of the field.
+
+    Parameters
+    ----------
+    work
+        Its runs: those of a ``sequence`` are joined, the others stand alone.
+    told
+        Error below which finite elements do not tell one.
+    wide, narrow
+        Files of the plot, and of that for narrow screens, one panel below the other.
+    """
+    pyplot = _pyplot()
+    field = "shape" if any("shape" in one["field"] for one in work) else "displacement"
+    for path, rows, columns, size in ((wide, 1, 2, (12.0, 5.4)), (narrow, 2, 1, (4.6, 9.4))):
+        figure, axes = pyplot.subplots(rows, columns, figsize=size, layout="constrained")
+        _points(axes[0], [(one, one["error"]) for one in work], "error of what is measured")
+        _points(axes[1], [(one, one["field"].get(field, 0.0)) for one in work], f"error of the {FIELDS[field]}")
+        if told > 0.0:
+            low, high = axes[0].get_ylim()
+            axes[0].axhspan(low, told, color="black", alpha=0.06, label="less than finite elements tell")
+            axes[0].set_ylim(low, max(high, 1.5 * told))
+        handles = axes[0].get_legend_handles_labels()
+        place = {"loc": "outside lower center", "ncols": 3 if columns == 2 else 1}
+        figure.legend(*handles, **place, frameon=False, fontsize=11)
+        write_beside(path, partial(figure.savefig, dpi=130))
+        pyplot.close(figure)
+
+
+def _points(axis: Any, runs: Sequence[tuple[Record, float]], what: str) -> None:
+    """Draw runs with their labels, and lines through those of a ``sequence``."""
+    from matplotlib.ticker import LogLocator, NullFormatter
+
+    theirs = iter(zip(FEM_COLOURS, FEM_MARKERS, strict=True))
+    for name in dict.fromkeys(one["curve"] for one, _ in runs):
+        ours = name == "isorod"
+        colour, marker = (COLOURS[0], MARKERS[0]) if ours else next(theirs)
+        points = [
+            (one["dofs"], one["seconds"]["total"], error, one)
+            for one, error in runs
+            if one["curve"] == name and error > SHOWN
+        ]
+        points.sort(key=lambda point: point[0])
+        joined = [(time, error) for _, time, error, one in points if one["sequence"]]
+        axis.loglog(
+            [time for time, _ in joined],
+            [error for _, error in joined],
+            color=colour,
+            linestyle="-" if ours else "--",
+            linewidth=1.2,
+        )
+        for k, (_, time, error, one) in enumerate(points):
+            label = (name if ours else f"{name}, dolfinx") if k == 0 else None
+            axis.loglog([time], [error], color=colour, marker=marker, linestyle="", label=label)
+            # Neighbours' labels above and below.
+            look = {"textcoords": "offset points", "fontsize": 9, "color": colour}
+            axis.annotate(one["label"], (time, error), (4, (5, -12)[k % 2]), **look)
+    axis.set_xlabel("run time, one thread", fontsize=12)
+    axis.set_ylabel(what, fontsize=12)
+    axis.tick_params(labelsize=11)
+    axis.grid(True, which="major", alpha=0.3)
+    axis.xaxis.set_major_formatter(_time)
+    axis.yaxis.set_major_formatter(_percent)
+    # With room for the last label.
+    axis.margins(0.2, 0.12)
+    for scale in (axis.xaxis, axis.yaxis):
+        low, high = scale.get_view_interval()
+        if high < 100.0 * low:
+            scale.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+            scale.set_minor_formatter(NullFormatter())
 
 
 def convergence(entries: Sequence[Record], path: Path) -> float:

@@ -1,6 +1,9 @@
 """What a stranger has to know to read the page."""
 
 import html
+from collections.abc import Iterable
+
+from comparisons import STUDIES
 
 TITLE = "Rods by their surface alone, beside finite elements"
 
@@ -16,6 +19,17 @@ INTRODUCTION = (
     "time that each takes to come within an error of the converged three-dimensional solution, and, beside it, the "
     "numbers that the paper printed.</p>"
 )
+
+COMPARED = (
+    "<p>Each scene below is solved both ways, by <code>isorod</code>, whose <em>cylindrical element</em> (J. Lu and X. "
+    'Zhou 2011, <a href="https://doi.org/10.1016/j.cma.2010.08.007">doi</a>) describes a rod by its surface and its '
+    "axis, and by <code>dolfinx</code> (FEniCSx), a widely used finite element library, with bricks that are curved "
+    "with the same rods; on the same machine, with one thread. What is compared is how far each is from what the "
+    "finite elements converge to, and the run time that it takes.</p>"
+)
+
+# Of those below, what pages about scenes of anyone's have.
+_OF_COMPARED = ("error", "run time", "check", "unknowns", "K", "N", "p", "C0 to C3", "2x1x2", "Q1 to Q4, S2 to S4")
 
 MEANINGS = {
     "error": "Distance from the converged solution, relative. That solution is extrapolated from dolfinx on three "
@@ -49,7 +63,23 @@ MEANINGS = {
 }
 
 
-def words() -> str:
-    """Return the list of letters and words."""
-    items = [f"<dt>{html.escape(word)}</dt><dd>{html.escape(text)}</dd>" for word, text in MEANINGS.items()]
+# Said otherwise there.
+_IN_COMPARED = {
+    "run time": "Set-up + assembly + solve + check of one solution, in a process that has solved it before: the median "
+    "of four, of fewer on the second mesh; the largest meshes are solved once. Import, compilation and, for dolfinx, "
+    "mesh generation are left out.",
+}
+
+
+def introduction(studies: Iterable[str]) -> str:
+    """Return what a page is about that has these studies."""
+    return INTRODUCTION if set(STUDIES) & set(studies) else COMPARED
+
+
+def words(studies: Iterable[str]) -> str:
+    """Return the list of letters and words of a page that has these studies."""
+    found = MEANINGS
+    if not set(STUDIES) & set(studies):
+        found = {word: (MEANINGS | _IN_COMPARED)[word] for word in _OF_COMPARED}
+    items = [f"<dt>{html.escape(word)}</dt><dd>{html.escape(text)}</dd>" for word, text in found.items()]
     return "<dl>" + "\n".join(items) + "</dl>"

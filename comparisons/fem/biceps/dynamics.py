@@ -13,7 +13,7 @@ from scipy.sparse.linalg import eigsh
 
 from comparisons.fem import compat
 from comparisons.fem.biceps.branches import Branches
-from comparisons.fem.biceps.contact import Contact, Pressing
+from comparisons.fem.contact.surfaces import Contact, Pressing
 from comparisons.fem.flags import FAST
 from comparisons.measure.timing import Clock, peak_memory
 from isorod.errors import InputError, SolveError

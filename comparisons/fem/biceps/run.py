@@ -12,7 +12,8 @@ from mpi4py import MPI
 from comparisons.fem import fields, runs
 from comparisons.fem.biceps import dynamics, statics
 from comparisons.fem.biceps.branches import Branches
-from comparisons.fem.biceps.contact import Contact, Pressing, surface_points
+from comparisons.fem.contact.facets import surface_points
+from comparisons.fem.contact.surfaces import Contact, Pressing
 from comparisons.fem.flags import FAST
 from comparisons.fem.statics import DIRECT, Element
 from isorod.errors import InputError
@@ -46,7 +47,7 @@ class Configuration:
         Degree of the rule in every form; None: 1 point on linear tetrahedra, else as in
         `comparisons.fem.statics.Element`.
     parts
-        See `comparisons.fem.biceps.contact.Contact`; None: 3 for statics; for dynamics the nodes on degree 1, else 1.
+        See `comparisons.fem.contact.surfaces.Contact`; None: 3 for statics; for dynamics the nodes on degree 1, else 1.
     time_step
         Seconds; None: `comparisons.fem.biceps.dynamics.SAFETY` of the critical one.
     solver

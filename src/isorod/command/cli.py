@@ -39,15 +39,23 @@ def command(arguments: Sequence[str]) -> int:
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=Parser)
     run = commands.add_parser("run", help="run a scene, or a file that describes one", add_help=False)
     run.add_argument("rest", nargs=argparse.REMAINDER)
+    compare = commands.add_parser(
+        "compare", help="solve a scene by finite elements too, and tell errors and times", add_help=False
+    )
+    compare.add_argument("rest", nargs=argparse.REMAINDER)
     commands.add_parser("list", help="list the scenes")
     new = commands.add_parser("new", help="write a file to begin with")
     new.add_argument("name", nargs="?", default="my.toml", metavar="NAME.toml", help="name of the file (my.toml)")
     new.add_argument("--from", default="starter", dest="origin", metavar="EXAMPLE", help="spring, ring ... (starter)")
     commands.add_parser("compile", help="compile everything ahead, so that no run has to wait for it")
     commands.add_parser("doctor", help="show versions, what is missing and how to get it")
-    found = parser.known(ours[:1]) if ours[:1] == ["run"] else parser.known(ours)
+    found = parser.known(ours[:1]) if ours[:1] in (["run"], ["compare"]) else parser.known(ours)
     if found.command == "run":
         return _run(ours[1:], theirs)
+    if found.command == "compare":
+        from isorod.command import compare as both
+
+        return both.main(ours[1:])
     if found.command == "list":
         for name in scenes.SCENES:
             scene = scenes.find(name)

@@ -3,7 +3,6 @@
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from isorod.arrays import Array
 
@@ -48,7 +47,7 @@ def displacement(
     solution: "Equilibrium | History",
     rod: int,
     u: float | None = None,
-    xi: tuple[float, float] = (0.0, 0.0),
+    xi: tuple[float, float] | None = None,
     component: Component | None = None,
 ) -> Any:
     """Return the displacement of a point of a rod, or one component of it.
@@ -60,19 +59,14 @@ def displacement(
     u
         Axis parameter of the point; that of the end face where not given.
     xi
-        Its point of the unit disk; the centre line is the disk's centre.
+        Its point of the unit disk; where not given the centre, of a hollow rod the mean of its hole.
     component
         ``"x"``, ``"y"`` or ``"z"``; all three where not given.
     """
-    space = solution.model.bodies[rod].space
-    where = [space.axis.breaks[-1] if u is None else u]
-
-    def point(state: ArrayLike) -> Array:
-        return space.displacement(solution.model.nodal(np.asarray(state), rod), [xi], where)[0][0, 0]
-
-    states = solution.displacement
-    found = point(states) if states.ndim == 1 else np.array([point(state) for state in states])
-    return _component(found, component)
+    where = "end" if u is None else u
+    if hasattr(solution, "at"):
+        return _component(solution.at(rod, where, xi), component)
+    return _component(np.array([instant.at(rod, where, xi) for instant in solution]), component)
 
 
 def contact_force(solution: "Equilibrium", contact: int) -> float:

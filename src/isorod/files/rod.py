@@ -25,7 +25,7 @@ class RodPlan:
     KEYS = ("curve", "section", "law", "space")
 
     def __init__(self, place: Place, table: Mapping[str, Any]) -> None:
-        self.place = place
+        self.place, self._touches = place, False
         sweep = {key: one for key, one in table.items() if key in schema.SWEEP.parameters}
         self._sweep = call(place, schema.SWEEP, sweep)
         rings = {key: one for key, one in table.items() if key in schema.RINGS.parameters}
@@ -58,6 +58,11 @@ class RodPlan:
 
         if not {"order", "section_points", "section_degree"} & set(self.space.arguments):
             self.space.arguments["order"] = ORDER
+
+    def touch(self) -> None:
+        """Let the rod be one that suits contact: as `take_surface_points`, and without kinks between elements."""
+        self.take_surface_points()
+        self._touches = True
 
     def _section(self, table: Mapping[str, Any], scaled: bool) -> Call:
         """Return the section: of a curve with radii the unit circle where it is not given."""
@@ -92,7 +97,12 @@ class RodPlan:
         if len(laws) not in (1, places):
             each = f"the {own} elements of the curve" if rings == 1 else f"the {rings} rings of the section"
             raise (self.place / "law").error(f"got {len(laws)} laws for {each}, need one, or one for each")
-        space = self.space.make(rod=rod)
+        more = {}
+        if self._touches and "elements" not in self.space.arguments:
+            from isorod.space import choice as chosen
+
+            more = chosen.touching(rod, *(self.space.arguments.get(key) for key in ("degree", "continuity")))
+        space = self.space.make(rod=rod, **more)
         # Each element of the curve is cut in as many parts; rings are all along.
         parts = space.axis.elements // own if rings == 1 else 1
         material = laws[0] if len(laws) == 1 else [law for law in laws for _ in range(parts)]

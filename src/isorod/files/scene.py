@@ -137,7 +137,9 @@ class FileScene:
         only = next(iter(self.plans))
         held = [table.get("rod", only) for _, _, table in self._named("support") if "patch" in table]
         for name, plan in self.plans.items():
-            if name in touching or name in held:
+            if name in touching:
+                plan.touch()
+            elif name in held:
                 plan.take_surface_points()
 
     def _analysis(self) -> str:

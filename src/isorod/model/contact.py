@@ -13,6 +13,9 @@ if TYPE_CHECKING:
 
 Vector = tuple[float, float, float]
 
+# Gauss points along an element or round an arc, at most.
+MAX_POINTS = 64
+
 
 @dataclass(frozen=True)
 class Plane(Checked):
@@ -56,7 +59,8 @@ class Contact(Checked):
     first_elements, second_elements
         Axis elements whose surfaces take part; all where not given.
     points
-        Gauss points round each arc of the section and along each element; 3 and degree + 1 where not given.
+        Gauss points round each arc of the section and along each element; where not given 48 round
+        the section, at least 3 an arc, and so many along that they are no farther apart there.
     penetration
         If given, statics solves an augmented Lagrangian: multipliers are added until no point penetrates deeper than
         this length.
@@ -89,7 +93,7 @@ class Contact(Checked):
             if len(self.points) != 2:
                 raise InputError(f"contact: got points {self.points}, need two numbers: round an arc, along an element")
             for name, count in zip(("round an arc", "along an element"), self.points, strict=True):
-                whole_number(f"contact: points {name}", count, 1, 64)
+                whole_number(f"contact: points {name}", count, 1, MAX_POINTS)
         if self.penetration is not None and not (np.isfinite(self.penetration) and self.penetration > 0.0):
             raise InputError(f"contact: got penetration {self.penetration:g}, need a positive length")
         if self.faces and not isinstance(self.second, Plane):

@@ -74,23 +74,30 @@ def draw(
         plotter.set_background("white")
         for k, mesh in enumerate(meshes):
             mesh.point_data["motion"] = scale * mesh.point_data["motion"]
-            place = {"title": title, "position_x": 1.0 - 0.7 * _ROOM / size[0], "width": 0.5 * _ROOM / size[0]}
-            bar = _BAR | place if k == 0 else None
-            add_flat(plotter, mesh, "colour", (float(values.min()), float(values.max())), "turbo", bar, "motion")
+            own = bar(title, size) if k == 0 else None
+            add_flat(plotter, mesh, "colour", (float(values.min()), float(values.max())), "turbo", own, "motion")
         for line in lines:
             plotter.add_mesh(pyvista.lines_from_points(line), color="grey", line_width=1.5, lighting=False)
         shown = [mesh.points + mesh.point_data["motion"] for mesh in meshes]
-        _look(plotter.camera, np.concatenate([*shown, *lines]), np.asarray(view, dtype=float), size)
+        look(plotter.camera, np.concatenate([*shown, *lines]), np.asarray(view, dtype=float), size)
         return Image.fromarray(plotter.screenshot(return_img=True))
     finally:
         plotter.close()
 
 
-def _look(camera: Any, points: Array, view: Array, size: Sequence[int]) -> None:
-    """Look at points ``(m, 3)`` so that they fill what the scale of colours leaves of the picture, from far away."""
+def bar(title: str, size: Sequence[int]) -> dict[str, Any]:
+    """Return what describes the scale of colours of a picture, or of a panel, of a size in pixels."""
+    return _BAR | {"title": title, "position_x": 1.0 - 0.7 * _ROOM / size[0], "width": 0.5 * _ROOM / size[0]}
+
+
+def look(camera: Any, points: Array, view: Array, size: Sequence[int], up: Array | None = None) -> None:
+    """Look at points ``(m, 3)`` so that they fill what the scale of colours leaves of the picture, from far away.
+
+    Upright is ``up``; where not given z, or y where one looks along z.
+    """
     towards = view / np.linalg.norm(view)
-    # Upright is z, or y where one looks along z.
-    up = np.array([0.0, 0.0, 1.0]) if abs(towards[2]) < 0.999 else np.array([0.0, 1.0, 0.0])
+    if up is None:
+        up = np.array([0.0, 0.0, 1.0]) if abs(towards[2]) < 0.999 else np.array([0.0, 1.0, 0.0])
     right = np.cross(up, towards)
     right /= np.linalg.norm(right)
     axes = np.stack([right, np.cross(towards, right), towards])

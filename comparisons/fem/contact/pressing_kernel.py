@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import b1, f8, i8, njit, types, void
 
-from comparisons.fem.biceps.closest_kernel import (
+from comparisons.fem.contact.closest_kernel import (
     CLOSEST,
     POINTS,
     SURFACE,

@@ -11,9 +11,10 @@ import numpy as np
 from scipy import sparse
 from scipy.spatial import cKDTree
 
-from comparisons.fem.biceps import closest_kernel, contact_kernel
-from comparisons.fem.biceps.closest_kernel import Closest, Facet, Points, Surface
-from comparisons.fem.biceps.contact_kernel import Pressing
+from comparisons.fem.contact import closest_kernel, pressing_kernel
+from comparisons.fem.contact.closest_kernel import Closest, Facet, Points, Surface
+from comparisons.fem.contact.facets import facet_of, gauss, nodal
+from comparisons.fem.contact.pressing_kernel import Pressing
 from isorod.errors import InputError
 from meshes.mesh import Array, Index, Mesh
 
@@ -62,7 +63,7 @@ class _Side:
         n = points.supports.shape[1] + self.surface.facets.shape[1]
         numbers = np.empty((len(active), n), dtype=np.int64)
         blocks = np.empty((len(active), 3 * n, 3 * n))
-        contact_kernel.stiffness(nodes, points, self.surface, found, penalty, numbers, blocks)
+        pressing_kernel.stiffness(nodes, points, self.surface, found, penalty, numbers, blocks)
         return (3 * numbers[:, :, None] + np.arange(3)).reshape(len(active), 3 * n), blocks
 
 
@@ -70,28 +71,6 @@ def _take(tables: Table, which: Index) -> Table:
     """Return some rows of each of the arrays."""
     rows: Any = (one[which] for one in tables)
     return type(tables)(*rows)
-
-
-def _facet_of(mesh: Mesh) -> Facet:
-    """Return the functions of the mesh's facets."""
-    triangle = mesh.shape == "tetrahedron"
-    powers = np.stack(np.meshgrid(*[np.arange(mesh.order + 1)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
-    if triangle:
-        powers = powers[powers.sum(axis=1) <= mesh.order]
-    monomials = np.prod(mesh.face_reference[:, None, :] ** powers, axis=2)
-    return Facet(np.ascontiguousarray(np.linalg.inv(monomials)), np.ascontiguousarray(powers), triangle)
-
-
-def _values(like: Facet, where: Array) -> tuple[Array, Array]:
-    """Return a facet's functions ``(m, n)`` and their gradients ``(m, n, 2)`` at points ``(m, 2)``."""
-    coefficients, powers, _ = like
-    values = np.prod(where[:, None, :] ** powers, axis=2) @ coefficients
-    slopes = np.empty((len(where), coefficients.shape[1], 2))
-    for a in range(2):
-        lowered = powers.copy()
-        lowered[:, a] = np.maximum(lowered[:, a] - 1, 0)
-        slopes[:, :, a] = (powers[:, a] * np.prod(where[:, None, :] ** lowered, axis=2)) @ coefficients
-    return values, slopes
 
 
 class Contact:
@@ -119,10 +98,12 @@ class Contact:
         if parts == 0 and mesh.order != 1:
             raise InputError(f"contact at nodes: got facets of order {mesh.order}, need order 1")
         self.penalty, self.reach = penalty, reach
-        like = _facet_of(mesh)
+        like = facet_of(mesh)
         faces = [mesh.faces[first], mesh.faces[second]]
-        points = [_gauss(mesh, like, face, parts) if parts else _nodal(mesh, like, face) for face in faces]
-        self.sides = (_Side(points[0], faces[1], like), _Side(points[1], faces[0], like))
+        points = [gauss(mesh, like, face, parts) if parts else nodal(mesh, like, face) for face in faces]
+        # Each pass has half of the energy.
+        one, other = (some._replace(weights=0.5 * some.weights) for some in points)
+        self.sides = (_Side(one, faces[1], like), _Side(other, faces[0], like))
         self._nodes: Index = np.unique(np.concatenate([face.ravel() for face in faces]))
         self._searched: Array | None = None
 
@@ -146,7 +127,7 @@ class Contact:
         """
         self._find(nodes)
         first, second = (
-            contact_kernel.add_forces(nodes, side.kept, side.surface, side.found, self.penalty, out)
+            pressing_kernel.add_forces(nodes, side.kept, side.surface, side.found, self.penalty, out)
             for side in self.sides
         )
         return Pressing(
@@ -169,73 +150,6 @@ class Contact:
         size = 3 * len(nodes)
         where = (np.concatenate(rows), np.concatenate(columns))
         return sparse.coo_array((np.concatenate(values), where), shape=(size, size))
-
-
-def surface_points(mesh: Mesh, face: str, parts: int) -> tuple[Index, Array]:
-    """Return points on a named face as in `Points`, ``(m, n)`` nodes and shares.
-
-    A lattice of ``parts`` to an edge on each facet.
-    """
-    like, nodes = _facet_of(mesh), mesh.faces[face]
-    a, b = (grid.ravel() for grid in np.meshgrid(*[np.arange(parts + 1) / parts] * 2, indexing="ij"))
-    where = np.stack([a, b], axis=1)
-    values, _ = _values(like, where[a + b < 1.0 + 0.5 / parts] if like.triangle else where)
-    shares = np.broadcast_to(values, (len(nodes), *values.shape)).reshape(-1, values.shape[1])
-    return np.repeat(nodes, len(values), axis=0), shares
-
-
-def _gauss(mesh: Mesh, like: Facet, face: Index, parts: int) -> Points:
-    """Return Gauss points, half the reference area for weight."""
-    where, weights = _split(*_rule(mesh.order, like.triangle), parts, like.triangle)
-    values, slopes = _values(like, where)
-    areas = _stretch(mesh, face, slopes) * weights
-    shares = np.broadcast_to(values, (len(face), *values.shape)).reshape(-1, values.shape[1])
-    supports = np.repeat(face, len(where), axis=0)
-    return Points(supports, np.ascontiguousarray(shares), 0.5 * areas.ravel())
-
-
-def _nodal(mesh: Mesh, like: Facet, face: Index) -> Points:
-    """Return the nodes, with their share of the facets' areas, halved, for weight."""
-    _, slopes = _values(like, mesh.face_reference)
-    areas = _stretch(mesh, face, slopes) * (0.5 if like.triangle else 1.0) / face.shape[1]
-    nodes, where = np.unique(face, return_inverse=True)
-    weights = 0.5 * np.bincount(where.ravel(), areas.ravel())
-    return Points(nodes[:, None].astype(np.int64), np.ones((nodes.size, 1)), weights)
-
-
-def _stretch(mesh: Mesh, face: Index, slopes: Array) -> Array:
-    """Return the area per area of the reference facet, shape ``(facets, points)``."""
-    tangents = np.einsum("qna,fni->fqai", slopes, mesh.points[face])
-    return np.asarray(np.linalg.norm(np.cross(tangents[:, :, 0], tangents[:, :, 1]), axis=2))
-
-
-def _rule(order: int, triangle: bool) -> tuple[Array, Array]:
-    """Return a rule of degree ``2 order`` or more on the unit square.
-
-    On the unit triangle 3 or 6 points (Dunavant 1985).
-    """
-    if not triangle:
-        x, w = np.polynomial.legendre.leggauss(order + 1)
-        a, b = (grid.ravel() for grid in np.meshgrid(0.5 * (x + 1.0), 0.5 * (x + 1.0), indexing="ij"))
-        return np.stack([a, b], axis=1), 0.25 * np.outer(w, w).ravel()
-    if order == 1:
-        orbits = [(1.0 / 6.0, 1.0 / 3.0)]
-    else:
-        orbits = [(0.445948490915965, 0.223381589678011), (0.091576213509771, 0.109951743655322)]
-    where = [[(r, r), (1.0 - 2.0 * r, r), (r, 1.0 - 2.0 * r)] for r, _ in orbits]
-    return np.array(where).reshape(-1, 2), np.repeat([0.5 * w for _, w in orbits], 3)
-
-
-def _split(where: Array, weights: Array, parts: int, triangle: bool) -> tuple[Array, Array]:
-    """Return a rule repeated on each of the ``parts^2`` equal parts of its square or triangle."""
-    grid = [(i, j) for i in range(parts) for j in range(parts)]
-    if not triangle:
-        pieces = [where + np.array(corner) for corner in grid]
-    else:
-        pieces = [where + np.array([i, j]) for i, j in grid if i + j < parts]
-        # Between those upright, the ones that stand on their heads.
-        pieces += [np.array([i + 1, j + 1]) - where for i, j in grid if i + j < parts - 1]
-    return np.concatenate(pieces) / parts, np.tile(weights, len(pieces)) / parts**2
 
 
 def _neighbours(facets: Index) -> Index:

@@ -1,0 +1,248 @@
+"""Study ``compare``: a scene of anyone's, solved both ways: errors against run time, fields, pictures.
+
+What is compared with is the finite elements' own limit: of each number that the scene measures three meshes are
+extrapolated.  Fields are compared with those of the finest mesh, at its nodes.
+"""
+
+import re
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from comparisons import COMPARED
+from comparisons.measure import distance, quantities, timing
+from comparisons.measure.records import Record
+from comparisons.measure.rod import find, settings_of, solve
+from comparisons.measure.sampled import Sample
+from comparisons.measure.study import Run, Steps
+from comparisons.measure.variants import DEFAULT, Variant, variants
+from comparisons.report import rod_pictures
+from isorod import options, scenes
+from isorod.errors import InputError, SolveError
+from isorod.output import results
+from isorod.output.words import duration
+
+# What names of files are better without.
+_UNFIT = re.compile(r"[^\w.-]+")
+
+
+class Most(NamedTuple):
+    """How large a mesh may be, and how long its solution may take, as told by the mesh before."""
+
+    dofs: int
+    seconds: float
+
+
+# Meshes, each of so many times the cells of the coarsest in each direction; what is tried in the place of the last
+# where that would be more than the level allows.
+LEVELS, INSTEAD = (1, 2, 4), 3
+MOST = {"quick": Most(150_000, 180.0), "full": Most(600_000, 3600.0)}
+
+# Power of the number of unknowns that run times grow with.
+GROWTH = 1.5
+
+DEGREE = 2
+
+# At full level more elements, by degree on the levels of the mesh, whose run times are measured.
+MORE = {"quick": {}, "full": {1: (2, 4), 3: (1, 2)}}
+
+# Runs of each configuration, the first one cold: of isorod, and of meshes up to so many degrees of freedom, larger ones
+# once.
+REPEAT = 5
+REPEAT_MESH = {6_000: 4, 30_000: 2}
+
+
+@dataclass(frozen=True)
+class Subject:
+    """What is compared: a scene, by the word that names it, and its model."""
+
+    word: str
+    scene: Any
+    model: Any
+
+    @property
+    def study(self) -> str:
+        """Name of its study, and of the file of its records."""
+        return f"{COMPARED}-{_UNFIT.sub('-', Path(self.word).stem)}"
+
+
+def subject(word: str) -> Subject:
+    """Return the scene of that name, or of the file.
+
+    Raises
+    ------
+    InputError
+        If it is wrong, or one of those that finite elements do not solve here, with what can be done in its place.
+    """
+    if word == "biceps":
+        raise InputError(
+            "biceps: it moves, and presses on itself; its comparison is a study: python -m comparisons biceps"
+        )
+    scene = find(word, {})
+    analysis = scenes.analyses(scene)[0]
+    if analysis == "geometry":
+        raise InputError(f"{word}: geometry alone, with nothing to solve; isorod run {word} tells its volume")
+    if analysis == "dynamics":
+        raise InputError(f"{word}: dynamics, of which there are no finite elements here; compare its statics or modes")
+    options.initialize([])
+    return Subject(word, scene, scene.model())
+
+
+def main(word: str, level: str, folder: str) -> str:
+    """Compare a scene and append the records to a results folder, which is made when there are any.
+
+    Returns the name of the study.
+    """
+    what = subject(word)
+    study = Run(what.study, level, Path(folder))
+    more = sum(len(levels) for levels in MORE[study.level].values())
+    with study.progress(len(LEVELS) + more + 8) as steps, tempfile.TemporaryDirectory() as place:
+        Comparison(study, steps, what, Path(place)).run()
+    return study.study
+
+
+@dataclass(frozen=True)
+class _Solved:
+    """A finite element run: the level of its mesh, its record, its fields."""
+
+    level: int
+    record: Record
+    sample: Sample
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """One comparison: where its records go, what shows its progress, what is compared, a folder for its fields."""
+
+    study: Run
+    steps: Steps
+    what: Subject
+    folder: Path
+
+    def run(self) -> None:
+        """Run finite elements first, which may refuse the scene; then isorod, coarser and finer than it chooses."""
+        names = [*self.what.scene.units]
+        meshes = self._meshes()
+        finest = meshes[-1]
+        found = [quantities.values(one.record, names) for one in meshes]
+        reference = quantities.converged([1.0 / one.level for one in meshes], found)
+        judge = distance.Judge(self.what.model, reference, finest.sample, names)
+        scene = self.what.scene
+        said = {"word": self.what.word, "title": getattr(scene, "title", ""), "units": scene.units}
+        self._record("scene", said | {"name": scene_name(self.what), "analysis": scene.analysis})
+        self._record("converged", {"quantities": [vars(one) for one in reference], "degree": DEGREE})
+        for one in meshes:
+            own = judge.of_mesh(one.record, one.sample)
+            self._record("work", one.record | own)
+        self._more(judge, finest)
+        default = self._ours(judge)
+        with self.steps.step("pictures"):
+            solution, _ = solve(scene, settings_of(scene), 1)
+            rod_pictures.write(self.study, solution, (default, finest.record), finest.sample)
+        self._record("end", {})
+
+    def _meshes(self) -> list[_Solved]:
+        """Return finite elements on nested meshes; those that are too large are left out, with a record of it."""
+        found: list[_Solved] = []
+        for level in LEVELS:
+            fitting, dofs = self._fitting(found, level)
+            if fitting is None:
+                continue
+            with self.steps.step(f"finite elements of degree {DEGREE}, mesh {fitting}"):
+                try:
+                    found.append(self._mesh(fitting, dofs))
+                except timing.Failed as problem:
+                    if len(found) < 2:
+                        raise InputError(f"{self.what.word}: finite elements: {problem.said}") from None
+                    self._refuse("fem", _words(fitting, DEGREE), problem.said)
+        if len(found) < 2:
+            raise InputError(
+                f"{self.what.word}: finite elements need {found[0].record['dofs']:,} unknowns on the coarsest mesh, "
+                f"and two meshes at least; --level full allows {MOST['full'].dofs:,}"
+            )
+        return found
+
+    def _fitting(self, found: Sequence[_Solved], level: int) -> tuple[int | None, float]:
+        """Return the level of a mesh, or the one in its place, that is not too large, or None, and how large it is."""
+        if not found:
+            return level, 0.0
+        last, most = found[-1].record, MOST[self.study.level]
+        for one in (level, INSTEAD) if level > INSTEAD else (level,):
+            finer = (one / found[-1].level) ** 3
+            dofs, seconds = last["dofs"] * finer, last["seconds"]["total"] * finer**GROWTH
+            if dofs <= most.dofs and seconds <= most.seconds:
+                return one, dofs
+            large = f"about {dofs:,.0f} unknowns and {duration(seconds)}"
+            limit = f"at most {most.dofs:,} and {duration(most.seconds)}"
+            self._refuse("fem", _words(one, DEGREE), f"left out: {large}; {limit}")
+        return None, 0.0
+
+    def _mesh(self, level: int, dofs: float, degree: int = DEGREE) -> _Solved:
+        file = self.folder / f"fem-{degree}-{level}.npz"
+        arguments = _words(level, degree)
+        repeat = next((count for most, count in REPEAT_MESH.items() if dofs <= most), 1)
+        words = ["rods", self.what.word, *arguments, "--repeat", str(repeat), "--fields", str(file)]
+        record = timing.run("comparisons.fem", words)
+        named = {"curve": f"Q{degree} bricks", "label": f"mesh {level}", "arguments": " ".join(arguments)}
+        return _Solved(level, record | named | {"sequence": True}, Sample.read(file, record.get("rigid", 0)))
+
+    def _more(self, judge: distance.Judge, finest: _Solved) -> None:
+        """Record finite elements of other degrees."""
+        for degree, levels in MORE[self.study.level].items():
+            for level in levels:
+                with self.steps.step(f"finite elements of degree {degree}, mesh {level}"):
+                    try:
+                        dofs = finest.record["dofs"] * (level * degree / (finest.level * DEGREE)) ** 3
+                        one = self._mesh(level, dofs, degree)
+                    except timing.Failed as problem:
+                        self._refuse("fem", _words(level, degree), problem.said)
+                        continue
+                    self._record("work", one.record | judge.of_mesh(one.record, one.sample))
+
+    def _ours(self, judge: distance.Judge) -> Record:
+        """Record isorod's runs and return that with nothing chosen."""
+        judge.places.write(self.folder / "places.npz")
+        default = self._variant(judge, Variant(DEFAULT, (), True))
+        assert default is not None
+        for one in variants(self.what.scene, self.what.model, default["discretisation"]):
+            self._variant(judge, one)
+        return default
+
+    def _variant(self, judge: distance.Judge, one: Variant) -> Record | None:
+        file = self.folder / "ours.npz"
+        fields = ["--at", str(self.folder / "places.npz"), "--fields", str(file)]
+        with self.steps.step(f"isorod, {one.label}"):
+            try:
+                words = [self.what.word, *one.arguments, "--repeat", str(REPEAT), "--estimate", *fields]
+                record = timing.run("comparisons.measure.rod", words)
+            except timing.Failed as problem:
+                if one.label == DEFAULT:
+                    raise SolveError(problem.said) from None
+                self._refuse("cylindrical", one.arguments, problem.said)
+                return None
+            with np.load(file) as arrays:
+                own = judge.of_ours(record, dict(arrays))
+        named = {"curve": "isorod", "label": one.label, "arguments": " ".join(one.arguments), "sequence": one.sequence}
+        return self._record("work", record | named | own)
+
+    def _record(self, part: str, values: dict[str, Any]) -> Record:
+        """Append a record to a folder that is made now, when no mesh and no wrong scene can refuse any more."""
+        results.make_folder(str(self.study.folder))
+        return self.study.record(part, values)
+
+    def _refuse(self, method: str, arguments: Sequence[str], message: str) -> None:
+        curve = "isorod" if method == "cylindrical" else "finite elements"
+        self._record("refused", {"curve": curve, "arguments": " ".join(arguments), "message": message})
+
+
+def scene_name(what: Subject) -> str:
+    """Return the name of a scene for people."""
+    return Path(what.word).stem
+
+
+def _words(level: int, degree: int) -> list[str]:
+    return ["--level", str(level), "--degree", str(degree)]

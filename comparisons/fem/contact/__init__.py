@@ -1,0 +1,1 @@
+"""Frictionless contact between surfaces of meshes; nothing here knows dolfinx."""

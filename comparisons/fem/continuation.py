@@ -1,0 +1,69 @@
+"""Continuation in a load: from rest to all of it, in steps that Newton's method can take."""
+
+from collections.abc import Callable
+
+from comparisons.fem.statics import Newton
+from isorod.errors import SolveError
+
+# A step is halved at most this many times, and doubled after one that took no more than so many linear solves.
+HALVINGS = 6
+_EASY = 6
+
+
+def lead(
+    newton: Newton, load: Callable[[float], None], full: float, first: float, name: str, halvings: int = HALVINGS
+) -> dict[str, int]:
+    """Lead from rest to a load, in a first step of a size.
+
+    Each step starts from the last two equilibria, extrapolated.  A step that fails is halved, one that was easy doubles
+    the next.
+
+    Parameters
+    ----------
+    newton
+        Left at the equilibrium under the full load.
+    load
+        Sets the load.
+    full, first
+        All of it, and that of the first step.
+    name
+        Of the load, for errors.
+
+    Returns
+    -------
+    Numbers of ``steps``, of ``cuts`` and of ``newton_iterations`` and ``linear_iterations``, those in vain too.
+
+    Raises
+    ------
+    SolveError
+        If it fails however small the step.
+    """
+    done, size = 0.0, first
+    counts = {"steps": 0, "cuts": 0, "newton_iterations": 0, "linear_iterations": 0}
+    last, slope, guess = newton.x.copy(), newton.x.duplicate(), newton.x.duplicate()
+    slope.set(0.0)
+    while done < full * (1.0 - 1e-12):
+        target = min(done + size, full)
+        load(target)
+        newton.norms.clear()
+        guess.waxpy(target - done, slope, last)
+        try:
+            newton.solve(guess)
+        except SolveError as problem:
+            size *= 0.5
+            counts["cuts"] += 1
+            if size < first * 0.5**halvings:
+                raise SolveError(f"{name} {target:.4g}: {problem}") from None
+        else:
+            slope.waxpy(-1.0, last, newton.x)
+            slope.scale(1.0 / (target - done))
+            newton.x.copy(last)
+            done = target
+            counts["steps"] += 1
+            if newton.snes.getIterationNumber() <= _EASY:
+                size *= 2.0
+        counts["newton_iterations"] += newton.snes.getIterationNumber()
+        counts["linear_iterations"] += newton.snes.getLinearSolveIterations()
+    for vector in (last, slope, guess):
+        vector.destroy()
+    return counts

@@ -1,0 +1,125 @@
+"""Newton's method with the forces and the stiffness of contacts, which know nodes and no forms."""
+
+from collections.abc import Sequence
+from time import perf_counter
+from typing import Any, Protocol
+
+import numpy as np
+from petsc4py import PETSc
+from scipy import sparse
+
+from comparisons.fem.contact.surfaces import Pressing
+from comparisons.fem.statics import Newton
+from meshes.mesh import Array, Index, Mesh
+
+
+class Nodal(Protocol):
+    """A space of displacements whose unknowns are the nodes of a `Mesh`.
+
+    Attributes
+    ----------
+    source
+        The mesh.
+    state
+        The displacement; a dolfinx function.
+    node_dofs
+        Blocked degree of freedom of each node, shape ``(nodes,)``.
+    """
+
+    source: Mesh
+    state: Any
+    node_dofs: Index
+
+    def to_dofs(self, nodal: Array) -> Array:
+        """Return values by node ``(nodes, 3)`` as coefficients of the space, shape ``(3 nodes,)``."""
+
+    def to_nodes(self, coefficients: Array) -> Array:
+        """Return coefficients of the space ``(3 nodes,)`` by node, shape ``(nodes, 3)``."""
+
+
+class Touching(Protocol):
+    """A contact: `comparisons.fem.contact.surfaces.Contact`, or that with a rigid obstacle."""
+
+    def add_forces(self, nodes: Array, out: Array) -> Pressing:
+        """Add the gradient of the energy to ``out``, both of shape ``(nodes, 3)``, ``nodes`` present positions."""
+
+    def stiffness(self, nodes: Array) -> sparse.coo_array:
+        """Return the second derivative of the energy, rows and columns ``3 node + component``; entries repeat."""
+
+
+class Pressed(Newton):
+    """Newton's method with the contacts' forces and stiffness added to those of the forms.
+
+    Attributes
+    ----------
+    contact_seconds
+        Wall time of the contacts so far; part of ``seconds``.
+    """
+
+    def __init__(
+        self, nodal: Nodal, residual: Any, tangent: Any, supports: Sequence[Any], contacts: Sequence[Touching]
+    ) -> None:
+        super().__init__(nodal.state, residual, tangent, supports, None)
+        self.nodal, self.contacts = nodal, contacts
+        self.contact_seconds = 0.0
+        self._pattern: sparse.csr_array | None = None
+        # What is held has a row of the identity, to which nothing may be added.
+        self._is_held = np.zeros(3 * len(nodal.source.points), dtype=bool)
+        for support in supports:
+            self._is_held[support.dofs] = True
+        if contacts:
+            # Pressed together bodies may be close to buckling: symmetric is all that is sure.
+            self.matrix.setOption(PETSc.Mat.Option.SPD, False)
+            # Contact couples nodes of which the forms know nothing.
+            self.matrix.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
+
+    def positions(self) -> Array:
+        """Return the present positions of the nodes, numbered as the source mesh."""
+        return self.nodal.source.points + self.nodal.to_nodes(self.state.array_r)
+
+    def press(self, out: PETSc.Vec) -> list[Pressing]:
+        """Add the contacts' forces to ``out`` and return their states."""
+        if not self.contacts:
+            return []
+        start = perf_counter()
+        nodal = np.zeros_like(self.nodal.source.points)
+        positions = self.positions()
+        pressings = [contact.add_forces(positions, nodal) for contact in self.contacts]
+        out.array[:] += self.nodal.to_dofs(nodal)
+        self.contact_seconds += perf_counter() - start
+        return pressings
+
+    def add_forces(self, out: PETSc.Vec) -> None:
+        """Add forces that no form knows."""
+        self.press(out)
+
+    def add_stiffness(self, matrix: PETSc.Mat) -> None:
+        """Add their derivative."""
+        if not self.contacts:
+            return
+        start = perf_counter()
+        positions = self.positions()
+        parts = [contact.stiffness(positions) for contact in self.contacts]
+        if any(part.nnz for part in parts):
+            to_dof = (3 * self.nodal.node_dofs[:, None] + np.arange(3)).ravel()
+            rows, columns = (to_dof[np.concatenate([getattr(part, name) for part in parts])] for name in ("row", "col"))
+            values = np.concatenate([part.data for part in parts])
+            free = ~(self._is_held[rows] | self._is_held[columns])
+            csr = sparse.coo_array((values[free], (rows[free], columns[free])), shape=parts[0].shape).tocsr()
+            csr.sort_indices()
+            pattern = csr.copy()
+            pattern.data[:] = 1.0
+            union = pattern if self._pattern is None else self._pattern + pattern
+            # The factorisation's analysis is repeated only where bodies touch that did not before.
+            known = self._pattern is not None and union.nnz == self._pattern.nnz
+            self._pattern = union
+            indices = csr.indptr.astype(PETSc.IntType), csr.indices.astype(PETSc.IntType)
+            add = PETSc.Mat().createAIJ(csr.shape, csr=(*indices, csr.data))
+            structure = PETSc.Mat.Structure
+            matrix.axpy(1.0, add, structure.SUBSET_NONZERO_PATTERN if known else structure.DIFFERENT_NONZERO_PATTERN)
+            add.destroy()
+            if not known:
+                # PETSc later than 3.18 (found in 3.22 and 3.25) gives the sum the nonzero state of any new matrix,
+                # takes its pattern for the old one and puts its numbers where the old factors were.
+                self.snes.getKSP().getPC().reset()
+        self.contact_seconds += perf_counter() - start

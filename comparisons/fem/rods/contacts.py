@@ -1,0 +1,112 @@
+"""The contacts of a model between the lateral surfaces of its mesh, or of one of these with a rigid obstacle."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from comparisons.fem.contact.facets import facet_of, gauss
+from comparisons.fem.contact.obstacles import Obstacle
+from comparisons.fem.contact.surfaces import Contact as Surfaces
+from comparisons.fem.pressed import Pressed, Touching
+from comparisons.fem.rods.elements import Elements
+from comparisons.fem.rods.solution import Touch
+from isorod.errors import InputError, SolveError
+from isorod.model.contact import Contact, Cylinder, Plane
+from isorod.model.model import Model
+from meshes.mesh import Index, Mesh
+
+# Each facet is cut in so many parts to an edge, contact begins inside of it: such that parts are no longer than this
+# share of the thinner rod's radius, but few and many at most.
+_LONGEST = 0.5
+_FEWEST, _MOST = 3, 6
+
+# Points of two rods that are farther apart than this share of that radius are left alone for a while.
+_REACH = 0.5
+
+# Multipliers of the augmented Lagrangian are updated at most this many times, as in isorod.
+AUGMENTATIONS = 50
+
+
+class Contacts:
+    """All contacts of a model.
+
+    Attributes
+    ----------
+    all
+        As `comparisons.fem.pressed.Pressed` takes them.
+    """
+
+    def __init__(self, elements: Elements, model: Model) -> None:
+        self._model = model
+        self.all: list[Touching] = [_made(elements, model, k) for k in range(len(model.contacts))]
+
+    def outcome(self, newton: Pressed) -> Sequence[Touch]:
+        """Return the outcome of each contact at the present state."""
+        found = newton.press(newton.force)
+        return [Touch(one.normal_force, one.area, max(0.0, -one.gap)) for one in found]
+
+    def augment(self, newton: Pressed) -> int:
+        """Update multipliers until no point is deeper than its contact allows; return how often."""
+        asked = [(k, one.penetration) for k, one in enumerate(self._model.contacts) if one.penetration is not None]
+        if not asked:
+            return 0
+        for count in range(AUGMENTATIONS):
+            depths = [touch.penetration for touch in self.outcome(newton)]
+            if all(depths[k] <= most for k, most in asked):
+                return count
+            for k, _ in asked:
+                one = self.all[k]
+                assert isinstance(one, Obstacle)
+                one.augment(newton.positions())
+            newton.norms.clear()
+            newton.solve(newton.x.copy())
+        raise SolveError(f"penetration does not fall to what is wanted in {AUGMENTATIONS} updates; raise the penalty")
+
+
+def _made(elements: Elements, model: Model, k: int) -> Touching:
+    contact, mesh = model.contacts[k], elements.source
+    if isinstance(contact.second, Plane | Cylinder):
+        facets = _facets(elements, model, contact.first, contact.first_elements)
+        parts = _parts(mesh, [facets], _radius(contact, elements))
+        return Obstacle(gauss(mesh, facet_of(mesh), facets, parts), contact.second, contact.penalty)
+    if contact.penetration is not None:
+        raise InputError(f"contact {k}: a largest penetration between two rods is not on the finite element side")
+    sides = {
+        name: _facets(elements, model, body, chosen)
+        for name, (body, chosen) in zip(("first", "second"), contact.sides, strict=True)
+    }
+    named: Mesh = replace(mesh, faces={**mesh.faces, **sides})
+    radius = _radius(contact, elements)
+    parts = _parts(mesh, [*sides.values()], radius)
+    return Surfaces(named, "first", "second", contact.penalty, parts, _REACH * radius)
+
+
+def _facets(elements: Elements, model: Model, body: int, chosen: Sequence[int] | None) -> Index:
+    """Return the facets of a rod's lateral surface, or of some elements' of its space, ``(m, n)``."""
+    mesh = elements.source
+    facets = mesh.faces[f"rod {body} lateral"]
+    if chosen is None:
+        return np.asarray(facets)
+    assert mesh.parameters is not None
+    axis = model.bodies[body].space.axis
+    u = mesh.parameters[facets, 2]
+    low, high = axis.breaks[[0, -1]]
+    beyond = (np.ptp(u, axis=1) > 0.5 * (high - low))[:, None] & (u < 0.5 * (low + high))
+    middle = low + np.mod((u + (high - low) * beyond).mean(axis=1) - low, high - low)
+    element = np.searchsorted(axis.breaks[1:-1], middle, side="right")
+    return np.asarray(facets[np.isin(element, list(chosen))])
+
+
+def _radius(contact: Contact, elements: Elements) -> float:
+    """Return the smallest mean distance of a layer's control points from their middle, of the rods of a contact."""
+    polygons = [elements.rods[body].control_points for body, _ in contact.sides]
+    arms = [polygon - polygon.mean(axis=1, keepdims=True) for polygon in polygons]
+    return min(float(np.linalg.norm(one, axis=2).mean(axis=1).min()) for one in arms)
+
+
+def _parts(mesh: Mesh, faces: Sequence[Index], radius: float) -> int:
+    """Return in how many parts to an edge the facets of some faces are cut."""
+    corners = [mesh.points[facets][:, np.isin(mesh.face_reference, (0.0, 1.0)).all(axis=1)] for facets in faces]
+    longest = max(float(np.ptp(one, axis=1).max(axis=1).mean()) for one in corners)
+    return int(np.clip(np.ceil(longest / (_LONGEST * radius)), _FEWEST, _MOST))

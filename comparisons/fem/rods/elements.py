@@ -1,0 +1,177 @@
+"""A mesh of rods in dolfinx: isoparametric displacement, whose unknowns are the mesh's nodes.  Serial."""
+
+from functools import cached_property
+from typing import Any
+
+import basix
+import dolfinx.fem
+import numpy as np
+from mpi4py import MPI
+
+from comparisons.fem import compat
+from isorod.errors import InputError
+from isorod.geometry.rod import Rod
+from meshes.mesh import Array, Index, Mesh, match
+
+# A node is on a section where its axis parameter is that of the section to this share of the axis.
+_SAME = 1e-9
+
+
+class Elements:
+    """A mesh handed to dolfinx, and whose node, cell and facet is whose.
+
+    Parameters
+    ----------
+    mesh
+        Hexahedra with parameters, regions ``"rod 0"`` ... and faces ``"rod 0 start"``, ``"rod 0 end"``,
+        ``"rod 0 lateral"``, ``"rod 0 inner"`` ... (as far as there are such).
+    rods
+        What it is a mesh of.
+
+    Attributes
+    ----------
+    source
+        The `Mesh`.
+    mesh, space, state
+        The dolfinx mesh, the space of displacements, and a function of it.
+    rows
+        Row in the source's cells of each dolfinx cell, shape ``(cells,)``.
+    node_dofs
+        Blocked degree of freedom of each node, shape ``(nodes,)``.
+    rod_of
+        Number of each cell's rod, in the source's order, shape ``(cells,)``.
+    """
+
+    def __init__(self, mesh: Mesh, rods: list[Rod]) -> None:
+        missing = [name for k in range(len(rods)) if (name := f"rod {k}") not in mesh.regions]
+        if missing or mesh.parameters is None or mesh.shape != "hexahedron":
+            raise InputError("mesh: need hexahedra with parameters and a region for each rod: rod 0, rod 1, ...")
+        self.source, self.rods = mesh, rods
+        order = match(mesh.reference, compat.reference_nodes(mesh.shape, mesh.order))
+        self.mesh = compat.create_mesh(MPI.COMM_SELF, mesh.cells[:, order], mesh.points, mesh.shape, mesh.order)
+        self.space = compat.function_space(self.mesh, compat.nodal_element(self.mesh, mesh.order, 3))
+        self.state = dolfinx.fem.Function(self.space)
+        self.rows = compat.original_cells(self.mesh)
+        self.node_dofs: Index = np.empty(len(mesh.points), dtype=np.int64)
+        self.node_dofs[mesh.cells[self.rows][:, order]] = compat.cell_dofs(self.space, len(self.rows))
+        self.rod_of: Index = np.empty(len(mesh.cells), dtype=np.int64)
+        for k in range(len(rods)):
+            self.rod_of[mesh.regions[f"rod {k}"]] = k
+
+    @property
+    def dofs(self) -> int:
+        """Number of degrees of freedom, held ones included."""
+        return 3 * len(self.source.points)
+
+    def to_dofs(self, nodal: Array) -> Array:
+        """Return values by node ``(nodes, 3)`` as coefficients of the space, shape ``(3 nodes,)``."""
+        result = np.empty_like(nodal)
+        result[self.node_dofs] = nodal
+        return result.ravel()
+
+    def to_nodes(self, coefficients: Array) -> Array:
+        """Return coefficients of the space ``(3 nodes,)`` by node, shape ``(nodes, 3)``."""
+        return coefficients.reshape(-1, 3)[self.node_dofs]
+
+    def cells(self, rod: int) -> Index:
+        """Return the numbers of a rod's cells in the source."""
+        return np.asarray(self.source.regions[f"rod {rod}"])
+
+    @cached_property
+    def parameters(self) -> Array:
+        """Parameters ``xi_1, xi_2, u`` of each cell's nodes, shape ``(cells, nodes per cell, 3)``.
+
+        In the cells in which a closed rod meets its start, those of ``u`` that are beyond its end go on growing.
+        """
+        assert self.source.parameters is not None
+        found = self.source.parameters[self.source.cells]
+        for k, rod in enumerate(self.rods):
+            if rod.closed:
+                low, high = rod.axis.breaks[[0, -1]]
+                cells = self.cells(k)
+                u = found[cells, :, 2]
+                beyond = (np.ptp(u, axis=1) > 0.5 * (high - low))[:, None] & (u < 0.5 * (low + high))
+                found[cells, :, 2] = u + (high - low) * beyond
+        return found
+
+    def middles(self, rod: int) -> tuple[Array, Array]:
+        """Return of a rod's cells the mean distance from the disk's centre and the mean axis parameter."""
+        parameters = self.parameters[self.cells(rod)]
+        low, high = self.rods[rod].axis.breaks[[0, -1]]
+        radius = np.hypot(parameters[..., 0], parameters[..., 1]).mean(axis=1)
+        return radius, low + np.mod(parameters[..., 2].mean(axis=1) - low, high - low)
+
+    def constants(self, values: Array) -> Any:
+        """Return the dolfinx function with these values ``(cells, m)``, in the source's order, constant on each."""
+        space = compat.function_space(self.mesh, compat.block_element(self.mesh, "DQ", 0, values.shape[1]))
+        found = dolfinx.fem.Function(space)
+        where = compat.cell_dofs(space, len(self.rows))[:, 0]
+        found.x.array.reshape(-1, values.shape[1])[where] = values[self.rows]
+        return found
+
+    @cached_property
+    def _sides(self) -> tuple[Index, Index]:
+        """Corners of all cells' six sides, sorted, shape ``(6 cells, 4)``, and places of each side's nodes ``(6, n)``.
+
+        Sides are ordered as dolfinx has them.
+        """
+        cube = basix.CellType.hexahedron
+        corners = np.asarray(basix.geometry(cube))
+        places, ends = [], []
+        for vertices in basix.topology(cube)[2]:
+            axis = int(np.argmin(np.ptp(corners[vertices], axis=0)))
+            (on,) = np.nonzero(np.abs(self.source.reference[:, axis] - corners[vertices[0], axis]) < _SAME)
+            places.append(on)
+            ends.append(on[np.isin(self.source.reference[on], (0.0, 1.0)).all(axis=1)])
+        sides = np.sort(self.source.cells[:, np.array(ends)].reshape(-1, 4), axis=1)
+        return sides, np.array(places)
+
+    def facets(self, name: str) -> Index:
+        """Return the dolfinx facets of a named face, sorted."""
+        face = self.source.faces[name]
+        corners = np.isin(self.source.face_reference, (0.0, 1.0)).all(axis=1)
+        wanted = np.sort(face[:, corners], axis=1)
+        sides, _ = self._sides
+        numbers = np.flatnonzero(_is_among(sides, wanted))
+        if len(numbers) != len(face):
+            raise InputError(f"mesh: face {name} is not the surface of cells")
+        topology = self.mesh.topology
+        topology.create_connectivity(3, 2)
+        local = np.empty(len(self.rows), dtype=np.int64)
+        local[self.rows] = np.arange(len(self.rows))
+        table = np.asarray(topology.connectivity(3, 2).array).reshape(-1, 6)
+        return np.sort(table[local[numbers // 6], numbers % 6]).astype(np.int32)
+
+    def section(self, rod: int, u: float) -> Index:
+        """Return the facets of a rod's section at an axis parameter, node numbers ordered as faces are ``(m, n)``.
+
+        Raises
+        ------
+        InputError
+            If it cuts through cells.
+        """
+        low, high = self.rods[rod].axis.breaks[[0, -1]]
+        slack = _SAME * (high - low)
+        for name, end in ((f"rod {rod} start", low), (f"rod {rod} end", high)):
+            if name in self.source.faces and abs(u - end) <= slack:
+                return np.asarray(self.source.faces[name])
+        on = np.abs(self.parameters[self.cells(rod)][:, :, 2] - u) <= slack
+        above = self.parameters[self.cells(rod)][:, :, 2].mean(axis=1) > u
+        _, places = self._sides
+        found = []
+        for side in places:
+            chosen = self.cells(rod)[above & on[:, side].all(axis=1)]
+            # The side's two directions, the first one faster, as a face has them.
+            position = self.source.reference[side]
+            flat = np.delete(position, int(np.argmin(np.ptp(position, axis=0))), axis=1)
+            found.append(self.source.cells[chosen][:, side[match(flat, self.source.face_reference)]])
+        faces = np.concatenate(found)
+        if not len(faces):
+            raise InputError(f"section at u = {u:g} of rod {rod}: it lies within cells of the mesh")
+        return faces
+
+
+def _is_among(rows: Index, wanted: Index) -> Any:
+    """Return whether each of some rows is among others, shape ``(rows,)``."""
+    inverse = np.unique(np.concatenate([rows, wanted]), axis=0, return_inverse=True)[1].ravel()
+    return np.isin(inverse[: len(rows)], inverse[len(rows) :])

@@ -1,0 +1,183 @@
+"""Static equilibrium of rods: load steps, Newton's method by SNES, contacts by their nodal forces."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import ufl
+from petsc4py import PETSc
+
+from comparisons.fem import compat
+from comparisons.fem.continuation import lead
+from comparisons.fem.pressed import Pressed, Touching
+from comparisons.fem.rods.contacts import Contacts
+from comparisons.fem.rods.elements import Elements
+from comparisons.fem.rods.laws import Laws
+from comparisons.fem.rods.loads import centrifugal, dead, following
+from comparisons.fem.rods.solution import Solution
+from comparisons.fem.rods.supports import Supports
+from comparisons.fem.statics import DIRECT, NEWTON, Element
+from comparisons.measure.timing import Clock, peak_memory
+from isorod.checks.rigid_motions import refuse_free
+from isorod.errors import SolveError
+from isorod.model.model import Model
+from isorod.options import defaults
+from meshes.mesh import Array, Mesh
+
+# A load step is halved at most this many times.
+HALVINGS = 10
+
+# Forces that no longer fall are rounding if they are below this share of those that the supports and loads exert.
+_ROUNDING = 1e-6
+_STALLED = 0.3
+
+# Where contacts come and go the forces that are left may grow at first; from the third iteration on this is too much.
+_WILD = 5.0
+
+
+class _Loaded(Pressed):
+    """Newton's method with dead loads and contacts, and an end that knows rounding.
+
+    Attributes
+    ----------
+    factor
+        Load factor.
+    """
+
+    def __init__(
+        self,
+        elements: Elements,
+        forms: tuple[Any, Any],
+        supports: Supports,
+        loads: Array,
+        contacts: Sequence[Touching],
+        symmetric: bool,
+    ) -> None:
+        self.factor = 0.0
+        self._loads = elements.to_dofs(loads)
+        self._carried = 0.0
+        self._course: list[float] = []
+        self._definite = symmetric and not contacts
+        super().__init__(elements, *forms, supports.conditions, contacts)
+        if not symmetric:
+            self.matrix.setOption(PETSc.Mat.Option.SPD, False)
+            self.matrix.setOption(PETSc.Mat.Option.SYMMETRY_ETERNAL, False)
+            self.matrix.setOption(PETSc.Mat.Option.SYMMETRIC, False)
+        self.snes.setConvergenceTest(self._converged)
+
+    def add_forces(self, out: PETSc.Vec) -> None:
+        """Add contacts and dead loads."""
+        out.array[:] -= self.factor * self._loads
+        super().add_forces(out)
+        # With what the supports take: of their size the rest must be small.
+        self._carried = out.norm()
+
+    def _converged(self, snes: PETSc.SNES, k: int, norms: tuple[float, float, float]) -> Any:
+        norm, reason = norms[2], PETSc.SNES.ConvergedReason
+        if not np.isfinite(norm):
+            return reason.DIVERGED_FNORM_NAN
+        self._course = [*self._course, norm] if k else [norm]
+        relative, absolute, _, most = snes.getTolerances()
+        scale = max(self._carried, self.factor * float(np.linalg.norm(self._loads)), self._course[0])
+        if k and (norm <= relative * scale or norm <= absolute):
+            return reason.CONVERGED_FNORM_RELATIVE
+        if k > 1 and _STALLED * self._course[-2] < norm <= _ROUNDING * scale:
+            return reason.CONVERGED_SNORM_RELATIVE
+        if self.contacts and k > 2 and norm > _WILD * self._course[0]:
+            return reason.DIVERGED_DTOL
+        return reason.DIVERGED_MAX_IT if k >= most else reason.ITERATING
+
+    def solve(self, first: PETSc.Vec | None = None) -> None:
+        """Solve; where the tangent turns out not to be definite, without counting on it from then on."""
+        try:
+            super().solve(first)
+        except SolveError:
+            failed = self.snes.getConvergedReason() == PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE
+            if not (failed and self._definite):
+                raise
+            self._definite = False
+            self.matrix.setOption(PETSc.Mat.Option.SPD, False)
+            self.snes.getKSP().getPC().reset()
+            self.norms.clear()
+            super().solve(first)
+
+
+def solve(
+    model: Model,
+    mesh: Mesh,
+    load_steps: int,
+    options: Mapping[str, object] | None,
+    flags: Sequence[str],
+) -> Solution:
+    """Return the equilibrium at full load, see `comparisons.fem.rods.solve`."""
+    refuse_free(model)
+    clock = Clock()
+    elements = Elements(mesh, [body.space.rod for body in model.bodies])
+    rule = Element(mesh.order).rule(mesh.shape)
+    assert isinstance(rule, int)
+    laws = Laws(elements, model, rule)
+    supports = Supports(elements, model)
+    loads = dead(elements, model)
+    contacts = Contacts(elements, model)
+    clock.lap("setup")
+    forms = _forms(elements, laws, model, rule, flags)
+    clock.lap("forms")
+    symmetric = not model.following
+    direct = DIRECT if symmetric else DIRECT | {"pc_type": "lu"}
+    with defaults(NEWTON | dict(direct if options is None else options)):
+        newton = _Loaded(elements, forms, supports, loads, contacts.all, symmetric)
+        clock.lap("setup")
+
+        def load(factor: float) -> None:
+            newton.factor = laws.activation.value = factor
+            supports.move(factor)
+
+        try:
+            counts = lead(newton, load, 1.0, 1.0 / load_steps, "load factor", HALVINGS)
+            counts["augmentations"] = contacts.augment(newton)
+            compat.assemble_vector(newton.force, newton.residual)
+            newton.add_forces(newton.force)
+            nodal = elements.to_nodes(newton.force.array_r)
+            displacement = elements.to_nodes(newton.state.array_r).copy()
+            reactions, moments = supports.forces(nodal, displacement)
+            touches = contacts.outcome(newton)
+            typed = dict(PETSc.Options().getAll())
+        finally:
+            newton.destroy()
+        clock.lap("solve")
+    seconds = clock.seconds | {"assembly": newton.seconds, "solve": clock.seconds["solve"] - newton.seconds}
+    if contacts.all:
+        seconds["contact"] = newton.contact_seconds
+    return Solution(
+        model=model,
+        mesh=mesh,
+        analysis="statics",
+        cell_parameters=elements.parameters,
+        place=laws.place,
+        seconds=seconds,
+        dofs=elements.dofs,
+        unknowns=elements.dofs - supports.held.size,
+        options=typed,
+        peak_memory=peak_memory(),
+        iterations=counts,
+        displacement=displacement,
+        reactions=reactions,
+        moments=moments,
+        contacts=touches,
+        residual_norms=list(newton.norms),
+    )
+
+
+def _forms(elements: Elements, laws: Laws, model: Model, rule: int, flags: Sequence[str]) -> tuple[Any, Any]:
+    """Return internal forces, with those of loads that change with the displacement, and their derivative."""
+    state, space = elements.state, elements.space
+    stored = laws.energy(state)
+    if model.spin is not None:
+        stored += laws.activation * centrifugal(laws, model.spin, state)
+    test = ufl.TestFunction(space)
+    residual = ufl.derivative(stored, state, test)
+    pressed = following(elements, model, rule, state, test)
+    if pressed is not None:
+        residual += laws.activation * pressed
+    tangent = ufl.derivative(residual, state, ufl.TrialFunction(space))
+    return compat.form(residual, flags), compat.form(tangent, flags)

@@ -1,0 +1,103 @@
+"""Loads on the nodes of a mesh: dead ones as nodal forces, those that change with the displacement as forms."""
+
+from typing import Any
+
+import dolfinx.fem
+import dolfinx.mesh
+import numpy as np
+import ufl
+
+from comparisons.fem.contact.facets import facet_of, gauss, outward
+from comparisons.fem.rods.elements import Elements
+from comparisons.fem.rods.laws import Laws
+from comparisons.fem.rods.places import lagrange
+from isorod.errors import InputError
+from isorod.model.load import BodyForce, Pressure, SectionLoad, Spin
+from isorod.model.model import Model
+from meshes.mesh import Array, Index, gradients
+
+_SURFACES = {"outer": "lateral", "inner": "inner"}
+
+
+def dead(elements: Elements, model: Model) -> Array:
+    """Return the nodal forces at full load of what does not change with the displacement, shape ``(nodes, 3)``.
+
+    Raises
+    ------
+    InputError
+        If a load is not known, or on a section within cells.
+    """
+    result = np.zeros_like(elements.source.points)
+    for k, load in enumerate(model.loads):
+        if isinstance(load, SectionLoad):
+            breaks = model.bodies[load.body].space.axis.breaks
+            facets = elements.section(load.body, float(breaks[-1] if load.u is None else load.u))
+            points = gauss(elements.source, facet_of(elements.source), facets)
+            shares = points.shares * (points.weights / points.weights.sum())[:, None]
+            np.add.at(result, points.supports, shares[:, :, None] * np.array(load.force))
+        elif isinstance(load, BodyForce):
+            result += _volumes(elements, elements.cells(load.body))[:, None] * np.array(load.density)
+        elif isinstance(load, Pressure):
+            if not load.follows:
+                facets = elements.source.faces[_face(elements, load)]
+                like = facet_of(elements.source)
+                points, areas = gauss(elements.source, like, facets), outward(elements.source, like, facets)
+                np.add.at(result, points.supports, -load.pressure * points.shares[:, :, None] * areas[:, None])
+        else:
+            raise InputError(f"load {k}: {type(load).__name__} is not on the finite element side")
+    return result
+
+
+def _face(elements: Elements, load: Pressure) -> str:
+    name = f"rod {load.body} {_SURFACES[load.surface]}"
+    if name not in elements.source.faces:
+        raise InputError(f"pressure on the {load.surface} surface: the mesh has no face {name!r}")
+    return name
+
+
+def _volumes(elements: Elements, cells: Index) -> Array:
+    """Return the integrals of the nodes' functions over some cells, shape ``(nodes,)``."""
+    source = elements.source
+    x, w = np.polynomial.legendre.leggauss(2 * source.order + 1)
+    where = np.stack([one.ravel() for one in np.meshgrid(*[0.5 * (x + 1.0)] * 3, indexing="ij")], axis=1)
+    weights = 0.125 * np.einsum("i,j,k->ijk", w, w, w).ravel()
+    slopes = gradients("hexahedron", source.order, source.reference, where)
+    values = lagrange(source.order, source.reference, where)
+    det = np.linalg.det(np.einsum("qnb,cna->cqab", slopes, source.points[source.cells[cells]]))
+    shares = (det * weights) @ values
+    nodes = source.cells[cells].ravel()
+    return np.asarray(np.bincount(nodes, shares.ravel(), len(source.points)), dtype=float)
+
+
+def centrifugal(laws: Laws, spin: Spin, u: Any) -> Any:
+    """Return the potential of a spin's force at full load: an integral."""
+    mesh = laws.elements.mesh
+    field, centre = (dolfinx.fem.Constant(mesh, np.array(value, dtype=float)) for value in (spin.field, spin.center))
+    arm = ufl.SpatialCoordinate(mesh) + u - centre
+    density = -0.5 * laws.density * ufl.inner(arm, field * arm)
+    return sum(density * laws.dx(kind) for kind in laws.present)
+
+
+def following(elements: Elements, model: Model, rule: int, u: Any, test: Any) -> Any:
+    """Return the virtual work, at full load, of the forces with which the body resists pressures that follow it.
+
+    ``p int cof(F) N . v dA``, integrals over the surfaces at rest; None if there are none.
+    """
+    loads = model.following
+    if not loads:
+        return None
+    facets, tags = [], []
+    for k, load in enumerate(loads):
+        facets.append(elements.facets(_face(elements, load)))
+        tags.append(np.full(len(facets[k]), k, dtype=np.int32))
+    where, first = np.unique(np.concatenate(facets), return_index=True)
+    if len(where) != sum(len(one) for one in facets):
+        raise InputError("pressure: two that follow the same surface; add them up")
+    found = dolfinx.mesh.meshtags(elements.mesh, 2, where, np.concatenate(tags)[first])
+    ds = ufl.Measure("ds", domain=elements.mesh, subdomain_data=found, metadata={"quadrature_degree": rule})
+    F = ufl.Identity(3) + ufl.grad(u)
+    normal = ufl.det(F) * ufl.inv(F).T * ufl.FacetNormal(elements.mesh)
+    return sum(
+        dolfinx.fem.Constant(elements.mesh, load.pressure) * ufl.inner(normal, test) * ds(k)
+        for k, load in enumerate(loads)
+    )

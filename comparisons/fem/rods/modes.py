@@ -1,0 +1,75 @@
+"""Vibration modes of rods about their state of rest: `comparisons.fem.modal` with laws and densities by cell."""
+
+from collections.abc import Mapping, Sequence
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from comparisons.fem import compat, modal
+from comparisons.fem.rods.elements import Elements
+from comparisons.fem.rods.laws import Laws
+from comparisons.fem.rods.solution import Solution
+from comparisons.fem.rods.supports import Supports
+from comparisons.fem.statics import Element
+from isorod.checks.rigid_motions import free_motions
+from isorod.errors import InputError
+from isorod.model.model import Model
+from meshes.mesh import Array, Mesh
+
+
+def solve(model: Model, mesh: Mesh, modes: int, options: Mapping[str, object] | None, flags: Sequence[str]) -> Solution:
+    """Return the lowest modes, see `comparisons.fem.rods.solve`; loads, spin and contacts have no part in them."""
+    for b, body in enumerate(model.bodies):
+        if not body.densities.min() > 0.0:
+            raise InputError(
+                f"density of body {b}: got {body.densities.min():g}, modes need a positive mass per volume"
+            )
+    begin = perf_counter()
+    elements = Elements(mesh, [body.space.rod for body in model.bodies])
+    rule = Element(mesh.order).rule(mesh.shape)
+    assert isinstance(rule, int)
+    laws, supports = Laws(elements, model, rule), Supports(elements, model)
+    settings = modal.Settings(modal.DIRECT if options is None else options, flags)
+    found = modal.lowest(
+        elements, _body(elements, laws, supports, settings), modes, len(free_motions(model)), settings, begin
+    )
+    return Solution(
+        model=model,
+        mesh=mesh,
+        analysis="modal",
+        cell_parameters=elements.parameters,
+        place=laws.place,
+        seconds=found.seconds,
+        dofs=found.dofs,
+        unknowns=found.unknowns,
+        options=found.options,
+        peak_memory=found.peak_memory,
+        iterations={"iterations": found.iterations},
+        frequencies=found.frequencies,
+        eigenvalues=found.eigenvalues,
+        residuals=found.residuals,
+        shapes=_shapes(elements, found),
+        rigid=found.rigid,
+        below=found.below,
+    )
+
+
+def _body(elements: Elements, laws: Laws, supports: Supports, settings: modal.Settings) -> modal.Body:
+    free = np.setdiff1d(np.arange(elements.dofs), supports.held)
+    if supports.whole:
+        free = free[::3] // 3
+    order = elements.source.order
+    scalar = compat.function_space(elements.mesh, compat.nodal_element(elements.mesh, order, 1))
+    state = elements.state
+    return modal.Body(state, state, laws.at_rest(state), laws.density, scalar, free, order, settings, supports.whole)
+
+
+def _shapes(elements: Elements, found: modal.Modes) -> Array:
+    """Return mode shapes at the nodes, shape ``(modes, nodes, 3)``."""
+
+    def nodal(shape: Any) -> Array:
+        found.carry(shape)
+        return elements.to_nodes(elements.state.x.array).copy()
+
+    return np.array([nodal(shape) for shape in found.shapes])

@@ -1,0 +1,148 @@
+"""A scene of isorod's, built in or from a file, in dolfinx: the mesh of its rods, the solution, and the record."""
+
+from contextlib import nullcontext
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from comparisons.fem import runs
+from comparisons.fem.flags import FAST
+from comparisons.fem.rods.solving import solve
+from comparisons.fem.statics import Element
+from isorod import files
+from isorod.errors import InputError
+from isorod.geometry.rod import Rod
+from isorod.model.load import SectionLoad
+from isorod.model.model import Model
+from isorod.model.support import Support
+from isorod.output.results import write_arrays
+from isorod.space.space import Space
+from meshes import rods
+from meshes.mesh import Mesh
+
+# What is known of an analysis here.
+_SETTINGS = {"statics": ("load_steps",), "modal": ("modes",)}
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """A scene, its mesh, and how the equations are solved.
+
+    Parameters
+    ----------
+    name
+        Of a scene, or of a file that ends in ``.toml``.
+    level, degree
+        Of the mesh, see `meshes.rods.build`; the degree is that of displacement and geometry.
+    flags
+        C compiler flags of the forms.
+    """
+
+    name: str
+    level: int = 1
+    degree: int = 2
+    flags: tuple[str, ...] = FAST
+
+    def __post_init__(self) -> None:
+        runs.check_element(True, self.degree, "Lagrange", None, self.degree)
+
+
+def mesh_of(model: Model, level: int = 1, degree: int = 2) -> Mesh:
+    """Return the mesh of a model's rods, with a plane wherever laws may change, or a section is loaded."""
+    return rods.build([_cut(model, b) for b in range(len(model.bodies))], level, degree)
+
+
+def _cut(model: Model, b: int) -> Rod:
+    """Return a body's rod with knots where its mesh has to have planes."""
+    body = model.bodies[b]
+    axis, rod = body.space.axis, body.space.rod
+    rings = len(rod.rings) - 1
+    rows = [body.laws[e * rings : (e + 1) * rings] for e in range(axis.elements)]
+    densities = body.densities.reshape(axis.elements, -1)
+    where = [
+        float(axis.breaks[e])
+        for e in range(1, axis.elements)
+        if rows[e] != rows[e - 1] or (densities[e] != densities[e - 1]).any()
+    ]
+    where += [float(load.u) for load in model.loads if isinstance(load, SectionLoad) and load.body == b and load.u]
+    for contact in model.contacts:
+        for side, chosen in contact.sides:
+            if side == b and chosen is not None:
+                where += [float(axis.breaks[e + end]) for e in chosen for end in (0, 1)]
+    where += [u for support in model.supports if support.body == b for u in _ends_of(support, body.space)]
+    low, high = axis.breaks[[0, -1]]
+    for u in sorted(set(where)):
+        if low < u < high and np.abs(rod.axis.breaks - u).min() > 1e-9 * (high - low):
+            rod = rod.insert(u)
+    return rod
+
+
+def _ends_of(support: Support, space: Space) -> list[float]:
+    """Return where along the axis a patch begins and ends: whose elements have all their layers held."""
+    layers = np.unique(np.asarray(support.nodes) // space.layer_nodes)
+    held = np.isin(space.element_layers, layers).all(axis=1).astype(int)
+    return [float(u) for u in space.axis.breaks[np.flatnonzero(np.diff(held, prepend=0, append=0))]]
+
+
+def run(
+    configuration: Configuration, repeat: int = 1, fields: Path | None = None, comm: MPI.Comm = MPI.COMM_WORLD
+) -> dict[str, Any]:
+    """Solve ``repeat`` times in this process and return the record.
+
+    What `comparisons.fem.rods.solution.Solution.fields` returns goes to the file ``fields`` if one is named.
+    ``seconds`` is as in `comparisons.fem.runs.measured`.
+
+    Raises
+    ------
+    InputError
+        If the scene is not one of statics or modes, or on several ranks.
+    """
+    if comm.size > 1:
+        raise InputError("rods: only on one rank")
+    found = files.find(configuration.name)
+    scene: Any = found() if isinstance(found, type) else found
+    if scene.analysis not in _SETTINGS:
+        raise InputError(
+            f"{configuration.name}: got {scene.analysis}; the finite element side has statics and modes only"
+            + ("; biceps has a study of its own" if scene.analysis == "dynamics" else "")
+        )
+    given = scene.settings() if hasattr(scene, "settings") else {}
+    settings = {name: given[name] for name in _SETTINGS[scene.analysis] if name in given}
+    with getattr(scene, "told", nullcontext)():
+        model = scene.model()
+        if scene.analysis == "modal":
+            # Modes know no pressures.
+            model = model.in_displacements()
+        start = perf_counter()
+        mesh = mesh_of(model, configuration.level, configuration.degree)
+        meshing = perf_counter() - start
+
+        def once() -> Any:
+            return solve(model, mesh, scene.analysis, flags=configuration.flags, **settings)
+
+        solution, record = runs.measured(once, repeat, comm, meshing)
+    if fields is not None:
+        write_arrays(fields, **solution.fields())
+    kept = ("residuals", "rigid", "below") if scene.analysis == "modal" else ("residual_norms", "reactions", "moments")
+    return {
+        "scene": getattr(scene, "name", configuration.name),
+        "analysis": scene.analysis,
+        **scene.measure(solution),
+        **{name: getattr(solution, name) for name in kept},
+        **({"contacts": [one._asdict() for one in solution.contacts]} if solution.contacts else {}),
+        "dofs": solution.dofs,
+        "unknowns": solution.unknowns,
+        "cells": solution.cells,
+        **solution.iterations,
+        "formulation": "displacement",
+        "units": scene.units,
+        "options": asdict(configuration) | {"quadrature": Element(configuration.degree).rule(mesh.shape)},
+        "scene_options": scene.content if hasattr(scene, "content") else asdict(scene),
+        "settings": settings,
+        "petsc_options": solution.options,
+        **record,
+    }

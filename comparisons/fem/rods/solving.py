@@ -1,0 +1,59 @@
+"""The one call: a model of isorod's on a mesh of its rods."""
+
+from collections.abc import Mapping, Sequence
+
+from comparisons.fem.flags import FAST
+from comparisons.fem.rods import equilibrium
+from comparisons.fem.rods import modes as modes_of_rods
+from comparisons.fem.rods.solution import Solution
+from isorod.errors import InputError
+from isorod.model.model import Model
+from meshes.mesh import Mesh
+
+
+def solve(
+    model: Model,
+    mesh: Mesh,
+    analysis: str,
+    modes: int = 10,
+    degree: int | None = None,
+    options: Mapping[str, object] | None = None,
+    flags: Sequence[str] = FAST,
+    load_steps: int = 1,
+) -> Solution:
+    """Solve a model with displacement elements whose nodes are those of the mesh.
+
+    Parameters
+    ----------
+    model
+        Bodies, supports, loads and contacts.
+    mesh
+        Hexahedra of the bodies' rods with parameters, regions ``"rod 0"`` ... and faces ``"rod 0 start"`` ...
+        (`meshes.rods.build`).
+    analysis
+        ``"statics"``, or ``"modal"`` about the state of rest.
+    modes
+        Number of modes besides the rigid ones.
+    degree
+        Of the displacement: the mesh's order, and that where not given.
+    options
+        PETSc options that the user's own override; MUMPS if not given.
+    flags
+        C compiler flags for the forms.
+    load_steps
+        Equal steps to start with (statics).
+
+    Raises
+    ------
+    InputError
+        If something in the model is not known here.
+    SolveError
+        If the solution is not found.
+    """
+    if degree not in (None, mesh.order):
+        raise InputError(f"degree: got {degree}, need the mesh's order {mesh.order}")
+    if analysis == "statics":
+        return equilibrium.solve(model, mesh, load_steps, options, flags)
+    if analysis == "modal":
+        return modes_of_rods.solve(model, mesh, modes, options, flags)
+    raise InputError(f"analysis {analysis}: the finite element side has statics and modes only")

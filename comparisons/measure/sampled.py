@@ -1,0 +1,264 @@
+"""Fields of both sides at the same points of the rods, given by parameters, and how far they are apart."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from isorod.arrays import Array, Index
+from meshes.mesh import gradients, lexicographic
+
+# Parameters that differ by less are the same point.
+_SAME = 1e-6
+
+# The points of a brick where its stresses are.
+_TICKS = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)
+GAUSS = np.stack([one.ravel() for one in np.meshgrid(_TICKS, _TICKS, _TICKS, indexing="ij")], axis=1)
+
+# Points of the centre line between knots that its length is measured with.
+_STEPS = 20
+
+# Frequencies that differ by a smaller share are told apart by neither side's shapes alone.
+CLOSE = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class Places:
+    """Points of rods: where displacements or mode shapes are compared, and where stresses are.
+
+    Attributes
+    ----------
+    rod, xi, u
+        Of each point, the number of its rod ``(n,)`` and its parameters ``(n, 2)``, ``(n,)``.
+    stress_rod, stress_xi, stress_u
+        The same of the points where stresses are compared; none in modes.
+    """
+
+    rod: Index
+    xi: Array
+    u: Array
+    stress_rod: Index
+    stress_xi: Array
+    stress_u: Array
+
+    @classmethod
+    def read(cls, path: Path) -> "Places":
+        """Return what `write` wrote."""
+        with np.load(path) as arrays:
+            return cls(**{name: arrays[name] for name in cls.__dataclass_fields__})
+
+    def write(self, path: Path) -> None:
+        """Write the points to an ``.npz`` file."""
+        np.savez(path, **{name: getattr(self, name) for name in self.__dataclass_fields__})
+
+
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """Fields of finite elements: on the nodes of their bricks, and stresses at 2 x 2 x 2 Gauss points of each.
+
+    Attributes
+    ----------
+    places
+        Those points.
+    weights
+        The nodes' shares of the volume ``(n,)``.
+    points, cells, order
+        The mesh, as in `meshes.mesh.Mesh`.
+    displacement
+        ``(n, 3)``; None of modes.
+    von_mises
+        Stresses ``(m,)``; None of modes.
+    modes, frequencies
+        Shapes ``(modes, n, 3)`` and frequencies of flexible modes; None in statics.
+    """
+
+    places: Places
+    weights: Array
+    points: Array
+    cells: Index
+    order: int
+    displacement: Array | None = None
+    von_mises: Array | None = None
+    modes: Array | None = None
+    frequencies: Array | None = None
+
+    @classmethod
+    def read(cls, path: Path, rigid: int = 0) -> "Sample":
+        """Return what ``python -m comparisons.fem rods ... --fields`` wrote, without the ``rigid`` modes."""
+        with np.load(path) as arrays:
+            given = dict(arrays)
+        stress = given.get("stress_parameters", np.zeros((0, 3)))
+        places = Places(
+            given["node_rod"],
+            given["parameters"][:, :2],
+            given["parameters"][:, 2],
+            given.get("stress_rod", np.zeros(0, dtype=np.int64)),
+            stress[:, :2],
+            stress[:, 2],
+        )
+        for name in {"modes", "frequencies"} & given.keys():
+            given[name] = given[name][rigid:]
+        own = {name: given[name] for name in cls.__dataclass_fields__ if name in given}
+        return cls(places, **own | {"order": int(own["order"])})
+
+    def fields(self, rows: Any) -> dict[str, Array]:
+        """Return ``displacement`` or ``modes`` at some of the nodes."""
+        if self.modes is not None:
+            return {"modes": self.modes[:, rows]}
+        assert self.displacement is not None
+        return {"displacement": self.displacement[rows]}
+
+    @property
+    def stress_weights(self) -> Array:
+        """Shares of the volume of the points where stresses are, ``(m,)``."""
+        slopes = gradients("hexahedron", self.order, lexicographic(self.order, 3), GAUSS)
+        return np.abs(np.linalg.det(np.einsum("qnb,cna->cqab", slopes, self.points[self.cells]))).ravel() / len(GAUSS)
+
+
+def fields(solution: Any, places: Places) -> dict[str, Array]:
+    """Return a solution's ``displacement`` ``(n, 3)`` and ``von_mises`` ``(m,)``, or ``modes`` ``(modes, n, 3)``."""
+    first = places.rod, places.xi, places.u
+    if hasattr(solution, "vectors"):
+        flexible = list(solution)[solution.rigid :]
+        return {"modes": np.array([_evaluated(solution, one.at, *first, 3) for one in flexible])}
+    second = places.stress_rod, places.stress_xi, places.stress_u
+
+    def von_mises(rod: int, u: Array, xi: Array) -> Array:
+        return np.asarray(solution.stress(rod, u, xi, "von Mises")[..., None])
+
+    return {
+        "displacement": _evaluated(solution, solution.at, *first, 3),
+        "von_mises": _evaluated(solution, von_mises, *second, 1)[:, 0],
+    }
+
+
+def _evaluated(
+    solution: Any, ask: Callable[[int, Array, Array], Array], rods: Index, xi: Array, u: Array, size: int
+) -> Array:
+    """Return what ``ask`` tells of points, in calls for those that have the same ``u``, in which meshes come."""
+    found = np.empty((u.size, size))
+    for rod in np.unique(rods):
+        space = solution.model.bodies[rod].space
+        hole, ends = space.rod.rings[0], space.axis.breaks[[0, -1]]
+        here = np.flatnonzero(rods == rod)
+        # Nodes of meshes miss an end, or a hole's surface, by rounding.
+        along = np.clip(np.round(u[here], 10), *ends)
+        size_of = np.linalg.norm(xi[here], axis=1)
+        across = xi[here] * np.where(size_of < hole, hole / np.maximum(size_of, 1e-300), 1.0)[:, None]
+        order = np.argsort(along, kind="stable")
+        for group in np.split(order, np.flatnonzero(np.diff(along[order])) + 1):
+            found[here[group]] = ask(int(rod), along[group[:1]], across[group])[0]
+    return found
+
+
+def shared(coarse: Places, fine: Places) -> tuple[Index, Index]:
+    """Return the numbers of those points of two meshes that are the same."""
+    keys = [np.column_stack([10.0 * one.rod, one.xi, one.u]) for one in (coarse, fine)]
+    distance, found = cKDTree(keys[1]).query(keys[0])
+    same = np.flatnonzero(distance < _SAME)
+    return same, np.asarray(found[same])
+
+
+def relative(found: Array, wanted: Array, weights: Array) -> float:
+    """Return ``sqrt(sum w |found - wanted|^2 / sum w |wanted|^2)`` of fields ``(n,)`` or ``(n, 3)``."""
+    size = weights @ _squares(wanted)
+    return float(np.sqrt(weights @ _squares(found - wanted) / size)) if size > 0.0 else 0.0
+
+
+def _squares(field: Array) -> Array:
+    return np.asarray(np.sum(field.reshape(len(field), -1) ** 2, axis=1))
+
+
+def away(model: Any, rods: Index, u: Array) -> Array:
+    """Return which points are farther from all held places of their rod than its section is wide.
+
+    Where a face is held, or a patch, its edge makes stresses that are infinite, or as large as a mesh is fine.
+
+    Parameters
+    ----------
+    model
+        Whose supports hold.
+    rods, u
+        Of each point, its rod and axis parameter, shape ``(n,)``.
+    """
+    result = np.ones(u.size, dtype=bool)
+    for number, body in enumerate(model.bodies):
+        rod, here = body.space.rod, rods == number
+        breaks = rod.axis.breaks
+        line = np.concatenate([np.linspace(a, b, _STEPS, endpoint=False) for a, b in pairwise(breaks)])
+        line = np.append(line, breaks[-1])
+        angle = np.linspace(0.0, 2.0 * np.pi, 33)[:-1]
+        ring = rod.grid(np.stack([np.cos(angle), np.sin(angle)], axis=1), line)[0]
+        middle = ring.mean(axis=1)
+        length = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(middle, axis=0), axis=1)))
+        width = 2.0 * np.linalg.norm(ring - middle[:, None], axis=2).max()
+        place = np.interp(u[here], line, length)
+        for low, high in _held(model, number):
+            first, last = np.interp([low, high], line, length)
+            beyond = np.maximum(first - place, place - last)
+            if rod.closed:
+                beyond = np.minimum(beyond, np.maximum(first + length[-1] - place, place - last))
+                beyond = np.minimum(beyond, np.maximum(first - place, place + length[-1] - last))
+            result[here] &= beyond >= (1.0 - _SAME) * width
+    return result
+
+
+def _held(model: Any, number: int) -> list[tuple[float, float]]:
+    """Return where along a rod its supports are, from and to which axis parameter."""
+    space = model.bodies[number].space
+    degree, knots = space.axis.degree, space.axis.knots
+    found = []
+    for one in model.supports:
+        if one.body != number or not len(one.nodes):
+            continue
+        layers = np.unique(np.asarray(one.nodes) // space.layer_nodes)
+        # Where functions of these layers are largest.
+        middle = np.array([knots[k + 1 : k + 1 + degree].mean() for k in layers])
+        found.append((float(middle.min()), float(middle.max())))
+    return found
+
+
+def pairs(ours: Array, theirs: Array, weights: Array, frequencies: Sequence[Array]) -> tuple[Index, Array]:
+    """Return for each mode of theirs which of ours has its shape, and the part of its shape that ours do not have.
+
+    Where several frequencies lie together, shapes are any of those that they span: of each shape of theirs it is what
+    is left after the best combination of ours with frequencies within 2 %.
+
+    Parameters
+    ----------
+    ours, theirs
+        Shapes ``(modes, n, 3)`` at the same points.
+    weights
+        The points' shares of the volume ``(n,)``.
+    frequencies
+        Of ours and of theirs, ascending.
+    """
+    from scipy.optimize import linear_sum_assignment
+
+    from comparisons.measure import mac
+
+    root = np.sqrt(weights)[:, None]
+    first, second = ours * root, theirs * root
+    apart = np.abs(frequencies[0][:, None] / frequencies[1] - 1.0)
+    # Shapes decide among what is near, frequencies among shapes that say nothing.
+    cost = np.where(apart < 10.0 * CLOSE, -mac.matrix(first, second), 1.0) + 1e-3 * apart
+    rows, columns = linear_sum_assignment(cost)
+    partner = np.full(len(theirs), -1, dtype=np.int64)
+    partner[columns] = rows
+    # Where they have more modes than ours.
+    partner = np.where(partner < 0, min(len(ours), len(theirs)) - 1, partner)
+    left = np.empty(len(theirs))
+    for k, shape in enumerate(second):
+        near = np.flatnonzero(apart[:, k] < max(CLOSE, 1.5 * apart[partner[k], k]))
+        rest = shape - np.tensordot(combination(first[near], shape), first[near], 1)
+        left[k] = np.linalg.norm(rest) / np.linalg.norm(shape)
+    return partner, left
+
+
+def combination(shapes: Array, wanted: Array) -> Array:
+    """Return the factors of shapes ``(modes, n, 3)`` whose sum is nearest to one ``(n, 3)``."""
+    return np.asarray(np.linalg.lstsq(shapes.reshape(len(shapes), -1).T, wanted.ravel(), rcond=1e-12)[0])

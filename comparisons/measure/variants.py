@@ -1,0 +1,90 @@
+"""Coarser and finer discretisations of a scene, about the one that is taken where nothing is given."""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from isorod.geometry.axis import MAX_DEGREE
+from isorod.space.polynomial import MAX_DEGREE as MAX_SECTION_DEGREE
+
+DEFAULT = "default"
+
+# What of a discretisation is told again where something else of it is changed.
+_KEPT = ("section_degree", "order", "section_points", "elements", "degree", "continuity")
+
+
+@dataclasses.dataclass(frozen=True)
+class Variant:
+    """A discretisation: what it is called, in few letters, and the options that make it.
+
+    ``sequence`` says that it is one of those refined in all directions together, coarse to fine.
+    """
+
+    label: str
+    arguments: tuple[str, ...]
+    sequence: bool = False
+
+
+def variants(scene: Any, model: Any, known: Sequence[Mapping[str, Any]]) -> list[Variant]:
+    """Return discretisations about that which was chosen, coarse to fine where all directions change together.
+
+    Parameters
+    ----------
+    scene, model
+        The scene, and its model as it is by default.
+    known
+        Of each body what was chosen, as records tell it (`isorod.model.body.Body.discretisation`).
+    """
+    same = (name for name in _KEPT if len({one.get(name) for one in known}) == 1)
+    base: dict[str, int] = {name: known[0][name] for name in same if name in known[0]}
+    axes = [body.space.rod.axis for body in model.bodies]
+    least, lowest = (max(getattr(axis, name) for axis in axes) for name in ("elements", "degree"))
+    section, degree, elements = (base.get(name) for name in ("section_degree", "degree", "elements"))
+    along: list[dict[str, int]] = [{}, {}]
+    if elements is not None and elements % 2 == 0 and (elements // 2) % least == 0:
+        along[0] = {"elements": elements // 2}
+    elif degree is not None and degree > lowest + 1:
+        along[0] = {"degree": degree - 1}
+    if elements is not None:
+        along[1] = {"elements": 2 * elements}
+    elif degree is not None and degree < MAX_DEGREE:
+        along[1] = {"degree": degree + 1}
+    across: list[dict[str, int]] = [{}, {}, {}]
+    if section is not None:
+        steps = [section + step for step in (-1, 1, 2)]
+        across = [{"section_degree": one} if 2 <= one <= MAX_SECTION_DEGREE else {} for one in steps]
+    elif "order" in base and "section_points" in base:
+        across[1] = {"order": max(2, base["order"])} | {"section_points": 2 * base["section_points"]}
+    both = [across[0] | along[0], across[1] | along[1]]
+    found: list[tuple[dict[str, int], bool]] = []
+    for changed in (*both, *across, *along):
+        if changed and changed not in [one for one, _ in found]:
+            found.append((changed, changed in both))
+    return [Variant(_label(base, one), _words(scene, base | one), sequence) for one, sequence in found]
+
+
+def _label(base: Mapping[str, int], changed: Mapping[str, int]) -> str:
+    """Return what is changed in the letters of the report: ``N+1``, ``2e``, ``p-1``."""
+    words = []
+    for name, value in changed.items():
+        if name == "elements":
+            words.append("2e" if value > base[name] else "e/2")
+        elif name == "section_points":
+            words.append("2n")
+        elif value != base[name]:
+            letter = {"section_degree": "N", "degree": "p", "order": "K"}[name]
+            words.append(f"{letter}{value - base[name]:+d}".replace("-", "−"))
+    return ", ".join(words)
+
+
+def _words(scene: Any, values: Mapping[str, int]) -> tuple[str, ...]:
+    """Return options of the command line; a spring counts its elements by the turn."""
+    names = {field.name for field in dataclasses.fields(scene)}
+    found = []
+    for name, value in values.items():
+        if name == "elements" and name not in names:
+            name, value = "elements_per_turn", value // scene.coils
+        # The functions of control points of a section that are its rod's own.
+        if name in names:
+            found += [f"--{name.replace('_', '-')}", str(value)]
+    return tuple(found)

@@ -1,0 +1,328 @@
+"""The part of the report page of a scene solved both ways."""
+
+import html
+import shlex
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from comparisons.measure.quantities import FREQUENCIES, Converged
+from comparisons.measure.records import Record, part
+from comparisons.measure.variants import DEFAULT
+from comparisons.measure.work import MODULES
+from comparisons.report import plots, precision
+from comparisons.report.html import commands, figure, fold, heading, milliseconds, percent, table
+
+# What a default is to be within, and the errors at which run times are compared.
+WANTED = 5e-3
+TARGETS = (1e-2, 5e-3, 1e-3, 1e-4)
+
+
+def summary(records: list[Record]) -> list[str]:
+    """Return the main findings, one line each."""
+    name, default = _scene(records)["name"], _default(records)
+    lines = [f"{name}: default within {100 * WANTED:g} %: {verdict(records)}; {_of_default(records)}"]
+    lines += [f"{name}: {text}" for text in (_beside(records), _fields_told(default)) if text]
+    for target, ours, theirs in _pairs(records):
+        fast, slow = ours["seconds"]["total"], theirs["seconds"]["total"]
+        lines.append(
+            f"{name} within {100 * target:g} %: isorod {milliseconds(fast)} ms ({ours['dofs']:,} unknowns), dolfinx "
+            f"{milliseconds(slow)} ms ({theirs['dofs']:,}): {precision.ratio(fast, slow)} the time"
+        )
+    return lines
+
+
+def answer(records: list[Record]) -> list[str]:
+    """Return the main findings as HTML."""
+    name, default = _scene(records)["name"], _default(records)
+    lines = [
+        f"<p class=big><strong>{html.escape(name)}:</strong> {_by(default)} isorod is "
+        f"{_share(default['error'])} off: within {100 * WANTED:g} %: <strong>{verdict(records)}</strong>. "
+        f"{_sentence(_beside(records))}</p>"
+        f"<p>{_sentence(_of_default(records))} {_sentence(_fields_told(default))}</p>"
+    ]
+    rows = []
+    for target, ours, theirs in _pairs(records):
+        share = precision.ratio(ours["seconds"]["total"], theirs["seconds"]["total"])
+        bare = share.removesuffix(" of").removesuffix(" times")
+        rows.append((percent(target), bare, *(_cost(one) for one in (ours, theirs))))
+    if not rows:
+        return lines
+    head = ("error within", "share of the time", "isorod", f"dolfinx {_version(records)}")
+    return [*lines, f"<div class=answer>{table(head, rows)}</div>"]
+
+
+def section(records: list[Record], folder: Path) -> list[str]:
+    """Write the plots of a comparison and return its HTML."""
+    scene, work = _scene(records), part(records, "work")
+    name = scene["name"]
+    files = [f"{records[-1]['study']}-{which}.png" for which in ("errors", "errors-narrow")]
+    plots.labelled(work, told(records), *(folder / file for file in files))
+    lines = [
+        heading(2, name),
+        f"<p>{_sentence(html.escape(scene['title']))} {_what(records)}</p>",
+        heading(3, f"{name}: error against run time"),
+        figure(
+            files[0],
+            f"{name}: errors against run time, both axes logarithmic",
+            "Lower is more accurate, further left is faster. Each point is a run: of isorod <em>default</em>, and what "
+            "is changed of it: N, the degree of polynomials across the section, p, the degree along the axis, e, the "
+            "number of elements; of dolfinx how many times as many cells as in the coarsest mesh there are in each "
+            "direction. Lines join runs that are refined in all directions. Left, the largest error of what the scene "
+            "measures, against the limit of three meshes; right, that of the field, against the finest mesh.",
+            narrow=files[1],
+        ),
+        heading(3, f"{name}: what it measures"),
+        _measured(records),
+        heading(3, f"{name}: fields"),
+        _field_words(records),
+        _field_table(work),
+    ]
+    for picture in part(records, "picture"):
+        lines.append(figure(picture["file"], picture["alt"], picture["caption"], narrow=picture["narrow"]))
+    lines.append(heading(3, f"{name}: every run, raw data, running it again"))
+    return lines + _closing(records)
+
+
+def verdict(records: list[Record]) -> str:
+    """Return whether isorod's default is within the error that is wanted, as far as finite elements tell."""
+    error, doubt = _default(records)["error"], told(records)
+    word = "yes" if error <= WANTED else "no"
+    if abs(error - WANTED) < doubt:
+        word += f", but finite elements tell to {_share(doubt)} only"
+    return word
+
+
+def told(records: list[Record]) -> float:
+    """Return the largest relative uncertainty of the finite elements' limits."""
+    known = [one for one in _reference(records) if not one.vanishes]
+    return max((one.uncertainty for one in known), default=0.0)
+
+
+def at_equal_error(work: Sequence[Record], error: float) -> tuple[float, str] | None:
+    """Return the finite elements' run time to an error, interpolated between runs of an element on finer meshes.
+
+    Where all that an element has is less accurate, that of its finest mesh, and ``"more than"``; where all is more
+    accurate, that of its coarsest, and ``"at most"``.  Of several elements that of the fastest.
+    """
+    found = []
+    for curve in dict.fromkeys(one["curve"] for one in work if one["method"] == "fem"):
+        runs = sorted((one for one in work if one["curve"] == curve), key=lambda one: one["dofs"])
+        times = np.log([one["seconds"]["total"] for one in runs])
+        errors = np.log(np.maximum([one["error"] for one in runs], 1e-16))
+        wanted = np.log(max(error, 1e-16))
+        if errors[0] <= wanted:
+            found.append((float(np.exp(times[0])), "at most"))
+            continue
+        k = next((k for k in range(1, len(runs)) if errors[k] <= wanted), None)
+        if k is None:
+            found.append((float(np.exp(times[-1])), "more than"))
+            continue
+        share = (wanted - errors[k - 1]) / (errors[k] - errors[k - 1])
+        found.append((float(np.exp(times[k - 1] + share * (times[k] - times[k - 1]))), ""))
+    reached = [one for one in found if one[1] != "more than"]
+    return min(reached or found, default=None)
+
+
+def _scene(records: list[Record]) -> Record:
+    return part(records, "scene")[0]
+
+
+def _default(records: list[Record]) -> Record:
+    return next(one for one in part(records, "work") if one["label"] == DEFAULT)
+
+
+def _reference(records: list[Record]) -> list[Converged]:
+    return [Converged(**one) for one in part(records, "converged")[0]["quantities"]]
+
+
+def _version(records: list[Record]) -> str:
+    return precision.versions(records)[0]
+
+
+def _pairs(records: list[Record]) -> list[tuple[float, Record, Record]]:
+    """Return errors that finite elements can tell and both sides reach, each with the fastest runs within."""
+    found = []
+    for target in TARGETS:
+        within = [one for one in part(records, "work") if one["error"] <= target]
+        best = [
+            min(
+                (one for one in within if one["method"] == method),
+                key=lambda one: one["seconds"]["total"],
+                default=None,
+            )
+            for method in MODULES
+        ]
+        if target >= told(records) and best[0] and best[1]:
+            found.append((target, best[0], best[1]))
+    return found
+
+
+def _of_default(records: list[Record]) -> str:
+    """Return the default's errors in words, its own estimate beside them."""
+    default, doubt = _default(records), told(records)
+    errors = ", ".join(f"{name.replace('_', ' ')} {_share(error)}" for name, error in default["errors"].items())
+    own = f"; its own estimate {_share(default['error_estimate'])}" if "error_estimate" in default else ""
+    return f"error of {errors or 'nothing measured'}; finite elements tell to {_share(doubt)}{own}"
+
+
+def _by(default: Record) -> str:
+    chosen = all({"elements", "degree"} <= {*one["chosen"]} for one in default["discretisation"])
+    return "with nothing chosen by hand" if chosen else "on the space that its file gives it"
+
+
+def _beside(records: list[Record]) -> str:
+    """Return the ratio of run times at the default's error."""
+    default, doubt = _default(records), told(records)
+    found = at_equal_error(part(records, "work"), max(default["error"], doubt))
+    if found is None:
+        return ""
+    fast, (slow, how) = default["seconds"]["total"], found
+    to = "the same error" if default["error"] >= doubt else f"{_share(doubt)}, which is as far as finite elements tell"
+    share = precision.ratio(fast, slow)
+    least = {"more than": "less than ", "at most": "at least ", "": ""}[how] if fast < slow else ""
+    return f"it takes {milliseconds(fast)} ms, {least}{share} the {milliseconds(slow)} ms of dolfinx to {to}"
+
+
+def _fields_told(default: Record) -> str:
+    """Return how far the default's fields are from the finest mesh's."""
+    field = default["field"]
+    if "shape" in field:
+        return f"mode shapes within {_share(field['shape'])} of dolfinx' on its finest mesh"
+    words = [f"displacement field (L2) {_share(field['displacement'])}"]
+    if "peak_error" in field:
+        words.append(f"peak von Mises stress away from held places {_share(field['peak_error'])}")
+    return f"{', '.join(words)} from dolfinx' on its finest mesh"
+
+
+def _what(records: list[Record]) -> str:
+    scene, default = _scene(records), _default(records)
+    said = html.escape("; ".join(dict.fromkeys(one["element"] for one in default["discretisation"])))
+    kind = {"statics": "Equilibrium", "modal": "Vibration modes"}[scene["analysis"]]
+    fem = [one for one in part(records, "work") if one["method"] == "fem"]
+    return (
+        f"{kind}. isorod as <code>isorod run {html.escape(scene['word'])}</code> has it: {said}; "
+        f"{default['dofs']:,} degrees of freedom. dolfinx: bricks of degree {part(records, 'converged')[0]['degree']}, "
+        f"curved with the rods, of nested meshes, {fem[0]['dofs']:,} to {max(one['dofs'] for one in fem):,} degrees of "
+        "freedom, solved directly; finite elements that are faster to an error may exist, none were searched for."
+    )
+
+
+def _measured(records: list[Record]) -> str:
+    default, units = _default(records), _scene(records)["units"]
+    rows: list[tuple[object, ...]] = []
+    for one in _reference(records):
+        label = one.name.replace("_", " ")
+        found = default["values"][one.name]
+        for k, value in enumerate(one.values):
+            many = len(one.values) > 1
+            each = one.name == FREQUENCIES
+            name = f"mode {k + 1}" if each else f"{label} {'xyz'[k]}" if len(one.values) == 3 else f"{label} {k + 1}"
+            size = abs(value) if each else float(np.linalg.norm(one.values))
+            rows.append(
+                (
+                    name if many else label,
+                    f"{value:.7g}",
+                    f"{one.uncertainties[k]:.1g}",
+                    _order(one.orders[k], one),
+                    f"{found[k]:.7g}",
+                    _share(abs(found[k] - value) / size) if size else "",
+                )
+            )
+        if one.vanishes:
+            rows.append((f"{label}: zero, as far as the meshes tell", "", "", "", "", ""))
+    said = "; ".join(f"{html.escape(name.replace('_', ' '))} {html.escape(unit)}" for name, unit in units.items())
+    head = ("", "limit of the meshes", "±", "order", "isorod, default", "difference")
+    return (
+        f"<p>Units: {said}.</p>"
+        + table(head, rows)
+        + "<p>The limit is extrapolated from three meshes where they approach one (order: of how many times the cells' "
+        "size the error goes down; below 1, as where stresses at edges of held faces have no limit, as if it were 1), "
+        "and ± is then how far the finest mesh is from it. Elsewhere it is the finest mesh's, and ± how far that is "
+        "from the mesh before.</p>"
+    )
+
+
+def _order(order: float | None, one: Converged) -> str:
+    if order is not None:
+        return f"{order:.1f}"
+    return "the same on all" if one.given else "none shown"
+
+
+def _field_words(records: list[Record]) -> str:
+    scene = _scene(records)
+    fem = [one for one in part(records, "work") if one["method"] == "fem" and one["sequence"]]
+    if scene["analysis"] == "modal":
+        return (
+            "<p>Of each mode shape of dolfinx' finest mesh, the part that the best combination of a run's shapes with "
+            "frequencies within 2 % does not have, in L2 over the volume; the largest is told, without modes as high "
+            "as the last, which may be one of a pair.</p>"
+        )
+    own = [one for one in fem if one["field"].get("displacement", 0.0) > 0.0]
+    doubt = (
+        f" dolfinx' own mesh before the finest is {_share(own[-1]['field']['displacement'])} from it." if own else ""
+    )
+    peaks = [one["field"]["peak"] for one in fem if one["field"].get("peak")]
+    if len(peaks) > 1:
+        doubt += f" Its peak stress differs by {_share(abs(peaks[-2] / peaks[-1] - 1.0))} between the two."
+    return (
+        "<p>Against the finest mesh: the displacement in L2 over the volume, relative; von Mises stress away from held "
+        "places, farther than the section is wide, for at their edges it has no limit: in L2, and its largest value, "
+        f"each at the same points on both sides.{doubt}</p>"
+    )
+
+
+def _field_table(work: Sequence[Record]) -> str:
+    rows = []
+    modal = [one for one in work if "shapes" in one["field"]]
+    if modal:
+        count = len(modal[0]["field"]["shapes"])
+        for one in modal:
+            field = one["field"]
+            rows.append((_named(one), f"{one['dofs']:,}", _share(field["shape"]), *map(_share, field["shapes"])))
+        return table(("run", "unknowns", "largest", *(f"mode {k + 1}" for k in range(count))), rows)
+    for one in work:
+        field = one["field"]
+        cells = (_share(field.get(name)) for name in ("displacement", "von_mises", "peak_error"))
+        peak = field.get("peak")
+        rows.append((_named(one), f"{one['dofs']:,}", *cells, "" if peak is None else f"{peak:.5g}"))
+    return table(("run", "unknowns", "displacement", "von Mises", "its peak", "peak"), rows)
+
+
+def _closing(records: list[Record]) -> list[str]:
+    scene, study, level = _scene(records), records[-1]["study"], records[-1]["level"]
+    work = part(records, "work")
+    word = shlex.quote(scene["word"])
+    again = [f"isorod compare {word}" + ("" if level == "quick" else f" --level {level}")]
+    for one in (_default(records), [one for one in work if one["method"] == "fem"][-1]):
+        words = ["rods", word] if one["method"] == "fem" else [word]
+        again.append(" ".join(f"python -m {MODULES[one['method']]} {' '.join(words)} {one['arguments']}".split()))
+    return [
+        f'<p>Every run is a line of JSON in <a href="{study}.jsonl">{study}.jsonl</a>, with options, times by part, '
+        "versions, commit and machine. To run it again, and isorod's default and the last of dolfinx' runs alone:</p>"
+        + commands(again),
+        fold(f"All {len(work)} runs", precision.runs(work), *precision.refused(records)),
+    ]
+
+
+def _named(record: Record) -> str:
+    return (
+        f"{precision.named(record)}, {record['label']}" if record["method"] == "fem" else f"isorod, {record['label']}"
+    )
+
+
+def _cost(record: Record) -> str:
+    return f"{milliseconds(record['seconds']['total'])} ms\n{record['dofs']:,} unknowns\n{record['label']}"
+
+
+def _share(value: Any) -> str:
+    """Return a share in percent; nothing for none, and what is rounding as such."""
+    if value is None:
+        return ""
+    return percent(value) if value > 1e-7 else "0 %"
+
+
+def _sentence(text: str) -> str:
+    return f"{text[:1].upper()}{text[1:]}{'' if text.endswith('.') else '.'}" if text else ""

@@ -1,0 +1,222 @@
+"""Pictures of a comparison: isorod's solution and that of finite elements beside each other, seen alike."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from comparisons.measure import sampled
+from comparisons.measure.records import Record
+from comparisons.measure.sampled import GAUSS, Sample
+from comparisons.measure.study import Run
+from isorod.arrays import Array, Index
+from isorod.output import picture, vtk
+from isorod.output.results import write_beside
+from meshes.mesh import lexicographic
+
+# Width and height of a panel, pixels; beside each other, and for narrow screens one below the other.
+PANEL = (800, 560)
+
+# Modes that are shown, as many as rows.
+SHAPES = 3
+
+# Directions from which one may look, all of them from above.
+VIEWS = ((1.0, -1.4, 0.55), (-1.0, -1.4, 0.55), (0.35, -1.0, 0.3), (1.0, -0.35, 0.3), (0.35, -0.5, 1.0))
+
+# How many times larger what is upright must look if it is not z.
+LYING = 1.3
+
+_EQUILIBRIUM = (
+    "Deformed, coloured by von Mises stress on one scale, left isorod by default, right dolfinx on its finest mesh. "
+    "What is above the scale, at held edges, has the colour of its end."
+)
+_MODES = (
+    "The first mode shapes, left isorod by default, right dolfinx on its finest mesh, coloured by the size of the "
+    "displacement; grey lines are the rods at rest. Where frequencies lie within 2 % of each other, any combination is "
+    "nearly a shape: isorod's that is nearest to that of dolfinx is drawn."
+)
+
+# Nodes at which shapes are brought into line.
+_PLACES = 400
+
+# The largest displacement of a mode is drawn as this share of the rods' size.
+EXAGGERATION = 0.12
+
+
+def write(study: Run, solution: Any, records: Sequence[Record], sample: Sample) -> None:
+    """Draw deformed rods coloured by von Mises stress, or the first mode shapes, and record the files.
+
+    Parameters
+    ----------
+    study
+        Where they go.
+    solution
+        Isorod's.
+    records
+        Its record and the finite elements', whose fields ``sample`` are.
+    """
+    picture.check((1.0, 0.0, 0.0), PANEL)
+    modal = sample.modes is not None
+    rows = _modes(solution, sample, records[0]) if modal else [_equilibrium(solution, sample)]
+    peak = max(float(np.max(mesh.point_data["colour"])) for row in rows for mesh in row)
+    # Stresses at held edges have no limit: what nearly all of the rods have fills the scale.
+    scale = (0.0, 1.0 if modal else min(peak, 1.02 * max(_most(mesh) for mesh in rows[0])))
+    lines = [_at_rest(body) for body in solution.model.bodies] if modal else []
+    labels = [f"{name}, {one['dofs']:,} unknowns" for name, one in zip(("isorod", "dolfinx"), records, strict=True)]
+    files = [f"{study.study}-{which}.png" for which in ("picture", "picture-narrow")]
+    for file, stacked in zip(files, (False, True), strict=True):
+        draw = partial(_draw, rows, lines, _captions(rows, labels, records), scale, modal, stacked)
+        write_beside(study.folder / file, draw)
+    said = _MODES if modal else _EQUILIBRIUM
+    alt = "mode shapes of both sides" if modal else "von Mises stress of both sides on the deformed rods"
+    study.record("picture", {"file": files[0], "narrow": files[1], "alt": alt, "caption": said})
+
+
+def _at_rest(body: Any) -> Array:
+    """Return a rod's centre line, of a hollow one that of its hole, shape ``(m, 3)``."""
+    breaks = body.space.rod.axis.breaks
+    u = np.linspace(breaks[0], breaks[-1], 50 * body.space.axis.elements)
+    angle, hole = np.linspace(0.0, 2.0 * np.pi, 33)[:-1], body.space.rod.rings[0]
+    return np.asarray(body.space.rod.grid(hole * np.stack([np.cos(angle), np.sin(angle)], axis=1), u)[0].mean(axis=1))
+
+
+def _most(mesh: Any) -> float:
+    return float(np.quantile(mesh.point_data["colour"], 0.995))
+
+
+def _captions(rows: Sequence[Any], labels: Sequence[str], records: Sequence[Record]) -> list[list[str]]:
+    if len(rows) == 1 and "frequencies" not in records[0]:
+        return [list(labels)]
+    found = []
+    for k in range(len(rows)):
+        values = [one["frequencies"][one.get("rigid", 0) + k] for one in records]
+        found.append([f"{label}\nmode {k + 1}: {value:.5g}" for label, value in zip(labels, values, strict=True)])
+    return found
+
+
+def _equilibrium(solution: Any, sample: Sample) -> tuple[Any, Any]:
+    assert sample.displacement is not None and sample.von_mises is not None
+    ours = _joined(
+        solution, [solution.fields(k) for k in range(len(solution.model.bodies))], "von_mises", solution.factor
+    )
+    corners = GAUSS - 0.5
+    # Of each brick, the linear function through its Gauss points, at its nodes.
+    where = (lexicographic(sample.order, 3) - 0.5)[:, None, :]
+    shape = np.prod(0.5 + 6.0 * corners * where, axis=2)
+    stress = sample.von_mises.reshape(-1, len(GAUSS)) @ shape.T
+    theirs = _bricks(sample, sample.displacement, np.maximum(stress, 0.0))
+    return ours, theirs
+
+
+def _modes(solution: Any, sample: Sample, record: Record) -> list[tuple[Any, Any]]:
+    assert sample.modes is not None
+    size = float(np.linalg.norm(np.ptp(sample.points, axis=0)))
+    rows = []
+    some = np.unique(np.linspace(0, len(sample.points) - 1, _PLACES).astype(np.int64))
+    places = replace(sample.places, **{name: getattr(sample.places, name)[some] for name in ("rod", "xi", "u")})
+    known, frequencies = sampled.fields(solution, places)["modes"], solution.frequencies[solution.rigid :]
+    for k, theirs in enumerate(sample.modes[:SHAPES]):
+        near = np.abs(frequencies / frequencies[k] - 1.0) < sampled.CLOSE
+        factors = np.zeros(len(solution))
+        factors[solution.rigid :][near] = sampled.combination(known[near], theirs[some])
+        nodal = [solution.model.nodal(factors @ solution.vectors, b) for b in range(len(solution.model.bodies))]
+        ours = _joined(solution, [{"displacement": one} for one in nodal], "displacement", 1.0)
+        lengths = np.linalg.norm(theirs, axis=1)
+        other = _bricks(sample, theirs, lengths[sample.cells])
+        for mesh in (ours, other):
+            largest = float(np.max(np.linalg.norm(mesh.point_data["motion"], axis=1)))
+            mesh.point_data["colour"] = np.linalg.norm(mesh.point_data["motion"], axis=1) / largest
+            mesh.point_data["motion"] *= EXAGGERATION * size / largest
+        rows.append((ours, other))
+    return rows
+
+
+def _joined(solution: Any, fields: Sequence[dict[str, Array]], colour: str, factor: float) -> Any:
+    """Return all bodies at rest as one mesh with their ``motion`` and ``colour``."""
+    import pyvista
+
+    meshes = []
+    for body, own in zip(solution.model.bodies, fields, strict=True):
+        mesh = vtk.grid(body, own, rings=3, around=48, slices=12, factor=factor)
+        mesh.point_data["motion"] = mesh.point_data["displacement"]
+        if colour == "von_mises":
+            mesh.point_data["colour"] = mesh.point_data["von_mises"]
+        else:
+            mesh.point_data["colour"] = np.linalg.norm(mesh.point_data["motion"], axis=1)
+        meshes.append(mesh)
+    return meshes[0] if len(meshes) == 1 else pyvista.merge(meshes, merge_points=False)
+
+
+def _bricks(sample: Sample, motion: Array, colour: Array) -> Any:
+    """Return bricks as small ones, each with points of its own; ``colour`` is by brick and node."""
+    import pyvista
+
+    p = sample.order
+    own = np.arange(sample.cells.size).reshape(sample.cells.shape)
+    small: Index = np.concatenate([own[:, corners] for corners in _corners(p)])
+    mesh = pyvista.UnstructuredGrid({pyvista.CellType.HEXAHEDRON: small}, sample.points[sample.cells.ravel()])
+    mesh.point_data["motion"] = motion[sample.cells.ravel()]
+    mesh.point_data["colour"] = colour.ravel()
+    return mesh
+
+
+def _corners(p: int) -> list[list[int]]:
+    """Return the corners of the small bricks of one of degree ``p``, whose nodes go along its first axis first."""
+    number = np.arange((p + 1) ** 3).reshape(p + 1, p + 1, p + 1)
+    quad = ((0, 0), (0, 1), (1, 1), (1, 0))
+    return [
+        [int(number[c + k, b + j, a + i]) for k in (0, 1) for j, i in quad]
+        for a in range(p)
+        for b in range(p)
+        for c in range(p)
+    ]
+
+
+def _draw(
+    rows: Sequence[Any],
+    lines: Sequence[Array],
+    captions: Sequence[Sequence[str]],
+    scale: tuple[float, float],
+    modal: bool,
+    stacked: bool,
+    path: Path,
+) -> None:
+    import pyvista
+
+    shape = (2 * len(rows), 1) if stacked else (len(rows), 2)
+    size = PANEL[0] * shape[1], PANEL[1] * shape[0]
+    plotter = pyvista.Plotter(shape=shape, off_screen=True, window_size=size, border=False)
+    try:
+        plotter.set_background("white")
+        moved = [mesh.points + mesh.point_data["motion"] for row in rows for mesh in row]
+        everything = np.concatenate([*moved, *lines])
+        view, up = _direction(everything)
+        for k, row in enumerate(rows):
+            for column, mesh in enumerate(row):
+                plotter.subplot(*((2 * k + column, 0) if stacked else (k, column)))
+                bar = picture.bar("displacement" if modal else "von Mises", PANEL) if column else None
+                picture.add_flat(plotter, mesh, "colour", scale, "viridis" if modal else "turbo", bar, "motion")
+                for line in lines:
+                    plotter.add_mesh(pyvista.lines_from_points(line), color="grey", line_width=2, lighting=False)
+                plotter.add_text(captions[k][column], position="upper_left", font_size=12, color="black")
+                picture.look(plotter.camera, everything, view, PANEL, up)
+        plotter.screenshot(str(path))
+    finally:
+        plotter.close()
+
+
+def _direction(points: Array) -> tuple[Array, Array]:
+    """Return the direction from which points fill a panel most, and what is upright then: z, if not far better."""
+
+    def height(view: Array, up: Array) -> float:
+        towards = view / np.linalg.norm(view)
+        right = np.cross(up, towards)
+        right /= np.linalg.norm(right)
+        wide, high = (float(np.ptp(points @ axis)) for axis in (right, np.cross(towards, right)))
+        return max(high, wide * PANEL[1] / PANEL[0]) * (1.0 if up[2] else LYING)
+
+    seen = [(np.roll(view, turn), np.roll((0.0, 0.0, 1.0), turn)) for turn in range(3) for view in VIEWS]
+    return min(seen, key=lambda one: height(*one))

@@ -1,0 +1,188 @@
+"""Meshes of any rods: curved hexahedra whose templates and layers follow from the rods themselves.
+
+What a section is meshed with is chosen by `meshes.sections`; here it is tensored with layers along the rod.  On level 1
+a cell is as long as a multiple of its width, and turns no more than `TURN` with the centre line and the section's
+twist; where that makes more than `CELLS` cells, they are longer, up to `LONGEST` times their width: bending varies
+slowly along slender rods.  Every element of the axis has layers of its own, since laws may change from one to the next.
+Level L has L times as many cells as level 1 in all three directions, and its nodes are among those of level 2 L.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+
+from isorod.errors import InputError, whole_number
+from isorod.geometry.rod import Rod
+from meshes.bricks import tensored
+from meshes.mesh import Array, Index, Mesh, join
+from meshes.sections import Maker, parts, sections
+from meshes.template import Template
+
+# Lengths of cells that are tried in turn, as multiples of their width.
+_LENGTHS = (1.5, 2.0, 3.0, 4.5, 6.0)
+
+# Cells of a rod on level 1 from which longer ones are tried; of order 2 level 4 then has about 200,000 unknowns.
+CELLS = 130
+
+# The highest level: of order 2, it has 10 million unknowns and more.
+MOST = 16
+
+# How far a layer turns on level 1, degrees: 8 layers make a coil.
+TURN = 45.0
+
+# A little more than that is no reason for a layer more: helices turn by a little more than circles.
+_SLACK = 0.1
+
+# Layers of an open rod on level 1, at least.
+_FEWEST = 4
+
+# Places along each element of the axis where the rod is measured.
+_PLACES = 9
+
+
+def build(rods: Sequence[Rod], level: int = 1, order: int = 2) -> Mesh:
+    """Return one mesh of hexahedra of all rods, which share no node.
+
+    Regions are named ``rod 0``, ``rod 1`` ...; faces ``rod 0 start`` and ``rod 0 end`` of a rod that is not closed,
+    ``rod 0 lateral``, and ``rod 0 inner`` of one with a hole.  Circles between the rings of a section are mesh lines,
+    and ends of axis elements mesh planes.  Nodes and cells stand rod by rod.
+
+    Parameters
+    ----------
+    rods
+        The rods.
+    level
+        How many times as many cells there are in each direction as on level 1, 1 to 16.
+    order
+        Polynomial order of the geometry, 1 to 3.  Cells of order 1 are half as long in each direction as those of
+        order 2: their nodes are as many.
+
+    Raises
+    ------
+    InputError
+        If a number is out of range, a rod folds, or its section is one that no template fits.
+    """
+    if not rods:
+        raise InputError("mesh: no rod is given, need at least one")
+    whole_number("mesh: level", level, 1, MOST)
+    whole_number("mesh: order of the cells", order, 1, 3)
+    return join(*(_named(_mesh(rod, f"rod {k}", level, order), f"rod {k}") for k, rod in enumerate(rods)))
+
+
+def places(mesh: Mesh, rods: Sequence[Rod]) -> Index:
+    """Return the rod, the axis element and the ring that each cell of a mesh of `build` is in, shape ``(cells, 3)``."""
+    assert mesh.parameters is not None
+    found = np.empty((len(mesh.cells), 3), dtype=np.int64)
+    for k, (rod, cells) in enumerate(zip(rods, mesh.regions.values(), strict=True)):
+        own = mesh.parameters[mesh.cells[cells]]
+        u, breaks = own[:, :, 2], rod.axis.breaks
+        if rod.closed:
+            # The last layer ends in nodes of the start.
+            last = np.ptp(u, axis=1, keepdims=True) > 0.5 * np.ptp(breaks)
+            u = np.where(last & (u == breaks[0]), breaks[-1], u)
+        radius = np.linalg.norm(own[:, :, :2], axis=2).mean(axis=1)
+        found[cells] = np.stack(
+            [
+                np.full(len(cells), k),
+                np.searchsorted(breaks, u.mean(axis=1)) - 1,
+                np.searchsorted(rod.rings[1:-1], radius),
+            ],
+            axis=1,
+        )
+    return found
+
+
+def owners(mesh: Mesh) -> Index:
+    """Return the number of the rod that each node of a mesh of `build` belongs to, shape ``(nodes,)``."""
+    found = np.empty(len(mesh.points), dtype=np.int64)
+    for k, cells in enumerate(mesh.regions.values()):
+        found[mesh.cells[cells]] = k
+    return found
+
+
+def _mesh(rod: Rod, name: str, level: int, order: int) -> Mesh:
+    """Return the mesh of one rod."""
+    try:
+        make, layers = _chosen(rod, order)
+        mesh = tensored(rod, make(level, order), _positions(rod, parts(level, order) * layers, order))
+        mesh.check()
+    except InputError as problem:
+        raise type(problem)(f"mesh: {name}: {str(problem).removeprefix('mesh: ')}") from None
+    return mesh
+
+
+@lru_cache(maxsize=16)
+def _chosen(rod: Rod, order: int) -> tuple[Maker, Index]:
+    """Return the first template whose cells are all positive on level 1, and the layers in each axis element there."""
+    rod.check()
+    reason = "its outline is too uneven"
+    for section in sections(rod, order):
+        layers = _layers(rod, section.make(1, 2))
+        try:
+            tensored(rod, section.make(1, order), _positions(rod, parts(1, order) * layers, order)).check()
+        except InputError as problem:
+            reason = str(problem).removeprefix("mesh: ").split("; ")[0]
+            continue
+        return section.make, layers
+    raise InputError(f"no template fits its section ({reason}); take a smoother or thicker outline")
+
+
+def _named(mesh: Mesh, name: str) -> Mesh:
+    faces = {f"{name} {key}": face for key, face in mesh.faces.items()}
+    return replace(mesh, faces=faces, regions={name: np.arange(len(mesh.cells))})
+
+
+def _layers(rod: Rod, template: Template) -> Index:
+    """Return the number of layers on level 1 in each element of the axis."""
+    length, width, turn = _measures(rod, template)
+    least = np.maximum(1.0, turn / np.radians(TURN) - _SLACK)
+    for longest in _LENGTHS:
+        layers = np.ceil(np.maximum(least, length / (longest * width)) - 1e-6).astype(np.int64)
+        if layers.sum() * len(template.quads) <= CELLS:
+            break
+    if not rod.closed:
+        layers *= -(-_FEWEST // int(layers.sum()))
+    return layers
+
+
+def _measures(rod: Rod, template: Template) -> tuple[Array, Array, Array]:
+    """Return each axis element's length, the width of the template's cells in it, and how far the section turns."""
+    breaks = rod.axis.breaks
+    inside = np.linspace(0.0, 1.0, _PLACES)
+    # Both sides of every knot: the axis may have a kink there.
+    inside[0], inside[-1] = 1e-6, 1.0 - 1e-6
+    u = breaks[:-1, None] + np.diff(breaks)[:, None] * inside
+    places, _ = rod.grid(template.points, u.ravel())
+    places = places.reshape(*u.shape, -1, 3)
+    length = np.linalg.norm(np.diff(places, axis=1), axis=-1).sum(axis=1).mean(axis=1)
+    corner = template.order * np.array([0, 1])
+    a, b, c, d = (
+        places[:, :, template.quads[:, i + (template.order + 1) * j]]
+        for i, j in ((0, 0), (corner[1], 0), (corner[1], corner[1]), (0, corner[1]))
+    )
+    sides = np.stack([np.linalg.norm(one - other, axis=-1) for one, other in ((a, b), (b, c), (c, d), (d, a))])
+    width = np.median(sides.max(axis=0), axis=-1).mean(axis=1)
+    return length, width, _turns(rod, u)
+
+
+def _turns(rod: Rod, u: Array) -> Array:
+    """Return the angles by which sections turn in each element, bending and twist together, radians."""
+    _, jacobian = rod.grid([[0.0, 0.0]], u.ravel())
+    columns = jacobian[:, 0] / np.linalg.norm(jacobian[:, 0], axis=-2, keepdims=True)
+    left, _, right = np.linalg.svd(columns)
+    frames = (left @ right).reshape(*u.shape, 3, 3)
+    trace = np.einsum("etab,etab->et", frames[:, 1:], frames[:, :-1])
+    angles: Array = np.arccos(np.clip(0.5 * (trace - 1.0), -1.0, 1.0)).sum(axis=1)
+    return angles
+
+
+def _positions(rod: Rod, layers: Index, order: int) -> Array:
+    """Return the axis parameters of the nodes, evenly spaced in each element of the axis."""
+    ends = rod.axis.breaks
+    each = [
+        low + (high - low) * np.arange(order * count) / (order * count)
+        for low, high, count in zip(ends[:-1], ends[1:], layers, strict=True)
+    ]
+    return np.append(np.concatenate(each), ends[-1])

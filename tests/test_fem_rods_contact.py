@@ -1,0 +1,108 @@
+"""Contact of any rods by finite elements: rigid obstacles, whose energy is known, and rods that cross."""
+
+import numpy as np
+import pytest
+from conftest import straight
+
+pytest.importorskip("dolfinx")
+pytest.importorskip("gmsh")
+
+from comparisons.fem.contact.facets import facet_of, gauss
+from comparisons.fem.contact.obstacles import Obstacle
+from comparisons.fem.rods import solve
+from comparisons.fem.rods.run import mesh_of
+from isorod import statics
+from isorod.files.measures import contact_force
+from isorod.geometry.rod import Rod
+from isorod.material import LinearElastic, NeoHookean
+from isorod.model import Body, Contact, Cylinder, Model, Plane, Support
+from isorod.space import Space
+
+HEIGHT = 4.0
+OBSTACLES = {
+    "plane": Plane((0.0, -0.8, 0.0), (0.1, 2.0, 0.3)),
+    "cylinder": Cylinder((0.0, -1.5, 2.0), (3.0, 0.2, 0.1), 0.6),
+}
+
+
+def bar(law=None, contacts=(), end=(0.0, 0.0, 0.0)):
+    space = Space(straight(8, height=HEIGHT), elements=4, degree=3, order=2)
+    supports = [Support.end(space, "start"), Support.end(space, "end", displacement=end)]
+    return Model([Body(space, law or NeoHookean(100.0, 0.3))], supports, contacts=contacts)
+
+
+@pytest.mark.parametrize("name", OBSTACLES)
+@pytest.mark.parametrize("pressed", [False, True])
+def test_forces_and_stiffness_are_derivatives_of_the_energy(name, pressed):
+    mesh = mesh_of(bar())
+    points = gauss(mesh, facet_of(mesh), mesh.faces["rod 0 lateral"])
+    obstacle = Obstacle(points, OBSTACLES[name], 30.0)
+    nodes = mesh.points + 0.01 * np.random.default_rng(3).normal(size=mesh.points.shape)
+    if pressed:
+        obstacle.augment(mesh.points)
+    way = np.random.default_rng(4).normal(size=nodes.shape)
+    h = 1e-6
+
+    def at(step):
+        out = np.zeros_like(nodes)
+        return obstacle.add_forces(nodes + step * way, out).energy, out
+
+    (before, low), (after, high) = at(-h), at(h)
+    out = at(0.0)[1]
+    assert (after - before) / (2.0 * h) == pytest.approx(np.sum(out * way), rel=1e-5)
+    moved = obstacle.stiffness(nodes) @ way.ravel()
+    assert moved == pytest.approx((high - low).ravel() / (2.0 * h), abs=1e-4 * np.abs(moved).max())
+
+
+def test_a_stiff_bar_in_a_plane_is_pressed_by_penalty_times_depth():
+    depth, penalty = 0.2, 50.0
+    contact = Contact(0, Plane((0.0, depth - 1.0, 0.0), (0.0, 1.0, 0.0)), penalty)
+    model = bar(LinearElastic(1e6, 0.3), [contact])
+    solution = solve(model, mesh_of(model, 2), "statics")
+    half = np.arccos(1.0 - depth)
+    exact = 2.0 * penalty * HEIGHT * (np.sin(half) - (1.0 - depth) * half)
+    assert contact_force(solution, 0) == pytest.approx(exact, rel=0.01)
+    assert solution.contacts[0].area == pytest.approx(2.0 * half * HEIGHT, rel=0.05)
+    assert solution.contacts[0].penetration == pytest.approx(depth, rel=0.02)
+    # Held nodes are pressed too: Newton's method is none the slower.
+    assert -solution.reactions[:, 1].sum() == pytest.approx(exact, rel=0.01)
+    assert solution.iterations["newton_iterations"] <= 4
+
+
+def test_a_soft_bar_on_a_cylinder_is_isorods():
+    model = bar(contacts=[Contact(0, Cylinder((0.0, -1.45, 2.0), (1.0, 0.0, 0.0), 0.5), 100.0)], end=(0.0, -0.2, 0.0))
+    one, other = solve(model, mesh_of(model, 2), "statics"), statics.solve(model)
+    assert contact_force(one, 0) == pytest.approx(contact_force(other, 0), rel=0.03)
+    assert one.at(0, 0.5)[1] == pytest.approx(other.at(0, 0.5)[1], rel=0.03)
+
+
+def test_multipliers_press_until_no_point_is_deeper():
+    cylinder = Cylinder((0.0, -1.45, 2.0), (1.0, 0.0, 0.0), 0.5)
+    depths = []
+    for most in (None, 0.02):
+        model = bar(contacts=[Contact(0, cylinder, 100.0, penetration=most)], end=(0.0, -0.2, 0.0))
+        solution = solve(model, mesh_of(model), "statics")
+        depths.append(solution.contacts[0].penetration)
+    assert depths[0] > 0.03 and depths[1] <= 0.02
+    assert solution.iterations["augmentations"] > 0
+
+
+def crossing():
+    rod = straight(8, height=8.0)
+    points = rod.control_points - [0.0, 0.0, 4.0]
+    across = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    spaces = [
+        Space(Rod(rod.axis, one), elements=8, degree=3, order=2) for one in (points, points @ across.T + [0, 1.95, 0])
+    ]
+    supports = [Support.end(spaces[0], end) for end in ("start", "end")]
+    supports += [Support.end(spaces[1], end, displacement=(0.0, -0.25, 0.0), body=1) for end in ("start", "end")]
+    law = NeoHookean(1000.0, 0.3)
+    return Model([Body(space, law) for space in spaces], supports, contacts=[Contact(0, 1, 1000.0)])
+
+
+def test_crossing_rods_press_each_other_as_isorods_do():
+    model = crossing()
+    one, other = solve(model, mesh_of(model, 2), "statics"), statics.solve(model)
+    print(one.contacts, contact_force(other, 0), one.iterations, one.seconds)
+    assert contact_force(one, 0) == pytest.approx(contact_force(other, 0), rel=0.01)
+    assert one.reactions[2:].sum(axis=0) == pytest.approx(-one.reactions[:2].sum(axis=0), abs=1e-6)

@@ -1,0 +1,262 @@
+"""Meshes of any rods: volumes, closed boundaries, nested levels, rings and knots on mesh lines, and hard sections."""
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from isorod.errors import FoldedRodError, InputError
+from isorod.geometry import center_line, section
+from isorod.geometry.rod import Rod
+from isorod.scenes.blade import Blade
+from meshes import rods
+from meshes.mesh import Mesh, gradients, lexicographic
+
+LINE = center_line.straight(6.0)
+
+
+def tube() -> Rod:
+    return LINE.sweep(section.circle(8)).with_rings((0.5, 1.0))
+
+
+def layered() -> Rod:
+    return LINE.sweep(section.circle(8)).with_rings((0.0, 0.6, 0.9, 1.0))
+
+
+def torus() -> Rod:
+    return center_line.arc(4.0, 360.0).sweep(section.circle(8))
+
+
+def trefoil() -> Rod:
+    angle = 2.0 * np.pi * np.arange(24) / 24
+    points = np.stack(
+        [np.sin(angle) + 2.0 * np.sin(2.0 * angle), np.cos(angle) - 2.0 * np.cos(2.0 * angle), -np.sin(3.0 * angle)],
+        axis=1,
+    )
+    return center_line.polyline(points, 0.05, closed=True).sweep(section.circle(8, 0.3)).with_rings((0.6, 1.0))
+
+
+def airfoil(rings: tuple[float, ...] = (0.0, 1.0)) -> Rod:
+    return LINE.sweep(section.naca("2412", 16, 2.0)).with_rings(rings)
+
+
+def sharp(path, rings: tuple[float, ...] = (0.0, 1.0)) -> Rod:
+    """Return a bar with an airfoil of a file whose upper and lower side meet in an edge."""
+    x = 0.5 * (1.0 + np.cos(np.linspace(0.0, np.pi, 60)))
+    half = 0.6 * (0.2969 * np.sqrt(x) - x * (0.1260 + x * (0.3516 - x * (0.2843 - 0.1036 * x))))
+    mean = np.where(x < 0.4, 0.125 * x * (0.8 - x), 0.02 / 0.36 * (0.2 + x * (0.8 - x)))
+    half[0] = mean[0] = 0.0
+    rows = [*zip(x, mean + half, strict=True), *[*zip(x, mean - half, strict=True)][-2::-1]]
+    path.write_text("sharp\n" + "\n".join(f"{a:.6f} {b:.6f}" for a, b in rows))
+    return LINE.sweep(section.from_file(path, 24)).with_rings(rings)
+
+
+def faces(mesh: Mesh) -> np.ndarray:
+    """Return the nodes of all faces of all cells, sorted, ``(6 cells, nodes)``."""
+    found = [mesh.cells[:, mesh.reference[:, axis] == end] for axis in range(3) for end in (0.0, 1.0)]
+    return np.sort(np.concatenate(found), axis=1)
+
+
+def enclosed(mesh: Mesh, names: list[str]) -> tuple[np.ndarray, float]:
+    """Return the vector area of boundary faces, and the volume that they enclose: the integral of ``x . n / 3``."""
+    x, w = np.polynomial.legendre.leggauss(mesh.order + 2)
+    s, t = (grid.ravel() for grid in np.meshgrid(0.5 * (x + 1.0), 0.5 * (x + 1.0)))
+    ticks = np.arange(mesh.order + 1) / mesh.order
+    lagrange = [np.prod([(np.stack([s, t]) - b) / (a - b) for b in ticks if b != a], axis=0) for a in ticks]
+    values = np.stack(
+        [first * second for second in [one[1] for one in lagrange] for first in [one[0] for one in lagrange]], axis=1
+    )
+    where = np.stack([s, t, np.zeros(s.size)], axis=1)
+    slopes = gradients("hexahedron", mesh.order, lexicographic(mesh.order, 3), where)[:, : len(ticks) ** 2, :2]
+    area, volume = np.zeros(3), 0.0
+    for name in names:
+        corners = mesh.points[mesh.faces[name]]
+        edges = np.einsum("qnb,fna->fqab", slopes, corners)
+        normal = np.cross(edges[..., 0], edges[..., 1]) * 0.25 * np.outer(w, w).reshape(-1, 1)
+        area += normal.sum(axis=(0, 1))
+        volume += np.sum(normal * np.einsum("qn,fna->fqa", values, corners)) / 3.0
+    return area, volume
+
+
+@pytest.mark.parametrize("order, rate", [(1, 2.0), (2, 4.0), (3, 4.0)])
+@pytest.mark.parametrize(
+    "rod, exact",
+    [(tube, 4.5 * np.pi), (layered, 6.0 * np.pi), (torus, 8.0 * np.pi**2)],
+    ids=["tube", "layered", "torus"],
+)
+def test_volume_converges_to_the_exact_one(rod, exact, order, rate):
+    errors = [abs(rods.build([rod()], level, order).volume() / exact - 1.0) for level in (1, 2, 4)]
+    assert -np.diff(np.log2(errors)) == pytest.approx([rate, rate], abs=0.5)
+    assert errors[-1] < {1: 0.011, 2: 6e-5, 3: 3e-5}[order]
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_named_faces_are_the_boundary(order):
+    several = [LINE.sweep(section.circle(8)), tube(), torus().with_rings((0.4, 1.0)), layered()]
+    mesh = rods.build(several, 1, order)
+    assert list(mesh.regions) == [f"rod {k}" for k in range(4)]
+    assert [*mesh.faces] == [
+        *("rod 0 start", "rod 0 end", "rod 0 lateral"),
+        *("rod 1 start", "rod 1 end", "rod 1 lateral", "rod 1 inner"),
+        *("rod 2 lateral", "rod 2 inner"),
+        *("rod 3 start", "rod 3 end", "rod 3 lateral"),
+    ]
+    # Faces of one cell only are all named: none is at the closed rod's seam, and rods share no node.
+    different, count = np.unique(faces(mesh), axis=0, return_counts=True)
+    named = np.sort(np.concatenate([*mesh.faces.values()]), axis=1)
+    assert set(count) == {1, 2}
+    assert np.array_equal(np.unique(named, axis=0), different[count == 1])
+    owners = rods.owners(mesh)
+    assert (np.diff(owners) >= 0).all()
+    for k in range(4):
+        cells = mesh.cells[mesh.regions[f"rod {k}"]]
+        assert (owners[cells] == k).all()
+        own = Mesh("hexahedron", order, mesh.points, cells, mesh.reference, {}, mesh.face_reference)
+        area, volume = enclosed(mesh, [name for name in mesh.faces if name.startswith(f"rod {k} ")])
+        assert np.abs(area).max() < 1e-10
+        assert volume == pytest.approx(own.volume(), rel=1e-10)
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_levels_are_nested(order, tmp_path):
+    several = [layered(), torus().with_rings((0.4, 1.0)), airfoil(), sharp(tmp_path / "sharp.dat")]
+    coarse, fine, finest = (rods.build(several, level, order) for level in (1, 2, 4))
+    assert [len(mesh.cells) // len(coarse.cells) for mesh in (fine, finest)] == [8, 64]
+    for one, other in ((coarse, fine), (fine, finest)):
+        keys = [np.column_stack([mesh.parameters, 10.0 * rods.owners(mesh)]) for mesh in (one, other)]
+        distance, node = cKDTree(keys[1]).query(keys[0])
+        assert distance.max() < 1e-9
+        assert np.abs(other.points[node] - one.points).max() < 1e-9
+
+
+def test_cells_of_first_order_have_the_nodes_of_second():
+    several = [layered(), tube()]
+    first, second = (rods.build(several, 1, order) for order in (1, 2))
+    assert len(first.cells) == 8 * len(second.cells)
+    assert len(first.points) == len(second.points)
+    assert cKDTree(second.points).query(first.points)[0].max() < 1e-12
+
+
+def test_nodes_are_where_the_rods_put_them():
+    several = [tube(), torus(), airfoil((0.0, 0.7, 1.0)), trefoil()]
+    mesh = rods.build(several)
+    owners = rods.owners(mesh)
+    for k, rod in enumerate(several):
+        xi, u = mesh.parameters[owners == k, :2], mesh.parameters[owners == k, 2]
+        assert np.abs(rod.points(xi, u) - mesh.points[owners == k]).max() < 1e-13
+        assert u.min() == rod.axis.breaks[0] and (u.max() < rod.axis.breaks[-1]) == rod.closed
+        for name, radius in (("lateral", 1.0), ("inner", rod.rings[0])):
+            if (face := mesh.faces.get(f"rod {k} {name}")) is not None:
+                assert np.abs(np.linalg.norm(mesh.parameters[face, :2], axis=-1) - radius).max() < 1e-13
+
+
+def test_laws_change_on_mesh_lines():
+    line = center_line.polyline([[0.0, 0.0, 0.0], [3.0, 0.0, 0.0], [6.0, 1.0, 0.0], [9.0, 0.0, 1.0]], 0.0)
+    layers = line.sweep(section.circle(8)).with_rings((0.0, 0.6, 0.9, 1.0))
+    ring = center_line.arc(4.0, 360.0).sweep(section.ellipse(8, 1.0, 0.4)).with_rings((0.3, 0.5, 1.0))
+    several = [layers, ring]
+    mesh = rods.build(several)
+    places = rods.places(mesh, several)
+    owner, element, layer = places.T
+    for k, rod in enumerate(several):
+        own = owner == k
+        assert np.array_equal(np.flatnonzero(own), mesh.regions[f"rod {k}"])
+        assert np.array_equal(np.unique(element[own]), np.arange(rod.axis.elements))
+        assert np.array_equal(np.unique(layer[own]), np.arange(len(rod.rings) - 1))
+        nodes = mesh.parameters[mesh.cells[own]]
+        radius, u = np.linalg.norm(nodes[..., :2], axis=2), nodes[..., 2]
+        inner, outer = (np.array(rod.rings)[layer[own] + one][:, None] for one in (0, 1))
+        assert ((inner - 1e-12 <= radius) & (radius <= outer + 1e-12)).all()
+        low, high = (rod.axis.breaks[element[own] + one][:, None] for one in (0, 1))
+        at_seam = rod.closed & (high == rod.axis.breaks[-1]) & (u == rod.axis.breaks[0])
+        assert (((low <= u) & (u <= high)) | at_seam).all()
+
+
+HARD = {
+    "trefoil": (trefoil, 0.7),
+    "blade": (lambda: Blade().rod(), 0.2),
+    "hollow blade": (lambda: Blade().rod().with_rings((0.8, 1.0)), 0.03),
+    "airfoil": (airfoil, 0.2),
+    "hollow airfoil": (lambda: airfoil((0.8, 1.0)), 0.05),
+    "layered airfoil": (lambda: airfoil((0.0, 0.8, 1.0)), 0.03),
+    "rectangle": (lambda: LINE.sweep(section.rounded_rectangle(32, 4.0, 1.0, 0.2)), 0.05),
+    "flower": (lambda: LINE.sweep(section.flower()), 0.5),
+    "hollow flower": (lambda: LINE.sweep(section.flower()).with_rings((0.6, 1.0)), 0.5),
+    "flat ellipse": (lambda: LINE.sweep(section.ellipse(8, 2.0, 0.2)), 0.3),
+    "twisted and tapered": (
+        lambda: LINE.sweep(section.ellipse(8, 1.0, 0.5), scale=[1.0, 0.4], twist=270.0),
+        0.3,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", HARD)
+def test_cells_of_hard_sections(name):
+    make, least = HARD[name]
+    rod = make()
+    for level in (1, 2):
+        mesh = rods.build([rod], level)
+        assert mesh.check() > -1e-12
+        assert mesh.quality().min() > least / level
+    assert mesh.volume() == pytest.approx(rod.volume(), rel=3e-3)
+
+
+@pytest.mark.parametrize("rings, least", [((0.0, 1.0), 0.1), ((0.8, 1.0), 0.05)])
+def test_sharp_airfoils_of_files(rings, least, tmp_path):
+    rod = sharp(tmp_path / "sharp.dat", rings)
+    mesh = rods.build([rod])
+    assert mesh.check() > -1e-12
+    assert mesh.quality().min() > least
+    assert mesh.volume() == pytest.approx(rod.volume(), rel=1e-2)
+
+
+def test_layers_follow_the_rod():
+    # A coil has 8 layers, a long bar cells 6 times as long as wide, a short one at least 4 layers.
+    coils = center_line.helix(6.0, 3.0, 4).sweep(section.circle(8, 0.5))
+    slender = center_line.straight(1000.0).sweep(section.circle(8))
+    stub = center_line.straight(1.0).sweep(section.circle(8))
+    layers = [len(rods.build([rod]).cells) // 5 for rod in (coils, slender, stub)]
+    assert layers[0] >= 32
+    assert layers[1] == pytest.approx(1000.0 / (6.0 * np.sqrt(2.0)), rel=0.2)
+    assert layers[2] == 4
+    for rod in (tube(), layered(), torus(), airfoil(), Blade().rod()):
+        assert 64 * 24 * len(rods.build([rod]).cells) < 2.5e5
+
+
+def test_bad_input_is_refused_in_one_line():
+    rod = LINE.sweep(section.circle(8))
+    for given, said in {
+        ((), 1, 2): "no rod is given",
+        ((rod,), 0, 2): "level: got 0, need",
+        ((rod,), 2.5, 2): "level",
+        ((rod,), 1, 4): "order of the cells: got 4",
+    }.items():
+        with pytest.raises(InputError, match=said) as problem:
+            rods.build(*given)
+        assert "\n" not in str(problem.value)
+    with pytest.raises(FoldedRodError, match=r"mesh: rod 1: the rod folds in element 0 .*concave|outline|fold"):
+        rods.build([rod, LINE.sweep(section.flower(16, 4, 1.0, 0.6))])
+
+
+def test_command_meshes_files_and_scenes(tmp_path, monkeypatch, capsys):
+    gmsh_model = pytest.importorskip("meshes.gmsh_model")
+    pytest.importorskip("gmsh")
+    from meshes.__main__ import main
+
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "my.toml").write_text(
+        'analysis = "geometry"\n[rod.tube]\ncurve = {arc = {radius = 4.0, angle = 360.0}}\nsection = {circle = 1.0}\n'
+        "closed = true\nrings = [0.5, 1.0]\n[rod.bar]\ncurve = {straight = 3.0}\nsection = {circle = 1.0}\n"
+    )
+    assert main(["my.toml", "--level", "2", "--order", "1"]) == 0
+    assert "8 nodes" in capsys.readouterr().out
+    assert main(["ring", "-o", "round.msh"]) == 0
+    with gmsh_model.gmsh_session() as gmsh:
+        gmsh.open(str(tmp_path / "my.msh"))
+        groups = {gmsh.model.getPhysicalName(*group) for group in gmsh.model.getPhysicalGroups()}
+    names = ("lateral", "inner"), ("start", "end", "lateral")
+    assert groups == {"rod 0", "rod 1", *(f"rod {k} {name}" for k in range(2) for name in names[k])}
+    capsys.readouterr()
+    for words, said in {"none.toml": "none.toml", "my.toml --level 0": "level", "my.toml --order 9": "order"}.items():
+        assert main([*words.split(), "-o", "bad.msh"]) == 2
+        assert said in capsys.readouterr().err
+    assert sorted(file.name for file in tmp_path.glob("*.msh")) == ["my.msh", "round.msh"]
