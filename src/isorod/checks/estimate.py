@@ -101,8 +101,9 @@ def _equilibrium(finer: Finer, displacement: Array, work: float, pressures: Sequ
                 ksp.setOperators(matrix)
                 ksp.solve(force, change)
                 size = change.norm()
-            gained = gained or abs(force.dot(change))
             x.axpy(-1.0, change)
+            if not last:
+                gained, first = abs(force.dot(change)), assembler.displacement(x, 1.0)
             if not size > _DONE * max(last, size):
                 break
         found = assembler.displacement(x, 1.0)
@@ -112,9 +113,12 @@ def _equilibrium(finer: Finer, displacement: Array, work: float, pressures: Sequ
         ksp.destroy()
         matrix.destroy()
     if not np.isfinite(size):
-        # Too far for straight steps: the energy of the first, if there is one.
-        before = abs(work) + abs(float(finer.model.external @ state))
-        return gained / (before + gained) if np.isfinite(gained) and before else 1.0
+        # Too far for straight steps: the first alone, of moved supports its energy; without one nothing is right.
+        found, given = first, given * 0.0
+        if not np.isfinite(found).all():
+            return 1.0
+        if not finer.model.external.any() and work:
+            return gained / (abs(work) + gained)
     # What moved supports do and what loads do, or where neither do, how far it goes.
     pairs = [(carried * given, work)]
     for weights in (finer.model.external, state * (not finer.model.external.any() and not pairs[0][0].any())):
@@ -162,25 +166,46 @@ def _modes(finer: Finer, eigenvalues: Array, vectors: Array, free: bool, lumped:
     assembler.tangent(assembler.vector(), 0.0, matrix)
     # Definite, of a free body too.
     shift = float(eigenvalues[0]) if free else 0.0
+    shapes = [finer.displacement(vector) for vector in vectors]
     if free:
         matrix.axpy(shift, mass, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
+    elif finer.wider:
+        shapes += _turns(finer.model)
     ksp = _solver(assembler, matrix)
     try:
-        pushed, found, heavy = ([assembler.vector() for _ in vectors] for _ in range(3))
-        for vector, force, shape, image in zip(vectors, pushed, found, heavy, strict=True):
-            mass.mult(assembler.state(finer.displacement(vector)), force)
-            ksp.solve(force, shape)
-            mass.mult(shape, image)
+        pushed, found, heavy = ([assembler.vector() for _ in shapes] for _ in range(3))
+        for shape, force, better, image in zip(shapes, pushed, found, heavy, strict=True):
+            mass.mult(assembler.state(shape), force)
+            ksp.solve(force, better)
+            mass.mult(better, image)
         # The shifted stiffness times a shape is the force.
         above, below = (np.array([[a.dot(b) for b in found] for a in images]) for images in (pushed, heavy))
         scale = 1.0 / np.sqrt(np.diag(below))
         above, below = (0.5 * (one + one.T) * scale * scale[:, None] for one in (above, below))
-        values = eigh(above, below, eigvals_only=True) - shift
+        values = eigh(above, below, eigvals_only=True, subset_by_index=(0, eigenvalues.size - 1)) - shift
     finally:
         for one in (ksp, matrix, mass):
             one.destroy()
     error = float(np.abs(np.sqrt(np.abs(eigenvalues / values)) - 1.0).max())
     return error if np.isfinite(error) else None
+
+
+def _turns(model: Model) -> list[Array]:
+    """Return motions of all degrees of freedom that turn the sections the more the farther along they are.
+
+    They find modes of torsion that are lower on the finer space than those which come first on the model's.
+    """
+    found = []
+    for turn in np.eye(3):
+        moved = []
+        for body in model.bodies:
+            space = body.space
+            carriers = space.is_carrier[:, None]
+            arms = space.positions - carriers * space.positions[carriers[:, 0]].mean(axis=0)
+            way = np.repeat(np.arange(space.layers) / space.layers, space.layer_nodes)
+            moved.append((way[:, None] * np.cross(turn, arms)).ravel())
+        found.append(np.concatenate(moved))
+    return found
 
 
 def _solver(assembler: Assembler, matrix: PETSc.Mat) -> PETSc.KSP:

@@ -1,8 +1,9 @@
 """The same model on a finer space that contains its own: of a higher degree across the section, or along the axis.
 
 Where a section looks the same turned by half, even and odd functions have parts of their own: torsion warps by even
-ones, of which an odd degree has no more than the even one before it.  Then it is two degrees more, and so it is from
-degree 1, where shear by bending takes the third.
+ones, of which an odd degree has no more than the even one before it, and shear by bending by odd ones, where no
+Poisson's ratio ties them to the even ones across.  Then it is two degrees more; from degree 1 it is always the fourth,
+with which a square first warps.
 """
 
 import warnings
@@ -34,6 +35,12 @@ DIRECTIONS = ("section", "axis")
 # Measured over random rods (`comparisons.stability.estimates`).
 _POWER = 4
 
+# Poisson's ratio from which it ties displacements across to those along.
+_TIES = 0.2
+
+# Degree of a square's warping in torsion.
+_SQUARE = 4
+
 # What of a section function another basis may miss.
 _EXACT = 1e-6
 # What a symmetric section may be off, relative.
@@ -64,7 +71,7 @@ class Finer:
         """Return the model on spaces finer in one of `DIRECTIONS`; None where a contact or a support does not fit."""
         if model.contacts:
             return None
-        spaces = [_finer(body.space, direction) for body in model.bodies]
+        spaces = [_finer(body, direction) for body in model.bodies]
         across = [_across(body.space, fine) for body, fine in zip(model.bodies, spaces, strict=True)]
         supports = []
         for one in model.supports:
@@ -79,6 +86,11 @@ class Finer:
             bodies = [_body(body, fine) for body, fine in zip(model.bodies, spaces, strict=True)]
             left = max(map(_left, (body.space for body in model.bodies), spaces))
             return cls(model, Model(bodies, supports, model.spin, loads=loads), across, left)
+
+    @property
+    def wider(self) -> bool:
+        """Whether there are more section functions."""
+        return any(one.shape[0] > one.shape[1] for one in self.across)
 
     def displacement(self, displacement: Array) -> Array:
         """Return a vector of all degrees of freedom on the finer spaces."""
@@ -108,11 +120,11 @@ class Finer:
         return found
 
 
-def _finer(space: Space, direction: str) -> Space:
-    across = _across_as_is(space)
+def _finer(body: Body, direction: str) -> Space:
+    space, across = body.space, _across_as_is(body.space)
     along: dict[str, Any] = {"elements": space.axis.elements, "degree": space.axis.degree}
     if direction == "section":
-        across |= _more_across(space)
+        across |= _more_across(body)
     elif space.axis.degree < MAX_DEGREE:
         along["degree"] += 1
     else:
@@ -129,12 +141,15 @@ def _across_as_is(space: Space) -> dict[str, Any]:
     return {name: getattr(space, name) for name in names if getattr(space, name) is not None}
 
 
-def _more_across(space: Space) -> dict[str, Any]:
-    """Return what a space with more section functions is told of them."""
+def _more_across(body: Body) -> dict[str, Any]:
+    """Return what a space with more section functions than a body's is told of them."""
+    space = body.space
     if space.section_degree is not None:
-        degree, plain = space.section_degree, space.rod.rings == WHOLE
-        apart = plain and (degree == 1 or degree % 2 == 0) and _turns_onto_itself(space.rod)
-        return {"section_degree": min(degree + 1 + apart, getattr(space.basis, "most", degree))}
+        degree = space.section_degree
+        free = degree % 2 == 0 or min(getattr(law, "nu", 0.0) for law in body.laws) < _TIES
+        two = free and space.rod.rings == WHOLE and _turns_onto_itself(space.rod)
+        wanted = degree + 1 + two if degree > 1 else _SQUARE
+        return {"section_degree": min(wanted, getattr(space.basis, "most", degree))}
     if space.order is None:
         return {}
     # Beyond biharmonic functions waves round the section are what is missing.
