@@ -22,7 +22,6 @@ from isorod.space.basis import SectionBasis
 from isorod.space.polyharmonic import Polyharmonic
 from isorod.space.polynomial import MAX_DEGREE as MAX_SECTION_DEGREE
 from isorod.space.polynomial import Polynomials
-from isorod.space.ringed import Ringed
 
 DEGREE = 5
 
@@ -108,6 +107,8 @@ def section(rod: Rod, missed: float = WARPING) -> dict[str, int]:
     ``missed`` is the share of the torsion constant that they may miss.
     """
     if rod.rings != WHOLE:
+        from isorod.space.ringed import Ringed
+
         best = _torsion_constant(rod, Ringed(rod, MOST_RINGED + 1))
         for degree in range(RINGED, MOST_RINGED):
             if _torsion_constant(rod, Ringed(rod, degree)) <= (1.0 + missed) * best:
