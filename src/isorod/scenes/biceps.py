@@ -221,7 +221,8 @@ class Biceps(Preset):
             supports += [Support.end(space, end, body=branch) for end in ("start", "end")]
             bellies.append(np.flatnonzero(in_belly).tolist())
         # The pressure is spread over most of a belly, and sought at each of many steps.
-        contact = Contact(0, 1, self.penalty, *bellies, points=(3, self.degree + 1))
+        first, second = bellies
+        contact = Contact(0, 1, self.penalty, first, second, (3, cast(int, self.degree) + 1))
         return Model(bodies, supports, contacts=[contact])
 
     def measure(self, solution: "Equilibrium | History") -> dict[str, object]:
