@@ -139,6 +139,10 @@ def test_a_rod_in_contact_has_no_kinks():
     rod = straight(10.0).sweep(section.circle(8))
     assert choice.touching(rod) == {"elements": 12, "degree": 5, "continuity": 1}
     assert choice.touching(rod, 1) == {"elements": 192, "degree": 1, "continuity": 0}
+    # 48 points are 2 pi r / 48 apart round the section, and no more along it.
+    assert choice.touching_points(rod, 8, 12, 5, 64) == (6, 7)
+    assert choice.touching_points(rod, 8, 2, 5, 64) == (6, 39)
+    assert choice.touching_points(rod, 24, 1, 1, 64) == (3, 64)
     assert choice.touching(rod, 3, 2) == {"elements": 36, "degree": 3, "continuity": 2}
 
 
