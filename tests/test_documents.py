@@ -8,6 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 ROOT = Path(__file__).parent.parent
@@ -111,6 +112,21 @@ def test_scripts_run_as_printed(page, python):
         done = python(script)
         assert done.returncode == 0, done.stderr
         assert done.stdout == printed if printed else done.stdout
+
+
+def test_a_trefoil_from_40_points_is_8_lines_and_meets_them(capsys):
+    (script,) = (one for one, _ in scripts(ROOT / "docs" / "python.md") if "polyline" in one)
+    assert sum(bool(line.strip()) for line in script.splitlines()) <= 8
+    names = {}
+    exec(script, names)
+    assert capsys.readouterr().out.startswith("frequencies: ")
+    knot = names["knot"]
+    u = np.linspace(*knot.axis.breaks[[0, -1]], 40001)
+    line = knot.points(np.zeros((u.size, 2)), u)
+    distances = [np.linalg.norm(line - point, axis=1).min() for point in names["points"]]
+    assert len(distances) == 40
+    # The tolerance that the script names, and what lies between two of the places looked at.
+    assert max(distances) <= 1e-3 + 1e-5
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)

@@ -106,6 +106,38 @@ def test_an_example_is_written_and_runs_at_once(name, tmp_path, monkeypatch, cap
     assert Path(file).read_bytes() == (EXAMPLES / f"{name}.toml").read_bytes()
 
 
+# Spaces beside which what is chosen is coarse: degrees that are higher, and more elements.
+SMOOTH = {"degree": 6, "continuity": 0}
+FINE = {
+    "arc": SMOOTH | {"elements": 12, "section_degree": 6},
+    "coil": SMOOTH | {"elements": 24, "section_degree": 6},
+    "taper": SMOOTH | {"elements": 24, "section_degree": 7},
+    "wing": SMOOTH | {"elements": 6, "section_degree": 9},
+    "trefoil": SMOOTH | {"elements": 58, "section_degree": 5},
+    "press": {"elements": 24, "degree": 5, "continuity": 1, "order": 2, "section_points": 16},
+    "crossing": {"elements": 24, "degree": 5, "continuity": 1, "order": 2, "section_points": 8},
+    "cable": SMOOTH | {"elements": 12, "section_degree": 7, "degree": 5},
+    "muscle": SMOOTH | {"elements": 16, "section_degree": 6},
+    "bar": SMOOTH | {"elements": 12, "section_degree": 6},
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", FINE)
+def test_what_is_chosen_for_an_example_is_within_half_a_percent(name):
+    def measured(**space):
+        scene = FileScene(str(EXAMPLES / f"{name}.toml"), **space)
+        solution, _ = run.solve(scene, scene.settings())
+        found = scene.measure(solution)
+        if "frequencies" in found:
+            return {"frequencies": solution.frequencies[solution.rigid :]}
+        return found
+
+    fine = measured(**FINE[name])
+    for key, value in measured().items():
+        np.testing.assert_allclose(value, fine[key], rtol=5e-3, err_msg=key)
+
+
 @pytest.mark.parametrize(
     ("words", "there", "said"),
     [

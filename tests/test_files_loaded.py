@@ -35,6 +35,29 @@ def test_modes_of_a_passive_body_load_no_contact_dynamics_muscle_or_pictures(mod
     assert not {name.split(".")[0] for name in found} & (set(FOREIGN) - {"slepc4py"})
 
 
+# What a scene has of the rooms of which most need none, besides those of its analysis.
+ROOMS = "contact dynamics modal assembly.mixed space.ringed material.muscle".split()
+
+
+@pytest.mark.parametrize(
+    ("name", "rooms", "packages"),
+    [
+        ("arc", "", ""),
+        ("taper", "space.ringed", ""),
+        ("press", "contact", ""),
+        ("muscle", "material.muscle", "vtkmodules"),
+        ("trefoil", "modal", "slepc4py"),
+    ],
+)
+def test_an_example_loads_what_it_needs(name, rooms, packages, modules, tmp_path):
+    """Each example written by ``isorod new`` in a folder of its own, and run there."""
+    assert modules("new", "my.toml", "--from", name)
+    found = modules("run", "my.toml", "--json", *(["--elements", "4", "--degree", "3"] if name == "press" else []))
+    assert {one for one in ROOMS if any(each.startswith(f"isorod.{one}") for each in found)} == set(rooms.split())
+    assert {one.split(".")[0] for one in found} & set(FOREIGN) == set(packages.split())
+    assert not [one for one in found if one.startswith(("isorod.scenes.", "isorod.command.new", "isorod.output.vtk"))]
+
+
 def test_geometry_of_a_file_needs_numpy_and_scipy_alone(modules, tmp_path):
     (tmp_path / "outline.csv").write_text(OUTLINE)
     (tmp_path / "my.toml").write_text(text(RING))

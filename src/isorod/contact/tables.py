@@ -13,7 +13,6 @@ of iterations and is cut (see `isorod.statics`).
 """
 
 from collections.abc import Sequence
-from math import ceil
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -32,14 +31,11 @@ from isorod.contact.packed import (
 )
 from isorod.geometry.axis import Axis
 from isorod.geometry.disk import boundary_functions
-from isorod.model.contact import MAX_POINTS, Contact, Cylinder, Plane
+from isorod.model.contact import Contact, Cylinder, Plane
 
 if TYPE_CHECKING:
     from isorod.model.model import Model
     from isorod.space.space import Space
-
-# Gauss points round a section, and round each of its arcs at the least, where no number is given.
-_AROUND, _ACROSS = 48, 3
 
 
 class _Tables:
@@ -83,7 +79,7 @@ class _Tables:
         share
             Part of the energy that this pass gets.
         """
-        across, along = contact.points or _points(space, chosen)
+        across, along = contact.points or (3, space.axis.degree + 1)
         first_point = sum(areas.size for areas in self.areas)
         starts = (first_point, across, along, len(self.around), len(self.along))
         row = (len(self.surfaces) - 1, master, *starts, contact.penalty, *_obstacle(contact))
@@ -106,23 +102,6 @@ class _Tables:
             area = np.linalg.norm(np.cross(around, jacobian[..., 2]), axis=-1).reshape(along, n, across)
             scale = share * np.pi / n * w * (half * v)[:, None, None]
             self.areas.append((area * scale).ravel())
-
-
-def _points(space: "Space", chosen: Sequence[int]) -> tuple[int, int]:
-    """Return how many points there are round an arc and along an element: as close along the longest one as round it.
-
-    A contact of two round bodies is as long as wide, and what lies between two points is not seen.
-    """
-    n = space.points_around
-    across = max(_ACROSS, ceil(_AROUND / n))
-    theta = 2.0 * np.pi * np.arange(n) / n
-    circle = np.stack([np.cos(theta), np.sin(theta)], axis=1)
-    spans = np.array([_span(space.axis, e) for e in chosen])
-    jacobian = space.rod.grid(circle, spans[:, 0])[1]
-    around = jacobian[..., 1] * circle[:, :1] - jacobian[..., 0] * circle[:, 1:]
-    apart = 2.0 * np.pi * np.linalg.norm(around, axis=-1).mean() / (n * across)
-    longest = (2.0 * spans[:, 1] * np.linalg.norm(jacobian[..., 2], axis=-1).mean(axis=1)).max()
-    return across, int(np.clip(np.ceil(longest / apart), space.axis.degree + 1, MAX_POINTS))
 
 
 def _obstacle(contact: Contact) -> tuple[Array, Array, float]:

@@ -137,9 +137,10 @@ class FileScene:
         only = next(iter(self.plans))
         held = [table.get("rod", only) for _, _, table in self._named("support") if "patch" in table]
         for name, plan in self.plans.items():
-            if name in touching:
+            # A motion seeks contact at each of many steps, the shorter the smaller the elements are.
+            if name in touching and self.analysis == "statics":
                 plan.touch()
-            elif name in held:
+            elif name in touching or name in held:
                 plan.take_surface_points()
 
     def _analysis(self) -> str:
@@ -256,6 +257,8 @@ class FileScene:
             names = self._names(one)
             if isinstance(names["second"], Call):
                 names["second"] = names["second"].make()
+            if one.arguments.get("points") is None and self.analysis == "statics":
+                names["points"] = self._points(bodies[names["first"]].space)
             return one.make(**names)
 
         supports = [placed(one) for one in self._supports.values()]
@@ -273,6 +276,14 @@ class FileScene:
                     load.nodal(bodies[load.body].space)
             raise
         return model
+
+    @staticmethod
+    def _points(space: "Space") -> tuple[int, int]:
+        """Return how many points of an element's surface take part in contact."""
+        from isorod.model.contact import MAX_POINTS
+        from isorod.space.choice import touching_points
+
+        return touching_points(space.rod, space.points_around, space.axis.elements, space.axis.degree, MAX_POINTS)
 
     def measure(self, solution: Any) -> dict[str, object]:
         """Return what the file asks for; without, the force of each support, or the frequencies."""

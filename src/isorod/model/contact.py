@@ -59,8 +59,8 @@ class Contact(Checked):
     first_elements, second_elements
         Axis elements whose surfaces take part; all where not given.
     points
-        Gauss points round each arc of the section and along each element; where not given 48 round
-        the section, at least 3 an arc, and so many along that they are no farther apart there.
+        Gauss points round each arc of the section and along each element; 3 and degree + 1 where not given; in
+        the statics of scene files so many that they are no farther apart than a 48th of the way round.
     penetration
         If given, statics solves an augmented Lagrangian: multipliers are added until no point penetrates deeper than
         this length.

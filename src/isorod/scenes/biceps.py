@@ -220,8 +220,7 @@ class Biceps(Preset):
             bodies.append(Body(space, laws, self.density, "displacement"))
             supports += [Support.end(space, end, body=branch) for end in ("start", "end")]
             bellies.append(np.flatnonzero(in_belly).tolist())
-        # The pressure is spread over most of a belly, and sought at each of many steps.
-        contact = Contact(0, 1, self.penalty, *bellies, points=(3, self.degree + 1))
+        contact = Contact(0, 1, self.penalty, *bellies)
         return Model(bodies, supports, contacts=[contact])
 
     def measure(self, solution: "Equilibrium | History") -> dict[str, object]:

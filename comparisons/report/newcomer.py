@@ -1,0 +1,39 @@
+"""The newcomer's table on the report page."""
+
+from pathlib import Path
+
+from comparisons import newcomer
+from comparisons.measure.records import Record, part
+from comparisons.report.compare import WANTED
+from comparisons.report.html import heading, table
+from comparisons.report.precision import rerun
+
+
+def section(records: list[Record], folder: Path) -> list[str]:
+    """Return the study's HTML; each comparison has a part of the page of its own."""
+    head = ("example", "lines of file", "error at default settings", "seconds of isorod run")
+    return [
+        heading(2, "A newcomer's ten examples"),
+        "<p>Scenes as <code>isorod new</code> writes them, run with nothing chosen, and compared with finite elements; "
+        "the published spring and blade below them. Lines are those without comments; seconds those of the whole "
+        "command. The biceps has a study of its own.</p>",
+        table(head, [newcomer.cells(row) for row in part(records, "example")]),
+        rerun("newcomer", records),
+    ]
+
+
+def answer(records: list[Record]) -> list[str]:
+    """Return the main finding as HTML."""
+    return [f"<p>{line.capitalize()}.</p>" for line in summary(records)]
+
+
+def summary(records: list[Record]) -> list[str]:
+    """Return the main finding, one line."""
+    rows = part(records, "example")
+    good = sum("failure" not in row and row["error"] <= max(WANTED, row["told"]) for row in rows)
+    failed = [row["name"] for row in rows if "failure" in row]
+    more = f"; not compared: {', '.join(failed)}" if failed else ""
+    return [
+        f"newcomer: {good} of {len(rows)} scenes within {100 * WANTED:g} % with nothing chosen, as far as finite "
+        f"elements tell{more}"
+    ]
