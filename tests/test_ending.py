@@ -261,7 +261,7 @@ def test_ranks_say_it_once_and_do_not_wait_for_each_other(to, mpirun):
 OTHERS = {
     "comparisons": "from comparisons import __main__ as it\nit.results.check_folder = stop\n"
     "it.main(['report', '--results', '/nowhere'])",
-    "comparisons.measure.rod": "from comparisons.measure import rod as it\nit.measure = stop\nit.main(['spring'])",
+    "comparisons.measure.rod": "from comparisons.measure import rod as it\nit.solve = stop\nit.main(['spring'])",
     "meshes": "from meshes import __main__ as it\nit.spring.build = stop\nit.main(['spring'])",
     "comparisons.fem": "from comparisons.fem import __main__ as it\nit._run = stop\nit.main(['spring'])",
 }
