@@ -208,3 +208,32 @@ def test_a_first_run_compiles_little(python, tmp_path):
     """It took 38 s for 158 functions, most of them numba's own for single lines of NumPy."""
     done = python(COUNTED, "run spring", env=environment(NUMBA_CACHE_DIR=str(tmp_path)))
     assert int(re.search(r"^compiled (\d+)", done.stdout, re.MULTILINE)[1]) < 45
+
+
+MOTION = """
+import numpy as np
+from conftest import straight
+from isorod import dynamics
+from isorod.material import NeoHookean
+from isorod.model import Body, Model, Support
+from isorod.space import Space
+
+space = Space(straight(n=8, height=4.0), elements=4, degree=3, order=1)
+model = Model([Body(space, NeoHookean(1.0, 0.3), 1.0)], [Support.end(space, "start")])
+velocity = np.outer(space.positions[:, 2], [0.01, 0.02, 0.0]).ravel()
+print(dynamics.solve(model, 5.0, outputs=1, velocity=velocity).displacement.tobytes().hex())
+"""
+
+
+@pytest.mark.slow
+def test_who_compiles_has_the_last_bits_of_who_reads(tmp_path):
+    around = os.environ | {
+        "NUMBA_CACHE_DIR": str(tmp_path),
+        "PYTHONPATH": os.pathsep.join([*sys.path, str(ROOT / "tests")]),
+    }
+    compiled, read = (
+        subprocess.run([sys.executable, "-c", MOTION], env=around, capture_output=True, text=True, check=True)
+        for _ in range(2)
+    )
+    assert "compiling" in compiled.stderr and "compiling" not in read.stderr
+    assert compiled.stdout == read.stdout
