@@ -136,7 +136,10 @@ def test_both_sides_run_and_the_answer_is_on_page_and_screen(both, capsys):
         assert piece in text
     assert (folder / "compare-my-bar-errors.png").stat().st_size > 10_000
     assert "with nothing chosen by hand isorod is" in text
-    assert report._by({"discretisation": [{"chosen": ["quadrature"]}]}) == "on the space that its file gives it"
+    chosen, silent = {"discretisation": [{"chosen": ["quadrature"]}]}, {"rod": {"beam": {"curve": {}}}}
+    told = {"rod": {"beam": {"space": {"elements": 4}}}}
+    assert report._by(chosen | {"options": told}) == "on the space that its file gives it"
+    assert report._by(chosen | {"options": silent}) == "with nothing chosen by hand"
     assert all(arguments[-2] == "--fields" for _, arguments in asked)
 
 

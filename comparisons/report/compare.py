@@ -169,7 +169,10 @@ def _of_default(records: list[Record]) -> str:
 
 
 def _by(default: Record) -> str:
-    chosen = all({"elements", "degree"} <= {*one["chosen"]} for one in default["discretisation"])
+    # What a file does not say, some scenes choose in its place: rods that touch want control points.
+    rods = default["options"].get("rod")
+    silent = bool(rods) and not any(one.get("space") for one in rods.values())
+    chosen = silent or all({"elements", "degree"} <= {*one["chosen"]} for one in default["discretisation"])
     return "with nothing chosen by hand" if chosen else "on the space that its file gives it"
 
 
