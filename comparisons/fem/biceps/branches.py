@@ -14,6 +14,7 @@ from mpi4py import MPI
 from comparisons.fem import compat, quadrature
 from comparisons.fem.flags import FAST
 from comparisons.fem.material import Energy, muscle, neo_hookean
+from comparisons.fem.numbering import Numbered
 from isorod.scenes.biceps import Biceps
 from meshes.biceps import BRANCHES
 from meshes.mesh import Array, Index, Mesh, match
@@ -32,7 +33,7 @@ class End:
     unit: Array
 
 
-class Branches:
+class Branches(Numbered):
     """Both branches as one dolfinx mesh whose parts share no node.
 
     Parameters
@@ -116,16 +117,6 @@ class Branches:
         field = dolfinx.fem.Function(self.space)
         field.x.array[:] = self.to_dofs(nodal)
         return field / ufl.sqrt(ufl.inner(field, field))
-
-    def to_dofs(self, nodal: Array) -> Array:
-        """Return values by node ``(nodes, 3)`` as coefficients of the space, shape ``(3 nodes,)``."""
-        result = np.empty_like(nodal)
-        result[self.node_dofs] = nodal
-        return result.ravel()
-
-    def to_nodes(self, coefficients: Array) -> Array:
-        """Return coefficients of the space ``(3 nodes,)`` by node, shape ``(nodes, 3)``."""
-        return coefficients.reshape(-1, 3)[self.node_dofs]
 
     @cached_property
     def residual(self) -> Any:

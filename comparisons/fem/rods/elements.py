@@ -9,6 +9,7 @@ import numpy as np
 from mpi4py import MPI
 
 from comparisons.fem import compat
+from comparisons.fem.numbering import Numbered
 from isorod.errors import InputError
 from isorod.geometry.rod import Rod
 from meshes.mesh import Array, Index, Mesh, match
@@ -17,7 +18,7 @@ from meshes.mesh import Array, Index, Mesh, match
 _SAME = 1e-9
 
 
-class Elements:
+class Elements(Numbered):
     """A mesh handed to dolfinx, and whose node, cell and facet is whose.
 
     Parameters
@@ -62,16 +63,6 @@ class Elements:
     def dofs(self) -> int:
         """Number of degrees of freedom, held ones included."""
         return 3 * len(self.source.points)
-
-    def to_dofs(self, nodal: Array) -> Array:
-        """Return values by node ``(nodes, 3)`` as coefficients of the space, shape ``(3 nodes,)``."""
-        result = np.empty_like(nodal)
-        result[self.node_dofs] = nodal
-        return result.ravel()
-
-    def to_nodes(self, coefficients: Array) -> Array:
-        """Return coefficients of the space ``(3 nodes,)`` by node, shape ``(nodes, 3)``."""
-        return coefficients.reshape(-1, 3)[self.node_dofs]
 
     def cells(self, rod: int) -> Index:
         """Return the numbers of a rod's cells in the source."""
