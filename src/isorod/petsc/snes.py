@@ -7,6 +7,10 @@ from petsc4py import PETSc
 
 from isorod.options import defaults
 
+# PETSc counts a line search that fails as convergence where stol times the state exceeds the step, which from 3.25 on
+# is zero where the residual is no number.
+OPTIONS = {"snes_stol": 0.0}
+
 
 def create_snes(
     vector: PETSc.Vec,
@@ -41,7 +45,7 @@ def create_snes(
     snes = PETSc.SNES().create(matrix.getComm())
     snes.setFunction(lambda snes, x, out: residual(x, out), vector)
     snes.setJacobian(jacobian, matrix)
-    with defaults(options):
+    with defaults(OPTIONS | dict(options)):
         snes.setFromOptions()
     if not PETSc.Options().hasName("snes_atol"):
         snes.setConvergenceTest(test)

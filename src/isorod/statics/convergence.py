@@ -19,6 +19,9 @@ from isorod.checks import hourglass
 # that leave like this may come back to another equilibrium.
 GROWTH = 3.0
 
+# Newton's iterations end where they change less than this share of the state, or than -snes_stol says.
+STEP = 1e-8
+
 # A step that leaves less than this share of the volume anywhere is too large: Newton's method then finds equilibria of
 # no meaning.
 SQUEEZE = 0.2
@@ -124,6 +127,6 @@ class Convergence:
             return reasons.CONVERGED_FNORM_ABS
         if self.plain and force > GROWTH * self._first:
             return reasons.DIVERGED_DTOL
-        if iteration > 0 and change < stol * state:
+        if iteration > 0 and change < max(stol, STEP) * state:
             return reasons.CONVERGED_SNORM_RELATIVE
         return reasons.CONVERGED_ITERATING
