@@ -50,6 +50,7 @@ if TYPE_CHECKING:
     from isorod.model import Plane as Plane
     from isorod.model import Pressure as Pressure
     from isorod.model import SectionLoad as SectionLoad
+    from isorod.model import Sphere as Sphere
     from isorod.model import Spin as Spin
     from isorod.model import Support as Support
     from isorod.space import Space as Space
@@ -81,6 +82,7 @@ _OFFERED = {
     "SectionLoad": "isorod.model",
     "SolveError": "isorod.errors",
     "Space": "isorod.space",
+    "Sphere": "isorod.model",
     "Spin": "isorod.model",
     "StVenantKirchhoff": "isorod.material.st_venant_kirchhoff",
     "Support": "isorod.model",

@@ -12,7 +12,7 @@ from comparisons.fem.pressed import Pressed, Touching
 from comparisons.fem.rods.elements import Elements
 from comparisons.fem.rods.solution import Touch
 from isorod.errors import InputError, SolveError
-from isorod.model.contact import Contact, Cylinder, Plane
+from isorod.model.contact import Contact, Sphere
 from isorod.model.model import Model
 from meshes.mesh import Index, Mesh
 
@@ -66,10 +66,15 @@ class Contacts:
 
 def _made(elements: Elements, model: Model, k: int) -> Touching:
     contact, mesh = model.contacts[k], elements.source
-    if isinstance(contact.second, Plane | Cylinder):
-        facets = _facets(elements, model, contact.first, contact.first_elements)
+    if any(len(bodies) > 1 for bodies in contact.groups) or contact.second is None or contact.penalty is None:
+        raise InputError(f"contact {k}: of several bodies, of one with itself, or without a penalty: not here")
+    if isinstance(contact.obstacle, Sphere):
+        raise InputError(f"contact {k}: a sphere is not on the finite element side")
+    if contact.obstacle is not None:
+        ((body, chosen),) = contact.sides
+        facets = _facets(elements, model, body, chosen)
         parts = _parts(mesh, [facets], _radius(contact, elements))
-        return Obstacle(gauss(mesh, facet_of(mesh), facets, parts), contact.second, contact.penalty)
+        return Obstacle(gauss(mesh, facet_of(mesh), facets, parts), contact.obstacle, contact.penalty)
     if contact.penetration is not None:
         raise InputError(f"contact {k}: a largest penetration between two rods is not on the finite element side")
     sides = {

@@ -6,8 +6,13 @@ to search for, while ``w <= D / 2``.  Proof: a point of a surface at fixed param
 carriers and has gone no more than ``w`` either; the slave's point **and** the master's, both, may have approached.
 
 ``Packed.travel`` grows by the longest way of each call, in all by no less than ``w``; ``Packed.clear`` is its value at
-which ``D / 2`` is used up.  ``D`` is how far the point is from the boxes of the master's control points, which hold it;
-after a search, by how much the gap exceeds that of zero pressure, the foot found taken for the nearest.
+which ``D / 2`` is used up.  ``D`` is how far the point is from the boxes of the masters' control points, which hold
+them; after a search, by how much the gap exceeds that of zero pressure, the foot found taken for the nearest.  The same
+lemma keeps the lists of elements near an element: those made with a margin ``M`` between boxes leave out no element
+nearer than ``M - 2 w``.
+
+A search starts at the nearest of the masters' own slave points, of elements whose boxes hold the point: others are not
+in contact, and what is found depends on present positions alone.
 """
 
 from typing import NamedTuple
@@ -16,7 +21,7 @@ import numpy as np
 from numba import b1, f8, i8, types, void
 
 from isorod.arrays import Array
-from isorod.compiled import F1, F2, F3, FAST, njit
+from isorod.compiled import F1, F2, FAST, njit
 from isorod.contact.packed import ELEMENT_ROW, PACKED, PASS_ROW, PLANE, SURFACE_ROW, Packed, Row
 from isorod.contact.surface_kernel import EDGE, END, FOOT, LOST, Foot, arc_of, closest, dot, new_foot, surface_gap
 
@@ -124,34 +129,115 @@ def _place(packed: Packed, positions: Array) -> None:
             _enclose(surface, packed.elements[row], positions, packed.boxes[row])
 
 
-@njit(f8(F1, F3, i8, i8), **FAST)
-def _distance(x: Array, boxes: Array, first: int, count: int) -> float:
-    """Return how far a point is from all of ``count`` boxes, in its farthest coordinate; negative inside."""
-    distance = np.inf
-    for row in range(first, first + count):
-        low, high = boxes[row, 0], boxes[row, 1]
-        beside = max(low[0] - x[0], x[0] - high[0], low[1] - x[1], x[1] - high[1], low[2] - x[2], x[2] - high[2])
-        distance = min(distance, beside)
+@njit(f8(F1, F2), **FAST)
+def _beside(x: Array, box: Array) -> float:
+    """Return how far a point is from a box, in its farthest coordinate; negative inside."""
+    low, high = box[0], box[1]
+    return max(low[0] - x[0], x[0] - high[0], low[1] - x[1], x[1] - high[1], low[2] - x[2], x[2] - high[2])
+
+
+@njit(f8(F2, F2), **FAST)
+def _apart(one: Array, other: Array) -> float:
+    """Return how far two boxes are from each other, in their farthest coordinate; negative where they overlap."""
+    distance = -np.inf
+    for a in range(3):
+        distance = max(distance, one[0, a] - other[1, a], other[0, a] - one[1, a])
     return distance
 
 
-@njit(void(PACKED, SURFACE_ROW, i8), **FAST)
-def _guess(packed: Packed, surface: Row, point: int) -> None:
-    """Start the search of a point at the sample of a surface nearest to it: one of the surface's own slave points."""
-    x = packed.points[point]
-    own = packed.passes[surface.own_pass]
-    best, found = np.inf, own.first_point
-    for k in range(own.first_point, _end(own, surface)):
-        y = packed.points[k]
-        square = (x[0] - y[0]) ** 2 + (x[1] - y[1]) ** 2 + (x[2] - y[2]) ** 2
-        if square < best:
-            best, found = square, k
-    there, start = site(own, surface, found), packed.starts[point]
-    sector = 2.0 * np.pi / surface.around
-    share = (there.around - own.first_around + 0.5) / own.across
-    start.element = there.element
-    start.theta = surface.turn + sector * (there.arc - 0.5 + share)
-    start.s = 2.0 * ((there.along - own.first_along) % own.along + 0.5) / own.along - 1.0
+@njit(b1(PACKED, i8, f8, i8, f8), **FAST)
+def _may_touch(packed: Packed, row: int, share: float, other: int, other_share: float) -> bool:
+    """Return whether two places, at shares of two elements, are of two bodies or far enough apart along the axis."""
+    one, two = packed.elements[row], packed.elements[other]
+    surface = packed.surfaces[one.surface]
+    if surface.body != packed.surfaces[two.surface].body:
+        return True
+    way = abs(one.begin + share * (one.end - one.begin) - two.begin - other_share * (two.end - two.begin))
+    return min(way, surface.period - way) >= np.pi * max(one.radius, two.radius)
+
+
+@njit(i8(PACKED, PASS_ROW), **FAST)
+def _last_row(packed: Packed, one: Row) -> int:
+    """Return the number after that of the last element of a pass' masters."""
+    last = packed.surfaces[one.master + one.masters - 1]
+    return last.first_element + last.elements
+
+
+@njit(void(PACKED), **FAST)
+def _list(packed: Packed) -> None:
+    """Make the lists of elements that are near each element and may touch it."""
+    packed.listed[1] = packed.travel[0]
+    for k in range(packed.passes.size):
+        one = packed.passes[k]
+        if one.master < 0:
+            continue
+        slave = packed.surfaces[one.slave]
+        first, last = packed.surfaces[one.master].first_element, _last_row(packed, one)
+        for row in range(slave.first_element, slave.first_element + slave.elements):
+            count = 0
+            for other in range(first, last):
+                if _apart(packed.boxes[row], packed.boxes[other]) > packed.listed[0]:
+                    continue
+                # The ends that are farthest from each other.
+                if not (_may_touch(packed, row, 0.0, other, 1.0) or _may_touch(packed, row, 1.0, other, 0.0)):
+                    continue
+                if count < packed.near.shape[1]:
+                    packed.near[row, count] = other
+                count += 1
+            packed.counts[row] = count
+
+
+@njit(b1(PACKED, PASS_ROW, i8), **FAST)
+def _guess(packed: Packed, one: Row, point: int) -> bool:
+    """Start the search of a point at the nearest sample; return False if none is near, and until when.
+
+    Samples are slave points of the masters' elements whose boxes hold the point.
+    """
+    x, slave, start = packed.points[point], packed.surfaces[one.slave], packed.starts[point]
+    at = site(one, slave, point)
+    share = ((at.along - one.first_along) % one.along + 0.5) / one.along
+    listed = packed.counts[at.element] <= packed.near.shape[1]
+    first = 0 if listed else packed.surfaces[one.master].first_element
+    count = packed.counts[at.element] if listed else _last_row(packed, one) - first
+    best, found, row_found = np.inf, -1, -1
+    free = packed.listed[0] - 2.0 * (packed.travel[0] - packed.listed[1])
+    reach = 0.0
+    for k in range(count):
+        row = packed.near[at.element, k] if listed else first + k
+        distance = _beside(x, packed.boxes[row])
+        if distance > 0.0:
+            free = min(free, distance)
+            continue
+        element = packed.elements[row]
+        master = packed.surfaces[element.surface]
+        own = packed.passes[master.own_pass]
+        reach = max(reach, element.spacing)
+        for t in range(own.along):
+            if not _may_touch(packed, at.element, share, row, (t + 0.5) / own.along):
+                continue
+            size = master.around * own.across
+            begin = own.first_point + ((row - master.first_element) * own.along + t) * size
+            for sample in range(begin, begin + size):
+                y = packed.points[sample]
+                square = (x[0] - y[0]) ** 2 + (x[1] - y[1]) ** 2 + (x[2] - y[2]) ** 2
+                if square < best:
+                    best, found, row_found = square, sample, row
+    if found >= 0:
+        best = np.sqrt(best)
+        if best <= packed.elements[row_found].radius + reach:
+            master = packed.surfaces[packed.elements[row_found].surface]
+            own = packed.passes[master.own_pass]
+            there, sector = site(own, master, found), 2.0 * np.pi / master.around
+            start.element = row_found
+            start.theta = master.turn + sector * (
+                there.arc - 0.5 + (there.around - own.first_around + 0.5) / own.across
+            )
+            start.s = 2.0 * ((there.along - own.first_along) % own.along + 0.5) / own.along - 1.0
+            return True
+        # Deeper than a radius no point is: this one is outside.
+        free = min(free, best - reach)
+    packed.clear[point] = packed.travel[0] + 0.5 * max(free, 0.0)
+    return False
 
 
 @njit(b1(PACKED, F2), **FAST)
@@ -198,18 +284,19 @@ def _gap(packed: Packed, one: Row, point: int, positions: Array, foot: Foot) -> 
     x = packed.points[point]
     if one.master < 0:
         return rigid_gap(one, x, foot.normal)
-    master, start = packed.surfaces[one.master], packed.starts[point]
-    distance = _distance(x, packed.boxes, master.first_element, master.elements)
-    if distance > 0.0:
-        packed.clear[point] = packed.travel[0] + 0.5 * distance
+    start = packed.starts[point]
+    if start.element < 0 and not _guess(packed, one, point):
         return np.inf
-    if start.element < 0:
-        _guess(packed, master, point)
+    master = packed.surfaces[packed.elements[start.element].surface]
     outcome = closest(master, packed.elements, x, start, positions, foot)
     if outcome == END:
         return np.inf
     if outcome == LOST:
         return np.nan
+    at = site(one, packed.surfaces[one.slave], point)
+    share = ((at.along - one.first_along) % one.along + 0.5) / one.along
+    if not _may_touch(packed, at.element, share, start.element, 0.5 * (start.s + 1.0)):
+        return np.inf
     packed.states[point].edge = outcome == EDGE
     return surface_gap(foot, outcome == EDGE)
 
@@ -233,7 +320,8 @@ def _press(packed: Packed, one: Row, point: int, foot: Foot, force: float, force
     phi, axial = packed.around[at.around], packed.along[at.along]
     _share(slave, packed.elements[at.element], at.arc, phi, axial, push, forces)
     if one.master >= 0:
-        master, start = packed.surfaces[one.master], packed.starts[point]
+        start = packed.starts[point]
+        master = packed.surfaces[packed.elements[start.element].surface]
         arc = arc_of(master, start.theta)
         _share(master, packed.elements[start.element], arc, foot.phi[0], foot.axial[0], -push, forces)
 
@@ -265,6 +353,8 @@ def add_forces(packed: Packed, positions: Array, forces: Array) -> Pressing:
         return Pressing(np.nan, np.nan, np.nan, np.nan)
     travel = packed.travel[0]
     _place(packed, positions)
+    if 2.0 * (travel - packed.listed[1]) > packed.listed[0]:
+        _list(packed)
     energy = force = area = deepest = 0.0
     foot = new_foot()
     for k in range(packed.passes.size):

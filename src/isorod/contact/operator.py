@@ -7,10 +7,13 @@ from isorod.arrays import Array
 from isorod.contact.force_kernel import add_forces
 from isorod.contact.packed import Table
 from isorod.contact.result import ContactResult, measure, slave_points
-from isorod.contact.tables import pack
+from isorod.contact.tables import pack, smallest_radius
 from isorod.contact.tangent_kernel import NODES, PATCH, add_blocks, find_patches, patch_nodes
-from isorod.model.contact import refuse
+from isorod.model.contact import Contact, refuse
 from isorod.model.model import Model
+
+# Penetration up to which multipliers are added by default, relative to the smallest radius.
+_DEEPEST = 1e-3
 
 
 class ContactOperator:
@@ -103,10 +106,17 @@ class ContactOperator:
         -------
         What is too deep, in words, or None.
         """
-        for k, (contact, result) in enumerate(zip(self._model.contacts, self.results(displacement), strict=True)):
-            if contact.penetration is not None and result.penetration > contact.penetration:
-                for own, points in slave_points(self._model, self.packed):
-                    if own.penetration is not None:
+        limits = [self._limit(contact) for contact in self._model.contacts]
+        for k, (limit, result) in enumerate(zip(limits, self.results(displacement), strict=True)):
+            if result.penetration > limit:
+                for own, (_, points) in zip(limits, slave_points(self._model, self.packed), strict=True):
+                    if np.isfinite(own):
                         self.packed.multipliers[points] = self.packed.states["pressure"][points]
-                return f"contact {k}: penetration {result.penetration:.3g}, wanted {contact.penetration:.3g},"
+                return f"contact {k}: penetration {result.penetration:.3g}, wanted {limit:.3g},"
         return None
+
+    def _limit(self, contact: Contact) -> float:
+        """Return how deep a point of a contact may be."""
+        if contact.penetration is not None:
+            return contact.penetration
+        return np.inf if contact.penalty is not None else _DEEPEST * smallest_radius(self._model, contact)

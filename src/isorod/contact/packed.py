@@ -1,15 +1,20 @@
 """All contacts of a model as compiled loops take them: tables with named fields, and what calls leave behind.
 
-A contact is a number of passes, in each of which the points of one surface, the slave, are held against another
-surface, the master, or a rigid obstacle.  There may be any number of surfaces, each the slave of one pass and the
-master of any number of passes.
+A contact is a number of passes, in each of which the points of one surface, the slave, are held against a rigid
+obstacle, or against the nearest of some surfaces, the masters, which may be the slave itself.  There may be any number
+of surfaces, each the slave of one pass and a master of any number of passes.
+
+Of its own body a point meets only what is at least half a turn of its radius away along the axis: a rod that is bent
+as tightly as it can, with no radius left inside, has touched itself there (its centre line then turns with the radius
+of its section), and what is nearer is the point's own neighbourhood.
 
 What `isorod.contact.force_kernel.add_forces` leaves in a `Packed` for later calls and for the caller:
 
 - ``starts``: where each point was projected to.  Next time the search begins there, and where a point has two nearest
   points this decides: it is history, all that there is, and what a checkpoint of a motion keeps.
-- ``before``, ``travel``, ``clear``: how far the rods have gone, and until when a point needs no search.  They save time
-  and change no result (see `isorod.contact.force_kernel`).
+- ``before``, ``travel``, ``clear``, ``near``, ``counts``, ``listed``: how far the rods have gone, until when a point
+  needs no search, and which elements are near which.  They save time and change no result (see
+  `isorod.contact.force_kernel`).
 - ``states``, ``points``: the outcome of the call, to be read before the next one.
 - ``boxes``: work space.
 
@@ -24,11 +29,14 @@ from numba import from_dtype, types
 from numpy.typing import NDArray
 
 from isorod.arrays import Array, Index
-from isorod.compiled import F1, F2, F3, I1
+from isorod.compiled import F1, F2, F3, I1, I2
 from isorod.geometry.axis import MAX_DEGREE
 
 # What a pass has in the place of a master surface.
-PLANE, CYLINDER = -1, -2
+PLANE, CYLINDER, SPHERE = -1, -2, -3
+
+# Elements near an element that there is room for in its list; where there are more, all are looked at.
+NEAR = 48
 
 # Axis functions that an element has room for: ``l``.
 FUNCTIONS = MAX_DEGREE + 1
@@ -37,32 +45,39 @@ FUNCTIONS = MAX_DEGREE + 1
 Table = NDArray[Any]
 Row = Any
 
-# A surface: control points round its section, axis functions of an element, its elements, the pass in which it is
-# slave (its points start searches for closest points on it), angle of the first control point, half an arc's cosine and
-# sine.
+# A surface: its body, control points round its section, axis functions of an element, its elements, the pass in which
+# it is slave (its points start searches for closest points on it), angle of the first control point, half an arc's
+# cosine and sine, and the length of the whole axis where that is closed, else infinity.
 SURFACE = np.dtype(
     [
-        *((name, np.int64) for name in ("around", "functions", "first_element", "elements", "own_pass")),
-        *((name, np.float64) for name in ("turn", "cos", "sin")),
+        *((name, np.int64) for name in ("body", "around", "functions", "first_element", "elements", "own_pass")),
+        *((name, np.float64) for name in ("turn", "cos", "sin", "period")),
     ]
 )
 
-# An element of a surface's axis: the node (of the model) at which each layer begins, the weighted axis functions in
-# powers of ``s`` in [-1, 1], and the elements before and after, -1 at an end of the surface.
+# An element of a surface's axis: its surface, the node (of the model) at which each layer begins, the weighted axis
+# functions in powers of ``s`` in [-1, 1], the elements before and after, -1 at an end of the surface; of the undeformed
+# rod, how far along the axis it begins and ends, the largest distance of its surface from the axis, and twice the
+# largest distance between neighbours among its slave points.
 ELEMENT = np.dtype(
     [
+        ("surface", np.int64),
         ("layers", np.int64, FUNCTIONS),
         ("polynomials", np.float64, (FUNCTIONS, FUNCTIONS)),
         ("neighbours", np.int64, 2),
+        ("begin", np.float64),
+        ("end", np.float64),
+        ("radius", np.float64),
+        ("spacing", np.float64),
     ]
 )
 
-# A pass: slave surface; master surface, `PLANE` or `CYLINDER`; the first of its points; points round an arc and along
-# an element; its first rows in `Packed.around` and `Packed.along`; force per volume; of an obstacle a point, the unit
-# normal or axis, and the radius.
+# A pass: slave surface; first of its master surfaces, and their number, or an obstacle's kind; the first of its points;
+# points round an arc and along an element; its first rows in `Packed.around` and `Packed.along`; force per volume; of
+# an obstacle a point, the unit normal or axis, and the radius.
 PASS = np.dtype(
     [
-        *((name, np.int64) for name in ("slave", "master", "first_point", "across", "along")),
+        *((name, np.int64) for name in ("slave", "master", "masters", "first_point", "across", "along")),
         *((name, np.int64) for name in ("first_around", "first_along")),
         ("penalty", np.float64),
         ("point", np.float64, 3),
@@ -104,6 +119,10 @@ class Packed(NamedTuple):
         call, ``(1,)``; the ``travel`` up to which a point needs no search, ``(Q,)``.
     boxes
         Lower and upper corners of the elements, ``(E, 2, 3)``.
+    near, counts, listed
+        Elements whose boxes were no farther than a margin from an element's, when the lists were made, ``(E, NEAR)``,
+        their number ``(E,)`` (more than `NEAR`: not all are in the list), and the margin and the ``travel`` of then,
+        ``(2,)``.
     """
 
     surfaces: Table
@@ -121,6 +140,9 @@ class Packed(NamedTuple):
     travel: Array
     clear: Array
     boxes: Array
+    near: Index
+    counts: Index
+    listed: Array
 
     @property
     def fixed(self) -> tuple[Array | Table, ...]:
@@ -138,4 +160,6 @@ SURFACE_ROW, ELEMENT_ROW, PASS_ROW, START_ROW, STATE_ROW = map(from_dtype, (SURF
 SURFACES, ELEMENTS, PASSES, STARTS, STATES = (
     types.Array(row, 1, "C") for row in (SURFACE_ROW, ELEMENT_ROW, PASS_ROW, START_ROW, STATE_ROW)
 )
-PACKED = types.NamedTuple((SURFACES, ELEMENTS, PASSES, F2, F2, F1, I1, F1, STATES, F2, STARTS, F2, F1, F1, F3), Packed)
+PACKED = types.NamedTuple(
+    (SURFACES, ELEMENTS, PASSES, F2, F2, F1, I1, F1, STATES, F2, STARTS, F2, F1, F1, F3, I2, I1, F1), Packed
+)

@@ -1,15 +1,15 @@
 """What comes out of a contact: forces, area, penetration, and the pressure at each point."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from isorod.arrays import Array, Index
 from isorod.contact.packed import Packed
+from isorod.contact.tables import smallest_radius
 from isorod.model.contact import Contact
 from isorod.model.model import Model
-from isorod.space.space import Space
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,13 +66,12 @@ def measure(model: Model, packed: Packed) -> list[ContactResult]:
         areas = packed.areas[chosen]
         touching = pressure > 0.0
         depth = float(max(0.0, -gap[touching].min(initial=0.0)))
-        radius = min(_radius(model.bodies[body].space, elements) for body, elements in contact.sides)
         results.append(
             ContactResult(
                 force=float(areas @ pressure),
                 area=float(areas[touching].sum()),
                 penetration=depth,
-                relative_penetration=depth / radius,
+                relative_penetration=depth / smallest_radius(model, contact),
                 body=bodies[chosen],
                 positions=packed.points[chosen].copy(),
                 pressure=pressure.copy(),
@@ -80,14 +79,3 @@ def measure(model: Model, packed: Packed) -> list[ContactResult]:
             )
         )
     return results
-
-
-def _radius(space: Space, elements: Sequence[int] | None) -> float:
-    """Return the smallest mean distance of a section's outline from its centre, over the middles of elements."""
-    breaks = space.axis.breaks
-    middles = 0.5 * (breaks[1:] + breaks[:-1])
-    theta = np.linspace(0.0, 2.0 * np.pi, 8 * space.points_around, endpoint=False)
-    circle = np.stack([np.cos(theta), np.sin(theta)], axis=1)
-    outline, _ = space.rod.grid(circle, middles if elements is None else middles[list(elements)])
-    spokes = outline - outline.mean(axis=1, keepdims=True)
-    return float(np.linalg.norm(spokes, axis=2).mean(axis=1).min())

@@ -1,11 +1,11 @@
-"""Frictionless contact between the lateral surfaces of rods, and of rods with rigid obstacles.
+"""Contact between the lateral surfaces of rods, and of rods with rigid obstacles.
 
 The penalty energy ``1/2 eps g^2`` per reference area, ``g`` the gap from a point of one surface (the slave) to the
 closest point of the other (the master), is integrated over both surfaces in turn with half the weight each, so that
 neither is preferred (Lu, CMAME 200 (2011) 726-741, on the paper's surface).  Forces are its exact derivative.
 
-A point whose closest point lies on the open end of the master, or on the border of its named elements, is not in
-contact: it is beyond the surface.
+Of several masters a point meets that to which it is nearest.  A point whose closest point lies on the open end of its
+master, or on the border of its named elements, is not in contact: it is beyond the surface.
 
 The energy has a continuous gradient, and a Hessian that jumps where points come and go and where feet cross joints of
 arcs.  Newton's method converges quadratically once that has settled; a load step in which it does not settle runs out
@@ -22,20 +22,28 @@ from isorod.contact.packed import (
     CYLINDER,
     ELEMENT,
     FUNCTIONS,
+    NEAR,
     NOWHERE,
     PASS,
     PLANE,
+    SPHERE,
     STATE,
     SURFACE,
     Packed,
 )
 from isorod.geometry.axis import Axis
 from isorod.geometry.disk import boundary_functions
-from isorod.model.contact import Contact, Cylinder, Plane
+from isorod.model.contact import Contact, Cylinder, Plane, Sphere
 
 if TYPE_CHECKING:
     from isorod.model.model import Model
     from isorod.space.space import Space
+
+# The penalty by default, in moduli per radius: under pressures that small strains bear, points are less than a
+# thousandth of a radius deep after a few updates of multipliers, and no contact is stiffer than what it presses on.
+_STIFF = 10.0
+
+_KINDS = {Plane: PLANE, Cylinder: CYLINDER, Sphere: SPHERE}
 
 
 class _Tables:
@@ -47,73 +55,154 @@ class _Tables:
         self.passes: list[Any] = []
         self.carriers: list[Index] = []
         self.around: list[Array] = []
-        self.along: list[Array] = []
+        self.along_rows: list[Array] = []
         self.areas: list[Array] = []
 
-    def surface(self, space: "Space", first_node: int, chosen: Sequence[int]) -> None:
-        """Add a surface, to be the slave of the next pass."""
+    def surface(self, body: int, space: "Space", first_node: int, chosen: Sequence[int], spacing: Array) -> None:
+        """Add a surface, to be the slave of the next pass.
+
+        Parameters
+        ----------
+        body, space, first_node
+            What it is the surface of, and the first of its nodes in the model.
+        chosen
+            Elements of its axis.
+        spacing
+            Largest distance between neighbours among the points of each of these elements.
+        """
         axis, n = space.axis, space.points_around
         first = len(self.elements)
         rows = {e: first + k for k, e in enumerate(chosen)}
         alpha = np.pi / n
-        row = (n, axis.degree + 1, first, len(rows), len(self.passes), space.turn, np.cos(alpha), np.sin(alpha))
-        self.surfaces.append(row)
-        for e in chosen:
+        along = np.concatenate([[0.0], np.cumsum(_lengths(space))])
+        period = along[-1] if space.rod.closed else np.inf
+        angle = (space.turn, np.cos(alpha), np.sin(alpha))
+        self.surfaces.append((body, n, axis.degree + 1, first, len(rows), len(self.passes), *angle, period))
+        for k, e in enumerate(chosen):
             layers = np.zeros(FUNCTIONS, dtype=np.int64)
             layers[: axis.degree + 1] = first_node + space.element_layers[e] * space.layer_nodes
             self.carriers.append((layers[: axis.degree + 1, None] + np.arange(n)).ravel())
             beside = [(e + step) % axis.elements if space.rod.closed else e + step for step in (-1, 1)]
-            self.elements.append((layers, _polynomials(axis, e), [rows.get(other, -1) for other in beside]))
+            neighbours = [rows.get(other, -1) for other in beside]
+            sizes = (along[e], along[e + 1], radii(space, [e])[1], 2.0 * spacing[k])
+            self.elements.append((len(self.surfaces) - 1, layers, _polynomials(axis, e), neighbours, *sizes))
 
-    def slave(self, space: "Space", chosen: Sequence[int], master: int, contact: Contact, share: float) -> None:
+    def slave(self, rule: "_Rule", masters: tuple[int, int], contact: Contact, force: float, share: float) -> None:
         """Add the pass in which the last surface is the slave.
 
         Parameters
         ----------
-        space, chosen
-            Its space, and the elements of it that may touch.
-        master
-            Number of the other surface, or of an obstacle.
-        contact
-            What the user says.
+        rule
+            Its points.
+        masters
+            First of the other surfaces and their number, or an obstacle's kind and 0.
+        contact, force
+            What the user says, and its penalty.
         share
             Part of the energy that this pass gets.
         """
-        across, along = contact.points or (3, space.axis.degree + 1)
         first_point = sum(areas.size for areas in self.areas)
-        starts = (first_point, across, along, len(self.around), len(self.along))
-        row = (len(self.surfaces) - 1, master, *starts, contact.penalty, *_obstacle(contact))
-        self.passes.append(row)
-        x, w = np.polynomial.legendre.leggauss(across)
-        t, v = np.polynomial.legendre.leggauss(along)
+        starts = (first_point, rule.across, rule.along, len(self.around), len(self.along_rows))
+        self.passes.append((len(self.surfaces) - 1, *masters, *starts, force, *_obstacle(contact)))
+        self.around.extend(rule.around)
+        self.along_rows.extend(rule.axial)
+        self.areas.append(share * rule.areas.ravel())
+
+
+class _Rule:
+    """Gauss points on the surface of some elements of a rod.
+
+    Attributes
+    ----------
+    across, along
+        Number of points round an arc, and along an element.
+    around, axial
+        Rows of `Packed.around` and `Packed.along`.
+    areas
+        Reference areas, ``(elements, along, n across)``.
+    spacing
+        Largest distance between neighbours among the points, and from these to the element's ends, ``(elements,)``.
+    """
+
+    def __init__(self, space: "Space", chosen: Sequence[int], points: tuple[int, int] | None) -> None:
+        self.across, self.along = points or (3, space.axis.degree + 1)
+        x, w = np.polynomial.legendre.leggauss(self.across)
+        t, v = np.polynomial.legendre.leggauss(self.along)
         n = space.points_around
         local = np.pi / n * x
-        self.around.extend(np.roll(boundary_functions(n, local), 1, axis=1)[:, :3])
+        self.around = np.roll(boundary_functions(n, local), 1, axis=1)[:, :3]
         theta = (space.turn + 2.0 * np.pi / n * np.arange(n)[:, None] + local).ravel()
         circle = np.stack([np.cos(theta), np.sin(theta)], axis=1)
+        axial: list[Array] = []
+        areas, spacing = [], []
         for e in chosen:
             middle, half = _span(space.axis, e)
             u = middle + half * t
-            values = np.zeros((along, FUNCTIONS))
+            values = np.zeros((self.along, FUNCTIONS))
             values[:, : space.axis.degree + 1] = space.axis.local(u)[1]
-            self.along.extend(values)
+            axial.extend(values)
             _, jacobian = space.rod.grid(circle, u)
             around = jacobian[..., 1] * circle[:, :1] - jacobian[..., 0] * circle[:, 1:]
-            area = np.linalg.norm(np.cross(around, jacobian[..., 2]), axis=-1).reshape(along, n, across)
-            scale = share * np.pi / n * w * (half * v)[:, None, None]
-            self.areas.append((area * scale).ravel())
+            area = np.linalg.norm(np.cross(around, jacobian[..., 2]), axis=-1)
+            areas.append(area * np.tile(np.pi / n * w, n) * (half * v)[:, None])
+            # Of the ends too: a closest point may be farther from all points than any two of these are.
+            at, _ = space.rod.grid(circle, middle + half * np.concatenate([[-1.0], t, [1.0]]))
+            steps = [np.linalg.norm(np.roll(at, 1, axis=1) - at, axis=2), np.linalg.norm(np.diff(at, axis=0), axis=2)]
+            spacing.append(max(float(step.max()) for step in steps))
+        self.axial = axial
+        self.areas = np.array(areas)
+        self.spacing = np.array(spacing)
+
+
+def radii(space: "Space", elements: Sequence[int]) -> tuple[float, float]:
+    """Return mean and largest distance of a section's outline from its centre, of the elements where it is smallest.
+
+    Outlines are those at the middles of elements.
+    """
+    breaks = space.axis.breaks
+    middles = 0.5 * (breaks[1:] + breaks[:-1])
+    theta = np.linspace(0.0, 2.0 * np.pi, 8 * space.points_around, endpoint=False)
+    circle = np.stack([np.cos(theta), np.sin(theta)], axis=1)
+    outline, _ = space.rod.grid(circle, middles[list(elements)])
+    spokes = np.linalg.norm(outline - outline.mean(axis=1, keepdims=True), axis=2)
+    return float(spokes.mean(axis=1).min()), float(spokes.max(axis=1).min())
+
+
+def smallest_radius(model: "Model", contact: Contact) -> float:
+    """Return the smallest mean radius of the elements that take part in a contact."""
+    spaces = [(model.bodies[body].space, elements) for body, elements in contact.sides]
+    return min(radii(on, range(on.axis.elements) if elements is None else elements)[0] for on, elements in spaces)
+
+
+def penalty(model: "Model", contact: Contact) -> float:
+    """Return the pressure per depth of a contact, as it was given or by default."""
+    if contact.penalty is not None:
+        return contact.penalty
+    softest = min(law.modulus for body, _ in contact.sides for law in model.bodies[body].laws)
+    return _STIFF * softest / smallest_radius(model, contact)
+
+
+def _lengths(space: "Space") -> Array:
+    """Return the length of each element of a rod's centre line."""
+    t, v = np.polynomial.legendre.leggauss(8)
+    lengths = []
+    for e in range(space.axis.elements):
+        middle, half = _span(space.axis, e)
+        _, jacobian = space.rod.grid(np.zeros((1, 2)), middle + half * t)
+        lengths.append(half * v @ np.linalg.norm(jacobian[:, 0, :, 2], axis=1))
+    return np.array(lengths)
 
 
 def _obstacle(contact: Contact) -> tuple[Array, Array, float]:
     """Return point, unit direction and radius of a rigid obstacle; zeros where the partner is a body."""
-    other = contact.second
-    if isinstance(other, Plane):
-        point, direction, radius = other.point, np.array(other.normal, dtype=float), 0.0
-    elif isinstance(other, Cylinder):
-        point, direction, radius = other.point, np.array(other.axis, dtype=float), other.radius
-    else:
+    other = contact.obstacle
+    if other is None:
         return np.zeros(3), np.zeros(3), 0.0
-    return np.array(point, dtype=float), direction / np.linalg.norm(direction), radius
+    if isinstance(other, Sphere):
+        return np.array(other.center, dtype=float), np.zeros(3), other.radius
+    point, direction = np.array(other.point, dtype=float), other.normal if isinstance(other, Plane) else other.axis
+    unit = np.array(direction, dtype=float) / np.linalg.norm(direction)
+    return point, unit, other.radius if isinstance(other, Cylinder) else 0.0
 
 
 def _span(axis: Axis, e: int) -> tuple[float, float]:
@@ -140,24 +229,30 @@ def pack(model: "Model") -> Packed:
     """Return all contacts of a model as tables for the compiled loops."""
     tables = _Tables()
     for contact in model.contacts:
-        sides = contact.sides
-        first = len(tables.surfaces)
-        for k, (body, elements) in enumerate(sides):
+        first, groups = len(tables.surfaces), contact.groups
+        sizes = [len(bodies) for bodies in groups]
+        masters = [(first, sizes[0])]
+        if contact.obstacle is not None:
+            masters = [(_KINDS[type(contact.obstacle)], 0)]
+        elif len(groups) == 2:
+            masters = [(first + sizes[0], sizes[1]), (first, sizes[0])]
+        force = penalty(model, contact)
+        share = 0.5 if contact.obstacle is None else 1.0
+        for number, (body, elements) in enumerate(contact.sides):
             space = model.bodies[body].space
             chosen = range(space.axis.elements) if elements is None else sorted({int(e) for e in elements})
-            if len(sides) == 2:
-                master = first + 1 - k
-            else:
-                master = CYLINDER if isinstance(contact.second, Cylinder) else PLANE
-            tables.surface(space, int(model.first_node[body]), chosen)
-            tables.slave(space, chosen, master, contact, 1.0 / len(sides))
+            rule = _Rule(space, chosen, contact.points)
+            tables.surface(body, space, int(model.first_node[body]), chosen, rule.spacing)
+            tables.slave(rule, masters[int(number >= sizes[0])], contact, force, share)
     areas = np.concatenate([np.empty(0), *tables.areas])
+    rows = np.array(tables.elements, ELEMENT)
+    margin = 0.5 * float(rows["radius"].min(initial=np.inf))
     return Packed(
         surfaces=np.array(tables.surfaces, SURFACE),
-        elements=np.array(tables.elements, ELEMENT),
+        elements=rows,
         passes=np.array(tables.passes, PASS),
         around=np.array(tables.around).reshape(-1, 3),
-        along=np.array(tables.along).reshape(-1, FUNCTIONS),
+        along=np.array(tables.along_rows).reshape(-1, FUNCTIONS),
         areas=areas,
         carriers=np.unique(np.concatenate([np.empty(0, dtype=np.int64), *tables.carriers])),
         multipliers=np.zeros(areas.size),
@@ -167,5 +262,8 @@ def pack(model: "Model") -> Packed:
         before=np.zeros((int(model.first_node[-1]), 3)),
         travel=np.zeros(1),
         clear=np.full(areas.size, -np.inf),
-        boxes=np.zeros((len(tables.elements), 2, 3)),
+        boxes=np.zeros((rows.size, 2, 3)),
+        near=np.zeros((rows.size, NEAR), dtype=np.int64),
+        counts=np.zeros(rows.size, dtype=np.int64),
+        listed=np.array([margin, -np.inf]),
     )

@@ -6,7 +6,7 @@ from numba import b1, f8, from_dtype, i8, types, void
 from isorod.arrays import Array, Index
 from isorod.compiled import F1, F2, I1, STRICT, njit
 from isorod.contact.force_kernel import rigid_gap, site
-from isorod.contact.packed import CYLINDER, FUNCTIONS, PACKED, Packed, Row, Table
+from isorod.contact.packed import FUNCTIONS, PACKED, PLANE, SPHERE, Packed, Row, Table
 from isorod.contact.surface_kernel import FOOT, Foot, arc_of, dot, evaluate, new_foot, surface_gap
 
 # A point couples at most this many nodes: three control points round each of two sections.
@@ -32,7 +32,8 @@ def find_patches(packed: Packed, active: Index, patches: Table) -> None:
         patch.master_element = patch.master_arc = -1
         if one.master >= 0:
             patch.master_element = packed.starts[point].element
-            patch.master_arc = arc_of(packed.surfaces[one.master], packed.starts[point].theta)
+            master = packed.surfaces[packed.elements[patch.master_element].surface]
+            patch.master_arc = arc_of(master, packed.starts[point].theta)
 
 
 @njit(i8(PACKED, i8, i8, i8, I1), **STRICT)
@@ -51,7 +52,8 @@ def patch_nodes(packed: Packed, patch: Row, nodes: Index) -> int:
     one = packed.passes[patch.number]
     count = _add_nodes(packed, one.slave, patch.element, patch.arc, nodes)
     if one.master >= 0:
-        count += _add_nodes(packed, one.master, patch.master_element, patch.master_arc, nodes[count:])
+        master = packed.elements[patch.master_element].surface
+        count += _add_nodes(packed, master, patch.master_element, patch.master_arc, nodes[count:])
     return count
 
 
@@ -61,6 +63,15 @@ def _cross(a: Array, b: Array, out: Array) -> None:
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
         out[i] = a[j] * b[k] - a[k] * b[j]
+
+
+@njit(void(F1, F1), **STRICT)
+def _aside(normal: Array, out: Array) -> None:
+    """Fill ``out`` with a unit vector normal to a unit vector."""
+    a = np.argmin(np.abs(normal))
+    for i in range(3):
+        out[i] = (1.0 if i == a else 0.0) - normal[a] * normal[i]
+    out /= np.sqrt(dot(out, out))
 
 
 @njit(void(FOOT, f8, b1, F2), **STRICT)
@@ -113,12 +124,18 @@ def _variations(packed: Packed, positions: Array, patch: Row, point: int, v: Arr
         shares[m] = packed.along[at.along, m // 3] * packed.around[at.around, m % 3]
     if one.master < 0:
         gap = rigid_gap(one, packed.points[point], foot.normal)
-        _cross(one.direction, foot.normal, directions[1])
-        if one.master == CYLINDER:
+        if one.master == SPHERE:
+            _aside(foot.normal, directions[1])
+            _cross(foot.normal, directions[1], directions[2])
+            c[2, 2] = 1.0 / (gap + one.radius)
+        else:
+            _cross(one.direction, foot.normal, directions[1])
+        if one.master != PLANE:
             c[1, 1] = 1.0 / (gap + one.radius)
     else:
         start, edge, phi, axial = packed.starts[point], packed.states[point].edge, foot.phi, foot.axial
-        master, element = packed.surfaces[one.master], packed.elements[start.element]
+        element = packed.elements[start.element]
+        master = packed.surfaces[element.surface]
         evaluate(master, element, start.theta, start.s, positions, foot)
         foot.d[:] = packed.points[point] - foot.y[0]
         gap = surface_gap(foot, edge)
@@ -137,7 +154,7 @@ def _variations(packed: Packed, positions: Array, patch: Row, point: int, v: Arr
         for m in range(shares.size):
             for a in range(3):
                 v[q, 3 * m + a] = shares[m] * directions[q, a]
-    return 5 if one.master >= 0 else 2
+    return 5 if one.master >= 0 else 3
 
 
 @njit(void(PACKED, F2, I1, _PATCHES, I1, F1), **STRICT)

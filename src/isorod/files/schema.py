@@ -59,6 +59,7 @@ SPIN = Form("isorod.model.load:Spin")
 OBSTACLES = {
     "Plane": Form("isorod.model.contact:Plane"),
     "Cylinder": Form("isorod.model.contact:Cylinder"),
+    "Sphere": Form("isorod.model.contact:Sphere"),
 }
 CONTACTS = Form("isorod.model.contact:Contact", kinds={"first": ROD, "second": PARTNER})
 

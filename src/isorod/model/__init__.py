@@ -1,7 +1,7 @@
 """What a user writes down: bodies, supports, loads and contacts."""
 
 from isorod.model.body import Body
-from isorod.model.contact import Contact, Cylinder, Plane
+from isorod.model.contact import Contact, Cylinder, Plane, Sphere
 from isorod.model.load import BodyForce, Pressure, SectionLoad, Spin
 from isorod.model.model import Model
 from isorod.model.support import Support
@@ -15,6 +15,7 @@ __all__ = [
     "Plane",
     "Pressure",
     "SectionLoad",
+    "Sphere",
     "Spin",
     "Support",
 ]

@@ -47,23 +47,45 @@ class Cylinder(Checked):
 
 
 @dataclass(frozen=True)
+class Sphere(Checked):
+    """A rigid sphere, which rods stay out of."""
+
+    center: Vector
+    radius: float
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _check_vector("sphere: center", self.center, False)
+        if not (np.isfinite(self.radius) and self.radius > 0.0):
+            raise InputError(f"sphere: got radius {self.radius:g}, need a positive length")
+
+
+Obstacle = Plane | Cylinder | Sphere
+
+
+@dataclass(frozen=True)
 class Contact(Checked):
-    """Frictionless contact of a body with another one, or with a rigid obstacle.
+    """Contact of bodies with others, with each other and themselves, or with a rigid obstacle.
+
+    ``Contact(0)`` is that of a body with itself, ``Contact(range(7))`` that of seven bodies with each other and
+    themselves, ``Contact(0, (1, 2))`` that of the first body with two others.
 
     Parameters
     ----------
     first, second
-        Indices of two bodies of the model; ``second`` may be a `Plane` or a `Cylinder`.
+        Index of a body of the model, or of several; ``second`` may be an obstacle: `Plane`, `Cylinder` or `Sphere`.
+        Without it, those of ``first`` touch each other and themselves.
     penalty
-        Pressure per depth of penetration, force / length^3.
+        Pressure per depth of penetration, force / length^3; where not given, ten times the modulus of the softest law
+        over the smallest radius.
     first_elements, second_elements
-        Axis elements whose surfaces take part; all where not given.
+        Axis elements whose surfaces take part, where a side is one body; all where not given.
     points
         Gauss points round each arc of the section and along each element; 3 and degree + 1 where not given; in
         the statics of scene files so many that they are no farther apart than a 48th of the way round.
     penetration
-        If given, statics solves an augmented Lagrangian: multipliers are added until no point penetrates deeper than
-        this length.
+        Statics solves an augmented Lagrangian: multipliers are added until no point penetrates deeper than this length;
+        where not given, a thousandth of the smallest radius, and, where a penalty is given, any.
     faces
         End faces of the first body, ``"start"`` or ``"end"``, that meet a plane besides its lateral surface (dynamics
         alone).
@@ -71,12 +93,12 @@ class Contact(Checked):
     Raises
     ------
     InputError
-        If a number is out of range, or the body is in contact with itself.
+        If a number is out of range, or a body is on both sides.
     """
 
-    first: int
-    second: "int | Plane | Cylinder"
-    penalty: float
+    first: int | Sequence[int]
+    second: "int | Sequence[int] | Obstacle | None" = None
+    penalty: float | None = None
     first_elements: Sequence[int] | None = None
     second_elements: Sequence[int] | None = None
     points: tuple[int, int] | None = None
@@ -85,10 +107,8 @@ class Contact(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not (np.isfinite(self.penalty) and self.penalty > 0.0):
+        if self.penalty is not None and not (np.isfinite(self.penalty) and self.penalty > 0.0):
             raise InputError(f"contact: got penalty {self.penalty:g}, need a positive pressure per length")
-        if self.first == self.second:
-            raise InputError(f"contact: body {self.first} with itself; contact needs two different bodies")
         if self.points is not None:
             if len(self.points) != 2:
                 raise InputError(f"contact: got points {self.points}, need two numbers: round an arc, along an element")
@@ -96,25 +116,47 @@ class Contact(Checked):
                 whole_number(f"contact: points {name}", count, 1, MAX_POINTS)
         if self.penetration is not None and not (np.isfinite(self.penetration) and self.penetration > 0.0):
             raise InputError(f"contact: got penetration {self.penetration:g}, need a positive length")
-        if self.faces and not isinstance(self.second, Plane):
-            raise InputError("contact: faces are given, but end faces meet planes alone")
+        if self.faces and not (isinstance(self.second, Plane) and len(self.groups[0]) == 1):
+            raise InputError("contact: faces are given, but end faces, of one body, meet planes alone")
         if set(self.faces) - {"start", "end"}:
             raise InputError(f"contact: got faces {tuple(self.faces)}, need some of 'start' and 'end'")
-        if self.rigid and self.second_elements is not None:
-            raise InputError("contact: second_elements are given, but the second partner is rigid and has none")
+        self._check_groups()
+
+    def _check_groups(self) -> None:
+        """Raise `InputError` where a side is empty, a body stands twice, or elements of several bodies are named."""
+        if self.second_elements is not None and len(self.groups) == 1:
+            raise InputError("contact: second_elements are given, but the second partner is rigid or none")
+        for bodies, elements in zip(self.groups, (self.first_elements, self.second_elements), strict=False):
+            if not bodies:
+                raise InputError("contact: a side without a body; name at least one")
+            if elements is not None and len(bodies) > 1:
+                raise InputError("contact: elements are named, but of several bodies; take one, or leave them out")
+        named = [body for bodies in self.groups for body in bodies]
+        twice = {body for body in named if named.count(body) > 1}
+        if twice:
+            raise InputError(
+                f"contact: body {min(twice)} with itself: it is named twice; leave second out for that, and for "
+                "contact of all of first with each other"
+            )
 
     @property
-    def rigid(self) -> bool:
-        """True if the second partner is an obstacle."""
-        return isinstance(self.second, Plane | Cylinder)
+    def obstacle(self) -> Obstacle | None:
+        """The second partner, where it is rigid."""
+        return self.second if isinstance(self.second, Obstacle) else None
+
+    @property
+    def groups(self) -> list[tuple[int, ...]]:
+        """Bodies of each side; one side where they touch each other, themselves, or an obstacle."""
+        sides = [self.first]
+        if self.second is not None and not isinstance(self.second, Obstacle):
+            sides.append(self.second)
+        return [(side,) if isinstance(side, int | np.integer) else tuple(side) for side in sides]
 
     @property
     def sides(self) -> list[tuple[int, Sequence[int] | None]]:
         """Bodies that take part, each with its elements."""
-        sides: list[tuple[int, Sequence[int] | None]] = [(self.first, self.first_elements)]
-        if not isinstance(self.second, Plane | Cylinder):
-            sides.append((self.second, self.second_elements))
-        return sides
+        chosen = (self.first_elements, self.second_elements)
+        return [(body, some) for bodies, some in zip(self.groups, chosen, strict=False) for body in bodies]
 
     def check(self, index: int, spaces: "Sequence[Space]") -> None:
         """Raise `InputError` if a body or an element is not there.

@@ -9,6 +9,7 @@ from isorod.arrays import Array
 from isorod.compiled import F1, F2, STRICT, njit
 from isorod.contact.force_kernel import PRESSING, Pressing
 from isorod.contact.packed import Table
+from isorod.contact.tables import penalty
 from isorod.errors import InputError
 from isorod.geometry.quadrature import section_points
 from isorod.model.contact import Plane
@@ -59,16 +60,17 @@ def pack(model: Model) -> Faces:
     for index, contact in enumerate(model.contacts):
         for which in contact.faces:
             assert isinstance(contact.second, Plane)
-            space = model.bodies[contact.first].space
+            ((body,),) = contact.groups
+            space = model.bodies[body].space
             if space.rod.closed:
                 raise InputError(f"contact {index}: a closed rod has no end faces")
             layer, u = (0, space.axis.breaks[0]) if which == "start" else (space.layers - 1, space.axis.breaks[-1])
             xi, weights = section_points(space.points_around, space.rule, space.turn)
             jacobian = space.rod.grid(xi, np.array([u]))[1][0]
-            first = int(model.first_node[contact.first]) + layer * space.layer_nodes
+            first = int(model.first_node[body]) + layer * space.layer_nodes
             nodes = (first, space.layer_nodes, sum(part.size for part in areas), weights.size)
             normal = np.array(contact.second.normal, dtype=float)
-            faces.append((*nodes, contact.second.point, normal / np.linalg.norm(normal), contact.penalty))
+            faces.append((*nodes, contact.second.point, normal / np.linalg.norm(normal), penalty(model, contact)))
             values.append(space.basis.functions(xi)[0])
             areas.append(weights * np.linalg.norm(np.cross(jacobian[:, :, 0], jacobian[:, :, 1]), axis=1))
     widest = max([part.shape[1] for part in values], default=0)
