@@ -79,7 +79,7 @@ def test_a_helix_begins_and_ends_where_it_is_told(arcs, left):
     np.testing.assert_allclose(where[0], [0.0, 2.0, 0.0], atol=1e-13)
     np.testing.assert_allclose(where[-1], [2.0 * np.cos(angle), 2.0 * np.sin(angle), 3.9], atol=1e-13)
     # It climbs anticlockwise if it is right-handed.
-    turn = np.cross(where[:-1, :2], where[1:, :2])
+    turn = where[:-1, 0] * where[1:, 1] - where[:-1, 1] * where[1:, 0]
     assert (turn < 0.0).all() if left else (turn > 0.0).all()
     rod = line.sweep(circle(6, 0.3))
     assert rod.check() > 0.0

@@ -26,6 +26,9 @@ MAX_DEGREE = 8
 # Layers may differ from affine images of the widest by this share of its size.
 _TOLERANCE = 1e-9
 
+# A section has no principal directions of its own where its moments of inertia differ by less than this share.
+_ROUND = 1e-9
+
 # A section this much thinner than it is wide is none.
 _FLAT = 1e-12
 
@@ -74,19 +77,14 @@ class Polynomials:
                 f"section degree: layer {worst} of the rod's control points is not an affine image of the others; "
                 "polynomials need sections of one shape"
             )
-        # Geometry alone does without compiled code.
-        from isorod.space import polynomial_kernel
-
         area, values, first, second = _points(rod.section_points, degree, rod.rings)
-        self._polygon, extents, share = polynomial_kernel.principal_frame(
-            np.ascontiguousarray(self._polygon), area, values, first, second
-        )
+        self._polygon, extents, share = _principal_frame(self._polygon, area, values, first, second)
         across = degree
         # Round a hole a wall is bent all ways.
         if rod.rings == WHOLE:
             across = max(2, ceil(degree * max(0.5, extents.min() / extents.max()) - 1e-9))
         self._powers = monomials(degree, across)
-        self._mix = polynomial_kernel.orthogonalise(self._polygon, share, values, self._powers)
+        self._mix = _orthogonalised(self._values(values)[0] * np.sqrt(share)[:, None])
 
     @property
     def count(self) -> int:
@@ -100,11 +98,22 @@ class Polynomials:
 
     def functions(self, xi: ArrayLike) -> tuple[Array, Array]:
         """Return values ``(m, count)`` and gradients ``(m, count, 2)`` at disk points ``(m, 2)``."""
-        from isorod.space import polynomial_kernel
+        harmonic, slopes = harmonic_functions(self._polygon.shape[0], xi)
+        values, (first, second) = self._values(harmonic)
+        a, b = self._powers.T
+        by_own = (
+            a * first[:, np.maximum(a - 1, 0)] * second[:, b],
+            b * first[:, a] * second[:, np.maximum(b - 1, 0)],
+        )
+        turn = self._polygon.T @ slopes
+        by_disk = np.swapaxes(np.stack(by_own, axis=2) @ turn, 1, 2)
+        return values @ self._mix, np.ascontiguousarray(np.swapaxes(by_disk @ self._mix, 1, 2))
 
-        tables = harmonic_functions(self._polygon.shape[0], xi)
-        found: tuple[Array, Array] = polynomial_kernel.functions(*tables, self._polygon, self._powers, self._mix)
-        return found
+    def _values(self, harmonic: Array) -> tuple[Array, tuple[Array, Array]]:
+        """Return monomials ``(m, count)`` and the coordinates' powers where harmonic functions are ``(m, n)``."""
+        place = harmonic @ self._polygon
+        first, second = (np.vander(place[:, k], self._powers.max() + 1, increasing=True) for k in range(2))
+        return first[:, self._powers[:, 0]] * second[:, self._powers[:, 1]], (first, second)
 
     def positions(self, polygons: Array) -> Array:
         """Return the coefficients ``(layers, count, 3)`` of layers of the rod's control points ``(layers, n, 3)``."""
@@ -165,3 +174,43 @@ def _points(n: int, degree: int, rings: tuple[float, ...]) -> tuple[Array, Array
         np.ascontiguousarray(gradients[:, :, 0]),
         np.ascontiguousarray(gradients[:, :, 1]),
     )
+
+
+def _principal_frame(
+    polygon: Array, area: Array, values: Array, first: Array, second: Array
+) -> tuple[Array, Array, Array]:
+    """Return a section's polygon in its principal coordinates, each over half its extent; extents; shares of the area.
+
+    Parameters
+    ----------
+    polygon
+        Control points, shape ``(n, 2)``.
+    area
+        Weights of points of the disk, shape ``(m,)``.
+    values, first, second
+        The harmonic functions and their derivatives there, shape ``(m, n)``.
+    """
+    a, b = first @ polygon, second @ polygon
+    share = area * np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
+    share /= share.sum()
+    place = values @ polygon
+    centroid = share @ place
+    place -= centroid
+    sizes, found = np.linalg.eigh(place.T @ (share[:, None] * place))
+    # The wider direction first, to the side of the first control point; where all are as wide, to that point itself,
+    # not what rounding makes of it.
+    arm = polygon[0] - centroid
+    if sizes[1] - sizes[0] <= _ROUND * sizes[1]:
+        x, y = arm / np.linalg.norm(arm)
+    else:
+        x, y = found[:, 1] * np.copysign(1.0, arm @ found[:, 1])
+    axes = np.array([[x, -y], [y, x]])
+    extents = np.ptp(place @ axes, axis=0)
+    return (polygon - centroid) @ axes / (0.5 * extents), extents, share
+
+
+def _orthogonalised(weighted: Array) -> Array:
+    """Return the matrix that makes functions orthogonal, of their weighted values ``(m, count)``: upper triangular."""
+    triangle = np.linalg.qr(weighted, mode="r")
+    # The inverse of the triangular factor, its rows made positive on the diagonal.
+    return np.linalg.inv(triangle * np.sign(np.diag(triangle))[:, None])
