@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad, solve_ivp
 
-from comparisons.contact import hertz
+from comparisons.contact import hertz, strand
 from comparisons.contact.coil import Coil, wahl
 from isorod.errors import InputError
 
@@ -169,3 +169,120 @@ def test_wahl_factor():
     assert wahl(1e9) == pytest.approx(1.0, rel=1e-8)
     # Of a slender wire the stress is the torque's at the surface, 16 F R / (pi d^3).
     assert COIL.peak_stress(1.0) == pytest.approx(wahl(10.0) * 160.0 / (np.pi * 8.0), rel=1e-12)
+
+
+STEEL = 188e9, 0.3
+WIRE = strand.Wire(0.5 * 3.73e-3, *STEEL)
+SEVEN = strand.Strand(strand.Wire(0.5 * 3.94e-3, *STEEL), (strand.Layer(6, WIRE, 0.115),))
+
+
+def layered(nu=0.3, second=-0.21):
+    """1 + 6 + 12 wires of several materials."""
+    layers = (
+        strand.Layer(6, strand.Wire(1.8e-3, 188e9, nu), 0.115),
+        strand.Layer(12, strand.Wire(1.7e-3, 70e9, nu), second),
+    )
+    return strand.Strand(strand.Wire(2e-3, 100e9, nu), layers)
+
+
+def test_strand_of_1_and_6_wires():
+    matrix = SEVEN.stiffness()
+    np.testing.assert_allclose(matrix[0], [1.3556e7, 9.075e3], rtol=5e-5)
+    assert matrix[1, 1] == pytest.approx(17.860, abs=5e-4)
+    assert SEVEN.free_stiffness() == pytest.approx(8.945e6, rel=5e-5)
+    assert SEVEN.line_loads()[0, 0] == pytest.approx(2.1106e7, rel=5e-5)
+    assert SEVEN.helix_radii[0] == pytest.approx(3.835e-3)
+    assert np.degrees(SEVEN.lay_angles[0]) == pytest.approx(11.834, abs=5e-4)
+    assert SEVEN.clearances()[0] == pytest.approx(0.0427e-3, abs=5e-8)
+
+
+def energy(rope, strain, turn):
+    """Of the strand per length, from the helices as they are: radii found by iteration, nothing linearised."""
+    found = rope.core.stiffness @ [strain**2, 0.0, turn**2]
+    surface = rope.core.radius * (1.0 - rope.core.nu * strain)
+    for layer, rest in zip(rope.layers, rope.helix_radii, strict=True):
+        at_rest, wire, radius = 2.0 * np.pi / layer.pitch, layer.wire, rest
+        length = np.hypot(1.0, rest * at_rest)
+        for _ in range(30):
+            stretched = np.hypot(1.0 + strain, radius * (at_rest + turn))
+            half = wire.radius * (1.0 - wire.nu * (stretched / length - 1.0))
+            radius = surface + half
+        around = at_rest + turn
+        strains = np.array([stretched, radius * around**2 / stretched, (1.0 + strain) * around / stretched]) / length
+        strains -= np.array([length, rest * at_rest**2 / length, at_rest / length]) / length
+        found += layer.count * length * wire.stiffness @ strains**2
+        surface = radius + half
+    return 0.5 * found
+
+
+@pytest.mark.parametrize("rope", [SEVEN, layered(), layered(second=0.4)])
+def test_strand_stiffness_is_the_curvature_of_its_energy(rope):
+    e, t = 1e-5, 1e-5 / rope.helix_radii[-1]
+    corner = [energy(rope, a * e, b * t) for a, b in ((1, 1), (-1, -1), (1, -1), (-1, 1))]
+    axial = (energy(rope, e, 0.0) + energy(rope, -e, 0.0)) / e**2
+    torsional = (energy(rope, 0.0, t) + energy(rope, 0.0, -t)) / t**2
+    coupling = (corner[0] + corner[1] - corner[2] - corner[3]) / (4.0 * e * t)
+    matrix = rope.stiffness()
+    assert matrix[0, 1] == pytest.approx(matrix[1, 0], rel=1e-14)
+    np.testing.assert_allclose([axial, torsional, coupling], [matrix[0, 0], matrix[1, 1], matrix[0, 1]], rtol=1e-6)
+
+
+@pytest.mark.parametrize("second", [-0.21, 0.4])
+def test_strand_is_in_balance(second):
+    """Without Poisson's ratio: the wires' forces by Love's equations are those of the energy, and so are the loads."""
+    rope = layered(nu=0.0, second=second)
+    for k, (strain, turn) in enumerate(np.eye(2)):
+        extension, _, torsion = rope.core.stiffness
+        force, torque, outer = extension * strain, torsion * turn, 0.0
+        radii, angles = rope.helix_radii[::-1], rope.lay_angles[::-1]
+        for layer, strains, radius, angle, load in zip(
+            rope.layers[::-1], rope.strains()[::-1, :, k], radii, angles, rope.line_loads()[::-1, k], strict=True
+        ):
+            sine, cosine = np.sin(angle), np.cos(angle)
+            curvature, twist = sine**2 / radius, sine * cosine / radius
+            normal, bent, wound = layer.wire.stiffness * strains
+            shear = curvature * wound - twist * bent
+            force += layer.count * (normal * cosine + shear * sine)
+            torque += layer.count * (wound * cosine + bent * sine + radius * (normal * sine - shear * cosine))
+            outer += layer.count / cosine * (curvature * normal - twist * shear)
+            assert load * layer.count / cosine == pytest.approx(outer, rel=1e-9)
+        np.testing.assert_allclose([force, torque], rope.stiffness()[:, k], rtol=1e-9)
+
+
+def test_strand_of_straight_wires_is_its_wires():
+    matrix = strand.Strand(SEVEN.core, (strand.Layer(6, WIRE, 1e6),)).stiffness()
+    alone = SEVEN.core.stiffness + 6.0 * WIRE.stiffness
+    np.testing.assert_allclose([matrix[0, 0], matrix[1, 1]], [alone[0], alone[2]], rtol=1e-9)
+    assert alone[0] == pytest.approx(1.4618e7, rel=5e-5)
+    # What is left of the coupling is first in the lay angle: m EA r^2 2 pi/p.
+    expected = 6.0 * WIRE.stiffness[0] * SEVEN.helix_radii[0] ** 2 * 2e-6 * np.pi
+    assert matrix[0, 1] == pytest.approx(expected, rel=1e-9)
+
+
+def test_strand_mirrored_and_enlarged():
+    mirrored = strand.Strand(SEVEN.core, (strand.Layer(6, WIRE, -0.115),))
+    np.testing.assert_allclose(mirrored.stiffness(), SEVEN.stiffness() * [[1.0, -1.0], [-1.0, 1.0]], rtol=1e-14)
+    np.testing.assert_allclose(mirrored.line_loads(), SEVEN.line_loads() * [1.0, -1.0], rtol=1e-14)
+    large = strand.Strand(
+        SEVEN.core._replace(radius=3.0 * SEVEN.core.radius),
+        (strand.Layer(6, WIRE._replace(radius=3.0 * WIRE.radius), 3.0 * 0.115),),
+    )
+    np.testing.assert_allclose(large.stiffness(), SEVEN.stiffness() * [[9.0, 27.0], [27.0, 81.0]], rtol=1e-12)
+    # An outer layer of nothing changes nothing, and its inner one is pressed as before.
+    airy = strand.Strand(SEVEN.core, (*SEVEN.layers, strand.Layer(12, WIRE._replace(E=1.0), -0.2)))
+    np.testing.assert_allclose(airy.stiffness(), SEVEN.stiffness(), rtol=1e-9)
+    np.testing.assert_allclose(airy.line_loads()[0], SEVEN.line_loads()[0], rtol=1e-9)
+
+
+def test_strand_line_load_is_the_work_of_swelling():
+    """Loads by virtual work, Poisson's ratio and all: a core swollen by a strain of its own pushes with the load."""
+    rope, step, strain = layered(), 1e-7, 1e-3
+    loads = rope.line_loads()[0] * strain * 6.0 / np.cos(rope.lay_angles[0])
+
+    def swollen(growth, strain):
+        core = rope.core._replace(nu=rope.core.nu - growth / (strain * rope.core.radius))
+        return energy(strand.Strand(core, rope.layers), strain, 0.0)
+
+    push = (swollen(step, strain) - swollen(-step, strain)) / (2.0 * step)
+    pull = (swollen(step, -strain) - swollen(-step, -strain)) / (2.0 * step)
+    assert 0.5 * (push - pull) == pytest.approx(loads[0], rel=1e-5)
