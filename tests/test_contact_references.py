@@ -210,7 +210,7 @@ def energy(rope, strain, turn):
         around = at_rest + turn
         strains = np.array([stretched, radius * around**2 / stretched, (1.0 + strain) * around / stretched]) / length
         strains -= np.array([length, rest * at_rest**2 / length, at_rest / length]) / length
-        found += layer.count * length * wire.stiffness @ strains**2
+        found += layer.wires * length * wire.stiffness @ strains**2
         surface = radius + half
     return 0.5 * found
 
@@ -242,10 +242,10 @@ def test_strand_is_in_balance(second):
             curvature, twist = sine**2 / radius, sine * cosine / radius
             normal, bent, wound = layer.wire.stiffness * strains
             shear = curvature * wound - twist * bent
-            force += layer.count * (normal * cosine + shear * sine)
-            torque += layer.count * (wound * cosine + bent * sine + radius * (normal * sine - shear * cosine))
-            outer += layer.count / cosine * (curvature * normal - twist * shear)
-            assert load * layer.count / cosine == pytest.approx(outer, rel=1e-9)
+            force += layer.wires * (normal * cosine + shear * sine)
+            torque += layer.wires * (wound * cosine + bent * sine + radius * (normal * sine - shear * cosine))
+            outer += layer.wires / cosine * (curvature * normal - twist * shear)
+            assert load * layer.wires / cosine == pytest.approx(outer, rel=1e-9)
         np.testing.assert_allclose([force, torque], rope.stiffness()[:, k], rtol=1e-9)
 
 

@@ -2,10 +2,13 @@
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
+from scipy.integrate import quad, solve_ivp
+from scipy.optimize import minimize_scalar
 
-from comparisons.contact import capstan
+from comparisons.contact import capstan, knot
 from comparisons.contact.capstan import Capstan
+from comparisons.contact.pair import TwistedPair
+from isorod.errors import InputError
 
 
 def test_rod_over_a_cylinder():
@@ -78,6 +81,11 @@ def test_rod_over_a_cylinder_keeps_its_length_and_off_the_cylinder():
     )
 
 
+def test_rod_over_a_cylinder_wraps_less_than_a_turn():
+    with pytest.raises(InputError, match="between 0 and a whole turn"):
+        Capstan(1.0, 1.0, 2.0 * np.pi, 1.0)
+
+
 def test_rod_over_a_cylinder_pulled_hard_is_a_rope():
     """All of the wrap is in contact, pressed by F/R; what bending takes falls with the root of the force."""
     errors = []
@@ -111,3 +119,92 @@ def test_rod_on_an_incline():
         9.81e-3 * np.hypot(1.0, 0.3), rel=1e-3
     )
     assert capstan.incline_acceleration(0.5 * np.pi, 0.3, 9.81) == pytest.approx(9.81)
+
+
+# Two rods of radius 0.01 or 0.0095 with axes 0.019 apart, E = 1e9, nu = 0, stretched by 1 % and twisted once.
+def twisted(radius, **changes):
+    area = np.pi * radius**2
+    bending = 0.25e9 * area * radius**2
+    given = {"helix_radius": 0.0095, "length": 5.0, "stretch": 1.01, "turns": 1.0, "tension": 1e7 * area}
+    return TwistedPair(**(given | {"bending": bending, "torsion": bending} | changes))
+
+
+def test_twisted_pair():
+    beams, solids = twisted(0.01), twisted(0.0095)
+    assert beams.height - beams.length == pytest.approx(0.0496472226, abs=5e-11)
+    assert beams.curvature == pytest.approx(0.0147062, abs=5e-8)
+    assert beams.helix_torsion == pytest.approx(1.2441082, abs=5e-8)
+    assert (beams.tension, solids.tension) == pytest.approx((3141.593, 2835.29), rel=2e-6)
+    assert beams.line_load() == pytest.approx(46.38, abs=5e-3)
+    assert solids.line_load() == pytest.approx(41.84, abs=5e-3)
+
+
+def test_twisted_pair_is_in_balance():
+    """Kirchhoff's equations, integrated along a pair wound steeply: half a turn on, all has gone round by half one."""
+    pair = twisted(0.01, length=0.1, tension=900.0)
+    span = pair.stretch * pair.length
+    turning, sine = 2.0 * np.pi / span, pair.height / span
+
+    def frame(s):
+        c, n = np.cos(turning * s), np.sin(turning * s)
+        tangent = np.array([-0.0095 * turning * n, 0.0095 * turning * c, sine])
+        return tangent, np.array([-c, -n, 0.0])
+
+    def twist(s):
+        """Of a frame that keeps its direction across the axis."""
+        tangent, normal = frame(s)
+        along = tangent[0]
+        across = np.array([1.0, 0.0, 0.0]) - along * tangent
+        rate = -(pair.curvature * normal[0]) * tangent - along * pair.curvature * normal
+        return rate @ np.cross(tangent, across) / (across @ across)
+
+    lag = quad(twist, 0.0, span, epsrel=1e-11)[0] / span
+    tangent, normal = frame(0.0)
+    moment = pair.stretch * (pair.torsion * lag * tangent + pair.bending * pair.curvature * np.cross(tangent, normal))
+    # The moment goes round with the helix; M' + t x F = 0 leaves the tension open.
+    force = pair.tension * tangent + np.cross(tangent, turning * np.cross([0.0, 0.0, 1.0], moment))
+
+    def balance(s, state):
+        tangent, normal = frame(s)
+        return np.concatenate([pair.line_load() * normal, -np.cross(tangent, state[:3])])
+
+    path = solve_ivp(balance, (0.0, 0.5 * span), np.concatenate([force, moment]), method="DOP853", rtol=1e-12)
+    half_turn = np.tile([-1.0, -1.0, 1.0], 2)
+    np.testing.assert_allclose(path.y[:3, -1], force * half_turn[:3], atol=1e-8 * np.linalg.norm(force))
+    np.testing.assert_allclose(path.y[3:, -1], moment * half_turn[3:], atol=1e-8 * np.linalg.norm(moment))
+    place = np.array([0.0095, 0.0, 0.0])
+    np.testing.assert_allclose(pair.wrench(), [2.0 * force[2], 2.0 * (moment + np.cross(place, force))[2]], rtol=1e-9)
+    ends = pair.positions(np.array([0.0, 0.05]))
+    np.testing.assert_allclose(ends, [place, [-0.0095, 0.0, 0.5 * pair.height]], atol=1e-15)
+
+
+def test_twisted_pair_mirrored_and_slack():
+    pair, mirrored = twisted(0.01), twisted(0.01, turns=-1.0)
+    assert mirrored.line_load() == pytest.approx(pair.line_load(), rel=1e-14)
+    np.testing.assert_allclose(mirrored.wrench(), np.array(pair.wrench()) * [1.0, -1.0], rtol=1e-14)
+    # A pair wound a little presses as two ropes: tension times curvature, which is of second order in the turns.
+    small = twisted(0.01, turns=0.01)
+    assert small.line_load() == pytest.approx(small.tension * small.curvature, rel=1e-5)
+    with pytest.raises(InputError, match="does not go round 90 times"):
+        twisted(0.01, turns=90.0)
+
+
+def test_loose_knot():
+    """Of the energies of circles under a tension the least has the loop's radius, and its slope is the shortening."""
+    bending, loop = 3.0, 0.4
+    pull = knot.tension(bending, loop)
+
+    def energy(radius, pull):
+        angle = np.linspace(0.0, 2.0 * np.pi, 2001)
+        line = radius * np.column_stack([np.sin(angle), 1.0 - np.cos(angle)])
+        sides = np.diff(line, axis=0)
+        lengths = np.linalg.norm(sides, axis=1)
+        bends = np.diff(np.unwrap(np.arctan2(sides[:, 1], sides[:, 0])))
+        return 0.5 * bending * np.sum(bends**2) / lengths[0] + pull * lengths.sum()
+
+    least = minimize_scalar(energy, bounds=(0.1, 2.0), args=(pull,), method="bounded", options={"xatol": 1e-9})
+    assert least.x == pytest.approx(loop, rel=1e-3)
+    assert knot.shortening(bending, pull) == pytest.approx(2.0 * np.pi * loop, rel=1e-14)
+    # Released, the knot's work is its bending energy: the integral of tension over shortening from here to no tension.
+    work = quad(lambda radius: knot.tension(bending, radius) * 2.0 * np.pi, loop, np.inf)[0]
+    assert work == pytest.approx(np.pi * bending / loop, rel=1e-9)

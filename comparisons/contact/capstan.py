@@ -13,6 +13,7 @@ from scipy.optimize import brentq
 from scipy.special import ellipeinc, ellipj, ellipkinc, ellipkm1
 
 from isorod.arrays import Array
+from isorod.errors import InputError
 
 
 class Touch(NamedTuple):
@@ -54,6 +55,11 @@ class Capstan:
     wrap: float
     force: float
     half_length: float = np.inf
+
+    def __post_init__(self) -> None:
+        """Refuse what is no wrap."""
+        if not 0.0 < self.wrap < 2.0 * np.pi:
+            raise InputError(f"capstan: wrap {self.wrap:.4g} rad; the elastica takes one between 0 and a whole turn")
 
     @property
     def threshold(self) -> float:

@@ -42,7 +42,7 @@ class Wire(NamedTuple):
 class Layer(NamedTuple):
     """Equal wires wound round what is within."""
 
-    count: int
+    wires: int
     wire: Wire
     pitch: float  # length of strand in which a wire goes round once; negative where it is left-handed
 
@@ -82,7 +82,7 @@ class Strand:
         """Return the gap at rest between neighbours in each layer, lengths, shape (layers,); negative: they overlap."""
         gaps = []
         for layer, radius in zip(self.layers, self.helix_radii, strict=True):
-            apart, rise = 2.0 * np.pi / layer.count, layer.pitch / (2.0 * np.pi)
+            apart, rise = 2.0 * np.pi / layer.wires, layer.pitch / (2.0 * np.pi)
 
             def square(turn: float, radius: float = radius, apart: float = apart, rise: float = rise) -> float:
                 return float(radius**2 * (2.0 - 2.0 * np.cos(apart - turn)) + (rise * turn) ** 2)
@@ -102,7 +102,7 @@ class Strand:
             give = poisson * slopes[0, 2]
             growth = -(within + poisson * slopes[0, :2]) / (1.0 + give)
             strains = slopes[:, :2] + np.outer(slopes[:, 2], growth)
-            pull = layer.count / np.cos(angle) * (slopes[:, 2] * wire.stiffness) @ strains
+            pull = layer.wires / np.cos(angle) * (slopes[:, 2] * wire.stiffness) @ strains
             found.append(_Response(strains, pull, give))
             within = within + 2.0 * poisson * strains[0]
         return found
@@ -119,7 +119,7 @@ class Strand:
         extension, _, torsion = self.core.stiffness
         matrix = np.diag([extension, torsion])
         for layer, strains, angle in zip(self.layers, self.strains(), self.lay_angles, strict=True):
-            matrix = matrix + layer.count / np.cos(angle) * strains.T @ (layer.wire.stiffness[:, None] * strains)
+            matrix = matrix + layer.wires / np.cos(angle) * strains.T @ (layer.wire.stiffness[:, None] * strains)
         return matrix
 
     def free_stiffness(self) -> float:
@@ -137,7 +137,7 @@ class Strand:
         for layer, response, angle in [*zip(self.layers, self._responses(), self.lay_angles, strict=True)][::-1]:
             # A wire pressed on from without gives way as it is stretched by less.
             without = (response.pull + without * (1.0 - response.give)) / (1.0 + response.give)
-            loads.append(without * np.cos(angle) / layer.count)
+            loads.append(without * np.cos(angle) / layer.wires)
         return np.array(loads[::-1])
 
 
