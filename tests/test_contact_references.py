@@ -22,6 +22,14 @@ def test_hertz_of_crossed_equal_cylinders():
     np.testing.assert_allclose(found, sphere, rtol=1e-7)
 
 
+def test_hertz_in_other_units():
+    """Lengths are scaled as the unit is; a rigid partner doubles the modulus of two equal ones."""
+    metres = hertz.crossed_cylinders(5.0, MODULUS, (2.0, 0.5), 1.0)
+    millimetres = hertz.crossed_cylinders(5.0, 1e-6 * MODULUS, (2e3, 0.5e3), 1.0)
+    np.testing.assert_allclose(millimetres, metres * np.array([1e3, 1e3, 1e3, 1e-6]), rtol=1e-12)
+    assert hertz.modulus(1000.0, 0.3) == pytest.approx(2.0 * MODULUS, rel=1e-14)
+
+
 def lowered(found, x, y):
     """Displacement of both surfaces together where the pressure of an ellipse acts: ``1/(pi E*)`` times that of p/r."""
 
