@@ -212,7 +212,7 @@ def test_a_rod_that_wanders_meets_a_mesh_as_fresh_searches_say():
         way += rng.exponential(0.1) * rng.uniform(-1.0, 1.0, 3) - 0.05 * way
         x = start + way * model.is_carrier[:, None]
         kept, fresh = np.zeros_like(x), np.zeros_like(x)
-        new.forget()
+        new.clear[:] = -np.inf
         found, expected = add_forces(packed, x, kept), add_forces(new, x, fresh)
         np.testing.assert_allclose(found, expected, rtol=1e-12)
         np.testing.assert_allclose(kept, fresh, atol=1e-12 * (1.0 + np.abs(fresh).max()))

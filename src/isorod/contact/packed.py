@@ -174,9 +174,8 @@ class Packed(NamedTuple):
         return *tables, self.corners, self.normals, self.nodes
 
     def forget(self) -> None:
-        """Make the next call one without history, in which every point is searched for."""
+        """Make the next call one without history; what is known to be far is still left out."""
         self.starts[:] = NOWHERE
-        self.clear[:] = -np.inf
 
 
 # Numba's types of rows, and of the whole.

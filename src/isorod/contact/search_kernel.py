@@ -6,10 +6,10 @@ to search for, while ``w <= D / 2``.  Proof: a point of a surface at fixed param
 carriers and has gone no more than ``w`` either; the slave's point **and** the master's, both, may have approached.
 
 ``Packed.travel`` grows by the longest way of each call, in all by no less than ``w``; ``Packed.clear`` is its value at
-which ``D / 2`` is used up.  ``D`` is how far the point is from the boxes of the masters' control points, which hold
-them, and from balls about their sections; after a search, by how much the gap exceeds that of zero pressure, the feet
-found taken for the nearest.  The same lemma keeps the lists of elements near an element: those made with a margin
-``M`` between boxes leave out no element nearer than ``M - 2 w``.
+which ``D / 2`` is used up.  ``D`` is how far the point is from balls about sections of the masters, which hold what is
+between these as well, and from boxes about the balls of an element; after a search, by how much the gap exceeds that of
+zero pressure, the feet found taken for the nearest.  The same lemma keeps the lists of elements near an element: those
+made with a margin ``M`` between boxes leave out no element nearer than ``M - 2 w``.
 
 A search starts at sections whose balls hold the point, one in each piece of a rod that is near: others are not in
 contact.  Of the pieces, nearest first, the first that presses the point counts, and what is found depends on present
@@ -23,10 +23,7 @@ from numba import b1, f8, i8, types, void
 
 from isorod.arrays import Array
 from isorod.compiled import F1, F2, FAST, njit
-from isorod.contact.packed import ELEMENT_ROW, FUNCTIONS, PACKED, PASS_ROW, SURFACE_ROW, Packed, Row
-
-# Element boxes are enlarged by this part of their largest side: a normal may leave the box of a skewed end.
-_MARGIN = 0.1
+from isorod.contact.packed import FUNCTIONS, PACKED, PASS_ROW, SURFACE_ROW, Packed, Row
 
 
 class Site(NamedTuple):
@@ -55,23 +52,6 @@ def end_of(one: Row, slave: Row) -> int:
     return one.first_point + slave.elements * one.along * slave.around * one.across
 
 
-@njit(void(SURFACE_ROW, ELEMENT_ROW, F2, F2), **FAST)
-def _enclose(surface: Row, element: Row, positions: Array, box: Array) -> None:
-    """Fill the box of an element's control points."""
-    side = 0.0
-    for a in range(3):
-        low, high = np.inf, -np.inf
-        for j in range(surface.functions):
-            for i in range(surface.around):
-                x = positions[element.layers[j] + i, a]
-                low, high = min(low, x), max(high, x)
-        box[0, a], box[1, a] = low, high
-        side = max(side, high - low)
-    for a in range(3):
-        box[0, a] -= _MARGIN * side
-        box[1, a] += _MARGIN * side
-
-
 @njit(void(PACKED, PASS_ROW, SURFACE_ROW, F2), **FAST)
 def _place_points(packed: Packed, one: Row, slave: Row, positions: Array) -> None:
     """Fill ``points`` of a pass."""
@@ -97,14 +77,14 @@ def _place_points(packed: Packed, one: Row, slave: Row, positions: Array) -> Non
                 point += 1
 
 
-@njit(void(PACKED, SURFACE_ROW, ELEMENT_ROW, F2, F2), **FAST)
-def _surround(packed: Packed, surface: Row, element: Row, positions: Array, layers: Array) -> None:
-    """Fill ``rings`` of an element; ``layers`` is work space.
+@njit(void(PACKED, SURFACE_ROW, i8, F2, F2), **FAST)
+def _surround(packed: Packed, surface: Row, row: int, positions: Array, layers: Array) -> None:
+    """Fill ``rings`` of an element and the box round them; ``layers`` is work space.
 
     The centre of an outline is the mean of its control points, as their functions are all alike, and it is no farther
     from any of them than the mean of the layers' distances is, weighted by the axis functions.
     """
-    n = surface.around
+    n, element, box = surface.around, packed.elements[row], packed.boxes[row]
     for j in range(surface.functions):
         first = element.layers[j]
         for a in range(3):
@@ -125,6 +105,11 @@ def _surround(packed: Packed, surface: Row, element: Row, positions: Array, laye
                 value += packed.rungs[rung, j] * layers[j, a]
             packed.rings[rung, a] = value
         packed.rings[rung, 3] = np.sqrt(packed.rings[rung, 3] ** 2 + element.reach**2)
+    for a in range(3):
+        box[0, a], box[1, a] = np.inf, -np.inf
+        for rung in range(element.first_rung, element.first_rung + element.rungs):
+            box[0, a] = min(box[0, a], packed.rings[rung, a] - packed.rings[rung, 3])
+            box[1, a] = max(box[1, a], packed.rings[rung, a] + packed.rings[rung, 3])
 
 
 @njit(void(PACKED, F2), **FAST)
@@ -139,8 +124,7 @@ def place(packed: Packed, positions: Array) -> None:
         if packed.passes[surface.own_pass].master < 0:
             continue
         for row in range(surface.first_element, surface.first_element + surface.elements):
-            _enclose(surface, packed.elements[row], positions, packed.boxes[row])
-            _surround(packed, surface, packed.elements[row], positions, layers)
+            _surround(packed, surface, row, positions, layers)
 
 
 @njit(f8(F1, F2), **FAST)
@@ -150,13 +134,13 @@ def _beside(x: Array, box: Array) -> float:
     return max(low[0] - x[0], x[0] - high[0], low[1] - x[1], x[1] - high[1], low[2] - x[2], x[2] - high[2])
 
 
-@njit(f8(F2, F2), **FAST)
-def _apart(one: Array, other: Array) -> float:
-    """Return how far two boxes are from each other, in their farthest coordinate; negative where they overlap."""
-    distance = -np.inf
+@njit(b1(F2, F2, f8), **FAST)
+def _are_near(one: Array, other: Array, margin: float) -> bool:
+    """Return whether two boxes are no farther from each other than a margin, in any coordinate."""
     for a in range(3):
-        distance = max(distance, one[0, a] - other[1, a], other[0, a] - one[1, a])
-    return distance
+        if one[0, a] - other[1, a] > margin or other[0, a] - one[1, a] > margin:
+            return False
+    return True
 
 
 @njit(b1(PACKED, i8, f8, i8, f8), **FAST)
@@ -190,7 +174,7 @@ def list_near(packed: Packed) -> None:
         for row in range(slave.first_element, slave.first_element + slave.elements):
             count = 0
             for other in range(first, last):
-                if _apart(packed.boxes[row], packed.boxes[other]) > packed.listed[0]:
+                if not _are_near(packed.boxes[row], packed.boxes[other], packed.listed[0]):
                     continue
                 # The ends that are farthest from each other.
                 if not (may_touch(packed, row, 0.0, other, 1.0) or may_touch(packed, row, 1.0, other, 0.0)):
@@ -227,8 +211,8 @@ def angle_at(packed: Packed, row: int, share: float, x: Array, positions: Array,
     return surface.turn + 2.0 * np.pi / n * at + turn
 
 
-@njit(types.Tuple((i8, f8))(PACKED, PASS_ROW, i8, F2), **FAST)
-def find_places(packed: Packed, one: Row, point: int, places: Array) -> tuple[int, float]:
+@njit(types.Tuple((i8, f8))(PACKED, PASS_ROW, i8, f8, F2), **FAST)
+def find_places(packed: Packed, one: Row, point: int, limit: float, places: Array) -> tuple[int, float]:
     """Find where searches for what is nearest to a point start.
 
     Of all sections whose balls hold the point those one after the other along a rod are one piece of it, and one start.
@@ -237,6 +221,8 @@ def find_places(packed: Packed, one: Row, point: int, places: Array) -> tuple[in
     ----------
     packed, one, point
         All contacts, the pass, and the point.
+    limit
+        The gap of zero pressure: balls are larger by it.
     places
         Is filled: element, share of it, and how far the point is from the ball's surface (negative), ``(m, 3)``.
 
@@ -256,7 +242,7 @@ def find_places(packed: Packed, one: Row, point: int, places: Array) -> tuple[in
     for k in range(looked_at):
         row = packed.near[at.element, k] if listed else first + k
         distance = _beside(x, packed.boxes[row])
-        if distance > 0.0:
+        if distance > limit:
             free = min(free, distance)
             continue
         element = packed.elements[row]
@@ -267,7 +253,7 @@ def find_places(packed: Packed, one: Row, point: int, places: Array) -> tuple[in
             ring = packed.rings[element.first_rung + t]
             middle = np.sqrt((x[0] - ring[0]) ** 2 + (x[1] - ring[1]) ** 2 + (x[2] - ring[2]) ** 2)
             beside = middle - ring[3]
-            if beside > 0.0:
+            if beside > limit:
                 free = min(free, beside)
                 continue
             begins = element.first_rung + t != last + 1 or element.surface != surface
