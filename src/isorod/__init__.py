@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     from isorod.model import Sphere as Sphere
     from isorod.model import Spin as Spin
     from isorod.model import Support as Support
+    from isorod.model import TriangleMesh as TriangleMesh
     from isorod.space import Space as Space
     from isorod.statics import Equilibrium as Equilibrium
 

@@ -47,10 +47,13 @@ class ContactOperator:
 
     def forces(self, displacement: Array) -> tuple[Array, float]:
         """Return the forces of contact on all degrees of freedom ``(dofs,)``, and its energy."""
-        forces = np.zeros_like(self._base)
         self.packed.forget()
+        return self._add_forces(self._positions(displacement))
+
+    def _add_forces(self, positions: Array) -> tuple[Array, float]:
+        forces = np.zeros_like(self._base)
         with self._stage:
-            pressing = add_forces(self.packed, self._positions(displacement), forces)
+            pressing = add_forces(self.packed, positions, forces)
         return forces.ravel(), pressing.energy
 
     def tangent(self, displacement: Array) -> Array:
@@ -60,8 +63,11 @@ class ContactOperator:
         a patch comes that is not in the pattern, the pattern is made anew of the patches of this call and the last one,
         and ``version`` grows.
         """
-        self.forces(displacement)
-        packed = self.packed
+        packed, positions = self.packed, self._positions(displacement)
+        # Where the forces were asked for just before, nothing has moved since: closest points are known.
+        if not np.array_equal(packed.before[packed.carriers], positions[packed.carriers]):
+            packed.forget()
+        self._add_forces(positions)
         active = np.flatnonzero(packed.states["pressure"] > 0.0)
         patches = np.empty(active.size, PATCH)
         find_patches(packed, active, patches)
@@ -72,7 +78,7 @@ class ContactOperator:
         begin = self._begin[np.searchsorted(self._patches, touched)][which]
         self.values = np.zeros(self._begin[-1])
         with self._stage:
-            add_blocks(packed, self._positions(displacement), active, patches, begin, self.values)
+            add_blocks(packed, positions, active, patches, begin, self.values)
         return self.values
 
     def _renew(self, patches: Table) -> None:

@@ -14,9 +14,9 @@ What `isorod.contact.force_kernel.add_forces` leaves in a `Packed` for later cal
   points this decides: it is history, all that there is, and what a checkpoint of a motion keeps.
 - ``before``, ``travel``, ``clear``, ``near``, ``counts``, ``listed``: how far the rods have gone, until when a point
   needs no search, and which elements are near which.  They save time and change no result (see
-  `isorod.contact.force_kernel`).
+  `isorod.contact.search_kernel`).
 - ``states``, ``points``: the outcome of the call, to be read before the next one.
-- ``boxes``: work space.
+- ``boxes``, ``rings``: work space.
 
 ``multipliers`` are the caller's (`isorod.contact.operator.ContactOperator.augment`).  `Packed.forget` makes the next
 call independent of all that went before.
@@ -33,7 +33,7 @@ from isorod.compiled import F1, F2, F3, I1, I2
 from isorod.geometry.axis import MAX_DEGREE
 
 # What a pass has in the place of a master surface.
-PLANE, CYLINDER, SPHERE = -1, -2, -3
+PLANE, CYLINDER, SPHERE, MESH = -1, -2, -3, -4
 
 # Elements near an element that there is room for in its list; where there are more, all are looked at.
 NEAR = 48
@@ -57,8 +57,8 @@ SURFACE = np.dtype(
 
 # An element of a surface's axis: its surface, the node (of the model) at which each layer begins, the weighted axis
 # functions in powers of ``s`` in [-1, 1], the elements before and after, -1 at an end of the surface; of the undeformed
-# rod, how far along the axis it begins and ends, the largest distance of its surface from the axis, and twice the
-# largest distance between neighbours among its slave points.
+# rod, how far along the axis it begins and ends, the largest distance of its surface from the axis, and how far what
+# belongs to one of its rungs may be from that; the first of its rungs, and their number.
 ELEMENT = np.dtype(
     [
         ("surface", np.int64),
@@ -68,11 +68,14 @@ ELEMENT = np.dtype(
         ("begin", np.float64),
         ("end", np.float64),
         ("radius", np.float64),
-        ("spacing", np.float64),
+        ("reach", np.float64),
+        ("first_rung", np.int64),
+        ("rungs", np.int64),
     ]
 )
 
-# A pass: slave surface; first of its master surfaces, and their number, or an obstacle's kind; the first of its points;
+# A pass: slave surface; first of its master surfaces, and their number, or an obstacle's kind, and where it is a mesh
+# the first of its rows in `Packed.nodes`; the first of its points;
 # points round an arc and along an element; its first rows in `Packed.around` and `Packed.along`; force per volume; of
 # an obstacle a point, the unit normal or axis, and the radius.
 PASS = np.dtype(
@@ -85,6 +88,10 @@ PASS = np.dtype(
         ("radius", np.float64),
     ]
 )
+
+# A box in the tree of a rigid mesh: lower and upper corner; ``count`` triangles from ``first`` on, or, if there are
+# none, two boxes: the next row and row ``first``.
+NODE = np.dtype([("low", np.float64, 3), ("high", np.float64, 3), ("first", np.int64), ("count", np.int64)])
 
 # Where a search starts: element (-1: nowhere yet), angle, and ``s``.
 START = np.dtype([("element", np.int64), ("theta", np.float64), ("s", np.float64)])
@@ -104,8 +111,15 @@ class Packed(NamedTuple):
         Rows of `SURFACE`, of `ELEMENT` (those of all surfaces), and of `PASS`.
     around, along
         The three ``Phi`` at the points of an arc ``(., 3)``, and the ``R`` at the points along the elements ``(., l)``.
+    shares
+        Where along its element each row of ``along`` is, 0 to 1.
+    rungs
+        The ``R`` at sections evenly along the elements, at which searches start, ``(., l)``.
     areas
         Reference areas of the points, halved where both surfaces are slaves in turn, ``(Q,)``.
+    corners, normals, nodes
+        Of the triangles of all rigid meshes the corners, counterclockwise seen from outside, ``(T, 3, 3)``, and normals
+        of the face, of the edges from each corner to the next, and of the corners, ``(T, 7, 3)``; rows of `NODE`.
     carriers
         Nodes of all surfaces.
     multipliers
@@ -119,6 +133,9 @@ class Packed(NamedTuple):
         call, ``(1,)``; the ``travel`` up to which a point needs no search, ``(Q,)``.
     boxes
         Lower and upper corners of the elements, ``(E, 2, 3)``.
+    rings
+        Centre of the section at each of ``rungs``, and the radius of a ball that holds what is nearer to it than to
+        others, ``(., 4)``.
     near, counts, listed
         Elements whose boxes were no farther than a margin from an element's, when the lists were made, ``(E, NEAR)``,
         their number ``(E,)`` (more than `NEAR`: not all are in the list), and the margin and the ``travel`` of then,
@@ -130,7 +147,12 @@ class Packed(NamedTuple):
     passes: Table
     around: Array
     along: Array
+    shares: Array
+    rungs: Array
     areas: Array
+    corners: Array
+    normals: Array
+    nodes: Table
     carriers: Index
     multipliers: Array
     states: Table
@@ -140,6 +162,7 @@ class Packed(NamedTuple):
     travel: Array
     clear: Array
     boxes: Array
+    rings: Array
     near: Index
     counts: Index
     listed: Array
@@ -147,19 +170,20 @@ class Packed(NamedTuple):
     @property
     def fixed(self) -> tuple[Array | Table, ...]:
         """What no call changes."""
-        return self.surfaces, self.elements, self.passes, self.around, self.along, self.areas
+        tables = self.surfaces, self.elements, self.passes, self.around, self.along, self.shares, self.rungs, self.areas
+        return *tables, self.corners, self.normals, self.nodes
 
     def forget(self) -> None:
-        """Make the next call one without history, in which every point is searched for."""
+        """Make the next call one without history; what is known to be far is still left out."""
         self.starts[:] = NOWHERE
-        self.clear[:] = -np.inf
 
 
 # Numba's types of rows, and of the whole.
 SURFACE_ROW, ELEMENT_ROW, PASS_ROW, START_ROW, STATE_ROW = map(from_dtype, (SURFACE, ELEMENT, PASS, START, STATE))
-SURFACES, ELEMENTS, PASSES, STARTS, STATES = (
-    types.Array(row, 1, "C") for row in (SURFACE_ROW, ELEMENT_ROW, PASS_ROW, START_ROW, STATE_ROW)
+NODE_ROW = from_dtype(NODE)
+SURFACES, ELEMENTS, PASSES, STARTS, STATES, NODES = (
+    types.Array(row, 1, "C") for row in (SURFACE_ROW, ELEMENT_ROW, PASS_ROW, START_ROW, STATE_ROW, NODE_ROW)
 )
-PACKED = types.NamedTuple(
-    (SURFACES, ELEMENTS, PASSES, F2, F2, F1, I1, F1, STATES, F2, STARTS, F2, F1, F1, F3, I2, I1, F1), Packed
-)
+_FIXED = (SURFACES, ELEMENTS, PASSES, F2, F2, F1, F2, F1, F3, F3, NODES, I1)
+_LEFT = (F1, STATES, F2, STARTS, F2, F1, F1, F3, F2, I2, I1, F1)
+PACKED = types.NamedTuple(_FIXED + _LEFT, Packed)

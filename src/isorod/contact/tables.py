@@ -22,7 +22,9 @@ from isorod.contact.packed import (
     CYLINDER,
     ELEMENT,
     FUNCTIONS,
+    MESH,
     NEAR,
+    NODE,
     NOWHERE,
     PASS,
     PLANE,
@@ -30,10 +32,13 @@ from isorod.contact.packed import (
     STATE,
     SURFACE,
     Packed,
+    Table,
 )
+from isorod.contact.tree import tree
 from isorod.geometry.axis import Axis
 from isorod.geometry.disk import boundary_functions
 from isorod.model.contact import Contact, Cylinder, Plane, Sphere
+from isorod.model.triangle_mesh import TriangleMesh
 
 if TYPE_CHECKING:
     from isorod.model.model import Model
@@ -43,7 +48,10 @@ if TYPE_CHECKING:
 # thousandth of a radius deep after a few updates of multipliers, and no contact is stiffer than what it presses on.
 _STIFF = 10.0
 
-_KINDS = {Plane: PLANE, Cylinder: CYLINDER, Sphere: SPHERE}
+# Searches start at sections so many radii apart, or at so many of an element.
+_RUNG, _MOST = 0.6, 256
+
+_KINDS = {Plane: PLANE, Cylinder: CYLINDER, Sphere: SPHERE, TriangleMesh: MESH}
 
 
 class _Tables:
@@ -56,9 +64,14 @@ class _Tables:
         self.carriers: list[Index] = []
         self.around: list[Array] = []
         self.along_rows: list[Array] = []
+        self.shares: list[Array] = []
+        self.rungs: list[Array] = []
+        self.corners: list[Array] = []
+        self.normals: list[Array] = []
+        self.nodes: list[Table] = []
         self.areas: list[Array] = []
 
-    def surface(self, body: int, space: "Space", first_node: int, chosen: Sequence[int], spacing: Array) -> None:
+    def surface(self, body: int, space: "Space", first_node: int, chosen: Sequence[int]) -> None:
         """Add a surface, to be the slave of the next pass.
 
         Parameters
@@ -67,8 +80,6 @@ class _Tables:
             What it is the surface of, and the first of its nodes in the model.
         chosen
             Elements of its axis.
-        spacing
-            Largest distance between neighbours among the points of each of these elements.
         """
         axis, n = space.axis, space.points_around
         first = len(self.elements)
@@ -78,14 +89,17 @@ class _Tables:
         period = along[-1] if space.rod.closed else np.inf
         angle = (space.turn, np.cos(alpha), np.sin(alpha))
         self.surfaces.append((body, n, axis.degree + 1, first, len(rows), len(self.passes), *angle, period))
-        for k, e in enumerate(chosen):
+        for e in chosen:
             layers = np.zeros(FUNCTIONS, dtype=np.int64)
             layers[: axis.degree + 1] = first_node + space.element_layers[e] * space.layer_nodes
             self.carriers.append((layers[: axis.degree + 1, None] + np.arange(n)).ravel())
             beside = [(e + step) % axis.elements if space.rod.closed else e + step for step in (-1, 1)]
             neighbours = [rows.get(other, -1) for other in beside]
-            sizes = (along[e], along[e + 1], radii(space, [e])[1], 2.0 * spacing[k])
-            self.elements.append((len(self.surfaces) - 1, layers, _polynomials(axis, e), neighbours, *sizes))
+            sizes = (along[e], along[e + 1], radii(space, [e])[1])
+            rungs, reach = _rungs(space, e, sizes)
+            ladder = (reach, len(self.rungs), len(rungs))
+            self.rungs.extend(rungs)
+            self.elements.append((len(self.surfaces) - 1, layers, _polynomials(axis, e), neighbours, *sizes, *ladder))
 
     def slave(self, rule: "_Rule", masters: tuple[int, int], contact: Contact, force: float, share: float) -> None:
         """Add the pass in which the last surface is the slave.
@@ -106,7 +120,20 @@ class _Tables:
         self.passes.append((len(self.surfaces) - 1, *masters, *starts, force, *_obstacle(contact)))
         self.around.extend(rule.around)
         self.along_rows.extend(rule.axial)
+        self.shares.append(np.tile(rule.shares, len(rule.areas)))
         self.areas.append(share * rule.areas.ravel())
+
+    def obstacle(self, contact: Contact) -> tuple[int, int]:
+        """Add what a contact's obstacle needs; return its kind and the first of its boxes, if it has any."""
+        what, first = contact.obstacle, sum(nodes.size for nodes in self.nodes)
+        if isinstance(what, TriangleMesh):
+            order, nodes = tree(what.corners)
+            nodes["first"] += np.where(nodes["count"] > 0, sum(map(len, self.corners)), first)
+            self.corners.append(what.corners[order])
+            self.normals.append(what.normals()[order])
+            self.nodes.append(nodes)
+            return MESH, first
+        return _KINDS[type(what)], 0
 
 
 class _Rule:
@@ -118,23 +145,24 @@ class _Rule:
         Number of points round an arc, and along an element.
     around, axial
         Rows of `Packed.around` and `Packed.along`.
+    shares
+        Where along an element the points are, 0 to 1, ``(along,)``.
     areas
         Reference areas, ``(elements, along, n across)``.
-    spacing
-        Largest distance between neighbours among the points, and from these to the element's ends, ``(elements,)``.
     """
 
     def __init__(self, space: "Space", chosen: Sequence[int], points: tuple[int, int] | None) -> None:
         self.across, self.along = points or (3, space.axis.degree + 1)
         x, w = np.polynomial.legendre.leggauss(self.across)
         t, v = np.polynomial.legendre.leggauss(self.along)
+        self.shares = 0.5 * (1.0 + t)
         n = space.points_around
         local = np.pi / n * x
         self.around = np.roll(boundary_functions(n, local), 1, axis=1)[:, :3]
         theta = (space.turn + 2.0 * np.pi / n * np.arange(n)[:, None] + local).ravel()
         circle = np.stack([np.cos(theta), np.sin(theta)], axis=1)
         axial: list[Array] = []
-        areas, spacing = [], []
+        areas = []
         for e in chosen:
             middle, half = _span(space.axis, e)
             u = middle + half * t
@@ -145,13 +173,30 @@ class _Rule:
             around = jacobian[..., 1] * circle[:, :1] - jacobian[..., 0] * circle[:, 1:]
             area = np.linalg.norm(np.cross(around, jacobian[..., 2]), axis=-1)
             areas.append(area * np.tile(np.pi / n * w, n) * (half * v)[:, None])
-            # Of the ends too: a closest point may be farther from all points than any two of these are.
-            at, _ = space.rod.grid(circle, middle + half * np.concatenate([[-1.0], t, [1.0]]))
-            steps = [np.linalg.norm(np.roll(at, 1, axis=1) - at, axis=2), np.linalg.norm(np.diff(at, axis=0), axis=2)]
-            spacing.append(max(float(step.max()) for step in steps))
         self.axial = axial
         self.areas = np.array(areas)
-        self.spacing = np.array(spacing)
+
+
+def _rungs(space: "Space", e: int, sizes: tuple[float, float, float]) -> tuple[Array, float]:
+    """Return the axis functions at sections evenly along an element, and how far what is nearer to one may be from it.
+
+    Rods are stretched and bent: that distance is twice what it is in the undeformed one.
+
+    Parameters
+    ----------
+    space, e
+        The rod's, and the element.
+    sizes
+        Where along the axis the element begins and ends, and its radius.
+    """
+    begin, end, radius = sizes
+    count = int(np.clip(np.ceil((end - begin) / (_RUNG * radius)), 1, _MOST))
+    middle, half = _span(space.axis, e)
+    u = np.clip(middle + half * np.linspace(-1.0, 1.0, 2 * count + 1), *space.axis.breaks[e : e + 2])
+    values = np.zeros((count, FUNCTIONS))
+    values[:, : space.axis.degree + 1] = space.axis.local(u[1::2])[1]
+    centers = space.rod.grid(np.zeros((1, 2)), u)[0][:, 0]
+    return values, 2.0 * float(np.linalg.norm(np.diff(centers, axis=0), axis=1).max())
 
 
 def radii(space: "Space", elements: Sequence[int]) -> tuple[float, float]:
@@ -194,9 +239,9 @@ def _lengths(space: "Space") -> Array:
 
 
 def _obstacle(contact: Contact) -> tuple[Array, Array, float]:
-    """Return point, unit direction and radius of a rigid obstacle; zeros where the partner is a body."""
+    """Return point, unit direction and radius of a rigid obstacle; zeros where the partner is a body or a mesh."""
     other = contact.obstacle
-    if other is None:
+    if other is None or isinstance(other, TriangleMesh):
         return np.zeros(3), np.zeros(3), 0.0
     if isinstance(other, Sphere):
         return np.array(other.center, dtype=float), np.zeros(3), other.radius
@@ -233,7 +278,7 @@ def pack(model: "Model") -> Packed:
         sizes = [len(bodies) for bodies in groups]
         masters = [(first, sizes[0])]
         if contact.obstacle is not None:
-            masters = [(_KINDS[type(contact.obstacle)], 0)]
+            masters = [tables.obstacle(contact)]
         elif len(groups) == 2:
             masters = [(first + sizes[0], sizes[1]), (first, sizes[0])]
         force = penalty(model, contact)
@@ -242,7 +287,7 @@ def pack(model: "Model") -> Packed:
             space = model.bodies[body].space
             chosen = range(space.axis.elements) if elements is None else sorted({int(e) for e in elements})
             rule = _Rule(space, chosen, contact.points)
-            tables.surface(body, space, int(model.first_node[body]), chosen, rule.spacing)
+            tables.surface(body, space, int(model.first_node[body]), chosen)
             tables.slave(rule, masters[int(number >= sizes[0])], contact, force, share)
     areas = np.concatenate([np.empty(0), *tables.areas])
     rows = np.array(tables.elements, ELEMENT)
@@ -253,7 +298,12 @@ def pack(model: "Model") -> Packed:
         passes=np.array(tables.passes, PASS),
         around=np.array(tables.around).reshape(-1, 3),
         along=np.array(tables.along_rows).reshape(-1, FUNCTIONS),
+        rungs=np.array(tables.rungs).reshape(-1, FUNCTIONS),
+        shares=np.concatenate([np.empty(0), *tables.shares]),
         areas=areas,
+        corners=np.concatenate([np.empty((0, 3, 3)), *tables.corners]),
+        normals=np.concatenate([np.empty((0, 7, 3)), *tables.normals]),
+        nodes=np.concatenate([np.empty(0, NODE), *tables.nodes]),
         carriers=np.unique(np.concatenate([np.empty(0, dtype=np.int64), *tables.carriers])),
         multipliers=np.zeros(areas.size),
         states=np.zeros(areas.size, STATE),
@@ -263,6 +313,7 @@ def pack(model: "Model") -> Packed:
         travel=np.zeros(1),
         clear=np.full(areas.size, -np.inf),
         boxes=np.zeros((rows.size, 2, 3)),
+        rings=np.zeros((len(tables.rungs), 4)),
         near=np.zeros((rows.size, NEAR), dtype=np.int64),
         counts=np.zeros(rows.size, dtype=np.int64),
         listed=np.array([margin, -np.inf]),

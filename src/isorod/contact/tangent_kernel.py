@@ -5,8 +5,10 @@ from numba import b1, f8, from_dtype, i8, types, void
 
 from isorod.arrays import Array, Index
 from isorod.compiled import F1, F2, I1, STRICT, njit
-from isorod.contact.force_kernel import rigid_gap, site
-from isorod.contact.packed import FUNCTIONS, PACKED, PLANE, SPHERE, Packed, Row, Table
+from isorod.contact.force_kernel import rigid_gap
+from isorod.contact.mesh_kernel import LEVELS, aside, cross, mesh_gap
+from isorod.contact.packed import FUNCTIONS, MESH, PACKED, PLANE, SPHERE, Packed, Row, Table
+from isorod.contact.search_kernel import site
 from isorod.contact.surface_kernel import FOOT, Foot, arc_of, dot, evaluate, new_foot, surface_gap
 
 # A point couples at most this many nodes: three control points round each of two sections.
@@ -57,23 +59,6 @@ def patch_nodes(packed: Packed, patch: Row, nodes: Index) -> int:
     return count
 
 
-@njit(**STRICT)
-def _cross(a: Array, b: Array, out: Array) -> None:
-    """Fill ``out`` with the vector product."""
-    for i in range(3):
-        j, k = (i + 1) % 3, (i + 2) % 3
-        out[i] = a[j] * b[k] - a[k] * b[j]
-
-
-@njit(void(F1, F1), **STRICT)
-def _aside(normal: Array, out: Array) -> None:
-    """Fill ``out`` with a unit vector normal to a unit vector."""
-    a = np.argmin(np.abs(normal))
-    for i in range(3):
-        out[i] = (1.0 if i == a else 0.0) - normal[a] * normal[i]
-    out /= np.sqrt(dot(out, out))
-
-
 @njit(void(FOOT, f8, b1, F2), **STRICT)
 def _curvature(foot: Foot, gap: float, edge: bool, c: Array) -> None:
     """Fill ``c`` (see `_variations`) where the master is a surface."""
@@ -122,14 +107,19 @@ def _variations(packed: Packed, positions: Array, patch: Row, point: int, v: Arr
     shares, directions = np.empty(v.shape[1] // 3), np.zeros((3, 3))
     for m in range(mine):
         shares[m] = packed.along[at.along, m // 3] * packed.around[at.around, m % 3]
-    if one.master < 0:
+    if one.master == MESH:
+        gap = mesh_gap(packed, one, packed.points[point], foot, np.empty(LEVELS, dtype=np.int64))
+        directions[1:] = foot.y[1:3]
+        if gap != 0.0:
+            c[1, 1] = c[2, 2] = 1.0 / gap
+    elif one.master < 0:
         gap = rigid_gap(one, packed.points[point], foot.normal)
         if one.master == SPHERE:
-            _aside(foot.normal, directions[1])
-            _cross(foot.normal, directions[1], directions[2])
+            aside(foot.normal, directions[1])
+            cross(foot.normal, directions[1], directions[2])
             c[2, 2] = 1.0 / (gap + one.radius)
         else:
-            _cross(one.direction, foot.normal, directions[1])
+            cross(one.direction, foot.normal, directions[1])
         if one.master != PLANE:
             c[1, 1] = 1.0 / (gap + one.radius)
     else:
@@ -142,7 +132,7 @@ def _variations(packed: Packed, positions: Array, patch: Row, point: int, v: Arr
         _curvature(foot, gap, edge, c)
         directions[1:] = foot.y[1:3]
         if edge:
-            _cross(foot.normal, foot.y[1], directions[2])
+            cross(foot.normal, foot.y[1], directions[2])
         for m in range(mine, shares.size):
             j, i = divmod(m - mine, 3)
             shares[m] = -axial[0, j] * phi[0, i]

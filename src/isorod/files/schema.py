@@ -60,6 +60,7 @@ OBSTACLES = {
     "Plane": Form("isorod.model.contact:Plane"),
     "Cylinder": Form("isorod.model.contact:Cylinder"),
     "Sphere": Form("isorod.model.contact:Sphere"),
+    "TriangleMesh": Form("isorod.model.triangle_mesh:TriangleMesh.from_file"),
 }
 CONTACTS = Form("isorod.model.contact:Contact", kinds={"first": ROD, "second": PARTNER})
 

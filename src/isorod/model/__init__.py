@@ -5,6 +5,7 @@ from isorod.model.contact import Contact, Cylinder, Plane, Sphere
 from isorod.model.load import BodyForce, Pressure, SectionLoad, Spin
 from isorod.model.model import Model
 from isorod.model.support import Support
+from isorod.model.triangle_mesh import TriangleMesh
 
 __all__ = [
     "Body",
@@ -18,4 +19,5 @@ __all__ = [
     "Sphere",
     "Spin",
     "Support",
+    "TriangleMesh",
 ]

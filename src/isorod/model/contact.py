@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from isorod.errors import Checked, InputError, whole_number
+from isorod.model.triangle_mesh import TriangleMesh
 
 if TYPE_CHECKING:
     from isorod.space.space import Space
@@ -60,7 +61,7 @@ class Sphere(Checked):
             raise InputError(f"sphere: got radius {self.radius:g}, need a positive length")
 
 
-Obstacle = Plane | Cylinder | Sphere
+Obstacle = Plane | Cylinder | Sphere | TriangleMesh
 
 
 @dataclass(frozen=True)
@@ -73,8 +74,8 @@ class Contact(Checked):
     Parameters
     ----------
     first, second
-        Index of a body of the model, or of several; ``second`` may be an obstacle: `Plane`, `Cylinder` or `Sphere`.
-        Without it, those of ``first`` touch each other and themselves.
+        Index of a body of the model, or of several; ``second`` may be an obstacle: `Plane`, `Cylinder`, `Sphere` or
+        `TriangleMesh`.  Without it, those of ``first`` touch each other and themselves.
     penalty
         Pressure per depth of penetration, force / length^3; where not given, ten times the modulus of the softest law
         over the smallest radius.

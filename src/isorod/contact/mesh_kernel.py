@@ -1,0 +1,145 @@
+"""Compiled: the distance of a point from a rigid closed mesh of triangles.
+
+The closest point of all triangles is sought through a tree of boxes, nearer ones first.  The sign is that of the
+normal of the face, the edge or the corner on which it lies, the mean of the faces' there weighted by their angles
+(Baerentzen & Aanaes, IEEE Trans. Vis. Comput. Graph. 11 (2005) 243-253).
+"""
+
+import numpy as np
+from numba import f8, i8, void
+
+from isorod.arrays import Array, Index
+from isorod.compiled import F1, F2, FAST, I1, njit
+from isorod.contact.packed import NODE_ROW, PACKED, PASS_ROW, Packed, Row
+from isorod.contact.surface_kernel import FOOT, Foot, dot
+
+# Where on a triangle: the face, one of the edges from corner k to the next, one of the corners.
+FACE, EDGES, CORNERS = 0, 1, 4
+
+# Levels of the tree: halves of halves of more triangles than there can be.
+LEVELS = 64
+
+
+@njit(f8(NODE_ROW, F1), **FAST)
+def _away(node: Row, x: Array) -> float:
+    """Return the square of the distance of a point from a box."""
+    square = 0.0
+    for a in range(3):
+        side = max(node.low[a] - x[a], x[a] - node.high[a], 0.0)
+        square += side * side
+    return square
+
+
+@njit(i8(F2, F1, F1), **FAST)
+def nearest(corners: Array, x: Array, y: Array) -> int:
+    """Fill ``y`` with the point of a triangle nearest to ``x``; return where on it that is.
+
+    After Ericson, Real-Time Collision Detection (2005), section 5.1.5.
+    """
+    a, b, c = corners[0], corners[1], corners[2]
+    ab, ac, ax = b - a, c - a, x - a
+    d1, d2 = dot(ab, ax), dot(ac, ax)
+    if d1 <= 0.0 and d2 <= 0.0:
+        y[:] = a
+        return CORNERS
+    bx = x - b
+    d3, d4 = dot(ab, bx), dot(ac, bx)
+    if d3 >= 0.0 and d4 <= d3:
+        y[:] = b
+        return CORNERS + 1
+    vc = d1 * d4 - d3 * d2
+    if vc <= 0.0 and d1 >= 0.0 and d3 <= 0.0:
+        y[:] = a + d1 / (d1 - d3) * ab
+        return EDGES
+    cx = x - c
+    d5, d6 = dot(ab, cx), dot(ac, cx)
+    if d6 >= 0.0 and d5 <= d6:
+        y[:] = c
+        return CORNERS + 2
+    vb = d5 * d2 - d1 * d6
+    if vb <= 0.0 and d2 >= 0.0 and d6 <= 0.0:
+        y[:] = a + d2 / (d2 - d6) * ac
+        return EDGES + 2
+    va = d3 * d6 - d5 * d4
+    if va <= 0.0 and d4 - d3 >= 0.0 and d5 - d6 >= 0.0:
+        y[:] = b + (d4 - d3) / (d4 - d3 + d5 - d6) * (c - b)
+        return EDGES + 1
+    y[:] = a + (vb * ab + vc * ac) / (va + vb + vc)
+    return FACE
+
+
+@njit(**FAST)
+def cross(a: Array, b: Array, out: Array) -> None:
+    """Fill ``out`` with the vector product."""
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        out[i] = a[j] * b[k] - a[k] * b[j]
+
+
+@njit(void(F1, F1), **FAST)
+def aside(normal: Array, out: Array) -> None:
+    """Fill ``out`` with a unit vector normal to a unit vector."""
+    a = np.argmin(np.abs(normal))
+    for i in range(3):
+        out[i] = (1.0 if i == a else 0.0) - normal[a] * normal[i]
+    out /= np.sqrt(dot(out, out))
+
+
+@njit(f8(PACKED, PASS_ROW, F1, FOOT, I1), **FAST)
+def mesh_gap(packed: Packed, one: Row, x: Array, foot: Foot, stack: Index) -> float:
+    """Return the distance of a point from the mesh of a pass, negative inside, and fill its normal.
+
+    Parameters
+    ----------
+    packed, one
+        All contacts, and the pass.
+    x
+        The point, ``(3,)``.
+    foot
+        Gets ``d`` and ``normal``, and in ``y[1:3]`` the directions in which the normal turns as the point moves, by
+        its way over the gap: none, across an edge, or two about a corner.
+    stack
+        Work space, ``(64,)``.
+    """
+    best, place, found, size = np.inf, FACE, one.masters, 1
+    y, d, normal, turning = foot.y[0], foot.d, foot.normal, foot.y
+    stack[0] = one.masters
+    while size > 0:
+        size -= 1
+        row = stack[size]
+        node = packed.nodes[row]
+        if _away(node, x) >= best:
+            continue
+        if node.count == 0:
+            near, far = row + 1, node.first
+            if _away(packed.nodes[far], x) < _away(packed.nodes[near], x):
+                near, far = far, near
+            stack[size], stack[size + 1] = far, near
+            size += 2
+            continue
+        for k in range(node.first, node.first + node.count):
+            where = nearest(packed.corners[k], x, y)
+            square = (x[0] - y[0]) ** 2 + (x[1] - y[1]) ** 2 + (x[2] - y[2]) ** 2
+            if square < best:
+                best, place, found = square, where, k
+                for a in range(3):
+                    d[a] = x[a] - y[a]
+    corners = packed.corners[found]
+    for a in range(3):
+        y[a] = x[a] - d[a]
+        normal[a] = packed.normals[found, place, a]
+    height = dot(d, normal)
+    turning[1:3] = 0.0
+    if place == FACE or best == 0.0:
+        return height
+    gap = np.sqrt(best) if height >= 0.0 else -np.sqrt(best)
+    for a in range(3):
+        normal[a] = d[a] / gap
+    if place < CORNERS:
+        first, last = corners[place - EDGES], corners[(place - EDGES + 1) % 3]
+        cross(last - first, normal, turning[1])
+        turning[1] /= np.sqrt(dot(turning[1], turning[1]))
+        return gap
+    aside(normal, turning[1])
+    cross(normal, turning[1], turning[2])
+    return gap

@@ -1,0 +1,283 @@
+"""Compiled: what is near a point of a rod's surface, and until when nothing is.
+
+Lemma (searches left out).  Let a point be farther than ``D`` from a surface, and let no carrier have gone a longer way
+than ``w`` since.  Then the point is farther than ``D - 2 w`` from the surface, so that there is no contact, and nothing
+to search for, while ``w <= D / 2``.  Proof: a point of a surface at fixed parameters is a convex combination of
+carriers and has gone no more than ``w`` either; the slave's point **and** the master's, both, may have approached.
+
+``Packed.travel`` grows by the longest way of each call, in all by no less than ``w``; ``Packed.clear`` is its value at
+which ``D / 2`` is used up.  ``D`` is how far the point is from balls about sections of the masters, which hold what is
+between these as well, and from boxes about the balls of an element; after a search, by how much the gap exceeds that of
+zero pressure, the feet found taken for the nearest.  The same lemma keeps the lists of elements near an element: those
+made with a margin ``M`` between boxes leave out no element nearer than ``M - 2 w``.
+
+A search starts at sections whose balls hold the point, one in each piece of a rod that is near: others are not in
+contact.  Of the pieces, nearest first, the first that presses the point counts, and what is found depends on present
+positions alone.  A point that is pressed goes on from where it was, and is searched for anew when it leaves.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import b1, f8, i8, types, void
+
+from isorod.arrays import Array
+from isorod.compiled import F1, F2, FAST, njit
+from isorod.contact.packed import FUNCTIONS, PACKED, PASS_ROW, SURFACE_ROW, Packed, Row
+
+
+class Site(NamedTuple):
+    """Where a slave point is: its element and arc, and its rows in `Packed.along` and `Packed.around`."""
+
+    element: int
+    arc: int
+    along: int
+    around: int
+
+
+SITE = types.NamedUniTuple(i8, 4, Site)
+
+
+@njit(SITE(PASS_ROW, SURFACE_ROW, i8), **FAST)
+def site(one: Row, slave: Row, point: int) -> Site:
+    """Return where a point of a pass is; points go round the section first, then along the elements."""
+    around, q = divmod(point - one.first_point, one.across)
+    place, arc = divmod(around, slave.around)
+    return Site(slave.first_element + place // one.along, arc, one.first_along + place, one.first_around + q)
+
+
+@njit(i8(PASS_ROW, SURFACE_ROW), **FAST)
+def end_of(one: Row, slave: Row) -> int:
+    """Return the number after that of the last point of a pass."""
+    return one.first_point + slave.elements * one.along * slave.around * one.across
+
+
+@njit(void(PACKED, PASS_ROW, SURFACE_ROW, F2), **FAST)
+def _place_points(packed: Packed, one: Row, slave: Row, positions: Array) -> None:
+    """Fill ``points`` of a pass."""
+    n = slave.around
+    section = np.empty((n, 3))
+    point = one.first_point
+    for place in range(slave.elements * one.along):
+        element = packed.elements[slave.first_element + place // one.along]
+        r = packed.along[one.first_along + place]
+        for i in range(n):
+            for a in range(3):
+                value = 0.0
+                for j in range(slave.functions):
+                    value += r[j] * positions[element.layers[j] + i, a]
+                section[i, a] = value
+        for i in range(n):
+            before, after = (i - 1) % n, (i + 1) % n
+            for q in range(one.across):
+                f = packed.around[one.first_around + q]
+                for a in range(3):
+                    x = f[0] * section[before, a] + f[1] * section[i, a] + f[2] * section[after, a]
+                    packed.points[point, a] = x
+                point += 1
+
+
+@njit(void(PACKED, SURFACE_ROW, i8, F2, F2), **FAST)
+def _surround(packed: Packed, surface: Row, row: int, positions: Array, layers: Array) -> None:
+    """Fill ``rings`` of an element and the box round them; ``layers`` is work space.
+
+    The centre of an outline is the mean of its control points, as their functions are all alike, and it is no farther
+    from any of them than the mean of the layers' distances is, weighted by the axis functions.
+    """
+    n, element, box = surface.around, packed.elements[row], packed.boxes[row]
+    for j in range(surface.functions):
+        first = element.layers[j]
+        for a in range(3):
+            layers[j, a] = 0.0
+            for i in range(n):
+                layers[j, a] += positions[first + i, a] / n
+        farthest = 0.0
+        for i in range(n):
+            square = 0.0
+            for a in range(3):
+                square += (positions[first + i, a] - layers[j, a]) ** 2
+            farthest = max(farthest, square)
+        layers[j, 3] = np.sqrt(farthest)
+    for rung in range(element.first_rung, element.first_rung + element.rungs):
+        for a in range(4):
+            value = 0.0
+            for j in range(surface.functions):
+                value += packed.rungs[rung, j] * layers[j, a]
+            packed.rings[rung, a] = value
+        packed.rings[rung, 3] = np.sqrt(packed.rings[rung, 3] ** 2 + element.reach**2)
+    for a in range(3):
+        box[0, a], box[1, a] = np.inf, -np.inf
+        for rung in range(element.first_rung, element.first_rung + element.rungs):
+            box[0, a] = min(box[0, a], packed.rings[rung, a] - packed.rings[rung, 3])
+            box[1, a] = max(box[1, a], packed.rings[rung, a] + packed.rings[rung, 3])
+
+
+@njit(void(PACKED, F2), **FAST)
+def place(packed: Packed, positions: Array) -> None:
+    """Fill ``points``, ``rings`` and ``boxes``."""
+    for k in range(packed.passes.size):
+        one = packed.passes[k]
+        _place_points(packed, one, packed.surfaces[one.slave], positions)
+    layers = np.empty((FUNCTIONS, 4))
+    for k in range(packed.surfaces.size):
+        surface = packed.surfaces[k]
+        if packed.passes[surface.own_pass].master < 0:
+            continue
+        for row in range(surface.first_element, surface.first_element + surface.elements):
+            _surround(packed, surface, row, positions, layers)
+
+
+@njit(f8(F1, F2), **FAST)
+def _beside(x: Array, box: Array) -> float:
+    """Return how far a point is from a box, in its farthest coordinate; negative inside."""
+    low, high = box[0], box[1]
+    return max(low[0] - x[0], x[0] - high[0], low[1] - x[1], x[1] - high[1], low[2] - x[2], x[2] - high[2])
+
+
+@njit(b1(F2, F2, f8), **FAST)
+def _are_near(one: Array, other: Array, margin: float) -> bool:
+    """Return whether two boxes are no farther from each other than a margin, in any coordinate."""
+    for a in range(3):
+        if one[0, a] - other[1, a] > margin or other[0, a] - one[1, a] > margin:
+            return False
+    return True
+
+
+@njit(b1(PACKED, i8, f8, i8, f8), **FAST)
+def may_touch(packed: Packed, row: int, share: float, other: int, other_share: float) -> bool:
+    """Return whether two places, at shares of two elements, are of two bodies or far enough apart along the axis."""
+    one, two = packed.elements[row], packed.elements[other]
+    surface = packed.surfaces[one.surface]
+    if surface.body != packed.surfaces[two.surface].body:
+        return True
+    way = abs(one.begin + share * (one.end - one.begin) - two.begin - other_share * (two.end - two.begin))
+    return min(way, surface.period - way) >= np.pi * max(one.radius, two.radius)
+
+
+@njit(i8(PACKED, PASS_ROW), **FAST)
+def _last_row(packed: Packed, one: Row) -> int:
+    """Return the number after that of the last element of a pass' masters."""
+    last = packed.surfaces[one.master + one.masters - 1]
+    return last.first_element + last.elements
+
+
+@njit(void(PACKED), **FAST)
+def list_near(packed: Packed) -> None:
+    """Make the lists of elements that are near each element and may touch it."""
+    packed.listed[1] = packed.travel[0]
+    for k in range(packed.passes.size):
+        one = packed.passes[k]
+        if one.master < 0:
+            continue
+        slave = packed.surfaces[one.slave]
+        first, last = packed.surfaces[one.master].first_element, _last_row(packed, one)
+        for row in range(slave.first_element, slave.first_element + slave.elements):
+            count = 0
+            for other in range(first, last):
+                if not _are_near(packed.boxes[row], packed.boxes[other], packed.listed[0]):
+                    continue
+                # The ends that are farthest from each other.
+                if not (may_touch(packed, row, 0.0, other, 1.0) or may_touch(packed, row, 1.0, other, 0.0)):
+                    continue
+                if count < packed.near.shape[1]:
+                    packed.near[row, count] = other
+                count += 1
+            packed.counts[row] = count
+
+
+@njit(f8(PACKED, i8, f8, F1, F2, F1), **FAST)
+def angle_at(packed: Packed, row: int, share: float, x: Array, positions: Array, squares: Array) -> float:
+    """Return the angle of the place nearest to a point on the section at an element's rung; exact if that is a circle.
+
+    Squares of distances from the control points of a circle are a cosine of the angle, which three of them tell.
+    ``squares`` is work space.
+    """
+    element = packed.elements[row]
+    surface = packed.surfaces[element.surface]
+    n, rung = surface.around, element.first_rung + int(share * element.rungs)
+    at = 0
+    for i in range(n):
+        squares[i] = 0.0
+        for a in range(3):
+            way = -x[a]
+            for j in range(surface.functions):
+                way += packed.rungs[rung, j] * positions[element.layers[j] + i, a]
+            squares[i] += way * way
+        if squares[i] < squares[at]:
+            at = i
+    before, after = squares[(at - 1) % n], squares[(at + 1) % n]
+    bend = before + after - 2.0 * squares[at]
+    turn = np.arctan(surface.sin / surface.cos * (before - after) / bend) if bend > 0.0 else 0.0
+    return surface.turn + 2.0 * np.pi / n * at + turn
+
+
+@njit(types.Tuple((i8, f8))(PACKED, PASS_ROW, i8, f8, F2), **FAST)
+def find_places(packed: Packed, one: Row, point: int, limit: float, places: Array) -> tuple[int, float]:
+    """Find where searches for what is nearest to a point start.
+
+    Of all sections whose balls hold the point those one after the other along a rod are one piece of it, and one start.
+
+    Parameters
+    ----------
+    packed, one, point
+        All contacts, the pass, and the point.
+    limit
+        The gap of zero pressure: balls are larger by it.
+    places
+        Is filled: element, share of it, and how far the point is from the ball's surface (negative), ``(m, 3)``.
+
+    Returns
+    -------
+    count, free
+        How many places there are, and how far the point is from all others.
+    """
+    x, slave = packed.points[point], packed.surfaces[one.slave]
+    at = site(one, slave, point)
+    share = packed.shares[at.along]
+    listed = packed.counts[at.element] <= packed.near.shape[1]
+    first = 0 if listed else packed.surfaces[one.master].first_element
+    looked_at = packed.counts[at.element] if listed else _last_row(packed, one) - first
+    free = packed.listed[0] - 2.0 * (packed.travel[0] - packed.listed[1])
+    count, last, surface = 0, -2, -1
+    for k in range(looked_at):
+        row = packed.near[at.element, k] if listed else first + k
+        distance = _beside(x, packed.boxes[row])
+        if distance > limit:
+            free = min(free, distance)
+            continue
+        element = packed.elements[row]
+        for t in range(element.rungs):
+            there = (t + 0.5) / element.rungs
+            if not may_touch(packed, at.element, share, row, there):
+                continue
+            ring = packed.rings[element.first_rung + t]
+            middle = np.sqrt((x[0] - ring[0]) ** 2 + (x[1] - ring[1]) ** 2 + (x[2] - ring[2]) ** 2)
+            beside = middle - ring[3]
+            if beside > limit:
+                free = min(free, beside)
+                continue
+            begins = element.first_rung + t != last + 1 or element.surface != surface
+            last, surface = element.first_rung + t, element.surface
+            if (begins or count == 0) and count < places.shape[0]:
+                places[count, 2] = np.inf
+                count += 1
+            if beside < places[count - 1, 2]:
+                places[count - 1, 0], places[count - 1, 1], places[count - 1, 2] = row, there, beside
+    return count, free
+
+
+@njit(b1(PACKED, F2), **FAST)
+def add_travel(packed: Packed, positions: Array) -> bool:
+    """Add the longest way of a carrier since the last call to ``travel``; False if a position is not finite."""
+    longest = 0.0
+    finite = True
+    for node in packed.carriers:
+        square = 0.0
+        for a in range(3):
+            x = positions[node, a]
+            square += (x - packed.before[node, a]) ** 2
+            packed.before[node, a] = x
+        finite = finite and square < np.inf
+        longest = max(longest, square)
+    packed.travel[0] += np.sqrt(longest)
+    return finite
