@@ -1,10 +1,10 @@
-"""What a shear-deformable rod of a scenario is as a continuum: law, space, clamps and pins, and its shape at the start.
+"""What a shear-deformable rod of a scenario is as a continuum: law, space, clamps, pins, and its shape at the start.
 
-A scenario's rod is straight and round at rest, with moduli ``E`` and ``G``.  The body is the cylinder of its radius, of a
-law that has both at rest, ``nu = E / (2 G) - 1``: extension, bending and torsion are then ``E A``, ``E I`` and ``G J``,
-and shear is what it is in a cylinder, with no coefficient to choose.  A clamp holds what a rod's clamp holds, a
-section's place and its directions; its outline may swell and shrink.  A pin holds the section's place alone; where
-functions of control points are asked for, two points of the circle and with them the line between: a hinge.
+A scenario's rod is straight and round at rest, with moduli ``E`` and ``G``.  The body is the cylinder of its radius,
+of a law that has both at rest, ``nu = E / (2 G) - 1``: stiffnesses are then ``E A``, ``E I`` and ``G J``, and shear is
+what it is in a cylinder, with no coefficient to choose.  A clamp holds what a rod's clamp holds, a section's place and
+its directions; its outline may swell and shrink.  A pin holds the section's place alone; where functions of control
+points are asked for, two points of the circle and with them the line between: a hinge.
 
 Nothing here knows the package: scenarios are read by the names of their attributes.
 """
@@ -24,8 +24,8 @@ DEGREE, SECTION_DEGREE = 3, 2
 # Functions of control points where rods touch: harmonic ones.
 ORDER, POINTS = 1, 8
 
-# Poisson's ratio that displacements alone carry without locking, by 1e-4 of a deflection from ten elements on; statics without contact
-# takes 0.5 itself.
+# Poisson's ratio that displacements alone carry without locking, to 1e-4 of a deflection from ten elements on; statics
+# without contact takes 0.5 itself.
 NEARLY = 0.499
 
 # A direction is along another one, and a rod straight, to this share.
@@ -92,8 +92,10 @@ def place(given: Any, elements: int, touching: bool = False, most: float = NEARL
     direction[largest] = np.sign(chord[largest])
     line = isorod.straight(start=start, end=start + given.length * direction)
     rod = line.sweep(isorod.circle(POINTS if touching else 4, given.radius))
-    across = {"order": ORDER, "section_points": POINTS} if touching else {"section_degree": SECTION_DEGREE}
-    space = isorod.Space(rod, elements=elements, degree=DEGREE, **across)
+    if touching:
+        space = isorod.Space(rod, elements=elements, degree=DEGREE, order=ORDER, section_points=POINTS)
+    else:
+        space = isorod.Space(rod, elements=elements, degree=DEGREE, section_degree=SECTION_DEGREE)
     material = law(given.material, most)
     formulation = "mixed" if material.nu == 0.5 else "displacement"
     body = isorod.Body(space, material, density=given.material.density, formulation=formulation)

@@ -1,4 +1,4 @@
-"""Rods in line with their clamps, one of which turns and then stands still: statics to there, implicit steps from there.
+"""Rods in line with their clamps, one of which turns, then stands still: statics to there, implicit steps from there.
 
 Steps in time keep supports where they are.  So the rod is turned by statics, straight, which it stays whether that is
 stable or not; what it starts with sideways is added at the end of the turn, and grows or decays from then on.  Up to
@@ -52,10 +52,12 @@ def _rod(scenario: Any, given: Any, elements: int, frames: int, scale: float) ->
 def _check(placed: Placed) -> None:
     """Refuse what is not a straight rod between two clamps, the last of which turns about it and may slide."""
     given, direction = placed.given, placed.direction
-    motion, turns = given.end_motion, None if given.end_motion is None else np.asarray(given.end_motion.rotation)
+    motion = given.end_motion
     if motion is None or given.start_motion is not None or (given.start.value, given.end.value) != (CLAMPED, CLAMPED):
         raise NotImplementedError("a driven end but the second of two clamps")
-    if np.abs(np.cross(turns, direction)).max() > _SMALL or np.any(motion.displacement):
+    if np.abs(np.cross(np.asarray(motion.rotation, dtype=float), direction)).max() > _SMALL or np.any(
+        motion.displacement
+    ):
         raise NotImplementedError("a driven clamp that does not just turn about its rod: steps in time keep supports")
     if motion.slides_along is None or np.linalg.norm(np.cross(motion.axis, direction)) > _SMALL:
         raise NotImplementedError("a turning clamp that does not slide along its rod")
@@ -75,7 +77,7 @@ def _supports(placed: Placed, turn: Array) -> list[isorod.Support]:
 
 
 def _sideways(placed: Placed, turned: isorod.Equilibrium) -> Array:
-    """Return the displacement ``(nodes, 3)`` by what the scenario's rod starts with sideways, sections turned with it."""
+    """Return the displacement ``(nodes, 3)`` by what the rod starts with sideways, sections turned with it."""
     space, along = placed.space, placed.direction
     shape = (space.layers, space.layer_nodes, 3)
     initial, now = placed.initial.reshape(shape), (space.positions + turned.fields(0)["displacement"]).reshape(shape)
@@ -83,8 +85,7 @@ def _sideways(placed: Placed, turned: isorod.Equilibrium) -> Array:
     off = initial[:, carriers].mean(axis=1)
     off -= (off @ along)[:, None] * along
     places, matrix = interpolation(space)
-    _, _, slopes = space.axis.local(places)
-    first = space.axis.local(places)[0]
+    first, _, slopes = space.axis.local(places)
     slope = (
         np.stack([row @ off[one : one + row.size] for one, row in zip(first, slopes, strict=True)])
         / placed.given.length
