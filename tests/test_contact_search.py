@@ -73,3 +73,14 @@ def test_two_rods_that_wander_touch_as_fresh_searches_say(seed):
         np.testing.assert_allclose(kept, fresh, atol=1e-10 * (1.0 + np.abs(fresh).max()))
     assert missed == 0
     assert touched > 5
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_rods_apart_and_far_from_the_origin_have_closest_points(seed):
+    """Rounding of the coordinates is in the distances that a search compares."""
+    model = crossing(3.0)
+    start, rng = approached(model, 0.0), np.random.default_rng(seed)
+    for _ in range(10):
+        x = start + (rng.uniform(-0.3, 0.3, 3) + 200.0) * model.is_carrier[:, None]
+        x[model.first_node[1] :, 2] += rng.uniform(-0.3, 0.3) * model.is_carrier[model.first_node[1] :]
+        assert add_forces(pack(model), x, np.zeros_like(x))[1] == 0.0

@@ -15,7 +15,7 @@ PENALTY = 10.0
 
 # Elements that start no farther from the other rod than so many diameters take part, at points no farther apart than
 # this share of a radius.
-NEAR, SPACING = 4.0, 0.15
+NEAR, SPACING = 4.0, 0.3
 
 _MOST_POINTS = 64
 
