@@ -64,7 +64,7 @@ def test_where_displacements_would_lock_the_shear_modulus_gives_way():
     given = SimpleNamespace(youngs_modulus=3.0, shear_modulus=1.0)
     assert rods.law(given).nu == 0.5
     found = rods.law(given, rods.NEARLY)
-    assert found.E == 3.0 and 1.0 < found.mu < 1.001
+    assert found.E == 3.0 and 1.0 < found.mu < 1.01
 
 
 def test_moduli_that_no_solid_has_are_refused():
