@@ -9,6 +9,7 @@ from isorod.contact.tables import pack
 from isorod.geometry.rod import Rod
 from isorod.material import NeoHookean
 from isorod.model import Body, Contact, Model
+from isorod.model.support import rotation
 from isorod.space import Space
 
 LAW = NeoHookean(1.0, 0.3)
@@ -73,3 +74,15 @@ def test_two_rods_that_wander_touch_as_fresh_searches_say(seed):
         np.testing.assert_allclose(kept, fresh, atol=1e-10 * (1.0 + np.abs(fresh).max()))
     assert missed == 0
     assert touched > 5
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_rods_apart_and_far_from_the_origin_have_closest_points(seed):
+    """Rounding of the coordinates is in the distances that a search compares; askew, rods are in each other's boxes."""
+    model = crossing(1.0)
+    turn, rng = rotation((0.6, 0.5, 0.4)), np.random.default_rng(seed)
+    for _ in range(10):
+        x = approached(model, 0.0)
+        x[model.first_node[1] :, 2] += rng.uniform(-0.3, 0.3) * model.is_carrier[model.first_node[1] :]
+        x = x @ turn.T + (rng.uniform(-0.3, 0.3, 3) + 200.0) * model.is_carrier[:, None]
+        assert add_forces(pack(model), x, np.zeros_like(x))[1] == 0.0

@@ -17,7 +17,7 @@ ROOMS = [
 GROUND = ["errors", "arrays", "tensors", "compiling", "compiled", "options"]
 # What ``python -m isorod`` runs, and what ``import isorod`` offers: they stand on the ground and lead to the top.
 DOORS = ("__init__", "__main__")
-FOREIGN = {"dolfinx", "ufl", "basix", "ffcx", "gmsh", "pyvista", "vtk", "comparisons", "meshes"}
+FOREIGN = {"dolfinx", "ufl", "basix", "ffcx", "gmsh", "pyvista", "vtk", "cosseratbench", "comparisons", "meshes"}
 
 
 def files(folder: Path) -> list[Path]:

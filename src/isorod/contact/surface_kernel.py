@@ -261,7 +261,9 @@ def closest(surface: Row, elements: Table, x: Array, start: Row, positions: Arra
         evaluate(surface, element, theta, s, positions, foot)
         at = _slopes(foot, x)
         square = 0.5 * dot(foot.d, foot.d)
-        if square > last + 1e-14 * (at.a11 + square) and halvings < _HALVINGS:
+        # The coordinates' rounding is in the distance, however small the steps.
+        noise = 1e-14 * (at.a11 + square) + _ROUNDING * size * np.sqrt(2.0 * square)
+        if square > last + noise and halvings < _HALVINGS:
             halvings += 1
             step_theta *= 0.5
             step_s *= 0.5

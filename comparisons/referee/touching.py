@@ -1,0 +1,91 @@
+"""What of a scenario may touch what; the one place that says what isorod's contact does not know yet."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+import isorod
+from comparisons.referee.rods import Placed
+from isorod.arrays import Index
+
+# Pressure per depth, in moduli per radius: a point that carries a Hertzian pressure of E / 10 sinks in by a hundredth
+# of the radius.
+PENALTY = 10.0
+
+# Elements that start no farther from the other rod than so many diameters take part, at points no farther apart than
+# this share of a radius.
+NEAR, SPACING = 4.0, 0.3
+
+_MOST_POINTS = 64
+
+
+def refuse(scenario: Any) -> None:
+    """Raise `NotImplementedError`, in one line, if rods can touch in a way that isorod's contact does not know."""
+    frictions = [obstacle.friction for obstacle in scenario.obstacles]
+    if scenario.obstacles and max(*frictions, *(rod.friction for rod in scenario.rods), 0.0) > 0.0:
+        raise NotImplementedError(f"friction with a {scenario.obstacles[0].kind}: isorod's contact has none yet")
+    if (len(scenario.rods) > 1 or scenario.self_contact) and any(rod.friction > 0.0 for rod in scenario.rods):
+        raise NotImplementedError("friction between rods: isorod's contact has none yet")
+    if scenario.obstacles and scenario.self_contact:
+        raise NotImplementedError("a rod that touches itself: isorod's contact is between two rods")
+
+
+def pairs(scenario: Any, elements: int) -> list[tuple[int, int]]:
+    """Return the pairs of rods of which elements start near each other."""
+    found = []
+    for i, one in enumerate(scenario.rods):
+        for j, other in enumerate(scenario.rods[:i]):
+            if _near(one, other, elements).size:
+                found.append((j, i))
+    return found
+
+
+def contacts(scenario: Any, placed: Sequence[Placed], elements: int) -> list[isorod.Contact]:
+    """Return the contacts of rods, placed in this order, with each other and with obstacles."""
+    found = []
+    for first, second in pairs(scenario, elements):
+        one, other = placed[first].given, placed[second].given
+        found.append(
+            isorod.Contact(
+                first,
+                second,
+                _penalty(one, other),
+                _near(one, other, elements).tolist(),
+                _near(other, one, elements).tolist(),
+                points=_points(placed[first], elements),
+            )
+        )
+    for k, rod in enumerate(placed):
+        for obstacle in scenario.obstacles:
+            points = _points(rod, elements)
+            found.append(isorod.Contact(k, _rigid(obstacle), _penalty(rod.given), points=points))
+    return found
+
+
+def _rigid(obstacle: Any) -> isorod.Plane | isorod.Cylinder:
+    """Return an obstacle as isorod knows it: cylinders have no ends."""
+    if obstacle.kind == "plane":
+        return isorod.Plane(tuple(obstacle.point), tuple(obstacle.normal))
+    return isorod.Cylinder(tuple(obstacle.center), tuple(obstacle.axis), obstacle.radius)
+
+
+def _penalty(*rods: Any) -> float:
+    return PENALTY * min(rod.material.youngs_modulus / rod.radius for rod in rods)
+
+
+def _points(placed: Placed, elements: int) -> tuple[int, int]:
+    """Return the points round an arc and along an element."""
+    apart = SPACING * placed.given.radius
+    arc = 2.0 * np.pi * placed.given.radius / placed.space.points_around
+    lengths = arc, placed.given.length / elements
+    around, along = (min(int(np.ceil(length / apart)), _MOST_POINTS) for length in lengths)
+    return around, along
+
+
+def _near(one: Any, other: Any, elements: int) -> Index:
+    """Return the elements of a rod that start near another rod."""
+    nodes, others = one.nodes(8 * elements), other.nodes(8 * elements)
+    gaps = np.linalg.norm(nodes[:, None] - others, axis=2).min(axis=1)
+    close = gaps <= NEAR * (one.radius + other.radius)
+    return np.flatnonzero([close[8 * e : 8 * e + 9].any() for e in range(elements)])
