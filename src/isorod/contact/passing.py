@@ -1,0 +1,186 @@
+"""Rods that would go through each other from one state to the next, or are too deep in each other.
+
+Contact knows one state at a time.  Of a step that takes a rod from one side of another to the other, or so deep that
+points are nearer to its far side, nothing is left to be seen in forces.  So centre lines, as polygons, are followed on
+the straight way of the step: where two come nearer than half of what their radii add up to, the step is refused, and
+so is a state in which a point is deeper than half of the smaller radius.
+"""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.sparse import csr_matrix
+
+from isorod.arrays import Array, Index
+from isorod.contact.packed import Packed
+from isorod.contact.result import slave_points
+from isorod.contact.tables import radii, smallest_radius
+from isorod.geometry import boxes
+from isorod.model.contact import Contact, Cylinder, Plane, Sphere
+
+if TYPE_CHECKING:
+    from isorod.model.model import Model
+
+# Depth, in smaller radii, from which a point is about to come out at the far side.
+DEEPEST = 0.5
+
+# Share of the sum of two radii to which centre lines may come near each other on the way, and the share of the smaller
+# one by which they must approach for that: bodies that are made to cross do not.
+_NEAREST = 0.5
+_APPROACH = 0.1
+
+# Pieces of an element's centre line, and the most places looked at on the way.
+_PIECES = 4
+_PLACES = 400
+
+
+class Passing:
+    """Watches the bodies of a model's contacts.
+
+    Parameters
+    ----------
+    model
+        Bodies and contacts.
+    packed
+        Those contacts (`isorod.contact.tables.pack`), whose last forces `deep` reads.
+    """
+
+    def __init__(self, model: "Model", packed: Packed) -> None:
+        self._model, self._packed = model, packed
+        self._limits = [DEEPEST * _smaller(model, contact) for contact in model.contacts]
+        self._reference = np.concatenate([body.space.positions for body in model.bodies])
+        rows: list[Index] = []
+        columns: list[Index] = []
+        values: list[Array] = []
+        pieces, count = [], 0
+        for b in sorted({body for contact in model.contacts for body, _ in contact.sides}):
+            space, first = model.bodies[b].space, int(model.first_node[b])
+            breaks, n, degree = space.axis.breaks, space.points_around, space.axis.degree
+            shares = np.arange(_PIECES) / _PIECES
+            u = np.append((breaks[:-1, None] + shares * np.diff(breaks)[:, None]).ravel(), breaks[-1])
+            functions, near, _ = space.axis.local(u)
+            layers = (functions[:, None] + np.arange(degree + 1)) % space.layers
+            nodes = first + layers[:, :, None] * space.layer_nodes + np.arange(n)
+            rows.append(np.repeat(count + np.arange(u.size), nodes[0].size))
+            columns.append(nodes.ravel())
+            values.append(np.repeat(near.ravel() / n, n))
+            line = np.linalg.norm(np.diff(space.rod.grid(np.zeros((1, 2)), u)[0][:, 0], axis=0), axis=1)
+            along = np.append(0.0, np.cumsum(line))
+            size = [radii(space, [e])[0] for e in range(space.axis.elements)]
+            piece = np.arange(u.size - 1)
+            period = along[-1] if space.rod.closed else np.inf
+            for k in piece:
+                e = k // _PIECES
+                pieces.append((b, e, count + k, size[e], along[k], along[k + 1], period, 0.5 * (u[k] + u[k + 1])))
+            count += u.size
+        columns_of = np.array(pieces).T if pieces else np.zeros((8, 0))
+        self._body, self._element, self._at = (one.astype(np.int64) for one in columns_of[:3])
+        self._radius, self._begin, self._end, self._period, self._u = columns_of[3:]
+        entries = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
+        self._lines = csr_matrix(entries, shape=(count, self._reference.shape[0]))
+
+    def deep(self) -> str | None:
+        """Return in words which point of the last forces is too deep, if one is."""
+        if not self._limits or not np.isfinite(min(self._limits)):
+            return None
+        gaps = np.where(self._packed.states["pressure"] > 0.0, self._packed.states["gap"], 0.0)
+        if gaps.min(initial=0.0) >= -min(self._limits):
+            return None
+        for k, (limit, (_, points)) in enumerate(
+            zip(self._limits, slave_points(self._model, self._packed), strict=True)
+        ):
+            depth = -float(gaps[points].min(initial=0.0))
+            if depth > limit:
+                return (
+                    f"contact {k}: a point is {DEEPEST * depth / limit:.2g} of the smaller radius deep, and would come "
+                    "out at the far side; raise the penalty"
+                )
+        return None
+
+    def passed(self, before: Array, after: Array) -> str | None:
+        """Return in words which bodies go through each other between two displacements ``(dofs,)``, if some do."""
+        lines = [self._lines @ (self._reference + one.reshape(-1, 3)) for one in (before, after)]
+        # Ends of each piece at the start and at the end, (m, 2, 3).
+        ends = [np.stack([line[self._at], line[self._at + 1]], axis=1) for line in lines]
+        reach = _NEAREST * self._radius[:, None]
+        low = np.minimum(ends[0], ends[1]).min(axis=1) - reach
+        high = np.maximum(ends[0], ends[1]).max(axis=1) + reach
+        first, second = self._partners(*boxes.pairs(low, high))
+        way = ends[1] - ends[0]
+        # What two pieces move by relative to each other, at most.
+        relative = np.abs(way[first][:, :, None] - way[second][:, None]).max(axis=(1, 2))
+        smaller = np.minimum(self._radius[first], self._radius[second])
+        moved = np.linalg.norm(relative, axis=1) > _APPROACH * smaller
+        first, second, smaller = first[moved], second[moved], smaller[moved]
+        if not first.size:
+            return None
+        limit = _NEAREST * (self._radius[first] + self._radius[second])
+        places = int(np.clip(np.ceil(np.max(np.linalg.norm(relative[moved], axis=1) / limit) * 2.0), 1, _PLACES))
+        start = _distance(ends[0][first], ends[0][second])
+        for t in np.arange(1, places + 1) / places:
+            there = _distance(ends[0][first] + t * way[first], ends[0][second] + t * way[second])
+            through = (there < limit) & (there < start - _APPROACH * smaller)
+            if through.any():
+                k = int(np.argmax(through))
+                return self._said(int(first[k]), int(second[k]))
+        return None
+
+    def _said(self, one: int, other: int) -> str:
+        places = [f"body {self._body[k]} at u = {self._u[k]:.4g}" for k in sorted((one, other))]
+        return f"{places[0]} goes through {places[1]}"
+
+    def _partners(self, first: Index, second: Index) -> tuple[Index, Index]:
+        """Return those pairs of pieces between which there is contact."""
+        far = np.ones(first.size, dtype=bool)
+        same = self._body[first] == self._body[second]
+        one, other = first[same], second[same]
+        way = np.maximum(self._begin[one], self._begin[other]) - np.minimum(self._end[one], self._end[other])
+        back = self._period[one] - np.maximum(self._end[one], self._end[other])
+        back += np.minimum(self._begin[one], self._begin[other])
+        far[same] = np.minimum(way, back) >= np.pi * np.maximum(self._radius[one], self._radius[other])
+        first, second = first[far], second[far]
+        meet = np.zeros(first.size, dtype=bool)
+        for contact in self._model.contacts:
+            sides = self._sides(contact)
+            groups = 1 if contact.obstacle is not None else len(contact.groups)
+            if contact.obstacle is not None:
+                continue
+            a, b = sides[first], sides[second]
+            meet |= (a >= 0) & (b >= 0) & ((a != b) if groups == 2 else True)
+        return first[meet], second[meet]
+
+    def _sides(self, contact: Contact) -> Index:
+        """Return on which side of a contact each piece is, -1 on none."""
+        result = np.full(self._body.size, -1, dtype=np.int64)
+        groups = contact.groups
+        for body, elements in contact.sides:
+            mine = self._body == body
+            if elements is not None:
+                mine &= np.isin(self._element, np.asarray(elements, dtype=np.int64))
+            result[mine] = next(k for k, group in enumerate(groups) if body in group)
+        return result
+
+
+def _smaller(model: "Model", contact: Contact) -> float:
+    """Return the smallest radius of what touches; infinite at a plane, whose far side is below it for ever."""
+    other = contact.obstacle
+    if isinstance(other, Plane):
+        return np.inf
+    own = smallest_radius(model, contact)
+    return min(own, other.radius) if isinstance(other, Cylinder | Sphere) else own
+
+
+def _distance(one: Array, other: Array) -> Array:
+    """Return the distances of pairs of segments ``(m, 2, 3)`` (Ericson, Real-Time Collision Detection, 5.1.9)."""
+    d1, d2, r = one[:, 1] - one[:, 0], other[:, 1] - other[:, 0], one[:, 0] - other[:, 0]
+
+    def dot(a: Array, b: Array) -> Array:
+        return np.asarray(np.einsum("ma,ma->m", a, b))
+
+    a, e, f, b, c = dot(d1, d1), dot(d2, d2), dot(d2, r), dot(d1, d2), dot(d1, r)
+    tiny = np.finfo(float).tiny
+    det = a * e - b * b
+    s = np.where(det > 1e-12 * a * e, np.clip((b * f - c * e) / np.maximum(det, tiny), 0.0, 1.0), 0.0)
+    t = np.clip((b * s + f) / np.maximum(e, tiny), 0.0, 1.0)
+    s = np.clip((b * t - c) / np.maximum(a, tiny), 0.0, 1.0)
+    return np.linalg.norm(r + s[:, None] * d1 - t[:, None] * d2, axis=1)
