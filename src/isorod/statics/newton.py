@@ -133,8 +133,6 @@ class Newton:
             If the linear solver fails.
         """
         self._stage.push()
-        if self.stabilisation is not None:
-            self.stabilisation.begin(self.x)
         try:
             before = self.assembler.jacobians(self.x, factor)
             scale, rate = self._predict(factor, target - factor)

@@ -1,10 +1,10 @@
 """Bodies that only contact holds: a stabilisation that vanishes.
 
 Where supports leave a rigid motion free, the stiffness is singular until contact resists.  To the forces of such a
-body are added ``-a D (x - x0)``, ``D`` the diagonal of the stiffness at rest and ``x0`` the last equilibrium (the
-proximal point method: Rockafellar, SIAM J. Control Optim. 14 (1976) 877-898).  Load steps climb with one ``a``; at the
-full load the equilibrium is sought again from where it was found, with a smaller ``a`` each time, until nothing is left
-of these forces: what remains is the equilibrium without them.
+body are added ``-a D (x - x0)``, ``D`` the diagonal of the stiffness at rest.  Load steps climb with ``x0`` at rest, so
+that the way of a step shrinks with the step.  At the full load the equilibrium is sought again with ``x0`` where it was
+found last and a smaller ``a`` each time (the proximal point method: Rockafellar, SIAM J. Control Optim. 14 (1976)
+877-898), until nothing is left of these forces: what remains is the equilibrium without them.
 """
 
 from collections.abc import Callable, Sequence
@@ -59,10 +59,6 @@ class Stabilisation:
         self.left = 0.0
         self.rounds = 0
 
-    def begin(self, x: PETSc.Vec) -> None:
-        """Set the equilibrium that a step starts from."""
-        x.copy(self._start)
-
     def add_forces(self, x: PETSc.Vec, out: PETSc.Vec, carried: float) -> None:
         """Add what is to vanish to the out-of-balance forces; ``carried`` is the norm of what supports and loads do."""
         self._forces.waxpy(-1.0, self._start, x)
@@ -98,6 +94,7 @@ class Stabilisation:
             if self.rounds == ROUNDS:
                 raise SolveError(self._why(x))
             self.rounds += 1
+            x.copy(self._start)
             share = self._share
             self._share = max(_FEWER * share, _LEAST)
             if not again():
