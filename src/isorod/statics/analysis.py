@@ -11,7 +11,7 @@ from petsc4py import PETSc
 from isorod.arrays import Array
 from isorod.assembly.assembler import Assembler
 from isorod.assembly.factorisation import is_mixed
-from isorod.checks import hourglass, rigid_motions
+from isorod.checks import hourglass, overlap, rigid_motions
 from isorod.checks.reactions import check_balance, support_forces, support_moments
 from isorod.errors import SolveError, expect, whole_number
 from isorod.model.model import Model
@@ -184,6 +184,7 @@ def _solve(model: Model, load_steps: int, comm: PETSc.Comm | None) -> Equilibriu
     """Return what `solve` does, as the options in force say."""
     start = perf_counter()
     loose = rigid_motions.left_to_contact(model)
+    overlapped = overlap.warn(model)
     assembler = assembler_for(model, comm)
     solver = Newton(assembler, loose)
     try:
@@ -198,6 +199,7 @@ def _solve(model: Model, load_steps: int, comm: PETSc.Comm | None) -> Equilibriu
         reactions, moments = support_forces(model, forces), support_moments(model, displacement, forces)
         rtol = solver.snes.getTolerances()[0]
         check_balance(assembler, solver.x, displacement, reactions, moments, solver.norms[-1], rtol)
+        overlap.warn(model, displacement, overlapped)
         assembly = assembler.seconds
         seconds = {"setup": setup, "assembly": assembly, "solve": perf_counter() - start - setup - assembly}
         rules = hourglass.better_rules(model)
