@@ -24,13 +24,15 @@ from isorod.space.space import Space
 _DEEP = 0.01
 _PRESSED = 0.1
 
+_UNDECLARED = "nothing keeps them apart; declare a contact"
+
 # What a stretch turns by that does not meet itself, in radians.
 _TURN = np.radians(100.0)
 
 # Points round a section: for boxes, for the distance of two sections, and for depths; and the parts of a radius by which
 # boxes are too small, and distances too large, for want of more.
-_BOX, _COARSE, _FINE = 12, 32, 48
-_BULGE = 0.04
+_BOX, _COARSE, _FINE = 8, 32, 48
+_BULGE = 0.08
 _SLACK = 0.05
 
 # Pieces of an element in boxes of their own, sections to a radius of length, and sections of an element, at most.
@@ -76,33 +78,50 @@ class _Sections(NamedTuple):
     radius: Array
 
 
-def warn(model: Model, displacement: Array | None = None, known: float = 0.0) -> float:
-    """Warn of the deepest overlap, at rest or, where it is deeper than what is known, in the end; return its depth.
+def warn_at_rest(model: Model, displacement: Array | None = None) -> float:
+    """Warn of the deepest overlap of bodies at rest, where there is contact, which acts on it; return its depth.
 
     Parameters
     ----------
     displacement
-        All degrees of freedom, shape ``(dofs,)``; the bodies are at rest where not given.
-    known
-        Depth at rest, which has been told.
+        That of the start, all degrees of freedom, shape ``(dofs,)``, if it is not zero.
     """
-    found = deepest(model, displacement)
-    if found is None or found.depth <= 1.1 * known:
-        return known
-    (one, other), (u, v) = found.bodies, found.u
-    partner = "itself" if one == other else f"body {other}"
-    where = f"body {one} at u = {u:.4g} is {found.depth:.3g} deep in {partner} at u = {v:.4g}"
-    state = "at rest" if displacement is None else "in the end"
-    if displacement is None:
-        what = "contact presses them apart before there is any load" if found.declared else "nothing keeps them apart"
-    else:
-        what = "the penalty of contact is too low" if found.declared else "nothing keeps them apart; declare a contact"
-    warnings.warn(f"overlap {state}: {where}, {found.relative:.2g} of the radius: {what}", stacklevel=3)
+    found = deepest(model, displacement) if model.contacts else None
+    if found is None:
+        return 0.0
+    what = "contact presses them apart before there is any load" if found.declared else _UNDECLARED
+    warnings.warn(f"overlap at rest: {_said(found)}: {what}", stacklevel=3)
     return found.depth
 
 
-def deepest(model: Model, displacement: Array | None = None) -> Overlap | None:
-    """Return the deepest overlap that is too deep (see `warn` for the parameters), or None."""
+def warn_in_the_end(model: Model, displacement: Array, known: float) -> None:
+    """Warn of the deepest overlap in the end, if it is deeper than what `warn_at_rest` told of."""
+    found = deepest(model, displacement, _PRESSED)
+    if found is not None and found.depth > 1.1 * known:
+        what = "the penalty of contact is too low" if found.declared else _UNDECLARED
+        warnings.warn(f"overlap in the end: {_said(found)}: {what}", stacklevel=3)
+
+
+def _said(found: Overlap) -> str:
+    """Return where and how deep an overlap is."""
+    (one, other), (u, v) = found.bodies, found.u
+    partner = "itself" if one == other else f"body {other}"
+    return (
+        f"body {one} at u = {u:.4g} is {found.depth:.3g} deep in {partner} at u = {v:.4g}, {found.relative:.2g} of the "
+        "radius"
+    )
+
+
+def deepest(model: Model, displacement: Array | None = None, pressed: float = _DEEP) -> Overlap | None:
+    """Return the deepest overlap that is too deep, or None.
+
+    Parameters
+    ----------
+    displacement
+        All degrees of freedom, shape ``(dofs,)``; zero where not given.
+    pressed
+        Depth, in radii, that is right for bodies between which a contact is declared.
+    """
     moved = np.zeros(model.dofs) if displacement is None else displacement
     places = [body.space.positions + model.nodal(moved, b) for b, body in enumerate(model.bodies)]
     elements = _near_elements(model, places)
@@ -112,7 +131,7 @@ def deepest(model: Model, displacement: Array | None = None) -> Overlap | None:
     first, second, depth = _near_sections(sections)
     declared, left_out = _declared(model, sections, first, second)
     first, second, depth, declared = (one[~left_out] for one in (first, second, depth, declared))
-    limit = np.where(declared, _DEEP if displacement is None else _PRESSED, _DEEP)
+    limit = np.where(declared, pressed, _DEEP)
     order = np.argsort(-depth / limit)
     best: Overlap | None = None
     excess = 1.0

@@ -47,7 +47,7 @@ class Passing:
 
     def __init__(self, model: "Model", packed: Packed) -> None:
         self._model, self._packed = model, packed
-        self._limits = [DEEPEST * _smaller(model, contact) for contact in model.contacts]
+        self._limits = limits(model)
         self._reference = np.concatenate([body.space.positions for body in model.bodies])
         rows: list[Index] = []
         columns: list[Index] = []
@@ -91,10 +91,7 @@ class Passing:
         ):
             depth = -float(gaps[points].min(initial=0.0))
             if depth > limit:
-                return (
-                    f"contact {k}: a point is {DEEPEST * depth / limit:.2g} of the smaller radius deep, and would come "
-                    "out at the far side; raise the penalty"
-                )
+                return f"contact {k}: a point is {DEEPEST * depth / limit:.2g} of the smaller radius deep"
         return None
 
     def passed(self, before: Array, after: Array) -> str | None:
@@ -127,7 +124,7 @@ class Passing:
 
     def _said(self, one: int, other: int) -> str:
         places = [f"body {self._body[k]} at u = {self._u[k]:.4g}" for k in sorted((one, other))]
-        return f"{places[0]} goes through {places[1]}"
+        return f"{places[0]} would go through {places[1]}"
 
     def _partners(self, first: Index, second: Index) -> tuple[Index, Index]:
         """Return those pairs of pieces between which there is contact."""
@@ -161,13 +158,14 @@ class Passing:
         return result
 
 
-def _smaller(model: "Model", contact: Contact) -> float:
-    """Return the smallest radius of what touches; infinite at a plane, whose far side is below it for ever."""
-    other = contact.obstacle
-    if isinstance(other, Plane):
-        return np.inf
-    own = smallest_radius(model, contact)
-    return min(own, other.radius) if isinstance(other, Cylinder | Sphere) else own
+def limits(model: "Model") -> list[float]:
+    """Return how deep a point of each contact may be; infinite at a plane, which nothing comes out of."""
+    found = []
+    for contact in model.contacts:
+        other, own = contact.obstacle, smallest_radius(model, contact)
+        smaller = min(own, other.radius) if isinstance(other, Cylinder | Sphere) else own
+        found.append(np.inf if isinstance(other, Plane) else DEEPEST * smaller)
+    return found
 
 
 def _distance(one: Array, other: Array) -> Array:

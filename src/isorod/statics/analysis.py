@@ -184,7 +184,7 @@ def _solve(model: Model, load_steps: int, comm: PETSc.Comm | None) -> Equilibriu
     """Return what `solve` does, as the options in force say."""
     start = perf_counter()
     loose = rigid_motions.left_to_contact(model)
-    overlapped = overlap.warn(model)
+    overlapped = overlap.warn_at_rest(model)
     assembler = assembler_for(model, comm)
     solver = Newton(assembler, loose)
     try:
@@ -199,7 +199,7 @@ def _solve(model: Model, load_steps: int, comm: PETSc.Comm | None) -> Equilibriu
         reactions, moments = support_forces(model, forces), support_moments(model, displacement, forces)
         rtol = solver.snes.getTolerances()[0]
         check_balance(assembler, solver.x, displacement, reactions, moments, solver.norms[-1], rtol)
-        overlap.warn(model, displacement, overlapped)
+        overlap.warn_in_the_end(model, displacement, overlapped)
         assembly = assembler.seconds
         seconds = {"setup": setup, "assembly": assembly, "solve": perf_counter() - start - setup - assembly}
         rules = hourglass.better_rules(model)

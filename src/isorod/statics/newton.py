@@ -244,4 +244,4 @@ class Newton:
         states = assembler.displacement(self.x, factor), assembler.displacement(self._trial, self._factor)
         problem = self._passing.deep() or self._passing.passed(*states)
         if problem is not None:
-            raise Diverged(f"{problem}, however small the step")
+            raise Diverged(f"{problem} however small the step; raise the penalty, or let supports keep them apart")
