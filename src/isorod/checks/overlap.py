@@ -98,7 +98,7 @@ def warn_in_the_end(model: Model, displacement: Array, known: float) -> None:
     """Warn of the deepest overlap in the end, if it is deeper than what `warn_at_rest` told of."""
     found = deepest(model, displacement, _PRESSED)
     if found is not None and found.depth > 1.1 * known:
-        what = "the penalty of contact is too low" if found.declared else _UNDECLARED
+        what = "contact has too few points there, or too low a penalty" if found.declared else _UNDECLARED
         warnings.warn(f"overlap in the end: {_said(found)}: {what}", stacklevel=3)
 
 
