@@ -1,5 +1,6 @@
-"""Random pairs of rods, one pushed against the other by its ends, as far as through it, and the rule they are held to."""
+"""Random pairs of rods, one pushed against the other by its ends, as far as through it, and the rule for them."""
 
+import warnings
 from time import perf_counter
 
 import numpy as np
@@ -13,6 +14,18 @@ from isorod.geometry.section import circle, ellipse
 from isorod.material import NeoHookean
 from isorod.model import Body, Contact, Model, Support
 from isorod.space import Space
+
+LAW = NeoHookean(1000.0, 0.3)
+ACROSS = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])  # z to x
+ROD = straight(6.0, (0.0, 1.0, 2.0, 3.0), 2).sweep(circle(8, 1.0))
+POINTS = ROD.control_points - [0.0, 0.0, 3.0]
+
+
+def rods(*shifts, turn=None, contacts=(), supports=()):
+    """Rods of radius 1, the first along z, the others shifted, and turned if told."""
+    places = [POINTS, *((POINTS if turn is None else POINTS @ turn.T) + np.array(shift) for shift in shifts)]
+    spaces = [Space.paper(Rod(ROD.axis, points), order=2, quadrature="auto") for points in places]
+    return Model([Body(space, LAW, 1.0) for space in spaces], supports, contacts=contacts)
 
 
 def pair(seed):
@@ -36,8 +49,7 @@ def pair(seed):
     supports = [Support.end(spaces[0], end) for end in ("start", "end")]
     supports += [Support.end(spaces[1], end, displacement=push, body=1) for end in ("start", "end")]
     penalty = rng.choice([None, 10.0 ** rng.uniform(0.0, 4.0)])
-    law = NeoHookean(1000.0, 0.3)
-    model = Model([Body(one, law) for one in spaces], supports, contacts=[Contact(0, 1, penalty)])
+    model = Model([Body(one, LAW) for one in spaces], supports, contacts=[Contact(0, 1, penalty)])
     return model, int(rng.integers(1, 5)), float(sizes.min())
 
 
@@ -64,7 +76,9 @@ def outcome(seed):
     model, steps, radius = pair(seed)
     start = perf_counter()
     try:
-        found = statics.solve(model, load_steps=steps)
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            found = statics.solve(model, load_steps=steps)
     except SolveError as problem:
         assert "\n" not in str(problem), seed
         return f"refused: {problem}", perf_counter() - start
@@ -74,9 +88,9 @@ def outcome(seed):
     assert np.abs(forces.sum(axis=0)).max() <= 1e-6 * max(np.abs(forces).max(), 1e-9), seed
     assert contact.relative_penetration <= 0.5, seed
     before, after = side(model, np.zeros(model.dofs)), side(model, found.displacement)
-    assert after[1] > 0.5 * radius, (seed, after)
     if min(abs(before[0]), abs(after[0])) > 0.3 * radius:
         assert before[0] * after[0] > 0.0, (seed, before, after)
     deep = overlap.deepest(model, found.displacement)
-    assert deep is None or not deep.declared or deep.relative < 0.6, (seed, deep)
-    return f"penetration {contact.relative_penetration:.2g}", seconds
+    warned = any(str(one.message).startswith("overlap in the end: ") for one in said)
+    assert warned or deep is None or deep.relative < 0.12, (seed, deep)
+    return f"{'warned of' if warned else 'right'}: penetration {contact.relative_penetration:.2g}", seconds

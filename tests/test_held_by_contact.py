@@ -22,7 +22,7 @@ def bar(turn=None, lift=0.0):
     """A bar of radius 1 about the origin, along z or turned."""
     rod = straight(8, breaks=(0.0, 1.0, 2.0), height=LENGTH)
     points = (rod.control_points - [0.0, 0.0, 0.5 * LENGTH]) @ (np.eye(3) if turn is None else turn.T)
-    return Space.paper(Rod(rod.axis, points + [0.0, lift, 0.0]), degree=2, order=2, quadrature="auto")
+    return Space.paper(Rod(rod.axis, points + np.array([0.0, lift, 0.0])), degree=2, order=2, quadrature="auto")
 
 
 def lying(gap, density, **contact):

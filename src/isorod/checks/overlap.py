@@ -14,11 +14,14 @@ import warnings
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from isorod.arrays import Array, Index
 from isorod.geometry import boxes
 from isorod.model.model import Model
 from isorod.space.space import Space
+
+Mask = NDArray[np.bool_]
 
 # Depth, in radii of the thinner body, that is warned of: of any bodies, and of those that contact presses together.
 _DEEP = 0.01
@@ -29,8 +32,8 @@ _UNDECLARED = "nothing keeps them apart; declare a contact"
 # What a stretch turns by that does not meet itself, in radians.
 _TURN = np.radians(100.0)
 
-# Points round a section: for boxes, for the distance of two sections, and for depths; and the parts of a radius by which
-# boxes are too small, and distances too large, for want of more.
+# Points round a section: for boxes, for the distance of two sections, and for depths; and the parts of a radius by
+# which boxes are too small, and distances too large, for want of more.
 _BOX, _COARSE, _FINE = 8, 32, 48
 _BULGE = 0.08
 _SLACK = 0.05
@@ -130,7 +133,7 @@ def deepest(model: Model, displacement: Array | None = None, pressed: float = _D
     sections = _cut(model, places, elements)
     first, second, depth = _near_sections(sections)
     declared, left_out = _declared(model, sections, first, second)
-    first, second, depth, declared = (one[~left_out] for one in (first, second, depth, declared))
+    first, second, depth, declared = first[~left_out], second[~left_out], depth[~left_out], declared[~left_out]
     limit = np.where(declared, pressed, _DEEP)
     order = np.argsort(-depth / limit)
     best: Overlap | None = None
@@ -246,7 +249,7 @@ def _cut(model: Model, places: list[Array], elements: list[Index]) -> _Sections:
             rows.append((np.full(pieces, b), np.full(pieces, e), u, along[2 * e] + share * length, period))
     body, element, u, along, period = (np.concatenate(one) for one in zip(*rows, strict=True))
     points = np.concatenate(
-        [_outlines(one.space, at, u[body == b], _COARSE)[0] for b, (one, at) in enumerate(zip(model.bodies, places))]
+        [_outlines(model.bodies[b].space, at, u[body == b], _COARSE)[0] for b, at in enumerate(places)]
     )
     centre = points.mean(axis=1)
     return _Sections(body, element, u, along, period, points, centre, _size(points, centre))
@@ -277,7 +280,7 @@ def _near_sections(sections: _Sections) -> tuple[Index, Index, Array]:
     return first[deep], second[deep], depth[deep]
 
 
-def _declared(model: Model, sections: _Sections, first: Index, second: Index) -> tuple[Array, Array]:
+def _declared(model: Model, sections: _Sections, first: Index, second: Index) -> tuple[Mask, Mask]:
     """Return whether a contact is between two sections, or between their bodies but names elements, and not theirs."""
     there, named = np.zeros(first.size, dtype=bool), np.zeros(first.size, dtype=bool)
     for contact in model.contacts:
@@ -298,9 +301,11 @@ def _declared(model: Model, sections: _Sections, first: Index, second: Index) ->
 
 def _measure(model: Model, places: list[Array], sections: _Sections, first: int, second: int) -> Overlap:
     """Return how deep the surfaces about two sections are in each other."""
-    own = [_Patch.of(model.bodies[sections.body[k]].space, places[sections.body[k]], sections, k) for k in (first, second)]
     best, at = 0.0, (float(sections.u[first]), float(sections.u[second]))
     numbers = int(sections.body[first]), int(sections.body[second])
+    own = [
+        _Patch.of(model.bodies[b].space, places[b], sections, k) for b, k in zip(numbers, (first, second), strict=True)
+    ]
     for slave, master in ((0, 1), (1, 0)):
         depth, u, v = own[master].deepest(own[slave])
         if depth > best:
@@ -312,7 +317,7 @@ def _measure(model: Model, places: list[Array], sections: _Sections, first: int,
 
 
 class _Patch(NamedTuple):
-    """The surface about a section: stations ``(t,)``, points and outward normals ``(t, q, 3)``, centres, hole's share."""
+    """The surface about a section: stations ``(t,)``, points and outward normals ``(t, q, 3)``, centres, and hole."""
 
     u: Array
     points: Array

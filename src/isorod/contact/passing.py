@@ -2,8 +2,8 @@
 
 Contact knows one state at a time.  Of a step that takes a rod from one side of another to the other, or so deep that
 points are nearer to its far side, nothing is left to be seen in forces.  So centre lines, as polygons, are followed on
-the straight way of the step: where two come nearer than half of what their radii add up to, the step is refused, and
-so is a state in which a point is deeper than half of the smaller radius.
+the straight way of the step: where two come nearer than half of what their radii add up to, and nearer than they were
+made, the step is refused, and so is a state in which a point is deeper than half of the smaller radius.
 """
 
 from typing import TYPE_CHECKING
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 # Depth, in smaller radii, from which a point is about to come out at the far side.
 DEEPEST = 0.5
 
-# Share of the sum of two radii to which centre lines may come near each other on the way, and the share of the smaller
-# one by which they must approach for that: bodies that are made to cross do not.
+# Share of the sum of two radii to which centre lines may come near each other on the way, and by how much, in smaller
+# radii, that must be nearer than at rest: bodies that are made to cross may.
 _NEAREST = 0.5
 _APPROACH = 0.1
 
@@ -78,6 +78,7 @@ class Passing:
         self._radius, self._begin, self._end, self._period, self._u = columns_of[3:]
         entries = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
         self._lines = csr_matrix(entries, shape=(count, self._reference.shape[0]))
+        self._rest = self._ends(np.zeros(self._reference.size))
 
     def deep(self) -> str | None:
         """Return in words which point of the last forces is too deep, if one is."""
@@ -96,35 +97,56 @@ class Passing:
 
     def passed(self, before: Array, after: Array) -> str | None:
         """Return in words which bodies go through each other between two displacements ``(dofs,)``, if some do."""
-        lines = [self._lines @ (self._reference + one.reshape(-1, 3)) for one in (before, after)]
-        # Ends of each piece at the start and at the end, (m, 2, 3).
-        ends = [np.stack([line[self._at], line[self._at + 1]], axis=1) for line in lines]
-        reach = _NEAREST * self._radius[:, None]
-        low = np.minimum(ends[0], ends[1]).min(axis=1) - reach
-        high = np.maximum(ends[0], ends[1]).max(axis=1) + reach
-        first, second = self._partners(*boxes.pairs(low, high))
-        way = ends[1] - ends[0]
-        # What two pieces move by relative to each other, at most.
-        relative = np.abs(way[first][:, :, None] - way[second][:, None]).max(axis=(1, 2))
-        smaller = np.minimum(self._radius[first], self._radius[second])
-        moved = np.linalg.norm(relative, axis=1) > _APPROACH * smaller
-        first, second, smaller = first[moved], second[moved], smaller[moved]
-        if not first.size:
+        start = self._ends(before)
+        way = self._ends(after) - start
+        if not way.any():
             return None
-        limit = _NEAREST * (self._radius[first] + self._radius[second])
-        places = int(np.clip(np.ceil(np.max(np.linalg.norm(relative[moved], axis=1) / limit) * 2.0), 1, _PLACES))
-        start = _distance(ends[0][first], ends[0][second])
-        for t in np.arange(1, places + 1) / places:
-            there = _distance(ends[0][first] + t * way[first], ends[0][second] + t * way[second])
-            through = (there < limit) & (there < start - _APPROACH * smaller)
-            if through.any():
-                k = int(np.argmax(through))
-                return self._said(int(first[k]), int(second[k]))
+        return self._each_other(start, way) or self._obstacle(start, way)
+
+    def _ends(self, displacement: Array) -> Array:
+        """Return where the ends of the pieces are, ``(m, 2, 3)``."""
+        line = self._lines @ (self._reference + displacement.reshape(-1, 3))
+        return np.stack([line[self._at], line[self._at + 1]], axis=1)
+
+    def _each_other(self, start: Array, way: Array) -> str | None:
+        """Return in words which two pieces go through each other."""
+        reach = _NEAREST * self._radius[:, None]
+        end = start + way
+        low, high = np.minimum(start, end).min(axis=1) - reach, np.maximum(start, end).max(axis=1) + reach
+        first, second = self._partners(*boxes.pairs(low, high))
+        # What two pieces move by relative to each other, at most.
+        relative = np.linalg.norm(np.abs(way[first][:, :, None] - way[second][:, None]).max(axis=(1, 2)), axis=1)
+        rest = _distance(self._rest[first], self._rest[second])
+        sizes = self._radius[first], self._radius[second]
+        k = _nearer(rest, (start[first], start[second]), (way[first], way[second]), *sizes, relative)
+        if k is None:
+            return None
+        one, other = sorted((int(first[k]), int(second[k])))
+        return f"{self._said(one)} would go through {self._said(other)}"
+
+    def _obstacle(self, start: Array, way: Array) -> str | None:
+        """Return in words which piece goes through a rigid cylinder or sphere."""
+        for k, contact in enumerate(self._model.contacts):
+            other = contact.obstacle
+            if not isinstance(other, Cylinder | Sphere):
+                continue
+            mine = np.flatnonzero(self._sides(contact) >= 0)
+            middle = np.array(other.center if isinstance(other, Sphere) else other.point)
+            rest, ends, ways = self._rest[mine] - middle, start[mine] - middle, way[mine]
+            if isinstance(other, Cylinder):
+                # What counts is the distance from the axis.
+                axis = np.array(other.axis) / np.linalg.norm(other.axis)
+                rest, ends, ways = (one - (one @ axis)[..., None] * axis for one in (rest, ends, ways))
+            size, still = np.full(mine.size, float(other.radius)), np.zeros_like(ends)
+            relative = np.linalg.norm(ways, axis=2).max(axis=1)
+            apart = _distance(rest, still)
+            found = _nearer(apart, (ends, still), (ways, still), self._radius[mine], size, relative)
+            if found is not None:
+                return f"{self._said(int(mine[found]))} would go through the obstacle of contact {k}"
         return None
 
-    def _said(self, one: int, other: int) -> str:
-        places = [f"body {self._body[k]} at u = {self._u[k]:.4g}" for k in sorted((one, other))]
-        return f"{places[0]} would go through {places[1]}"
+    def _said(self, piece: int) -> str:
+        return f"body {self._body[piece]} at u = {self._u[piece]:.4g}"
 
     def _partners(self, first: Index, second: Index) -> tuple[Index, Index]:
         """Return those pairs of pieces between which there is contact."""
@@ -138,12 +160,10 @@ class Passing:
         first, second = first[far], second[far]
         meet = np.zeros(first.size, dtype=bool)
         for contact in self._model.contacts:
-            sides = self._sides(contact)
-            groups = 1 if contact.obstacle is not None else len(contact.groups)
-            if contact.obstacle is not None:
-                continue
-            a, b = sides[first], sides[second]
-            meet |= (a >= 0) & (b >= 0) & ((a != b) if groups == 2 else True)
+            if contact.obstacle is None:
+                sides = self._sides(contact)
+                one, other = sides[first], sides[second]
+                meet |= (one >= 0) & (other >= 0) & ((one != other) if len(contact.groups) == 2 else True)
         return first[meet], second[meet]
 
     def _sides(self, contact: Contact) -> Index:
@@ -166,6 +186,32 @@ def limits(model: "Model") -> list[float]:
         smaller = min(own, other.radius) if isinstance(other, Cylinder | Sphere) else own
         found.append(np.inf if isinstance(other, Plane) else DEEPEST * smaller)
     return found
+
+
+def _nearer(
+    rest: Array, start: tuple[Array, Array], way: tuple[Array, Array], one: Array, other: Array, relative: Array
+) -> int | None:
+    """Return which pair of pieces comes too near on the way, if one does.
+
+    Parameters
+    ----------
+    rest
+        Distances at rest, ``(m,)``.
+    start, way
+        Ends of both pieces of each pair, and their way, ``(m, 2, 3)``.
+    one, other, relative
+        Radii of both, and how far they move relative to each other at most, ``(m,)``.
+    """
+    if not relative.size:
+        return None
+    limit, approach = _NEAREST * (one + other), _APPROACH * np.minimum(one, other)
+    places = int(np.clip(np.ceil(2.0 * np.max(relative / limit)), 1, _PLACES))
+    for t in np.arange(1, places + 1) / places:
+        there = _distance(start[0] + t * way[0], start[1] + t * way[1])
+        through = (there < limit) & (there < rest - approach)
+        if through.any():
+            return int(np.argmax(through))
+    return None
 
 
 def _distance(one: Array, other: Array) -> Array:

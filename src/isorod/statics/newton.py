@@ -71,9 +71,9 @@ class Newton:
         self.stabilisation: Stabilisation | None = None
         self._passing: Passing | None = None
         if assembler.contact is not None:
-            from isorod.contact.passing import Passing
+            from isorod.contact import passing
 
-            self._passing = Passing(assembler.model, assembler.contact.packed)
+            self._passing = passing.Passing(assembler.model, assembler.contact.packed)
         self._stage = PETSc.Log.Stage("solve")
         typed = PETSc.Options()
         self._own_tolerance = not typed.hasName("snes_atol")
@@ -90,10 +90,10 @@ class Newton:
         if self.snes.getKSP().getPC().getType() in MULTIGRID:
             self._matrix.setNearNullSpace(rigid_motions.near_null_space(assembler))
         if loose:
-            from isorod.statics.stabilisation import Stabilisation
+            from isorod.statics import stabilisation
 
             assembler.tangent(self.x, 0.0, self._matrix)
-            self.stabilisation = Stabilisation(assembler, self._matrix, loose)
+            self.stabilisation = stabilisation.Stabilisation(assembler, self._matrix, loose)
 
     def destroy(self) -> None:
         """Give back matrix, factors and work vectors.

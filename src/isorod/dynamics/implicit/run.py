@@ -42,9 +42,9 @@ class Run(run.Run):
         self.newton = Newton(self.assembler)
         self._passing: Passing | None = None
         if self.assembler.contact is not None:
-            from isorod.contact.passing import Passing
+            from isorod.contact import passing
 
-            self._passing = Passing(system.model, self.assembler.contact.packed)
+            self._passing = passing.Passing(system.model, self.assembler.contact.packed)
         self._inertia = PETSc.KSP().create(PETSc.COMM_SELF)
         self._inertia.setOperators(self.assembler.mass())
         self._inertia.setType("preonly")
