@@ -101,11 +101,31 @@ def near_null_space(assembler: Assembler) -> PETSc.NullSpace:
 
 def refuse_free(model: Model) -> None:
     """Raise `SolveError` if a rigid motion is free, and name it."""
-    loose = free_motions(model)
+    _refuse(model, free_motions(model))
+
+
+def left_to_contact(model: Model) -> list[tuple[int, Array]]:
+    """Return the free motions (as `free_motions` does) of bodies that may touch others or obstacles.
+
+    Raises
+    ------
+    SolveError
+        If one of another body is free.
+    """
+    loose, touching = free_motions(model), set[int]()
+    for contact in model.contacts:
+        named = {body for body, _ in contact.sides}
+        # Contact with itself alone holds no body.
+        touching |= named if contact.obstacle is not None or len(named) > 1 else set()
+    _refuse(model, [(body, motion) for body, motion in loose if body not in touching])
+    return loose
+
+
+def _refuse(model: Model, loose: list[tuple[int, Array]]) -> None:
     if loose:
         body, motion = loose[0]
         how = describe(model.bodies[body].space, motion)
-        raise SolveError(f"supports: body {body} is free to {how}; hold it")
+        raise SolveError(f"supports: body {body} is free to {how}; hold it, in statics by a contact perhaps")
 
 
 def describe(space: Space, motion: Array) -> str:

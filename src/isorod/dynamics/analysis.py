@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from petsc4py import PETSc
 
 from isorod.arrays import Array
+from isorod.checks import overlap
 from isorod.dynamics.explicit.step_kernel import activation
 from isorod.dynamics.explicit.system import System
 from isorod.dynamics.progress import Progress
@@ -233,6 +234,7 @@ def solve(
         initial = _nodal(model, "displacement", displacement), _nodal(model, "velocity", velocity)
         file = _Checkpoint(run, None if checkpoint is None else Path(checkpoint), initial)
         file.begin(resume)
+        overlapped = overlap.warn_at_rest(model, initial[0])
         resumed, first = run.time, run.taken
         setup, loop, saved = perf_counter() - start, 0.0, perf_counter()
         shown = Progress(run.time, end_time)
@@ -248,6 +250,7 @@ def solve(
             raise
         finally:
             shown.close()
+        overlap.warn_in_the_end(model, run.rows["displacement"][-1], overlapped)
     return History(
         model=model,
         **{name: np.array(values) for name, values in run.rows.items()},

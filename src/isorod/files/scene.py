@@ -28,7 +28,7 @@ RESERVED = frozenset(
     "linear_iterations load_steps cuts residual_norms pressures contact_area penetration residuals rigid below shift "
     "iterations frequencies times reactions contact_force kinetic stored contact_energy added_kinetic muscle_work "
     "dissipated energy_error momentum_error steps time_step critical_step microseconds_a_step resumed integrator "
-    "added_kinetic_share smallest_jacobian volume control_points".split()
+    "added_kinetic_share smallest_jacobian volume control_points stabilisation stabilisation_rounds".split()
 )
 
 # Of each analysis the class of its solutions.

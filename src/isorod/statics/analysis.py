@@ -11,7 +11,7 @@ from petsc4py import PETSc
 from isorod.arrays import Array
 from isorod.assembly.assembler import Assembler
 from isorod.assembly.factorisation import is_mixed
-from isorod.checks import hourglass, rigid_motions
+from isorod.checks import hourglass, overlap, rigid_motions
 from isorod.checks.reactions import check_balance, support_forces, support_moments
 from isorod.errors import SolveError, expect, whole_number
 from isorod.model.model import Model
@@ -68,6 +68,10 @@ class Equilibrium(State):
         Moment of each support on the model about the mean of its nodes' present positions, shape ``(supports, 3)``.
     work
         Sum of the supports' nodal forces times the displacements they prescribe.
+    stabilisation
+        Of bodies that only contact holds, what is left of the forces that held them on the way, relative to those that
+        supports and loads carry, and the solutions it took to let them vanish (`isorod.statics.stabilisation`); None
+        where supports hold all.
     """
 
     reactions: Array
@@ -85,6 +89,7 @@ class Equilibrium(State):
     pressures: "Sequence[Array | None]" = ()
     moments: Array = field(default_factory=lambda: np.zeros((0, 3)))
     work: float = 0.0
+    stabilisation: "tuple[float, int] | None" = None
 
     def __repr__(self) -> str:
         forces = [f"support {k} ({', '.join(f'{x:.6g}' for x in force)})" for k, force in enumerate(self.reactions[:5])]
@@ -118,6 +123,8 @@ class Equilibrium(State):
         if self.contacts:
             found["contact_area"] = sum(one.area for one in self.contacts)
             found["penetration"] = max(one.penetration for one in self.contacts)
+        if self.stabilisation is not None:
+            found["stabilisation"], found["stabilisation_rounds"] = self.stabilisation
         return found
 
     def fields(self, body: int) -> dict[str, Array]:
@@ -176,19 +183,23 @@ def solve(
 def _solve(model: Model, load_steps: int, comm: PETSc.Comm | None) -> Equilibrium:
     """Return what `solve` does, as the options in force say."""
     start = perf_counter()
-    rigid_motions.refuse_free(model)
+    loose = rigid_motions.left_to_contact(model)
+    overlapped = overlap.warn_at_rest(model)
     assembler = assembler_for(model, comm)
-    solver = Newton(assembler)
+    solver = Newton(assembler, loose)
     try:
         setup = perf_counter() - start
         assembler.seconds = 0.0
         steps, cuts = _climb(solver, load_steps)
+        solver.settle()
         augmentations = _augment(solver)
+        held = solver.settle()
         forces = assembler.reactions(solver.x, 1.0)
         displacement = assembler.displacement(solver.x, 1.0)
         reactions, moments = support_forces(model, forces), support_moments(model, displacement, forces)
         rtol = solver.snes.getTolerances()[0]
         check_balance(assembler, solver.x, displacement, reactions, moments, solver.norms[-1], rtol)
+        overlap.warn_in_the_end(model, displacement, overlapped)
         assembly = assembler.seconds
         seconds = {"setup": setup, "assembly": assembly, "solve": perf_counter() - start - setup - assembly}
         rules = hourglass.better_rules(model)
@@ -214,6 +225,7 @@ def _solve(model: Model, load_steps: int, comm: PETSc.Comm | None) -> Equilibriu
             contacts=() if assembler.contact is None else assembler.contact.results(displacement),
             augmentations=augmentations,
             pressures=assembler.pressures(solver.x),
+            stabilisation=None if held is None else (held.left, held.rounds),
         )
     finally:
         solver.destroy()

@@ -1,6 +1,7 @@
 """SNES on an assembler, at one load factor after the other."""
 
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from petsc4py import PETSc
@@ -12,6 +13,10 @@ from isorod.checks import rigid_motions
 from isorod.errors import SolveError
 from isorod.petsc.snes import create_snes
 from isorod.statics.convergence import Convergence, squeezed, worst_place
+
+if TYPE_CHECKING:
+    from isorod.contact.passing import Passing
+    from isorod.statics.stabilisation import Stabilisation
 
 # Preconditioners that ask for the rigid motions.
 MULTIGRID = ("gamg", "ml", "hypre")
@@ -46,9 +51,11 @@ class Newton:
         Linear solves so far, and what they took.
     norms
         Of the out-of-balance force in the last step: before the predictor, then at each iteration.
+    stabilisation
+        What holds bodies that contact is yet to hold, or None.
     """
 
-    def __init__(self, assembler: Assembler) -> None:
+    def __init__(self, assembler: Assembler, loose: Sequence[tuple[int, Array]] = ()) -> None:
         self.assembler = assembler
         self.x = assembler.vector()
         self.iterations = 0
@@ -61,6 +68,12 @@ class Newton:
         self._factor = 0.0
         self._convergence = Convergence(assembler)
         self._history: _Past | None = None
+        self.stabilisation: Stabilisation | None = None
+        self._passing: Passing | None = None
+        if assembler.contact is not None:
+            from isorod.contact import passing
+
+            self._passing = passing.Passing(assembler.model, assembler.contact.packed)
         self._stage = PETSc.Log.Stage("solve")
         typed = PETSc.Options()
         self._own_tolerance = not typed.hasName("snes_atol")
@@ -76,6 +89,11 @@ class Newton:
         self.snes.setMonitor(lambda snes, k, norm: self.norms.append(norm))
         if self.snes.getKSP().getPC().getType() in MULTIGRID:
             self._matrix.setNearNullSpace(rigid_motions.near_null_space(assembler))
+        if loose:
+            from isorod.statics import stabilisation
+
+            assembler.tangent(self.x, 0.0, self._matrix)
+            self.stabilisation = stabilisation.Stabilisation(assembler, self._matrix, loose)
 
     def destroy(self) -> None:
         """Give back matrix, factors and work vectors.
@@ -86,13 +104,22 @@ class Newton:
             one.destroy()
 
     def _residual(self, x: PETSc.Vec, out: PETSc.Vec) -> None:
-        self._convergence.carried_force = self.assembler.residual(x, self._factor, out)
+        carried = self._convergence.carried_force = self.assembler.residual(x, self._factor, out)
+        if self.stabilisation is not None:
+            self.stabilisation.add_forces(x, out, carried)
 
     def _tangent(self, snes: PETSc.SNES, x: PETSc.Vec, out: PETSc.Mat) -> None:
         # The last tangent, with its factors, may be good enough for the last iteration.
         own = self._may_reuse and snes.handle == self.snes.handle and out.handle == self._matrix.handle
         if not (own and len(self.norms) > 1 and self._convergence.reuses_tangent(self.norms[-2], self.norms[-1], snes)):
-            self.assembler.tangent(x, self._factor, out)
+            self._fill(x, self._factor, out)
+
+    def _fill(self, x: PETSc.Vec, factor: float, out: PETSc.Mat, keep: bool = False) -> list[Array]:
+        """Fill ``out`` with the tangent; return as `Assembler.tangent` does."""
+        matrices = self.assembler.tangent(x, factor, out, keep)
+        if self.stabilisation is not None:
+            self.stabilisation.add_stiffness(out)
+        return matrices
 
     def advance(self, factor: float, target: float) -> int:
         """Go from the equilibrium at ``factor`` to the one at ``target``; return the number of linear solves.
@@ -100,7 +127,8 @@ class Newton:
         Raises
         ------
         Diverged
-            If SNES diverges or an element loses most of its volume; the state is then the one before.
+            If SNES diverges, an element loses most of its volume, or bodies in contact go through each other; the
+            state is then the one before.
         SolveError
             If the linear solver fails.
         """
@@ -112,17 +140,32 @@ class Newton:
             self._refuse_squeezed(before)
             solves = self._correct(scale)
             self._refuse_squeezed(before)
+            self._refuse_passed(factor)
         finally:
             self._stage.pop()
         self._history = _Past(target - factor, self.x.copy(), rate)
         self._trial.copy(self.x)
         return solves
 
+    def settle(self) -> "Stabilisation | None":
+        """Let what holds bodies until contact does vanish, at the full load, and return it (`vanish`)."""
+
+        def again() -> bool:
+            try:
+                self.advance(1.0, 1.0)
+            except Diverged:
+                return False
+            return True
+
+        if self.stabilisation is not None:
+            self.stabilisation.vanish(again, self.x)
+        return self.stabilisation
+
     def _predict(self, factor: float, step: float) -> tuple[float, PETSc.Vec]:
         """Set the trial state of a step; return the norm of the force that drives it, and the slope of the path."""
         assembler = self.assembler
         assembler.extrapolate()
-        matrices = assembler.tangent(self.x, factor, self._matrix, keep=True)
+        matrices = self._fill(self.x, factor, self._matrix, keep=True)
         # A cubic predictor takes the path's slope, the first step the whole way of supports that turn.
         share = 1.0 if self._history is None else _DELTA
         assembler.load_forces(self.x, factor, matrices, share * step, self._force)
@@ -192,3 +235,13 @@ class Newton:
         problem = squeezed(self.assembler, before, self._trial, self._factor)
         if problem is not None:
             raise Diverged(problem)
+
+    def _refuse_passed(self, factor: float) -> None:
+        """Raise `Diverged` if bodies in contact went through each other in the step from a load factor."""
+        if self._passing is None:
+            return
+        assembler = self.assembler
+        states = assembler.displacement(self.x, factor), assembler.displacement(self._trial, self._factor)
+        problem = self._passing.deep() or self._passing.passed(*states)
+        if problem is not None:
+            raise Diverged(f"{problem} however small the step; raise the penalty, or let supports keep them apart")

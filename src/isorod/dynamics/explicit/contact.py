@@ -10,6 +10,7 @@ from isorod.arrays import Array, Index
 from isorod.compiled import F1, F2
 from isorod.contact import tables
 from isorod.contact.packed import PACKED, Packed
+from isorod.contact.passing import limits
 from isorod.dynamics.explicit import end_faces
 from isorod.dynamics.explicit.end_faces import FACES, Faces
 from isorod.model.contact import refuse
@@ -29,6 +30,8 @@ class StepContact(NamedTuple):
         Where each degree of freedom is in a state vector, ``(dofs,)``.
     positions, forces
         Work space, ``(nodes, 3)``.
+    limits
+        How deep points of each pass may be before they come out at the far side (`isorod.contact.passing`).
     """
 
     packed: Packed
@@ -37,9 +40,10 @@ class StepContact(NamedTuple):
     order: NDArray[np.uint64]
     positions: Array
     forces: Array
+    limits: Array
 
 
-STEP_CONTACT = types.NamedTuple((PACKED, FACES, F1, types.Array(types.u8, 1, "C"), F2, F2), StepContact)
+STEP_CONTACT = types.NamedTuple((PACKED, FACES, F1, types.Array(types.u8, 1, "C"), F2, F2, F1), StepContact)
 
 
 def pack(model: Model, order: Index) -> StepContact:
@@ -53,4 +57,5 @@ def pack(model: Model, order: Index) -> StepContact:
         order=order.astype(np.uint64),
         positions=np.empty_like(reference),
         forces=np.empty_like(reference),
+        limits=np.repeat(limits(model), [len(contact.sides) for contact in model.contacts]),
     )

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from numba import f8, i8, types
+from numba import b1, f8, i8, types
 
 from isorod.arrays import Array
 from isorod.compiled import F1, STRICT, njit
@@ -14,6 +14,7 @@ from isorod.dynamics.explicit.mesh import MESH, Mesh
 from isorod.dynamics.explicit.step_kernel import (
     BLOWN,
     COURSE,
+    DEEP,
     DONE,
     INVERTED,
     LOST,
@@ -59,6 +60,21 @@ def subtract(contact: StepContact, displacement: Array, forces: Array) -> StepPr
     return StepPressing(sides.energy + ends.energy, sides.force + ends.force, area, deepest, x, y, z)
 
 
+@njit(b1(STEP_CONTACT, f8), **STRICT)
+def too_deep(contact: StepContact, deepest: float) -> bool:
+    """Return whether a point of the last forces, of which the deepest gap is given, is deeper than it may be."""
+    packed, limits = contact.packed, contact.limits
+    if -deepest <= limits.min():
+        return False
+    for k in range(packed.passes.size):
+        last = packed.passes[k + 1].first_point if k + 1 < packed.passes.size else packed.areas.size
+        for point in range(packed.passes[k].first_point, last):
+            state = packed.states[point]
+            if state.pressure > 0.0 and -state.gap > limits[k]:
+                return True
+    return False
+
+
 @njit(types.UniTuple(i8, 2)(MESH, STATE, FACTORS, COURSE, i8, i8, STEP_CONTACT), **STRICT)
 def advance(
     mesh: Mesh, state: State, factors: Factors, course: Course, first: int, last: int, contact: StepContact
@@ -80,6 +96,8 @@ def advance(
         pressing = subtract(contact, state.displacement, state.forces)
         if not pressing.energy >= 0.0:
             return k, LOST
+        if too_deep(contact, pressing.deepest):
+            return k, DEEP
         state.sums[PUSHED] += course.step * pressing.x
         state.sums[PUSHED + 1] += course.step * pressing.y
         state.sums[PUSHED + 2] += course.step * pressing.z

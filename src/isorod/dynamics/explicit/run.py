@@ -7,7 +7,7 @@ import numpy as np
 
 from isorod.arrays import Array
 from isorod.dynamics import run
-from isorod.dynamics.explicit.step_kernel import ACTIVATED, BLOWN, DISSIPATED, DONE, INVERTED, LOST, Course
+from isorod.dynamics.explicit.step_kernel import ACTIVATED, BLOWN, DEEP, DISSIPATED, DONE, INVERTED, LOST, Course
 from isorod.dynamics.explicit.system import System
 from isorod.dynamics.run import IMBALANCE, Settings, total
 from isorod.errors import InputError, SolveError
@@ -87,6 +87,11 @@ class Run(run.Run):
             course = Course(self.time, self.step, self.settings.ramp, self.settings.damping, limit)
             taken, outcome, spent = self._take(course)
             seconds += spent
+            if outcome == DEEP:
+                raise SolveError(
+                    f"step {self.taken + taken}, time {self.time + taken * self.step:.6g}: bodies in contact are half "
+                    "the smaller radius deep in each other and would go through; raise the penalty"
+                )
             self.index += 1
             seen = self._measure()
             problem = _OUTCOMES.get(outcome, "")

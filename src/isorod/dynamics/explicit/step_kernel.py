@@ -17,8 +17,8 @@ from isorod.dynamics.explicit.element_kernel import internal_forces
 from isorod.dynamics.explicit.mesh import MESH, Mesh
 
 # Outcomes of a run of steps: done; det F <= 0; more kinetic energy than there can be; no closest point found in
-# contact.
-DONE, INVERTED, BLOWN, LOST = 0, 1, 2, 3
+# contact; bodies in contact go through each other.
+DONE, INVERTED, BLOWN, LOST, DEEP = 0, 1, 2, 3, 4
 
 # Where in `State.sums`: dissipated energy, work of the activation's changes, and the impulse of rigid obstacles (3).
 DISSIPATED, ACTIVATED, PUSHED = 0, 1, 2

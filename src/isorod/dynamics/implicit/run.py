@@ -1,7 +1,7 @@
 """Implicit steps of a motion: Newton's iterations and cuts of the step."""
 
 from time import perf_counter
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from petsc4py import PETSc
@@ -15,6 +15,9 @@ from isorod.dynamics.implicit.newton import Newton
 from isorod.dynamics.run import IMBALANCE, Settings
 from isorod.errors import InputError, SolveError
 from isorod.petsc.library import solver_types
+
+if TYPE_CHECKING:
+    from isorod.contact.passing import Passing
 
 # A step is halved at most so often.
 _HALVINGS = 10
@@ -37,6 +40,11 @@ class Run(run.Run):
         self._longest = settings.time_step
         self.assembler = StepAssembler(system.model)
         self.newton = Newton(self.assembler)
+        self._passing: Passing | None = None
+        if self.assembler.contact is not None:
+            from isorod.contact import passing
+
+            self._passing = passing.Passing(system.model, self.assembler.contact.packed)
         self._inertia = PETSc.KSP().create(PETSc.COMM_SELF)
         self._inertia.setOperators(self.assembler.mass())
         self._inertia.setType("preonly")
@@ -77,15 +85,18 @@ class Run(run.Run):
         if change is None:
             change = self.newton.solve(np.zeros_like(velocity), level)
         self.newton_iterations = self.newton.iterations
+        problem = f"SNES diverged (reason {self.newton.snes.getConvergedReason()})"
+        if change is not None and self._passing is not None:
+            through = self._passing.deep() or self._passing.passed(displacement, displacement + change)
+            change, problem = (change, problem) if through is None else (None, f"{through}; raise the penalty:")
         if change is not None:
             self._move(dt, level, change)
             return
         self.cuts += 1
         if halvings == _HALVINGS:
             raise SolveError(
-                f"step {self.taken + 1}, time {time:.6g}: SNES diverged "
-                f"(reason {self.newton.snes.getConvergedReason()}) in a time step of {self.step:.4g} however often "
-                f"it was halved; {self.system.worst(state.displacement)}"
+                f"step {self.taken + 1}, time {time:.6g}: {problem} in a time step of {self.step:.4g} however often it "
+                f"was halved; {self.system.worst(state.displacement)}"
             )
         self._step(time, 0.5 * dt, halvings + 1)
         self._step(time + 0.5 * dt, 0.5 * dt, halvings + 1)

@@ -1,0 +1,230 @@
+"""Rods that would go through each other from one state to the next, or are too deep in each other.
+
+Contact knows one state at a time.  Of a step that takes a rod from one side of another to the other, or so deep that
+points are nearer to its far side, nothing is left to be seen in forces.  So centre lines, as polygons, are followed on
+the straight way of the step: where two come nearer than half of what their radii add up to, and nearer than they were
+made, the step is refused, and so is a state in which a point is deeper than half of the smaller radius.
+"""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.sparse import csr_matrix
+
+from isorod.arrays import Array, Index
+from isorod.contact.packed import Packed
+from isorod.contact.result import slave_points
+from isorod.contact.tables import radii, smallest_radius
+from isorod.geometry import boxes
+from isorod.model.contact import Contact, Cylinder, Plane, Sphere
+
+if TYPE_CHECKING:
+    from isorod.model.model import Model
+
+# Depth, in smaller radii, from which a point is about to come out at the far side.
+DEEPEST = 0.5
+
+# Share of the sum of two radii to which centre lines may come near each other on the way, and by how much, in smaller
+# radii, that must be nearer than at rest: bodies that are made to cross may.
+_NEAREST = 0.5
+_APPROACH = 0.1
+
+# Pieces of an element's centre line, and the most places looked at on the way.
+_PIECES = 4
+_PLACES = 400
+
+
+class Passing:
+    """Watches the bodies of a model's contacts.
+
+    Parameters
+    ----------
+    model
+        Bodies and contacts.
+    packed
+        Those contacts (`isorod.contact.tables.pack`), whose last forces `deep` reads.
+    """
+
+    def __init__(self, model: "Model", packed: Packed) -> None:
+        self._model, self._packed = model, packed
+        self._limits = limits(model)
+        self._reference = np.concatenate([body.space.positions for body in model.bodies])
+        rows: list[Index] = []
+        columns: list[Index] = []
+        values: list[Array] = []
+        pieces, count = [], 0
+        for b in sorted({body for contact in model.contacts for body, _ in contact.sides}):
+            space, first = model.bodies[b].space, int(model.first_node[b])
+            breaks, n, degree = space.axis.breaks, space.points_around, space.axis.degree
+            shares = np.arange(_PIECES) / _PIECES
+            u = np.append((breaks[:-1, None] + shares * np.diff(breaks)[:, None]).ravel(), breaks[-1])
+            functions, near, _ = space.axis.local(u)
+            layers = (functions[:, None] + np.arange(degree + 1)) % space.layers
+            nodes = first + layers[:, :, None] * space.layer_nodes + np.arange(n)
+            rows.append(np.repeat(count + np.arange(u.size), nodes[0].size))
+            columns.append(nodes.ravel())
+            values.append(np.repeat(near.ravel() / n, n))
+            line = np.linalg.norm(np.diff(space.rod.grid(np.zeros((1, 2)), u)[0][:, 0], axis=0), axis=1)
+            along = np.append(0.0, np.cumsum(line))
+            size = [radii(space, [e])[0] for e in range(space.axis.elements)]
+            piece = np.arange(u.size - 1)
+            period = along[-1] if space.rod.closed else np.inf
+            for k in piece:
+                e = k // _PIECES
+                pieces.append((b, e, count + k, size[e], along[k], along[k + 1], period, 0.5 * (u[k] + u[k + 1])))
+            count += u.size
+        columns_of = np.array(pieces).T if pieces else np.zeros((8, 0))
+        self._body, self._element, self._at = (one.astype(np.int64) for one in columns_of[:3])
+        self._radius, self._begin, self._end, self._period, self._u = columns_of[3:]
+        entries = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
+        self._lines = csr_matrix(entries, shape=(count, self._reference.shape[0]))
+        self._rest = self._ends(np.zeros(self._reference.size))
+
+    def deep(self) -> str | None:
+        """Return in words which point of the last forces is too deep, if one is."""
+        if not self._limits or not np.isfinite(min(self._limits)):
+            return None
+        gaps = np.where(self._packed.states["pressure"] > 0.0, self._packed.states["gap"], 0.0)
+        if gaps.min(initial=0.0) >= -min(self._limits):
+            return None
+        for k, (limit, (_, points)) in enumerate(
+            zip(self._limits, slave_points(self._model, self._packed), strict=True)
+        ):
+            depth = -float(gaps[points].min(initial=0.0))
+            if depth > limit:
+                return f"contact {k}: a point is {DEEPEST * depth / limit:.2g} of the smaller radius deep"
+        return None
+
+    def passed(self, before: Array, after: Array) -> str | None:
+        """Return in words which bodies go through each other between two displacements ``(dofs,)``, if some do."""
+        start = self._ends(before)
+        way = self._ends(after) - start
+        if not way.any():
+            return None
+        return self._each_other(start, way) or self._obstacle(start, way)
+
+    def _ends(self, displacement: Array) -> Array:
+        """Return where the ends of the pieces are, ``(m, 2, 3)``."""
+        line = self._lines @ (self._reference + displacement.reshape(-1, 3))
+        return np.stack([line[self._at], line[self._at + 1]], axis=1)
+
+    def _each_other(self, start: Array, way: Array) -> str | None:
+        """Return in words which two pieces go through each other."""
+        reach = _NEAREST * self._radius[:, None]
+        end = start + way
+        low, high = np.minimum(start, end).min(axis=1) - reach, np.maximum(start, end).max(axis=1) + reach
+        first, second = self._partners(*boxes.pairs(low, high))
+        # What two pieces move by relative to each other, at most.
+        relative = np.linalg.norm(np.abs(way[first][:, :, None] - way[second][:, None]).max(axis=(1, 2)), axis=1)
+        rest = _distance(self._rest[first], self._rest[second])
+        sizes = self._radius[first], self._radius[second]
+        k = _nearer(rest, (start[first], start[second]), (way[first], way[second]), *sizes, relative)
+        if k is None:
+            return None
+        one, other = sorted((int(first[k]), int(second[k])))
+        return f"{self._said(one)} would go through {self._said(other)}"
+
+    def _obstacle(self, start: Array, way: Array) -> str | None:
+        """Return in words which piece goes through a rigid cylinder or sphere."""
+        for k, contact in enumerate(self._model.contacts):
+            other = contact.obstacle
+            if not isinstance(other, Cylinder | Sphere):
+                continue
+            mine = np.flatnonzero(self._sides(contact) >= 0)
+            middle = np.array(other.center if isinstance(other, Sphere) else other.point)
+            rest, ends, ways = self._rest[mine] - middle, start[mine] - middle, way[mine]
+            if isinstance(other, Cylinder):
+                # What counts is the distance from the axis.
+                axis = np.array(other.axis) / np.linalg.norm(other.axis)
+                rest, ends, ways = (one - (one @ axis)[..., None] * axis for one in (rest, ends, ways))
+            size, still = np.full(mine.size, float(other.radius)), np.zeros_like(ends)
+            relative = np.linalg.norm(ways, axis=2).max(axis=1)
+            apart = _distance(rest, still)
+            found = _nearer(apart, (ends, still), (ways, still), self._radius[mine], size, relative)
+            if found is not None:
+                return f"{self._said(int(mine[found]))} would go through the obstacle of contact {k}"
+        return None
+
+    def _said(self, piece: int) -> str:
+        return f"body {self._body[piece]} at u = {self._u[piece]:.4g}"
+
+    def _partners(self, first: Index, second: Index) -> tuple[Index, Index]:
+        """Return those pairs of pieces between which there is contact."""
+        far = np.ones(first.size, dtype=bool)
+        same = self._body[first] == self._body[second]
+        one, other = first[same], second[same]
+        way = np.maximum(self._begin[one], self._begin[other]) - np.minimum(self._end[one], self._end[other])
+        back = self._period[one] - np.maximum(self._end[one], self._end[other])
+        back += np.minimum(self._begin[one], self._begin[other])
+        far[same] = np.minimum(way, back) >= np.pi * np.maximum(self._radius[one], self._radius[other])
+        first, second = first[far], second[far]
+        meet = np.zeros(first.size, dtype=bool)
+        for contact in self._model.contacts:
+            if contact.obstacle is None:
+                sides = self._sides(contact)
+                one, other = sides[first], sides[second]
+                meet |= (one >= 0) & (other >= 0) & ((one != other) if len(contact.groups) == 2 else True)
+        return first[meet], second[meet]
+
+    def _sides(self, contact: Contact) -> Index:
+        """Return on which side of a contact each piece is, -1 on none."""
+        result = np.full(self._body.size, -1, dtype=np.int64)
+        groups = contact.groups
+        for body, elements in contact.sides:
+            mine = self._body == body
+            if elements is not None:
+                mine &= np.isin(self._element, np.asarray(elements, dtype=np.int64))
+            result[mine] = next(k for k, group in enumerate(groups) if body in group)
+        return result
+
+
+def limits(model: "Model") -> list[float]:
+    """Return how deep a point of each contact may be; infinite at a plane, which nothing comes out of."""
+    found = []
+    for contact in model.contacts:
+        other, own = contact.obstacle, smallest_radius(model, contact)
+        smaller = min(own, other.radius) if isinstance(other, Cylinder | Sphere) else own
+        found.append(np.inf if isinstance(other, Plane) else DEEPEST * smaller)
+    return found
+
+
+def _nearer(
+    rest: Array, start: tuple[Array, Array], way: tuple[Array, Array], one: Array, other: Array, relative: Array
+) -> int | None:
+    """Return which pair of pieces comes too near on the way, if one does.
+
+    Parameters
+    ----------
+    rest
+        Distances at rest, ``(m,)``.
+    start, way
+        Ends of both pieces of each pair, and their way, ``(m, 2, 3)``.
+    one, other, relative
+        Radii of both, and how far they move relative to each other at most, ``(m,)``.
+    """
+    if not relative.size:
+        return None
+    limit, approach = _NEAREST * (one + other), _APPROACH * np.minimum(one, other)
+    places = int(np.clip(np.ceil(2.0 * np.max(relative / limit)), 1, _PLACES))
+    for t in np.arange(1, places + 1) / places:
+        there = _distance(start[0] + t * way[0], start[1] + t * way[1])
+        through = (there < limit) & (there < rest - approach)
+        if through.any():
+            return int(np.argmax(through))
+    return None
+
+
+def _distance(one: Array, other: Array) -> Array:
+    """Return the distances of pairs of segments ``(m, 2, 3)`` (Ericson, Real-Time Collision Detection, 5.1.9)."""
+    d1, d2, r = one[:, 1] - one[:, 0], other[:, 1] - other[:, 0], one[:, 0] - other[:, 0]
+
+    def dot(a: Array, b: Array) -> Array:
+        return np.asarray(np.einsum("ma,ma->m", a, b))
+
+    a, e, f, b, c = dot(d1, d1), dot(d2, d2), dot(d2, r), dot(d1, d2), dot(d1, r)
+    tiny = np.finfo(float).tiny
+    det = a * e - b * b
+    s = np.where(det > 1e-12 * a * e, np.clip((b * f - c * e) / np.maximum(det, tiny), 0.0, 1.0), 0.0)
+    t = np.clip((b * s + f) / np.maximum(e, tiny), 0.0, 1.0)
+    s = np.clip((b * t - c) / np.maximum(a, tiny), 0.0, 1.0)
+    return np.linalg.norm(r + s[:, None] * d1 - t[:, None] * d2, axis=1)

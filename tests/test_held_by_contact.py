@@ -1,0 +1,93 @@
+"""Bodies that contact alone holds in statics: forces are those of the loads, and what held them on the way vanishes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from conftest import straight
+
+from isorod import statics
+from isorod.errors import SolveError
+from isorod.geometry.rod import Rod
+from isorod.material import NeoHookean
+from isorod.model import Body, BodyForce, Contact, Model, Plane, SectionLoad, Support
+from isorod.space import Space
+
+LAW = NeoHookean(1000.0, 0.3)
+ACROSS = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])  # z to x
+LENGTH = 8.0
+
+
+def bar(turn=None, lift=0.0):
+    """A bar of radius 1 about the origin, along z or turned."""
+    rod = straight(8, breaks=(0.0, 1.0, 2.0), height=LENGTH)
+    points = (rod.control_points - [0.0, 0.0, 0.5 * LENGTH]) @ (np.eye(3) if turn is None else turn.T)
+    return Space.paper(Rod(rod.axis, points + np.array([0.0, lift, 0.0])), degree=2, order=2, quadrature="auto")
+
+
+def lying(gap, density, **contact):
+    """A bar above a plane, without a support."""
+    plane = Plane((0.0, -1.0 - gap, 0.0), (0.0, 1.0, 0.0))
+    return Model([Body(bar(), LAW)], contacts=[Contact(0, plane, **contact)], loads=[BodyForce(density)])
+
+
+def crossing(force, gap=0.1, **contact):
+    """Two bars, the lower clamped; the upper is guided down and pressed by a force at either end."""
+    spaces = bar(), bar(ACROSS, 2.0 + gap)
+    supports = [Support.end(spaces[0], end) for end in ("start", "end")]
+    supports += [Support.end(spaces[1], end, "xz", body=1) for end in ("start", "end")]
+    loads = [SectionLoad.end(spaces[1], end, (0.0, -0.5 * force, 0.0), body=1) for end in ("start", "end")]
+    return Model([Body(one, LAW) for one in spaces], supports, contacts=[Contact(0, 1, **contact)], loads=loads)
+
+
+@pytest.mark.parametrize("gap", [0.1, 3.0])
+def test_a_plane_bears_the_weight_of_a_bar_that_nothing_else_holds(gap):
+    solution = statics.solve(lying(gap, (0.0, -1.0, 0.0)))
+    volume = solution.model.bodies[0].space.tabulate(0, 2).weights.sum()
+    (contact,) = solution.contacts
+    assert contact.force == pytest.approx(volume, rel=1e-6)
+    left, rounds = solution.stabilisation
+    assert left <= 1e-6
+    assert rounds >= 1
+    assert solution.record()["stabilisation"] == left
+    assert solution.record()["stabilisation_rounds"] == rounds
+    # However far it fell, it lies level, pressed flat by its weight: by 0.0036 in the middle, less at the ends.
+    fallen = solution.at(0, [0.0, 1.0, 2.0])[:, 1] + gap
+    assert fallen[0] == pytest.approx(fallen[2], abs=1e-7)
+    assert fallen[1] == pytest.approx(-0.003591, abs=2e-6)
+
+
+def test_a_bar_that_another_holds_up_bears_the_force_on_it_wherever_it_came_from():
+    force, found = 20.0, []
+    for gap in (0.1, 0.7):
+        solution = statics.solve(crossing(force, gap, penalty=1e4, points=(4, 12)))
+        assert solution.stabilisation[0] <= 1e-6
+        np.testing.assert_allclose(solution.reactions[:2].sum(axis=0), (0.0, force, 0.0), atol=1e-5 * force)
+        found.append(solution.at(1, "end")[1] + gap)
+    assert -1.0 < found[0] < -0.1
+    assert found[1] == pytest.approx(found[0], rel=1e-5)
+
+
+def test_what_supports_hold_is_not_stabilised():
+    model = lying(0.1, (0.0, -1.0, 0.0))
+    clamped = statics.solve(replace(model, supports=[Support.end(model.bodies[0].space, "start")]))
+    assert clamped.stabilisation is None
+    assert "stabilisation" not in clamped.record()
+
+
+def test_a_bar_that_slides_away_is_refused_and_the_motion_named():
+    with pytest.raises(SolveError, match=r"body 0 is free to move along \(1, -?0.0\S*, 0\), and no contact") as error:
+        statics.solve(lying(0.1, (0.1, -1.0, 0.0)))
+    assert "\n" not in str(error.value)
+
+
+def test_a_bar_that_is_lifted_off_is_refused():
+    with pytest.raises(SolveError, match=r"body 1 is free to move along \(0, 1, 0\), and no contact holds it"):
+        statics.solve(crossing(-1.0))
+
+
+@pytest.mark.parametrize("contacts", [[], [Contact(0)]], ids=["none", "with itself"])
+def test_a_free_motion_without_a_contact_that_could_hold_it_is_refused_and_contact_named(contacts):
+    model = replace(lying(0.1, (0.0, -1.0, 0.0)), contacts=contacts)
+    with pytest.raises(SolveError, match=r"supports: body 0 is free to .*; hold it, in statics by a contact perhaps"):
+        statics.solve(model)

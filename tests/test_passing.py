@@ -1,0 +1,117 @@
+"""No step takes rods through each other, in statics or in motion."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from pushed import ACROSS, LAW, outcome, rods
+
+from isorod import dynamics, statics
+from isorod.contact.passing import Passing
+from isorod.contact.tables import pack
+from isorod.errors import SolveError
+from isorod.geometry.center_line import helix
+from isorod.geometry.section import circle
+from isorod.model import Body, Contact, Cylinder, Model, Sphere, Support
+from isorod.space import Space
+
+
+def thrown(penalty):
+    """A rod thrown at another, clamped one; in a time of one it would go four radii."""
+    model = rods((0.0, 2.1, 0.0), turn=ACROSS, contacts=[Contact(0, 1, penalty)])
+    model = replace(model, supports=[Support.end(model.bodies[0].space, end) for end in ("start", "end")])
+    velocity = np.zeros((model.dofs // 3, 3))
+    velocity[model.first_node[1] :, 1] = -4.0 * model.is_carrier[model.first_node[1] :]
+    return model, velocity.ravel()
+
+
+@pytest.mark.parametrize(
+    ("integrator", "step", "said"),
+    [
+        (
+            "explicit",
+            None,
+            "bodies in contact are half the smaller radius deep in each other and would go through; raise",
+        ),
+        ("implicit", 0.05, r"contact 0: a point is \S+ of the smaller radius deep; raise the penalty"),
+    ],
+)
+def test_a_motion_through_a_rod_ends_with_one_line(integrator, step, said):
+    model, velocity = thrown(0.01)
+    with pytest.raises(SolveError, match=said) as error:
+        dynamics.solve(model, 1.0, step, 2, velocity=velocity, integrator=integrator)
+    assert "\n" not in str(error.value)
+
+
+def test_a_rod_thrown_at_a_stiff_one_bounces():
+    model, velocity = thrown(1000.0)
+    history = dynamics.solve(model, 0.4, 0.04, 5, velocity=velocity, integrator="implicit")
+    assert history.contact_force.max() > 0.0
+    assert history.penetration.max() < 0.5
+    assert history.displacement[-1].reshape(-1, 3)[model.first_node[1] :, 1].mean() > -1.0
+
+
+@pytest.mark.parametrize("seed", [3, 7, 10])
+def test_rods_pushed_at_each_other_are_right_or_refused(seed):
+    outcome(seed)
+
+
+@pytest.mark.slow
+def test_500_pairs_of_rods_pushed_through_each_other():
+    for seed in range(500):
+        said, seconds = outcome(seed)
+        print(f"{seed} {seconds:.1f} s {said}")
+
+
+def test_rods_that_would_pass_each_other_in_one_step_do_not():
+    """Pushed three diameters in one step: no force tells that they have changed sides."""
+    model = rods((0.0, 2.1, 0.0), turn=ACROSS, contacts=[Contact(0, 1, 1.0)])
+    low, high = (body.space for body in model.bodies)
+    supports = [Support.end(low, end) for end in ("start", "end")]
+    supports += [Support.end(high, end, displacement=(0.0, -6.0, 0.0), body=1) for end in ("start", "end")]
+    with pytest.raises(SolveError, match=r"(radius deep|would go through|SNES diverged).* however small the step"):
+        statics.solve(replace(model, supports=supports))
+
+
+def watched(contact, *shifts, turn=ACROSS):
+    model = rods(*shifts, turn=turn, contacts=[contact])
+    return model, Passing(model, pack(model))
+
+
+@pytest.mark.parametrize("turn", [None, ACROSS], ids=["parallel", "crossing"])
+def test_ways_through_each_other_are_seen_however_long_the_step(turn):
+    model, passing = watched(Contact(0, 1), (0.0, 2.1, 0.0), turn=turn)
+    rest, carriers = (
+        np.zeros((model.dofs // 3, 3)),
+        model.is_carrier & (np.arange(model.dofs // 3) >= model.first_node[1]),
+    )
+    for way, through in (((0.0, -0.5, 0.0), False), ((0.0, -4.2, 0.0), True), ((0.0, -60.0, 0.0), True)):
+        moved = rest + carriers[:, None] * np.array(way)
+        assert bool(passing.passed(rest.ravel(), moved.ravel())) is through
+    # Away, and over its end.
+    for way in ((0.0, 50.0, 0.0), (0.0, 0.0, 20.0) if turn is not None else (30.0, 0.0, 0.0)):
+        assert passing.passed(rest.ravel(), (rest + carriers[:, None] * np.array(way)).ravel()) is None
+
+
+@pytest.mark.parametrize(
+    "obstacle",
+    [Cylinder((0.0, -1.5, 1.0), (2.0, 0.0, 0.0), 0.4), Sphere((0.1, -1.5, 1.0), 0.4)],
+    ids=["cylinder", "sphere"],
+)
+def test_ways_through_a_rigid_obstacle_are_seen(obstacle):
+    model, passing = watched(Contact(0, obstacle))
+    rest = np.zeros((model.dofs // 3, 3))
+    for way, through in ((0.3, False), (-0.3, False), (-3.2, True)):
+        moved = rest + model.is_carrier[:, None] * np.array([0.0, way, 0.0])
+        said = passing.passed(rest.ravel(), moved.ravel())
+        assert (said is not None and "would go through the obstacle of contact 0" in said) is through
+
+
+def test_coils_that_change_places_are_seen_and_their_own_bends_are_not():
+    space = Space.paper(helix(6.0, 2.6, 2).sweep(circle(8, 1.0)), elements=16, degree=4)
+    model = Model([Body(space, LAW)], contacts=[Contact(0)])
+    passing = Passing(model, pack(model))
+    rest = np.zeros((space.nodes, 3))
+    squeeze = rest - np.where(space.is_carrier, space.positions[:, 2], 0.0)[:, None] * [0.0, 0.0, 1.0]
+    assert passing.passed(rest.ravel(), 0.2 * squeeze.ravel()) is None
+    assert "body 0 at u" in passing.passed(rest.ravel(), 2.0 * squeeze.ravel())
