@@ -70,7 +70,7 @@ def site(one: Row, slave: Row, point: int) -> Site:
 
 
 @njit(i8(PASS_ROW, SURFACE_ROW), **FAST)
-def _end(one: Row, slave: Row) -> int:
+def end_of(one: Row, slave: Row) -> int:
     """Return the number after that of the last point of a pass."""
     return one.first_point + slave.elements * one.along * slave.around * one.across
 
@@ -302,7 +302,7 @@ def _gap(packed: Packed, one: Row, point: int, positions: Array, foot: Foot) -> 
 
 
 @njit(void(SURFACE_ROW, ELEMENT_ROW, i8, F1, F1, F1, F2), **FAST)
-def _share(surface: Row, element: Row, arc: int, phi: Array, axial: Array, push: Array, forces: Array) -> None:
+def spread(surface: Row, element: Row, arc: int, phi: Array, axial: Array, push: Array, forces: Array) -> None:
     """Add a force ``push`` at a point of a surface to the forces of the nodes there."""
     for j in range(surface.functions):
         for c in range(3):
@@ -318,12 +318,12 @@ def _press(packed: Packed, one: Row, point: int, foot: Foot, force: float, force
     slave = packed.surfaces[one.slave]
     at = site(one, slave, point)
     phi, axial = packed.around[at.around], packed.along[at.along]
-    _share(slave, packed.elements[at.element], at.arc, phi, axial, push, forces)
+    spread(slave, packed.elements[at.element], at.arc, phi, axial, push, forces)
     if one.master >= 0:
         start = packed.starts[point]
         master = packed.surfaces[packed.elements[start.element].surface]
         arc = arc_of(master, start.theta)
-        _share(master, packed.elements[start.element], arc, foot.phi[0], foot.axial[0], -push, forces)
+        spread(master, packed.elements[start.element], arc, foot.phi[0], foot.axial[0], -push, forces)
 
 
 @njit(PRESSING(PACKED, F2, F2), **FAST)
@@ -359,7 +359,7 @@ def add_forces(packed: Packed, positions: Array, forces: Array) -> Pressing:
     foot = new_foot()
     for k in range(packed.passes.size):
         one = packed.passes[k]
-        for point in range(one.first_point, _end(one, packed.surfaces[one.slave])):
+        for point in range(one.first_point, end_of(one, packed.surfaces[one.slave])):
             state, multiplier = packed.states[point], packed.multipliers[point]
             state.edge = False
             clear = one.master >= 0 and packed.clear[point] > travel

@@ -223,6 +223,7 @@ def _climb(solver: Newton, load_steps: int) -> tuple[int, int]:
     """Go to the full load; return how many steps were taken, and cut."""
     factor, step, steps, cuts = 0.0, 1.0 / load_steps, 0, 0
     smallest = step / 2**HALVINGS
+    _accept(solver, factor)
     while factor < 1.0:
         target = 1.0 if factor + step > 1.0 - 1e-12 else factor + step
         try:
@@ -234,10 +235,18 @@ def _climb(solver: Newton, load_steps: int) -> tuple[int, int]:
                 raise SolveError(f"load factor {target:.6g}: {problem}") from None
             continue
         factor = target
+        _accept(solver, factor)
         steps += 1
         if solves <= 4:
             step *= 2.0
     return steps, cuts
+
+
+def _accept(solver: Newton, factor: float) -> None:
+    """Let the next load step begin at the equilibrium found: friction remembers it."""
+    contact = solver.assembler.contact
+    if contact is not None and contact.friction is not None:
+        contact.accept(solver.assembler.displacement(solver.x, factor))
 
 
 def _augment(solver: Newton) -> int:

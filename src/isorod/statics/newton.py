@@ -71,7 +71,7 @@ class Newton:
             self._residual,
             self._tangent,
             self._convergence.test,
-            OPTIONS | factorisation(assembler),
+            OPTIONS | factorisation(assembler, symmetric=assembler.symmetric),
         )
         self.snes.setMonitor(lambda snes, k, norm: self.norms.append(norm))
         if self.snes.getKSP().getPC().getType() in MULTIGRID:

@@ -15,6 +15,8 @@ class MidpointContact(ContactOperator):
         Displacement at the start of the step, shape ``(dofs,)``.
     """
 
+    long_steps = False
+
     def __init__(self, model: Model) -> None:
         refuse(model.contacts, penetration=True)
         super().__init__(model)
