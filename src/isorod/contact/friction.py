@@ -82,9 +82,7 @@ class FrictionOperator:
         aside = np.zeros(active.size, dtype=np.int64)
         aside[elsewhere] = self.blocks.begin(hangings[elsewhere]) if elsewhere.any() else 0
         others = np.zeros(self.blocks.rows.size)
-        add_friction_blocks(
-            self._packed, self._friction, positions, active, hangings, begin, values, aside, others
-        )
+        add_friction_blocks(self._packed, self._friction, positions, active, hangings, begin, values, aside, others)
         return others
 
     def tell(self, results: Sequence[ContactResult]) -> list[ContactResult]:

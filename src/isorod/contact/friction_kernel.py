@@ -154,9 +154,7 @@ def _rub(packed: Packed, one: Row, point: int, foot: Foot, push: Array, forces: 
     """Add a force at a slave point, and its reaction on the master, to the forces of the nodes."""
     slave = packed.surfaces[one.slave]
     at = site(one, slave, point)
-    spread(
-        slave, packed.elements[at.element], at.arc, packed.around[at.around], packed.along[at.along], push, forces
-    )
+    spread(slave, packed.elements[at.element], at.arc, packed.around[at.around], packed.along[at.along], push, forces)
     if one.master >= 0:
         start = packed.starts[point]
         element = packed.elements[start.element]

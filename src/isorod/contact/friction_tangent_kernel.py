@@ -75,9 +75,7 @@ def _vary(foot: Foot, gap: float, edge: bool, mine: int, shares: Array, xi: Arra
             tilt1 = k11 * xi[0, d] + k12 * xi[1, d] - beside1
             tilt2 = k12 * xi[0, d] + k22 * xi[1, d] - beside2
             for c in range(3):
-                turn[c, d] = -(
-                    y[1, c] * (a22 * tilt1 - a12 * tilt2) + y[2, c] * (a11 * tilt2 - a12 * tilt1)
-                ) / metric
+                turn[c, d] = -(y[1, c] * (a22 * tilt1 - a12 * tilt2) + y[2, c] * (a11 * tilt2 - a12 * tilt1)) / metric
 
 
 @njit(void(PASS_ROW, FOOT, f8, F1, F2), **STRICT)
@@ -204,6 +202,4 @@ def add_friction_blocks(
                 by1 = -foot.axial[0, j] * foot.phi[1, i] * traction[c]
                 by2 = -foot.axial[1, j] * foot.phi[0, i] * traction[c]
             for d in range(width):
-                values[first + row * width + d] -= weight * (
-                    shares[m] * change[c, d] + by1 * xi[0, d] + by2 * xi[1, d]
-                )
+                values[first + row * width + d] -= weight * (shares[m] * change[c, d] + by1 * xi[0, d] + by2 * xi[1, d])

@@ -26,9 +26,7 @@ from isorod.dynamics.explicit.step_kernel import (
 
 
 @njit(STEP_PRESSING(STEP_CONTACT, FRICTION, F1, b1, F1), **STRICT)
-def subtract(
-    contact: StepContact, friction: Friction, displacement: Array, keep: bool, forces: Array
-) -> StepPressing:
+def subtract(contact: StepContact, friction: Friction, displacement: Array, keep: bool, forces: Array) -> StepPressing:
     """Subtract the forces of contact and friction from internal forces, both state vectors.
 
     Parameters
