@@ -1,4 +1,4 @@
-"""Coulomb friction: sticks, slides, turns with the rods, keeps its memory, and what it takes is in the energy balance."""
+"""Coulomb friction: sticks, slides, turns with the rods, remembers, and what it takes is in the balance of energy."""
 
 from dataclasses import replace
 from functools import cache
@@ -10,11 +10,11 @@ from scipy.sparse import coo_matrix
 from touching import ACROSS, LAW, crease, moved, pair, reference, shaken
 
 from isorod import dynamics, statics
+from isorod.contact.force_kernel import add_forces
 from isorod.contact.friction import pack as pack_friction
 from isorod.contact.friction_kernel import add_friction
 from isorod.contact.operator import ContactOperator
 from isorod.contact.tables import pack
-from isorod.contact.force_kernel import add_forces
 from isorod.dynamics.explicit.mass import Mass
 from isorod.errors import InputError
 from isorod.material import NeoHookean
@@ -215,7 +215,7 @@ def test_a_sliding_rod_slows_down_as_coulomb_says_and_stops(integrator, step, to
 
 def test_what_sticks_does_not_creep():
     """A push too weak to slip: swings on the springs, which damping ends where they began."""
-    displacement, force = at_rest()
+    displacement, _ = at_rest()
     model, along = squeezed(0.5, 3e3)
     history = dynamics.solve(model, 6.0, 1e-3, 6, damping=6.0, displacement=displacement, velocity=2e-3 * along)
     middle = [u.reshape(-1, 3)[model.is_carrier, 2].mean() for u in history.displacement]

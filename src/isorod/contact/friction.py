@@ -50,7 +50,7 @@ class FrictionOperator:
 
     def _nodes(self, hanging: Row) -> tuple[Index, Index]:
         nodes, others = np.empty(NODES, dtype=np.int64), np.empty(3 * FUNCTIONS, dtype=np.int64)
-        patch = np.array([tuple(hanging)[: len(PATCH)]], PATCH)[0]
+        patch = np.array([tuple(hanging)[:-2]], PATCH)[0]
         return nodes[: patch_nodes(self._packed, patch, nodes)], others[: anchor_nodes(self._packed, hanging, others)]
 
     def add_forces(self, positions: Array, forces: Array) -> float:

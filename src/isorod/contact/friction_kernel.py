@@ -2,16 +2,17 @@
 
 Such a point ``x`` hangs on its anchor ``a``, a material point of its master (of an obstacle a point in space), by a
 spring of the penalty's stiffness ``eps``: with the normal ``n`` at its present foot the traction, force per reference
-area, is ``-eps s``, ``s = (I - n n^T) (x - a)``, shortened to ``mu p`` where it would be longer.  Its reaction is on the
-master at the present foot.
+area, is ``-eps s``, ``s = (I - n n^T) (x - a)``, shortened to ``mu p`` where it would be longer.  Its reaction is on
+the master at the present foot.
 
-The anchor stays where it is while a state is sought.  Once that is found, it stays where the point sticks, follows where
-it slips, so that ``s`` is as long as Coulomb's law allows, and is given up where the point is no longer pressed.  Being a
-material point it turns with its rod, and may be anywhere on it: feet cross elements as they like.  Where another rod is
-now the nearest, the anchor is put there, with the same ``s``.
+The anchor stays where it is while a state is sought.  Once that is found, it stays where the point sticks, follows
+where it slips, so that ``s`` is as long as Coulomb's law allows, and is given up where the point is no longer pressed.
+Being a material point it turns with its rod, and may be anywhere on it: feet cross elements as they like.  Where
+another rod is now the nearest, the anchor is put there, with the same ``s``.
 
-What a step dissipates is the work of the mean of its first and last traction on the slip: with that the work of central
-differences, and of steps that take forces at their middle, is the change of the springs' energy and what is dissipated.
+What a step dissipates is the work of the mean of its first and last traction on the slip.  The work of central
+differences, and of steps that take forces at their middle, is then the change of the springs' energy and what is
+dissipated.
 """
 
 from typing import NamedTuple
@@ -22,7 +23,7 @@ from numba import b1, f8, from_dtype, i8, types, void
 from isorod.arrays import Array
 from isorod.compiled import F1, F2, FAST, njit
 from isorod.contact.force_kernel import end_of, rigid_gap, site, spread
-from isorod.contact.packed import FUNCTIONS, PACKED, PASS_ROW, START, STARTS, Packed, Row, Table
+from isorod.contact.packed import PACKED, PASS_ROW, START, STARTS, Packed, Row, Table
 from isorod.contact.surface_kernel import FOOT, LOST, Foot, arc_of, closest, dot, evaluate, new_foot, surface_gap
 
 # What a point keeps: element (0 of an obstacle, -1: no anchor), angle and ``s`` of its anchor, or the anchor's place on

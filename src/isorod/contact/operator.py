@@ -50,9 +50,9 @@ class ContactOperator:
         self.values = np.empty(0)
         self.friction: FrictionOperator | None = None
         if any(contact.friction for contact in model.contacts):
-            from isorod.contact.friction import FrictionOperator
+            from isorod.contact import friction
 
-            self.friction = FrictionOperator(model, self.packed)
+            self.friction = friction.FrictionOperator(model, self.packed)
 
     @property
     def rows(self) -> Index:

@@ -1,4 +1,4 @@
-"""The compiled steps of `isorod.dynamics.explicit.contact_step_kernel` with friction; loaded by models that have some."""
+"""The compiled steps of `isorod.dynamics.explicit.contact_step_kernel` with friction; loaded by models that have it."""
 
 from numba import b1, i8, types
 
