@@ -7,11 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from isorod.arrays import Array, Index
-from isorod.contact import friction_kernel
 from isorod.contact.blocks import Blocks
-from isorod.contact.friction_kernel import Friction, add_friction, catch
+from isorod.contact.friction_kernel import NO_ANCHOR, Friction, add_friction, catch
 from isorod.contact.friction_tangent_kernel import HANGING, add_friction_blocks, anchor_nodes, find_hangings
-from isorod.contact.packed import FUNCTIONS, Packed, Row, Table
+from isorod.contact.packed import FUNCTIONS, START, Packed, Row, Table
 from isorod.contact.result import ContactResult, slave_points
 from isorod.contact.tangent_kernel import NODES, PATCH, patch_nodes
 
@@ -24,7 +23,14 @@ def pack(model: "Model", packed: Packed) -> Friction:
     coefficients = np.repeat(
         [contact.friction for contact in model.contacts], [len(contact.sides) for contact in model.contacts]
     )
-    return friction_kernel.pack(coefficients, packed.areas.size)
+    points = packed.areas.size
+    return Friction(
+        coefficients=coefficients,
+        anchors=np.full(points, NO_ANCHOR),
+        tractions=np.zeros((points, 3)),
+        slipping=np.zeros(points, dtype=bool),
+        start=np.zeros(1, START),
+    )
 
 
 class FrictionOperator:

@@ -23,7 +23,7 @@ from numba import b1, f8, from_dtype, i8, types, void
 from isorod.arrays import Array
 from isorod.compiled import F1, F2, FAST, njit
 from isorod.contact.force_kernel import end_of, rigid_gap, site, spread
-from isorod.contact.packed import PACKED, PASS_ROW, START, STARTS, Packed, Row, Table
+from isorod.contact.packed import PACKED, PASS_ROW, STARTS, Packed, Row, Table
 from isorod.contact.surface_kernel import FOOT, LOST, Foot, arc_of, closest, dot, evaluate, new_foot, surface_gap
 
 # What a point keeps: element (0 of an obstacle, -1: no anchor), angle and ``s`` of its anchor, or the anchor's place on
@@ -77,17 +77,6 @@ class Spent(NamedTuple):
 
 
 SPENT = types.NamedUniTuple(f8, 2, Spent)
-
-
-def pack(coefficients: Array, points: int) -> Friction:
-    """Return friction without history; coefficients are those of the passes."""
-    return Friction(
-        coefficients=coefficients,
-        anchors=np.full(points, NO_ANCHOR),
-        tractions=np.zeros((points, 3)),
-        slipping=np.zeros(points, dtype=bool),
-        start=np.zeros(1, START),
-    )
 
 
 @njit(f8(PACKED, PASS_ROW, i8, F2, FOOT), **FAST)

@@ -22,6 +22,10 @@ _DELTA = 1e-6
 # What a user's option overrides.
 OPTIONS = {"snes_linesearch_type": "basic", "snes_rtol": 1e-9, "snes_max_it": 15, "ksp_type": "preonly"}
 
+# Where points slip the residual hardly changes: full steps go back and forth from slip to slip the other way.  The
+# place along a step where its work vanishes is where they stick.
+SLIPPING = {"snes_linesearch_type": "cp"}
+
 
 class Diverged(Exception):
     """A load step did not converge."""
@@ -71,7 +75,9 @@ class Newton:
             self._residual,
             self._tangent,
             self._convergence.test,
-            OPTIONS | factorisation(assembler, symmetric=assembler.symmetric),
+            OPTIONS
+            | ({} if assembler.symmetric else SLIPPING)
+            | factorisation(assembler, symmetric=assembler.symmetric),
         )
         self.snes.setMonitor(lambda snes, k, norm: self.norms.append(norm))
         if self.snes.getKSP().getPC().getType() in MULTIGRID:
