@@ -69,6 +69,7 @@ class Newton:
         typed = PETSc.Options()
         self._own_tolerance = not typed.hasName("snes_atol")
         self._may_reuse = self._own_tolerance and not typed.hasName("snes_test_jacobian")
+        own = {} if assembler.symmetric else SLIPPING
         self.snes = create_snes(
             assembler.vector(),
             self._matrix,
