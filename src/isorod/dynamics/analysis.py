@@ -67,14 +67,14 @@ class History:
         springs on which points stick.
     added_kinetic
         Kinetic energy of the mass added for the time step (`isorod.dynamics.explicit.mass`), shape ``(o,)``.
-    muscle_work, dissipated
-        Work done by active fibres, and taken by damping and friction.
+    muscle_work, dissipated, load_work
+        Work done by active fibres, taken by damping and friction, and done by loads.
     energy_error
-        Energies less their initial sum less work, over the work done: the largest so far of muscle work, dissipation
-        and initial energy.
+        Energies less their initial sum less work, over the work done: the largest so far of muscle work, dissipation,
+        the loads' work and initial energy.
     momentum_error
-        Change of linear momentum less the impulses of supports, obstacles and damping, over the sum of their sizes and
-        the initial one.
+        Change of linear momentum less the impulses of supports, loads, obstacles and damping, over the sum of their
+        sizes and the initial one.
     steps, time_step, critical_step
         Number of steps taken, the last time step, and the smallest critical one of explicit steps met, with the mass
         that was added.
@@ -106,6 +106,7 @@ class History:
     added_kinetic: Array
     muscle_work: Array
     dissipated: Array
+    load_work: Array
     energy_error: Array
     momentum_error: Array
     steps: int
@@ -177,7 +178,8 @@ def solve(
 ) -> History:
     """Integrate the motion of a model from time zero.
 
-    Supports keep their displacement (at load factor 1) throughout.  Explicit steps are central differences with the
+    Supports keep their displacement (at load factor 1) throughout, and loads, which implicit steps alone take, their
+    full value from the start.  Explicit steps are central differences with the
     consistent mass; for a step longer than its critical one, mass is added to fast waves
     (`isorod.dynamics.explicit.mass`).  Implicit ones conserve energy and momenta whatever the step
     (`isorod.dynamics.implicit.assembler`); contact keeps energy to second order.
@@ -224,6 +226,7 @@ def solve(
     model = model.in_motion()
     settings = Settings(end_time, whole_number("outputs", outputs, 1, 1_000_000), time_step, damping, ramp)
     _check(model, settings, every)
+    _check_loads(model, integrator)
     if resume and checkpoint is None:
         raise InputError("resume: no checkpoint is named; give the file the run was to keep its state in")
     with in_force(petsc):
@@ -328,8 +331,6 @@ def _check(model: Model, settings: Settings, every: float) -> None:
             raise InputError(f"{name}: got {value:g}, need {what}, not negative")
     if model.spin is not None:
         raise InputError("spin: dynamics in a rotating frame is not there; give the bodies a velocity instead")
-    if model.loads:
-        raise InputError("loads: dynamics takes none yet")
     for k, motion in enumerate(model.motions):
         if motion.tied.any():
             raise InputError(f"support {k}: dynamics takes no tied components")
@@ -340,6 +341,14 @@ def _check(model: Model, settings: Settings, every: float) -> None:
             raise InputError(
                 f"density of body {b}: got {body.densities.min():g}, dynamics needs a positive mass per volume"
             )
+
+
+def _check_loads(model: Model, integrator: str) -> None:
+    """Raise `InputError` if the model has loads that the steps do not know."""
+    if model.loads and integrator == "explicit":
+        raise InputError("loads: explicit steps take none yet; take integrator 'implicit'")
+    if model.following:
+        raise InputError("loads: dynamics takes no pressure that follows the surface")
 
 
 def _nodal(model: Model, name: str, given: ArrayLike | None) -> Array:

@@ -75,6 +75,8 @@ class Run(ABC):
         self._momentum = np.zeros(3)
         # Only functions that add up to one take part in the virtual work of a translation.
         self._carried = system.model.is_carrier.repeat(3).astype(float)
+        # The resultant of the loads.
+        self._loaded = (self._carried * system.model.external).reshape(-1, 3).sum(axis=0)
         volumes = np.concatenate(
             [body.space.tabulate(0, body.space.axis.elements).weights.sum(axis=(1, 2)) for body in system.model.bodies]
         )
@@ -183,15 +185,18 @@ class Run(ABC):
             From `isorod.dynamics.explicit.system.System.forces`.
         """
         energy, normal, area, deepest, *_ = contact
+        displacement = self.system.state.displacement[self.system.order]
+        moved = displacement - self.rows.get("displacement", [displacement])[0]
         return {
             "times": self.time,
-            "displacement": self.system.state.displacement[self.system.order],
+            "displacement": displacement,
             "velocity": velocity,
             "reactions": self._by_support(held),
             "contact_force": normal,
             "contact_area": area,
             "penetration": max(0.0, -deepest),
             "contact_energy": energy,
+            "load_work": float(self.system.model.external @ moved),
         }
 
     def _record(self, seen: dict[str, Any]) -> None:
@@ -201,12 +206,13 @@ class Run(ABC):
 
     def _balance(self, seen: dict[str, Any]) -> float:
         """Add the balances to an output; return the error of the energy."""
-        work, dissipated = self.rows.get("muscle_work", []), self.rows.get("dissipated", [])
-        scale = max(map(abs, [self._energy, seen["muscle_work"], seen["dissipated"], *work, *dissipated]))
-        error = total(seen) - self._energy - seen["muscle_work"] + seen["dissipated"]
+        given = ("muscle_work", "load_work", "dissipated")
+        scale = max(abs(work) for name in given for work in [self._energy, seen[name], *self.rows.get(name, [])])
+        error = total(seen) - self._energy - seen["muscle_work"] - seen["load_work"] + seen["dissipated"]
         state = self.system.state
         amount = float(np.abs(self._moving(state.velocity)).sum())
         amount += float(np.abs(self._by_support(state.impulse)).sum() + np.abs(state.sums[PUSHED:]).sum())
+        amount += self.time * float(np.abs(self._loaded).sum())
         loose = float(np.linalg.norm(self._free_momentum() - self._momentum))
         seen["energy_error"] = error / scale if scale > self._noise else 0.0
         seen["momentum_error"] = loose / amount if amount > 0.0 else 0.0
@@ -225,7 +231,8 @@ class Run(ABC):
         state = self.system.state
         moved = state.displacement - self.lag * self.step * state.velocity
         moving = self._moving(state.velocity + self.settings.damping * moved)
-        return moving.reshape(-1, 3).sum(axis=0) - self._by_support(state.impulse).sum(axis=0) - state.sums[PUSHED:]
+        given = self._by_support(state.impulse).sum(axis=0) + state.sums[PUSHED:] + self.time * self._loaded
+        return moving.reshape(-1, 3).sum(axis=0) - given
 
     def identity(self, displacement: Array, velocity: Array) -> dict[str, Any]:
         """Return what a checkpoint must have in common with this run."""
@@ -239,6 +246,7 @@ class Run(ABC):
             system.state.held,
             displacement,
             velocity,
+            system.model.external,
             *system.contact_data,
         ):
             digest.update(np.ascontiguousarray(array).tobytes())

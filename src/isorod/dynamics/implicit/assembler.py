@@ -3,11 +3,11 @@
 Between the states ``(u_0, v_0)`` and ``(u_1, v_1)`` of a step ``dt`` (Simo & Tarnow, ZAMP 43 (1992) 757-792; Gonzalez,
 CMAME 190 (2000) 1763-1783),
 
-    u_1 - u_0 = dt (v_0 + v_1) / 2,    M (v_1 - v_0) / dt + c M (v_0 + v_1) / 2 + f(u_0, u_1) = 0,
+    u_1 - u_0 = dt (v_0 + v_1) / 2,    M (v_1 - v_0) / dt + c M (v_0 + v_1) / 2 + f(u_0, u_1) = p,
 
-where the internal forces ``f`` do exactly the work ``W(u_1) - W(u_0)`` on ``u_1 - u_0``
+where the loads ``p`` are constant and the internal forces ``f`` do exactly the work ``W(u_1) - W(u_0)`` on ``u_1 - u_0``
 (`isorod.material.law.Material.discrete`).  So whatever the step, energy, momentum and angular momentum stay what they
-are but for damping, supports and activation, which is that at the middle of the step.  Contact has its forces at the
+are but for damping, supports, loads and activation, which is that at the middle of the step.  Contact has its forces at the
 mean of both states: they keep both momenta, and the energy to second order.
 """
 
@@ -89,7 +89,7 @@ class StepAssembler(Assembler):
     Attributes
     ----------
     amount
-        Sum of the norms of inertial and internal forces at the last residual.
+        Sum of the norms of inertial, internal and external forces at the last residual.
     rounding
         What rounding makes of the residual.
     """
@@ -138,8 +138,8 @@ class StepAssembler(Assembler):
             internal -= self.contact.forces(local)[0]
         change, past = self._rates
         inertial = self.momenta(change * local - past * self._velocity)
-        self.amount = float(np.linalg.norm(inertial) + np.linalg.norm(internal))
-        return inertial + internal
+        self.amount = sum(float(np.linalg.norm(one)) for one in (inertial, internal, self._external))
+        return inertial + internal - self._external
 
     def momenta(self, velocity: Array) -> Array:
         """Return the consistent mass matrix times a vector, both of all degrees of freedom."""

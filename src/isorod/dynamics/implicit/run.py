@@ -119,7 +119,7 @@ class Run(run.Run):
         velocity = state.velocity[system.order]
         forces, contact = system.forces(state.displacement, self.level(self.time))
         momenta = self.assembler.momenta(velocity)
-        balance = forces[system.order] + self.settings.damping * momenta
+        balance = forces[system.order] + self.settings.damping * momenta - model.external
         residual, solution = self.assembler.state(balance), self.assembler.vector()
         self._inertia.solve(residual, solution)
         acceleration = np.zeros(model.dofs)
