@@ -76,9 +76,7 @@ class Newton:
             self._residual,
             self._tangent,
             self._convergence.test,
-            OPTIONS
-            | ({} if assembler.symmetric else SLIPPING)
-            | factorisation(assembler, symmetric=assembler.symmetric),
+            OPTIONS | own | factorisation(assembler, symmetric=assembler.symmetric),
         )
         self.snes.setMonitor(lambda snes, k, norm: self.norms.append(norm))
         if self.snes.getKSP().getPC().getType() in MULTIGRID:
