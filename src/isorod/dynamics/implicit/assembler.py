@@ -5,10 +5,10 @@ CMAME 190 (2000) 1763-1783),
 
     u_1 - u_0 = dt (v_0 + v_1) / 2,    M (v_1 - v_0) / dt + c M (v_0 + v_1) / 2 + f(u_0, u_1) = p,
 
-where the loads ``p`` are constant and the internal forces ``f`` do exactly the work ``W(u_1) - W(u_0)`` on ``u_1 - u_0``
-(`isorod.material.law.Material.discrete`).  So whatever the step, energy, momentum and angular momentum stay what they
-are but for damping, supports, loads and activation, which is that at the middle of the step.  Contact has its forces at the
-mean of both states: they keep both momenta, and the energy to second order.
+where the loads ``p`` are constant and the internal forces ``f`` do exactly the work ``W(u_1) - W(u_0)`` on
+``u_1 - u_0`` (`isorod.material.law.Material.discrete`).  So whatever the step, energy, momentum and angular momentum
+stay what they are but for damping, supports, loads and activation, which is that at the middle of the step.  Contact
+has its forces at the mean of both states: they keep both momenta, and the energy to second order.
 """
 
 from typing import TYPE_CHECKING
