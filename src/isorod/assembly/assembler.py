@@ -107,6 +107,11 @@ class Assembler(Unknowns):
         """Return what pressure that follows a part adds to the forces, shape of its ``dofs``."""
         return pressing.forces(part.nodal(local)).reshape(part.dofs.shape)
 
+    @property
+    def symmetric(self) -> bool:
+        """Whether the tangent is: that of friction is not."""
+        return self.contact is None or self.contact.friction is None
+
     @cached_property
     def _constant(self) -> bool:
         """Whether no state changes the tangent; on all ranks alike, since to have a state takes them all."""
@@ -139,9 +144,12 @@ class Assembler(Unknowns):
         return made
 
     def matrix(self) -> PETSc.Mat:
-        """Return a new symmetric matrix with room for the tangent: AIJ, or what ``-mat_type`` says."""
+        """Return a new matrix with room for the tangent: AIJ, or what ``-mat_type`` says."""
         with self._timed():
             made = self._matrix(self._tangent_entries())
+            if not self.symmetric:
+                for option in reversed(_SYMMETRIC):
+                    made.setOption(option, False)
             if self.contact is not None:
                 made.setAttr("contact_version", self.contact.version)
             self.note("tangent")

@@ -44,6 +44,8 @@ def factorisation(assembler: Assembler, prefix: str = "", symmetric: bool = True
         chosen = BAND
     else:
         chosen = ROWS if plain and width <= WIDE else SPARSE
+    if not symmetric:
+        chosen = chosen | {"pc_type": "lu"}
     return {f"{prefix}{name}": value for name, value in chosen.items()}
 
 

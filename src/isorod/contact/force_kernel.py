@@ -138,7 +138,7 @@ def _gap(packed: Packed, one: Row, point: int, positions: Array, foot: Foot, wor
 
 
 @njit(void(SURFACE_ROW, ELEMENT_ROW, i8, F1, F1, F1, F2), **FAST)
-def _share(surface: Row, element: Row, arc: int, phi: Array, axial: Array, push: Array, forces: Array) -> None:
+def spread(surface: Row, element: Row, arc: int, phi: Array, axial: Array, push: Array, forces: Array) -> None:
     """Add a force ``push`` at a point of a surface to the forces of the nodes there."""
     for j in range(surface.functions):
         for c in range(3):
@@ -154,12 +154,12 @@ def _press(packed: Packed, one: Row, point: int, foot: Foot, force: float, force
     slave = packed.surfaces[one.slave]
     at = site(one, slave, point)
     phi, axial = packed.around[at.around], packed.along[at.along]
-    _share(slave, packed.elements[at.element], at.arc, phi, axial, push, forces)
+    spread(slave, packed.elements[at.element], at.arc, phi, axial, push, forces)
     if one.master >= 0:
         start = packed.starts[point]
         master = packed.surfaces[packed.elements[start.element].surface]
         arc = arc_of(master, start.theta)
-        _share(master, packed.elements[start.element], arc, foot.phi[0], foot.axial[0], -push, forces)
+        spread(master, packed.elements[start.element], arc, foot.phi[0], foot.axial[0], -push, forces)
 
 
 @njit(PRESSING(PACKED, F2, F2), **FAST)

@@ -1,16 +1,22 @@
 """Contact as the assembler sees it: forces and exact tangent on the degrees of freedom of a model, of one rank."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from petsc4py import PETSc
 
-from isorod.arrays import Array
+from isorod.arrays import Array, Index
+from isorod.contact.blocks import Blocks
 from isorod.contact.force_kernel import add_forces
-from isorod.contact.packed import Table
+from isorod.contact.packed import Row
 from isorod.contact.result import ContactResult, measure, slave_points
 from isorod.contact.tables import pack, smallest_radius
 from isorod.contact.tangent_kernel import NODES, PATCH, add_blocks, find_patches, patch_nodes
 from isorod.model.contact import Contact, refuse
 from isorod.model.model import Model
+
+if TYPE_CHECKING:
+    from isorod.contact.friction import FrictionOperator
 
 # Penetration up to which multipliers are added by default, relative to the smallest radius.
 _DEEPEST = 1e-3
@@ -19,15 +25,20 @@ _DEEPEST = 1e-3
 class ContactOperator:
     """Forces and tangent of all contacts of a model; closest points are sought anew at each call, without history.
 
+    Friction has one (`accept`).
+
     Attributes
     ----------
     packed
         What the compiled loops take and leave (`isorod.contact.packed`).
-    rows, columns, values
-        The last tangent: repeated entries add up.
-    version
-        Counts how often the pattern of the tangent has changed.
+    friction
+        Friction of the contacts that have some, or None.
+    values
+        The last tangent, at ``rows`` and ``columns``: repeated entries add up.
     """
+
+    # Whether points may slide far in the step in which they come into contact: then friction asks where they were.
+    long_steps = True
 
     def __init__(self, model: Model) -> None:
         refuse(model.contacts, faces=True)
@@ -35,12 +46,35 @@ class ContactOperator:
         self.packed = pack(model)
         self._stage = PETSc.Log.Stage("contact")
         self._base = np.concatenate([body.space.positions for body in model.bodies])
-        self._patches = np.empty(0, PATCH)
-        self._last = self._patches
-        self.rows = self.columns = np.empty(0, dtype=np.int64)
+        self._blocks = Blocks(PATCH, self._nodes)
         self.values = np.empty(0)
-        self._begin = np.zeros(1, dtype=np.int64)
-        self.version = 0
+        self.friction: FrictionOperator | None = None
+        if any(contact.friction for contact in model.contacts):
+            from isorod.contact import friction
+
+            self.friction = friction.FrictionOperator(model, self.packed)
+
+    @property
+    def rows(self) -> Index:
+        """Rows of the last tangent's entries."""
+        rows = self._blocks.rows
+        return rows if self.friction is None else np.concatenate([rows, self.friction.blocks.rows])
+
+    @property
+    def columns(self) -> Index:
+        """Their columns."""
+        columns = self._blocks.columns
+        return columns if self.friction is None else np.concatenate([columns, self.friction.blocks.columns])
+
+    @property
+    def version(self) -> int:
+        """How often the pattern of the tangent has changed."""
+        return self._blocks.version + (0 if self.friction is None else self.friction.blocks.version)
+
+    def _nodes(self, patch: Row) -> tuple[Index, Index]:
+        nodes = np.empty(NODES, dtype=np.int64)
+        nodes = nodes[: patch_nodes(self.packed, patch, nodes)]
+        return nodes, nodes
 
     def _positions(self, displacement: Array) -> Array:
         return self._base + displacement.reshape(-1, 3)
@@ -53,15 +87,26 @@ class ContactOperator:
     def _add_forces(self, positions: Array) -> tuple[Array, float]:
         forces = np.zeros_like(self._base)
         with self._stage:
-            pressing = add_forces(self.packed, positions, forces)
-        return forces.ravel(), pressing.energy
+            energy = add_forces(self.packed, positions, forces).energy
+            if self.friction is not None and np.isfinite(energy):
+                energy += self.friction.add_forces(positions, forces)
+        return forces.ravel(), energy
+
+    def accept(self, displacement: Array) -> float:
+        """Let the next step begin at a displacement ``(dofs,)``; return the energy that friction has dissipated."""
+        if self.friction is None:
+            return 0.0
+        self.forces(displacement)
+        positions = self._positions(displacement)
+        self.friction.before = positions if self.long_steps else None
+        return self.friction.accept(positions)
 
     def tangent(self, displacement: Array) -> Array:
-        """Set and return ``values``, the second derivatives of the energy at ``rows`` and ``columns``.
+        """Set and return ``values``, minus the derivatives of the forces at ``rows`` and ``columns``.
 
-        Nodes of two sides (three control points by the layers of an element) that touch couple with each other.  Where
-        a patch comes that is not in the pattern, the pattern is made anew of the patches of this call and the last one,
-        and ``version`` grows.
+        Without friction they are the second derivatives of the energy.  Nodes of two sides (three control points by the
+        layers of an element) that touch couple with each other.  Where a patch comes that is not in the pattern, the
+        pattern is made anew of the patches of this call and the last one, and ``version`` grows.
         """
         packed, positions = self.packed, self._positions(displacement)
         # Where the forces were asked for just before, nothing has moved since: closest points are known.
@@ -71,30 +116,14 @@ class ContactOperator:
         active = np.flatnonzero(packed.states["pressure"] > 0.0)
         patches = np.empty(active.size, PATCH)
         find_patches(packed, active, patches)
-        touched, which = np.unique(patches, return_inverse=True)
-        if not np.isin(touched, self._patches).all():
-            self._renew(np.union1d(touched, self._last))
-        self._last = touched
-        begin = self._begin[np.searchsorted(self._patches, touched)][which]
-        self.values = np.zeros(self._begin[-1])
+        begin = self._blocks.begin(patches)
+        self.values = np.zeros(self._blocks.rows.size)
         with self._stage:
             add_blocks(packed, positions, active, patches, begin, self.values)
+            if self.friction is not None:
+                others = self.friction.add_blocks(positions, active, patches, begin, self.values)
+                self.values = np.concatenate([self.values, others])
         return self.values
-
-    def _renew(self, patches: Table) -> None:
-        """Make the pattern anew, of dense blocks of the nodes of each of these patches, sorted."""
-        self._patches = patches
-        self.version += 1
-        nodes = np.empty(NODES, dtype=np.int64)
-        rows, columns, sizes = [], [], [0]
-        for patch in patches:
-            count = patch_nodes(self.packed, patch, nodes)
-            dofs = (3 * nodes[:count, None] + np.arange(3)).ravel()
-            rows.append(np.repeat(dofs, dofs.size))
-            columns.append(np.tile(dofs, dofs.size))
-            sizes.append(dofs.size**2)
-        self.rows, self.columns = np.concatenate(rows), np.concatenate(columns)
-        self._begin = np.cumsum(sizes)
 
     def product(self, move: Array) -> Array:
         """Return the last tangent times a vector of all degrees of freedom."""
@@ -103,7 +132,8 @@ class ContactOperator:
     def results(self, displacement: Array) -> list[ContactResult]:
         """Return the outcome of each contact at a displacement ``(dofs,)``."""
         self.forces(displacement)
-        return measure(self._model, self.packed)
+        results = measure(self._model, self.packed)
+        return results if self.friction is None else self.friction.tell(results)
 
     def augment(self, displacement: Array) -> str | None:
         """Make pressures of a displacement the new multipliers, unless every contact keeps to its largest penetration.

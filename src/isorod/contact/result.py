@@ -1,7 +1,7 @@
 """What comes out of a contact: forces, area, penetration, and the pressure at each point."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -35,6 +35,10 @@ class ContactResult:
         Pressure at the points, force per reference area, zero out of contact, shape ``(q,)``.
     areas
         Reference areas of the points; where both bodies have points, each half counted, shape ``(q,)``.
+    friction
+        Resultant of friction on the first side, shape ``(3,)``; zero where there are no two sides.
+    sticking, slipping
+        Number of points in contact, with friction, that stick and that slip.
     """
 
     force: float
@@ -45,6 +49,9 @@ class ContactResult:
     positions: Array
     pressure: Array
     areas: Array
+    friction: Array = field(default_factory=lambda: np.zeros(3))
+    sticking: int = 0
+    slipping: int = 0
 
 
 def slave_points(model: Model, packed: Packed) -> Iterator[tuple[Contact, Index]]:

@@ -39,7 +39,7 @@ def find_patches(packed: Packed, active: Index, patches: Table) -> None:
 
 
 @njit(i8(PACKED, i8, i8, i8, I1), **STRICT)
-def _add_nodes(packed: Packed, surface: int, element: int, arc: int, nodes: Index) -> int:
+def add_nodes(packed: Packed, surface: int, element: int, arc: int, nodes: Index) -> int:
     """Fill ``nodes`` with the control points round an arc by the layers of an element; return how many."""
     own, layers = packed.surfaces[surface], packed.elements[element].layers
     for j in range(own.functions):
@@ -52,10 +52,10 @@ def _add_nodes(packed: Packed, surface: int, element: int, arc: int, nodes: Inde
 def patch_nodes(packed: Packed, patch: Row, nodes: Index) -> int:
     """Fill ``nodes`` with those of the slave's side, then those of the master's; return how many."""
     one = packed.passes[patch.number]
-    count = _add_nodes(packed, one.slave, patch.element, patch.arc, nodes)
+    count = add_nodes(packed, one.slave, patch.element, patch.arc, nodes)
     if one.master >= 0:
         master = packed.elements[patch.master_element].surface
-        count += _add_nodes(packed, master, patch.master_element, patch.master_arc, nodes[count:])
+        count += add_nodes(packed, master, patch.master_element, patch.master_arc, nodes[count:])
     return count
 
 

@@ -64,11 +64,12 @@ class History:
         Sum of normal forces, reference area in contact, and the deepest penetration, all pairs together.
     kinetic, stored, contact_energy
         Energies: of explicit steps ``v- M v+ / 2`` with the velocities half a step before and after, which the scheme
-        conserves where forces are linear, of implicit ones ``v M v / 2``; matrix and passive fibres; penalty.
+        conserves where forces are linear, of implicit ones ``v M v / 2``; matrix and passive fibres; penalty, and the
+        springs on which points stick.
     added_kinetic
         Kinetic energy of the mass added for the time step (`isorod.dynamics.explicit.mass`), shape ``(o,)``.
     muscle_work, dissipated, load_work
-        Work done by active fibres, taken by damping, and done by loads.
+        Work done by active fibres, taken by damping and friction, and done by loads.
     energy_error
         Energies less their initial sum less work, over the work done: the largest so far of muscle work, dissipation,
         the loads' work and initial energy.

@@ -283,6 +283,7 @@ class Run(ABC):
             "impulse": state.impulse,
             "sums": state.sums,
             "starts": system.starts,
+            "anchors": system.anchors,
             "estimates": np.array(self.estimates),
             "estimated": self._estimated,
             "highest": system.highest,
@@ -317,6 +318,7 @@ class Run(ABC):
         for name in ("displacement", "velocity", "momenta", "impulse", "sums"):
             getattr(self.system.state, name)[:] = kept[name]
         self.system.starts[:] = kept["starts"]
+        self.system.anchors[:] = kept["anchors"]
         self.system.highest[:] = kept["highest"]
         self.estimates = [(float(time), float(value)) for time, value in kept["estimates"]]
         self._estimated = kept["estimated"]

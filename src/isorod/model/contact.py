@@ -90,6 +90,9 @@ class Contact(Checked):
     faces
         End faces of the first body, ``"start"`` or ``"end"``, that meet a plane besides its lateral surface (dynamics
         alone).
+    friction
+        Coulomb's coefficient: points stick up to that many times the pressure, on springs of the penalty's stiffness,
+        and slip at it; 0 without friction.
 
     Raises
     ------
@@ -105,6 +108,7 @@ class Contact(Checked):
     points: tuple[int, int] | None = None
     penetration: float | None = None
     faces: Sequence[str] = ()
+    friction: float = 0.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -121,6 +125,10 @@ class Contact(Checked):
             raise InputError("contact: faces are given, but end faces, of one body, meet planes alone")
         if set(self.faces) - {"start", "end"}:
             raise InputError(f"contact: got faces {tuple(self.faces)}, need some of 'start' and 'end'")
+        if not (np.isfinite(self.friction) and self.friction >= 0.0):
+            raise InputError(f"contact: got friction {self.friction:g}, need a coefficient, not negative")
+        if self.friction and self.faces:
+            raise InputError("contact: friction is given, but end faces have none; leave out one of friction and faces")
         self._check_groups()
 
     def _check_groups(self) -> None:

@@ -190,9 +190,7 @@ def _solve(model: Model, load_steps: int, comm: PETSc.Comm | None) -> Equilibriu
     try:
         setup = perf_counter() - start
         assembler.seconds = 0.0
-        steps, cuts = _climb(solver, load_steps)
-        solver.settle()
-        augmentations = _augment(solver)
+        steps, cuts, augmentations = _climb(solver, load_steps)
         held = solver.settle()
         forces = assembler.reactions(solver.x, 1.0)
         displacement = assembler.displacement(solver.x, 1.0)
@@ -231,12 +229,19 @@ def _solve(model: Model, load_steps: int, comm: PETSc.Comm | None) -> Equilibriu
         solver.destroy()
 
 
-def _climb(solver: Newton, load_steps: int) -> tuple[int, int]:
-    """Go to the full load; return how many steps were taken, and cut."""
-    factor, step, steps, cuts = 0.0, 1.0 / load_steps, 0, 0
+def _climb(solver: Newton, load_steps: int) -> tuple[int, int, int]:
+    """Go to the full load; return how many steps were taken, and cut, and how often multipliers were updated.
+
+    Friction depends on the path, so multipliers are right at the end of each step where there is some.
+    """
+    contact = solver.assembler.contact
+    rubs = contact is not None and contact.friction is not None
+    factor, step, steps, cuts, augmentations = 0.0, 1.0 / load_steps, 0, 0, 0
     smallest = step / 2**HALVINGS
     while factor < 1.0:
         target = 1.0 if factor + step > 1.0 - 1e-12 else factor + step
+        if contact is not None and rubs:
+            contact.accept(solver.assembler.displacement(solver.x, factor))
         try:
             solves = solver.advance(factor, target)
         except Diverged as problem:
@@ -247,22 +252,26 @@ def _climb(solver: Newton, load_steps: int) -> tuple[int, int]:
             continue
         factor = target
         steps += 1
+        if factor == 1.0:
+            solver.settle()
+        if rubs or factor == 1.0:
+            augmentations += _augment(solver, factor)
         if solves <= 4:
             step *= 2.0
-    return steps, cuts
+    return steps, cuts, augmentations
 
 
-def _augment(solver: Newton) -> int:
-    """Update the multipliers of contact at the full load until penetrations are as asked for; return how often."""
+def _augment(solver: Newton, factor: float) -> int:
+    """Update the multipliers of contact at a load until penetrations are as asked for; return how often."""
     contact = solver.assembler.contact
     if contact is None:
         return 0
     for count in range(AUGMENTATIONS):
-        excess = contact.augment(solver.assembler.displacement(solver.x, 1.0))
+        excess = contact.augment(solver.assembler.displacement(solver.x, factor))
         if excess is None:
             return count
         try:
-            solver.advance(1.0, 1.0)
+            solver.advance(factor, factor)
         except Diverged as problem:
             raise SolveError(f"augmented Lagrangian, update {count + 1}: {problem}") from None
     raise SolveError(f"{excess} after {AUGMENTATIONS} updates of the multipliers; raise the penalty")

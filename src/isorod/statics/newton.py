@@ -27,6 +27,10 @@ _DELTA = 1e-6
 # What a user's option overrides.
 OPTIONS = {"snes_linesearch_type": "basic", "snes_rtol": 1e-9, "snes_max_it": 15, "ksp_type": "preonly"}
 
+# Where points slip the residual hardly changes: full steps go back and forth from slip to slip the other way.  The
+# place along a step where its work vanishes is where they stick.
+SLIPPING = {"snes_linesearch_type": "cp"}
+
 
 class Diverged(Exception):
     """A load step did not converge."""
@@ -78,13 +82,14 @@ class Newton:
         typed = PETSc.Options()
         self._own_tolerance = not typed.hasName("snes_atol")
         self._may_reuse = self._own_tolerance and not typed.hasName("snes_test_jacobian")
+        own = {} if assembler.symmetric else SLIPPING
         self.snes = create_snes(
             assembler.vector(),
             self._matrix,
             self._residual,
             self._tangent,
             self._convergence.test,
-            OPTIONS | factorisation(assembler),
+            OPTIONS | own | factorisation(assembler, symmetric=assembler.symmetric),
         )
         self.snes.setMonitor(lambda snes, k, norm: self.norms.append(norm))
         if self.snes.getKSP().getPC().getType() in MULTIGRID:

@@ -6,7 +6,7 @@ from numba import b1, f8, i8, types
 
 from isorod.arrays import Array
 from isorod.compiled import F1, STRICT, njit
-from isorod.contact.force_kernel import add_forces
+from isorod.contact.force_kernel import PRESSING, Pressing, add_forces
 from isorod.dynamics.explicit.cholesky import FACTORS, Factors
 from isorod.dynamics.explicit.contact import STEP_CONTACT, StepContact
 from isorod.dynamics.explicit.end_faces import add_forces as add_face_forces
@@ -28,7 +28,10 @@ from isorod.dynamics.explicit.step_kernel import (
 
 
 class StepPressing(NamedTuple):
-    """`isorod.contact.force_kernel.Pressing`, and the sum of all forces: that of rigid obstacles alone."""
+    """`isorod.contact.force_kernel.Pressing`, the sum of all forces, that of rigid obstacles alone, and dissipation.
+
+    What is dissipated is friction's since the last step; its springs' energy is in ``energy``.
+    """
 
     energy: float
     force: float
@@ -37,27 +40,47 @@ class StepPressing(NamedTuple):
     x: float
     y: float
     z: float
+    dissipated: float
 
 
-@njit(types.NamedUniTuple(f8, 7, StepPressing)(STEP_CONTACT, F1, F1), **STRICT)
-def subtract(contact: StepContact, displacement: Array, forces: Array) -> StepPressing:
-    """Subtract the contact forces from internal forces, both state vectors."""
-    order, positions, pushed, carries = contact.order, contact.positions, contact.forces, contact.faces.carries
+STEP_PRESSING = types.NamedUniTuple(f8, 8, StepPressing)
+
+
+@njit(PRESSING(STEP_CONTACT, F1), **STRICT)
+def press(contact: StepContact, displacement: Array) -> Pressing:
+    """Set ``positions`` and ``forces`` of a contact by its pressures."""
+    order, positions, pushed = contact.order, contact.positions, contact.forces
     for d in range(order.size):
         positions[d // 3, d % 3] = contact.reference[d] + displacement[order[d]]
     pushed[:] = 0.0
     sides = add_forces(contact.packed, positions, pushed)
     ends = add_face_forces(contact.faces, positions, pushed)
     area, deepest = sides.area + ends.area, min(sides.deepest, ends.deepest)
+    return Pressing(sides.energy + ends.energy, sides.force + ends.force, area, deepest)
+
+
+@njit(types.UniTuple(f8, 3)(STEP_CONTACT, F1), **STRICT)
+def take(contact: StepContact, forces: Array) -> tuple[float, float, float]:
+    """Subtract a contact's ``forces`` from internal forces, a state vector; return their sum."""
+    order, pushed, carries = contact.order, contact.forces, contact.faces.carries
     x = y = z = 0.0
-    if area > 0.0:
-        for d in range(order.size):
-            forces[order[d]] -= pushed[d // 3, d % 3]
-        for node in range(pushed.shape[0]):
-            x += carries[node] * pushed[node, 0]
-            y += carries[node] * pushed[node, 1]
-            z += carries[node] * pushed[node, 2]
-    return StepPressing(sides.energy + ends.energy, sides.force + ends.force, area, deepest, x, y, z)
+    for d in range(order.size):
+        forces[order[d]] -= pushed[d // 3, d % 3]
+    for node in range(pushed.shape[0]):
+        x += carries[node] * pushed[node, 0]
+        y += carries[node] * pushed[node, 1]
+        z += carries[node] * pushed[node, 2]
+    return x, y, z
+
+
+@njit(STEP_PRESSING(STEP_CONTACT, F1, F1), **STRICT)
+def subtract(contact: StepContact, displacement: Array, forces: Array) -> StepPressing:
+    """Subtract the contact forces from internal forces, both state vectors."""
+    pressing = press(contact, displacement)
+    x = y = z = 0.0
+    if pressing.area > 0.0:
+        x, y, z = take(contact, forces)
+    return StepPressing(pressing.energy, pressing.force, pressing.area, pressing.deepest, x, y, z, 0.0)
 
 
 @njit(b1(STEP_CONTACT, f8), **STRICT)

@@ -161,7 +161,7 @@ class Run(run.Run):
             "added_kinetic": 0.5 * system.mass.added(velocity),
             "stored": stored,
             "muscle_work": state.sums[ACTIVATED] + 0.5 * (now - before) * active - now * active,
-            "dissipated": state.sums[DISSIPATED] + half * float(state.momenta @ mean),
+            "dissipated": state.sums[DISSIPATED] + half * float(state.momenta @ mean) + contact[-1],
         }
 
     def _watch(self, seen: dict[str, Any]) -> None:

@@ -17,6 +17,7 @@ from isorod.model.model import Model
 from isorod.tensors import determinant
 
 if TYPE_CHECKING:
+    from isorod.contact.friction_kernel import Friction
     from isorod.contact.packed import Table
     from isorod.dynamics.explicit.contact import StepContact
 
@@ -66,21 +67,37 @@ class System:
             from isorod.dynamics.explicit import contact
 
             self.contact = contact.pack(model, self.order)
+        self.friction: Friction | None = None
+        if self.contact is not None and any(one.friction for one in model.contacts):
+            from isorod.contact import friction
+
+            self.friction = friction.pack(model, self.contact.packed)
 
     @property
     def starts(self) -> Array:
-        """Start values of the closest-point searches: all that contact remembers."""
+        """Start values of the closest-point searches: all that contact without friction remembers."""
         return np.empty(0) if self.contact is None else self.contact.packed.starts
+
+    @property
+    def anchors(self) -> Array:
+        """What friction remembers."""
+        return np.empty(0) if self.friction is None else self.friction.anchors
 
     @property
     def contact_data(self) -> "tuple[Array | Table, ...]":
         """What does not change of the contacts."""
-        return () if self.contact is None else (*self.contact.packed.fixed, *self.contact.faces)
+        rubbing = () if self.friction is None else (self.friction.coefficients,)
+        return () if self.contact is None else (*self.contact.packed.fixed, *self.contact.faces, *rubbing)
 
     def advance(self, course: Course, first: int, last: int) -> tuple[int, int]:
         """Take steps ``first`` to ``last - 1``; return as `isorod.dynamics.explicit.step_kernel.advance` does."""
         if self.contact is None:
             return step_kernel.advance(self.mesh, self.state, self.factors, course, first, last)
+        if self.friction is not None:
+            from isorod.dynamics.explicit import friction_step_kernel
+
+            given = (self.mesh, self.state, self.factors, course, first, last, self.contact, self.friction)
+            return friction_step_kernel.advance(*given)
         from isorod.dynamics.explicit import contact_step_kernel
 
         return contact_step_kernel.advance(self.mesh, self.state, self.factors, course, first, last, self.contact)
@@ -110,11 +127,16 @@ class System:
         if internal_forces(self.mesh, displacement, activation, False, forces)[0] > 0.0:
             forces[:] = np.nan
         if self.contact is None:
-            return forces, (0.0,) * 7
-        from isorod.dynamics.explicit import contact_step_kernel
-
+            return forces, (0.0,) * 8
         starts = self.starts.copy()
-        said = contact_step_kernel.subtract(self.contact, displacement, forces)
+        if self.friction is None:
+            from isorod.dynamics.explicit import contact_step_kernel
+
+            said = contact_step_kernel.subtract(self.contact, displacement, forces)
+        else:
+            from isorod.dynamics.explicit import friction_step_kernel
+
+            said = friction_step_kernel.subtract(self.contact, self.friction, displacement, False, forces)
         self.starts[:] = starts
         return forces, said
 

@@ -104,6 +104,11 @@ class StepAssembler(Assembler):
         self._rates = 0.0, 0.0
         self._velocity = np.zeros(model.dofs)
 
+    @property
+    def symmetric(self) -> bool:
+        """Whether the tangent is: no step's is."""
+        return False
+
     def _contact(self) -> "MidpointContact | None":
         if not self.model.contacts:
             return None

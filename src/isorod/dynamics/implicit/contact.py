@@ -1,9 +1,14 @@
 """Contact at the mean of the states at both ends of an implicit step; loaded by models that have contacts."""
 
+from typing import TYPE_CHECKING
+
 from isorod.arrays import Array
 from isorod.contact.operator import ContactOperator
 from isorod.model.contact import refuse
 from isorod.model.model import Model
+
+if TYPE_CHECKING:
+    from isorod.contact.friction_kernel import Friction
 
 
 class MidpointContact(ContactOperator):
@@ -15,10 +20,17 @@ class MidpointContact(ContactOperator):
         Displacement at the start of the step, shape ``(dofs,)``.
     """
 
+    long_steps = False
+
     def __init__(self, model: Model) -> None:
         refuse(model.contacts, penetration=True)
         super().__init__(model)
         self.start = self._base.ravel() * 0.0
+
+    def share(self, friction: "Friction") -> None:
+        """Keep the history of friction there."""
+        assert self.friction is not None
+        self.friction.history = friction.anchors
 
     def _positions(self, displacement: Array) -> Array:
         return super()._positions(self.start + 0.5 * displacement)

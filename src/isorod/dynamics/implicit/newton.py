@@ -4,7 +4,6 @@ import numpy as np
 from petsc4py import PETSc
 
 from isorod.arrays import Array
-from isorod.assembly.assembler import Assembler
 from isorod.assembly.factorisation import factorisation
 from isorod.dynamics.implicit.assembler import StepAssembler
 from isorod.petsc.snes import create_snes
@@ -32,8 +31,6 @@ class Newton:
         self.assembler = assembler
         self.iterations = 0
         self.matrix = assembler.matrix()
-        for option in (PETSc.Mat.Option.SYMMETRY_ETERNAL, PETSc.Mat.Option.SYMMETRIC):
-            self.matrix.setOption(option, False)
         self.x = assembler.vector()
         self._factor = 0.0
         self._last = np.inf
@@ -43,7 +40,7 @@ class Newton:
             lambda x, out: assembler.residual(x, self._factor, out),
             lambda snes, x, out: assembler.tangent(x, self._factor, out),
             self._test,
-            OPTIONS | _direct(assembler),
+            OPTIONS | factorisation(assembler, symmetric=False),
         )
 
     def solve(self, guess: Array, factor: float) -> Array | None:
@@ -76,9 +73,3 @@ class Newton:
         if stalled and force <= _NOISE * self.assembler.rounding:
             return reasons.CONVERGED_FNORM_ABS
         return reasons.CONVERGED_ITERATING
-
-
-def _direct(assembler: Assembler) -> dict[str, object]:
-    """Return the options of the direct solver: that of statics, but the tangent of a step is not symmetric."""
-    chosen = factorisation(assembler, symmetric=False)
-    return chosen | {"pc_type": "lu"} if chosen else chosen

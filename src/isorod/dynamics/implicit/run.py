@@ -39,6 +39,9 @@ class Run(run.Run):
         super().__init__(system, settings)
         self._longest = settings.time_step
         self.assembler = StepAssembler(system.model)
+        if system.friction is not None and self.assembler.contact is not None:
+            # Outputs and checkpoints know the same history.
+            self.assembler.contact.share(system.friction)
         self.newton = Newton(self.assembler)
         self._passing: Passing | None = None
         if self.assembler.contact is not None:
@@ -108,6 +111,7 @@ class Run(run.Run):
         if self.assembler.contact is not None:
             pushed = self.assembler.contact.forces(change)[0] * self._carried
             state.sums[PUSHED:] += dt * pushed.reshape(-1, 3).sum(axis=0)
+            state.sums[DISSIPATED] += self.assembler.contact.accept(change)
         mean = change / dt
         state.sums[DISSIPATED] += dt * self.settings.damping * float(mean @ self.assembler.momenta(mean))
         active = self._available > 0.0
@@ -137,5 +141,5 @@ class Run(run.Run):
             "added_kinetic": 0.0,
             "stored": system.energies(state.displacement)[0],
             "muscle_work": state.sums[ACTIVATED],
-            "dissipated": state.sums[DISSIPATED],
+            "dissipated": state.sums[DISSIPATED] + contact[-1],
         }

@@ -1,0 +1,113 @@
+"""Friction as the operator of contact sees it: forces, tangent, and the history from step to step."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from isorod.arrays import Array, Index
+from isorod.contact.blocks import Blocks
+from isorod.contact.friction_kernel import NO_ANCHOR, Friction, add_friction, catch
+from isorod.contact.friction_tangent_kernel import HANGING, add_friction_blocks, anchor_nodes, find_hangings
+from isorod.contact.packed import FUNCTIONS, START, Packed, Row, Table
+from isorod.contact.result import ContactResult, slave_points
+from isorod.contact.tangent_kernel import NODES, PATCH, patch_nodes
+
+if TYPE_CHECKING:
+    from isorod.model.model import Model
+
+
+def pack(model: "Model", packed: Packed) -> Friction:
+    """Return the friction of a model's contacts, without history."""
+    coefficients = np.repeat(
+        [contact.friction for contact in model.contacts], [len(contact.sides) for contact in model.contacts]
+    )
+    points = packed.areas.size
+    return Friction(
+        coefficients=coefficients,
+        anchors=np.full(points, NO_ANCHOR),
+        tractions=np.zeros((points, 3)),
+        slipping=np.zeros(points, dtype=bool),
+        start=np.zeros(1, START),
+    )
+
+
+class FrictionOperator:
+    """Friction between the states of one step, and from step to step.
+
+    Attributes
+    ----------
+    history
+        Anchors at the start of the step (`isorod.contact.friction_kernel.ANCHOR`).
+    before
+        Positions at the start of the step, ``(nodes, 3)``: what was not pressed then has its anchor where it was
+        nearest to.  Where there are none, it has one from the end of the step on.
+    blocks
+        Pattern of the tangent by anchors that are not where the feet are.
+    """
+
+    def __init__(self, model: "Model", packed: Packed) -> None:
+        self._model, self._packed = model, packed
+        self._friction = pack(model, packed)
+        self.history = self._friction.anchors.copy()
+        self.before: Array | None = None
+        self.blocks = Blocks(HANGING, self._nodes)
+
+    def _nodes(self, hanging: Row) -> tuple[Index, Index]:
+        nodes, others = np.empty(NODES, dtype=np.int64), np.empty(3 * FUNCTIONS, dtype=np.int64)
+        patch = np.array([tuple(hanging)[:-2]], PATCH)[0]
+        return nodes[: patch_nodes(self._packed, patch, nodes)], others[: anchor_nodes(self._packed, hanging, others)]
+
+    def add_forces(self, positions: Array, forces: Array) -> float:
+        """Add the forces after those of the pressure at the same positions, and return the energy."""
+        self._friction.anchors[:] = self.history
+        if self.before is not None:
+            catch(self._packed, self._friction, self.before)
+        return float(add_friction(self._packed, self._friction, positions, False, forces)[0])
+
+    def accept(self, positions: Array) -> float:
+        """Make a state, that of the last forces, the start of the next step; return what was dissipated on the way."""
+        spent = add_friction(self._packed, self._friction, positions, True, np.zeros_like(positions))
+        self.history[:] = self._friction.anchors
+        return float(spent[1])
+
+    def add_blocks(self, positions: Array, active: Index, patches: Table, begin: Index, values: Array) -> Array:
+        """Add to the blocks of the patches of active points, and return the entries of ``blocks``.
+
+        Parameters
+        ----------
+        positions, active, patches, begin, values
+            As for `isorod.contact.tangent_kernel.add_blocks`.
+        """
+        hangings = np.empty(active.size, HANGING)
+        for name in PATCH.names or ():
+            hangings[name] = patches[name]
+        find_hangings(self._packed, self._friction, active, hangings)
+        elsewhere = hangings["anchor_element"] >= 0
+        aside = np.zeros(active.size, dtype=np.int64)
+        aside[elsewhere] = self.blocks.begin(hangings[elsewhere]) if elsewhere.any() else 0
+        others = np.zeros(self.blocks.rows.size)
+        add_friction_blocks(self._packed, self._friction, positions, active, hangings, begin, values, aside, others)
+        return others
+
+    def tell(self, results: Sequence[ContactResult]) -> list[ContactResult]:
+        """Return results with what the last forces say of friction."""
+        told = []
+        friction = self._friction
+        for result, (contact, points) in zip(results, slave_points(self._model, self._packed), strict=True):
+            slips = friction.slipping[points]
+            sides = np.isin(result.body, contact.groups[0]) * 1.0
+            if len(contact.groups) == 2:
+                sides = 2.0 * sides - 1.0
+            elif contact.obstacle is None:
+                sides[:] = 0.0
+            told.append(
+                replace(
+                    result,
+                    friction=(sides * result.areas) @ friction.tractions[points],
+                    slipping=int(slips.sum()),
+                    sticking=int(((result.pressure > 0.0) & ~slips).sum()) if contact.friction else 0,
+                )
+            )
+        return told

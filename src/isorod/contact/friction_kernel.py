@@ -1,0 +1,259 @@
+"""Compiled: Coulomb friction with stick, of the points that `isorod.contact.force_kernel.add_forces` has left pressed.
+
+Such a point ``x`` hangs on its anchor ``a``, a material point of its master (of an obstacle a point in space), by a
+spring of the penalty's stiffness ``eps``: with the normal ``n`` at its present foot the traction, force per reference
+area, is ``-eps s``, ``s = (I - n n^T) (x - a)``, shortened to ``mu p`` where it would be longer.  Its reaction is on
+the master at the present foot.
+
+The anchor stays where it is while a state is sought.  Once that is found, it stays where the point sticks, follows
+where it slips, so that ``s`` is as long as Coulomb's law allows, and is given up where the point is no longer pressed.
+Being a material point it turns with its rod, and may be anywhere on it: feet cross elements as they like.  Where
+another rod is now the nearest, the anchor is put there, with the same ``s``.
+
+What a step dissipates is the work of the mean of its first and last traction on the slip.  The work of central
+differences, and of steps that take forces at their middle, is then the change of the springs' energy and what is
+dissipated.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import b1, f8, from_dtype, i8, types, void
+
+from isorod.arrays import Array
+from isorod.compiled import F1, F2, FAST, njit
+from isorod.contact.force_kernel import end_of, rigid_gap, site, spread
+from isorod.contact.packed import PACKED, PASS_ROW, STARTS, Packed, Row, Table
+from isorod.contact.surface_kernel import FOOT, LOST, Foot, arc_of, closest, dot, evaluate, new_foot, surface_gap
+
+# What a point keeps: element (0 of an obstacle, -1: no anchor), angle and ``s`` of its anchor, or the anchor's place on
+# an obstacle, and the traction it had.
+ANCHOR = np.dtype(
+    [
+        ("element", np.int64),
+        ("theta", np.float64),
+        ("s", np.float64),
+        ("place", np.float64, 3),
+        ("traction", np.float64, 3),
+    ]
+)
+NO_ANCHOR = np.array((-1, 0.0, 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), ANCHOR)
+_ANCHOR_ROW = from_dtype(ANCHOR)
+
+# A point slips where its traction is as large as it may be but for this part.
+_NEARLY = 1e-9
+
+
+class Friction(NamedTuple):
+    """Friction of all contacts of a model, for the ``Q`` slave points of its `Packed`.
+
+    Attributes
+    ----------
+    coefficients
+        Of each pass.
+    anchors
+        Rows of `ANCHOR`, ``(Q,)``: the history, all that there is.
+    tractions, slipping
+        What the last call found: tractions on the points, ``(Q, 3)``, and which slip.
+    start
+        Work space, one row of `isorod.contact.packed.START`.
+    """
+
+    coefficients: Array
+    anchors: Table
+    tractions: Array
+    slipping: Table
+    start: Table
+
+
+FRICTION = types.NamedTuple((F1, types.Array(_ANCHOR_ROW, 1, "C"), F2, types.Array(b1, 1, "C"), STARTS), Friction)
+
+
+class Spent(NamedTuple):
+    """Energy of the springs, and what is dissipated since anchors were put where they are."""
+
+    energy: float
+    dissipated: float
+
+
+SPENT = types.NamedUniTuple(f8, 2, Spent)
+
+
+@njit(f8(PACKED, PASS_ROW, i8, F2, FOOT), **FAST)
+def foot_of(packed: Packed, one: Row, point: int, positions: Array, foot: Foot) -> float:
+    """Return the gap of a pressed point, and fill its foot: that which the last forces have found."""
+    x = packed.points[point]
+    if one.master < 0:
+        gap = rigid_gap(one, x, foot.normal)
+        for a in range(3):
+            foot.y[0, a] = x[a] - gap * foot.normal[a]
+        return gap
+    start = packed.starts[point]
+    element = packed.elements[start.element]
+    evaluate(packed.surfaces[element.surface], element, start.theta, start.s, positions, foot)
+    for a in range(3):
+        foot.d[a] = x[a] - foot.y[0, a]
+    return surface_gap(foot, packed.states[point].edge)
+
+
+@njit(void(PACKED, PASS_ROW, _ANCHOR_ROW, F2, FOOT), **FAST)
+def place_of(packed: Packed, one: Row, anchor: Row, positions: Array, foot: Foot) -> None:
+    """Fill a foot at an anchor, on an obstacle the first row of its ``y`` alone."""
+    if one.master < 0:
+        for a in range(3):
+            foot.y[0, a] = anchor.place[a]
+        return
+    element = packed.elements[anchor.element]
+    evaluate(packed.surfaces[element.surface], element, anchor.theta, anchor.s, positions, foot)
+
+
+@njit(f8(PACKED, i8, FOOT, FOOT, F1), **FAST)
+def stretch_of(packed: Packed, point: int, foot: Foot, there: Foot, s: Array) -> float:
+    """Fill ``s``, how far a point is from its anchor along its master, and return its length."""
+    along = 0.0
+    for a in range(3):
+        s[a] = packed.points[point, a] - there.y[0, a]
+        along += s[a] * foot.normal[a]
+    for a in range(3):
+        s[a] -= along * foot.normal[a]
+    return np.sqrt(dot(s, s))
+
+
+@njit(void(PACKED, PASS_ROW, i8, F1, F2, STARTS, FOOT, _ANCHOR_ROW), **FAST)
+def _put(
+    packed: Packed, one: Row, point: int, x: Array, positions: Array, start: Table, foot: Foot, anchor: Row
+) -> None:
+    """Put an anchor where the master of a point's foot is nearest to ``x``."""
+    if one.master < 0:
+        gap = rigid_gap(one, x, foot.normal)
+        anchor.element = 0
+        for a in range(3):
+            anchor.place[a] = x[a] - gap * foot.normal[a]
+        return
+    at, where = packed.starts[point], start[0]
+    where.element, where.theta, where.s = at.element, at.theta, at.s
+    surface = packed.surfaces[packed.elements[at.element].surface]
+    if closest(surface, packed.elements, x, where, positions, foot) == LOST:
+        anchor.element, anchor.theta, anchor.s = at.element, at.theta, at.s
+        return
+    anchor.element, anchor.theta, anchor.s = where.element, where.theta, where.s
+
+
+@njit(void(PACKED, PASS_ROW, i8, FOOT, F1, F2), **FAST)
+def _rub(packed: Packed, one: Row, point: int, foot: Foot, push: Array, forces: Array) -> None:
+    """Add a force at a slave point, and its reaction on the master, to the forces of the nodes."""
+    slave = packed.surfaces[one.slave]
+    at = site(one, slave, point)
+    spread(slave, packed.elements[at.element], at.arc, packed.around[at.around], packed.along[at.along], push, forces)
+    if one.master >= 0:
+        start = packed.starts[point]
+        element = packed.elements[start.element]
+        master = packed.surfaces[element.surface]
+        spread(master, element, arc_of(master, start.theta), foot.phi[0], foot.axial[0], -push, forces)
+
+
+@njit(void(PACKED, FRICTION, F2), **FAST)
+def catch(packed: Packed, friction: Friction, before: Array) -> None:
+    """Give pressed points that have no anchor one: where they were nearest to at the start of a step.
+
+    Parameters
+    ----------
+    packed
+        As the last forces left it.
+    friction
+        Its anchors are changed.
+    before
+        Positions at the start of the step, shape ``(nodes, 3)``.
+    """
+    foot, x = new_foot(), np.empty(3)
+    for k in range(packed.passes.size):
+        one = packed.passes[k]
+        if friction.coefficients[k] == 0.0:
+            continue
+        slave = packed.surfaces[one.slave]
+        for point in range(one.first_point, end_of(one, slave)):
+            anchor = friction.anchors[point]
+            if anchor.element >= 0 or not packed.states[point].pressure > 0.0:
+                continue
+            at = site(one, slave, point)
+            layers, phi, axial = packed.elements[at.element].layers, packed.around[at.around], packed.along[at.along]
+            x[:] = 0.0
+            for j in range(slave.functions):
+                for c in range(3):
+                    for a in range(3):
+                        x[a] += axial[j] * phi[c] * before[layers[j] + (at.arc + c - 1) % slave.around, a]
+            _put(packed, one, point, x, before, friction.start, foot, anchor)
+
+
+@njit(SPENT(PACKED, FRICTION, F2, b1, F2), **FAST)
+def add_friction(packed: Packed, friction: Friction, positions: Array, keep: bool, forces: Array) -> Spent:
+    """Add the forces of friction to the nodes.
+
+    Parameters
+    ----------
+    packed
+        As `isorod.contact.force_kernel.add_forces` left it at the same positions.
+    friction
+        ``tractions`` and ``slipping`` are set.
+    positions, forces
+        As there.
+    keep
+        Whether the state is one to go on from: anchors are put where the next step begins.
+    """
+    energy = dissipated = 0.0
+    foot, there = new_foot(), new_foot()
+    s, t = np.empty(3), np.empty(3)
+    for k in range(packed.passes.size):
+        mu, one = friction.coefficients[k], packed.passes[k]
+        if mu == 0.0:
+            continue
+        for point in range(one.first_point, end_of(one, packed.surfaces[one.slave])):
+            anchor, pressure, weight = friction.anchors[point], packed.states[point].pressure, packed.areas[point]
+            friction.slipping[point] = False
+            for a in range(3):
+                friction.tractions[point, a] = 0.0
+            hangs = anchor.element >= 0
+            if not (hangs or pressure > 0.0):
+                continue
+            if hangs:
+                place_of(packed, one, anchor, positions, there)
+            if not pressure > 0.0:
+                for a in range(3):
+                    dissipated -= 0.5 * weight * anchor.traction[a] * (packed.points[point, a] - there.y[0, a])
+                    if keep:
+                        anchor.traction[a] = 0.0
+                if keep:
+                    anchor.element = -1
+                continue
+            foot_of(packed, one, point, positions, foot)
+            if not hangs:
+                if keep:
+                    _put(packed, one, point, foot.y[0], positions, friction.start, there, anchor)
+                continue
+            length = stretch_of(packed, point, foot, there, s)
+            limit, share = mu * pressure, 1.0
+            if one.penalty * length > limit:
+                share = limit / (one.penalty * length)
+            slips = one.penalty * length >= (1.0 - _NEARLY) * limit
+            square = 0.0
+            for a in range(3):
+                t[a] = -one.penalty * share * s[a]
+                square += t[a] * t[a]
+                dissipated -= 0.5 * weight * (1.0 - share) * (anchor.traction[a] + t[a]) * s[a]
+                friction.tractions[point, a] = t[a]
+            energy += 0.5 * weight * square / one.penalty
+            friction.slipping[point] = slips
+            _rub(packed, one, point, foot, weight * t, forces)
+            if not keep:
+                continue
+            other = False
+            if one.master >= 0:
+                start = packed.starts[point]
+                other = packed.elements[start.element].surface != packed.elements[anchor.element].surface
+            if share < 1.0 or other:
+                for a in range(3):
+                    s[a] = foot.y[0, a] - share * s[a]
+                _put(packed, one, point, s, positions, friction.start, there, anchor)
+            for a in range(3):
+                anchor.traction[a] = t[a]
+    return Spent(energy, dissipated)

@@ -1,0 +1,84 @@
+"""The compiled steps of `isorod.dynamics.explicit.contact_step_kernel` with friction; loaded by models that have it."""
+
+from numba import b1, i8, types
+
+from isorod.arrays import Array
+from isorod.compiled import F1, STRICT, njit
+from isorod.contact.friction_kernel import FRICTION, Friction, add_friction
+from isorod.dynamics.explicit.cholesky import FACTORS, Factors
+from isorod.dynamics.explicit.contact import STEP_CONTACT, StepContact
+from isorod.dynamics.explicit.contact_step_kernel import STEP_PRESSING, StepPressing, press, take
+from isorod.dynamics.explicit.mesh import MESH, Mesh
+from isorod.dynamics.explicit.step_kernel import (
+    BLOWN,
+    COURSE,
+    DISSIPATED,
+    DONE,
+    INVERTED,
+    LOST,
+    PUSHED,
+    STATE,
+    Course,
+    State,
+    evaluate,
+    move,
+)
+
+
+@njit(STEP_PRESSING(STEP_CONTACT, FRICTION, F1, b1, F1), **STRICT)
+def subtract(contact: StepContact, friction: Friction, displacement: Array, keep: bool, forces: Array) -> StepPressing:
+    """Subtract the forces of contact and friction from internal forces, both state vectors.
+
+    Parameters
+    ----------
+    contact, friction
+        From `isorod.dynamics.explicit.contact.pack` and `isorod.contact.friction.pack`.
+    displacement, forces
+        State vectors.
+    keep
+        As for `isorod.contact.friction_kernel.add_friction`.
+    """
+    pressing = press(contact, displacement)
+    energy, dissipated = pressing.energy, 0.0
+    if energy >= 0.0:
+        spent = add_friction(contact.packed, friction, contact.positions, keep, contact.forces)
+        energy, dissipated = energy + spent.energy, spent.dissipated
+    x = y = z = 0.0
+    if pressing.area > 0.0:
+        x, y, z = take(contact, forces)
+    return StepPressing(energy, pressing.force, pressing.area, pressing.deepest, x, y, z, dissipated)
+
+
+@njit(types.UniTuple(i8, 2)(MESH, STATE, FACTORS, COURSE, i8, i8, STEP_CONTACT, FRICTION), **STRICT)
+def advance(
+    mesh: Mesh,
+    state: State,
+    factors: Factors,
+    course: Course,
+    first: int,
+    last: int,
+    contact: StepContact,
+    friction: Friction,
+) -> tuple[int, int]:
+    """Take steps ``first`` to ``last - 1`` with friction; return how many of all were taken, and the outcome.
+
+    Parameters
+    ----------
+    mesh, state, factors, course, first, last, contact
+        As for `isorod.dynamics.explicit.contact_step_kernel.advance`.
+    friction
+        As for `subtract`.
+    """
+    for k in range(first, last):
+        if evaluate(mesh, state, course, k) > 0.0:
+            return k, INVERTED
+        pressing = subtract(contact, friction, state.displacement, True, state.forces)
+        if not pressing.energy >= 0.0:
+            return k, LOST
+        state.sums[PUSHED] += course.step * pressing.x
+        state.sums[PUSHED + 1] += course.step * pressing.y
+        state.sums[PUSHED + 2] += course.step * pressing.z
+        state.sums[DISSIPATED] += pressing.dissipated
+        if not move(state, factors, course):
+            return k + 1, BLOWN
+    return last, DONE

@@ -1,0 +1,268 @@
+"""Coulomb friction: sticks, slides, turns with the rods, remembers, and what it takes is in the balance of energy."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from conftest import straight
+from scipy.sparse import coo_matrix
+from touching import ACROSS, LAW, crease, moved, pair, reference, shaken
+
+from isorod import dynamics, statics
+from isorod.contact.force_kernel import add_forces
+from isorod.contact.friction import pack as pack_friction
+from isorod.contact.friction_kernel import add_friction
+from isorod.contact.operator import ContactOperator
+from isorod.contact.tables import pack
+from isorod.dynamics.explicit.mass import Mass
+from isorod.errors import InputError
+from isorod.material import NeoHookean
+from isorod.model import Body, Contact, Model, Plane, Sphere, Support
+from isorod.space import Space
+
+STIFF = NeoHookean(1000.0, 0.3)
+
+
+def rubbing(model, friction):
+    """Return a model with friction in all its contacts."""
+    return replace(model, contacts=[replace(contact, friction=friction) for contact in model.contacts])
+
+
+def on_sphere():
+    """A ring and a straight rod, cut by a sphere."""
+    model = pair()
+    return replace(model, contacts=[Contact((0, 1), Sphere((-1.5, 0.3, 3.2), 1.2), 60.0)])
+
+
+def begun(model, size=0.004):
+    """Return an operator that has accepted a state, and a displacement a step away from it."""
+    operator, displacement = ContactOperator(model), shaken(model)
+    operator.accept(displacement)
+    return operator, displacement + size * np.random.default_rng(7).standard_normal(model.dofs)
+
+
+@pytest.mark.parametrize("scene", [pair, crease, on_sphere])
+@pytest.mark.parametrize("friction", [100.0, 0.005], ids=["stick", "slip"])
+def test_tangent_is_the_derivative_of_the_forces(scene, friction):
+    model = rubbing(scene(), friction)
+    operator, displacement = begun(model)
+    K = coo_matrix(
+        (operator.tangent(displacement), (operator.rows, operator.columns)), shape=(model.dofs, model.dofs)
+    ).tocsr()
+    told = operator.results(displacement)
+    stuck, slid = (sum(getattr(one, name) for one in told) for name in ("sticking", "slipping"))
+    assert stuck > 20 * max(slid, 1) if friction > 1.0 else slid > 5 * max(stuck, 4)
+    assert abs(K - K.T).max() > 1e-3 * abs(K).max()
+    rng, step = np.random.default_rng(5), 1e-7
+    for _ in range(5):
+        v = rng.standard_normal(model.dofs)
+        change = operator.forces(displacement - step * v)[0] - operator.forces(displacement + step * v)[0]
+        change /= 2.0 * step
+        assert np.abs(K @ v - change).max() < 1e-6 * np.abs(change).max()
+        np.testing.assert_allclose(operator.product(v), K @ v, atol=1e-12 * np.abs(change).max())
+
+
+@pytest.mark.parametrize("scene", [pair, crease])
+def test_action_equals_reaction(scene):
+    model = scene()
+    model = rubbing(replace(model, contacts=model.contacts[:1]), 0.3)
+    operator, displacement = begun(model)
+    forces = operator.forces(displacement)[0].reshape(-1, 3)
+    plain = ContactOperator(rubbing(model, 0.0)).forces(displacement)[0].reshape(-1, 3)
+    rubbed = forces - plain
+    scale = np.abs(rubbed).sum()
+    assert scale > 1e-2 * np.abs(plain).sum()
+    assert np.abs(rubbed.sum(axis=0)).max() < 1e-13 * np.abs(forces).sum()
+    # Slave and foot are a gap apart: no more than that is lost of the moments.
+    (result,) = operator.results(displacement)
+    x = reference(model) + displacement.reshape(-1, 3)
+    moment = np.linalg.norm(np.cross(x, rubbed).sum(axis=0))
+    loads = result.areas @ np.linalg.norm(operator.friction._friction.tractions, axis=1)
+    assert moment < result.penetration * loads
+    np.testing.assert_allclose(result.friction, rubbed[: model.first_node[1]].sum(axis=0), atol=1e-12 * scale)
+
+
+def test_rigid_motion_turns_the_forces_with_it():
+    turn = np.linalg.qr(np.random.default_rng(6).standard_normal((3, 3)))[0]
+    turn *= np.sign(np.linalg.det(turn))
+    model = pair()
+    model = rubbing(replace(model, contacts=model.contacts[:1]), 0.02)
+    packed = pack(model)
+    friction = pack_friction(model, packed)
+    x = reference(model) + shaken(model).reshape(-1, 3)
+    add_forces(packed, x, np.zeros_like(x))
+    add_friction(packed, friction, x, True, np.zeros_like(x))
+    x += 0.003 * np.random.default_rng(7).standard_normal(x.shape)
+
+    def at(positions):
+        forces = np.zeros_like(x)
+        packed.forget()
+        add_forces(packed, positions, np.zeros_like(x))
+        return add_friction(packed, friction, positions, False, forces), forces, friction.slipping.sum()
+
+    spent, forces, slid = at(x)
+    assert 2 < slid < (packed.states["pressure"] > 0.0).sum() - 2
+    there, turned, also_slid = at(x @ turn.T + model.is_carrier[:, None] * np.array([1.0, -2.0, 3.0]))
+    assert also_slid == slid
+    assert there.energy == pytest.approx(spent.energy, rel=1e-10)
+    np.testing.assert_allclose(turned, forces @ turn.T, atol=1e-11 * np.abs(forces).max())
+
+
+def sliding(breaks, second=None, friction=0.3):
+    """Return tractions of a thin rod's points, dragged along a straight one whose elements, or bodies, end anywhere."""
+    thin = moved(straight(6, radius=0.5, height=4.0), (-2.0, 1.4, 0.0), ACROSS)
+    if second is None:
+        rods = [straight(8, breaks=breaks, height=6.0)]
+    else:
+        rods = [straight(8, height=second), moved(straight(8, height=6.0 - second), (0.0, 0.0, second))]
+    bodies = [Body(Space.paper(rod), LAW) for rod in (thin, *rods)]
+    contact = Contact(0, tuple(range(1, len(bodies))), 10.0, points=(4, 8), friction=friction)
+    model = Model(bodies, contacts=[contact])
+    operator, mobile = ContactOperator(model), np.arange(model.dofs // 3) < model.first_node[1]
+    seen = []
+    for t in np.linspace(0.0, 1.0, 41):
+        displacement = np.zeros((model.dofs // 3, 3))
+        displacement[mobile & model.is_carrier] = [0.05 * np.sin(4.0 * t), 0.0, 2.5 + t]
+        operator.accept(displacement.ravel())
+        operator.forces(displacement.ravel())
+        seen.append(operator.friction._friction.tractions[operator.packed.passes["first_point"][0] :][:192].copy())
+    return np.array(seen)
+
+
+def test_history_survives_where_feet_cross_elements_and_rods():
+    whole = sliding((0.0, 3.0))
+    assert np.abs(whole).max() > 0.01
+    cut = sliding((0.0, 1.5, 1.7, 3.0))
+    np.testing.assert_allclose(cut, whole, atol=1e-9 * np.abs(whole).max())
+    two = sliding((), second=3.1)
+    # Of the other rod the points that straddle its end are lost; those that are there keep what they had.
+    last = np.abs(whole[-1]).max(axis=1) > 0.0
+    np.testing.assert_allclose(two[-1][last], whole[-1][last], atol=1e-6 * np.abs(whole).max())
+
+
+def block(pull, friction=0.3, penalty=3e4, overlap=0.02, height=2.0, **options):
+    """Return the outcome for a rod that lies pressed on a rough plane and is pulled along it by its back."""
+    space = Space.paper(
+        straight(8, breaks=(0.0, 1.0, 2.0), height=height), degree=2, order=2, section_points=16, quadrature="auto"
+    )
+    top = np.flatnonzero(np.sin(space.turn + 2.0 * np.pi / 16 * np.arange(16)) > 0.3)
+    nodes = (np.arange(space.layers)[:, None] * space.layer_nodes + top).ravel()
+    plane = Plane((0.0, overlap - 1.0, 0.0), (0.0, 1.0, 0.0))
+    contact = Contact(0, plane, penalty, points=(4, 3), friction=friction)
+    model = Model([Body(space, STIFF)], [Support(nodes, displacement=(0.0, 0.0, pull))], contacts=[contact])
+    return statics.solve(model, **options)
+
+
+def test_what_is_pressed_sticks_up_to_coulombs_force_and_slides_at_it():
+    pulls = (0.002, 0.004, 0.05, 0.1)
+    solutions = [block(pull, load_steps=2) for pull in pulls]
+    results = [solution.contacts[0] for solution in solutions]
+    ratios = [-result.friction[2] / result.force for result in results]
+    for solution, result in zip(solutions, results, strict=True):
+        np.testing.assert_allclose(solution.reactions[0], [0.0, -result.force, -result.friction[2]], atol=1e-6)
+    assert not results[0].slipping and not results[1].slipping
+    assert ratios[1] == pytest.approx(2.0 * ratios[0], rel=1e-2)
+    assert not results[2].sticking and not results[3].sticking
+    np.testing.assert_allclose(ratios[2:], 0.3, rtol=1e-5)
+    assert results[3].slipping == (results[3].pressure > 0.0).sum() > 8
+
+
+def test_multipliers_count_for_what_friction_holds():
+    result = block(0.1, penalty=None, load_steps=2).contacts[0]
+    assert result.relative_penetration < 1e-3
+    assert -result.friction[2] / result.force == pytest.approx(0.3, rel=1e-5)
+
+
+def squeezed(friction, penalty=3e4):
+    """Return a free rod pressed between two rough planes, and velocities of one along it."""
+    space = Space.paper(straight(8, breaks=(0.0, 1.0, 2.0), height=2.0), degree=2, order=2, quadrature="auto")
+    planes = [Plane((0.0, side * 0.98, 0.0), (0.0, -side, 0.0)) for side in (-1.0, 1.0)]
+    contacts = [Contact(0, plane, penalty, points=(4, 3), friction=friction) for plane in planes]
+    model = Model([Body(space, STIFF, density=1.0)], [], contacts=contacts)
+    return model, (model.is_carrier[:, None] * np.array([0.0, 0.0, 1.0])).ravel()
+
+
+@cache
+def at_rest():
+    """Return the displacement of the squeezed rod at rest, before it rubs, and the sum of the planes' forces."""
+    history = dynamics.solve(squeezed(0.0, 3e3)[0], 2.0, outputs=4, damping=10.0)
+    return history.displacement[-1], history.contact_force[-1]
+
+
+@pytest.mark.parametrize(
+    ("integrator", "step", "tolerance"), [("explicit", 1e-3, 1e-7), ("implicit", 8e-3, 2e-3)], ids=lambda x: str(x)
+)
+def test_a_sliding_rod_slows_down_as_coulomb_says_and_stops(integrator, step, tolerance):
+    """``m dv/dt = -mu N``, and all of its energy is dissipated but for what the springs swing with."""
+    displacement, force = at_rest()
+    model, along = squeezed(0.1, 3e3)
+    mass, speed = 2.0 * np.pi, 0.2
+    slowing = 0.1 * force / mass
+    given = {"displacement": displacement, "velocity": speed * along, "integrator": integrator}
+    history = dynamics.solve(model, 1.2 * speed / slowing, step, 12, **given)
+    momentum = Mass(model, np.arange(model.dofs)).momenta
+    mean = [momentum(v).reshape(-1, 3)[model.is_carrier, 2].sum() / mass for v in history.velocity]
+    print(integrator, history.steps, mean[:9], slowing, np.abs(history.energy_error).max())
+    # After the springs are stretched, and before it stops.
+    measured = (mean[1] - mean[8]) / (history.times[8] - history.times[1])
+    assert measured == pytest.approx(slowing, rel=5e-3)
+    assert np.abs(history.energy_error).max() < tolerance
+    assert history.momentum_error.max() < 1e-12
+    assert history.dissipated[-1] == pytest.approx(0.5 * mass * speed**2, rel=0.03)
+    assert (np.diff(history.dissipated) >= 0.0).all()
+
+
+def test_what_sticks_does_not_creep():
+    """A push too weak to slip: swings on the springs, which damping ends where they began."""
+    displacement, _ = at_rest()
+    model, along = squeezed(0.5, 3e3)
+    history = dynamics.solve(model, 6.0, 1e-3, 6, damping=6.0, displacement=displacement, velocity=2e-3 * along)
+    middle = [u.reshape(-1, 3)[model.is_carrier, 2].mean() for u in history.displacement]
+    print(middle, history.contact_energy)
+    assert abs(middle[-1]) < 1e-3 * np.abs(middle).max()
+
+
+@pytest.mark.parametrize(("integrator", "step"), [("explicit", None), ("implicit", 1e-3)])
+def test_a_run_goes_on_to_the_last_bit(tmp_path, integrator, step):
+    model, velocity = squeezed(0.3)
+    given = {"time_step": step, "velocity": velocity, "integrator": integrator}
+    whole = dynamics.solve(model, 0.02, outputs=4, **given)
+    file = tmp_path / "kept"
+    dynamics.solve(model, 0.01, outputs=2, checkpoint=file, **given)
+    resumed = dynamics.solve(model, 0.02, outputs=4, checkpoint=file, resume=True, **given)
+    for name in ("displacement", "velocity", "dissipated", "energy_error", "contact_energy"):
+        assert np.array_equal(getattr(whole, name), getattr(resumed, name)), name
+    with pytest.raises(InputError, match="belongs to another model"):
+        dynamics.solve(squeezed(0.31)[0], 0.02, outputs=4, checkpoint=file, resume=True, **given)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Contact(0, 1, friction=-0.1), "friction -0.1, need a coefficient, not negative"),
+        (lambda: Contact(0, 1, friction=float("nan")), "friction nan, need"),
+        (lambda: Contact(0, 1, friction="rough"), "friction: got 'rough'"),
+        (lambda: Contact(0, Plane((0, 0, 0), (0, 0, 1)), friction=0.1, faces=["end"]), "end faces have none"),
+    ],
+)
+def test_bad_numbers_get_one_line(make, message):
+    with pytest.raises(InputError, match=message) as error:
+        make()
+    assert "\n" not in str(error.value)
+
+
+def test_contact_without_friction_does_not_load_it(python):
+    script = """
+import sys
+from isorod import options
+options.initialize([])
+from touching import pair
+from isorod.contact.operator import ContactOperator
+from isorod.dynamics.explicit.system import System
+import numpy as np
+model = pair()
+ContactOperator(model).tangent(np.zeros(model.dofs))
+print([name for name in sys.modules if "friction" in name and name.startswith("isorod")])
+"""
+    assert python(script).stdout.strip() == "[]"
