@@ -12,7 +12,7 @@ from comparisons.fem.pressed import Pressed, Touching
 from comparisons.fem.rods.elements import Elements
 from comparisons.fem.rods.solution import Touch
 from isorod.errors import InputError, SolveError
-from isorod.model.contact import Contact, Sphere
+from isorod.model.contact import Contact, Sphere, TriangleMesh
 from isorod.model.model import Model
 from meshes.mesh import Index, Mesh
 
@@ -68,8 +68,8 @@ def _made(elements: Elements, model: Model, k: int) -> Touching:
     contact, mesh = model.contacts[k], elements.source
     if any(len(bodies) > 1 for bodies in contact.groups) or contact.second is None or contact.penalty is None:
         raise InputError(f"contact {k}: of several bodies, of one with itself, or without a penalty: not here")
-    if isinstance(contact.obstacle, Sphere):
-        raise InputError(f"contact {k}: a sphere is not on the finite element side")
+    if isinstance(contact.obstacle, Sphere | TriangleMesh):
+        raise InputError(f"contact {k}: a sphere or a mesh is not on the finite element side")
     if contact.obstacle is not None:
         ((body, chosen),) = contact.sides
         facets = _facets(elements, model, body, chosen)

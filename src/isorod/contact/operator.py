@@ -6,13 +6,14 @@ import numpy as np
 from petsc4py import PETSc
 
 from isorod.arrays import Array, Index
+from isorod.contact import cells, quality
 from isorod.contact.blocks import Blocks
 from isorod.contact.force_kernel import add_forces
-from isorod.contact.packed import Row
-from isorod.contact.result import ContactResult, measure, slave_points
-from isorod.contact.tables import pack, smallest_radius
+from isorod.contact.packed import Packed, Row
+from isorod.contact.result import ContactResult, measure, sides_of, slave_points
+from isorod.contact.tables import pack, points_of, smallest_radius
 from isorod.contact.tangent_kernel import NODES, PATCH, add_blocks, find_patches, patch_nodes
-from isorod.model.contact import Contact, refuse
+from isorod.model.contact import MAX_POINTS, Contact, refuse
 from isorod.model.model import Model
 
 if TYPE_CHECKING:
@@ -31,6 +32,8 @@ class ContactOperator:
     ----------
     packed
         What the compiled loops take and leave (`isorod.contact.packed`).
+    points
+        Points round an arc and along an element, of each side of the contacts.
     friction
         Friction of the contacts that have some, or None.
     values
@@ -43,16 +46,21 @@ class ContactOperator:
     def __init__(self, model: Model) -> None:
         refuse(model.contacts, faces=True)
         self._model = model
-        self.packed = pack(model)
+        self.points = points_of(model)
+        self.packed = pack(model, self.points)
         self._stage = PETSc.Log.Stage("contact")
         self._base = np.concatenate([body.space.positions for body in model.bodies])
         self._blocks = Blocks(PATCH, self._nodes)
         self.values = np.empty(0)
-        self.friction: FrictionOperator | None = None
-        if any(contact.friction for contact in model.contacts):
-            from isorod.contact import friction
+        self.friction = self._friction()
 
-            self.friction = friction.FrictionOperator(model, self.packed)
+    def _friction(self) -> "FrictionOperator | None":
+        """Return the friction of the points of now, without history."""
+        if not any(contact.friction for contact in self._model.contacts):
+            return None
+        from isorod.contact.friction import FrictionOperator
+
+        return FrictionOperator(self._model, self.packed)
 
     @property
     def rows(self) -> Index:
@@ -129,27 +137,87 @@ class ContactOperator:
         """Return the last tangent times a vector of all degrees of freedom."""
         return np.bincount(self.rows, self.values * move[self.columns], move.size).astype(np.float64, copy=False)
 
-    def results(self, displacement: Array) -> list[ContactResult]:
-        """Return the outcome of each contact at a displacement ``(dofs,)``."""
+    def results(self, displacement: Array, check: bool = False) -> list[ContactResult]:
+        """Return the outcome of each contact at a displacement ``(dofs,)``; ``check`` tells the error of points too."""
+        others = self._otherwise(displacement) if check else ()
         self.forces(displacement)
-        results = measure(self._model, self.packed)
+        results = measure(self._model, self.packed, self._positions(displacement), others)
         return results if self.friction is None else self.friction.tell(results)
 
-    def augment(self, displacement: Array) -> str | None:
-        """Make pressures of a displacement the new multipliers, unless every contact keeps to its largest penetration.
+    def _otherwise(self, displacement: Array) -> list[tuple[float, float] | None]:
+        """Return force and largest pressure of each contact as half as many points again see them, if they can."""
+        multipliers = cells.means(self._model, self.packed, self.packed.multipliers)
+        if not np.allclose(cells.spread(self.packed, multipliers), self.packed.multipliers, 1e-9):
+            # Other points have no multipliers.
+            return [None] * len(self._model.contacts)
+        finer = [tuple(min(MAX_POINTS, count + (count + 1) // 2) for count in pair) for pair in self.points]
+        packed = self._packed([(pair[0], pair[1]) for pair in finer], multipliers)
+        positions = self._positions(displacement)
+        add_forces(packed, positions, np.zeros_like(positions))
+        found: list[tuple[float, float] | None] = []
+        for (_, passes), (_, chosen) in zip(sides_of(self._model), slave_points(self._model, packed), strict=True):
+            pressure = packed.states["pressure"][chosen]
+            same = all(finer[k] == self.points[k] for k in passes)
+            found.append(None if same else (float(packed.areas[chosen] @ pressure), float(pressure.max(initial=0.0))))
+        return found
 
-        Returns
-        -------
-        What is too deep, in words, or None.
+    def _packed(self, points: list[tuple[int, int]], multipliers: list[Array]) -> Packed:
+        """Return tables with other points, with multipliers of cells, and the penalties of now."""
+        packed = pack(self._model, points)
+        packed.passes["penalty"] = self.packed.passes["penalty"]
+        packed.multipliers[:] = cells.spread(packed, multipliers)
+        return packed
+
+    def space_evenly(self) -> None:
+        """Let points that nobody gave be as close along the axis as round the section."""
+        self.points = points_of(self._model, even=True)
+        self.packed = pack(self._model, self.points)
+        self.friction = self._friction()
+
+    def see_better(self, displacement: Array) -> bool:
+        """Take more points, where nobody gave them, if too few are across a patch; return whether there are more.
+
+        Friction remembers where its points were held, and keeps to these points.
         """
-        limits = [self._limit(contact) for contact in self._model.contacts]
-        for k, (limit, result) in enumerate(zip(limits, self.results(displacement), strict=True)):
-            if result.penetration > limit:
-                for own, (_, points) in zip(limits, slave_points(self._model, self.packed), strict=True):
-                    if np.isfinite(own):
-                        self.packed.multipliers[points] = self.packed.states["pressure"][points]
-                return f"contact {k}: penetration {result.penetration:.3g}, wanted {limit:.3g},"
-        return None
+        if self.friction is not None:
+            return False
+        self.forces(displacement)
+        points = list(self.points)
+        for contact, passes in sides_of(self._model):
+            if contact.points is None:
+                for k, pair in quality.more(self.packed, passes, self.points).items():
+                    points[k] = pair
+        if points == self.points:
+            return False
+        multipliers = cells.means(self._model, self.packed, self.packed.multipliers)
+        self.packed, self.points = self._packed(points, multipliers), points
+        return True
+
+    def excess(self, displacement: Array) -> list[tuple[float, str]]:
+        """Return, of each contact whose penetration is limited, that over the limit, and both in words."""
+        found = []
+        for k, result in enumerate(self.results(displacement)):
+            limit = self._limit(self._model.contacts[k])
+            if np.isfinite(limit):
+                said = f"contact {k}: penetration {result.penetration:.3g}, wanted {limit:.3g},"
+                found.append((result.penetration / limit, said))
+        return found
+
+    def augment(self, displacement: Array, in_cells: bool) -> None:
+        """Make pressures of a displacement the multipliers of contacts whose penetration is limited, or their means."""
+        self.forces(displacement)
+        pressure = self.packed.states["pressure"]
+        if in_cells:
+            pressure = cells.spread(self.packed, cells.means(self._model, self.packed, pressure))
+        for contact, points in slave_points(self._model, self.packed):
+            if np.isfinite(self._limit(contact)):
+                self.packed.multipliers[points] = pressure[points]
+
+    def stiffen(self, times: float) -> None:
+        """Raise penalties that nobody gave."""
+        for contact, passes in sides_of(self._model):
+            if contact.penalty is None:
+                self.packed.passes["penalty"][passes.start : passes.stop] *= times
 
     def _limit(self, contact: Contact) -> float:
         """Return how deep a point of a contact may be."""

@@ -1,14 +1,17 @@
-"""What comes out of a contact: forces, area, penetration, and the pressure at each point."""
+"""What comes out of a contact: forces, area, penetration, the pressure at each point, how well the patch is seen."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from isorod.arrays import Array, Index
+from isorod.contact import cells, quality
+from isorod.contact.normal_kernel import normals
 from isorod.contact.packed import Packed
 from isorod.contact.tables import smallest_radius
-from isorod.model.contact import Contact
+from isorod.model.contact import MAX_POINTS, Contact
 from isorod.model.model import Model
 
 
@@ -20,15 +23,35 @@ class ContactResult:
     ----------
     force
         Total normal force, the integral of the pressure.
+    resultant
+        Force on the bodies of ``first``, shape ``(3,)``; zero where these touch each other.
     area
         Reference area in contact (the mean of both surfaces, if there are two).
+    peak
+        Largest pressure, force per reference area.
     penetration
         Depth of the deepest point, length, not negative.
     relative_penetration
         The same, relative to the smallest radius of the elements that take part (mean distance of a section's outline
         from its centre).
+    penalty
+        Pressure per depth in the end.
+    active
+        Number of points under pressure.
+    points_across, cells_across
+        Mean width of the patch where it is narrower, round the section or along the axis, in points and in distances
+        of control points (`isorod.contact.quality`); 0 where nothing touches, or all does.
+    force_error
+        Relative change of the force when other points look at the same displacements, which is more than the error of
+        these points; None where that cannot be told, as in motions.  What a surface cannot follow it does not see.
+    peak_error
+        By how much the largest pressure is above the largest mean over a cell (`isorod.contact.cells`), relative to
+        it, or changes with other points: no less than about the error, of narrow patches more.  None if nothing
+        touches.
     body
         Body whose surface each point belongs to, shape ``(q,)``; points of both bodies are listed.
+    parameters
+        Axis parameter ``u`` and angle round the section of the points, shape ``(q, 2)``.
     positions
         Present positions of the points, shape ``(q, 3)``.
     pressure
@@ -42,10 +65,19 @@ class ContactResult:
     """
 
     force: float
+    resultant: Array
     area: float
+    peak: float
     penetration: float
     relative_penetration: float
+    penalty: float
+    active: int
+    points_across: float
+    cells_across: float
+    force_error: float | None
+    peak_error: float | None
     body: Index
+    parameters: Array
     positions: Array
     pressure: Array
     areas: Array
@@ -53,36 +85,114 @@ class ContactResult:
     sticking: int = 0
     slipping: int = 0
 
+    def record(self) -> dict[str, Any]:
+        """Return what a record keeps of it."""
+        kept = (
+            "force resultant area peak penetration relative_penetration penalty active points_across cells_across "
+            "force_error peak_error"
+        )
+        return {name: getattr(self, name) for name in kept.split()}
+
+    def doubt(self) -> str | None:
+        """Return in one line what is not to be trusted, where, and what would be right; None where all is."""
+        if not self.points_across:
+            return None
+        k = int(np.argmax(self.pressure))
+        where = f"body {self.body[k]} at u = {self.parameters[k, 0]:.4g}"
+        if self.cells_across < quality.CELLS:
+            return (
+                f"the patch on {where} is {self.cells_across:.2g} control points wide: the peak pressure is known to "
+                f"about {100.0 * (self.peak_error or 0.0):.0f} %, and what its flattening gives way is not seen; take "
+                f"{np.ceil(1.2 * quality.CELLS / self.cells_across):.0f} times as many section points, or elements as "
+                "much shorter there, whichever are farther apart"
+            )
+        if self.points_across < quality.POINTS:
+            return (
+                f"{self.active} points see the patch on {where}, {self.points_across:.2g} across it; raise points, of "
+                f"which there may be {MAX_POINTS} an arc and an element, or take shorter elements there"
+            )
+        if self.force_error is not None and self.force_error > quality.CHANGE:
+            return (
+                f"the force changes by {100.0 * self.force_error:.0f} % when other points look at the patch on "
+                f"{where}; raise points"
+            )
+        return None
+
+
+def sides_of(model: Model) -> Iterator[tuple[Contact, range]]:
+    """Yield each contact of a model with the numbers of its passes."""
+    k = 0
+    for contact in model.contacts:
+        begin, k = k, k + len(contact.sides)
+        yield contact, range(begin, k)
+
 
 def slave_points(model: Model, packed: Packed) -> Iterator[tuple[Contact, Index]]:
     """Yield each contact of a model with the numbers of its slave points."""
     first = [*packed.passes["first_point"], packed.areas.size]
-    k = 0
-    for contact in model.contacts:
-        begin, k = k, k + len(contact.sides)
-        yield contact, np.arange(first[begin], first[k])
+    for contact, passes in sides_of(model):
+        yield contact, np.arange(first[passes.start], first[passes.stop])
 
 
-def measure(model: Model, packed: Packed) -> list[ContactResult]:
-    """Return the outcome of each contact of a model, as the last forces left it (`isorod.contact.packed`)."""
+def measure(
+    model: Model, packed: Packed, positions: Array, others: Sequence[tuple[float, float] | None] = ()
+) -> list[ContactResult]:
+    """Return the outcome of each contact of a model, as the last forces left it (`isorod.contact.packed`).
+
+    Parameters
+    ----------
+    model, packed, positions
+        What the forces were of.
+    others
+        Of each contact force and largest pressure that other points find at the same displacement, if these are known.
+    """
     results = []
+    pressures = packed.states["pressure"]
     sides = [body for contact in model.contacts for body, _ in contact.sides]
     bodies = np.repeat(sides, np.diff([*packed.passes["first_point"], packed.areas.size]))
-    for contact, chosen in slave_points(model, packed):
-        gap, pressure = packed.states["gap"][chosen], packed.states["pressure"][chosen]
+    parameters = cells.parameters(model, packed)
+    largest = [float(cell.max(initial=0.0)) for cell in cells.means(model, packed, pressures)]
+    active = np.flatnonzero(pressures > 0.0)
+    pushes = np.empty((active.size, 3))
+    normals(packed, positions, active, pushes)
+    pushes *= (packed.areas * pressures)[active, None]
+    for (contact, chosen), (_, passes), other in zip(
+        slave_points(model, packed), sides_of(model), others or [None] * len(model.contacts), strict=True
+    ):
+        gap, pressure = packed.states["gap"][chosen], pressures[chosen]
         areas = packed.areas[chosen]
         touching = pressure > 0.0
         depth = float(max(0.0, -gap[touching].min(initial=0.0)))
+        force, peak = float(areas @ pressure), float(pressure.max(initial=0.0))
+        points, wide = quality.across(packed, cells.spaces(model), passes)
+        changes = (1.0 - max(largest[k] for k in passes) / peak) if peak else 0.0
         results.append(
             ContactResult(
-                force=float(areas @ pressure),
+                force=force,
+                resultant=_resultant(contact, bodies[active], pushes, (active >= chosen[0]) & (active <= chosen[-1])),
                 area=float(areas[touching].sum()),
+                peak=peak,
                 penetration=depth,
                 relative_penetration=depth / smallest_radius(model, contact),
+                penalty=float(packed.passes["penalty"][passes.start]),
+                active=int(np.count_nonzero(touching)),
+                points_across=points,
+                cells_across=wide,
+                force_error=None if other is None or not force else abs(other[0] / force - 1.0),
+                peak_error=None if not peak else max(changes, 0.0 if other is None else abs(other[1] / peak - 1.0)),
                 body=bodies[chosen],
+                parameters=parameters[chosen],
                 positions=packed.points[chosen].copy(),
                 pressure=pressure.copy(),
                 areas=areas.copy(),
             )
         )
     return results
+
+
+def _resultant(contact: Contact, bodies: Index, pushes: Array, own: Array) -> Array:
+    """Return the force on the first side of a contact: of its points, and the reaction on the masters of others."""
+    if contact.obstacle is None and len(contact.groups) == 1:
+        return np.zeros(3)
+    first = np.isin(bodies[own], contact.groups[0])
+    return np.asarray(np.where(first[:, None], pushes[own], -pushes[own]).sum(axis=0))

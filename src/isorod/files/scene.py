@@ -25,10 +25,11 @@ if TYPE_CHECKING:
 RESERVED = frozenset(
     "scene options data analysis dofs unknowns quadrature discretisation built seconds solver ranks versions commit "
     "machine time files settings petsc_options error_estimate estimate_seconds changes refinements newton_iterations "
-    "linear_iterations load_steps cuts residual_norms pressures contact_area penetration residuals rigid below shift "
-    "iterations frequencies times reactions contact_force kinetic stored contact_energy added_kinetic muscle_work "
-    "dissipated energy_error momentum_error steps time_step critical_step microseconds_a_step resumed integrator "
-    "added_kinetic_share smallest_jacobian volume control_points stabilisation stabilisation_rounds".split()
+    "linear_iterations load_steps cuts residual_norms pressures contacts contact_area penetration augmentations "
+    "residuals rigid below shift iterations frequencies times reactions contact_force kinetic stored contact_energy "
+    "added_kinetic muscle_work dissipated energy_error momentum_error steps time_step critical_step "
+    "microseconds_a_step resumed integrator added_kinetic_share smallest_jacobian volume control_points stabilisation "
+    "stabilisation_rounds".split()
 )
 
 # Of each analysis the class of its solutions.
@@ -257,8 +258,6 @@ class FileScene:
             names = self._names(one)
             if isinstance(names["second"], Call):
                 names["second"] = names["second"].make()
-            if one.arguments.get("points") is None and self.analysis == "statics":
-                names["points"] = self._points(bodies[names["first"]].space)
             return one.make(**names)
 
         supports = [placed(one) for one in self._supports.values()]
@@ -276,14 +275,6 @@ class FileScene:
                     load.nodal(bodies[load.body].space)
             raise
         return model
-
-    @staticmethod
-    def _points(space: "Space") -> tuple[int, int]:
-        """Return how many points of an element's surface take part in contact."""
-        from isorod.model.contact import MAX_POINTS
-        from isorod.space.choice import touching_points
-
-        return touching_points(space.rod, space.points_around, space.axis.elements, space.axis.degree, MAX_POINTS)
 
     def measure(self, solution: Any) -> dict[str, object]:
         """Return what the file asks for; without, the force of each support, or the frequencies."""

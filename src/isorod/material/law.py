@@ -88,15 +88,33 @@ class Material(ABC):
     @property
     def modulus(self) -> float:
         """Modulus of pressure waves at rest, the largest in three directions and those between them, force / area."""
-        n = np.array([(x, y, z) for x in (0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if (x, y, z) > (0, 0, 0)])
-        n = n / np.linalg.norm(n, axis=1, keepdims=True)
+        n = _directions()
         moduli = self.along(np.array([0.0, 0.0, 1.0])).tangent(np.eye(3)[None])[0]
         return float(np.einsum("aAbB,na,nA,nb,nB->n", moduli, n, n, n, n).max())
+
+    @property
+    def surface_modulus(self) -> float:
+        """How stiff a surface is against waves of pressure at rest: ``E / (1 - nu^2)`` if isotropic, force / area.
+
+        Of any law ``4 mu (1 - mu / M)``, ``mu`` and ``M`` its least and largest modulus of plane waves.  It stays
+        finite near incompressibility, where ``M`` does not.
+        """
+        n = _directions()
+        moduli = self.along(np.array([0.0, 0.0, 1.0])).tangent(np.eye(3)[None])[0]
+        waves = np.linalg.eigvalsh(np.einsum("aAbB,nA,nB->nab", moduli, n, n))
+        least = float(waves.min())
+        return 4.0 * least * (1.0 - least / float(waves.max()))
 
     @property
     def activation_work(self) -> float:
         """The most work per reference volume that activation can do, force / area."""
         return 0.0
+
+
+def _directions() -> Array:
+    """Return unit vectors along three axes and between them, shape ``(13, 3)``."""
+    n = np.array([(x, y, z) for x in (0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if (x, y, z) > (0, 0, 0)])
+    return np.asarray(n / np.linalg.norm(n, axis=1, keepdims=True))
 
 
 class Split(Protocol):
@@ -150,6 +168,11 @@ class Isotropic(Checked, Material):
     def modulus(self) -> float:
         """Modulus of pressure waves at rest, force / area."""
         return self.lame + 2.0 * self.mu
+
+    @property
+    def surface_modulus(self) -> float:
+        """``E / (1 - nu^2)``, force / area."""
+        return self.E / (1.0 - self.nu**2)
 
     @property
     def shear(self) -> Self:

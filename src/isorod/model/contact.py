@@ -77,16 +77,18 @@ class Contact(Checked):
         Index of a body of the model, or of several; ``second`` may be an obstacle: `Plane`, `Cylinder`, `Sphere` or
         `TriangleMesh`.  Without it, those of ``first`` touch each other and themselves.
     penalty
-        Pressure per depth of penetration, force / length^3; where not given, ten times the modulus of the softest law
-        over the smallest radius.
+        Pressure per depth of penetration, force / length^3; where not given, twice ``E / (1 - nu^2)`` of the
+        softest side over the distance of its control points round the section (`isorod.contact.tables`).
     first_elements, second_elements
         Axis elements whose surfaces take part, where a side is one body; all where not given.
     points
-        Gauss points round each arc of the section and along each element; 3 and degree + 1 where not given; in
-        the statics of scene files so many that they are no farther apart than a 48th of the way round.
+        Gauss points round each arc of the section and along each element.  Where not given, 3 and degree + 1 in
+        motions; statics begins with points no farther apart than a 48th of the way round, and takes more until there
+        are enough across the patch.
     penetration
-        Statics solves an augmented Lagrangian: multipliers are added until no point penetrates deeper than this length;
-        where not given, a thousandth of the smallest radius, and, where a penalty is given, any.
+        Statics solves an augmented Lagrangian (`isorod.statics.multipliers`): multipliers are added until no point
+        penetrates deeper than this length; where not given, a thousandth of the smallest radius, and, where a penalty
+        is given, any.
     faces
         End faces of the first body, ``"start"`` or ``"end"``, that meet a plane besides its lateral surface (dynamics
         alone).

@@ -18,6 +18,7 @@ from isorod.model.model import Model
 from isorod.output.state import State
 from isorod.petsc.library import solver_types
 from isorod.petsc.options import in_force
+from isorod.statics.multipliers import outcome
 from isorod.statics.newton import Diverged, Newton
 
 if TYPE_CHECKING:
@@ -26,9 +27,6 @@ if TYPE_CHECKING:
 
 # A load step is halved at most this many times.
 HALVINGS = 10
-
-# Multipliers of the augmented Lagrangian are updated at most this many times.
-AUGMENTATIONS = 50
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,13 +123,27 @@ class Equilibrium(State):
             found["penetration"] = max(one.penetration for one in self.contacts)
         if self.stabilisation is not None:
             found["stabilisation"], found["stabilisation_rounds"] = self.stabilisation
+            found["augmentations"] = self.augmentations
+            found["contacts"] = [one.record() for one in self.contacts]
         return found
 
     def fields(self, body: int) -> dict[str, Array]:
-        """Return a body's displacement, shape ``(nodes, 3)``, and its pressure coefficients if it has some."""
+        """Return a body's displacement, shape ``(nodes, 3)``, and its pressure coefficients if it has some.
+
+        With contact comes ``contact_pressure``: a row a point, its axis parameter, angle, pressure and contact.
+        """
         found = super().fields(body)
         pressure = self.pressures[body] if self.pressures else None
-        return found if pressure is None else found | {"pressure": pressure}
+        if pressure is not None:
+            found["pressure"] = pressure
+        if any((one.body == body).any() for one in self.contacts):
+            found["contact_pressure"] = np.concatenate(
+                [
+                    np.column_stack([one.parameters, one.pressure, np.full(one.pressure.size, k)])[one.body == body]
+                    for k, one in enumerate(self.contacts)
+                ]
+            )
+        return found
 
 
 def assembler_for(model: Model, comm: PETSc.Comm | None = None) -> Assembler:
@@ -154,8 +166,8 @@ def solve(
     Each load step starts with a predictor, linear from the last equilibrium or, once there are two, the cubic through
     both with their tangents, then SNES (`isorod.statics.convergence` says when it has converged).  A step in which SNES
     diverges, an element inverts (``det F <= 0``) or loses most of its volume is halved and tried again; after quick
-    steps the step doubles.  Where a contact says how deep a point may penetrate, multipliers are added at the end until
-    none is deeper (Uzawa's augmented Lagrangian).
+    steps the step doubles.  In the end multipliers of contact are added, and points of it, as far as these are wanted
+    (`isorod.statics.multipliers`).
 
     Parameters
     ----------
@@ -188,6 +200,8 @@ def _solve(model: Model, load_steps: int, comm: PETSc.Comm | None) -> Equilibriu
     assembler = assembler_for(model, comm)
     solver = Newton(assembler, loose)
     try:
+        if assembler.contact is not None:
+            assembler.contact.space_evenly()
         setup = perf_counter() - start
         assembler.seconds = 0.0
         steps, cuts, augmentations = _climb(solver, load_steps)
@@ -220,7 +234,7 @@ def _solve(model: Model, load_steps: int, comm: PETSc.Comm | None) -> Equilibriu
             built=assembler.built,
             solver=solver_types(solver.snes),
             ranks=assembler.comm.getSize(),
-            contacts=() if assembler.contact is None else assembler.contact.results(displacement),
+            contacts=() if assembler.contact is None else outcome(assembler.contact, displacement),
             augmentations=augmentations,
             pressures=assembler.pressures(solver.x),
             stabilisation=None if held is None else (held.left, held.rounds),
@@ -254,24 +268,8 @@ def _climb(solver: Newton, load_steps: int) -> tuple[int, int, int]:
         steps += 1
         if factor == 1.0:
             solver.settle()
-        if rubs or factor == 1.0:
-            augmentations += _augment(solver, factor)
+        if contact is not None and (rubs or factor == 1.0):
+            augmentations += settle(solver, factor)
         if solves <= 4:
             step *= 2.0
     return steps, cuts, augmentations
-
-
-def _augment(solver: Newton, factor: float) -> int:
-    """Update the multipliers of contact at a load until penetrations are as asked for; return how often."""
-    contact = solver.assembler.contact
-    if contact is None:
-        return 0
-    for count in range(AUGMENTATIONS):
-        excess = contact.augment(solver.assembler.displacement(solver.x, factor))
-        if excess is None:
-            return count
-        try:
-            solver.advance(factor, factor)
-        except Diverged as problem:
-            raise SolveError(f"augmented Lagrangian, update {count + 1}: {problem}") from None
-    raise SolveError(f"{excess} after {AUGMENTATIONS} updates of the multipliers; raise the penalty")

@@ -1,0 +1,115 @@
+"""How well points and surfaces see the patch of a contact, and what is said where they do not.
+
+The width of the patch is counted in points and in cells (`isorod.contact.cells`), the run of points under pressure in
+which each lies: its mean by their loads, round the section or along the axis, whichever is the less.  Passes that carry
+less than a tenth of what the one with most does are left out.
+"""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from isorod.arrays import Array
+from isorod.contact.cells import functions, grids
+from isorod.contact.packed import Packed
+from isorod.model.contact import MAX_POINTS
+
+if TYPE_CHECKING:
+    from isorod.space.space import Space
+
+# Points across the patch below which more are taken, as many as are then looked for, and those of a contact at most.
+FEWEST, WANTED, MOST = 6, 9, 1_000_000
+
+# Points, and cells, across the patch below which a result is warned of, and the share by which its force may change
+# with other points.  Measured: see `isorod.contact.tables` and docs/comparisons.
+POINTS, CELLS, CHANGE = 4.0, 2.0, 0.05
+
+_LITTLE = 0.1
+
+
+class Width(NamedTuple):
+    """The patch of a pass: its load, and its mean width in points along the axis and round the section."""
+
+    load: float
+    along: float
+    around: float
+
+
+def widths(packed: Packed) -> list[Width]:
+    """Return the width of the patch of each pass, as the last forces left it."""
+    found = []
+    loads = packed.areas * packed.states["pressure"]
+    for one, load in zip(packed.passes, grids(packed, loads), strict=True):
+        whole = load.reshape(load.shape[0] * load.shape[1], -1)
+        rows, columns = np.flatnonzero(whole.any(axis=1)), np.flatnonzero(whole.any(axis=0))
+        total = float(whole.sum())
+        if not total > 0.0:
+            found.append(Width(0.0, 0.0, 0.0))
+            continue
+        closed = bool(np.isfinite(packed.surfaces[one["slave"]]["period"]))
+        around = _mean(whole[rows], True)
+        along = _mean(whole[:, columns].T, closed)
+        found.append(Width(total, along, around))
+    return found
+
+
+def _mean(loads: Array, cyclic: bool) -> float:
+    """Return the mean length of runs of points that carry loads, by these."""
+    carries = loads > 0.0
+    return float(loads[carries] @ _runs(carries, cyclic)[carries] / loads.sum())
+
+
+def _runs(active: NDArray[np.bool_], cyclic: bool) -> Array:
+    """Return how many True follow each other in a row where an entry lies, infinitely many where all do; 0 if False."""
+    count = active.shape[1]
+    wide = np.tile(active, (1, 3)) if cyclic else active
+    edge = np.zeros((wide.shape[0], 1), dtype=bool)
+    wide = np.concatenate([edge, wide, edge], axis=1)
+    place = np.arange(wide.shape[1])
+    before = np.maximum.accumulate(np.where(wide, 0, place), axis=1)
+    after = np.minimum.accumulate(np.where(wide, place[-1], place)[:, ::-1], axis=1)[:, ::-1]
+    lengths = np.where(wide, after - before - 1, 0)[:, 1:-1]
+    own = lengths[:, count : 2 * count] if cyclic else lengths
+    # What touches everywhere has no width.
+    return np.where(own >= count, np.inf, own)
+
+
+def carrying(found: Sequence[Width]) -> list[int]:
+    """Return which of some passes carry most of a contact."""
+    most = max((one.load for one in found), default=0.0)
+    return [k for k, one in enumerate(found) if one.load > _LITTLE * most]
+
+
+def across(packed: Packed, spaces: Sequence["Space"], chosen: Sequence[int]) -> tuple[float, float]:
+    """Return the width of the patch of some passes in points and in cells, the least; 0 where it has none."""
+    found = widths(packed)
+    own = [chosen[k] for k in carrying([found[k] for k in chosen])]
+    if not own:
+        return 0.0, 0.0
+    points = min(min(found[k].along, found[k].around) for k in own)
+    cells = [
+        min(
+            found[k].along / packed.passes[k]["along"] * functions(spaces[k]),
+            found[k].around / packed.passes[k]["across"],
+        )
+        for k in own
+    ]
+    return (points, min(cells)) if np.isfinite(points) else (0.0, 0.0)
+
+
+def more(packed: Packed, chosen: Sequence[int], points: Sequence[tuple[int, int]]) -> dict[int, tuple[int, int]]:
+    """Return points of passes whose patch has too few, those of an arc and of an element; none where it has enough."""
+    found, changed = widths(packed), {}
+    for k in [chosen[k] for k in carrying([found[k] for k in chosen])]:
+        old = points[k]
+        seen = found[k].around, found[k].along
+        new = [
+            min(MAX_POINTS, int(np.ceil(count * WANTED / width))) if width < FEWEST else count
+            for count, width in zip(old, seen, strict=True)
+        ]
+        surface = packed.surfaces[k]
+        if tuple(new) != tuple(old) and surface["elements"] * surface["around"] * new[0] * new[1] <= MOST:
+            changed[k] = new[0], new[1]
+    return changed

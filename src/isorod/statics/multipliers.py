@@ -1,0 +1,105 @@
+"""Contact at a load: multipliers until it is as tight as asked for, and points until its patches are seen.
+
+Uzawa's updates make the pressures of a solution the multipliers of the next.  First these are means over cells
+(`isorod.contact.cells`), which leave the surfaces as free as they are able to move: multipliers at points, of which
+there are more, take away the gap of each and make of the pressure the fewer and higher peaks the more often they are
+updated.  Only where penetration stays too deep, since control points are far apart, or more is asked for than such
+surfaces can do, pressures at points follow, and where these stall a stiffer penalty.
+"""
+
+import warnings
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from isorod.arrays import Array
+from isorod.errors import SolveError
+from isorod.statics.newton import Diverged, Newton
+
+if TYPE_CHECKING:
+    from isorod.contact.operator import ContactOperator
+    from isorod.contact.result import ContactResult
+
+# Multipliers are updated at most this many times, points added to at most this many times.
+AUGMENTATIONS = 50
+_RAISES = 3
+
+# Updates stall where they leave more than this share of the penetration; then the penalty is raised by this factor, at
+# most so many times.
+_STALLED, _STIFFER, _TIMES = 0.5, 4.0, 3
+
+
+def settle(solver: Newton, factor: float) -> int:
+    """Settle contact at a load factor; return how many updates of multipliers that took.
+
+    Raises
+    ------
+    SolveError
+        If penetration does not fall to what is asked for.
+    """
+    contact = solver.assembler.contact
+    assert contact is not None
+    count = _in_cells(solver, factor, contact, 0)
+    for _ in range(_RAISES):
+        if not contact.see_better(_displacement(solver, factor)):
+            break
+        _advance(solver, factor, "more points of contact")
+        count = _in_cells(solver, factor, contact, count)
+    return _at_points(solver, factor, contact, count)
+
+
+def outcome(contact: "ContactOperator", displacement: Array) -> "list[ContactResult]":
+    """Return the outcome of each contact, and warn of what is not to be trusted."""
+    results = contact.results(displacement, check=True)
+    for k, result in enumerate(results):
+        doubt = result.doubt()
+        if doubt is not None:
+            warnings.warn(f"contact {k}: {doubt}", stacklevel=5)
+    return results
+
+
+def _displacement(solver: Newton, factor: float) -> Array:
+    return solver.assembler.displacement(solver.x, factor)
+
+
+def _advance(solver: Newton, factor: float, what: str) -> None:
+    try:
+        solver.advance(factor, factor)
+    except Diverged as problem:
+        raise SolveError(f"{what}: {problem}") from None
+
+
+def _deepest(solver: Newton, factor: float, contact: "ContactOperator") -> tuple[float, str]:
+    """Return the largest penetration over its limit, and in words."""
+    return max(contact.excess(_displacement(solver, factor)), default=(0.0, ""))
+
+
+def _in_cells(solver: Newton, factor: float, contact: "ContactOperator", count: int) -> int:
+    """Update means over cells, once or until all is tight or they do no more; return how many updates there are now."""
+    last, first = np.inf, count == 0
+    while count < AUGMENTATIONS:
+        depth, _ = _deepest(solver, factor, contact)
+        # A small patch may be less deep than the limit, and give way all the same.
+        if depth > _STALLED * last or depth <= (0.0 if first else 1.0):
+            break
+        contact.augment(_displacement(solver, factor), in_cells=True)
+        count, first, last = count + 1, False, depth
+        _advance(solver, factor, f"augmented Lagrangian, update {count}")
+    return count
+
+
+def _at_points(solver: Newton, factor: float, contact: "ContactOperator", count: int) -> int:
+    """Update multipliers at points until all is tight; return how many updates there are now."""
+    last, raised = np.inf, 0
+    while True:
+        depth, said = _deepest(solver, factor, contact)
+        if depth <= 1.0:
+            return count
+        if count >= AUGMENTATIONS:
+            raise SolveError(f"{said} after {AUGMENTATIONS} updates of the multipliers; raise the penalty")
+        contact.augment(_displacement(solver, factor), in_cells=False)
+        if depth > _STALLED * last and raised < _TIMES:
+            contact.stiffen(_STIFFER)
+            raised += 1
+        count, last = count + 1, depth
+        _advance(solver, factor, f"augmented Lagrangian, update {count}")

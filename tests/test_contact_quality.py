@@ -1,0 +1,221 @@
+"""Contact that nobody tuned: penalty, multipliers and points by default, what is said of a patch, and its picture."""
+
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from conftest import straight
+
+from isorod import statics
+from isorod.contact import cells, quality
+from isorod.contact.operator import ContactOperator
+from isorod.contact.tables import penalty
+from isorod.geometry.rod import Rod
+from isorod.material import LinearElastic, NeoHookean
+from isorod.material.law import Material
+from isorod.material.muscle import Muscle
+from isorod.material.st_venant_kirchhoff import StVenantKirchhoff
+from isorod.model import Body, Contact, Cylinder, Model, Plane, Support
+from isorod.output import vtk
+from isorod.space import Space
+
+E, NU = 1.0, 0.3
+LAW = NeoHookean(1000.0, 0.3)
+ACROSS = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])  # z to x
+
+
+def strip(n=64, law=None, radial="8x1x1", press=0.02, **contact):
+    """A cylinder of radius 1 in plane strain that is pressed on a rigid plane by its back; half width about 0.1."""
+    space = Space.paper(straight(8, degree=1), degree=1, order=2, section_points=n, quadrature=radial)
+    angle = space.turn + 2.0 * np.pi / n * np.arange(n)
+    top = np.flatnonzero(np.cos(angle - 0.5 * np.pi) > np.cos(1.2))
+    back = np.concatenate([top, space.layer_nodes + top])
+    supports = [Support(np.arange(space.nodes), "z"), Support(back, "xy", (0.0, -press, 0.0))]
+    plane = Plane((0.0, -1.0, 0.0), (0.0, 1.0, 0.0))
+    law = LinearElastic(E, NU) if law is None else law
+    return Model([Body(space, law)], supports, contacts=[Contact(0, plane, **contact)])
+
+
+def crossing(press=0.3, n=8, **contact):
+    """Two crossing bars of radius 1 and length 8, clamped; the ends of the second are pressed down on the first."""
+    rod = straight(8, breaks=(0.0, 1.0, 2.0, 3.0, 4.0), height=8.0)
+    points = rod.control_points - [0.0, 0.0, 4.0]
+    low, high = (
+        Space.paper(Rod(rod.axis, one), degree=3, order=2, quadrature="auto", section_points=n)
+        for one in (points, points @ ACROSS.T + [0.0, 2.0, 0.0])
+    )
+    supports = [Support.end(low, "start"), Support.end(low, "end")]
+    supports += [Support.end(high, end, displacement=(0.0, -press, 0.0), body=1) for end in ("start", "end")]
+    return Model([Body(low, LAW), Body(high, LAW)], supports, contacts=[Contact(0, 1, **contact)])
+
+
+def quiet(model, **options):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return statics.solve(model, **options)
+
+
+def hertz(solution, modulus=E / (1.0 - NU**2)):
+    """Return errors of half width, by the pressure's second moment, and peak, of a `strip`'s force."""
+    (result,) = solution.contacts
+    width = np.sqrt(4.0 * result.force / (np.pi * modulus))
+    load = result.areas * result.pressure
+    found = 2.0 * np.sqrt(load @ result.positions[:, 0] ** 2 / load.sum())
+    # Pressures are per reference area, which at the peak is 2.5 per cent larger.
+    return found / width - 1.0, result.peak / 0.975 / (2.0 * result.force / (np.pi * width)) - 1.0
+
+
+def test_the_default_penalty_does_not_grow_without_bound_near_incompressibility():
+
+    def own(model):
+        return penalty(model, model.contacts[0])
+
+    penalties = [own(strip(law=LinearElastic(E, nu))) for nu in (0.3, 0.49, 0.499999)]
+    assert penalties[2] == pytest.approx(penalties[1], rel=0.02)
+    assert penalties[2] == pytest.approx(penalties[0] * (1.0 - 0.3**2) / 0.75, rel=1e-4)
+    # Shorter waves meet a stiffer surface.
+    assert own(strip(128)) == pytest.approx(2.0 * penalties[0], rel=1e-9)
+
+
+def test_a_surface_is_as_stiff_as_its_shear_and_pressure_waves_say():
+    for nu in (-0.2, 0.0, 0.3, 0.45):
+        law = StVenantKirchhoff(7.0, nu)
+        assert Material.surface_modulus.fget(law) == pytest.approx(law.surface_modulus, rel=1e-12)
+    assert NeoHookean(3.0, 0.5).surface_modulus == pytest.approx(4.0)
+    # Fibres along the rod do not stiffen it.
+    assert Muscle(3.0, 0.3, m1=50.0, m2=2.0).surface_modulus == pytest.approx(3.0 / 0.91)
+
+
+@pytest.mark.parametrize("n", [64, 80])
+def test_hertz_by_default(n):
+    """2.1 and 2.6 control points across the patch; nothing is told but the space."""
+    solution = statics.solve(strip(n))
+    width, peak = hertz(solution)
+    (result,) = solution.contacts
+    print(n, width, peak, result.force_error, result.peak_error, solution.augmentations, solution.newton_iterations)
+    assert abs(width) < 0.05
+    assert abs(peak) < 0.08
+    assert result.relative_penetration < 1e-3
+    assert 1 <= solution.augmentations <= 3
+    assert result.force_error < 0.05
+    assert result.peak_error > 0.5 * abs(peak)
+
+
+@pytest.mark.parametrize("E_", [1e-3, 1e5])
+def test_stiff_and_soft_are_the_same_problem(E_):
+    soft, hard = quiet(strip(48)), quiet(strip(48, LinearElastic(E_, NU)))
+    assert hard.contacts[0].force == pytest.approx(E_ * soft.contacts[0].force, rel=1e-6)
+    assert hard.newton_iterations == soft.newton_iterations
+
+
+def test_multipliers_in_cells_do_not_sharpen_the_pressure_with_each_update():
+    """At points they would: the peak grows by a fifth in three updates."""
+    found = []
+    for limit in (None, 5e-4):
+        (result,) = quiet(strip(64, penetration=limit)).contacts
+        found.append(result.peak)
+    assert found[1] == pytest.approx(found[0], rel=0.05)
+
+
+def test_points_grow_until_the_patch_is_seen():
+    """Three points an arc and four an element saw two or three points of this patch."""
+    few = quiet(crossing(points=(3, 4))).contacts[0]
+    best = quiet(crossing(points=(32, 48))).contacts[0]
+    (own,) = quiet(crossing()).contacts
+    print(few.force, own.force, best.force, few.active, own.active, own.points_across, own.force_error)
+    assert few.points_across < 4.0
+    assert own.points_across >= quality.FEWEST - 1.0
+    assert own.force == pytest.approx(best.force, rel=0.01)
+    assert own.force_error is None or own.force_error < 0.05
+
+
+def test_a_patch_that_control_points_do_not_see_is_warned_of():
+    """Crossed cylinders on eight control points: the silent factor of 1.8."""
+    with pytest.warns(UserWarning, match=r"contact 0: the patch on body [01] at u = 2 is 0\.\d+ control points wide"):
+        solution = statics.solve(crossing())
+    (result,) = solution.contacts
+    assert result.cells_across < quality.CELLS
+    assert result.peak_error > 0.2
+    with pytest.warns(UserWarning, match=r"points see the patch .* raise points"):
+        statics.solve(strip(96, points=(1, 1), radial="4x1x1"))
+
+
+def test_what_is_seen_well_is_not_warned_of():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        statics.solve(strip(80))
+
+
+def test_results_of_a_contact_are_in_the_record():
+    solution = quiet(crossing())
+    (result,) = solution.contacts
+    record = solution.record()
+    (kept,) = record["contacts"]
+    assert kept["relative_penetration"] == result.relative_penetration <= 1e-3
+    assert kept["active"] == np.count_nonzero(result.pressure)
+    assert kept["peak"] == result.pressure.max()
+    assert record["augmentations"] == solution.augmentations >= 1
+    # What the second bar's supports press with arrives at the first.
+    pressed = solution.reactions[2:].sum(axis=0)
+    np.testing.assert_allclose(result.resultant, pressed, atol=1e-6 * np.abs(pressed).max())
+    assert result.force >= np.linalg.norm(result.resultant)
+
+
+def test_resultant_on_a_cylinder_is_what_the_ends_give():
+    rod = straight(8, breaks=tuple(np.linspace(0.0, 6.0, 7)), radius=0.5, height=12.0)
+    space = Space.paper(Rod(rod.axis, rod.control_points - [0.0, 0.0, 6.0]), order=2, quadrature="auto", degree=3)
+    ends = [Support.end(space, end, displacement=(0.0, -0.4, 0.0)) for end in ("start", "end")]
+    contact = Contact(0, Cylinder((0.0, -1.5, 0.0), (1.0, 0.0, 0.0), 1.0))
+    solution = quiet(Model([Body(space, LAW)], ends, contacts=[contact]), load_steps=2)
+    held = solution.reactions.sum(axis=0)
+    np.testing.assert_allclose(solution.contacts[0].resultant, -held, atol=1e-6 * np.abs(held).max())
+
+
+def test_runs_of_points():
+    rows = np.array([[1, 1, 0, 1, 0, 1], [0, 0, 0, 0, 0, 0], [1, 1, 1, 1, 1, 1]], dtype=bool)
+    np.testing.assert_array_equal(quality._runs(rows, False)[0], [2, 2, 0, 1, 0, 1])
+    np.testing.assert_array_equal(quality._runs(rows, True)[0], [3, 3, 0, 1, 0, 3])
+    assert not quality._runs(rows, True)[1].any()
+    assert np.isinf(quality._runs(rows, True)[2]).all()
+
+
+def test_cells_hold_means_and_points_are_where_they_say():
+    model = crossing(points=(4, 5))
+    operator = ContactOperator(model)
+    values = np.random.default_rng(1).random(operator.packed.areas.size)
+    means = cells.means(model, operator.packed, values)
+    again = cells.spread(operator.packed, means)
+    assert operator.packed.areas @ again == pytest.approx(operator.packed.areas @ values, rel=1e-12)
+    for one, other in zip(means, cells.means(model, operator.packed, again), strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-12)
+    (result,) = operator.results(np.zeros(model.dofs))
+    for body in (0, 1):
+        rod, own = model.bodies[body].space.rod, result.body == body
+        u, angle = result.parameters[own].T
+        at = rod.points(np.stack([np.cos(angle), np.sin(angle)], axis=1), u)
+        np.testing.assert_allclose(at, result.positions[own], atol=1e-12)
+
+
+def test_pressure_of_contact_is_in_the_vtk_file(tmp_path):
+    pyvista = pytest.importorskip("pyvista")
+    solution = quiet(crossing())
+    (result,) = solution.contacts
+    fields = solution.fields(1)
+    vtk.write(solution.model.bodies[1], fields, tmp_path / "high.vtu")
+    mesh = pyvista.read(tmp_path / "high.vtu")
+    pressure = mesh.point_data["contact_pressure"]
+    own = result.body == 1
+    assert pressure.max() == pytest.approx(result.pressure[own].max(), rel=1e-6)
+    # It is where the first bar is: below.
+    low = mesh.points[np.argmax(pressure)]
+    assert np.hypot(low[0], low[2]) < 0.5
+    assert low[1] == pytest.approx(1.0, abs=0.05)
+    surface = mesh.extract_surface().compute_cell_sizes()
+    areas = surface.cell_data["Area"]
+    mean = surface.point_data_to_cell_data().cell_data["contact_pressure"]
+    half = result.areas[own] @ result.pressure[own]
+    assert areas @ mean == pytest.approx(2.0 * half, rel=0.1)
+    # A body that nothing touches has none.
+    alone = replace(solution.model, contacts=[])
+    assert "contact_pressure" not in quiet(alone).fields(0)
