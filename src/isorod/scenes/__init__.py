@@ -61,6 +61,13 @@ def preset(text: str) -> Any:
     return option(None, f"paper: {text}, in what is not given (what suits the rod)")
 
 
+def touching(*partners: Any, friction: float, **more: Any) -> Any:
+    """Return the `isorod.model.Contact` of partners, with Coulomb friction where there is some."""
+    from isorod.model.contact import Contact
+
+    return Contact(*partners, **more, **({"friction": friction} if friction else {}))
+
+
 def analyses(scene_type: Any) -> tuple[str, ...]:
     """Return the analyses a scene class offers, the default first."""
     return tuple(getattr(scene_type, "analyses", None) or (scene_type.analysis,))
