@@ -18,7 +18,7 @@ from isorod.model.model import Model
 from isorod.output.state import State
 from isorod.petsc.library import solver_types
 from isorod.petsc.options import in_force
-from isorod.statics.multipliers import outcome
+from isorod.statics.multipliers import outcome, settle
 from isorod.statics.newton import Diverged, Newton
 
 if TYPE_CHECKING:
