@@ -121,10 +121,10 @@ class Equilibrium(State):
         if self.contacts:
             found["contact_area"] = sum(one.area for one in self.contacts)
             found["penetration"] = max(one.penetration for one in self.contacts)
-        if self.stabilisation is not None:
-            found["stabilisation"], found["stabilisation_rounds"] = self.stabilisation
             found["augmentations"] = self.augmentations
             found["contacts"] = [one.record() for one in self.contacts]
+        if self.stabilisation is not None:
+            found["stabilisation"], found["stabilisation_rounds"] = self.stabilisation
         return found
 
     def fields(self, body: int) -> dict[str, Array]:
