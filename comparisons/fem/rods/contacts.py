@@ -14,6 +14,7 @@ from comparisons.fem.rods.solution import Touch
 from isorod.errors import InputError, SolveError
 from isorod.model.contact import Contact, Sphere
 from isorod.model.model import Model
+from isorod.model.triangle_mesh import TriangleMesh
 from meshes.mesh import Index, Mesh
 
 # Each facet is cut in so many parts to an edge, contact begins inside of it: such that parts are no longer than this
@@ -68,8 +69,8 @@ def _made(elements: Elements, model: Model, k: int) -> Touching:
     contact, mesh = model.contacts[k], elements.source
     if any(len(bodies) > 1 for bodies in contact.groups) or contact.second is None or contact.penalty is None:
         raise InputError(f"contact {k}: of several bodies, of one with itself, or without a penalty: not here")
-    if isinstance(contact.obstacle, Sphere):
-        raise InputError(f"contact {k}: a sphere is not on the finite element side")
+    if isinstance(contact.obstacle, Sphere | TriangleMesh):
+        raise InputError(f"contact {k}: a sphere or a mesh of triangles is not on the finite element side")
     if contact.obstacle is not None:
         ((body, chosen),) = contact.sides
         facets = _facets(elements, model, body, chosen)
