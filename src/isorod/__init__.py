@@ -87,6 +87,7 @@ _OFFERED = {
     "Spin": "isorod.model",
     "StVenantKirchhoff": "isorod.material.st_venant_kirchhoff",
     "Support": "isorod.model",
+    "TriangleMesh": "isorod.model",
     "airfoil": "isorod.geometry.section",
     "arc": "isorod.geometry.center_line",
     "circle": "isorod.geometry.section",

@@ -12,8 +12,9 @@ from comparisons.fem.pressed import Pressed, Touching
 from comparisons.fem.rods.elements import Elements
 from comparisons.fem.rods.solution import Touch
 from isorod.errors import InputError, SolveError
-from isorod.model.contact import Contact, Sphere, TriangleMesh
+from isorod.model.contact import Contact, Sphere
 from isorod.model.model import Model
+from isorod.model.triangle_mesh import TriangleMesh
 from meshes.mesh import Index, Mesh
 
 # Each facet is cut in so many parts to an edge, contact begins inside of it: such that parts are no longer than this
@@ -69,7 +70,7 @@ def _made(elements: Elements, model: Model, k: int) -> Touching:
     if any(len(bodies) > 1 for bodies in contact.groups) or contact.second is None or contact.penalty is None:
         raise InputError(f"contact {k}: of several bodies, of one with itself, or without a penalty: not here")
     if isinstance(contact.obstacle, Sphere | TriangleMesh):
-        raise InputError(f"contact {k}: a sphere or a mesh is not on the finite element side")
+        raise InputError(f"contact {k}: a sphere or a mesh of triangles is not on the finite element side")
     if contact.obstacle is not None:
         ((body, chosen),) = contact.sides
         facets = _facets(elements, model, body, chosen)

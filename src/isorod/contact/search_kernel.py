@@ -237,7 +237,7 @@ def find_places(packed: Packed, one: Row, point: int, limit: float, places: Arra
     listed = packed.counts[at.element] <= packed.near.shape[1]
     first = 0 if listed else packed.surfaces[one.master].first_element
     looked_at = packed.counts[at.element] if listed else _last_row(packed, one) - first
-    free = packed.listed[0] - 2.0 * (packed.travel[0] - packed.listed[1])
+    free = max(packed.listed[0] - 2.0 * (packed.travel[0] - packed.listed[1]), limit)
     count, last, surface = 0, -2, -1
     for k in range(looked_at):
         row = packed.near[at.element, k] if listed else first + k
@@ -247,12 +247,15 @@ def find_places(packed: Packed, one: Row, point: int, limit: float, places: Arra
             continue
         element = packed.elements[row]
         for t in range(element.rungs):
+            ring = packed.rings[element.first_rung + t]
+            square = (x[0] - ring[0]) ** 2 + (x[1] - ring[1]) ** 2 + (x[2] - ring[2]) ** 2
+            # Neither does its ball hold the point nor is it the nearest so far: most are left out here.
+            if square > (ring[3] + free) ** 2:
+                continue
             there = (t + 0.5) / element.rungs
             if not may_touch(packed, at.element, share, row, there):
                 continue
-            ring = packed.rings[element.first_rung + t]
-            middle = np.sqrt((x[0] - ring[0]) ** 2 + (x[1] - ring[1]) ** 2 + (x[2] - ring[2]) ** 2)
-            beside = middle - ring[3]
+            beside = np.sqrt(square) - ring[3]
             if beside > limit:
                 free = min(free, beside)
                 continue

@@ -53,7 +53,7 @@ if TYPE_CHECKING:
 _STIFF = 2.0
 
 # Searches start at sections so many radii apart, or at so many of an element.
-_RUNG, _MOST = 0.6, 256
+_RUNG, _MOST = 0.4, 256
 
 _KINDS = {Plane: PLANE, Cylinder: CYLINDER, Sphere: SPHERE, TriangleMesh: MESH}
 
