@@ -152,15 +152,14 @@ def deepest(model: Model, displacement: Array | None = None, pressed: float = _D
     return best
 
 
-def _outlines(space: Space, places: Array, u: Array, count: int) -> tuple[Array, Array]:
-    """Return points round the sections at ``u`` and their derivatives by it, shape ``(t, count, 3)`` each."""
+def _outlines(space: Space, places: Array, u: Array, count: int, slope: bool = False) -> Array:
+    """Return points round the sections at ``u``, or their derivatives by it, shape ``(t, count, 3)``."""
     angle = 2.0 * np.pi * np.arange(count) / count
     values = space.basis.functions(np.stack([np.cos(angle), np.sin(angle)], axis=1))[0]
     first, axial, slopes = space.axis.local(u)
     layers = (first[:, None] + np.arange(space.axis.degree + 1)) % space.layers
     near = places.reshape(space.layers, space.layer_nodes, 3)[layers]
-    at, along = (np.einsum("tj,tjia->tia", one, near) for one in (axial, slopes))
-    return values @ at, values @ along
+    return np.asarray(values @ np.einsum("tj,tjia->tia", slopes if slope else axial, near))
 
 
 def _size(points: Array, centre: Array) -> Array:
@@ -175,7 +174,7 @@ def _near_elements(model: Model, places: list[Array]) -> list[Index] | None:
         space = body.space
         pieces = _pieces(space)
         u = _divided(space.axis.breaks, 2 * pieces)
-        points, _ = _outlines(space, at, u, _BOX)
+        points = _outlines(space, at, u, _BOX)
         centre = points.mean(axis=1)
         size = np.linalg.norm(points - centre[:, None], axis=2).max(axis=1)
         radius = _over_three(size, np.maximum)
@@ -184,7 +183,7 @@ def _near_elements(model: Model, places: list[Array]) -> list[Index] | None:
         low, high = _over_three(points.min(axis=1), np.minimum) - margin, _over_three(points.max(axis=1), np.maximum)
         legs = np.diff(centre, axis=0)
         length = np.linalg.norm(legs, axis=1)
-        legs /= length[:, None]
+        legs /= np.maximum(length, np.finfo(float).tiny)[:, None]
         cos = np.einsum("ka,ka->k", legs, np.concatenate([legs[1:], legs[:1] if space.rod.closed else legs[-1:]]))
         turn = np.arccos(np.clip(cos, -1.0, 1.0))
         if not space.rod.closed and turn.size > 1:
@@ -236,7 +235,7 @@ def _cut(model: Model, places: list[Array], elements: list[Index]) -> _Sections:
     rows = []
     for b, (body, at, chosen) in enumerate(zip(model.bodies, places, elements, strict=True)):
         space, breaks = body.space, body.space.axis.breaks
-        points, _ = _outlines(space, at, _divided(breaks, 2), _BOX)
+        points = _outlines(space, at, _divided(breaks, 2), _BOX)
         centre = points.mean(axis=1)
         along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(centre, axis=0), axis=1)))
         radius = _size(points, centre)
@@ -249,7 +248,7 @@ def _cut(model: Model, places: list[Array], elements: list[Index]) -> _Sections:
             rows.append((np.full(pieces, b), np.full(pieces, e), u, along[2 * e] + share * length, period))
     body, element, u, along, period = (np.concatenate(one) for one in zip(*rows, strict=True))
     points = np.concatenate(
-        [_outlines(model.bodies[b].space, at, u[body == b], _COARSE)[0] for b, at in enumerate(places)]
+        [_outlines(model.bodies[b].space, at, u[body == b], _COARSE) for b, at in enumerate(places)]
     )
     centre = points.mean(axis=1)
     return _Sections(body, element, u, along, period, points, centre, _size(points, centre))
@@ -329,11 +328,11 @@ class _Patch(NamedTuple):
     def of(cls, space: Space, places: Array, sections: _Sections, k: int) -> "_Patch":
         """Return that of a section, a radius long."""
         at = np.array([sections.u[k]])
-        speed = float(np.linalg.norm(_outlines(space, places, at, _BOX)[1].mean(axis=1)))
+        speed = float(np.linalg.norm(_outlines(space, places, at, _BOX, slope=True).mean(axis=1)))
         low, high = space.axis.breaks[[0, -1]]
         half = 0.5 * float(sections.radius[k]) / speed
         u = np.linspace(max(low, at[0] - half), min(high, at[0] + half), _STATIONS)
-        points, along = _outlines(space, places, u, _FINE)
+        points, along = (_outlines(space, places, u, _FINE, slope) for slope in (False, True))
         centre = points.mean(axis=1)
         normals = np.cross(np.roll(points, -1, axis=1) - np.roll(points, 1, axis=1), along)
         normals /= np.linalg.norm(normals, axis=2, keepdims=True)

@@ -14,12 +14,13 @@ from scipy.sparse import csr_matrix
 from isorod.arrays import Array, Index
 from isorod.contact.packed import Packed
 from isorod.contact.result import slave_points
-from isorod.contact.tables import radii, smallest_radius
+from isorod.contact.tables import smallest_radius
 from isorod.geometry import boxes
 from isorod.model.contact import Contact, Cylinder, Plane, Sphere
 
 if TYPE_CHECKING:
     from isorod.model.model import Model
+    from isorod.space.space import Space
 
 # Depth, in smaller radii, from which a point is about to come out at the far side.
 DEEPEST = 0.5
@@ -66,16 +67,15 @@ class Passing:
             values.append(np.repeat(near.ravel() / n, n))
             line = np.linalg.norm(np.diff(space.rod.grid(np.zeros((1, 2)), u)[0][:, 0], axis=0), axis=1)
             along = np.append(0.0, np.cumsum(line))
-            size = [radii(space, [e])[0] for e in range(space.axis.elements)]
-            piece = np.arange(u.size - 1)
-            period = along[-1] if space.rod.closed else np.inf
-            for k in piece:
-                e = k // _PIECES
-                pieces.append((b, e, count + k, size[e], along[k], along[k + 1], period, 0.5 * (u[k] + u[k + 1])))
+            middle, piece = 0.5 * (u[1:] + u[:-1]), np.arange(u.size - 1)
+            period = np.full(piece.size, along[-1] if space.rod.closed else np.inf)
+            owner = np.full(piece.size, b), piece // _PIECES, count + piece
+            pieces.append((*owner, _radius(space, middle), along[:-1], along[1:], period, middle))
             count += u.size
-        columns_of = np.array(pieces).T if pieces else np.zeros((8, 0))
-        self._body, self._element, self._at = (one.astype(np.int64) for one in columns_of[:3])
-        self._radius, self._begin, self._end, self._period, self._u = columns_of[3:]
+        self._body, self._element, self._at = (np.concatenate([one[k] for one in pieces]) for k in range(3))
+        self._radius, self._begin, self._end, self._period, self._u = (
+            np.concatenate([one[k] for one in pieces]) for k in range(3, 8)
+        )
         entries = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
         self._lines = csr_matrix(entries, shape=(count, self._reference.shape[0]))
         self._rest = self._ends(np.zeros(self._reference.size))
@@ -176,6 +176,13 @@ class Passing:
                 mine &= np.isin(self._element, np.asarray(elements, dtype=np.int64))
             result[mine] = next(k for k, group in enumerate(groups) if body in group)
         return result
+
+
+def _radius(space: "Space", u: Array) -> Array:
+    """Return the mean distance of sections' outlines from their centres at rest, ``(len(u),)``."""
+    angle = 2.0 * np.pi * np.arange(16) / 16.0
+    outline, _ = space.rod.grid(np.stack([np.cos(angle), np.sin(angle)], axis=1), u)
+    return np.asarray(np.linalg.norm(outline - outline.mean(axis=1, keepdims=True), axis=2).mean(axis=1))
 
 
 def limits(model: "Model") -> list[float]:

@@ -220,7 +220,7 @@ def solve(
         added, a checkpoint cannot be used, or an option is refused.
     SolveError
         If the motion blows up: the message names step, time, element, and the critical time step; or an implicit step
-        does not converge.
+        does not converge; or bodies in contact would go through each other.
     """
     expect("model", model, Model)
     start = perf_counter()

@@ -165,14 +165,15 @@ def solve(
 
     Each load step starts with a predictor, linear from the last equilibrium or, once there are two, the cubic through
     both with their tangents, then SNES (`isorod.statics.convergence` says when it has converged).  A step in which SNES
-    diverges, an element inverts (``det F <= 0``) or loses most of its volume is halved and tried again; after quick
-    steps the step doubles.  In the end multipliers of contact are added, and points of it, as far as these are wanted
-    (`isorod.statics.multipliers`).
+    diverges, an element inverts (``det F <= 0``) or loses most of its volume, or bodies in contact go through each
+    other, is halved and tried again; after quick steps the step doubles.  In the end multipliers of contact are added,
+    and points of it, as far as these are wanted (`isorod.statics.multipliers`).
 
     Parameters
     ----------
     model
-        Bodies and supports; the supports must leave no rigid motion free.
+        Bodies and supports; a rigid motion that these leave free must be held by contact in the end
+        (`isorod.statics.stabilisation`).
     load_steps
         Number of equal steps to start with.
     petsc
@@ -184,7 +185,7 @@ def solve(
         If it is not a model, or the number of steps none, or an option is refused.
     SolveError
         If a rigid motion is free, or a step was halved ten times in vain: the message names element, axis position and
-        ``det F``; or penetration does not fall to what the contact asks for.
+        ``det F``, or the bodies; or penetration does not fall to what the contact asks for.
     """
     expect("model", model, Model)
     load_steps = whole_number("load steps", load_steps, 1, 1_000_000)

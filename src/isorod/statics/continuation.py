@@ -14,7 +14,7 @@ from petsc4py import PETSc
 
 from isorod.arrays import Array, Index
 from isorod.assembly.assembler import Assembler
-from isorod.checks import rigid_motions
+from isorod.checks import overlap, rigid_motions
 from isorod.errors import InputError, SolveError
 from isorod.model.model import Model
 from isorod.options import defaults
@@ -158,6 +158,7 @@ def follow(
             break
         step = min(longest, step * float(np.clip(WANTED / max(count, 1), 0.5, 2.0)))
     factors, displacements, negative = zip(*rows, strict=True)
+    overlap.warn_in_the_end(model, displacements[-1], 0.0)
     return Path(model, np.array(factors), np.array(displacements), np.array(negative), path.corrections, cuts)
 
 

@@ -38,7 +38,8 @@ class Stabilisation:
     Attributes
     ----------
     left
-        Bound of the resultant of these forces in the last state, relative to those that supports and loads carry.
+        Bound of the resultant that these forces balance in the last state, with what Newton's iterations leave,
+        relative to the forces that supports and loads carry.
     rounds
         Solutions at the full load in which they were let vanish.
     """
@@ -64,10 +65,10 @@ class Stabilisation:
         self._forces.waxpy(-1.0, self._start, x)
         self._forces.pointwiseMult(self._forces, self._stiffness)
         self._forces.scale(self._share)
-        out.axpy(1.0, self._forces)
         # No sum over n entries is larger than sqrt(n) times their norm.
-        size = np.sqrt(self._model.unknowns) * self._forces.norm()
+        size = np.sqrt(self._model.unknowns) * out.norm()
         self.left = size / carried if carried > 0.0 else float(size > 0.0)
+        out.axpy(1.0, self._forces)
 
     def add_stiffness(self, out: PETSc.Mat) -> None:
         """Add its derivative to the tangent."""
@@ -101,6 +102,9 @@ class Stabilisation:
                 # Where it flew too far in one solution, steps are made shorter.
                 self._share = _MORE * share
                 self.left = np.inf
+            elif not self._forces.norm() > 0.0:
+                # It stays where it is: what is left is rounding.
+                return
             elif np.abs(self._displacement(x)).max() > _AWAY * self._model.size:
                 raise SolveError(self._why(x))
 
