@@ -141,6 +141,31 @@ def test_history_survives_where_feet_cross_elements_and_rods():
     np.testing.assert_allclose(two[-1][last], whole[-1][last], atol=1e-6 * np.abs(whole).max())
 
 
+@pytest.mark.parametrize("friction", [10.0, 0.3, 0.01])
+def test_other_points_go_on_from_where_these_were(friction):
+    """Four times as many points hang as fewer did before: nearly as if they had been there all the way."""
+    model = pair()
+    model = rubbing(replace(model, contacts=model.contacts[:1]), friction)
+    way, second = np.zeros((model.dofs // 3, 3)), model.first_node[1]
+    way[second:] = model.is_carrier[second:, None] * np.array([0.0, 2e-3, 3e-3])
+    start = shaken(model, 1e-3)
+    coarse, fine = (
+        ContactOperator(replace(model, contacts=[replace(model.contacts[0], points=points)]))
+        for points in ((8, 8), (16, 16))
+    )
+    for k in range(3):
+        coarse.accept(start + k * way.ravel())
+        fine.accept(start + k * way.ravel())
+    coarse.packed = pack(fine._model)
+    coarse.friction.take(coarse.packed)
+    (found,), (wanted,) = (one.results(start + 3.0 * way.ravel()) for one in (coarse, fine))
+    print(found.friction, wanted.friction, found.sticking, found.slipping, wanted.sticking, wanted.slipping)
+    size = np.linalg.norm(wanted.friction)
+    assert size > 1e-3 * wanted.force
+    # Points about the patch's edge may have nobody near who hung.
+    np.testing.assert_allclose(found.friction, wanted.friction, atol=0.05 * size)
+
+
 def block(pull, friction=0.3, penalty=3e4, overlap=0.02, height=2.0, **options):
     """Return the outcome for a rod that lies pressed on a rough plane and is pulled along it by its back."""
     space = Space.paper(
