@@ -2,13 +2,16 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from isorod.arrays import Array, Index
 from isorod.contact.blocks import Blocks
-from isorod.contact.friction_kernel import NO_ANCHOR, Friction, add_friction, catch
+from isorod.contact.force_kernel import add_forces
+from isorod.contact.friction_kernel import NO_ANCHOR, Friction, add_friction, catch, hang
 from isorod.contact.friction_tangent_kernel import HANGING, add_friction_blocks, anchor_nodes, find_hangings
 from isorod.contact.packed import FUNCTIONS, START, Packed, Row, Table
 from isorod.contact.result import ContactResult, slave_points
@@ -58,6 +61,23 @@ class FrictionOperator:
         nodes, others = np.empty(NODES, dtype=np.int64), np.empty(3 * FUNCTIONS, dtype=np.int64)
         patch = np.array([tuple(hanging)[:-2]], PATCH)[0]
         return nodes[: patch_nodes(self._packed, patch, nodes)], others[: anchor_nodes(self._packed, hanging, others)]
+
+    def take(self, packed: Packed) -> None:
+        """Let other points of the same sides go on: at the start of the step they hang as the nearest of those did."""
+        old, history = self._packed, self.history
+        self._packed, self._friction = packed, pack(self._model, packed)
+        if self.before is not None:
+            for one in (old, packed):
+                one.forget()
+                add_forces(one, self.before, np.zeros_like(self.before))
+            tractions = np.where(history["element"][:, None] >= 0, history["traction"], np.nan)
+            first = [np.append(one.passes["first_point"], one.areas.size) for one in (old, packed)]
+            found = [
+                tractions[a:b][cKDTree(old.points[a:b]).query(packed.points[c:d])[1]]
+                for (a, b), (c, d) in zip(*(pairwise(ends) for ends in first), strict=True)
+            ]
+            hang(packed, self._friction, self.before, np.concatenate(found))
+        self.history = self._friction.anchors.copy()
 
     def add_forces(self, positions: Array, forces: Array) -> float:
         """Add the forces after those of the pressure at the same positions, and return the energy."""

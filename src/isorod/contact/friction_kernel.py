@@ -185,6 +185,34 @@ def catch(packed: Packed, friction: Friction, before: Array) -> None:
             _put(packed, one, point, x, before, friction.start, foot, anchor)
 
 
+@njit(void(PACKED, FRICTION, F2, F2), **FAST)
+def hang(packed: Packed, friction: Friction, positions: Array, tractions: Array) -> None:
+    """Put the anchors of pressed points so that they have given tractions along their masters.
+
+    Parameters
+    ----------
+    packed, positions
+        As the last forces left it, and at which.
+    friction
+        Its anchors are changed.
+    tractions
+        Of the points, ``(Q, 3)``; NaN where there is to be no anchor.
+    """
+    foot, there, x = new_foot(), new_foot(), np.empty(3)
+    for k in range(packed.passes.size):
+        one = packed.passes[k]
+        for point in range(one.first_point, end_of(one, packed.surfaces[one.slave])):
+            if not (packed.states[point].pressure > 0.0 and np.isfinite(tractions[point, 0])):
+                continue
+            foot_of(packed, one, point, positions, foot)
+            along = dot(tractions[point], foot.normal)
+            anchor = friction.anchors[point]
+            for a in range(3):
+                anchor.traction[a] = tractions[point, a] - along * foot.normal[a]
+                x[a] = foot.y[0, a] + anchor.traction[a] / one.penalty
+            _put(packed, one, point, x, positions, friction.start, there, anchor)
+
+
 @njit(SPENT(PACKED, FRICTION, F2, b1, F2), **FAST)
 def add_friction(packed: Packed, friction: Friction, positions: Array, keep: bool, forces: Array) -> Spent:
     """Add the forces of friction to the nodes.
