@@ -104,7 +104,7 @@ def test_hertz_by_default(n):
 
 @pytest.mark.parametrize("E_", [1e-3, 1e5])
 def test_stiff_and_soft_are_the_same_problem(E_):
-    soft, hard = quiet(strip(48)), quiet(strip(48, LinearElastic(E_, NU)))
+    soft, hard = quiet(strip(64)), quiet(strip(64, LinearElastic(E_, NU)))
     assert hard.contacts[0].force == pytest.approx(E_ * soft.contacts[0].force, rel=1e-6)
     assert hard.newton_iterations == soft.newton_iterations
 
@@ -120,25 +120,25 @@ def test_multipliers_in_cells_do_not_sharpen_the_pressure_with_each_update():
 
 def test_points_grow_until_the_patch_is_seen():
     """Three points an arc and four an element saw two or three points of this patch."""
-    few = quiet(crossing(points=(3, 4))).contacts[0]
-    best = quiet(crossing(points=(32, 48))).contacts[0]
-    (own,) = quiet(crossing()).contacts
+    few, best, own = (
+        quiet(crossing(penalty=2e3, **points)).contacts[0] for points in ({"points": (3, 4)}, {"points": (16, 24)}, {})
+    )
     print(few.force, own.force, best.force, few.active, own.active, own.points_across, own.force_error)
-    assert few.points_across < 4.0
-    assert own.points_across >= quality.FEWEST - 1.0
+    assert few.points_across < quality.POINTS
+    assert own.points_across >= quality.FEWEST
     assert own.force == pytest.approx(best.force, rel=0.01)
-    assert own.force_error is None or own.force_error < 0.05
+    assert own.force_error < 0.02
 
 
 def test_a_patch_that_control_points_do_not_see_is_warned_of():
     """Crossed cylinders on eight control points: the silent factor of 1.8."""
-    with pytest.warns(UserWarning, match=r"contact 0: the patch on body [01] at u = 2 is 0\.\d+ control points wide"):
+    with pytest.warns(UserWarning, match=r"contact 0: the patch on body [01] at u = \S+ is 0\.\d+ control points wide"):
         solution = statics.solve(crossing())
     (result,) = solution.contacts
     assert result.cells_across < quality.CELLS
     assert result.peak_error > 0.2
     with pytest.warns(UserWarning, match=r"points see the patch .* raise points"):
-        statics.solve(strip(96, points=(1, 1), radial="4x1x1"))
+        statics.solve(strip(64, points=(1, 1)))
 
 
 def test_what_is_seen_well_is_not_warned_of():
@@ -199,7 +199,7 @@ def test_cells_hold_means_and_points_are_where_they_say():
 
 def test_pressure_of_contact_is_in_the_vtk_file(tmp_path):
     pyvista = pytest.importorskip("pyvista")
-    solution = quiet(crossing())
+    solution = quiet(crossing(penalty=2e3))
     (result,) = solution.contacts
     fields = solution.fields(1)
     vtk.write(solution.model.bodies[1], fields, tmp_path / "high.vtu")
@@ -211,11 +211,11 @@ def test_pressure_of_contact_is_in_the_vtk_file(tmp_path):
     low = mesh.points[np.argmax(pressure)]
     assert np.hypot(low[0], low[2]) < 0.5
     assert low[1] == pytest.approx(1.0, abs=0.05)
-    surface = mesh.extract_surface().compute_cell_sizes()
-    areas = surface.cell_data["Area"]
-    mean = surface.point_data_to_cell_data().cell_data["contact_pressure"]
-    half = result.areas[own] @ result.pressure[own]
-    assert areas @ mean == pytest.approx(2.0 * half, rel=0.1)
-    # A body that nothing touches has none.
-    alone = replace(solution.model, contacts=[])
-    assert "contact_pressure" not in quiet(alone).fields(0)
+    # Elements have end faces of their own; the lateral one is where all corners of a cell are on the outline.
+    surface = mesh.extract_surface(algorithm="dataset_surface").compute_cell_sizes()
+    surface.point_data["outer"] = np.hypot(surface.points[:, 1] - 2.0, surface.points[:, 2]) > 0.999
+    mean = surface.point_data_to_cell_data().cell_data
+    lateral = mean["outer"] == 1.0
+    whole = surface.cell_data["Area"][lateral] @ mean["contact_pressure"][lateral]
+    assert whole == pytest.approx(2.0 * result.areas[own] @ result.pressure[own], rel=0.03)
+    assert "contact_pressure" not in statics.solve(replace(solution.model, contacts=[])).fields(0)

@@ -95,9 +95,9 @@ class ContactResult:
         if self.cells_across < quality.CELLS:
             return (
                 f"the patch on {where} is {self.cells_across:.2g} control points wide: the peak pressure is known to "
-                f"about {100.0 * (self.peak_error or 0.0):.0f} %, and what its flattening gives way is not seen; take "
-                f"{np.ceil(1.2 * quality.CELLS / self.cells_across):.0f} times as many section points, or elements as "
-                "much shorter there, whichever are farther apart"
+                f"about {100.0 * (self.peak_error or 0.0):.0f} %, and it gives way too little; take "
+                f"{min(4.0, np.ceil(1.2 * quality.CELLS / self.cells_across)):.0f} times as many section points, or "
+                "elements as much shorter there, whichever are farther apart"
             )
         if self.points_across < quality.POINTS:
             return (
