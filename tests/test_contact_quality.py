@@ -2,12 +2,14 @@
 
 import warnings
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from conftest import straight
 
 from isorod import statics
+from isorod.command import printing
 from isorod.contact import cells, quality
 from isorod.contact.operator import ContactOperator
 from isorod.contact.tables import penalty
@@ -160,6 +162,17 @@ def test_results_of_a_contact_are_in_the_record():
     pressed = solution.reactions[2:].sum(axis=0)
     np.testing.assert_allclose(result.resultant, pressed, atol=1e-6 * np.abs(pressed).max())
     assert result.force >= np.linalg.norm(result.resultant)
+
+
+def test_contact_is_one_line_of_the_summary():
+    solution = quiet(strip(64))
+    scene = SimpleNamespace(units={}, content={}, title="strip")
+    said = printing.summary({**solution.record(), "scene": "strip", "analysis": "statics"}, scene)
+    (line,) = [line for line in said.splitlines() if line.startswith("contact")]
+    (result,) = solution.contacts
+    assert f"peak {result.peak:.3g} (" in line
+    assert line.endswith("6 points wide")
+    assert len(line) <= 80
 
 
 def test_resultant_on_a_cylinder_is_what_the_ends_give():
