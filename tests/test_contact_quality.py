@@ -12,7 +12,7 @@ from isorod import statics
 from isorod.command import printing
 from isorod.contact import cells, quality
 from isorod.contact.operator import ContactOperator
-from isorod.contact.tables import penalty
+from isorod.contact.tables import pack, penalty
 from isorod.geometry.rod import Rod
 from isorod.material import LinearElastic, NeoHookean
 from isorod.material.law import Material
@@ -101,7 +101,7 @@ def test_hertz_by_default(n):
     assert result.relative_penetration < 1e-3
     assert 1 <= solution.augmentations <= 3
     assert result.force_error < 0.05
-    assert result.peak_error > 0.5 * abs(peak)
+    assert result.peak_error > 0.4 * abs(peak)
 
 
 @pytest.mark.parametrize("E_", [1e-3, 1e5])
@@ -196,12 +196,20 @@ def test_runs_of_points():
 def test_cells_hold_means_and_points_are_where_they_say():
     model = crossing(points=(4, 5))
     operator = ContactOperator(model)
-    values = np.random.default_rng(1).random(operator.packed.areas.size)
-    means = cells.means(model, operator.packed, values)
-    again = cells.spread(operator.packed, means)
-    assert operator.packed.areas @ again == pytest.approx(operator.packed.areas @ values, rel=1e-12)
-    for one, other in zip(means, cells.means(model, operator.packed, again), strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-12)
+    packed = operator.packed
+    values = np.maximum(0.0, np.random.default_rng(1).standard_normal(packed.areas.size))
+    means = cells.means(model, packed, values)
+    assert packed.areas @ means == pytest.approx(packed.areas @ values, rel=1e-12)
+    np.testing.assert_array_equal(means > 0.0, values > 0.0)
+    np.testing.assert_allclose(cells.means(model, packed, means), means, rtol=1e-12)
+    # Along the axis there are as many cells as functions: of smooth axes one an element.
+    rod = straight(8, degree=1)
+    assert [cells.functions(Space(rod, 4, 3, continuity)) for continuity in (0, 1, 2)] == [3, 2, 1]
+    parts = cells.functions(model.bodies[0].space)
+    first, mean = (next(cells.grids(packed, one)) for one in (values, means))
+    assert np.unique(mean[1, :, 2][first[1, :, 2] > 0.0].round(12)).size == parts
+    finer = pack(model, [(8, 10)] * 2)
+    np.testing.assert_array_equal(np.unique(cells.moved(packed, means, finer)), np.unique(means))
     (result,) = operator.results(np.zeros(model.dofs))
     for body in (0, 1):
         rod, own = model.bodies[body].space.rod, result.body == body

@@ -144,7 +144,7 @@ def measure(
     sides = [body for contact in model.contacts for body, _ in contact.sides]
     bodies = np.repeat(sides, np.diff([*packed.passes["first_point"], packed.areas.size]))
     parameters = cells.parameters(model, packed)
-    largest = [float(cell.max(initial=0.0)) for cell in cells.means(model, packed, pressures)]
+    means = cells.means(model, packed, pressures)
     active = np.flatnonzero(pressures > 0.0)
     pushes = np.empty((active.size, 3))
     normals(packed, positions, active, pushes)
@@ -158,7 +158,7 @@ def measure(
         depth = float(max(0.0, -gap[touching].min(initial=0.0)))
         force, peak = float(areas @ pressure), float(pressure.max(initial=0.0))
         points, wide = quality.across(packed, cells.spaces(model), passes)
-        changes = (1.0 - max(largest[k] for k in passes) / peak) if peak else 0.0
+        changes = (1.0 - float(means[chosen].max()) / peak) if peak else 0.0
         results.append(
             ContactResult(
                 force=force,
