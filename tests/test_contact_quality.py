@@ -2,15 +2,17 @@
 
 import warnings
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from conftest import straight
 
 from isorod import statics
+from isorod.command import printing
 from isorod.contact import cells, quality
 from isorod.contact.operator import ContactOperator
-from isorod.contact.tables import penalty
+from isorod.contact.tables import pack, penalty
 from isorod.geometry.rod import Rod
 from isorod.material import LinearElastic, NeoHookean
 from isorod.material.law import Material
@@ -99,12 +101,12 @@ def test_hertz_by_default(n):
     assert result.relative_penetration < 1e-3
     assert 1 <= solution.augmentations <= 3
     assert result.force_error < 0.05
-    assert result.peak_error > 0.5 * abs(peak)
+    assert result.peak_error > 0.4 * abs(peak)
 
 
 @pytest.mark.parametrize("E_", [1e-3, 1e5])
 def test_stiff_and_soft_are_the_same_problem(E_):
-    soft, hard = quiet(strip(48)), quiet(strip(48, LinearElastic(E_, NU)))
+    soft, hard = quiet(strip(64)), quiet(strip(64, LinearElastic(E_, NU)))
     assert hard.contacts[0].force == pytest.approx(E_ * soft.contacts[0].force, rel=1e-6)
     assert hard.newton_iterations == soft.newton_iterations
 
@@ -120,25 +122,25 @@ def test_multipliers_in_cells_do_not_sharpen_the_pressure_with_each_update():
 
 def test_points_grow_until_the_patch_is_seen():
     """Three points an arc and four an element saw two or three points of this patch."""
-    few = quiet(crossing(points=(3, 4))).contacts[0]
-    best = quiet(crossing(points=(32, 48))).contacts[0]
-    (own,) = quiet(crossing()).contacts
+    few, best, own = (
+        quiet(crossing(penalty=2e3, **points)).contacts[0] for points in ({"points": (3, 4)}, {"points": (16, 24)}, {})
+    )
     print(few.force, own.force, best.force, few.active, own.active, own.points_across, own.force_error)
-    assert few.points_across < 4.0
-    assert own.points_across >= quality.FEWEST - 1.0
+    assert few.points_across < quality.POINTS
+    assert own.points_across >= quality.FEWEST
     assert own.force == pytest.approx(best.force, rel=0.01)
-    assert own.force_error is None or own.force_error < 0.05
+    assert own.force_error < 0.02
 
 
 def test_a_patch_that_control_points_do_not_see_is_warned_of():
     """Crossed cylinders on eight control points: the silent factor of 1.8."""
-    with pytest.warns(UserWarning, match=r"contact 0: the patch on body [01] at u = 2 is 0\.\d+ control points wide"):
+    with pytest.warns(UserWarning, match=r"contact 0: the patch on body [01] at u = \S+ is 0\.\d+ control points wide"):
         solution = statics.solve(crossing())
     (result,) = solution.contacts
     assert result.cells_across < quality.CELLS
     assert result.peak_error > 0.2
     with pytest.warns(UserWarning, match=r"points see the patch .* raise points"):
-        statics.solve(strip(96, points=(1, 1), radial="4x1x1"))
+        statics.solve(strip(64, points=(1, 1)))
 
 
 def test_what_is_seen_well_is_not_warned_of():
@@ -162,6 +164,17 @@ def test_results_of_a_contact_are_in_the_record():
     assert result.force >= np.linalg.norm(result.resultant)
 
 
+def test_contact_is_one_line_of_the_summary():
+    solution = quiet(strip(64))
+    scene = SimpleNamespace(units={}, content={}, title="strip")
+    said = printing.summary({**solution.record(), "scene": "strip", "analysis": "statics"}, scene)
+    (line,) = [line for line in said.splitlines() if line.startswith("contact")]
+    (result,) = solution.contacts
+    assert f"peak {result.peak:.3g} (" in line
+    assert line.endswith("6 points wide")
+    assert len(line) <= 80
+
+
 def test_resultant_on_a_cylinder_is_what_the_ends_give():
     rod = straight(8, breaks=tuple(np.linspace(0.0, 6.0, 7)), radius=0.5, height=12.0)
     space = Space.paper(Rod(rod.axis, rod.control_points - [0.0, 0.0, 6.0]), order=2, quadrature="auto", degree=3)
@@ -183,12 +196,20 @@ def test_runs_of_points():
 def test_cells_hold_means_and_points_are_where_they_say():
     model = crossing(points=(4, 5))
     operator = ContactOperator(model)
-    values = np.random.default_rng(1).random(operator.packed.areas.size)
-    means = cells.means(model, operator.packed, values)
-    again = cells.spread(operator.packed, means)
-    assert operator.packed.areas @ again == pytest.approx(operator.packed.areas @ values, rel=1e-12)
-    for one, other in zip(means, cells.means(model, operator.packed, again), strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-12)
+    packed = operator.packed
+    values = np.maximum(0.0, np.random.default_rng(1).standard_normal(packed.areas.size))
+    means = cells.means(model, packed, values)
+    assert packed.areas @ means == pytest.approx(packed.areas @ values, rel=1e-12)
+    np.testing.assert_array_equal(means > 0.0, values > 0.0)
+    np.testing.assert_allclose(cells.means(model, packed, means), means, rtol=1e-12)
+    # Along the axis there are as many cells as functions: of smooth axes one an element.
+    rod = straight(8, degree=1)
+    assert [cells.functions(Space(rod, 4, 3, continuity)) for continuity in (0, 1, 2)] == [3, 2, 1]
+    parts = cells.functions(model.bodies[0].space)
+    first, mean = (next(cells.grids(packed, one)) for one in (values, means))
+    assert np.unique(mean[1, :, 2][first[1, :, 2] > 0.0].round(12)).size == parts
+    finer = pack(model, [(8, 10)] * 2)
+    np.testing.assert_array_equal(np.unique(cells.moved(packed, means, finer)), np.unique(means))
     (result,) = operator.results(np.zeros(model.dofs))
     for body in (0, 1):
         rod, own = model.bodies[body].space.rod, result.body == body
@@ -199,7 +220,7 @@ def test_cells_hold_means_and_points_are_where_they_say():
 
 def test_pressure_of_contact_is_in_the_vtk_file(tmp_path):
     pyvista = pytest.importorskip("pyvista")
-    solution = quiet(crossing())
+    solution = quiet(crossing(penalty=2e3))
     (result,) = solution.contacts
     fields = solution.fields(1)
     vtk.write(solution.model.bodies[1], fields, tmp_path / "high.vtu")
@@ -211,11 +232,11 @@ def test_pressure_of_contact_is_in_the_vtk_file(tmp_path):
     low = mesh.points[np.argmax(pressure)]
     assert np.hypot(low[0], low[2]) < 0.5
     assert low[1] == pytest.approx(1.0, abs=0.05)
-    surface = mesh.extract_surface().compute_cell_sizes()
-    areas = surface.cell_data["Area"]
-    mean = surface.point_data_to_cell_data().cell_data["contact_pressure"]
-    half = result.areas[own] @ result.pressure[own]
-    assert areas @ mean == pytest.approx(2.0 * half, rel=0.1)
-    # A body that nothing touches has none.
-    alone = replace(solution.model, contacts=[])
-    assert "contact_pressure" not in quiet(alone).fields(0)
+    # Elements have end faces of their own; the lateral one is where all corners of a cell are on the outline.
+    surface = mesh.extract_surface(algorithm="dataset_surface").compute_cell_sizes()
+    surface.point_data["outer"] = np.hypot(surface.points[:, 1] - 2.0, surface.points[:, 2]) > 0.999
+    mean = surface.point_data_to_cell_data().cell_data
+    lateral = mean["outer"] == 1.0
+    whole = surface.cell_data["Area"][lateral] @ mean["contact_pressure"][lateral]
+    assert whole == pytest.approx(2.0 * result.areas[own] @ result.pressure[own], rel=0.03)
+    assert "contact_pressure" not in statics.solve(replace(solution.model, contacts=[])).fields(0)

@@ -15,8 +15,8 @@ from isorod.output.words import duration
 
 _WIDTH, _INDENT = 80, 20
 
-# Numbers of a list that are shown.
-_MOST = 12
+# Numbers of a list that are shown, and contacts.
+_MOST, _FEW = 12, 3
 
 
 @contextmanager
@@ -78,8 +78,11 @@ def _answer(record: Mapping[str, Any], units: Mapping[str, str]) -> Iterator[tup
         if moving and value.ndim == 1 and value.max() > value[-1]:
             text += f" in the end, largest {value.max():.6g}"
         yield name.replace("_", " "), f"{text} {unit}".rstrip()
-    for k, one in enumerate(record.get("contacts", ())):
-        yield f"contact {k}" if len(record["contacts"]) > 1 else "contact", "; ".join(_contact(one))
+    touching = [one for one in record.get("contacts", ()) if one["active"]]
+    for one in touching[:_FEW]:
+        yield "contact", _contact(one)
+    if touching[_FEW:]:
+        yield "contacts", f"{len(touching) - _FEW} more"
     if "error_estimate" in record and not record.get("changes"):
         yield "error", f"about {record['error_estimate']:.1g}, relative, as estimated by a step on a finer space"
     elif "error_estimate" in record:
@@ -87,15 +90,12 @@ def _answer(record: Mapping[str, Any], units: Mapping[str, str]) -> Iterator[tup
         yield "error", f"{record['error_estimate']:.2g}, relative, as estimated from finer spaces ({changes})"
 
 
-def _contact(one: Mapping[str, Any]) -> Iterator[str]:
-    """Yield what a contact comes to, and how well its patch is seen."""
-    yield f"force {one['force']:.6g}"
-    if not one["active"]:
-        return
-    yield f"area {one['area']:.4g}"
-    yield f"peak pressure {one['peak']:.4g}, known to about {100.0 * one['peak_error']:.0f} %"
-    yield f"penetration {one['relative_penetration']:.1g} of the radius"
-    yield f"patch {one['points_across']:.3g} points and {one['cells_across']:.2g} control points wide"
+def _contact(one: Mapping[str, Any]) -> str:
+    """Return how a contact presses, and how well its patch is seen."""
+    return (
+        f"peak {one['peak']:.3g} ({100.0 * one['peak_error']:.0f} %), depth {one['relative_penetration']:.0e} of the "
+        f"radius, {one['points_across']:.2g} points wide"
+    )
 
 
 def _effort(record: Mapping[str, Any]) -> Iterator[tuple[str, str]]:

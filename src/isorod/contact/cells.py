@@ -5,12 +5,12 @@ arc by the part of an element that one function along the axis has to itself: wh
 follow, and pressures that do make it no flatter.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from isorod.arrays import Array, Index
+from isorod.arrays import Array
 from isorod.contact.packed import Packed
 
 if TYPE_CHECKING:
@@ -28,8 +28,9 @@ def grids(packed: Packed, values: Array) -> Iterator[Array]:
 
 
 def functions(space: "Space") -> int:
-    """Return how many functions along the axis an element adds."""
-    return max(1, round((space.axis.count - 1) / space.axis.elements))
+    """Return how many functions along the axis an element has to itself: as many as its knots stand there times."""
+    inner = space.axis.multiplicities[1:-1]
+    return round(float(inner.mean())) if inner.size else space.axis.degree
 
 
 def spaces(model: "Model") -> list["Space"]:
@@ -37,22 +38,30 @@ def spaces(model: "Model") -> list["Space"]:
     return [model.bodies[body].space for contact in model.contacts for body, _ in contact.sides]
 
 
-def means(model: "Model", packed: Packed, values: Array) -> list[Array]:
-    """Return the means of what points have over the cells of each pass, ``(elements, parts, arcs)``."""
-    found = []
-    for space, value, area in zip(spaces(model), grids(packed, values), grids(packed, packed.areas), strict=True):
-        starts = _starts(value.shape[1], functions(space))
-        weights = np.add.reduceat(area.sum(axis=3), starts, axis=1)
-        found.append(np.add.reduceat((value * area).sum(axis=3), starts, axis=1) / weights)
+def means(model: "Model", packed: Packed, pressures: Array) -> Array:
+    """Return, at points under pressure, its mean over those of the cell; zero at others, ``(Q,)``."""
+    found = np.zeros(packed.areas.size)
+    grid = (grids(packed, one) for one in (pressures, packed.areas * (pressures > 0.0), found))
+    for space, pressure, area, mean in zip(spaces(model), *grid, strict=True):
+        along = pressure.shape[1]
+        parts = min(functions(space), along)
+        part = np.arange(along) * parts // along
+        starts = np.searchsorted(part, np.arange(parts))
+        loads, areas = (
+            np.add.reduceat(one.sum(axis=3), starts, axis=1)[:, part, :, None] for one in (pressure * area, area)
+        )
+        mean[:] = np.where(pressure > 0.0, loads / np.where(areas > 0.0, areas, 1.0), 0.0)
     return found
 
 
-def spread(packed: Packed, cells: Sequence[Array]) -> Array:
-    """Return what points have where all in a cell have the same, ``(Q,)``."""
-    found = np.zeros(packed.areas.size)
-    for cell, value in zip(cells, grids(packed, found), strict=True):
-        along, parts = value.shape[1], cell.shape[1]
-        value[:] = cell[:, np.arange(along) * parts // along, :, None]
+def moved(old: Packed, values: Array, new: Packed) -> Array:
+    """Return what points of other rules have that lie where these do, ``(Q,)``."""
+    found = np.zeros(new.areas.size)
+    for value, other in zip(grids(old, values), grids(new, found), strict=True):
+        _, along, _, across = other.shape
+        rows = np.arange(along) * value.shape[1] // along
+        columns = np.arange(across) * value.shape[3] // across
+        other[:] = value[:, rows][..., columns]
     return found
 
 
@@ -70,8 +79,3 @@ def parameters(model: "Model", packed: Packed) -> Array:
         u[k][:] = (middles[:, None] + halves[:, None] * t)[:, :, None, None]
         angle[k][:] = space.turn + np.pi / n * (2.0 * np.arange(n)[:, None] + x)
     return found
-
-
-def _starts(along: int, parts: int) -> Index:
-    """Return the first of the points along an element that are in each of its parts."""
-    return np.unique(np.arange(along) * min(parts, along) // along, return_index=True)[1]

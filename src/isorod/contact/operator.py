@@ -146,12 +146,8 @@ class ContactOperator:
 
     def _otherwise(self, displacement: Array) -> list[tuple[float, float] | None]:
         """Return force and largest pressure of each contact as half as many points again see them, if they can."""
-        multipliers = cells.means(self._model, self.packed, self.packed.multipliers)
-        if not np.allclose(cells.spread(self.packed, multipliers), self.packed.multipliers, 1e-9):
-            # Other points have no multipliers.
-            return [None] * len(self._model.contacts)
         finer = [tuple(min(MAX_POINTS, count + (count + 1) // 2) for count in pair) for pair in self.points]
-        packed = self._packed([(pair[0], pair[1]) for pair in finer], multipliers)
+        packed = self._packed([(pair[0], pair[1]) for pair in finer])
         positions = self._positions(displacement)
         add_forces(packed, positions, np.zeros_like(positions))
         found: list[tuple[float, float] | None] = []
@@ -161,11 +157,11 @@ class ContactOperator:
             found.append(None if same else (float(packed.areas[chosen] @ pressure), float(pressure.max(initial=0.0))))
         return found
 
-    def _packed(self, points: list[tuple[int, int]], multipliers: list[Array]) -> Packed:
-        """Return tables with other points, with multipliers of cells, and the penalties of now."""
+    def _packed(self, points: list[tuple[int, int]]) -> Packed:
+        """Return tables with other points, with the multipliers and penalties of now."""
         packed = pack(self._model, points)
         packed.passes["penalty"] = self.packed.passes["penalty"]
-        packed.multipliers[:] = cells.spread(packed, multipliers)
+        packed.multipliers[:] = cells.moved(self.packed, self.packed.multipliers, packed)
         return packed
 
     def space_evenly(self) -> None:
@@ -189,8 +185,7 @@ class ContactOperator:
                     points[k] = pair
         if points == self.points:
             return False
-        multipliers = cells.means(self._model, self.packed, self.packed.multipliers)
-        self.packed, self.points = self._packed(points, multipliers), points
+        self.packed, self.points = self._packed(points), points
         return True
 
     def excess(self, displacement: Array) -> list[tuple[float, str]]:
@@ -208,7 +203,7 @@ class ContactOperator:
         self.forces(displacement)
         pressure = self.packed.states["pressure"]
         if in_cells:
-            pressure = cells.spread(self.packed, cells.means(self._model, self.packed, pressure))
+            pressure = cells.means(self._model, self.packed, pressure)
         for contact, points in slave_points(self._model, self.packed):
             if np.isfinite(self._limit(contact)):
                 self.packed.multipliers[points] = pressure[points]

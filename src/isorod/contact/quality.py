@@ -19,12 +19,13 @@ from isorod.model.contact import MAX_POINTS
 if TYPE_CHECKING:
     from isorod.space.space import Space
 
-# Points across the patch below which more are taken, as many as are then looked for, and those of a contact at most.
-FEWEST, WANTED, MOST = 6, 9, 1_000_000
+# Points across the patch below which more are taken, as many as are then looked for, and those of an element at most:
+# each search begins at all points of an element.
+FEWEST, WANTED, MOST = 6, 9, 6_000
 
 # Points, and cells, across the patch below which a result is warned of, and the share by which its force may change
-# with other points.  Measured: see `isorod.contact.tables` and docs/comparisons.
-POINTS, CELLS, CHANGE = 4.0, 2.0, 0.05
+# with other points.  Of a cylinder pressed on a plane the largest pressure errs by 20 % with 1.3 cells, by 8 % with 2.
+POINTS, CELLS, CHANGE = 3.9, 1.9, 0.05
 
 _LITTLE = 0.1
 
@@ -109,7 +110,8 @@ def more(packed: Packed, chosen: Sequence[int], points: Sequence[tuple[int, int]
             min(MAX_POINTS, int(np.ceil(count * WANTED / width))) if width < FEWEST else count
             for count, width in zip(old, seen, strict=True)
         ]
-        surface = packed.surfaces[k]
-        if tuple(new) != tuple(old) and surface["elements"] * surface["around"] * new[0] * new[1] <= MOST:
-            changed[k] = new[0], new[1]
+        room = np.sqrt(MOST / (packed.surfaces[k]["around"] * new[0] * new[1]))
+        across, along = (max(was, int(count * min(1.0, room))) for was, count in zip(old, new, strict=True))
+        if (across, along) != tuple(old):
+            changed[k] = across, along
     return changed

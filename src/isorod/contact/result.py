@@ -102,9 +102,9 @@ class ContactResult:
         if self.cells_across < quality.CELLS:
             return (
                 f"the patch on {where} is {self.cells_across:.2g} control points wide: the peak pressure is known to "
-                f"about {100.0 * (self.peak_error or 0.0):.0f} %, and what its flattening gives way is not seen; take "
-                f"{np.ceil(1.2 * quality.CELLS / self.cells_across):.0f} times as many section points, or elements as "
-                "much shorter there, whichever are farther apart"
+                f"about {100.0 * (self.peak_error or 0.0):.0f} %, and it gives way too little; take "
+                f"{min(4.0, np.ceil(1.2 * quality.CELLS / self.cells_across)):.0f} times as many section points, or "
+                "elements as much shorter there, whichever are farther apart"
             )
         if self.points_across < quality.POINTS:
             return (
@@ -151,7 +151,7 @@ def measure(
     sides = [body for contact in model.contacts for body, _ in contact.sides]
     bodies = np.repeat(sides, np.diff([*packed.passes["first_point"], packed.areas.size]))
     parameters = cells.parameters(model, packed)
-    largest = [float(cell.max(initial=0.0)) for cell in cells.means(model, packed, pressures)]
+    means = cells.means(model, packed, pressures)
     active = np.flatnonzero(pressures > 0.0)
     pushes = np.empty((active.size, 3))
     normals(packed, positions, active, pushes)
@@ -165,7 +165,7 @@ def measure(
         depth = float(max(0.0, -gap[touching].min(initial=0.0)))
         force, peak = float(areas @ pressure), float(pressure.max(initial=0.0))
         points, wide = quality.across(packed, cells.spaces(model), passes)
-        changes = (1.0 - max(largest[k] for k in passes) / peak) if peak else 0.0
+        changes = (1.0 - float(means[chosen].max()) / peak) if peak else 0.0
         results.append(
             ContactResult(
                 force=force,

@@ -39,13 +39,11 @@ def settle(solver: Newton, factor: float) -> int:
     """
     contact = solver.assembler.contact
     assert contact is not None
-    count = _in_cells(solver, factor, contact, 0)
     for _ in range(_RAISES):
         if not contact.see_better(_displacement(solver, factor)):
             break
         _advance(solver, factor, "more points of contact")
-        count = _in_cells(solver, factor, contact, count)
-    return _at_points(solver, factor, contact, count)
+    return _at_points(solver, factor, contact, _in_cells(solver, factor, contact, 0))
 
 
 def outcome(contact: "ContactOperator", displacement: Array) -> "list[ContactResult]":
@@ -75,15 +73,17 @@ def _deepest(solver: Newton, factor: float, contact: "ContactOperator") -> tuple
 
 
 def _in_cells(solver: Newton, factor: float, contact: "ContactOperator", count: int) -> int:
-    """Update means over cells, once or until all is tight or they do no more; return how many updates there are now."""
-    last, first = np.inf, count == 0
+    """Update means over cells until they do no more; return how many updates there are now.
+
+    A small patch may be less deep than the limit, and give way all the same.
+    """
+    last = np.inf
     while count < AUGMENTATIONS:
         depth, _ = _deepest(solver, factor, contact)
-        # A small patch may be less deep than the limit, and give way all the same.
-        if depth > _STALLED * last or depth <= (0.0 if first else 1.0):
+        if depth > _STALLED * last or depth <= 0.0:
             break
         contact.augment(_displacement(solver, factor), in_cells=True)
-        count, first, last = count + 1, False, depth
+        count, last = count + 1, depth
         _advance(solver, factor, f"augmented Lagrangian, update {count}")
     return count
 
