@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -323,8 +324,9 @@ def test_bad_numbers_get_one_line(make, message):
 
 
 def test_contact_without_friction_does_not_load_it(python):
-    script = """
+    script = f"""
 import sys
+sys.path.insert(0, {str(Path(__file__).parent)!r})
 from isorod import options
 options.initialize([])
 from touching import pair

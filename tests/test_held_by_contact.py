@@ -42,7 +42,7 @@ def crossing(force, gap=0.1, **contact):
 
 @pytest.mark.parametrize("gap", [0.1, 3.0])
 def test_a_plane_bears_the_weight_of_a_bar_that_nothing_else_holds(gap):
-    solution = statics.solve(lying(gap, (0.0, -1.0, 0.0)))
+    solution = statics.solve(lying(gap, (0.0, -1.0, 0.0), penalty=1e4, points=(24, 12)))
     volume = solution.model.bodies[0].space.tabulate(0, 2).weights.sum()
     (contact,) = solution.contacts
     assert contact.force == pytest.approx(volume, rel=1e-6)
@@ -51,10 +51,10 @@ def test_a_plane_bears_the_weight_of_a_bar_that_nothing_else_holds(gap):
     assert rounds >= 1
     assert solution.record()["stabilisation"] == left
     assert solution.record()["stabilisation_rounds"] == rounds
-    # However far it fell, it lies level, pressed flat by its weight: by 0.0036 in the middle, less at the ends.
+    # However far it fell, it lies level, pressed flat by its weight: by 0.006 in the middle, less at the ends.
     fallen = solution.at(0, [0.0, 1.0, 2.0])[:, 1] + gap
     assert fallen[0] == pytest.approx(fallen[2], abs=1e-7)
-    assert fallen[1] == pytest.approx(-0.003591, abs=2e-6)
+    assert fallen[1] == pytest.approx(-0.006063, abs=2e-6)
 
 
 def test_a_bar_that_another_holds_up_bears_the_force_on_it_wherever_it_came_from():
