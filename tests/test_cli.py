@@ -281,7 +281,9 @@ def test_help_is_no_error(arguments, capsys):
 def test_pitch_below_the_wires_diameter_warns_in_one_line_and_goes_on(pitch, capsys):
     assert cli.main(["run", "spring", "--coils", "2", *COARSE[:3], *COARSE[5:], f"--pitch={pitch}", "--json"]) == 0
     out, err = capsys.readouterr()
-    assert re.fullmatch(r"isorod: warning: pitch .* is less than the wire's diameter 2: .*\n", err)
+    # Pulled, the coils of the first pitch come apart.
+    still = "" if pitch == "1.9" else "isorod: warning: overlap in the end: body 0 .* deep in itself .*\n"
+    assert re.fullmatch(rf"isorod: warning: pitch .* is less than the wire's diameter 2: .*\n{still}", err)
     assert json.loads(out)["scene"] == "spring"
 
 
