@@ -148,7 +148,8 @@ def solve(
     both with their tangents, then SNES (`isorod.statics.convergence` says when it has converged).  A step in which SNES
     diverges, an element inverts (``det F <= 0``) or loses most of its volume is halved and tried again; after quick
     steps the step doubles.  Where a contact says how deep a point may penetrate, multipliers are added at the end until
-    none is deeper (Uzawa's augmented Lagrangian).
+    none is deeper (Uzawa's augmented Lagrangian).  With friction, which depends on the path, that is done in each step,
+    and each goes on from where points stick and slip at the end of the one before.
 
     Parameters
     ----------
