@@ -207,11 +207,12 @@ def test_an_end_face_pressed_into_a_plane(which, normal, order, cylinder):
     model = Model([Body(space, ELASTIC, 1.0)], contacts=[wall])
     made = System(model)
     zero = np.zeros(model.dofs)
-    forces, (energy, normal_force, touching, deepest, *total) = made.forces(zero, 0.0)
+    forces, (energy, normal_force, touching, deepest, *total, dissipated) = made.forces(zero, 0.0)
     assert touching == pytest.approx(area, rel=1e-6)
     assert normal_force == pytest.approx(penalty * depth * area, rel=1e-6)
     assert energy == pytest.approx(0.5 * penalty * depth**2 * area, rel=1e-6)
     assert deepest == pytest.approx(-depth)
+    assert dissipated == 0.0
     np.testing.assert_allclose(total, [0.0, 0.0, np.sign(normal[2]) * normal_force], atol=1e-15)
     # Internal forces vanish at rest: what is left is minus contact's.
     way = 1e-3 * depth * np.random.default_rng(0).standard_normal(model.dofs)

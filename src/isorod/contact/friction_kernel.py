@@ -23,7 +23,7 @@ from numba import b1, f8, from_dtype, i8, types, void
 from isorod.arrays import Array
 from isorod.compiled import F1, F2, FAST, njit
 from isorod.contact.force_kernel import end_of, rigid_gap, site, spread
-from isorod.contact.packed import PACKED, PASS_ROW, STARTS, Packed, Row, Table
+from isorod.contact.packed import CYLINDER, PACKED, PASS_ROW, PLANE, STARTS, Packed, Row, Table
 from isorod.contact.surface_kernel import FOOT, LOST, Foot, arc_of, closest, dot, evaluate, new_foot, surface_gap
 
 # What a point keeps: element (0 of an obstacle, -1: no anchor), angle and ``s`` of its anchor, or the anchor's place on
@@ -213,6 +213,34 @@ def hang(packed: Packed, friction: Friction, positions: Array, tractions: Array)
             _put(packed, one, point, x, positions, friction.start, there, anchor)
 
 
+@njit(f8(PASS_ROW, FOOT, f8, b1, F1, F1), **FAST)
+def _work(one: Row, foot: Foot, gap: float, edge: bool, t: Array, slip: Array) -> float:
+    """Return the work of a traction on the way of a point whose foot slips.
+
+    With ``H`` of `isorod.contact.tangent_kernel` it is ``t^a H_ab slip^b``: off a curved surface, by the gap, the way
+    is not as long as the foot's.
+    """
+    work = dot(t, slip)
+    if one.master == PLANE or edge:
+        return work
+    if one.master < 0:
+        round_it = work
+        if one.master == CYLINDER:
+            for a in range(3):
+                for b in range(3):
+                    round_it -= t[a] * one.direction[a] * slip[b] * one.direction[b]
+        return work + gap / one.radius * round_it
+    y, normal = foot.y, foot.normal
+    a11, a12, a22 = dot(y[1], y[1]), dot(y[1], y[2]), dot(y[2], y[2])
+    t1, t2, s1, s2 = dot(t, y[1]), dot(t, y[2]), dot(slip, y[1]), dot(slip, y[2])
+    # With upper indices.
+    det = a11 * a22 - a12 * a12
+    t1, t2 = (a22 * t1 - a12 * t2) / det, (a11 * t2 - a12 * t1) / det
+    s1, s2 = (a22 * s1 - a12 * s2) / det, (a11 * s2 - a12 * s1) / det
+    bent = t1 * s1 * dot(normal, y[3]) + (t1 * s2 + t2 * s1) * dot(normal, y[4]) + t2 * s2 * dot(normal, y[5])
+    return work - gap * bent
+
+
 @njit(SPENT(PACKED, FRICTION, F2, b1, F2), **FAST)
 def add_friction(packed: Packed, friction: Friction, positions: Array, keep: bool, forces: Array) -> Spent:
     """Add the forces of friction to the nodes.
@@ -230,7 +258,7 @@ def add_friction(packed: Packed, friction: Friction, positions: Array, keep: boo
     """
     energy = dissipated = 0.0
     foot, there = new_foot(), new_foot()
-    s, t = np.empty(3), np.empty(3)
+    s, t, mean = np.empty(3), np.empty(3), np.empty(3)
     for k in range(packed.passes.size):
         mu, one = friction.coefficients[k], packed.passes[k]
         if mu == 0.0:
@@ -253,7 +281,7 @@ def add_friction(packed: Packed, friction: Friction, positions: Array, keep: boo
                 if keep:
                     anchor.element = -1
                 continue
-            foot_of(packed, one, point, positions, foot)
+            gap = foot_of(packed, one, point, positions, foot)
             if not hangs:
                 if keep:
                     _put(packed, one, point, foot.y[0], positions, friction.start, there, anchor)
@@ -267,8 +295,9 @@ def add_friction(packed: Packed, friction: Friction, positions: Array, keep: boo
             for a in range(3):
                 t[a] = -one.penalty * share * s[a]
                 square += t[a] * t[a]
-                dissipated -= 0.5 * weight * (1.0 - share) * (anchor.traction[a] + t[a]) * s[a]
+                mean[a] = 0.5 * (anchor.traction[a] + t[a])
                 friction.tractions[point, a] = t[a]
+            dissipated -= weight * (1.0 - share) * _work(one, foot, gap, packed.states[point].edge, mean, s)
             energy += 0.5 * weight * square / one.penalty
             friction.slipping[point] = slips
             _rub(packed, one, point, foot, weight * t, forces)

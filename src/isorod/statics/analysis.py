@@ -167,7 +167,8 @@ def solve(
     both with their tangents, then SNES (`isorod.statics.convergence` says when it has converged).  A step in which SNES
     diverges, an element inverts (``det F <= 0``) or loses most of its volume, or bodies in contact go through each
     other, is halved and tried again; after quick steps the step doubles.  In the end multipliers of contact are added,
-    and points of it, as far as these are wanted (`isorod.statics.multipliers`).
+    and points of it, as far as these are wanted (`isorod.statics.multipliers`).  With friction, which depends on the
+    path, that is done in each step, and each goes on from where points stick and slip at the end of the one before.
 
     Parameters
     ----------
