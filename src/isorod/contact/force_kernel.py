@@ -111,7 +111,9 @@ def _gap(packed: Packed, one: Row, point: int, positions: Array, foot: Foot, wor
     while True:
         if start.element < 0:
             if count < 0:
-                count, free = find_places(packed, one, point, limit, work.places)
+                # Balls say cheaply that a point is far, searches how far: worth it where it has been near before.
+                reach = limit + (packed.listed[0] if packed.clear[point] > -np.inf else 0.0)
+                count, free = find_places(packed, one, point, reach, work.places)
             if not _start(packed, point, positions, work, count):
                 packed.clear[point] = packed.travel[0] + 0.5 * max(min(free, nearest) - limit, 0.0)
                 return nearest

@@ -36,7 +36,7 @@ from isorod.geometry.axis import MAX_DEGREE
 PLANE, CYLINDER, SPHERE, MESH = -1, -2, -3, -4
 
 # Elements near an element that there is room for in its list; where there are more, all are looked at.
-NEAR = 48
+NEAR = 96
 
 # Axis functions that an element has room for: ``l``.
 FUNCTIONS = MAX_DEGREE + 1

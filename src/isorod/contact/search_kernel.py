@@ -212,7 +212,7 @@ def angle_at(packed: Packed, row: int, share: float, x: Array, positions: Array,
 
 
 @njit(types.Tuple((i8, f8))(PACKED, PASS_ROW, i8, f8, F2), **FAST)
-def find_places(packed: Packed, one: Row, point: int, limit: float, places: Array) -> tuple[int, float]:
+def find_places(packed: Packed, one: Row, point: int, reach: float, places: Array) -> tuple[int, float]:
     """Find where searches for what is nearest to a point start.
 
     Of all sections whose balls hold the point those one after the other along a rod are one piece of it, and one start.
@@ -221,8 +221,8 @@ def find_places(packed: Packed, one: Row, point: int, limit: float, places: Arra
     ----------
     packed, one, point
         All contacts, the pass, and the point.
-    limit
-        The gap of zero pressure: balls are larger by it.
+    reach
+        Balls are larger by it; not less than the gap of zero pressure.
     places
         Is filled: element, share of it, and how far the point is from the ball's surface (negative), ``(m, 3)``.
 
@@ -237,12 +237,12 @@ def find_places(packed: Packed, one: Row, point: int, limit: float, places: Arra
     listed = packed.counts[at.element] <= packed.near.shape[1]
     first = 0 if listed else packed.surfaces[one.master].first_element
     looked_at = packed.counts[at.element] if listed else _last_row(packed, one) - first
-    free = max(packed.listed[0] - 2.0 * (packed.travel[0] - packed.listed[1]), limit)
+    free = max(packed.listed[0] - 2.0 * (packed.travel[0] - packed.listed[1]), reach)
     count, last, surface = 0, -2, -1
     for k in range(looked_at):
         row = packed.near[at.element, k] if listed else first + k
         distance = _beside(x, packed.boxes[row])
-        if distance > limit:
+        if distance > reach:
             free = min(free, distance)
             continue
         element = packed.elements[row]
@@ -256,7 +256,7 @@ def find_places(packed: Packed, one: Row, point: int, limit: float, places: Arra
             if not may_touch(packed, at.element, share, row, there):
                 continue
             beside = np.sqrt(square) - ring[3]
-            if beside > limit:
+            if beside > reach:
                 free = min(free, beside)
                 continue
             begins = element.first_rung + t != last + 1 or element.surface != surface
