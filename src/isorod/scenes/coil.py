@@ -82,9 +82,7 @@ class Coil(Checked):
         each = self.elements_per_turn
         if each < HELIX_ELEMENTS or each % HELIX_ELEMENTS:
             raise InputError(f"elements a turn: got {each}, need a multiple of {HELIX_ELEMENTS}")
-        space = Space(
-            rod, elements=self.coils * each, degree=self.degree, quadrature=self.quadrature, order=self.order
-        )
+        space = Space(rod, elements=self.coils * each, degree=self.degree, quadrature=self.quadrature, order=self.order)
         body = Body(space, NeoHookean(self.E, self.nu), formulation="displacement")
         return Model([body], self._supports(space), contacts=[touching(0, friction=self.friction)])
 
