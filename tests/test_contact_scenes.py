@@ -2,16 +2,23 @@
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from isorod import statics
 from isorod.errors import InputError
+from isorod.scenes.clasp import Clasp
 from isorod.scenes.coil import Coil
+from isorod.scenes.rope import Rope
 from isorod.scenes.strand import Strand
 
 # Love's spring of an inextensible wire (A Treatise on the Mathematical Theory of Elasticity, art. 270 and 271): R = 10,
 # d = 2, 5 coils, lead 10 degrees, E = 210e3, nu = 0.3; forces at 20 and 40 mm, and the way until the coils touch.
 LOVE = {20.0: 78.754, 40.0: 155.37}
 TOUCH = 45.39
+
+# Thin rods under the constraint of contact, with strains that are conjugate to their forces: force and torque by axial
+# strain and turn per length of Costello's strand of 1 + 6 wires.
+THIN = np.array([[1.3556e7, 9.075e6], [9.075e6, 17.860e6]])  # N, N mm; N mm, N mm^2
 
 
 def solved(scene, **how):
@@ -28,6 +35,18 @@ def test_coil_takes_the_force_of_loves_spring(push):
     assert found["contact_force"] == 0.0
 
 
+def test_coil_stiffens_where_its_turns_meet():
+    """Two turns touch after two fifths of the way of five; a line search keeps points from going in and out."""
+    way, free = 0.4 * TOUCH, 175.8  # Love's force at touch, whatever the number of turns
+    petsc = {"snes_linesearch_type": "l2", "snes_max_it": 40}
+    _, found = solved(Coil(coils=2, push=way + 0.04), petsc=petsc)
+    print(found)
+    # Free turns would take 0.3 more.
+    assert found["force"] > 3.0 * free
+    assert found["contact_force"] > found["force"] - free
+    assert found["relative_penetration"] < 1e-3
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
@@ -41,3 +60,166 @@ def test_coil_takes_the_force_of_loves_spring(push):
 def test_coil_refuses(options, message):
     with pytest.raises(InputError, match=message):
         Coil(**options).model()
+
+
+@pytest.mark.slow
+def test_coil_touches_itself_where_loves_spring_does():
+    """All coils touch at once, a thousandth before those of the inextensible wire do."""
+    _, before = solved(Coil(push=45.3))
+    _, after = solved(Coil(push=45.38))
+    assert before["contact_force"] == 0.0 < after["contact_force"]
+    assert 45.3 == pytest.approx(TOUCH, rel=0.005)
+    assert after["relative_penetration"] < 1e-3
+
+
+def columns(length, strain=1e-3, twist=2.5e-4):
+    """Return the stiffness of a strand of that length, ends included, by pulling it and by turning it."""
+    found = [solved(Strand(length=length, strain=e, twist=g))[1] for e, g in ((strain, 0.0), (0.0, twist))]
+    assert max(one["relative_penetration"] for one in found) < 1e-3
+    forces = np.array([[one["force"], one["torque"]] for one in found])
+    return (forces / [[strain], [twist]]).T
+
+
+def between(short, long):
+    """Return the stiffness of a strand without ends, which two lengths have alike."""
+    flexible = long * np.linalg.inv(columns(long)) - short * np.linalg.inv(columns(short))
+    return (long - short) * np.linalg.inv(flexible)
+
+
+def test_strand_of_seven_wires_is_as_stiff_as_thin_rods():
+    """A quarter and an eighth of a pitch: what ends add has not died away in twist."""
+    stiffness = between(14.375, 28.75)
+    print((stiffness / THIN).round(4))
+    assert stiffness[0, 0] == pytest.approx(THIN[0, 0], rel=0.02)
+    assert stiffness[0, 1] == pytest.approx(stiffness[1, 0], rel=0.02)
+
+
+@pytest.mark.slow
+def test_strand_of_a_pitch_is_as_stiff_as_thin_rods():
+    """Measured 0.9971, 0.9956, 0.9919, 0.9943 of the thin rods', the same to four digits with twice the elements."""
+    stiffness = between(57.5, 115.0)
+    print((stiffness / THIN).round(4))
+    # Wires flatten where they touch.
+    assert 0.98 < stiffness[0, 0] / THIN[0, 0] < 1.0
+    np.testing.assert_allclose(stiffness, THIN, rtol=0.02)
+    assert stiffness[0, 1] == pytest.approx(stiffness[1, 0], rel=0.01)
+
+
+def test_strand_leaves_its_wires_the_gap_they_have():
+    """Costello's outer wires miss each other by 0.0427 mm; each touches the core."""
+    core, *wires = Strand(length=10.0).rods()
+    assert len(wires) == 6
+    circle = np.array([[np.cos(t), np.sin(t)] for t in np.linspace(0.0, 2.0 * np.pi, 721)])
+    u = np.linspace(*wires[0].axis.breaks[[0, -1]], 81)
+    one = wires[0].grid(circle, u)[0].reshape(-1, 3)
+    inner = np.linalg.norm(one[:, :2], axis=1).min()
+    assert inner == pytest.approx(1.97, abs=1e-4)
+    lines = [rod.grid([[0.0, 0.0]], np.linspace(*rod.axis.breaks[[0, -1]], 401))[0][:, 0] for rod in wires[:2]]
+    apart = np.linalg.norm(lines[0][200] - lines[1], axis=1).min() - 3.73
+    assert apart == pytest.approx(0.0427, abs=5e-4)
+    assert np.linalg.norm(core.grid(circle, [0.5])[0][0, :, :2], axis=1) == pytest.approx(np.full(721, 1.97), abs=1e-3)
+
+
+def test_strand_of_layers_has_their_wires():
+    rods = Strand(layers=3, length=20.0).rods()
+    assert len(rods) == 37
+    ends = [rod.grid([[0.0, 0.0]], rod.axis.breaks[[0, -1]])[0][:, 0] for rod in rods]
+    turned = [np.cross(start[:2], end[:2]) for start, end in ends]
+    # Right- and left-handed in turn.
+    assert min(turned[1:7]) > 0.0 > max(turned[7:19])
+    assert min(turned[19:]) > 0.0
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"pitch": 0.0}, "pitch: got 0, need a positive length"),
+        ({"section_points": 8}, "section points: got 8, need a multiple of 6"),
+        ({"layers": -1}, "layers: got -1, need an integer from 0 to 100"),
+        ({"parts": 0}, "parts: got 0, need an integer from 1 to"),
+    ],
+)
+def test_strand_refuses(options, message):
+    with pytest.raises(InputError, match=message):
+        Strand(**options).model()
+
+
+@pytest.mark.slow
+def test_clasp_is_drawn_evenly_and_presses_on_a_circle_as_wide_as_hertz_says():
+    """Both rods are alike, and so are their ends; a contact half as wide as the rods, two arcs of their sections."""
+    scene = Clasp()
+    solution, found = solved(scene)
+    upper, lower = solution.reactions[:2], solution.reactions[2:]
+    # The lower rod is the upper one, upside down and turned by a right angle.
+    np.testing.assert_allclose(np.abs(lower[:, [1, 0, 2]]), np.abs(upper), atol=1e-4 * found["force"])
+    np.testing.assert_allclose(upper[:, 2], 0.5 * found["force"], rtol=1e-5)
+    assert found["relative_penetration"] < 1e-3
+    (contact,) = solution.contacts
+    share = contact.areas * contact.pressure / found["contact_force"]
+    away = contact.positions[:, :2] - share @ contact.positions[:, :2]
+    across = share @ away**2
+    assert across[0] == pytest.approx(across[1], rel=1e-3)
+    # Of Hertz' pressure the mean square distance from the middle is two fifths of the radius squared.
+    curved = 1.0 / (1.0 / scene.radius - 1.0 / (scene.bend - scene.radius))
+    hertz = (1.5 * found["force"] * curved * (1.0 - scene.nu**2) / scene.E) ** (1.0 / 3.0)
+    print("radius", np.sqrt(2.5 * across.sum()), "Hertz", hertz)
+    assert np.sqrt(2.5 * across.sum()) == pytest.approx(hertz, rel=0.12)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"bend": 2.0}, "bend: got 2, need more than twice the radius, 1"),
+        ({"radius": -1.0}, "radius: got -1, need a positive length"),
+        ({"elements": 0}, "elements: got 0, need an integer from 1 to"),
+    ],
+)
+def test_clasp_refuses(options, message):
+    with pytest.raises(InputError, match=message):
+        Clasp(**options).model()
+
+
+@pytest.mark.slow
+def test_rope_without_friction_is_pulled_alike_on_either_side():
+    """Below the threshold of an arc it touches at the top alone, and carries ``2 F sin(wrap / 2)`` there."""
+    scene = Rope()
+    _, found = solved(scene)
+    start, end = found["tensions"]
+    print("tensions", end / start, "contact", found["contact_force"] / (2.0 * start * np.sin(np.radians(15.0))))
+    assert end == pytest.approx(start, rel=0.005)
+    assert found["contact_force"] == pytest.approx(2.0 * start * np.sin(np.radians(15.0)), rel=0.01)
+    # About as wide as the rod's radius, and no more.
+    assert found["arc"] < np.degrees(1.0 / scene.ratio)
+
+
+def test_rope_ends_where_an_elastica_does():
+    """B a'' = F sin(a), from the cylinder's curvature on, by a solver of differential equations."""
+    scene = Rope(wrap=180.0, tail=9.0)
+    half, tension = np.radians(90.0), 1.0
+    leaves = np.arccos(1.0 - 0.5 / tension)
+    assert np.degrees(half - leaves) == pytest.approx(30.0)
+    arc = half - leaves
+
+    def slopes(_, state):
+        angle, slope = state[:2]
+        return slope, tension * np.sin(angle), np.cos(angle), np.sin(angle)
+
+    length = scene.half / scene.bend - arc
+    way = solve_ivp(slopes, (0.0, length), (leaves, -1.0, 0.0, 0.0), rtol=1e-11, atol=1e-12).y[2:, -1]
+    wanted = np.array([np.sin(arc) + way[1], np.cos(arc) - 1.0 - way[0]])
+    # It is stretched as well, by F / (E A) = 1 / (4 ratio^2).
+    stretched = wanted - [0.0, 0.25 / scene.ratio**2 * scene.half / scene.bend]
+    np.testing.assert_allclose(scene.tail_of(tension) / scene.bend, stretched, atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"wrap": 190.0}, "wrap: got 190 degrees, need an angle up to 180"),
+        ({"ratio": 1.0}, "ratio: got 1, need more than 1, for a cylinder to be there"),
+        ({"tension": 0.0}, "tension: got 0, need a positive number"),
+    ],
+)
+def test_rope_refuses(options, message):
+    with pytest.raises(InputError, match=message):
+        Rope(**options).model()

@@ -12,9 +12,15 @@ from isorod.command import cli
 from isorod.errors import InputError
 
 # What makes a long run short.
-SHORT = {"biceps": {"end_time": 0.0005}, "coil": {"coils": 1, "push": 5.0}, "strand": {"length": 20.0}}
+SHORT = {
+    "biceps": {"end_time": 0.0005},
+    "clasp": {"pull": 0.01, "section_points": 8, "elements": 4},
+    "coil": {"coils": 1, "push": 5.0},
+    "rope": {"wrap": 2.0, "elements": 8},
+    "strand": {"length": 20.0},
+}
 # Those whose rods touch.
-TOUCHING = ["coil", "strand"]
+TOUCHING = ["clasp", "coil", "rope", "strand"]
 GEOMETRY = [name for name in scenes.SCENES if scenes.find(name)().analysis == "geometry"]
 SOLVED = [name for name in scenes.SCENES if name not in GEOMETRY]
 STATICS = [name for name in SOLVED if scenes.find(name)().analysis == "statics" and name not in TOUCHING]

@@ -13,9 +13,12 @@ import dataclasses
 from collections.abc import Mapping
 from importlib import import_module
 from pkgutil import iter_modules
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from isorod.errors import Checked, InputError
+
+if TYPE_CHECKING:
+    from isorod.model.contact import Contact
 
 # Names on the command line: those of the files here.  Each is imported only when it is asked for.
 SCENES = tuple(sorted(module.name for module in iter_modules(__path__)))
@@ -61,11 +64,12 @@ def preset(text: str) -> Any:
     return option(None, f"paper: {text}, in what is not given (what suits the rod)")
 
 
-def touching(*partners: Any, friction: float, **more: Any) -> Any:
-    """Return the `isorod.model.Contact` of partners, with Coulomb friction where there is some."""
+def touching(first: Any, second: Any = None, *, friction: float) -> "Contact":
+    """Return the contact of partners (`isorod.model.contact.Contact`), with Coulomb friction where there is some."""
     from isorod.model.contact import Contact
 
-    return Contact(*partners, **more, **({"friction": friction} if friction else {}))
+    more: dict[str, Any] = {"friction": friction} if friction else {}
+    return Contact(first, second, **more)
 
 
 def analyses(scene_type: Any) -> tuple[str, ...]:
