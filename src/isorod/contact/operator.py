@@ -144,12 +144,13 @@ class ContactOperator:
 
     def excess(self, displacement: Array) -> list[tuple[float, str]]:
         """Return, of each contact whose penetration is limited, that over the limit, and both in words."""
+        self.forces(displacement)
         found = []
-        for k, result in enumerate(self.results(displacement)):
-            limit = self._limit(self._model.contacts[k])
+        for k, (contact, points) in enumerate(slave_points(self._model, self.packed)):
+            limit, states = self._limit(contact), self.packed.states[points]
             if np.isfinite(limit):
-                said = f"contact {k}: penetration {result.penetration:.3g}, wanted {limit:.3g},"
-                found.append((result.penetration / limit, said))
+                depth = max(0.0, -float(states["gap"][states["pressure"] > 0.0].min(initial=0.0)))
+                found.append((depth / limit, f"contact {k}: penetration {depth:.3g}, wanted {limit:.3g},"))
         return found
 
     def augment(self, displacement: Array, in_cells: bool) -> None:
