@@ -154,11 +154,14 @@ class ContactOperator:
         return found
 
     def augment(self, displacement: Array, in_cells: bool) -> None:
-        """Make pressures of a displacement the multipliers of contacts whose penetration is limited, or their means."""
+        """Make pressures the multipliers of contacts whose penetration is limited, or add to these by cells."""
         self.forces(displacement)
         pressure = self.packed.states["pressure"]
         if in_cells:
-            pressure = cells.means(self._model, self.packed, pressure)
+            # The first ones are as they come; what is added to them has no shape within a cell.
+            former = np.where(pressure > 0.0, self.packed.multipliers, 0.0)
+            if former.any():
+                pressure = np.maximum(0.0, former + cells.means(self._model, self.packed, pressure - former))
         for contact, points in slave_points(self._model, self.packed):
             if np.isfinite(self._limit(contact)):
                 self.packed.multipliers[points] = pressure[points]
