@@ -1,5 +1,6 @@
 """Contact that nobody tuned: penalty, multipliers and points by default, what is said of a patch, and its picture."""
 
+import re
 import warnings
 from dataclasses import replace
 from types import SimpleNamespace
@@ -89,19 +90,19 @@ def test_a_surface_is_as_stiff_as_its_shear_and_pressure_waves_say():
     assert Muscle(3.0, 0.3, m1=50.0, m2=2.0).surface_modulus == pytest.approx(3.0 / 0.91)
 
 
-@pytest.mark.parametrize("n", [64, 80])
+@pytest.mark.parametrize("n", [56, 64, 80])
 def test_hertz_by_default(n):
-    """2.1 and 2.6 control points across the patch; nothing is told but the space."""
-    solution = statics.solve(strip(n))
+    """1.9 to 2.7 control points across the patch; nothing is told but the space."""
+    solution = quiet(strip(n))
     width, peak = hertz(solution)
     (result,) = solution.contacts
     print(n, width, peak, result.force_error, result.peak_error, solution.augmentations, solution.newton_iterations)
     assert abs(width) < 0.05
-    assert abs(peak) < 0.08
+    assert abs(peak) < 0.12
     assert result.relative_penetration < 1e-3
     assert 1 <= solution.augmentations <= 3
     assert result.force_error < 0.05
-    assert result.peak_error > 0.4 * abs(peak)
+    assert abs(peak) < result.peak_error < 0.25
 
 
 @pytest.mark.parametrize("E_", [1e-3, 1e5])
@@ -139,8 +140,17 @@ def test_a_patch_that_control_points_do_not_see_is_warned_of():
     (result,) = solution.contacts
     assert result.cells_across < quality.CELLS
     assert result.peak_error > 0.2
-    with pytest.warns(UserWarning, match=r"points see the patch .* raise points"):
-        statics.solve(strip(64, points=(1, 1)))
+    with pytest.warns(UserWarning, match=r"the force changes by \d+ % .* raise points"):
+        statics.solve(strip(80, points=(1, 1)))
+
+
+def test_each_doubt_says_what_and_where():
+    (result,) = quiet(strip(80)).contacts
+    assert result.doubt() is None
+    found = replace(result, points_across=2.0).doubt()
+    assert re.fullmatch(r"\d+ points see the patch on body 0 at u = \S+, 2 across it; raise points, .*", found)
+    assert "4 times as many section points" in replace(result, cells_across=0.1).doubt()
+    assert replace(result, points_across=0.0).doubt() is None
 
 
 def test_what_is_seen_well_is_not_warned_of():
@@ -198,6 +208,7 @@ def test_cells_hold_means_and_points_are_where_they_say():
     operator = ContactOperator(model)
     packed = operator.packed
     values = np.maximum(0.0, np.random.default_rng(1).standard_normal(packed.areas.size))
+    packed.states["pressure"] = values
     means = cells.means(model, packed, values)
     assert packed.areas @ means == pytest.approx(packed.areas @ values, rel=1e-12)
     np.testing.assert_array_equal(means > 0.0, values > 0.0)

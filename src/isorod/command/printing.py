@@ -93,8 +93,8 @@ def _answer(record: Mapping[str, Any], units: Mapping[str, str]) -> Iterator[tup
 def _contact(one: Mapping[str, Any]) -> str:
     """Return how a contact presses, and how well its patch is seen."""
     return (
-        f"peak {one['peak']:.3g} ({100.0 * one['peak_error']:.0f} %), depth {one['relative_penetration']:.0e} of the "
-        f"radius, {one['points_across']:.2g} points wide"
+        f"peak {one['peak']:.3g} ({100.0 * one['peak_error']:.0f} %), depth {one['relative_penetration']:.0e} radii, "
+        f"{one['points_across']:.2g} points wide"
     )
 
 

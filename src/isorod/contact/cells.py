@@ -38,19 +38,20 @@ def spaces(model: "Model") -> list["Space"]:
     return [model.bodies[body].space for contact in model.contacts for body, _ in contact.sides]
 
 
-def means(model: "Model", packed: Packed, pressures: Array) -> Array:
-    """Return, at points under pressure, its mean over those of the cell; zero at others, ``(Q,)``."""
+def means(model: "Model", packed: Packed, values: Array) -> Array:
+    """Return, at points under pressure, the mean of values over those of the cell; zero at others, ``(Q,)``."""
     found = np.zeros(packed.areas.size)
-    grid = (grids(packed, one) for one in (pressures, packed.areas * (pressures > 0.0), found))
-    for space, pressure, area, mean in zip(spaces(model), *grid, strict=True):
-        along = pressure.shape[1]
+    touching = packed.states["pressure"] > 0.0
+    grid = (grids(packed, one) for one in (values, packed.areas * touching, found))
+    for space, value, area, mean in zip(spaces(model), *grid, strict=True):
+        along = value.shape[1]
         parts = min(functions(space), along)
         part = np.arange(along) * parts // along
         starts = np.searchsorted(part, np.arange(parts))
         loads, areas = (
-            np.add.reduceat(one.sum(axis=3), starts, axis=1)[:, part, :, None] for one in (pressure * area, area)
+            np.add.reduceat(one.sum(axis=3), starts, axis=1)[:, part, :, None] for one in (value * area, area)
         )
-        mean[:] = np.where(pressure > 0.0, loads / np.where(areas > 0.0, areas, 1.0), 0.0)
+        mean[:] = np.where(area > 0.0, loads / np.where(areas > 0.0, areas, 1.0), 0.0)
     return found
 
 

@@ -52,15 +52,11 @@ class ContactOperator:
         self._base = np.concatenate([body.space.positions for body in model.bodies])
         self._blocks = Blocks(PATCH, self._nodes)
         self.values = np.empty(0)
-        self.friction = self._friction()
+        self.friction: FrictionOperator | None = None
+        if any(contact.friction for contact in model.contacts):
+            from isorod.contact import friction
 
-    def _friction(self) -> "FrictionOperator | None":
-        """Return the friction of the points of now, without history."""
-        if not any(contact.friction for contact in self._model.contacts):
-            return None
-        from isorod.contact.friction import FrictionOperator
-
-        return FrictionOperator(self._model, self.packed)
+            self.friction = friction.FrictionOperator(model, self.packed)
 
     @property
     def rows(self) -> Index:
@@ -167,16 +163,10 @@ class ContactOperator:
     def space_evenly(self) -> None:
         """Let points that nobody gave be as close along the axis as round the section."""
         self.points = points_of(self._model, even=True)
-        self.packed = pack(self._model, self.points)
-        self.friction = self._friction()
+        self._take(pack(self._model, self.points))
 
     def see_better(self, displacement: Array) -> bool:
-        """Take more points, where nobody gave them, if too few are across a patch; return whether there are more.
-
-        Friction remembers where its points were held, and keeps to these points.
-        """
-        if self.friction is not None:
-            return False
+        """Take more points, where nobody gave them, if too few are across a patch; return whether there are more."""
         self.forces(displacement)
         points = list(self.points)
         for contact, passes in sides_of(self._model):
@@ -185,25 +175,36 @@ class ContactOperator:
                     points[k] = pair
         if points == self.points:
             return False
-        self.packed, self.points = self._packed(points), points
+        self.points = points
+        self._take(self._packed(points))
         return True
+
+    def _take(self, packed: Packed) -> None:
+        """Go on with other points."""
+        self.packed = packed
+        if self.friction is not None:
+            self.friction.take(packed)
 
     def excess(self, displacement: Array) -> list[tuple[float, str]]:
         """Return, of each contact whose penetration is limited, that over the limit, and both in words."""
+        self.forces(displacement)
         found = []
-        for k, result in enumerate(self.results(displacement)):
-            limit = self._limit(self._model.contacts[k])
+        for k, (contact, points) in enumerate(slave_points(self._model, self.packed)):
+            limit, states = self._limit(contact), self.packed.states[points]
             if np.isfinite(limit):
-                said = f"contact {k}: penetration {result.penetration:.3g}, wanted {limit:.3g},"
-                found.append((result.penetration / limit, said))
+                depth = max(0.0, -float(states["gap"][states["pressure"] > 0.0].min(initial=0.0)))
+                found.append((depth / limit, f"contact {k}: penetration {depth:.3g}, wanted {limit:.3g},"))
         return found
 
     def augment(self, displacement: Array, in_cells: bool) -> None:
-        """Make pressures of a displacement the multipliers of contacts whose penetration is limited, or their means."""
+        """Make pressures the multipliers of contacts whose penetration is limited, or add to these by cells."""
         self.forces(displacement)
         pressure = self.packed.states["pressure"]
         if in_cells:
-            pressure = cells.means(self._model, self.packed, pressure)
+            # The first ones are as they come; what is added to them has no shape within a cell.
+            former = np.where(pressure > 0.0, self.packed.multipliers, 0.0)
+            if former.any():
+                pressure = np.maximum(0.0, former + cells.means(self._model, self.packed, pressure - former))
         for contact, points in slave_points(self._model, self.packed):
             if np.isfinite(self._limit(contact)):
                 self.packed.multipliers[points] = pressure[points]

@@ -45,9 +45,9 @@ class ContactResult:
         Relative change of the force when other points look at the same displacements, which is more than the error of
         these points; None where that cannot be told, as in motions.  What a surface cannot follow it does not see.
     peak_error
-        By how much the largest pressure is above the largest mean over a cell (`isorod.contact.cells`), relative to
-        it, or changes with other points: no less than about the error, of narrow patches more.  None if nothing
-        touches.
+        Relative error of the largest pressure, the largest of three: by how much it is above the largest mean over a
+        cell (`isorod.contact.cells`), by how much other points change it, and what was measured of patches as many
+        cells wide (`isorod.contact.quality`).  None if nothing touches.
     body
         Body whose surface each point belongs to, shape ``(q,)``; points of both bodies are listed.
     parameters
@@ -165,7 +165,10 @@ def measure(
         depth = float(max(0.0, -gap[touching].min(initial=0.0)))
         force, peak = float(areas @ pressure), float(pressure.max(initial=0.0))
         points, wide = quality.across(packed, cells.spaces(model), passes)
-        changes = (1.0 - float(means[chosen].max()) / peak) if peak else 0.0
+        changes = [quality.PEAK / wide] if wide else []
+        if peak:
+            changes.append(1.0 - float(means[chosen].max()) / peak)
+            changes.append(0.0 if other is None else abs(other[1] / peak - 1.0))
         results.append(
             ContactResult(
                 force=force,
@@ -179,7 +182,7 @@ def measure(
                 points_across=points,
                 cells_across=wide,
                 force_error=None if other is None or not force else abs(other[0] / force - 1.0),
-                peak_error=None if not peak else max(changes, 0.0 if other is None else abs(other[1] / peak - 1.0)),
+                peak_error=min(1.0, max(changes)) if changes else None,
                 body=bodies[chosen],
                 parameters=parameters[chosen],
                 positions=packed.points[chosen].copy(),

@@ -64,14 +64,6 @@ def preset(text: str) -> Any:
     return option(None, f"paper: {text}, in what is not given (what suits the rod)")
 
 
-def touching(first: Any, second: Any = None, *, friction: float) -> "Contact":
-    """Return the contact of partners (`isorod.model.contact.Contact`), with Coulomb friction where there is some."""
-    from isorod.model.contact import Contact
-
-    more: dict[str, Any] = {"friction": friction} if friction else {}
-    return Contact(first, second, **more)
-
-
 def analyses(scene_type: Any) -> tuple[str, ...]:
     """Return the analyses a scene class offers, the default first."""
     return tuple(getattr(scene_type, "analyses", None) or (scene_type.analysis,))

@@ -9,7 +9,7 @@ from isorod.errors import Checked, InputError, whole_number
 from isorod.geometry import section
 from isorod.geometry.center_line import helix
 from isorod.geometry.rod import Rod
-from isorod.scenes import option, touching
+from isorod.scenes import option
 
 if TYPE_CHECKING:
     from isorod.model.model import Model
@@ -70,6 +70,7 @@ class Clasp(Checked):
         """Return the model: neo-Hookean rods, both ends of the lower one held, those of the upper one drawn up."""
         from isorod.material.neo_hookean import NeoHookean
         from isorod.model.body import Body
+        from isorod.model.contact import Contact
         from isorod.model.model import Model
         from isorod.model.support import Support
         from isorod.space.space import Space
@@ -88,7 +89,7 @@ class Clasp(Checked):
             bodies.append(Body(space, law, formulation="displacement"))
             way = (0.0, 0.0, self.pull if k == 0 else 0.0)
             supports += [Support.end(space, end, displacement=way, body=k) for end in ("start", "end")]
-        return Model(bodies, supports, contacts=[touching(0, 1, friction=self.friction)])
+        return Model(bodies, supports, contacts=[Contact(0, 1, friction=self.friction)])
 
     def measure(self, solution: "Equilibrium") -> dict[str, object]:
         """Return the force that draws them apart, and how they press on each other."""

@@ -73,8 +73,8 @@ class Coil(Checked):
         """Return the model: neo-Hookean, start and end face held, the end moved towards the start by ``push``."""
         from isorod.material.neo_hookean import NeoHookean
         from isorod.model.body import Body
+        from isorod.model.contact import Contact
         from isorod.model.model import Model
-        from isorod.scenes import touching
         from isorod.space.space import Space
 
         rod = self.rod()
@@ -84,7 +84,7 @@ class Coil(Checked):
             raise InputError(f"elements a turn: got {each}, need a multiple of {HELIX_ELEMENTS}")
         space = Space(rod, elements=self.coils * each, degree=self.degree, quadrature=self.quadrature, order=self.order)
         body = Body(space, NeoHookean(self.E, self.nu), formulation="displacement")
-        return Model([body], self._supports(space), contacts=[touching(0, friction=self.friction)])
+        return Model([body], self._supports(space), contacts=[Contact(0, friction=self.friction)])
 
     def _supports(self, space: "Space") -> "list[Support]":
         from isorod.model.support import Support

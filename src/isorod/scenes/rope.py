@@ -10,7 +10,7 @@ from isorod.errors import Checked, InputError, whole_number
 from isorod.geometry import section
 from isorod.geometry.center_line import straight
 from isorod.geometry.rod import Rod
-from isorod.scenes import option, touching
+from isorod.scenes import option
 
 if TYPE_CHECKING:
     from isorod.model.model import Model
@@ -112,7 +112,7 @@ class Rope(Checked):
         """Return the model: neo-Hookean, start pulled and free to follow, end moved; both faces turned."""
         from isorod.material.neo_hookean import NeoHookean
         from isorod.model.body import Body
-        from isorod.model.contact import Cylinder
+        from isorod.model.contact import Contact, Cylinder
         from isorod.model.load import SectionLoad
         from isorod.model.model import Model
         from isorod.model.support import Support
@@ -139,7 +139,7 @@ class Rope(Checked):
         x, y, z = (float(value) for value in self.cylinder)
         cylinder = Cylinder((x, y, z), (0.0, 0.0, 1.0), self.bend - self.radius)
         body = Body(space, NeoHookean(self.E, self.nu), formulation="displacement")
-        return Model([body], supports, loads=[load], contacts=[touching(0, cylinder, friction=self.friction)])
+        return Model([body], supports, loads=[load], contacts=[Contact(0, cylinder, friction=self.friction)])
 
     def measure(self, solution: "Equilibrium") -> dict[str, object]:
         """Return the forces along the pull at both ends, and how the rod lies on the cylinder."""

@@ -9,7 +9,7 @@ from isorod.errors import Checked, InputError, whole_number
 from isorod.geometry import section
 from isorod.geometry.center_line import HELIX_ELEMENTS, helix, straight
 from isorod.geometry.rod import Rod
-from isorod.scenes import option, touching
+from isorod.scenes import option
 
 if TYPE_CHECKING:
     from isorod.model.model import Model
@@ -94,6 +94,7 @@ class Strand(Checked):
         """Return the model: neo-Hookean wires, their start faces held, their end faces moved as one rigid plane."""
         from isorod.material.neo_hookean import NeoHookean
         from isorod.model.body import Body
+        from isorod.model.contact import Contact
         from isorod.model.model import Model
         from isorod.model.support import Support
         from isorod.space.space import Space
@@ -121,7 +122,7 @@ class Strand(Checked):
                     body=k,
                 ),
             ]
-        return Model(bodies, supports, contacts=[touching(range(len(rods)), friction=self.friction)])
+        return Model(bodies, supports, contacts=[Contact(range(len(rods)), friction=self.friction)])
 
     def measure(self, solution: "Equilibrium") -> dict[str, object]:
         """Return force and torque about the axis on the end that moves, and what wires press on each other with."""

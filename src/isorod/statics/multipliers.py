@@ -1,10 +1,11 @@
 """Contact at a load: multipliers until it is as tight as asked for, and points until its patches are seen.
 
-Uzawa's updates make the pressures of a solution the multipliers of the next.  First these are means over cells
-(`isorod.contact.cells`), which leave the surfaces as free as they are able to move: multipliers at points, of which
-there are more, take away the gap of each and make of the pressure the fewer and higher peaks the more often they are
-updated.  Only where penetration stays too deep, since control points are far apart, or more is asked for than such
-surfaces can do, pressures at points follow, and where these stall a stiffer penalty.
+Uzawa's updates make the pressures of a solution the multipliers of the next.  The first ones are those of the plain
+penalty; what is added to them is then the same all over a cell (`isorod.contact.cells`), which leaves the surfaces as
+free as they are able to move: multipliers of points, of which there are more, take away the gap of each and make of the
+pressure the fewer and higher peaks the more often they are updated.  Only where penetration stays too deep, since
+control points are far apart, or more is asked for than such surfaces can do, pressures at points follow, and where
+these stall a stiffer penalty.
 """
 
 import warnings
@@ -73,7 +74,7 @@ def _deepest(solver: Newton, factor: float, contact: "ContactOperator") -> tuple
 
 
 def _in_cells(solver: Newton, factor: float, contact: "ContactOperator", count: int) -> int:
-    """Update means over cells until they do no more; return how many updates there are now.
+    """Update multipliers by cells until that does no more; return how many updates there are now.
 
     A small patch may be less deep than the limit, and give way all the same.
     """
