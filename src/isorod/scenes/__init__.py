@@ -13,12 +13,9 @@ import dataclasses
 from collections.abc import Mapping
 from importlib import import_module
 from pkgutil import iter_modules
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 from isorod.errors import Checked, InputError
-
-if TYPE_CHECKING:
-    from isorod.model.contact import Contact
 
 # Names on the command line: those of the files here.  Each is imported only when it is asked for.
 SCENES = tuple(sorted(module.name for module in iter_modules(__path__)))
