@@ -23,12 +23,13 @@ class Isorod:
 
     name: ClassVar[str] = "isorod"
     backend_version: ClassVar[str] = isorod.__version__
-    # Frictionless contact of rods with each other and with obstacles; what a scenario asks beyond that `run` refuses.
+    # What a scenario asks beyond that `run` refuses.
     capabilities: ClassVar[frozenset[Capability]] = frozenset(
         {
             Capability.STRETCH,
             Capability.SHEAR,
             Capability.ROD_CONTACT,
+            Capability.ROD_FRICTION,
             Capability.CYLINDER_CONTACT,
             Capability.PLANE_CONTACT,
         }

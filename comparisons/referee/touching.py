@@ -1,4 +1,4 @@
-"""What of a scenario may touch what; the one place that says what isorod's contact does not know yet."""
+"""What of a scenario may touch what; the one place that says what of contact is not passed on to isorod."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -21,14 +21,9 @@ _MOST_POINTS = 64
 
 
 def refuse(scenario: Any) -> None:
-    """Raise `NotImplementedError`, in one line, if rods can touch in a way that isorod's contact does not know."""
-    frictions = [obstacle.friction for obstacle in scenario.obstacles]
-    if scenario.obstacles and max(*frictions, *(rod.friction for rod in scenario.rods), 0.0) > 0.0:
-        raise NotImplementedError(f"friction with a {scenario.obstacles[0].kind}: isorod's contact has none yet")
-    if (len(scenario.rods) > 1 or scenario.self_contact) and any(rod.friction > 0.0 for rod in scenario.rods):
-        raise NotImplementedError("friction between rods: isorod's contact has none yet")
-    if scenario.obstacles and scenario.self_contact:
-        raise NotImplementedError("a rod that touches itself: isorod's contact is between two rods")
+    """Raise `NotImplementedError`, in one line, if rods can touch in a way that is not passed on to isorod."""
+    if scenario.self_contact:
+        raise NotImplementedError("a rod that touches itself: contact is passed on between rods, and with obstacles")
 
 
 def pairs(scenario: Any, elements: int) -> list[tuple[int, int]]:
@@ -54,12 +49,13 @@ def contacts(scenario: Any, placed: Sequence[Placed], elements: int) -> list[iso
                 _near(one, other, elements).tolist(),
                 _near(other, one, elements).tolist(),
                 points=_points(placed[first], elements),
+                friction=max(one.friction, other.friction),
             )
         )
     for k, rod in enumerate(placed):
         for obstacle in scenario.obstacles:
-            points = _points(rod, elements)
-            found.append(isorod.Contact(k, _rigid(obstacle), _penalty(rod.given), points=points))
+            points, friction = _points(rod, elements), max(rod.given.friction, obstacle.friction)
+            found.append(isorod.Contact(k, _rigid(obstacle), _penalty(rod.given), points=points, friction=friction))
     return found
 
 
