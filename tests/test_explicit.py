@@ -224,7 +224,7 @@ def test_faces_are_checked(cylinder):
     plane = Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
     with pytest.raises(InputError, match=r"got faces \('top',\), need some of 'start' and 'end'"):
         Contact(0, plane, 1.0, faces=("top",))
-    with pytest.raises(InputError, match="end faces meet planes alone"):
+    with pytest.raises(InputError, match="end faces, of one body, meet planes alone"):
         Contact(0, 1, 1.0, faces=("end",))
     closed = Model([Body(Space.paper(ring()), ELASTIC, 1.0)], contacts=[Contact(0, plane, 1.0, faces=("end",))])
     with pytest.raises(InputError, match="contact 0: a closed rod has no end faces"):

@@ -73,7 +73,8 @@ def test_a_stiff_bar_in_a_plane_is_pressed_by_penalty_times_depth():
 
 
 def test_a_soft_bar_on_a_cylinder_is_isorods():
-    model = bar(contacts=[Contact(0, Cylinder((0.0, -1.45, 2.0), (1.0, 0.0, 0.0), 0.5), 100.0)], end=(0.0, -0.2, 0.0))
+    cylinder = Cylinder((0.0, -1.45, 2.0), (1.0, 0.0, 0.0), 0.5)
+    model = bar(contacts=[Contact(0, cylinder, 100.0, points=(3, 4))], end=(0.0, -0.2, 0.0))
     one, other = solve(model, mesh_of(model, 2), "statics"), statics.solve(model)
     assert contact_force(one, 0) == pytest.approx(contact_force(other, 0), rel=0.03)
     assert one.at(0, 0.5)[1] == pytest.approx(other.at(0, 0.5)[1], rel=0.03)

@@ -75,7 +75,9 @@ def test_rods_pushed_past_each_other_in_one_step_keep_their_sides():
     assert solution.at(0, 1.5)[1] == pytest.approx(-6.0 - solution.at(1, 1.5)[1], rel=1e-3)
     assert solution.position(1, 1.5)[1] - solution.position(0, 1.5)[1] > 1.0
     soft = replace(model, supports=supports, contacts=[Contact(0, 1, 1.0)])
-    with pytest.raises(SolveError, match=r"contact 0: a point is \S+ of the smaller radius deep however small"):
+    with pytest.raises(
+        SolveError, match=r"contact 0: a point is \S+ of the smaller radius deep|would go through body 1"
+    ):
         statics.solve(soft)
 
 

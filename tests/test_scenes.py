@@ -50,7 +50,9 @@ def loaded(python, script):
 def test_scene_runs_and_reports_one_json_line(name, capsys):
     assert cli.main(["run", name, *short(name), "--json"]) == 0
     out, err = capsys.readouterr()
-    assert (out.count("\n"), err) == (1, "")
+    # What is coarse says so where rods touch.
+    doubts = "isorod: warning: contact 0: " if name in TOUCHING and err else ""
+    assert (out.count("\n"), err[: len(doubts) or None]) == (1, doubts)
     record = json.loads(out)
     scene = scenes.find(name)()
     assert record["scene"] == name

@@ -30,6 +30,8 @@ class ContactOperator:
 
     Attributes
     ----------
+    model
+        Whose contacts these are.
     packed
         What the compiled loops take and leave (`isorod.contact.packed`).
     points
@@ -45,7 +47,7 @@ class ContactOperator:
 
     def __init__(self, model: Model) -> None:
         refuse(model.contacts, faces=True)
-        self._model = model
+        self.model = model
         self.points = points_of(model)
         self.packed = pack(model, self.points)
         self._stage = PETSc.Log.Stage("contact")
@@ -137,7 +139,7 @@ class ContactOperator:
         """Return the outcome of each contact at a displacement ``(dofs,)``; ``check`` tells the error of points too."""
         others = self._otherwise(displacement) if check else ()
         self.forces(displacement)
-        results = measure(self._model, self.packed, self._positions(displacement), others)
+        results = measure(self.model, self.packed, self._positions(displacement), others)
         return results if self.friction is None else self.friction.tell(results)
 
     def _otherwise(self, displacement: Array) -> list[tuple[float, float] | None]:
@@ -147,7 +149,7 @@ class ContactOperator:
         positions = self._positions(displacement)
         add_forces(packed, positions, np.zeros_like(positions))
         found: list[tuple[float, float] | None] = []
-        for (_, passes), (_, chosen) in zip(sides_of(self._model), slave_points(self._model, packed), strict=True):
+        for (_, passes), (_, chosen) in zip(sides_of(self.model), slave_points(self.model, packed), strict=True):
             pressure = packed.states["pressure"][chosen]
             same = all(finer[k] == self.points[k] for k in passes)
             found.append(None if same else (float(packed.areas[chosen] @ pressure), float(pressure.max(initial=0.0))))
@@ -155,21 +157,21 @@ class ContactOperator:
 
     def _packed(self, points: list[tuple[int, int]]) -> Packed:
         """Return tables with other points, with the multipliers and penalties of now."""
-        packed = pack(self._model, points)
+        packed = pack(self.model, points)
         packed.passes["penalty"] = self.packed.passes["penalty"]
         packed.multipliers[:] = cells.moved(self.packed, self.packed.multipliers, packed)
         return packed
 
     def space_evenly(self) -> None:
         """Let points that nobody gave be as close along the axis as round the section."""
-        self.points = points_of(self._model, even=True)
-        self._take(pack(self._model, self.points))
+        self.points = points_of(self.model, even=True)
+        self._take(pack(self.model, self.points))
 
     def see_better(self, displacement: Array) -> bool:
         """Take more points, where nobody gave them, if too few are across a patch; return whether there are more."""
         self.forces(displacement)
         points = list(self.points)
-        for contact, passes in sides_of(self._model):
+        for contact, passes in sides_of(self.model):
             if contact.points is None:
                 for k, pair in quality.more(self.packed, passes, self.points).items():
                     points[k] = pair
@@ -189,7 +191,7 @@ class ContactOperator:
         """Return, of each contact whose penetration is limited, that over the limit, and both in words."""
         self.forces(displacement)
         found = []
-        for k, (contact, points) in enumerate(slave_points(self._model, self.packed)):
+        for k, (contact, points) in enumerate(slave_points(self.model, self.packed)):
             limit, states = self._limit(contact), self.packed.states[points]
             if np.isfinite(limit):
                 depth = max(0.0, -float(states["gap"][states["pressure"] > 0.0].min(initial=0.0)))
@@ -204,14 +206,14 @@ class ContactOperator:
             # The first ones are as they come; what is added to them has no shape within a cell.
             former = np.where(pressure > 0.0, self.packed.multipliers, 0.0)
             if former.any():
-                pressure = np.maximum(0.0, former + cells.means(self._model, self.packed, pressure - former))
-        for contact, points in slave_points(self._model, self.packed):
+                pressure = np.maximum(0.0, former + cells.means(self.model, self.packed, pressure - former))
+        for contact, points in slave_points(self.model, self.packed):
             if np.isfinite(self._limit(contact)):
                 self.packed.multipliers[points] = pressure[points]
 
     def stiffen(self, times: float) -> None:
         """Raise penalties that nobody gave."""
-        for contact, passes in sides_of(self._model):
+        for contact, passes in sides_of(self.model):
             if contact.penalty is None:
                 self.packed.passes["penalty"][passes.start : passes.stop] *= times
 
@@ -219,4 +221,4 @@ class ContactOperator:
         """Return how deep a point of a contact may be."""
         if contact.penetration is not None:
             return contact.penetration
-        return np.inf if contact.penalty is not None else _DEEPEST * smallest_radius(self._model, contact)
+        return np.inf if contact.penalty is not None else _DEEPEST * smallest_radius(self.model, contact)

@@ -27,7 +27,7 @@ RESERVED = frozenset(
     "machine time files settings petsc_options error_estimate estimate_seconds changes refinements newton_iterations "
     "linear_iterations load_steps cuts residual_norms pressures contacts contact_area penetration augmentations "
     "residuals rigid below shift iterations frequencies times reactions contact_force kinetic stored contact_energy "
-    "added_kinetic muscle_work dissipated energy_error momentum_error steps time_step critical_step "
+    "added_kinetic muscle_work load_work dissipated energy_error momentum_error steps time_step critical_step "
     "microseconds_a_step resumed integrator added_kinetic_share smallest_jacobian volume control_points stabilisation "
     "stabilisation_rounds".split()
 )

@@ -220,7 +220,8 @@ class Biceps(Preset):
             bodies.append(Body(space, laws, self.density, "displacement"))
             supports += [Support.end(space, end, body=branch) for end in ("start", "end")]
             bellies.append(np.flatnonzero(in_belly).tolist())
-        contact = Contact(0, 1, self.penalty, *bellies)
+        one, other = bellies
+        contact = Contact(0, 1, self.penalty, one, other, points=(3, space.axis.degree + 1))
         return Model(bodies, supports, contacts=[contact])
 
     def measure(self, solution: "Equilibrium | History") -> dict[str, object]:

@@ -84,7 +84,9 @@ class Coil(Checked):
             raise InputError(f"elements a turn: got {each}, need a multiple of {HELIX_ELEMENTS}")
         space = Space(rod, elements=self.coils * each, degree=self.degree, quadrature=self.quadrature, order=self.order)
         body = Body(space, NeoHookean(self.E, self.nu), formulation="displacement")
-        return Model([body], self._supports(space), contacts=[Contact(0, friction=self.friction)])
+        # Lines of contact, narrower than points are apart, run along control points: in the middle of an arc's three.
+        contact = Contact(0, points=(3, self.degree + 1), friction=self.friction)
+        return Model([body], self._supports(space), contacts=[contact])
 
     def _supports(self, space: "Space") -> "list[Support]":
         from isorod.model.support import Support

@@ -122,7 +122,9 @@ class Strand(Checked):
                     body=k,
                 ),
             ]
-        return Model(bodies, supports, contacts=[Contact(range(len(rods)), friction=self.friction)])
+        # Lines of contact, narrower than points are apart, run along control points: in the middle of an arc's three.
+        contact = Contact(range(len(rods)), points=(3, self.degree + 1), friction=self.friction)
+        return Model(bodies, supports, contacts=[contact])
 
     def measure(self, solution: "Equilibrium") -> dict[str, object]:
         """Return force and torque about the axis on the end that moves, and what wires press on each other with."""

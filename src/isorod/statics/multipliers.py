@@ -29,6 +29,9 @@ _RAISES = 3
 # most so many times.
 _STALLED, _STIFFER, _TIMES = 0.5, 4.0, 3
 
+# An update is halved at most so many times.
+_HALVINGS = 3
+
 
 def settle(solver: Newton, factor: float) -> int:
     """Settle contact at a load factor; return how many updates of multipliers that took.
@@ -48,11 +51,14 @@ def settle(solver: Newton, factor: float) -> int:
 
 
 def outcome(contact: "ContactOperator", displacement: Array) -> "list[ContactResult]":
-    """Return the outcome of each contact, and warn of what is not to be trusted."""
+    """Return the outcome of each contact, and warn of what is not to be trusted.
+
+    Whoever gives penalty and points has said what the contact is.
+    """
     results = contact.results(displacement, check=True)
-    for k, result in enumerate(results):
+    for k, (asked, result) in enumerate(zip(contact.model.contacts, results, strict=True)):
         doubt = result.doubt()
-        if doubt is not None:
+        if doubt is not None and (asked.penalty is None or asked.points is None):
             warnings.warn(f"contact {k}: {doubt}", stacklevel=5)
     return results
 
@@ -73,6 +79,23 @@ def _deepest(solver: Newton, factor: float, contact: "ContactOperator") -> tuple
     return max(contact.excess(_displacement(solver, factor)), default=(0.0, ""))
 
 
+def _update(solver: Newton, factor: float, contact: "ContactOperator", in_cells: bool) -> Diverged | None:
+    """Update multipliers and find the equilibrium; by half as much each time that fails, and in the end not at all."""
+    before = contact.packed.multipliers.copy()
+    contact.augment(_displacement(solver, factor), in_cells)
+    change = contact.packed.multipliers - before
+    for halvings in range(_HALVINGS + 1):
+        contact.packed.multipliers[:] = before + 0.5**halvings * change
+        try:
+            solver.advance(factor, factor)
+        except Diverged as why:
+            problem = why
+        else:
+            return None
+    contact.packed.multipliers[:] = before
+    return problem
+
+
 def _in_cells(solver: Newton, factor: float, contact: "ContactOperator", count: int) -> int:
     """Update multipliers by cells until that does no more; return how many updates there are now.
 
@@ -83,9 +106,12 @@ def _in_cells(solver: Newton, factor: float, contact: "ContactOperator", count: 
         depth, _ = _deepest(solver, factor, contact)
         if depth > _STALLED * last or depth <= 0.0:
             break
-        contact.augment(_displacement(solver, factor), in_cells=True)
+        problem = _update(solver, factor, contact, in_cells=True)
+        if problem is not None and depth <= 1.0:
+            break
+        if problem is not None:
+            raise SolveError(f"augmented Lagrangian, update {count + 1}: {problem}")
         count, last = count + 1, depth
-        _advance(solver, factor, f"augmented Lagrangian, update {count}")
     return count
 
 
@@ -98,9 +124,10 @@ def _at_points(solver: Newton, factor: float, contact: "ContactOperator", count:
             return count
         if count >= AUGMENTATIONS:
             raise SolveError(f"{said} after {AUGMENTATIONS} updates of the multipliers; raise the penalty")
-        contact.augment(_displacement(solver, factor), in_cells=False)
         if depth > _STALLED * last and raised < _TIMES:
             contact.stiffen(_STIFFER)
             raised += 1
+        problem = _update(solver, factor, contact, in_cells=False)
+        if problem is not None:
+            raise SolveError(f"augmented Lagrangian, update {count + 1}: {problem}")
         count, last = count + 1, depth
-        _advance(solver, factor, f"augmented Lagrangian, update {count}")

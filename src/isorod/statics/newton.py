@@ -27,9 +27,14 @@ _DELTA = 1e-6
 # What a user's option overrides.
 OPTIONS = {"snes_linesearch_type": "basic", "snes_rtol": 1e-9, "snes_max_it": 15, "ksp_type": "preonly"}
 
-# Where points slip the residual hardly changes: full steps go back and forth from slip to slip the other way.  The
-# place along a step where its work vanishes is where they stick.
-SLIPPING = {"snes_linesearch_type": "cp"}
+# Where points come into contact, or slip, full steps go back and forth.  Steps end where their work vanishes, roughly:
+# full ones stay where they bring that down at all.
+TOUCHING = {
+    "snes_linesearch_type": "cp",
+    "snes_linesearch_rtol": 0.8,
+    "snes_linesearch_max_it": 10,
+    "snes_max_it": 40,
+}
 
 
 class Diverged(Exception):
@@ -82,7 +87,7 @@ class Newton:
         typed = PETSc.Options()
         self._own_tolerance = not typed.hasName("snes_atol")
         self._may_reuse = self._own_tolerance and not typed.hasName("snes_test_jacobian")
-        own = {} if assembler.symmetric else SLIPPING
+        own = {} if assembler.contact is None else TOUCHING
         self.snes = create_snes(
             assembler.vector(),
             self._matrix,
