@@ -144,7 +144,7 @@ def test_pressing_on_each_other_is_pressing_on_the_plane_between():
     model = both.model
     body, chosen = model.bodies[1], model.contacts[0].second_elements
     supports = [Support(s.nodes, s.components, s.displacement) for s in model.supports[2:]]
-    wall = Contact(0, Plane((0, 0, 0), (1, 0, 0)), 4000.0, chosen)
+    wall = Contact(0, Plane((0, 0, 0), (1, 0, 0)), 4000.0, chosen, points=model.contacts[0].points)
     one = statics.solve(Model([body], supports, contacts=[wall]), load_steps=4)
     assert one.contacts[0].force == pytest.approx(both.contacts[0].force, rel=5e-3)
     assert one.reactions == pytest.approx(both.reactions[2:], abs=2e-3 * np.abs(both.reactions).max())

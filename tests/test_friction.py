@@ -157,7 +157,7 @@ def test_other_points_go_on_from_where_these_were(friction):
     for k in range(3):
         coarse.accept(start + k * way.ravel())
         fine.accept(start + k * way.ravel())
-    coarse.packed = pack(fine._model)
+    coarse.packed = pack(fine.model)
     coarse.friction.take(coarse.packed)
     (found,), (wanted,) = (one.results(start + 3.0 * way.ravel()) for one in (coarse, fine))
     print(found.friction, wanted.friction, found.sticking, found.slipping, wanted.sticking, wanted.slipping)
