@@ -145,7 +145,6 @@ def test_a_fine_ball_is_a_sphere():
                 np.linalg.norm(forces - expected[2]) / np.linalg.norm(expected[2]),
             )
         )
-    print(errors)
     assert errors[0] > 8.0 * errors[1]
     assert errors[1] < 0.03
 
@@ -335,3 +334,12 @@ def test_scene_files_name_the_file_beside_them(tmp_path):
     (tmp_path / "die.stl").unlink()
     with pytest.raises(InputError, match=r"scene.toml:\d+: obstacle.die.*die.stl: cannot be read"):
         FileScene(str(tmp_path / "scene.toml")).model()
+
+
+def test_the_resultant_of_a_mesh_is_the_sum_of_its_forces():
+    model = on(ball(np.array([0.2, 2.2, 2.7]), 1.5, 2))
+    displacement = shaken(model)
+    (result,) = ContactOperator(model).results(displacement)
+    _, _, forces = forces_at(model, displacement)
+    assert result.force > 0.0
+    np.testing.assert_allclose(result.resultant, forces[model.is_carrier].sum(axis=0), rtol=1e-9)

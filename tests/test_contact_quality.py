@@ -96,7 +96,6 @@ def test_hertz_by_default(n):
     solution = quiet(strip(n))
     width, peak = hertz(solution)
     (result,) = solution.contacts
-    print(n, width, peak, result.force_error, result.peak_error, solution.augmentations, solution.newton_iterations)
     assert abs(width) < 0.05
     assert abs(peak) < 0.12
     assert result.relative_penetration < 1e-3
@@ -126,7 +125,6 @@ def test_points_grow_until_the_patch_is_seen():
     few, best, own = (
         quiet(crossing(penalty=2e3, **points)).contacts[0] for points in ({"points": (3, 4)}, {"points": (16, 24)}, {})
     )
-    print(few.force, own.force, best.force, few.active, own.active, own.points_across, own.force_error)
     assert few.points_across < quality.POINTS
     assert own.points_across >= quality.FEWEST
     assert own.force == pytest.approx(best.force, rel=0.01)

@@ -29,7 +29,6 @@ def solved(scene, **how):
 @pytest.mark.parametrize("push", LOVE)
 def test_coil_takes_the_force_of_loves_spring(push):
     _, found = solved(Coil(push=push))
-    print(push, found["force"] / LOVE[push] - 1.0)
     # A continuum differs by the order of (d/D)^2 = 0.01: measured 0.0017.
     assert found["force"] == pytest.approx(LOVE[push], rel=0.003)
     assert found["contact_force"] == 0.0
@@ -87,7 +86,6 @@ def between(short, long):
 def test_strand_of_seven_wires_is_as_stiff_as_thin_rods():
     """A quarter and an eighth of a pitch: what ends add has not died away in twist."""
     stiffness = between(14.375, 28.75)
-    print((stiffness / THIN).round(4))
     assert stiffness[0, 0] == pytest.approx(THIN[0, 0], rel=0.02)
     assert stiffness[0, 1] == pytest.approx(stiffness[1, 0], rel=0.02)
 
@@ -96,7 +94,6 @@ def test_strand_of_seven_wires_is_as_stiff_as_thin_rods():
 def test_strand_of_a_pitch_is_as_stiff_as_thin_rods():
     """Measured 0.9971, 0.9956, 0.9919, 0.9943 of the thin rods', the same to four digits with twice the elements."""
     stiffness = between(57.5, 115.0)
-    print((stiffness / THIN).round(4))
     # Wires flatten where they touch.
     assert 0.98 < stiffness[0, 0] / THIN[0, 0] < 1.0
     np.testing.assert_allclose(stiffness, THIN, rtol=0.02)
@@ -160,7 +157,6 @@ def test_clasp_is_drawn_evenly_and_presses_on_a_circle_as_wide_as_hertz_says():
     # Of Hertz' pressure the mean square distance from the middle is two fifths of the radius squared.
     curved = 1.0 / (1.0 / scene.radius - 1.0 / (scene.bend - scene.radius))
     hertz = (1.5 * found["force"] * curved * (1.0 - scene.nu**2) / scene.E) ** (1.0 / 3.0)
-    print("radius", np.sqrt(2.5 * across.sum()), "Hertz", hertz)
     assert np.sqrt(2.5 * across.sum()) == pytest.approx(hertz, rel=0.12)
 
 
@@ -183,7 +179,6 @@ def test_rope_without_friction_is_pulled_alike_on_either_side():
     scene = Rope()
     _, found = solved(scene)
     start, end = found["tensions"]
-    print("tensions", end / start, "contact", found["contact_force"] / (2.0 * start * np.sin(np.radians(15.0))))
     assert end == pytest.approx(start, rel=0.005)
     assert found["contact_force"] == pytest.approx(2.0 * start * np.sin(np.radians(15.0)), rel=0.01)
     # About as wide as the rod's radius, and no more.

@@ -19,10 +19,13 @@ from isorod.contact.tables import pack
 from isorod.dynamics.explicit.mass import Mass
 from isorod.errors import InputError
 from isorod.material import NeoHookean
-from isorod.model import Body, BodyForce, Contact, Model, Plane, Sphere, Support
+from isorod.model import Body, BodyForce, Contact, Model, Plane, Sphere, Support, TriangleMesh
 from isorod.space import Space
 
 STIFF = NeoHookean(1000.0, 0.3)
+
+
+TETRAHEDRON = TriangleMesh(np.eye(4, 3), np.array([(0, 1, 2), (0, 2, 3), (0, 3, 1), (1, 3, 2)]))
 
 
 def rubbing(model, friction):
@@ -330,6 +333,7 @@ def test_a_run_goes_on_to_the_last_bit(tmp_path, integrator, step):
     [
         (lambda: Contact(0, 1, friction=-0.1), "friction -0.1, need a coefficient, not negative"),
         (lambda: Contact(0, 1, friction=float("nan")), "friction nan, need"),
+        (lambda: Contact(0, TETRAHEDRON, friction=0.1), "meshes of triangles have none"),
         (lambda: Contact(0, 1, friction="rough"), "friction: got 'rough'"),
         (lambda: Contact(0, Plane((0, 0, 0), (0, 0, 1)), friction=0.1, faces=["end"]), "end faces have none"),
     ],

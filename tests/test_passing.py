@@ -16,9 +16,9 @@ from isorod.model import Body, Contact, Cylinder, Model, Sphere, Support
 from isorod.space import Space
 
 
-def thrown(penalty):
+def thrown(penalty, friction=0.0):
     """A rod thrown at another, clamped one; in a time of one it would go four radii."""
-    model = rods((0.0, 2.1, 0.0), turn=ACROSS, contacts=[Contact(0, 1, penalty)])
+    model = rods((0.0, 2.1, 0.0), turn=ACROSS, contacts=[Contact(0, 1, penalty, friction=friction)])
     model = replace(model, supports=[Support.end(model.bodies[0].space, end) for end in ("start", "end")])
     velocity = np.zeros((model.dofs // 3, 3))
     velocity[model.first_node[1] :, 1] = -4.0 * model.is_carrier[model.first_node[1] :]
@@ -36,8 +36,9 @@ def thrown(penalty):
         ("implicit", 0.05, r"contact 0: a point is \S+ of the smaller radius deep; raise the penalty"),
     ],
 )
-def test_a_motion_through_a_rod_ends_with_one_line(integrator, step, said):
-    model, velocity = thrown(0.01)
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+def test_a_motion_through_a_rod_ends_with_one_line(integrator, step, said, friction):
+    model, velocity = thrown(0.01, friction)
     with pytest.raises(SolveError, match=said) as error:
         dynamics.solve(model, 1.0, step, 2, velocity=velocity, integrator=integrator)
     assert "\n" not in str(error.value)

@@ -1,11 +1,13 @@
 """Compiled: the directions in which contact pushes."""
 
+import numpy as np
 from numba import void
 
 from isorod.arrays import Array, Index
 from isorod.compiled import F2, I1, STRICT, njit
 from isorod.contact.force_kernel import rigid_gap
-from isorod.contact.packed import PACKED, Packed
+from isorod.contact.mesh_kernel import LEVELS, mesh_gap
+from isorod.contact.packed import MESH, PACKED, Packed
 from isorod.contact.surface_kernel import evaluate, new_foot, surface_gap
 
 
@@ -24,13 +26,15 @@ def normals(packed: Packed, positions: Array, active: Index, found: Array) -> No
     found
         What is filled, ``(m, 3)``.
     """
-    foot, k = new_foot(), 0
+    foot, stack, k = new_foot(), np.empty(LEVELS, dtype=np.int64), 0
     for m in range(active.size):
         point = active[m]
         while k + 1 < packed.passes.size and packed.passes[k + 1].first_point <= point:
             k += 1
         one = packed.passes[k]
-        if one.master < 0:
+        if one.master == MESH:
+            mesh_gap(packed, one, packed.points[point], foot, stack)
+        elif one.master < 0:
             rigid_gap(one, packed.points[point], foot.normal)
         else:
             start = packed.starts[point]

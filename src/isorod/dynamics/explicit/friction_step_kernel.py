@@ -7,11 +7,12 @@ from isorod.compiled import F1, STRICT, njit
 from isorod.contact.friction_kernel import FRICTION, Friction, add_friction
 from isorod.dynamics.explicit.cholesky import FACTORS, Factors
 from isorod.dynamics.explicit.contact import STEP_CONTACT, StepContact
-from isorod.dynamics.explicit.contact_step_kernel import STEP_PRESSING, StepPressing, press, take
+from isorod.dynamics.explicit.contact_step_kernel import STEP_PRESSING, StepPressing, press, take, too_deep
 from isorod.dynamics.explicit.mesh import MESH, Mesh
 from isorod.dynamics.explicit.step_kernel import (
     BLOWN,
     COURSE,
+    DEEP,
     DISSIPATED,
     DONE,
     INVERTED,
@@ -75,6 +76,8 @@ def advance(
         pressing = subtract(contact, friction, state.displacement, True, state.forces)
         if not pressing.energy >= 0.0:
             return k, LOST
+        if too_deep(contact, pressing.deepest):
+            return k, DEEP
         state.sums[PUSHED] += course.step * pressing.x
         state.sums[PUSHED + 1] += course.step * pressing.y
         state.sums[PUSHED + 2] += course.step * pressing.z
