@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from conftest import straight
-from scipy.sparse import coo_matrix
-from touching import ACROSS, LAW, forces_at, moved, reference, ring, shaken
+from touching import ACROSS, LAW, assert_tangent, forces_at, moved, reference, ring, shaken
 
 from isorod.contact import tables
 from isorod.contact.force_kernel import add_forces
@@ -191,16 +190,7 @@ def test_tangent_is_the_derivative_of_the_forces_and_symmetric(scene, augmented)
         operator.forces(displacement)
         touching = operator.packed.states["pressure"] > 0.0
         operator.packed.multipliers[touching] = np.random.default_rng(4).uniform(0.1, 2.0, touching.sum())
-    values = operator.tangent(displacement)
-    K = coo_matrix((values, (operator.rows, operator.columns)), shape=(model.dofs, model.dofs)).tocsr()
-    assert abs(K - K.T).max() < 1e-13 * abs(K).max()
-    rng, step = np.random.default_rng(5), 1e-7
-    for _ in range(3):
-        v = rng.standard_normal(model.dofs)
-        change = (operator.forces(displacement - step * v)[0] - operator.forces(displacement + step * v)[0]) / (
-            2.0 * step
-        )
-        assert np.abs(K @ v - change).max() < 1e-5 * np.abs(change).max()
+    assert_tangent(operator, displacement, model.dofs, 1e-7, 3, 1e-5)
 
 
 def test_a_rod_on_a_sphere_has_the_closed_form():

@@ -8,8 +8,7 @@ from itertools import product
 import numpy as np
 import pytest
 from conftest import straight
-from scipy.sparse import coo_matrix
-from touching import LAW, forces_at, moved, reference, shaken
+from touching import LAW, assert_tangent, forces_at, moved, reference, shaken
 
 from isorod.contact.force_kernel import add_forces
 from isorod.contact.mesh_kernel import LEVELS, mesh_gap
@@ -191,16 +190,7 @@ def test_tangent_is_the_derivative_of_the_forces_and_symmetric(scene):
     places = {tuple(np.abs(gap(packed, packed.points[k], k // half)[1]).round(6) > 0.0) for k in pressed}
     # Normals of faces, of edges and of a corner.
     assert {sum(place) for place in places} == {1, 2, 3}
-    values = operator.tangent(displacement)
-    K = coo_matrix((values, (operator.rows, operator.columns)), shape=(model.dofs, model.dofs)).tocsr()
-    assert abs(K - K.T).max() < 1e-13 * abs(K).max()
-    rng, step = np.random.default_rng(5), 1e-7
-    for _ in range(4):
-        v = rng.standard_normal(model.dofs)
-        change = (operator.forces(displacement - step * v)[0] - operator.forces(displacement + step * v)[0]) / (
-            2.0 * step
-        )
-        assert np.abs(K @ v - change).max() < 1e-5 * np.abs(change).max()
+    assert_tangent(operator, displacement, model.dofs, 1e-7, 4, 1e-5)
 
 
 def test_a_rod_that_wanders_meets_a_mesh_as_fresh_searches_say():

@@ -2,6 +2,7 @@
 
 import numpy as np
 from conftest import straight
+from scipy.sparse import coo_matrix
 
 from isorod.contact.force_kernel import add_forces
 from isorod.contact.tables import pack
@@ -78,3 +79,17 @@ def forces_at(model, displacement):
     forces = np.zeros_like(reference(model))
     outcome = add_forces(packed, reference(model) + displacement.reshape(-1, 3), forces)
     return packed, outcome, forces
+
+
+def assert_tangent(operator, displacement, dofs, step, count, error):
+    """Its tangent at a displacement is symmetric, and the derivative of its forces in some random directions."""
+    values = operator.tangent(displacement)
+    K = coo_matrix((values, (operator.rows, operator.columns)), shape=(dofs, dofs)).tocsr()
+    assert abs(K - K.T).max() < 1e-13 * abs(K).max()
+    rng = np.random.default_rng(5)
+    for _ in range(count):
+        v = rng.standard_normal(dofs)
+        change = (operator.forces(displacement - step * v)[0] - operator.forces(displacement + step * v)[0]) / (
+            2.0 * step
+        )
+        assert np.abs(K @ v - change).max() < error * np.abs(change).max()
