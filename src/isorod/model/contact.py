@@ -130,9 +130,7 @@ class Contact(Checked):
         if not (np.isfinite(self.friction) and self.friction >= 0.0):
             raise InputError(f"contact: got friction {self.friction:g}, need a coefficient, not negative")
         if self.friction and isinstance(self.second, TriangleMesh):
-            raise InputError(
-                "contact: friction is given, but meshes of triangles have none; leave it out"
-            )
+            raise InputError("contact: friction is given, but meshes of triangles have none; leave it out")
         if self.friction and self.faces:
             raise InputError("contact: friction is given, but end faces have none; leave out one of friction and faces")
         self._check_groups()
