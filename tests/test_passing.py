@@ -8,7 +8,6 @@ from pushed import ACROSS, LAW, outcome, rods
 
 from isorod import dynamics, statics
 from isorod.contact.passing import Passing
-from isorod.contact.tables import pack
 from isorod.errors import SolveError
 from isorod.geometry.center_line import helix
 from isorod.geometry.section import circle
@@ -84,7 +83,7 @@ def test_rods_pushed_past_each_other_in_one_step_keep_their_sides():
 
 def watched(contact, *shifts, turn=ACROSS):
     model = rods(*shifts, turn=turn, contacts=[contact])
-    return model, Passing(model, pack(model))
+    return model, Passing(model)
 
 
 @pytest.mark.parametrize("turn", [None, ACROSS], ids=["parallel", "crossing"])
@@ -119,7 +118,7 @@ def test_ways_through_a_rigid_obstacle_are_seen(obstacle):
 def test_coils_that_change_places_are_seen_and_their_own_bends_are_not():
     space = Space.paper(helix(6.0, 2.6, 2).sweep(circle(8, 1.0)), elements=16, degree=4)
     model = Model([Body(space, LAW)], contacts=[Contact(0)])
-    passing = Passing(model, pack(model))
+    passing = Passing(model)
     rest = np.zeros((space.nodes, 3))
     squeeze = rest - np.where(space.is_carrier, space.positions[:, 2], 0.0)[:, None] * [0.0, 0.0, 1.0]
     assert passing.passed(rest.ravel(), 0.2 * squeeze.ravel()) is None

@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 # Penetration up to which multipliers are added by default, relative to the smallest radius.
 _DEEPEST = 1e-3
 
+# Penalties may fall to this share of their defaults, and a little below.
+_SOFTEST = 1.5e-3
+
 
 class ContactOperator:
     """Forces and tangent of all contacts of a model; closest points are sought anew at each call, without history.
@@ -54,6 +57,7 @@ class ContactOperator:
         self._base = np.concatenate([body.space.positions for body in model.bodies])
         self._blocks = Blocks(PATCH, self._nodes)
         self.values = np.empty(0)
+        self._stiffness = 1.0
         self.friction: FrictionOperator | None = None
         if any(contact.friction for contact in model.contacts):
             from isorod.contact import friction
@@ -216,6 +220,12 @@ class ContactOperator:
         for contact, passes in sides_of(self.model):
             if contact.penalty is None:
                 self.packed.passes["penalty"][passes.start : passes.stop] *= times
+        self._stiffness *= times
+
+    @property
+    def may_soften(self) -> bool:
+        """Whether penalties that nobody gave may be lower than they are."""
+        return self._stiffness > _SOFTEST and any(contact.penalty is None for contact in self.model.contacts)
 
     def _limit(self, contact: Contact) -> float:
         """Return how deep a point of a contact may be."""

@@ -42,12 +42,10 @@ class Passing:
     ----------
     model
         Bodies and contacts.
-    packed
-        Those contacts (`isorod.contact.tables.pack`), whose last forces `deep` reads.
     """
 
-    def __init__(self, model: "Model", packed: Packed) -> None:
-        self._model, self._packed = model, packed
+    def __init__(self, model: "Model") -> None:
+        self._model = model
         self._limits = limits(model)
         self._reference = np.concatenate([body.space.positions for body in model.bodies])
         rows: list[Index] = []
@@ -80,16 +78,14 @@ class Passing:
         self._lines = csr_matrix(entries, shape=(count, self._reference.shape[0]))
         self._rest = self._ends(np.zeros(self._reference.size))
 
-    def deep(self) -> str | None:
-        """Return in words which point of the last forces is too deep, if one is."""
+    def deep(self, packed: Packed) -> str | None:
+        """Return in words which point of the last forces of the contacts is too deep, if one is."""
         if not self._limits or not np.isfinite(min(self._limits)):
             return None
-        gaps = np.where(self._packed.states["pressure"] > 0.0, self._packed.states["gap"], 0.0)
+        gaps = np.where(packed.states["pressure"] > 0.0, packed.states["gap"], 0.0)
         if gaps.min(initial=0.0) >= -min(self._limits):
             return None
-        for k, (limit, (_, points)) in enumerate(
-            zip(self._limits, slave_points(self._model, self._packed), strict=True)
-        ):
+        for k, (limit, (_, points)) in enumerate(zip(self._limits, slave_points(self._model, packed), strict=True)):
             depth = -float(gaps[points].min(initial=0.0))
             if depth > limit:
                 return f"contact {k}: a point is {DEEPEST * depth / limit:.2g} of the smaller radius deep"

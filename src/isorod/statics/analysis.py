@@ -28,6 +28,12 @@ if TYPE_CHECKING:
 # A load step is halved at most this many times.
 HALVINGS = 10
 
+# A step doubles after one of at most so many linear solves; where points come into contact more are usual.
+_QUICK, _QUICK_TOUCHING = 4, 6
+
+# Before that, penalties of contact are lowered by this factor.
+SOFTER = 0.1
+
 
 @dataclass(frozen=True, eq=False)
 class Equilibrium(State):
@@ -261,6 +267,9 @@ def _climb(solver: Newton, load_steps: int) -> tuple[int, int, int]:
         try:
             solves = solver.advance(factor, target)
         except Diverged as problem:
+            if contact is not None and contact.may_soften:
+                contact.stiffen(SOFTER)
+                continue
             cuts += 1
             step = 0.5 * (target - factor)
             if step < smallest:
@@ -272,6 +281,6 @@ def _climb(solver: Newton, load_steps: int) -> tuple[int, int, int]:
             solver.settle()
         if contact is not None and (rubs or factor == 1.0):
             augmentations += settle(solver, factor)
-        if solves <= 4:
+        if solves <= (_QUICK if contact is None else _QUICK_TOUCHING):
             step *= 2.0
     return steps, cuts, augmentations

@@ -13,6 +13,7 @@ from isorod.checks import rigid_motions
 from isorod.errors import SolveError
 from isorod.petsc.snes import create_snes
 from isorod.statics.convergence import Convergence, squeezed, worst_place
+from isorod.statics.line_search import LineSearch
 
 if TYPE_CHECKING:
     from isorod.contact.passing import Passing
@@ -27,14 +28,11 @@ _DELTA = 1e-6
 # What a user's option overrides.
 OPTIONS = {"snes_linesearch_type": "basic", "snes_rtol": 1e-9, "snes_max_it": 15, "ksp_type": "preonly"}
 
-# Where points come into contact, or slip, full steps go back and forth.  Steps end where their work vanishes, roughly:
-# full ones stay where they bring that down at all.
-TOUCHING = {
-    "snes_linesearch_type": "cp",
-    "snes_linesearch_rtol": 0.8,
-    "snes_linesearch_max_it": 10,
-    "snes_max_it": 40,
-}
+# With contact, where steps are shortened (`isorod.statics.line_search`).
+TOUCHING = {"snes_max_it": 25}
+
+# Steps of nearly no length in a solution that is given up, as long as there are other ways to try.
+_STUCK = 3
 
 
 class Diverged(Exception):
@@ -82,7 +80,7 @@ class Newton:
         if assembler.contact is not None:
             from isorod.contact import passing
 
-            self._passing = passing.Passing(assembler.model, assembler.contact.packed)
+            self._passing = passing.Passing(assembler.model)
         self._stage = PETSc.Log.Stage("solve")
         typed = PETSc.Options()
         self._own_tolerance = not typed.hasName("snes_atol")
@@ -93,9 +91,12 @@ class Newton:
             self._matrix,
             self._residual,
             self._tangent,
-            self._convergence.test,
+            self._test,
             OPTIONS | own | factorisation(assembler, symmetric=assembler.symmetric),
         )
+        self._line_search = None
+        if own and not typed.hasName("snes_linesearch_type"):
+            self._line_search = LineSearch(self.snes, self._residual)
         self.snes.setMonitor(lambda snes, k, norm: self.norms.append(norm))
         if self.snes.getKSP().getPC().getType() in MULTIGRID:
             self._matrix.setNearNullSpace(rigid_motions.near_null_space(assembler))
@@ -112,6 +113,13 @@ class Newton:
         """
         for one in (self.snes, self._matrix, self._trial, self._force, self._change):
             one.destroy()
+
+    def _test(self, snes: PETSc.SNES, iteration: int, norms: tuple[float, float, float]) -> PETSc.SNES.ConvergedReason:
+        """Return SNES's reason to stop; where lower penalties are left to try, hardly moving is one."""
+        search, contact = self._line_search, self.assembler.contact
+        if search is not None and search.short >= _STUCK and contact is not None and contact.may_soften:
+            return PETSc.SNES.ConvergedReason.DIVERGED_LINE_SEARCH
+        return self._convergence.test(snes, iteration, norms)
 
     def _residual(self, x: PETSc.Vec, out: PETSc.Vec) -> None:
         carried = self._convergence.carried_force = self.assembler.residual(x, self._factor, out)
@@ -227,6 +235,8 @@ class Newton:
         """Bring the trial state into balance; return the number of linear solves, the predictor's included."""
         snes = self.snes
         self.norms = [scale]
+        if self._line_search is not None:
+            self._line_search.short = 0
         if self._own_tolerance:
             self._convergence.update(self._matrix, scale)
         snes.solve(None, self._trial)
@@ -238,6 +248,8 @@ class Newton:
             why = f"SNES diverged (reason {reason})"
             if reason == PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE:
                 why = f"the linear solver does not converge (KSP reason {snes.getKSP().getConvergedReason()})"
+                # MUMPS, once it has failed, does not try again.
+                snes.getKSP().getPC().reset()
             raise Diverged(worst_place(self.assembler, self._trial, self._factor, why))
         return int(iterations) + 1
 
@@ -248,10 +260,10 @@ class Newton:
 
     def _refuse_passed(self, factor: float) -> None:
         """Raise `Diverged` if bodies in contact went through each other in the step from a load factor."""
-        if self._passing is None:
-            return
         assembler = self.assembler
+        if self._passing is None or assembler.contact is None:
+            return
         states = assembler.displacement(self.x, factor), assembler.displacement(self._trial, self._factor)
-        problem = self._passing.deep() or self._passing.passed(*states)
+        problem = self._passing.deep(assembler.contact.packed) or self._passing.passed(*states)
         if problem is not None:
             raise Diverged(f"{problem} however small the step; raise the penalty, or let supports keep them apart")

@@ -47,7 +47,7 @@ class Run(run.Run):
         if self.assembler.contact is not None:
             from isorod.contact import passing
 
-            self._passing = passing.Passing(system.model, self.assembler.contact.packed)
+            self._passing = passing.Passing(system.model)
         self._inertia = PETSc.KSP().create(PETSc.COMM_SELF)
         self._inertia.setOperators(self.assembler.mass())
         self._inertia.setType("preonly")
@@ -89,8 +89,10 @@ class Run(run.Run):
             change = self.newton.solve(np.zeros_like(velocity), level)
         self.newton_iterations = self.newton.iterations
         problem = f"SNES diverged (reason {self.newton.snes.getConvergedReason()})"
-        if change is not None and self._passing is not None:
-            through = self._passing.deep() or self._passing.passed(displacement, displacement + change)
+        if change is not None and self._passing is not None and self.assembler.contact is not None:
+            through = self._passing.deep(self.assembler.contact.packed) or self._passing.passed(
+                displacement, displacement + change
+            )
             change, problem = (change, problem) if through is None else (None, f"{through}; raise the penalty:")
         if change is not None:
             self._move(dt, level, change)

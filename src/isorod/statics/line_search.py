@@ -1,0 +1,87 @@
+"""Length of a Newton step by the work of the out-of-balance force along it."""
+
+from collections.abc import Callable
+
+import numpy as np
+from petsc4py import PETSc
+
+# A full step stays where it brings the work down to this share; else the zero is bracketed until so little is left.
+_KEPT, _LEFT = 0.8, 0.1
+_EVALUATIONS = 15
+
+# Less of a step is hardly one.
+_SHORT = 0.01
+
+
+def step_length(work: Callable[[float], float], start: float) -> float:
+    """Return the share of a step at whose end no work is left along it, roughly.
+
+    Where points come into contact, or slip, the force is no smooth function of the state and full Newton steps go back
+    and forth.  Its work along a step is continuous.  It falls from the start as long as the tangent is definite; where
+    it has changed sign at the end, points that push back lie between.  The bracket closes by regula falsi with
+    Illinois' halving (Dowell and Jarratt, 1971).
+
+    Parameters
+    ----------
+    work
+        ``work(share)`` is the work at a share of the step, which need not be finite.
+    start
+        That at none of it, where the way that lowers the energy makes it positive.
+    """
+    low, high, at_low, at_high = 0.0, 1.0, start, work(1.0)
+    if not start > 0.0:
+        # The tangent is not definite, and the step may be right all the same.
+        while high > _SHORT and not np.isfinite(at_high):
+            high *= 0.5
+            at_high = work(high)
+        return high
+    if at_high >= -_KEPT * start:
+        return 1.0
+    moved = 0
+    for _ in range(_EVALUATIONS):
+        share = 0.5 * (low + high)
+        if np.isfinite(at_high):
+            share = low + (high - low) * at_low / (at_low - at_high)
+        found = work(share)
+        if abs(found) <= _LEFT * start:
+            return share
+        # The end that stays twice counts half.
+        if found > 0.0:
+            low, at_low, at_high = share, found, at_high * (0.5 if moved > 0 else 1.0)
+            moved = 1
+        else:
+            high, at_high, at_low = share, found, at_low * (0.5 if moved < 0 else 1.0)
+            moved = -1
+    return low
+
+
+class LineSearch:
+    """Lets SNES, with its basic line search, take steps of such a length (`step_length`).
+
+    Attributes
+    ----------
+    short
+        How many steps were hardly any, since this was last set.
+    """
+
+    def __init__(self, snes: PETSc.SNES, residual: Callable[[PETSc.Vec, PETSc.Vec], object]) -> None:
+        self.short = 0
+        self._snes, self._residual = snes, residual
+        snes.setLineSearchPreCheck(self._shorten)
+
+    def _shorten(self, x: PETSc.Vec, y: PETSc.Vec) -> bool:
+        """Scale the step ``y`` that is to be taken from ``x``; return whether that changes it."""
+        start = self._snes.getFunction()[0]
+        force, trial = start.duplicate(), x.duplicate()
+
+        def work(share: float) -> float:
+            trial.waxpy(-share, y, x)
+            self._residual(trial, force)
+            return float(force.dot(y))
+
+        share = step_length(work, float(start.dot(y)))
+        self.short += share < _SHORT
+        y.scale(share)
+        force.destroy()
+        trial.destroy()
+        return share < 1.0

@@ -1,0 +1,41 @@
+"""Length of Newton steps where points come into contact."""
+
+import numpy as np
+import pytest
+
+from isorod.statics.line_search import step_length
+
+ZERO = 1e-3
+
+
+def kinked(share):
+    """Work of a soft spring that meets a stiff one at ``ZERO``, before and behind which it is linear."""
+    return 1.0 - share - 1e6 * max(0.0, share - ZERO)
+
+
+def test_a_step_beyond_a_kink_ends_where_its_work_vanishes():
+    calls = []
+
+    def work(share):
+        calls.append(share)
+        return kinked(share)
+
+    share = step_length(work, kinked(0.0))
+    assert abs(kinked(share)) <= 0.1
+    assert share == pytest.approx(ZERO, rel=2e-3)
+    assert len(calls) <= 12
+
+
+@pytest.mark.parametrize("end", [0.9, 0.0, -0.8])
+def test_a_full_step_that_does_stays(end):
+    assert step_length(lambda share: 1.0 + share * (end - 1.0), 1.0) == 1.0
+
+
+def test_a_step_ends_before_states_that_have_no_forces():
+    share = step_length(lambda share: 1.0 - share if share < 0.3 else np.nan, 1.0)
+    assert 0.25 < share < 0.3
+
+
+def test_a_step_up_the_energy_is_taken_as_far_as_there_are_forces():
+    assert step_length(lambda share: -5.0 * share, -1.0) == 1.0
+    assert step_length(lambda share: -1.0 if share < 0.3 else np.nan, -1.0) == 0.25
