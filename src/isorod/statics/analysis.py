@@ -31,6 +31,9 @@ HALVINGS = 10
 # A step doubles after one of at most so many linear solves; where points come into contact more are usual.
 _QUICK, _QUICK_TOUCHING = 4, 6
 
+# With contact, where steps that fail cost most, it takes as many of them more as steps were cut, at most so many.
+_WARY = 4
+
 # Before that, penalties of contact are lowered by this factor.
 SOFTER = 0.1
 
@@ -259,7 +262,7 @@ def _climb(solver: Newton, load_steps: int) -> tuple[int, int, int]:
     contact = solver.assembler.contact
     rubs = contact is not None and contact.friction is not None
     factor, step, steps, cuts, augmentations = 0.0, 1.0 / load_steps, 0, 0, 0
-    smallest = step / 2**HALVINGS
+    smallest, quick = step / 2**HALVINGS, 0
     while factor < 1.0:
         target = 1.0 if factor + step > 1.0 - 1e-12 else factor + step
         if contact is not None and rubs:
@@ -281,6 +284,7 @@ def _climb(solver: Newton, load_steps: int) -> tuple[int, int, int]:
             solver.settle()
         if contact is not None and (rubs or factor == 1.0):
             augmentations += settle(solver, factor)
-        if solves <= (_QUICK if contact is None else _QUICK_TOUCHING):
-            step *= 2.0
+        quick = quick + 1 if solves <= (_QUICK if contact is None else _QUICK_TOUCHING) else 0
+        if quick > (0 if contact is None else min(cuts, _WARY)):
+            step, quick = 2.0 * step, 0
     return steps, cuts, augmentations

@@ -7,7 +7,7 @@ from petsc4py import PETSc
 
 # A full step stays where it brings the work down to this share; else the zero is bracketed until so little is left.
 _KEPT, _LEFT = 0.8, 0.1
-_EVALUATIONS = 15
+_EVALUATIONS = 30
 
 # Less of a step is hardly one.
 _SHORT = 0.01
@@ -18,8 +18,8 @@ def step_length(work: Callable[[float], float], start: float) -> float:
 
     Where points come into contact, or slip, the force is no smooth function of the state and full Newton steps go back
     and forth.  Its work along a step is continuous.  It falls from the start as long as the tangent is definite; where
-    it has changed sign at the end, points that push back lie between.  The bracket closes by regula falsi with
-    Illinois' halving (Dowell and Jarratt, 1971).
+    it has changed sign at the end, points that push back lie between.  The bracket closes by chords and, where
+    these do not halve it, halving.
 
     Parameters
     ----------
@@ -37,21 +37,19 @@ def step_length(work: Callable[[float], float], start: float) -> float:
         return high
     if at_high >= -_KEPT * start:
         return 1.0
-    moved = 0
+    halve = not np.isfinite(at_high)
     for _ in range(_EVALUATIONS):
-        share = 0.5 * (low + high)
-        if np.isfinite(at_high):
-            share = low + (high - low) * at_low / (at_low - at_high)
+        share = 0.5 * (low + high) if halve else low + (high - low) * at_low / (at_low - at_high)
         found = work(share)
         if abs(found) <= _LEFT * start:
             return share
-        # The end that stays twice counts half.
+        width = high - low
         if found > 0.0:
-            low, at_low, at_high = share, found, at_high * (0.5 if moved > 0 else 1.0)
-            moved = 1
+            low, at_low = share, found
         else:
-            high, at_high, at_low = share, found, at_low * (0.5 if moved < 0 else 1.0)
-            moved = -1
+            high, at_high = share, found
+        # A chord of which one end is far off hardly moves the other.
+        halve = not np.isfinite(at_high) or (not halve and high - low > 0.5 * width)
     return low
 
 

@@ -29,7 +29,7 @@ _DELTA = 1e-6
 OPTIONS = {"snes_linesearch_type": "basic", "snes_rtol": 1e-9, "snes_max_it": 15, "ksp_type": "preonly"}
 
 # With contact, where steps are shortened (`isorod.statics.line_search`).
-TOUCHING = {"snes_max_it": 25}
+TOUCHING = {"snes_max_it": 20}
 
 # Steps of nearly no length in a solution that is given up, as long as there are other ways to try.
 _STUCK = 3
