@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 _DEEPEST = 1e-3
 
 # Penalties may fall to this share of their defaults, and a little below.
-_SOFTEST = 1.5e-3
+_SOFTEST = 2e-3
 
 
 class ContactOperator:

@@ -35,7 +35,7 @@ _QUICK, _QUICK_TOUCHING = 4, 6
 _WARY = 4
 
 # Before that, penalties of contact are lowered by this factor.
-SOFTER = 0.1
+SOFTER = 0.03
 
 
 @dataclass(frozen=True, eq=False)

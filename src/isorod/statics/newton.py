@@ -35,6 +35,10 @@ TOUCHING = {"snes_max_it": 20}
 _STUCK = 3
 
 
+# With contact, the path is taken for smooth after a step of at most so many linear solves.
+_SMOOTH = 8
+
+
 class Diverged(Exception):
     """A load step did not converge."""
 
@@ -73,6 +77,7 @@ class Newton:
         self._change = assembler.vector()
         self._matrix = assembler.matrix()
         self._factor = 0.0
+        self._solves = 0
         self._convergence = Convergence(assembler)
         self._history: _Past | None = None
         self.stabilisation: Stabilisation | None = None
@@ -161,7 +166,9 @@ class Newton:
             self._refuse_passed(factor)
         finally:
             self._stage.pop()
-        self._history = _Past(target - factor, self.x.copy(), rate)
+        self._solves = solves
+        # At one load factor only contact has changed, and the path with it.
+        self._history = _Past(target - factor, self.x.copy(), rate) if target > factor else None
         self._trial.copy(self.x)
         return solves
 
@@ -215,7 +222,7 @@ class Newton:
 
     def _bend(self, rate: PETSc.Vec, step: float) -> bool:
         """Make the predictor follow the curve of the path: the cubic through the last two equilibria and tangents."""
-        if self._history is None or not step or self.assembler.contact is not None:
+        if self._history is None or not step or (self.assembler.contact is not None and self._solves > _SMOOTH):
             return False
         length, past, slope = self._history
         gap = past - self.x

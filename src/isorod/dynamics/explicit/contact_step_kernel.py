@@ -15,6 +15,7 @@ from isorod.dynamics.explicit.step_kernel import (
     BLOWN,
     COURSE,
     DEEP,
+    DISSIPATED,
     DONE,
     INVERTED,
     LOST,
@@ -98,6 +99,20 @@ def too_deep(contact: StepContact, deepest: float) -> bool:
     return False
 
 
+@njit(i8(STATE, FACTORS, COURSE, STEP_CONTACT, STEP_PRESSING), **STRICT)
+def finish(state: State, factors: Factors, course: Course, contact: StepContact, pressing: StepPressing) -> int:
+    """Move on by one step under forces of which those of contact are told; return the outcome."""
+    if not pressing.energy >= 0.0:
+        return LOST
+    if too_deep(contact, pressing.deepest):
+        return DEEP
+    state.sums[PUSHED] += course.step * pressing.x
+    state.sums[PUSHED + 1] += course.step * pressing.y
+    state.sums[PUSHED + 2] += course.step * pressing.z
+    state.sums[DISSIPATED] += pressing.dissipated
+    return DONE if move(state, factors, course) else BLOWN
+
+
 @njit(types.UniTuple(i8, 2)(MESH, STATE, FACTORS, COURSE, i8, i8, STEP_CONTACT), **STRICT)
 def advance(
     mesh: Mesh, state: State, factors: Factors, course: Course, first: int, last: int, contact: StepContact
@@ -117,13 +132,7 @@ def advance(
         if evaluate(mesh, state, course, k) > 0.0:
             return k, INVERTED
         pressing = subtract(contact, state.displacement, state.forces)
-        if not pressing.energy >= 0.0:
-            return k, LOST
-        if too_deep(contact, pressing.deepest):
-            return k, DEEP
-        state.sums[PUSHED] += course.step * pressing.x
-        state.sums[PUSHED + 1] += course.step * pressing.y
-        state.sums[PUSHED + 2] += course.step * pressing.z
-        if not move(state, factors, course):
-            return k + 1, BLOWN
+        outcome = finish(state, factors, course, contact, pressing)
+        if outcome != DONE:
+            return (k + 1 if outcome == BLOWN else k), outcome
     return last, DONE

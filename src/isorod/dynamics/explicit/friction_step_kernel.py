@@ -7,23 +7,9 @@ from isorod.compiled import F1, STRICT, njit
 from isorod.contact.friction_kernel import FRICTION, Friction, add_friction
 from isorod.dynamics.explicit.cholesky import FACTORS, Factors
 from isorod.dynamics.explicit.contact import STEP_CONTACT, StepContact
-from isorod.dynamics.explicit.contact_step_kernel import STEP_PRESSING, StepPressing, press, take, too_deep
+from isorod.dynamics.explicit.contact_step_kernel import STEP_PRESSING, StepPressing, finish, press, take
 from isorod.dynamics.explicit.mesh import MESH, Mesh
-from isorod.dynamics.explicit.step_kernel import (
-    BLOWN,
-    COURSE,
-    DEEP,
-    DISSIPATED,
-    DONE,
-    INVERTED,
-    LOST,
-    PUSHED,
-    STATE,
-    Course,
-    State,
-    evaluate,
-    move,
-)
+from isorod.dynamics.explicit.step_kernel import BLOWN, COURSE, DONE, INVERTED, STATE, Course, State, evaluate
 
 
 @njit(STEP_PRESSING(STEP_CONTACT, FRICTION, F1, b1, F1), **STRICT)
@@ -74,14 +60,7 @@ def advance(
         if evaluate(mesh, state, course, k) > 0.0:
             return k, INVERTED
         pressing = subtract(contact, friction, state.displacement, True, state.forces)
-        if not pressing.energy >= 0.0:
-            return k, LOST
-        if too_deep(contact, pressing.deepest):
-            return k, DEEP
-        state.sums[PUSHED] += course.step * pressing.x
-        state.sums[PUSHED + 1] += course.step * pressing.y
-        state.sums[PUSHED + 2] += course.step * pressing.z
-        state.sums[DISSIPATED] += pressing.dissipated
-        if not move(state, factors, course):
-            return k + 1, BLOWN
+        outcome = finish(state, factors, course, contact, pressing)
+        if outcome != DONE:
+            return (k + 1 if outcome == BLOWN else k), outcome
     return last, DONE
