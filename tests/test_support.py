@@ -8,7 +8,8 @@ from scipy.optimize import brentq
 from isorod import statics
 from isorod.assembly.assembler import Assembler
 from isorod.checks import rigid_motions
-from isorod.errors import SolveError
+from isorod.errors import InputError, SolveError
+from isorod.geometry import center_line, section
 from isorod.geometry.section import ellipse
 from isorod.material import NeoHookean
 from isorod.model import Body, Model, Support
@@ -178,3 +179,37 @@ def test_free_motions_under_ties(cylinder):
     assert len(rigid_motions.free_motions(model)) == 2
     with pytest.raises(SolveError, match=r"free to move along"):
         statics.solve(model)
+
+
+def staged(rod_space, pull, bend):
+    components = {"x": (0.0, 0.0, 0.0), "yz": (0.0, 0.3, -0.4)}
+    return [
+        Support.end(rod_space, "start"),
+        Support.end(rod_space, "end", "x", (0.2, 0.0, 0.0), during=pull),
+        Support.end(rod_space, "end", "yz", components["yz"], during=bend),
+    ]
+
+
+def test_supports_move_one_after_the_other_and_end_where_they_would_together():
+    space = Space(center_line.straight(4.0).sweep(section.circle(8, 0.5)), section_degree=2, elements=4, degree=3)
+    laws = [Body(space, NeoHookean(100.0, 0.3))]
+    late = Model(laws, staged(space, (0.0, 0.25), (0.25, 1.0)))
+    assert late.stages == [0.25, 1.0]
+    held = late.held[late.prescribed(1.0)[late.held] != 0.0]
+    x, others = held[held % 3 == 0], held[held % 3 != 0]
+    for factor, first, second in ((0.1, 0.4, 0.0), (0.25, 1.0, 0.0), (0.625, 1.0, 0.5), (1.0, 1.0, 1.0)):
+        now, whole = late.prescribed(factor), late.prescribed(1.0)
+        assert now[x] == pytest.approx(first * whole[x], rel=1e-14)
+        assert now[others] == pytest.approx(second * whole[others], rel=1e-14, abs=1e-16)
+    solution = statics.solve(late)
+    at_once = statics.solve(Model(laws, staged(space, (0.0, 1.0), (0.0, 1.0))))
+    # One step would go past the end of the first way.
+    assert solution.load_steps >= 2
+    assert solution.displacement == pytest.approx(at_once.displacement, abs=1e-9)
+
+
+@pytest.mark.parametrize("during", [(0.5, 0.5), (-0.1, 1.0), (0.0, 1.1), (0.7, 0.2), (0.0, np.nan)])
+def test_a_time_that_is_none_is_refused(during):
+    space = Space(center_line.straight(1.0).sweep(section.circle(8, 0.1)), elements=1, degree=2)
+    with pytest.raises(InputError, match="during.*need two load factors that rise, between 0 and 1"):
+        Model([Body(space, NeoHookean(1.0, 0.3))], [Support.end(space, "start", during=during)])

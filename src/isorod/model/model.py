@@ -116,6 +116,12 @@ class Model(Checked):
         return result
 
     @cached_property
+    def stages(self) -> list[float]:
+        """Load factors at which supports begin or cease to move, and 1, in order."""
+        ends = {end for motion in self.motions for end in motion.during}
+        return sorted((ends | {1.0}) - {0.0})
+
+    @cached_property
     def values(self) -> Array:
         """Displacements at load factor 1 of the degrees of freedom in ``held``."""
         return self.prescribed(1.0)[self.held]

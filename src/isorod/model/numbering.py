@@ -14,7 +14,7 @@ from isorod.errors import InputError
 from isorod.model.support import SupportMotion
 
 # Load factors at which the displacements of two supports on one degree of freedom are compared.
-_SAMPLES = (1.0, 0.37)
+_SAMPLES = (1.0, 0.73, 0.37, 0.11)
 
 
 class Numbering(NamedTuple):

@@ -37,6 +37,9 @@ class Support(Checked):
         carriers (`Space.is_carrier`) share one unknown.
     space
         That of the nodes, if it is to be checked that the body has the same.
+    during
+        Load factors between which it moves, ``0 <= begin < end <= 1``: ``f`` above is the share of that way, 0 before
+        and 1 after.
     """
 
     nodes: Index
@@ -47,6 +50,7 @@ class Support(Checked):
     arms: ArrayLike | None = None
     tied: str = ""
     space: Space | None = field(default=None, repr=False)
+    during: tuple[float, float] = (0.0, 1.0)
 
     @classmethod
     def end(
@@ -59,6 +63,7 @@ class Support(Checked):
         turn: tuple[float, float, float] = (0.0, 0.0, 0.0),
         center: tuple[float, float, float] | None = None,
         tied: str = "",
+        during: tuple[float, float] = (0.0, 1.0),
     ) -> "Support":
         """Return a support of the whole ``"start"`` or ``"end"`` face: every node is held.
 
@@ -83,6 +88,8 @@ class Support(Checked):
             Rotation vector at load factor 1, shape ``(3,)``, radians.
         center
             The point ``c``, shape ``(3,)``; the mean of the face's carriers (`Space.is_carrier`) where not given.
+        during
+            Load factors between which it moves (`Support`).
 
         Raises
         ------
@@ -95,7 +102,7 @@ class Support(Checked):
         if which not in layers:
             raise InputError(f"support: got end {which!r}, need 'start' or 'end'")
         nodes = layers[which] * space.layer_nodes + np.arange(space.layer_nodes)
-        return cls._of(nodes, space, components, displacement, body, turn, center, tied)
+        return cls._of(nodes, space, components, displacement, body, turn, center, tied, during)
 
     @classmethod
     def patch(
@@ -109,6 +116,7 @@ class Support(Checked):
         turn: tuple[float, float, float] = (0.0, 0.0, 0.0),
         center: tuple[float, float, float] | None = None,
         tied: str = "",
+        during: tuple[float, float] = (0.0, 1.0),
     ) -> "Support":
         """Return a support of a patch of the lateral surface: every node whose function acts there is held.
 
@@ -122,7 +130,7 @@ class Support(Checked):
             of the disk, which are those of the section's first axis if that is a circle.
         along
             Lengths along the centre line, from the start, the first below the second.
-        components, tied, displacement, body, turn, center
+        components, tied, displacement, body, turn, center, during
             As for `end`.
 
         Raises
@@ -131,7 +139,7 @@ class Support(Checked):
             If an angle or a length is out of range, or the section functions have no control points on the surface.
         """
         nodes = patch_nodes(space, around, along)
-        return cls._of(nodes, space, components, displacement, body, turn, center, tied)
+        return cls._of(nodes, space, components, displacement, body, turn, center, tied, during)
 
     @classmethod
     def _of(
@@ -144,6 +152,7 @@ class Support(Checked):
         turn: tuple[float, float, float],
         center: tuple[float, float, float] | None,
         tied: str,
+        during: tuple[float, float],
     ) -> "Support":
         """Return a support of nodes that move as a rigid body does."""
         is_carrier = space.is_carrier[nodes, None]
@@ -152,7 +161,9 @@ class Support(Checked):
             arms = space.positions[nodes]
             middle = arms[is_carrier[:, 0]].mean(axis=0) if center is None else np.array(center, dtype=float)
             arms = arms - is_carrier * middle
-        return cls(nodes, components, is_carrier * np.array(displacement, dtype=float), body, turn, arms, tied, space)
+        return cls(
+            nodes, components, is_carrier * np.array(displacement, dtype=float), body, turn, arms, tied, space, during
+        )
 
     def motion(self, space: Space, first_node: int) -> "SupportMotion":
         """Return what the support does with degrees of freedom of a space that starts with node ``first_node``.
@@ -182,9 +193,17 @@ class Support(Checked):
         turn = np.asarray(self.turn, dtype=float)
         if turn.shape != (3,) or not np.isfinite(turn).all():
             raise InputError(f"got turn {turn.tolist()}, need three finite components in radians")
+        during = self._period()
         dofs = 3 * (first_node + nodes)[:, None] + columns
         arms = self._turned(space, nodes, tied)
-        return SupportMotion(dofs.ravel(), np.where(tied, 0.0, rates).ravel(), arms.reshape(-1, 3), turn, tied.ravel())
+        rates = np.where(tied, 0.0, rates).ravel()
+        return SupportMotion(dofs.ravel(), rates, arms.reshape(-1, 3), turn, tied.ravel(), during)
+
+    def _period(self) -> tuple[float, float]:
+        given = np.asarray(self.during, dtype=float)
+        if given.shape != (2,) or not 0.0 <= given[0] < given[1] <= 1.0:
+            raise InputError(f"got during {self.during!r}, need two load factors that rise, between 0 and 1")
+        return float(given[0]), float(given[1])
 
     def _turned(self, space: Space, nodes: Index, tied: NDArray[np.bool_]) -> Array:
         """Return the arms of all components ``(m, c, 3)``, those of tied ones ``(m, c)`` from the first of them."""
@@ -203,7 +222,7 @@ class Support(Checked):
 class SupportMotion(NamedTuple):
     """What one support does with degrees of freedom ``dofs`` ``(m,)``.
 
-    At load factor ``f`` component ``a`` of ``f rate + (R(f turn) - 1) arm`` is the displacement of those that are held,
+    At load factor ``f``, or that share of the time ``during`` which it moves, component ``a`` of ``f rate + (R(f turn) - 1) arm`` is the displacement of those that are held,
     and what those that are ``tied`` have more than the unknown they share (one a component).
     """
 
@@ -212,9 +231,13 @@ class SupportMotion(NamedTuple):
     arms: Array
     turn: Array
     tied: NDArray[np.bool_]
+    during: tuple[float, float] = (0.0, 1.0)
 
     def at(self, factor: float) -> Array:
         """Return the prescribed part of the displacements at a load factor, shape ``(m,)``."""
+        begin, end = self.during
+        if (begin, end) != (0.0, 1.0):
+            factor = min(1.0, max(0.0, (factor - begin) / (end - begin)))
         result = factor * self.rates
         if self.turn.any():
             rows = turning(factor * self.turn)[self.dofs % 3]

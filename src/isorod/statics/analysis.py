@@ -261,10 +261,12 @@ def _climb(solver: Newton, load_steps: int) -> tuple[int, int, int]:
     """
     contact = solver.assembler.contact
     rubs = contact is not None and contact.friction is not None
+    stages = solver.assembler.model.stages
     factor, step, steps, cuts, augmentations = 0.0, 1.0 / load_steps, 0, 0, 0
     smallest, quick = step / 2**HALVINGS, 0
     while factor < 1.0:
-        target = 1.0 if factor + step > 1.0 - 1e-12 else factor + step
+        end = next(stage for stage in stages if stage > factor)
+        target = end if factor + step > end - 1e-12 else factor + step
         if contact is not None and rubs:
             contact.accept(solver.assembler.displacement(solver.x, factor))
         try:
@@ -280,6 +282,8 @@ def _climb(solver: Newton, load_steps: int) -> tuple[int, int, int]:
             continue
         factor = target
         steps += 1
+        if factor == end:
+            solver.forget_path()
         if factor == 1.0:
             solver.settle()
         if contact is not None and (rubs or factor == 1.0):

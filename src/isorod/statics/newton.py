@@ -172,6 +172,10 @@ class Newton:
         self._trial.copy(self.x)
         return solves
 
+    def forget_path(self) -> None:
+        """Take the path for one that does not go on as it came."""
+        self._history = None
+
     def settle(self) -> "Stabilisation | None":
         """Let what holds bodies until contact does vanish, at the full load, and return it (`vanish`)."""
 
