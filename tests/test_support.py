@@ -211,5 +211,5 @@ def test_supports_move_one_after_the_other_and_end_where_they_would_together():
 @pytest.mark.parametrize("during", [(0.5, 0.5), (-0.1, 1.0), (0.0, 1.1), (0.7, 0.2), (0.0, np.nan)])
 def test_a_time_that_is_none_is_refused(during):
     space = Space(center_line.straight(1.0).sweep(section.circle(8, 0.1)), elements=1, degree=2)
-    with pytest.raises(InputError, match="during.*need two load factors that rise, between 0 and 1"):
+    with pytest.raises(InputError, match=r"during.*need two load factors that rise, between 0 and 1"):
         Model([Body(space, NeoHookean(1.0, 0.3))], [Support.end(space, "start", during=during)])

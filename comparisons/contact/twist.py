@@ -1,4 +1,6 @@
-"""Two rods pulled, then twisted once round each other, against the helices of thin rods: ``python -m comparisons.contact.twist``.
+"""Two rods pulled, then twisted once round each other, against the helices of thin rods.
+
+``python -m comparisons.contact.twist [ELEMENTS ...]`` prints both and the time for some numbers of elements.
 
 Source of the scene: 4C Multiphysics' test of beams in line contact; of the values `comparisons.contact.pair`.
 """

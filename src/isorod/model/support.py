@@ -222,8 +222,9 @@ class Support(Checked):
 class SupportMotion(NamedTuple):
     """What one support does with degrees of freedom ``dofs`` ``(m,)``.
 
-    At load factor ``f``, or that share of the time ``during`` which it moves, component ``a`` of ``f rate + (R(f turn) - 1) arm`` is the displacement of those that are held,
-    and what those that are ``tied`` have more than the unknown they share (one a component).
+    At load factor ``f``, or as ``f`` that share of the load factors ``during`` which it moves, component ``a`` of
+    ``f rate + (R(f turn) - 1) arm`` is the displacement of those that are held, and what those that are ``tied`` have
+    more than the unknown they share (one a component).
     """
 
     dofs: Index
