@@ -289,6 +289,8 @@ def _climb(solver: Newton, load_steps: int) -> tuple[int, int, int]:
         if contact is not None and (rubs or factor == 1.0):
             augmentations += settle(solver, factor)
         quick = quick + 1 if solves <= (_QUICK if contact is None else _QUICK_TOUCHING) else 0
-        if quick > (0 if contact is None else min(cuts, _WARY)):
+        if factor == end:
+            step, quick = 1.0 / load_steps, 0
+        elif quick > (0 if contact is None else min(cuts, _WARY)):
             step, quick = 2.0 * step, 0
     return steps, cuts, augmentations
