@@ -266,6 +266,7 @@ def _climb(solver: Newton, load_steps: int) -> tuple[int, int, int]:
     while factor < 1.0:
         target = 1.0 if factor + step > 1.0 - 1e-12 else factor + step
         if contact is not None and rubs:
+            contact.place(factor)
             contact.accept(solver.assembler.displacement(solver.x, factor))
         try:
             solves = solver.advance(factor, target)
