@@ -82,6 +82,11 @@ class Assembler(Unknowns):
         self.note("contact")
         return ContactOperator(self.model)
 
+    def _state(self, x: PETSc.Vec, factor: float) -> Array:
+        if self.contact is not None:
+            self.contact.place(factor)
+        return super()._state(x, factor)
+
     def _followers(self) -> "list[Pressing]":
         """Return the pressures that follow each part, if any does."""
         loads = self.model.following
@@ -192,13 +197,15 @@ class Assembler(Unknowns):
         Returns
         -------
         carried_force
-            Norm of the nodal forces of supports and loads.
+            Norm of the nodal forces of supports and loads, and of the push of obstacles that move.
         """
         with self._timed():
             local = self._state(x, factor)
             forces = self._forces(local, factor)
             self._exchange.store(forces, out)
             own = float(np.sum(forces[self._exchange.bound[1]] ** 2) + np.sum((factor * self._loads(local)) ** 2))
+            if self.contact is not None:
+                own += self.contact.push() ** 2
             return float(np.sqrt(self.comm.tompi4py().allreduce(own)))
 
     def reactions(self, x: PETSc.Vec, factor: float) -> Array:
@@ -207,9 +214,10 @@ class Assembler(Unknowns):
             return self._bound(self._forces(self._state(x, factor), factor))
 
     def carried(self, x: PETSc.Vec) -> float:
-        """Return the norm of the nodal forces of the loads at load factor 1."""
+        """Return the norm of the nodal forces of the loads at load factor 1, and of the push of moving obstacles."""
         own = self._loads(self._state(x, 1.0)) if self.model.loads else np.zeros(1)
-        return float(np.sqrt(self.comm.tompi4py().allreduce(float(own @ own))))
+        push = 0.0 if self.contact is None else self.contact.push()
+        return float(np.sqrt(self.comm.tompi4py().allreduce(float(own @ own) + push**2)))
 
     def imbalance(self, x: PETSc.Vec, factor: float) -> tuple[Array, Array]:
         """Return the resultant ``(3,)`` of the forces on what no support holds, and what rounding makes of others.
@@ -276,6 +284,7 @@ class Assembler(Unknowns):
             total -= step * self._loads(local)
             if self.contact is not None:
                 total += self.contact.product(move)
+                total -= self.contact.carried_along(local, factor, step)
             self._exchange.store(total, out)
 
     def _change(self, part: Part, matrices: Array, local: Array, move: Array, step: float) -> Array:

@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 # Penetration up to which multipliers are added by default, relative to the smallest radius.
 _DEEPEST = 1e-3
 
+# Share of a load step by which forces are differentiated where obstacles move.
+_DELTA = 1e-6
+
 # Penalties may fall to this share of their defaults, and a little below.
 _SOFTEST = 2e-3
 
@@ -55,6 +58,9 @@ class ContactOperator:
         self.packed = pack(model, self.points)
         self._stage = PETSc.Log.Stage("contact")
         self._base = np.concatenate([body.space.positions for body in model.bodies])
+        moving = [(self.packed.passes[k], contact.travel) for contact, own in sides_of(model) for k in own]
+        self._places = np.array([one["point"] for one, _ in moving])
+        self._ways = np.array([travel * one["direction"] for one, travel in moving])
         self._blocks = Blocks(PATCH, self._nodes)
         self.values = np.empty(0)
         self._stiffness = 1.0
@@ -85,6 +91,11 @@ class ContactOperator:
         nodes = np.empty(NODES, dtype=np.int64)
         nodes = nodes[: patch_nodes(self.packed, patch, nodes)]
         return nodes, nodes
+
+    def place(self, factor: float) -> None:
+        """Put obstacles that move where they are at a load factor; all that follows is there."""
+        if self._ways.any():
+            self.packed.passes["point"] = self._places + factor * self._ways
 
     def _positions(self, displacement: Array) -> Array:
         return self._base + displacement.reshape(-1, 3)
@@ -139,6 +150,23 @@ class ContactOperator:
         """Return the last tangent times a vector of all degrees of freedom."""
         return np.bincount(self.rows, self.values * move[self.columns], move.size).astype(np.float64, copy=False)
 
+    def carried_along(self, displacement: Array, factor: float, step: float) -> Array:
+        """Return the change of the forces ``(dofs,)``, linearised, when obstacles move on by ``step`` at a factor."""
+        if not self._ways.any():
+            return np.zeros_like(displacement)
+        forces = []
+        # Points that come into contact on the way are none of the derivative.
+        for share in (_DELTA, 0.0):
+            self.place(factor + share * step)
+            forces.append(self.forces(displacement)[0])
+        return (forces[0] - forces[1]) / _DELTA
+
+    def push(self) -> float:
+        """Return the normal forces of all obstacles that move, as the last forces left them: what drives a model."""
+        firsts, loads = self.packed.passes["first_point"], self.packed.areas * self.packed.states["pressure"]
+        each = np.add.reduceat(loads, firsts)
+        return float(each[self._ways.any(axis=1)].sum())
+
     def results(self, displacement: Array, check: bool = False) -> list[ContactResult]:
         """Return the outcome of each contact at a displacement ``(dofs,)``; ``check`` tells the error of points too."""
         others = self._otherwise(displacement) if check else ()
@@ -162,7 +190,8 @@ class ContactOperator:
     def _packed(self, points: list[tuple[int, int]]) -> Packed:
         """Return tables with other points, with the multipliers and penalties of now."""
         packed = pack(self.model, points)
-        packed.passes["penalty"] = self.packed.passes["penalty"]
+        for name in ("penalty", "point"):
+            packed.passes[name] = self.packed.passes[name]
         packed.multipliers[:] = cells.moved(self.packed, self.packed.multipliers, packed)
         return packed
 

@@ -20,15 +20,22 @@ MAX_POINTS = 64
 
 @dataclass(frozen=True)
 class Plane(Checked):
-    """A rigid half space that ends at ``point``; ``normal``, of any length, points out of it, to where the rod is."""
+    """A rigid half space that ends at ``point``; ``normal``, of any length, points out of it, to where the rod is.
+
+    In statics it moves along its normal, by ``travel`` at load factor 1, units of length: a plate that is pressed on
+    what is before it, with ``ContactResult.resultant``.
+    """
 
     point: Vector
     normal: Vector
+    travel: float = 0.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
         _check_vector("plane: point", self.point, False)
         _check_vector("plane: normal", self.normal, True)
+        if not np.isfinite(self.travel):
+            raise InputError(f"plane: got travel {self.travel:g}, need a finite length")
 
 
 @dataclass(frozen=True)
@@ -158,6 +165,11 @@ class Contact(Checked):
         return self.second if isinstance(self.second, Obstacle) else None
 
     @property
+    def travel(self) -> float:
+        """What the obstacle moves along its normal at load factor 1."""
+        return self.second.travel if isinstance(self.second, Plane) else 0.0
+
+    @property
     def groups(self) -> list[tuple[int, ...]]:
         """Bodies of each side; one side where they touch each other, themselves, or an obstacle."""
         sides = [self.first]
@@ -199,9 +211,13 @@ class Contact(Checked):
                     raise InputError(f"{where}: element {e!r} is not in body {body}, which has {count}")
 
 
-def refuse(contacts: Sequence[Contact], *, penetration: bool = False, faces: bool = False) -> None:
-    """Raise `InputError` if a contact asks for what the caller has not: a largest penetration, end faces."""
+def refuse(
+    contacts: Sequence[Contact], *, penetration: bool = False, faces: bool = False, travel: bool = False
+) -> None:
+    """Raise `InputError` if a contact asks for what the caller has not: a largest penetration, end faces, a way."""
     for index, contact in enumerate(contacts):
+        if travel and contact.travel:
+            raise InputError(f"contact {index}: a plane that moves, by its travel, is for statics alone")
         if penetration and contact.penetration is not None:
             raise InputError(f"contact {index}: a largest penetration (augmented Lagrangian) is for statics alone")
         if faces and contact.faces:

@@ -268,6 +268,7 @@ def _climb(solver: Newton, load_steps: int) -> tuple[int, int, int]:
         end = next(stage for stage in stages if stage > factor)
         target = end if factor + step > end - 1e-12 else factor + step
         if contact is not None and rubs:
+            contact.place(factor)
             contact.accept(solver.assembler.displacement(solver.x, factor))
         try:
             solves = solver.advance(factor, target)

@@ -48,7 +48,7 @@ STEP_CONTACT = types.NamedTuple((PACKED, FACES, F1, types.Array(types.u8, 1, "C"
 
 def pack(model: Model, order: Index) -> StepContact:
     """Return the contacts of a model whose degrees of freedom are in this order in state vectors."""
-    refuse(model.contacts, penetration=True)
+    refuse(model.contacts, penetration=True, travel=True)
     reference = np.concatenate([body.space.positions for body in model.bodies])
     return StepContact(
         packed=tables.pack(model),

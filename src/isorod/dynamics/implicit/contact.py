@@ -23,7 +23,7 @@ class MidpointContact(ContactOperator):
     long_steps = False
 
     def __init__(self, model: Model) -> None:
-        refuse(model.contacts, penetration=True)
+        refuse(model.contacts, penetration=True, travel=True)
         super().__init__(model)
         self.start = self._base.ravel() * 0.0
 

@@ -1,0 +1,86 @@
+"""Planes that move along their normal with the load factor: what they press is as if it were moved onto them."""
+
+import numpy as np
+import pytest
+from conftest import straight
+
+from isorod import dynamics, statics
+from isorod.contact.operator import ContactOperator
+from isorod.errors import InputError
+from isorod.geometry.rod import Rod
+from isorod.material import NeoHookean
+from isorod.model import Body, Contact, Model, Plane, Support
+from isorod.space import Space
+
+LAW = NeoHookean(1000.0, 0.3)
+WAY = 0.08
+HOW = {"penalty": 1e3, "points": (6, 4)}
+
+
+def bar():
+    """Of radius 1, along z from -2 to 2."""
+    rod = straight(8, breaks=(0.0, 1.0, 2.0), height=4.0)
+    middle = Rod(rod.axis, rod.control_points - [0.0, 0.0, 2.0])
+    return Space.paper(middle, degree=2, order=2, quadrature="auto")
+
+
+def held(space, travel=0.0, way=0.0, gap=0.02, **how):
+    """A bar whose ends are held, or moved down, above a plane that may come up."""
+    supports = [Support.end(space, end, displacement=(0.0, -way, 0.0)) for end in ("start", "end")]
+    plane = Plane((0.0, -1.0 - gap, 0.0), (0.0, 3.0, 0.0), travel)
+    return Model([Body(space, LAW, density=1.0)], supports, contacts=[Contact(0, plane, **HOW, **how)])
+
+
+@pytest.mark.parametrize("how", [{}, {"friction": 0.3}])
+def test_a_plane_that_moves_presses_as_one_that_a_rod_is_moved_onto(how):
+    """By steps, so that the way of the plane is also what steps begin with."""
+    models = held(bar(), WAY, **how), held(bar(), 0.0, WAY, **how)
+    (one, other) = (statics.solve(model, load_steps=3) for model in models)
+    (moving,), (fixed,) = one.contacts, other.contacts
+    assert fixed.force > 5.0
+    assert moving.force == pytest.approx(fixed.force, rel=1e-7)
+    np.testing.assert_allclose(moving.friction, fixed.friction, atol=1e-7 * fixed.force)
+    np.testing.assert_allclose(one.reactions, other.reactions, atol=1e-7 * fixed.force)
+    # Steps begin as well as where supports move.
+    assert one.newton_iterations <= other.newton_iterations + 1
+
+
+def test_a_bar_between_two_plates_is_held_by_them():
+    space = bar()
+    plates = Plane((0.0, -1.0, 0.0), (0.0, 1.0, 0.0)), Plane((0.0, 1.0, 0.0), (0.0, -1.0, 0.0), WAY)
+    model = Model([Body(space, LAW, density=1.0)], contacts=[Contact(0, plate, **HOW) for plate in plates])
+    solution = statics.solve(model)
+    below, above = solution.contacts
+    assert above.force > 20.0
+    np.testing.assert_allclose(above.resultant, (0.0, -above.force, 0.0), atol=1e-9 * above.force)
+    assert below.force == pytest.approx(above.force, rel=1e-5)
+    # Each is as deep in the bar, which is upright between them.
+    assert solution.at(0, [1.0])[0, 1] == pytest.approx(-0.5 * WAY, rel=1e-4)
+    assert solution.stabilisation[0] <= 1e-6
+
+
+def test_the_way_of_a_plane_changes_forces_as_is_said():
+    operator = ContactOperator(held(bar(), WAY, gap=-0.01))
+    displacement = 1e-3 * np.random.default_rng(3).normal(size=operator.model.dofs)
+
+    def forces(factor):
+        operator.place(factor)
+        return operator.forces(displacement)[0]
+
+    found = operator.carried_along(displacement, 0.5, 0.25)
+    # The penalty is linear in the way, as long as no point comes into contact.
+    wanted = 0.25 * (forces(0.5 + 1e-5) - forces(0.5)) / 1e-5
+    np.testing.assert_allclose(found, wanted, atol=1e-5 * np.abs(wanted).max())
+    operator.place(0.0)
+    still = operator.push()
+    forces(1.0)
+    assert operator.push() > still > 0.0
+
+
+def test_planes_do_not_move_in_motions():
+    model = held(bar(), WAY)
+    for integrator in ("explicit", "implicit"):
+        with pytest.raises(InputError, match="contact 0: a plane that moves, by its travel, is for statics alone"):
+            dynamics.solve(model, end_time=1e-3, integrator=integrator)
+    with pytest.raises(InputError, match="plane: got travel inf, need a finite length"):
+        Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), np.inf)
