@@ -213,14 +213,16 @@ def obstacle(kind, friction=0.0):
     )
 
 
-def test_a_rod_that_touches_itself_is_refused_in_one_line():
-    with pytest.raises(NotImplementedError, match=r"^a rod that touches itself: [^\n]*$"):
-        touching.refuse(scenario(Rod(), self_contact=True))
+def test_a_rod_touches_itself_where_it_is_asked_for():
+    given = scenario(Rod(friction=0.2), self_contact=True)
+    placed = [rods.place(given.rods[0], 4, True)]
+    (own,) = touching.contacts(given, placed, 4)
+    assert own.groups == [(0,)] and own.obstacle is None and own.friction == 0.2
+    assert touching.contacts(scenario(Rod()), placed, 4) == []
 
 
 def test_the_larger_coefficient_of_friction_applies():
     given = scenario(Rod(friction=0.1), Rod(friction=0.2), obstacles=(obstacle("plane", 0.3), obstacle("cylinder")))
-    touching.refuse(given)
     placed = [rods.place(one, 4, True) for one in given.rods]
     assert [one.friction for one in touching.contacts(given, placed, 4)] == [0.2, 0.3, 0.1, 0.3, 0.2]
 
@@ -272,7 +274,7 @@ def test_a_pile_is_unsupported(solver):
     from cosseratbench import registry, run
 
     result = run(registry.load_experiment("pile"), solver, n_elements=4, n_frames=3)
-    line = "a rod that touches itself: contact is passed on between rods, and with obstacles"
+    line = "a driven end but the second of two clamps"
     assert (result.outcome, result.missing) == ("unsupported", (line,))
 
 

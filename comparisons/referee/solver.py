@@ -57,7 +57,6 @@ class Isorod:
         Diverged
             If there is no solution.
         """
-        touching.refuse(scenario)
         kind = _kind(scenario, n_elements)
         try:
             if kind == "statics":
@@ -80,6 +79,6 @@ def _kind(scenario: Scenario, elements: int) -> str:
     """Return how a scenario is solved."""
     if any(rod.start_motion is not None or rod.end_motion is not None for rod in scenario.rods):
         return "statics, then implicit steps"
-    if scenario.obstacles or touching.pairs(scenario, elements):
+    if scenario.self_contact or scenario.obstacles or touching.pairs(scenario, elements):
         return "implicit steps with contact"
     return "statics" if scenario.quasi_static else "implicit steps"

@@ -1,4 +1,4 @@
-"""What of a scenario may touch what; the one place that says what of contact is not passed on to isorod."""
+"""What of a scenario may touch what, as contacts of isorod."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -20,12 +20,6 @@ NEAR, SPACING = 4.0, 0.3
 _MOST_POINTS = 64
 
 
-def refuse(scenario: Any) -> None:
-    """Raise `NotImplementedError`, in one line, if rods can touch in a way that is not passed on to isorod."""
-    if scenario.self_contact:
-        raise NotImplementedError("a rod that touches itself: contact is passed on between rods, and with obstacles")
-
-
 def pairs(scenario: Any, elements: int) -> list[tuple[int, int]]:
     """Return the pairs of rods of which elements start near each other."""
     found = []
@@ -37,7 +31,7 @@ def pairs(scenario: Any, elements: int) -> list[tuple[int, int]]:
 
 
 def contacts(scenario: Any, placed: Sequence[Placed], elements: int) -> list[isorod.Contact]:
-    """Return the contacts of rods, placed in this order, with each other and with obstacles."""
+    """Return the contacts of rods, placed in this order, with each other, themselves and obstacles."""
     found = []
     for first, second in pairs(scenario, elements):
         one, other = placed[first].given, placed[second].given
@@ -53,6 +47,9 @@ def contacts(scenario: Any, placed: Sequence[Placed], elements: int) -> list[iso
             )
         )
     for k, rod in enumerate(placed):
+        if scenario.self_contact:
+            own = _points(rod, elements)
+            found.append(isorod.Contact(k, penalty=_penalty(rod.given), points=own, friction=rod.given.friction))
         for obstacle in scenario.obstacles:
             points, friction = _points(rod, elements), max(rod.given.friction, obstacle.friction)
             found.append(isorod.Contact(k, _rigid(obstacle), _penalty(rod.given), points=points, friction=friction))

@@ -1,0 +1,199 @@
+"""An overhand knot in a rod that is straight at rest, drawn tight (Audoly, Clauvelin & Neukirch, PRL 99, 164301)."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from isorod.arrays import Array
+from isorod.errors import Checked, InputError, whole_number
+from isorod.geometry import bspline, section
+from isorod.geometry.center_line import straight
+from isorod.geometry.fitting import nearest
+from isorod.geometry.frames import Frames
+from isorod.geometry.rod import Rod
+from isorod.scenes import option
+
+if TYPE_CHECKING:
+    from isorod.dynamics.analysis import History
+    from isorod.model.model import Model
+    from isorod.space.space import Space
+
+POSITIVE = "radius", "tail", "E", "density", "settling"
+
+# The line that the rod is first laid along: half the length in which strands go round each other, over the root of
+# both radii, and half their distance there, over the rod's radius.  They clear each other and bend little.
+_BRAID, _APART = 3.8, 1.25
+
+# Points of that line per radius of the rod.
+_DENSE = 8
+
+# Rate of damping, over the frequency of the loop's bending.
+_DAMPING = 0.6
+
+# Points of that line for each element of the rod.
+_POINTS = 8
+
+
+@dataclass(frozen=True)
+class Knot(Checked):
+    """Rod without stress when straight, laid into a loose overhand knot, then left to settle between its held ends.
+
+    How tight the knot is in the end is said by the length that is in it: ``2 pi`` times ``loop``, about.  A motion
+    finds the equilibrium: it begins with a circle and two strands that go one and a half times round each other, moves
+    in explicit steps, and damping takes the energy that bending has too much there.  Time is counted in that of the
+    loop, ``loop^2 sqrt(density area / bending stiffness)``.
+
+    Without friction ``N + M^2 / (2 B)`` is the same everywhere along a thin rod, with tension N, bending moment M and
+    bending stiffness B: in the straight tails it is their tension, which the middle of the loop has to know.  As the
+    rod gets thin beside the loop N vanishes there, and the tension is ``B / (2 loop_radius^2)``.
+    """
+
+    analysis: ClassVar[str] = "dynamics"
+    units: ClassVar[dict[str, str]] = {
+        "tension": "(unit of E x length^2; of the tails)",
+        "tension_by_loop": "(the same, as tension and bending of the loop's middle say it, without friction)",
+        "loop_radius": "(length; radius of the centre line's curvature in the middle of the loop)",
+        "kinetic_share": "(energy of motion that is left, over the stored)",
+    }
+
+    radius: float = option(1.0, "radius of the rod [length]")
+    loop: float = option(10.0, "radius of the loop as laid, over the rod's, at least 6")
+    tail: float = option(25.0, "length of the straight ends as laid, over the rod's radius")
+    E: float = option(1000.0, "Young's modulus [force/area]")
+    nu: float = option(0.3, "Poisson's ratio")
+    density: float = option(1.0, "mass per volume")
+    friction: float = option(0.0, "coefficient of friction")
+    settling: float = option(12.0, "time to settle, over that of the loop")
+    outputs: int = option(12, "number of equal intervals between outputs")
+    section_points: int = option(8, "control points round the rod, at least 3")
+    elements: int = option(80, "elements along the rod")
+    order: int = option(1, "polyharmonic order K of functions of the control points, 1 to 6")
+    degree: int = option(3, "degree along the axis, 2 to 6")
+    quadrature: str | None = option(None, "quadrature rule: auto, full, paper, RxS or RxSxT such as 2x1x4 (chosen)")
+
+    @property
+    def bending(self) -> float:
+        """Bending stiffness [force x length^2]."""
+        return 0.25 * np.pi * self.E * self.radius**4
+
+    def settings(self) -> dict[str, Any]:
+        """Return the keyword arguments of `isorod.dynamics.solve`."""
+        time = (self.loop * self.radius) ** 2 * np.sqrt(self.density * np.pi * self.radius**2 / self.bending)
+        return {
+            "end_time": self.settling * time,
+            "outputs": self.outputs,
+            "damping": _DAMPING / time,
+            "displacement": self.laid.ravel(),
+        }
+
+    @cached_property
+    def line(self) -> Array:
+        """Points of the centre line as laid, over the rod's radius, ``(m, 3)``: both tails along x.
+
+        The loop is a circle that begins and ends where the tails do; there each strand is both a tail and a part of it.
+        """
+        for name in POSITIVE:
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value > 0.0):
+                raise InputError(f"{name}: got {value:g}, need a positive number")
+        if not (np.isfinite(self.loop) and self.loop >= 6.0):
+            raise InputError(f"loop: got {self.loop:g}, need 6 rod radii and more, for strands to clear each other")
+        half = _BRAID * float(np.sqrt(self.loop))
+        s = np.linspace(-half, half, 2 * int(half * _DENSE) + 1)
+        both = (
+            np.where((s < 0.0)[:, None], _tail(s), self._circle(s)),
+            np.where((s < 0.0)[:, None], self._circle(s), _tail(s)),
+        )
+        across = both[1] - both[0]
+        part = s / half
+        angle = 1.5 * np.pi * (1.0 + 1.5 * part - 0.5 * part**3)
+        apart = np.sqrt((2.0 * _APART * (1.0 - part**2)) ** 2 + across[:, 1] ** 2)
+        across[:, 1:] = apart[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        first, last = (0.5 * (both[0] + both[1] + side * across) for side in (-1.0, 1.0))
+        whole = 2.0 * np.pi * self.loop - 2.0 * half
+        rest = half + whole * np.arange(1, int(whole * _DENSE)) / int(whole * _DENSE)
+        out = half + self.tail * np.arange(1, int(self.tail * _DENSE) + 1) / int(self.tail * _DENSE)
+        return np.concatenate([_tail(-out[::-1]), first, self._circle(rest), last, _tail(out)])
+
+    def _circle(self, s: Array) -> Array:
+        angle = s / self.loop
+        return self.loop * np.stack([np.sin(angle), 1.0 - np.cos(angle), 0.0 * s], axis=1)
+
+    @cached_property
+    def _lengths(self) -> Array:
+        """Length of the line up to each of its points [length]."""
+        chords = np.linalg.norm(np.diff(self.line, axis=0), axis=1)
+        return self.radius * np.concatenate([[0.0], np.cumsum(chords)])
+
+    def rod(self) -> Rod:
+        """Return the rod at rest, straight along x from where it begins when laid."""
+        begin, length = self.radius * self.line[0], float(self._lengths[-1])
+        line = straight(start=begin, end=begin + [length, 0.0, 0.0])
+        return line.sweep(section.circle(self.section_points, self.radius))
+
+    @cached_property
+    def space(self) -> "Space":
+        """The rod's space."""
+        from isorod.space.space import Space
+
+        rod = self.rod()
+        rod.check()
+        return Space(
+            rod,
+            elements=whole_number("elements", self.elements, 1, 100_000),
+            degree=self.degree,
+            quadrature=self.quadrature,
+            order=self.order,
+        )
+
+    @cached_property
+    def laid(self) -> Array:
+        """Displacement of the nodes by which the rod is laid along the line, shape ``(nodes, 3)``; it does not twist."""
+        space, lengths = self.space, self._lengths
+        axis = space.axis
+        u = np.linspace(*axis.breaks[[0, -1]], _POINTS * axis.elements + 1)
+        share = (u - u[0]) / (u[-1] - u[0])
+        points = [np.interp(share * lengths[-1], lengths, self.radius * along) for along in self.line.T]
+        centers = nearest(axis, u, np.stack(points, axis=1))
+        across = Frames(axis, centers, np.array([0.0, 1.0, 0.0]))(bspline.greville(axis.knots, axis.degree))
+        rest = space.positions.reshape(space.layers, -1, 3)
+        arms = rest - rest[:, space.basis.is_carrier].mean(axis=1, keepdims=True)
+        places = centers[:, None] + np.einsum("jad,jld->jla", across, arms[..., 1:])
+        result: Array = np.where(space.basis.is_carrier[:, None], places - rest, 0.0).reshape(-1, 3)
+        return result
+
+    def model(self) -> "Model":
+        """Return the model: neo-Hookean, both end faces held as laid."""
+        from isorod.material.neo_hookean import NeoHookean
+        from isorod.model.body import Body
+        from isorod.model.contact import Contact
+        from isorod.model.model import Model
+        from isorod.model.support import Support
+
+        space = self.space
+        body = Body(space, NeoHookean(self.E, self.nu), self.density, "displacement")
+        supports = [
+            Support(nodes, "xyz", self.laid[nodes])
+            for nodes in (np.arange(space.layer_nodes), space.nodes - space.layer_nodes + np.arange(space.layer_nodes))
+        ]
+        return Model([body], supports, contacts=[Contact(0, friction=self.friction)])
+
+    def measure(self, solution: "History") -> dict[str, object]:
+        """Return what pulls the tails, and how the loop is bent, at the end."""
+        last = solution[-1]
+        breaks = self.space.axis.breaks
+        middle = last.section_forces(0, 0.5 * (breaks[0] + breaks[-1]))
+        moment = float(np.linalg.norm(middle.M[1:]))
+        pulls = solution.reactions[-1, :, 0]
+        return {
+            "tension": 0.5 * float(pulls[1] - pulls[0]),
+            "tension_by_loop": float(middle.N) + 0.5 * moment**2 / self.bending,
+            "loop_radius": self.bending / moment,
+            "kinetic_share": float(solution.kinetic[-1] / solution.stored[-1]),
+        }
+
+
+def _tail(s: Array) -> Array:
+    return np.stack([s, 0.0 * s, 0.0 * s], axis=1)
