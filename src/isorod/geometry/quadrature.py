@@ -80,17 +80,29 @@ def section_points(n: int, rule: Rule, turn: float = 0.0, rings: tuple[float, ..
     The slices are the arcs of ``n`` control points of which the first stands at the angle ``turn``; the rings are those
     between the radii given, and the weights add up to their area on the disk.
     """
+    s, _ = _gauss(rule.angular)
+    return _in_slices(turn + 2.0 * np.pi / n * (np.arange(n)[:, None] + s - 0.5), np.full(n, 2.0 * np.pi / n), rule, rings)
+
+
+def slice_points(joints: Array, rule: Rule, rings: tuple[float, ...]) -> tuple[Array, Array]:
+    """Return what `section_points` does, of slices from each angle ``joints`` to the next."""
+    s, _ = _gauss(rule.angular)
+    widths = np.diff(joints)
+    return _in_slices(joints[:-1, None] + widths[:, None] * s, widths, rule, rings)
+
+
+def _in_slices(theta: Array, widths: Array, rule: Rule, rings: tuple[float, ...]) -> tuple[Array, Array]:
+    """Return points and weights of slices of so many radians, at angles ``(slices, s)``."""
     share, wr = _gauss(rule.radial)
-    s, ws = _gauss(rule.angular)
-    theta = turn + 2.0 * np.pi / n * (np.arange(n)[:, None] + s - 0.5)
+    _, ws = _gauss(rule.angular)
     points, weights = [], []
     for inner, outer in pairwise(rings):
         r = inner + (outer - inner) * share
-        radius = np.broadcast_to(r[None, :, None], (n, r.size, s.size))
-        angle = np.broadcast_to(theta[:, None, :], radius.shape)
+        angle = np.broadcast_to(theta[:, None, :], (len(widths), r.size, ws.size))
+        radius = np.broadcast_to(r[None, :, None], angle.shape)
         points.append(np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=-1).reshape(-1, 2))
-        area = 2.0 * np.pi / n * (r * ((outer - inner) * wr))[:, None] * ws
-        weights.append(np.broadcast_to(area, radius.shape).ravel())
+        area = widths[:, None, None] * (r * ((outer - inner) * wr))[:, None] * ws
+        weights.append(area.ravel())
     found = np.concatenate(points), np.concatenate(weights)
     for array in found:
         array.flags.writeable = False
