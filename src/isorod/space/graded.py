@@ -8,7 +8,6 @@ combinations of ``1, cos, sin``, and their slopes are continuous: the boundary f
 
 from dataclasses import dataclass
 from functools import cached_property
-from math import ceil, log2
 from typing import ClassVar
 
 import numpy as np
@@ -17,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from isorod.arrays import Array
 from isorod.errors import Checked, InputError
 from isorod.geometry.disk import check_count, control_points, harmonic_functions
-from isorod.geometry.quadrature import WHOLE, Rule, slice_points
+from isorod.geometry.quadrature import Rule, graded_points
 from isorod.geometry.section import refine, refinement_turn
 
 # Polyharmonic order.
@@ -131,12 +130,12 @@ class Graded(Checked):
         return result
 
     def points(self, rule: Rule) -> tuple[Array, Array]:
-        """Return points of the disk and weights of a rule, as `isorod.geometry.quadrature.section_points` does."""
-        return slice_points(self.joints, rule, WHOLE)
+        """Return points of the disk and weights of a rule (`isorod.geometry.quadrature.graded_points`)."""
+        return graded_points(self.joints, rule)
 
     def auto(self, degree: int) -> Rule:
-        """Return what `isorod.space.polyharmonic.Polyharmonic.auto` takes for control points as close everywhere."""
-        return Rule(ORDER + 2 + max(0, ceil(log2(self.fine / 32))), 2, degree + 1)
+        """Return ``(K + 2) x 2 x (p + 1)``, in each ring of a slice."""
+        return Rule(ORDER + 2, 2, degree + 1)
 
     def full(self, degree: int) -> Rule:
         """Return a rule with more points."""

@@ -283,8 +283,7 @@ class Space(Checked):
             If the Jacobian is not positive at one of them.
         """
         rule = self.rule if rule is None else rule
-        slices = len(self.section_basis.arcs) if isinstance(self.section_basis, Graded) else self.points_around
-        in_section = slices * rule.radial * rule.angular * (len(self.rod.rings) - 1)
+        in_section = self.points_around * rule.radial * rule.angular * (len(self.rod.rings) - 1)
         _refuse_beyond_memory((last - first) * rule.axial * in_section)
         xi, area = self.section_rule(rule)
         u, length = (points[first:last] for points in axis_points(self.axis, rule.axial))
