@@ -15,6 +15,7 @@ from isorod.contact.tables import pack, points_of, smallest_radius
 from isorod.contact.tangent_kernel import NODES, PATCH, add_blocks, find_patches, patch_nodes
 from isorod.model.contact import MAX_POINTS, Contact, refuse
 from isorod.model.model import Model
+from isorod.space.graded import Graded
 
 if TYPE_CHECKING:
     from isorod.contact.friction import FrictionOperator
@@ -37,7 +38,7 @@ class ContactOperator:
     Attributes
     ----------
     model
-        Whose contacts these are.
+        Whose contacts these are; where control points are not evenly spaced, its surfaces (`isorod.contact.lift`).
     packed
         What the compiled loops take and leave (`isorod.contact.packed`).
     points
@@ -53,6 +54,12 @@ class ContactOperator:
 
     def __init__(self, model: Model) -> None:
         refuse(model.contacts, faces=True)
+        self._lift = None
+        if any(isinstance(body.space.basis, Graded) for body in model.bodies):
+            from isorod.contact.lift import Lift
+
+            self._lift = Lift(model)
+            model = self._lift.model
         self.model = model
         self.points = points_of(model)
         self.packed = pack(model, self.points)
@@ -73,12 +80,20 @@ class ContactOperator:
     @property
     def rows(self) -> Index:
         """Rows of the last tangent's entries."""
-        rows = self._blocks.rows
-        return rows if self.friction is None else np.concatenate([rows, self.friction.blocks.rows])
+        return self._rows if self._lift is None else self._lift.rows
 
     @property
     def columns(self) -> Index:
         """Their columns."""
+        return self._columns if self._lift is None else self._lift.columns
+
+    @property
+    def _rows(self) -> Index:
+        rows = self._blocks.rows
+        return rows if self.friction is None else np.concatenate([rows, self.friction.blocks.rows])
+
+    @property
+    def _columns(self) -> Index:
         columns = self._blocks.columns
         return columns if self.friction is None else np.concatenate([columns, self.friction.blocks.columns])
 
@@ -98,12 +113,14 @@ class ContactOperator:
             self.packed.passes["point"] = self._places + factor * self._ways
 
     def _positions(self, displacement: Array) -> Array:
-        return self._base + displacement.reshape(-1, 3)
+        moved = displacement if self._lift is None else self._lift.displacement(displacement)
+        return self._base + moved.reshape(-1, 3)
 
     def forces(self, displacement: Array) -> tuple[Array, float]:
         """Return the forces of contact on all degrees of freedom ``(dofs,)``, and its energy."""
         self.packed.forget()
-        return self._add_forces(self._positions(displacement))
+        forces, energy = self._add_forces(self._positions(displacement))
+        return forces if self._lift is None else self._lift.forces(forces), energy
 
     def _add_forces(self, positions: Array) -> tuple[Array, float]:
         forces = np.zeros_like(self._base)
@@ -144,6 +161,8 @@ class ContactOperator:
             if self.friction is not None:
                 others = self.friction.add_blocks(positions, active, patches, begin, self.values)
                 self.values = np.concatenate([self.values, others])
+        if self._lift is not None:
+            self.values = self._lift.values(self._rows, self._columns, self.values, self.version)
         return self.values
 
     def product(self, move: Array) -> Array:

@@ -54,15 +54,16 @@ class Passing:
         pieces, count = [], 0
         for b in sorted({body for contact in model.contacts for body, _ in contact.sides}):
             space, first = model.bodies[b].space, int(model.first_node[b])
-            breaks, n, degree = space.axis.breaks, space.points_around, space.axis.degree
+            breaks, degree = space.axis.breaks, space.axis.degree
+            centre = space.basis.functions(np.zeros((1, 2)))[0][0, space.basis.is_carrier]
             shares = np.arange(_PIECES) / _PIECES
             u = np.append((breaks[:-1, None] + shares * np.diff(breaks)[:, None]).ravel(), breaks[-1])
             functions, near, _ = space.axis.local(u)
             layers = (functions[:, None] + np.arange(degree + 1)) % space.layers
-            nodes = first + layers[:, :, None] * space.layer_nodes + np.arange(n)
+            nodes = first + layers[:, :, None] * space.layer_nodes + np.arange(centre.size)
             rows.append(np.repeat(count + np.arange(u.size), nodes[0].size))
             columns.append(nodes.ravel())
-            values.append(np.repeat(near.ravel() / n, n))
+            values.append((near[:, :, None] * centre).ravel())
             line = np.linalg.norm(np.diff(space.rod.grid(np.zeros((1, 2)), u)[0][:, 0], axis=0), axis=1)
             along = np.append(0.0, np.cumsum(line))
             middle, piece = 0.5 * (u[1:] + u[:-1]), np.arange(u.size - 1)

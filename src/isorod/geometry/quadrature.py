@@ -20,6 +20,9 @@ from isorod.geometry.axis import Axis
 # Radii of the rings of a section that is whole: a single one.
 WHOLE = (0.0, 1.0)
 
+# Rings end no nearer to the centre.
+_DEEPEST = 0.7
+
 # A point this near to the radius between two rings, relative, lies on it.
 _ON_RADIUS = 1e-12
 
@@ -80,21 +83,47 @@ def section_points(n: int, rule: Rule, turn: float = 0.0, rings: tuple[float, ..
     The slices are the arcs of ``n`` control points of which the first stands at the angle ``turn``; the rings are those
     between the radii given, and the weights add up to their area on the disk.
     """
+    s, _ = _gauss(rule.angular)
+    return _in_slices(turn + 2.0 * np.pi / n * (np.arange(n)[:, None] + s - 0.5), np.full(n, 2.0 * np.pi / n), rule, rings)
+
+
+def graded_points(joints: Array, rule: Rule) -> tuple[Array, Array]:
+    """Return points ``(q, 2)`` of the unit disk, in slices from each angle ``joints`` to the next, and weights.
+
+    What varies over an arc does so to the same depth: a slice has rings of its own, the outermost two of its widths
+    deep, the next three times as deep, with the rule's radial points in each.
+    """
+    s, _ = _gauss(rule.angular)
+    points, weights = [], []
+    for begin, width in zip(joints, np.diff(joints), strict=False):
+        depths = [depth for depth in (2.0 * width, 6.0 * width) if depth < _DEEPEST]
+        rings = (0.0, *(1.0 - depth for depth in reversed(depths)), 1.0)
+        found = _in_slices(begin + width * s[None, :], np.array([width]), rule, rings)
+        points.append(found[0])
+        weights.append(found[1])
+    return _kept(np.concatenate(points), np.concatenate(weights))
+
+
+def _in_slices(theta: Array, widths: Array, rule: Rule, rings: tuple[float, ...]) -> tuple[Array, Array]:
+    """Return points and weights of slices of so many radians, at angles ``(slices, s)``."""
     share, wr = _gauss(rule.radial)
-    s, ws = _gauss(rule.angular)
-    theta = turn + 2.0 * np.pi / n * (np.arange(n)[:, None] + s - 0.5)
+    _, ws = _gauss(rule.angular)
     points, weights = [], []
     for inner, outer in pairwise(rings):
         r = inner + (outer - inner) * share
-        radius = np.broadcast_to(r[None, :, None], (n, r.size, s.size))
-        angle = np.broadcast_to(theta[:, None, :], radius.shape)
+        angle = np.broadcast_to(theta[:, None, :], (len(widths), r.size, ws.size))
+        radius = np.broadcast_to(r[None, :, None], angle.shape)
         points.append(np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=-1).reshape(-1, 2))
-        area = 2.0 * np.pi / n * (r * ((outer - inner) * wr))[:, None] * ws
-        weights.append(np.broadcast_to(area, radius.shape).ravel())
-    found = np.concatenate(points), np.concatenate(weights)
-    for array in found:
+        area = widths[:, None, None] * (r * ((outer - inner) * wr))[:, None] * ws
+        weights.append(area.ravel())
+    return _kept(np.concatenate(points), np.concatenate(weights))
+
+
+def _kept(points: Array, weights: Array) -> tuple[Array, Array]:
+    """Return both, not to be written to."""
+    for array in (points, weights):
         array.flags.writeable = False
-    return found
+    return points, weights
 
 
 def circle_points(n: int, angular: int, radius: float, turn: float = 0.0) -> tuple[Array, Array]:

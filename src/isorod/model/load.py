@@ -67,7 +67,7 @@ class SectionLoad(Checked):
         u = high if self.u is None else self.u
         if not low <= u <= high:
             raise InputError(f"section load: got u = {u}, need an axis parameter from {low:g} to {high:g}")
-        xi, area = section_points(space.points_around, space.rule, space.turn, space.rod.rings)
+        xi, area = space.section_rule(space.rule)
         _, jacobian = space.rod.grid(xi, [u])
         area = area * np.linalg.norm(np.cross(jacobian[0, :, :, 0], jacobian[0, :, :, 1]), axis=1)
         share = area @ space.basis.functions(xi)[0] / area.sum()

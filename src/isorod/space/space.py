@@ -18,6 +18,7 @@ from isorod.geometry.rod import Rod, section_gradient
 from isorod.geometry.section import refinement_turn
 from isorod.space import choice
 from isorod.space.basis import SectionBasis
+from isorod.space.graded import Graded
 from isorod.space.polyharmonic import Polyharmonic
 from isorod.space.polynomial import polynomials
 from isorod.tensors import inverse
@@ -206,13 +207,15 @@ class Space(Checked):
         """How many of this space's section arcs make one of the rod's."""
         own = self.rod.section_points
         wanted = own if self.section_points is None else self.section_points
+        if isinstance(self.section_basis, Graded):
+            wanted = self.section_basis.fine
         if wanted < own or wanted % own:
             raise InputError(f"section points: got {wanted}, need a multiple of the {own} of the rod itself")
         return check_count(wanted) // own
 
     @property
     def points_around(self) -> int:
-        """Number of control points round the section, ``n``."""
+        """Number of control points round the section, ``n``; of graded functions, of the fine arcs."""
         return self.rod.section_points * self.multiple
 
     @property
@@ -261,6 +264,12 @@ class Space(Checked):
         nodes = self.element_layers[:, :, None] * self.layer_nodes + np.arange(self.layer_nodes)
         return nodes.reshape(self.axis.elements, -1)
 
+    def section_rule(self, rule: Rule) -> tuple[Array, Array]:
+        """Return points and weights of a rule across the section (`isorod.geometry.quadrature.section_points`)."""
+        if isinstance(self.section_basis, Graded):
+            return self.section_basis.points(rule)
+        return section_points(self.points_around, rule, self.turn, self.rod.rings)
+
     def tabulate(self, first: int, last: int, rule: Rule | None = None) -> "Table":
         """Return the functions and the geometry at the quadrature points of the elements ``first .. last - 1``.
 
@@ -276,7 +285,7 @@ class Space(Checked):
         rule = self.rule if rule is None else rule
         in_section = self.points_around * rule.radial * rule.angular * (len(self.rod.rings) - 1)
         _refuse_beyond_memory((last - first) * rule.axial * in_section)
-        xi, area = section_points(self.points_around, rule, self.turn, self.rod.rings)
+        xi, area = self.section_rule(rule)
         u, length = (points[first:last] for points in axis_points(self.axis, rule.axial))
         values, gradients = self.basis.functions(xi)
         _, axial, slopes = self.axis.local(u.ravel())

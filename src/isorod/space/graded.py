@@ -1,0 +1,162 @@
+"""Section functions whose control points lie closer together on a part of the surface, as under a contact.
+
+The circle is cut in equal fine arcs, and each arc of these functions is some of them in a row.  On an arc they are
+combinations of ``1, cos, sin``, and their slopes are continuous: the boundary functions of the fine arcs
+(`isorod.geometry.disk`) but for what bends anew at joints that are left out.  Their harmonic extensions ``T_i`` and
+``(1 - s) T_i``, ``s = |xi|^2``, span what is biharmonic, as in `isorod.space.polyharmonic`.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from isorod.arrays import Array
+from isorod.errors import Checked, InputError
+from isorod.geometry.disk import check_count, control_points, harmonic_functions
+from isorod.geometry.quadrature import Rule, graded_points
+from isorod.geometry.section import refine, refinement_turn
+
+# Polyharmonic order.
+ORDER = 2
+
+
+@dataclass(frozen=True, eq=False)
+class Graded(Checked):
+    """Biharmonic functions of control points that are not evenly spaced; the ``T_i`` come first and are the carriers.
+
+    Parameters
+    ----------
+    n
+        Number of control points of the rod's own sections.
+    arcs
+        How many fine arcs are in each arc, in their order round the section, from the beginning of the rod's first arc
+        on; no arc crosses the end of one of the rod's.
+
+    Raises
+    ------
+    InputError
+        If the fine arcs do not add up to a multiple of the rod's, or an arc crosses the end of one of these.
+    """
+
+    n: int
+    arcs: tuple[int, ...]
+
+    on_surface: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        ends = np.cumsum(self.arcs)
+        fine = check_count(int(ends[-1])) if len(self.arcs) else 0
+        if min(self.arcs, default=0) < 1 or fine % self.n:
+            raise InputError(f"arcs: got {fine} fine ones, need a multiple of the {self.n} arcs of the rod itself")
+        if not np.isin(np.arange(1, self.n + 1) * (fine // self.n), ends).all():
+            raise InputError(f"arcs: one crosses the end of one of the {self.n} arcs of the rod itself")
+
+    @property
+    def fine(self) -> int:
+        """Number of fine arcs round the section."""
+        return sum(self.arcs)
+
+    @property
+    def turn(self) -> float:
+        """Angle of the first fine control point, radians."""
+        return refinement_turn(self.n, self.fine // self.n)
+
+    @property
+    def joints(self) -> Array:
+        """Angles at which arcs begin, and at which the last one ends, shape ``(arcs + 1,)``, radians."""
+        ends = np.concatenate([[0], np.cumsum(self.arcs)])
+        return self.turn + 2.0 * np.pi / self.fine * (ends - 0.5)
+
+    @cached_property
+    def among_fine(self) -> Array:
+        """Each function as a sum of those of the fine arcs, shape ``(fine, arcs)``.
+
+        Control points of a circle are where tangents at neighbouring joints meet.  A function is linear on the plane of
+        an arc; at a joint, and so at the tangents' points of contact, it is what the control points on either side
+        say; the fine control points lie in the same plane.
+        """
+        joints, count = self.joints, len(self.arcs)
+        half = 0.5 * np.diff(joints)
+        middle = 0.5 * (joints[1:] + joints[:-1])
+        place = np.stack([np.cos(middle), np.sin(middle)], axis=1) / np.cos(half)[:, None]
+        lengths = np.tan(half)
+        begin = np.zeros((count, count))
+        rows, before = np.arange(count), np.arange(count) - 1
+        begin[rows, rows] = lengths[before] / (lengths[before] + lengths)
+        begin[rows, before] = lengths / (lengths[before] + lengths)
+        end = np.roll(begin, -1, axis=0)
+        fine = control_points(self.fine) @ _turned(self.turn)
+        found, first = [], 0
+        for k, parts in enumerate(self.arcs):
+            angles = joints[[k, k + 1]]
+            corners = np.array([[np.cos(angles[0]), np.sin(angles[0])], place[k], [np.cos(angles[1]), np.sin(angles[1])]])
+            shares = np.linalg.solve(_lifted(corners).T, _lifted(fine[first : first + parts]).T).T
+            found.append(shares @ np.stack([begin[k], np.eye(count)[k], end[k]]))
+            first += parts
+        return np.concatenate(found)
+
+    @property
+    def count(self) -> int:
+        """Number of functions."""
+        return ORDER * len(self.arcs)
+
+    @property
+    def is_carrier(self) -> NDArray[np.bool_]:
+        """Whether a function is a carrier, shape ``(count,)``."""
+        return np.arange(self.count) < len(self.arcs)
+
+    def functions(self, xi: ArrayLike) -> tuple[Array, Array]:
+        """Return values ``(m, count)`` and gradients ``(m, count, 2)`` at points of the closed disk ``(m, 2)``."""
+        points = np.asarray(xi, dtype=float).reshape(-1, 2)
+        forth = _turned(self.turn)
+        fine, slopes = harmonic_functions(self.fine, points @ forth.T)
+        values = fine @ self.among_fine
+        gradients = np.einsum("qib,ij->qjb", slopes, self.among_fine, optimize=True) @ forth
+        rest = 1.0 - np.sum(points**2, axis=1)
+        inner = rest[:, None, None] * gradients - 2.0 * values[:, :, None] * points[:, None, :]
+        return np.concatenate([values, rest[:, None] * values], axis=1), np.concatenate([gradients, inner], axis=1)
+
+    def positions(self, polygons: Array) -> Array:
+        """Return coefficients ``(layers, count, 3)`` of the map of the rod's control points ``(layers, n, 3)``."""
+        layers = polygons.shape[0]
+        fine = refine(polygons.swapaxes(0, 1), self.fine // self.n).reshape(self.fine, -1)
+        result = np.zeros((layers, self.count, 3))
+        own = np.linalg.lstsq(self.among_fine, fine, rcond=None)[0]
+        result[:, : len(self.arcs)] = own.reshape(-1, layers, 3).swapaxes(0, 1)
+        return result
+
+    def points(self, rule: Rule) -> tuple[Array, Array]:
+        """Return points of the disk and weights of a rule (`isorod.geometry.quadrature.graded_points`)."""
+        return graded_points(self.joints, rule)
+
+    def auto(self, degree: int) -> Rule:
+        """Return ``(K + 2) x 2 x (p + 1)``, in each ring of a slice."""
+        return Rule(ORDER + 2, 2, degree + 1)
+
+    def full(self, degree: int) -> Rule:
+        """Return a rule with more points."""
+        return Rule(self.auto(degree).radial + 2, 4, degree + 2)
+
+    def coordinates(self, xi: ArrayLike) -> Array:
+        """Return those of the disk."""
+        return np.asarray(xi, dtype=float)
+
+    @property
+    def pressure_degrees(self) -> tuple[int, int]:
+        """Degree of the pressures: the order."""
+        return ORDER, ORDER
+
+
+def _turned(angle: float) -> Array:
+    """Return the matrix that turns rows by an angle, radians."""
+    cos, sin = np.cos(angle), np.sin(angle)
+    return np.array([[cos, sin], [-sin, cos]])
+
+
+def _lifted(points: Array) -> Array:
+    """Return ``(x, y, 1)`` of points ``(m, 2)``."""
+    return np.column_stack([points, np.ones(len(points))])
