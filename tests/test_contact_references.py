@@ -161,6 +161,17 @@ def test_coil_of_small_lead_and_shortening_is_the_linear_spring():
     assert errors[1] / errors[2] == pytest.approx(4.0, rel=0.05)
 
 
+def test_turns_on_each_other_slide_off_from_the_force_that_bends_one_by_as_much():
+    """Castigliano's theorem for a turn between ends that do not turn, by quadrature."""
+    angle = np.linspace(0.0, 2.0 * np.pi, 400, endpoint=False)
+    moment = np.sin(angle) * COIL.radius
+    shift = np.mean(moment**2) * 2.0 * np.pi * COIL.radius / COIL.bending
+    assert np.mean(moment) == pytest.approx(0.0, abs=1e-12)
+    assert COIL.sideways() == pytest.approx(COIL.wire / shift, rel=1e-12)
+    # Not much more than what the spring takes to touch.
+    assert 0.5 < COIL.sideways() / COIL.force(COIL.touch()) < 0.7
+
+
 def test_coils_touch_where_their_tubes_do():
     """Of flat coils the pitch is the wire, less what the slope of the wire takes: d/cos(lead)."""
     shortening = COIL.touch()

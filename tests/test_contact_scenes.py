@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from comparisons.contact.coil import Coil as ReferenceCoil
 from isorod import statics
 from isorod.errors import InputError
 from isorod.scenes.clasp import Clasp
@@ -44,10 +45,46 @@ def test_coil_stiffens_where_its_turns_meet():
     assert found["relative_penetration"] < 1e-3
 
 
+def test_closed_coil_lies_flat_on_its_seats_and_leaves_its_tips_room():
+    scene = Coil(ends="closed", coils=3)
+    rod, pitch = scene.rod(), scene.height / scene.coils
+    first, last = rod.axis.breaks[[0, -1]]
+    turn = (last - first) / (scene.coils + 2)
+
+    def line(turns):
+        return rod.grid([[0.0, 0.0]], first + turn * np.atleast_1d(turns))[0][:, 0]
+
+    seat, tip, active = line(np.linspace(0.0, 0.5, 9)), line(1.0)[0], line([1.5, 2.5])
+    np.testing.assert_allclose(seat[:, 2], 0.0, atol=1e-12)
+    np.testing.assert_allclose(np.linalg.norm(seat[:, :2], axis=1), scene.coil_radius, rtol=1e-4)
+    assert 2.0 < tip[2] < 2.2
+    assert active[1, 2] - active[0, 2] == pytest.approx(pitch, rel=1e-6)
+    # The upper end is the lower one, turned over.
+    np.testing.assert_allclose(line(scene.coils + 2)[0, 2] - line(scene.coils + 1)[0, 2], tip[2], rtol=1e-9)
+    assert rod.check() > 0.0
+
+
+@pytest.mark.slow
+def test_closed_coil_is_held_by_its_plates():
+    scene = Coil(ends="closed", coils=1, push=0.5)
+    solution, found = solved(scene)
+    _, below, above = solution.contacts
+    assert found["force"] == pytest.approx(above.force, rel=1e-9)
+    assert below.force == pytest.approx(above.force, rel=1e-4)
+    # Nothing else bears it.
+    assert np.abs(solution.reactions[:, 2]).max() == 0.0
+    assert solution.stabilisation[0] < 1e-6
+    assert found["relative_penetration"] < 1e-3
+    # The active turn, and a little more than half of each closed one: measured 2.06 turns.
+    reference = ReferenceCoil(10.0, 2.0, 1.0, np.radians(10.0), scene.E, scene.nu).linear_force(scene.push)
+    assert found["force"] == pytest.approx(reference / 2.06, rel=0.02)
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"ends": "free"}, "ends: got 'free', need laid or clamped"),
+        ({"ends": "free"}, "ends: got 'free', need laid or clamped or closed"),
+        ({"ends": "closed", "lead": 1.0}, "lead: got 1 degrees, a pitch of 1.1; closed ends need 2.1"),
         ({"push": 400.0}, "push: got 400, the wire is not as long"),
         ({"lead": 90.0}, "lead: got 90 degrees, need an angle between 0 and 90"),
         ({"wire_radius": 0.0}, "wire radius: got 0, need a positive length"),

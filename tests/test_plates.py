@@ -3,14 +3,18 @@
 import numpy as np
 import pytest
 from conftest import straight
+from scipy.linalg import eigh
 
 from isorod import dynamics, statics
+from isorod.checks import rigid_motions
 from isorod.contact.operator import ContactOperator
 from isorod.errors import InputError
 from isorod.geometry.rod import Rod
 from isorod.material import NeoHookean
 from isorod.model import Body, Contact, Model, Plane, Support
 from isorod.space import Space
+from isorod.statics.analysis import assembler_for
+from isorod.statics.newton import Newton
 
 LAW = NeoHookean(1000.0, 0.3)
 WAY = 0.08
@@ -84,3 +88,22 @@ def test_planes_do_not_move_in_motions():
             dynamics.solve(model, end_time=1e-3, integrator=integrator)
     with pytest.raises(InputError, match="plane: got travel inf, need a finite length"):
         Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), np.inf)
+
+
+def test_what_holds_a_body_on_the_way_is_softer_than_the_body():
+    """A hundredth of the softest deformation's stiffness, relative to the diagonal, as all eigenvalues tell it."""
+    rod = straight(4, breaks=(0.0, 1.0, 2.0, 3.0, 4.0), height=160.0)
+    space = Space.paper(rod, degree=3, order=2, quadrature="auto")
+    far = Plane((0.0, -5.0, 0.0), (0.0, 1.0, 0.0), 1.0)
+    model = Model([Body(space, LAW)], contacts=[Contact(0, far, **HOW)])
+    assembler = assembler_for(model)
+    solver = Newton(assembler, rigid_motions.left_to_contact(model))
+    matrix = assembler.matrix()
+    assembler.tangent(assembler.vector(), 0.0, matrix)
+    stiffness = matrix.convert("dense").getDenseArray()
+    softest = eigh(stiffness, np.diag(np.diag(stiffness)), eigvals_only=True, subset_by_index=[0, 6])
+    assert abs(softest[5]) < 1e-4 * softest[6]
+    assert softest[6] < 1e-4
+    share = solver.stabilisation._share
+    assert softest[6] < 100.0 * share < 2.0 * softest[6]
+    solver.destroy()

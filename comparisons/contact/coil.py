@@ -116,6 +116,16 @@ class Coil:
             raise InputError(f"coil: the coils of wire {self.wire:.4g} touch at rest; a larger lead or a thinner wire")
         return float(brentq(self.clearance, 0.0, self.height, xtol=1e-12 * self.height))
 
+    def sideways(self) -> float:
+        """Return the force between turns, without friction, from which they slide off each other sideways.
+
+        Round wires of diameter ``d`` on top of each other, one aside by ``e``, push each other on with ``F e / d``.
+        What holds them is the bending of the turn between in its plane, ``E I e / (pi R^3)``: a force ``S`` across has
+        the moment ``S R sin(t)``, and ends that do not turn are shifted by ``S R^3 / (E I)`` times the integral of
+        ``sin(t)^2`` over the turn.
+        """
+        return float(self.wire * self.bending / (np.pi * self.radius**3))
+
     def linear_force(self, shortening: float) -> float:
         """Return the force of the engineer's formula, ``G d^4 s / (8 D^3 n)``: small leads, small shortening."""
         shear = 0.5 * self.E / (1.0 + self.nu)

@@ -7,8 +7,9 @@ import numpy as np
 
 from isorod.arrays import Array
 from isorod.errors import Checked, InputError
-from isorod.geometry import section
-from isorod.geometry.center_line import HELIX_ELEMENTS, helix
+from isorod.geometry import bspline, section
+from isorod.geometry.center_line import HELIX_ELEMENTS, CenterLine, helix
+from isorod.geometry.fitting import evaluate
 from isorod.geometry.rod import Rod
 from isorod.scenes import option
 
@@ -19,7 +20,13 @@ if TYPE_CHECKING:
     from isorod.statics.analysis import Equilibrium
 
 LENGTHS = "coil_radius", "wire_radius"
-ENDS = "laid", "clamped"
+ENDS = "laid", "clamped", "closed"
+
+# The tip of a closed end is farther from the next turn than it would be if it touched, by this share of the wire.
+_CLEAR = 0.05
+
+# Plates are as far from the centre of the wire that lies on them, in its radii.
+_SEAT = 1.0 - 1e-6
 
 
 @dataclass(frozen=True)
@@ -27,8 +34,14 @@ class Coil(Checked):
     """Round wire in coils whose ends are kept from turning about the axis and moved together; it touches itself.
 
     Love's wire stays a helix: its end faces turn about the radial line through them as the coils lie down, and move
-    outwards as these widen (``ends`` ``"laid"``).  All coils of that helix touch at once, and frictionless coils that
-    lie on each other slide off sideways under a small force more.
+    outwards as these widen (``ends`` ``"laid"``).  All coils of that helix touch at once, and what it takes to push
+    them farther goes through the wires above each other at the ends.
+
+    A spring as it is bought (``"closed"``) has one turn more at either end, which lies flat on a rigid plate until it
+    has to rise above its own tip.  The upper plate moves; the plates hold the wire, but for the tips of its ends, which
+    stay above each other (supports that keep ``x`` and ``y``).
+
+    Without friction coils that press on each other slide off sideways, the sooner the thinner the wire.
     """
 
     analysis: ClassVar[str] = "statics"
@@ -45,7 +58,9 @@ class Coil(Checked):
     E: float = option(210e3, "Young's modulus [force/area]")
     nu: float = option(0.3, "Poisson's ratio")
     push: float = option(40.0, "what the spring is shortened by [length]")
-    ends: str = option("laid", "end faces: laid (they lie down with the coils), or clamped (as they are)")
+    ends: str = option(
+        "laid", "end faces: laid (they lie down with the coils), clamped (as they are); or closed, between two plates"
+    )
     friction: float = option(0.0, "coefficient of friction")
     section_points: int = option(8, "control points round the wire, at least 3")
     elements_per_turn: int = option(HELIX_ELEMENTS, f"elements a turn, a multiple of {HELIX_ELEMENTS}")
@@ -66,14 +81,36 @@ class Coil(Checked):
                 raise InputError(f"{name.replace('_', ' ')}: got {value:g}, need a positive length")
         if not 0.0 < self.lead < 90.0:
             raise InputError(f"lead: got {self.lead:g} degrees, need an angle between 0 and 90")
-        line = helix(self.coil_radius, self.height / max(self.coils, 1), self.coils)
+        pitch, room = self.height / max(self.coils, 1), 2.0 * (1.0 + _CLEAR) * self.wire_radius
+        if self.ends == "closed" and not pitch > room:
+            raise InputError(f"lead: got {self.lead:g} degrees, a pitch of {pitch:.3g}; closed ends need {room:.3g}")
+        line = self._closed(pitch) if self.ends == "closed" else helix(self.coil_radius, pitch, self.coils)
         return line.sweep(section.circle(self.section_points, self.wire_radius))
 
+    def _closed(self, pitch: float) -> CenterLine:
+        """Return the centre line with one more turn at either end, flat until it has to leave the tip room."""
+        line, radius = helix(self.coil_radius, 0.0, self.coils + 2), self.coil_radius
+        axis, rise = line.axis, pitch / HELIX_ELEMENTS
+        flat = axis.breaks[-1] / (self.coils + 2) * (1.0 - 2.0 * (1.0 + _CLEAR) * self.wire_radius / pitch)
+        # Flat control points make the spline flat, and those that rise evenly make it rise so.
+        heights = rise * (np.clip(bspline.greville(axis.knots, axis.degree), flat, axis.breaks[-1] - flat) - flat)
+        centers = line.centers.copy()
+        centers[:, 2] = heights
+
+        def frames(u: Array) -> Array:
+            angle = 2.0 * np.pi / HELIX_ELEMENTS * u
+            slope = np.arctan(evaluate(axis, heights, u)[1] * HELIX_ELEMENTS / (2.0 * np.pi * radius))
+            cos, sin, flat, up = np.cos(angle), np.sin(angle), np.cos(slope), np.sin(slope)
+            radial = np.stack([cos, sin, 0.0 * u], axis=1)
+            return np.stack([radial, np.stack([-up * sin, up * cos, -flat], axis=1)], axis=2)
+
+        return CenterLine(axis, centers, frames=frames)
+
     def model(self) -> "Model":
-        """Return the model: neo-Hookean, start and end face held, the end moved towards the start by ``push``."""
+        """Return the model: neo-Hookean, both ends held or between plates, one moved to the other by ``push``."""
         from isorod.material.neo_hookean import NeoHookean
         from isorod.model.body import Body
-        from isorod.model.contact import Contact
+        from isorod.model.contact import Contact, Plane
         from isorod.model.model import Model
         from isorod.space.space import Space
 
@@ -82,17 +119,27 @@ class Coil(Checked):
         each = self.elements_per_turn
         if each < HELIX_ELEMENTS or each % HELIX_ELEMENTS:
             raise InputError(f"elements a turn: got {each}, need a multiple of {HELIX_ELEMENTS}")
-        space = Space(rod, elements=self.coils * each, degree=self.degree, quadrature=self.quadrature, order=self.order)
+        elements = rod.axis.elements * each // HELIX_ELEMENTS
+        space = Space(rod, elements=elements, degree=self.degree, quadrature=self.quadrature, order=self.order)
         body = Body(space, NeoHookean(self.E, self.nu), formulation="displacement")
         # Lines of contact, narrower than points are apart, run along control points: in the middle of an arc's three.
-        contact = Contact(0, points=(3, self.degree + 1), friction=self.friction)
-        return Model([body], self._supports(space), contacts=[contact])
+        points = 3, self.degree + 1
+        others: list[Plane | None] = [None]
+        if self.ends == "closed":
+            # Plates that touch at rest, if only just, take the wire along from the first step.
+            low, high = (float(z) for z in rod.grid([[0.0, 0.0]], rod.axis.breaks[[0, -1]])[0][:, 0, 2])
+            others.append(Plane((0.0, 0.0, low - _SEAT * self.wire_radius), (0.0, 0.0, 1.0)))
+            others.append(Plane((0.0, 0.0, high + _SEAT * self.wire_radius), (0.0, 0.0, -1.0), travel=self.push))
+        contacts = [Contact(0, other, points=points, friction=self.friction) for other in others]
+        return Model([body], self._supports(space), contacts=contacts)
 
     def _supports(self, space: "Space") -> "list[Support]":
         from isorod.model.support import Support
 
         if self.ends not in ENDS:
             raise InputError(f"ends: got {self.ends!r}, need {' or '.join(ENDS)}")
+        if self.ends == "closed":
+            return [Support.end(space, "start", "xy"), Support.end(space, "end", "xy")]
         down, outwards, turn = np.array([0.0, 0.0, -self.push]), np.zeros(3), (0.0, 0.0, 0.0)
         if self.ends == "laid":
             # Both ends are on the x axis, seen from above.
@@ -114,11 +161,12 @@ class Coil(Checked):
 
     def measure(self, solution: "Equilibrium") -> dict[str, object]:
         """Return the force that pushes the end, and the force of the coils on each other."""
-        (contact,) = solution.contacts
+        contact, *plates = solution.contacts
+        pushed = plates[-1].resultant if plates else solution.reactions[1]
         return {
-            "force": -float(solution.reactions[1, 2]),
+            "force": -float(pushed[2]),
             "contact_force": contact.force,
-            "relative_penetration": contact.relative_penetration,
+            "relative_penetration": max(one.relative_penetration for one in solution.contacts),
         }
 
 

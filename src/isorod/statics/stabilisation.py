@@ -17,8 +17,11 @@ from isorod.assembly.assembler import Assembler
 from isorod.checks import rigid_motions
 from isorod.errors import SolveError
 
-# The share ``a`` of load steps: what a slender rod of twenty radii resists its bending with.
+# The share ``a`` of load steps: what a slender rod of twenty radii resists its bending with, and, where a body is
+# softer, this part of what its softest deformation resists with (found by so many inverse iterations).
 _SHARE = 1e-4
+_SOFT = 0.01
+_ITERATIONS = 4
 
 # By what the share is multiplied after a solution, and after none; below the least one rounding tells no motion.
 _FEWER, _MORE = 0.1, 4.0
@@ -56,9 +59,41 @@ class Stabilisation:
         self._stiffness.pointwiseMult(self._stiffness, assembler.state(mine))
         self._start = assembler.vector()
         self._forces = assembler.vector()
-        self._share = _SHARE
+        self._share = max(_LEAST, min(_SHARE, _SOFT * self._softness(assembler, matrix)))
         self.left = 0.0
         self.rounds = 0
+
+    def _softness(self, assembler: Assembler, matrix: PETSc.Mat) -> float:
+        """Return about the least share of ``D`` with which what is loose resists a deformation: that of a spring."""
+        weight, rigid = self._stiffness, list[PETSc.Vec]()
+
+        def deform(shape: PETSc.Vec) -> None:
+            """Take the rigid motions out of a shape, and scale it."""
+            for motion in rigid:
+                shape.axpy(-motion.dot(weight * shape), motion)
+            shape.scale(1.0 / np.sqrt(shape.dot(weight * shape)))
+
+        for motion in rigid_motions.on_unknowns(assembler, self._loose):
+            deform(motion)
+            rigid.append(motion)
+        shifted = matrix.copy()
+        shifted.setDiagonal(_LEAST * weight, PETSc.InsertMode.ADD_VALUES)
+        ksp = PETSc.KSP().create(assembler.comm)
+        ksp.setType(PETSc.KSP.Type.PREONLY)
+        ksp.getPC().setType(PETSc.PC.Type.LU)
+        ksp.getPC().setFactorSolverType(PETSc.Mat.SolverType.MUMPS)
+        ksp.setOperators(shifted)
+        shape, push = assembler.vector(), assembler.vector()
+        shape.array_w[:] = np.random.default_rng(0).normal(size=shape.getLocalSize())
+        softness = 0.0
+        for _ in range(_ITERATIONS):
+            deform(shape)
+            push.pointwiseMult(weight, shape)
+            ksp.solve(push, shape)
+            softness = 1.0 / push.dot(shape) - _LEAST
+        for one in (ksp, shifted):
+            one.destroy()
+        return softness
 
     def add_forces(self, x: PETSc.Vec, out: PETSc.Vec, carried: float) -> None:
         """Add what is to vanish to the out-of-balance forces; ``carried`` is the norm of what supports and loads do."""
