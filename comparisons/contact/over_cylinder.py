@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import fsolve
+from scipy.optimize import brentq
 
 from comparisons.contact.capstan import Capstan, friction_ratio, heavy_rope_bound
 from isorod import options, statics
@@ -22,8 +22,9 @@ from isorod.model import Body, BodyForce, Contact, Cylinder, Model, SectionLoad,
 from isorod.output import results
 from isorod.space import Space
 
-# Radius of the bent centre line over that of the rod.
+# Radius of the bent centre line over that of the rod: of rods without friction, and of ropes.
 RATIOS = 10.0, 14.0, 20.0
+ROPE_RATIOS = 10.0, 20.0, 40.0
 
 # Pull F Rb^2 / B on either side of a wrap of 180 degrees; the rod touches at a point up to one half.
 PULL = 1.0
@@ -53,7 +54,14 @@ class Bent(NamedTuple):
     half_angle: float  # [rad]
     line_force: float  # times the radius of the centre line, over the pull
     end_force: float  # over the pull
-    top_tension: float  # of the section in the middle, over the pull
+    top_tension: float  # that the section in the middle is held with, over the pull
+
+
+class Hauled(NamedTuple):
+    """A rope that slips."""
+
+    tensions: float  # of the hauled end, over that of the held one
+    sticking: int  # points that do not slip
 
 
 def graded(length: float, fine: float, size: float) -> Array:
@@ -112,30 +120,30 @@ def bent(ratio: float, pull: float, size: float = 1.0) -> Bent:
 def arc_of(angles: Array, forces: Array) -> tuple[float, float, float]:
     """Return half angle, line force times radius, and end force of the arc that presses as forces at angles do.
 
-    They have the same sum and the same resultant, both components: wherever else a continuum has its pressure, which
-    spreads the point force over about a radius, is not seen.
+    What they push sideways is the tension ``T`` in the rod's middle, which presses an arc by ``T / Rb``.  The rest of
+    their sum is the end force, where the resultant has it: how a continuum spreads it, over about a radius, is not
+    seen.
     """
-    total, down, out = forces.sum(), forces @ np.cos(angles), forces @ np.sin(angles)
+    total, down, line = forces.sum(), forces @ np.cos(angles), forces @ np.sin(angles)
 
-    def excess(unknown: Array) -> list[float]:
-        half, line, end = unknown
-        return [
-            line * half + end - total,
-            line * np.sin(half) + end * np.cos(half) - down,
-            line * (1.0 - np.cos(half)) + end * np.sin(half) - out,
-        ]
+    def excess(half: float) -> float:
+        return float(line * np.sin(half) + (total - line * half) * np.cos(half) - down)
 
-    half, line, end = fsolve(excess, (0.5, 0.5, 0.8))
-    return float(half), float(line), float(end)
+    half = brentq(excess, 1e-3, min(0.5 * np.pi, 0.999 * total / line))
+    return float(half), float(line), float(total - line * half)
 
 
-def limit(ratios: Sequence[float], values: Sequence[float], order: int) -> float:
-    """Return the value of a thin rod: of ``value + c / ratio^order`` that fits best.
+def even_limit(ratios: Sequence[float], values: Sequence[float]) -> float:
+    """Return the value of a thin rod without friction: of ``value + c / ratio^2`` that fits best.
 
-    The order is 2 without friction, since what a point force spreads over is as long before as behind it, so that
-    none of first order is left; with friction, which acts a radius off the centre line, it is 1.
+    What a point force spreads over is as long before as behind it, so that nothing of first order is left.
     """
-    return float(np.polyfit(1.0 / np.asarray(ratios) ** order, values, 1)[-1])
+    return float(np.polyfit(1.0 / np.asarray(ratios) ** 2, values, 1)[-1])
+
+
+def limit(ratios: Sequence[float], values: Sequence[float]) -> float:
+    """Return the value of a thin rope: of the polynomial in ``1 / ratio`` through all values."""
+    return float(np.polyfit(1.0 / np.asarray(ratios), values, len(ratios) - 1)[-1])
 
 
 def laid(ratio: float, wrap: float, start: float, end: float, size: float = 1.0) -> tuple[Space, list[int]]:
@@ -165,8 +173,8 @@ def laid(ratio: float, wrap: float, start: float, end: float, size: float = 1.0)
     return space, [int(e) for e in np.flatnonzero(near)]
 
 
-def hauled(ratio: float, size: float = 1.0) -> float:
-    """Return the ratio of the forces at the ends of a rope without weight, one held, the other hauled until all slips.
+def hauled(ratio: float, size: float = 1.0) -> Hauled:
+    """Return what a rope without weight is pulled by at its ends, one held, the other hauled until all slips.
 
     The ends are four times ``sqrt(B / F)`` off the cylinder.  With ``F`` of about ``ratio`` times ``B / Rb^2`` bending
     matters the less the thinner the rope, and so does strain.
@@ -180,8 +188,9 @@ def hauled(ratio: float, size: float = 1.0) -> float:
     supports = [Support.end(space, "start"), Support.end(space, "end", displacement=(way[0], way[1], 0.0))]
     contact = Contact(0, around(ratio), first_elements=near, points=ROPE_POINTS, friction=FRICTION)
     model = Model([Body(space, NeoHookean(E, NU))], supports, contacts=[contact])
-    held, moved = statics.solve(model, load_steps=2).reactions
-    return float((moved @ pull) / (held @ (pull * [-1.0, 1.0, 1.0])))
+    solution = statics.solve(model, load_steps=2)
+    held, moved = solution.reactions
+    return Hauled(float((moved @ pull) / (held @ (pull * [-1.0, 1.0, 1.0]))), solution.contacts[0].sticking)
 
 
 def heavy(ratio: float, share: float, haul: float | None = None, size: float = 1.0) -> statics.Equilibrium:
@@ -238,9 +247,9 @@ def main() -> int:
     for ratio in RATIOS:
         rods.append(bent(ratio, PULL))
         print(results.line({"run": "bent", "ratio": ratio, "pull": PULL} | rods[-1]._asdict()), flush=True)
-    for ratio in RATIOS:
+    for ratio in ROPE_RATIOS:
         ropes.append(hauled(ratio))
-        print(results.line({"run": "hauled", "ratio": ratio, "tensions": ropes[-1]}), flush=True)
+        print(results.line({"run": "hauled", "ratio": ratio} | ropes[-1]._asdict()), flush=True)
     for share in SHARES:
         record = {"run": "heavy", "ratio": HEAVY_RATIO, "share": share, "reserve": reserve(HEAVY_RATIO, share)}
         print(results.line(record | {"rope": 1.0 - share}), flush=True)
@@ -252,16 +261,20 @@ def main() -> int:
     return 0
 
 
-def limits(rods: Sequence[Bent], ropes: Sequence[float]) -> Iterator[tuple[str, float, float]]:
+def limits(rods: Sequence[Bent], ropes: Sequence[Hauled]) -> Iterator[tuple[str, float, float]]:
     """Yield what is extrapolated, its value for a thin rod, and that of an elastica or a rope."""
     thin = Capstan(1.0, 1.0, np.pi, PULL)
     touch = thin.touch()
     expected = Bent(touch.half_angle, touch.line_force / PULL, touch.end_force / PULL, np.sin(touch.half_angle))
     for name in Bent._fields:
-        yield name, limit(RATIOS, [getattr(rod, name) for rod in rods], 2), float(getattr(expected, name))
+        yield name, even_limit(RATIOS, [getattr(rod, name) for rod in rods]), float(getattr(expected, name))
     # An elastica on an arc has the tension F - B / (2 Rb^2) in its middle.
-    yield "threshold", limit(RATIOS, [PULL * (1.0 - rod.top_tension) for rod in rods], 2), thin.threshold
-    yield "tensions of the hauled rope", limit(RATIOS, ropes, 1), friction_ratio(FRICTION, WRAP)
+    yield "threshold", even_limit(RATIOS, [PULL * (1.0 - rod.top_tension) for rod in rods]), thin.threshold
+    yield (
+        "tensions of the hauled rope",
+        limit(ROPE_RATIOS, [rope.tensions for rope in ropes]),
+        friction_ratio(FRICTION, WRAP),
+    )
 
 
 if __name__ == "__main__":
