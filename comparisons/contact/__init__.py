@@ -1,1 +1,1 @@
-"""Reference values of rods in contact, by closed forms, quadrature and rod theory; no solver, no contact code."""
+"""Rods in contact: reference values by closed forms, quadrature and rod theory, and what is solved beside them."""

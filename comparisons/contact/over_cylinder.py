@@ -6,27 +6,42 @@ centre line are extrapolated and set beside `comparisons.contact.capstan`.
 
 import sys
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import fsolve
+from scipy.optimize import brentq
 
-from comparisons.contact.capstan import Capstan
+from comparisons.contact.capstan import Capstan, friction_ratio, heavy_rope_bound
 from isorod import options, statics
 from isorod.arrays import Array
 from isorod.geometry import section
 from isorod.geometry.center_line import polyline
 from isorod.material import NeoHookean
-from isorod.model import Body, Contact, Cylinder, Model, SectionLoad, Support
+from isorod.model import Body, BodyForce, Contact, Cylinder, Model, SectionLoad, Support
 from isorod.output import results
 from isorod.space import Space
 
-# Radius of the bent centre line over that of the rod.
+# Radius of the bent centre line over that of the rod: of rods without friction, and of ropes.
 RATIOS = 10.0, 14.0, 20.0
+ROPE_RATIOS = 10.0, 20.0, 40.0
 
-# Pulls F Rb^2 / B on either side of a wrap of 180 degrees; the rod touches at a point up to one half.
-PULLS = 0.75, 1.0
+# Pull F Rb^2 / B on either side of a wrap of 180 degrees; the rod touches at a point up to one half.
+PULL = 1.0
+
+# Friction and wrap of the rope that is hauled from one end.
+FRICTION, WRAP = 0.3, 0.5 * np.pi
+
+# The heavy rope: its friction, what hangs on the light side over the cylinder's radius, and the strain by the weight of
+# the longest part that this holds on the other side.
+HEAVY_FRICTION, LIGHT, STRAIN, HEAVY_RATIO = 0.2, 1.0, 0.05, 10.0
+SHARES = 0.8, 1.2
+
+# Points of contact under ropes, round an arc and along an element: those that are chosen change the tensions by 1e-4.
+ROPE_POINTS = 6, 4
+
+# What rods that are bent at rest lie in the cylinder by, so that there is contact from the first.
+OVERLAP = 5e-3
 
 # Of the rod; its radius is 1.
 E, NU, POINTS, DEGREE = 1000.0, 0.3, 8, 3
@@ -39,7 +54,14 @@ class Bent(NamedTuple):
     half_angle: float  # [rad]
     line_force: float  # times the radius of the centre line, over the pull
     end_force: float  # over the pull
-    top_tension: float  # of the section in the middle, over the pull
+    top_tension: float  # that the section in the middle is held with, over the pull
+
+
+class Hauled(NamedTuple):
+    """A rope that slips."""
+
+    tensions: float  # of the hauled end, over that of the held one
+    sticking: int  # points that do not slip
 
 
 def graded(length: float, fine: float, size: float) -> Array:
@@ -84,7 +106,7 @@ def bent(ratio: float, pull: float, size: float = 1.0) -> Bent:
     contact = Contact(
         0,
         Cylinder((0.0, -ratio, 0.0), (0.0, 0.0, 1.0), ratio - 1.0),
-        first_elements=np.flatnonzero(places[1:] < quarter + 2.5),
+        first_elements=range(np.count_nonzero(places[1:] < quarter + 2.5)),
     )
     load = SectionLoad.end(space, "end", (0.0, -force, 0.0))
     model = Model([Body(space, NeoHookean(E, NU))], supports, loads=[load], contacts=[contact])
@@ -98,66 +120,161 @@ def bent(ratio: float, pull: float, size: float = 1.0) -> Bent:
 def arc_of(angles: Array, forces: Array) -> tuple[float, float, float]:
     """Return half angle, line force times radius, and end force of the arc that presses as forces at angles do.
 
-    They have the same sum and the same resultant, both components: wherever else a continuum has its pressure, which
-    spreads the point force over about a radius, is not seen.
+    What they push sideways is the tension ``T`` in the rod's middle, which presses an arc by ``T / Rb``.  The rest of
+    their sum is the end force, where the resultant has it: how a continuum spreads it, over about a radius, is not
+    seen.
     """
-    total, down, out = forces.sum(), forces @ np.cos(angles), forces @ np.sin(angles)
+    total, down, line = forces.sum(), forces @ np.cos(angles), forces @ np.sin(angles)
 
-    def excess(unknown: Array) -> list[float]:
-        half, line, end = unknown
-        return [
-            line * half + end - total,
-            line * np.sin(half) + end * np.cos(half) - down,
-            line * (1.0 - np.cos(half)) + end * np.sin(half) - out,
-        ]
+    def excess(half: float) -> float:
+        return float(line * np.sin(half) + (total - line * half) * np.cos(half) - down)
 
-    half, line, end = fsolve(excess, (0.5, 0.5, 0.8))
-    return float(half), float(line), float(end)
+    half = brentq(excess, 1e-3, min(0.5 * np.pi, 0.999 * total / line))
+    return float(half), float(line), float(total - line * half)
 
 
-def limit(ratios: Sequence[float], values: Sequence[float]) -> float:
-    """Return the value of a thin rod: of ``value + c / ratio^2`` that fits best.
+def even_limit(ratios: Sequence[float], values: Sequence[float]) -> float:
+    """Return the value of a thin rod without friction: of ``value + c / ratio^2`` that fits best.
 
-    What a point force spreads over is as long before as behind it, so that no first order is left.
+    What a point force spreads over is as long before as behind it, so that nothing of first order is left.
     """
     return float(np.polyfit(1.0 / np.asarray(ratios) ** 2, values, 1)[-1])
 
 
-def threshold(pulls: Sequence[float], tops: Sequence[float]) -> float:
-    """Return the pull up to which the rod touches at a point: where the tension in its middle, over the pulls, begins.
+def limit(ratios: Sequence[float], values: Sequence[float]) -> float:
+    """Return the value of a thin rope: of the polynomial in ``1 / ratio`` through all values."""
+    return float(np.polyfit(1.0 / np.asarray(ratios), values, len(ratios) - 1)[-1])
 
-    The straight line through two; an elastica has ``T = F - B / (2 Rb^2)``.
+
+def laid(ratio: float, wrap: float, start: float, end: float, size: float = 1.0) -> tuple[Space, list[int]]:
+    """Return the space of a rope that at rest lies on the cylinder, and which of its elements may touch that.
+
+    It is curved over the wrap, where it has no bending moment therefore, and straight before and behind.
+
+    Parameters
+    ----------
+    ratio, size
+        As in `bent`.
+    wrap
+        Angle of the arc [rad], half of it on either side of the top; the cylinder's axis is that of z.
+    start, end
+        Lengths of the straight parts, over the rod's radius.
     """
-    (a, b), (s, t) = pulls, np.multiply(pulls, tops)
-    return float(a - s * (b - a) / (t - s))
+    half = 0.5 * wrap * ratio
+    before, behind = (graded(half + more, half + 1.0, size) for more in (start, end))
+    length = np.append(-before[:0:-1], behind)
+    angle = np.clip(length / ratio, -0.5 * wrap, 0.5 * wrap)
+    rest = length - ratio * angle
+    x, y = ratio * np.sin(angle) + rest * np.cos(angle), ratio * np.cos(angle) - rest * np.sin(angle)
+    space = along(np.column_stack([x, y, 0.0 * x]))
+    breaks = space.axis.breaks
+    middles = space.rod.grid(np.zeros((1, 2)), 0.5 * (breaks[1:] + breaks[:-1]))[0][:, 0]
+    near = np.abs(np.arctan2(middles[:, 0], middles[:, 1])) * ratio < half + 1.2
+    return space, [int(e) for e in np.flatnonzero(near)]
+
+
+def hauled(ratio: float, size: float = 1.0) -> Hauled:
+    """Return what a rope without weight is pulled by at its ends, one held, the other hauled until all slips.
+
+    The ends are four times ``sqrt(B / F)`` off the cylinder.  With ``F`` of about ``ratio`` times ``B / Rb^2`` bending
+    matters the less the thinner the rope, and so does strain.
+    """
+    free = 4.0 * np.sqrt(ratio)
+    space, near = laid(ratio, WRAP, free, free, size)
+    pull = np.array([np.cos(0.5 * WRAP), -np.sin(0.5 * WRAP), 0.0])
+    grown = friction_ratio(FRICTION, WRAP)
+    # Strain F / (E A) of the end that is hauled, and four fifths of that all along.
+    way = 0.8 * grown * 0.25 / ratio * (2.0 * free + WRAP * ratio) * pull
+    supports = [Support.end(space, "start"), Support.end(space, "end", displacement=(way[0], way[1], 0.0))]
+    contact = Contact(0, around(ratio), first_elements=near, points=ROPE_POINTS, friction=FRICTION)
+    model = Model([Body(space, NeoHookean(E, NU))], supports, contacts=[contact])
+    solution = statics.solve(model, load_steps=2)
+    held, moved = solution.reactions
+    return Hauled(float((moved @ pull) / (held @ (pull * [-1.0, 1.0, 1.0]))), solution.contacts[0].sticking)
+
+
+def heavy(ratio: float, share: float, haul: float | None = None, size: float = 1.0) -> statics.Equilibrium:
+    """Return how a heavy rope hangs over the cylinder, one part of it longer than the other.
+
+    Parameters
+    ----------
+    ratio, size
+        As in `bent`.
+    share
+        Of the longest part that friction holds (`comparisons.contact.capstan.heavy_rope_bound`).
+    haul
+        What the longer part's end is moved down by, over the radius of the centre line; free where it is not given.
+
+    Raises
+    ------
+    SolveError
+        If both ends are free and the rope slides.
+    """
+    bound = heavy_rope_bound(LIGHT * ratio, ratio, HEAVY_FRICTION)
+    space, near = laid(ratio, np.pi, LIGHT * ratio, share * bound, size)
+    last = Support.end(space, "end", "z")
+    if haul is not None:
+        last = Support.end(space, "end", displacement=(0.0, -haul * ratio, 0.0))
+    contact = Contact(0, around(ratio), first_elements=near, points=ROPE_POINTS, friction=HEAVY_FRICTION)
+    model = Model(
+        [Body(space, NeoHookean(E, NU))],
+        [Support.end(space, "start", "z"), last],
+        loads=[BodyForce((0.0, -STRAIN * E / bound, 0.0))],
+        contacts=[contact],
+    )
+    return statics.solve(model, load_steps=2)
+
+
+def reserve(ratio: float, share: float, size: float = 1.0) -> float:
+    """Return the force that makes a heavy rope slide to its longer side, over the weight of the longest part held.
+
+    A rope that slides by itself has to be held back: by less than nothing.
+    """
+    return -float(heavy(ratio, share, 0.25, size).reactions[1, 1]) / (STRAIN * E * np.pi)
+
+
+def around(ratio: float) -> Cylinder:
+    """Return the cylinder under a rope that lies on it at rest."""
+    return Cylinder((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), ratio - 1.0 + OVERLAP)
 
 
 def main() -> int:
     """Solve all and print each as a JSON line, then limits."""
     options.initialize([])
     # Peak pressures, which the contact warns of, are not looked at.
-    warnings.filterwarnings("ignore", message="contact 0: the patch")
-    found: dict[tuple[float, float], Bent] = {}
+    warnings.filterwarnings("ignore", message="contact 0: ")
+    rods, ropes = [], []
     for ratio in RATIOS:
-        for pull in PULLS:
-            found[ratio, pull] = one = bent(ratio, pull)
-            print(results.line({"run": "bent", "ratio": ratio, "pull": pull} | one._asdict()), flush=True)
-    for name, value, expected in limits(found):
+        rods.append(bent(ratio, PULL))
+        print(results.line({"run": "bent", "ratio": ratio, "pull": PULL} | rods[-1]._asdict()), flush=True)
+    for ratio in ROPE_RATIOS:
+        ropes.append(hauled(ratio))
+        print(results.line({"run": "hauled", "ratio": ratio} | ropes[-1]._asdict()), flush=True)
+    for share in SHARES:
+        record = {"run": "heavy", "ratio": HEAVY_RATIO, "share": share, "reserve": reserve(HEAVY_RATIO, share)}
+        print(results.line(record | {"rope": 1.0 - share}), flush=True)
+    left = heavy(HEAVY_RATIO, SHARES[0]).stabilisation
+    print(results.line({"run": "heavy, ends free", "share": SHARES[0], "stabilisation": left}), flush=True)
+    for name, value, expected in limits(rods, ropes):
         line = {"limit": name, "value": value, "expected": expected, "error": value / expected - 1.0}
         print(results.line(line), flush=True)
     return 0
 
 
-def limits(found: Mapping[tuple[float, float], Bent]) -> Iterator[tuple[str, float, float]]:
-    """Yield what is extrapolated, its value for a thin rod, and that of an elastica."""
-    for pull in PULLS:
-        touch = Capstan(1.0, 1.0, np.pi, pull).touch()
-        expected = Bent(touch.half_angle, touch.line_force / pull, touch.end_force / pull, np.sin(touch.half_angle))
-        for name in Bent._fields:
-            values = [getattr(found[ratio, pull], name) for ratio in RATIOS]
-            yield f"{name} at {pull:g}", limit(RATIOS, values), float(getattr(expected, name))
-    thresholds = [threshold(PULLS, [found[ratio, pull].top_tension for pull in PULLS]) for ratio in RATIOS]
-    yield "threshold", limit(RATIOS, thresholds), Capstan(1.0, 1.0, np.pi, 1.0).threshold
+def limits(rods: Sequence[Bent], ropes: Sequence[Hauled]) -> Iterator[tuple[str, float, float]]:
+    """Yield what is extrapolated, its value for a thin rod, and that of an elastica or a rope."""
+    thin = Capstan(1.0, 1.0, np.pi, PULL)
+    touch = thin.touch()
+    expected = Bent(touch.half_angle, touch.line_force / PULL, touch.end_force / PULL, np.sin(touch.half_angle))
+    for name in Bent._fields:
+        yield name, even_limit(RATIOS, [getattr(rod, name) for rod in rods]), float(getattr(expected, name))
+    # An elastica on an arc has the tension F - B / (2 Rb^2) in its middle.
+    yield "threshold", even_limit(RATIOS, [PULL * (1.0 - rod.top_tension) for rod in rods]), thin.threshold
+    yield (
+        "tensions of the hauled rope",
+        limit(ROPE_RATIOS, [rope.tensions for rope in ropes]),
+        friction_ratio(FRICTION, WRAP),
+    )
 
 
 if __name__ == "__main__":
