@@ -124,7 +124,7 @@ def test_bad_input_to_other_scenes_is_one_line(arguments, message, refused):
         (["--json", "run", "ring"], "option --json: it goes behind the command: isorod run SCENE --json"),
         (
             ["run", "--json", "rng"],
-            "no scene is named; there are: biceps, blade, clasp, coil, flower, ring, rope, spring, strand; "
+            "no scene is named; there are: biceps, blade, clasp, coil, flower, knot, ring, rope, spring, strand; "
             "put one first",
         ),
         (["run", "--radius", "2"], "no scene is named; .*put one first: isorod run SCENE --radius"),

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from isorod.model.model import Model
     from isorod.space.space import Space
 
-POSITIVE = "radius", "tail", "E", "density", "settling"
+POSITIVE = "radius", "tail", "E", "density", "settling", "time_step"
 
 # The line that the rod is first laid along: half the length in which strands go round each other, over the root of
 # both radii, and half their distance there, over the rod's radius.  They clear each other and bend little.
@@ -29,7 +29,8 @@ _BRAID, _APART = 3.8, 1.25
 # Points of that line per radius of the rod.
 _DENSE = 8
 
-# Rate of damping, over the frequency of the loop's bending.
+# Rate of damping, over the frequency of the loop's bending: with more, what is slow (how far strands have come round
+# each other) is slower still, with less, what is fast takes as long as it.
 _DAMPING = 0.6
 
 # Points of that line for each element of the rod.
@@ -65,7 +66,10 @@ class Knot(Checked):
     nu: float = option(0.3, "Poisson's ratio")
     density: float = option(1.0, "mass per volume")
     friction: float = option(0.0, "coefficient of friction")
-    settling: float = option(12.0, "time to settle, over that of the loop")
+    settling: float = option(30.0, "time to settle, over that of the loop")
+    time_step: float = option(
+        0.5, "longest time step, over the time in which a wave goes the rod's radius (twice the critical one)"
+    )
     outputs: int = option(12, "number of equal intervals between outputs")
     section_points: int = option(8, "control points round the rod, at least 3")
     elements: int = option(80, "elements along the rod")
@@ -83,6 +87,7 @@ class Knot(Checked):
         time = (self.loop * self.radius) ** 2 * np.sqrt(self.density * np.pi * self.radius**2 / self.bending)
         return {
             "end_time": self.settling * time,
+            "time_step": self.time_step * self.radius * float(np.sqrt(self.density / self.E)),
             "outputs": self.outputs,
             "damping": _DAMPING / time,
             "displacement": self.laid.ravel(),
@@ -97,7 +102,7 @@ class Knot(Checked):
         for name in POSITIVE:
             value = getattr(self, name)
             if not (np.isfinite(value) and value > 0.0):
-                raise InputError(f"{name}: got {value:g}, need a positive number")
+                raise InputError(f"{name.replace('_', ' ')}: got {value:g}, need a positive number")
         if not (np.isfinite(self.loop) and self.loop >= 6.0):
             raise InputError(f"loop: got {self.loop:g}, need 6 rod radii and more, for strands to clear each other")
         half = _BRAID * float(np.sqrt(self.loop))
@@ -130,7 +135,7 @@ class Knot(Checked):
     def rod(self) -> Rod:
         """Return the rod at rest, straight along x from where it begins when laid."""
         begin, length = self.radius * self.line[0], float(self._lengths[-1])
-        line = straight(start=begin, end=begin + [length, 0.0, 0.0])
+        line = straight(start=begin, end=(begin[0] + length, *begin[1:]))
         return line.sweep(section.circle(self.section_points, self.radius))
 
     @cached_property
@@ -150,7 +155,7 @@ class Knot(Checked):
 
     @cached_property
     def laid(self) -> Array:
-        """Displacement of the nodes by which the rod is laid along the line, shape ``(nodes, 3)``; it does not twist."""
+        """Displacement of the nodes that lays the rod along the line without twist, shape ``(nodes, 3)``."""
         space, lengths = self.space, self._lengths
         axis = space.axis
         u = np.linspace(*axis.breaks[[0, -1]], _POINTS * axis.elements + 1)
