@@ -107,9 +107,9 @@ class FrictionOperator:
         elsewhere = hangings["anchor_element"] >= 0
         aside = np.zeros(active.size, dtype=np.int64)
         aside[elsewhere] = self.blocks.begin(hangings[elsewhere]) if elsewhere.any() else 0
-        others = np.zeros(self.blocks.rows.size)
+        others = np.zeros(self.blocks.room)
         add_friction_blocks(self._packed, self._friction, positions, active, hangings, begin, values, aside, others)
-        return others
+        return self.blocks.merge(others)
 
     def tell(self, results: Sequence[ContactResult]) -> list[ContactResult]:
         """Return results with what the last forces say of friction."""

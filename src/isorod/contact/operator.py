@@ -127,12 +127,14 @@ class ContactOperator:
         patches = np.empty(active.size, PATCH)
         find_patches(packed, active, patches)
         begin = self._blocks.begin(patches)
-        self.values = np.zeros(self._blocks.rows.size)
+        blocks = np.zeros(self._blocks.room)
         with self._stage:
-            add_blocks(packed, positions, active, patches, begin, self.values)
-            if self.friction is not None:
-                others = self.friction.add_blocks(positions, active, patches, begin, self.values)
-                self.values = np.concatenate([self.values, others])
+            add_blocks(packed, positions, active, patches, begin, blocks)
+            if self.friction is None:
+                self.values = self._blocks.merge(blocks)
+            else:
+                others = self.friction.add_blocks(positions, active, patches, begin, blocks)
+                self.values = np.concatenate([self._blocks.merge(blocks), others])
         return self.values
 
     def product(self, move: Array) -> Array:
