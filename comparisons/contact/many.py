@@ -31,7 +31,7 @@ PUBLISHED = {7: 92.0, 19: 239.0, 37: 501.0, 61: 903.0, 91: 1476.0}
 LAYERS = {7: 1, 19: 2, 37: 3, 61: 4, 91: 5}
 
 # What all have: the whole first layer goes round once.
-SCENE = {"length": 115.0, "strain": 0.002, "friction": 0.115}
+SCENE: dict[str, Any] = {"length": 115.0, "strain": 0.002, "friction": 0.115}
 
 # Section points and parts of an element: of all strands, and of those refined, up to so many wires.
 SPACE = 6, 1

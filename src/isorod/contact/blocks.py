@@ -68,9 +68,8 @@ class Blocks:
         many = 1 + max(int(across.max()) for _, across in nodes)
         keys = np.concatenate([(many * down[:, None] + across).ravel() for down, across in nodes])
         pairs, self._pairs = np.unique(keys, return_inverse=True)
-        first = 3 * np.stack(np.divmod(pairs, many))[:, :, None, None]
+        down, across = (3 * one[:, None, None] for one in np.divmod(pairs, many))
         shape = pairs.size, 3, 3
-        self.rows, self.columns = (
-            np.broadcast_to(first[k] + np.arange(3).reshape(turn), shape).ravel() for k, turn in enumerate(((3, 1), 3))
-        )
+        self.rows = np.broadcast_to(down + np.arange(3)[:, None], shape).ravel()
+        self.columns = np.broadcast_to(across + np.arange(3), shape).ravel()
         self._begin = np.append(0, np.cumsum(9 * self._shapes.prod(axis=1)))

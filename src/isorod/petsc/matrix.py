@@ -221,7 +221,7 @@ def _doubles(address: int | None, count: int) -> NDArray[np.float64]:
     if not count:
         return np.empty(0)
     assert address is not None
-    return np.frombuffer((ctypes.c_double * count).from_address(address), dtype=np.float64)
+    return np.ctypeslib.as_array((ctypes.c_double * count).from_address(address))
 
 
 def compressed_rows(matrix: PETSc.Mat) -> tuple[NDArray[Any], NDArray[Any], NDArray[np.float64]]:
