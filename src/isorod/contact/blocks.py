@@ -1,10 +1,11 @@
-"""Dense blocks of a sparse matrix, one for each patch where sides touch."""
+"""Entries of a sparse matrix to which dense blocks add up, one block for each patch where sides touch."""
 
 from collections.abc import Callable
 
 import numpy as np
 
-from isorod.arrays import Index
+from isorod.arrays import Array, Index
+from isorod.contact.blocks_kernel import merge
 from isorod.contact.packed import Row, Table
 
 
@@ -21,7 +22,9 @@ class Blocks:
     Attributes
     ----------
     rows, columns
-        Of all entries, block by block.
+        Of all entries, each once: patches side by side have most of their nodes in common.
+    room
+        Size of all blocks, one after the other.
     version
         Counts how often the pattern has changed.
     """
@@ -31,26 +34,42 @@ class Blocks:
         self._patches = np.empty(0, kind)
         self._last = self._patches
         self._begin = np.zeros(1, dtype=np.int64)
+        # Nodes that are a block's rows and columns, and which pair of nodes each pair of a block is.
+        self._shapes = np.empty((0, 2), dtype=np.int64)
+        self._pairs = np.empty(0, dtype=np.int64)
         self.rows = self.columns = np.empty(0, dtype=np.int64)
         self.version = 0
 
+    @property
+    def room(self) -> int:
+        """See the class."""
+        return int(self._begin[-1])
+
     def begin(self, patches: Table) -> Index:
-        """Return where the block of each of some patches begins among the entries."""
+        """Return where the block of each of some patches begins among all blocks."""
         touched, which = np.unique(patches, return_inverse=True)
         if not np.isin(touched, self._patches).all():
             self._renew(np.union1d(touched, self._last))
         self._last = touched
         return self._begin[np.searchsorted(self._patches, touched)][which]
 
+    def merge(self, blocks: Array) -> Array:
+        """Return the entries ``(len(rows),)`` of the sum of blocks ``(room,)``."""
+        entries = np.zeros(self.rows.size)
+        merge(self._shapes, self._pairs, blocks, entries)
+        return entries
+
     def _renew(self, patches: Table) -> None:
         """Make the pattern anew, of these patches, sorted."""
         self._patches = patches
         self.version += 1
-        rows, columns, sizes = [], [], [0]
-        for patch in patches:
-            down, across = ((3 * nodes[:, None] + np.arange(3)).ravel() for nodes in self._nodes(patch))
-            rows.append(np.repeat(down, across.size))
-            columns.append(np.tile(across, down.size))
-            sizes.append(down.size * across.size)
-        self.rows, self.columns = np.concatenate(rows), np.concatenate(columns)
-        self._begin = np.cumsum(sizes)
+        nodes = [self._nodes(patch) for patch in patches]
+        self._shapes = np.array([(down.size, across.size) for down, across in nodes])
+        many = 1 + max(int(across.max()) for _, across in nodes)
+        keys = np.concatenate([(many * down[:, None] + across).ravel() for down, across in nodes])
+        pairs, self._pairs = np.unique(keys, return_inverse=True)
+        down, across = (3 * one[:, None, None] for one in np.divmod(pairs, many))
+        shape = pairs.size, 3, 3
+        self.rows = np.broadcast_to(down + np.arange(3)[:, None], shape).ravel()
+        self.columns = np.broadcast_to(across + np.arange(3), shape).ravel()
+        self._begin = np.append(0, np.cumsum(9 * self._shapes.prod(axis=1)))

@@ -55,6 +55,8 @@ class FrictionOperator:
         self._friction = pack(model, packed)
         self.history = self._friction.anchors.copy()
         self.before: Array | None = None
+        # Anchors of points that were first pressed in this step.
+        self._caught = self.history.copy()
         self.blocks = Blocks(HANGING, self._nodes)
 
     def _nodes(self, hanging: Row) -> tuple[Index, Index]:
@@ -78,18 +80,20 @@ class FrictionOperator:
             ]
             hang(packed, self._friction, self.before, np.concatenate(found))
         self.history = self._friction.anchors.copy()
+        self._caught = np.full(self.history.size, NO_ANCHOR)
 
     def add_forces(self, positions: Array, forces: Array) -> float:
         """Add the forces after those of the pressure at the same positions, and return the energy."""
         self._friction.anchors[:] = self.history
         if self.before is not None:
-            catch(self._packed, self._friction, self.before)
+            catch(self._packed, self._friction, self.before, self._caught)
         return float(add_friction(self._packed, self._friction, positions, False, forces)[0])
 
     def accept(self, positions: Array) -> float:
         """Make a state, that of the last forces, the start of the next step; return what was dissipated on the way."""
         spent = add_friction(self._packed, self._friction, positions, True, np.zeros_like(positions))
         self.history[:] = self._friction.anchors
+        self._caught[:] = NO_ANCHOR
         return float(spent[1])
 
     def add_blocks(self, positions: Array, active: Index, patches: Table, begin: Index, values: Array) -> Array:
@@ -107,9 +111,9 @@ class FrictionOperator:
         elsewhere = hangings["anchor_element"] >= 0
         aside = np.zeros(active.size, dtype=np.int64)
         aside[elsewhere] = self.blocks.begin(hangings[elsewhere]) if elsewhere.any() else 0
-        others = np.zeros(self.blocks.rows.size)
+        others = np.zeros(self.blocks.room)
         add_friction_blocks(self._packed, self._friction, positions, active, hangings, begin, values, aside, others)
-        return others
+        return self.blocks.merge(others)
 
     def tell(self, results: Sequence[ContactResult]) -> list[ContactResult]:
         """Return results with what the last forces say of friction."""

@@ -39,6 +39,7 @@ ANCHOR = np.dtype(
 )
 NO_ANCHOR = np.array((-1, 0.0, 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), ANCHOR)
 _ANCHOR_ROW = from_dtype(ANCHOR)
+ANCHORS = types.Array(_ANCHOR_ROW, 1, "C")
 
 # A point slips where its traction is as large as it may be but for this part.
 _NEARLY = 1e-9
@@ -66,7 +67,7 @@ class Friction(NamedTuple):
     start: Table
 
 
-FRICTION = types.NamedTuple((F1, types.Array(_ANCHOR_ROW, 1, "C"), F2, types.Array(b1, 1, "C"), STARTS), Friction)
+FRICTION = types.NamedTuple((F1, ANCHORS, F2, types.Array(b1, 1, "C"), STARTS), Friction)
 
 
 class Spent(NamedTuple):
@@ -152,8 +153,14 @@ def _rub(packed: Packed, one: Row, point: int, foot: Foot, push: Array, forces: 
         spread(master, element, arc_of(master, start.theta), foot.phi[0], foot.axial[0], -push, forces)
 
 
-@njit(void(PACKED, FRICTION, F2), **FAST)
-def catch(packed: Packed, friction: Friction, before: Array) -> None:
+@njit(b1(PACKED, i8, i8), **FAST)
+def _same_surface(packed: Packed, element: int, other: int) -> bool:
+    """Return whether two elements are of one surface."""
+    return packed.elements[element].surface == packed.elements[other].surface
+
+
+@njit(void(PACKED, FRICTION, F2, ANCHORS), **FAST)
+def catch(packed: Packed, friction: Friction, before: Array, caught: Table) -> None:
     """Give pressed points that have no anchor one: where they were nearest to at the start of a step.
 
     Parameters
@@ -164,6 +171,8 @@ def catch(packed: Packed, friction: Friction, before: Array) -> None:
         Its anchors are changed.
     before
         Positions at the start of the step, shape ``(nodes, 3)``.
+    caught
+        Anchors that points were given so far, rows of `ANCHOR`: those on the same master are good again.
     """
     foot, x = new_foot(), np.empty(3)
     for k in range(packed.passes.size):
@@ -175,6 +184,10 @@ def catch(packed: Packed, friction: Friction, before: Array) -> None:
             anchor = friction.anchors[point]
             if anchor.element >= 0 or not packed.states[point].pressure > 0.0:
                 continue
+            known = caught[point].element
+            if known >= 0 and (one.master < 0 or _same_surface(packed, known, packed.starts[point].element)):
+                friction.anchors[point] = caught[point]
+                continue
             at = site(one, slave, point)
             layers, phi, axial = packed.elements[at.element].layers, packed.around[at.around], packed.along[at.along]
             x[:] = 0.0
@@ -183,6 +196,7 @@ def catch(packed: Packed, friction: Friction, before: Array) -> None:
                     for a in range(3):
                         x[a] += axial[j] * phi[c] * before[layers[j] + (at.arc + c - 1) % slave.around, a]
             _put(packed, one, point, x, before, friction.start, foot, anchor)
+            caught[point] = friction.anchors[point]
 
 
 @njit(void(PACKED, FRICTION, F2, F2), **FAST)
@@ -303,10 +317,7 @@ def add_friction(packed: Packed, friction: Friction, positions: Array, keep: boo
             _rub(packed, one, point, foot, weight * t, forces)
             if not keep:
                 continue
-            other = False
-            if one.master >= 0:
-                start = packed.starts[point]
-                other = packed.elements[start.element].surface != packed.elements[anchor.element].surface
+            other = one.master >= 0 and not _same_surface(packed, anchor.element, packed.starts[point].element)
             if share < 1.0 or other:
                 for a in range(3):
                     s[a] = foot.y[0, a] - share * s[a]

@@ -155,12 +155,14 @@ class ContactOperator:
         patches = np.empty(active.size, PATCH)
         find_patches(packed, active, patches)
         begin = self._blocks.begin(patches)
-        self.values = np.zeros(self._blocks.rows.size)
+        blocks = np.zeros(self._blocks.room)
         with self._stage:
-            add_blocks(packed, positions, active, patches, begin, self.values)
-            if self.friction is not None:
-                others = self.friction.add_blocks(positions, active, patches, begin, self.values)
-                self.values = np.concatenate([self.values, others])
+            add_blocks(packed, positions, active, patches, begin, blocks)
+            if self.friction is None:
+                self.values = self._blocks.merge(blocks)
+            else:
+                others = self.friction.add_blocks(positions, active, patches, begin, blocks)
+                self.values = np.concatenate([self._blocks.merge(blocks), others])
         if self._lift is not None:
             self.values = self._lift.values(self._rows, self._columns, self.values, self.version)
         return self.values

@@ -5,11 +5,11 @@ from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import from_dtype, i8, types
+from numba import from_dtype, i8, types, void
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
-from isorod.compiled import I1, STRICT, njit
+from isorod.compiled import F1, I1, STRICT, njit
 from isorod.petsc.library import POINTER, function
 
 # Array of the integers that PETSc counts with.
@@ -17,6 +17,9 @@ P1 = types.Array(from_dtype(np.dtype(PETSc.IntType)), 1, "C")
 
 # Attribute of a matrix whose arrays were made here: which of the given entries is where, and the arrays.
 _ARRAYS = "isorod_arrays"
+
+# Attribute of another: where each of the given entries adds up, and how many there are then.
+_PLACES = "isorod_places"
 
 
 class Rows(NamedTuple):
@@ -121,6 +124,16 @@ def _compress(rows: Any, columns: Any, start: Any, entries: Any, column: Any) ->
 def preallocate(matrix: PETSc.Mat, rows: NDArray[Any], columns: NDArray[Any]) -> None:
     """Preallocate a matrix, once more perhaps, by global row and column indices (COO); negative ones are ignored."""
     matrix.setAttr(_ARRAYS, None)
+    matrix.setAttr(_PLACES, None)
+    if matrix.getType() == PETSc.Mat.Type.SEQAIJ and rows.size <= np.iinfo(PETSc.IntType).max:
+        # PETSc's own way sorts all entries by comparing them.
+        rows, columns = np.ascontiguousarray(rows, dtype=np.int64), np.ascontiguousarray(columns, dtype=np.int64)
+        start = np.zeros(matrix.getSize()[0] + 1, dtype=PETSc.IntType)
+        column, places = np.empty(rows.size, dtype=PETSc.IntType), np.empty(rows.size, dtype=PETSc.IntType)
+        total = _gather(rows, columns, start, column, places)
+        matrix.setPreallocationCSR((start, column[:total]))
+        matrix.setAttr(_PLACES, (places, int(total)))
+        return
     # PETSc sorts the arrays in place.
     rows = np.array(rows, dtype=PETSc.IntType)
     columns = np.array(columns, dtype=PETSc.IntType)
@@ -128,9 +141,68 @@ def preallocate(matrix: PETSc.Mat, rows: NDArray[Any], columns: NDArray[Any]) ->
     call(matrix.handle, rows.size, rows.ctypes.data, columns.ctypes.data)
 
 
+@njit(i8(I1, I1, P1, P1, P1), **STRICT)
+def _gather(rows: Any, columns: Any, start: Any, column: Any, places: Any) -> int:
+    """Fill compressed rows, each entry once, and where each of those given comes, -1 if an index is negative.
+
+    Entries are counted into columns, then into rows, which leaves the columns of each row in order.
+    """
+    size = start.size - 1
+    first = np.zeros(size + 1, dtype=np.int64)
+    for k in range(rows.size):
+        places[k] = -1
+        if rows[k] >= 0 and columns[k] >= 0:
+            first[columns[k] + 1] += 1
+            start[rows[k] + 1] += 1
+    for i in range(size):
+        first[i + 1] += first[i]
+        start[i + 1] += start[i]
+    by_column = np.empty(first[size], dtype=np.int64)
+    for k in range(rows.size):
+        if rows[k] >= 0 and columns[k] >= 0:
+            by_column[first[columns[k]]] = k
+            first[columns[k]] += 1
+    order = np.empty_like(by_column)
+    first[:] = start
+    for k in by_column:
+        order[first[rows[k]]] = k
+        first[rows[k]] += 1
+    total = at = 0
+    for i in range(size):
+        last, end = -1, start[i + 1]
+        start[i] = total
+        while at < end:
+            k = order[at]
+            if columns[k] != last:
+                last = columns[k]
+                column[total] = last
+                total += 1
+            places[k] = total - 1
+            at += 1
+    start[size] = total
+    return total
+
+
+@njit(void(F1, P1, F1), **STRICT)
+def _add_up(values: Any, places: Any, entries: Any) -> None:
+    """Set entries to the sums of the values that have a place there."""
+    entries[:] = 0.0
+    for k in range(values.size):
+        if places[k] >= 0:
+            entries[places[k]] += values[k]
+
+
 def set_values(matrix: PETSc.Mat, values: NDArray[np.float64]) -> None:
     """Set the entries in the order in which the matrix got room for them, repeated ones added up."""
-    arrays = matrix.getAttr(_ARRAYS)
+    gathered, arrays = matrix.getAttr(_PLACES), matrix.getAttr(_ARRAYS)
+    if gathered is not None:
+        places, total = gathered
+        pointer = POINTER()
+        function("MatSeqAIJGetArray", POINTER, ctypes.POINTER(POINTER))(matrix.handle, ctypes.byref(pointer))
+        _add_up(np.ascontiguousarray(values), places, _doubles(pointer.value, total))
+        function("MatSeqAIJRestoreArray", POINTER, ctypes.POINTER(POINTER))(matrix.handle, ctypes.byref(pointer))
+        matrix.assemble()
+        return
     if arrays is None:
         values = np.ascontiguousarray(values, dtype=PETSc.ScalarType)
         call = function("MatSetValuesCOO", POINTER, POINTER, ctypes.c_int)
@@ -142,6 +214,14 @@ def set_values(matrix: PETSc.Mat, values: NDArray[np.float64]) -> None:
     else:
         np.take(values, rows.entries, out=mine, mode="clip")
     matrix.assemble()
+
+
+def _doubles(address: int | None, count: int) -> NDArray[np.float64]:
+    """Return an array of numbers that PETSc has."""
+    if not count:
+        return np.empty(0)
+    assert address is not None
+    return np.ctypeslib.as_array((ctypes.c_double * count).from_address(address))
 
 
 def compressed_rows(matrix: PETSc.Mat) -> tuple[NDArray[Any], NDArray[Any], NDArray[np.float64]]:

@@ -12,10 +12,14 @@ from isorod.geometry.rod import Rod
 from isorod.scenes import option
 
 if TYPE_CHECKING:
+    from isorod.model.contact import Contact
     from isorod.model.model import Model
     from isorod.statics.analysis import Equilibrium
 
 LENGTHS = "core_radius", "wire_radius", "pitch", "length"
+
+# The penalty between layers that cross, in moduli per radius of a wire.
+_SOFT = 0.1
 
 # Wires in the first layer, and as many more in each further one.
 SIX = 6
@@ -94,7 +98,6 @@ class Strand(Checked):
         """Return the model: neo-Hookean wires, their start faces held, their end faces moved as one rigid plane."""
         from isorod.material.neo_hookean import NeoHookean
         from isorod.model.body import Body
-        from isorod.model.contact import Contact
         from isorod.model.model import Model
         from isorod.model.support import Support
         from isorod.space.space import Space
@@ -122,9 +125,28 @@ class Strand(Checked):
                     body=k,
                 ),
             ]
+        fewest = min(body.space.axis.elements for body in bodies)
+        return Model(bodies, supports, contacts=[self._contact(len(rods), fewest)])
+
+    def _contact(self, wires: int, elements: int) -> "Contact":
+        """Return the contact of all wires, none of which has fewer elements."""
+        from isorod.model.contact import MAX_POINTS, Contact
+
         # Lines of contact, narrower than points are apart, run along control points: in the middle of an arc's three.
-        contact = Contact(range(len(rods)), points=(3, self.degree + 1), friction=self.friction)
-        return Model(bodies, supports, contacts=[contact])
+        points = 3, self.degree + 1
+        if self.layers < 2:
+            return Contact(range(wires), points=points, friction=self.friction)
+        # Layers cross at places, which must not lie between points.  Before they are drawn together little holds wires,
+        # which stiff penalties then throw back and forth.
+        longest = self.length / np.cos(self.lay_angle) / elements
+        smallest = min(self.core_radius, self.wire_radius)
+        return Contact(
+            range(wires),
+            penalty=_SOFT * self.E / smallest,
+            penetration=1e-3 * smallest,
+            points=(3, min(MAX_POINTS, max(points[1], int(np.ceil(longest / self.wire_radius))))),
+            friction=self.friction,
+        )
 
     def measure(self, solution: "Equilibrium") -> dict[str, object]:
         """Return force and torque about the axis on the end that moves, and what wires press on each other with."""

@@ -1,0 +1,173 @@
+"""Strands of 7 to 91 wires of one pitch, with friction: ``python -m comparisons.contact.many [DIR] [WIRES ...]``.
+
+Each strand is pulled in a process of its own, on one thread.  In the folder (results) there are then ``many.jsonl``, a
+record a run; ``many.md``, a table; and ``many.png``: time and memory a wire, beside the times that a Python code of
+beams with friction reports for as many wires (92 to 1,476 s; its friction converged up to 37 wires).  The smaller
+strands are pulled on finer spaces too.
+
+``python -m comparisons.contact.many --one LAYERS SECTION_POINTS PARTS`` is one such run, which prints its record.
+"""
+
+import sys
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+from comparisons.measure import timing
+from isorod import options, statics
+from isorod.arrays import Array
+from isorod.contact import operator
+from isorod.contact.force_kernel import Pressing
+from isorod.contact.packed import Packed
+from isorod.errors import InputError
+from isorod.output import results
+from isorod.scenes.strand import Strand
+
+# Seconds by wires.
+PUBLISHED = {7: 92.0, 19: 239.0, 37: 501.0, 61: 903.0, 91: 1476.0}
+# Layers of as many.
+LAYERS = {7: 1, 19: 2, 37: 3, 61: 4, 91: 5}
+
+# What all have: the whole first layer goes round once.
+SCENE: dict[str, Any] = {"length": 115.0, "strain": 0.002, "friction": 0.115}
+
+# Section points and parts of an element: of all strands, and of those refined, up to so many wires.
+SPACE = 6, 1
+FINER = ((6, 2), (12, 2))
+REFINED = 19
+
+
+class _Watch:
+    """Time that contact takes to find closest points, the forces there included."""
+
+    def __init__(self) -> None:
+        self.seconds = 0.0
+        self._find = operator.add_forces
+
+    def __call__(self, packed: Packed, positions: Array, forces: Array) -> Pressing:
+        """Do what `isorod.contact.force_kernel.add_forces` does."""
+        start = perf_counter()
+        found = self._find(packed, positions, forces)
+        self.seconds += perf_counter() - start
+        return found
+
+
+def measure(layers: int, section_points: int, parts: int) -> dict[str, Any]:
+    """Return the record of a strand on some space: time, memory, answers."""
+    options.initialize([])
+    scene = Strand(layers=layers, section_points=section_points, parts=parts, **SCENE)
+    # Compiled code is read, or made, before.
+    statics.solve(Strand(layers=1, section_points=6, parts=1, length=15.0, strain=1e-4, friction=0.1).model())
+    watch = _Watch()
+    operator.add_forces = watch  # type: ignore[assignment]
+    start = perf_counter()
+    solution = statics.solve(scene.model())
+    seconds = perf_counter() - start
+    steps = solution.seconds["assembly"] + solution.seconds["solve"]
+    return {
+        "wires": len(solution.model.bodies),
+        "section_points": section_points,
+        "parts": parts,
+        "dofs": solution.displacement.size,
+        "seconds": seconds,
+        "memory": timing.peak_memory(),
+        "search": watch.seconds / steps,
+        "solves": solution.newton_iterations,
+        "load_steps": solution.load_steps,
+        "cuts": solution.cuts,
+        **scene.measure(solution),
+    }
+
+
+def table(records: Sequence[dict[str, Any]]) -> str:
+    """Return the runs as a table in Markdown; the error is against the finest run of as many wires."""
+    head = (
+        "wires",
+        "points, parts",
+        "unknowns",
+        "time [s]",
+        "published [s]",
+        "memory [MB]",
+        "search",
+        "solves",
+        "force [N]",
+        "to the finest",
+    )
+    lines = [f"| {' | '.join(head)} |", f"|{'---|' * len(head)}"]
+    for one in records:
+        alike = [other for other in records if other["wires"] == one["wires"]]
+        finest = max(alike, key=lambda other: int(other["dofs"]))
+        off = f"{100.0 * (one['force'] / finest['force'] - 1.0):+.2f} %" if one is not finest else ""
+        cells = (
+            str(one["wires"]),
+            f"{one['section_points']}, {one['parts']}",
+            f"{one['dofs']:,}",
+            f"{one['seconds']:.1f}",
+            f"{PUBLISHED[one['wires']]:.0f}",
+            f"{one['memory'] / 1e6:.0f}",
+            f"{100.0 * one['search']:.1f} %",
+            str(one["solves"]),
+            f"{one['force']:.0f}",
+            off,
+        )
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines) + "\n"
+
+
+def draw(records: Sequence[dict[str, Any]], path: Path) -> None:
+    """Draw time and memory a wire by the number of wires."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    figure, (left, right) = pyplot.subplots(1, 2, figsize=(10.0, 4.2), layout="constrained")
+    for space in sorted({(one["section_points"], one["parts"]) for one in records}):
+        runs = [one for one in records if (one["section_points"], one["parts"]) == space]
+        wires = [one["wires"] for one in runs]
+        name = f"isorod, {space[0]} points a section, {space[1]} parts"
+        left.plot(wires, [one["seconds"] / one["wires"] for one in runs], "o-", label=name)
+        right.plot(wires, [one["memory"] / one["wires"] / 1e6 for one in runs], "o-", label=name)
+    left.plot(list(PUBLISHED), [time / wires for wires, time in PUBLISHED.items()], "ks--", label="beams, published")
+    for axes, what in ((left, "time a wire [s]"), (right, "memory a wire [MB]")):
+        axes.set(xlabel="wires", ylabel=what, ylim=(0.0, None), xticks=list(PUBLISHED))
+        axes.grid(True, alpha=0.3)
+    left.legend(frameon=False)
+    results.write_beside(path, partial(figure.savefig, dpi=130))
+    pyplot.close(figure)
+
+
+def study(folder: Path, chosen: Sequence[int]) -> str:
+    """Run all strands of so many wires; write records, table and plot, after each run anew, and return the table."""
+    records: list[dict[str, Any]] = []
+    for wires in chosen:
+        for space in (SPACE, *(FINER if wires <= REFINED else ())):
+            arguments = ["--one", *map(str, (LAYERS[wires], *space))]
+            found = timing.run("comparisons.contact.many", arguments, timeout=7200.0)
+            results.append(folder / "many.jsonl", results.provenance() | found)
+            records.append(found)
+            (folder / "many.md").write_text(table(records), encoding="utf-8")
+            draw(records, folder / "many.png")
+    return table(records)
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Do what the module says."""
+    if arguments[:1] == ["--one"]:
+        layers, points, parts = map(int, arguments[1:])
+        print(results.line(measure(layers, points, parts)))
+        return 0
+    folder, chosen = (arguments[0] if arguments else "results"), [int(text) for text in arguments[1:]]
+    unknown = [wires for wires in chosen if wires not in PUBLISHED]
+    if unknown:
+        raise InputError(f"wires: got {unknown[0]}, need {', '.join(map(str, PUBLISHED))}")
+    print(study(results.make_folder(folder), chosen or list(PUBLISHED)), end="")
+    return 0
+
+
+if __name__ == "__main__":
+    from isorod.command import ending
+
+    sys.exit(ending.run("comparisons.contact.many", lambda: main(sys.argv[1:]), "the records written so far are kept"))
