@@ -1,19 +1,15 @@
 """Spaces finer where something small presses: graded sections and axes, contact on them, and what the command makes."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from conftest import straight
 
-from isorod import statics
 from isorod.contact.operator import ContactOperator
-from isorod.contact.patches import FEWEST, patches
 from isorod.errors import InputError
 from isorod.geometry.quadrature import Rule, graded_points
 from isorod.geometry.rod import Rod
 from isorod.material import LinearElastic
-from isorod.model import Body, Contact, Cylinder, Model, Plane, Support
+from isorod.model import Body, Contact, Cylinder, Model, Support
 from isorod.space.closer import Patch, closer
 from isorod.space.graded import Graded
 from isorod.space.polyharmonic import Polyharmonic
@@ -50,13 +46,15 @@ def test_graded_functions_are_among_those_of_the_fine_arcs_and_hold_those_of_the
     rod = straight(8, degree=2)
     bent = Rod(rod.axis, rod.control_points * (1.0 + 0.1 * np.random.default_rng(1).standard_normal((1, 8, 1))))
     space = Space.paper(bent, order=1, section_basis=basis)
-    np.testing.assert_allclose(space.displacement(space.positions, xi, [0.3])[0][0], bent.grid(xi, [0.3])[0][0], atol=1e-12)
+    np.testing.assert_allclose(
+        space.displacement(space.positions, xi, [0.3])[0][0], bent.grid(xi, [0.3])[0][0], atol=1e-12
+    )
     assert gradients.shape == (len(xi), 26, 2)
 
 
 def test_points_of_graded_sections_see_what_lies_just_below_the_surface():
     """Six radial points for the whole radius miss a tenth of this energy of a short wave."""
-    basis = Graded(8, (1,) * 6 + (6,) * 15 )
+    basis = Graded(8, (1,) * 6 + (6,) * 15)
     xi, weights = basis.points(Rule(4, 2, 1))
     assert weights.sum() == pytest.approx(np.pi, rel=1e-13)
     better, more = graded_points(basis.joints, Rule(12, 8, 1))
@@ -66,7 +64,8 @@ def test_points_of_graded_sections_see_what_lies_just_below_the_surface():
 
 
 @pytest.mark.parametrize(
-    "arcs, what", [((4,) * 7, "got 28 fine ones"), ((3, 5) + (4,) * 6, "crosses the end"), ((0, 8) + (4,) * 6, "got 32")]
+    "arcs, what",
+    [((4,) * 7, "got 28 fine ones"), ((3, 5) + (4,) * 6, "crosses the end"), ((0, 8) + (4,) * 6, "got 32")],
 )
 def test_arcs_that_do_not_fit_are_refused(arcs, what):
     with pytest.raises(InputError, match=f"arcs: .*{what}"):
@@ -101,6 +100,13 @@ def test_contact_of_graded_sections_is_that_of_the_surface_they_make():
             expected = forces.reshape(space.layers, -1, 3)[:, :16], energy
     np.testing.assert_allclose(forces.reshape(space.layers, -1, 3)[:, :16], expected[0], atol=1e-11)
     assert energy == pytest.approx(expected[1], rel=1e-12)
+    # Patches are as wide as their own arcs say, not the finest.
+    pairs = pressed(Graded(8, (2,) * 8)), pressed(section_points=8)
+    coarse, same = (
+        ContactOperator(one).results(-0.03 * np.tile([0.0, 1.0, 0.0], one.dofs // 3) * one.is_carrier.repeat(3))[0]
+        for one in pairs
+    )
+    assert coarse.cells_across == pytest.approx(same.cells_across, rel=0.3)
     model = pressed(Graded(8, (2,) * 5 + (1,) * 2 + (2,) * 2))
     space, rng = model.bodies[0].space, np.random.default_rng(2)
     moved = 0.002 * rng.standard_normal((model.dofs // 3, 3))
@@ -129,7 +135,7 @@ def test_elements_and_arcs_are_short_at_a_patch_and_grow_with_the_distance():
     for bad in ([], [patch._replace(size=0.0)]):
         with pytest.raises(InputError, match="patches: name one"):
             closer(rod, bad)
-    with pytest.raises(InputError, match="patches: .* round the section, need 1024"):
+    with pytest.raises(InputError, match=r"patches: .* round the section, need 1024"):
         closer(rod, [patch._replace(size=1e-3)])
     with pytest.raises(InputError, match="patches: the rod has a hole"):
         closer(rod.with_rings((0.5, 1.0)), [patch])

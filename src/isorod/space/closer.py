@@ -1,4 +1,4 @@
-"""Spaces finer where something small presses on a rod's surface: elements and arcs grow with the distance from there."""
+"""Spaces finer where something small presses on a surface: elements and arcs grow with the distance from there."""
 
 from collections.abc import Sequence
 from math import ceil, floor, log2
@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from isorod.arrays import Array
 from isorod.errors import InputError
 from isorod.geometry.disk import MAX_COUNT
 from isorod.geometry.quadrature import WHOLE
@@ -103,7 +102,7 @@ def _evenly(length: float, patches: Sequence[tuple[float, float, float]]) -> int
     """Return how many equal pieces of a length are as short as any patch wants, made of few by halving."""
     size = min(one[2] for one in patches)
     halvings = max(0, floor(log2(max(1.0, 0.5 * length / size))))
-    return int(ceil(length / size / 2**halvings - 1e-9)) * 2**halvings
+    return ceil(length / size / 2**halvings - 1e-9) * 2**halvings
 
 
 def _cut(
