@@ -1,15 +1,24 @@
 """Spaces finer where something small presses: graded sections and axes, contact on them, and what the command makes."""
 
+import warnings
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from conftest import straight
 
+from comparisons.contact import hertz
+from isorod import statics
+from isorod.command import run
 from isorod.contact.operator import ContactOperator
+from isorod.contact.patches import FEWEST, patches
 from isorod.errors import InputError
+from isorod.files.scene import FileScene
 from isorod.geometry.quadrature import Rule, graded_points
 from isorod.geometry.rod import Rod
 from isorod.material import LinearElastic
-from isorod.model import Body, Contact, Cylinder, Model, Support
+from isorod.model import Body, Contact, Cylinder, Model, Plane, Support
 from isorod.space.closer import Patch, closer
 from isorod.space.graded import Graded
 from isorod.space.polyharmonic import Polyharmonic
@@ -139,3 +148,92 @@ def test_elements_and_arcs_are_short_at_a_patch_and_grow_with_the_distance():
         closer(rod, [patch._replace(size=1e-3)])
     with pytest.raises(InputError, match="patches: the rod has a hole"):
         closer(rod.with_rings((0.5, 1.0)), [patch])
+
+
+def test_parallel_cylinders_to_one_per_cent():
+    """A cylinder on a rigid plane in plane strain, as two equal ones: Hertz' half width and pressure."""
+    E, nu, size = 1.0, 0.3, 0.02
+    rod = straight(8, degree=1)
+    basis = closer(rod, [Patch(0.5, -0.5 * np.pi, 0.5, 0.08, size)]).basis
+    space = Space.paper(rod, degree=1, order=1, section_basis=basis, quadrature="4x2x1")
+    top = np.flatnonzero(np.sin(0.5 * (basis.joints[1:] + basis.joints[:-1])) > np.cos(1.2))
+    back = np.concatenate([top, space.layer_nodes + top])
+    supports = [Support(np.arange(space.nodes), "z"), Support(back, "xy", (0.0, -0.01, 0.0))]
+    plane = Plane((0.0, -1.0, 0.0), (0.0, 1.0, 0.0))
+    (result,) = statics.solve(
+        Model([Body(space, LinearElastic(E, nu))], supports, contacts=[Contact(0, plane)])
+    ).contacts
+    exact = hertz.line_contact(result.force, hertz.modulus(E, nu), (1.0, np.inf))
+    load = result.areas * result.pressure
+    assert 2.0 * np.sqrt(load @ result.positions[:, 0] ** 2 / load.sum()) == pytest.approx(exact.half_width, rel=0.01)
+    # Pressure is force per reference area, which the pressure itself shortens.
+    shortened = 1.0 - (1.0 + nu) * (1.0 - 2.0 * nu) * exact.peak / E
+    assert result.peak / shortened == pytest.approx(exact.peak, rel=0.01)
+
+
+def test_patches_are_where_contact_presses_and_as_wide():
+    model = pressed(section_points=16)
+    model = replace(model, contacts=[Contact(0, model.contacts[0].second)])
+    moved = -0.03 * np.tile([0.0, 1.0, 0.0], model.dofs // 3) * model.is_carrier.repeat(3)
+    results = ContactOperator(model).results(moved)
+    ((patch,),) = patches(model, results).values()
+    assert patch.u == pytest.approx(0.5, abs=1e-6)
+    assert np.sin(patch.angle) == pytest.approx(-1.0, abs=1e-6)
+    # A gap of (x^2 + z^2) / 2 is closed up to a radius of sqrt(0.06).
+    assert patch.along == pytest.approx(np.sqrt(0.06), rel=0.25)
+    assert patch.around == pytest.approx(np.sqrt(0.06), rel=0.25)
+    assert 0.3 * patch.along < patch.size < 0.7 * patch.along
+    # Seen well, or by points and a penalty that somebody gave, it stays as it is; so does a line.
+    assert not patches(model, [replace(results[0], cells_across=FEWEST)])
+    assert not patches(pressed(section_points=16), results)
+    plane = replace(model, contacts=[Contact(0, Plane((0.0, -1.0, 0.0), (0.0, 1.0, 0.0)))])
+    assert not patches(plane, ContactOperator(plane).results(moved))
+
+
+def test_a_scene_is_solved_again_where_its_patches_are_not_seen_and_says_what_the_last_solution_says():
+    def analyse(model, rounds):
+        warnings.warn(f"of {model}, {rounds}", stacklevel=1)
+        return model
+
+    scenes = {k: SimpleNamespace(model=lambda k=k: k) for k in range(9)}
+    scene = SimpleNamespace(closer=lambda solution: scenes[solution + 1])
+    with pytest.warns(UserWarning, match="of 2, 5") as said:
+        assert run._solve_closer(scene, 0, analyse, {"rounds": 5}) == run.CLOSER == 2
+    assert len(said) == 1
+    with pytest.warns(UserWarning, match="of 0, 5"):
+        assert run._solve_closer(SimpleNamespace(), 0, analyse, {"rounds": 5}) == 0
+
+
+CROSSING = """
+[rod.low]
+curve = {straight = {start = [0.0, 0.0, -2.0], end = [0.0, 0.0, 2.0]}}
+section = {circle = 1.0}
+law = {LinearElastic = {E = 1000.0, nu = 0.3}}
+
+[rod.high]
+curve = {straight = {start = [-2.0, 2.0, 0.0], end = [2.0, 2.0, 0.0]}}
+section = {circle = 1.0}
+law = {LinearElastic = {E = 1000.0, nu = 0.3}}
+SPACE
+
+[contact.bars]
+first = "low"
+second = "high"
+
+[analysis.statics]
+"""
+
+
+@pytest.mark.parametrize("told, rods", [("", [0, 1]), ("space = {section_points = 16}", [0])])
+def test_rods_of_a_file_whose_space_is_not_told_are_looked_at_closer(tmp_path, told, rods):
+    path = tmp_path / "bars.toml"
+    path.write_text(CROSSING.replace("SPACE", told))
+    scene = FileScene(str(path))
+    model = scene.model()
+    moved = model.is_carrier.repeat(3) * np.tile([0.0, 1.0, 0.0], model.dofs // 3)
+    moved[3 * int(model.first_node[1]) :] *= -1.0
+    results = ContactOperator(model).results(0.02 * moved)
+    closer_ = scene.closer(SimpleNamespace(model=model, contacts=results))
+    graded = [k for k, body in enumerate(closer_.model().bodies) if isinstance(body.space.basis, Graded)]
+    assert graded == rods
+    assert scene.closer(SimpleNamespace(model=model, contacts=())) is None
