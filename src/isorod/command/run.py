@@ -2,7 +2,7 @@
 
 import dataclasses
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from importlib import import_module
 from time import perf_counter
@@ -13,6 +13,9 @@ from isorod.output import results
 
 # Error above which a result is warned of.
 LARGE = 0.01
+
+# How often spaces are made finer where patches of contact are too small to be seen.
+CLOSER = 2
 
 
 def solve(scene: Any, settings: Mapping[str, Any]) -> tuple[Any, dict[str, float]]:
@@ -36,12 +39,30 @@ def solve(scene: Any, settings: Mapping[str, Any]) -> tuple[Any, dict[str, float
         start = perf_counter()
         model = scene.model()
         built = perf_counter()
-        solution = analysis.solve(model, **settings)
+        solution = _solve_closer(scene, model, analysis.solve, settings)
     seconds = dict(solution.seconds)
     seconds["setup"] += built - start
     # With ``check``: what proves a result is a part of getting it.
     seconds["total"] = perf_counter() - start
     return solution, seconds
+
+
+def _solve_closer(scene: Any, model: Any, analyse: Callable[..., Any], settings: Mapping[str, Any]) -> Any:
+    """Return the solution of a model, or of its scene on spaces that see where small patches of contact press.
+
+    Warnings are those of the last solution.
+    """
+    for rounds in range(CLOSER + 1):
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            solution = analyse(model, **settings)
+            closer = scene.closer(solution) if hasattr(scene, "closer") and rounds < CLOSER else None
+        if closer is None:
+            break
+        model = closer.model()
+    for one in said:
+        warnings.warn(str(one.message), one.category, stacklevel=3)
+    return solution
 
 
 def estimate(solution: Any) -> dict[str, Any]:

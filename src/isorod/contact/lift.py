@@ -10,6 +10,8 @@ import numpy as np
 from scipy.sparse import block_diag, csr_matrix, identity, kron
 
 from isorod.arrays import Array, Index
+from isorod.contact import quality
+from isorod.contact.result import ContactResult
 from isorod.model.body import Body
 from isorod.model.model import Model
 from isorod.space.graded import Graded
@@ -38,6 +40,7 @@ class Lift:
         self._forth = csr_matrix(kron(nodes, identity(3)))
         self._back = csr_matrix(self._forth.T)
         self._version = 0
+        self._bases = [body.space.basis for body in model.bodies]
         self.rows = self.columns = np.empty(0, dtype=np.int64)
 
     def displacement(self, own: Array) -> Array:
@@ -67,6 +70,18 @@ class Lift:
         keys = self.rows * count + self.columns
         entries[np.searchsorted(keys, found.row.astype(np.int64) * count + found.col)] = found.data
         return entries
+
+    def seen(self, result: ContactResult) -> ContactResult:
+        """Return a result, told of fine arcs, by the arcs that are where its pressure is largest."""
+        k = int(np.argmax(result.pressure))
+        basis = self._bases[result.body[k]]
+        if not (result.cells_across and isinstance(basis, Graded)):
+            return result
+        place = (result.parameters[k, 1] - basis.joints[0]) % (2.0 * np.pi) + basis.joints[0]
+        arc = min(int(np.searchsorted(basis.joints, place, side="right")) - 1, len(basis.arcs) - 1)
+        cells = result.cells_across / basis.arcs[arc]
+        error = max(result.peak_error or 0.0, min(1.0, quality.PEAK / cells))
+        return replace(result, cells_across=cells, peak_error=error)
 
 
 def _surface(body: Body) -> Body:

@@ -193,6 +193,8 @@ class ContactOperator:
         others = self._otherwise(displacement) if check else ()
         self.forces(displacement)
         results = measure(self.model, self.packed, self._positions(displacement), others)
+        if self._lift is not None:
+            results = [self._lift.seen(one) for one in results]
         return results if self.friction is None else self.friction.tell(results)
 
     def _otherwise(self, displacement: Array) -> list[tuple[float, float] | None]:

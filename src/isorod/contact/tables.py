@@ -35,11 +35,13 @@ from isorod.contact.packed import (
     Table,
 )
 from isorod.contact.tree import tree
+from isorod.errors import InputError
 from isorod.geometry.axis import Axis
 from isorod.geometry.disk import boundary_functions
 from isorod.model.contact import MAX_POINTS, Contact, Cylinder, Plane, Sphere
 from isorod.model.triangle_mesh import TriangleMesh
 from isorod.space.choice import touching_points
+from isorod.space.graded import Graded
 
 if TYPE_CHECKING:
     from isorod.model.model import Model
@@ -84,6 +86,8 @@ class _Tables:
         chosen
             Elements of its axis.
         """
+        if isinstance(space.basis, Graded):
+            raise InputError(f"contact: body {body} has arcs of several lengths, which contact knows in statics alone")
         axis, n = space.axis, space.points_around
         first = len(self.elements)
         rows = {e: first + k for k, e in enumerate(chosen)}

@@ -1,6 +1,6 @@
 """A rod of a scene file: curve, section, laws and space."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from isorod.files import schema
@@ -11,6 +11,7 @@ from isorod.files.form import Call, call, choice
 if TYPE_CHECKING:
     from isorod.geometry.rod import Rod
     from isorod.model.body import Body
+    from isorod.space.closer import Patch
 
 
 class RodPlan:
@@ -26,6 +27,7 @@ class RodPlan:
 
     def __init__(self, place: Place, table: Mapping[str, Any]) -> None:
         self.place, self._touches = place, False
+        self.patches: Sequence[Patch] = ()
         sweep = {key: one for key, one in table.items() if key in schema.SWEEP.parameters}
         self._sweep = call(place, schema.SWEEP, sweep)
         rings = {key: one for key, one in table.items() if key in schema.RINGS.parameters}
@@ -51,6 +53,8 @@ class RodPlan:
         self.section = self._section(table, radius is not None)
         self.laws = self._laws(table)
         self.space = call(place / "space", schema.SPACE, (place / "space").table(table.get("space", {})))
+        # Whether its space may be another where something small presses on it (`isorod.space.closer`).
+        self.free = not self.space.arguments and len(self.laws) == 1 and self._rings is None
 
     def take_surface_points(self) -> None:
         """Let the section functions be those of control points, if nothing is told of them."""
@@ -98,11 +102,13 @@ class RodPlan:
             each = f"the {own} elements of the curve" if rings == 1 else f"the {rings} rings of the section"
             raise (self.place / "law").error(f"got {len(laws)} laws for {each}, need one, or one for each")
         more = {}
+        if self.patches:
+            from isorod.space.closer import closer
         if self._touches and "elements" not in self.space.arguments:
             from isorod.space import choice as chosen
 
             more = chosen.touching(rod, *(self.space.arguments.get(key) for key in ("degree", "continuity")))
-        space = self.space.make(rod=rod, **more)
+        space = closer(rod, self.patches) if self.patches else self.space.make(rod=rod, **more)
         # Each element of the curve is cut in as many parts; rings are all along.
         parts = space.axis.elements // own if rings == 1 else 1
         material = laws[0] if len(laws) == 1 else [law for law in laws for _ in range(parts)]

@@ -19,6 +19,7 @@ from isorod.scenes import GEOMETRY_UNITS, option
 if TYPE_CHECKING:
     from isorod.geometry.rod import Rod
     from isorod.model.model import Model
+    from isorod.space.closer import Patch
     from isorod.space.space import Space
 
 # What a record has besides what is measured.
@@ -55,6 +56,8 @@ class FileScene:
         given, what it says, if that is the same for all rods.
     spaces
         All that the space of a rod is told in the place of that, by its name (`on`).
+    patches
+        Where something small presses on rods, by their number (`closer`).
 
     Attributes
     ----------
@@ -86,6 +89,7 @@ class FileScene:
     continuity: int | None = _space("continuity at inserted knots, 0 to degree - 1")
     quadrature: str | None = _space("quadrature rule: auto, full, paper, RxS or RxSxT such as 2x1x4")
     spaces: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    patches: "Mapping[int, Sequence[Patch]]" = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         document = Document(self.path)
@@ -104,6 +108,8 @@ class FileScene:
         self.plans = {name: RodPlan(place, table) for name, place, table in self._named("rod", RodPlan.KEYS)}
         if not self.plans:
             raise top.error("no rod is in it: [rod.NAME]")
+        for plan, patches in ((list(self.plans.values())[k], found) for k, found in self.patches.items()):
+            plan.patches = patches
         self._give_surfaces()
         self._supports = self._choices("support", schema.SUPPORTS)
         self._loads = self._choices("load", schema.LOADS)
@@ -241,6 +247,19 @@ class FileScene:
             if space.section_degree is None:
                 told[name]["section_points"] = space.points_around
         return replace(self, spaces=told, **rest)
+
+    def closer(self, solution: Any) -> "FileScene | None":
+        """Return the same scene on spaces that see the patches of a solution's contacts; None where these are seen.
+
+        Rods whose space is told keep it.
+        """
+        if not getattr(solution, "contacts", ()):
+            return None
+        from isorod.contact.patches import patches
+
+        plans = list(self.plans.values())
+        found = {k: here for k, here in patches(solution.model, solution.contacts).items() if plans[k].free}
+        return replace(self, patches=found) if found else None
 
     def model(self) -> "Model":
         """Return the model; raises `InputError` with file, line and place."""

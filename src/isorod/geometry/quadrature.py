@@ -84,7 +84,9 @@ def section_points(n: int, rule: Rule, turn: float = 0.0, rings: tuple[float, ..
     between the radii given, and the weights add up to their area on the disk.
     """
     s, _ = _gauss(rule.angular)
-    return _in_slices(turn + 2.0 * np.pi / n * (np.arange(n)[:, None] + s - 0.5), np.full(n, 2.0 * np.pi / n), rule, rings)
+    return _in_slices(
+        turn + 2.0 * np.pi / n * (np.arange(n)[:, None] + s - 0.5), np.full(n, 2.0 * np.pi / n), rule, rings
+    )
 
 
 def graded_points(joints: Array, rule: Rule) -> tuple[Array, Array]:

@@ -7,7 +7,7 @@ import numpy as np
 
 from isorod.arrays import Array
 from isorod.errors import Checked, InputError
-from isorod.geometry.quadrature import axis_points, circle_points, section_points
+from isorod.geometry.quadrature import axis_points, circle_points
 from isorod.space.space import Space
 
 

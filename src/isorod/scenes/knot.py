@@ -158,7 +158,7 @@ class Knot(Checked):
         """Displacement of the nodes that lays the rod along the line without twist, shape ``(nodes, 3)``."""
         space, lengths = self.space, self._lengths
         axis = space.axis
-        u = np.linspace(*axis.breaks[[0, -1]], _POINTS * axis.elements + 1)
+        u = np.linspace(axis.breaks[0], axis.breaks[-1], _POINTS * axis.elements + 1)
         share = (u - u[0]) / (u[-1] - u[0])
         points = [np.interp(share * lengths[-1], lengths, self.radius * along) for along in self.line.T]
         centers = nearest(axis, u, np.stack(points, axis=1))

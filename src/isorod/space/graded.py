@@ -93,7 +93,9 @@ class Graded(Checked):
         found, first = [], 0
         for k, parts in enumerate(self.arcs):
             angles = joints[[k, k + 1]]
-            corners = np.array([[np.cos(angles[0]), np.sin(angles[0])], place[k], [np.cos(angles[1]), np.sin(angles[1])]])
+            corners = np.array(
+                [[np.cos(angles[0]), np.sin(angles[0])], place[k], [np.cos(angles[1]), np.sin(angles[1])]]
+            )
             shares = np.linalg.solve(_lifted(corners).T, _lifted(fine[first : first + parts]).T).T
             found.append(shares @ np.stack([begin[k], np.eye(count)[k], end[k]]))
             first += parts

@@ -1,0 +1,138 @@
+"""Spaces finer where something small presses on a surface: elements and arcs grow with the distance from there."""
+
+from collections.abc import Sequence
+from math import ceil, floor, log2
+from typing import NamedTuple
+
+import numpy as np
+
+from isorod.errors import InputError
+from isorod.geometry.disk import MAX_COUNT
+from isorod.geometry.quadrature import WHOLE
+from isorod.geometry.rod import Rod
+from isorod.space import choice
+from isorod.space.graded import Graded
+from isorod.space.space import Space
+
+# Along the axis.
+DEGREE = 3
+
+# By how much of their distance from a patch elements and arcs may be longer.
+_GROWTH = 0.5
+
+# The longest arcs: so many make a circle.
+_FEWEST = 16
+
+# Places of the centre line by which lengths along it are known.
+_PLACES = 2_001
+
+
+class Patch(NamedTuple):
+    """Where something presses on a surface.
+
+    Attributes
+    ----------
+    u, angle
+        Axis parameter and angle [rad] of its middle.
+    along, around
+        Half its length along the axis, and half the angle [rad] that it takes round the section.
+    size
+        Length that elements and arcs are to have there, at most.
+    """
+
+    u: float
+    angle: float
+    along: float
+    around: float
+    size: float
+
+
+def closer(rod: Rod, patches: Sequence[Patch]) -> Space:
+    """Return a space of a rod whose elements and arcs are as short as wanted at patches, and longer elsewhere.
+
+    Raises
+    ------
+    InputError
+        If there is no patch, the rod has rings, or more arcs are wanted than there may be.
+    """
+    if not patches or min(min(one[2:]) for one in patches) <= 0.0:
+        raise InputError("patches: name one at least, with extents and a size that are positive")
+    if rod.rings != WHOLE:
+        raise InputError("patches: the rod has a hole or layers, which functions of control points do not see")
+    degree = max(DEGREE, rod.axis.degree)
+    # Where there is no patch the rod is seen as it is without one.
+    parts = choice.axis(rod, None, degree, None)[0] // rod.axis.elements
+    made = rod.refine(parts, degree, degree - 1)
+    u = np.linspace(rod.axis.breaks[0], rod.axis.breaks[-1], _PLACES)
+    line = rod.grid(np.zeros((1, 2)), u)[0][:, 0]
+    way = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1)))
+    stretches = [(float(np.interp(one.u, u, way)), one.along, one.size) for one in patches]
+    breaks, period = made.axis.breaks, float(way[-1]) if rod.closed else np.inf
+    ends = np.interp(breaks, u, way)
+    for k in range(breaks.size - 1):
+        count = _evenly(ends[k + 1] - ends[k], stretches)
+        cuts = np.cumsum(_cut(ends[k], ends[k + 1], count, stretches, period))[:-1] / count
+        for share in cuts:
+            made = made.insert(float(breaks[k] + share * (breaks[k + 1] - breaks[k])))
+    return Space.paper(made, quadrature="auto", order=1, section_basis=_section(rod, patches))
+
+
+def _section(rod: Rod, patches: Sequence[Patch]) -> Graded:
+    """Return section functions, whose arcs are as many everywhere along the rod."""
+    n, radius = rod.section_points, _radius(rod)
+    arcs = [(one.angle, one.around, one.size / radius) for one in patches]
+    whole = 2.0 * np.pi / n
+    count = max(_evenly(whole, arcs), ceil(_FEWEST / n))
+    if n * count > MAX_COUNT:
+        raise InputError(f"patches: got a size for {n * count} points round the section, need {MAX_COUNT} at most")
+    found: list[int] = []
+    for k in range(n):
+        found += _cut((k - 0.5) * whole, (k + 0.5) * whole, count, arcs, 2.0 * np.pi, 2.0 * np.pi / _FEWEST)
+    return Graded(n, tuple(found))
+
+
+def _radius(rod: Rod) -> float:
+    """Return the largest distance of the outline from the centre line, about."""
+    angles = 2.0 * np.pi / 16 * np.arange(16)
+    outline = rod.grid(np.stack([np.cos(angles), np.sin(angles)], axis=1), rod.axis.breaks)[0]
+    return float(np.linalg.norm(outline - outline.mean(axis=1, keepdims=True), axis=2).max())
+
+
+def _evenly(length: float, patches: Sequence[tuple[float, float, float]]) -> int:
+    """Return how many equal pieces of a length are as short as any patch wants, made of few by halving."""
+    size = min(one[2] for one in patches)
+    halvings = max(0, floor(log2(max(1.0, 0.5 * length / size))))
+    return ceil(length / size / 2**halvings - 1e-9) * 2**halvings
+
+
+def _cut(
+    low: float,
+    high: float,
+    count: int,
+    patches: Sequence[tuple[float, float, float]],
+    period: float,
+    longest: float = np.inf,
+) -> list[int]:
+    """Return how many of ``count`` equal pieces of a stretch each part of it takes.
+
+    Parameters
+    ----------
+    patches
+        Middle, half extent and length wanted of each.
+    period
+        After which places are the same.
+    longest
+        Length of a part at most.
+    """
+    allowed = longest
+    for middle, reach, size in patches:
+        way = abs(0.5 * (low + high) - middle)
+        way = min(way, abs(period - way)) if np.isfinite(period) else way
+        beyond = max(0.0, way - 0.5 * (high - low) - reach)
+        allowed = min(allowed, size + _GROWTH * beyond)
+    if count == 1 or high - low <= allowed * (1.0 + 1e-9):
+        return [count]
+    half = count // 2
+    middle = low + (high - low) * half / count
+    rest = patches, period, longest
+    return _cut(low, middle, half, *rest) + _cut(middle, high, count - half, *rest)

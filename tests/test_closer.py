@@ -1,0 +1,239 @@
+"""Spaces finer where something small presses: graded sections and axes, contact on them, and what the command makes."""
+
+import warnings
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from conftest import straight
+
+from comparisons.contact import hertz
+from isorod import statics
+from isorod.command import run
+from isorod.contact.operator import ContactOperator
+from isorod.contact.patches import FEWEST, patches
+from isorod.errors import InputError
+from isorod.files.scene import FileScene
+from isorod.geometry.quadrature import Rule, graded_points
+from isorod.geometry.rod import Rod
+from isorod.material import LinearElastic
+from isorod.model import Body, Contact, Cylinder, Model, Plane, Support
+from isorod.space.closer import Patch, closer
+from isorod.space.graded import Graded
+from isorod.space.polyharmonic import Polyharmonic
+from isorod.space.space import Space
+
+LAW = LinearElastic(1000.0, 0.3)
+ARCS = (4, 4, 2, 1, 1, 1, 1, 1, 1, 4, 4, 4, 4)  # of eight of the rod's, each in four
+
+
+def places(count=40):
+    rng = np.random.default_rng(3)
+    radius, angle = np.sqrt(rng.uniform(size=count)), rng.uniform(0.0, 2.0 * np.pi, count)
+    return 0.999 * np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
+
+
+def test_arcs_that_are_equal_are_those_of_evenly_spaced_control_points():
+    xi = places()
+    for arcs, even in (((3,) * 8, Polyharmonic(8)), ((1,) * 24, Polyharmonic(24, turn=Graded(8, (1,) * 24).turn))):
+        for found, expected in zip(Graded(8, arcs).functions(xi), even.functions(xi), strict=True):
+            np.testing.assert_allclose(found[:, : len(arcs)], expected, atol=1e-12)
+
+
+def test_graded_functions_are_among_those_of_the_fine_arcs_and_hold_those_of_the_rod():
+    """They add up to one, their gradients are their derivatives, and the rod itself is in their space."""
+    basis, xi = Graded(8, ARCS), places()
+    values, gradients = basis.functions(xi)
+    np.testing.assert_allclose(values[:, basis.is_carrier].sum(axis=1), 1.0, rtol=1e-13)
+    for k, step in enumerate(1e-6 * np.eye(2)):
+        ahead, behind = (basis.functions(0.99 * xi + way)[0] for way in (step, -step))
+        np.testing.assert_allclose(basis.functions(0.99 * xi)[1][:, :, k], (ahead - behind) / 2e-6, atol=1e-6)
+    fine = Polyharmonic(32, 2, basis.turn).functions(xi)[0]
+    left = values - fine @ np.linalg.lstsq(fine, values, rcond=None)[0]
+    assert np.abs(left).max() < 1e-9
+    rod = straight(8, degree=2)
+    bent = Rod(rod.axis, rod.control_points * (1.0 + 0.1 * np.random.default_rng(1).standard_normal((1, 8, 1))))
+    space = Space.paper(bent, order=1, section_basis=basis)
+    np.testing.assert_allclose(
+        space.displacement(space.positions, xi, [0.3])[0][0], bent.grid(xi, [0.3])[0][0], atol=1e-12
+    )
+    assert gradients.shape == (len(xi), 26, 2)
+
+
+def test_points_of_graded_sections_see_what_lies_just_below_the_surface():
+    """Six radial points for the whole radius miss a tenth of this energy of a short wave."""
+    basis = Graded(8, (1,) * 6 + (6,) * 15)
+    xi, weights = basis.points(Rule(4, 2, 1))
+    assert weights.sum() == pytest.approx(np.pi, rel=1e-13)
+    better, more = graded_points(basis.joints, Rule(12, 8, 1))
+    for k in (2, 3):
+        found, exact = (w @ (basis.functions(x)[1][:, k] ** 2).sum(axis=1) for x, w in ((xi, weights), (better, more)))
+        assert found == pytest.approx(exact, rel=5e-3)
+
+
+@pytest.mark.parametrize(
+    "arcs, what",
+    [((4,) * 7, "got 28 fine ones"), ((3, 5) + (4,) * 6, "crosses the end"), ((0, 8) + (4,) * 6, "got 32")],
+)
+def test_arcs_that_do_not_fit_are_refused(arcs, what):
+    with pytest.raises(InputError, match=f"arcs: .*{what}"):
+        Graded(8, arcs)
+
+
+def pressed(basis=None, press=0.02, **more):
+    """A short rod held by its back and pressed on a rigid cylinder that crosses it."""
+    rod = straight(8, degree=2, breaks=(0.0, 0.4, 0.6, 1.0), height=3.0)
+    rod = Rod(rod.axis, rod.control_points - [0.0, 0.0, 1.5])
+    space = Space.paper(rod, degree=2, order=1 if basis else 2, section_basis=basis, quadrature="4x2", **more)
+    angle = space.turn + 2.0 * np.pi / space.points_around * np.arange(space.points_around)
+    if basis:
+        angle = 0.5 * (basis.joints[1:] + basis.joints[:-1])
+    top = np.flatnonzero(np.sin(angle) > 0.8)
+    back = (np.arange(space.layers)[:, None] * space.layer_nodes + top).ravel()
+    cylinder = Cylinder((0.0, -2.0, 0.0), (1.0, 0.0, 0.0), 1.0)
+    supports = [Support(back, "xyz", (0.0, -press, 0.0))]
+    return Model([Body(space, LAW)], supports, contacts=[Contact(0, cylinder, penalty=1e4, points=(3, 6))])
+
+
+def test_contact_of_graded_sections_is_that_of_the_surface_they_make():
+    """Forces are those of evenly spaced control points, and the tangent is their derivative."""
+    even, graded = pressed(section_points=16), pressed(Graded(8, (1,) * 16))
+    for model in (even, graded):
+        space = model.bodies[0].space
+        moved = np.zeros(model.dofs).reshape(-1, 3)
+        moved[space.is_carrier, 1] = -0.03
+        operator = ContactOperator(model)
+        forces, energy = operator.forces(moved.ravel())
+        if model is even:
+            expected = forces.reshape(space.layers, -1, 3)[:, :16], energy
+    np.testing.assert_allclose(forces.reshape(space.layers, -1, 3)[:, :16], expected[0], atol=1e-11)
+    assert energy == pytest.approx(expected[1], rel=1e-12)
+    # Patches are as wide as their own arcs say, not the finest.
+    pairs = pressed(Graded(8, (2,) * 8)), pressed(section_points=8)
+    coarse, same = (
+        ContactOperator(one).results(-0.03 * np.tile([0.0, 1.0, 0.0], one.dofs // 3) * one.is_carrier.repeat(3))[0]
+        for one in pairs
+    )
+    assert coarse.cells_across == pytest.approx(same.cells_across, rel=0.3)
+    model = pressed(Graded(8, (2,) * 5 + (1,) * 2 + (2,) * 2))
+    space, rng = model.bodies[0].space, np.random.default_rng(2)
+    moved = 0.002 * rng.standard_normal((model.dofs // 3, 3))
+    moved[space.is_carrier, 1] -= 0.03
+    operator, way = ContactOperator(model), rng.standard_normal(model.dofs)
+    operator.tangent(moved.ravel())
+    change = [operator.forces(moved.ravel() + step * way)[0] for step in (1e-7, -1e-7)]
+    slope = (change[1] - change[0]) / 2e-7
+    np.testing.assert_allclose(operator.product(way), slope, atol=1e-5 * np.abs(slope).max())
+
+
+def test_elements_and_arcs_are_short_at_a_patch_and_grow_with_the_distance():
+    rod = straight(8, degree=2, height=8.0)
+    patch = Patch(0.5, -0.5 * np.pi, 0.12, 0.12, 0.07)
+    space = closer(rod, [patch])
+    breaks, joints = 8.0 * space.axis.breaks, space.basis.joints
+    for edges, middle in ((breaks, 4.0), (joints, 1.5 * np.pi)):
+        lengths, way = np.diff(edges), np.abs(0.5 * (edges[1:] + edges[:-1]) - middle)
+        assert lengths[way < 0.12].max() <= 0.07
+        assert lengths[way < 0.12].min() > 0.03
+        assert lengths.max() > 0.3
+        assert (lengths <= 0.07 + 0.5 * way + 1e-9).all()
+    assert space.nodes < 0.1 * Space(rod, 128, 3, order=2, section_points=96).nodes
+    np.testing.assert_allclose(space.rod.grid(places(), [0.37])[0], rod.grid(places(), [0.37])[0], atol=1e-12)
+    # A closed rod's patch may lie across its seam.
+    for bad in ([], [patch._replace(size=0.0)]):
+        with pytest.raises(InputError, match="patches: name one"):
+            closer(rod, bad)
+    with pytest.raises(InputError, match=r"patches: .* round the section, need 1024"):
+        closer(rod, [patch._replace(size=1e-3)])
+    with pytest.raises(InputError, match="patches: the rod has a hole"):
+        closer(rod.with_rings((0.5, 1.0)), [patch])
+
+
+def test_parallel_cylinders_to_one_per_cent():
+    """A cylinder on a rigid plane in plane strain, as two equal ones: Hertz' half width and pressure."""
+    E, nu, size = 1.0, 0.3, 0.02
+    rod = straight(8, degree=1)
+    basis = closer(rod, [Patch(0.5, -0.5 * np.pi, 0.5, 0.08, size)]).basis
+    space = Space.paper(rod, degree=1, order=1, section_basis=basis, quadrature="4x2x1")
+    top = np.flatnonzero(np.sin(0.5 * (basis.joints[1:] + basis.joints[:-1])) > np.cos(1.2))
+    back = np.concatenate([top, space.layer_nodes + top])
+    supports = [Support(np.arange(space.nodes), "z"), Support(back, "xy", (0.0, -0.01, 0.0))]
+    plane = Plane((0.0, -1.0, 0.0), (0.0, 1.0, 0.0))
+    (result,) = statics.solve(
+        Model([Body(space, LinearElastic(E, nu))], supports, contacts=[Contact(0, plane)])
+    ).contacts
+    exact = hertz.line_contact(result.force, hertz.modulus(E, nu), (1.0, np.inf))
+    load = result.areas * result.pressure
+    assert 2.0 * np.sqrt(load @ result.positions[:, 0] ** 2 / load.sum()) == pytest.approx(exact.half_width, rel=0.01)
+    # Pressure is force per reference area, which the pressure itself shortens.
+    shortened = 1.0 - (1.0 + nu) * (1.0 - 2.0 * nu) * exact.peak / E
+    assert result.peak / shortened == pytest.approx(exact.peak, rel=0.01)
+
+
+def test_patches_are_where_contact_presses_and_as_wide():
+    model = pressed(section_points=16)
+    model = replace(model, contacts=[Contact(0, model.contacts[0].second)])
+    moved = -0.03 * np.tile([0.0, 1.0, 0.0], model.dofs // 3) * model.is_carrier.repeat(3)
+    results = ContactOperator(model).results(moved)
+    ((patch,),) = patches(model, results).values()
+    assert patch.u == pytest.approx(0.5, abs=1e-6)
+    assert np.sin(patch.angle) == pytest.approx(-1.0, abs=1e-6)
+    # A gap of (x^2 + z^2) / 2 is closed up to a radius of sqrt(0.06).
+    assert patch.along == pytest.approx(np.sqrt(0.06), rel=0.25)
+    assert patch.around == pytest.approx(np.sqrt(0.06), rel=0.25)
+    assert 0.3 * patch.along < patch.size < 0.7 * patch.along
+    # Seen well, or by points and a penalty that somebody gave, it stays as it is; so does a line.
+    assert not patches(model, [replace(results[0], cells_across=FEWEST)])
+    assert not patches(pressed(section_points=16), results)
+    plane = replace(model, contacts=[Contact(0, Plane((0.0, -1.0, 0.0), (0.0, 1.0, 0.0)))])
+    assert not patches(plane, ContactOperator(plane).results(moved))
+
+
+def test_a_scene_is_solved_again_where_its_patches_are_not_seen_and_says_what_the_last_solution_says():
+    def analyse(model, rounds):
+        warnings.warn(f"of {model}, {rounds}", stacklevel=1)
+        return model
+
+    scenes = {k: SimpleNamespace(model=lambda k=k: k) for k in range(9)}
+    scene = SimpleNamespace(closer=lambda solution: scenes[solution + 1])
+    with pytest.warns(UserWarning, match="of 2, 5") as said:
+        assert run._solve_closer(scene, 0, analyse, {"rounds": 5}) == run.CLOSER == 2
+    assert len(said) == 1
+    with pytest.warns(UserWarning, match="of 0, 5"):
+        assert run._solve_closer(SimpleNamespace(), 0, analyse, {"rounds": 5}) == 0
+
+
+CROSSING = """
+[rod.low]
+curve = {straight = {start = [0.0, 0.0, -2.0], end = [0.0, 0.0, 2.0]}}
+section = {circle = 1.0}
+law = {LinearElastic = {E = 1000.0, nu = 0.3}}
+
+[rod.high]
+curve = {straight = {start = [-2.0, 2.0, 0.0], end = [2.0, 2.0, 0.0]}}
+section = {circle = 1.0}
+law = {LinearElastic = {E = 1000.0, nu = 0.3}}
+SPACE
+
+[contact.bars]
+first = "low"
+second = "high"
+
+[analysis.statics]
+"""
+
+
+@pytest.mark.parametrize("told, rods", [("", [0, 1]), ("space = {section_points = 16}", [0])])
+def test_rods_of_a_file_whose_space_is_not_told_are_looked_at_closer(tmp_path, told, rods):
+    path = tmp_path / "bars.toml"
+    path.write_text(CROSSING.replace("SPACE", told))
+    scene = FileScene(str(path))
+    model = scene.model()
+    moved = model.is_carrier.repeat(3) * np.tile([0.0, 1.0, 0.0], model.dofs // 3)
+    moved[3 * int(model.first_node[1]) :] *= -1.0
+    results = ContactOperator(model).results(0.02 * moved)
+    closer_ = scene.closer(SimpleNamespace(model=model, contacts=results))
+    graded = [k for k, body in enumerate(closer_.model().bodies) if isinstance(body.space.basis, Graded)]
+    assert graded == rods
+    assert scene.closer(SimpleNamespace(model=model, contacts=())) is None
