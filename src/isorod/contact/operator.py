@@ -275,6 +275,11 @@ class ContactOperator:
         self._stiffness *= times
 
     @property
+    def is_soft(self) -> bool:
+        """Whether penalties that nobody gave are lower than their defaults."""
+        return self._stiffness < 1.0
+
+    @property
     def may_soften(self) -> bool:
         """Whether penalties that nobody gave may be lower than they are."""
         return self._stiffness > _SOFTEST and any(contact.penalty is None for contact in self.model.contacts)

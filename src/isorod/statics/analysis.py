@@ -19,7 +19,7 @@ from isorod.output.state import State
 from isorod.petsc.library import solver_types
 from isorod.petsc.options import in_force
 from isorod.statics.multipliers import outcome, settle
-from isorod.statics.newton import Diverged, Newton
+from isorod.statics.newton import Diverged, Newton, TooDeep
 
 if TYPE_CHECKING:
     from isorod.contact.result import ContactResult
@@ -273,9 +273,12 @@ def _climb(solver: Newton, load_steps: int) -> tuple[int, int, int]:
         try:
             solves = solver.advance(factor, target)
         except Diverged as problem:
-            if contact is not None and contact.may_soften:
+            deep = isinstance(problem, TooDeep)
+            if contact is not None and not deep and contact.may_soften:
                 contact.stiffen(SOFTER)
                 continue
+            if contact is not None and deep and contact.is_soft:
+                contact.stiffen(1.0 / SOFTER)
             cuts += 1
             step = 0.5 * (target - factor)
             if step < smallest:

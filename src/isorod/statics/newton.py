@@ -43,6 +43,10 @@ class Diverged(Exception):
     """A load step did not converge."""
 
 
+class TooDeep(Diverged):
+    """A load step converged, but bodies went through each other, or nearly."""
+
+
 class _Past(NamedTuple):
     """The equilibrium before the last: how much lower its load factor was, its state, and the path's slope there."""
 
@@ -277,4 +281,4 @@ class Newton:
         states = assembler.displacement(self.x, factor), assembler.displacement(self._trial, self._factor)
         problem = self._passing.deep(assembler.contact.packed) or self._passing.passed(*states)
         if problem is not None:
-            raise Diverged(f"{problem} however small the step; raise the penalty, or let supports keep them apart")
+            raise TooDeep(f"{problem} however small the step; raise the penalty, or let supports keep them apart")
