@@ -19,6 +19,7 @@ from isorod.files.measures import contact_force
 from isorod.geometry.rod import Rod
 from isorod.material import LinearElastic, NeoHookean
 from isorod.model import Body, Contact, Cylinder, Model, Plane, Support
+from isorod.scenes.clasp import Clasp
 from isorod.space import Space
 
 HEIGHT = 4.0
@@ -109,6 +110,17 @@ def test_crossing_rods_press_each_other_as_isorods_do(level, error):
     one, other = solve(model, mesh_of(model, level), "statics"), statics.solve(model)
     assert contact_force(one, 0) == pytest.approx(contact_force(other, 0), rel=error)
     assert one.reactions[2:].sum(axis=0) == pytest.approx(-one.reactions[:2].sum(axis=0), abs=1e-6)
+
+
+@pytest.mark.slow
+def test_a_clasp_is_drawn_as_isorods():
+    """Finite elements with 2,550 unknowns are 4 % off, with these 17,622 by 0.4 %, as measured."""
+    scene = Clasp(pull=0.3)
+    model = replace(scene.model(), contacts=[Contact(0, 1, 300.0)])
+    one, other = solve(model, mesh_of(model, 2), "statics", load_steps=2), statics.solve(model, 2)
+    assert one.reactions[:2, 2].sum() == pytest.approx(other.reactions[:2, 2].sum(), rel=0.006)
+    assert contact_force(one, 0) == pytest.approx(contact_force(other, 0), rel=0.006)
+    assert one.contacts[0].penetration == pytest.approx(other.contacts[0].penetration, rel=0.03)
 
 
 def test_elements_that_take_part_are_those_of_the_space():

@@ -277,7 +277,7 @@ class ContactOperator:
     @property
     def is_soft(self) -> bool:
         """Whether penalties that nobody gave are lower than their defaults."""
-        return self._stiffness < 1.0
+        return self._stiffness < 0.5
 
     @property
     def may_soften(self) -> bool:
