@@ -63,7 +63,7 @@ def closer(rod: Rod, patches: Sequence[Patch]) -> Space:
     # Where there is no patch the rod is seen as it is without one.
     parts = choice.axis(rod, None, degree, None)[0] // rod.axis.elements
     made = rod.refine(parts, degree, degree - 1)
-    u = np.linspace(*rod.axis.breaks[[0, -1]], _PLACES)
+    u = np.linspace(rod.axis.breaks[0], rod.axis.breaks[-1], _PLACES)
     line = rod.grid(np.zeros((1, 2)), u)[0][:, 0]
     way = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1)))
     stretches = [(float(np.interp(one.u, u, way)), one.along, one.size) for one in patches]
