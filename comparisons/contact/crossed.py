@@ -8,7 +8,6 @@ two radii from the patch, not infinitely far: what half spaces give way beyond, 
 force at the push 6 per cent larger than Hertz'.
 """
 
-import sys
 import warnings
 from collections.abc import Sequence
 from time import process_time
@@ -116,4 +115,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()
