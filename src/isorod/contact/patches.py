@@ -12,7 +12,7 @@ from isorod.space.closer import Patch
 from isorod.space.space import Space
 
 # Control points across a patch below which it is looked at closer, and as many as are then wanted.  Of crossing
-# cylinders the largest pressure is 11 % too high with three of them, 4 % with four.
+# cylinders the largest pressure, per reference area, is 11 % too high with three of them, 4 % with four.
 FEWEST, WANTED = 3.3, 4.4
 
 # A patch longer than so many radii is a line, which is not looked at closer.
