@@ -70,7 +70,7 @@ def side(model, displacement):
 def outcome(seed):
     """Push a pair and return what came of it in a word or two, and the seconds; raises where the rule is broken.
 
-    The rule: what is found balances, no point is deeper than half a radius, no rod has come out at the far side, and
+    The rule: what is found balances, to rounding where this is warned of, no point is deeper than half a radius, no rod has come out at the far side, and
     what is deeper than contact is to let it is warned of; or there is one line that says why not.
     """
     model, steps, radius = pair(seed)
@@ -85,7 +85,9 @@ def outcome(seed):
     seconds = perf_counter() - start
     (contact,) = found.contacts
     forces = found.reactions
-    assert np.abs(forces.sum(axis=0)).max() <= 1e-6 * max(np.abs(forces).max(), 1e-9), seed
+    rounding = any(str(one.message).startswith("support forces are no more than rounding") for one in said)
+    # Rods that never touch are moved as they are.
+    assert np.abs(forces.sum(axis=0)).max() <= (1e-9 if rounding else 1e-6 * np.abs(forces).max()), seed
     assert contact.relative_penetration <= 0.5, seed
     before, after = side(model, np.zeros(model.dofs)), side(model, found.displacement)
     if min(abs(before[0]), abs(after[0])) > 0.3 * radius:

@@ -57,6 +57,11 @@ def test_rods_pushed_at_each_other_are_right_or_refused(seed):
     outcome(seed)
 
 
+def test_rods_moved_beside_each_other_carry_nothing():
+    """What rounding leaves of no force at all is no lack of balance."""
+    assert outcome(210)[0] == "right: penetration 0"
+
+
 @pytest.mark.slow
 def test_500_pairs_of_rods_pushed_through_each_other():
     bad = []

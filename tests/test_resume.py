@@ -24,7 +24,7 @@ from isorod.model import Body, Contact, Model, Plane, Support
 from isorod.output import checkpoint
 from isorod.space import Space
 
-# A muscle that shortens, touches a plane and then another rod, with a step that is the run's own choice: all there is
+# A muscle that shortens, touches a plane and then another rod, with friction, and with a step that is the run's own choice: all there is
 # of state.
 SCRIPT = """
 import sys
@@ -47,7 +47,8 @@ def model(penalty=200.0):
     rod = dataclasses.replace(rod, control_points=rod.control_points + np.array([2.02, 0.0, 0.0]))
     other = Space.paper(rod, elements=2, quadrature="paper")
     supports = [Support.end(muscle, "start"), Support.end(other, "start", body=1)]
-    contacts = [Contact(0, 1, penalty), Contact(0, Plane((-1.02, 0.0, 0.0), (1.0, 0.0, 0.0)), penalty)]
+    plane = Plane((-1.02, 0.0, 0.0), (1.0, 0.0, 0.0))
+    contacts = [Contact(0, 1, penalty, friction=0.3), Contact(0, plane, penalty, friction=0.3)]
     return Model([Body(muscle, law, 2.0), Body(other, NeoHookean(50.0, 0.3), 2.0)], supports, contacts=contacts)
 
 
@@ -66,6 +67,7 @@ def assert_same(first, second):
         "reactions",
         "contact_force",
         "contact_area",
+        "dissipated",
         "energy_error",
         "estimates",
     ):
@@ -82,6 +84,7 @@ def whole():
 def test_the_run_has_all_there_is_of_state(whole):
     assert whole.contact_force.max() > 0.0
     assert whole.muscle_work[-1] > 0.0
+    assert whole.dissipated[-1] > 1e-4 * whole.muscle_work[-1]
     assert len(whole.estimates) > 2
     assert np.abs(whole.energy_error).max() < 1e-2
 

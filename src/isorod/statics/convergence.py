@@ -98,7 +98,7 @@ class Convergence:
     def reached(self, residual: PETSc.Vec, force: float, rtol: float) -> bool:
         """Return whether the out-of-balance force, of norm ``force``, is small enough."""
         if self._rounding.size == 0 and self.assembler.rows > 0:
-            return force <= max(rtol * self._scale, self._floor)
+            return force <= max(rtol * min(self._scale, self.carried_force), self._floor)
         lost = int(np.count_nonzero(np.abs(residual.array_r) > self._rounding))
         if self.assembler.comm.tompi4py().allreduce(lost) == 0:
             return True
