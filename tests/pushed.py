@@ -70,8 +70,9 @@ def side(model, displacement):
 def outcome(seed):
     """Push a pair and return what came of it in a word or two, and the seconds; raises where the rule is broken.
 
-    The rule: what is found balances, to rounding where this is warned of, no point is deeper than half a radius, no rod has come out at the far side, and
-    what is deeper than contact is to let it is warned of; or there is one line that says why not.
+    The rule: what is found balances, to rounding where this is warned of, no point is deeper than half a radius, no rod
+    has come out at the far side, and what is deeper than contact is to let it is warned of; or there is one line that
+    says why not.
     """
     model, steps, radius = pair(seed)
     start = perf_counter()

@@ -24,8 +24,8 @@ from isorod.model import Body, Contact, Model, Plane, Support
 from isorod.output import checkpoint
 from isorod.space import Space
 
-# A muscle that shortens, touches a plane and then another rod, with friction, and with a step that is the run's own choice: all there is
-# of state.
+# A muscle that shortens, touches a plane and then another rod, with friction, and with a step that is the run's own
+# choice: all there is of state.
 SCRIPT = """
 import sys
 sys.path.insert(0, {folder!r})
