@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from comparisons.contact.capstan import Capstan, friction_ratio, heavy_rope_bound
-from isorod import options, statics
+from isorod import dynamics, options, statics
 from isorod.arrays import Array
 from isorod.geometry import section
 from isorod.geometry.center_line import polyline
@@ -36,6 +36,8 @@ FRICTION, WRAP = 0.3, 0.5 * np.pi
 # the longest part that this holds on the other side.
 HEAVY_FRICTION, LIGHT, STRAIN, HEAVY_RATIO = 0.2, 1.0, 0.05, 10.0
 SHARES = 0.8, 1.2
+# What the longer part's end is moved down by to make it slide, over the radius of the centre line.
+HAUL = 0.25
 
 # Points of contact under ropes, round an arc and along an element: those that are chosen change the tensions by 1e-4.
 ROPE_POINTS = 6, 4
@@ -193,8 +195,8 @@ def hauled(ratio: float, size: float = 1.0) -> Hauled:
     return Hauled(float((moved @ pull) / (held @ (pull * [-1.0, 1.0, 1.0]))), solution.contacts[0].sticking)
 
 
-def heavy(ratio: float, share: float, haul: float | None = None, size: float = 1.0) -> statics.Equilibrium:
-    """Return how a heavy rope hangs over the cylinder, one part of it longer than the other.
+def hung(ratio: float, share: float, haul: float | None = None, size: float = 1.0) -> Model:
+    """Return a heavy rope that hangs over the cylinder, one part of it longer than the other.
 
     Parameters
     ----------
@@ -204,11 +206,6 @@ def heavy(ratio: float, share: float, haul: float | None = None, size: float = 1
         Of the longest part that friction holds (`comparisons.contact.capstan.heavy_rope_bound`).
     haul
         What the longer part's end is moved down by, over the radius of the centre line; free where it is not given.
-
-    Raises
-    ------
-    SolveError
-        If both ends are free and the rope slides.
     """
     bound = heavy_rope_bound(LIGHT * ratio, ratio, HEAVY_FRICTION)
     space, near = laid(ratio, np.pi, LIGHT * ratio, share * bound, size)
@@ -216,13 +213,46 @@ def heavy(ratio: float, share: float, haul: float | None = None, size: float = 1
     if haul is not None:
         last = Support.end(space, "end", displacement=(0.0, -haul * ratio, 0.0))
     contact = Contact(0, around(ratio), first_elements=near, points=ROPE_POINTS, friction=HEAVY_FRICTION)
-    model = Model(
-        [Body(space, NeoHookean(E, NU))],
+    return Model(
+        [Body(space, NeoHookean(E, NU), density=1.0)],
         [Support.end(space, "start", "z"), last],
         loads=[BodyForce((0.0, -STRAIN * E / bound, 0.0))],
         contacts=[contact],
     )
-    return statics.solve(model, load_steps=2)
+
+
+def heavy(ratio: float, share: float, haul: float | None = None, size: float = 1.0) -> statics.Equilibrium:
+    """Return how that rope lies.
+
+    Raises
+    ------
+    SolveError
+        If both ends are free and the rope slides.
+    """
+    return statics.solve(hung(ratio, share, haul, size), load_steps=2)
+
+
+def released(ratio: float, share: float, size: float = 1.0) -> float:
+    """Return how fast a heavy rope slides in the end, its longer part's end moved down by a quarter and let go.
+
+    In implicit steps, with a damping proportional to mass that bounds the speed.  Speed is that of the longer end in
+    the last third of three times ``sqrt(Rb / g)``, over ``sqrt(g Rb)``; no more than rounding where it sticks.
+    """
+    start, model = heavy(ratio, share, HAUL, size), hung(ratio, share, None, size)
+    time = float(np.sqrt(ratio * heavy_rope_bound(LIGHT * ratio, ratio, HEAVY_FRICTION) / (STRAIN * E)))
+    motion = dynamics.solve(
+        model,
+        3.0 * time,
+        time / 25.0,
+        3,
+        1.0 / time,
+        displacement=start.displacement,
+        integrator="implicit",
+    )
+    space = model.bodies[0].space
+    last = np.arange(-space.layer_nodes, 0)[space.is_carrier[-space.layer_nodes :]]
+    heights = motion.displacement.reshape(len(motion.times), -1, 3)[:, last, 1].mean(axis=1)
+    return float((heights[-2] - heights[-1]) / ratio)
 
 
 def reserve(ratio: float, share: float, size: float = 1.0) -> float:
@@ -230,7 +260,7 @@ def reserve(ratio: float, share: float, size: float = 1.0) -> float:
 
     A rope that slides by itself has to be held back: by less than nothing.
     """
-    return -float(heavy(ratio, share, 0.25, size).reactions[1, 1]) / (STRAIN * E * np.pi)
+    return -float(heavy(ratio, share, HAUL, size).reactions[1, 1]) / (STRAIN * E * np.pi)
 
 
 def around(ratio: float) -> Cylinder:
@@ -252,7 +282,7 @@ def main() -> int:
         print(results.line({"run": "hauled", "ratio": ratio} | ropes[-1]._asdict()), flush=True)
     for share in SHARES:
         record = {"run": "heavy", "ratio": HEAVY_RATIO, "share": share, "reserve": reserve(HEAVY_RATIO, share)}
-        print(results.line(record | {"rope": 1.0 - share}), flush=True)
+        print(results.line(record | {"rope": 1.0 - share, "speed": released(HEAVY_RATIO, share)}), flush=True)
     left = heavy(HEAVY_RATIO, SHARES[0]).stabilisation
     print(results.line({"run": "heavy, ends free", "share": SHARES[0], "stabilisation": left}), flush=True)
     for name, value, expected in limits(rods, ropes):
