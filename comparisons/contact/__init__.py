@@ -1,1 +1,1 @@
-"""Rods in contact: reference values by closed forms, quadrature and rod theory, and what is solved beside them."""
+"""Rods in contact, solved, beside closed forms, quadratures and rod theory (`pair`, `capstan`, `hertz`, `coil`, ...)."""
