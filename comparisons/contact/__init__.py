@@ -1,1 +1,1 @@
-"""Rods in contact, solved, beside closed forms, quadratures and rod theory (`pair`, `capstan`, `hertz`, `coil`, ...)."""
+"""Rods in contact, solved, beside closed forms, quadratures and rod theory (`pair`, `capstan`, `hertz`, `coil`)."""
