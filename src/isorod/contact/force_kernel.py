@@ -9,7 +9,17 @@ from isorod.arrays import Array, Index
 from isorod.compiled import F1, F2, FAST, I1, njit
 from isorod.contact.mesh_kernel import LEVELS, mesh_gap
 from isorod.contact.packed import ELEMENT_ROW, MESH, PACKED, PASS_ROW, PLANE, SURFACE_ROW, Packed, Row
-from isorod.contact.search_kernel import add_travel, angle_at, end_of, find_places, list_near, may_touch, place, site
+from isorod.contact.search_kernel import (
+    add_travel,
+    angle_at,
+    end_of,
+    find_places,
+    list_near,
+    may_touch,
+    needs_search,
+    place,
+    site,
+)
 from isorod.contact.surface_kernel import EDGE, END, FOOT, LOST, Foot, arc_of, closest, dot, new_foot, surface_gap
 
 # Pieces of rods that may be near one point.
@@ -103,7 +113,10 @@ def _gap(packed: Packed, one: Row, point: int, positions: Array, foot: Foot, wor
         packed.clear[point] = packed.travel[0] + 0.5 * (gap - packed.multipliers[point] / one.penalty)
         return gap
     if one.master < 0:
-        return rigid_gap(one, x, foot.normal)
+        gap = rigid_gap(one, x, foot.normal)
+        # An obstacle's own way is in the travel.
+        packed.clear[point] = packed.travel[0] + gap - packed.multipliers[point] / one.penalty
+        return gap
     start = packed.starts[point]
     at = site(one, packed.surfaces[one.slave], point)
     limit = packed.multipliers[point] / one.penalty
@@ -189,26 +202,28 @@ def add_forces(packed: Packed, positions: Array, forces: Array) -> Pressing:
         packed.before[:] = 0.0
         forces[:] = np.nan
         return Pressing(np.nan, np.nan, np.nan, np.nan)
-    travel = packed.travel[0]
     place(packed, positions)
-    if 2.0 * (travel - packed.listed[1]) > packed.listed[0]:
+    if 2.0 * (packed.travel[0] - packed.listed[1]) > packed.listed[0]:
         list_near(packed)
     energy = force = area = deepest = 0.0
     foot, work = new_foot(), _new_work(packed)
+    # Where all are clear, references to the tables would take most of the time.
+    states, starts, multipliers, clear = packed.states, packed.starts, packed.multipliers, packed.clear
+    travel = packed.travel[0]
     for k in range(packed.passes.size):
         one = packed.passes[k]
         for point in range(one.first_point, end_of(one, packed.surfaces[one.slave])):
-            state, multiplier = packed.states[point], packed.multipliers[point]
+            state, multiplier = states[point], multipliers[point]
             state.edge = False
-            sought = one.master >= 0 or one.master == MESH
-            clear = sought and not multiplier > 0.0 and packed.clear[point] > travel
-            gap = np.inf if clear else _gap(packed, one, point, positions, foot, work)
+            gap = np.inf
+            if needs_search(multiplier, clear[point], travel):
+                gap = _gap(packed, one, point, positions, foot, work)
             pressure = multiplier - one.penalty * gap
             state.gap = gap if gap < np.inf else np.nan
             state.pressure = max(pressure, 0.0)
             if pressure <= 0.0:
                 # Another part of the surface may be nearer next time.
-                packed.starts[point].element = -1
+                starts[point].element = -1
                 continue
             weight = packed.areas[point]
             energy += 0.5 * weight * (pressure**2 - multiplier**2) / one.penalty

@@ -71,6 +71,7 @@ class FrictionOperator:
         if self.before is not None:
             for one in (old, packed):
                 one.forget()
+                one.look_everywhere()
                 add_forces(one, self.before, np.zeros_like(self.before))
             tractions = np.where(history["element"][:, None] >= 0, history["traction"], np.nan)
             first = [np.append(one.passes["first_point"], one.areas.size) for one in (old, packed)]

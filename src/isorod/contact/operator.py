@@ -110,7 +110,10 @@ class ContactOperator:
     def place(self, factor: float) -> None:
         """Put obstacles that move where they are at a load factor; all that follows is there."""
         if self._ways.any():
-            self.packed.passes["point"] = self._places + factor * self._ways
+            now = self._places + factor * self._ways
+            # What was clear of an obstacle is so no longer than this has come closer.
+            self.packed.travel[0] += np.linalg.norm(now - self.packed.passes["point"], axis=1).max()
+            self.packed.passes["point"] = now
 
     def _positions(self, displacement: Array) -> Array:
         moved = displacement if self._lift is None else self._lift.displacement(displacement)
@@ -191,6 +194,7 @@ class ContactOperator:
     def results(self, displacement: Array, check: bool = False) -> list[ContactResult]:
         """Return the outcome of each contact at a displacement ``(dofs,)``; ``check`` tells the error of points too."""
         others = self._otherwise(displacement) if check else ()
+        self.packed.look_everywhere()
         self.forces(displacement)
         results = measure(self.model, self.packed, self._positions(displacement), others)
         if self._lift is not None:

@@ -15,7 +15,8 @@ What `isorod.contact.force_kernel.add_forces` leaves in a `Packed` for later cal
 - ``before``, ``travel``, ``clear``, ``near``, ``counts``, ``listed``: how far the rods have gone, until when a point
   needs no search, and which elements are near which.  They save time and change no result (see
   `isorod.contact.search_kernel`).
-- ``states``, ``points``: the outcome of the call, to be read before the next one.
+- ``states``, ``points``: the outcome of the call, to be read before the next one; of points that need no search, places
+  where they were sought last.
 - ``boxes``, ``rings``: work space.
 
 ``multipliers`` are the caller's (`isorod.contact.operator.ContactOperator.augment`).  `Packed.forget` makes the next
@@ -176,6 +177,10 @@ class Packed(NamedTuple):
     def forget(self) -> None:
         """Make the next call one without history; what is known to be far is still left out."""
         self.starts[:] = NOWHERE
+
+    def look_everywhere(self) -> None:
+        """Make the next call place and search all points, those too that are known to be far."""
+        self.clear[:] = -np.inf
 
 
 # Numba's types of rows, and of the whole.

@@ -3,7 +3,8 @@
 Lemma (searches left out).  Let a point be farther than ``D`` from a surface, and let no carrier have gone a longer way
 than ``w`` since.  Then the point is farther than ``D - 2 w`` from the surface, so that there is no contact, and nothing
 to search for, while ``w <= D / 2``.  Proof: a point of a surface at fixed parameters is a convex combination of
-carriers and has gone no more than ``w`` either; the slave's point **and** the master's, both, may have approached.
+carriers and has gone no more than ``w`` either; the slave's point **and** the master's, both, may have approached.  Of a rigid obstacle, whose own way is added to ``w``, the whole of
+``D`` counts.
 
 ``Packed.travel`` grows by the longest way of each call, in all by no less than ``w``; ``Packed.clear`` is its value at
 which ``D / 2`` is used up.  ``D`` is how far the point is from balls about sections of the masters, which hold what is
@@ -52,13 +53,26 @@ def end_of(one: Row, slave: Row) -> int:
     return one.first_point + slave.elements * one.along * slave.around * one.across
 
 
+@njit(b1(f8, f8, f8), **FAST)
+def needs_search(multiplier: float, clear: float, travel: float) -> bool:
+    """Return whether a slave point may have come near something since it was last known to be clear of all."""
+    return multiplier > 0.0 or not clear > travel
+
+
 @njit(void(PACKED, PASS_ROW, SURFACE_ROW, F2), **FAST)
 def _place_points(packed: Packed, one: Row, slave: Row, positions: Array) -> None:
-    """Fill ``points`` of a pass."""
+    """Fill ``points`` of a pass, but for sections where all are known to be far from what they may touch."""
     n = slave.around
     section = np.empty((n, 3))
+    multipliers, clear, travel = packed.multipliers, packed.clear, packed.travel[0]
     point = one.first_point
     for place in range(slave.elements * one.along):
+        sought = False
+        for k in range(point, point + n * one.across):
+            sought = sought or needs_search(multipliers[k], clear[k], travel)
+        if not sought:
+            point += n * one.across
+            continue
         element = packed.elements[slave.first_element + place // one.along]
         r = packed.along[one.first_along + place]
         for i in range(n):
@@ -114,7 +128,7 @@ def _surround(packed: Packed, surface: Row, row: int, positions: Array, layers: 
 
 @njit(void(PACKED, F2), **FAST)
 def place(packed: Packed, positions: Array) -> None:
-    """Fill ``points``, ``rings`` and ``boxes``."""
+    """Fill ``points`` that may touch something, ``rings`` and ``boxes``."""
     for k in range(packed.passes.size):
         one = packed.passes[k]
         _place_points(packed, one, packed.surfaces[one.slave], positions)
