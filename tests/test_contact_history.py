@@ -8,10 +8,11 @@ import pytest
 from touching import ACROSS, LAW, RADIUS, RING, forces_at, moved, pair, reference, shaken
 
 from isorod.contact.force_kernel import add_forces
+from isorod.contact.operator import ContactOperator
 from isorod.contact.packed import START
 from isorod.contact.surface_kernel import EDGE, END, FREE, closest, new_foot, surface_gap
 from isorod.contact.tables import pack
-from isorod.model import Body, Contact, Model
+from isorod.model import Body, Contact, Cylinder, Model, Plane
 from isorod.space import Space
 
 OFFSET = np.array([0.0, 2.9, 3.0])  # of the crossing rods' middles
@@ -155,6 +156,36 @@ def test_a_sequence_of_steps_gives_what_fresh_searches_give(cylinder):
     assert 20 < touched < 480
     print(searches)
     assert searches[0] < 0.5 * searches[1]
+
+
+@pytest.mark.parametrize(
+    "obstacle",
+    [Plane((-4.0, 0.0, 0.0), (1.0, 0.0, 0.0), travel=2.5), Cylinder((-4.0, 0.0, 3.0), (0.0, 1.0, 0.0), 2.0)],
+    ids=["plate", "cylinder"],
+)
+def test_a_rod_that_nears_an_obstacle_is_not_looked_at_before(cylinder, obstacle):
+    """It comes and goes, and so does the plate: forces as where all points are sought, which few are."""
+    rod = cylinder(8, breaks=(0.0, 1.0, 2.0, 3.0), height=6.0)
+    model = Model([Body(Space.paper(rod), LAW)], contacts=[Contact(0, obstacle, 10.0, points=(3, 3))])
+    zero = np.zeros(model.dofs)
+    lazy, thorough = ContactOperator(model), ContactOperator(model)
+    touched, sought = 0, []
+    for t in np.linspace(0.0, 2.0 * np.pi, 300):
+        moved_by = zero.copy()
+        moved_by[::3] = np.where(model.is_carrier, -0.7 + 0.7 * np.cos(t), 0.0)
+        for one in (lazy, thorough):
+            one.place(0.5 - 0.5 * np.cos(t))
+        thorough.packed.look_everywhere()
+        until = lazy.packed.clear.copy()
+        forces, energy = lazy.forces(moved_by)
+        sought.append((until <= lazy.packed.travel[0]).mean())
+        expected, other = thorough.forces(moved_by)
+        assert energy == other
+        assert np.array_equal(forces, expected)
+        touched += energy > 0.0
+    print(touched, np.mean(sought))
+    assert 20 < touched < 280
+    assert np.mean(sought) < 0.5
 
 
 def test_work_along_a_path_is_the_change_of_energy(cylinder):
