@@ -3,8 +3,8 @@
 Lemma (searches left out).  Let a point be farther than ``D`` from a surface, and let no carrier have gone a longer way
 than ``w`` since.  Then the point is farther than ``D - 2 w`` from the surface, so that there is no contact, and nothing
 to search for, while ``w <= D / 2``.  Proof: a point of a surface at fixed parameters is a convex combination of
-carriers and has gone no more than ``w`` either; the slave's point **and** the master's, both, may have approached.  Of a rigid obstacle, whose own way is added to ``w``, the whole of
-``D`` counts.
+carriers and has gone no more than ``w`` either; the slave's point **and** the master's, both, may have approached.  Of
+a rigid obstacle, whose own way is added to ``w``, the whole of ``D`` counts.
 
 ``Packed.travel`` grows by the longest way of each call, in all by no less than ``w``; ``Packed.clear`` is its value at
 which ``D / 2`` is used up.  ``D`` is how far the point is from balls about sections of the masters, which hold what is
