@@ -1,0 +1,112 @@
+"""Crossed cylinders against Hertz, as a file says them with nothing of spaces, points and penalties."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from conftest import straight
+
+from comparisons.contact import hertz
+from isorod import statics
+from isorod.contact.hertz import extents
+from isorod.geometry.rod import Rod
+from isorod.material import LinearElastic, NeoHookean
+from isorod.model import Body, Contact, Cylinder, Model, Plane, Sphere, Support
+from isorod.space.closer import Patch, closer
+from isorod.space.space import Space
+from isorod.space.transfer import transfer
+
+MODULUS = hertz.modulus(1000.0, 0.3, 1000.0, 0.3)
+
+
+def rod_of(radius=1.0):
+    rod = straight(8, degree=2, height=4.0)
+    return Rod(rod.axis, (rod.control_points - [0.0, 0.0, 2.0]) * [radius, radius, 1.0])
+
+
+def test_displacements_are_taken_to_other_spaces_of_a_rod():
+    rod = rod_of()
+    old, rng = Space(rod, elements=2, degree=2, order=2), np.random.default_rng(5)
+    new = closer(rod, [Patch(0.5, 0.3, 0.2, 0.2, 0.1)])
+    xi, u = 0.7 * rng.standard_normal((9, 2)) / 3.0, rng.uniform(size=7)
+    bent = np.where(old.is_carrier[:, None], np.sin(old.positions @ rng.standard_normal((3, 3))), 0.0)
+    before, after = (
+        space.displacement(nodal, xi, u)[0] for space, nodal in ((old, bent), (new, transfer(bent, old, new)))
+    )
+    # Of degree 2 with a jump in curvature where the new space has no knot.
+    np.testing.assert_allclose(after, before, atol=0.01)
+    again = transfer(transfer(bent, old, new), new, new)
+    np.testing.assert_allclose(again, transfer(bent, old, new), atol=1e-9)
+    finer = Space(rod, elements=4, degree=3, continuity=1, order=2, section_points=16)
+    np.testing.assert_allclose(finer.displacement(transfer(bent, old, finer), xi, u)[0], before, atol=1e-10)
+
+
+def on_plane(press=0.02, **more):
+    space = Space.paper(rod_of(), degree=2, order=2)
+    back = np.flatnonzero(space.is_carrier & (space.positions[:, 1] > 0.6))
+    supports = [Support(back, "xyz", (0.0, -press, 0.0))]
+    plane = Plane((0.0, -1.0, 0.0), (0.0, 1.0, 0.0))
+    return Model(
+        [Body(space, NeoHookean(1000.0, 0.3))],
+        supports,
+        contacts=[Contact(0, plane, penalty=5e3, points=(4, 6), **more)],
+    )
+
+
+def test_equilibria_are_found_from_where_somebody_says():
+    model = on_plane()
+    plain = statics.solve(model, load_steps=4)
+    near = statics.solve(model, load_steps=4, start=plain.displacement)
+    assert near.load_steps == 1 < plain.load_steps
+    assert near.newton_iterations <= 3 < plain.newton_iterations
+    np.testing.assert_allclose(near.displacement, plain.displacement, atol=1e-9)
+    # From where there is nothing to be found it begins at rest; friction depends on the path.
+    far = 50.0 * np.random.default_rng(1).standard_normal(model.dofs)
+    rubs = on_plane(friction=0.3)
+    for one, start in ((model, far), (rubs, plain.displacement)):
+        found = statics.solve(one, load_steps=4, start=start)
+        assert found.load_steps == plain.load_steps
+        np.testing.assert_allclose(found.displacement, statics.solve(one, load_steps=4).displacement, atol=1e-9)
+
+
+def result_at(force, bodies):
+    """A contact's result of which bodies see little: points about the origin, on a cylinder along z, or along x."""
+    angle, along = (one.ravel() for one in np.meshgrid(np.linspace(-0.3, 0.3, 5), np.linspace(-0.3, 0.3, 5)))
+    found = []
+    for body in bodies:
+        place = np.stack([np.sin(angle), 1.0 - np.cos(angle), along], axis=1)
+        if body:
+            place = place[:, [2, 1, 0]] * [1.0, -1.0, 1.0]
+        parameters = np.stack([0.5 + along / 4.0, (0.5 if body == 0 else 1.5) * np.pi + angle], axis=1)
+        found.append((np.full(angle.size, body), parameters, place))
+    body, parameters, positions = (np.concatenate(one) for one in zip(*found, strict=True))
+    return SimpleNamespace(force=force, body=body, parameters=parameters, positions=positions)
+
+
+@pytest.mark.parametrize(
+    "contact, curvatures, longer",
+    [
+        (Contact(0, 1), (1.0, 1.0), 0),
+        (Contact(0, Sphere((0.0, 0.0, 0.0), 0.5)), (2.0, 3.0), 0),
+        (Contact(0, Cylinder((0.0, 0.0, 0.0), (2.0, 0.0, 0.0), 0.25)), (1.0, 4.0), 1),
+        (Contact(0, Cylinder((0.0, 0.0, 0.0), (1.0, 0.0, 1.0), 0.5)), None, None),
+    ],
+)
+def test_patches_that_nobody_sees_are_as_large_as_hertz_says(contact, curvatures, longer):
+    law = LinearElastic(1000.0, 0.3)
+    space = Space.paper(rod_of(), degree=2, order=2)
+    model = Model([Body(space, law), Body(space, law)])
+    places = {0: (0.5, 0.5 * np.pi)} | ({1: (0.5, 1.5 * np.pi)} if contact.obstacle is None else {})
+    found = extents(model, contact, result_at(0.7, places), places)
+    assert found.keys() == places.keys()
+    modulus = MODULUS if contact.obstacle is None else hertz.modulus(1000.0, 0.3)
+    if curvatures is None:
+        # The ellipse lies askew.
+        own = hertz.point_contact(0.7, modulus, hertz.gap((1.0, 0.0), (2.0, 0.0), 0.25 * np.pi))
+        assert own.short < min(found[0])
+        assert max(found[0]) < own.long
+        return
+    exact = hertz.point_contact(0.7, modulus, hertz.Gap(*(0.5 * one for one in curvatures)))
+    for along, around in found.values():
+        sizes = (along, around) if not longer else (around, along)
+        np.testing.assert_allclose(sizes, (exact.long, exact.short), rtol=0.03)
