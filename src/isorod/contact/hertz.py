@@ -16,8 +16,8 @@ from isorod.model.contact import Contact, Cylinder, Sphere
 from isorod.model.model import Model
 from isorod.space.space import Space
 
-# How far from the middle of the patch, in radii, curvatures are looked at, and points that say how the surface is turned
-# by now.
+# How far from the middle of the patch, in radii, curvatures are looked at, and points that say how the surface is
+# turned by now.
 _STEP, _NEAR = 0.05, 0.4
 
 # Of the curvatures of the gap the lesser one is taken for this share of the other at least.
