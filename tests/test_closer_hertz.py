@@ -9,6 +9,7 @@ from conftest import straight
 from comparisons.contact import hertz
 from isorod import statics
 from isorod.contact.hertz import extents
+from isorod.contact.operator import ContactOperator
 from isorod.geometry.rod import Rod
 from isorod.material import LinearElastic, NeoHookean
 from isorod.model import Body, Contact, Cylinder, Model, Plane, Sphere, Support
@@ -110,3 +111,23 @@ def test_patches_that_nobody_sees_are_as_large_as_hertz_says(contact, curvatures
     for along, around in found.values():
         sizes = (along, around) if not longer else (around, along)
         np.testing.assert_allclose(sizes, (exact.long, exact.short), rtol=0.03)
+
+
+def test_a_patch_between_points_is_found():
+    """The approach is less than what the nearest points lie apart; nothing touched, and forces did not balance."""
+    low, high = rod_of(), rod_of()
+    turn = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
+    high = Rod(high.axis, high.control_points @ turn.T + [0.0, 2.0, 0.0])
+    spaces = [Space(rod, elements=8, degree=2, order=2, quadrature="4x2") for rod in (low, high)]
+    bodies = [Body(space, LinearElastic(1000.0, 0.3)) for space in spaces]
+    backs = [
+        np.flatnonzero(body.space.is_carrier & (sign * (body.space.positions[:, 1] - middle) > 0.6))
+        for body, sign, middle in zip(bodies, (-1.0, 1.0), (0.0, 2.0), strict=True)
+    ]
+    supports = [Support(backs[0], "xyz"), Support(backs[1], "xyz", (0.0, -0.003, 0.0), 1)]
+    with pytest.warns(UserWarning, match="control points wide"):
+        (result,) = statics.solve(Model(bodies, supports, contacts=[Contact(0, 1)])).contacts
+    assert result.active
+    apart = ContactOperator(Model(bodies, contacts=[Contact(0, 1)]))
+    moved = np.repeat([[0.0, 0.0, 0.0], [0.0, 0.1, 0.0]], [one.space.nodes for one in bodies], axis=0)
+    assert not apart.see_better((np.tile(spaces[0].is_carrier, 2)[:, None] * moved).ravel())

@@ -4,7 +4,7 @@ How large a patch is that control points do not see is told by the force (`isoro
 that sees it roughly; in the end it is as large as it is seen to be.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -24,8 +24,11 @@ FEWEST, WANTED = 3.3, 4.4
 # Fewer than so many know its force alone; as many as are then wanted.
 _BLIND, _ROUGHLY = 1.5, 2.6
 
+# Patches are no slimmer.
+_SLIMMEST = 0.2
+
 # A patch longer than so many radii is a line, which is not looked at closer.
-_COMPACT = 0.6
+_COMPACT = 1.5
 
 
 def patches(model: Model, contacts: Sequence[ContactResult]) -> dict[int, list[Patch]]:
@@ -61,18 +64,29 @@ def _of_contact(model: Model, asked: Contact, result: ContactResult) -> dict[int
         places[int(body)], sizes[int(body)] = _seen(
             model.bodies[body].space, result, here, 1.0 if (result.body == body).all() else 2.0
         )
+    if _is_long(model, sizes):
+        return None
     wanted = WANTED
     if result.cells_across < _BLIND and len(places) == (1 if asked.obstacle is not None else 2):
         by_force = hertz.extents(model, asked, result, places)
         if by_force:
             sizes, wanted = by_force, _ROUGHLY
-    found = {}
-    for body, (along, around) in sizes.items():
-        radius = radii(model.bodies[body].space, range(model.bodies[body].space.axis.elements))[1]
-        if max(along, around) > _COMPACT * radius:
-            return None
-        found[body] = Patch(*places[body], along, around / radius, 2.0 * along / wanted, 2.0 * around / wanted)
-    return found
+    if _is_long(model, sizes):
+        return None
+    return {
+        body: Patch(*places[body], along, around / _radius(model, body), 2.0 * along / wanted, 2.0 * around / wanted)
+        for body, (along, around) in sizes.items()
+    }
+
+
+def _is_long(model: Model, sizes: Mapping[int, tuple[float, float]]) -> bool:
+    """Whether a patch is a line, or more than one."""
+    return any(max(size) > _COMPACT * _radius(model, body) for body, size in sizes.items())
+
+
+def _radius(model: Model, body: int) -> float:
+    space = model.bodies[body].space
+    return radii(space, range(space.axis.elements))[1]
 
 
 def _seen(
@@ -92,7 +106,9 @@ def _seen(
     _, jacobian = space.rod.grid(np.zeros((1, 2)), [middle])
     stretch = float(np.linalg.norm(jacobian[0, 0, :, 2]))
     turned = np.angle(np.exp(1j * angle) / direction)
+    moments = np.array([stretch**2 * (load @ (u - middle) ** 2), radius**2 * (load @ turned**2)])
     widest = float(np.sqrt(shared * result.areas[here].sum() / np.pi))
-    along = max(stretch * float(np.sqrt(5.0 * (load @ (u - middle) ** 2))), widest)
-    around = max(radius * float(np.sqrt(5.0 * (load @ turned**2))), widest)
+    sizes = np.sqrt(5.0 * np.maximum(moments, _SLIMMEST**2 * moments.max()))
+    mean = float(np.sqrt(sizes.prod()))
+    along, around = (sizes * max(1.0, widest / mean) if mean > 0.0 else np.full(2, widest)).tolist()
     return (middle, float(np.angle(direction))), (along, around)
