@@ -12,7 +12,7 @@ from comparisons.contact import hertz
 from isorod import statics
 from isorod.command import run
 from isorod.contact.operator import ContactOperator
-from isorod.contact.patches import FEWEST, WANTED, patches
+from isorod.contact.patches import ENOUGH, patches
 from isorod.errors import InputError, SolveError
 from isorod.files.scene import FileScene
 from isorod.geometry.quadrature import Rule, graded_points
@@ -49,7 +49,7 @@ def test_graded_functions_are_among_those_of_the_fine_arcs_and_hold_those_of_the
     for k, step in enumerate(1e-6 * np.eye(2)):
         ahead, behind = (basis.functions(0.99 * xi + way)[0] for way in (step, -step))
         np.testing.assert_allclose(basis.functions(0.99 * xi)[1][:, :, k], (ahead - behind) / 2e-6, atol=1e-6)
-    fine = Polyharmonic(32, 2, basis.turn).functions(xi)[0]
+    fine = Polyharmonic(32, basis.order, basis.turn).functions(xi)[0]
     left = values - fine @ np.linalg.lstsq(fine, values, rcond=None)[0]
     assert np.abs(left).max() < 1e-9
     rod = straight(8, degree=2)
@@ -58,7 +58,7 @@ def test_graded_functions_are_among_those_of_the_fine_arcs_and_hold_those_of_the
     np.testing.assert_allclose(
         space.displacement(space.positions, xi, [0.3])[0][0], bent.grid(xi, [0.3])[0][0], atol=1e-12
     )
-    assert gradients.shape == (len(xi), 26, 2)
+    assert gradients.shape == (len(xi), 13 * basis.order, 2)
 
 
 def test_points_of_graded_sections_see_what_lies_just_below_the_surface():
@@ -175,7 +175,10 @@ def test_patches_are_where_contact_presses_and_as_wide():
     model = pressed(section_points=16)
     model = replace(model, contacts=[Contact(0, model.contacts[0].second)])
     moved = -0.03 * np.tile([0.0, 1.0, 0.0], model.dofs // 3) * model.is_carrier.repeat(3)
-    results = ContactOperator(model).results(moved)
+    operator = ContactOperator(model)
+    operator.space_evenly()
+    operator.see_better(moved)
+    results = operator.results(moved)
     ((patch,),) = patches(model, results).values()
     assert patch.u == pytest.approx(0.5, abs=1e-6)
     assert np.sin(patch.angle) == pytest.approx(-1.0, abs=1e-6)
@@ -186,9 +189,14 @@ def test_patches_are_where_contact_presses_and_as_wide():
     # Seen roughly, it is as large as it is seen.
     ((seen,),) = patches(model, [replace(results[0], cells_across=2.0, force=1e-3)]).values()
     assert seen[2:4] == pytest.approx((np.sqrt(0.06), np.sqrt(0.06)), rel=0.25)
-    assert seen.size == pytest.approx(2.0 * seen.along / WANTED)
+    assert seen.size == pytest.approx(2.0 * seen.along / model.contacts[0].across)
+    refined = replace(model, contacts=[replace(model.contacts[0], across=6.0)])
+    ((finer,),) = patches(refined, [replace(results[0], cells_across=2.0, force=1e-3)]).values()
+    assert finer.size == pytest.approx(seen.size * model.contacts[0].across / 6.0)
     # Seen well, or by points and a penalty that somebody gave, it stays as it is; so does a line.
-    assert not patches(model, [replace(results[0], cells_across=FEWEST)])
+    enough = replace(results[0], cells_across=ENOUGH * model.contacts[0].across)
+    assert not patches(model, [enough])
+    assert patches(refined, [enough])
     assert not patches(pressed(section_points=16), results)
     plane = replace(model, contacts=[Contact(0, Plane((0.0, -1.0, 0.0), (0.0, 1.0, 0.0)))])
     assert not patches(plane, ContactOperator(plane).results(moved))

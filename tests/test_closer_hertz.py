@@ -1,5 +1,6 @@
-"""Crossed cylinders against Hertz, as a file says them with nothing of spaces, points and penalties."""
+"""Crossed cylinders against Hertz, of a file that says nothing of spaces, points and penalties; what leads there."""
 
+import warnings
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,8 +9,10 @@ from conftest import straight
 
 from comparisons.contact import hertz
 from isorod import statics
+from isorod.command import run
 from isorod.contact.hertz import extents
 from isorod.contact.operator import ContactOperator
+from isorod.files.scene import FileScene
 from isorod.geometry.rod import Rod
 from isorod.material import LinearElastic, NeoHookean
 from isorod.model import Body, Contact, Cylinder, Model, Plane, Sphere, Support
@@ -17,6 +20,8 @@ from isorod.space.closer import Patch, closer
 from isorod.space.space import Space
 from isorod.space.transfer import transfer
 
+# Of unit force.
+APPROACH = 0.012305
 MODULUS = hertz.modulus(1000.0, 0.3, 1000.0, 0.3)
 
 
@@ -131,3 +136,118 @@ def test_a_patch_between_points_is_found():
     apart = ContactOperator(Model(bodies, contacts=[Contact(0, 1)]))
     moved = np.repeat([[0.0, 0.0, 0.0], [0.0, 0.1, 0.0]], [one.space.nodes for one in bodies], axis=0)
     assert not apart.see_better((np.tile(spaces[0].is_carrier, 2)[:, None] * moved).ravel())
+
+
+BARS = """
+[rod.low]
+curve = {straight = {start = [0.0, 0.0, -2.0], end = [0.0, 0.0, 2.0]}}
+section = {circle = 1.0}
+law = {LinearElastic = {E = 1000.0, nu = 0.3}}
+
+[rod.high]
+curve = {straight = {start = [-2.0, 2.0, 0.0], end = [2.0, 2.0, 0.0]}}
+section = {circle = 1.0}
+law = {LinearElastic = {E = 1000.0, nu = 0.3}}
+
+[support.floor]
+patch = {around = [200.0, 340.0], along = [0.0, 4.0]}
+rod = "low"
+
+[contact.bars]
+first = "low"
+second = "high"
+
+[analysis.statics]
+"""
+PUSHED = """
+[support.top]
+patch = {around = [20.0, 160.0], along = [0.0, 4.0]}
+rod = "high"
+displacement = [0.0, -APPROACH, 0.0]
+"""
+PRESSED = """
+[support.start]
+end = "start"
+rod = "high"
+components = "xz"
+
+[support.end]
+end = "end"
+rod = "high"
+components = "xz"
+
+[load.start]
+end = "start"
+rod = "high"
+force = [0.0, -0.5, 0.0]
+
+[load.end]
+end = "end"
+rod = "high"
+force = [0.0, -0.5, 0.0]
+"""
+ON_CYLINDER = """
+[rod.bar]
+curve = {straight = {start = [0.0, 0.0, -2.0], end = [0.0, 0.0, 2.0]}}
+section = {circle = 1.0}
+law = {LinearElastic = {E = 1000.0, nu = 0.3}}
+
+[obstacle.pin]
+Cylinder = {point = [0.0, -2.0, 0.0], axis = [1.0, 0.0, 0.0], radius = 1.0}
+
+[support.back]
+patch = {around = [20.0, 160.0], along = [0.0, 4.0]}
+displacement = [0.0, -0.01, 0.0]
+
+[contact.pin]
+first = "bar"
+second = "pin"
+
+[analysis.statics]
+"""
+
+
+def of_file(path, text):
+    """Return the contact of a scene as the command solves it."""
+    path.write_text(text)
+    scene = FileScene(str(path))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        solution, _ = run.solve(scene, scene.settings())
+    return solution.contacts[0]
+
+
+def errors(result, modulus=MODULUS):
+    """Relative errors of a contact's radius, by its area, and largest pressure, against Hertz at its own force."""
+    exact = hertz.crossed_cylinders(result.force, modulus, (1.0, 1.0))
+    return np.sqrt(result.area / np.pi) / exact.long - 1.0, result.peak / exact.peak - 1.0
+
+
+def test_a_bar_on_a_pin_is_looked_at_closer_until_it_is_seen_roughly(tmp_path, monkeypatch):
+    monkeypatch.setattr(run, "CLOSER", 1)
+    with pytest.raises(UserWarning, match="control points wide"):
+        of_file(tmp_path / "bar.toml", ON_CYLINDER)
+
+
+@pytest.mark.slow
+def test_cylinders_pressed_on_each_other_are_those_of_hertz_by_default(tmp_path):
+    result = of_file(tmp_path / "bars.toml", BARS + PRESSED)
+    assert abs(result.resultant[1]) == pytest.approx(1.0, abs=1e-6)
+    assert errors(result) == pytest.approx((0.0, 0.0), abs=0.05)
+
+
+@pytest.mark.slow
+def test_cylinders_pushed_onto_each_other_are_those_of_hertz_by_default(tmp_path):
+    """Between the backs there is more than Hertz' half spaces: what adds to the approach is linear in the force.
+
+    Two pushes tell both: ``approach = K F^(2/3) + C F``.
+    """
+    results = [
+        of_file(tmp_path / "bars.toml", BARS + PUSHED.replace("APPROACH", str(approach)))
+        for approach in (APPROACH, 0.25 * APPROACH)
+    ]
+    for one in results:
+        assert errors(one) == pytest.approx((0.0, 0.0), abs=0.05)
+    forces = np.array([one.force for one in results])
+    found = np.linalg.solve(np.stack([forces ** (2.0 / 3.0), forces], axis=1), [APPROACH, 0.25 * APPROACH])
+    assert (found[0] / APPROACH) ** -1.5 == pytest.approx(1.0, abs=0.05)

@@ -18,7 +18,7 @@ from isorod.space.space import Space
 DEGREE = 3
 
 # By how much of their distance from a patch elements and arcs may be longer.
-_GROWTH = 0.5
+_GROWTH = 1.0
 
 # The longest arcs: so many make a circle.
 _FEWEST = 16
