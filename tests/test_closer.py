@@ -12,8 +12,8 @@ from comparisons.contact import hertz
 from isorod import statics
 from isorod.command import run
 from isorod.contact.operator import ContactOperator
-from isorod.contact.patches import FEWEST, patches
-from isorod.errors import InputError
+from isorod.contact.patches import ENOUGH, patches
+from isorod.errors import InputError, SolveError
 from isorod.files.scene import FileScene
 from isorod.geometry.quadrature import Rule, graded_points
 from isorod.geometry.rod import Rod
@@ -49,7 +49,7 @@ def test_graded_functions_are_among_those_of_the_fine_arcs_and_hold_those_of_the
     for k, step in enumerate(1e-6 * np.eye(2)):
         ahead, behind = (basis.functions(0.99 * xi + way)[0] for way in (step, -step))
         np.testing.assert_allclose(basis.functions(0.99 * xi)[1][:, :, k], (ahead - behind) / 2e-6, atol=1e-6)
-    fine = Polyharmonic(32, 2, basis.turn).functions(xi)[0]
+    fine = Polyharmonic(32, basis.order, basis.turn).functions(xi)[0]
     left = values - fine @ np.linalg.lstsq(fine, values, rcond=None)[0]
     assert np.abs(left).max() < 1e-9
     rod = straight(8, degree=2)
@@ -58,7 +58,7 @@ def test_graded_functions_are_among_those_of_the_fine_arcs_and_hold_those_of_the
     np.testing.assert_allclose(
         space.displacement(space.positions, xi, [0.3])[0][0], bent.grid(xi, [0.3])[0][0], atol=1e-12
     )
-    assert gradients.shape == (len(xi), 26, 2)
+    assert gradients.shape == (len(xi), 13 * basis.order, 2)
 
 
 def test_points_of_graded_sections_see_what_lies_just_below_the_surface():
@@ -175,33 +175,78 @@ def test_patches_are_where_contact_presses_and_as_wide():
     model = pressed(section_points=16)
     model = replace(model, contacts=[Contact(0, model.contacts[0].second)])
     moved = -0.03 * np.tile([0.0, 1.0, 0.0], model.dofs // 3) * model.is_carrier.repeat(3)
-    results = ContactOperator(model).results(moved)
+    operator = ContactOperator(model)
+    operator.space_evenly()
+    operator.see_better(moved)
+    results = operator.results(moved)
     ((patch,),) = patches(model, results).values()
     assert patch.u == pytest.approx(0.5, abs=1e-6)
     assert np.sin(patch.angle) == pytest.approx(-1.0, abs=1e-6)
     # A gap of (x^2 + z^2) / 2 is closed up to a radius of sqrt(0.06).
     assert patch.along == pytest.approx(np.sqrt(0.06), rel=0.25)
     assert patch.around == pytest.approx(np.sqrt(0.06), rel=0.25)
-    assert 0.3 * patch.along < patch.size < 0.7 * patch.along
+    assert (patch.size, patch.arc) == pytest.approx((2.0 * patch.along / 2.6, 2.0 * patch.around / 2.6))
+    # Seen roughly, it is as large as it is seen.
+    ((seen,),) = patches(model, [replace(results[0], cells_across=2.0, force=1e-3)]).values()
+    assert seen[2:4] == pytest.approx((np.sqrt(0.06), np.sqrt(0.06)), rel=0.25)
+    assert seen.size == pytest.approx(2.0 * seen.along / model.contacts[0].across)
+    refined = replace(model, contacts=[replace(model.contacts[0], across=6.0)])
+    ((finer,),) = patches(refined, [replace(results[0], cells_across=2.0, force=1e-3)]).values()
+    assert finer.size == pytest.approx(seen.size * model.contacts[0].across / 6.0)
     # Seen well, or by points and a penalty that somebody gave, it stays as it is; so does a line.
-    assert not patches(model, [replace(results[0], cells_across=FEWEST)])
+    enough = replace(results[0], cells_across=ENOUGH * model.contacts[0].across)
+    assert not patches(model, [enough])
+    assert patches(refined, [enough])
     assert not patches(pressed(section_points=16), results)
     plane = replace(model, contacts=[Contact(0, Plane((0.0, -1.0, 0.0), (0.0, 1.0, 0.0)))])
     assert not patches(plane, ContactOperator(plane).results(moved))
 
 
-def test_a_scene_is_solved_again_where_its_patches_are_not_seen_and_says_what_the_last_solution_says():
-    def analyse(model, rounds):
-        warnings.warn(f"of {model}, {rounds}", stacklevel=1)
+def rounds(monkeypatch, analyse, scenes, first=0):
+    """Solve a scene whose models are their own solutions, each closer than the one before."""
+    monkeypatch.setattr(run, "_start", lambda solution, model: (solution, model))
+    scene = SimpleNamespace(closer=lambda solution: SimpleNamespace(model=lambda: scenes(solution + 1)))
+    return run._solve_closer(scene, first, analyse, {"load_steps": 5})
+
+
+def test_a_scene_is_solved_again_where_its_patches_are_not_seen_and_says_what_the_last_solution_says(monkeypatch):
+    begun = []
+
+    def analyse(model, load_steps, start=None):
+        begun.append(start)
+        warnings.warn(f"of {model}, {load_steps}", stacklevel=1)
         return model
 
-    scenes = {k: SimpleNamespace(model=lambda k=k: k) for k in range(9)}
-    scene = SimpleNamespace(closer=lambda solution: scenes[solution + 1])
-    with pytest.warns(UserWarning, match="of 2, 5") as said:
-        assert run._solve_closer(scene, 0, analyse, {"rounds": 5}) == run.CLOSER == 2
+    with pytest.warns(UserWarning, match=f"of {run.CLOSER}, 5") as said:
+        assert rounds(monkeypatch, analyse, lambda k: k) == run.CLOSER
     assert len(said) == 1
+    assert begun == [None, *((k, k + 1) for k in range(run.CLOSER))]
     with pytest.warns(UserWarning, match="of 0, 5"):
-        assert run._solve_closer(SimpleNamespace(), 0, analyse, {"rounds": 5}) == 0
+        assert run._solve_closer(SimpleNamespace(), 0, analyse, {"load_steps": 5}) == 0
+
+
+@pytest.mark.parametrize("where", ["model", "analysis"])
+def test_what_was_found_is_kept_if_looking_closer_fails(monkeypatch, where):
+    def analyse(model, load_steps, start=None):
+        if model == 2:
+            raise SolveError("load factor 1: no equilibrium")
+        warnings.warn(f"of {model}", stacklevel=1)
+        return model
+
+    def scenes(k):
+        if k == 2 and where == "model":
+            raise InputError("patches: too many points")
+        return k
+
+    with pytest.warns(UserWarning) as said:
+        assert rounds(monkeypatch, analyse, scenes) == 1
+    why = {"model": "patches: too many points", "analysis": "load factor 1: no equilibrium"}[where]
+    assert [str(one.message) for one in said] == [
+        f"small patches were looked at closer in vain, and are as seen before: {why}",
+        "of 1",
+    ]
+    with pytest.raises(SolveError, match="no equilibrium"):
+        rounds(monkeypatch, analyse, scenes, 2)
 
 
 CROSSING = """

@@ -5,6 +5,7 @@ import pytest
 
 from isorod.errors import InputError
 from isorod.geometry.disk import harmonic_functions
+from isorod.geometry.quadrature import Rule, section_points
 from isorod.space import Space
 from isorod.space.polyharmonic import Polyharmonic
 
@@ -232,3 +233,15 @@ def test_refuses_an_order_that_cannot_be(order, cylinder):
         Polyharmonic(4, order).functions([[0.0, 0.0]])
     with pytest.raises(InputError, match=rf"order: got {order}, need an integer"):
         _ = Space.paper(cylinder(4), order=order).nodes
+
+
+@pytest.mark.parametrize("order, n", [(1, 48), (2, 48), (2, 64), (2, 96), (1, 128)])
+def test_rules_see_functions_that_live_near_the_circle(order, n):
+    """Of the energy of one of 48 functions five radial points miss a ninth, of one of 96 six a quarter."""
+    basis = Polyharmonic(n, order)
+    energies = []
+    for rule in (basis.auto(3), basis.full(3), Rule(24, 4, 4)):
+        xi, weights = section_points(n, rule)
+        energies.append(weights @ (basis.functions(xi)[1][:, 0] ** 2).sum(axis=1))
+    assert energies[0] == pytest.approx(energies[2], rel=0.045)
+    assert abs(energies[1] - energies[2]) < 0.6 * abs(energies[0] - energies[2])

@@ -51,6 +51,7 @@ class Assembler(Unknowns):
         # petsc4py keeps what Python has let go until it is told to destroy it, on all ranks together.
         PETSc.garbage_cleanup()
         self._stage = PETSc.Log.Stage("assembly")
+        self._linear: dict[int, Array] = {}
         with self._timed():
             super().__init__(model, comm)
             self.parts = [self.part(share, self.free, self._exchange) for share in self.shares]
@@ -252,7 +253,7 @@ class Assembler(Unknowns):
                         block -= factor * pressing.stiffness(part.nodal(local))
                 merged = [part.pattern.merge(block) for part, block in zip(self.parts, matrices, strict=True)]
             else:
-                merged = [part.entries(local, factor) for part in self.parts]
+                merged = [self._entries(part, local, factor) for part in self.parts]
             if self.contact is not None:
                 merged.append(self.contact.tangent(local))
                 if out.getAttr("contact_version") != self.contact.version:
@@ -260,6 +261,14 @@ class Assembler(Unknowns):
                     out.setAttr("contact_version", self.contact.version)
             set_values(out, joined(merged, float))
             return matrices if keep else []
+
+    def _entries(self, part: Part, local: Array, factor: float) -> Array:
+        """Return the entries of a part's tangent: with contact, which changes all the time, a linear one's are kept."""
+        if self.contact is None or part.laws.at(factor).isotropic is None:
+            return part.entries(local, factor)
+        if part.which not in self._linear:
+            self._linear[part.which] = part.entries(local, factor)
+        return self._linear[part.which]
 
     def load_forces(self, x: PETSc.Vec, factor: float, matrices: list[Array], step: float, out: PETSc.Vec) -> None:
         """Fill ``out`` with the linearised change of the residual when the load factor grows by ``step`` at ``x``.

@@ -8,14 +8,14 @@ from importlib import import_module
 from time import perf_counter
 from typing import Any
 
-from isorod.errors import InputError
+from isorod.errors import InputError, SolveError
 from isorod.output import results
 
 # Error above which a result is warned of.
 LARGE = 0.01
 
 # How often spaces are made finer where patches of contact are too small to be seen.
-CLOSER = 2
+CLOSER = 3
 
 
 def solve(scene: Any, settings: Mapping[str, Any]) -> tuple[Any, dict[str, float]]:
@@ -50,19 +50,49 @@ def solve(scene: Any, settings: Mapping[str, Any]) -> tuple[Any, dict[str, float
 def _solve_closer(scene: Any, model: Any, analyse: Callable[..., Any], settings: Mapping[str, Any]) -> Any:
     """Return the solution of a model, or of its scene on spaces that see where small patches of contact press.
 
-    Warnings are those of the last solution.
+    Each begins where the one before ended.  Warnings are those of the solution that is returned: of the last but one,
+    and one more, where the last fails.
     """
-    for rounds in range(CLOSER + 1):
-        with warnings.catch_warnings(record=True) as said:
-            warnings.simplefilter("always")
-            solution = analyse(model, **settings)
-            closer = scene.closer(solution) if hasattr(scene, "closer") and rounds < CLOSER else None
-        if closer is None:
+    solution, said = _heard(analyse, model, settings)
+    for _ in range(CLOSER if hasattr(scene, "closer") else 0):
+        try:
+            closer = scene.closer(solution)
+            if closer is None:
+                break
+            model = closer.model()
+            start = _start(solution, model)
+            solution, said = _heard(analyse, model, {**settings, "start": start})
+        except (InputError, SolveError) as problem:
+            warnings.warn(
+                f"small patches were looked at closer in vain, and are as seen before: {problem}",
+                stacklevel=3,
+            )
             break
-        model = closer.model()
     for one in said:
         warnings.warn(str(one.message), one.category, stacklevel=3)
     return solution
+
+
+def _heard(analyse: Callable[..., Any], model: Any, settings: Mapping[str, Any]) -> tuple[Any, list[Any]]:
+    """Return a solution and what it warns of."""
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        return analyse(model, **settings), said
+
+
+def _start(solution: Any, model: Any) -> Any:
+    """Return the displacement of a solution, on the spaces of another model of the same rods."""
+    from numpy import concatenate
+
+    from isorod.space.transfer import transfer
+
+    old = solution.model
+    return concatenate(
+        [
+            transfer(old.nodal(solution.displacement, b), one.space, other.space).ravel()
+            for b, (one, other) in enumerate(zip(old.bodies, model.bodies, strict=True))
+        ]
+    )
 
 
 def estimate(solution: Any) -> dict[str, Any]:

@@ -30,6 +30,8 @@ class Lift:
     ----------
     model
         The same bodies, on spaces of evenly spaced control points, and contacts.
+    graded
+        Bodies with such functions.
     rows, columns
         Of the entries of the last matrix (`matrix`).
     """
@@ -41,6 +43,7 @@ class Lift:
         self._back = csr_matrix(self._forth.T)
         self._version = 0
         self._bases = [body.space.basis for body in model.bodies]
+        self.graded = {k for k, basis in enumerate(self._bases) if isinstance(basis, Graded)}
         self.rows = self.columns = np.empty(0, dtype=np.int64)
 
     def displacement(self, own: Array) -> Array:

@@ -224,12 +224,20 @@ class ContactOperator:
 
     def space_evenly(self) -> None:
         """Let points that nobody gave be as close along the axis as round the section."""
-        self.points = points_of(self.model, even=True)
+        graded = [] if self._lift is None else self._lift.graded
+        sides = [body for contact in self.model.contacts for body, _ in contact.sides]
+        even = points_of(self.model, even=True)
+        # Where elements are short at patches alone, as many in each are close enough there.
+        self.points = [self.points[k] if body in graded else even[k] for k, body in enumerate(sides)]
         self._take(pack(self.model, self.points))
 
     def see_better(self, displacement: Array) -> bool:
         """Take more points, where nobody gave them, if too few are across a patch; return whether there are more."""
         self.forces(displacement)
+        if not self.packed.states["pressure"].any():
+            # How near what does not touch is has not been looked at.
+            np.minimum(self.packed.clear, self.packed.travel[0], out=self.packed.clear)
+            self.forces(displacement)
         points = list(self.points)
         for contact, passes in sides_of(self.model):
             if contact.points is None:

@@ -105,11 +105,15 @@ def across(packed: Packed, spaces: Sequence["Space"], chosen: Sequence[int]) -> 
 
 
 def more(packed: Packed, chosen: Sequence[int], points: Sequence[tuple[int, int]]) -> dict[int, tuple[int, int]]:
-    """Return points of passes whose patch has too few, those of an arc and of an element; none where it has enough."""
+    """Return points of passes whose patch has too few, those of an arc and of an element; none where it has enough.
+
+    Where nothing touches, but might between two points, they are twice as many.
+    """
     found, changed = widths(packed), {}
-    for k in [chosen[k] for k in carrying([found[k] for k in chosen])]:
+    own = [chosen[k] for k in carrying([found[k] for k in chosen])]
+    for k in own or [k for k in chosen if _is_near(packed, k)]:
         old = points[k]
-        seen = found[k].around, found[k].along
+        seen = (found[k].around, found[k].along) if own else (WANTED / 2, WANTED / 2)
         new = [
             min(MAX_POINTS, int(np.ceil(count * WANTED / width))) if width < FEWEST else count
             for count, width in zip(old, seen, strict=True)
@@ -119,3 +123,16 @@ def more(packed: Packed, chosen: Sequence[int], points: Sequence[tuple[int, int]
         if across * along >= _WORTH * old[0] * old[1]:
             changed[k] = across, along
     return changed
+
+
+def _is_near(packed: Packed, k: int) -> bool:
+    """Whether a surface that bulges as the slave's of a pass does could touch between two of its points."""
+    one = packed.passes[k]
+    slave = packed.surfaces[one["slave"]]
+    elements = packed.elements[slave["first_element"] :][: slave["elements"]]
+    radius = float(elements["radius"].max())
+    lengths = elements["end"] - elements["begin"]
+    apart = max(float(lengths.max()) / one["along"], 2.0 * np.pi * radius / (slave["around"] * one["across"]))
+    count = slave["elements"] * one["along"] * slave["around"] * one["across"]
+    gaps = packed.states["gap"][one["first_point"] :][:count]
+    return bool((gaps < 0.5 * apart**2 / radius).any())

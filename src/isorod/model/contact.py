@@ -102,6 +102,9 @@ class Contact(Checked):
     friction
         Coulomb's coefficient: points stick up to that many times the pressure, on springs of the penalty's stiffness,
         and slip at it; 0 without friction.
+    across
+        Control points across a small patch for which scenes from files are solved again on closer spaces
+        (`isorod.contact.patches`), 2 to 12: more of them see its pressure better.
 
     Raises
     ------
@@ -118,6 +121,7 @@ class Contact(Checked):
     penetration: float | None = None
     faces: Sequence[str] = ()
     friction: float = 0.0
+    across: float = 4.4
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -136,6 +140,8 @@ class Contact(Checked):
             raise InputError(f"contact: got faces {tuple(self.faces)}, need some of 'start' and 'end'")
         if not (np.isfinite(self.friction) and self.friction >= 0.0):
             raise InputError(f"contact: got friction {self.friction:g}, need a coefficient, not negative")
+        if not 2.0 <= self.across <= 12.0:
+            raise InputError(f"contact: got {self.across:g} control points across a patch, need 2 to 12")
         if self.friction and isinstance(self.second, TriangleMesh):
             raise InputError("contact: friction is given, but meshes of triangles have none; leave it out")
         if self.friction and self.faces:

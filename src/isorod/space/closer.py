@@ -18,7 +18,7 @@ from isorod.space.space import Space
 DEGREE = 3
 
 # By how much of their distance from a patch elements and arcs may be longer.
-_GROWTH = 0.5
+_GROWTH = 1.0
 
 # The longest arcs: so many make a circle.
 _FEWEST = 16
@@ -37,7 +37,9 @@ class Patch(NamedTuple):
     along, around
         Half its length along the axis, and half the angle [rad] that it takes round the section.
     size
-        Length that elements and arcs are to have there, at most.
+        Length that elements are to have there, at most.
+    arc
+        The same of arcs, if that is another; else 0.
     """
 
     u: float
@@ -45,6 +47,7 @@ class Patch(NamedTuple):
     along: float
     around: float
     size: float
+    arc: float = 0.0
 
 
 def closer(rod: Rod, patches: Sequence[Patch]) -> Space:
@@ -55,7 +58,7 @@ def closer(rod: Rod, patches: Sequence[Patch]) -> Space:
     InputError
         If there is no patch, the rod has rings, or more arcs are wanted than there may be.
     """
-    if not patches or min(min(one[2:]) for one in patches) <= 0.0:
+    if not patches or min(min(one[2:5]) for one in patches) <= 0.0:
         raise InputError("patches: name one at least, with extents and a size that are positive")
     if rod.rings != WHOLE:
         raise InputError("patches: the rod has a hole or layers, which functions of control points do not see")
@@ -80,7 +83,7 @@ def closer(rod: Rod, patches: Sequence[Patch]) -> Space:
 def _section(rod: Rod, patches: Sequence[Patch]) -> Graded:
     """Return section functions, whose arcs are as many everywhere along the rod."""
     n, radius = rod.section_points, _radius(rod)
-    arcs = [(one.angle, one.around, one.size / radius) for one in patches]
+    arcs = [(one.angle, one.around, (one.arc or one.size) / radius) for one in patches]
     whole = 2.0 * np.pi / n
     count = max(_evenly(whole, arcs), ceil(_FEWEST / n))
     if n * count > MAX_COUNT:

@@ -11,7 +11,7 @@ all factors look alike, and the condition number explodes). All vanish on the ci
 
 from dataclasses import dataclass
 from functools import cache
-from math import ceil, log2
+from math import ceil, sqrt
 from typing import ClassVar
 
 import numpy as np
@@ -25,6 +25,9 @@ from isorod.geometry.quadrature import Rule
 from isorod.geometry.section import refine
 
 MAX_ORDER = 6
+
+# Radial points that see functions near the circle, over the root of the number of control points if these are many.
+_NEAR, _FEW = 0.87, 32
 
 
 @cache
@@ -117,14 +120,20 @@ class Polyharmonic:
     def auto(self, degree: int) -> Rule:
         """Return ``(K + 2) x 2 x (p + 1)``, measured on spring and blade for K = 1 ... 3, n = 8 ... 32, p = 2 ... 5.
 
-        Fewer points leave spurious modes (K + 1 radial ones with K = 1) or cost accuracy.  Beyond 32 points the
-        functions near the circle want a radial point more a doubling.
+        Fewer points leave spurious modes (K + 1 radial ones with K = 1) or cost accuracy.  The functions of more than
+        32 points live near the circle, where Gauss points are the closer the more there are by the square: ``0.87
+        sqrt(n)`` radial ones see the energy of each to 4 %.
         """
-        return Rule(self.order + 2 + max(0, ceil(log2(self.n / 32))), 2, degree + 1)
+        return Rule(self._radial_points(2), 2, degree + 1)
 
     def full(self, degree: int) -> Rule:
         """Return `Rule.full`: its error on the blade's fifth frequency, the most sensitive, is 4e-5 for K = 1 ... 6."""
-        return Rule.full(self.n, degree, self.order + 3)
+        return Rule.full(self.n, degree, self._radial_points(3))
+
+    def _radial_points(self, more: int) -> int:
+        """Return the radial points of a rule that has so many more than the order, where these suffice."""
+        near = ceil(_NEAR * sqrt(self.n)) + more - 2 if self.n > _FEW else 0
+        return max(self.order + more, near)
 
     def coordinates(self, xi: ArrayLike) -> Array:
         """Return those of the disk."""

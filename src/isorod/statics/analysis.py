@@ -169,6 +169,7 @@ def solve(
     load_steps: int = 1,
     comm: PETSc.Comm | None = None,
     petsc: Mapping[str, object] | None = None,
+    start: Array | None = None,
 ) -> Equilibrium:
     """Bring supports and loads to their full values and return the equilibrium.
 
@@ -188,6 +189,10 @@ def solve(
         Number of equal steps to start with.
     petsc
         PETSc options for this solve alone, such as ``{"snes_rtol": 1e-10}`` (`isorod.petsc.options.in_force`).
+    start
+        Displacement ``(dofs,)`` near that at the full load, such as that on another space
+        (`isorod.space.transfer`): the equilibrium is looked for there and, where it is not found, from rest.  Friction,
+        which depends on the path, makes nothing of it.
 
     Raises
     ------
@@ -200,10 +205,10 @@ def solve(
     expect("model", model, Model)
     load_steps = whole_number("load steps", load_steps, 1, 1_000_000)
     with in_force(petsc):
-        return _solve(model, load_steps, comm)
+        return _solve(model, load_steps, comm, start)
 
 
-def _solve(model: Model, load_steps: int, comm: PETSc.Comm | None) -> Equilibrium:
+def _solve(model: Model, load_steps: int, comm: PETSc.Comm | None, start_at: Array | None) -> Equilibrium:
     """Return what `solve` does, as the options in force say."""
     start = perf_counter()
     loose = rigid_motions.left_to_contact(model)
@@ -215,7 +220,8 @@ def _solve(model: Model, load_steps: int, comm: PETSc.Comm | None) -> Equilibriu
             assembler.contact.space_evenly()
         setup = perf_counter() - start
         assembler.seconds = 0.0
-        steps, cuts, augmentations = _climb(solver, load_steps)
+        found = _begin(solver, start_at)
+        steps, cuts, augmentations = _climb(solver, load_steps) if found is None else (1, 0, found)
         held = solver.settle()
         forces = assembler.reactions(solver.x, 1.0)
         displacement = assembler.displacement(solver.x, 1.0)
@@ -252,6 +258,15 @@ def _solve(model: Model, load_steps: int, comm: PETSc.Comm | None) -> Equilibriu
         )
     finally:
         solver.destroy()
+
+
+def _begin(solver: Newton, start: Array | None) -> int | None:
+    """Look for the equilibrium near a displacement; return how often multipliers were updated, None if it fails."""
+    contact = solver.assembler.contact
+    if start is None or (contact is not None and contact.friction is not None) or not solver.begin(start):
+        return None
+    solver.settle()
+    return 0 if contact is None else settle(solver, 1.0)
 
 
 def _climb(solver: Newton, load_steps: int) -> tuple[int, int, int]:

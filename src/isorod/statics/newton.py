@@ -82,6 +82,7 @@ class Newton:
         self._matrix = assembler.matrix()
         self._factor = 0.0
         self._solves = 0
+        self._filled = False
         self._convergence = Convergence(assembler)
         self._history: _Past | None = None
         self.stabilisation: Stabilisation | None = None
@@ -176,6 +177,28 @@ class Newton:
         self._trial.copy(self.x)
         return solves
 
+    def begin(self, displacement: Array) -> bool:
+        """Look for the equilibrium at the full load near a displacement ``(dofs,)``; return whether there is one.
+
+        If not, all is as before.
+        """
+        near = self.assembler.state(displacement)
+        near.copy(self.x)
+        near.destroy()
+        found = self.assembler.smallest_jacobian(self.x, 1.0)[0] > 0.0
+        if found:
+            if self.stabilisation is not None:
+                self.stabilisation.begin(self.x)
+            try:
+                self.advance(1.0, 1.0)
+            except Diverged:
+                found = False
+        if not found:
+            self.x.zeroEntries()
+            if self.stabilisation is not None:
+                self.stabilisation.begin(self.x)
+        return found
+
     def forget_path(self) -> None:
         """Take the path for one that does not go on as it came."""
         self._history = None
@@ -198,6 +221,11 @@ class Newton:
         """Set the trial state of a step; return the norm of the force that drives it, and the slope of the path."""
         assembler = self.assembler
         assembler.extrapolate()
+        if not step and self._filled:
+            # What has changed at one load factor is contact, which Newton's iterations see.
+            self.x.copy(self._trial)
+            return self._convergence.carried_force, assembler.vector()
+        self._filled = True
         matrices = self._fill(self.x, factor, self._matrix, keep=True)
         # A cubic predictor takes the path's slope, the first step the whole way of supports that turn.
         share = 1.0 if self._history is None else _DELTA

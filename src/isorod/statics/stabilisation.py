@@ -80,7 +80,7 @@ class Stabilisation:
         shifted.setDiagonal(_LEAST * weight, PETSc.InsertMode.ADD_VALUES)
         ksp = PETSc.KSP().create(assembler.comm)
         ksp.setType(PETSc.KSP.Type.PREONLY)
-        ksp.getPC().setType(PETSc.PC.Type.LU)
+        ksp.getPC().setType(PETSc.PC.Type.CHOLESKY if assembler.symmetric else PETSc.PC.Type.LU)
         ksp.getPC().setFactorSolverType(PETSc.Mat.SolverType.MUMPS)
         ksp.setOperators(shifted)
         shape, push = assembler.vector(), assembler.vector()
@@ -94,6 +94,10 @@ class Stabilisation:
         for one in (ksp, shifted):
             one.destroy()
         return softness
+
+    def begin(self, x: PETSc.Vec) -> None:
+        """Let a state be the one in which these forces are none."""
+        x.copy(self._start)
 
     def add_forces(self, x: PETSc.Vec, out: PETSc.Vec, carried: float) -> None:
         """Add what is to vanish to the out-of-balance forces; ``carried`` is the norm of what supports and loads do."""
