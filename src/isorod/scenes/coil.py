@@ -84,7 +84,8 @@ class Coil(Checked):
         pitch, room = self.height / max(self.coils, 1), 2.0 * (1.0 + _CLEAR) * self.wire_radius
         if self.ends == "closed" and not pitch > room:
             raise InputError(f"lead: got {self.lead:g} degrees, a pitch of {pitch:.3g}; closed ends need {room:.3g}")
-        line = self._closed(pitch) if self.ends == "closed" else helix(self.coil_radius, pitch, self.coils)
+        turns = self.coils + (0 if self.ends == "clamped" else 2)
+        line = self._closed(pitch) if self.ends == "closed" else helix(self.coil_radius, pitch, turns)
         return line.sweep(section.circle(self.section_points, self.wire_radius))
 
     def _closed(self, pitch: float) -> CenterLine:
@@ -140,19 +141,30 @@ class Coil(Checked):
             raise InputError(f"ends: got {self.ends!r}, need {' or '.join(ENDS)}")
         if self.ends == "closed":
             return [Support.end(space, "start", "xy"), Support.end(space, "end", "xy")]
-        down, outwards, turn = np.array([0.0, 0.0, -self.push]), np.zeros(3), (0.0, 0.0, 0.0)
-        if self.ends == "laid":
-            # Both ends are on the x axis, seen from above.
-            lead, sine = np.radians(self.lead), (self.height - self.push) / self._length
-            if not abs(sine) < 1.0:
-                raise InputError(f"push: got {self.push:g}, the wire is not as long")
-            lies = np.arcsin(sine)
-            outwards[0] = self.coil_radius * (np.cos(lies) / np.cos(lead) - 1.0)
-            turn = (float(lies - lead), 0.0, 0.0)
-        return [
-            Support.end(space, "start", displacement=_three(outwards), turn=turn),
-            Support.end(space, "end", displacement=_three(outwards + down), turn=turn),
-        ]
+        if self.ends == "clamped":
+            down = (0.0, 0.0, -self.push)
+            return [Support.end(space, "start"), Support.end(space, "end", displacement=down)]
+        return self._laid(space)
+
+    def _laid(self, space: "Space") -> "list[Support]":
+        """Return supports of the turns beyond the active ones, which move as Love's helix does."""
+        from isorod.model.support import Support
+
+        rod, axis, pitch = space.rod, space.axis, self.height / self.coils
+        sine = (self.height - self.push) / self._length
+        if not abs(sine) < 1.0:
+            raise InputError(f"push: got {self.push:g}, the wire is not as long")
+        wider = np.cos(np.arcsin(sine)) / np.cos(np.radians(self.lead))
+        laid = helix(self.coil_radius * wider, pitch - self.push / self.coils, self.coils + 2)
+        there = laid.sweep(section.circle(self.section_points, self.wire_radius))
+        change = rod.axis.transfer(axis, there.control_points - rod.control_points)
+        moved = space.basis.positions(change).reshape(-1, 3)
+        moved[space.is_carrier, 2] += self.push / self.coils
+        places, (first, last) = bspline.greville(axis.knots, axis.degree), axis.breaks[[0, -1]]
+        turn = (last - first) / (self.coils + 2)
+        nodes = np.arange(space.nodes).reshape(space.layers, -1)
+        ends = nodes[places < first + turn + 1e-9], nodes[places > last - turn - 1e-9]
+        return [Support(end.ravel(), displacement=moved[end.ravel()], space=space) for end in ends]
 
     @property
     def _length(self) -> float:
