@@ -1,6 +1,6 @@
 """Friction as the operator of contact sees it: forces, tangent, and the history from step to step."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -63,6 +63,16 @@ class FrictionOperator:
         nodes, others = np.empty(NODES, dtype=np.int64), np.empty(3 * FUNCTIONS, dtype=np.int64)
         patch = np.array([tuple(hanging)[:-2]], PATCH)[0]
         return nodes[: patch_nodes(self._packed, patch, nodes)], others[: anchor_nodes(self._packed, hanging, others)]
+
+    def keep(self) -> Callable[[], None]:
+        """Return what takes the history, and the points it is of, back to what they are now."""
+        now, history = dict(vars(self)), self.history.copy()
+
+        def back() -> None:
+            vars(self).update(now)
+            self.history[:] = history
+
+        return back
 
     def take(self, packed: Packed) -> None:
         """Let other points of the same sides go on: at the start of the step they hang as the nearest of those did."""

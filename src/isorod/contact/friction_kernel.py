@@ -159,9 +159,38 @@ def _same_surface(packed: Packed, element: int, other: int) -> bool:
     return packed.elements[element].surface == packed.elements[other].surface
 
 
+@njit(f8(PACKED, PASS_ROW, i8, F1, F2, FOOT, _ANCHOR_ROW, F1), **FAST)
+def _met(packed: Packed, one: Row, point: int, x: Array, before: Array, foot: Foot, anchor: Row, y: Array) -> float:
+    """Fill ``y``, at the start of the step, with where on its master a point at ``x`` met it; return the gap there."""
+    if one.master < 0:
+        gap = rigid_gap(one, x, foot.normal)
+        share = gap / (gap - min(0.0, packed.states[point].gap)) if gap > 0.0 else 0.0
+        now = packed.points[point]
+        depth = rigid_gap(one, now, foot.normal)
+        for a in range(3):
+            y[a] = anchor.place[a] + share * (now[a] - depth * foot.normal[a] - anchor.place[a])
+        return gap
+    place_of(packed, one, anchor, before, foot)
+    for a in range(3):
+        foot.d[a] = x[a] - foot.y[0, a]
+        y[a] = foot.y[0, a]
+    gap = surface_gap(foot, packed.states[point].edge)
+    if not gap > 0.0:
+        return gap
+    share = gap / (gap - min(0.0, packed.states[point].gap))
+    at = packed.starts[point]
+    element = packed.elements[at.element]
+    evaluate(packed.surfaces[element.surface], element, at.theta, at.s, before, foot)
+    for a in range(3):
+        y[a] += share * (foot.y[0, a] - y[a])
+    return gap
+
+
 @njit(void(PACKED, FRICTION, F2, ANCHORS), **FAST)
 def catch(packed: Packed, friction: Friction, before: Array, caught: Table) -> None:
-    """Give pressed points that have no anchor one: where they were nearest to at the start of a step.
+    """Give pressed points that have no anchor one: where they came into contact.
+
+    On the straight way of the foot from the start of the step that is where the gap, as first seen pressed, was closed.
 
     Parameters
     ----------
@@ -174,7 +203,7 @@ def catch(packed: Packed, friction: Friction, before: Array, caught: Table) -> N
     caught
         Anchors that points were given so far, rows of `ANCHOR`: those on the same master are good again.
     """
-    foot, x = new_foot(), np.empty(3)
+    foot, x, y = new_foot(), np.empty(3), np.empty(3)
     for k in range(packed.passes.size):
         one = packed.passes[k]
         if friction.coefficients[k] == 0.0:
@@ -196,6 +225,9 @@ def catch(packed: Packed, friction: Friction, before: Array, caught: Table) -> N
                     for a in range(3):
                         x[a] += axial[j] * phi[c] * before[layers[j] + (at.arc + c - 1) % slave.around, a]
             _put(packed, one, point, x, before, friction.start, foot, anchor)
+            open_by = _met(packed, one, point, x, before, foot, anchor, y)
+            if open_by > 0.0:
+                _put(packed, one, point, y, before, friction.start, foot, anchor)
             caught[point] = friction.anchors[point]
 
 

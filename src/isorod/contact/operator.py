@@ -1,5 +1,6 @@
 """Contact as the assembler sees it: forces and exact tangent on the degrees of freedom of a model, of one rank."""
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -236,6 +237,21 @@ class ContactOperator:
         self.points = points
         self._take(self._packed(points))
         return True
+
+    def keep(self) -> Callable[[], None]:
+        """Return what takes points, multipliers, penalties and friction back to what they are now."""
+        packed, points, stiffness, friction = self.packed, self.points, self._stiffness, self.friction
+        multipliers, penalties = packed.multipliers.copy(), packed.passes["penalty"].copy()
+        undo = None if friction is None else friction.keep()
+
+        def back() -> None:
+            self.packed, self.points, self._stiffness = packed, points, stiffness
+            packed.multipliers[:], packed.passes["penalty"][:] = multipliers, penalties
+            packed.forget()
+            if undo is not None:
+                undo()
+
+        return back
 
     def _take(self, packed: Packed) -> None:
         """Go on with other points."""

@@ -270,11 +270,18 @@ def _climb(solver: Newton, load_steps: int) -> tuple[int, int, int]:
         if contact is not None and rubs:
             contact.place(factor)
             contact.accept(solver.assembler.displacement(solver.x, factor))
+        kept = solver.x.copy()
+        undo = None if contact is None or not rubs else contact.keep()
         try:
             solves = solver.advance(factor, target)
+            if contact is not None and rubs:
+                augmentations += settle(solver, target)
         except Diverged as problem:
+            kept.copy(solver.x)
+            if undo is not None:
+                undo()
             deep = isinstance(problem, TooDeep)
-            if contact is not None and not deep and contact.may_soften:
+            if contact is not None and not rubs and not deep and contact.may_soften:
                 contact.stiffen(SOFTER)
                 continue
             if contact is not None and deep and contact.is_soft:
@@ -290,7 +297,7 @@ def _climb(solver: Newton, load_steps: int) -> tuple[int, int, int]:
             solver.forget_path()
         if factor == 1.0:
             solver.settle()
-        if contact is not None and (rubs or factor == 1.0):
+        if contact is not None and factor == 1.0 and (not rubs or solver.stabilisation is not None):
             augmentations += settle(solver, factor)
         quick = quick + 1 if solves <= (_QUICK if contact is None else _QUICK_TOUCHING) else 0
         if factor == end:

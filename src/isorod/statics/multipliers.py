@@ -110,7 +110,7 @@ def _in_cells(solver: Newton, factor: float, contact: "ContactOperator", count: 
         if problem is not None and depth <= 1.0:
             break
         if problem is not None:
-            raise SolveError(f"augmented Lagrangian, update {count + 1}: {problem}")
+            raise Diverged(f"augmented Lagrangian, update {count + 1}: {problem}")
         count, last = count + 1, depth
     return count
 
@@ -129,5 +129,5 @@ def _at_points(solver: Newton, factor: float, contact: "ContactOperator", count:
             raised += 1
         problem = _update(solver, factor, contact, in_cells=False)
         if problem is not None:
-            raise SolveError(f"augmented Lagrangian, update {count + 1}: {problem}")
+            raise Diverged(f"augmented Lagrangian, update {count + 1}: {problem}")
         count, last = count + 1, depth
