@@ -38,6 +38,8 @@ def settle(solver: Newton, factor: float) -> int:
 
     Raises
     ------
+    Diverged
+        If there is no equilibrium with more points, or other multipliers.
     SolveError
         If penetration does not fall to what is asked for.
     """
@@ -71,7 +73,7 @@ def _advance(solver: Newton, factor: float, what: str) -> None:
     try:
         solver.advance(factor, factor)
     except Diverged as problem:
-        raise SolveError(f"{what}: {problem}") from None
+        raise Diverged(f"{what}: {problem}") from None
 
 
 def _deepest(solver: Newton, factor: float, contact: "ContactOperator") -> tuple[float, str]:
