@@ -140,6 +140,11 @@ class ContactOperator:
         self.friction.before = positions if self.long_steps else None
         return self.friction.accept(positions)
 
+    def foresee(self, displacement: Array) -> None:
+        """Say where a step that has begun leads, as far as is known: what comes into contact does so on that way."""
+        if self.friction is not None:
+            self.friction.foresee(self._positions(displacement))
+
     def tangent(self, displacement: Array) -> Array:
         """Set and return ``values``, minus the derivatives of the forces at ``rows`` and ``columns``.
 
