@@ -172,6 +172,18 @@ def test_turns_on_each_other_slide_off_from_the_force_that_bends_one_by_as_much(
     assert 0.5 < COIL.sideways() / COIL.force(COIL.touch()) < 0.7
 
 
+def test_flattened_coils_are_as_stiff_as_cylinders_between_lines():
+    """Per unit length 1 / (pi E') (2 ln(4 r / b) - 2) a side: b^2 is in proportion to the load."""
+    force, step = 20e3, 1.0
+    slope = (COIL.flattened(force + step) - COIL.flattened(force - step)) / (2.0 * step)
+    line = force / (2.0 * np.pi * COIL.radius_at(COIL.touch()))
+    plane = COIL.E / (1.0 - COIL.nu**2)
+    b = np.sqrt(4.0 * line / (np.pi * plane))
+    sides = 8.0 * (np.log(16.0 / b**2) - 2.0) + 2.0 * (np.log(32.0 / b**2) - 2.0)
+    assert slope * 2.0 * np.pi * COIL.radius_at(COIL.touch()) == pytest.approx(sides / (np.pi * plane), rel=1e-6)
+    assert COIL.flattened(force) < 0.01 * COIL.turns * COIL.wire
+
+
 def test_coils_touch_where_their_tubes_do():
     """Of flat coils the pitch is the wire, less what the slope of the wire takes: d/cos(lead)."""
     shortening = COIL.touch()

@@ -35,14 +35,25 @@ def test_coil_takes_the_force_of_loves_spring(push):
     assert found["contact_force"] == 0.0
 
 
-def test_coil_stiffens_where_its_turns_meet():
-    """Two turns touch after two fifths of the way of five; a search along steps keeps points from going in and out."""
-    way, free = 0.4 * TOUCH, 175.8  # Love's force at touch, whatever the number of turns
-    _, found = solved(Coil(coils=2, push=way + 0.04))
-    # Free turns would take 0.3 more.
-    assert found["force"] > 3.0 * free
-    assert found["contact_force"] > found["force"] - free
+def test_coil_goes_to_solid_and_its_turns_stay_above_each_other():
+    """One active turn between two that are held: rubbing, the wires are flattened instead of sliding off sideways."""
+    free, push = 175.8, 9.085  # Love's force at touch, whatever the number of turns; 0.03 % past it
+    solution, found = solved(Coil(coils=1, push=push), load_steps=4)
+    assert found["travels"] == pytest.approx(push * np.array([0.25, 0.5, 0.75, 1.0]))
+    # On the way the ends are moved along a straight line, aside from Love's by 0.3 % of the radius at most.
+    np.testing.assert_allclose(found["forces"][:3], free * np.array([0.25, 0.5, 0.75]), rtol=0.03)
+    assert found["forces"][3] == found["force"] > 100.0 * free
+    # Both turns that it touches pass the force on.
+    assert found["contact_force"] == pytest.approx(2.0 * (found["force"] - free), rel=0.1)
+    assert np.abs(solution.reactions[1, :2]).max() < 0.01 * found["force"]
     assert found["relative_penetration"] < 1e-3
+
+
+@pytest.mark.slow
+def test_solid_coil_does_not_depend_on_the_load_steps():
+    few, many = (solved(Coil(push=45.4), load_steps=steps)[1]["force"] for steps in (10, 20))
+    assert few == pytest.approx(many, rel=0.02)
+    assert few > 50.0 * 175.8
 
 
 def test_closed_coil_lies_flat_on_its_seats_and_leaves_its_tips_room():

@@ -42,9 +42,11 @@ def test_a_plane_that_moves_presses_as_one_that_a_rod_is_moved_onto(how):
     (one, other) = (statics.solve(model, load_steps=3) for model in models)
     (moving,), (fixed,) = one.contacts, other.contacts
     assert fixed.force > 5.0
-    assert moving.force == pytest.approx(fixed.force, rel=1e-7)
-    np.testing.assert_allclose(moving.friction, fixed.friction, atol=1e-7 * fixed.force)
-    np.testing.assert_allclose(one.reactions, other.reactions, atol=1e-7 * fixed.force)
+    # Points begin to stick where a step is foreseen to press them: by a curve or not, as the whole motion is long.
+    same = 1e-5 if how else 1e-7
+    assert moving.force == pytest.approx(fixed.force, rel=same)
+    np.testing.assert_allclose(moving.friction, fixed.friction, atol=same * fixed.force)
+    np.testing.assert_allclose(one.reactions, other.reactions, atol=same * fixed.force)
     # Steps begin as well as where supports move.
     assert one.newton_iterations <= other.newton_iterations + 1
 

@@ -43,7 +43,10 @@ def climb(monkeypatch, outcome):
         settle=lambda: None,
     )
     monkeypatch.setattr(analysis, "settle", lambda solver, factor: 0)
-    return *analysis._climb(solver, 1)[:2], taken
+    monkeypatch.setattr(analysis, "_reached", lambda solver, factor: factor)
+    path = []
+    cuts, _ = analysis._climb(solver, 1, path)
+    return len(path), cuts, taken
 
 
 def test_a_step_that_fails_is_tried_with_lower_penalties_before_it_is_cut(monkeypatch):

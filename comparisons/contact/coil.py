@@ -116,6 +116,26 @@ class Coil:
             raise InputError(f"coil: the coils of wire {self.wire:.4g} touch at rest; a larger lead or a thinner wire")
         return float(brentq(self.clearance, 0.0, self.height, xtol=1e-12 * self.height))
 
+    def flattened(self, force: float) -> float:
+        """Return what active turns between two rigid ones are shortened by when they press on each other.
+
+        Each is a cylinder between two lines, of load ``q``, which approach its axis by
+        ``q (1 - nu^2) / (pi E) (2 ln(4 r / b) - 1)`` each, ``b`` Hertz' half width (K. L. Johnson, Contact Mechanics
+        (1985), eq. 5.57).
+
+        Parameters
+        ----------
+        force
+            Between turns: what the spring takes more than at touch.
+        """
+        line = force / (2.0 * np.pi * self.radius_at(self.touch()))
+        radius, plane = 0.5 * self.wire, self.E / (1.0 - self.nu**2)
+        sides = []
+        for modulus in (0.5 * plane, plane):
+            half_width = np.sqrt(2.0 * line * radius / (np.pi * modulus))
+            sides.append(line / (np.pi * plane) * (2.0 * np.log(4.0 * radius / half_width) - 1.0))
+        return float((2.0 * self.turns - 2.0) * sides[0] + 2.0 * sides[1])
+
     def sideways(self) -> float:
         """Return the force between turns, without friction, from which they slide off each other sideways.
 

@@ -148,8 +148,9 @@ def _scene_parser(name: str, scene: Any) -> Parser:
         add_fields(parser, scene)
     analyses = scenes.analyses(scene)
     if "statics" in analyses:
+        steps = getattr(scene, "load_steps", 1)
         parser.add_argument(
-            "--load-steps", type=int, default=1, metavar="int", help="equal load steps to start with (1)"
+            "--load-steps", type=int, default=steps, metavar="int", help=f"equal load steps to start with ({steps})"
         )
     if "modal" in analyses:
         parser.add_argument("--modes", type=int, default=10, metavar="int", help="modes besides rigid ones (10)")

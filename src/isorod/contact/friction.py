@@ -1,6 +1,6 @@
 """Friction as the operator of contact sees it: forces, tangent, and the history from step to step."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -44,8 +44,8 @@ class FrictionOperator:
     history
         Anchors at the start of the step (`isorod.contact.friction_kernel.ANCHOR`).
     before
-        Positions at the start of the step, ``(nodes, 3)``: what was not pressed then has its anchor where it was
-        nearest to.  Where there are none, it has one from the end of the step on.
+        Positions at the start of the step, ``(nodes, 3)``: what was not pressed then has its anchor where it has come
+        into contact since (`isorod.contact.friction_kernel.catch`).  Where there are none, it has one from the end of the step on.
     blocks
         Pattern of the tangent by anchors that are not where the feet are.
     """
@@ -55,6 +55,9 @@ class FrictionOperator:
         self._friction = pack(model, packed)
         self.history = self._friction.anchors.copy()
         self.before: Array | None = None
+        self._ahead: Array = np.empty((0, 3))
+        # Where obstacles were then.
+        self._places = packed.passes["point"].copy()
         # Anchors of points that were first pressed in this step.
         self._caught = self.history.copy()
         self.blocks = Blocks(HANGING, self._nodes)
@@ -63,6 +66,16 @@ class FrictionOperator:
         nodes, others = np.empty(NODES, dtype=np.int64), np.empty(3 * FUNCTIONS, dtype=np.int64)
         patch = np.array([tuple(hanging)[:-2]], PATCH)[0]
         return nodes[: patch_nodes(self._packed, patch, nodes)], others[: anchor_nodes(self._packed, hanging, others)]
+
+    def keep(self) -> Callable[[], None]:
+        """Return what takes the history, and the points it is of, back to what they are now."""
+        now, history = dict(vars(self)), self.history.copy()
+
+        def back() -> None:
+            vars(self).update(now)
+            self.history[:] = history
+
+        return back
 
     def take(self, packed: Packed) -> None:
         """Let other points of the same sides go on: at the start of the step they hang as the nearest of those did."""
@@ -83,17 +96,25 @@ class FrictionOperator:
         self.history = self._friction.anchors.copy()
         self._caught = np.full(self.history.size, NO_ANCHOR)
 
+    def foresee(self, positions: Array) -> None:
+        """Say where, without what comes into contact, the step leads."""
+        self._ahead = positions
+        self._caught[:] = NO_ANCHOR
+
     def add_forces(self, positions: Array, forces: Array) -> float:
         """Add the forces after those of the pressure at the same positions, and return the energy."""
         self._friction.anchors[:] = self.history
         if self.before is not None:
-            catch(self._packed, self._friction, self.before, self._caught)
+            passes = self._packed.passes
+            moved = np.einsum("pa,pa->p", passes["point"] - self._places, passes["direction"])
+            catch(self._packed, self._friction, moved, self.before, self._ahead, self._caught)
         return float(add_friction(self._packed, self._friction, positions, False, forces)[0])
 
     def accept(self, positions: Array) -> float:
         """Make a state, that of the last forces, the start of the next step; return what was dissipated on the way."""
         spent = add_friction(self._packed, self._friction, positions, True, np.zeros_like(positions))
         self.history[:] = self._friction.anchors
+        self._places, self._ahead = self._packed.passes["point"].copy(), positions
         self._caught[:] = NO_ANCHOR
         return float(spent[1])
 

@@ -159,9 +159,38 @@ def _same_surface(packed: Packed, element: int, other: int) -> bool:
     return packed.elements[element].surface == packed.elements[other].surface
 
 
-@njit(void(PACKED, FRICTION, F2, ANCHORS), **FAST)
-def catch(packed: Packed, friction: Friction, before: Array, caught: Table) -> None:
-    """Give pressed points that have no anchor one: where they were nearest to at the start of a step.
+@njit(void(PACKED, PASS_ROW, i8, F2, F1), **FAST)
+def _slave_at(packed: Packed, one: Row, point: int, positions: Array, x: Array) -> None:
+    """Fill ``x`` with where a slave point is at positions of the nodes."""
+    slave = packed.surfaces[one.slave]
+    at = site(one, slave, point)
+    layers, phi, axial = packed.elements[at.element].layers, packed.around[at.around], packed.along[at.along]
+    x[:] = 0.0
+    for j in range(slave.functions):
+        for c in range(3):
+            for a in range(3):
+                x[a] += axial[j] * phi[c] * positions[layers[j] + (at.arc + c - 1) % slave.around, a]
+
+
+@njit(f8(PACKED, PASS_ROW, i8, F1, F2, STARTS, FOOT, _ANCHOR_ROW), **FAST)
+def _near(
+    packed: Packed, one: Row, point: int, x: Array, positions: Array, start: Table, foot: Foot, anchor: Row
+) -> float:
+    """Put an anchor where the master of a point's foot is nearest to ``x``, and return the gap there."""
+    _put(packed, one, point, x, positions, start, foot, anchor)
+    if one.master < 0:
+        return rigid_gap(one, x, foot.normal)
+    place_of(packed, one, anchor, positions, foot)
+    for a in range(3):
+        foot.d[a] = x[a] - foot.y[0, a]
+    return surface_gap(foot, packed.states[point].edge)
+
+
+@njit(void(PACKED, FRICTION, F1, F2, F2, ANCHORS), **FAST)
+def catch(packed: Packed, friction: Friction, moved: Array, before: Array, ahead: Array, caught: Table) -> None:
+    """Give pressed points that have no anchor one: where they came into contact.
+
+    That is where, on the straight way from the start of a step to where it leads without them, the gap closes.
 
     Parameters
     ----------
@@ -169,18 +198,19 @@ def catch(packed: Packed, friction: Friction, before: Array, caught: Table) -> N
         As the last forces left it.
     friction
         Its anchors are changed.
-    before
-        Positions at the start of the step, shape ``(nodes, 3)``.
+    moved
+        How far the obstacle of each pass has moved along its normal since then.
+    before, ahead
+        Positions at the start of the step, and at its end as then foreseen, shape ``(nodes, 3)``.
     caught
         Anchors that points were given so far, rows of `ANCHOR`: those on the same master are good again.
     """
-    foot, x = new_foot(), np.empty(3)
+    foot, x, y = new_foot(), np.empty(3), np.empty(3)
     for k in range(packed.passes.size):
         one = packed.passes[k]
         if friction.coefficients[k] == 0.0:
             continue
-        slave = packed.surfaces[one.slave]
-        for point in range(one.first_point, end_of(one, slave)):
+        for point in range(one.first_point, end_of(one, packed.surfaces[one.slave])):
             anchor = friction.anchors[point]
             if anchor.element >= 0 or not packed.states[point].pressure > 0.0:
                 continue
@@ -188,14 +218,18 @@ def catch(packed: Packed, friction: Friction, before: Array, caught: Table) -> N
             if known >= 0 and (one.master < 0 or _same_surface(packed, known, packed.starts[point].element)):
                 friction.anchors[point] = caught[point]
                 continue
-            at = site(one, slave, point)
-            layers, phi, axial = packed.elements[at.element].layers, packed.around[at.around], packed.along[at.along]
-            x[:] = 0.0
-            for j in range(slave.functions):
-                for c in range(3):
-                    for a in range(3):
-                        x[a] += axial[j] * phi[c] * before[layers[j] + (at.arc + c - 1) % slave.around, a]
-            _put(packed, one, point, x, before, friction.start, foot, anchor)
+            _slave_at(packed, one, point, ahead, x)
+            then = _near(packed, one, point, x, ahead, friction.start, foot, anchor)
+            place_of(packed, one, anchor, before, foot)
+            y[:] = foot.y[0]
+            _slave_at(packed, one, point, before, x)
+            gap = _near(packed, one, point, x, before, friction.start, foot, anchor) + moved[k]
+            share = max(0.0, gap) / (gap - then) if gap > then else 0.0
+            if share > 0.0:
+                place_of(packed, one, anchor, before, foot)
+                for a in range(3):
+                    y[a] = foot.y[0, a] + min(1.0, share) * (y[a] - foot.y[0, a])
+                _put(packed, one, point, y, before, friction.start, foot, anchor)
             caught[point] = friction.anchors[point]
 
 

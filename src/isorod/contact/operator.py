@@ -1,5 +1,6 @@
 """Contact as the assembler sees it: forces and exact tangent on the degrees of freedom of a model, of one rank."""
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -142,6 +143,11 @@ class ContactOperator:
         self.friction.before = positions if self.long_steps else None
         return self.friction.accept(positions)
 
+    def foresee(self, displacement: Array) -> None:
+        """Say where a step that has begun leads, as far as is known: what comes into contact does so on that way."""
+        if self.friction is not None:
+            self.friction.foresee(self._positions(displacement))
+
     def tangent(self, displacement: Array) -> Array:
         """Set and return ``values``, minus the derivatives of the forces at ``rows`` and ``columns``.
 
@@ -248,6 +254,21 @@ class ContactOperator:
         self.points = points
         self._take(self._packed(points))
         return True
+
+    def keep(self) -> Callable[[], None]:
+        """Return what takes points, multipliers, penalties and friction back to what they are now."""
+        packed, points, stiffness, friction = self.packed, self.points, self._stiffness, self.friction
+        multipliers, penalties = packed.multipliers.copy(), packed.passes["penalty"].copy()
+        undo = None if friction is None else friction.keep()
+
+        def back() -> None:
+            self.packed, self.points, self._stiffness = packed, points, stiffness
+            packed.multipliers[:], packed.passes["penalty"][:] = multipliers, penalties
+            packed.forget()
+            if undo is not None:
+                undo()
+
+        return back
 
     def _take(self, packed: Packed) -> None:
         """Go on with other points."""

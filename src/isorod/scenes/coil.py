@@ -33,23 +33,25 @@ _SEAT = 1.0 - 1e-6
 class Coil(Checked):
     """Round wire in coils whose ends are kept from turning about the axis and moved together; it touches itself.
 
-    Love's wire stays a helix: its end faces turn about the radial line through them as the coils lie down, and move
-    outwards as these widen (``ends`` ``"laid"``).  All coils of that helix touch at once, and what it takes to push
-    them farther goes through the wires above each other at the ends.
+    Love's wire stays a helix of so many turns, which widens as its coils lie down.  It goes on for a turn at either
+    end, held in a seat that lies down with it (``ends`` ``"laid"``).  So all coils touch at once, each bears the next on
+    its whole length, and the stack is as stiff as wires that are flattened.  Without friction coils that press on each
+    other slide off sideways, the sooner the thinner the wire.
 
     A spring as it is bought (``"closed"``) has one turn more at either end, which lies flat on a rigid plate until it
     has to rise above its own tip.  The upper plate moves; the plates hold the wire, but for the tips of its ends, which
     stay above each other (supports that keep ``x`` and ``y``).
-
-    Without friction coils that press on each other slide off sideways, the sooner the thinner the wire.
     """
 
     analysis: ClassVar[str] = "statics"
     units: ClassVar[dict[str, str]] = {
         "force": "(unit of E x length^2; mm and MPa give N)",
+        "travels": "(at each load step)",
+        "forces": "(there)",
         "contact_force": "(unit of E x length^2)",
         "relative_penetration": "(of the wire's radius)",
     }
+    load_steps: ClassVar[int] = 10
 
     coils: int = option(5, "number of turns")
     coil_radius: float = option(10.0, "radius of the helix, to the wire's centre [length]")
@@ -57,11 +59,11 @@ class Coil(Checked):
     wire_radius: float = option(1.0, "radius of the wire [length]")
     E: float = option(210e3, "Young's modulus [force/area]")
     nu: float = option(0.3, "Poisson's ratio")
-    push: float = option(40.0, "what the spring is shortened by [length]")
+    push: float = option(45.4, "what the spring is shortened by [length]")
     ends: str = option(
-        "laid", "end faces: laid (they lie down with the coils), clamped (as they are); or closed, between two plates"
+        "laid", "laid (in seats that lie down with the coils), clamped (end faces as they are), closed (between plates)"
     )
-    friction: float = option(0.0, "coefficient of friction")
+    friction: float = option(0.15, "coefficient of friction")
     section_points: int = option(8, "control points round the wire, at least 3")
     elements_per_turn: int = option(HELIX_ELEMENTS, f"elements a turn, a multiple of {HELIX_ELEMENTS}")
     order: int = option(2, "polyharmonic order K of functions of the control points, 1 to 6")
@@ -84,7 +86,8 @@ class Coil(Checked):
         pitch, room = self.height / max(self.coils, 1), 2.0 * (1.0 + _CLEAR) * self.wire_radius
         if self.ends == "closed" and not pitch > room:
             raise InputError(f"lead: got {self.lead:g} degrees, a pitch of {pitch:.3g}; closed ends need {room:.3g}")
-        line = self._closed(pitch) if self.ends == "closed" else helix(self.coil_radius, pitch, self.coils)
+        turns = self.coils + (0 if self.ends == "clamped" else 2)
+        line = self._closed(pitch) if self.ends == "closed" else helix(self.coil_radius, pitch, turns)
         return line.sweep(section.circle(self.section_points, self.wire_radius))
 
     def _closed(self, pitch: float) -> CenterLine:
@@ -140,19 +143,30 @@ class Coil(Checked):
             raise InputError(f"ends: got {self.ends!r}, need {' or '.join(ENDS)}")
         if self.ends == "closed":
             return [Support.end(space, "start", "xy"), Support.end(space, "end", "xy")]
-        down, outwards, turn = np.array([0.0, 0.0, -self.push]), np.zeros(3), (0.0, 0.0, 0.0)
-        if self.ends == "laid":
-            # Both ends are on the x axis, seen from above.
-            lead, sine = np.radians(self.lead), (self.height - self.push) / self._length
-            if not abs(sine) < 1.0:
-                raise InputError(f"push: got {self.push:g}, the wire is not as long")
-            lies = np.arcsin(sine)
-            outwards[0] = self.coil_radius * (np.cos(lies) / np.cos(lead) - 1.0)
-            turn = (float(lies - lead), 0.0, 0.0)
-        return [
-            Support.end(space, "start", displacement=_three(outwards), turn=turn),
-            Support.end(space, "end", displacement=_three(outwards + down), turn=turn),
-        ]
+        if self.ends == "clamped":
+            down = (0.0, 0.0, -self.push)
+            return [Support.end(space, "start"), Support.end(space, "end", displacement=down)]
+        return self._laid(space)
+
+    def _laid(self, space: "Space") -> "list[Support]":
+        """Return supports of the turns beyond the active ones, which move as Love's helix does."""
+        from isorod.model.support import Support
+
+        rod, axis, pitch = space.rod, space.axis, self.height / self.coils
+        sine = (self.height - self.push) / self._length
+        if not abs(sine) < 1.0:
+            raise InputError(f"push: got {self.push:g}, the wire is not as long")
+        wider = np.cos(np.arcsin(sine)) / np.cos(np.radians(self.lead))
+        laid = helix(self.coil_radius * wider, pitch - self.push / self.coils, self.coils + 2)
+        there = laid.sweep(section.circle(self.section_points, self.wire_radius))
+        change = rod.axis.transfer(axis, there.control_points - rod.control_points)
+        moved = space.basis.positions(change).reshape(-1, 3)
+        moved[space.is_carrier, 2] += self.push / self.coils
+        places, (first, last) = bspline.greville(axis.knots, axis.degree), axis.breaks[[0, -1]]
+        turn = (last - first) / (self.coils + 2)
+        nodes = np.arange(space.nodes).reshape(space.layers, -1)
+        ends = nodes[places < first + turn + 1e-9], nodes[places > last - turn - 1e-9]
+        return [Support(end.ravel(), displacement=moved[end.ravel()], space=space) for end in ends]
 
     @property
     def _length(self) -> float:
@@ -160,11 +174,13 @@ class Coil(Checked):
         return self.height / float(np.sin(np.radians(self.lead)))
 
     def measure(self, solution: "Equilibrium") -> dict[str, object]:
-        """Return the force that pushes the end, and the force of the coils on each other."""
+        """Return the force that pushes the end, now and on the way, and the force of the coils on each other."""
         contact, *plates = solution.contacts
         pushed = plates[-1].resultant if plates else solution.reactions[1]
         return {
             "force": -float(pushed[2]),
+            "travels": [step.factor * self.push for step in solution.path],
+            "forces": [step.push if plates else -float(step.reactions[1, 2]) for step in solution.path],
             "contact_force": contact.force,
             "relative_penetration": max(one.relative_penetration for one in solution.contacts),
         }

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from time import perf_counter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from petsc4py import PETSc
@@ -36,6 +36,19 @@ _WARY = 4
 
 # Before that, penalties of contact are lowered by this factor.
 SOFTER = 0.03
+
+
+class Step(NamedTuple):
+    """Where a load step of a model with contact ended.
+
+    Its load factor, the forces of the supports on the model ``(supports, 3)``, and the sum of the normal forces of
+    obstacles that move.  Without friction multipliers are added at the full load alone, and what is before it is as the
+    penalty says.
+    """
+
+    factor: float
+    reactions: Array
+    push: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,6 +110,7 @@ class Equilibrium(State):
     moments: Array = field(default_factory=lambda: np.zeros((0, 3)))
     work: float = 0.0
     stabilisation: "tuple[float, int] | None" = None
+    path: Sequence[Step] = ()
 
     def __repr__(self) -> str:
         forces = [f"support {k} ({', '.join(f'{x:.6g}' for x in force)})" for k, force in enumerate(self.reactions[:5])]
@@ -220,8 +234,9 @@ def _solve(model: Model, load_steps: int, comm: PETSc.Comm | None, start_at: Arr
             assembler.contact.space_evenly()
         setup = perf_counter() - start
         assembler.seconds = 0.0
-        found = _begin(solver, start_at)
-        steps, cuts, augmentations = _climb(solver, load_steps) if found is None else (1, 0, found)
+        path = list[Step]()
+        found = _begin(solver, start_at, path)
+        cuts, augmentations = _climb(solver, load_steps, path) if found is None else (0, found)
         held = solver.settle()
         forces = assembler.reactions(solver.x, 1.0)
         displacement = assembler.displacement(solver.x, 1.0)
@@ -242,7 +257,7 @@ def _solve(model: Model, load_steps: int, comm: PETSc.Comm | None, start_at: Arr
             reactions=reactions,
             moments=moments,
             work=float(forces @ model.prescribed(1.0)[model.bound]),
-            load_steps=steps,
+            load_steps=len(path),
             cuts=cuts,
             newton_iterations=solver.iterations,
             linear_iterations=solver.linear_iterations,
@@ -255,41 +270,39 @@ def _solve(model: Model, load_steps: int, comm: PETSc.Comm | None, start_at: Arr
             augmentations=augmentations,
             pressures=assembler.pressures(solver.x),
             stabilisation=None if held is None else (held.left, held.rounds),
+            path=path if assembler.contact is not None else (),
         )
     finally:
         solver.destroy()
 
 
-def _begin(solver: Newton, start: Array | None) -> int | None:
+def _begin(solver: Newton, start: Array | None, path: list[Step]) -> int | None:
     """Look for the equilibrium near a displacement; return how often multipliers were updated, None if it fails."""
     contact = solver.assembler.contact
     if start is None or (contact is not None and contact.friction is not None) or not solver.begin(start):
         return None
     solver.settle()
-    return 0 if contact is None else settle(solver, 1.0)
+    updates = 0 if contact is None else _settle_in_the_end(solver)
+    path.append(_reached(solver, 1.0))
+    return updates
 
 
-def _climb(solver: Newton, load_steps: int) -> tuple[int, int, int]:
-    """Go to the full load; return how many steps were taken, and cut, and how often multipliers were updated.
-
-    Friction depends on the path, so multipliers are right at the end of each step where there is some.
-    """
+def _climb(solver: Newton, load_steps: int, path: list[Step]) -> tuple[int, int]:
+    """Go to the full load; return how many steps were cut, and how often multipliers were updated; fill the path."""
     contact = solver.assembler.contact
     rubs = contact is not None and contact.friction is not None
     stages = solver.assembler.model.stages
-    factor, step, steps, cuts, augmentations = 0.0, 1.0 / load_steps, 0, 0, 0
+    factor, step, cuts, augmentations = 0.0, 1.0 / load_steps, 0, 0
     smallest, quick = step / 2**HALVINGS, 0
     while factor < 1.0:
         end = next(stage for stage in stages if stage > factor)
         target = end if factor + step > end - 1e-12 else factor + step
-        if contact is not None and rubs:
-            contact.place(factor)
-            contact.accept(solver.assembler.displacement(solver.x, factor))
         try:
-            solves = solver.advance(factor, target)
+            solves, updates = _rub(solver, factor, target) if rubs else (solver.advance(factor, target), 0)
         except Diverged as problem:
             deep = isinstance(problem, TooDeep)
-            if contact is not None and not deep and contact.may_soften:
+            # Springs of friction are as stiff as penalties: what rubs would slide farther on the way than it has to.
+            if contact is not None and not rubs and not deep and contact.may_soften:
                 contact.stiffen(SOFTER)
                 continue
             if contact is not None and deep and contact.is_soft:
@@ -300,16 +313,57 @@ def _climb(solver: Newton, load_steps: int) -> tuple[int, int, int]:
                 raise SolveError(f"load factor {target:.6g}: {problem}") from None
             continue
         factor = target
-        steps += 1
         if factor == end:
             solver.forget_path()
         if factor == 1.0:
             solver.settle()
-        if contact is not None and (rubs or factor == 1.0):
-            augmentations += settle(solver, factor)
+            if contact is not None and (not rubs or solver.stabilisation is not None):
+                updates += _settle_in_the_end(solver)
+        augmentations += updates
+        path.append(_reached(solver, factor))
         quick = quick + 1 if solves <= (_QUICK if contact is None else _QUICK_TOUCHING) else 0
         if factor == end:
             step, quick = 1.0 / load_steps, 0
         elif quick > (0 if contact is None else min(cuts, _WARY)):
             step, quick = 2.0 * step, 0
-    return steps, cuts, augmentations
+            if rubs:
+                # Whoever asks for more steps, since friction depends on the path, gets them.
+                step = min(step, 1.0 / load_steps)
+    return cuts, augmentations
+
+
+def _rub(solver: Newton, factor: float, target: float) -> tuple[int, int]:
+    """Take a load step with friction; return how many linear solves it took, and updates of multipliers.
+
+    Friction depends on the path, so multipliers are right at the end of each step.
+    """
+    contact = solver.assembler.contact
+    assert contact is not None
+    contact.place(factor)
+    contact.accept(solver.assembler.displacement(solver.x, factor))
+    start, undo = solver.x.copy(), contact.keep()
+    solves = solver.advance(factor, target)
+    try:
+        return solves, settle(solver, target)
+    except Diverged:
+        # Shorter steps, whose points stick where they have touched, bring it nearer.
+        start.copy(solver.x)
+        undo()
+        solver.forget_path()
+        raise
+
+
+def _settle_in_the_end(solver: Newton) -> int:
+    try:
+        return settle(solver, 1.0)
+    except Diverged as problem:
+        raise SolveError(str(problem)) from None
+
+
+def _reached(solver: Newton, factor: float) -> Step:
+    """Return where a step has ended, and without contact, where nobody asks, the load factor alone."""
+    assembler = solver.assembler
+    if assembler.contact is None:
+        return Step(factor, np.empty((0, 3)), 0.0)
+    forces = support_forces(assembler.model, assembler.reactions(solver.x, factor))
+    return Step(factor, forces, assembler.contact.push())

@@ -38,6 +38,8 @@ def settle(solver: Newton, factor: float) -> int:
 
     Raises
     ------
+    Diverged
+        If there is no equilibrium with more points, or other multipliers.
     SolveError
         If penetration does not fall to what is asked for.
     """
@@ -71,7 +73,7 @@ def _advance(solver: Newton, factor: float, what: str) -> None:
     try:
         solver.advance(factor, factor)
     except Diverged as problem:
-        raise SolveError(f"{what}: {problem}") from None
+        raise Diverged(f"{what}: {problem}") from None
 
 
 def _deepest(solver: Newton, factor: float, contact: "ContactOperator") -> tuple[float, str]:
@@ -110,7 +112,7 @@ def _in_cells(solver: Newton, factor: float, contact: "ContactOperator", count: 
         if problem is not None and depth <= 1.0:
             break
         if problem is not None:
-            raise SolveError(f"augmented Lagrangian, update {count + 1}: {problem}")
+            raise Diverged(f"augmented Lagrangian, update {count + 1}: {problem}")
         count, last = count + 1, depth
     return count
 
@@ -129,5 +131,5 @@ def _at_points(solver: Newton, factor: float, contact: "ContactOperator", count:
             raised += 1
         problem = _update(solver, factor, contact, in_cells=False)
         if problem is not None:
-            raise SolveError(f"augmented Lagrangian, update {count + 1}: {problem}")
+            raise Diverged(f"augmented Lagrangian, update {count + 1}: {problem}")
         count, last = count + 1, depth

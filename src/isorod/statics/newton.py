@@ -239,6 +239,8 @@ class Newton:
         if self._bend(rate, step):
             # The extrapolated stress belongs to a straight step.
             assembler.extrapolate()
+        if assembler.contact is not None and step:
+            assembler.contact.foresee(assembler.displacement(self._trial, factor + step))
         return self._force.norm(), rate
 
     def _solve_linear(self, factor: float) -> None:
