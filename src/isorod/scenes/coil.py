@@ -35,8 +35,8 @@ class Coil(Checked):
 
     Love's wire stays a helix of so many turns, which widens as its coils lie down.  It goes on for a turn at either
     end, held in a seat that lies down with it (``ends`` ``"laid"``).  So all coils touch at once, each bears the next
-    on its whole length, and the stack is as stiff as wires that are flattened.  Without friction coils that press on each
-    other slide off sideways, the sooner the thinner the wire.
+    on its whole length, and the stack is as stiff as wires that are flattened.  Without friction coils that press on
+    each other slide off sideways, the sooner the thinner the wire.
 
     A spring as it is bought (``"closed"``) has one turn more at either end, which lies flat on a rigid plate until it
     has to rise above its own tip.  The upper plate moves; the plates hold the wire, but for the tips of its ends, which
