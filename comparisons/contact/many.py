@@ -26,6 +26,7 @@ from isorod.contact import operator
 from isorod.contact.force_kernel import Pressing
 from isorod.contact.packed import Packed
 from isorod.errors import InputError
+from isorod.geometry.center_line import HELIX_ELEMENTS
 from isorod.output import results
 from isorod.scenes.strand import Strand
 
@@ -146,7 +147,7 @@ def draw(records: Sequence[dict[str, Any]], path: Path) -> None:
     for space in sorted({(one["section_points"], one["parts"]) for one in records}):
         runs = [one for one in records if (one["section_points"], one["parts"]) == space]
         wires = [one["wires"] for one in runs]
-        name = f"isorod, {space[0]} points a section, {space[1]} parts"
+        name = f"isorod, {space[0]} points a section, {space[1] * HELIX_ELEMENTS} elements"
         left.plot(wires, [one["seconds"] / one["wires"] for one in runs], "o-", label=name)
         right.plot(wires, [one["memory"] / one["wires"] / 1e6 for one in runs], "o-", label=name)
     left.plot(list(PUBLISHED), [time / wires for wires, time in PUBLISHED.items()], "ks--", label="beams, published")
