@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 LENGTHS = "core_radius", "wire_radius", "pitch", "length"
 
 # The penalty between layers that cross, in moduli per radius of a wire, how deep they may lie in each other, in radii
-# (force and torque are then within 0.3 per cent of those with none), and how far points along a wire are apart at most.
+# (the force is then some 0.3 per cent lower than with less), and how far points along a wire are apart at most.
 _SOFT, _DEEP, _APART = 0.1, 3e-3, 0.5
 
 # Wires in the first layer, and as many more in each further one.
