@@ -3,8 +3,8 @@
 Each strand is pulled in a process of its own, on one thread.  In the folder (results) there are then ``many.jsonl``, a
 record a run; ``many.md``, a table; and ``many.png``: time and memory a wire, beside the times that a Python code of
 beams with friction reports for as many wires (92 to 1,476 s; its friction converged up to 37 wires).  Times are those
-of the processor, of one thread.  All are pulled on a finer space too, and forces compared with those of thin rods that
-lie on each other without friction (`comparisons.contact.strand`).
+of the processor, of one thread.  Up to 37 wires are pulled on a finer space too, up to 19 on a third, and all forces
+compared with those of thin rods that lie on each other without friction (`comparisons.contact.strand`).
 
 ``python -m comparisons.contact.many --one LAYERS SECTION_POINTS PARTS`` is one such run, which prints its record.
 """
@@ -38,10 +38,9 @@ LAYERS = {7: 1, 19: 2, 37: 3, 61: 4, 91: 5}
 # What all have: the whole first layer goes round once.
 SCENE: dict[str, Any] = {"length": 115.0, "strain": 0.002, "friction": 0.115}
 
-# Section points and parts of an element: of all strands, of those refined, and of the smaller ones refined again.
+# Section points and parts of an element: of all strands, and of those of so many wires and fewer.
 SPACE = 6, 1
-FINER, FINEST = (6, 2), (12, 2)
-SMALL = 19
+FINER = {37: (6, 2), 19: (12, 2)}
 
 # In a short first step, in which wires are drawn together, they are thrown less far into each other; once they touch,
 # steps double.  It takes more iterations than others.
@@ -154,7 +153,7 @@ def draw(records: Sequence[dict[str, Any]], path: Path) -> None:
     for axes, what in ((left, "time a wire, one thread [s]"), (right, "memory a wire [MB]")):
         axes.set(xlabel="wires", ylabel=what, ylim=(0.0, None), xticks=list(PUBLISHED))
         axes.grid(True, alpha=0.3)
-    left.legend(frameon=False)
+    figure.legend(*left.get_legend_handles_labels(), loc="outside upper center", ncols=2, frameon=False)
     results.write_beside(path, partial(figure.savefig, dpi=130))
     pyplot.close(figure)
 
@@ -163,7 +162,7 @@ def study(folder: Path, chosen: Sequence[int]) -> str:
     """Run all strands of so many wires; write records, table and plot, after each run anew, and return the table."""
     records: list[dict[str, Any]] = []
     for wires in chosen:
-        for space in (SPACE, FINER, *((FINEST,) if wires <= SMALL else ())):
+        for space in (SPACE, *(finer for most, finer in FINER.items() if wires <= most)):
             arguments = ["--one", *map(str, (LAYERS[wires], *space))]
             found = timing.run("comparisons.contact.many", arguments, timeout=7200.0)
             results.append(folder / "many.jsonl", results.provenance() | found)
