@@ -2,8 +2,9 @@
 
 Each strand is pulled in a process of its own, on one thread.  In the folder (results) there are then ``many.jsonl``, a
 record a run; ``many.md``, a table; and ``many.png``: time and memory a wire, beside the times that a Python code of
-beams with friction reports for as many wires (92 to 1,476 s; its friction converged up to 37 wires).  The smaller
-strands are pulled on finer spaces too.
+beams with friction reports for as many wires (92 to 1,476 s; its friction converged up to 37 wires).  Times are those
+of the processor, of one thread.  Up to 37 wires are pulled on a finer space too, up to 19 on a third, and all forces
+compared with those of thin rods that lie on each other without friction (`comparisons.contact.strand`).
 
 ``python -m comparisons.contact.many --one LAYERS SECTION_POINTS PARTS`` is one such run, which prints its record.
 """
@@ -12,9 +13,12 @@ import sys
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from time import perf_counter
+from time import perf_counter, process_time
 from typing import Any
 
+import numpy as np
+
+from comparisons.contact import strand
 from comparisons.measure import timing
 from isorod import options, statics
 from isorod.arrays import Array
@@ -22,6 +26,7 @@ from isorod.contact import operator
 from isorod.contact.force_kernel import Pressing
 from isorod.contact.packed import Packed
 from isorod.errors import InputError
+from isorod.geometry.center_line import HELIX_ELEMENTS
 from isorod.output import results
 from isorod.scenes.strand import Strand
 
@@ -33,10 +38,13 @@ LAYERS = {7: 1, 19: 2, 37: 3, 61: 4, 91: 5}
 # What all have: the whole first layer goes round once.
 SCENE: dict[str, Any] = {"length": 115.0, "strain": 0.002, "friction": 0.115}
 
-# Section points and parts of an element: of all strands, and of those refined, up to so many wires.
+# Section points and parts of an element: of all strands, and of those of so many wires and fewer.
 SPACE = 6, 1
-FINER = ((6, 2), (12, 2))
-REFINED = 19
+FINER = {37: (6, 2), 19: (12, 2)}
+
+# In a short first step, in which wires are drawn together, they are thrown less far into each other; once they touch,
+# steps double.  It takes more iterations than others.
+STEPS, PETSC = 8, {"snes_max_it": 50}
 
 
 class _Watch:
@@ -62,9 +70,9 @@ def measure(layers: int, section_points: int, parts: int) -> dict[str, Any]:
     statics.solve(Strand(layers=1, section_points=6, parts=1, length=15.0, strain=1e-4, friction=0.1).model())
     watch = _Watch()
     operator.add_forces = watch  # type: ignore[assignment]
-    start = perf_counter()
-    solution = statics.solve(scene.model())
-    seconds = perf_counter() - start
+    start = process_time()
+    solution = statics.solve(scene.model(), load_steps=STEPS, petsc=PETSC)
+    seconds = process_time() - start
     steps = solution.seconds["assembly"] + solution.seconds["solve"]
     return {
         "wires": len(solution.model.bodies),
@@ -77,8 +85,17 @@ def measure(layers: int, section_points: int, parts: int) -> dict[str, Any]:
         "solves": solution.newton_iterations,
         "load_steps": solution.load_steps,
         "cuts": solution.cuts,
+        "thin": thin(scene),
         **scene.measure(solution),
     }
+
+
+def thin(scene: Strand) -> float:
+    """Return the force of a strand of thin rods."""
+    pitches = (2.0 * np.pi * scene.layer_radius(k) / np.tan(scene.lay_angle) for k in range(1, scene.layers + 1))
+    core, wire = (strand.Wire(radius, scene.E, scene.nu) for radius in (scene.core_radius, scene.wire_radius))
+    layers = (strand.Layer(6 * k, wire, -((-1) ** k) * pitch) for k, pitch in enumerate(pitches, 1))
+    return float(strand.Strand(core, tuple(layers)).stiffness()[0, 0] * scene.strain)
 
 
 def table(records: Sequence[dict[str, Any]]) -> str:
@@ -94,6 +111,7 @@ def table(records: Sequence[dict[str, Any]]) -> str:
         "solves",
         "force [N]",
         "to the finest",
+        "to thin rods",
     )
     lines = [f"| {' | '.join(head)} |", f"|{'---|' * len(head)}"]
     for one in records:
@@ -111,6 +129,7 @@ def table(records: Sequence[dict[str, Any]]) -> str:
             str(one["solves"]),
             f"{one['force']:.0f}",
             off,
+            f"{100.0 * (one['force'] / one['thin'] - 1.0):+.2f} %",
         )
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines) + "\n"
@@ -127,14 +146,14 @@ def draw(records: Sequence[dict[str, Any]], path: Path) -> None:
     for space in sorted({(one["section_points"], one["parts"]) for one in records}):
         runs = [one for one in records if (one["section_points"], one["parts"]) == space]
         wires = [one["wires"] for one in runs]
-        name = f"isorod, {space[0]} points a section, {space[1]} parts"
+        name = f"isorod, {space[0]} points a section, {space[1] * HELIX_ELEMENTS} elements"
         left.plot(wires, [one["seconds"] / one["wires"] for one in runs], "o-", label=name)
         right.plot(wires, [one["memory"] / one["wires"] / 1e6 for one in runs], "o-", label=name)
     left.plot(list(PUBLISHED), [time / wires for wires, time in PUBLISHED.items()], "ks--", label="beams, published")
-    for axes, what in ((left, "time a wire [s]"), (right, "memory a wire [MB]")):
+    for axes, what in ((left, "time a wire, one thread [s]"), (right, "memory a wire [MB]")):
         axes.set(xlabel="wires", ylabel=what, ylim=(0.0, None), xticks=list(PUBLISHED))
         axes.grid(True, alpha=0.3)
-    left.legend(frameon=False)
+    figure.legend(*left.get_legend_handles_labels(), loc="outside upper center", ncols=2, frameon=False)
     results.write_beside(path, partial(figure.savefig, dpi=130))
     pyplot.close(figure)
 
@@ -143,7 +162,7 @@ def study(folder: Path, chosen: Sequence[int]) -> str:
     """Run all strands of so many wires; write records, table and plot, after each run anew, and return the table."""
     records: list[dict[str, Any]] = []
     for wires in chosen:
-        for space in (SPACE, *(FINER if wires <= REFINED else ())):
+        for space in (SPACE, *(finer for most, finer in FINER.items() if wires <= most)):
             arguments = ["--one", *map(str, (LAYERS[wires], *space))]
             found = timing.run("comparisons.contact.many", arguments, timeout=7200.0)
             results.append(folder / "many.jsonl", results.provenance() | found)

@@ -18,8 +18,9 @@ if TYPE_CHECKING:
 
 LENGTHS = "core_radius", "wire_radius", "pitch", "length"
 
-# The penalty between layers that cross, in moduli per radius of a wire.
-_SOFT = 0.1
+# The penalty between layers that cross, in moduli per radius of a wire, how deep they may lie in each other, in radii
+# (the force is then some 0.3 per cent lower than with less), and how far points along a wire are apart at most.
+_SOFT, _DEEP, _APART = 0.1, 3e-3, 0.5
 
 # Wires in the first layer, and as many more in each further one.
 SIX = 6
@@ -56,7 +57,7 @@ class Strand(Checked):
     nu: float = option(0.3, "Poisson's ratio")
     friction: float = option(0.0, "coefficient of friction")
     section_points: int = option(12, "control points round a wire, a multiple of 6")
-    parts: int = option(2, f"elements that each of a wire's own is cut into, which are {HELIX_ELEMENTS} a turn")
+    parts: int = option(2, f"elements that each of the core's own is cut into, which are {HELIX_ELEMENTS} a pitch")
     order: int = option(2, "polyharmonic order K of functions of the control points, 1 to 6")
     degree: int = option(4, "degree along the axis, 4 to 6")
     quadrature: str | None = option(None, "quadrature rule: auto, full, paper, RxS or RxSxT such as 2x1x4 (chosen)")
@@ -65,6 +66,10 @@ class Strand(Checked):
     def lay_angle(self) -> float:
         """Angle between the wires of each layer and the axis [rad]."""
         return float(np.arctan2(2.0 * np.pi * (self.core_radius + self.wire_radius), self.pitch))
+
+    def layer_radius(self, layer: int) -> float:
+        """Return the radius of the helices of a layer's wires, the first of which lie on the core [length]."""
+        return self.core_radius + (2 * layer - 1) * self.wire_radius
 
     def rods(self) -> list[Rod]:
         """Return the core along z, then the wires of each layer from within.
@@ -86,7 +91,7 @@ class Strand(Checked):
         rods = [core.sweep(section.circle(points, self.core_radius), twist=360.0 * turns)]
         outline = section.circle(points, self.wire_radius)
         for layer in range(1, layers + 1):
-            radius = self.core_radius + (2 * layer - 1) * self.wire_radius
+            radius = self.layer_radius(layer)
             pitch = 2.0 * np.pi * radius / np.tan(self.lay_angle)
             for k in range(SIX * layer):
                 phase = 360.0 * k / (SIX * layer)
@@ -106,9 +111,11 @@ class Strand(Checked):
         rods, parts = self.rods(), whole_number("parts", self.parts, 1, 1_000)
         for k, rod in enumerate(rods):
             rod.check()
+            # Elements are about as long in all layers; those of the outer ones have longer pitches.
+            own = rod.axis.elements
             space = Space(
                 rod,
-                elements=parts * rod.axis.elements,
+                elements=own * -(-parts * rods[0].axis.elements // own),
                 degree=self.degree,
                 quadrature=self.quadrature,
                 order=self.order,
@@ -136,15 +143,16 @@ class Strand(Checked):
         points = 3, self.degree + 1
         if self.layers < 2:
             return Contact(range(wires), points=points, friction=self.friction)
-        # Layers cross at places, which must not lie between points.  Before they are drawn together little holds wires,
-        # which stiff penalties then throw back and forth.
+        # Layers cross at places, which must not lie between points.  They press on the middle of an arc: one point
+        # there says as much as three, and is found in a third of the time.  Before they are drawn together little
+        # holds wires, which stiff penalties then throw back and forth.
         longest = self.length / np.cos(self.lay_angle) / elements
         smallest = min(self.core_radius, self.wire_radius)
         return Contact(
             range(wires),
             penalty=_SOFT * self.E / smallest,
-            penetration=1e-3 * smallest,
-            points=(3, min(MAX_POINTS, max(points[1], int(np.ceil(longest / self.wire_radius))))),
+            penetration=_DEEP * smallest,
+            points=(1, min(MAX_POINTS, max(points[1], int(np.ceil(longest / (_APART * self.wire_radius)))))),
             friction=self.friction,
         )
 
