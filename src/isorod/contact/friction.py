@@ -45,7 +45,8 @@ class FrictionOperator:
         Anchors at the start of the step (`isorod.contact.friction_kernel.ANCHOR`).
     before
         Positions at the start of the step, ``(nodes, 3)``: what was not pressed then has its anchor where it has come
-        into contact since (`isorod.contact.friction_kernel.catch`).  Where there are none, it has one from the end of the step on.
+        into contact since (`isorod.contact.friction_kernel.catch`).  Where there are none, it has one from the end of
+        the step on.
     blocks
         Pattern of the tangent by anchors that are not where the feet are.
     """

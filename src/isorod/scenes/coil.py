@@ -34,9 +34,9 @@ class Coil(Checked):
     """Round wire in coils whose ends are kept from turning about the axis and moved together; it touches itself.
 
     Love's wire stays a helix of so many turns, which widens as its coils lie down.  It goes on for a turn at either
-    end, held in a seat that lies down with it (``ends`` ``"laid"``).  So all coils touch at once, each bears the next on
-    its whole length, and the stack is as stiff as wires that are flattened.  Without friction coils that press on each
-    other slide off sideways, the sooner the thinner the wire.
+    end, held in a seat that lies down with it (``ends`` ``"laid"``).  So all coils touch at once, each bears the next
+    on its whole length, and the stack is as stiff as wires that are flattened.  Without friction coils that press on
+    each other slide off sideways, the sooner the thinner the wire.
 
     A spring as it is bought (``"closed"``) has one turn more at either end, which lies flat on a rigid plate until it
     has to rise above its own tip.  The upper plate moves; the plates hold the wire, but for the tips of its ends, which
@@ -184,8 +184,3 @@ class Coil(Checked):
             "contact_force": contact.force,
             "relative_penetration": max(one.relative_penetration for one in solution.contacts),
         }
-
-
-def _three(vector: Array) -> tuple[float, float, float]:
-    x, y, z = (float(value) for value in vector)
-    return x, y, z
