@@ -45,7 +45,7 @@ def test_coil_goes_to_solid_and_its_turns_stay_above_each_other():
     assert found["forces"][3] == found["force"] > 100.0 * free
     # Both turns that it touches pass the force on.
     assert found["contact_force"] == pytest.approx(2.0 * (found["force"] - free), rel=0.1)
-    assert np.abs(solution.reactions[1, :2]).max() < 0.01 * found["force"]
+    assert np.abs(solution.reactions[1, :2]).max() < 0.03 * found["force"]
     assert found["relative_penetration"] < 1e-3
 
 

@@ -51,6 +51,17 @@ def test_a_plane_that_moves_presses_as_one_that_a_rod_is_moved_onto(how):
     assert one.newton_iterations <= other.newton_iterations + 1
 
 
+def test_points_begin_to_stick_where_the_gap_closes():
+    """A bar moved onto a plane and along it: a quarter of the way it is clear, and what sticks is not drawn by that."""
+    space = bar()
+    supports = [Support.end(space, end, displacement=(0.0, -WAY, 0.02)) for end in ("start", "end")]
+    plane = Plane((0.0, -1.02, 0.0), (0.0, 1.0, 0.0))
+    model = Model([Body(space, LAW)], supports, contacts=[Contact(0, plane, **HOW, friction=10.0)])
+    once, often = (statics.solve(model, load_steps=steps).contacts[0].friction[2] for steps in (1, 16))
+    assert abs(often) > 0.1
+    assert once == pytest.approx(often, rel=0.1)
+
+
 def test_a_bar_between_two_plates_is_held_by_them():
     space = bar()
     plates = Plane((0.0, -1.0, 0.0), (0.0, 1.0, 0.0)), Plane((0.0, 1.0, 0.0), (0.0, -1.0, 0.0), WAY)

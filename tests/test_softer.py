@@ -2,6 +2,7 @@
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from isorod.errors import SolveError
@@ -24,25 +25,61 @@ class Springs:
         self.stiffness *= times
 
 
-def climb(monkeypatch, outcome):
+class Rubbing(Springs):
+    """Contact with friction, which tells how often it was put back to the start of a step."""
+
+    friction = "some"
+    undone = 0
+
+    def place(self, factor):
+        pass
+
+    def accept(self, displacement):
+        pass
+
+    def undo(self):
+        self.undone += 1
+
+    def keep(self):
+        return self.undo
+
+
+class Place:
+    """A state that tells where it is."""
+
+    def __init__(self, at=0.0):
+        self.at = at
+
+    def copy(self, other=None):
+        if other is None:
+            return Place(self.at)
+        other.at = self.at
+        return other
+
+
+def climb(monkeypatch, outcome, contact=None, settle=lambda solver, factor: 0):
     """Climb by steps whose outcome ``(stiffness, length) -> error or None`` is told; return steps, cuts, all tried."""
-    contact, taken = Springs(), []
+    contact, taken, x = Springs() if contact is None else contact, [], Place()
 
     def advance(factor, target):
         taken.append((round(contact.stiffness, 6), target - factor))
         problem = outcome(contact.stiffness, target - factor)
         if problem is not None:
             raise problem("said")
+        assert x.at == factor
+        x.at = target
         return 9
 
     model = SimpleNamespace(stages=[1.0])
     solver = SimpleNamespace(
-        assembler=SimpleNamespace(contact=contact, model=model),
+        assembler=SimpleNamespace(contact=contact, model=model, displacement=lambda x, factor: x),
+        x=x,
         advance=advance,
         forget_path=lambda: None,
         settle=lambda: None,
+        stabilisation=None,
     )
-    monkeypatch.setattr(analysis, "settle", lambda solver, factor: 0)
+    monkeypatch.setattr(analysis, "settle", settle)
     monkeypatch.setattr(analysis, "_reached", lambda solver, factor: factor)
     path = []
     cuts, _ = analysis._climb(solver, 1, path)
@@ -70,3 +107,44 @@ def test_penalties_that_are_too_low_rise_and_the_step_is_cut(monkeypatch):
 def test_what_never_works_ends_in_one_line(monkeypatch, problem):
     with pytest.raises(SolveError, match=r"load factor .*: said"):
         climb(monkeypatch, lambda stiffness, length: problem)
+
+
+def test_with_friction_a_step_is_cut_where_it_fails_and_penalties_stay(monkeypatch):
+    steps, cuts, taken = climb(monkeypatch, lambda stiffness, length: Diverged if length > 0.5 else None, Rubbing())
+    assert (steps, cuts) == (2, 1)
+    assert taken == [(1.0, 1.0), (1.0, 0.5), (1.0, 0.5)]
+
+
+def test_with_friction_a_step_is_cut_where_its_multipliers_fail(monkeypatch):
+    """It begins again where it began, with what contact was there."""
+    contact, settled = Rubbing(), []
+
+    def settle(solver, factor):
+        settled.append(factor)
+        if len(settled) == 1:
+            raise Diverged("said")
+        return 3
+
+    steps, cuts, taken = climb(monkeypatch, lambda stiffness, length: None, contact, settle)
+    assert (steps, cuts, contact.undone) == (2, 1, 1)
+    assert settled == [1.0, 0.5, 1.0]
+    assert taken == [(1.0, 1.0), (1.0, 0.5), (1.0, 0.5)]
+
+
+def test_with_friction_no_step_is_longer_than_asked_for(monkeypatch):
+    contact = Rubbing()
+    path = []
+    monkeypatch.setattr(analysis, "settle", lambda solver, factor: 0)
+    monkeypatch.setattr(analysis, "_reached", lambda solver, factor: factor)
+    solver = SimpleNamespace(
+        assembler=SimpleNamespace(
+            contact=contact, model=SimpleNamespace(stages=[1.0]), displacement=lambda x, factor: x
+        ),
+        x=Place(),
+        advance=lambda factor, target: 1,
+        forget_path=lambda: None,
+        settle=lambda: None,
+        stabilisation=None,
+    )
+    analysis._climb(solver, 8, path)
+    assert path == pytest.approx(0.125 * np.arange(1, 9))

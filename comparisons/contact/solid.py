@@ -20,7 +20,7 @@ TURNS = 2
 PAST = 0.015, 0.025
 
 # Control points round the wire, elements a turn.
-SPACES = (8, 8), (8, 16), (16, 8), (16, 16), (24, 8)
+SPACES = (8, 8), (8, 16), (16, 8)
 
 
 def solid(section_points: int, elements: int, steps: int = 10) -> dict[str, Any]:

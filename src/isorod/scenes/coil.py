@@ -184,8 +184,3 @@ class Coil(Checked):
             "contact_force": contact.force,
             "relative_penetration": max(one.relative_penetration for one in solution.contacts),
         }
-
-
-def _three(vector: Array) -> tuple[float, float, float]:
-    x, y, z = (float(value) for value in vector)
-    return x, y, z
