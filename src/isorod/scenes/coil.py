@@ -25,6 +25,9 @@ ENDS = "laid", "clamped", "closed"
 # The tip of a closed end is farther from the next turn than it would be if it touched, by this share of the wire.
 _CLEAR = 0.05
 
+# Of steel on steel.  What plates alone hold is held otherwise on the way, which friction would remember.
+_FRICTION = 0.15
+
 # Plates are as far from the centre of the wire that lies on them, in its radii.
 _SEAT = 1.0 - 1e-6
 
@@ -63,7 +66,7 @@ class Coil(Checked):
     ends: str = option(
         "laid", "laid (in seats that lie down with the coils), clamped (end faces as they are), closed (between plates)"
     )
-    friction: float = option(0.15, "coefficient of friction")
+    friction: float | None = option(None, "coefficient of friction (0.15; none between plates)")
     section_points: int = option(8, "control points round the wire, at least 3")
     elements_per_turn: int = option(HELIX_ELEMENTS, f"elements a turn, a multiple of {HELIX_ELEMENTS}")
     order: int = option(2, "polyharmonic order K of functions of the control points, 1 to 6")
@@ -133,7 +136,9 @@ class Coil(Checked):
             low, high = (float(z) for z in rod.grid([[0.0, 0.0]], rod.axis.breaks[[0, -1]])[0][:, 0, 2])
             others.append(Plane((0.0, 0.0, low - _SEAT * self.wire_radius), (0.0, 0.0, 1.0)))
             others.append(Plane((0.0, 0.0, high + _SEAT * self.wire_radius), (0.0, 0.0, -1.0), travel=self.push))
-        contacts = [Contact(0, other, points=points, friction=self.friction) for other in others]
+        usual = 0.0 if self.ends == "closed" else _FRICTION
+        friction = usual if self.friction is None else self.friction
+        contacts = [Contact(0, other, points=points, friction=friction) for other in others]
         return Model([body], self._supports(space), contacts=contacts)
 
     def _supports(self, space: "Space") -> "list[Support]":
