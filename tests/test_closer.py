@@ -183,13 +183,12 @@ def test_patches_are_where_contact_presses_and_as_wide():
     assert patch.u == pytest.approx(0.5, abs=1e-6)
     assert np.sin(patch.angle) == pytest.approx(-1.0, abs=1e-6)
     # A gap of (x^2 + z^2) / 2 is closed up to a radius of sqrt(0.06).
-    assert patch.along == pytest.approx(np.sqrt(0.06), rel=0.25)
-    assert patch.around == pytest.approx(np.sqrt(0.06), rel=0.25)
-    assert (patch.size, patch.arc) == pytest.approx((2.0 * patch.along / 2.6, 2.0 * patch.around / 2.6))
+    assert patch[2:4] == pytest.approx((1.2 * np.sqrt(0.06), 1.2 * np.sqrt(0.06)), rel=0.25)
+    assert (patch.size, patch.arc) == pytest.approx((2.0 * patch.along / 3.12, 2.0 * patch.around / 3.12))
     # Seen roughly, it is as large as it is seen.
     ((seen,),) = patches(model, [replace(results[0], cells_across=2.0, force=1e-3)]).values()
-    assert seen[2:4] == pytest.approx((np.sqrt(0.06), np.sqrt(0.06)), rel=0.25)
-    assert seen.size == pytest.approx(2.0 * seen.along / model.contacts[0].across)
+    assert seen[2:4] == pytest.approx((1.2 * np.sqrt(0.06), 1.2 * np.sqrt(0.06)), rel=0.25)
+    assert seen.size == pytest.approx(2.0 / 1.2 * seen.along / model.contacts[0].across)
     refined = replace(model, contacts=[replace(model.contacts[0], across=6.0)])
     ((finer,),) = patches(refined, [replace(results[0], cells_across=2.0, force=1e-3)]).values()
     assert finer.size == pytest.approx(seen.size * model.contacts[0].across / 6.0)

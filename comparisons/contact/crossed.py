@@ -52,7 +52,8 @@ def bars(across: float, force: float = FORCE) -> list[Space]:
     found = []
     for one, sign in ((low, 1.0), (high, -1.0)):
         height = sign * one.grid(circle_, [0.5])[0][0, :, 1]
-        patch = Patch(0.5, float(angles[height.argmax()]), long, long / RADIUS, 2.0 * long / across)
+        reach = 1.2 * long
+        patch = Patch(0.5, float(angles[height.argmax()]), reach, reach / RADIUS, 2.0 * long / across)
         found.append(closer(one, [patch]))
     return found
 

@@ -104,7 +104,7 @@ class Contact(Checked):
         and slip at it; 0 without friction.
     across
         Control points across a small patch for which scenes from files are solved again on closer spaces
-        (`isorod.contact.patches`), 2 to 12: more of them see its pressure better.
+        (`isorod.contact.patches`), 2 to 12.
 
     Raises
     ------
