@@ -62,7 +62,7 @@ class Coil(Checked):
     wire_radius: float = option(1.0, "radius of the wire [length]")
     E: float = option(210e3, "Young's modulus [force/area]")
     nu: float = option(0.3, "Poisson's ratio")
-    push: float = option(45.4, "what the spring is shortened by [length]")
+    push: float | None = option(None, "what the spring is shortened by [length] (45.4; 20 between plates)")
     ends: str = option(
         "laid", "laid (in seats that lie down with the coils), clamped (end faces as they are), closed (between plates)"
     )
@@ -72,6 +72,13 @@ class Coil(Checked):
     order: int = option(2, "polyharmonic order K of functions of the control points, 1 to 6")
     degree: int = option(4, "degree along the axis, 4 to 6")
     quadrature: str | None = option(None, "quadrature rule: auto, full, paper, RxS or RxSxT such as 2x1x4 (chosen)")
+
+    @property
+    def way(self) -> float:
+        """What the spring is shortened by [length]: to solid, or, between plates, half as far."""
+        if self.push is not None:
+            return self.push
+        return 20.0 if self.ends == "closed" else 45.4
 
     @property
     def height(self) -> float:
@@ -135,7 +142,7 @@ class Coil(Checked):
             # Plates that touch at rest, if only just, take the wire along from the first step.
             low, high = (float(z) for z in rod.grid([[0.0, 0.0]], rod.axis.breaks[[0, -1]])[0][:, 0, 2])
             others.append(Plane((0.0, 0.0, low - _SEAT * self.wire_radius), (0.0, 0.0, 1.0)))
-            others.append(Plane((0.0, 0.0, high + _SEAT * self.wire_radius), (0.0, 0.0, -1.0), travel=self.push))
+            others.append(Plane((0.0, 0.0, high + _SEAT * self.wire_radius), (0.0, 0.0, -1.0), travel=self.way))
         usual = 0.0 if self.ends == "closed" else _FRICTION
         friction = usual if self.friction is None else self.friction
         contacts = [Contact(0, other, points=points, friction=friction) for other in others]
@@ -149,7 +156,7 @@ class Coil(Checked):
         if self.ends == "closed":
             return [Support.end(space, "start", "xy"), Support.end(space, "end", "xy")]
         if self.ends == "clamped":
-            down = (0.0, 0.0, -self.push)
+            down = (0.0, 0.0, -self.way)
             return [Support.end(space, "start"), Support.end(space, "end", displacement=down)]
         return self._laid(space)
 
@@ -158,15 +165,15 @@ class Coil(Checked):
         from isorod.model.support import Support
 
         rod, axis, pitch = space.rod, space.axis, self.height / self.coils
-        sine = (self.height - self.push) / self._length
+        sine = (self.height - self.way) / self._length
         if not abs(sine) < 1.0:
-            raise InputError(f"push: got {self.push:g}, the wire is not as long")
+            raise InputError(f"push: got {self.way:g}, the wire is not as long")
         wider = np.cos(np.arcsin(sine)) / np.cos(np.radians(self.lead))
-        laid = helix(self.coil_radius * wider, pitch - self.push / self.coils, self.coils + 2)
+        laid = helix(self.coil_radius * wider, pitch - self.way / self.coils, self.coils + 2)
         there = laid.sweep(section.circle(self.section_points, self.wire_radius))
         change = rod.axis.transfer(axis, there.control_points - rod.control_points)
         moved = space.basis.positions(change).reshape(-1, 3)
-        moved[space.is_carrier, 2] += self.push / self.coils
+        moved[space.is_carrier, 2] += self.way / self.coils
         places, (first, last) = bspline.greville(axis.knots, axis.degree), axis.breaks[[0, -1]]
         turn = (last - first) / (self.coils + 2)
         nodes = np.arange(space.nodes).reshape(space.layers, -1)
@@ -184,7 +191,7 @@ class Coil(Checked):
         pushed = plates[-1].resultant if plates else solution.reactions[1]
         return {
             "force": -float(pushed[2]),
-            "travels": [step.factor * self.push for step in solution.path],
+            "travels": [step.factor * self.way for step in solution.path],
             "forces": [step.push if plates else -float(step.reactions[1, 2]) for step in solution.path],
             "contact_force": contact.force,
             "relative_penetration": max(one.relative_penetration for one in solution.contacts),
