@@ -3,7 +3,7 @@
 Each strand is pulled in a process of its own, on one thread.  In the folder (results) there are then ``many.jsonl``, a
 record a run; ``many.md``, a table; and ``many.png``: time and memory a wire, beside the times that a Python code of
 beams with friction reports for as many wires (92 to 1,476 s; its friction converged up to 37 wires).  Times are those
-of the processor, of one thread.  Up to 37 wires are pulled on a finer space too, up to 19 on a third, and all forces
+of the processor, of one thread.  All are pulled on a finer space too, up to 19 wires on a third, and all forces
 compared with those of thin rods that lie on each other without friction (`comparisons.contact.strand`).
 
 ``python -m comparisons.contact.many --one LAYERS SECTION_POINTS PARTS`` is one such run, which prints its record.
@@ -40,7 +40,7 @@ SCENE: dict[str, Any] = {"length": 115.0, "strain": 0.002, "friction": 0.115}
 
 # Section points and parts of an element: of all strands, and of those of so many wires and fewer.
 SPACE = 6, 1
-FINER = {37: (6, 2), 19: (12, 2)}
+FINER = {91: (6, 2), 19: (12, 2)}
 
 # In a short first step, in which wires are drawn together, they are thrown less far into each other; once they touch,
 # steps double.  It takes more iterations than others.
