@@ -128,10 +128,10 @@ def test_full_rule(arguments, degree, rule):
     [
         ((8, 1), 2, Rule(3, 2, 3)),
         ((32, 2), 3, Rule(4, 2, 4)),
-        # Beyond 32 control points, one radial point more a doubling.
+        # Beyond 32 control points 0.87 sqrt(n) radial points, to the next one.
         ((33, 2), 3, Rule(5, 2, 4)),
-        ((64, 2), 3, Rule(5, 2, 4)),
-        ((65, 2), 3, Rule(6, 2, 4)),
+        ((64, 2), 3, Rule(7, 2, 4)),
+        ((65, 2), 3, Rule(8, 2, 4)),
         # Polynomials: S = 1 for N <= 3, 2 for N = 4, 3 above; more where slices are few.
         ((16, 1, 2), 2, Rule(3, 1, 3)),
         ((16, 1, 3), 2, Rule(3, 1, 3)),

@@ -63,7 +63,8 @@ class Convergence:
         spaces = [body.space for body in assembler.model.bodies]
         self.size = max(float(np.ptp(space.positions[space.is_carrier], axis=0).max()) for space in spaces)
         # Unknowns that are not displacements, and contact, have units and rounding of their own.
-        self.plain = assembler.contact is None and assembler.unknowns == assembler.model.unknowns
+        self._forces_alone = assembler.unknowns == assembler.model.unknowns
+        self.plain = assembler.contact is None and self._forces_alone
         self._sizes: Array | None = None
         self._rounding: Array = np.empty(0)
         self.carried_force = 0.0
@@ -98,7 +99,8 @@ class Convergence:
     def reached(self, residual: PETSc.Vec, force: float, rtol: float) -> bool:
         """Return whether the out-of-balance force, of norm ``force``, is small enough."""
         if self._rounding.size == 0 and self.assembler.rows > 0:
-            return force <= max(rtol * min(self._scale, self.carried_force), self._floor)
+            carried = min(self._scale, self.carried_force) if self._forces_alone else self._scale
+            return force <= max(rtol * carried, self._floor)
         lost = int(np.count_nonzero(np.abs(residual.array_r) > self._rounding))
         if self.assembler.comm.tompi4py().allreduce(lost) == 0:
             return True
