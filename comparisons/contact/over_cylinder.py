@@ -283,8 +283,6 @@ def main() -> int:
     for share in SHARES:
         record = {"run": "heavy", "ratio": HEAVY_RATIO, "share": share, "reserve": reserve(HEAVY_RATIO, share)}
         print(results.line(record | {"rope": 1.0 - share, "speed": released(HEAVY_RATIO, share)}), flush=True)
-    left = heavy(HEAVY_RATIO, SHARES[0]).stabilisation
-    print(results.line({"run": "heavy, ends free", "share": SHARES[0], "stabilisation": left}), flush=True)
     for name, value, expected in limits(rods, ropes):
         line = {"limit": name, "value": value, "expected": expected, "error": value / expected - 1.0}
         print(results.line(line), flush=True)
