@@ -1,6 +1,7 @@
 """When functions are compiled, where that is kept, and what is said of it."""
 
 import ast
+import importlib
 import os
 import re
 import shutil
@@ -10,6 +11,7 @@ import tempfile
 from pathlib import Path
 
 import pytest
+from numba import types
 
 from isorod import compiling
 
@@ -237,3 +239,46 @@ def test_who_compiles_has_the_last_bits_of_who_reads(tmp_path):
     )
     assert "compiling" in compiled.stderr and "compiling" not in read.stderr
     assert compiled.stdout == read.stdout
+
+
+def _imported(tree: ast.AST) -> dict[str, object]:
+    """Return what a file takes from the package, anywhere in it."""
+    found = {}
+    for line in ast.walk(tree):
+        if isinstance(line, ast.ImportFrom) and (line.module or "").startswith("isorod"):
+            for one in line.names:
+                module = importlib.import_module(line.module)
+                if not hasattr(module, one.name):
+                    importlib.import_module(f"{line.module}.{one.name}")
+                found[one.asname or one.name] = getattr(module, one.name)
+    return found
+
+
+def _calls_of_python(tree: ast.AST) -> set[str]:
+    """Return what is called in functions that are not compiled."""
+    compiled = {
+        one
+        for function in ast.walk(tree)
+        if isinstance(function, ast.FunctionDef) and any("njit(" in ast.unparse(d) for d in function.decorator_list)
+        for one in ast.walk(function)
+    }
+    return {ast.unparse(one.func) for one in ast.walk(tree) if isinstance(one, ast.Call) and one not in compiled}
+
+
+def test_what_python_calls_returns_no_named_tuple():
+    """An interrupt that comes while Numba makes one ends the process with a segmentation fault."""
+    found = set()
+    for file in HOUSE.rglob("*.py"):
+        tree = ast.parse(file.read_text())
+        name = ".".join(["isorod", *file.relative_to(HOUSE).with_suffix("").parts])
+        own = vars(importlib.import_module(name)) if "njit(" in file.read_text() else {}
+        known = own | _imported(tree)
+        for called in _calls_of_python(tree):
+            head, _, tail = called.partition(".")
+            one = known.get(head)
+            kernel = getattr(one, tail, None) if tail else one
+            if isinstance(kernel, compiling.Kernel) and kernel.declared is not None:
+                found.add(kernel)
+    assert len(found) > 40
+    named = (types.NamedTuple, types.NamedUniTuple)
+    assert [kernel.py_func.__qualname__ for kernel in found if isinstance(kernel.declared.return_type, named)] == []

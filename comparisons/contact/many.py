@@ -23,7 +23,6 @@ from comparisons.measure import timing
 from isorod import options, statics
 from isorod.arrays import Array
 from isorod.contact import operator
-from isorod.contact.force_kernel import Pressing
 from isorod.contact.packed import Packed
 from isorod.errors import InputError
 from isorod.geometry.center_line import HELIX_ELEMENTS
@@ -54,7 +53,7 @@ class _Watch:
         self.seconds = 0.0
         self._find = operator.add_forces
 
-    def __call__(self, packed: Packed, positions: Array, forces: Array) -> Pressing:
+    def __call__(self, packed: Packed, positions: Array, forces: Array) -> tuple[float, float, float, float]:
         """Do what `isorod.contact.force_kernel.add_forces` does."""
         start = perf_counter()
         found = self._find(packed, positions, forces)

@@ -154,7 +154,9 @@ class _ReadOnlyCache(_Cache):
 def njit(signature: Any = None, **options: Any) -> Callable[[Callable[..., Any]], Any]:
     """Decorate a function as `numba.njit` does, but compile it when it is first called, and keep it where that can be.
 
-    What Python calls has a signature: then `isorod compile` knows it.  ``options`` are those of `numba.njit`.
+    What Python calls has a signature: then `isorod compile` knows it.  ``options`` are those of `numba.njit`.  It
+    returns no named tuple: Numba makes one by code in Python, in which an interrupt raises its exception, and then
+    calls what it has not got.
 
     All that compiled code calls is inlined.  Else a function would be there several times, differently optimised, by
     itself and in each that calls it, and which copy is run would be a matter of what was compiled or read first: a

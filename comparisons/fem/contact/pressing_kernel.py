@@ -48,9 +48,6 @@ class Pressing(NamedTuple):
     gap: float
 
 
-_PRESSING = types.NamedTuple([f8, f8, f8, F1, f8], Pressing)
-
-
 @njit(void(F2, I2, F2, i8, f8, f8), **STRICT)
 def _functions(C: Array, powers: Index, out: Array, n: int, a: float, b: float) -> None:
     """Write ``N_a``, ``N_a,1``, ``N_a,2`` into the rows of ``out`` from column ``n`` on."""
@@ -66,9 +63,13 @@ def _functions(C: Array, powers: Index, out: Array, n: int, a: float, b: float) 
         out[0, n + j], out[1, n + j], out[2, n + j] = v, v1, v2
 
 
-@njit(_PRESSING(F2, POINTS, SURFACE, CLOSEST, f8, F2), **STRICT)
-def add_forces(nodes: Array, points: Points, surface: Surface, found: Closest, penalty: float, out: Array) -> Pressing:
-    """Add the gradient of the penalty energy of one surface's points to ``out`` ``(nodes, 3)`` and return their state.
+@njit(types.Tuple((f8, f8, f8, F1, f8))(F2, POINTS, SURFACE, CLOSEST, f8, F2), **STRICT)
+def add_forces(
+    nodes: Array, points: Points, surface: Surface, found: Closest, penalty: float, out: Array
+) -> tuple[float, float, float, Array, float]:
+    """Add the gradient of the penalty energy of one surface's points to ``out`` ``(nodes, 3)``.
+
+    What is returned, in a plain tuple, makes a `Pressing`.
 
     Parameters
     ----------
@@ -106,7 +107,7 @@ def add_forces(nodes: Array, points: Points, surface: Surface, found: Closest, p
                 out[supports[m, b], i] += shares[m, b] * force
             for a in range(C.shape[1]):
                 out[facets[facet[m], a], i] -= functions[0, a] * force
-    return Pressing(energy, normal, area, resultant, smallest)
+    return energy, normal, area, resultant, smallest
 
 
 @njit(i8(f8, f8, b1, F2), **STRICT)

@@ -127,7 +127,7 @@ class Contact:
         """
         self._find(nodes)
         first, second = (
-            pressing_kernel.add_forces(nodes, side.kept, side.surface, side.found, self.penalty, out)
+            Pressing(*pressing_kernel.add_forces(nodes, side.kept, side.surface, side.found, self.penalty, out))
             for side in self.sides
         )
         return Pressing(

@@ -26,24 +26,8 @@ from isorod.contact.surface_kernel import EDGE, END, FOOT, LOST, Foot, arc_of, c
 _PIECES = 16
 
 
-class Pressing(NamedTuple):
-    """What contact says, sums over all pairs; NaN where a closest-point search failed or a position is not finite.
-
-    Attributes
-    ----------
-    energy, force, area
-        Energy of the penalty, normal force, reference area in contact.
-    deepest
-        The deepest gap: negative, or zero where nothing touches.
-    """
-
-    energy: float
-    force: float
-    area: float
-    deepest: float
-
-
-PRESSING = types.NamedUniTuple(f8, 4, Pressing)
+# What `add_forces` returns, a plain tuple, see `isorod.compiling.njit`.
+PRESSING = types.UniTuple(f8, 4)
 
 
 @njit(f8(PASS_ROW, F1, F1), **FAST)
@@ -178,7 +162,7 @@ def _press(packed: Packed, one: Row, point: int, foot: Foot, force: float, force
 
 
 @njit(PRESSING(PACKED, F2, F2), **FAST)
-def add_forces(packed: Packed, positions: Array, forces: Array) -> Pressing:
+def add_forces(packed: Packed, positions: Array, forces: Array) -> tuple[float, float, float, float]:
     """Add the forces that contact exerts on the nodes: minus the derivative of the energy by the positions.
 
     Only nodes that carry the surface (``k = 0``) are read and get forces.  The result depends on ``positions`` and
@@ -195,13 +179,16 @@ def add_forces(packed: Packed, positions: Array, forces: Array) -> Pressing:
 
     Returns
     -------
-    pressing
-        Where it is NaN, so are the forces.
+    energy, force, area
+        Energy of the penalty, normal force, reference area in contact, sums over all pairs; NaN, as the forces then
+        are, where a closest-point search failed or a position is not finite.
+    deepest
+        The deepest gap: negative, or zero where nothing touches.
     """
     if not add_travel(packed, positions):
         packed.before[:] = 0.0
         forces[:] = np.nan
-        return Pressing(np.nan, np.nan, np.nan, np.nan)
+        return np.nan, np.nan, np.nan, np.nan
     place(packed, positions)
     if 2.0 * (packed.travel[0] - packed.listed[1]) > packed.listed[0]:
         list_near(packed)
@@ -233,5 +220,5 @@ def add_forces(packed: Packed, positions: Array, forces: Array) -> Pressing:
             _press(packed, one, point, foot, weight * pressure, forces)
     if not np.isfinite(energy):
         forces[:] = np.nan
-        return Pressing(np.nan, np.nan, np.nan, np.nan)
-    return Pressing(energy, force, area, deepest)
+        return np.nan, np.nan, np.nan, np.nan
+    return energy, force, area, deepest

@@ -70,16 +70,6 @@ class Friction(NamedTuple):
 FRICTION = types.NamedTuple((F1, ANCHORS, F2, types.Array(b1, 1, "C"), STARTS), Friction)
 
 
-class Spent(NamedTuple):
-    """Energy of the springs, and what is dissipated since anchors were put where they are."""
-
-    energy: float
-    dissipated: float
-
-
-SPENT = types.NamedUniTuple(f8, 2, Spent)
-
-
 @njit(f8(PACKED, PASS_ROW, i8, F2, FOOT), **FAST)
 def foot_of(packed: Packed, one: Row, point: int, positions: Array, foot: Foot) -> float:
     """Return the gap of a pressed point, and fill its foot: that which the last forces have found."""
@@ -289,8 +279,10 @@ def _work(one: Row, foot: Foot, gap: float, edge: bool, t: Array, slip: Array) -
     return work - gap * bent
 
 
-@njit(SPENT(PACKED, FRICTION, F2, b1, F2), **FAST)
-def add_friction(packed: Packed, friction: Friction, positions: Array, keep: bool, forces: Array) -> Spent:
+@njit(types.UniTuple(f8, 2)(PACKED, FRICTION, F2, b1, F2), **FAST)
+def add_friction(
+    packed: Packed, friction: Friction, positions: Array, keep: bool, forces: Array
+) -> tuple[float, float]:
     """Add the forces of friction to the nodes.
 
     Parameters
@@ -303,6 +295,11 @@ def add_friction(packed: Packed, friction: Friction, positions: Array, keep: boo
         As there.
     keep
         Whether the state is one to go on from: anchors are put where the next step begins.
+
+    Returns
+    -------
+    energy, dissipated
+        Energy of the springs, and what is dissipated since anchors were put where they are.
     """
     energy = dissipated = 0.0
     foot, there = new_foot(), new_foot()
@@ -358,4 +355,4 @@ def add_friction(packed: Packed, friction: Friction, positions: Array, keep: boo
                 _put(packed, one, point, s, positions, friction.start, there, anchor)
             for a in range(3):
                 anchor.traction[a] = t[a]
-    return Spent(energy, dissipated)
+    return energy, dissipated

@@ -129,7 +129,7 @@ class ContactOperator:
     def _add_forces(self, positions: Array) -> tuple[Array, float]:
         forces = np.zeros_like(self._base)
         with self._stage:
-            energy = add_forces(self.packed, positions, forces).energy
+            energy = add_forces(self.packed, positions, forces)[0]
             if self.friction is not None and np.isfinite(energy):
                 energy += self.friction.add_forces(positions, forces)
         return forces.ravel(), energy

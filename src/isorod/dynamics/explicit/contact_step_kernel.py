@@ -1,12 +1,10 @@
 """The compiled steps of `isorod.dynamics.explicit.step_kernel` with contact; loaded by models that have contacts."""
 
-from typing import NamedTuple
-
 from numba import b1, f8, i8, types
 
 from isorod.arrays import Array
 from isorod.compiled import F1, STRICT, njit
-from isorod.contact.force_kernel import PRESSING, Pressing, add_forces
+from isorod.contact.force_kernel import PRESSING, add_forces
 from isorod.dynamics.explicit.cholesky import FACTORS, Factors
 from isorod.dynamics.explicit.contact import STEP_CONTACT, StepContact
 from isorod.dynamics.explicit.end_faces import add_forces as add_face_forces
@@ -27,37 +25,21 @@ from isorod.dynamics.explicit.step_kernel import (
     move,
 )
 
-
-class StepPressing(NamedTuple):
-    """`isorod.contact.force_kernel.Pressing`, the sum of all forces, that of rigid obstacles alone, and dissipation.
-
-    What is dissipated is friction's since the last step; its springs' energy is in ``energy``.
-    """
-
-    energy: float
-    force: float
-    area: float
-    deepest: float
-    x: float
-    y: float
-    z: float
-    dissipated: float
-
-
-STEP_PRESSING = types.NamedUniTuple(f8, 8, StepPressing)
+# What `subtract` returns, a plain tuple, see `isorod.compiling.njit`.
+STEP_PRESSING = types.UniTuple(f8, 8)
+StepPressing = tuple[float, float, float, float, float, float, float, float]
 
 
 @njit(PRESSING(STEP_CONTACT, F1), **STRICT)
-def press(contact: StepContact, displacement: Array) -> Pressing:
+def press(contact: StepContact, displacement: Array) -> tuple[float, float, float, float]:
     """Set ``positions`` and ``forces`` of a contact by its pressures."""
     order, positions, pushed = contact.order, contact.positions, contact.forces
     for d in range(order.size):
         positions[d // 3, d % 3] = contact.reference[d] + displacement[order[d]]
     pushed[:] = 0.0
-    sides = add_forces(contact.packed, positions, pushed)
-    ends = add_face_forces(contact.faces, positions, pushed)
-    area, deepest = sides.area + ends.area, min(sides.deepest, ends.deepest)
-    return Pressing(sides.energy + ends.energy, sides.force + ends.force, area, deepest)
+    energy, force, area, deepest = add_forces(contact.packed, positions, pushed)
+    more_energy, more_force, more_area, as_deep = add_face_forces(contact.faces, positions, pushed)
+    return energy + more_energy, force + more_force, area + more_area, min(deepest, as_deep)
 
 
 @njit(types.UniTuple(f8, 3)(STEP_CONTACT, F1), **STRICT)
@@ -76,12 +58,22 @@ def take(contact: StepContact, forces: Array) -> tuple[float, float, float]:
 
 @njit(STEP_PRESSING(STEP_CONTACT, F1, F1), **STRICT)
 def subtract(contact: StepContact, displacement: Array, forces: Array) -> StepPressing:
-    """Subtract the contact forces from internal forces, both state vectors."""
-    pressing = press(contact, displacement)
+    """Subtract the contact forces from internal forces, both state vectors.
+
+    Returns
+    -------
+    energy, force, area, deepest
+        As of `isorod.contact.force_kernel.add_forces`; with friction, its springs' energy is in the first.
+    x, y, z
+        Sum of all forces that rigid obstacles exert.
+    dissipated
+        What friction has dissipated since the last step.
+    """
+    energy, force, area, deepest = press(contact, displacement)
     x = y = z = 0.0
-    if pressing.area > 0.0:
+    if area > 0.0:
         x, y, z = take(contact, forces)
-    return StepPressing(pressing.energy, pressing.force, pressing.area, pressing.deepest, x, y, z, 0.0)
+    return energy, force, area, deepest, x, y, z, 0.0
 
 
 @njit(b1(STEP_CONTACT, f8), **STRICT)
@@ -102,14 +94,15 @@ def too_deep(contact: StepContact, deepest: float) -> bool:
 @njit(i8(STATE, FACTORS, COURSE, STEP_CONTACT, STEP_PRESSING), **STRICT)
 def finish(state: State, factors: Factors, course: Course, contact: StepContact, pressing: StepPressing) -> int:
     """Move on by one step under forces of which those of contact are told; return the outcome."""
-    if not pressing.energy >= 0.0:
+    energy, _, _, deepest, x, y, z, dissipated = pressing
+    if not energy >= 0.0:
         return LOST
-    if too_deep(contact, pressing.deepest):
+    if too_deep(contact, deepest):
         return DEEP
-    state.sums[PUSHED] += course.step * pressing.x
-    state.sums[PUSHED + 1] += course.step * pressing.y
-    state.sums[PUSHED + 2] += course.step * pressing.z
-    state.sums[DISSIPATED] += pressing.dissipated
+    state.sums[PUSHED] += course.step * x
+    state.sums[PUSHED + 1] += course.step * y
+    state.sums[PUSHED + 2] += course.step * z
+    state.sums[DISSIPATED] += dissipated
     return DONE if move(state, factors, course) else BLOWN
 
 

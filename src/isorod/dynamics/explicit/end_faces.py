@@ -7,7 +7,7 @@ from numba import from_dtype, types
 
 from isorod.arrays import Array
 from isorod.compiled import F1, F2, STRICT, njit
-from isorod.contact.force_kernel import PRESSING, Pressing
+from isorod.contact.force_kernel import PRESSING
 from isorod.contact.packed import Table
 from isorod.contact.tables import penalty
 from isorod.errors import InputError
@@ -84,7 +84,7 @@ def pack(model: Model) -> Faces:
 
 
 @njit(PRESSING(FACES, F2, F2), **STRICT)
-def add_forces(faces: Faces, positions: Array, forces: Array) -> Pressing:
+def add_forces(faces: Faces, positions: Array, forces: Array) -> tuple[float, float, float, float]:
     """Add the forces on the faces; parameters and result are those of `isorod.contact.force_kernel.add_forces`."""
     energy = force = area = deepest = 0.0
     for k in range(faces.faces.size):
@@ -108,4 +108,4 @@ def add_forces(faces: Faces, positions: Array, forces: Array) -> Pressing:
             for i in range(face.nodes):
                 for a in range(3):
                     forces[first + i, a] += weight * pressure * faces.values[p, i] * normal[a]
-    return Pressing(energy, force, area, deepest)
+    return energy, force, area, deepest

@@ -24,16 +24,21 @@ def subtract(contact: StepContact, friction: Friction, displacement: Array, keep
         State vectors.
     keep
         As for `isorod.contact.friction_kernel.add_friction`.
+
+    Returns
+    -------
+    pressing
+        As of `isorod.dynamics.explicit.contact_step_kernel.subtract`.
     """
-    pressing = press(contact, displacement)
-    energy, dissipated = pressing.energy, 0.0
+    energy, force, area, deepest = press(contact, displacement)
+    dissipated = 0.0
     if energy >= 0.0:
-        spent = add_friction(contact.packed, friction, contact.positions, keep, contact.forces)
-        energy, dissipated = energy + spent.energy, spent.dissipated
+        springs, dissipated = add_friction(contact.packed, friction, contact.positions, keep, contact.forces)
+        energy += springs
     x = y = z = 0.0
-    if pressing.area > 0.0:
+    if area > 0.0:
         x, y, z = take(contact, forces)
-    return StepPressing(energy, pressing.force, pressing.area, pressing.deepest, x, y, z, dissipated)
+    return energy, force, area, deepest, x, y, z, dissipated
 
 
 @njit(types.UniTuple(i8, 2)(MESH, STATE, FACTORS, COURSE, i8, i8, STEP_CONTACT, FRICTION), **STRICT)
