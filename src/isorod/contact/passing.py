@@ -30,9 +30,8 @@ DEEPEST = 0.5
 _NEAREST = 0.5
 _APPROACH = 0.1
 
-# Pieces of an element's centre line, and the most places looked at on the way.
+# Pieces of an element's centre line.
 _PIECES = 4
-_PLACES = 400
 
 
 class Passing:
@@ -206,15 +205,19 @@ def _nearer(
     one, other, relative
         Radii of both, and how far they move relative to each other at most, ``(m,)``.
     """
-    if not relative.size:
-        return None
     limit, approach = _NEAREST * (one + other), _APPROACH * np.minimum(one, other)
-    places = int(np.clip(np.ceil(2.0 * np.max(relative / limit)), 1, _PLACES))
-    for t in np.arange(1, places + 1) / places:
-        there = _distance(start[0] + t * way[0], start[1] + t * way[1])
-        through = (there < limit) & (there < rest - approach)
+    pair, time, shortest = np.arange(relative.size), np.zeros(relative.size), 0.5 * limit
+    while pair.size:
+        now = time[pair, None, None]
+        there = _distance(*(at[pair] + now * along[pair] for at, along in zip(start, way, strict=True)))
+        through = (there < np.minimum(limit, rest - approach)[pair]) & (time[pair] > 0.0)
         if through.any():
-            return int(np.argmax(through))
+            return int(pair[np.argmax(through)])
+        # Before they have gone so far they cannot be nearer than the limit.
+        free = np.maximum(there - limit[pair], shortest[pair])
+        pair, free = pair[time[pair] < 1.0], free[time[pair] < 1.0]
+        with np.errstate(divide="ignore"):
+            time[pair] = np.minimum(1.0, time[pair] + free / relative[pair])
     return None
 
 

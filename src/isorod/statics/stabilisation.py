@@ -52,7 +52,8 @@ class Stabilisation:
         bodies = np.unique([body for body, _ in loose])
         mine = np.zeros(model.dofs)
         for body in bodies:
-            model.nodal(mine, int(body))[:] = 1.0
+            # Rigid motions are of carriers alone; many others together can be near to nothing.
+            model.nodal(mine, int(body))[model.bodies[body].space.is_carrier] = 1.0
         self._model, self._loose = model, loose
         self._displacement: Callable[[PETSc.Vec], Array] = lambda x: assembler.displacement(x, 1.0)
         self._stiffness = matrix.getDiagonal()
