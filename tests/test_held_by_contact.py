@@ -7,11 +7,14 @@ import pytest
 from conftest import straight
 
 from isorod import statics
+from isorod.assembly.assembler import Assembler
 from isorod.errors import SolveError
 from isorod.geometry.rod import Rod
 from isorod.material import NeoHookean
 from isorod.model import Body, BodyForce, Contact, Model, Plane, SectionLoad, Support
 from isorod.space import Space
+from isorod.space.closer import Patch, closer
+from isorod.statics.stabilisation import Stabilisation
 
 LAW = NeoHookean(1000.0, 0.3)
 ACROSS = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])  # z to x
@@ -91,3 +94,22 @@ def test_a_free_motion_without_a_contact_that_could_hold_it_is_refused_and_conta
     model = replace(lying(0.1, (0.0, -1.0, 0.0)), contacts=contacts)
     with pytest.raises(SolveError, match=r"supports: body 0 is free to .*; hold it, in statics by a contact perhaps"):
         statics.solve(model)
+
+
+def test_what_holds_a_bar_does_not_depend_on_how_many_functions_it_has():
+    """Sums of functions that are close together at a patch can be next to nothing; their softness is none of a bar."""
+    model = crossing(0.01)
+    rod = Rod(model.bodies[1].space.rod.axis, model.bodies[1].space.rod.control_points)
+    fine = closer(rod, [Patch(1.0, -0.5 * np.pi, 0.1, 0.1, 0.08)])
+    held = []
+    for space in (model.bodies[1].space, fine):
+        lone = Model([Body(space, LAW)], [Support.end(space, end, "xz") for end in ("start", "end")])
+        assembler = Assembler(lone)
+        matrix = assembler.matrix()
+        assembler.tangent(assembler.vector(), 0.0, matrix)
+        stabilisation = Stabilisation(assembler, matrix, [(0, space.is_carrier[:, None] * [0.0, 1.0, 0.0])])
+        low = assembler.state((space.is_carrier[:, None] * [0.0, 1.0, 0.0]).ravel())
+        out = assembler.vector()
+        stabilisation.add_forces(low, out, 1.0)
+        held.append(out.dot(low))
+    assert held[1] == pytest.approx(held[0], rel=0.5)
