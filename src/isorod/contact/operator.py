@@ -29,7 +29,7 @@ _DELTA = 1e-6
 
 # Where control points are closer at a patch, this share of the default penalty times how many are across: the surfaces'
 # misfit, times the penalty, is a wave in the pressure.  Of crossing cylinders with four and six across, the largest
-# pressure errs by 1 and 2 % so, with twice the penalty by 1 and 3 %, with the default by 1 and 5 %.
+# pressure errs by 1 and 2 % so, with twice the penalty by 1 and 3 %, with the default one by 1 and 5 %.
 _CLOSER = 1.8
 
 # Penalties may fall to this share of their defaults, and a little below.

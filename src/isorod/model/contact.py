@@ -121,7 +121,7 @@ class Contact(Checked):
     penetration: float | None = None
     faces: Sequence[str] = ()
     friction: float = 0.0
-    across: float = 4.4
+    across: float = 5.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
