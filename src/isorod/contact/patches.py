@@ -17,10 +17,10 @@ from isorod.model.model import Model
 from isorod.space.closer import Patch
 from isorod.space.space import Space
 
-# A patch across which there are less than this share of the control points wanted is looked at closer: chords of a circle
-# are on average so much of its diameter.  Of crossing cylinders radius, by the area, and largest pressure, per reference
-# area, err by 1.4 and 2.5 % at most with three of them seen, by 3 and 2 % with four, by 2 and 3 % with six, but once,
-# with 3.6, by 7 %.
+# A patch across which there are less than this share of the control points wanted is looked at closer: chords of a
+# circle are on average so much of its diameter.  Of crossing cylinders radius, by the area, and largest pressure, per
+# reference area, err by 1.4 and 2.5 % at most with three of them seen, by 3 and 2 % with four, by 2 and 3 % with six;
+# but once, with 3.6, by 7 %.
 ENOUGH = 0.75
 
 # Fewer than so many know its force alone; as many as are then wanted.
