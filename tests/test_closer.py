@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from conftest import straight
+from touching import crossing
 
 from comparisons.contact import hertz
 from isorod import statics
@@ -259,30 +260,10 @@ def test_what_was_found_is_kept_if_looking_closer_fails(monkeypatch, where):
         rounds(monkeypatch, analyse, scenes, 2)
 
 
-CROSSING = """
-[rod.low]
-curve = {straight = {start = [0.0, 0.0, -2.0], end = [0.0, 0.0, 2.0]}}
-section = {circle = 1.0}
-law = {LinearElastic = {E = 1000.0, nu = 0.3}}
-
-[rod.high]
-curve = {straight = {start = [-2.0, 2.0, 0.0], end = [2.0, 2.0, 0.0]}}
-section = {circle = 1.0}
-law = {LinearElastic = {E = 1000.0, nu = 0.3}}
-SPACE
-
-[contact.bars]
-first = "low"
-second = "high"
-
-[analysis.statics]
-"""
-
-
 @pytest.mark.parametrize("told, rods", [("", [0, 1]), ("space = {section_points = 16}", [0])])
 def test_rods_of_a_file_whose_space_is_not_told_are_looked_at_closer(tmp_path, told, rods):
     path = tmp_path / "bars.toml"
-    path.write_text(CROSSING.replace("SPACE", told))
+    path.write_text(crossing(told))
     scene = FileScene(str(path))
     model = scene.model()
     moved = model.is_carrier.repeat(3) * np.tile([0.0, 1.0, 0.0], model.dofs // 3)
