@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from conftest import straight
+from touching import crossing
 
 from comparisons.contact import hertz
 from isorod import statics
@@ -138,26 +139,10 @@ def test_a_patch_between_points_is_found():
     assert not apart.see_better((np.tile(spaces[0].is_carrier, 2)[:, None] * moved).ravel())
 
 
-BARS = """
-[rod.low]
-curve = {straight = {start = [0.0, 0.0, -2.0], end = [0.0, 0.0, 2.0]}}
-section = {circle = 1.0}
-law = {LinearElastic = {E = 1000.0, nu = 0.3}}
-
-[rod.high]
-curve = {straight = {start = [-2.0, 2.0, 0.0], end = [2.0, 2.0, 0.0]}}
-section = {circle = 1.0}
-law = {LinearElastic = {E = 1000.0, nu = 0.3}}
-
+HELD = """
 [support.floor]
 patch = {around = [200.0, 340.0], along = [0.0, 4.0]}
 rod = "low"
-
-[contact.bars]
-first = "low"
-second = "high"
-
-[analysis.statics]
 """
 PUSHED = """
 [support.top]
@@ -233,7 +218,7 @@ def test_a_bar_on_a_pin_is_seen_roughly_at_the_second_look(tmp_path, monkeypatch
 
 @pytest.mark.slow
 def test_cylinders_pressed_on_each_other_are_those_of_hertz_by_default(tmp_path):
-    result = of_file(tmp_path / "bars.toml", BARS + PRESSED)
+    result = of_file(tmp_path / "bars.toml", crossing() + HELD + PRESSED)
     assert abs(result.resultant[1]) == pytest.approx(1.0, abs=1e-6)
     assert errors(result) == pytest.approx((0.0, 0.0), abs=0.05)
 
@@ -245,7 +230,7 @@ def test_cylinders_pushed_onto_each_other_are_those_of_hertz_by_default(tmp_path
     Two pushes tell both: ``approach = K F^(2/3) + C F``.
     """
     results = [
-        of_file(tmp_path / "bars.toml", BARS + PUSHED.replace("APPROACH", str(approach)))
+        of_file(tmp_path / "bars.toml", crossing() + HELD + PUSHED.replace("APPROACH", str(approach)))
         for approach in (APPROACH, 0.25 * APPROACH)
     ]
     for one in results:

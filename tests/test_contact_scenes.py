@@ -38,14 +38,15 @@ def test_coil_takes_the_force_of_loves_spring(push):
 def test_coil_goes_to_solid_and_its_turns_stay_above_each_other():
     """One active turn between two that are held: rubbing, the wires are flattened instead of sliding off sideways."""
     free, push = 175.8, 9.085  # Love's force at touch, whatever the number of turns; 0.03 % past it
-    solution, found = solved(Coil(coils=1, push=push), load_steps=4)
+    # Pressure begins and ends within an element, which is aside: 1.5, 0.7 and 0.35 % with 8, 16 and 32 of them a turn.
+    solution, found = solved(Coil(coils=1, push=push, elements_per_turn=16), load_steps=4)
     assert found["travels"] == pytest.approx(push * np.array([0.25, 0.5, 0.75, 1.0]))
     # On the way the ends are moved along a straight line, aside from Love's by 0.3 % of the radius at most.
     np.testing.assert_allclose(found["forces"][:3], free * np.array([0.25, 0.5, 0.75]), rtol=0.03)
     assert found["forces"][3] == found["force"] > 100.0 * free
     # Both turns that it touches pass the force on.
     assert found["contact_force"] == pytest.approx(2.0 * (found["force"] - free), rel=0.1)
-    assert np.abs(solution.reactions[1, :2]).max() < 0.03 * found["force"]
+    assert np.abs(solution.reactions[1, :2]).max() < 0.01 * found["force"]
     assert found["relative_penetration"] < 1e-3
 
 

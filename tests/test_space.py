@@ -273,7 +273,7 @@ BAD_SPACES = [
     ({"section_points": 8}, "section points: got 8, need a multiple of the 16"),
     ({"section_points": 0}, "section points: got 0, need a multiple of the 16"),
     ({"section_points": -16}, "section points: got -16, need a multiple of the 16"),
-    ({"section_points": 1600}, "section control points: got 1600, need an integer from 3 to 1024"),
+    ({"section_points": 3200}, "section control points: got 3200, need an integer from 3 to 2048"),
     ({"degree": 7}, "axis degree: got 7, need an integer from 2 to 6"),
     ({"degree": 1}, "axis degree: got 1, need an integer from 2 to 6"),
     ({"degree": 3, "continuity": 3}, "continuity: got 3, need an integer from 0 to 2"),
@@ -297,7 +297,7 @@ def test_a_space_that_cannot_be_is_refused_in_one_line(values, message):
     [
         ("blade --section-points 24", "section points: got 24, need a multiple of the 16 of the rod itself"),
         ("blade --section-points 8", "section points: got 8, need a multiple of the 16 of the rod itself"),
-        ("blade --section-points 1040", "section control points: got 1040, need an integer from 3 to 1024"),
+        ("blade --section-points 2080", "section control points: got 2080, need an integer from 3 to 2048"),
         ("blade --order 0", "polyharmonic order: got 0, need an integer from 1 to 6"),
         ("blade --order -2", "polyharmonic order: got -2, need an integer from 1 to 6"),
         ("blade --order 7", "polyharmonic order: got 7, need an integer from 1 to 6"),
@@ -308,7 +308,7 @@ def test_a_space_that_cannot_be_is_refused_in_one_line(values, message):
         ("spring --order 0", "polyharmonic order: got 0, need an integer from 1 to 6"),
         ("spring --degree 7", "axis degree: got 7, need an integer from 2 to 6"),
         ("spring --degree 5 --continuity 5", "continuity: got 5, need an integer from 0 to 4"),
-        ("spring --section-points 2", "section control points: got 2, need an integer from 3 to 1024"),
+        ("spring --section-points 2", "section control points: got 2, need an integer from 3 to 2048"),
     ],
 )
 def test_the_command_line_refuses_it_in_one_line(arguments, message, capsys):

@@ -93,3 +93,25 @@ def assert_tangent(operator, displacement, dofs, step, count, error):
             2.0 * step
         )
         assert np.abs(K @ v - change).max() < error * np.abs(change).max()
+
+
+def crossing(told=""):
+    """Return the file of a scene of two bars that cross; what is told, such as a space, is of the upper one."""
+    return f"""
+[rod.low]
+curve = {{straight = {{start = [0.0, 0.0, -2.0], end = [0.0, 0.0, 2.0]}}}}
+section = {{circle = 1.0}}
+law = {{LinearElastic = {{E = 1000.0, nu = 0.3}}}}
+
+[rod.high]
+curve = {{straight = {{start = [-2.0, 2.0, 0.0], end = [2.0, 2.0, 0.0]}}}}
+section = {{circle = 1.0}}
+law = {{LinearElastic = {{E = 1000.0, nu = 0.3}}}}
+{told}
+
+[contact.bars]
+first = "low"
+second = "high"
+
+[analysis.statics]
+"""

@@ -19,7 +19,7 @@ import numpy as np
 
 from comparisons.contact import hertz
 from isorod import statics
-from isorod.arrays import Array, Index
+from isorod.arrays import Index
 from isorod.contact.result import ContactResult
 from isorod.errors import InputError
 from isorod.geometry.center_line import helix, straight
@@ -37,9 +37,13 @@ SCENE = Strand(strain=0.002)
 # Of the piece: its length, elements, about the force per length, and what backs come nearer by at first.
 LENGTH, ELEMENTS, LOAD, PUSH = 2.0, 2, 42.0, 0.0016
 
-# Control points of the rods, fine arcs round a section, as many as there may be, and half the width in which arcs are
-# that short, in half widths of the patch.
-POINTS, ARCS, REACH = 8, 1024, 2.0
+# Fine arcs round a section, the last as many as there may be; control points of the rods, and half the width in which
+# arcs are that short, in half widths of the patch.
+ARCS = 512, 1024, 2048
+POINTS, REACH = 8, 2.0
+
+# Axis parameters up to which the piece is its middle, on either side.
+MIDDLE = 0.2
 
 # Backs are within such an angle of where nothing touches [rad].
 BACK = 1.0
@@ -79,7 +83,7 @@ def line_load(scene: Strand = SCENE) -> float:
     return float((found.areas * found.pressure)[middle].sum() / length)
 
 
-def piece(push: float = PUSH, arcs: int = ARCS) -> Model:
+def piece(push: float = PUSH, arcs: int = ARCS[1]) -> Model:
     """Return core and wire of a short strand, seen finely along their line of contact, and pushed together."""
     scene, turns = SCENE, LENGTH / SCENE.pitch
     core = straight(LENGTH, degree=4).sweep(circle(POINTS, scene.core_radius), twist=360.0 * turns)
@@ -91,7 +95,7 @@ def piece(push: float = PUSH, arcs: int = ARCS) -> Model:
         around = REACH * exact(LOAD).half_width / radius
         basis = closer(rod, [Patch(0.5, angle, size, around, size)]).basis
         assert isinstance(basis, Graded)
-        space = Space.paper(rod, elements=ELEMENTS, degree=4, order=1, section_basis=basis, quadrature="8x4")
+        space = Space.paper(rod, elements=ELEMENTS, degree=4, order=1, section_basis=basis, quadrature="auto")
         middles = 0.5 * (basis.joints[1:] + basis.joints[:-1])
         back = np.flatnonzero(np.cos(middles - angle) < -np.cos(BACK))
         nodes: Index = (np.arange(space.layers)[:, None] * space.layer_nodes + back).ravel()
@@ -101,15 +105,22 @@ def piece(push: float = PUSH, arcs: int = ARCS) -> Model:
 
 
 def measure(found: ContactResult) -> Line:
-    """Return what the middle half of the piece's line of contact carries; points of both sides have a part of it."""
-    mine = np.abs(found.positions[:, 2] / LENGTH - 0.5) < 0.25
-    load, pressure, body = (found.areas * found.pressure)[mine], found.pressure[mine], found.body[mine]
-    radius = np.where(body == 0, SCENE.core_radius, SCENE.wire_radius)
-    # Round the sections, to which the line is not quite normal.
-    aside: Array = np.cos(line_angle()) * radius * np.angle(np.exp(1j * (found.parameters[mine, 1] - np.pi * body)))
-    carried = float(load.sum() * np.cos(line_angle()) / (0.5 * LENGTH))
-    half_width = 2.0 * float(np.sqrt(load @ aside**2 / load.sum()))
-    return Line(carried, half_width, float(pressure.max()), exact(carried))
+    """Return what the middle of the piece's line of contact carries; points of both sides have a part of it."""
+    middle = np.abs(found.parameters[:, 0] - 0.5) < MIDDLE
+    scene, carried, moment, peak = SCENE, 0.0, 0.0, 0.0
+    for body, radius, slope in ((0, scene.core_radius, 0.0), (1, scene.wire_radius, scene.lay_angle)):
+        mine = middle & (found.body == body)
+        areas, pressure = found.areas[mine], found.pressure[mine]
+        # Of the strand, for which points stand: round a rod, areas add up to the circle by the length of its axis, half
+        # of that for either side.
+        length = areas.sum() / (np.pi * radius) * np.cos(slope)
+        load = areas * pressure * np.cos(line_angle()) / length
+        # Round the sections, to which the line is not quite normal.
+        angle = np.angle(np.exp(1j * (found.parameters[mine, 1] - np.pi * body)))
+        carried += float(load.sum())
+        moment += float(load @ (np.cos(line_angle()) * radius * angle) ** 2)
+        peak = max(peak, float(pressure.max()))
+    return Line(carried, 2.0 * float(np.sqrt(moment / carried)), peak, exact(carried))
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -119,19 +130,21 @@ def main(arguments: Sequence[str]) -> int:
     wanted = line_load()
     print(f"line load of the strand {wanted:.2f} N/mm")
     push = PUSH
-    for _ in range(2):
-        (found,) = statics.solve(piece(push)).contacts
+    for arcs in ARCS:
+        (found,) = statics.solve(piece(push, arcs)).contacts
         line = measure(found)
         record: dict[str, Any] = {
+            "arcs": arcs,
             "push": push,
             "load": line.load,
             "half_width": line.half_width,
             "half_width_exact": line.exact.half_width,
             "peak": line.peak,
             "peak_exact": line.exact.peak,
+            "peak_error": line.peak / line.exact.peak - 1.0,
             "cells_across": found.cells_across,
         }
-        print(results.line(record))
+        print(results.line(record), flush=True)
         push *= wanted / line.load
     return 0
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 # Penetration up to which multipliers are added by default, relative to the smallest radius.
 _DEEPEST = 1e-3
 
-# Share of a load step by which forces are differentiated where obstacles move.
+# Change of the load factor by which forces are differentiated where obstacles move.
 _DELTA = 1e-6
 
 # Where control points are closer at a patch, this share of the default penalty times how many are across: the surfaces'
@@ -191,10 +191,10 @@ class ContactOperator:
             return np.zeros_like(displacement)
         forces = []
         # Points that come into contact on the way are none of the derivative.
-        for share in (_DELTA, 0.0):
-            self.place(factor + share * step)
+        for ahead in (_DELTA, 0.0):
+            self.place(factor + ahead)
             forces.append(self.forces(displacement)[0])
-        return (forces[0] - forces[1]) / _DELTA
+        return step / _DELTA * (forces[0] - forces[1])
 
     def push(self) -> float:
         """Return the normal forces of all obstacles that move, as the last forces left them: what drives a model."""

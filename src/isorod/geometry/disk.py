@@ -24,7 +24,7 @@ from isorod.arrays import Array
 from isorod.errors import InputError, whole_number
 
 # Closed form and tables hold well beyond; the memory of a section's tables (40 n^2) does not.
-MAX_COUNT = 1024
+MAX_COUNT = 2048
 
 # Tables up to this many values are kept: a rod's check, its geometry and its space meet the same points again and
 # again.
@@ -36,7 +36,7 @@ _SERIES_TERMS = 28
 
 
 def check_count(n: int) -> int:
-    """Return ``n`` if it can be a number of section control points (3 to 1024), or raise `InputError`."""
+    """Return ``n`` if it can be a number of section control points (3 to 2048), or raise `InputError`."""
     return whole_number("section control points", n, 3, MAX_COUNT)
 
 

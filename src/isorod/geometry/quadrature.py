@@ -92,13 +92,17 @@ def section_points(n: int, rule: Rule, turn: float = 0.0, rings: tuple[float, ..
 def graded_points(joints: Array, rule: Rule) -> tuple[Array, Array]:
     """Return points ``(q, 2)`` of the unit disk, in slices from each angle ``joints`` to the next, and weights.
 
-    What varies over an arc does so to the same depth: a slice has rings of its own, the outermost two of its widths
-    deep, the next three times as deep, with the rule's radial points in each.
+    What varies over an arc does so to the same depth, and below that over as much as it is deep: a slice has rings of
+    its own, the outermost two of its widths deep and each next one three times as deep as the one before, with the
+    rule's radial points in each.
     """
     s, _ = _gauss(rule.angular)
     points, weights = [], []
     for begin, width in zip(joints, np.diff(joints), strict=False):
-        depths = [depth for depth in (2.0 * width, 6.0 * width) if depth < _DEEPEST]
+        depths = [2.0 * width]
+        while depths[-1] < _DEEPEST:
+            depths.append(3.0 * depths[-1])
+        del depths[-1]
         rings = (0.0, *(1.0 - depth for depth in reversed(depths)), 1.0)
         found = _in_slices(begin + width * s[None, :], np.array([width]), rule, rings)
         points.append(found[0])
