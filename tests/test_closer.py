@@ -163,14 +163,17 @@ def test_elements_and_arcs_are_short_at_a_patch_and_grow_with_the_distance():
 
 
 def test_parallel_cylinders_to_one_per_cent():
-    """A cylinder on a rigid plane in plane strain, as two equal ones: Hertz' half width and pressure."""
-    E, nu, size = 1.0, 0.3, 0.02
+    """A cylinder on a rigid plane in plane strain, as two equal ones: Hertz' half width and pressure.
+
+    They are those of small patches: of one of a fourteenth of the radius 1.7 and 2.1 % is missing and too much.
+    """
+    E, nu, size = 1.0, 0.3, 0.005
     rod = straight(8, degree=1)
-    basis = closer(rod, [Patch(0.5, -0.5 * np.pi, 0.5, 0.08, size)]).basis
+    basis = closer(rod, [Patch(0.5, -0.5 * np.pi, 0.5, 0.02, size)]).basis
     space = Space.paper(rod, degree=1, order=1, section_basis=basis, quadrature="4x2x1")
     top = np.flatnonzero(np.sin(0.5 * (basis.joints[1:] + basis.joints[:-1])) > np.cos(1.2))
     back = np.concatenate([top, space.layer_nodes + top])
-    supports = [Support(np.arange(space.nodes), "z"), Support(back, "xy", (0.0, -0.01, 0.0))]
+    supports = [Support(np.arange(space.nodes), "z"), Support(back, "xy", (0.0, -0.0005, 0.0))]
     plane = Plane((0.0, -1.0, 0.0), (0.0, 1.0, 0.0))
     (result,) = statics.solve(
         Model([Body(space, LinearElastic(E, nu))], supports, contacts=[Contact(0, plane)])
