@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import isorod
-from comparisons.referee import equilibrium, motion, rods, touching, twisted
+from comparisons.referee import equilibrium, laid, motion, rods, touching, twisted
 
 ROOT = Path(__file__).parent.parent
 E, RADIUS, LENGTH, DENSITY = 1e6, 0.02, 1.0, 1000.0
@@ -246,6 +246,42 @@ def test_a_pin_of_a_rod_that_touches_is_a_hinge():
     assert model.held.size == 12 and model.unknowns == model.dofs - 12
     with pytest.raises(NotImplementedError, match="its normal not across"):
         rods.supports(rods.place(Rod(start="pinned", normal=(0.0, 0.6, 0.8)), 6, True), 0)
+
+
+def crossed_ropes():
+    """One along x, one along y that starts above it."""
+    low, high = arc(0.6), arc(0.5)[:, [1, 0, 2]]
+    across = high + np.array([0.5 * low[-1, 0], -0.5 * high[-1, 1], 0.01])
+    return Rod(low, "pinned", "pinned"), Rod(across, "pinned", "pinned", normal=(1.0, 0.0, 0.0))
+
+
+def test_a_rope_comes_to_rest_on_another():
+    """In the middle, a diameter above it but for what both give way; pins hold the means of sections."""
+    asked = scenario(*crossed_ropes(), gravity=(0.0, 0.0, -9.81))
+    found = [nodes for nodes, _ in laid.solve(asked, 4)]
+    alone = [equilibrium.solve(scenario(rope, gravity=asked.gravity), 4)[0][0] for rope in asked.rods]
+    for rope, nodes in zip(asked.rods, found, strict=True):
+        assert nodes[[0, -1]] == pytest.approx(rope.nodes(1), abs=1e-4)
+        assert nodes[::-1, 2] == pytest.approx(nodes[:, 2], abs=1e-5)
+    lower, upper = (nodes[2] for nodes in found)
+    assert upper - lower == pytest.approx([0.0, 0.0, 2.0 * RADIUS], abs=0.02 * RADIUS)
+    assert lower[2] < alone[0][2, 2] - 0.4 * RADIUS and upper[2] > alone[1][2, 2] + 0.6 * RADIUS
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"quasi_static": False},
+        {"self_contact": True},
+        {"gravity": (1.0, 0.0, -9.81)},
+        {"obstacles": (obstacle("plane"),)},
+    ],
+)
+def test_other_ropes_in_contact_move(change):
+    asked = {"gravity": (0.0, 0.0, -9.81)} | change
+    assert laid.takes(scenario(*crossed_ropes(), gravity=(0.0, 0.0, -9.81)), 11)
+    assert not laid.takes(scenario(*crossed_ropes(), **asked), 11)
+    assert not laid.takes(scenario(Rod(friction=0.1), crossed_ropes()[1], gravity=(0.0, 0.0, -9.81)), 11)
 
 
 # The package
