@@ -174,14 +174,18 @@ def turning(level, **rest):
     return SimpleNamespace(**(asked | rest))
 
 
-def test_a_turned_clamp_twists_the_rod_evenly_and_then_it_stays():
+def turned_rod(duration):
     s = np.linspace(0.0, 1.0, 41)
     bent = np.stack([s, 1e-4 * (1.0 - np.cos(2.0 * np.pi * s)), 0.0 * s], axis=1)
     given = Rod(bent, "clamped", "clamped", end_motion=turning(2.0), loads=(load(1e-3 * BENDING, 0.0, 0.0),))
     given.normal = (0.0, 0.0, 1.0)
-    asked = scenario(given, duration=1.5)
+    asked = scenario(given, duration=duration)
     asked.slowest_frequency = lambda: 0.5
-    (frames,) = twisted.solve(asked, 8, 4, 1.0)
+    return asked
+
+
+def test_a_turned_clamp_twists_the_rod_evenly_and_then_it_stays():
+    (frames,) = twisted.solve(turned_rod(1.5), 8, 4, 2.0)
     assert len(frames) == 4
     angles = [np.arctan2(-directors[:, 1], directors[:, 2]) for _, directors in frames]
     middle = (np.arange(8) + 0.5) / 8
@@ -189,6 +193,18 @@ def test_a_turned_clamp_twists_the_rod_evenly_and_then_it_stays():
         assert angle == pytest.approx(level * middle, abs=5e-3)
     # What was there sideways is there when the clamp stands still.
     assert frames[2][0][4, 1] == pytest.approx(2e-4, rel=0.02)
+
+
+def test_a_rod_that_strays_far_is_left_there_and_others_go_on(monkeypatch):
+    heights = []
+    for watched, far in ((20, 0.1), (1, 0.1), (1, 1e-5)):
+        monkeypatch.setattr(twisted, "_WATCHED", watched)
+        monkeypatch.setattr(twisted, "_FAR", far)
+        (frames,) = twisted.solve(turned_rod(1.75), 4, 8, 2.0)
+        heights.append([nodes[2, 1] for nodes, _ in frames])
+    whole, pieces, left = heights
+    assert len(left) == 8 and pieces == pytest.approx(whole, rel=1e-6) and whole[5] != pytest.approx(whole[7], rel=1e-3)
+    assert left == pieces[:6] + 2 * [pieces[5]]
 
 
 @pytest.mark.parametrize(
