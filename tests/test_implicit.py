@@ -384,3 +384,10 @@ def test_implicit_steps_from_the_command_line(isorod):
     refused = isorod(*small, "--integrator", "implicit", "--time-step", "0")
     assert refused.returncode == 2
     assert re.match(r"[^\n]*time step: give one[^\n]*\n$", refused.stderr)
+
+
+def test_what_swings_faster_than_steps_follow_is_foreseen(cylinder):
+    """It goes back and forth from step to step, faster and faster: four iterations each, not six."""
+    model = bar(cylinder)
+    stretched = field(model, lambda x: x * [0.0, 0.0, 0.2])
+    assert run(model, 16.0, 2.0, outputs=1, displacement=stretched).newton_iterations <= 40

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import isorod
-from comparisons.referee import equilibrium, motion, rods, touching, twisted
+from comparisons.referee import equilibrium, laid, motion, rods, touching, twisted
 
 ROOT = Path(__file__).parent.parent
 E, RADIUS, LENGTH, DENSITY = 1e6, 0.02, 1.0, 1000.0
@@ -174,14 +174,18 @@ def turning(level, **rest):
     return SimpleNamespace(**(asked | rest))
 
 
-def test_a_turned_clamp_twists_the_rod_evenly_and_then_it_stays():
+def turned_rod(duration):
     s = np.linspace(0.0, 1.0, 41)
     bent = np.stack([s, 1e-4 * (1.0 - np.cos(2.0 * np.pi * s)), 0.0 * s], axis=1)
     given = Rod(bent, "clamped", "clamped", end_motion=turning(2.0), loads=(load(1e-3 * BENDING, 0.0, 0.0),))
     given.normal = (0.0, 0.0, 1.0)
-    asked = scenario(given, duration=1.5)
+    asked = scenario(given, duration=duration)
     asked.slowest_frequency = lambda: 0.5
-    (frames,) = twisted.solve(asked, 8, 4, 1.0)
+    return asked
+
+
+def test_a_turned_clamp_twists_the_rod_evenly_and_then_it_stays():
+    (frames,) = twisted.solve(turned_rod(1.5), 8, 4, 2.0)
     assert len(frames) == 4
     angles = [np.arctan2(-directors[:, 1], directors[:, 2]) for _, directors in frames]
     middle = (np.arange(8) + 0.5) / 8
@@ -189,6 +193,18 @@ def test_a_turned_clamp_twists_the_rod_evenly_and_then_it_stays():
         assert angle == pytest.approx(level * middle, abs=5e-3)
     # What was there sideways is there when the clamp stands still.
     assert frames[2][0][4, 1] == pytest.approx(2e-4, rel=0.02)
+
+
+def test_a_rod_that_strays_far_is_left_there_and_others_go_on(monkeypatch):
+    heights = []
+    for watched, far in ((20, 0.1), (1, 0.1), (1, 1e-5)):
+        monkeypatch.setattr(twisted, "_WATCHED", watched)
+        monkeypatch.setattr(twisted, "_FAR", far)
+        (frames,) = twisted.solve(turned_rod(1.75), 4, 8, 2.0)
+        heights.append([nodes[2, 1] for nodes, _ in frames])
+    whole, pieces, left = heights
+    assert len(left) == 8 and pieces == pytest.approx(whole, rel=1e-6) and whole[5] != pytest.approx(whole[7], rel=1e-3)
+    assert left == pieces[:6] + 2 * [pieces[5]]
 
 
 @pytest.mark.parametrize(
@@ -246,6 +262,42 @@ def test_a_pin_of_a_rod_that_touches_is_a_hinge():
     assert model.held.size == 12 and model.unknowns == model.dofs - 12
     with pytest.raises(NotImplementedError, match="its normal not across"):
         rods.supports(rods.place(Rod(start="pinned", normal=(0.0, 0.6, 0.8)), 6, True), 0)
+
+
+def crossed_ropes():
+    """One along x, one along y that starts above it."""
+    low, high = arc(0.4), arc(0.3)[:, [1, 0, 2]]
+    across = high + np.array([0.5 * low[-1, 0], -0.5 * high[-1, 1], 0.01])
+    return Rod(low, "pinned", "pinned"), Rod(across, "pinned", "pinned", normal=(1.0, 0.0, 0.0))
+
+
+def test_a_rope_comes_to_rest_on_another():
+    """In the middle, a diameter above it but for what both give way; pins hold the means of sections."""
+    asked = scenario(*crossed_ropes(), gravity=(0.0, 0.0, -9.81))
+    found = [nodes for nodes, _ in laid.solve(asked, 2)]
+    alone = [equilibrium.solve(scenario(rope, gravity=asked.gravity), 2)[0][0] for rope in asked.rods]
+    for rope, nodes in zip(asked.rods, found, strict=True):
+        assert nodes[[0, -1]] == pytest.approx(rope.nodes(1), abs=1e-4)
+        assert nodes[::-1, 2] == pytest.approx(nodes[:, 2], abs=1e-5)
+    lower, upper = (nodes[1] for nodes in found)
+    assert upper - lower == pytest.approx([0.0, 0.0, 2.0 * RADIUS], abs=0.02 * RADIUS)
+    assert lower[2] < alone[0][1, 2] - 0.4 * RADIUS and upper[2] > alone[1][1, 2] + 0.6 * RADIUS
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"quasi_static": False},
+        {"self_contact": True},
+        {"gravity": (1.0, 0.0, -9.81)},
+        {"obstacles": (obstacle("plane"),)},
+    ],
+)
+def test_other_ropes_in_contact_move(change):
+    asked = {"gravity": (0.0, 0.0, -9.81)} | change
+    assert laid.takes(scenario(*crossed_ropes(), gravity=(0.0, 0.0, -9.81)), 11)
+    assert not laid.takes(scenario(*crossed_ropes(), **asked), 11)
+    assert not laid.takes(scenario(Rod(friction=0.1), crossed_ropes()[1], gravity=(0.0, 0.0, -9.81)), 11)
 
 
 # The package

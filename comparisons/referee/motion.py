@@ -9,9 +9,9 @@ from comparisons.referee.rods import loads, place, supports, told
 from comparisons.referee.touching import contacts
 from isorod.arrays import Array
 
-# Time steps, in units of the inverse of the scenario's slowest frequency: 5e-5 of its period in error; four times as
-# long where the way to the equilibrium does not matter.
-STEP, STEP_SETTLING = 0.016, 0.064
+# Time steps, in units of the inverse of the scenario's slowest frequency: 5e-5 of its period in error; twice as long
+# where the way to the equilibrium does not matter.
+STEP, STEP_SETTLING = 0.016, 0.032
 
 
 def step(scenario: Any, scale: float) -> float:

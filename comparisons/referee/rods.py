@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 import isorod
 from isorod.arrays import Array, Index
@@ -83,10 +84,15 @@ def law(material: Any, most: float = 0.5) -> isorod.NeoHookean:
     return isorod.NeoHookean(material.youngs_modulus, min(nu, most))
 
 
-def place(given: Any, elements: int, touching: bool = False, most: float = NEARLY) -> Placed:
-    """Return a scenario's rod as a body of so many elements along the axis; ``touching`` ones have surface points."""
+def place(
+    given: Any, elements: int, touching: bool = False, most: float = NEARLY, rest: ArrayLike = (0.0, 0.0, 0.0)
+) -> Placed:
+    """Return a scenario's rod as a body of so many elements along the axis; ``touching`` ones have surface points.
+
+    It begins, at rest, where the scenario has its start, or as far off that as ``rest`` says, ``(3,)``.
+    """
     start, end = (np.asarray(given.centerline[k], dtype=float) for k in (0, -1))
-    chord = end - start
+    chord, start = end - start, start + np.asarray(rest)
     direction = np.zeros(3)
     largest = int(np.argmax(np.abs(chord)))
     direction[largest] = np.sign(chord[largest])

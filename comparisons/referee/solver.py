@@ -8,8 +8,10 @@ from cosseratbench.solver import Capability, Diverged
 from cosseratbench.trajectory import Trajectory
 
 import isorod
-from comparisons.referee import equilibrium, motion, touching, twisted
+from comparisons.referee import equilibrium, laid, motion, touching, twisted
 from comparisons.referee.rods import DEGREE, NEARLY
+
+STATICS, TOUCHING = "statics", "statics with contact"
 
 
 class Isorod:
@@ -41,8 +43,8 @@ class Isorod:
     def settings(self, scenario: Scenario, *, n_elements: int, n_frames: int) -> dict[str, Any]:
         """Return the numerical choices for a scenario."""
         kind = _kind(scenario, n_elements)
-        found = {"solution": kind, "degree": DEGREE, "poisson_ratio_at_most": 0.5 if kind == "statics" else NEARLY}
-        if kind == "statics":
+        found = {"solution": kind, "degree": DEGREE, "poisson_ratio_at_most": 0.5 if kind == STATICS else NEARLY}
+        if kind in (STATICS, TOUCHING):
             return found
         steps = {"time_step": motion.step(scenario, self.scale), "damping_rate": motion.damping(scenario)}
         return found | steps
@@ -59,8 +61,8 @@ class Isorod:
         """
         kind = _kind(scenario, n_elements)
         try:
-            if kind == "statics":
-                last = equilibrium.solve(scenario, n_elements)
+            if kind in (STATICS, TOUCHING):
+                last = (equilibrium if kind == STATICS else laid).solve(scenario, n_elements)
                 starts = [(rod.nodes(n_elements), rod.directors(n_elements)) for rod in scenario.rods]
                 found = [[start] + [end] * (n_frames - 1) for start, end in zip(starts, last, strict=True)]
             elif kind == "statics, then implicit steps":
@@ -79,6 +81,8 @@ def _kind(scenario: Scenario, elements: int) -> str:
     """Return how a scenario is solved."""
     if any(rod.start_motion is not None or rod.end_motion is not None for rod in scenario.rods):
         return "statics, then implicit steps"
+    if laid.takes(scenario, elements):
+        return TOUCHING
     if scenario.self_contact or scenario.obstacles or touching.pairs(scenario, elements):
         return "implicit steps with contact"
-    return "statics" if scenario.quasi_static else "implicit steps"
+    return STATICS if scenario.quasi_static else "implicit steps"

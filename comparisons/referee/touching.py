@@ -9,9 +9,9 @@ import isorod
 from comparisons.referee.rods import Placed
 from isorod.arrays import Index
 
-# Pressure per depth, in moduli per radius: a point that carries a Hertzian pressure of E / 10 sinks in by a hundredth
-# of the radius.
-PENALTY = 10.0
+# Pressure per depth, in moduli per radius: no stiffer than implicit steps follow; a rope of which a length of 400 radii
+# weighs on a cylinder fifty times as thick sinks in by a fifteenth of its radius.
+PENALTY = 0.02
 
 # Elements that start no farther from the other rod than so many diameters take part, at points no farther apart than
 # this share of a radius.
@@ -25,7 +25,7 @@ def pairs(scenario: Any, elements: int) -> list[tuple[int, int]]:
     found = []
     for i, one in enumerate(scenario.rods):
         for j, other in enumerate(scenario.rods[:i]):
-            if _near(one, other, elements).size:
+            if near(one, other, elements).size:
                 found.append((j, i))
     return found
 
@@ -40,8 +40,8 @@ def contacts(scenario: Any, placed: Sequence[Placed], elements: int) -> list[iso
                 first,
                 second,
                 _penalty(one, other),
-                _near(one, other, elements).tolist(),
-                _near(other, one, elements).tolist(),
+                near(one, other, elements).tolist(),
+                near(other, one, elements).tolist(),
                 points=_points(placed[first], elements),
                 friction=max(one.friction, other.friction),
             )
@@ -76,7 +76,7 @@ def _points(placed: Placed, elements: int) -> tuple[int, int]:
     return around, along
 
 
-def _near(one: Any, other: Any, elements: int) -> Index:
+def near(one: Any, other: Any, elements: int) -> Index:
     """Return the elements of a rod that start near another rod."""
     nodes, others = one.nodes(8 * elements), other.nodes(8 * elements)
     gaps = np.linalg.norm(nodes[:, None] - others, axis=2).min(axis=1)

@@ -2,7 +2,8 @@
 
 Steps in time keep supports where they are.  So the rod is turned by statics, straight, which it stays whether that is
 stable or not; what it starts with sideways is added at the end of the turn, and grows or decays from then on.  Up to
-there frames show an even twist.
+there frames show an even twist.  Rods that buckle are left where they have strayed far: they would go on through
+themselves.
 """
 
 from typing import Any
@@ -20,6 +21,9 @@ _TURN = 1.0
 
 _SMALL = 1e-9
 
+# After so many frames it is looked where a rod is; one that has strayed from its line by so many lengths is left there.
+_WATCHED, _FAR = 20, 0.1
+
 
 def solve(scenario: Any, elements: int, frames: int, scale: float) -> list[list[tuple[Array, Array]]]:
     """Return nodes and directors (`comparisons.referee.rods.told`) of each rod at each frame."""
@@ -35,18 +39,29 @@ def _rod(scenario: Any, given: Any, elements: int, frames: int, scale: float) ->
     times = np.linspace(0.0, scenario.duration, frames)
     first = min(int(np.searchsorted(times, given.end_motion.times[-1] - _SMALL)), frames - 1)
     found = [_evenly(placed, turned, time, elements) for time in times[: first + 1]]
-    if first < frames - 1:
+    displacement, velocity = turned.displacement + _sideways(placed, turned).ravel(), None
+    while len(found) < frames:
+        count = min(_WATCHED, frames - len(found))
         history = isorod.dynamics.solve(
             model,
-            float(times[-1] - times[first]),
+            float(times[len(found) - 1 + count] - times[len(found) - 1]),
             step(scenario, scale),
-            outputs=frames - 1 - first,
+            outputs=count,
             damping=damping(scenario),
-            displacement=turned.displacement + _sideways(placed, turned).ravel(),
+            displacement=displacement,
+            velocity=velocity,
             integrator="implicit",
         )
-        found = found[:first] + [told(placed, state, 0, elements) for state in history]
+        found[-1:] = [told(placed, state, 0, elements) for state in history]
+        displacement, velocity = history.displacement[-1], history.velocity[-1]
+        if _strayed(placed, found[-1][0]) > _FAR * given.length:
+            found += [found[-1]] * (frames - len(found))
     return found
+
+
+def _strayed(placed: Placed, nodes: Array) -> float:
+    """Return the largest distance of nodes ``(n, 3)`` from the line of the rod at rest."""
+    return float(np.linalg.norm(np.cross(nodes - nodes[0], placed.direction), axis=1).max())
 
 
 def _check(placed: Placed) -> None:

@@ -43,6 +43,13 @@ class Newton:
             OPTIONS | factorisation(assembler, symmetric=False),
         )
 
+    def imbalance(self, guess: Array, factor: float) -> float:
+        """Return the norm of the out-of-balance force for a guess of the change of displacement."""
+        force = self.assembler.vector()
+        self.assembler.residual(self.assembler.state(guess), factor, force)
+        norm = float(force.norm())
+        return norm if np.isfinite(norm) else np.inf
+
     def solve(self, guess: Array, factor: float) -> Array | None:
         """Return the change of displacement (all degrees of freedom) from a guess of it; None where SNES diverges."""
         self._factor = factor

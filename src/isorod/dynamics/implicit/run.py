@@ -84,9 +84,11 @@ class Run(run.Run):
         displacement, velocity = state.displacement[order], state.velocity[order]
         self.assembler.begin(dt, self.settings.damping, displacement, velocity)
         level = self.level(time + 0.5 * dt)
-        change = self.newton.solve(dt * velocity, level)
+        # What swings faster than steps follow goes back and forth: it is nearer to where it was than to where it goes.
+        guesses = sorted((dt * velocity, np.zeros_like(velocity)), key=lambda one: self.newton.imbalance(one, level))
+        change = self.newton.solve(guesses[0], level)
         if change is None:
-            change = self.newton.solve(np.zeros_like(velocity), level)
+            change = self.newton.solve(guesses[1], level)
         self.newton_iterations = self.newton.iterations
         problem = f"SNES diverged (reason {self.newton.snes.getConvergedReason()})"
         if change is not None and self._passing is not None and self.assembler.contact is not None:
