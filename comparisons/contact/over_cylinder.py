@@ -232,17 +232,18 @@ def heavy(ratio: float, share: float, haul: float | None = None, size: float = 1
     return statics.solve(hung(ratio, share, haul, size), load_steps=2)
 
 
-def released(ratio: float, share: float, size: float = 1.0) -> float:
+def released(ratio: float, share: float, size: float = 1.0, lasting: float = 3.0) -> float:
     """Return how fast a heavy rope slides in the end, its longer part's end moved down by a quarter and let go.
 
     In implicit steps, with a damping proportional to mass that bounds the speed.  Speed is that of the longer end in
-    the last third of three times ``sqrt(Rb / g)``, over ``sqrt(g Rb)``; no more than rounding where it sticks.
+    the last third of what lasts so many times ``sqrt(Rb / g)``, over ``sqrt(g Rb)``; where it sticks, what is left of
+    its swinging.
     """
     start, model = heavy(ratio, share, HAUL, size), hung(ratio, share, None, size)
     time = float(np.sqrt(ratio * heavy_rope_bound(LIGHT * ratio, ratio, HEAVY_FRICTION) / (STRAIN * E)))
     motion = dynamics.solve(
         model,
-        3.0 * time,
+        lasting * time,
         time / 25.0,
         3,
         1.0 / time,
@@ -252,7 +253,7 @@ def released(ratio: float, share: float, size: float = 1.0) -> float:
     space = model.bodies[0].space
     last = np.arange(-space.layer_nodes, 0)[space.is_carrier[-space.layer_nodes :]]
     heights = motion.displacement.reshape(len(motion.times), -1, 3)[:, last, 1].mean(axis=1)
-    return float((heights[-2] - heights[-1]) / ratio)
+    return float((heights[-2] - heights[-1]) / ratio / (lasting / 3.0))
 
 
 def reserve(ratio: float, share: float, size: float = 1.0) -> float:
