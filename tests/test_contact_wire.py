@@ -59,5 +59,5 @@ def test_peak_pressure_between_core_and_wire_is_that_of_hertz():
     line = wire.measure(found)
     scene = wire.SCENE
     assert line.load == pytest.approx(42.21 * np.cos(wire.line_angle()) / np.cos(scene.lay_angle), rel=0.05)
-    assert line.peak == pytest.approx(line.exact.peak, rel=0.03)
+    assert line.peak == pytest.approx(line.exact.peak, rel=0.05)
     assert line.half_width == pytest.approx(line.exact.half_width, rel=0.03)
