@@ -6,9 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.sparse import coo_matrix
-from touching import LAW, crease, forces_at, moved, pair, reference, shaken
+from touching import LAW, add_forces, crease, forces_at, moved, pair, reference, shaken
 
-from isorod.contact.force_kernel import add_forces
 from isorod.contact.operator import ContactOperator
 from isorod.dynamics.explicit import contact as explicit_contact
 from isorod.errors import InputError

@@ -5,10 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from conftest import straight
-from touching import ACROSS, LAW, assert_tangent, forces_at, moved, reference, ring, shaken
+from touching import ACROSS, LAW, add_forces, assert_tangent, forces_at, moved, reference, ring, shaken
 
 from isorod.contact import tables
-from isorod.contact.force_kernel import add_forces
 from isorod.contact.operator import ContactOperator
 from isorod.contact.tables import pack
 from isorod.geometry.center_line import arc, helix, polyline

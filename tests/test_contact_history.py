@@ -5,9 +5,8 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from touching import ACROSS, LAW, RADIUS, RING, forces_at, moved, pair, reference, shaken
+from touching import ACROSS, LAW, RADIUS, RING, add_forces, forces_at, moved, pair, reference, shaken
 
-from isorod.contact.force_kernel import add_forces
 from isorod.contact.operator import ContactOperator
 from isorod.contact.packed import START
 from isorod.contact.surface_kernel import EDGE, END, FREE, closest, new_foot, surface_gap

@@ -8,9 +8,8 @@ from itertools import product
 import numpy as np
 import pytest
 from conftest import straight
-from touching import LAW, assert_tangent, forces_at, moved, reference, shaken
+from touching import LAW, add_forces, assert_tangent, forces_at, moved, reference, shaken
 
-from isorod.contact.force_kernel import add_forces
 from isorod.contact.mesh_kernel import LEVELS, mesh_gap
 from isorod.contact.operator import ContactOperator
 from isorod.contact.surface_kernel import new_foot

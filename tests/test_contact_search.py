@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from conftest import straight
+from touching import add_forces
 
-from isorod.contact.force_kernel import add_forces
 from isorod.contact.tables import pack
 from isorod.geometry.rod import Rod
 from isorod.material import NeoHookean

@@ -1,10 +1,12 @@
 """Bodies that touch: a rod and a ring with obstacles, a rod in the crease of a bent one, and what contact says."""
 
+from typing import NamedTuple
+
 import numpy as np
 from conftest import straight
 from scipy.sparse import coo_matrix
 
-from isorod.contact.force_kernel import add_forces
+from isorod.contact import force_kernel
 from isorod.contact.tables import pack
 from isorod.geometry.axis import Axis
 from isorod.geometry.center_line import helix
@@ -72,6 +74,19 @@ def reference(model):
 def shaken(model, size=0.02):
     """Return random displacements ``(dofs,)`` of a model."""
     return size * np.random.default_rng(0).standard_normal(model.dofs)
+
+
+class Pressing(NamedTuple):
+    """What contact says, by name."""
+
+    energy: float
+    force: float
+    area: float
+    deepest: float
+
+
+def add_forces(packed, positions, forces):
+    return Pressing(*force_kernel.add_forces(packed, positions, forces))
 
 
 def forces_at(model, displacement):
