@@ -276,3 +276,19 @@ def test_rods_of_a_file_whose_space_is_not_told_are_looked_at_closer(tmp_path, t
     graded = [k for k, body in enumerate(closer_.model().bodies) if isinstance(body.space.basis, Graded)]
     assert graded == rods
     assert scene.closer(SimpleNamespace(model=model, contacts=())) is None
+
+
+def test_penalty_by_default_is_softer_where_control_points_are_closer():
+    """By 1.8 over how many are wanted across the patch; with other points it stays so, and a typed one as typed."""
+    rod = straight(8, degree=1)
+    space = Space.paper(rod, degree=1, order=1, section_basis=closer(rod, [Patch(0.5, 0.0, 0.5, 0.2, 0.1)]).basis)
+    plane = Plane((0.0, -1.0, 0.0), (0.0, 1.0, 0.0))
+    found = []
+    for asked in ({"across": 4.0}, {"across": 6.0}, {"penalty": 7.0}):
+        operator = ContactOperator(Model([Body(space, LinearElastic(1.0, 0.3))], contacts=[Contact(0, plane, **asked)]))
+        before = operator.packed.passes["penalty"].copy()
+        operator.space_evenly()
+        assert (operator.packed.passes["penalty"] == before).all()
+        found.append(before[0])
+    stiff = 2.0 / (1.0 - 0.3**2) * space.basis.fine / (2.0 * np.pi)
+    assert found == pytest.approx([0.45 * stiff, 0.3 * stiff, 7.0], rel=0.02)
