@@ -9,13 +9,13 @@ from petsc4py import PETSc
 
 from isorod import statics
 from isorod.assembly.assembler import Assembler
-from isorod.assembly.part import stiffness
 from isorod.errors import InputError
 from isorod.geometry.axis import Axis
 from isorod.geometry.rod import Rod
 from isorod.geometry.section import circle
 from isorod.material import LinearElastic, NeoHookean
 from isorod.material.muscle import Muscle
+from isorod.material.st_venant_kirchhoff import StVenantKirchhoff
 from isorod.model import Body, Model, Spin, Support
 from isorod.scenes.ring import Ring
 from isorod.scenes.spring import Spring
@@ -110,8 +110,8 @@ def residual(assembler, x, factor=0.7):
 
 def tangent(assembler, x, factor=0.7):
     matrix = assembler.matrix()
-    blocks = assembler.tangent(x, factor, matrix, keep=True)
-    return matrix, blocks
+    assembler.tangent(x, factor, matrix)
+    return matrix
 
 
 WEIGHTS = (3 / 4, -3 / 20, 1 / 60)
@@ -125,38 +125,59 @@ def difference(f, h=1e-3):
 def test_tangent_is_the_derivative_of_the_residual(assembler, seed):
     x, v = deformed(assembler), direction(assembler, seed)
     v /= np.abs(v).max()
-    matrix, _ = tangent(assembler, x)
+    matrix = tangent(assembler, x)
     product = (matrix * moved(x, v - x.array_r)).array_r
     expected = difference(lambda t: residual(assembler, moved(x, t * v)))
     assert np.linalg.norm(product - expected) < 1e-6 * np.linalg.norm(expected)
 
 
-def test_tangent_is_the_same_whether_element_matrices_are_kept(assembler):
-    """Kept, they are added up; not kept, blocks of them go where they belong at once."""
-    x = deformed(assembler)
-    kept, _ = tangent(assembler, x)
-    matrix = assembler.matrix()
-    assert assembler.tangent(x, 0.7, matrix) == []
-    gap = as_array(matrix) - as_array(kept)
-    assert np.abs(gap).max() < 1e-14 * np.abs(as_array(kept)).max()
+@pytest.mark.parametrize("assembler", ["two bodies", "tendon and muscle"], indirect=True)
+def test_entries_are_the_sum_of_the_element_matrices(assembler):
+    """Blocks of them go where they belong at once, and there are no element matrices."""
+    local = assembler.local(0.05 * np.random.default_rng(4).uniform(-1, 1, assembler.model.dofs))
+    for part in assembler.parts:
+        entries = np.zeros(part.pattern.blocks.total)
+        part.add_entries(local, 0.7, entries)
+        expected = part.pattern.merge(part.matrices(local, 0.7))
+        assert np.abs(entries - expected).max() < 1e-14 * np.abs(expected).max()
 
 
-@pytest.mark.parametrize("refinement", [{}, {"order": 2}, {"section_degree": 3}], ids=["paper", "K = 2", "polynomials"])
-def test_lames_parameters_stand_for_moduli_at_points(refinement):
-    """Linear elastic elements, two of them of another law, against the general kernel."""
-    space = Space.paper(Spring(coils=1, section_points=5).rod(), elements=4, **refinement)
-    soft, stiff = LinearElastic(80.0, 0.35), LinearElastic(900.0, 0.1)
-    (part,) = Assembler(Model([Body(space, [soft, stiff, stiff, soft])]), PETSc.COMM_SELF).parts
-    F = np.broadcast_to(np.eye(3), (*part.table.weights.shape, 3, 3))
-    moduli = np.ascontiguousarray(part.laws.tangent(F))
-    expected = stiffness(part.table, moduli, np.zeros((4, 2)))
-    found = part.matrices(np.zeros(space.nodes * 3), 0.0)
-    assert np.abs(found - expected.reshape(found.shape)).max() < 1e-13 * np.abs(expected).max()
+@pytest.mark.parametrize(
+    "space",
+    [
+        Space.paper(Spring(coils=1, section_points=5).rod(), elements=4, degree=3),
+        Space.paper(Spring(coils=1, section_points=5).rod(), elements=4, quadrature="2x1x2"),
+        Space(Spring(coils=1, section_points=4).rod(), elements=4, order=2, section_points=32, degree=2),
+        Space(Spring(coils=1).rod(), elements=4, section_degree=3, degree=2),
+    ],
+    ids=["cubic", "few points", "more points than are taken at a time", "polynomials"],
+)
+def test_element_matrices_are_integrals_of_the_moduli(space):
+    """Elements of three laws, deformed, against the sums written out."""
+    laws = [
+        NeoHookean(80.0, 0.35),
+        StVenantKirchhoff(900.0, 0.1),
+        StVenantKirchhoff(900.0, 0.1),
+        NeoHookean(80.0, 0.35),
+    ]
+    (part,) = Assembler(Model([Body(space, laws)]), PETSc.COMM_SELF).parts
+    local = 0.05 * np.random.default_rng(2).uniform(-1, 1, space.nodes * 3)
+    t = part.table
+    plane = np.einsum("etj,qdi->etqdji", t.axial, t.section[:, :2])
+    axis = np.einsum("etj,qi->etqji", t.slopes, t.section[:, 2])[:, :, :, None]
+    slopes = np.concatenate([plane, axis], axis=3).reshape(*t.weights.shape, 3, -1)
+    slopes = np.swapaxes(t.inverse, -1, -2) @ slopes
+    moduli = part.laws.tangent(part.gradients(local))
+    expected = np.einsum("etq,etqAi,etqaAbB,etqBk->eiakb", t.weights, slopes, moduli, slopes, optimize=True)
+    found = part.matrices(local, 0.0)
+    assert np.abs(found - expected.reshape(found.shape)).max() < 1e-13 * np.abs(found).max()
+    some = part.matrices(local, 0.0, np.array([0, 2]))
+    assert np.abs(some - found[[0, 2]]).max() < 1e-15 * np.abs(found).max()
 
 
 def test_every_column_of_the_tangent_is_right(assembler):
     x = deformed(assembler)
-    dense = as_array(tangent(assembler, x)[0])
+    dense = as_array(tangent(assembler, x))
     for k in range(0, assembler.model.unknowns, 7):
         v = np.eye(1, assembler.model.unknowns, k)[0]
         expected = difference(lambda t, v=v: residual(assembler, moved(x, t * v)))
@@ -164,7 +185,7 @@ def test_every_column_of_the_tangent_is_right(assembler):
 
 
 def test_tangent_is_symmetric(assembler):
-    dense = as_array(tangent(assembler, deformed(assembler))[0])
+    dense = as_array(tangent(assembler, deformed(assembler)))
     assert np.abs(dense - dense.T).max() < 1e-14 * np.abs(dense).max()
 
 
@@ -189,8 +210,7 @@ def test_reactions_are_the_gradient_of_the_energy_by_the_support_displacements(a
 
 def test_load_forces_are_the_derivative_of_the_residual_by_the_load_factor(assembler):
     x, out = deformed(assembler), assembler.vector()
-    _, blocks = tangent(assembler, x)
-    assembler.load_forces(x, 0.7, blocks, 0.5, out)
+    assembler.load_forces(x, 0.7, 0.5, out)
     expected = 0.5 * difference(lambda t: residual(assembler, x, 0.7 + t))
     assert np.linalg.norm(out.array_r - expected) < 1e-7 * np.linalg.norm(expected)
 
@@ -329,10 +349,9 @@ def record(path):
         x.array[:] = 0.03 * np.random.default_rng(0).uniform(-1, 1, x.getSize())[low:high]
         assembler.residual(x, 0.7, out)
         matrix = assembler.matrix()
-        blocks = assembler.tangent(x, 0.7, matrix, keep=True)
         assembler.tangent(x, 0.7, matrix)
         support = assembler.vector()
-        assembler.load_forces(x, 0.7, blocks, 1.0, support)
+        assembler.load_forces(x, 0.7, 1.0, support)
         if assembler.model.bodies[0].density:
             assembler.mass().mult(x, product)
             found[f"{name}: mass"] = assembler.displacement(product, 0.0)

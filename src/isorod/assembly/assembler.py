@@ -10,15 +10,14 @@ import numpy as np
 from petsc4py import PETSc
 
 from isorod.arrays import Array, Index
-from isorod.assembly.extrapolation import Extrapolation, pays
+from isorod.assembly.extrapolation import pays
 from isorod.assembly.part import Part
 from isorod.assembly.pattern import Entries, Numbered, joined, rows_and_columns
 from isorod.assembly.unknowns import Unknowns
 from isorod.errors import InputError
 from isorod.geometry.quadrature import Rule
 from isorod.model.model import Model
-from isorod.petsc.matrix import componentwise, create_matrix, preallocate, set_values
-from isorod.tensors import determinant
+from isorod.petsc.matrix import componentwise, create_matrix, preallocate, set_values, values_in_order
 
 if TYPE_CHECKING:
     from isorod.assembly.pressing import Pressing
@@ -190,7 +189,7 @@ class Assembler(Unknowns):
         See `isorod.assembly.extrapolation`.
         """
         for part in self.parts:
-            part.extrapolation = Extrapolation() if part.laws.objective and pays(part.body.space.rod) else None
+            part.extrapolate(part.laws.objective and pays(part.body.space.rod))
 
     def residual(self, x: PETSc.Vec, factor: float, out: PETSc.Vec) -> float:
         """Fill ``out`` with the internal less the external forces on the unknowns (NaN where an element is inverted).
@@ -238,47 +237,61 @@ class Assembler(Unknowns):
             after = self._sums(part.forces(local, factor) for part in self.parts)
             return np.asarray(self.comm.tompi4py().allreduce(resultant)), self._bound(after - before)
 
-    def tangent(self, x: PETSc.Vec, factor: float, out: PETSc.Mat, keep: bool = False) -> list[Array]:
-        """Fill ``out`` with the tangent stiffness; return this rank's element matrices, if they are to be kept."""
+    def tangent(self, x: PETSc.Vec, factor: float, out: PETSc.Mat) -> None:
+        """Fill ``out`` with the tangent stiffness."""
         with self._timed():
             local = np.zeros(self._exchange.size) if self._constant else self._state(x, factor)
-            matrices, spin = [], self.model.spin
-            if keep or spin is not None or self._pressing:
-                matrices = [part.matrices(local, factor) for part in self.parts]
-                if spin is not None:
-                    for part, block in zip(self.parts, matrices, strict=True):
-                        block -= factor * part.softening(spin)
-                if self._pressing:
-                    for (part, pressing), block in zip(self._followed, matrices, strict=True):
-                        block -= factor * pressing.stiffness(part.nodal(local))
-                merged = [part.pattern.merge(block) for part, block in zip(self.parts, matrices, strict=True)]
-            else:
-                merged = [self._entries(part, local, factor) for part in self.parts]
+            merged = [self._entries(k, local, factor, entries) for k, entries in enumerate(self._rooms(out))]
             if self.contact is not None:
                 merged.append(self.contact.tangent(local))
                 if out.getAttr("contact_version") != self.contact.version:
                     preallocate(out, *rows_and_columns(self._tangent_entries()))
                     out.setAttr("contact_version", self.contact.version)
             set_values(out, joined(merged, float))
-            return matrices if keep else []
 
-    def _entries(self, part: Part, local: Array, factor: float) -> Array:
-        """Return the entries of a part's tangent: with contact, which changes all the time, a linear one's are kept."""
-        if self.contact is None or part.laws.at(factor).isotropic is None:
-            return part.entries(local, factor)
-        if part.which not in self._linear:
-            self._linear[part.which] = part.entries(local, factor)
-        return self._linear[part.which]
+    def _rooms(self, out: PETSc.Mat) -> list[Array]:
+        """Return an array of zeros for each part's entries: of a part alone that of the matrix, if it has one."""
+        own = values_in_order(out) if len(self.parts) == 1 and self.contact is None else None
+        if own is None:
+            return [np.zeros(part.pattern.blocks.total) for part in self.parts]
+        own[:] = 0.0
+        return [own]
 
-    def load_forces(self, x: PETSc.Vec, factor: float, matrices: list[Array], step: float, out: PETSc.Vec) -> None:
+    def _entries(self, k: int, local: Array, factor: float, entries: Array) -> Array:
+        """Fill in and return the entries of a part's tangent.
+
+        With contact, which changes all the time, those of a linear one are kept.
+        """
+        part, loaded = self.parts[k], self.model.spin is not None or bool(self._pressing)
+        keeps = self.contact is not None and part.body.linear and not loaded
+        if keeps and k in self._linear:
+            return self._linear[k]
+        part.add_entries(local, factor, entries)
+        if loaded:
+            which = np.arange(part.layers.shape[0])
+            part.pattern.add(self._load_stiffness(k, local, factor, which), entries, which)
+        if keeps:
+            self._linear[k] = entries
+        return entries
+
+    def _load_stiffness(self, k: int, local: Array, factor: float, which: Index) -> Array:
+        """Return what loads that depend on the state add to the tangents of some elements of a part."""
+        part, spin = self.parts[k], self.model.spin
+        size = part.dofs.shape[1]
+        found = np.zeros((which.size, size, size))
+        if spin is not None:
+            found -= factor * part.softening(spin)[which]
+        if self._pressing:
+            found -= factor * self._pressing[k].stiffness(part.nodal(local))[which]
+        return found
+
+    def load_forces(self, x: PETSc.Vec, factor: float, step: float, out: PETSc.Vec) -> None:
         """Fill ``out`` with the linearised change of the residual when the load factor grows by ``step`` at ``x``.
 
         Parameters
         ----------
         x, factor
             The unknowns and the load factor.
-        matrices
-            Element matrices of the tangent there, as it returns them.
         step
             Change of the load factor.
         out
@@ -289,22 +302,30 @@ class Assembler(Unknowns):
             moved, slots = self._exchange.moved
             move = np.zeros(local.size)
             move[slots] = (self.model.prescribed(factor + step) - self.model.prescribed(factor))[moved]
-            total = self._sums(self._change(*one, local, move, step) for one in zip(self.parts, matrices, strict=True))
+            total = self._sums(self._change(k, local, factor, move, step) for k in range(len(self.parts)))
             total -= step * self._loads(local)
             if self.contact is not None:
                 total += self.contact.product(move)
                 total -= self.contact.carried_along(local, factor, step)
             self._exchange.store(total, out)
 
-    def _change(self, part: Part, matrices: Array, local: Array, move: Array, step: float) -> Array:
+    def _change(self, k: int, local: Array, factor: float, move: Array, step: float) -> Array:
         """Return what a part adds to `load_forces`, shape of its ``dofs``: supports ``move`` its nodes."""
-        change = np.einsum("eij,ej->ei", matrices, move[part.slots])
+        part = self.parts[k]
+        moves, change = move[part.slots], np.zeros(part.dofs.shape)
+        # Those at supports alone.
+        which = np.flatnonzero(moves.any(axis=1))
+        if which.size:
+            matrices = part.matrices(local, factor, which)
+            if self.model.spin is not None or self._pressing:
+                matrices += self._load_stiffness(k, local, factor, which)
+            change[which] = np.einsum("eij,ej->ei", matrices, moves[which])
         if self.model.spin is not None:
             change -= step * part.centrifugal(local, self.model.spin)
         if part.laws.loaded:
             # Stress is linear in the activation.
             change += step * (part.forces(local, 1.0) - part.forces(local, 0.0))
-        return np.asarray(change)
+        return change
 
     def mass(self, lumped: bool = False) -> PETSc.Mat:
         """Return the mass matrix of the unknowns, consistent or lumped.
@@ -363,8 +384,7 @@ class Assembler(Unknowns):
         """Return ``det F`` at the points of this rank's parts, one where a linear law does not care."""
         local = self._state(x, factor)
         return [
-            determinant(part.gradients(local)) if part.laws.objective else np.ones(part.table.weights.shape)
-            for part in self.parts
+            part.jacobians(local) if part.laws.objective else np.ones(part.table.weights.shape) for part in self.parts
         ]
 
     def smallest_jacobian(self, x: PETSc.Vec, factor: float) -> tuple[float, int, int, float]:
@@ -372,7 +392,7 @@ class Assembler(Unknowns):
         local = self._state(x, factor)
         found = [(np.inf, -1, -1, np.nan)]
         for part in self.parts:
-            det = determinant(part.gradients(local))
+            det = part.jacobians(local)
             e, t, _ = np.unravel_index(int(np.argmin(det)), det.shape)
             table = part.table
             found.append((float(det.min()), part.which, int(table.first + e), float(table.u[e, t])))

@@ -16,14 +16,17 @@ from isorod.arrays import Array, Index
 from isorod.assembly import element_kernel, mixed_kernel
 from isorod.assembly.assembler import Assembler
 from isorod.assembly.exchange import Exchange
-from isorod.assembly.extrapolation import Extrapolation
-from isorod.assembly.part import Part, stiffness
+from isorod.assembly.part import Part, separate
+from isorod.assembly.region import regions
 from isorod.assembly.split import Share
 from isorod.errors import InputError
 from isorod.material.along_rod import shear_laws, volume_change
 from isorod.material.law import Split
 from isorod.model.body import Body
 from isorod.model.load import Spin
+
+# Elements whose matrices of pressures are there at a time.
+_SOME = 64
 
 
 class MixedPart(Part):
@@ -34,7 +37,6 @@ class MixedPart(Part):
         body = share.body
         self.moves = 3 * body.space.layer_nodes
         self.mixed = body.pressures is not None
-        self._last: tuple[Extrapolation | None, Array, Array] | None = None
         if body.pressures is not None:
             self.across, self.along = body.pressures.tabulate(self.table)
             self.across *= body.pressure_unit
@@ -64,59 +66,54 @@ class MixedPart(Part):
         """Return the derivatives by displacements and pressures, shape of ``dofs``."""
         if not self.mixed:
             return super().forces(local, factor)
-        t = self.table
-        F, p = self.gradients(local), self.pressure(local)
-        theta, slope = volume_change(self.laws, F)
-        stress = self.laws.at(factor).stress(F) + p[..., None, None] * slope
-        forces = element_kernel.internal_forces(t, stress)
+        t, nodal, p = self.table, self.nodal(local), self.pressure(local)
+        forces = np.zeros(self.shape)
+        for region in self.regions:
+            region.add_forces(nodal, factor, forces, p)
         result = self._padded(forces)
-        gap = (t.weights * (theta - self.compliance * p)) @ self.across
+        gap = (t.weights * (volume_change(self.laws, self.gradients(local))[0] - self.compliance * p)) @ self.across
         result[:, :-1, self.moves :] = np.einsum("etj,etk->ejk", self.along, gap)
         return result.reshape(self.dofs.shape)
 
-    def matrices(self, local: Array, factor: float) -> Array:
-        """Return the second derivatives, shape ``(E, l width, l width)``."""
+    def matrices(self, local: Array, factor: float, which: Index | None = None) -> Array:
+        """Return the second derivatives, shape ``(E, l width, l width)``, or those of some elements."""
         if not self.mixed:
-            return super().matrices(local, factor)
-        t = self.table
-        F, p = self.gradients(local), self.pressure(local)
-        _, slope = volume_change(self.laws, F)
-        laws = self.laws.at(factor)
-        tangent = np.array(laws.tangent(F), order="C")
-        for law, first, last, _ in self.laws.pieces:
-            if cast(Split, law).logarithmic:
-                mixed_kernel.add_curvature(tangent[first:last], slope[first:last], p[first:last])
-        if self.extrapolation is not None:
-            stress = laws.stress(F) + p[..., None, None] * slope
-            tangent = self._pressed(self.extrapolation.tangent(F, stress, tangent), p, slope)
-        none = np.zeros((tangent.shape[0], 2))
-        own_stiffness = stiffness(t, tangent, none)
-        both = mixed_kernel.coupling(t, slope, self.across, self.along)
+            return super().matrices(local, factor, which)
+        which = np.arange(self.layers.shape[0]) if which is None else which
+        table, laws, nodal = self._some(which, self.nodal(local))
+        p = self.pressure(local)[which]
+        result = self._coupling(which, nodal, p)
+        blocks = separate(nodal.shape[0], self.layers.shape[1], self.width)
+        for region in regions(table, laws):
+            region.add_stiffness(nodal, factor, blocks, result.ravel(), p)
+        return result
+
+    def add_entries(self, local: Array, factor: float, entries: Array) -> None:
+        """Add the second derivatives to entries of the pattern."""
+        if not self.mixed:
+            super().add_entries(local, factor, entries)
+            return
+        nodal, p = self.nodal(local), self.pressure(local)
+        self._add_stiffness(nodal, factor, entries, p)
+        for first in range(0, nodal.shape[0], _SOME):
+            some = np.arange(first, min(first + _SOME, nodal.shape[0]))
+            self.pattern.add(self._coupling(some, nodal[some], p[some]), entries, some)
+
+    def _coupling(self, which: Index, nodal: Array, p: Array) -> Array:
+        """Return the second derivatives of some elements but for those by displacements alone."""
+        t, laws = self.table.part(which, slice(None)), self.laws.some(which)
+        slope = volume_change(laws, element_kernel.deformation_gradients(t, nodal))[1]
+        along, compliance = self.along[which], self.compliance[which]
+        both = mixed_kernel.coupling(t, slope, self.across, along)
         values = np.ascontiguousarray(np.repeat(self.across[:, None, :], 3, axis=1))
-        own = element_kernel.mass(values, self.along, -self.compliance * t.weights)
-        elements, layers = self.layers.shape
+        own = element_kernel.mass(values, along, -compliance * t.weights)
+        elements, layers = nodal.shape[0], self.layers.shape[1]
         both = both.reshape(elements, layers, self.moves, layers - 1, -1)
-        result = self._padded_matrices(own_stiffness)
+        result = np.zeros((elements, layers, self.width, layers, self.width))
         result[:, :, : self.moves, :-1, self.moves :] = both
         result[:, :-1, self.moves :, :, : self.moves] = both.transpose(0, 3, 4, 1, 2)
         result[:, :-1, self.moves :, :-1, self.moves :] = own
         return result.reshape(elements, layers * self.width, -1)
-
-    def entries(self, local: Array, factor: float) -> Array:
-        """Return the sum of the second derivatives as entries of the pattern."""
-        return self.pattern.merge(self.matrices(local, factor))
-
-    def _pressed(self, tangent: Array, p: Array, slope: Array) -> Array:
-        """Return an extrapolated tangent with the pressure's share: its change since the last by ``F0^-1 F0^-T``."""
-        last, self._last = self._last, (self.extrapolation, p, slope)
-        if last is None or last[0] is not self.extrapolation:
-            return tangent
-        share = (p - last[1])[..., None, None] * (np.swapaxes(last[2], -1, -2) @ last[2])
-        # The extrapolation remembers its own array.
-        result = tangent.copy()
-        for a in range(3):
-            result[..., a, :, a, :] += share
-        return result
 
     def centrifugal(self, local: Array, spin: Spin) -> Array:
         """Return the centrifugal forces, shape of ``dofs``."""

@@ -1,11 +1,10 @@
 """The compiled loops of the mixed formulation."""
 
 import numpy as np
-from numba import void
 
 from isorod.arrays import Array
 from isorod.assembly.element_kernel import TABLE
-from isorod.compiled import F2, F3, F5, F6, F7, FAST, njit
+from isorod.compiled import F2, F3, F5, F6, FAST, njit
 from isorod.space.space import Table
 
 
@@ -51,19 +50,3 @@ def coupling(table: Table, slope: Array, across: Array, along: Array) -> Array:
                             for k in range(pressures):
                                 result[e, j, i, a, m, k] += x * plane[i, a, k] + y * axis[i, a, k]
     return result
-
-
-@njit(void(F7, F5, F3), **FAST)
-def add_curvature(tangent: Array, slope: Array, pressure: Array) -> None:
-    """Add ``p d^2 ln J / dF^2 = -p G_aB G_bA`` to tangent moduli ``(E, t, q, 3, 3, 3, 3)``, ``G = F^-T``."""
-    elements, along, points = pressure.shape
-    for e in range(elements):
-        for t in range(along):
-            for q in range(points):
-                for a in range(3):
-                    for A in range(3):
-                        for b in range(3):
-                            for B in range(3):
-                                tangent[e, t, q, a, A, b, B] -= (
-                                    pressure[e, t, q] * slope[e, t, q, a, B] * slope[e, t, q, b, A]
-                                )

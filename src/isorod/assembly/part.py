@@ -8,17 +8,15 @@ import numpy as np
 from isorod.arrays import Array, Index
 from isorod.assembly import element_kernel
 from isorod.assembly.exchange import Exchange
-from isorod.assembly.extrapolation import Extrapolation
+from isorod.assembly.extrapolation import Last
 from isorod.assembly.pattern import Entries, Numbered, Pattern
 from isorod.assembly.pattern_kernel import Blocks
+from isorod.assembly.region import NONE, Region, regions
 from isorod.assembly.split import Share
-from isorod.assembly.stiffness_kernel import Work, add_stiffness
 from isorod.geometry.quadrature import Rule
+from isorod.material.along_rod import Laws
 from isorod.model.load import Spin
 from isorod.space.space import Table
-
-# Where the entries of a transposed 3 x 3 matrix are.
-_TRANSPOSED = np.arange(9).reshape(3, 3).T.ravel()
 
 
 class Part:
@@ -41,8 +39,6 @@ class Part:
         Degrees of freedom of each element, and where this rank has their values, shape ``(E, l width)``.
     width
         Degrees of freedom of a layer.
-    extrapolation
-        What extrapolates the stress of the tangents, if anything does.
     """
 
     def __init__(self, share: Share, free: Index, exchange: Exchange, rule: Rule | None = None) -> None:
@@ -56,10 +52,16 @@ class Part:
         self.dofs = share.dofs
         self.slots = exchange.slots(self.dofs)
         self.shape = (*self.layers.shape, body.space.layer_nodes, 3)
-        self.extrapolation: Extrapolation | None = None
+        self._extrapolates = False
+        self._last: Last | None = None
         # As the layers, negative where supports hold all of one.
         held = free[self.first_dof :][: body.space.layers * self.width].reshape(-1, self.width).max(axis=1) < 0
         self.free_layers = np.where(held[self.layers], -1, self.layers)
+
+    @cached_property
+    def regions(self) -> list[Region]:
+        """Where one law holds each."""
+        return regions(self.table, self.laws)
 
     @cached_property
     def pattern(self) -> Pattern:
@@ -110,74 +112,67 @@ class Part:
         """Return the deformation gradients, shape ``(E, t, q, 3, 3)``."""
         return element_kernel.deformation_gradients(self.table, self.nodal(local))
 
+    def jacobians(self, local: Array) -> Array:
+        """Return ``det F`` at the quadrature points, shape ``(E, t, q)``."""
+        nodal, found = self.nodal(local), np.empty(self.table.weights.shape)
+        for region in self.regions:
+            region.set_jacobians(nodal, found)
+        return found
+
     def energy(self, local: Array, factor: float) -> float:
         """Return the stored energy."""
-        return float(np.sum(self.table.weights * self.laws.at(factor).energy(self.gradients(local))))
+        nodal, forces = self.nodal(local), np.zeros(self.shape)
+        return sum(region.add_forces(nodal, factor, forces, wanted=True) for region in self.regions)
 
     def curvatures(self, local: Array, factor: float, motions: Iterable[Array]) -> Array:
         """Return the second derivatives of the stored energy along motions of this rank's degrees of freedom."""
-        laws, weights = self.laws.at(factor), self.table.weights
-        isotropic = laws.isotropic
-        if isotropic is None:
-            tangent = laws.tangent(self.gradients(local)).reshape(-1, 9, 9) * weights.reshape(-1, 1, 1)
-        else:
-            lame, mu = (isotropic.T[:, :, None, None] * weights).reshape(2, -1)
-        found = []
-        for motion in motions:
-            slope = self.gradients(motion).reshape(-1, 9)
-            slope[:, ::4] -= 1.0
-            if isotropic is None:
-                found.append(np.sum(slope * (tangent @ slope[:, :, None])[:, :, 0]))
-                continue
-            strain = slope + slope[:, _TRANSPOSED]
-            found.append(lame @ slope[:, ::4].sum(axis=1) ** 2 + 0.5 * mu @ np.einsum("pi,pi->p", strain, strain))
-        return np.array(found)
+        matrices = self.matrices(local, factor)
+        found = [motion[self.slots] for motion in motions]
+        return np.array([np.einsum("ei,eij,ej->", one, matrices, one, optimize=True) for one in found])
 
     def forces(self, local: Array, factor: float) -> Array:
         """Return the internal forces, shape of ``dofs``."""
-        stress = self.laws.at(factor).stress(self.gradients(local))
-        return element_kernel.internal_forces(self.table, stress).reshape(self.dofs.shape)
+        nodal, forces = self.nodal(local), np.zeros(self.shape)
+        for region in self.regions:
+            region.add_forces(nodal, factor, forces)
+        return forces.reshape(self.dofs.shape)
 
-    def matrices(self, local: Array, factor: float) -> Array:
-        """Return the element tangents, shape ``(E, l n 3, l n 3)``."""
-        matrices = stiffness(self.table, *self._moduli(local, factor))
-        return matrices.reshape(*self.dofs.shape, self.dofs.shape[1])
+    def matrices(self, local: Array, factor: float, which: Index | None = None) -> Array:
+        """Return the element tangents, shape ``(E, l n 3, l n 3)``, or those of some elements."""
+        table, laws, nodal = self._some(which, self.nodal(local))
+        blocks = separate(nodal.shape[0], self.layers.shape[1], self.width)
+        entries = np.zeros(blocks.total)
+        for region in regions(table, laws):
+            region.add_stiffness(nodal, factor, blocks, entries)
+        return entries.reshape(nodal.shape[0], self.dofs.shape[1], self.dofs.shape[1])
 
-    def entries(self, local: Array, factor: float) -> Array:
-        """Return the sum of the element tangents, much larger, as entries of the pattern."""
-        return _stiffness(self.table, *self._moduli(local, factor), self.pattern.blocks)
+    def _some(self, which: Index | None, nodal: Array) -> tuple[Table, Laws, Array]:
+        """Return table, laws and nodal displacements of some elements, which ascend, or of all."""
+        if which is None:
+            return self.table, self.laws, nodal
+        return self.table.part(which, slice(None)), self.laws.some(which), nodal[which]
 
-    def _moduli(self, local: Array, factor: float) -> tuple[Array, Array]:
-        """Return the moduli at points, and Lame's parameters of elements, which stand for them where there are none."""
-        laws, elements = self.laws.at(factor), self.layers.shape[0]
-        isotropic = laws.isotropic
-        if isotropic is not None:
-            return np.empty((elements, 0, 0, 3, 3, 3, 3)), isotropic
-        F = self.gradients(local)
-        tangent = np.ascontiguousarray(laws.tangent(F))
-        if self.extrapolation is not None:
-            tangent = self.extrapolation.tangent(F, laws.stress(F), tangent)
-        return tangent, np.zeros((elements, 2))
+    def extrapolate(self, wanted: bool) -> None:
+        """Let the next tangent be exact; those after it extrapolate the stress, if that is wanted."""
+        self._extrapolates, self._last = wanted, None
+
+    def add_entries(self, local: Array, factor: float, entries: Array) -> None:
+        """Add the element tangents, whose sum is much smaller than these, to entries of the pattern."""
+        nodal = self.nodal(local)
+        self._add_stiffness(nodal, factor, entries, NONE)
+
+    def _add_stiffness(self, nodal: Array, factor: float, entries: Array, pressure: Array) -> None:
+        for region in self.regions:
+            region.add_stiffness(nodal, factor, self.pattern.blocks, entries, pressure, self._last)
+        self._last = Last(nodal, pressure) if self._extrapolates else None
 
 
-def stiffness(table: Table, tangent: Array, isotropic: Array) -> Array:
-    """Return element matrices ``(E, l, n, 3, l, n, 3)`` (`isorod.assembly.stiffness_kernel.add_stiffness`)."""
-    elements, _, functions = table.axial.shape
-    size = 3 * table.section.shape[2]
-    # Each is a part of the entries by itself, whose rows are as long as it has columns.
+def separate(elements: int, functions: int, size: int) -> Blocks:
+    """Return blocks of element matrices each by itself, ``size`` rows a layer: of a row as many as it has columns."""
     width = functions * size
     layer = np.arange(functions)
     start = width * width * np.arange(elements)[:, None, None] + size * (width * layer[:, None] + layer)
-    blocks = Blocks(start, np.full((elements, functions), width), elements * width * width)
-    return _stiffness(table, tangent, isotropic, blocks).reshape(elements, functions, size // 3, 3, functions, -1, 3)
-
-
-def _stiffness(table: Table, tangent: Array, isotropic: Array, blocks: Blocks) -> Array:
-    """Return the entries of a pattern to which element matrices add up."""
-    result = Work.lines((1, blocks.total))[0]
-    result[:] = 0.0
-    add_stiffness(table, tangent, isotropic, blocks, Work.of(table), result)
-    return result
+    return Blocks(start, np.full((elements, functions), width), elements * width * width)
 
 
 # Relative error of a stress, in units of the stiffness, that is taken for rounding of the deformation gradient.

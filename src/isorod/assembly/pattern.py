@@ -67,11 +67,16 @@ class Pattern:
 
     def merge(self, matrices: Array) -> Array:
         """Return the entries ``(total,)`` of the sum of element matrices ``(E, l size, l size)``."""
-        elements, functions, _ = self.blocks.start.shape
-        shaped = matrices.reshape(elements, functions, self.size, functions, self.size)
         entries = np.zeros(self.blocks.total)
-        pattern_kernel.merge(np.ascontiguousarray(shaped), self.blocks, entries)
+        self.add(matrices, entries, np.arange(self.blocks.start.shape[0]))
         return entries
+
+    def add(self, matrices: Array, entries: Array, which: Index) -> None:
+        """Add the matrices ``(e, l size, l size)`` of some elements to the entries."""
+        functions = self.blocks.start.shape[1]
+        shaped = matrices.reshape(-1, functions, self.size, functions, self.size)
+        blocks = Blocks(self.blocks.start[which], self.blocks.width[which], self.blocks.total)
+        pattern_kernel.merge(np.ascontiguousarray(shaped), blocks, entries)
 
 
 class Numbered(NamedTuple):

@@ -1,191 +1,399 @@
 """The element matrices of a tangent, compiled; shapes as in `isorod.assembly.element_kernel`.
 
-Sums over the section's points are products of matrices, left to BLAS, and so are those along the axis.  Of the pairs of
-components ``a b`` those with ``a <= b`` will do where rows and columns have the same derivatives.
+Moduli are evaluated block by block where they are wanted (`isorod.assembly.block_kernel`), pulled back to disk x axis
+and left to products of matrices with those of pairs of section functions: all a section's points at once, or some where
+there are many.  What that leaves at each place along the axis is summed up with products of axis functions.  Of the
+pairs of components ``a b`` those with ``a <= b`` will do where rows and columns have the same derivatives.
 """
 
-from typing import NamedTuple
-
 import numpy as np
-from numba import types, void
+from numba import b1, i8, types, void
 
-from isorod.arrays import Array, Index
+from isorod.arrays import Array
+from isorod.assembly.block_kernel import (
+    BEFORE,
+    PRESSURE,
+    SIZE,
+    STATE,
+    deform,
+    exceed,
+    foresee,
+    press,
+    press_moduli,
+    press_on,
+    pull_back_moduli,
+)
 from isorod.assembly.element_kernel import TABLE
+from isorod.assembly.field_kernel import (
+    FIBRES,
+    FUNCTIONS,
+    GRADIENTS,
+    Functions,
+    evaluate,
+    gradients,
+    put,
+    run,
+    section_functions,
+    take_fibres,
+    take_geometry,
+    take_gradients,
+    take_rows,
+)
 from isorod.assembly.pattern_kernel import BLOCKS, Blocks
-from isorod.compiled import F1, F2, F7, FAST, njit
+from isorod.compiled import F1, F2, F4, FAST, njit
+from isorod.material.points import GRADIENT, MODULI, POINTS, SQUARES, call_tangent
+from isorod.material.points import ROWS as _R
 from isorod.space.space import Table
 
-# The pairs of components a <= b among all nine, and the place of each of the nine, or of its mirror image, among these.
-_UPPER: Index = np.array([0, 1, 2, 4, 5, 8])
-_PLACE: Index = np.array([0, 1, 2, 1, 3, 4, 2, 4, 5])
+_1, _2, _3, _4 = (np.uint64(k) for k in range(1, 5))
+
+# Numbers that products of section functions may take: what fits in the processor's memory beside others.
+_PRODUCTS = 500_000
+# Numbers that moduli and section matrices may take together.
+_SECTIONS = 100_000
+
+# Matrices of both components across, of one component's own, of one across and one along, of both along.
+FOUR = types.UniTuple(F2, 4)
+
+# Of the nine pairs of components ``3 a + b``: which of the six (01, 02, 12, 00, 11, 22) it or its mirror image is.
+_PAIR = np.array([3, 0, 1, 0, 4, 2, 1, 2, 5])
+# The pairs 01, 02, 12, and 10, 20, 21, among the nine.
+_UP, _LOW = np.array([1, 2, 5]), np.array([3, 6, 7])
 
 
-@njit(**FAST)
-def _pull_back(moduli: Array, half: Array, weight: float, inverse: Array, tangent: Array) -> None:
-    """Fill ``moduli`` ``(d, c, 3 a + b)`` with ``weight dP_aA/dF_bB dxi_d/dx_A dxi_c/dx_B``.
+@njit(void(TABLE, i8, i8, FOUR), **FAST)
+def _multiply(table: Table, begin: int, end: int, products: tuple[Array, Array, Array, Array]) -> None:
+    """Fill in products of two section functions ``i k``, a column each, at points from ``begin`` to before ``end``.
 
-    ``half`` ``(3, 9)`` is for work.
+    Both across, of the directions 00, 01, 10, 11 (``plane``) or 00, 01 + 10, 11 (``square``); the first across, in
+    directions 0 and 1 (``mixed``); neither (``axis``).  Rows: direction by direction, point by point.
     """
-    for d in range(3):
-        g0 = weight * inverse[d, 0]
-        g1 = weight * inverse[d, 1]
-        g2 = weight * inverse[d, 2]
-        for a in range(3):
-            for b in range(3):
-                for c in range(3):
-                    half[c, 3 * a + b] = g0 * tangent[a, 0, b, c] + g1 * tangent[a, 1, b, c] + g2 * tangent[a, 2, b, c]
-        for c in range(3):
-            for ab in range(9):
-                moduli[d, c, ab] = (
-                    inverse[c, 0] * half[0, ab] + inverse[c, 1] * half[1, ab] + inverse[c, 2] * half[2, ab]
-                )
+    plane, square, mixed, axis = products
+    n, points = table.section.shape[2], end - begin
+    for p in range(points):
+        for i in range(n):
+            x, y, z = table.section[begin + p, 0, i], table.section[begin + p, 1, i], table.section[begin + p, 2, i]
+            for k in range(n):
+                f = table.section[begin + p, 0, k]
+                g = table.section[begin + p, 1, k]
+                h = table.section[begin + p, 2, k]
+                ik = i * n + k
+                plane[p, ik] = x * f
+                plane[points + p, ik] = x * g
+                plane[2 * points + p, ik] = y * f
+                plane[3 * points + p, ik] = y * g
+                square[p, ik] = x * f
+                square[points + p, ik] = x * g + y * f
+                square[2 * points + p, ik] = y * g
+                mixed[p, ik] = x * h
+                mixed[points + p, ik] = y * h
+                axis[p, ik] = z * h
 
 
-@njit(**FAST)
-def _pull_back_isotropic(moduli: Array, weight: float, inverse: Array, lame: float, mu: float) -> None:
-    """Do the same for ``dP_aA/dF_bB = lame d_aA d_bB + mu (d_ab d_AB + d_aB d_bA)``."""
-    for d in range(3):
-        for c in range(d, 3):
-            product = 0.0
-            for a in range(3):
-                product += inverse[d, a] * inverse[c, a]
-            product *= weight * mu
-            for a in range(3):
-                x = weight * lame * inverse[d, a]
-                y = weight * mu * inverse[c, a]
-                for b in range(3):
-                    moduli[d, c, 3 * a + b] = x * inverse[c, b] + y * inverse[d, b]
-                moduli[d, c, 4 * a] += product
-    for a in range(3):
-        for b in range(3):
-            moduli[1, 0, 3 * a + b] = moduli[0, 1, 3 * b + a]
+@njit(void(TABLE, FUNCTIONS, FIBRES, F2, F2, GRADIENTS, GRADIENTS, b1, i8, i8, i8, F1, FOUR), **FAST)
+def _moduli(
+    table: Table,
+    law: Functions,
+    fibres: Array,
+    pressure: Array,
+    before: Array,
+    found: tuple[Array, Array],
+    last: tuple[Array, Array],
+    extrapolates: bool,
+    first: int,
+    begin: int,
+    end: int,
+    work: Array,
+    moduli: tuple[Array, Array, Array, Array],
+) -> None:
+    """Fill in the moduli on disk x axis, ordered as the products of section functions are.
 
-
-@njit(**FAST)
-def _add(entries: Array, start: int, width: int, block: Array, size: int, transposed: bool) -> None:
-    """Add a block of ``size`` rows, row by row in ``block``, or its transpose, to the entries that begin at ``start``.
-
-    Rows are ``width`` entries apart; nothing is added where ``start`` is negative.
+    Rows: place by place, of the pairs 01, 02, 12 (``plane``), of 00, 11, 22 (``square``), of all nine (``mixed``), of
+    the former six (``axis``).
     """
-    if start < 0:
-        return
-    for i in range(size):
-        row = entries[start + i * width : start + i * width + size]
-        if transposed:
-            for k in range(size):
-                row[k] += block[k * size + i]
+    plane, square, mixed, axis = moduli
+    along, points = table.axial.shape[1], end - begin
+    places, first_place = found[1].shape[0] // 3, first * along
+    pressed = pressure.shape[0] > 0
+    F, stress, fibre = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
+    place, q = 0, begin
+    for _ in range(0, places * points, POINTS):
+        take_geometry(table, first, places, place, q, begin, end, work)
+        if fibres.shape[0]:
+            take_fibres(fibres, along, first, places, place, q, begin, end, work)
+        if pressed:
+            take_rows(pressure, 1, first_place, places, place, q, begin, end, PRESSURE, work)
+        if extrapolates:
+            take_gradients(found, place, q, begin, end, work)
+            deform(work, _R[STATE])
+            take_gradients(last, place, q, begin, end, work)
+            deform(work, _R[GRADIENT])
+            if pressed:
+                # Present and last pressure change places, and do so again.
+                take_rows(before, 1, first_place, places, place, q, begin, end, BEFORE, work)
+                _swap(work)
+            _evaluate_all(law, pressed, work, F, stress, fibre)
+            foresee(work)
+            if pressed:
+                _swap(work)
+                press_on(work)
+            for k in range(np.uint64(9 * POINTS)):
+                work[_R[GRADIENT] + k] = work[_R[STATE] + k]
         else:
-            for k in range(size):
-                row[k] += block[i * size + k]
+            take_gradients(found, place, q, begin, end, work)
+            deform(work, _R[GRADIENT])
+        _evaluate_all(law, pressed, work, F, stress, fibre)
+        if extrapolates:
+            exceed(work)
+        pull_back_moduli(work)
+        k, length = 0, 1
+        while k < POINTS and length:
+            at, s, p = k, place, q - begin
+            k, place, q, length = run(place, q, begin, end, places, k)
+            for h in range(3):
+                r = (MODULI + 9 * h) * POINTS + at
+                put(work, r, plane, 3 * s + h, p, length)
+                put(work, r + POINTS, plane, 3 * s + h, points + p, length)
+                put(work, r + 3 * POINTS, plane, 3 * s + h, 2 * points + p, length)
+                put(work, r + 4 * POINTS, plane, 3 * s + h, 3 * points + p, length)
+                put(work, r + 8 * POINTS, axis, 6 * s + h, p, length)
+                up, low = 9 * s + _UP[h], 9 * s + _LOW[h]
+                put(work, r + 2 * POINTS, mixed, up, p, length)
+                put(work, r + 5 * POINTS, mixed, up, points + p, length)
+                put(work, r + 6 * POINTS, mixed, low, p, length)
+                put(work, r + 7 * POINTS, mixed, low, points + p, length)
+                r = (SQUARES + 6 * h) * POINTS + at
+                put(work, r, square, 3 * s + h, p, length)
+                put(work, r + POINTS, square, 3 * s + h, points + p, length)
+                put(work, r + 3 * POINTS, square, 3 * s + h, 2 * points + p, length)
+                put(work, r + 2 * POINTS, mixed, 9 * s + 4 * h, p, length)
+                put(work, r + 4 * POINTS, mixed, 9 * s + 4 * h, points + p, length)
+                put(work, r + 5 * POINTS, axis, 6 * s + 3 + h, p, length)
 
 
-class Work(NamedTuple):
-    """Arrays that each element fills anew but the first two, shaped as the products of matrices take them.
+@njit(void(F1), **FAST)
+def _swap(work: Array) -> None:
+    """Let present and last pressure change places."""
+    for k in range(np.uint64(POINTS)):
+        x = work[_R[BEFORE] + k]
+        work[_R[BEFORE] + k] = work[_R[PRESSURE] + k]
+        work[_R[PRESSURE] + k] = x
 
-    Rows: derivatives in the section (``across``, ``(n, 2 q)``), and the functions themselves, which stand for those
-    along the axis (``whole``, ``(n, q)``).  Columns, times the moduli: to rows across, of all nine pairs those along
-    the axis, of six pairs those across (``to_across``, ``(2 q, 15 n)``); to rows along the axis, of six pairs those
-    along it (``to_whole``, ``(q, 6 n)``).  Their products ``mixed_plane`` and ``axis``.  Section matrices of each point
-    along the axis, rows of ``n 3 n 3`` entries: both across, mixed, mixed the other way round, both along
-    (``matrices``, ``4 t`` rows), their ``factors``, and the ``block`` of each pair of axis functions.
+
+@njit(void(FUNCTIONS, b1, F1, F2, F2, F1), **FAST)
+def _evaluate_all(law: Functions, pressed: bool, work: Array, F: Array, stress: Array, fibre: Array) -> None:
+    """Fill in stress and moduli at the points of a block."""
+    for k in range(np.uint64(45 * POINTS)):
+        work[_R[MODULI] + k] = 0.0
+    evaluate(law, work, False, F, stress, fibre)
+    call_tangent(np.uint64(law.tangent), (work, law.constants, 1.0))
+    if pressed:
+        press(work, law.trace)
+        if not law.trace:
+            press_moduli(work)
+
+
+@njit(void(TABLE, i8, i8, F2, F2, F2, F2, BLOCKS, F1), **FAST)
+def _along(
+    table: Table,
+    first: int,
+    last: int,
+    plane: Array,
+    square: Array,
+    mixed: Array,
+    axis: Array,
+    blocks: Blocks,
+    entries: Array,
+) -> None:
+    """Add what section matrices make of element matrices to the entries.
+
+    Rows of these: a place along the axis each, one pair of components ``n n`` after the other, as of the moduli.
     """
-
-    across: Array
-    whole: Array
-    to_across: Array
-    to_whole: Array
-    mixed_plane: Array
-    axis: Array
-    matrices: Array
-    factors: Array
-    block: Array
-
-    @classmethod
-    def of(cls, table: Table) -> "Work":
-        """Return room for the elements of a table."""
-        _, along, functions = table.axial.shape
-        points, _, n = table.section.shape
-        pairs = functions * (functions + 1) // 2
-        sizes = (
-            *((2 * points, 15 * n), (points, 6 * n), (n, 15 * n), (n, 6 * n)),
-            *((4 * along, 9 * n * n), (pairs, 4 * along), (pairs, 9 * n * n)),
-        )
-        room = cls(*(cls.lines(size) for size in ((n, 2 * points), (n, points), *sizes)))
-        room.across.reshape(n, points, 2)[:] = table.section[:, :2].transpose(2, 0, 1)
-        room.whole[:] = table.section[:, 2].T
-        return room
-
-    @staticmethod
-    def lines(shape: tuple[int, int]) -> Array:
-        """Return an array that begins where a line of the processor's cache does: that saves a tenth of the time."""
-        size = shape[0] * shape[1]
-        raw = np.empty(size + 7)
-        skip = -raw.ctypes.data // 8 % 8
-        return raw[skip : skip + size].reshape(shape)
-
-
-@njit(void(TABLE, F7, F2, BLOCKS, types.NamedUniTuple(F2, 9, Work), F1), **FAST)
-def add_stiffness(table: Table, tangent: Array, isotropic: Array, blocks: Blocks, w: Work, entries: Array) -> None:
-    """Add the element matrices of the tangent moduli ``dP/dF`` ``(E, t, q, 3, 3, 3, 3)`` to entries (`Blocks`).
-
-    The moduli must have major symmetry, as those of a stored energy do.  Where ``t`` and ``q`` are 0 there, each
-    element has those of isotropic linear elasticity, Lame's parameters ``isotropic`` ``(E, 2)``, the second one the
-    shear modulus.
-    """
-    section, axial, slopes, inverse, weights = table.section, table.axial, table.slopes, table.inverse, table.weights
-    elements, along, functions = axial.shape
-    points, _, n = section.shape
-    moduli, half = np.empty((3, 3, 9)), np.empty((3, 9))
-    for e in range(elements):
-        for t in range(along):
-            for q in range(points):
-                if tangent.size:
-                    _pull_back(moduli, half, weights[e, t, q], inverse[e, t, q], tangent[e, t, q])
-                else:
-                    _pull_back_isotropic(moduli, weights[e, t, q], inverse[e, t, q], isotropic[e, 0], isotropic[e, 1])
-                for d in range(2):
-                    row = w.to_across[2 * q + d]
-                    for ab in range(9):
-                        x = moduli[d, 2, ab]
-                        for k in range(n):
-                            row[ab * n + k] = x * section[q, 2, k]
-                    for h in range(6):
-                        x = moduli[d, 0, _UPPER[h]]
-                        y = moduli[d, 1, _UPPER[h]]
-                        for k in range(n):
-                            row[(9 + h) * n + k] = x * section[q, 0, k] + y * section[q, 1, k]
-                for h in range(6):
-                    x = moduli[2, 2, _UPPER[h]]
-                    for k in range(n):
-                        w.to_whole[q, h * n + k] = x * section[q, 2, k]
-            np.dot(w.across, w.to_across, w.mixed_plane)
-            np.dot(w.whole, w.to_whole, w.axis)
-            place = 0
-            for i in range(n):
-                for a in range(3):
-                    for k in range(n):
-                        for b in range(3):
-                            first, second = (i, k) if a <= b else (k, i)
-                            h = _PLACE[3 * a + b]
-                            w.matrices[4 * t, place] = w.mixed_plane[first, (9 + h) * n + second]
-                            w.matrices[4 * t + 1, place] = w.mixed_plane[i, (3 * a + b) * n + k]
-                            w.matrices[4 * t + 2, place] = w.mixed_plane[k, (3 * b + a) * n + i]
-                            w.matrices[4 * t + 3, place] = w.axis[first, h * n + second]
-                            place += 1
-            p = 0
-            for j in range(functions):
-                for m in range(j, functions):
-                    w.factors[p, 4 * t] = axial[e, t, j] * axial[e, t, m]
-                    w.factors[p, 4 * t + 1] = axial[e, t, j] * slopes[e, t, m]
-                    w.factors[p, 4 * t + 2] = slopes[e, t, j] * axial[e, t, m]
-                    w.factors[p, 4 * t + 3] = slopes[e, t, j] * slopes[e, t, m]
-                    p += 1
-        np.dot(w.factors, w.matrices, w.block)
+    along, functions = table.axial.shape[1:]
+    n = table.section.shape[2]
+    nn = n * n
+    pairs = functions * (functions + 1) // 2
+    # Products of both functions and of both derivatives, a pair a row; of functions with the second's derivative.
+    alike, steep = np.empty((pairs, along)), np.empty((pairs, along))
+    second = np.empty((functions * functions, along))
+    both, one = np.empty((pairs, 6 * nn)), np.empty((functions * functions, 9 * nn))
+    for e in range(first, last):
+        p = 0
+        for j in range(functions):
+            for m in range(functions):
+                for t in range(along):
+                    second[j * functions + m, t] = table.axial[e, t, j] * table.slopes[e, t, m]
+                if m < j:
+                    continue
+                for t in range(along):
+                    alike[p, t] = table.axial[e, t, j] * table.axial[e, t, m]
+                    steep[p, t] = table.slopes[e, t, j] * table.slopes[e, t, m]
+                p += 1
+        s = (e - first) * along
+        both[:] = 0.0
+        one[:] = 0.0
+        _combine(alike, plane, s, both, 0)
+        _combine(alike, square, s, both, 3 * nn)
+        _combine(steep, axis, s, both, 0)
+        _combine(second, mixed, s, one, 0)
         p = 0
         for j in range(functions):
             for m in range(j, functions):
-                for turn in range(2 if j < m else 1):
-                    first, second = (j, m) if turn == 0 else (m, j)
-                    start, width = blocks.start[e, first, second], blocks.width[e, first]
-                    _add(entries, start, width, w.block[p], 3 * n, turn == 1)
+                jm, mj = j * functions + m, m * functions + j
+                _scatter(both[p], one[jm], one[mj], n, blocks.start[e, j, m], blocks.width[e, j], False, entries)
+                if m > j:
+                    _scatter(both[p], one[jm], one[mj], n, blocks.start[e, m, j], blocks.width[e, m], True, entries)
                 p += 1
+
+
+@njit(void(F2, F2, i8, F2, i8), **FAST)
+def _combine(factors: Array, rows: Array, first: int, sums: Array, column: int) -> None:
+    """Add the products of factors ``(p, t)`` with ``t`` rows, from the first on, to columns of sums ``(p, ...)``.
+
+    They are small ones, which BLAS is slow at.
+    """
+    count, s, c = np.uint64(rows.shape[1]), np.uint64(first), np.uint64(column)
+    along = factors.shape[1]
+    for p in range(np.uint64(factors.shape[0])):
+        t = np.uint64(0)
+        while t + _3 < along:
+            w, x, y, z = factors[p, t], factors[p, t + _1], factors[p, t + _2], factors[p, t + _3]
+            r = s + t
+            for k in range(count):
+                sums[p, c + k] += w * rows[r, k] + x * rows[r + _1, k] + y * rows[r + _2, k] + z * rows[r + _3, k]
+            t += _4
+        while t < along:
+            x = factors[p, t]
+            for k in range(count):
+                sums[p, c + k] += x * rows[s + t, k]
+            t += _1
+
+
+@njit(void(F1, F1, F1, i8, i8, i8, b1, F1), **FAST)
+def _scatter(
+    both: Array, second: Array, first: Array, n: int, start: int, width: int, transposed: bool, entries: Array
+) -> None:
+    """Add a block of an element matrix, or its transpose, to the entries from ``start`` on, if it is not negative.
+
+    Parameters
+    ----------
+    both
+        Of the six pairs of components, what has the derivatives of both alike, shape ``(6 n n,)``.
+    second, first
+        Of all nine, what has the second's derivative along the axis; the same of the block with places changed.
+    """
+    if start < 0:
+        return
+    count, rows, begin = np.uint64(n), np.uint64(width), np.uint64(start)
+    nn = count * count
+    for a in range(_3):
+        for b in range(_3):
+            # Of ``(i, a), (k, b)``, or where rows are those of the second function of ``(k, b), (i, a)``.
+            alike, own, other = np.uint64(_PAIR[_3 * a + b]) * nn, (_3 * a + b) * nn, (_3 * b + a) * nn
+            across, down = (_1, count) if a <= b else (count, _1)
+            for i in range(count):
+                for k in range(count):
+                    value = (
+                        both[alike + i * down + k * across] + second[own + i * count + k] + first[other + k * count + i]
+                    )
+                    if transposed:
+                        entries[begin + (_3 * k + b) * rows + _3 * i + a] += value
+                    else:
+                        entries[begin + (_3 * i + a) * rows + _3 * k + b] += value
+
+
+@njit(void(F2, F2, F2, b1), **FAST)
+def _add_product(left: Array, right: Array, result: Array, more: bool) -> None:
+    """Set a matrix to a product, or add it."""
+    if more:
+        result += np.dot(left, right)
+    else:
+        np.dot(left, right, result)
+
+
+@njit(
+    void(TABLE, FUNCTIONS, FIBRES, F2, F2, F4, F4, b1, BLOCKS, F1),
+    **FAST,
+)
+def add_stiffness(
+    table: Table,
+    law: Functions,
+    fibres: Array,
+    pressure: Array,
+    before: Array,
+    nodal: Array,
+    earlier: Array,
+    extrapolates: bool,
+    blocks: Blocks,
+    entries: Array,
+) -> None:
+    """Add the element matrices of a tangent to entries (`Blocks`).
+
+    Parameters
+    ----------
+    table
+        Elements and points that obey one law.
+    law, fibres
+        The law, which must have moduli, and its fibres ``(E, t, q, 3)``, without elements if it has none.
+    pressure
+        Of the mixed formulation, ``(E t, q)``, or without rows.
+    nodal
+        Nodal displacements ``(E, l, n, 3)``.
+    before, earlier, extrapolates
+        Whether the stress is that extrapolated from the last tangent, and pressure and displacements there.
+    """
+    elements, along, _ = table.axial.shape
+    points, _, n = table.section.shape
+    nn = n * n
+    across, whole = section_functions(table)
+    tile = min(points, max(16, _PRODUCTS // (10 * nn)))
+    some = max(1, _SECTIONS // ((45 * tile + 21 * nn) * along))
+    work = np.zeros(SIZE)
+    room = min(some, elements) * along
+    # Made once: memory that the system gives anew is slow.
+    plane, square = np.empty(12 * tile * room), np.empty(9 * tile * room)
+    mixed, axis = np.empty(18 * tile * room), np.empty(6 * tile * room)
+    planes, squares = np.empty(4 * tile * nn), np.empty(3 * tile * nn)
+    mixeds, axes = np.empty(2 * tile * nn), np.empty(tile * nn)
+    sums = np.empty(21 * nn * room)
+    for first in range(0, elements, some):
+        last = min(first + some, elements)
+        places = (last - first) * along
+        found = gradients(table, nodal, first, last, across, whole)
+        old = found
+        if extrapolates:
+            old = gradients(table, earlier, first, last, across, whole)
+        ends = 3 * places * nn, 6 * places * nn, 15 * places * nn, 21 * places * nn
+        for begin in range(0, points, tile):
+            end = min(begin + tile, points)
+            width = end - begin
+            moduli = (
+                plane[: 12 * width * places].reshape(3 * places, 4 * width),
+                square[: 9 * width * places].reshape(3 * places, 3 * width),
+                mixed[: 18 * width * places].reshape(9 * places, 2 * width),
+                axis[: 6 * width * places].reshape(6 * places, width),
+            )
+            products = (
+                planes[: 4 * width * nn].reshape(4 * width, nn),
+                squares[: 3 * width * nn].reshape(3 * width, nn),
+                mixeds[: 2 * width * nn].reshape(2 * width, nn),
+                axes[: width * nn].reshape(width, nn),
+            )
+            _moduli(table, law, fibres, pressure, before, found, old, extrapolates, first, begin, end, work, moduli)
+            if tile < points or first == 0:
+                _multiply(table, begin, end, products)
+            _add_product(moduli[0], products[0], sums[: ends[0]].reshape(3 * places, nn), begin > 0)
+            _add_product(moduli[1], products[1], sums[ends[0] : ends[1]].reshape(3 * places, nn), begin > 0)
+            _add_product(moduli[2], products[2], sums[ends[1] : ends[2]].reshape(9 * places, nn), begin > 0)
+            _add_product(moduli[3], products[3], sums[ends[2] : ends[3]].reshape(6 * places, nn), begin > 0)
+        _along(
+            table,
+            first,
+            last,
+            sums[: ends[0]].reshape(places, 3 * nn),
+            sums[ends[0] : ends[1]].reshape(places, 3 * nn),
+            sums[ends[1] : ends[2]].reshape(places, 9 * nn),
+            sums[ends[2] : ends[3]].reshape(places, 6 * nn),
+            blocks,
+            entries,
+        )

@@ -188,7 +188,7 @@ def solve(
     Parameters
     ----------
     model
-        Bodies with densities and laws with a compiled stress (`isorod.material.law.Material.compiled`).
+        Bodies with densities and laws for large rotations (`isorod.material.law.Material.objective`).
     end_time
         Time to reach.
     time_step

@@ -57,6 +57,16 @@ class Laws:
             [piece._replace(points=np.flatnonzero(ring == r)) for r, own in enumerate(laws) for piece in _runs(own)]
         )
 
+    def some(self, places: Index) -> "Laws":
+        """Return the laws at some places, which ascend, alone."""
+        found = []
+        for piece in self.pieces:
+            first, last = (int(k) for k in np.searchsorted(places, (piece.first, piece.last)))
+            if last > first:
+                law = piece.law.some(places[first:last] - piece.first)
+                found.append(Piece(law, first, last, piece.points))
+        return Laws(found)
+
     def along(self, tangents: Array) -> "Laws":
         """Return the laws where the rod's unit tangents are ``tangents``, shape ``(places, ..., 3)``."""
         return Laws([piece._replace(law=piece.law.along(tangents[piece.first : piece.last])) for piece in self.pieces])
@@ -78,7 +88,7 @@ class Laws:
     @property
     def objective(self) -> bool:
         """Whether all laws have a second Piola-Kirchhoff stress that no rotation changes."""
-        return not any(isinstance(piece.law, LinearElastic) for piece in self.pieces)
+        return all(piece.law.objective for piece in self.pieces)
 
     @property
     def isotropic(self) -> Array | None:

@@ -1,7 +1,7 @@
 """What a law is: its energy and stress from one compiled function of a point, its tangent, and what follows from them.
 
-A new law is one file: a class with ``compiled``, ``constants`` and ``tangent``.  Statics, modes and both integrators of
-dynamics then take it.
+A new law is one file: a class with ``compiled`` and ``constants``.  Statics, modes and both integrators of dynamics
+then take it.
 """
 
 from abc import ABC, abstractmethod
@@ -10,11 +10,11 @@ from typing import ClassVar, Protocol, Self
 
 import numpy as np
 
-from isorod.arrays import Array
+from isorod.arrays import Array, Index
 from isorod.compiled import flat
 from isorod.errors import Checked, InputError, representable
 from isorod.material.discrete_gradient import discrete_gradient
-from isorod.material.points import Compiled, at_points
+from isorod.material.points import Compiled, at_points, moduli_at_points
 
 
 class Material(ABC):
@@ -26,20 +26,28 @@ class Material(ABC):
     Attributes
     ----------
     compiled
-        The addresses of its compiled functions (`isorod.material.points.Compiled`); of a law without them
-        ``energy`` and ``stress`` are its own, and dynamics does not take it.
+        The addresses of its compiled functions (`isorod.material.points.Compiled`).
+    objective
+        Whether it has a second Piola-Kirchhoff stress that no rotation changes; without that dynamics does not take it.
+    fibrous
+        Whether it has fibres (`fibres`).
     """
 
-    compiled: ClassVar[Compiled | None] = None
+    compiled: ClassVar[Compiled]
+    objective: ClassVar[bool] = True
+    fibrous: ClassVar[bool] = False
 
     @property
+    @abstractmethod
     def constants(self) -> Array:
         """What the compiled functions take, any shape ``(c,)``."""
-        return np.empty(0)
 
-    @abstractmethod
     def tangent(self, F: Array) -> Array:
         """Return ``dP/dF``, shape ``F.shape + (3, 3)``."""
+        moduli, one = np.empty((*F.shape, 3, 3)), self.compiled
+        given = flat(F), self.constants, self._flat_fibres(F.shape[:-2])
+        moduli_at_points(one.point, one.block, one.tangent, *given, moduli.reshape(-1, 3, 3, 3, 3))
+        return moduli
 
     def energy(self, F: Array) -> Array:
         """Return the stored energy per reference volume, shape ``F.shape[:-2]``."""
@@ -50,11 +58,13 @@ class Material(ABC):
         return self._evaluate(F)[1]
 
     def _evaluate(self, F: Array) -> tuple[Array, Array]:
-        assert self.compiled is not None
         energy, stress = np.empty((*F.shape[:-2], 2)), np.empty(F.shape)
-        fibres = np.ascontiguousarray(self.fibres(F.shape[:-2])).reshape(-1, 3)
-        at_points(self.compiled.point, flat(F), self.constants, fibres, energy.reshape(-1, 2), stress.reshape(-1, 3, 3))
+        given = flat(F), self.constants, self._flat_fibres(F.shape[:-2])
+        at_points(self.compiled.point, *given, energy.reshape(-1, 2), stress.reshape(-1, 3, 3))
         return energy, stress
+
+    def _flat_fibres(self, shape: tuple[int, ...]) -> Array:
+        return np.array(self.fibres(shape), order="C").reshape(-1, 3)
 
     def discrete(self, F: Array, change: Array, wanted: bool = True) -> tuple[Array, Array | None]:
         """Return a stress between ``F`` and ``F + change`` that does exactly the work of the energy, and its moduli.
@@ -80,6 +90,10 @@ class Material(ABC):
     def follows(self) -> bool:
         """Whether the law depends on the direction of the rod and has not been told it (`along`)."""
         return False
+
+    def some(self, places: Index) -> Self:
+        """Return the law at some of the places for which it was told the direction of the rod (`along`)."""
+        return self
 
     def along(self, tangent: Array) -> Self:
         """Return the law where the rod's unit tangent is ``tangent``, shape ``(..., 3)``."""

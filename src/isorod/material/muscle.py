@@ -1,18 +1,34 @@
 """Skeletal muscle: a neo-Hookean matrix with active and passive fibres (Lu & Zhou 2011, eqs. 16-19)."""
 
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import ClassVar, Self
 
 import numpy as np
 from numba import f8, types, void
 from numpy.typing import ArrayLike
 
-from isorod.arrays import Array
+from isorod.arrays import Array, Index
 from isorod.compiled import F1, F2, F3, F5, FAST, STRICT, flat, njit
 from isorod.errors import InputError
 from isorod.material import neo_hookean
 from isorod.material.neo_hookean import NeoHookean
-from isorod.material.points import ACTIVE, BLOCK, ENERGY, FIBRE, FREE, GRADIENT, POINT, POINTS, ROWS, Compiled
+from isorod.material.points import (
+    ACTIVE,
+    BLOCK,
+    ENERGY,
+    FIBRE,
+    FREE,
+    GRADIENT,
+    MODULI,
+    POINT,
+    POINTS,
+    ROWS,
+    SQUARES,
+    TANGENT,
+    Compiled,
+    add_pair,
+    add_square,
+)
 
 # Fibres shortened or stretched by more than this have no active force.
 ACTIVE_RANGE = 0.5
@@ -140,6 +156,32 @@ def block(work: Array, constants: Array, activation: float, wanted: bool) -> Non
         work[ROWS[ACTIVE] + k] = strongest * (short - 4.0 / 3.0 * short**3)
 
 
+@njit(TANGENT, **FAST)
+def tangent(work: Array, constants: Array, activation: float) -> None:
+    """Add ``A_matrix + (T' n_a n_b + T/lambda (d_ab - n_a n_b)) f_A f_B`` to the moduli."""
+    neo_hookean.tangent(work, constants, activation)
+    active, m1, m2 = activation * constants[2], constants[3], constants[4]
+    if not (active > 0.0 or m1 > 0.0):
+        return
+    for k in range(_W):
+        stretch = work[_STRETCH + k]
+        short = stretch - 1.0
+        level = 1.0 - 4.0 * short * short
+        growth = work[_GROWTH + k]
+        slope = -8.0 * active * short if level > 0.0 else 0.0
+        slope += m1 * (growth + 2.0 * m2 * stretch * stretch * (growth + 1.0)) if short > 0.0 else 0.0
+        across = active * (level if level > 0.0 else 0.0) / stretch + m1 * growth
+        along = (slope - across) / (stretch * stretch)
+        x, y, z = work[_N + k], work[_N + _W + k], work[_N + _W + _W + k]
+        f = (work[ROWS[FIBRE] + k], work[ROWS[FIBRE + 1] + k], work[ROWS[FIBRE + 2] + k])
+        add_pair(work, k, ROWS[MODULI], along * x * y, 0.0, f, f)
+        add_pair(work, k, ROWS[MODULI + 9], along * x * z, 0.0, f, f)
+        add_pair(work, k, ROWS[MODULI + 18], along * y * z, 0.0, f, f)
+        add_square(work, k, ROWS[SQUARES], along * x * x + across, f)
+        add_square(work, k, ROWS[SQUARES + 6], along * y * y + across, f)
+        add_square(work, k, ROWS[SQUARES + 12], along * z * z + across, f)
+
+
 @dataclass(frozen=True, eq=False)
 class Muscle(NeoHookean):
     """``W = W_matrix + W_active(lambda) + W_passive(lambda)``, ``lambda = |F f|`` the stretch of a fibre along ``f``.
@@ -169,7 +211,8 @@ class Muscle(NeoHookean):
         If a value is out of its range or not finite.
     """
 
-    compiled = Compiled(point, block)
+    compiled = Compiled(point, block, tangent)
+    fibrous: ClassVar[bool] = True
 
     sigma_max: float = 0.0
     m1: float = 0.0
@@ -228,49 +271,24 @@ class Muscle(NeoHookean):
         """Return the law with the rod's tangents ``(..., 3)`` for fibres, if that is what ``fibre`` asks for."""
         return replace(self, fibre=tangent) if self.follows else self
 
+    def some(self, places: Index) -> Self:
+        """Return the law with the fibres of some places, if it has some of each."""
+        fibre = np.asarray(self.fibre)
+        return replace(self, fibre=fibre[places]) if fibre.ndim > 1 and fibre.shape[0] > 1 else self
+
     def fibres(self, shape: tuple[int, ...]) -> Array:
         """Return the unit vectors along the fibres at points of some shape, shape ``(*shape, 3)``."""
         if isinstance(self.fibre, str):
             raise InputError("fibre direction 'tangent': only a body knows its rod's centre line; give the law to one")
-        return np.array(np.broadcast_to(np.asarray(self.fibre), (*shape, 3)), order="C")
-
-    def tangent(self, F: Array) -> Array:
-        """Return ``A_matrix + (T' n_a n_b + T/lambda (d_ab - n_a n_b)) f_A f_B``, shape ``F.shape + (3, 3)``."""
-        moduli = super().tangent(F)
-        fibres = self.fibres(F.shape[:-2]).reshape(-1, 3)
-        _add_moduli(moduli.reshape(-1, 3, 3, 3, 3), flat(F), self.constants, fibres)
-        return moduli
+        return np.broadcast_to(np.asarray(self.fibre), (*shape, 3))
 
     def discrete(self, F: Array, change: Array, wanted: bool = True) -> tuple[Array, Array | None]:
         """Add ``2 (dw / d lambda^2) f f^T`` of the fibres, with a difference quotient, to the matrix's ``S``."""
         stress, moduli = super().discrete(F, change, wanted)
-        fibres = self.fibres(F.shape[:-2]).reshape(-1, 3)
+        fibres = self._flat_fibres(F.shape[:-2])
         rows = np.empty((0, 3, 3, 3, 3)) if moduli is None else moduli.reshape(-1, 3, 3, 3, 3)
         _add_discrete(flat(F), flat(change), self.constants, fibres, stress.reshape(-1, 3, 3), rows)
         return stress, moduli
-
-
-@njit(void(F5, F3, F1, F2), **STRICT)
-def _add_moduli(moduli: Array, F: Array, constants: Array, fibres: Array) -> None:
-    """Add the fibres' share to moduli ``(points, 3, 3, 3, 3)``: see `Muscle.tangent`."""
-    n = np.empty(3)
-    for m in range(F.shape[0]):
-        square = 0.0
-        for a in range(3):
-            n[a] = F[m, a, 0] * fibres[m, 0] + F[m, a, 1] * fibres[m, 1] + F[m, a, 2] * fibres[m, 2]
-            square += n[a] * n[a]
-        stretch = np.sqrt(square)
-        tension, slope = fibre_tension(stretch, constants, 1.0)
-        across = tension / stretch
-        along = (slope - across) / square
-        for a in range(3):
-            for b in range(3):
-                x = along * n[a] * n[b]
-                if a == b:
-                    x += across
-                for A in range(3):
-                    for B in range(3):
-                        moduli[m, a, A, b, B] += x * fibres[m, A] * fibres[m, B]
 
 
 @njit(types.UniTuple(f8, 2)(f8), **STRICT)

@@ -9,7 +9,21 @@ from numba import f8, void
 from isorod.arrays import Array
 from isorod.compiled import F3, F5, FAST, STRICT, cofactors, flat, njit
 from isorod.material.law import Isotropic
-from isorod.material.points import BLOCK, DETERMINANT, ENERGY, FREE, GRADIENT, POINT, POINTS, ROWS, Compiled
+from isorod.material.points import (
+    BLOCK,
+    DETERMINANT,
+    ENERGY,
+    FREE,
+    GRADIENT,
+    POINT,
+    POINTS,
+    ROWS,
+    SQUARES,
+    TANGENT,
+    Compiled,
+    add_identity,
+    add_products,
+)
 
 # Below this a difference quotient's derivative is taken from its power series.
 SERIES = 1e-3
@@ -106,18 +120,37 @@ def block(work: Array, constants: Array, activation: float, wanted: bool) -> Non
         energies_in_block(work, mu, lame)
 
 
+@njit(TANGENT, **FAST)
+def tangent(work: Array, constants: Array, activation: float) -> None:
+    """Add ``mu d_ab d_AB + lame G_aA G_bB + (mu - lame ln J) G_aB G_bA``, ``G = F^-T``, to the moduli."""
+    mu, lame = constants[0], constants[1]
+    for k in range(_W):
+        f00, f01, f02 = work[ROWS[_F] + k], work[ROWS[_F + 1] + k], work[ROWS[_F + 2] + k]
+        f10, f11, f12 = work[ROWS[_F + 3] + k], work[ROWS[_F + 4] + k], work[ROWS[_F + 5] + k]
+        f20, f21, f22 = work[ROWS[_F + 6] + k], work[ROWS[_F + 7] + k], work[ROWS[_F + 8] + k]
+        square = 1.0 / (work[ROWS[DETERMINANT] + k] * work[ROWS[DETERMINANT] + k])
+        add_products(
+            work,
+            k,
+            lame * square,
+            (mu - lame * work[_LOG + k]) * square,
+            (f11 * f22 - f12 * f21, f12 * f20 - f10 * f22, f10 * f21 - f11 * f20),
+            (f21 * f02 - f22 * f01, f22 * f00 - f20 * f02, f20 * f01 - f21 * f00),
+            (f01 * f12 - f02 * f11, f02 * f10 - f00 * f12, f00 * f11 - f01 * f10),
+        )
+        add_identity(work, k, ROWS[SQUARES], mu)
+        add_identity(work, k, ROWS[SQUARES + 6], mu)
+        add_identity(work, k, ROWS[SQUARES + 12], mu)
+
+
 @dataclass(frozen=True)
 class NeoHookean(Isotropic):
     """``W = mu/2 (I1 - 2 ln J - 3) + kappa/2 (ln J)^2``, ``kappa`` Lame's first parameter (Lu & Zhou 2011, eq. 15)."""
 
-    compiled = Compiled(point, block)
+    compiled = Compiled(point, block, tangent)
 
     # The bulk term's theta is ln J.
     logarithmic: ClassVar[bool] = True
-
-    def tangent(self, F: Array) -> Array:
-        """Return ``mu d_ab d_AB + kappa G_aA G_bB + (mu - kappa ln J) G_aB G_bA``, ``G = F^-T``."""
-        return _tangent(flat(F), self.mu, self.lame).reshape(*F.shape, 3, 3)
 
     def discrete(self, F: Array, change: Array, wanted: bool = True) -> tuple[Array, Array | None]:
         """Return a stress that does the work of the energy, without a division by ``|D|``, and its moduli.
@@ -133,24 +166,6 @@ class NeoHookean(Isotropic):
         moduli = np.empty((*F.shape, 3, 3) if wanted else (0, 3, 3, 3, 3))
         _discrete(flat(F), flat(change), self.mu, self.lame, stress.reshape(-1, 3, 3), moduli.reshape(-1, 3, 3, 3, 3))
         return stress, moduli if wanted else None
-
-
-@njit(F5(F3, f8, f8), **STRICT)
-def _tangent(F: Array, mu: float, lame: float) -> Array:
-    """Return the moduli at points ``(points, 3, 3)``: see `NeoHookean.tangent`."""
-    result = np.empty((F.shape[0], 3, 3, 3, 3))
-    g = np.empty((3, 3))
-    for m in range(F.shape[0]):
-        det = cofactors(F[m], g)
-        square = 1.0 / (det * det) if det > 0.0 else np.nan
-        cross = (mu - lame * np.log(det)) * square if det > 0.0 else np.nan
-        for a in range(3):
-            for A in range(3):
-                for b in range(3):
-                    for B in range(3):
-                        result[m, a, A, b, B] = lame * square * g[a, A] * g[b, B] + cross * g[a, B] * g[b, A]
-                result[m, a, A, a, A] += mu
-    return result
 
 
 @njit(**STRICT)

@@ -1,8 +1,8 @@
 """A law's compiled functions: what they are given, how compiled loops call them, and the loops over points.
 
-A law has one compiled function of a point (``POINT``), and may have one of a block of points (``BLOCK``), which does
-the same faster.  Loops that know no law find them by their addresses, which plain arrays can hold: such loops stay in
-Numba's cache on disk, whatever laws there are.
+A law has one compiled function of a point (``POINT``), may have one of a block of points (``BLOCK``), which does the
+same faster, and has one of the moduli of a block (``TANGENT``).  Loops that know no law find them by their addresses,
+which plain arrays can hold: such loops stay in Numba's cache on disk, whatever laws there are.
 """
 
 from collections.abc import Callable
@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 from llvmlite import ir
-from numba import b1, f8, types, u8, void
+from numba import b1, f8, i8, types, u8, void
 from numba.core import cgutils
 from numba.extending import intrinsic
 
 from isorod.arrays import Array
-from isorod.compiled import F1, F2, F3, FAST, STRICT, njit
+from isorod.compiled import F1, F2, F3, F5, FAST, STRICT, cofactors, njit
 
 # Points in a block: half of those in a section of order 2 with 8 control points.  Measured: blocks of 16 or less are
 # unrolled before they are vectorised, and three times slower, those of 24 in part.
@@ -28,9 +28,15 @@ POINTS = 32
 STRESS, GRADIENT, DETERMINANT, FIBRE, ENERGY, ACTIVE, FREE = 0, 9, 18, 19, 22, 23, 24
 WORK = FREE + 6
 
+# Rows that follow where moduli are asked for: ``dP_aA/dF_bB`` of the pairs of components ``ab`` 01, 02, 12, each with
+# all nine ``AB``, then of 00, 11, 22, each with the ``AB`` 00, 01, 02, 11, 12, 22.  The others are these again.
+MODULI = WORK
+SQUARES = MODULI + 27
+MODULI_WORK = SQUARES + 18
+
 # Where each row begins.  Unsigned, as all indices into the work space: only then does the compiler see that rows do not
 # overlap.
-ROWS = tuple(np.uint64(POINTS * k) for k in range(WORK))
+ROWS = tuple(np.uint64(POINTS * k) for k in range(2 * MODULI_WORK))
 
 POINT = types.UniTuple(f8, 2)(F2, F1, F1, f8, F2)
 """``(F, constants, fibre, activation, stress)``: fills ``stress``, the first Piola-Kirchhoff one, shape ``(3, 3)`` as
@@ -41,18 +47,23 @@ BLOCK = void(F1, F1, f8, b1)
 """``(work, constants, activation, wanted)``: fills the rows of the stress, and of the energies if ``wanted``."""
 
 
+TANGENT = void(F1, F1, f8)
+"""``(work, constants, activation)``: adds to the rows of the moduli of a block whose stress the law's ``BLOCK``
+function has filled in before."""
+
+
 class Compiled:
     """A law's functions, made by `numba.njit`: compiled, or read from Numba's cache, when they are first asked for.
 
     Parameters
     ----------
-    point, block
-        Functions that take what ``POINT`` and ``BLOCK`` say; the second may be left out.
+    point, block, tangent
+        Functions that take what ``POINT``, ``BLOCK`` and ``TANGENT`` say; the second may be None.
     """
 
-    def __init__(self, point: Any, block: Any = None) -> None:
+    def __init__(self, point: Any, block: Any, tangent: Any) -> None:
         # The code lives as long as what holds it.
-        self._point, self._block = point, block
+        self._point, self._block, self._tangent = point, block, tangent
 
     @cached_property
     def point(self) -> int:
@@ -63,6 +74,11 @@ class Compiled:
     def block(self) -> int:
         """Address of the function of a block, zero where there is none."""
         return 0 if self._block is None else _address(self._block, BLOCK)
+
+    @cached_property
+    def tangent(self) -> int:
+        """Address of the function of a block's moduli."""
+        return _address(self._tangent, TANGENT)
 
 
 def _address(function: Any, signature: Any) -> int:
@@ -88,7 +104,7 @@ def _caller(signature: Any) -> Callable[..., Any]:
     return call  # type: ignore[no-any-return]
 
 
-call_point, call_block = _caller(POINT), _caller(BLOCK)
+call_point, call_block, call_tangent = _caller(POINT), _caller(BLOCK), _caller(TANGENT)
 
 
 @njit(void(u8, F3, F1, F2, F2, F3), **STRICT)
@@ -135,3 +151,101 @@ def by_points(
         for a in range(3):
             for A in range(3):
                 work[np.uint64(POINTS * (3 * a + A)) + k] = stress[a, A]
+
+
+@njit(void(u8, u8, u8, F3, F1, F2, F5), **FAST)
+def moduli_at_points(
+    point: int, block: int, tangent: int, F: Array, constants: Array, fibres: Array, moduli: Array
+) -> None:
+    """Fill in the moduli ``(points, 3, 3, 3, 3)`` at full activation.
+
+    Parameters
+    ----------
+    point, block, tangent
+        Addresses of the law's functions.
+    F, constants, fibres
+        As those of `at_points`.
+    """
+    work = np.zeros(MODULI_WORK * POINTS)
+    gradient, stress, fibre = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
+    count = F.shape[0]
+    for begin in range(0, count, POINTS):
+        for k in range(np.uint64(POINTS)):
+            # Behind the last point it fills up the block.
+            m: Any = min(begin + np.int64(k), count - 1)
+            for a in range(3):
+                for A in range(3):
+                    work[ROWS[GRADIENT] + np.uint64(POINTS * (3 * a + A)) + k] = F[m, a, A]
+                work[ROWS[FIBRE] + np.uint64(POINTS * a) + k] = fibres[m, a]
+            work[ROWS[DETERMINANT] + k] = cofactors(F[m], gradient)
+        work[POINTS * MODULI :] = 0.0
+        if block:
+            call_block(block, (work, constants, 1.0, False))
+        else:
+            by_points(point, work, constants, 1.0, gradient, stress, fibre)
+        call_tangent(tangent, (work, constants, 1.0))
+        for k in range(np.uint64(min(POINTS, count - begin))):
+            m = begin + np.int64(k)
+            for a in range(3):
+                for b in range(3):
+                    for A in range(3):
+                        for B in range(3):
+                            moduli[m, a, A, b, B] = work[_modulus_row(a, A, b, B) + k]
+
+
+@njit(u8(i8, i8, i8, i8), **FAST)
+def _modulus_row(a: int, A: int, b: int, B: int) -> Any:
+    """Return where the row of the modulus ``dP_aA/dF_bB`` begins."""
+    if a == b:
+        low, high = min(A, B), max(A, B)
+        return np.uint64(POINTS * (SQUARES + 6 * a + (high if low == 0 else low + high + 1)))
+    if a > b:
+        a, A, b, B = b, B, a, A
+    return np.uint64(POINTS * (MODULI + 9 * (a + b - 1) + 3 * A + B))
+
+
+@njit(**FAST)
+def add_pair(work: Array, k: int, row: int, x: float, y: float, p: tuple[float, ...], q: tuple[float, ...]) -> None:
+    """Add ``x p_A q_B + y p_B q_A`` to the nine rows of moduli that begin at a row's place, at one point."""
+    work[row + k] += (x + y) * (p[0] * q[0])
+    work[row + ROWS[1] + k] += x * (p[0] * q[1]) + y * (p[1] * q[0])
+    work[row + ROWS[2] + k] += x * (p[0] * q[2]) + y * (p[2] * q[0])
+    work[row + ROWS[3] + k] += x * (p[1] * q[0]) + y * (p[0] * q[1])
+    work[row + ROWS[4] + k] += (x + y) * (p[1] * q[1])
+    work[row + ROWS[5] + k] += x * (p[1] * q[2]) + y * (p[2] * q[1])
+    work[row + ROWS[6] + k] += x * (p[2] * q[0]) + y * (p[0] * q[2])
+    work[row + ROWS[7] + k] += x * (p[2] * q[1]) + y * (p[1] * q[2])
+    work[row + ROWS[8] + k] += (x + y) * (p[2] * q[2])
+
+
+@njit(**FAST)
+def add_square(work: Array, k: int, row: int, x: float, p: tuple[float, ...]) -> None:
+    """Add ``x p_A p_B`` to the six rows of moduli that begin at a row's place, at one point."""
+    p0, p1, p2 = x * p[0], x * p[1], x * p[2]
+    work[row + k] += p0 * p[0]
+    work[row + ROWS[1] + k] += p0 * p[1]
+    work[row + ROWS[2] + k] += p0 * p[2]
+    work[row + ROWS[3] + k] += p1 * p[1]
+    work[row + ROWS[4] + k] += p1 * p[2]
+    work[row + ROWS[5] + k] += p2 * p[2]
+
+
+@njit(**FAST)
+def add_products(
+    work: Array, k: int, x: float, y: float, p: tuple[float, ...], q: tuple[float, ...], r: tuple[float, ...]
+) -> None:
+    """Add ``x G_aA G_bB + y G_aB G_bA``, ``G`` of rows ``p, q, r``, to the moduli at one point."""
+    add_pair(work, k, ROWS[MODULI], x, y, p, q)
+    add_pair(work, k, ROWS[MODULI + 9], x, y, p, r)
+    add_pair(work, k, ROWS[MODULI + 18], x, y, q, r)
+    add_square(work, k, ROWS[SQUARES], x + y, p)
+    add_square(work, k, ROWS[SQUARES + 6], x + y, q)
+    add_square(work, k, ROWS[SQUARES + 12], x + y, r)
+
+
+@njit(**FAST)
+def add_identity(work: Array, k: int, row: int, x: float) -> None:
+    """Add ``x d_AB`` to the six rows of moduli that begin at a row's place, at one point."""
+    work[row + k] += x
+    work[row + ROWS[3] + k] += x
+    work[row + ROWS[5] + k] += x

@@ -5,10 +5,23 @@ from dataclasses import dataclass
 import numpy as np
 
 from isorod.arrays import Array
-from isorod.compiled import STRICT, njit
+from isorod.compiled import FAST, STRICT, njit
 from isorod.material.law import Isotropic
-from isorod.material.points import POINT, Compiled
-from isorod.tensors import determinant
+from isorod.material.points import (
+    DETERMINANT,
+    GRADIENT,
+    MODULI,
+    POINT,
+    POINTS,
+    ROWS,
+    SQUARES,
+    TANGENT,
+    Compiled,
+    add_identity,
+    add_products,
+)
+
+_F = GRADIENT
 
 
 @njit(POINT, **STRICT)
@@ -22,6 +35,52 @@ def _point(F: Array, constants: Array, fibre: Array, activation: float, stress: 
     return valid * (mu * np.sum(strain * strain) + 0.5 * lame * trace * trace), 0.0
 
 
+@njit(TANGENT, **FAST)
+def _tangent(work: Array, constants: Array, activation: float) -> None:
+    """Add ``d_ab S_AB + lame F_aA F_bB + mu (F_aB F_bA + (F F^T)_ab d_AB)`` to the moduli."""
+    mu, lame = constants[0], constants[1]
+    for k in range(np.uint64(POINTS)):
+        # NaN fails the comparison.
+        valid = 1.0 if work[ROWS[DETERMINANT] + k] > 0.0 else np.nan
+        f00, f01, f02 = work[ROWS[_F] + k], work[ROWS[_F + 1] + k], work[ROWS[_F + 2] + k]
+        f10, f11, f12 = work[ROWS[_F + 3] + k], work[ROWS[_F + 4] + k], work[ROWS[_F + 5] + k]
+        f20, f21, f22 = work[ROWS[_F + 6] + k], work[ROWS[_F + 7] + k], work[ROWS[_F + 8] + k]
+        p, q, r = (f00, f01, f02), (f10, f11, f12), (f20, f21, f22)
+        add_products(work, k, valid * lame, valid * mu, p, q, r)
+        c00, c11, c22 = (
+            f00 * f00 + f10 * f10 + f20 * f20,
+            f01 * f01 + f11 * f11 + f21 * f21,
+            f02 * f02 + f12 * f12 + f22 * f22,
+        )
+        bulk = 0.5 * lame * (c00 + c11 + c22 - 3.0) - mu
+        s01, s02, s12 = (
+            mu * (f00 * f01 + f10 * f11 + f20 * f21),
+            mu * (f00 * f02 + f10 * f12 + f20 * f22),
+            mu * (f01 * f02 + f11 * f12 + f21 * f22),
+        )
+        for a in range(np.uint64(3)):
+            row = ROWS[SQUARES] + a * ROWS[6] + k
+            work[row] += mu * c00 + bulk
+            work[row + ROWS[1]] += s01
+            work[row + ROWS[2]] += s02
+            work[row + ROWS[3]] += mu * c11 + bulk
+            work[row + ROWS[4]] += s12
+            work[row + ROWS[5]] += mu * c22 + bulk
+        add_identity(work, k, ROWS[SQUARES], mu * (f00 * f00 + f01 * f01 + f02 * f02))
+        add_identity(work, k, ROWS[SQUARES + 6], mu * (f10 * f10 + f11 * f11 + f12 * f12))
+        add_identity(work, k, ROWS[SQUARES + 12], mu * (f20 * f20 + f21 * f21 + f22 * f22))
+        b01, b02, b12 = (
+            mu * (f00 * f10 + f01 * f11 + f02 * f12),
+            mu * (f00 * f20 + f01 * f21 + f02 * f22),
+            mu * (f10 * f20 + f11 * f21 + f12 * f22),
+        )
+        for A in range(np.uint64(3)):
+            row = ROWS[MODULI] + A * ROWS[4] + k
+            work[row] += b01
+            work[row + ROWS[9]] += b02
+            work[row + ROWS[18]] += b12
+
+
 @dataclass(frozen=True)
 class StVenantKirchhoff(Isotropic):
     """``W = mu E:E + lame/2 (tr E)^2``, ``E = (F^T F - 1)/2``.
@@ -29,15 +88,4 @@ class StVenantKirchhoff(Isotropic):
     It softens in compression: a bar with ``nu = 0`` bears no more at the stretch ``1/sqrt 3``.
     """
 
-    compiled = Compiled(_point)
-
-    def tangent(self, F: Array) -> Array:
-        """Return ``d_ab S_AB + lame F_aA F_bB + mu (F_aB F_bA + (F F^T)_ab d_AB)``, shape ``F.shape + (3, 3)``."""
-        eye = np.eye(3)
-        strain = 0.5 * (np.swapaxes(F, -1, -2) @ F - eye)
-        S = 2.0 * self.mu * strain + self.lame * np.trace(strain, axis1=-2, axis2=-1)[..., None, None] * eye
-        moduli = np.einsum("ab,...AB->...aAbB", eye, S) + self.lame * np.einsum("...aA,...bB->...aAbB", F, F)
-        moduli += self.mu * np.einsum("...aB,...bA->...aAbB", F, F)
-        moduli += self.mu * np.einsum("...ab,AB->...aAbB", F @ np.swapaxes(F, -1, -2), eye)
-        moduli[~(determinant(F) > 0.0)] = np.nan
-        return moduli
+    compiled = Compiled(_point, None, _tangent)

@@ -9,7 +9,7 @@ from numba import from_dtype, i8, types, void
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
-from isorod.compiled import F1, I1, STRICT, njit
+from isorod.compiled import F1, FAST, I1, STRICT, njit
 from isorod.petsc.library import POINTER, function
 
 # Array of the integers that PETSc counts with.
@@ -192,6 +192,18 @@ def _add_up(values: Any, places: Any, entries: Any) -> None:
             entries[places[k]] += values[k]
 
 
+def values_in_order(matrix: PETSc.Mat) -> NDArray[np.float64] | None:
+    """Return the array of a matrix's values if they come in the order in which it got room for entries, else None.
+
+    `set_values` of this array, filled, makes them the matrix's.
+    """
+    arrays = matrix.getAttr(_ARRAYS)
+    if arrays is None or matrix.getAttr(_PLACES) is not None:
+        return None
+    rows, mine = arrays
+    return mine if rows.entries is None else None
+
+
 def set_values(matrix: PETSc.Mat, values: NDArray[np.float64]) -> None:
     """Set the entries in the order in which the matrix got room for them, repeated ones added up."""
     gathered, arrays = matrix.getAttr(_PLACES), matrix.getAttr(_ARRAYS)
@@ -210,7 +222,8 @@ def set_values(matrix: PETSc.Mat, values: NDArray[np.float64]) -> None:
         return
     rows, mine = arrays
     if rows.entries is None:
-        mine[:] = values
+        if values is not mine:
+            mine[:] = values
     else:
         np.take(values, rows.entries, out=mine, mode="clip")
     matrix.assemble()
@@ -232,6 +245,23 @@ def compressed_rows(matrix: PETSc.Mat) -> tuple[NDArray[Any], NDArray[Any], NDAr
         return start, column, values
     rows, mine = arrays
     return rows.start, rows.column, mine
+
+
+def absolute_product(matrix: PETSc.Mat, vector: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return this rank's rows of the product of a matrix's absolute values with a vector, which all of it is of."""
+    start, column, values = compressed_rows(matrix)
+    result = np.empty(start.size - 1)
+    _absolute_product(start, column, values, vector, result)
+    return result
+
+
+@njit(void(P1, P1, F1, F1, F1), **FAST)
+def _absolute_product(start: Any, column: Any, values: Any, vector: Any, result: Any) -> None:
+    for i in range(result.size):
+        value = 0.0
+        for k in range(start[i], start[i + 1]):
+            value += abs(values[k]) * vector[column[k]]
+        result[i] = value
 
 
 def componentwise(matrix: PETSc.Mat, components: int) -> PETSc.Mat:

@@ -367,3 +367,19 @@ class Table(NamedTuple):
     def elements(self) -> int:
         """Number of elements."""
         return self.u.shape[0]
+
+    def part(self, elements: "slice | Index", points: "slice | Index") -> "Table":
+        """Return the table of some elements and of some points of their sections; nothing is copied of slices."""
+        everywhere = isinstance(points, slice)
+        near, weights, xi = self.inverse[elements], self.weights[elements], self.xi[points]
+        xi.flags.writeable = False
+        return Table(
+            self.first,
+            self.u[elements],
+            xi,
+            self.section if everywhere else self.section[points],
+            self.axial[elements],
+            self.slopes[elements],
+            near if everywhere else np.ascontiguousarray(near[:, :, points]),
+            weights if everywhere else np.ascontiguousarray(weights[:, :, points]),
+        )

@@ -249,9 +249,8 @@ class _Path:
 
     def factorise(self, x: PETSc.Vec, factor: float) -> None:
         """Set and factorise the tangent, count negative eigenvalues, and differentiate by the load factor."""
-        matrices = self.assembler.tangent(x, factor, self.matrix, keep=True)
-        self.assembler.load_forces(x, factor, matrices, _DELTA, self.slope)
-        del matrices
+        self.assembler.tangent(x, factor, self.matrix)
+        self.assembler.load_forces(x, factor, _DELTA, self.slope)
         self.slope.scale(1.0 / _DELTA)
         self.ksp.setOperators(self.matrix)
         if self._counts and not self._set_up:

@@ -8,12 +8,12 @@ supports and loads really carry, and, component by component, with what rounding
 
 import numpy as np
 from petsc4py import PETSc
-from scipy.sparse import csr_matrix
 
 from isorod.arrays import Array
 from isorod.assembly.assembler import Assembler
 from isorod.assembly.part import ROUNDING
 from isorod.checks import hourglass
+from isorod.petsc.matrix import absolute_product
 
 # Out-of-balance force, in units of that after the predictor, above which a load step is given up: Newton's iterations
 # that leave like this may come back to another equilibrium.
@@ -77,11 +77,9 @@ class Convergence:
         self._scale = scale
         self._rounding = np.empty(0)
         if self.plain and "aij" in matrix.getType() and "sbaij" not in matrix.getType():
-            first, columns, values = matrix.getValuesCSR()
             if self._sizes is None:
                 self._sizes = self._displacements()
-            terms = csr_matrix((np.abs(values), columns, first), shape=(first.size - 1, self._sizes.size))
-            self._rounding = ROUNDING * (terms @ self._sizes)
+            self._rounding = ROUNDING * absolute_product(matrix, self._sizes)
         else:
             self._floor = ROUNDING * self.size * matrix.norm(PETSc.NormType.INFINITY)
 

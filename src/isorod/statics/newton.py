@@ -142,12 +142,11 @@ class Newton:
         if not (own and len(self.norms) > 1 and self._convergence.reuses_tangent(self.norms[-2], self.norms[-1], snes)):
             self._fill(x, self._factor, out)
 
-    def _fill(self, x: PETSc.Vec, factor: float, out: PETSc.Mat, keep: bool = False) -> list[Array]:
-        """Fill ``out`` with the tangent; return as `Assembler.tangent` does."""
-        matrices = self.assembler.tangent(x, factor, out, keep)
+    def _fill(self, x: PETSc.Vec, factor: float, out: PETSc.Mat) -> None:
+        """Fill ``out`` with the tangent."""
+        self.assembler.tangent(x, factor, out)
         if self.stabilisation is not None:
             self.stabilisation.add_stiffness(out)
-        return matrices
 
     def advance(self, factor: float, target: float) -> int:
         """Go from the equilibrium at ``factor`` to the one at ``target``; return the number of linear solves.
@@ -226,12 +225,11 @@ class Newton:
             self.x.copy(self._trial)
             return self._convergence.carried_force, assembler.vector()
         self._filled = True
-        matrices = self._fill(self.x, factor, self._matrix, keep=True)
+        self._fill(self.x, factor, self._matrix)
         # A cubic predictor takes the path's slope, the first step the whole way of supports that turn.
         share = 1.0 if self._history is None else _DELTA
-        assembler.load_forces(self.x, factor, matrices, share * step, self._force)
+        assembler.load_forces(self.x, factor, share * step, self._force)
         self._force.scale(1.0 / share)
-        del matrices
         self._solve_linear(factor)
         rate = self._change.copy()
         rate.scale(-1.0 / step if step else 0.0)

@@ -98,7 +98,6 @@ def pack(model: Model) -> Mesh:
         rows["geometry"] = _size(geometry) + each * (points * blocks * GEOMETRY * POINTS)
         for e, law in enumerate(_compiled_laws(body, index)):
             rows["constants"][e], rows["count"][e] = _size(constants), law.constants.size
-            assert law.compiled is not None
             rows["point"][e], rows["block"][e] = law.compiled.point, law.compiled.block
             constants.append(law.constants)
         elements.append(rows)
@@ -127,10 +126,10 @@ def _compiled_laws(body: Body, index: int) -> tuple[Material, ...]:
     if len(body.space.rod.rings) > 2:
         raise InputError(f"body {index}: its rod has layers, which dynamics does not take; statics and modes do")
     for e, law in enumerate(body.laws):
-        if law.compiled is None:
+        if not law.objective:
             raise InputError(
                 f"body {index}: material of element {e}: got {type(law).__name__}, "
-                "dynamics needs a law with a compiled stress, as NeoHookean"
+                "dynamics needs a law for large rotations, as NeoHookean"
             )
     return body.laws
 

@@ -41,7 +41,7 @@ class StepPart(Part):
         gradient = np.swapaxes(t.inverse, -1, -2) @ derivatives
         self._gradient = gradient.reshape(t.elements, -1, *gradient.shape[-2:])
         self._start = np.empty((*t.weights.shape, 3, 3))
-        self.inertia = 0.0
+        self.inertia = self.largest = 0.0
 
     def begin(self, displacement: Array) -> None:
         """Set the state a step starts from, all degrees of freedom."""
@@ -62,8 +62,13 @@ class StepPart(Part):
         rows = self._gradient.reshape(elements, -1, functions)
         return (np.swapaxes(rows, -1, -2) @ stress).reshape(self.dofs.shape)
 
-    def matrices(self, local: Array, factor: float) -> Array:
-        """Return the derivatives of internal and inertial forces, ``(E, l n 3, l n 3)``; they are not symmetric."""
+    def add_entries(self, local: Array, factor: float, entries: Array) -> None:
+        """Add the derivatives of internal and inertial forces to entries of the pattern; they are not symmetric."""
+        matrices = self._matrices(local, factor)
+        self.largest = float(np.abs(matrices).sum(axis=2).max())
+        self.pattern.add(matrices, entries, np.arange(matrices.shape[0]))
+
+    def _matrices(self, local: Array, factor: float) -> Array:
         _, moduli = self.laws.at(factor).discrete(self._start, self._changes(local), True)
         # The memory's order is NumPy's choice, and another one in its later versions.
         moduli = np.ascontiguousarray(moduli)
@@ -145,12 +150,11 @@ class StepAssembler(Assembler):
         """Return the consistent mass matrix times a vector, both of all degrees of freedom."""
         return self._sums(part.masses(velocity) for part in self.parts)
 
-    def tangent(self, x: PETSc.Vec, factor: float, out: PETSc.Mat, keep: bool = True) -> list[Array]:
-        """Fill ``out`` with the derivative of the residual and return the element matrices."""
-        matrices = super().tangent(x, factor, out, keep=True)
+    def tangent(self, x: PETSc.Vec, factor: float, out: PETSc.Mat) -> None:
+        """Fill ``out`` with the derivative of the residual."""
+        super().tangent(x, factor, out)
         if self.rounding == 0.0:
-            largest = max(float(np.abs(block).sum(axis=2).max()) for block in matrices)
+            largest = max(part.largest for part in self.parts)
             light = min(part.inertia * float(np.abs(part.mass).sum(axis=2).max()) for part in self.parts)
             # Inertia acts on changes, which are small, and adds no rounding to speak of.
             self.rounding = ROUNDING * self.model.size * np.sqrt(self.unknowns) * max(largest - light, 0.0)
-        return matrices

@@ -1,0 +1,298 @@
+"""Gradients of a displacement at quadrature points, block by block, and what the law makes of them, compiled.
+
+Elements are taken some at a time.  Sums over section functions are products of matrices, whose rows are the places
+along the axis and the components; what belongs to single points is done in blocks (`isorod.assembly.block_kernel`).
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import b1, f8, i8, types, void
+
+from isorod.arrays import Array
+from isorod.assembly.block_kernel import INVERSE, PRESSURE, SIZE, WEIGHT, deform, determinants, press, pull_back_stress
+from isorod.assembly.element_kernel import TABLE
+from isorod.compiled import F1, F2, F4, FAST, njit
+from isorod.material.points import ACTIVE, DETERMINANT, ENERGY, FIBRE, GRADIENT, POINTS, by_points, call_block
+from isorod.material.points import ROWS as _R
+from isorod.space.space import Table
+
+_W, _3 = np.uint64(POINTS), np.uint64(3)
+
+# Numbers of points whose stresses are kept at a time.
+_KEPT = 4096
+
+
+class Functions(NamedTuple):
+    """A law's compiled functions, by their addresses (`isorod.material.points.Compiled`), and its constants.
+
+    Of the mixed formulation's ``theta``, ``trace`` says whether it is the trace of the strain, not ``ln J``.
+    """
+
+    point: int
+    block: int
+    tangent: int
+    trace: bool
+    constants: Array
+
+
+FUNCTIONS = types.NamedTuple([i8, i8, i8, b1, F1], Functions)
+FIBRES = types.Array(f8, 4, "A", readonly=True)
+# Of the rows, at present or as another state has them.
+GRADIENTS = types.UniTuple(F2, 2)
+
+
+@njit(types.UniTuple(F2, 2)(TABLE), **FAST)
+def section_functions(table: Table) -> tuple[Array, Array]:
+    """Return the derivatives of the section functions ``(n, 2 q)``, first by one direction, and these ``(n, q)``."""
+    points, _, n = table.section.shape
+    across, whole = np.empty((n, 2 * points)), np.empty((n, points))
+    for q in range(points):
+        for i in range(n):
+            across[i, q] = table.section[q, 0, i]
+            across[i, points + q] = table.section[q, 1, i]
+            whole[i, q] = table.section[q, 2, i]
+    return across, whole
+
+
+@njit(types.UniTuple(F2, 2)(TABLE, F4, i8, i8, F2, F2), **FAST)
+def gradients(table: Table, nodal: Array, first: int, last: int, across: Array, whole: Array) -> tuple[Array, Array]:
+    """Return the gradients on disk x axis of some elements, rows ``(e, t, component)``.
+
+    The first has the derivatives by both directions across, ``2 q`` columns, the other those along.
+    """
+    along, functions = table.axial.shape[1:]
+    n = across.shape[0]
+    values, slopes = np.empty(((last - first) * along * 3, n)), np.empty(((last - first) * along * 3, n))
+    row = 0
+    for e in range(first, last):
+        for t in range(along):
+            for a in range(3):
+                for i in range(n):
+                    value = slope = 0.0
+                    for j in range(functions):
+                        value += table.axial[e, t, j] * nodal[e, j, i, a]
+                        slope += table.slopes[e, t, j] * nodal[e, j, i, a]
+                    values[row, i] = value
+                    slopes[row, i] = slope
+                row += 1
+    return np.dot(values, across), np.dot(slopes, whole)
+
+
+@njit(types.UniTuple(i8, 4)(i8, i8, i8, i8, i8, i8), **FAST)
+def run(place: int, q: int, begin: int, end: int, places: int, k: int) -> tuple[int, int, int, int]:
+    """Return the points side by side that come next into a block, and where the run after them begins.
+
+    Points of a block are those of the section from ``begin`` to before ``end``, place after place along the axis;
+    behind the last of them a block keeps what it had.
+
+    Parameters
+    ----------
+    place, q
+        Where the run begins.
+    k
+        How many points the block has before it.
+
+    Returns
+    -------
+    after, next_place, next_q, length
+        Number of points in the block with the run, where the next one begins, and how long this one is; a length of 0
+        where there is none.
+    """
+    if place >= places:
+        return k, place, q, 0
+    length = min(POINTS - k, end - q)
+    if q + length < end:
+        return k + length, place, q + length, length
+    return k + length, place + 1, begin, length
+
+
+@njit(**FAST)
+def _take(source: Array, row: Any, column: Any, length: int, work: Array, at: Any) -> None:
+    """Copy a run of a row of an array to a row of a block."""
+    row, column, at = np.uint64(row), np.uint64(column), np.uint64(at)
+    for k in range(np.uint64(length)):
+        work[at + k] = source[row, column + k]
+
+
+@njit(**FAST)
+def put(work: Array, at: Any, target: Array, row: Any, column: Any, length: int) -> None:
+    """Copy a run of a row of a block to a row of an array."""
+    row, column, at = np.uint64(row), np.uint64(column), np.uint64(at)
+    for k in range(np.uint64(length)):
+        target[row, column + k] = work[at + k]
+
+
+@njit(void(GRADIENTS, i8, i8, i8, i8, F1), **FAST)
+def take_gradients(found: tuple[Array, Array], place: int, q: int, begin: int, end: int, work: Array) -> None:
+    """Fill the rows of the stress of a block with gradients (`run`)."""
+    plane, axis = found
+    points, places = axis.shape[1], axis.shape[0] // 3
+    k, after, next_q, length = 0, place, q, 1
+    while k < POINTS:
+        at = k
+        k, after, next_q, length = run(place, q, begin, end, places, k)
+        if not length:
+            return
+        for a in range(3):
+            _take(plane, 3 * place + a, q, length, work, 3 * a * POINTS + at)
+            _take(plane, 3 * place + a, points + q, length, work, (3 * a + 1) * POINTS + at)
+            _take(axis, 3 * place + a, q, length, work, (3 * a + 2) * POINTS + at)
+        place, q = after, next_q
+
+
+@njit(void(TABLE, i8, i8, i8, i8, i8, i8, F1), **FAST)
+def take_geometry(table: Table, first: int, places: int, place: int, q: int, begin: int, end: int, work: Array) -> None:
+    """Fill in inverse Jacobians and weights at the points of a block (`run`)."""
+    along = table.axial.shape[1]
+    k, after, next_q, length = 0, place, q, 1
+    while k < POINTS:
+        at = k
+        k, after, next_q, length = run(place, q, begin, end, places, k)
+        if not length:
+            return
+        inverse = table.inverse[first + place // along, place % along]
+        weights = table.weights[first + place // along, place % along]
+        to, begins = np.uint64(at), np.uint64(q)
+        for m in range(np.uint64(length)):
+            for d in range(np.uint64(3)):
+                for a in range(np.uint64(3)):
+                    work[_R[INVERSE] + (_3 * d + a) * _W + to + m] = inverse[begins + m, d, a]
+            work[_R[WEIGHT] + to + m] = weights[begins + m]
+        place, q = after, next_q
+
+
+@njit(void(FIBRES, i8, i8, i8, i8, i8, i8, i8, F1), **FAST)
+def take_fibres(
+    fibres: Array, along: int, first: int, places: int, place: int, q: int, begin: int, end: int, work: Array
+) -> None:
+    """Fill in the fibres at the points of a block (`run`)."""
+    k, after, next_q, length = 0, place, q, 1
+    while k < POINTS:
+        at = k
+        k, after, next_q, length = run(place, q, begin, end, places, k)
+        if not length:
+            return
+        for m in range(length):
+            for a in range(3):
+                value = fibres[first + place // along, place % along, q + m, a]
+                work[(FIBRE + a) * POINTS + at + m] = value
+        place, q = after, next_q
+
+
+@njit(void(F2, i8, i8, i8, i8, i8, i8, i8, i8, F1), **FAST)
+def take_rows(
+    values: Array, count: int, first: int, places: int, place: int, q: int, begin: int, end: int, row: int, work: Array
+) -> None:
+    """Fill rows of a block with what has so many rows a place along the axis, from the place ``first`` on (`run`)."""
+    k, after, next_q, length = 0, place, q, 1
+    while k < POINTS:
+        at = k
+        k, after, next_q, length = run(place, q, begin, end, places, k)
+        if not length:
+            return
+        for r in range(count):
+            _take(values, (first + place) * count + r, q, length, work, (row + r) * POINTS + at)
+        place, q = after, next_q
+
+
+@njit(void(FUNCTIONS, F1, b1, F2, F2, F1), **FAST)
+def evaluate(law: Functions, work: Array, wanted: bool, F: Array, stress: Array, fibre: Array) -> None:
+    """Fill in the stress at the points of a block, and energies if wanted; the last three are work space."""
+    determinants(work)
+    if law.block:
+        call_block(np.uint64(law.block), (work, law.constants, 1.0, wanted))
+    else:
+        by_points(np.uint64(law.point), work, law.constants, 1.0, F, stress, fibre)
+
+
+@njit(f8(TABLE, FUNCTIONS, FIBRES, F2, F4, b1, F4), **FAST)
+def add_forces(
+    table: Table, law: Functions, fibres: Array, pressure: Array, nodal: Array, wanted: bool, forces: Array
+) -> float:
+    """Add the internal forces ``(E, l, n, 3)`` of nodal displacements, and return the energy, if that is wanted.
+
+    Parameters
+    ----------
+    table
+        Elements and points that obey one law.
+    law, fibres
+        The law, and its fibres ``(E, t, q, 3)``, without elements if it has none.
+    pressure
+        Of the mixed formulation, ``(E t, q)``, or without rows.
+    nodal
+        Shape of the forces.
+    """
+    elements, along, functions = table.axial.shape
+    points, _, n = table.section.shape
+    across, whole = section_functions(table)
+    some = max(1, _KEPT // (along * points))
+    work = np.zeros(SIZE)
+    F, stress, fibre = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
+    plane, axis = np.empty((some * along * 3, 2 * points)), np.empty((some * along * 3, points))
+    energy = 0.0
+    for first in range(0, elements, some):
+        last = min(first + some, elements)
+        places = (last - first) * along
+        found = gradients(table, nodal, first, last, across, whole)
+        place, q = 0, 0
+        for begin in range(0, places * points, POINTS):
+            take_gradients(found, place, q, 0, points, work)
+            take_geometry(table, first, places, place, q, 0, points, work)
+            if fibres.shape[0]:
+                take_fibres(fibres, along, first, places, place, q, 0, points, work)
+            deform(work, _R[GRADIENT])
+            evaluate(law, work, wanted, F, stress, fibre)
+            if pressure.shape[0]:
+                take_rows(pressure, 1, first * along, places, place, q, 0, points, PRESSURE, work)
+                press(work, law.trace)
+            pull_back_stress(work)
+            if wanted:
+                for k in range(np.uint64(min(POINTS, places * points - begin))):
+                    energy += work[_R[WEIGHT] + k] * (work[_R[ENERGY] + k] + work[_R[ACTIVE] + k])
+            k, length = 0, 1
+            while k < POINTS and length:
+                at, row, column = k, place, q
+                k, place, q, length = run(place, q, 0, points, places, k)
+                for a in range(3):
+                    put(work, 3 * a * POINTS + at, plane, 3 * row + a, column, length)
+                    put(work, (3 * a + 1) * POINTS + at, plane, 3 * row + a, points + column, length)
+                    put(work, (3 * a + 2) * POINTS + at, axis, 3 * row + a, column, length)
+        values, slopes = np.dot(plane[: 3 * places], across.T), np.dot(axis[: 3 * places], whole.T)
+        row = 0
+        for e in range(first, last):
+            for t in range(along):
+                for j in range(functions):
+                    x, y = table.axial[e, t, j], table.slopes[e, t, j]
+                    for i in range(n):
+                        for a in range(3):
+                            forces[e, j, i, a] += x * values[row + a, i] + y * slopes[row + a, i]
+                row += 3
+    return energy
+
+
+@njit(F2(TABLE, F4), **FAST)
+def jacobians(table: Table, nodal: Array) -> Array:
+    """Return ``det F`` ``(E t, q)`` of nodal displacements ``(E, l, n, 3)``."""
+    elements, along, _ = table.axial.shape
+    points = table.section.shape[0]
+    across, whole = section_functions(table)
+    some = max(1, _KEPT // (along * points))
+    work = np.zeros(SIZE)
+    result = np.empty((elements * along, points))
+    for first in range(0, elements, some):
+        last = min(first + some, elements)
+        places = (last - first) * along
+        found = gradients(table, nodal, first, last, across, whole)
+        place, q = 0, 0
+        for _ in range(0, places * points, POINTS):
+            take_gradients(found, place, q, 0, points, work)
+            take_geometry(table, first, places, place, q, 0, points, work)
+            deform(work, _R[GRADIENT])
+            determinants(work)
+            k, length = 0, 1
+            while k < POINTS and length:
+                at, row, column = k, first * along + place, q
+                k, place, q, length = run(place, q, 0, points, places, k)
+                put(work, DETERMINANT * POINTS + at, result, row, column, length)
+    return result
