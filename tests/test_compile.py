@@ -282,3 +282,18 @@ def test_what_python_calls_returns_no_named_tuple():
     assert len(found) > 40
     named = (types.NamedTuple, types.NamedUniTuple)
     assert [kernel.py_func.__qualname__ for kernel in found if isinstance(kernel.declared.return_type, named)] == []
+
+
+def test_kept_code_runs_without_what_compiles(isorod, python):
+    """Loading that takes longer than most runs."""
+    assert isorod("compile").returncode == 0
+    script = (
+        "import sys\nfrom isorod.command.cli import main\nassert main(sys.argv[1].split()) == 0\n"
+        "print([name for name in ('numba.np.npyimpl', 'numba.typed', 'coverage', 'yaml') if name in sys.modules])"
+    )
+    assert python(script, "run spring --coils 1").stdout.splitlines()[-1] == "[]"
+
+
+def test_help_needs_no_numpy(python):
+    script = "import sys\nfrom isorod.command.cli import main\nmain([])\nprint('numpy' in sys.modules)"
+    assert python(script).stdout.splitlines()[-1] == "False"

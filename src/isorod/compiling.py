@@ -10,14 +10,17 @@ import os
 import sys
 from collections.abc import Callable
 from contextlib import suppress
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from llvmlite.binding import add_symbol
 from numba import config
 from numba.core import event
 from numba.core.caching import CompileResultCacheImpl, FunctionCache
 from numba.core.registry import CPUDispatcher
+from numba.core.runtime import nrt
 
 # Numba's own, whose types are known at run time alone.
 _Dispatcher: Any = CPUDispatcher
@@ -111,9 +114,13 @@ class _Cache(FunctionCache):  # type: ignore[misc]
         return {}
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Return what is there for a signature, or None."""
-        with suppress(Exception):
-            return super().load_overload(sig, target_context)
+        """Return what is there for a signature, or None.
+
+        Numba's own would first load all that it can compile, which takes longer than everything else at start.
+        """
+        with suppress(Exception), self._guard_against_spurious_io_errors():
+            _provide_memory(target_context)
+            return self._load_overload(sig, target_context)
         return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
@@ -125,6 +132,17 @@ class _Cache(FunctionCache):  # type: ignore[misc]
             except Exception:
                 self.flush()
                 super().save_overload(sig, data)
+
+
+@cache
+def _provide_memory(target_context: Any) -> None:
+    """Let kept code find Numba's own functions for memory, without compiling what code yet to be compiled needs."""
+    helpers = getattr(getattr(nrt, "_nrt", None), "c_helpers", None)
+    if helpers is None:
+        target_context.refresh()
+        return
+    for name, address in helpers.items():
+        add_symbol(name if name.startswith("_") else f"NRT_{name}", address)
 
 
 def _beside(function: Any) -> str:

@@ -1,7 +1,8 @@
 """Gradients of a displacement at quadrature points, block by block, and what the law makes of them, compiled.
 
-Elements are taken some at a time.  Sums over section functions are products of matrices, whose rows are the places
-along the axis and the components; what belongs to single points is done in blocks (`isorod.assembly.block_kernel`).
+Elements are taken some at a time (`isorod.assembly.region`).  Sums over section functions are products of matrices,
+whose rows are the places along the axis and the components, and left to BLAS; what belongs to single points is done in
+blocks (`isorod.assembly.block_kernel`).
 """
 
 from typing import Any, NamedTuple
@@ -19,9 +20,6 @@ from isorod.space.space import Table
 
 _W, _3 = np.uint64(POINTS), np.uint64(3)
 
-# Numbers of points whose stresses are kept at a time.
-_KEPT = 4096
-
 
 class Functions(NamedTuple):
     """A law's compiled functions, by their addresses (`isorod.material.points.Compiled`), and its constants.
@@ -38,45 +36,33 @@ class Functions(NamedTuple):
 
 FUNCTIONS = types.NamedTuple([i8, i8, i8, b1, F1], Functions)
 FIBRES = types.Array(f8, 4, "A", readonly=True)
-# Of the rows, at present or as another state has them.
+# Gradients across and along.
 GRADIENTS = types.UniTuple(F2, 2)
 
 
-@njit(types.UniTuple(F2, 2)(TABLE), **FAST)
-def section_functions(table: Table) -> tuple[Array, Array]:
-    """Return the derivatives of the section functions ``(n, 2 q)``, first by one direction, and these ``(n, q)``."""
-    points, _, n = table.section.shape
-    across, whole = np.empty((n, 2 * points)), np.empty((n, points))
-    for q in range(points):
-        for i in range(n):
-            across[i, q] = table.section[q, 0, i]
-            across[i, points + q] = table.section[q, 1, i]
-            whole[i, q] = table.section[q, 2, i]
-    return across, whole
+@njit(GRADIENTS(TABLE, F4, i8, i8), **FAST)
+def coefficients(table: Table, nodal: Array, first: int, last: int) -> tuple[Array, Array]:
+    """Return the section coefficients of nodal displacements ``(E, l, n, 3)``, and their derivatives along the axis.
 
-
-@njit(types.UniTuple(F2, 2)(TABLE, F4, i8, i8, F2, F2), **FAST)
-def gradients(table: Table, nodal: Array, first: int, last: int, across: Array, whole: Array) -> tuple[Array, Array]:
-    """Return the gradients on disk x axis of some elements, rows ``(e, t, component)``.
-
-    The first has the derivatives by both directions across, ``2 q`` columns, the other those along.
+    They are those of the elements ``first .. last - 1``, shape ``(3 e t, n)``: rows place by place, and of each place
+    component by component.
     """
     along, functions = table.axial.shape[1:]
-    n = across.shape[0]
+    n = nodal.shape[2]
     values, slopes = np.empty(((last - first) * along * 3, n)), np.empty(((last - first) * along * 3, n))
     row = 0
     for e in range(first, last):
         for t in range(along):
-            for a in range(3):
-                for i in range(n):
+            for i in range(n):
+                for a in range(3):
                     value = slope = 0.0
                     for j in range(functions):
                         value += table.axial[e, t, j] * nodal[e, j, i, a]
                         slope += table.slopes[e, t, j] * nodal[e, j, i, a]
-                    values[row, i] = value
-                    slopes[row, i] = slope
-                row += 1
-    return np.dot(values, across), np.dot(slopes, whole)
+                    values[row + a, i] = value
+                    slopes[row + a, i] = slope
+            row += 3
+    return values, slopes
 
 
 @njit(types.UniTuple(i8, 4)(i8, i8, i8, i8, i8, i8), **FAST)
@@ -180,19 +166,18 @@ def take_fibres(
         place, q = after, next_q
 
 
-@njit(void(F2, i8, i8, i8, i8, i8, i8, i8, i8, F1), **FAST)
+@njit(void(F2, i8, i8, i8, i8, i8, i8, i8, F1), **FAST)
 def take_rows(
-    values: Array, count: int, first: int, places: int, place: int, q: int, begin: int, end: int, row: int, work: Array
+    values: Array, first: int, places: int, place: int, q: int, begin: int, end: int, row: int, work: Array
 ) -> None:
-    """Fill rows of a block with what has so many rows a place along the axis, from the place ``first`` on (`run`)."""
+    """Fill a row of a block with values whose rows are places along the axis, from the place ``first`` on (`run`)."""
     k, after, next_q, length = 0, place, q, 1
     while k < POINTS:
         at = k
         k, after, next_q, length = run(place, q, begin, end, places, k)
         if not length:
             return
-        for r in range(count):
-            _take(values, (first + place) * count + r, q, length, work, (row + r) * POINTS + at)
+        _take(values, first + place, q, length, work, row * POINTS + at)
         place, q = after, next_q
 
 
@@ -206,11 +191,18 @@ def evaluate(law: Functions, work: Array, wanted: bool, F: Array, stress: Array,
         by_points(np.uint64(law.point), work, law.constants, 1.0, F, stress, fibre)
 
 
-@njit(f8(TABLE, FUNCTIONS, FIBRES, F2, F4, b1, F4), **FAST)
-def add_forces(
-    table: Table, law: Functions, fibres: Array, pressure: Array, nodal: Array, wanted: bool, forces: Array
+@njit(f8(TABLE, FUNCTIONS, FIBRES, F2, GRADIENTS, i8, b1, F2), **FAST)
+def stresses(
+    table: Table,
+    law: Functions,
+    fibres: Array,
+    pressure: Array,
+    found: tuple[Array, Array],
+    first: int,
+    wanted: bool,
+    determinant: Array,
 ) -> float:
-    """Add the internal forces ``(E, l, n, 3)`` of nodal displacements, and return the energy, if that is wanted.
+    """Replace gradients on disk x axis by the stress there times the volume; return the energy, if that is wanted.
 
     Parameters
     ----------
@@ -220,79 +212,57 @@ def add_forces(
         The law, and its fibres ``(E, t, q, 3)``, without elements if it has none.
     pressure
         Of the mixed formulation, ``(E t, q)``, or without rows.
-    nodal
-        Shape of the forces.
+    found
+        Rows of places along the axis, from those of element ``first`` on, and components: the derivatives by both
+        directions across, ``2 q`` columns, and those along.
+    determinant
+        To be filled with ``det F`` ``(e t, q)``, if it has rows.
     """
-    elements, along, functions = table.axial.shape
-    points, _, n = table.section.shape
-    across, whole = section_functions(table)
-    some = max(1, _KEPT // (along * points))
+    plane, axis = found
+    along, points = table.axial.shape[1], axis.shape[1]
+    places = axis.shape[0] // 3
     work = np.zeros(SIZE)
     F, stress, fibre = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
-    plane, axis = np.empty((some * along * 3, 2 * points)), np.empty((some * along * 3, points))
     energy = 0.0
-    for first in range(0, elements, some):
-        last = min(first + some, elements)
-        places = (last - first) * along
-        found = gradients(table, nodal, first, last, across, whole)
-        place, q = 0, 0
-        for begin in range(0, places * points, POINTS):
-            take_gradients(found, place, q, 0, points, work)
-            take_geometry(table, first, places, place, q, 0, points, work)
-            if fibres.shape[0]:
-                take_fibres(fibres, along, first, places, place, q, 0, points, work)
-            deform(work, _R[GRADIENT])
-            evaluate(law, work, wanted, F, stress, fibre)
-            if pressure.shape[0]:
-                take_rows(pressure, 1, first * along, places, place, q, 0, points, PRESSURE, work)
-                press(work, law.trace)
-            pull_back_stress(work)
-            if wanted:
-                for k in range(np.uint64(min(POINTS, places * points - begin))):
-                    energy += work[_R[WEIGHT] + k] * (work[_R[ENERGY] + k] + work[_R[ACTIVE] + k])
-            k, length = 0, 1
-            while k < POINTS and length:
-                at, row, column = k, place, q
-                k, place, q, length = run(place, q, 0, points, places, k)
-                for a in range(3):
-                    put(work, 3 * a * POINTS + at, plane, 3 * row + a, column, length)
-                    put(work, (3 * a + 1) * POINTS + at, plane, 3 * row + a, points + column, length)
-                    put(work, (3 * a + 2) * POINTS + at, axis, 3 * row + a, column, length)
-        values, slopes = np.dot(plane[: 3 * places], across.T), np.dot(axis[: 3 * places], whole.T)
-        row = 0
-        for e in range(first, last):
-            for t in range(along):
-                for j in range(functions):
-                    x, y = table.axial[e, t, j], table.slopes[e, t, j]
-                    for i in range(n):
-                        for a in range(3):
-                            forces[e, j, i, a] += x * values[row + a, i] + y * slopes[row + a, i]
-                row += 3
+    place, q = 0, 0
+    for begin in range(0, places * points, POINTS):
+        take_gradients(found, place, q, 0, points, work)
+        take_geometry(table, first, places, place, q, 0, points, work)
+        if fibres.shape[0]:
+            take_fibres(fibres, along, first, places, place, q, 0, points, work)
+        deform(work, _R[GRADIENT])
+        evaluate(law, work, wanted, F, stress, fibre)
+        if pressure.shape[0]:
+            take_rows(pressure, first * along, places, place, q, 0, points, PRESSURE, work)
+            press(work, law.trace)
+        pull_back_stress(work)
+        if wanted:
+            for k in range(np.uint64(min(POINTS, places * points - begin))):
+                energy += work[_R[WEIGHT] + k] * (work[_R[ENERGY] + k] + work[_R[ACTIVE] + k])
+        k, length = 0, 1
+        while k < POINTS and length:
+            at, row, column = k, place, q
+            k, place, q, length = run(place, q, 0, points, places, k)
+            for a in range(3):
+                put(work, 3 * a * POINTS + at, plane, 3 * row + a, column, length)
+                put(work, (3 * a + 1) * POINTS + at, plane, 3 * row + a, points + column, length)
+                put(work, (3 * a + 2) * POINTS + at, axis, 3 * row + a, column, length)
+            if determinant.shape[0]:
+                put(work, DETERMINANT * POINTS + at, determinant, row, column, length)
     return energy
 
 
-@njit(F2(TABLE, F4), **FAST)
-def jacobians(table: Table, nodal: Array) -> Array:
-    """Return ``det F`` ``(E t, q)`` of nodal displacements ``(E, l, n, 3)``."""
-    elements, along, _ = table.axial.shape
-    points = table.section.shape[0]
-    across, whole = section_functions(table)
-    some = max(1, _KEPT // (along * points))
-    work = np.zeros(SIZE)
-    result = np.empty((elements * along, points))
-    for first in range(0, elements, some):
-        last = min(first + some, elements)
-        places = (last - first) * along
-        found = gradients(table, nodal, first, last, across, whole)
-        place, q = 0, 0
-        for _ in range(0, places * points, POINTS):
-            take_gradients(found, place, q, 0, points, work)
-            take_geometry(table, first, places, place, q, 0, points, work)
-            deform(work, _R[GRADIENT])
-            determinants(work)
-            k, length = 0, 1
-            while k < POINTS and length:
-                at, row, column = k, first * along + place, q
-                k, place, q, length = run(place, q, 0, points, places, k)
-                put(work, DETERMINANT * POINTS + at, result, row, column, length)
-    return result
+@njit(void(TABLE, F2, F2, i8, i8, F4), **FAST)
+def add_resultants(table: Table, values: Array, slopes: Array, first: int, last: int, forces: Array) -> None:
+    """Add what integrals of stress against section functions, rows as `coefficients`, make of nodal forces."""
+    along, functions = table.axial.shape[1:]
+    n = values.shape[1]
+    row = 0
+    for e in range(first, last):
+        for t in range(along):
+            for j in range(functions):
+                x, y = table.axial[e, t, j], table.slopes[e, t, j]
+                for i in range(n):
+                    for a in range(3):
+                        forces[e, j, i, a] += x * values[row + a, i] + y * slopes[row + a, i]
+            row += 3

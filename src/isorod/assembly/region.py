@@ -1,21 +1,30 @@
-"""Elements, and points of their sections, that obey one law: what compiled loops take at a time."""
+"""Elements, and points of their sections, that obey one law: their forces and tangents, some elements at a time."""
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from isorod.arrays import Array
-from isorod.assembly import field_kernel, stiffness_kernel
-from isorod.assembly.field_kernel import Functions
+from isorod.assembly.extrapolation import Last
+from isorod.assembly.field_kernel import Functions, add_resultants, coefficients, stresses
 from isorod.assembly.pattern_kernel import Blocks
+from isorod.assembly.stiffness_kernel import add_blocks, moduli, multiply
 from isorod.material.along_rod import Laws, Piece
 from isorod.space.space import Table
 
-if TYPE_CHECKING:
-    from isorod.assembly.extrapolation import Last
-
 NONE = np.empty((0, 0))
-_NONE = np.empty((0, 0, 0, 0))
+_NO_FIBRES = np.empty((0, 0, 0, 0))
+
+# Points whose stresses are there at a time, and numbers that moduli and section matrices may take together: what stays
+# in the processor's cache, and is enough for few calls from Python.  Measured: twice or half as many are no better.
+_POINTS = 4096
+_NUMBERS = 200_000
+
+# Numbers that products of section functions may take; where there are more, some of the section's points are taken at a
+# time.
+_PRODUCTS = 500_000
 
 
 class Region:
@@ -53,15 +62,39 @@ class Region:
             return values
         return np.ascontiguousarray(self.own(values)[:, :, self.piece.points]).reshape(-1, self.shape[2])
 
+    @cached_property
+    def _section(self) -> tuple[Array, Array]:
+        """Derivatives of the section functions, first by one direction, ``(n, 2 q)``, and these ``(n, q)``."""
+        across = np.ascontiguousarray(self.table.section[:, :2].transpose(2, 1, 0)).reshape(-1, 2 * self.shape[2])
+        return across, np.ascontiguousarray(self.table.section[:, 2].T)
+
     def _law(self, factor: float) -> tuple[Functions, Array]:
         law = self.piece.law.at(factor)
         one = law.compiled
         trace = not getattr(law, "logarithmic", True)
-        fibres = law.fibres(self.shape) if law.fibrous else _NONE
+        fibres = law.fibres(self.shape) if law.fibrous else _NO_FIBRES
         return Functions(one.point, one.block, one.tangent, trace, law.constants), fibres
 
+    def _some(self, count: int) -> Iterator[tuple[int, int]]:
+        """Yield the bounds of so many elements at a time, or one."""
+        elements, step = self.shape[0], max(1, count)
+        for first in range(0, elements, step):
+            yield first, min(first + step, elements)
+
+    def _gradients(self, nodal: Array, first: int, last: int) -> tuple[Array, Array]:
+        """Return the gradients of nodal displacements on disk x axis (`isorod.assembly.field_kernel.stresses`)."""
+        values, slopes = coefficients(self.table, nodal, first, last)
+        across, whole = self._section
+        return values @ across, slopes @ whole
+
     def add_forces(
-        self, nodal: Array, factor: float, forces: Array, pressure: Array = NONE, wanted: bool = False
+        self,
+        nodal: Array,
+        factor: float,
+        forces: Array,
+        pressure: Array = NONE,
+        wanted: bool = False,
+        determinant: Array = NONE,
     ) -> float:
         """Add the internal forces of nodal displacements ``(E, l, n, 3)`` to those of the part's elements.
 
@@ -69,16 +102,31 @@ class Region:
         ----------
         pressure
             That of the mixed formulation at the part's points ``(E, t, q)``, or an empty array.
+        determinant
+            To be filled with ``det F`` at these points ``(E t, q)``, if it has rows.
 
         Returns
         -------
         energy
             That of the law, if it is wanted.
         """
-        pressures = self.at_points(pressure)
-        return field_kernel.add_forces(
-            self.table, *self._law(factor), pressures, self.own(nodal), wanted, self.own(forces)
-        )
+        _, along, points = self.shape
+        law, fibres = self._law(factor)
+        pressures, own, result = self.at_points(pressure), self.own(nodal), self.own(forces)
+        across, whole = self._section
+        energy = 0.0
+        for first, last in self._some(_POINTS // (along * points)):
+            found = self._gradients(own, first, last)
+            det = determinant[first * along : last * along]
+            energy += stresses(self.table, law, fibres, pressures, found, first, wanted, det)
+            add_resultants(self.table, found[0] @ across.T, found[1] @ whole.T, first, last, result)
+        return energy
+
+    def set_jacobians(self, nodal: Array, out: Array) -> None:
+        """Fill in ``det F`` at these of the part's points ``(E, t, q)``."""
+        found = np.empty((self.shape[0] * self.shape[1], self.shape[2]))
+        self.add_forces(nodal, 1.0, np.zeros(nodal.shape), determinant=found)
+        self.own(out)[:, :, self.piece.points] = found.reshape(self.shape)
 
     def add_stiffness(
         self,
@@ -87,7 +135,7 @@ class Region:
         blocks: Blocks,
         entries: Array,
         pressure: Array = NONE,
-        last: "Last | None" = None,
+        last: Last | None = None,
     ) -> None:
         """Add the tangents of the part's elements to entries.
 
@@ -98,23 +146,55 @@ class Region:
         last
             What the stress is extrapolated from, if it is.
         """
+        elements, along, points = self.shape
+        law, fibres = self._law(factor)
         before, earlier = (NONE, nodal) if last is None else (self.at_points(last.pressure), last.nodal)
-        stiffness_kernel.add_stiffness(
-            self.table,
-            *self._law(factor),
-            self.at_points(pressure),
-            before,
-            self.own(nodal),
-            self.own(earlier),
-            last is not None,
-            Blocks(self.own(blocks.start), self.own(blocks.width), blocks.total),
-            entries,
-        )
+        pressures, own, earlier = self.at_points(pressure), self.own(nodal), self.own(earlier)
+        there = Blocks(self.own(blocks.start), self.own(blocks.width), blocks.total)
+        squared = self.table.section.shape[2] ** 2
+        tile = min(points, max(16, _PRODUCTS // (10 * squared)))
+        count = min(elements, max(1, _NUMBERS // ((45 * tile + 21 * squared) * along)))
+        # Made once: memory that the system gives anew is slow.
+        pulled = _Four((3, 4), (3, 3), (9, 2), (6, 1), size=count * along * tile)
+        products = _Four((4, 1), (3, 1), (2, 1), (1, 1), size=tile * squared)
+        sums, more = (_Four((3, 1), (3, 1), (9, 1), (6, 1), size=count * along * squared) for _ in range(2))
+        for k, some in enumerate(self._some(count)):
+            places = (some[1] - some[0]) * along
+            found = self._gradients(own, *some)
+            old = found if last is None else self._gradients(earlier, *some)
+            for begin in range(0, points, tile):
+                end = min(begin + tile, points)
+                left, right = pulled.of(places, end - begin), products.of(end - begin, squared)
+                moduli(
+                    self.table, law, fibres, pressures, before, found, old, last is not None, some[0], begin, end, left
+                )
+                if k == 0 or tile < points:
+                    multiply(self.table, begin, end, right)
+                for into, one, other in zip((more if begin else sums).of(places, squared), left, right, strict=True):
+                    np.matmul(one, other, out=into)
+                if begin:
+                    for total, one in zip(sums.of(places, squared), more.of(places, squared), strict=True):
+                        total += one
+            rows = tuple(one.reshape(places, -1) for one in sums.of(places, squared))
+            add_blocks(self.table, *some, rows, there, entries)
 
-    def set_jacobians(self, nodal: Array, out: Array) -> None:
-        """Fill in ``det F`` at these of the part's points ``(E, t, q)``."""
-        found = field_kernel.jacobians(self.table, self.own(nodal)).reshape(self.shape)
-        self.own(out)[:, :, self.piece.points] = found
+
+class _Four:
+    """Room for four matrices, of each so many times more rows and columns."""
+
+    def __init__(self, *times: tuple[int, int], size: int) -> None:
+        self._times = times
+        self._room = [np.empty(rows * columns * size) for rows, columns in times]
+        self._found: dict[tuple[int, int], tuple[Array, ...]] = {}
+
+    def of(self, rows: int, columns: int) -> tuple[Array, ...]:
+        """Return the matrices for so many rows and columns."""
+        if (rows, columns) not in self._found:
+            self._found[rows, columns] = tuple(
+                room[: p * rows * q * columns].reshape(p * rows, q * columns)
+                for room, (p, q) in zip(self._room, self._times, strict=True)
+            )
+        return self._found[rows, columns]
 
 
 def regions(table: Table, laws: Laws) -> list[Region]:

@@ -30,27 +30,20 @@ from isorod.assembly.field_kernel import (
     GRADIENTS,
     Functions,
     evaluate,
-    gradients,
     put,
     run,
-    section_functions,
     take_fibres,
     take_geometry,
     take_gradients,
     take_rows,
 )
 from isorod.assembly.pattern_kernel import BLOCKS, Blocks
-from isorod.compiled import F1, F2, F4, FAST, njit
+from isorod.compiled import F1, F2, FAST, njit
 from isorod.material.points import GRADIENT, MODULI, POINTS, SQUARES, call_tangent
 from isorod.material.points import ROWS as _R
 from isorod.space.space import Table
 
 _1, _2, _3, _4 = (np.uint64(k) for k in range(1, 5))
-
-# Numbers that products of section functions may take: what fits in the processor's memory beside others.
-_PRODUCTS = 500_000
-# Numbers that moduli and section matrices may take together.
-_SECTIONS = 100_000
 
 # Matrices of both components across, of one component's own, of one across and one along, of both along.
 FOUR = types.UniTuple(F2, 4)
@@ -62,7 +55,7 @@ _UP, _LOW = np.array([1, 2, 5]), np.array([3, 6, 7])
 
 
 @njit(void(TABLE, i8, i8, FOUR), **FAST)
-def _multiply(table: Table, begin: int, end: int, products: tuple[Array, Array, Array, Array]) -> None:
+def multiply(table: Table, begin: int, end: int, products: tuple[Array, Array, Array, Array]) -> None:
     """Fill in products of two section functions ``i k``, a column each, at points from ``begin`` to before ``end``.
 
     Both across, of the directions 00, 01, 10, 11 (``plane``) or 00, 01 + 10, 11 (``square``); the first across, in
@@ -90,8 +83,8 @@ def _multiply(table: Table, begin: int, end: int, products: tuple[Array, Array, 
                 axis[p, ik] = z * h
 
 
-@njit(void(TABLE, FUNCTIONS, FIBRES, F2, F2, GRADIENTS, GRADIENTS, b1, i8, i8, i8, F1, FOUR), **FAST)
-def _moduli(
+@njit(void(TABLE, FUNCTIONS, FIBRES, F2, F2, GRADIENTS, GRADIENTS, b1, i8, i8, i8, FOUR), **FAST)
+def moduli(
     table: Table,
     law: Functions,
     fibres: Array,
@@ -103,15 +96,31 @@ def _moduli(
     first: int,
     begin: int,
     end: int,
-    work: Array,
-    moduli: tuple[Array, Array, Array, Array],
+    pulled: tuple[Array, Array, Array, Array],
 ) -> None:
-    """Fill in the moduli on disk x axis, ordered as the products of section functions are.
+    """Fill in the moduli on disk x axis, ordered as the products of section functions are (`multiply`).
 
-    Rows: place by place, of the pairs 01, 02, 12 (``plane``), of 00, 11, 22 (``square``), of all nine (``mixed``), of
-    the former six (``axis``).
+    Rows: place by place, of the pairs 01, 02, 12, of 00, 11, 22, of all nine, of the former six.
+
+    Parameters
+    ----------
+    table
+        Elements and points that obey one law.
+    law, fibres
+        The law, and its fibres ``(E, t, q, 3)``, without elements if it has none.
+    pressure
+        Of the mixed formulation, ``(E t, q)``, or without rows.
+    found
+        Gradients, from those of the element ``first`` on (`isorod.assembly.field_kernel.stresses`).
+    last, before, extrapolates
+        Whether the stress is extrapolated from the last tangent, and gradients and pressure there.
+    begin, end
+        The points are those of the section from ``begin`` to before ``end``.
+    pulled
+        To be filled.
     """
-    plane, square, mixed, axis = moduli
+    plane, square, mixed, axis = pulled
+    work = np.zeros(SIZE)
     along, points = table.axial.shape[1], end - begin
     places, first_place = found[1].shape[0] // 3, first * along
     pressed = pressure.shape[0] > 0
@@ -122,29 +131,35 @@ def _moduli(
         if fibres.shape[0]:
             take_fibres(fibres, along, first, places, place, q, begin, end, work)
         if pressed:
-            take_rows(pressure, 1, first_place, places, place, q, begin, end, PRESSURE, work)
-        if extrapolates:
+            take_rows(pressure, first_place, places, place, q, begin, end, PRESSURE, work)
+        # The last state if there is one, then the present.
+        for state in range(0 if extrapolates else 1, 2):
             take_gradients(found, place, q, begin, end, work)
-            deform(work, _R[STATE])
-            take_gradients(last, place, q, begin, end, work)
-            deform(work, _R[GRADIENT])
+            if state:
+                deform(work, _R[GRADIENT])
+            else:
+                deform(work, _R[STATE])
+                take_gradients(last, place, q, begin, end, work)
+                deform(work, _R[GRADIENT])
+                if pressed:
+                    # Present and last pressure change places, and do so again.
+                    take_rows(before, first_place, places, place, q, begin, end, BEFORE, work)
+                    _swap(work)
+            for k in range(np.uint64(45 * POINTS)):
+                work[_R[MODULI] + k] = 0.0
+            evaluate(law, work, False, F, stress, fibre)
+            call_tangent(np.uint64(law.tangent), (work, law.constants, 1.0))
             if pressed:
-                # Present and last pressure change places, and do so again.
-                take_rows(before, 1, first_place, places, place, q, begin, end, BEFORE, work)
-                _swap(work)
-            _evaluate_all(law, pressed, work, F, stress, fibre)
-            foresee(work)
-            if pressed:
-                _swap(work)
-                press_on(work)
-            for k in range(np.uint64(9 * POINTS)):
-                work[_R[GRADIENT] + k] = work[_R[STATE] + k]
-        else:
-            take_gradients(found, place, q, begin, end, work)
-            deform(work, _R[GRADIENT])
-        _evaluate_all(law, pressed, work, F, stress, fibre)
-        if extrapolates:
-            exceed(work)
+                press(work, law.trace)
+                if not law.trace:
+                    press_moduli(work)
+            if not state:
+                foresee(work)
+                if pressed:
+                    _swap(work)
+                    press_on(work)
+            elif extrapolates:
+                exceed(work)
         pull_back_moduli(work)
         k, length = 0, 1
         while k < POINTS and length:
@@ -180,35 +195,15 @@ def _swap(work: Array) -> None:
         work[_R[PRESSURE] + k] = x
 
 
-@njit(void(FUNCTIONS, b1, F1, F2, F2, F1), **FAST)
-def _evaluate_all(law: Functions, pressed: bool, work: Array, F: Array, stress: Array, fibre: Array) -> None:
-    """Fill in stress and moduli at the points of a block."""
-    for k in range(np.uint64(45 * POINTS)):
-        work[_R[MODULI] + k] = 0.0
-    evaluate(law, work, False, F, stress, fibre)
-    call_tangent(np.uint64(law.tangent), (work, law.constants, 1.0))
-    if pressed:
-        press(work, law.trace)
-        if not law.trace:
-            press_moduli(work)
-
-
-@njit(void(TABLE, i8, i8, F2, F2, F2, F2, BLOCKS, F1), **FAST)
-def _along(
-    table: Table,
-    first: int,
-    last: int,
-    plane: Array,
-    square: Array,
-    mixed: Array,
-    axis: Array,
-    blocks: Blocks,
-    entries: Array,
+@njit(void(TABLE, i8, i8, FOUR, BLOCKS, F1), **FAST)
+def add_blocks(
+    table: Table, first: int, last: int, sums: tuple[Array, Array, Array, Array], blocks: Blocks, entries: Array
 ) -> None:
-    """Add what section matrices make of element matrices to the entries.
+    """Add what section matrices of the elements ``first .. last - 1`` make of element matrices to entries (`Blocks`).
 
     Rows of these: a place along the axis each, one pair of components ``n n`` after the other, as of the moduli.
     """
+    plane, square, mixed, axis = sums
     along, functions = table.axial.shape[1:]
     n = table.section.shape[2]
     nn = n * n
@@ -300,100 +295,3 @@ def _scatter(
                         entries[begin + (_3 * k + b) * rows + _3 * i + a] += value
                     else:
                         entries[begin + (_3 * i + a) * rows + _3 * k + b] += value
-
-
-@njit(void(F2, F2, F2, b1), **FAST)
-def _add_product(left: Array, right: Array, result: Array, more: bool) -> None:
-    """Set a matrix to a product, or add it."""
-    if more:
-        result += np.dot(left, right)
-    else:
-        np.dot(left, right, result)
-
-
-@njit(
-    void(TABLE, FUNCTIONS, FIBRES, F2, F2, F4, F4, b1, BLOCKS, F1),
-    **FAST,
-)
-def add_stiffness(
-    table: Table,
-    law: Functions,
-    fibres: Array,
-    pressure: Array,
-    before: Array,
-    nodal: Array,
-    earlier: Array,
-    extrapolates: bool,
-    blocks: Blocks,
-    entries: Array,
-) -> None:
-    """Add the element matrices of a tangent to entries (`Blocks`).
-
-    Parameters
-    ----------
-    table
-        Elements and points that obey one law.
-    law, fibres
-        The law, which must have moduli, and its fibres ``(E, t, q, 3)``, without elements if it has none.
-    pressure
-        Of the mixed formulation, ``(E t, q)``, or without rows.
-    nodal
-        Nodal displacements ``(E, l, n, 3)``.
-    before, earlier, extrapolates
-        Whether the stress is that extrapolated from the last tangent, and pressure and displacements there.
-    """
-    elements, along, _ = table.axial.shape
-    points, _, n = table.section.shape
-    nn = n * n
-    across, whole = section_functions(table)
-    tile = min(points, max(16, _PRODUCTS // (10 * nn)))
-    some = max(1, _SECTIONS // ((45 * tile + 21 * nn) * along))
-    work = np.zeros(SIZE)
-    room = min(some, elements) * along
-    # Made once: memory that the system gives anew is slow.
-    plane, square = np.empty(12 * tile * room), np.empty(9 * tile * room)
-    mixed, axis = np.empty(18 * tile * room), np.empty(6 * tile * room)
-    planes, squares = np.empty(4 * tile * nn), np.empty(3 * tile * nn)
-    mixeds, axes = np.empty(2 * tile * nn), np.empty(tile * nn)
-    sums = np.empty(21 * nn * room)
-    for first in range(0, elements, some):
-        last = min(first + some, elements)
-        places = (last - first) * along
-        found = gradients(table, nodal, first, last, across, whole)
-        old = found
-        if extrapolates:
-            old = gradients(table, earlier, first, last, across, whole)
-        ends = 3 * places * nn, 6 * places * nn, 15 * places * nn, 21 * places * nn
-        for begin in range(0, points, tile):
-            end = min(begin + tile, points)
-            width = end - begin
-            moduli = (
-                plane[: 12 * width * places].reshape(3 * places, 4 * width),
-                square[: 9 * width * places].reshape(3 * places, 3 * width),
-                mixed[: 18 * width * places].reshape(9 * places, 2 * width),
-                axis[: 6 * width * places].reshape(6 * places, width),
-            )
-            products = (
-                planes[: 4 * width * nn].reshape(4 * width, nn),
-                squares[: 3 * width * nn].reshape(3 * width, nn),
-                mixeds[: 2 * width * nn].reshape(2 * width, nn),
-                axes[: width * nn].reshape(width, nn),
-            )
-            _moduli(table, law, fibres, pressure, before, found, old, extrapolates, first, begin, end, work, moduli)
-            if tile < points or first == 0:
-                _multiply(table, begin, end, products)
-            _add_product(moduli[0], products[0], sums[: ends[0]].reshape(3 * places, nn), begin > 0)
-            _add_product(moduli[1], products[1], sums[ends[0] : ends[1]].reshape(3 * places, nn), begin > 0)
-            _add_product(moduli[2], products[2], sums[ends[1] : ends[2]].reshape(9 * places, nn), begin > 0)
-            _add_product(moduli[3], products[3], sums[ends[2] : ends[3]].reshape(6 * places, nn), begin > 0)
-        _along(
-            table,
-            first,
-            last,
-            sums[: ends[0]].reshape(places, 3 * nn),
-            sums[ends[0] : ends[1]].reshape(places, 3 * nn),
-            sums[ends[1] : ends[2]].reshape(places, 9 * nn),
-            sums[ends[2] : ends[3]].reshape(places, 6 * nn),
-            blocks,
-            entries,
-        )

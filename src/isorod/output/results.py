@@ -14,7 +14,6 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
-from importlib import metadata
 from io import FileIO
 from pathlib import Path
 from typing import Any
@@ -32,12 +31,15 @@ def provenance() -> dict[str, Any]:
     """Return versions, commit, machine and time, to be kept with every result."""
     versions = {"isorod": __version__, "python": platform.python_version()}
     for name in ("numpy", "scipy", "numba", "petsc4py"):
-        try:
+        if name in sys.modules:
+            versions[name] = sys.modules[name].__version__
+            continue
+        # Takes longer to import than many a run.
+        from importlib import metadata
+
+        # What came within another package and was not loaded had no part in the result.
+        with suppress(metadata.PackageNotFoundError):
             versions[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            # It came within another package; what was not loaded had no part in the result.
-            if name in sys.modules:
-                versions[name] = sys.modules[name].__version__
     return {
         "versions": versions,
         "commit": _commit(),

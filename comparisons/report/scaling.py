@@ -1,0 +1,228 @@
+"""The scaling study's part of the report page."""
+
+import html
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from comparisons.measure.records import Record, part
+from comparisons.report.html import figure, heading, table
+from comparisons.report.plots import COLOURS, MANY, MARKERS
+from comparisons.report.precision import rerun
+from comparisons.scaling.cost import CORES, LARGE, NODE, Cost, fitted
+from isorod.output.results import write_beside
+
+
+def section(records: list[Record], folder: Path) -> list[str]:
+    """Write the figure of a run of the study and return its HTML."""
+    _draw(records, folder / "scaling.png")
+    lines = [heading(2, "Scaling")]
+    lines.append(
+        "<p>A wire of the spring's make, in more and more coils: twelve elements a coil, as much pull on each however "
+        "many there are. One thread a rank, each measurement in a process of its own; compiled code is read before "
+        "the clock runs. Unknowns are those that no support holds.</p>"
+    )
+    lines.append(
+        figure(
+            "scaling.png",
+            "time and memory an unknown by the number of unknowns",
+            "Flat is what to look for: whatever the size, an unknown costs the same time (left) and memory (right).",
+        )
+    )
+    lines += [heading(3, "Scaling: one rank"), _sizes(records)]
+    lines += [heading(3, "Scaling: ranks"), _ranks(records)]
+    lines += [heading(3, "Scaling: tangents beside DGEMM"), _roofline(records)]
+    if part(records, "strand"):
+        lines += [heading(3, "Scaling: strands"), _strands(records)]
+    lines += [heading(3, "Scaling: a cluster, on paper"), *_cluster(records)]
+    lines += [heading(3, "Scaling: raw data, running it again"), rerun("scaling", records)]
+    return lines
+
+
+def answer(records: list[Record]) -> list[str]:
+    """Return the study's main findings as HTML."""
+    return [f"<p>{html.escape(line[0].upper() + line[1:])}.</p>" for line in summary(records)]
+
+
+def summary(records: list[Record]) -> list[str]:
+    """Return the study's main findings, a line each."""
+    found = _wires(records, "statics", "order-1")
+    costs = [_microseconds(one) for one in found]
+    lines = [
+        f"scaling: statics of {found[0]['unknowns']:,} to {found[-1]['unknowns']:,} unknowns take {min(costs):.1f} to "
+        f"{max(costs):.1f} µs an unknown, {_kilobytes(found[-1]):.1f} kB an unknown for the largest"
+    ]
+    for _, alone, both, times, _ in _pairs(records, 2):
+        lines.append(
+            f"scaling: two ranks, {alone['analysis']}, {both['unknowns']:,} unknowns: {times:.2f} times as fast"
+        )
+    best = max(part(records, "roofline"), key=lambda one: one["share"])
+    lines.append(f"scaling: tangents run at up to {100 * best['share']:.0f} % of DGEMM ({best['family']})")
+    return lines
+
+
+def _wires(records: list[Record], analysis: str, family: str, ranks: int = 1) -> list[Record]:
+    wanted = (analysis, family, ranks)
+    found = [one for one in part(records, "wire") if (one["analysis"], one["family"], one["ranks"]) == wanted]
+    return sorted(found, key=lambda one: int(one["unknowns"]))
+
+
+def _microseconds(record: Record) -> float:
+    return 1e6 * float(record["total"]) / int(record["unknowns"])
+
+
+def _kilobytes(record: Record) -> float:
+    """Return the peak memory of the fullest rank, less what a process has before, for each of all unknowns."""
+    return 1e-3 * (max(record["memory"]) - record["memory_before"]) / int(record["unknowns"])
+
+
+def _pairs(records: list[Record], ranks: int) -> list[tuple[str, Record, Record, float, float]]:
+    """Return runs on one rank and on several, how many times as fast these are, and by how much results differ."""
+    found = []
+    for both in part(records, "wire"):
+        if both["ranks"] != ranks:
+            continue
+        alike = _wires(records, both["analysis"], both["family"])
+        for alone in (one for one in alike if one["coils"] == both["coils"]):
+            off = abs(both["value"] / alone["value"] - 1.0)
+            found.append((f"{both['analysis']}", alone, both, alone["total"] / both["total"], off))
+    return found
+
+
+def _sizes(records: list[Record]) -> str:
+    rows = []
+    for one in part(records, "wire"):
+        if one["ranks"] > 1:
+            continue
+        parts = (one["seconds"].get(name, 0.0) for name in ("setup", "assembly", "solve", "check"))
+        rows.append(
+            (
+                f"{one['analysis']}, {one['family']}",
+                f"{one['unknowns']:,}",
+                one["solves"],
+                f"{one['total']:.3g}",
+                *(f"{1e6 * seconds / one['unknowns']:.2f}" for seconds in parts),
+                f"{_microseconds(one):.1f}",
+                f"{_kilobytes(one):.2f}",
+            )
+        )
+    head = ("", "unknowns", "solves or steps", "s", "set-up", "assembly", "solve", "check", "all", "kB an unknown")
+    text = "<p>From set-up to all: µs an unknown. Memory is the peak above what the process had before.</p>"
+    return text + table(head, rows)
+
+
+def _ranks(records: list[Record]) -> str:
+    rows = []
+    for ranks in sorted({one["ranks"] for one in part(records, "wire")} - {1}):
+        for name, alone, both, times, off in _pairs(records, ranks):
+            parts = (
+                f"{alone['seconds'][key] / both['seconds'][key]:.2f}" if both["seconds"].get(key) else ""
+                for key in ("assembly", "solve")
+            )
+            share = max(both["memory"]) / max(alone["memory"])
+            rows.append((name, f"{both['unknowns']:,}", ranks, *parts, f"{times:.2f}", f"{share:.2f}", f"{off:.0e}"))
+    head = ("", "unknowns", "ranks", "assembly", "solve", "all", "memory of a rank", "results differ by")
+    return "<p>How many times as fast as one rank; memory as a share of that of one.</p>" + table(head, rows)
+
+
+def _roofline(records: list[Record]) -> str:
+    rows = [
+        (
+            one["family"],
+            f"{one['points'] / one['unknowns']:.1f}",
+            f"{1e6 * one['forces']:.2f}",
+            f"{1e6 * one['tangent']:.2f}",
+            f"{1e6 * one['extrapolated']:.2f}",
+            f"{1e-9 * one['rate']:.1f}",
+            f"{100 * one['share']:.0f} %",
+        )
+        for one in part(records, "roofline")
+    ]
+    dgemm = 1e-9 * part(records, "roofline")[0]["dgemm"]
+    text = (
+        f"<p>Processor time of the element loops, µs an unknown, and how many operations a second a tangent's products "
+        f"of matrices make of it, beside DGEMM's {dgemm:.1f} GFLOP/s on a thousand rows. What is lost goes to the law, "
+        "to moving moduli into place and to adding up entries.</p>"
+    )
+    head = ("", "points an unknown", "forces", "tangent", "extrapolated", "GFLOP/s", "of DGEMM")
+    return text + table(head, rows)
+
+
+def _strands(records: list[Record]) -> str:
+    rows = [
+        (
+            one["wires"],
+            f"{one['dofs']:,}",
+            one["solves"],
+            f"{one['seconds']:.0f}",
+            f"{1e6 * one['seconds'] / one['dofs']:.0f}",
+            f"{1e-3 * one['memory'] / one['dofs']:.1f}",
+        )
+        for one in part(records, "strand")
+    ]
+    text = "<p>Strands of wires with friction, pulled: contact, its search and its solves included.</p>"
+    return text + table(("wires", "unknowns", "solves", "s", "µs an unknown", "kB an unknown"), rows)
+
+
+def _cluster(records: list[Record]) -> list[str]:
+    cost = fitted(_wires(records, "statics", "order-1")[-1])
+    best = cost.best(LARGE)
+    counts = sorted({1, CORES, 16 * CORES, best})
+    rows = [
+        (
+            f"{ranks:,}",
+            f"{cost.seconds(LARGE, ranks):,.2g}",
+            f"{100 * cost.chain(ranks) / cost.seconds(LARGE, ranks):.0f} %",
+            f"{cost.memory(LARGE) / ranks * CORES / 2**30:,.3g}",
+        )
+        for ranks in counts
+    ]
+    return [
+        f"<p>{LARGE:,} unknowns of the same wire, from the largest run above: an unknown takes "
+        f"{1e6 * cost.unknown:.1f} µs and {1e-3 * cost.bytes:.1f} kB, whatever the number of ranks: each works on its "
+        "own stretch of the axis. What does not divide is the chain of joints between ranks: they couple in a row, "
+        f"and one after the other takes {_operations(cost)} operations in each of {cost.solves} solves, at the rate at "
+        "which this machine factorises bands. Time on P ranks is N c / P + P d; it is least where both are equal.</p>",
+        table(("ranks", "s", "of that the chain", f"GiB on a node of {CORES} cores"), rows, text=()),
+        f"<p>So {best:,} ranks are the most that pay, and memory asks for {cost.nodes(LARGE):,} nodes of {NODE} GiB at "
+        "least. Beyond that the chain has to be cut in halves, again and again (cyclic reduction), whose length grows "
+        "with the logarithm of the number of ranks.</p>",
+    ]
+
+
+def _operations(cost: Cost) -> str:
+    return f"{cost.joint / 1e6:.1f} million"
+
+
+def _draw(records: list[Record], path: Path) -> None:
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    chart, (left, right) = pyplot.subplots(1, 2, figsize=(10.0, 4.4), layout="constrained")
+    curves = list(dict.fromkeys((one["analysis"], one["family"]) for one in part(records, "wire") if one["ranks"] == 1))
+    colours = (*COLOURS, *MANY)
+    for k, (analysis, family) in enumerate(curves):
+        runs = _wires(records, analysis, family)
+        sizes = [one["unknowns"] for one in runs]
+        look = {
+            "color": colours[k % len(colours)],
+            "marker": MARKERS[k % len(MARKERS)],
+            "label": f"{analysis}, {family}",
+        }
+        left.loglog(sizes, [_microseconds(one) for one in runs], **look)
+        # A small process grows by what it loads.
+        large = [one for one in runs if one["unknowns"] > 5_000]
+        right.semilogx([one["unknowns"] for one in large], [_kilobytes(one) for one in large], **look)
+    _scales(left, "µs an unknown")
+    _scales(right, "memory above the start [kB an unknown]")
+    right.set_ylim(0.0, None)
+    chart.legend(*left.get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False)
+    write_beside(path, partial(chart.savefig, dpi=130))
+    pyplot.close(chart)
+
+
+def _scales(axes: Any, what: str) -> None:
+    axes.set(xlabel="unknowns", ylabel=what)
+    axes.grid(True, which="both", alpha=0.3)

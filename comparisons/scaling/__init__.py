@@ -1,0 +1,64 @@
+"""Study ``scaling``: time and memory against size, ranks and kinds of functions; what a cluster could do with it."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from comparisons.measure import timing
+from comparisons.measure.study import Run
+
+# Coils of the wire: 1e3, 1e4, 1e5, 5e5, 3e6 unknowns of order 1.
+SIZES = {"quick": (3, 30, 300), "full": (3, 30, 300, 1500, 8333)}
+
+# Coils up to which analyses other than statics, and other functions, are taken.
+OTHERS = {"quick": 30, "full": 300}
+
+# Coils, and numbers of ranks, where ranks are compared: two for time, more for the results alone.
+RANKS = {"quick": ((300, (1, 2)), (30, (4,))), "full": ((300, (1, 2)), (1500, (1, 2)), (30, (3, 4)))}
+
+# Layers of strands that are pulled, with points round each wire and parts of each turn (`comparisons.contact.many`).
+STRANDS = {"quick": ((1, 6, 1),), "full": tuple((layers, 6, 1) for layers in range(1, 6))}
+
+
+class Case(NamedTuple):
+    """One measurement of the wire: `comparisons.scaling.wire` with these arguments, on so many ranks."""
+
+    analysis: str
+    family: str
+    coils: int
+    ranks: int = 1
+
+    @property
+    def title(self) -> str:
+        """Say what it is."""
+        on = f", {self.ranks} ranks" if self.ranks > 1 else ""
+        return f"{self.analysis}, {self.family}, {self.coils} coils{on}"
+
+
+def cases(level: str) -> Iterator[Case]:
+    """Yield what is measured, small to large."""
+    for coils in SIZES[level]:
+        yield Case("statics", "order-1", coils)
+        if coils <= OTHERS[level]:
+            yield from (Case(analysis, "order-1", coils) for analysis in ("modes", "implicit", "explicit"))
+            yield from (Case("statics", family, coils) for family in ("order-2", "polynomials"))
+    for coils, counts in RANKS[level]:
+        for analysis in ("statics", "modes"):
+            yield from (Case(analysis, "order-1", coils, ranks) for ranks in counts if ranks > 1 or analysis == "modes")
+
+
+def run(study: Run) -> None:
+    """Measure each case in a process of its own and record it."""
+    # Each once: modes of some sizes are asked for twice.
+    wanted = list(dict.fromkeys(cases(study.level)))
+    with study.progress(1 + len(wanted) + len(STRANDS[study.level])) as steps:
+        with steps.step("tangents beside DGEMM"):
+            for found in timing.run("comparisons.scaling.roofline", [])["families"]:
+                study.record("roofline", found)
+        for case in wanted:
+            with steps.step(case.title):
+                arguments = [case.analysis, case.family, str(case.coils)]
+                study.record("wire", timing.run("comparisons.scaling.wire", arguments, case.ranks, 7200.0))
+        for strand in STRANDS[study.level]:
+            with steps.step(f"strand of {strand[0]} layers"):
+                found = timing.run("comparisons.contact.many", ["--one", *map(str, strand)], timeout=7200.0)
+                study.record("strand", found)

@@ -1,0 +1,130 @@
+"""Time one analysis of a coiled wire of any length: ``python -m comparisons.scaling.wire statics order-1 30``.
+
+The wire is the spring's, in so many coils of twelve elements, and as much is asked of each coil however many there are.
+Prints one JSON line, on ranks the first one alone: times are the longest of a rank's, memory that of each.
+"""
+
+import dataclasses
+import sys
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from petsc4py import PETSc
+
+from comparisons.measure import timing
+from isorod import dynamics, modal, options, statics
+from isorod.errors import InputError
+from isorod.model import Model, Support
+from isorod.output import results
+from isorod.scenes.spring import Spring
+from isorod.space import Space
+
+# Section functions, and what the spring's fields say of them.
+FAMILIES: dict[str, dict[str, int]] = {
+    "order-1": {"section_points": 6, "order": 1},
+    "order-2": {"section_points": 6, "order": 2},
+    "polynomials": {"section_degree": 3},
+}
+ELEMENTS, DEGREE = 12, 3
+
+# Displacement a coil, length; steel-like density, so that times are of a kind.
+PULL, DENSITY = 2.0 / 3.0, 7.8e-9
+
+# Time of explicit dynamics: some hundred steps; and of the one implicit step.
+SHORT, STEP = 2e-5, 1e-4
+
+
+def model(family: str, coils: int, moving: bool) -> Model:
+    """Return the wire, clamped at both ends; pulled by the upper one, or ``moving``: with a mass, and at rest."""
+    fields: Any = FAMILIES[family] | {"coils": coils, "elements_per_turn": ELEMENTS, "degree": DEGREE}
+    scene = Spring(continuity=DEGREE - 1, pull=PULL * coils, quadrature="auto", formulation="displacement", **fields)
+    found = scene.model()
+    if not moving:
+        return found
+    (body,) = found.bodies
+    held = [Support.end(body.space, "start"), Support.end(body.space, "end")]
+    return dataclasses.replace(found, bodies=[dataclasses.replace(body, density=DENSITY)], supports=held)
+
+
+def _statics(wire: Model) -> dict[str, Any]:
+    found = statics.solve(wire)
+    return {"solves": found.newton_iterations, "value": float(found.reactions[1, 2]), "seconds": found.seconds}
+
+
+def _modes(wire: Model) -> dict[str, Any]:
+    found = modal.solve(wire, 10)
+    return {"solves": 10, "value": float(found.frequencies[0]), "seconds": found.seconds}
+
+
+def _implicit(wire: Model) -> dict[str, Any]:
+    found = dynamics.solve(wire, STEP, STEP, outputs=1, integrator="implicit", velocity=_velocity(wire))
+    return {"solves": found.newton_iterations, "value": float(found.kinetic[-1]), "seconds": found.seconds}
+
+
+def _explicit(wire: Model) -> dict[str, Any]:
+    found = dynamics.solve(wire, SHORT, outputs=1, velocity=_velocity(wire))
+    return {"solves": found.steps, "value": float(found.kinetic[-1]), "seconds": found.seconds}
+
+
+def _velocity(wire: Model) -> Any:
+    """Return a velocity of the nodes that stretches the wire, all degrees of freedom."""
+    (body,) = wire.bodies
+    space: Space = body.space
+    share = space.positions[:, 2] / np.abs(space.positions[:, 2]).max()
+    return (space.is_carrier[:, None] * share[:, None] * np.array([0.0, 0.0, 1e3])).ravel()
+
+
+ANALYSES: dict[str, Callable[[Model], dict[str, Any]]] = {
+    "statics": _statics,
+    "modes": _modes,
+    "implicit": _implicit,
+    "explicit": _explicit,
+}
+
+
+def measure(analysis: str, family: str, coils: int) -> dict[str, Any]:
+    """Return the record of one analysis: unknowns, seconds by part, peak memory of each rank."""
+    # Once before, small: what is compiled is read from the disk then.
+    ANALYSES[analysis](model(family, 1, analysis != "statics"))
+    before = timing.peak_memory()
+    wire = model(family, coils, analysis != "statics")
+    comm = PETSc.COMM_WORLD.tompi4py()
+    found = ANALYSES[analysis](wire)
+    parts = comm.allgather(found["seconds"])
+    seconds = {name: max(one[name] for one in parts) for name in parts[0]}
+    return {
+        "analysis": analysis,
+        "family": family,
+        "coils": coils,
+        "ranks": comm.size,
+        "unknowns": wire.unknowns,
+        "solves": found["solves"],
+        "value": found["value"],
+        "seconds": seconds,
+        "total": sum(value for name, value in seconds.items() if name not in ("total", "loop")),
+        "memory": comm.allgather(timing.peak_memory()),
+        "memory_before": before,
+    }
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run the command line; return the exit code."""
+    if (
+        len(arguments) != 3
+        or arguments[0] not in ANALYSES
+        or arguments[1] not in FAMILIES
+        or not arguments[2].isdigit()
+    ):
+        raise InputError(f"got {' '.join(arguments)!r}, need {'|'.join(ANALYSES)} {'|'.join(FAMILIES)} COILS")
+    options.initialize([])
+    found = measure(arguments[0], arguments[1], int(arguments[2]))
+    if PETSc.COMM_WORLD.getRank() == 0:
+        print(results.line(found))
+    return 0
+
+
+if __name__ == "__main__":
+    from isorod.command import ending
+
+    sys.exit(ending.run("comparisons.scaling.wire", lambda: main(sys.argv[1:])))
