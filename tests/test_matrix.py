@@ -1,9 +1,11 @@
 """Sparse matrices from entries that repeat, as those of contact do."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from petsc4py import PETSc
-from scipy.sparse import coo_matrix
+from scipy.sparse import coo_matrix, csr_matrix
 
 from isorod.petsc.matrix import compressed_rows, create_matrix, preallocate, set_values
 
@@ -65,3 +67,33 @@ def test_no_entries_make_an_empty_matrix():
     preallocate(matrix, none, none)
     set_values(matrix, np.empty(0))
     assert matrix.norm() == 0.0
+
+
+def add_up():
+    """Set a matrix twice from entries that each rank has anywhere, some held, some at one place (under mpirun)."""
+    comm = PETSc.COMM_WORLD
+    size, rank, n = comm.getSize(), comm.getRank(), 23
+    own = [7, 0, 16, 0][rank] if size == 4 else [9, 14][rank]
+    rng = np.random.default_rng(rank)
+    rows, columns = rng.integers(-1, n, (2, 300))
+    made = create_matrix(comm, (own, n), 1, lambda: (rows, columns))
+    for _ in range(2):
+        values = rng.standard_normal(300)
+        expected = np.zeros((n, n))
+        there = (rows >= 0) & (columns >= 0)
+        np.add.at(expected, (rows[there], columns[there]), values[there])
+        expected = comm.tompi4py().allreduce(expected)
+        set_values(made, values)
+        first, last = made.getOwnershipRange()
+        start, column, found = made.getValuesCSR()
+        dense = csr_matrix((found, column, start), shape=(last - first, n)).toarray()
+        assert last - first == own
+        assert np.abs(dense - expected[first:last]).max(initial=0.0) < 1e-13
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("ranks", [2, 4])
+def test_entries_of_all_ranks_are_added_up(ranks, mpirun):
+    script = f"import sys; sys.path[:0] = [{str(Path(__file__).parent)!r}]; import test_matrix as t; t.add_up()"
+    done = mpirun(ranks, script=script)
+    assert done.returncode == 0, done.stderr

@@ -39,11 +39,11 @@ def factorisation(assembler: Assembler, prefix: str = "", symmetric: bool = True
     width = max(3 * body.space.element_nodes.shape[1] for body in assembler.model.bodies)
     # Contact couples bodies, which are far from each other in the numbering.
     # The mixed formulation's tangent is indefinite and needs pivots.
-    plain = assembler.contact is None and not is_mixed(assembler.model) and assembler.comm.getSize() == 1
+    plain = assembler.contact is None and not is_mixed(assembler.model)
     if plain and symmetric and not own and suits(assembler.model):
         chosen = BAND
     else:
-        chosen = ROWS if plain and width <= WIDE else SPARSE
+        chosen = ROWS if plain and width <= WIDE and assembler.comm.getSize() == 1 else SPARSE
     if not symmetric:
         chosen = chosen | {"pc_type": "lu"}
     return {f"{prefix}{name}": value for name, value in chosen.items()}

@@ -12,6 +12,7 @@ from slepc4py import SLEPc
 from isorod.arrays import Array
 from isorod.errors import SolveError
 from isorod.options import defaults
+from isorod.petsc import banded
 from isorod.petsc.inertia import negative_eigenvalues
 from isorod.petsc.library import pc_name
 from isorod.petsc.matrix import orthonormalise
@@ -157,8 +158,13 @@ class Pencil:
             eps.getST().setType(SLEPc.ST.Type.SINVERT)
             ksp = eps.getST().getKSP()
             ksp.setType(PETSc.KSP.Type.PREONLY)
-            ksp.getPC().setType(PETSc.PC.Type.CHOLESKY)
-            ksp.getPC().setFactorSolverType("mumps")
+            pc = ksp.getPC()
+            if self.factors.get("st_pc_python_type") == banded.NAME:
+                pc.setType(PETSc.PC.Type.PYTHON)
+                pc.setPythonType(banded.NAME)
+            else:
+                pc.setType(PETSc.PC.Type.CHOLESKY)
+                pc.setFactorSolverType("mumps")
             _solve(eps)
             values = sorted(eps.getEigenvalue(k).real for k in range(eps.getConverged()))
             eps.destroy()

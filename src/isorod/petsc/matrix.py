@@ -5,18 +5,20 @@ from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import from_dtype, i8, types, void
+from numba import i8, void
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from isorod.compiled import F1, FAST, I1, STRICT, njit
 from isorod.petsc.library import POINTER, function
-
-# Array of the integers that PETSc counts with.
-P1 = types.Array(from_dtype(np.dtype(PETSc.IntType)), 1, "C")
+from isorod.petsc.placement import Placement
+from isorod.petsc.rows import P1
 
 # Attribute of a matrix whose arrays were made here: which of the given entries is where, and the arrays.
 _ARRAYS = "isorod_arrays"
+
+# Attribute of another, over several ranks: `Placement`.
+_PLACEMENT = "isorod_placement"
 
 # Attribute of another: where each of the given entries adds up, and how many there are then.
 _PLACES = "isorod_places"
@@ -65,6 +67,13 @@ def create_matrix(
         found = compressed() if compressed is not None else None
         if found is None:
             found = _compressed_rows(sizes[1], *indices())
+    elif not PETSc.Options().hasName("mat_type"):
+        placement = Placement(comm, sizes[0], *indices())
+        made = placement.matrix(comm, sizes[1])
+        made.setBlockSize(block)
+        made.setFromOptions()
+        made.setAttr(_PLACEMENT, placement)
+        return made
     if found is None:
         made.create(comm)
         made.setSizes((sizes, sizes))
@@ -125,6 +134,7 @@ def preallocate(matrix: PETSc.Mat, rows: NDArray[Any], columns: NDArray[Any]) ->
     """Preallocate a matrix, once more perhaps, by global row and column indices (COO); negative ones are ignored."""
     matrix.setAttr(_ARRAYS, None)
     matrix.setAttr(_PLACES, None)
+    matrix.setAttr(_PLACEMENT, None)
     if matrix.getType() == PETSc.Mat.Type.SEQAIJ and rows.size <= np.iinfo(PETSc.IntType).max:
         # PETSc's own way sorts all entries by comparing them.
         rows, columns = np.ascontiguousarray(rows, dtype=np.int64), np.ascontiguousarray(columns, dtype=np.int64)
@@ -206,6 +216,10 @@ def values_in_order(matrix: PETSc.Mat) -> NDArray[np.float64] | None:
 
 def set_values(matrix: PETSc.Mat, values: NDArray[np.float64]) -> None:
     """Set the entries in the order in which the matrix got room for them, repeated ones added up."""
+    placement = matrix.getAttr(_PLACEMENT)
+    if placement is not None:
+        placement.set(matrix, values)
+        return
     gathered, arrays = matrix.getAttr(_PLACES), matrix.getAttr(_ARRAYS)
     if gathered is not None:
         places, total = gathered

@@ -14,15 +14,17 @@ from petsc4py import PETSc
 
 from isorod.arrays import Array, Index
 from isorod.assembly.assembler import Assembler
+from isorod.assembly.factorisation import BAND, SPARSE, factorisation
 from isorod.checks import overlap, rigid_motions
 from isorod.errors import InputError, SolveError
 from isorod.model.model import Model
 from isorod.options import defaults
 from isorod.petsc import inertia
+from isorod.petsc.banded import is_banded
 from isorod.statics.convergence import Convergence, squeezed, worst_place
 
-# What a user's option overrides; Cholesky because the inertia comes with it.
-OPTIONS = {"ksp_type": "preonly", "pc_type": "cholesky", "pc_factor_mat_solver_type": "mumps"}
+# What a user's option overrides.
+OPTIONS = {"ksp_type": "preonly"}
 
 # Share of the carried forces that may stay out of balance, corrections of a step, and how often a step is halved.
 RTOL = 1e-9
@@ -228,7 +230,9 @@ class _Path:
         self.weight = 1.0 / (model.unknowns * self.convergence.size**2)
         self.negative = -1
         self.corrections = 0
-        with defaults(OPTIONS):
+        # Either of them tells the inertia.
+        chosen = factorisation(self.assembler)
+        with defaults(OPTIONS | (BAND if chosen.get("pc_type") == "python" else SPARSE)):
             self.ksp = PETSc.KSP().create(self.assembler.comm)
             self.ksp.setOperators(self.matrix)
             pc = self.ksp.getPC()
@@ -257,7 +261,7 @@ class _Path:
             inertia.prepare(self.ksp.getPC())
             self._set_up = True
         self.ksp.setUp()
-        if self._counts:
+        if self._counts or is_banded(self.ksp.getPC()):
             self.negative = inertia.count_negative(self.ksp.getPC())
 
     def solve(self, right: PETSc.Vec) -> PETSc.Vec:
