@@ -2,8 +2,10 @@
 # With PYTHON=... nothing is installed and that interpreter is used: make test PYTHON=python in a conda environment.
 ifdef PYTHON
 INSTALL := true
+OPPONENTS := true
 else
 INSTALL := docker/install
+OPPONENTS := docker/opponents
 PYTHON := .venv/bin/python
 # the wheels bring an mpirun of their own
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
@@ -18,10 +20,11 @@ export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
 # ranks of one machine talk through memory: Debian's exclusions and tcp, of which Open MPI 5 complains in containers
 export OMPI_MCA_btl ?= ^uct,openib,ofi,tcp
 
-.PHONY: help verify test test-all mutants lint install clean
+.PHONY: help verify bench test test-all mutants lint install clean
 
 help:
 	@echo "make verify    the main job: spring and blade against finite elements, quick level, and the report page"
+	@echo "make bench     isorod beside every program: dolfinx of two versions, NGSolve, CalculiX; LEVEL=full takes hours"
 	@echo "make test      the tests but the slow ones         make test-all   all tests"
 	@echo "make mutants   share of 200 small wrong changes that the tests catch: an hour; MUTANTS='--seed 2 --jobs 2' to choose"
 	@echo "make lint      ruff and mypy                       make clean      remove caches and build leftovers"
@@ -31,6 +34,13 @@ help:
 
 verify: install
 	@$(PYTHON) -m comparisons verify
+
+# What is not here is left out, and named. Another dolfinx stands in a venv of its own.
+LEVEL := quick
+bench:
+	@$(OPPONENTS)
+	@$(PYTHON) -m comparisons bench --level $(LEVEL) \
+		$(addprefix --dolfinx ,$(wildcard .venv-wheels/bin/python)) $(BENCH)
 
 # Files of tests side by side; more than a few at once would be in the way of those that start ranks.
 PYTEST := -m pytest -n auto --maxprocesses 4 --dist loadfile

@@ -15,6 +15,8 @@ from isorod.output import results
 
 # What the main job runs.
 VERIFIED = ("spring", "blade")
+# Those that measure more than one dolfinx.
+VERSIONS = (*VERIFIED, "bench")
 COMMANDS = (*STUDIES, COMPARED, "verify", "report")
 
 
@@ -31,7 +33,9 @@ def _main(arguments: Sequence[str]) -> int:
         help="a study; compare: a scene of yours; verify: spring and blade at quick level; report: the page again",
     )
     parser.add_argument("scene", nargs="?", metavar="SCENE", help="compare: NAME.toml, spring or blade")
-    parser.add_argument("--level", choices=LEVELS, help="quick (that of verify and compare) or full (a study's own)")
+    parser.add_argument(
+        "--level", choices=LEVELS, help="quick (that of verify, compare and bench) or full (a study's own)"
+    )
     parser.add_argument(
         "--case",
         action="append",
@@ -44,21 +48,21 @@ def _main(arguments: Sequence[str]) -> int:
         action="append",
         default=[],
         metavar="PYTHON",
-        help="spring, blade: measure the dolfinx of this Python beside that of the running one (repeat for more)",
+        help="spring, blade, bench: measure this Python's dolfinx beside that of the running one (repeat for more)",
     )
     parser.add_argument("--results", default="results", metavar="DIR", help="folder of records and report (results)")
     found = parser.known(arguments)
     if found.case and found.command != "stability":
         parser.error(f"--case {found.case[0]}: only the stability study has cases")
-    if found.dolfinx and found.command not in (*VERIFIED, "verify"):
-        parser.error(f"--dolfinx {found.dolfinx[0]}: only {' and '.join(VERIFIED)} compare versions of dolfinx")
+    if found.dolfinx and found.command not in (*VERSIONS, "verify"):
+        parser.error(f"--dolfinx {found.dolfinx[0]}: only {', '.join(VERSIONS)} compare versions of dolfinx")
     if found.command == COMPARED and found.scene is None:
         parser.error("compare: no scene is named; name one: NAME.toml, spring or blade")
     if found.command != COMPARED and found.scene is not None:
         parser.error(f"{found.command} {found.scene}: only compare takes a scene")
     results.check_folder(found.results)
     others = _others(found.dolfinx)
-    level = found.level or ("quick" if found.command in ("verify", COMPARED) else "full")
+    level = found.level or ("quick" if found.command in ("verify", "bench", COMPARED) else "full")
     only = None
     if found.scene is not None:
         only = import_module(f"comparisons.{COMPARED}").main(found.scene, level, found.results)

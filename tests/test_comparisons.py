@@ -84,6 +84,10 @@ def test_a_torn_last_line_is_left_out_with_a_word(tmp_path):
 FINER = (("--elements", 4), ("--points", 2))
 
 
+# Of the programs that can be compared, those of the studies.
+SIDES = ("cylindrical", "fem")
+
+
 def rows(table):
     """Return the cells of a table of the page, row by row, without their tags."""
     cells = [re.findall(r"<t[hd][^>]*>(.*?)</t[hd]>", row) for row in re.findall(r"<tr>(.*?)</tr>", table, re.DOTALL)]
@@ -112,7 +116,7 @@ def measured(forces, times, monkeypatch, tmp_path, target=1e-2, finer=FINER, slo
         work.Curve(
             f"curve of {method}", method, tuple(f"--elements {n} --points {p}" for n in (4, 8, 16) for p in (4, 8))
         )
-        for method in work.MODULES
+        for method in SIDES
     ]
     curves = work.with_others(curves, list(others or ()))
     with study.progress(work.steps_of(curves, [target])) as steps:
@@ -143,7 +147,7 @@ def test_the_fastest_of_both_sides_are_measured_again_in_turn(monkeypatch, tmp_p
 
     found = measured(lambda n, p: 1.0 + 1.0 / n**2, times, monkeypatch, tmp_path)
     assert len(fastest) == 2 + 2 * work.TURNS
-    for method in work.MODULES:
+    for method in SIDES:
         best = precision.fastest(found, method, 1e-2)
         assert best is not None
         assert best["turns"] == [320.0, 64.0, 64.0]
@@ -176,7 +180,7 @@ def test_the_best_known_are_measured_again_too_whatever_the_curves_said(monkeypa
 
     known = ("--elements 16 --points 4", "--elements 4 --points 4")
     found = measured(lambda n, p: 1.0 + 1.0 / n**2, times, monkeypatch, tmp_path, known=known)
-    for method in work.MODULES:
+    for method in SIDES:
         best = precision.fastest(found, method, 1e-2)
         assert best is not None
         assert (best["arguments"], best["seconds"]["total"]) == ("--elements 16 --points 4", 64.0)
@@ -203,7 +207,7 @@ def test_a_run_holds_only_if_both_finer_ones_are_within_the_target(luck, monkeyp
         return 1.1 if (n, p) == {"axis": (8, 4), "section": (4, 6)}[luck] else 1.0
 
     found = measured(forces, lambda n, p: n * p, monkeypatch, tmp_path)
-    for method in work.MODULES:
+    for method in SIDES:
         lucky, held = (precision.fastest(found, method, 1e-2, holds) for holds in (False, True))
         assert lucky is not None
         assert lucky["arguments"] == "--elements 4 --points 4"
@@ -218,7 +222,7 @@ def test_a_run_holds_only_if_both_finer_ones_are_within_the_target(luck, monkeyp
 def test_a_run_that_only_one_step_finer_could_check_does_not_hold(monkeypatch, tmp_path):
     """Without an option for the section nobody knows whether its error is small or cancels."""
     found = measured(lambda n, p: 1.0, lambda n, p: n, monkeypatch, tmp_path, finer=(("--elements", 4), ("--rings", 1)))
-    for method in work.MODULES:
+    for method in SIDES:
         assert precision.fastest(found, method, 1e-2) is None
         lucky = precision.fastest(found, method, 1e-2, holds=False)
         assert lucky is not None
@@ -281,7 +285,7 @@ def test_runs_are_repeated_six_times_and_checks_run_once_and_every_step_is_shown
     made_up = work.timing.run
     monkeypatch.setattr(work.timing, "run", spy)
     study = Run("again", "quick", tmp_path)
-    curves = [work.Curve("c", method, ("--elements 4 --points 4",)) for method in work.MODULES]
+    curves = [work.Curve("c", method, ("--elements 4 --points 4",)) for method in SIDES]
     total = work.steps_of(curves, [1e-2, 1e-3])
     capsys.readouterr()
     with study.progress(total) as steps:

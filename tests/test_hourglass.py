@@ -121,6 +121,33 @@ def test_energies_are_held_against_those_of_the_better_rule(monkeypatch):
         hourglass.check_energy(poor, rules, displacement, energy)
 
 
+@pytest.mark.parametrize("bodies", [1, 2])
+def test_modes_are_held_against_the_better_rule(bodies, monkeypatch):
+    """Whether every body has one, where what the model's own rule sees is known, or only the first of two."""
+    rod, random = straight(n=8, breaks=(0.0, 1.0, 2.0)), np.random.default_rng(4)
+    law = LinearElastic(3.0, 0.3)
+    poor, good = (
+        Assembler(Model([Body(Space.paper(rod, degree=2, quadrature=one), law) for one in [rule, "3x2x4"][:bodies]]))
+        for rule in ("2x1x2", "3x2x4")
+    )
+    vector = random.standard_normal(poor.model.dofs)
+    value, seen = (_along(one, vector) for one in (poor, good))
+    assert seen > 1.01 * value
+    rules, modes = {0: Rule(3, 2, 4)}, (np.array([value]), vector[None])
+    monkeypatch.setattr(hourglass, "FACTOR", (1.0 + 1e-9) * seen / value)
+    hourglass.check_modes(poor, rules, *modes, None)
+    monkeypatch.setattr(hourglass, "FACTOR", (1.0 - 1e-9) * seen / value)
+    with pytest.raises(SolveError, match=r"quadrature 2x1x2: 3x2x4 gives mode 1 .* times the frequency"):
+        hourglass.check_modes(poor, rules, *modes, None)
+
+
+def _along(assembler, vector):
+    tangent = assembler.matrix()
+    assembler.tangent(assembler.vector(), 0.0, tangent)
+    x = assembler.state(vector)
+    return x.dot(tangent * x)
+
+
 @pytest.mark.parametrize("dense", [True, False])
 def test_negative_eigenvalues_are_counted_where_pivots_are_blocks(dense, monkeypatch):
     """A zero diagonal leaves pivots of two rows, each with an eigenvalue of either sign."""

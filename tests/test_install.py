@@ -16,7 +16,7 @@ from packaging.utils import canonicalize_name
 ROOT = Path(__file__).resolve().parent.parent
 TOOLS = (
     "bash sh env dirname basename realpath readlink cat sha256sum grep sed sort comm ls mkdir rm "
-    "mktemp tail flock cp chmod id"
+    "mktemp tail head flock cp chmod id"
 )
 
 PYTHON = """#!/bin/sh

@@ -13,6 +13,7 @@ from comparisons.__main__ import main
 from comparisons.measure import rod, timing
 from isorod.command import run
 from isorod.errors import SolveError
+from isorod.scenes.biceps import Biceps
 
 SMALL = {"coils": 1, "elements_per_turn": 4, "section_points": 4}
 
@@ -32,6 +33,11 @@ def clocked(monkeypatch):
         monkeypatch.setattr(rod.run, "solve", solve)
 
     return say
+
+
+def test_a_motion_is_measured_with_its_own_settings_and_its_equilibrium_with_none():
+    assert rod.settings_of(Biceps(end_time=0.25))["end_time"] == 0.25
+    assert rod.settings_of(Biceps(statics=True)) == {}
 
 
 def test_the_time_is_the_median_of_the_warm_runs(clocked):

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import as_array
 from petsc4py import PETSc
 from scipy.linalg import eigh
 from vibrations import FREE, RHO, E, bars, clamped, mac, matrices, rates, sliding, turning
@@ -15,6 +16,7 @@ from isorod.assembly.assembler import Assembler
 from isorod.checks import rigid_motions
 from isorod.errors import SolveError
 from isorod.material import LinearElastic, NeoHookean
+from isorod.modal import analysis
 from isorod.modal.pencil import Pencil
 from isorod.model import Body, Model, Support
 from isorod.scenes.blade import Blade
@@ -138,6 +140,15 @@ def test_sturm_count_is_the_number_of_smaller_eigenvalues(below, bar):
     k = distinct[below]
     assert problem.count_below(0.5 * (exact[k] + exact[k + 1])) == k + 1
     assert problem.count_below(exact[k]) == k + 1
+
+
+@pytest.mark.parametrize("lumped", [False, True])
+def test_the_mass_that_is_counted_with_is_the_one_that_is_multiplied_with(lumped, bar):
+    assembler = Assembler(bar(6.0, clamped))
+    pencil = analysis._pencil(assembler, lumped, [])
+    assert pencil.mass.getType() == "seqmaij"
+    wanted = as_array(assembler.mass(lumped))
+    np.testing.assert_allclose(as_array(pencil.entries()), wanted, atol=1e-15 * wanted.max())
 
 
 # What comes with every mode

@@ -1,5 +1,6 @@
 """The spring of Lu & Zhou (2011), section 4.2, solved with dolfinx, and the record of a run."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
@@ -10,11 +11,17 @@ from mpi4py import MPI
 from comparisons.fem import runs
 from comparisons.fem.domain import Domain
 from comparisons.fem.fields import save
-from comparisons.fem.material import neo_hookean
+from comparisons.fem.material import Energy, lame, neo_hookean, st_venant_kirchhoff_of
 from comparisons.fem.statics import DIRECT, Equilibrium, Held, solve
 from isorod.scenes.spring import Spring
 from meshes import spring
 from meshes.mesh import Mesh
+
+# The scene's own law, and that of programs that have no law for finite strain but a linear one in Green's.
+LAWS: dict[str, Callable[[float, float], Energy]] = {
+    "neo-hookean": neo_hookean,
+    "st-venant-kirchhoff": lambda E, nu: st_venant_kirchhoff_of(*lame(E, nu)),
+}
 
 
 @dataclass(frozen=True)
@@ -25,6 +32,8 @@ class Configuration(runs.Configuration):
     ----------
     around, layers, rings, core
         See `meshes.spring.build`.
+    law
+        One of `LAWS`.
 
     Others see `comparisons.fem.runs.Configuration`.
     """
@@ -33,6 +42,7 @@ class Configuration(runs.Configuration):
     layers: int = 48
     rings: int = 1
     core: float | None = None
+    law: str = "neo-hookean"
 
     def mesh(self) -> Mesh:
         """Return the mesh."""
@@ -49,7 +59,7 @@ def equilibrium(where: Domain, configuration: Configuration) -> Equilibrium:
     scene = Spring()
     return solve(
         where,
-        neo_hookean(scene.E, scene.nu),
+        LAWS[configuration.law](scene.E, scene.nu),
         [Held("start"), Held("end", (0.0, 0.0, scene.pull))],
         configuration.element,
         DIRECT if configuration.solver is None else configuration.solver,

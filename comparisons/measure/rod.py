@@ -10,6 +10,7 @@ import statistics
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from time import process_time
 from typing import Any
 
 from comparisons.measure import sampled, timing
@@ -29,12 +30,12 @@ def find(name: str, values: Mapping[str, Any]) -> Any:
 
 
 def settings_of(scene: Any) -> dict[str, Any]:
-    """Return the keyword arguments of a scene's analysis: what its file says."""
-    return scene.settings() if hasattr(scene, "content") else {}
+    """Return the keyword arguments of a scene's analysis: what its file says, or those of its motion."""
+    return scene.settings() if hasattr(scene, "content") or scene.analysis == "dynamics" else {}
 
 
 def solve(scene: Any, settings: Mapping[str, Any], repeat: int) -> tuple[Any, list[dict[str, float]]]:
-    """Return the last of ``repeat`` solutions, and the wall times of each run."""
+    """Return the last of ``repeat`` solutions, and the wall times of each run by part, and its processor time."""
     from petsc4py import PETSc
 
     runs: list[dict[str, float]] = []
@@ -43,8 +44,9 @@ def solve(scene: Any, settings: Mapping[str, Any], repeat: int) -> tuple[Any, li
         # What the last run left does not count as the next one's.
         solution = None
         PETSc.garbage_cleanup()
+        start = process_time()
         solution, seconds = run.solve(scene, settings)
-        runs.append(seconds)
+        runs.append(seconds | {"processor": process_time() - start})
     return solution, runs
 
 

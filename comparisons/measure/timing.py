@@ -1,20 +1,33 @@
 """Fair timing: every measurement in a process of its own, one thread a rank, set-up, assembly and solve apart."""
 
+import gc
 import json
 import os
 import resource
 import shutil
+import statistics
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from time import perf_counter
-from typing import Any
+from time import perf_counter, process_time
+from typing import Any, Protocol, TypeVar
 
 from isorod.errors import InputError, SolveError
 
 # What another interpreter needs of this one: the sources, and nothing else.
 _CHECKOUT = Path(__file__).parents[2]
+
+
+class Timed(Protocol):
+    """What was found, and the wall time of the parts of finding it."""
+
+    @property
+    def seconds(self) -> dict[str, float]:
+        """Wall time by part."""
+
+
+Found = TypeVar("Found", bound=Timed)
 
 
 class Failed(SolveError):
@@ -95,6 +108,28 @@ def run(
         raise Failed(f"{asked}: exit code {done.returncode}: {said}", said.removeprefix(f"{module}: "))
     record: dict[str, Any] = json.loads(done.stdout.strip().splitlines()[-1])
     return record
+
+
+def repeated(solve: Callable[[], Found], repeat: int) -> tuple[Found, dict[str, float], list[dict[str, float]]]:
+    """Solve ``repeat`` times in this process.
+
+    Returns what the last run found, the seconds by part, medians over the warm runs (all but the first) or the only
+    run, and those of each run.  ``total`` is all of a run, checks of its result included, ``processor`` its processor
+    time.
+    """
+    runs: list[dict[str, float]] = []
+    found: Found | None = None
+    for _ in range(repeat):
+        # What the last run left does not count as the next one's.
+        found = None
+        gc.collect()
+        start, worked = perf_counter(), process_time()
+        found = solve()
+        whole = {"total": perf_counter() - start, "processor": process_time() - worked}
+        runs.append(found.seconds | whole)
+    assert found is not None
+    warm = runs[1:] or runs
+    return found, {name: statistics.median(one[name] for one in warm) for name in runs[0]}, runs
 
 
 class Clock:

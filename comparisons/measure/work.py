@@ -17,7 +17,12 @@ REPEAT = 6
 # How often the fastest of both sides are measured again, in turn; the least of the medians counts.
 TURNS = 3
 
-MODULES = {"cylindrical": "comparisons.measure.rod", "fem": "comparisons.fem"}
+MODULES = {
+    "cylindrical": "comparisons.measure.rod",
+    "fem": "comparisons.fem",
+    "ngsolve": "comparisons.ngsolve",
+    "calculix": "comparisons.calculix",
+}
 
 
 @dataclass(frozen=True)
@@ -45,9 +50,9 @@ class Family(Protocol):
         """Arguments of each run."""
 
 
-def fem_curves(families: Sequence[Family]) -> tuple[Curve, ...]:
-    """Return the curves of families of finite element meshes."""
-    return tuple(Curve(family.label, "fem", tuple(family.arguments)) for family in families)
+def fem_curves(families: Sequence[Family], method: str = "fem") -> tuple[Curve, ...]:
+    """Return the curves of families of finite element meshes, measured by a program (a key of `MODULES`)."""
+    return tuple(Curve(family.label, method, tuple(family.arguments)) for family in families)
 
 
 def with_others(curves: Sequence[Curve], interpreters: Sequence[str]) -> tuple[Curve, ...]:
@@ -103,7 +108,12 @@ class WorkPrecision:
                     try:
                         found = self._measure((curve.method, curve.interpreter), arguments, REPEAT)
                     except SolveError as problem:
-                        refused = {"curve": curve.label, "arguments": arguments, "message": str(problem)}
+                        refused = {
+                            "scene": self.scene,
+                            "curve": curve.label,
+                            "arguments": arguments,
+                            "message": str(problem),
+                        }
                         self.study.record("refused", refused)
                         continue
                     work.append(self.study.record("work", found | {"curve": curve.label}))

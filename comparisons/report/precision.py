@@ -67,7 +67,7 @@ def pairs(records: list[Record]) -> list[tuple[float, Record, Record]]:
     """Return the targets that both sides reach, and the fastest of each."""
     found = []
     for target in targets(records):
-        ours, theirs = (fastest(records, method, target) for method in MODULES)
+        ours, theirs = (fastest(records, method, target) for method in ("cylindrical", "fem"))
         if ours and theirs:
             found.append((target, ours, theirs))
     return found

@@ -56,7 +56,7 @@ FULL = (
     _family(
         "Q3 bricks", "--degree 3", (3, 1, 6), (3, 1, 9), (4, 1, 12), (5, 1, 16), (6, 1, 20), (8, 2, 20), grading=1.25
     ),
-    _family("Q3 bricks, graded", "--degree 3", (5, 1, 14), (6, 1, 20), (6, 1, 24), (6, 2, 16), (6, 2, 20), grading=1.5),
+    _family("Q3 bricks, graded", "--degree 3", (5, 1, 14), (6, 1, 20), (5, 2, 20), (6, 2, 16), (6, 2, 20), grading=1.5),
     _family("Q4 bricks", "--degree 4", (2, 1, 4), (3, 1, 5), (4, 1, 8)),
     _family("Q2 bricks", "--degree 2", (4, 1, 16), (6, 1, 24), (8, 2, 32), (12, 2, 48)),
     _family("Q1 bricks", "--degree 1", (8, 1, 32), (16, 2, 64), (24, 4, 128)),
@@ -71,7 +71,7 @@ BEST = {
     5e-3: (f"{_Q2} --along 4 --across 1 --layers 20",),
     3e-3: (f"{_Q2} --along 6 --across 1 --layers 24",),
     1e-3: ("--degree 3 --along 5 --across 1 --layers 16 --grading 1.25",),
-    5e-4: ("--degree 3 --along 6 --across 2 --layers 20 --grading 1.5",),
+    5e-4: tuple(f"--degree 3 --along {along} --across 2 --layers 20 --grading 1.5" for along in (5, 6)),
 }
 QUICK = (
     _family("Q2 bricks, 14 points", _Q2, (4, 1, 16), (4, 1, 18), (4, 1, 20), (6, 1, 24)),

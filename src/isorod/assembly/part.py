@@ -126,9 +126,8 @@ class Part:
 
     def curvatures(self, local: Array, factor: float, motions: Iterable[Array]) -> Array:
         """Return the second derivatives of the stored energy along motions of this rank's degrees of freedom."""
-        matrices = self.matrices(local, factor)
-        found = [motion[self.slots] for motion in motions]
-        return np.array([np.einsum("ei,eij,ej->", one, matrices, one, optimize=True) for one in found])
+        found = np.stack([motion[self.slots] for motion in motions], axis=1)
+        return np.asarray(np.einsum("emi,emi->m", found @ self.matrices(local, factor), found))
 
     def forces(self, local: Array, factor: float) -> Array:
         """Return the internal forces, shape of ``dofs``."""

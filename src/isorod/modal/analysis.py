@@ -276,13 +276,15 @@ def _pencil(assembler: Assembler, lumped: bool, loose: Sequence[tuple[int, Array
     """Return the pencil with the mass, and room for the stiffness, of a model with some rigid motions."""
     stiffness = assembler.matrix()
     multiplies = not loose and only_multiplies()
+    mass = assembler.mass_operator(lumped) if multiplies else assembler.mass(lumped)
     return Pencil(
         stiffness,
-        assembler.mass_operator(lumped) if multiplies else assembler.mass(lumped),
+        mass,
         rigid=len(loose),
         factors=factorisation(assembler, "st_"),
         motions=lambda: rigid_motions.on_unknowns(assembler, loose),
-        entries=(lambda: assembler.mass(lumped)) if multiplies else None,
+        # What PETSc knows it writes down faster than it is assembled once more.
+        entries=(lambda: mass.convert("aij", PETSc.Mat())) if multiplies and mass.getType().endswith("maij") else None,
     )
 
 

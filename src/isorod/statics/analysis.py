@@ -70,7 +70,8 @@ class Equilibrium(State):
     residual_norms
         Norms of the out-of-balance force in the last load step: before the predictor, then at each SNES iteration.
     seconds
-        ``setup``, ``assembly`` and ``solve``, wall time.
+        ``setup``, ``assembly``, ``solve`` and ``check`` (balance of forces, overlap in the end, energy by a better
+        rule), wall time.
     built
         Operators that were built.
     solver
@@ -242,15 +243,14 @@ def _solve(model: Model, load_steps: int, comm: PETSc.Comm | None, start_at: Arr
         displacement = assembler.displacement(solver.x, 1.0)
         reactions, moments = support_forces(model, forces), support_moments(model, displacement, forces)
         rtol = solver.snes.getTolerances()[0]
+        assembly, solved = assembler.seconds, perf_counter()
         check_balance(assembler, solver.x, displacement, reactions, moments, solver.norms[-1], rtol)
         overlap.warn_in_the_end(model, displacement, overlapped)
-        assembly = assembler.seconds
-        seconds = {"setup": setup, "assembly": assembly, "solve": perf_counter() - start - setup - assembly}
         rules = hourglass.better_rules(model)
         if rules:
-            begin = perf_counter()
             hourglass.check_energy(assembler, rules, displacement, assembler.energy(solver.x, 1.0))
-            seconds["check"] = perf_counter() - begin
+        seconds = {"setup": setup, "assembly": assembly, "solve": solved - start - setup - assembly}
+        seconds["check"] = perf_counter() - solved
         return Equilibrium(
             model=model,
             displacement=displacement,

@@ -1,0 +1,103 @@
+"""The biceps: error of the end forces of explicit dynamics against its time, isorod and dolfinx.
+
+Of a motion that comes to rest the end forces are those of the equilibrium on its mesh.  Finite elements are not run to
+the end of it, which takes hours: their time is that of a measured step by the number of steps, without samples and
+critical steps.
+"""
+
+import numpy as np
+
+from comparisons.biceps import END_TIME
+from comparisons.fem.presets import biceps as presets
+from comparisons.measure import timing
+from comparisons.measure.records import Record
+from comparisons.measure.study import Run, Steps
+
+# Largest error of the end forces.
+TARGET = 1e-2
+
+# Meshes of explicit dynamics, coarse to fine: those of one curve.
+MESHES = {
+    "quick": {
+        "P1 tetrahedra": ("--degree 1 --size 0.5", "--degree 1 --size 0.3325"),
+        "Q2 bricks": presets.CONVERGED.arguments[:2],
+    },
+    "full": {
+        "P1 tetrahedra": tuple(f"--degree 1 --size {size}" for size in (0.5, 0.3325, 0.25, 0.2)),
+        "P2 tetrahedra": tuple(f"--degree 2 --size {size}" for size in (0.7, 0.5, 0.3325)),
+        "Q1 bricks": tuple(
+            f"--cells bricks --degree 1 --around {n} --layers {m}" for n, m in ((8, 8), (12, 12), (16, 16))
+        ),
+        "Q2 bricks": presets.CONVERGED.arguments[:3],
+    },
+}
+# The mesh whose equilibrium is the reference: finer ones differ from it by 0.04 %.
+REFERENCE = {"quick": presets.CONVERGED.arguments[1], "full": presets.CONVERGED.arguments[2]}
+
+# Seconds of motion that a step is measured in, and its samples.
+SHORT, OUTPUTS = 5e-4, 2
+
+# Of isorod: the motion to rest, in the paper's time steps.
+OURS = ("--order 1", "--order 2")
+_MOTION = f"--end-time {END_TIME:g} --outputs 50"
+
+
+def steps(level: str) -> int:
+    """Return the number of steps that `run` shows."""
+    return 2 * sum(map(len, MESHES[level].values())) + len(OURS) + (REFERENCE[level] not in _every(level))
+
+
+def _every(level: str) -> list[str]:
+    return [one for meshes in MESHES[level].values() for one in meshes]
+
+
+def run(study: Run, steps: Steps) -> None:
+    """Record error and time of every mesh, and of isorod's spaces."""
+    level = study.level
+    rests: dict[str, Record] = {}
+    for arguments in dict.fromkeys([REFERENCE[level], *_every(level)]):
+        with steps.step(f"biceps, equilibrium: {arguments}"):
+            rests[arguments] = timing.run("comparisons.fem", ["biceps", *arguments.split()])
+    wanted = rests[REFERENCE[level]]["end_force"]
+    study.record("converged", {"scene": "biceps", "end_force": wanted, "arguments": REFERENCE[level]})
+    for curve, meshes in MESHES[level].items():
+        for arguments in meshes:
+            with steps.step(f"biceps, steps: {arguments}"):
+                words = [*arguments.split(), "--analysis", "dynamics", "--end-time", f"{SHORT:g}"]
+                found = timing.run("comparisons.fem", ["biceps", *words, "--outputs", str(OUTPUTS)])
+            whole = found["seconds"]["step"] * END_TIME / found["time_step"]
+            values = {"curve": curve, "arguments": arguments, "seconds_motion": whole}
+            error = _error(rests[arguments]["end_force"], wanted)
+            study.record("motion", {key: value for key, value in found.items() if key != "history"} | values | error)
+    for arguments in OURS:
+        with steps.step(f"biceps, motion: isorod {arguments}"):
+            words = ["biceps", *arguments.split(), *_MOTION.split(), "--repeat", "2"]
+            found = timing.run("comparisons.measure.rod", words)
+        values = {"curve": "isorod", "arguments": f"{arguments} {_MOTION}", "seconds_motion": found["seconds"]["total"]}
+        study.record("motion", _short(found) | values | _error(found["end_force"], wanted))
+
+
+def _short(found: Record) -> Record:
+    """Return a record without courses in time."""
+    return {key: value for key, value in found.items() if not (isinstance(value, list) and len(value) > 8)}
+
+
+def _error(forces: object, wanted: object) -> dict[str, float]:
+    return {"error": float(np.max(np.abs(np.array(forces) / np.array(wanted) - 1.0)))}
+
+
+def at(records: list[Record], target: float) -> float | None:
+    """Return the time a curve takes to an error, along its line in logarithms of both; None where it does not reach it.
+
+    Meshes of one curve, coarse to fine; beyond the finest nothing is told.
+    """
+    for coarse, fine in zip([None, *records], records, strict=False):
+        if fine["error"] > target:
+            continue
+        if coarse is None or coarse["error"] <= target:
+            return float(fine["seconds_motion"])
+        errors = np.log([coarse["error"], fine["error"], target])
+        times = np.log([coarse["seconds_motion"], fine["seconds_motion"]])
+        share = (errors[2] - errors[0]) / (errors[1] - errors[0])
+        return float(np.exp(times[0] + share * (times[1] - times[0])))
+    return None

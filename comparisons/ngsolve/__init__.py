@@ -1,0 +1,1 @@
+"""Finite element solutions with NGSolve, on the very meshes of `comparisons.fem`."""

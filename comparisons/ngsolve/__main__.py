@@ -1,0 +1,120 @@
+"""``python -m comparisons.ngsolve spring --degree 2 ... --repeat 6``: one configuration, one JSON line."""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from importlib import metadata
+from time import perf_counter
+from typing import Any
+
+from comparisons.fem.quadrature import RULES
+from comparisons.measure import timing
+from isorod.command import ending
+from isorod.command.parser import Parser
+from isorod.output import results
+from isorod.scenes.blade import Blade
+from isorod.scenes.spring import Spring
+from meshes import blade, spring
+from meshes.mesh import Mesh
+
+MODES = 10
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = Parser(prog="python -m comparisons.ngsolve", description="Finite element solutions with NGSolve.")
+    parser.add_argument("scene", choices=("spring", "blade"))
+    parser.add_argument("--cells", choices=("bricks", "tetrahedra"), default="bricks")
+    parser.add_argument("--around", type=int, default=8, help="spring: cells round the wire")
+    parser.add_argument("--rings", type=int, default=0, help="spring, bricks: rings round the core")
+    parser.add_argument("--along", type=int, default=6, help="blade: cells along the chord")
+    parser.add_argument("--across", type=int, default=1, help="blade: cells across the thickness")
+    parser.add_argument("--grading", type=float, default=1.0, help="blade: see meshes.blade.build")
+    parser.add_argument("--layers", type=int, default=48, help="cells along the rod")
+    parser.add_argument("--degree", type=int, choices=(1, 2, 3, 4), default=2, help="of the displacement")
+    parser.add_argument("--family", choices=("Lagrange", "S", "hollow"), default="Lagrange", help="of bricks")
+    parser.add_argument("--quadrature", type=_rule, help="degree of the rule, or irons14")
+    parser.add_argument("--inverse", choices=("sparsecholesky", "umfpack"), default="sparsecholesky")
+    parser.add_argument("--refinements", type=int, default=0, help="blade: corrections of each solve")
+    parser.add_argument("--repeat", type=int, default=1, help="runs in this process, the first one cold")
+    return parser
+
+
+def _rule(text: str) -> int | str:
+    return text if text in RULES else int(text)
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run the command line; return the exit code."""
+    return ending.run("comparisons.ngsolve", lambda: _main(arguments))
+
+
+def _main(arguments: Sequence[str]) -> int:
+    found = _parser().parse_args(arguments)
+    if found.quadrature is None:
+        bricks = found.cells == "bricks"
+        found.quadrature = 2 * found.degree if bricks else max(1, 2 * found.degree - 2)
+    print(results.line(_record(found)))
+    return 0
+
+
+def _mesh(found: argparse.Namespace) -> Mesh:
+    order = found.degree if found.cells == "bricks" else 2
+    if found.scene == "spring":
+        return spring.build(found.cells, found.around, found.layers, order, found.rings)
+    return blade.build(found.cells, found.along, found.across, found.layers, order, found.grading)
+
+
+def _record(found: argparse.Namespace) -> dict[str, Any]:
+    import ngsolve
+
+    from comparisons.ngsolve import domain, modal, statics
+
+    ngsolve.SetNumThreads(1)
+    ngsolve.ngsglobals.msg_level = 0
+    start = perf_counter()
+    mesh = domain.build(_mesh(found))
+    meshing = perf_counter() - start
+    element = found.degree, found.family, found.quadrature, found.inverse
+    values: dict[str, Any]
+    result: statics.Equilibrium | modal.Modes
+    if found.scene == "spring":
+        wire = Spring()
+        rest, seconds, runs = timing.repeated(
+            lambda: statics.solve(mesh, (wire.E, wire.nu), wire.pull, *element), found.repeat
+        )
+        result = rest
+        values = {
+            "analysis": "statics",
+            "force": float(rest.reactions[1, 2]),
+            "reactions": rest.reactions,
+            "residual_norms": rest.residual_norms,
+        }
+    else:
+        wing = Blade()
+        material = wing.E, wing.nu, wing.density
+        modes, seconds, runs = timing.repeated(
+            lambda: modal.solve(mesh, material, MODES, *element, found.refinements), found.repeat
+        )
+        result = modes
+        values = {"analysis": "modal", "frequencies": modes.frequencies, "residuals": modes.residuals}
+    record = results.provenance()
+    record["versions"]["ngsolve"] = metadata.version("ngsolve")
+    return {
+        "scene": found.scene,
+        "method": "ngsolve",
+        **values,
+        "dofs": result.dofs,
+        "cells": mesh.ne,
+        "iterations": result.iterations,
+        "options": vars(found),
+        "petsc_options": found.inverse,
+        "seconds": {"mesh": meshing} | seconds,
+        "warm": found.repeat > 1,
+        "runs": runs,
+        "peak_memory": timing.peak_memory(),
+        **record,
+    }
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
