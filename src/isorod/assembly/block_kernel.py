@@ -1,71 +1,81 @@
 """What happens at a block of quadrature points on the way to forces and tangents, compiled.
 
 Rows of a block as in `isorod.material.points`, which says why indices are unsigned.  Those behind the law's:
-``d(xi_1, xi_2, u)/dx``, the weight, ``F`` while another state's is in the law's rows, the stress foreseen there, and
-of the mixed formulation's pressure the present one and that of the other state.
+``d(xi_1, xi_2, u)/dx``, the weight, ``F`` and ``det F`` while another state's are in the law's rows, the stress that is
+foreseen there, and
+of the mixed formulation's pressure the present one and that of the other state.  Compiled once: what uses them calls
+them by their addresses (`Steps`).
 """
 
+from functools import cache
+from typing import Any, NamedTuple
+
 import numpy as np
-from numba import b1, void
-from numba import u8 as _u
+from numba import i8, types
 
 from isorod.arrays import Array
-from isorod.compiled import F1, FAST, njit
-from isorod.material.points import DETERMINANT, MODULI, MODULI_WORK, POINTS, SQUARES, add_products
+from isorod.compiled import FAST, njit
+from isorod.material.points import (
+    DETERMINANT,
+    MODULI,
+    MODULI_WORK,
+    POINTS,
+    SQUARES,
+    STEP,
+    add_products,
+    address,
+)
 from isorod.material.points import ROWS as _R
 
 _W = np.uint64(POINTS)
 _3 = np.uint64(3)
 
-INVERSE, WEIGHT, STATE, TARGET = MODULI_WORK, MODULI_WORK + 9, MODULI_WORK + 10, MODULI_WORK + 19
+INVERSE, WEIGHT, STATE, TARGET = MODULI_WORK, MODULI_WORK + 9, MODULI_WORK + 10, MODULI_WORK + 20
 PRESSURE, BEFORE = TARGET + 6, TARGET + 7
 SIZE = POINTS * (BEFORE + 1)
 
 _M, _Q, _G = MODULI, SQUARES, INVERSE
 
 
-@njit(void(F1, _u), **FAST)
-def deform(work: Array, row: int) -> None:
-    """Fill nine rows with ``F`` from the gradients on disk x axis, which are in the rows of the stress."""
+@njit(STEP, **FAST)
+def deform(work: Array) -> None:
+    """Fill in ``F`` and its determinant from the gradients on disk x axis, which are in the rows of the stress."""
     for k in range(_W):
         i00, i01, i02 = work[_R[_G] + k], work[_R[_G + 1] + k], work[_R[_G + 2] + k]
         i10, i11, i12 = work[_R[_G + 3] + k], work[_R[_G + 4] + k], work[_R[_G + 5] + k]
         i20, i21, i22 = work[_R[_G + 6] + k], work[_R[_G + 7] + k], work[_R[_G + 8] + k]
         h0, h1, h2 = work[k], work[_R[1] + k], work[_R[2] + k]
-        work[row + k] = 1.0 + (h0 * i00 + h1 * i10 + h2 * i20)
-        work[row + _R[1] + k] = h0 * i01 + h1 * i11 + h2 * i21
-        work[row + _R[2] + k] = h0 * i02 + h1 * i12 + h2 * i22
+        f00 = 1.0 + (h0 * i00 + h1 * i10 + h2 * i20)
+        f01 = h0 * i01 + h1 * i11 + h2 * i21
+        f02 = h0 * i02 + h1 * i12 + h2 * i22
         h0, h1, h2 = work[_R[3] + k], work[_R[4] + k], work[_R[5] + k]
-        work[row + _R[3] + k] = h0 * i00 + h1 * i10 + h2 * i20
-        work[row + _R[4] + k] = 1.0 + (h0 * i01 + h1 * i11 + h2 * i21)
-        work[row + _R[5] + k] = h0 * i02 + h1 * i12 + h2 * i22
+        f10 = h0 * i00 + h1 * i10 + h2 * i20
+        f11 = 1.0 + (h0 * i01 + h1 * i11 + h2 * i21)
+        f12 = h0 * i02 + h1 * i12 + h2 * i22
         h0, h1, h2 = work[_R[6] + k], work[_R[7] + k], work[_R[8] + k]
-        work[row + _R[6] + k] = h0 * i00 + h1 * i10 + h2 * i20
-        work[row + _R[7] + k] = h0 * i01 + h1 * i11 + h2 * i21
-        work[row + _R[8] + k] = 1.0 + (h0 * i02 + h1 * i12 + h2 * i22)
-
-
-@njit(void(F1), **FAST)
-def determinants(work: Array) -> None:
-    """Fill in ``det F``."""
-    for k in range(_W):
-        f00, f01, f02 = work[_R[9] + k], work[_R[10] + k], work[_R[11] + k]
-        f10, f11, f12 = work[_R[12] + k], work[_R[13] + k], work[_R[14] + k]
-        f20, f21, f22 = work[_R[15] + k], work[_R[16] + k], work[_R[17] + k]
+        f20 = h0 * i00 + h1 * i10 + h2 * i20
+        f21 = h0 * i01 + h1 * i11 + h2 * i21
+        f22 = 1.0 + (h0 * i02 + h1 * i12 + h2 * i22)
+        work[_R[9] + k], work[_R[10] + k], work[_R[11] + k] = f00, f01, f02
+        work[_R[12] + k], work[_R[13] + k], work[_R[14] + k] = f10, f11, f12
+        work[_R[15] + k], work[_R[16] + k], work[_R[17] + k] = f20, f21, f22
         work[_R[DETERMINANT] + k] = (
             f00 * (f11 * f22 - f12 * f21) + f01 * (f12 * f20 - f10 * f22) + f02 * (f10 * f21 - f11 * f20)
         )
 
 
-@njit(void(F1, b1), **FAST)
-def press(work: Array, trace: bool) -> None:
-    """Add the stress of the mixed formulation's pressure: ``p F^-T``, or ``p 1`` where ``theta`` is a trace."""
-    if trace:
-        for k in range(_W):
-            work[k] += work[_R[PRESSURE] + k]
-            work[_R[4] + k] += work[_R[PRESSURE] + k]
-            work[_R[8] + k] += work[_R[PRESSURE] + k]
-        return
+@njit(STEP, **FAST)
+def press_trace(work: Array) -> None:
+    """Add the stress ``p 1`` of the mixed formulation's pressure where ``theta`` is the trace of the strain."""
+    for k in range(_W):
+        work[k] += work[_R[PRESSURE] + k]
+        work[_R[4] + k] += work[_R[PRESSURE] + k]
+        work[_R[8] + k] += work[_R[PRESSURE] + k]
+
+
+@njit(STEP, **FAST)
+def press(work: Array) -> None:
+    """Add the stress ``p F^-T`` of the mixed formulation's pressure where ``theta`` is ``ln J``."""
     for k in range(_W):
         f00, f01, f02 = work[_R[9] + k], work[_R[10] + k], work[_R[11] + k]
         f10, f11, f12 = work[_R[12] + k], work[_R[13] + k], work[_R[14] + k]
@@ -82,7 +92,7 @@ def press(work: Array, trace: bool) -> None:
         work[_R[8] + k] += q * (f00 * f11 - f01 * f10)
 
 
-@njit(void(F1), **FAST)
+@njit(STEP, **FAST)
 def press_moduli(work: Array) -> None:
     """Add ``-p G_aB G_bA``, ``G = F^-T``, to the moduli: those of the pressure where ``theta`` is ``ln J``."""
     for k in range(_W):
@@ -102,7 +112,7 @@ def press_moduli(work: Array) -> None:
         )
 
 
-@njit(void(F1), **FAST)
+@njit(STEP, **FAST)
 def pull_back_stress(work: Array) -> None:
     """Replace ``P`` by that times the volume on disk x axis: ``w P_aA dxi_d/dx_A``."""
     for k in range(_W):
@@ -124,7 +134,7 @@ def pull_back_stress(work: Array) -> None:
         work[_R[8] + k] = p0 * i20 + p1 * i21 + p2 * i22
 
 
-@njit(void(F1), **FAST)
+@njit(STEP, **FAST)
 def pull_back_moduli(work: Array) -> None:
     """Replace the moduli by ``w dP_aA/dF_bB dxi_d/dx_A dxi_c/dx_B``."""
     # A loop each: where rows begin has to be a constant in it.
@@ -209,7 +219,7 @@ def _pulled(work: Array, k: int) -> tuple[float, ...]:
     )
 
 
-@njit(void(F1), **FAST)
+@njit(STEP, **FAST)
 def foresee(work: Array) -> None:
     """Fill in the stress to which a step extrapolates, from stress and moduli of its start, which are in the rows.
 
@@ -280,7 +290,7 @@ def _of_pair(work: Array, k: int, row: int, p: tuple[float, ...], q: tuple[float
     )
 
 
-@njit(void(F1), **FAST)
+@njit(STEP, **FAST)
 def press_on(work: Array) -> None:
     """Add the change of pressure since the start of the step, times ``F0^-1 F0^-T``, to what is foreseen."""
     for k in range(_W):
@@ -300,7 +310,7 @@ def press_on(work: Array) -> None:
         work[_R[TARGET + 5] + k] += x * (c02 * c02 + c12 * c12 + c22 * c22)
 
 
-@njit(void(F1), **FAST)
+@njit(STEP, **FAST)
 def exceed(work: Array) -> None:
     """Add to the moduli by how much the stress foreseen exceeds that in the rows."""
     for k in range(_W):
@@ -315,3 +325,44 @@ def exceed(work: Array) -> None:
             work[row + _R[3] + k] += x3
             work[row + _R[4] + k] += x4
             work[row + _R[5] + k] += x5
+
+
+class Steps(NamedTuple):
+    """Addresses of what happens at a block, in turn; zero where it does not."""
+
+    deform: int
+    press: int
+    press_moduli: int
+    foresee: int
+    press_on: int
+    exceed: int
+    pull_back: int
+
+
+STEPS = types.NamedUniTuple(i8, 7, Steps)
+
+
+@cache
+def steps(moduli: bool, extrapolates: bool, pressed: bool, trace: bool) -> Steps:
+    """Return what happens on the way to stresses, or moduli too.
+
+    Parameters
+    ----------
+    moduli, extrapolates
+        Whether moduli are wanted, and with the stress that extrapolates that of another state.
+    pressed, trace
+        Whether there is the pressure of the mixed formulation, and whether its ``theta`` is the trace of the strain.
+    """
+
+    def maybe(wanted: bool, function: Any) -> int:
+        return address(function, STEP) if wanted else 0
+
+    return Steps(
+        address(deform, STEP),
+        maybe(pressed, press_trace if trace else press),
+        maybe(pressed and moduli and not trace, press_moduli),
+        maybe(extrapolates, foresee),
+        maybe(extrapolates and pressed, press_on),
+        maybe(extrapolates, exceed),
+        address(pull_back_moduli if moduli else pull_back_stress, STEP),
+    )

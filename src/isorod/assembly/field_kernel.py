@@ -11,10 +11,10 @@ import numpy as np
 from numba import b1, f8, i8, types, void
 
 from isorod.arrays import Array
-from isorod.assembly.block_kernel import INVERSE, PRESSURE, SIZE, WEIGHT, deform, determinants, press, pull_back_stress
+from isorod.assembly.block_kernel import INVERSE, PRESSURE, SIZE, STEPS, WEIGHT, Steps
 from isorod.assembly.element_kernel import TABLE
 from isorod.compiled import F1, F2, F4, FAST, njit
-from isorod.material.points import ACTIVE, DETERMINANT, ENERGY, FIBRE, GRADIENT, POINTS, by_points, call_block
+from isorod.material.points import ACTIVE, DETERMINANT, ENERGY, FIBRE, POINTS, by_points, call_block, call_step
 from isorod.material.points import ROWS as _R
 from isorod.space.space import Table
 
@@ -22,19 +22,15 @@ _W, _3 = np.uint64(POINTS), np.uint64(3)
 
 
 class Functions(NamedTuple):
-    """A law's compiled functions, by their addresses (`isorod.material.points.Compiled`), and its constants.
-
-    Of the mixed formulation's ``theta``, ``trace`` says whether it is the trace of the strain, not ``ln J``.
-    """
+    """A law's compiled functions, by their addresses (`isorod.material.points.Compiled`), and its constants."""
 
     point: int
     block: int
     tangent: int
-    trace: bool
     constants: Array
 
 
-FUNCTIONS = types.NamedTuple([i8, i8, i8, b1, F1], Functions)
+FUNCTIONS = types.NamedTuple([i8, i8, i8, F1], Functions)
 FIBRES = types.Array(f8, 4, "A", readonly=True)
 # Gradients across and along.
 GRADIENTS = types.UniTuple(F2, 2)
@@ -184,17 +180,17 @@ def take_rows(
 @njit(void(FUNCTIONS, F1, b1, F2, F2, F1), **FAST)
 def evaluate(law: Functions, work: Array, wanted: bool, F: Array, stress: Array, fibre: Array) -> None:
     """Fill in the stress at the points of a block, and energies if wanted; the last three are work space."""
-    determinants(work)
     if law.block:
         call_block(np.uint64(law.block), (work, law.constants, 1.0, wanted))
     else:
         by_points(np.uint64(law.point), work, law.constants, 1.0, F, stress, fibre)
 
 
-@njit(f8(TABLE, FUNCTIONS, FIBRES, F2, GRADIENTS, i8, b1, F2), **FAST)
+@njit(f8(TABLE, FUNCTIONS, STEPS, FIBRES, F2, GRADIENTS, i8, b1, F2), **FAST)
 def stresses(
     table: Table,
     law: Functions,
+    steps: Steps,
     fibres: Array,
     pressure: Array,
     found: tuple[Array, Array],
@@ -208,8 +204,8 @@ def stresses(
     ----------
     table
         Elements and points that obey one law.
-    law, fibres
-        The law, and its fibres ``(E, t, q, 3)``, without elements if it has none.
+    law, steps, fibres
+        The law, what happens besides, and fibres ``(E, t, q, 3)``, without elements if the law has none.
     pressure
         Of the mixed formulation, ``(E t, q)``, or without rows.
     found
@@ -230,12 +226,12 @@ def stresses(
         take_geometry(table, first, places, place, q, 0, points, work)
         if fibres.shape[0]:
             take_fibres(fibres, along, first, places, place, q, 0, points, work)
-        deform(work, _R[GRADIENT])
+        call_step(np.uint64(steps.deform), (work,))
         evaluate(law, work, wanted, F, stress, fibre)
-        if pressure.shape[0]:
+        if steps.press:
             take_rows(pressure, first * along, places, place, q, 0, points, PRESSURE, work)
-            press(work, law.trace)
-        pull_back_stress(work)
+            call_step(np.uint64(steps.press), (work,))
+        call_step(np.uint64(steps.pull_back), (work,))
         if wanted:
             for k in range(np.uint64(min(POINTS, places * points - begin))):
                 energy += work[_R[WEIGHT] + k] * (work[_R[ENERGY] + k] + work[_R[ACTIVE] + k])

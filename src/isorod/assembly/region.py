@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from isorod.arrays import Array
+from isorod.assembly.block_kernel import Steps, steps
 from isorod.assembly.extrapolation import Last
 from isorod.assembly.field_kernel import Functions, add_resultants, coefficients, stresses
 from isorod.assembly.pattern_kernel import Blocks
@@ -68,12 +69,16 @@ class Region:
         across = np.ascontiguousarray(self.table.section[:, :2].transpose(2, 1, 0)).reshape(-1, 2 * self.shape[2])
         return across, np.ascontiguousarray(self.table.section[:, 2].T)
 
-    def _law(self, factor: float) -> tuple[Functions, Array]:
+    def _law(
+        self, factor: float, pressed: bool, wanted: bool = False, extrapolates: bool = False
+    ) -> tuple[Functions, Steps, Array]:
+        """Return what compiled loops are told of the law; whether moduli are wanted, and with extrapolated stress."""
         law = self.piece.law.at(factor)
         one = law.compiled
         trace = not getattr(law, "logarithmic", True)
         fibres = law.fibres(self.shape) if law.fibrous else _NO_FIBRES
-        return Functions(one.point, one.block, one.tangent, trace, law.constants), fibres
+        functions = Functions(one.point, one.block, one.tangent if wanted else 0, law.constants)
+        return functions, steps(wanted, extrapolates, pressed, trace), fibres
 
     def _some(self, count: int) -> Iterator[tuple[int, int]]:
         """Yield the bounds of so many elements at a time, or one."""
@@ -111,14 +116,14 @@ class Region:
             That of the law, if it is wanted.
         """
         _, along, points = self.shape
-        law, fibres = self._law(factor)
+        law = self._law(factor, pressure.size > 0)
         pressures, own, result = self.at_points(pressure), self.own(nodal), self.own(forces)
         across, whole = self._section
         energy = 0.0
         for first, last in self._some(_POINTS // (along * points)):
             found = self._gradients(own, first, last)
             det = determinant[first * along : last * along]
-            energy += stresses(self.table, law, fibres, pressures, found, first, wanted, det)
+            energy += stresses(self.table, *law, pressures, found, first, wanted, det)
             add_resultants(self.table, found[0] @ across.T, found[1] @ whole.T, first, last, result)
         return energy
 
@@ -147,7 +152,7 @@ class Region:
             What the stress is extrapolated from, if it is.
         """
         elements, along, points = self.shape
-        law, fibres = self._law(factor)
+        law = self._law(factor, pressure.size > 0, True, last is not None)
         before, earlier = (NONE, nodal) if last is None else (self.at_points(last.pressure), last.nodal)
         pressures, own, earlier = self.at_points(pressure), self.own(nodal), self.own(earlier)
         there = Blocks(self.own(blocks.start), self.own(blocks.width), blocks.total)
@@ -165,9 +170,7 @@ class Region:
             for begin in range(0, points, tile):
                 end = min(begin + tile, points)
                 left, right = pulled.of(places, end - begin), products.of(end - begin, squared)
-                moduli(
-                    self.table, law, fibres, pressures, before, found, old, last is not None, some[0], begin, end, left
-                )
+                moduli(self.table, *law, pressures, before, found, old, some[0], begin, end, pulled.room)
                 if k == 0 or tile < points:
                     multiply(self.table, begin, end, right)
                 for into, one, other in zip((more if begin else sums).of(places, squared), left, right, strict=True):
@@ -180,20 +183,22 @@ class Region:
 
 
 class _Four:
-    """Room for four matrices, of each so many times more rows and columns."""
+    """Room for four matrices one behind the other, of each so many times more rows and columns."""
 
     def __init__(self, *times: tuple[int, int], size: int) -> None:
         self._times = times
-        self._room = [np.empty(rows * columns * size) for rows, columns in times]
+        self.room = np.empty(sum(rows * columns for rows, columns in times) * size)
         self._found: dict[tuple[int, int], tuple[Array, ...]] = {}
 
     def of(self, rows: int, columns: int) -> tuple[Array, ...]:
         """Return the matrices for so many rows and columns."""
         if (rows, columns) not in self._found:
-            self._found[rows, columns] = tuple(
-                room[: p * rows * q * columns].reshape(p * rows, q * columns)
-                for room, (p, q) in zip(self._room, self._times, strict=True)
-            )
+            found, begin = [], 0
+            for p, q in self._times:
+                end = begin + p * rows * q * columns
+                found.append(self.room[begin:end].reshape(p * rows, q * columns))
+                begin = end
+            self._found[rows, columns] = tuple(found)
         return self._found[rows, columns]
 
 

@@ -6,23 +6,13 @@ there are many.  What that leaves at each place along the axis is summed up with
 pairs of components ``a b`` those with ``a <= b`` will do where rows and columns have the same derivatives.
 """
 
+from typing import Any
+
 import numpy as np
 from numba import b1, i8, types, void
 
-from isorod.arrays import Array
-from isorod.assembly.block_kernel import (
-    BEFORE,
-    PRESSURE,
-    SIZE,
-    STATE,
-    deform,
-    exceed,
-    foresee,
-    press,
-    press_moduli,
-    press_on,
-    pull_back_moduli,
-)
+from isorod.arrays import Array, Index
+from isorod.assembly.block_kernel import BEFORE, PRESSURE, SIZE, STATE, STEPS, Steps
 from isorod.assembly.element_kernel import TABLE
 from isorod.assembly.field_kernel import (
     FIBRES,
@@ -30,7 +20,6 @@ from isorod.assembly.field_kernel import (
     GRADIENTS,
     Functions,
     evaluate,
-    put,
     run,
     take_fibres,
     take_geometry,
@@ -39,7 +28,7 @@ from isorod.assembly.field_kernel import (
 )
 from isorod.assembly.pattern_kernel import BLOCKS, Blocks
 from isorod.compiled import F1, F2, FAST, njit
-from isorod.material.points import GRADIENT, MODULI, POINTS, SQUARES, call_tangent
+from isorod.material.points import GRADIENT, MODULI, POINTS, call_step, call_tangent
 from isorod.material.points import ROWS as _R
 from isorod.space.space import Table
 
@@ -50,8 +39,28 @@ FOUR = types.UniTuple(F2, 4)
 
 # Of the nine pairs of components ``3 a + b``: which of the six (01, 02, 12, 00, 11, 22) it or its mirror image is.
 _PAIR = np.array([3, 0, 1, 0, 4, 2, 1, 2, 5])
-# The pairs 01, 02, 12, and 10, 20, 21, among the nine.
-_UP, _LOW = np.array([1, 2, 5]), np.array([3, 6, 7])
+
+
+def _places() -> tuple[Index, Index]:
+    """Return which of the four matrices has each of a block's 45 rows of moduli, and as which of its rows at a place.
+
+    Rows are those of one direction: a matrix whose columns have several counts each.
+    """
+    found = []
+    for h, (a, b) in enumerate(((0, 1), (0, 2), (1, 2))):
+        up, low = 2 * (3 * a + b), 2 * (3 * b + a)
+        found += [(0, 4 * h), (0, 4 * h + 1), (2, up), (0, 4 * h + 2), (0, 4 * h + 3), (2, up + 1)]
+        found += [(2, low), (2, low + 1), (3, h)]
+    for a in range(3):
+        mixed = 2 * 4 * a
+        found += [(1, 3 * a), (1, 3 * a + 1), (2, mixed), (1, 3 * a + 2), (2, mixed + 1), (3, 3 + a)]
+    matrix, row = np.array(found).T
+    return np.ascontiguousarray(matrix), np.ascontiguousarray(row)
+
+
+_MATRIX, _ROW = _places()
+# Of each matrix, rows a place, and those of the matrices before it.
+_ROWS, _BEFORE = np.array([12, 9, 18, 6]), np.array([0, 12, 21, 39])
 
 
 @njit(void(TABLE, i8, i8, FOUR), **FAST)
@@ -83,107 +92,99 @@ def multiply(table: Table, begin: int, end: int, products: tuple[Array, Array, A
                 axis[p, ik] = z * h
 
 
-@njit(void(TABLE, FUNCTIONS, FIBRES, F2, F2, GRADIENTS, GRADIENTS, b1, i8, i8, i8, FOUR), **FAST)
+@njit(void(TABLE, FUNCTIONS, STEPS, FIBRES, F2, F2, GRADIENTS, GRADIENTS, i8, i8, i8, F1), **FAST)
 def moduli(
     table: Table,
     law: Functions,
+    steps: Steps,
     fibres: Array,
     pressure: Array,
     before: Array,
     found: tuple[Array, Array],
     last: tuple[Array, Array],
-    extrapolates: bool,
     first: int,
     begin: int,
     end: int,
-    pulled: tuple[Array, Array, Array, Array],
+    pulled: Array,
 ) -> None:
     """Fill in the moduli on disk x axis, ordered as the products of section functions are (`multiply`).
-
-    Rows: place by place, of the pairs 01, 02, 12, of 00, 11, 22, of all nine, of the former six.
 
     Parameters
     ----------
     table
         Elements and points that obey one law.
-    law, fibres
-        The law, and its fibres ``(E, t, q, 3)``, without elements if it has none.
+    law, steps, fibres
+        The law, what happens besides, and fibres ``(E, t, q, 3)``, without elements if the law has none.
     pressure
         Of the mixed formulation, ``(E t, q)``, or without rows.
     found
         Gradients, from those of the element ``first`` on (`isorod.assembly.field_kernel.stresses`).
-    last, before, extrapolates
-        Whether the stress is extrapolated from the last tangent, and gradients and pressure there.
+    last, before
+        Gradients and pressure at the last tangent, if the stress is extrapolated from it.
     begin, end
         The points are those of the section from ``begin`` to before ``end``.
     pulled
-        To be filled.
+        To be filled with four matrices (`FOUR`), one behind the other.  Rows: place by place, of the pairs 01, 02, 12,
+        of 00, 11, 22, of all nine, of the former six.
     """
-    plane, square, mixed, axis = pulled
-    work = np.zeros(SIZE)
     along, points = table.axial.shape[1], end - begin
     places, first_place = found[1].shape[0] // 3, first * along
-    pressed = pressure.shape[0] > 0
+    work = np.zeros(SIZE)
     F, stress, fibre = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
     place, q = 0, begin
     for _ in range(0, places * points, POINTS):
         take_geometry(table, first, places, place, q, begin, end, work)
         if fibres.shape[0]:
             take_fibres(fibres, along, first, places, place, q, begin, end, work)
-        if pressed:
+        if steps.press:
             take_rows(pressure, first_place, places, place, q, begin, end, PRESSURE, work)
-        # The last state if there is one, then the present.
-        for state in range(0 if extrapolates else 1, 2):
-            take_gradients(found, place, q, begin, end, work)
-            if state:
-                deform(work, _R[GRADIENT])
-            else:
-                deform(work, _R[STATE])
-                take_gradients(last, place, q, begin, end, work)
-                deform(work, _R[GRADIENT])
-                if pressed:
-                    # Present and last pressure change places, and do so again.
+        # The last state, if the stress is extrapolated, between two looks at the present one.
+        for look in range(0 if steps.foresee else 2, 3):
+            if look == 1:
+                # Present and last pressure change places, and do so again.
+                if steps.press:
                     take_rows(before, first_place, places, place, q, begin, end, BEFORE, work)
                     _swap(work)
+                take_gradients(last, place, q, begin, end, work)
+            else:
+                take_gradients(found, place, q, begin, end, work)
+            call_step(np.uint64(steps.deform), (work,))
+            if look == 0:
+                for k in range(np.uint64(10 * POINTS)):
+                    work[_R[STATE] + k] = work[_R[GRADIENT] + k]
+                continue
             for k in range(np.uint64(45 * POINTS)):
                 work[_R[MODULI] + k] = 0.0
             evaluate(law, work, False, F, stress, fibre)
             call_tangent(np.uint64(law.tangent), (work, law.constants, 1.0))
-            if pressed:
-                press(work, law.trace)
-                if not law.trace:
-                    press_moduli(work)
-            if not state:
-                foresee(work)
-                if pressed:
+            if steps.press:
+                call_step(np.uint64(steps.press), (work,))
+            if steps.press_moduli:
+                call_step(np.uint64(steps.press_moduli), (work,))
+            if look == 1:
+                call_step(np.uint64(steps.foresee), (work,))
+                if steps.press:
                     _swap(work)
-                    press_on(work)
-            elif extrapolates:
-                exceed(work)
-        pull_back_moduli(work)
+                    call_step(np.uint64(steps.press_on), (work,))
+            elif steps.exceed:
+                call_step(np.uint64(steps.exceed), (work,))
+        call_step(np.uint64(steps.pull_back), (work,))
         k, length = 0, 1
         while k < POINTS and length:
-            at, s, p = k, place, q - begin
+            at, row, p = k, place, q - begin
             k, place, q, length = run(place, q, begin, end, places, k)
-            for h in range(3):
-                r = (MODULI + 9 * h) * POINTS + at
-                put(work, r, plane, 3 * s + h, p, length)
-                put(work, r + POINTS, plane, 3 * s + h, points + p, length)
-                put(work, r + 3 * POINTS, plane, 3 * s + h, 2 * points + p, length)
-                put(work, r + 4 * POINTS, plane, 3 * s + h, 3 * points + p, length)
-                put(work, r + 8 * POINTS, axis, 6 * s + h, p, length)
-                up, low = 9 * s + _UP[h], 9 * s + _LOW[h]
-                put(work, r + 2 * POINTS, mixed, up, p, length)
-                put(work, r + 5 * POINTS, mixed, up, points + p, length)
-                put(work, r + 6 * POINTS, mixed, low, p, length)
-                put(work, r + 7 * POINTS, mixed, low, points + p, length)
-                r = (SQUARES + 6 * h) * POINTS + at
-                put(work, r, square, 3 * s + h, p, length)
-                put(work, r + POINTS, square, 3 * s + h, points + p, length)
-                put(work, r + 3 * POINTS, square, 3 * s + h, 2 * points + p, length)
-                put(work, r + 2 * POINTS, mixed, 9 * s + 4 * h, p, length)
-                put(work, r + 4 * POINTS, mixed, 9 * s + 4 * h, points + p, length)
-                put(work, r + 5 * POINTS, axis, 6 * s + 3 + h, p, length)
+            for r in range(45):
+                matrix = _MATRIX[r]
+                to = (_BEFORE[matrix] * places + _ROWS[matrix] * row + _ROW[r]) * points + p
+                _copy(work, (MODULI + r) * POINTS + at, pulled, to, length)
+
+
+@njit(**FAST)
+def _copy(work: Array, at: Any, target: Array, to: Any, length: int) -> None:
+    """Copy a run of a row of a block."""
+    at, to = np.uint64(at), np.uint64(to)
+    for k in range(np.uint64(length)):
+        target[to + k] = work[at + k]
 
 
 @njit(void(F1), **FAST)
@@ -203,7 +204,6 @@ def add_blocks(
 
     Rows of these: a place along the axis each, one pair of components ``n n`` after the other, as of the moduli.
     """
-    plane, square, mixed, axis = sums
     along, functions = table.axial.shape[1:]
     n = table.section.shape[2]
     nn = n * n
@@ -212,6 +212,7 @@ def add_blocks(
     alike, steep = np.empty((pairs, along)), np.empty((pairs, along))
     second = np.empty((functions * functions, along))
     both, one = np.empty((pairs, 6 * nn)), np.empty((functions * functions, 9 * nn))
+    factors, totals = (alike, alike, second, steep), (both, both, one, both)
     for e in range(first, last):
         p = 0
         for j in range(functions):
@@ -227,17 +228,17 @@ def add_blocks(
         s = (e - first) * along
         both[:] = 0.0
         one[:] = 0.0
-        _combine(alike, plane, s, both, 0)
-        _combine(alike, square, s, both, 3 * nn)
-        _combine(steep, axis, s, both, 0)
-        _combine(second, mixed, s, one, 0)
+        # Loops, though they look odd: what they call is compiled as often as it is called.
+        for g in range(4):
+            _combine(factors[g], sums[g], s, totals[g], 3 * nn if g == 1 else 0)
         p = 0
         for j in range(functions):
             for m in range(j, functions):
                 jm, mj = j * functions + m, m * functions + j
-                _scatter(both[p], one[jm], one[mj], n, blocks.start[e, j, m], blocks.width[e, j], False, entries)
-                if m > j:
-                    _scatter(both[p], one[jm], one[mj], n, blocks.start[e, m, j], blocks.width[e, m], True, entries)
+                for turn in range(2 if m > j else 1):
+                    row, column = (m, j) if turn else (j, m)
+                    start, width = blocks.start[e, row, column], blocks.width[e, row]
+                    _scatter(both[p], one[jm], one[mj], n, start, width, turn == 1, entries)
                 p += 1
 
 

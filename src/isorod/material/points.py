@@ -51,6 +51,9 @@ TANGENT = void(F1, F1, f8)
 """``(work, constants, activation)``: adds to the rows of the moduli of a block whose stress the law's ``BLOCK``
 function has filled in before."""
 
+STEP = void(F1)
+"""``(work,)``: something else that happens at the points of a block (`isorod.assembly.block_kernel`)."""
+
 
 class Compiled:
     """A law's functions, made by `numba.njit`: compiled, or read from Numba's cache, when they are first asked for.
@@ -68,20 +71,21 @@ class Compiled:
     @cached_property
     def point(self) -> int:
         """Address of the function of a point."""
-        return _address(self._point, POINT)
+        return address(self._point, POINT)
 
     @cached_property
     def block(self) -> int:
         """Address of the function of a block, zero where there is none."""
-        return 0 if self._block is None else _address(self._block, BLOCK)
+        return 0 if self._block is None else address(self._block, BLOCK)
 
     @cached_property
     def tangent(self) -> int:
         """Address of the function of a block's moduli."""
-        return _address(self._tangent, TANGENT)
+        return address(self._tangent, TANGENT)
 
 
-def _address(function: Any, signature: Any) -> int:
+def address(function: Any, signature: Any) -> int:
+    """Return where compiled code is that other compiled code may call (`call_step`)."""
     if tuple(signature.args) not in function.overloads:
         function.compile(signature)
     result = function.get_compile_result(signature)
@@ -104,7 +108,7 @@ def _caller(signature: Any) -> Callable[..., Any]:
     return call  # type: ignore[no-any-return]
 
 
-call_point, call_block, call_tangent = _caller(POINT), _caller(BLOCK), _caller(TANGENT)
+call_point, call_block, call_tangent, call_step = (_caller(kind) for kind in (POINT, BLOCK, TANGENT, STEP))
 
 
 @njit(void(u8, F3, F1, F2, F2, F3), **STRICT)
