@@ -168,28 +168,6 @@ def test_bar_bent_round_a_rigid_cylinder():
     np.testing.assert_allclose(result.pressure[touching], -1e4 * gaps[touching], rtol=1e-10)
 
 
-@pytest.mark.mpi
-def test_two_ranks_get_one_line(mpirun):
-    script = """
-import sys
-sys.path.insert(0, "tests")
-from isorod import options
-options.initialize([])
-from petsc4py import PETSc
-from isorod import statics
-from isorod.statics import multipliers
-from isorod.errors import InputError
-from test_contact_statics import crossing
-try:
-    statics.solve(crossing())
-except InputError as error:
-    print("rank", PETSc.COMM_WORLD.getRank(), error)
-"""
-    lines = mpirun(2, script=script).stdout.splitlines()
-    said = {line.split(maxsplit=2)[2] for line in lines if line.startswith("rank")}
-    assert said == {"contact runs on one MPI rank so far; start without mpirun"}
-
-
 E, NU = 1.0, 0.3
 HERTZ_LOAD = 0.02  # displacement of the cylinder's back over its radius
 

@@ -129,12 +129,24 @@ def test_one_line_errors(isorod):
 
 
 @pytest.mark.mpi
-def test_several_ranks_get_one_line(mpirun):
-    result = mpirun(2, *SMALL)
-    assert result.returncode != 0
-    lines = [line for line in result.stderr.splitlines() if line.startswith("isorod:")]
-    assert lines == ["isorod: dynamics runs on one rank, got 2: start it without mpirun"]
-    assert "Traceback" not in result.stderr
+def test_another_number_of_ranks_resumes_a_run_and_all_complain_once(isorod, mpirun, tmp_path):
+    file = str(tmp_path / "state")
+    begun = mpirun(2, *SMALL, "--json", "--checkpoint", file)
+    assert begun.returncode == 0, begun.stderr
+    assert json.loads(begun.stdout)["ranks"] == 2
+    longer = (*SMALL[:-4], "--end-time", "0.005", "--outputs", "10", "--json")
+    resumed, whole = isorod(*longer, "--checkpoint", file, "--resume"), isorod(*longer)
+    assert resumed.returncode == 0, resumed.stderr
+    found, expected = (json.loads(done.stdout) for done in (resumed, whole))
+    assert found["resumed"] == 0.004
+    for name in ("reactions", "kinetic", "stored", "contact_force", "muscle_work"):
+        one, other = np.array(found[name]), np.array(expected[name])
+        assert np.abs(one - other).max() < 1e-10 * np.abs(other).max(), name
+    again = mpirun(2, *SMALL, "--checkpoint", file)
+    assert again.returncode != 0 and not again.stdout
+    lines = [line for line in again.stderr.splitlines() if line.startswith("isorod:")]
+    assert len(lines) == 1 and "is of a finished run" in lines[0]
+    assert "Traceback" not in again.stderr
 
 
 def test_a_model_without_contact_loads_none(python):

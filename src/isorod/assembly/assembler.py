@@ -14,7 +14,6 @@ from isorod.assembly.extrapolation import pays
 from isorod.assembly.part import Part
 from isorod.assembly.pattern import Entries, Numbered, joined, rows_and_columns
 from isorod.assembly.unknowns import Unknowns
-from isorod.errors import InputError
 from isorod.geometry.quadrature import Rule
 from isorod.model.model import Model
 from isorod.petsc.matrix import componentwise, create_matrix, preallocate, set_values, values_in_order
@@ -51,6 +50,8 @@ class Assembler(Unknowns):
         PETSc.garbage_cleanup()
         self._stage = PETSc.Log.Stage("assembly")
         self._linear: dict[int, Array] = {}
+        # The displacement of the whole model that the last local state is of, where there is contact.
+        self._everywhere: Array = np.empty(0)
         with self._timed():
             super().__init__(model, comm)
             self.parts = [self.part(share, self.free, self._exchange) for share in self.shares]
@@ -75,17 +76,18 @@ class Assembler(Unknowns):
     def _contact(self) -> "ContactOperator | None":
         if not self.model.contacts:
             return None
-        if self.comm.getSize() > 1:
-            raise InputError("contact runs on one MPI rank so far; start without mpirun")
         from isorod.contact.operator import ContactOperator
 
         self.note("contact")
-        return ContactOperator(self.model)
+        return ContactOperator(self.model, self.comm)
 
     def _state(self, x: PETSc.Vec, factor: float) -> Array:
+        local = super()._state(x, factor)
         if self.contact is not None:
             self.contact.place(factor)
-        return super()._state(x, factor)
+            # Surfaces meet those of other ranks' elements.
+            self._everywhere = self.displacement(x, factor) if self.comm.getSize() > 1 else local
+        return local
 
     def _followers(self) -> "list[Pressing]":
         """Return the pressures that follow each part, if any does."""
@@ -126,12 +128,7 @@ class Assembler(Unknowns):
     @cached_property
     def _external(self) -> Array:
         """Forces of the loads at load factor 1."""
-        result = np.zeros(self._exchange.size)
-        if self.model.loads:
-            # Each rank loads its own degrees of freedom only, so that shared ones are loaded once.
-            moved, slots = self._exchange.moved
-            result[slots] = np.where(self._owned[self._exchange.numbers], self.model.external, 0.0)[moved]
-        return result
+        return self._once(self.model.external) if self.model.loads else np.zeros(self._exchange.size)
 
     def _matrix(self, entries: Sequence[Entries], components: int = 1) -> PETSc.Mat:
         """Return a new symmetric matrix of one of several components, with room for entries."""
@@ -180,7 +177,7 @@ class Assembler(Unknowns):
         if spin is not None:
             total -= factor * self._sums(part.centrifugal(local, spin) for part in self.parts)
         if self.contact is not None:
-            total -= self.contact.forces(local)[0]
+            total -= self._once(self.contact.forces(self._everywhere)[0])
         return total - factor * self._loads(local)
 
     def extrapolate(self) -> None:
@@ -204,9 +201,10 @@ class Assembler(Unknowns):
             forces = self._forces(local, factor)
             self._exchange.store(forces, out)
             own = float(np.sum(forces[self._exchange.bound[1]] ** 2) + np.sum((factor * self._loads(local)) ** 2))
-            if self.contact is not None:
-                own += self.contact.push() ** 2
-            return float(np.sqrt(self.comm.tompi4py().allreduce(own)))
+            return float(np.sqrt(self.comm.tompi4py().allreduce(own) + self._push() ** 2))
+
+    def _push(self) -> float:
+        return 0.0 if self.contact is None else self.contact.push()
 
     def reactions(self, x: PETSc.Vec, factor: float) -> Array:
         """Return the forces of the supports on the model, one a degree of freedom in `Model.bound`, on every rank."""
@@ -216,8 +214,7 @@ class Assembler(Unknowns):
     def carried(self, x: PETSc.Vec) -> float:
         """Return the norm of the nodal forces of the loads at load factor 1, and of the push of moving obstacles."""
         own = self._loads(self._state(x, 1.0)) if self.model.loads else np.zeros(1)
-        push = 0.0 if self.contact is None else self.contact.push()
-        return float(np.sqrt(self.comm.tompi4py().allreduce(float(own @ own) + push**2)))
+        return float(np.sqrt(self.comm.tompi4py().allreduce(float(own @ own)) + self._push() ** 2))
 
     def imbalance(self, x: PETSc.Vec, factor: float) -> tuple[Array, Array]:
         """Return the resultant ``(3,)`` of the forces on what no support holds, and what rounding makes of others.
@@ -243,8 +240,9 @@ class Assembler(Unknowns):
             local = np.zeros(self._exchange.size) if self._constant else self._state(x, factor)
             merged = [self._entries(k, local, factor, entries) for k, entries in enumerate(self._rooms(out))]
             if self.contact is not None:
-                merged.append(self.contact.tangent(local))
-                if out.getAttr("contact_version") != self.contact.version:
+                merged.append(self.contact.tangent(self._everywhere))
+                # Of any rank's entries.
+                if self.comm.tompi4py().allreduce(out.getAttr("contact_version") != self.contact.version):
                     preallocate(out, *rows_and_columns(self._tangent_entries()))
                     out.setAttr("contact_version", self.contact.version)
             set_values(out, joined(merged, float))
@@ -299,14 +297,13 @@ class Assembler(Unknowns):
         """
         with self._timed():
             local = self._state(x, factor)
-            moved, slots = self._exchange.moved
-            move = np.zeros(local.size)
-            move[slots] = (self.model.prescribed(factor + step) - self.model.prescribed(factor))[moved]
+            way = self.model.prescribed(factor + step) - self.model.prescribed(factor)
+            move = self.local(way)
             total = self._sums(self._change(k, local, factor, move, step) for k in range(len(self.parts)))
             total -= step * self._loads(local)
             if self.contact is not None:
-                total += self.contact.product(move)
-                total -= self.contact.carried_along(local, factor, step)
+                total += self._once(self.contact.product(way))
+                total -= self._once(self.contact.carried_along(self._everywhere, factor, step))
             self._exchange.store(total, out)
 
     def _change(self, k: int, local: Array, factor: float, move: Array, step: float) -> Array:
@@ -363,10 +360,8 @@ class Assembler(Unknowns):
         """Return the stored energy of the whole model, that of contact included."""
         with self._timed():
             local = self._state(x, factor)
-            energy = sum(part.energy(local, factor) for part in self.parts)
-            if self.contact is not None:
-                energy += self.contact.forces(local)[1]
-            return float(self.comm.tompi4py().allreduce(energy))
+            energy = self.comm.tompi4py().allreduce(sum(part.energy(local, factor) for part in self.parts))
+            return float(energy if self.contact is None else energy + self.contact.forces(self._everywhere)[1])
 
     def by_other_rules(self, rules: Mapping[int, Rule]) -> list[tuple[Part, Part]]:
         """Return this rank's parts of the bodies for which there are rules, and the same elements by those rules."""

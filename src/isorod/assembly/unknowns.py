@@ -91,6 +91,12 @@ class Unknowns:
         local[slots] = displacement[moved]
         return local
 
+    def _once(self, forces: Array) -> Array:
+        """Return this rank's share of forces on all degrees of freedom, those on its own: together they add up."""
+        if self.comm.getSize() > 1:
+            forces = np.where(self._owned[self._exchange.numbers], forces, 0.0)
+        return self.local(forces)
+
     def _bound(self, local: Array) -> Array:
         """Return the sums over all ranks of what is in `Model.bound`, on every rank."""
         everywhere = np.zeros(self.model.bound.size)

@@ -165,8 +165,8 @@ def _press(packed: Packed, one: Row, point: int, foot: Foot, force: float, force
 def add_forces(packed: Packed, positions: Array, forces: Array) -> tuple[float, float, float, float]:
     """Add the forces that contact exerts on the nodes: minus the derivative of the energy by the positions.
 
-    Only nodes that carry the surface (``k = 0``) are read and get forces.  The result depends on ``positions`` and
-    ``packed.starts`` alone; what is updated is told in `isorod.contact.packed`.
+    Only nodes that carry the surface (``k = 0``) are read and get forces, of this rank's own points.  The result
+    depends on ``positions`` and ``packed.starts`` alone; what is updated is told in `isorod.contact.packed`.
 
     Parameters
     ----------
@@ -196,10 +196,12 @@ def add_forces(packed: Packed, positions: Array, forces: Array) -> tuple[float, 
     foot, work = new_foot(), _new_work(packed)
     # Where all are clear, references to the tables would take most of the time.
     states, starts, multipliers, clear = packed.states, packed.starts, packed.multipliers, packed.clear
-    travel = packed.travel[0]
+    own, travel = packed.own, packed.travel[0]
     for k in range(packed.passes.size):
         one = packed.passes[k]
         for point in range(one.first_point, end_of(one, packed.surfaces[one.slave])):
+            if not own[point]:
+                continue
             state, multiplier = states[point], multipliers[point]
             state.edge = False
             gap = np.inf

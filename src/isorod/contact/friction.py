@@ -14,6 +14,7 @@ from isorod.contact.force_kernel import add_forces
 from isorod.contact.friction_kernel import NO_ANCHOR, Friction, add_friction, catch, hang
 from isorod.contact.friction_tangent_kernel import HANGING, add_friction_blocks, anchor_nodes, find_hangings
 from isorod.contact.packed import FUNCTIONS, START, Packed, Row, Table
+from isorod.contact.ranks import Ranks
 from isorod.contact.result import ContactResult, slave_points
 from isorod.contact.tangent_kernel import NODES, PATCH, patch_nodes
 
@@ -37,7 +38,7 @@ def pack(model: "Model", packed: Packed) -> Friction:
 
 
 class FrictionOperator:
-    """Friction between the states of one step, and from step to step.
+    """Friction between the states of one step, and from step to step, of this rank's points.
 
     Attributes
     ----------
@@ -51,8 +52,8 @@ class FrictionOperator:
         Pattern of the tangent by anchors that are not where the feet are.
     """
 
-    def __init__(self, model: "Model", packed: Packed) -> None:
-        self._model, self._packed = model, packed
+    def __init__(self, model: "Model", packed: Packed, ranks: Ranks) -> None:
+        self._model, self._packed, self._ranks = model, packed, ranks
         self._friction = pack(model, packed)
         self.history = self._friction.anchors.copy()
         self.before: Array | None = None
@@ -87,6 +88,9 @@ class FrictionOperator:
                 one.forget()
                 one.look_everywhere()
                 add_forces(one, self.before, np.zeros_like(self.before))
+                # Points of one rank may hang as those of another did.
+                self._ranks.gather(one, one.points, one.states)
+            self._ranks.gather(old, history)
             tractions = np.where(history["element"][:, None] >= 0, history["traction"], np.nan)
             first = [np.append(one.passes["first_point"], one.areas.size) for one in (old, packed)]
             found = [
@@ -117,7 +121,7 @@ class FrictionOperator:
         self.history[:] = self._friction.anchors
         self._places, self._ahead = self._packed.passes["point"].copy(), positions
         self._caught[:] = NO_ANCHOR
-        return float(spent[1])
+        return float(self._ranks.sums(np.empty(0), spent[1])[1][0])
 
     def add_blocks(self, positions: Array, active: Index, patches: Table, begin: Index, values: Array) -> Array:
         """Add to the blocks of the patches of active points, and return the entries of ``blocks``.
@@ -142,6 +146,7 @@ class FrictionOperator:
         """Return results with what the last forces say of friction."""
         told = []
         friction = self._friction
+        self._ranks.gather(self._packed, friction.tractions, friction.slipping)
         for result, (contact, points) in zip(results, slave_points(self._model, self._packed), strict=True):
             slips = friction.slipping[points]
             sides = np.isin(result.body, contact.groups[0]) * 1.0

@@ -201,6 +201,8 @@ def catch(packed: Packed, friction: Friction, moved: Array, before: Array, ahead
         if friction.coefficients[k] == 0.0:
             continue
         for point in range(one.first_point, end_of(one, packed.surfaces[one.slave])):
+            if not packed.own[point]:
+                continue
             anchor = friction.anchors[point]
             if anchor.element >= 0 or not packed.states[point].pressure > 0.0:
                 continue
@@ -240,6 +242,8 @@ def hang(packed: Packed, friction: Friction, positions: Array, tractions: Array)
     for k in range(packed.passes.size):
         one = packed.passes[k]
         for point in range(one.first_point, end_of(one, packed.surfaces[one.slave])):
+            if not packed.own[point]:
+                continue
             if not (packed.states[point].pressure > 0.0 and np.isfinite(tractions[point, 0])):
                 continue
             foot_of(packed, one, point, positions, foot)
@@ -309,6 +313,8 @@ def add_friction(
         if mu == 0.0:
             continue
         for point in range(one.first_point, end_of(one, packed.surfaces[one.slave])):
+            if not packed.own[point]:
+                continue
             anchor, pressure, weight = friction.anchors[point], packed.states[point].pressure, packed.areas[point]
             friction.slipping[point] = False
             for a in range(3):

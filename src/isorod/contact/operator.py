@@ -1,4 +1,8 @@
-"""Contact as the assembler sees it: forces and exact tangent on the degrees of freedom of a model, of one rank."""
+"""Contact as the assembler sees it: forces and exact tangent on the degrees of freedom of a model.
+
+Of several ranks each has all tables and looks at its share of the points (`isorod.contact.ranks`); forces, energies and
+what is told are sums over all, and the same on each, entries of the tangent each rank's own.
+"""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING
@@ -11,6 +15,7 @@ from isorod.contact import cells, quality
 from isorod.contact.blocks import Blocks
 from isorod.contact.force_kernel import add_forces
 from isorod.contact.packed import Packed, Row
+from isorod.contact.ranks import Ranks
 from isorod.contact.result import ContactResult, measure, sides_of, slave_points
 from isorod.contact.tables import pack, points_of, smallest_radius
 from isorod.contact.tangent_kernel import NODES, PATCH, add_blocks, find_patches, patch_nodes
@@ -52,14 +57,15 @@ class ContactOperator:
     friction
         Friction of the contacts that have some, or None.
     values
-        The last tangent, at ``rows`` and ``columns``: repeated entries add up.
+        The last tangent, at ``rows`` and ``columns``: repeated entries add up, and those of all ranks.
     """
 
     # Whether points may slide far in the step in which they come into contact: then friction asks where they were.
     long_steps = True
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: Model, comm: PETSc.Comm | None = None) -> None:
         refuse(model.contacts, faces=True)
+        self.ranks = Ranks(comm)
         self._lift = None
         if any(isinstance(body.space.basis, Graded) for body in model.bodies):
             from isorod.contact.lift import Lift
@@ -81,7 +87,7 @@ class ContactOperator:
         if any(contact.friction for contact in model.contacts):
             from isorod.contact import friction
 
-            self.friction = friction.FrictionOperator(model, self.packed)
+            self.friction = friction.FrictionOperator(model, self.packed, self.ranks)
 
     @property
     def rows(self) -> Index:
@@ -105,7 +111,7 @@ class ContactOperator:
 
     @property
     def version(self) -> int:
-        """How often the pattern of the tangent has changed."""
+        """How often the pattern of this rank's entries has changed."""
         return self._blocks.version + (0 if self.friction is None else self.friction.blocks.version)
 
     def _nodes(self, patch: Row) -> tuple[Index, Index]:
@@ -134,10 +140,17 @@ class ContactOperator:
     def _add_forces(self, positions: Array) -> tuple[Array, float]:
         forces = np.zeros_like(self._base)
         with self._stage:
-            energy = add_forces(self.packed, positions, forces)[0]
+            energy = self._find(self.packed, positions, forces)
             if self.friction is not None and np.isfinite(energy):
                 energy += self.friction.add_forces(positions, forces)
-        return forces.ravel(), energy
+            forces, (energy,) = self.ranks.sums(forces, energy)
+        return forces.ravel(), float(energy)
+
+    def _find(self, packed: Packed, positions: Array, forces: Array) -> float:
+        """Add the forces of this rank's points, and return their energy; the outcome of all is known then."""
+        energy = add_forces(packed, positions, forces)[0]
+        self.ranks.gather(packed, packed.states)
+        return energy
 
     def accept(self, displacement: Array) -> float:
         """Let the next step begin at a displacement ``(dofs,)``; return the energy that friction has dissipated."""
@@ -165,7 +178,7 @@ class ContactOperator:
         if not np.array_equal(packed.before[packed.carriers], positions[packed.carriers]):
             packed.forget()
         self._add_forces(positions)
-        active = np.flatnonzero(packed.states["pressure"] > 0.0)
+        active = np.flatnonzero(packed.own & (packed.states["pressure"] > 0.0))
         patches = np.empty(active.size, PATCH)
         find_patches(packed, active, patches)
         begin = self._blocks.begin(patches)
@@ -183,7 +196,8 @@ class ContactOperator:
 
     def product(self, move: Array) -> Array:
         """Return the last tangent times a vector of all degrees of freedom."""
-        return np.bincount(self.rows, self.values * move[self.columns], move.size).astype(np.float64, copy=False)
+        own = np.bincount(self.rows, self.values * move[self.columns], move.size).astype(np.float64, copy=False)
+        return self.ranks.sums(own)[0]
 
     def carried_along(self, displacement: Array, factor: float, step: float) -> Array:
         """Return the change of the forces ``(dofs,)``, linearised, when obstacles move on by ``step`` at a factor."""
@@ -207,6 +221,7 @@ class ContactOperator:
         others = self._otherwise(displacement) if check else ()
         self.packed.look_everywhere()
         self.forces(displacement)
+        self.ranks.gather(self.packed, self.packed.points, self.packed.starts)
         results = measure(self.model, self.packed, self._positions(displacement), others)
         if self._lift is not None:
             results = [self._lift.seen(one) for one in results]
@@ -217,7 +232,7 @@ class ContactOperator:
         finer = [tuple(min(MAX_POINTS, count + (count + 1) // 2) for count in pair) for pair in self.points]
         packed = self._packed([(pair[0], pair[1]) for pair in finer])
         positions = self._positions(displacement)
-        add_forces(packed, positions, np.zeros_like(positions))
+        self._find(packed, positions, np.zeros_like(positions))
         found: list[tuple[float, float] | None] = []
         for (_, passes), (_, chosen) in zip(sides_of(self.model), slave_points(self.model, packed), strict=True):
             pressure = packed.states["pressure"][chosen]
@@ -227,7 +242,7 @@ class ContactOperator:
 
     def _fresh(self) -> Packed:
         """Return tables without history."""
-        packed = pack(self.model, self.points)
+        packed = self.ranks.split(pack(self.model, self.points))
         graded = set() if self._lift is None else self._lift.graded
         for contact, passes in sides_of(self.model):
             if contact.penalty is None and graded.intersection(body for body, _ in contact.sides):
@@ -236,7 +251,7 @@ class ContactOperator:
 
     def _packed(self, points: list[tuple[int, int]]) -> Packed:
         """Return tables with other points, with the multipliers and penalties of now."""
-        packed = pack(self.model, points)
+        packed = self.ranks.split(pack(self.model, points))
         for name in ("penalty", "point"):
             packed.passes[name] = self.packed.passes[name]
         packed.multipliers[:] = cells.moved(self.packed, self.packed.multipliers, packed)

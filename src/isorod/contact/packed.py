@@ -19,6 +19,8 @@ What `isorod.contact.force_kernel.add_forces` leaves in a `Packed` for later cal
   where they were sought last.
 - ``boxes``, ``rings``: work space.
 
+Of several ranks each looks at its ``own`` points, and leaves the others' as they are.
+
 ``multipliers`` are the caller's (`isorod.contact.operator.ContactOperator.augment`).  `Packed.forget` makes the next
 call independent of all that went before.
 """
@@ -26,7 +28,7 @@ call independent of all that went before.
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import from_dtype, types
+from numba import b1, from_dtype, types
 from numpy.typing import NDArray
 
 from isorod.arrays import Array, Index
@@ -141,6 +143,8 @@ class Packed(NamedTuple):
         Elements whose boxes were no farther than a margin from an element's, when the lists were made, ``(E, NEAR)``,
         their number ``(E,)`` (more than `NEAR`: not all are in the list), and the margin and the ``travel`` of then,
         ``(2,)``.
+    own
+        Whether this rank looks at a point, ``(Q,)``; an element's points are those of one rank.
     """
 
     surfaces: Table
@@ -167,6 +171,7 @@ class Packed(NamedTuple):
     near: Index
     counts: Index
     listed: Array
+    own: NDArray[np.bool_]
 
     @property
     def fixed(self) -> tuple[Array | Table, ...]:
@@ -190,5 +195,5 @@ SURFACES, ELEMENTS, PASSES, STARTS, STATES, NODES = (
     types.Array(row, 1, "C") for row in (SURFACE_ROW, ELEMENT_ROW, PASS_ROW, START_ROW, STATE_ROW, NODE_ROW)
 )
 _FIXED = (SURFACES, ELEMENTS, PASSES, F2, F2, F1, F2, F1, F3, F3, NODES, I1)
-_LEFT = (F1, STATES, F2, STARTS, F2, F1, F1, F3, F2, I2, I1, F1)
+_LEFT = (F1, STATES, F2, STARTS, F2, F1, F1, F3, F2, I2, I1, F1, types.Array(b1, 1, "C"))
 PACKED = types.NamedTuple(_FIXED + _LEFT, Packed)

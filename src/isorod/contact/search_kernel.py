@@ -68,7 +68,8 @@ def _place_points(packed: Packed, one: Row, slave: Row, positions: Array) -> Non
     point = one.first_point
     for place in range(slave.elements * one.along):
         sought = False
-        for k in range(point, point + n * one.across):
+        count = n * one.across if packed.own[point] else 0
+        for k in range(point, point + count):
             sought = sought or needs_search(multipliers[k], clear[k], travel)
         if not sought:
             point += n * one.across
@@ -185,7 +186,10 @@ def list_near(packed: Packed) -> None:
             continue
         slave = packed.surfaces[one.slave]
         first, last = packed.surfaces[one.master].first_element, _last_row(packed, one)
+        each = one.along * slave.around * one.across
         for row in range(slave.first_element, slave.first_element + slave.elements):
+            if not packed.own[one.first_point + (row - slave.first_element) * each]:
+                continue
             count = 0
             for other in range(first, last):
                 if not _are_near(packed.boxes[row], packed.boxes[other], packed.listed[0]):

@@ -351,4 +351,5 @@ def pack(model: "Model", points: Sequence[tuple[int, int]] | None = None) -> Pac
         near=np.zeros((rows.size, NEAR), dtype=np.int64),
         counts=np.zeros(rows.size, dtype=np.int64),
         listed=np.array([margin, -np.inf]),
+        own=np.ones(areas.size, dtype=bool),
     )

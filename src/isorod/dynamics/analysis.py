@@ -1,6 +1,6 @@
 """Dynamics, explicit or implicit, with damping, activation and contact, and the balances that prove them."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields
 from importlib import import_module
 from pathlib import Path
@@ -176,6 +176,7 @@ def solve(
     progress: bool = False,
     integrator: str = "explicit",
     petsc: Mapping[str, object] | None = None,
+    comm: PETSc.Comm | None = None,
 ) -> History:
     """Integrate the motion of a model from time zero.
 
@@ -212,6 +213,8 @@ def solve(
     petsc
         PETSc options for the implicit steps of this run alone, such as ``{"snes_rtol": 1e-8}``
         (`isorod.petsc.options.in_force`).
+    comm
+        The ranks, all there are where it is not given.
 
     Raises
     ------
@@ -231,7 +234,8 @@ def solve(
     if resume and checkpoint is None:
         raise InputError("resume: no checkpoint is named; give the file the run was to keep its state in")
     with in_force(petsc):
-        run = _run_of(integrator)(System(model), settings)
+        run = _run_of(integrator)(System(model, PETSc.COMM_WORLD if comm is None else comm), settings)
+        ranks = run.system.ranks
         initial = _nodal(model, "displacement", displacement), _nodal(model, "velocity", velocity)
         file = _Checkpoint(run, None if checkpoint is None else Path(checkpoint), initial)
         file.begin(resume)
@@ -239,11 +243,11 @@ def solve(
         resumed, first = run.time, run.taken
         setup, loop, saved = perf_counter() - start, 0.0, perf_counter()
         shown = Progress(run.time, end_time)
-        run.tell = shown if progress else run.tell
+        run.tell = shown if progress and ranks.rank == 0 else run.tell
         try:
             while run.index < run.outputs:
                 loop += run.advance()
-                if perf_counter() - saved >= every or run.index == run.outputs:
+                if ranks.first(perf_counter() - saved >= every) or run.index == run.outputs:
                     file.write()
                     saved = perf_counter()
         except KeyboardInterrupt as stop:
@@ -266,7 +270,7 @@ def solve(
         seconds={"setup": setup, "loop": loop, "solve": perf_counter() - start - setup},
         built=[*run.built, *(["contact"] if model.contacts else [])],
         solver=run.solver(),
-        ranks=1,
+        ranks=ranks.size,
         ramp=settings.ramp,
     )
 
@@ -288,21 +292,34 @@ class _Checkpoint:
     def begin(self, resume: bool) -> None:
         """Begin the run, from the file if it is to be resumed."""
         if self._path is not None and resume:
-            kept = files.read(self._path, self._identity)
+            kept = self._on_first(files.read, self._path, self._identity)
             try:
                 self._run.restore(kept)
             except InputError as problem:
                 raise InputError(f"checkpoint {self._path}: {problem}") from None
             return
         if self._path is not None:
-            files.refuse_overwriting(self._path)
+            self._on_first(files.refuse_overwriting, self._path)
         self._run.begin(*self._initial)
         self.write()
 
     def write(self) -> None:
         """Keep the state."""
         if self._path is not None:
-            files.write(self._path, self._identity, self._run.state())
+            self._on_first(files.write, self._path, self._identity, self._run.state())
+
+    def _on_first(self, do: Callable[..., Any], *given: Any) -> Any:
+        """Do something on the first rank, and return what it returns, or raise the `InputError` it raises, on all."""
+        ranks, found = self._run.system.ranks, None
+        if ranks.rank == 0:
+            try:
+                found = do(*given)
+            except InputError as problem:
+                found = problem
+        found = ranks.first(found)
+        if isinstance(found, InputError):
+            raise found
+        return found
 
     def keep(self) -> str:
         """Keep the state of a run that is interrupted; return where it is, in words."""
@@ -318,9 +335,6 @@ class _Checkpoint:
 
 def _check(model: Model, settings: Settings, every: float) -> None:
     """Raise `InputError` if a number is out of its range or the model holds what motions do not know."""
-    ranks = PETSc.COMM_WORLD.getSize()
-    if ranks > 1:
-        raise InputError(f"dynamics runs on one rank, got {ranks}: start it without mpirun")
     for name, value in (("end time", settings.end_time), ("time step", settings.time_step)):
         if value is not None and not (np.isfinite(value) and value > 0.0):
             raise InputError(f"{name}: got {value:g}, need a positive time")

@@ -77,14 +77,15 @@ class Run(ABC):
         self._carried = system.model.is_carrier.repeat(3).astype(float)
         # The resultant of the loads.
         self._loaded = (self._carried * system.model.external).reshape(-1, 3).sum(axis=0)
-        volumes = np.concatenate(
-            [body.space.tabulate(0, body.space.axis.elements).weights.sum(axis=(1, 2)) for body in system.model.bodies]
-        )
-        laws = [law for body in system.model.bodies for law in body.laws]
+        shares = system.ranks.shares
+        volumes = [one.body.space.tabulate(one.first, one.last).weights.sum(axis=(1, 2)) for one in shares]
+        laws = [law for one in shares for law in one.body.laws[one.first : one.last]]
+        each = np.array([(law.activation_work, law.modulus) for law in laws]).reshape(-1, 2)
+        work, size = system.ranks.sums(np.concatenate([np.empty(0), *volumes]) @ each)
         # The most work that activation can do.
-        self._available = float(volumes @ [law.activation_work for law in laws])
+        self._available = float(work)
         # Of a body at rest, rounding of its forces may be all there is.
-        self._noise = 1e-12 * float(volumes @ [law.modulus for law in laws])
+        self._noise = 1e-12 * float(size)
 
     @abstractmethod
     def solver(self) -> dict[str, str]:
@@ -238,10 +239,9 @@ class Run(ABC):
         """Return what a checkpoint must have in common with this run."""
         system = self.system
         digest = hashlib.sha256()
+        digest.update(system.digest().encode())
         digest.update(" ".join(type(law).__name__ for body in system.model.bodies for law in body.laws).encode())
         for array in (
-            # All but the elements, which hold addresses.
-            *system.mesh[1:],
             *(body.densities for body in system.model.bodies),
             system.state.held,
             displacement,

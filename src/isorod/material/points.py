@@ -92,7 +92,7 @@ def address(function: Any, signature: Any) -> int:
     return int(result.library.get_pointer_to_function(result.fndesc.llvm_cfunc_wrapper_name))
 
 
-def _caller(signature: Any) -> Callable[..., Any]:
+def caller(signature: Any) -> Callable[..., Any]:
     """Return what compiled code calls a function of this signature with: ``(address, arguments)``."""
 
     def build(context: Any, builder: Any, _: Any, values: Any) -> Any:
@@ -108,7 +108,7 @@ def _caller(signature: Any) -> Callable[..., Any]:
     return call  # type: ignore[no-any-return]
 
 
-call_point, call_block, call_tangent, call_step = (_caller(kind) for kind in (POINT, BLOCK, TANGENT, STEP))
+call_point, call_block, call_tangent, call_step = (caller(kind) for kind in (POINT, BLOCK, TANGENT, STEP))
 
 
 @njit(void(u8, F3, F1, F2, F2, F3), **STRICT)

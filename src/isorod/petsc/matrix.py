@@ -23,6 +23,9 @@ _PLACEMENT = "isorod_placement"
 # Attribute of another: where each of the given entries adds up, and how many there are then.
 _PLACES = "isorod_places"
 
+# Attribute of another: that it has got room for other entries.
+_RENEWED = "isorod_renewed"
+
 
 class Rows(NamedTuple):
     """Compressed rows.
@@ -134,6 +137,7 @@ def preallocate(matrix: PETSc.Mat, rows: NDArray[Any], columns: NDArray[Any]) ->
     """Preallocate a matrix, once more perhaps, by global row and column indices (COO); negative ones are ignored."""
     matrix.setAttr(_ARRAYS, None)
     matrix.setAttr(_PLACES, None)
+    matrix.setAttr(_RENEWED, True)
     matrix.setAttr(_PLACEMENT, None)
     if matrix.getType() == PETSc.Mat.Type.SEQAIJ and rows.size <= np.iinfo(PETSc.IntType).max:
         # PETSc's own way sorts all entries by comparing them.
@@ -149,6 +153,16 @@ def preallocate(matrix: PETSc.Mat, rows: NDArray[Any], columns: NDArray[Any]) ->
     columns = np.array(columns, dtype=PETSc.IntType)
     call = function("MatSetPreallocationCOO", POINTER, ctypes.c_ssize_t, POINTER, POINTER)
     call(matrix.handle, rows.size, rows.ctypes.data, columns.ctypes.data)
+
+
+def forget_factors(matrix: PETSc.Mat, ksp: PETSc.KSP) -> None:
+    """Forget the preconditioner of a matrix that has got room for other entries since: PETSc may take it for the same.
+
+    Of a matrix over several ranks the state of the pattern, by which it tells, is always that of the first one.
+    """
+    if matrix.getAttr(_RENEWED):
+        ksp.getPC().reset()
+        matrix.setAttr(_RENEWED, None)
 
 
 @njit(i8(I1, I1, P1, P1, P1), **STRICT)

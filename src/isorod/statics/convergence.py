@@ -66,7 +66,8 @@ class Convergence:
         self._forces_alone = assembler.unknowns == assembler.model.unknowns
         self.plain = assembler.contact is None and self._forces_alone
         self._sizes: Array | None = None
-        self._rounding: Array = np.empty(0)
+        # Of each unknown of this rank, of which there may be none; None where one floor is that of all.
+        self._rounding: Array | None = None
         self.carried_force = 0.0
         self._scale = 0.0
         self._floor = 0.0
@@ -75,7 +76,7 @@ class Convergence:
     def update(self, matrix: PETSc.Mat, scale: float) -> None:
         """Prepare a load step: its tangent, and the norm of its predictor's force."""
         self._scale = scale
-        self._rounding = np.empty(0)
+        self._rounding = None
         if self.plain and "aij" in matrix.getType() and "sbaij" not in matrix.getType():
             if self._sizes is None:
                 self._sizes = self._displacements()
@@ -96,7 +97,7 @@ class Convergence:
 
     def reached(self, residual: PETSc.Vec, force: float, rtol: float) -> bool:
         """Return whether the out-of-balance force, of norm ``force``, is small enough."""
-        if self._rounding.size == 0 and self.assembler.rows > 0:
+        if self._rounding is None:
             carried = min(self._scale, self.carried_force) if self._forces_alone else self._scale
             return force <= max(rtol * carried, self._floor)
         lost = int(np.count_nonzero(np.abs(residual.array_r) > self._rounding))

@@ -11,6 +11,7 @@ from isorod.assembly.assembler import Assembler
 from isorod.assembly.factorisation import SPARSE, factorisation, is_mixed
 from isorod.checks import rigid_motions
 from isorod.errors import SolveError
+from isorod.petsc.matrix import forget_factors
 from isorod.petsc.snes import create_snes
 from isorod.statics.convergence import Convergence, squeezed, worst_place
 from isorod.statics.line_search import LineSearch
@@ -145,6 +146,7 @@ class Newton:
     def _fill(self, x: PETSc.Vec, factor: float, out: PETSc.Mat) -> None:
         """Fill ``out`` with the tangent."""
         self.assembler.tangent(x, factor, out)
+        forget_factors(out, self.snes.getKSP())
         if self.stabilisation is not None:
             self.stabilisation.add_stiffness(out)
 

@@ -85,7 +85,8 @@ class Stabilisation:
         ksp.getPC().setFactorSolverType(PETSc.Mat.SolverType.MUMPS)
         ksp.setOperators(shifted)
         shape, push = assembler.vector(), assembler.vector()
-        shape.array_w[:] = np.random.default_rng(0).normal(size=shape.getLocalSize())
+        # The same on any number of ranks.
+        shape.array_w[:] = np.random.default_rng(0).normal(size=shape.getSize())[slice(*shape.getOwnershipRange())]
         softness = 0.0
         for _ in range(_ITERATIONS):
             deform(shape)

@@ -1,4 +1,8 @@
-"""Cholesky factors within the profile (skyline) of a matrix, and what a compiled time step solves with them."""
+"""Cholesky factors within the profile (skyline) of a matrix, and what a compiled time step solves with them.
+
+Of a matrix ``[[A, B^T], [B, C]]`` the rows of ``A`` may be factorised alone, ``A = L L^T``; those of ``B`` become ``W =
+B L^-T``, and what is left for the others to solve with is ``C - W W^T``.
+"""
 
 from typing import NamedTuple
 
@@ -8,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from isorod.arrays import Array
-from isorod.compiled import F1, FAST, U1, U2, njit
+from isorod.compiled import F1, F2, FAST, U1, U2, njit
 
 _0, _1, _2 = (np.uint64(k) for k in range(3))
 
@@ -19,15 +23,15 @@ class Factors(NamedTuple):
     Attributes
     ----------
     systems
-        Rows, and the first of them below; shape ``(S, 2)``.
+        Rows of ``L``, the first of them below, and rows of ``W`` after them; shape ``(S, 3)``.
     first
         First column of each row that is not zero, shape ``(R,)``.
     starts
         Where a row begins in ``values``, shape ``(R,)``.
     values
-        Entries of ``L`` left of the diagonal.
+        Entries of ``L`` left of the diagonal, and of ``W``.
     inverse
-        Inverse of the diagonal, shape ``(R,)``.
+        Inverse of the diagonal, one for rows of ``W``, shape ``(R,)``.
     order
         Place of each row in a state vector for x, y and z, shape ``(3, R)``; a component that has a matrix of its own
         repeats another.
@@ -44,35 +48,63 @@ class Factors(NamedTuple):
 FACTORS = types.NamedTuple([U2, U1, U1, F1, F1, U2], Factors)
 
 
-def factorise(matrix: csr_matrix) -> tuple[NDArray[np.uint64], NDArray[np.uint64], Array, Array] | None:
-    """Return ``first``, ``starts``, ``values`` and the diagonal of a matrix's factor; None if not positive definite."""
-    if not (matrix.diagonal() > 0.0).all():
+class Factor(NamedTuple):
+    """Factor of one matrix: ``first``, ``starts``, ``values`` and ``inverse`` as of `Factors`.
+
+    ``left`` is ``C - W W^T``, of the rows that were not eliminated.
+    """
+
+    first: NDArray[np.uint64]
+    starts: NDArray[np.uint64]
+    values: Array
+    inverse: Array
+    left: Array
+
+
+def factorise(matrix: csr_matrix, rows: int) -> Factor | None:
+    """Return the factor of the first rows of a matrix; None if these are not positive definite."""
+    diagonal = matrix.diagonal()
+    if not (diagonal > 0.0).all():
         return None
     matrix.sort_indices()
     size = matrix.shape[0]
-    first = matrix.indices[matrix.indptr[:-1]].astype(np.int64)
-    length = np.arange(size) - first
+    end = np.minimum(np.arange(size), rows)
+    # Rows of W may be none.
+    first = np.minimum(matrix.indices[matrix.indptr[:-1]].astype(np.int64), end)
+    length = end - first
     starts = np.cumsum(length) - length
     row = np.repeat(np.arange(size), np.diff(matrix.indptr))
-    below = matrix.indices < row
-    values, diagonal = np.zeros(length.sum()), matrix.diagonal()
+    below = matrix.indices < end[row]
+    values = np.zeros(length.sum())
     values[(starts - first)[row[below]] + matrix.indices[below]] = matrix.data[below]
     profile = first.astype(np.uint64), starts.astype(np.uint64)
-    return (*profile, values, diagonal) if _factorise(*profile, values, diagonal) else None
+    if not _factorise(*profile, values, diagonal[:rows]):
+        return None
+    diagonal[rows:] = 1.0
+    W = np.zeros((size - rows, rows))
+    for k, i in enumerate(range(rows, size)):
+        W[k, first[i] :] = values[starts[i] :][: length[i]]
+    return Factor(*profile, values, 1.0 / diagonal, matrix[rows:, rows:].toarray() - W @ W.T)
 
 
 @njit(b1(U1, U1, F1, F1), **FAST)
 def _factorise(first: NDArray[np.uint64], starts: NDArray[np.uint64], values: Array, diagonal: Array) -> bool:
-    """Replace a matrix within its profile by its factor; return whether it is positive definite."""
-    for i in range(np.uint64(diagonal.size)):
+    """Replace a matrix within its profile by its factor; return whether it is positive definite.
+
+    Rows that have no diagonal, the last, are those of ``W``.
+    """
+    rows = np.uint64(diagonal.size)
+    for i in range(np.uint64(first.size)):
         start, left = starts[i], first[i]
-        for j in range(left, i):
+        for j in range(left, i if i < rows else rows):
             begin = max(left, first[j])
             x = values[start + j - left]
             mine, other = start - left, starts[j] - first[j]
             for k in range(begin, j):
                 x -= values[mine + k] * values[other + k]
             values[start + j - left] = x / diagonal[j]
+        if i >= rows:
+            continue
         square = diagonal[i]
         for k in range(i - left):
             square -= values[start + k] ** 2
@@ -83,44 +115,52 @@ def _factorise(first: NDArray[np.uint64], starts: NDArray[np.uint64], values: Ar
     return True
 
 
-@njit(void(FACTORS, F1, F1), **FAST)
-def solve(factors: Factors, momenta: Array, velocity: Array) -> None:
-    """Fill the free part of ``velocity`` with that of momenta divided by the mass; both are state vectors.
+@njit(void(FACTORS, F1, F2), **FAST)
+def reduce(factors: Factors, momenta: Array, reduced: Array) -> None:
+    """Fill ``reduced``, ``(3, R)``, with momenta, a state vector, from which the rows before are eliminated.
 
     Three components at a time, which read the factor once.
     """
-    largest = np.int64(np.max(factors.systems[:, 0]))
-    x, y, z = np.empty(largest), np.empty(largest), np.empty(largest)
     order, values = factors.order, factors.values
+    x, y, z = reduced[0], reduced[1], reduced[2]
     for s in range(factors.systems.shape[0]):
-        rows, top = factors.systems[s, 0], factors.systems[s, 1]
-        for i in range(rows):
-            x[i] = momenta[order[_0, top + i]]
-            y[i] = momenta[order[_1, top + i]]
-            z[i] = momenta[order[_2, top + i]]
-        for i in range(rows):
+        rows, top, edge = factors.systems[s, 0], factors.systems[s, 1], factors.systems[s, 2]
+        for i in range(top, top + rows + edge):
+            x[i] = momenta[order[_0, i]]
+            y[i] = momenta[order[_1, i]]
+            z[i] = momenta[order[_2, i]]
+        for i in range(rows + edge):
             left, start, inverse = factors.first[top + i], factors.starts[top + i], factors.inverse[top + i]
             a = b = c = 0.0
-            for k in range(i - left):
+            for k in range(min(i, rows) - left):
                 value = values[start + k]
-                a += value * x[left + k]
-                b += value * y[left + k]
-                c += value * z[left + k]
-            x[i] = (x[i] - a) * inverse
-            y[i] = (y[i] - b) * inverse
-            z[i] = (z[i] - c) * inverse
-        for step in range(rows):
-            i = rows - _1 - step
+                a += value * x[top + left + k]
+                b += value * y[top + left + k]
+                c += value * z[top + left + k]
+            x[top + i] = (x[top + i] - a) * inverse
+            y[top + i] = (y[top + i] - b) * inverse
+            z[top + i] = (z[top + i] - c) * inverse
+
+
+@njit(void(FACTORS, F2, F1), **FAST)
+def substitute(factors: Factors, reduced: Array, velocity: Array) -> None:
+    """Fill the free part of ``velocity``, a state vector, from what `reduce` left, on edges solved for; change that."""
+    order, values = factors.order, factors.values
+    x, y, z = reduced[0], reduced[1], reduced[2]
+    for s in range(factors.systems.shape[0]):
+        rows, top, edge = factors.systems[s, 0], factors.systems[s, 1], factors.systems[s, 2]
+        for step in range(rows + edge):
+            i = rows + edge - _1 - step
             left, start, inverse = factors.first[top + i], factors.starts[top + i], factors.inverse[top + i]
-            a, b, c = x[i] * inverse, y[i] * inverse, z[i] * inverse
-            x[i], y[i], z[i] = a, b, c
-            for k in range(i - left):
+            a, b, c = x[top + i] * inverse, y[top + i] * inverse, z[top + i] * inverse
+            x[top + i], y[top + i], z[top + i] = a, b, c
+            for k in range(min(i, rows) - left):
                 value = values[start + k]
-                x[left + k] -= value * a
-                y[left + k] -= value * b
-                z[left + k] -= value * c
+                x[top + left + k] -= value * a
+                y[top + left + k] -= value * b
+                z[top + left + k] -= value * c
         # Where there are fewer components the others repeat one of them.
-        for i in range(rows):
-            velocity[order[_0, top + i]] = x[i]
-            velocity[order[_1, top + i]] = y[i]
-            velocity[order[_2, top + i]] = z[i]
+        for i in range(top, top + rows + edge):
+            velocity[order[_0, i]] = x[i]
+            velocity[order[_1, i]] = y[i]
+            velocity[order[_2, i]] = z[i]

@@ -3,16 +3,18 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import types
+from numba import b1, types
 from numpy.typing import NDArray
 
 from isorod.arrays import Array, Index
-from isorod.compiled import F1, F2
+from isorod.compiled import F1, F2, U1
+from isorod.contact import ranks as dealt
 from isorod.contact import tables
 from isorod.contact.packed import PACKED, Packed
 from isorod.contact.passing import limits
 from isorod.dynamics.explicit import end_faces
 from isorod.dynamics.explicit.end_faces import FACES, Faces
+from isorod.dynamics.explicit.ranks import Ranks
 from isorod.model.contact import refuse
 from isorod.model.model import Model
 
@@ -32,6 +34,11 @@ class StepContact(NamedTuple):
         Work space, ``(nodes, 3)``.
     limits
         How deep points of each pass may be before they come out at the far side (`isorod.contact.passing`).
+    mine
+        Which nodes are this rank's, ``(nodes,)``.
+    call, own, all
+        What ranks tell each other: how (`isorod.dynamics.explicit.exchange_kernel.Exchange`), three components of the
+        carriers' displacements or forces and `NUMBERS` behind, of this rank and the sums.
     """
 
     packed: Packed
@@ -41,21 +48,36 @@ class StepContact(NamedTuple):
     positions: Array
     forces: Array
     limits: Array
+    mine: NDArray[np.bool_]
+    call: NDArray[np.uint64]
+    own: Array
+    all: Array
 
 
-STEP_CONTACT = types.NamedTuple((PACKED, FACES, F1, types.Array(types.u8, 1, "C"), F2, F2, F1), StepContact)
+# Numbers behind the forces: those of `isorod.dynamics.explicit.exchange_kernel`, then energy, force and area, and
+# whether a point is too deep.
+CONTACT_ENERGY, FORCE, AREA, TOO_DEEP, NUMBERS = 2, 3, 4, 5, 6
+
+STEP_CONTACT = types.NamedTuple((PACKED, FACES, F1, U1, F2, F2, F1, types.Array(b1, 1, "C"), U1, F1, F1), StepContact)
 
 
-def pack(model: Model, order: Index) -> StepContact:
-    """Return the contacts of a model whose degrees of freedom are in this order in state vectors."""
+def pack(model: Model, order: Index, ranks: Ranks | None = None) -> StepContact:
+    """Return the contacts of a model whose degrees of freedom are in this order in state vectors, shared by ranks."""
+    ranks = Ranks(model, order) if ranks is None else ranks
     refuse(model.contacts, penetration=True, travel=True)
     reference = np.concatenate([body.space.positions for body in model.bodies])
+    packed = dealt.Ranks(ranks.communicator).split(tables.pack(model))
+    size = 3 * packed.carriers.size + NUMBERS
     return StepContact(
-        packed=tables.pack(model),
-        faces=end_faces.pack(model),
+        packed=packed,
+        faces=end_faces.pack(model, ranks.owned[::3]),
         reference=reference.ravel(),
         order=order.astype(np.uint64),
         positions=np.empty_like(reference),
         forces=np.empty_like(reference),
         limits=np.repeat(limits(model), [len(contact.sides) for contact in model.contacts]),
+        mine=ranks.owned[::3].copy(),
+        call=ranks.call(),
+        own=np.zeros(size),
+        all=np.zeros(size),
     )

@@ -1,13 +1,30 @@
 """The compiled steps of `isorod.dynamics.explicit.step_kernel` with contact; loaded by models that have contacts."""
 
-from numba import b1, f8, i8, types
+from numba import b1, f8, i8, types, void
 
 from isorod.arrays import Array
 from isorod.compiled import F1, STRICT, njit
 from isorod.contact.force_kernel import PRESSING, add_forces
 from isorod.dynamics.explicit.cholesky import FACTORS, Factors
-from isorod.dynamics.explicit.contact import STEP_CONTACT, StepContact
+from isorod.dynamics.explicit.contact import (
+    AREA,
+    CONTACT_ENERGY,
+    FORCE,
+    NUMBERS,
+    STEP_CONTACT,
+    TOO_DEEP,
+    StepContact,
+)
 from isorod.dynamics.explicit.end_faces import add_forces as add_face_forces
+from isorod.dynamics.explicit.exchange_kernel import (
+    ENERGY,
+    EXCHANGE,
+    INVERTED_POINTS,
+    Exchange,
+    all_sums,
+    eliminate,
+)
+from isorod.dynamics.explicit.exchange_kernel import NUMBERS as MASS_NUMBERS
 from isorod.dynamics.explicit.mesh import MESH, Mesh
 from isorod.dynamics.explicit.step_kernel import (
     BLOWN,
@@ -21,8 +38,10 @@ from isorod.dynamics.explicit.step_kernel import (
     STATE,
     Course,
     State,
+    end,
     evaluate,
     move,
+    push,
 )
 
 # What `subtract` returns, a plain tuple, see `isorod.compiling.njit`.
@@ -42,40 +61,6 @@ def press(contact: StepContact, displacement: Array) -> tuple[float, float, floa
     return energy + more_energy, force + more_force, area + more_area, min(deepest, as_deep)
 
 
-@njit(types.UniTuple(f8, 3)(STEP_CONTACT, F1), **STRICT)
-def take(contact: StepContact, forces: Array) -> tuple[float, float, float]:
-    """Subtract a contact's ``forces`` from internal forces, a state vector; return their sum."""
-    order, pushed, carries = contact.order, contact.forces, contact.faces.carries
-    x = y = z = 0.0
-    for d in range(order.size):
-        forces[order[d]] -= pushed[d // 3, d % 3]
-    for node in range(pushed.shape[0]):
-        x += carries[node] * pushed[node, 0]
-        y += carries[node] * pushed[node, 1]
-        z += carries[node] * pushed[node, 2]
-    return x, y, z
-
-
-@njit(STEP_PRESSING(STEP_CONTACT, F1, F1), **STRICT)
-def subtract(contact: StepContact, displacement: Array, forces: Array) -> StepPressing:
-    """Subtract the contact forces from internal forces, both state vectors.
-
-    Returns
-    -------
-    energy, force, area, deepest
-        As of `isorod.contact.force_kernel.add_forces`; with friction, its springs' energy is in the first.
-    x, y, z
-        Sum of all forces that rigid obstacles exert.
-    dissipated
-        What friction has dissipated since the last step.
-    """
-    energy, force, area, deepest = press(contact, displacement)
-    x = y = z = 0.0
-    if area > 0.0:
-        x, y, z = take(contact, forces)
-    return energy, force, area, deepest, x, y, z, 0.0
-
-
 @njit(b1(STEP_CONTACT, f8), **STRICT)
 def too_deep(contact: StepContact, deepest: float) -> bool:
     """Return whether a point of the last forces, of which the deepest gap is given, is deeper than it may be."""
@@ -91,41 +76,157 @@ def too_deep(contact: StepContact, deepest: float) -> bool:
     return False
 
 
-@njit(i8(STATE, FACTORS, COURSE, STEP_CONTACT, STEP_PRESSING), **STRICT)
-def finish(state: State, factors: Factors, course: Course, contact: StepContact, pressing: StepPressing) -> int:
+@njit(void(STEP_CONTACT, F1), **STRICT)
+def meet(contact: StepContact, displacement: Array) -> None:
+    """Fill in a displacement, a state vector, what other ranks know of surfaces."""
+    order, carriers, own = contact.order, contact.packed.carriers, contact.own
+    if contact.call[0] == 0:
+        return
+    own[:] = 0.0
+    for c in range(carriers.size):
+        if contact.mine[carriers[c]]:
+            for a in range(3):
+                own[3 * c + a] = displacement[order[3 * carriers[c] + a]]
+    all_sums(contact.call, own, contact.all)
+    for c in range(carriers.size):
+        for a in range(3):
+            displacement[order[3 * carriers[c] + a]] = contact.all[3 * c + a]
+
+
+@njit(void(STEP_CONTACT, f8, f8, f8, f8), **STRICT)
+def add_up(contact: StepContact, energy: float, force: float, area: float, deepest: float) -> None:
+    """Add up the ``forces`` of all ranks' points, and the numbers behind them."""
+    carriers, pushed, own, added = contact.packed.carriers, contact.forces, contact.own, contact.all
+    first = own.size - NUMBERS
+    own[first + CONTACT_ENERGY], own[first + FORCE], own[first + AREA] = energy, force, area
+    own[first + TOO_DEEP] = 1.0 if too_deep(contact, deepest) else 0.0
+    if contact.call[0] == 0:
+        added[first:] = own[first:]
+        return
+    for c in range(carriers.size):
+        for a in range(3):
+            own[3 * c + a] = pushed[carriers[c], a]
+    all_sums(contact.call, own, added)
+    for c in range(carriers.size):
+        for a in range(3):
+            pushed[carriers[c], a] = added[3 * c + a]
+
+
+@njit(types.UniTuple(f8, 3)(STEP_CONTACT, F1), **STRICT)
+def take(contact: StepContact, forces: Array) -> tuple[float, float, float]:
+    """Subtract a contact's ``forces`` on this rank's nodes from internal forces, a state vector; return their sum."""
+    order, pushed, carries, mine = contact.order, contact.forces, contact.faces.carries, contact.mine
+    x = y = z = 0.0
+    for d in range(order.size):
+        if mine[d // 3]:
+            forces[order[d]] -= pushed[d // 3, d % 3]
+    for node in range(pushed.shape[0]):
+        if not mine[node]:
+            continue
+        x += carries[node] * pushed[node, 0]
+        y += carries[node] * pushed[node, 1]
+        z += carries[node] * pushed[node, 2]
+    return x, y, z
+
+
+@njit(types.UniTuple(f8, 3)(STEP_CONTACT), **STRICT)
+def added(contact: StepContact) -> tuple[float, float, float]:
+    """Return energy, force and area as they were added up."""
+    numbers = contact.all[contact.all.size - NUMBERS :]
+    return numbers[CONTACT_ENERGY], numbers[FORCE], numbers[AREA]
+
+
+@njit(STEP_PRESSING(STEP_CONTACT, F1, F1), **STRICT)
+def subtract(contact: StepContact, displacement: Array, forces: Array) -> StepPressing:
+    """Subtract the contact forces from internal forces, both state vectors.
+
+    Returns
+    -------
+    energy, force, area, deepest
+        As of `isorod.contact.force_kernel.add_forces`; with friction, its springs' energy is in the first.  The deepest
+        is that of this rank's points.
+    x, y, z
+        Sum of all forces that rigid obstacles exert on this rank's nodes.
+    dissipated
+        What friction has dissipated at this rank's points since the last step.
+    """
+    energy, force, area, deepest = press(contact, displacement)
+    add_up(contact, energy, force, area, deepest)
+    energy, force, area = added(contact)
+    x = y = z = 0.0
+    if area > 0.0:
+        x, y, z = take(contact, forces)
+    return energy, force, area, deepest, x, y, z, 0.0
+
+
+@njit(void(MESH, STATE, COURSE, STEP_CONTACT, EXCHANGE, i8), **STRICT)
+def prepare(mesh: Mesh, state: State, course: Course, contact: StepContact, exchange: Exchange, k: int) -> None:
+    """Evaluate the internal forces of step ``k``, and place what other ranks move; say what is to be added up."""
+    inverted = evaluate(mesh, state, course, k)
+    meet(contact, state.displacement)
+    first = contact.own.size - NUMBERS
+    contact.own[first + INVERTED_POINTS] = inverted
+    contact.own[first + ENERGY] = exchange.own[exchange.own.size - MASS_NUMBERS + ENERGY]
+
+
+@njit(i8(MESH, STATE, FACTORS, COURSE, EXCHANGE, STEP_CONTACT, STEP_PRESSING), **STRICT)
+def finish(
+    mesh: Mesh,
+    state: State,
+    factors: Factors,
+    course: Course,
+    exchange: Exchange,
+    contact: StepContact,
+    pressing: StepPressing,
+) -> int:
     """Move on by one step under forces of which those of contact are told; return the outcome."""
-    energy, _, _, deepest, x, y, z, dissipated = pressing
+    energy, _, _, _, x, y, z, dissipated = pressing
+    numbers = contact.all[contact.all.size - NUMBERS :]
+    if not 0.5 * numbers[ENERGY] <= course.limit:
+        return BLOWN
+    if numbers[INVERTED_POINTS] > 0.0:
+        return INVERTED
     if not energy >= 0.0:
         return LOST
-    if too_deep(contact, deepest):
+    if numbers[TOO_DEEP] > 0.0:
         return DEEP
     state.sums[PUSHED] += course.step * x
     state.sums[PUSHED + 1] += course.step * y
     state.sums[PUSHED + 2] += course.step * z
     state.sums[DISSIPATED] += dissipated
-    return DONE if move(state, factors, course) else BLOWN
+    push(mesh, state, course, exchange, 0.0)
+    eliminate(factors, exchange, state.momenta)
+    if exchange.left.size:
+        all_sums(exchange.call, exchange.own, exchange.all)
+    move(mesh, state, factors, course, exchange)
+    return DONE
 
 
-@njit(types.UniTuple(i8, 2)(MESH, STATE, FACTORS, COURSE, i8, i8, STEP_CONTACT), **STRICT)
+@njit(types.UniTuple(i8, 2)(MESH, STATE, FACTORS, COURSE, EXCHANGE, i8, i8, STEP_CONTACT), **STRICT)
 def advance(
-    mesh: Mesh, state: State, factors: Factors, course: Course, first: int, last: int, contact: StepContact
+    mesh: Mesh,
+    state: State,
+    factors: Factors,
+    course: Course,
+    exchange: Exchange,
+    first: int,
+    last: int,
+    contact: StepContact,
 ) -> tuple[int, int]:
     """Take steps ``first`` to ``last - 1`` with contact; return how many of all were taken, and the outcome.
 
     Parameters
     ----------
-    mesh, state, factors
-        Elements, state vectors (changed) and the factors of the mass.
-    course, first, last
-        When step 0 begins, how long steps are and what they are told; which are wanted.
+    mesh, state, factors, course, exchange, first, last
+        As for `isorod.dynamics.explicit.step_kernel.advance`.
     contact
         From `isorod.dynamics.explicit.contact.pack`.
     """
+    exchange.own[:] = 0.0
     for k in range(first, last):
-        if evaluate(mesh, state, course, k) > 0.0:
-            return k, INVERTED
+        prepare(mesh, state, course, contact, exchange, k)
         pressing = subtract(contact, state.displacement, state.forces)
-        outcome = finish(state, factors, course, contact, pressing)
+        outcome = finish(mesh, state, factors, course, exchange, contact, pressing)
         if outcome != DONE:
-            return (k + 1 if outcome == BLOWN else k), outcome
-    return last, DONE
+            return k, outcome
+    return last, end(course, exchange)

@@ -52,8 +52,14 @@ class Faces(NamedTuple):
 FACES = types.NamedTuple([types.Array(from_dtype(FACE), 1, "C"), F2, F1, F1], Faces)
 
 
-def pack(model: Model) -> Faces:
-    """Return the faces of all contacts; raises `InputError` if a rod that is closed is to have one."""
+def pack(model: Model, mine: Table | None = None) -> Faces:
+    """Return the faces of all contacts, or those of which nodes ``mine`` says so.
+
+    Raises
+    ------
+    InputError
+        If a rod that is closed is to have one.
+    """
     faces: list[Any] = []
     values: list[Array] = []
     areas: list[Array] = []
@@ -68,6 +74,8 @@ def pack(model: Model) -> Faces:
             xi, weights = section_points(space.points_around, space.rule, space.turn)
             jacobian = space.rod.grid(xi, np.array([u]))[1][0]
             first = int(model.first_node[body]) + layer * space.layer_nodes
+            if mine is not None and not mine[first]:
+                continue
             nodes = (first, space.layer_nodes, sum(part.size for part in areas), weights.size)
             normal = np.array(contact.second.normal, dtype=float)
             faces.append((*nodes, contact.second.point, normal / np.linalg.norm(normal), penalty(model, contact)))

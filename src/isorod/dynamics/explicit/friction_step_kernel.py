@@ -7,9 +7,19 @@ from isorod.compiled import F1, STRICT, njit
 from isorod.contact.friction_kernel import FRICTION, Friction, add_friction
 from isorod.dynamics.explicit.cholesky import FACTORS, Factors
 from isorod.dynamics.explicit.contact import STEP_CONTACT, StepContact
-from isorod.dynamics.explicit.contact_step_kernel import STEP_PRESSING, StepPressing, finish, press, take
+from isorod.dynamics.explicit.contact_step_kernel import (
+    STEP_PRESSING,
+    StepPressing,
+    add_up,
+    added,
+    finish,
+    prepare,
+    press,
+    take,
+)
+from isorod.dynamics.explicit.exchange_kernel import EXCHANGE, Exchange
 from isorod.dynamics.explicit.mesh import MESH, Mesh
-from isorod.dynamics.explicit.step_kernel import BLOWN, COURSE, DONE, INVERTED, STATE, Course, State, evaluate
+from isorod.dynamics.explicit.step_kernel import COURSE, DONE, STATE, Course, State, end
 
 
 @njit(STEP_PRESSING(STEP_CONTACT, FRICTION, F1, b1, F1), **STRICT)
@@ -35,18 +45,21 @@ def subtract(contact: StepContact, friction: Friction, displacement: Array, keep
     if energy >= 0.0:
         springs, dissipated = add_friction(contact.packed, friction, contact.positions, keep, contact.forces)
         energy += springs
+    add_up(contact, energy, force, area, deepest)
+    energy, force, area = added(contact)
     x = y = z = 0.0
     if area > 0.0:
         x, y, z = take(contact, forces)
     return energy, force, area, deepest, x, y, z, dissipated
 
 
-@njit(types.UniTuple(i8, 2)(MESH, STATE, FACTORS, COURSE, i8, i8, STEP_CONTACT, FRICTION), **STRICT)
+@njit(types.UniTuple(i8, 2)(MESH, STATE, FACTORS, COURSE, EXCHANGE, i8, i8, STEP_CONTACT, FRICTION), **STRICT)
 def advance(
     mesh: Mesh,
     state: State,
     factors: Factors,
     course: Course,
+    exchange: Exchange,
     first: int,
     last: int,
     contact: StepContact,
@@ -56,16 +69,16 @@ def advance(
 
     Parameters
     ----------
-    mesh, state, factors, course, first, last, contact
+    mesh, state, factors, course, exchange, first, last, contact
         As for `isorod.dynamics.explicit.contact_step_kernel.advance`.
     friction
         As for `subtract`.
     """
+    exchange.own[:] = 0.0
     for k in range(first, last):
-        if evaluate(mesh, state, course, k) > 0.0:
-            return k, INVERTED
+        prepare(mesh, state, course, contact, exchange, k)
         pressing = subtract(contact, friction, state.displacement, True, state.forces)
-        outcome = finish(state, factors, course, contact, pressing)
+        outcome = finish(mesh, state, factors, course, exchange, contact, pressing)
         if outcome != DONE:
-            return (k + 1 if outcome == BLOWN else k), outcome
-    return last, DONE
+            return k, outcome
+    return last, end(course, exchange)

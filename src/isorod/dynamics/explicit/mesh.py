@@ -1,5 +1,6 @@
 """The mesh as explicit steps see it: elements' points and constants, packed."""
 
+from hashlib import sha256
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -8,8 +9,8 @@ from numpy.typing import NDArray
 
 from isorod.arrays import Array, Index
 from isorod.compiled import F1, U2
+from isorod.dynamics.explicit.ranks import Ranks
 from isorod.errors import InputError
-from isorod.material.law import Material
 from isorod.material.points import POINTS
 from isorod.model.body import Body
 from isorod.model.model import Model
@@ -32,7 +33,7 @@ ELEMENT = np.dtype(
 
 
 class Mesh(NamedTuple):
-    """The elements of all bodies as plain arrays; made by `isorod.dynamics.explicit.mesh.pack`.
+    """The elements of all bodies, or a rank's, as plain arrays; made by `isorod.dynamics.explicit.mesh.pack`.
 
     Attributes
     ----------
@@ -48,6 +49,8 @@ class Mesh(NamedTuple):
         For each element, point along it and block: ``GEOMETRY`` rows.
     constants
         Those of all elements' laws.
+    spans
+        Where in a state vector what belongs to these elements begins and ends, shape ``(s, 2)``.
     """
 
     elements: NDArray[Any]
@@ -56,9 +59,10 @@ class Mesh(NamedTuple):
     axial: Array
     geometry: Array
     constants: Array
+    spans: NDArray[np.uint64]
 
 
-MESH = types.NamedTuple([types.Array(from_dtype(ELEMENT), 1, "C"), U2, F1, F1, F1, F1], Mesh)
+MESH = types.NamedTuple([types.Array(from_dtype(ELEMENT), 1, "C"), U2, F1, F1, F1, F1, U2], Mesh)
 
 
 def order(model: Model) -> Index:
@@ -71,8 +75,8 @@ def order(model: Model) -> Index:
     return np.concatenate(positions).ravel()
 
 
-def pack(model: Model) -> Mesh:
-    """Return the elements of all bodies as plain arrays.
+def pack(model: Model, ranks: Ranks | None = None) -> Mesh:
+    """Return the elements of all bodies, or those of a rank, as plain arrays.
 
     Raises
     ------
@@ -85,24 +89,27 @@ def pack(model: Model) -> Mesh:
     geometry: list[Array] = []
     constants: list[Array] = []
     longest = max(body.space.axis.degree for body in model.bodies) + 1
-    for index, (body, first) in enumerate(zip(model.bodies, model.first_node[:-1], strict=True)):
-        space = body.space
-        table = space.tabulate(0, space.axis.elements)
+    for index, body in enumerate(model.bodies):
+        _check_laws(body, index)
+    ranks = Ranks(model, order(model)) if ranks is None else ranks
+    for share in ranks.shares:
+        body, space = share.body, share.body.space
+        table = space.tabulate(share.first, share.last)
         blocks = -(-table.section.shape[0] // POINTS)
         points, functions = table.axial.shape[1:]
-        each = np.arange(space.axis.elements)
-        rows = np.zeros(space.axis.elements, ELEMENT)
+        each = np.arange(table.elements)
+        rows = np.zeros(table.elements, ELEMENT)
         rows["functions"], rows["blocks"], rows["points"], rows["along"] = space.layer_nodes, blocks, points, functions
         rows["sections"] = _size(sections)
         rows["axial"] = _size(axial) + each * (2 * points * functions)
         rows["geometry"] = _size(geometry) + each * (points * blocks * GEOMETRY * POINTS)
-        for e, law in enumerate(_compiled_laws(body, index)):
+        for e, law in enumerate(body.laws[share.first : share.last]):
             rows["constants"][e], rows["count"][e] = _size(constants), law.constants.size
             rows["point"][e], rows["block"][e] = law.compiled.point, law.compiled.block
             constants.append(law.constants)
         elements.append(rows)
-        layer = np.zeros((space.axis.elements, longest), dtype=np.uint64)
-        layer[:, :functions] = 3 * (first + space.layer_nodes * space.element_layers)
+        layer = np.zeros((table.elements, longest), dtype=np.uint64)
+        layer[:, :functions] = 3 * (share.first_node + space.layer_nodes * share.layers)
         layers.append(layer)
         sections.append(_blocks(table.section.transpose(2, 1, 0)).transpose(2, 0, 1, 3).ravel())
         axial.append(np.stack([table.axial, table.slopes], axis=2).ravel())
@@ -110,17 +117,37 @@ def pack(model: Model) -> Mesh:
         values = np.concatenate([inverses, table.weights[..., None], body.fibres(table)], axis=-1)
         geometry.append(_blocks(np.moveaxis(values, -1, 2)).swapaxes(2, 3).ravel())
     return Mesh(
-        elements=np.concatenate(elements),
-        layers=np.concatenate(layers),
-        sections=np.concatenate(sections),
-        axial=np.concatenate(axial),
-        geometry=np.concatenate(geometry),
-        constants=np.concatenate(constants),
+        # A rank may have no elements.
+        elements=np.concatenate([np.zeros(0, ELEMENT), *elements]),
+        layers=np.concatenate([np.zeros((0, longest), dtype=np.uint64), *layers]),
+        sections=np.concatenate([np.empty(0), *sections]),
+        axial=np.concatenate([np.empty(0), *axial]),
+        geometry=np.concatenate([np.empty(0), *geometry]),
+        constants=np.concatenate([np.empty(0), *constants]),
+        spans=ranks.spans,
     )
 
 
-def _compiled_laws(body: Body, index: int) -> tuple[Material, ...]:
-    """Return the laws of a body's elements; raise `InputError` if one cannot move in time."""
+def digests(mesh: Mesh) -> list[bytes]:
+    """Return what tells each element from others."""
+    found = []
+    for row, layers in zip(mesh.elements, mesh.layers, strict=True):
+        along, points, blocks = (int(row[name]) for name in ("along", "points", "blocks"))
+        sizes = {
+            "sections": (mesh.sections, 3 * blocks * int(row["functions"]) * POINTS),
+            "axial": (mesh.axial, 2 * points * along),
+            "geometry": (mesh.geometry, points * blocks * GEOMETRY * POINTS),
+            "constants": (mesh.constants, int(row["count"])),
+        }
+        digest = sha256(layers.tobytes())
+        for name, (values, size) in sizes.items():
+            digest.update(values[int(row[name]) :][:size].tobytes())
+        found.append(digest.digest())
+    return found
+
+
+def _check_laws(body: Body, index: int) -> None:
+    """Raise `InputError` if a body cannot move in time, or the law of one of its elements."""
     if body.formulation != "displacement":
         raise InputError(f"body {index}: formulation {body.formulation!r} is for statics alone")
     if len(body.space.rod.rings) > 2:
@@ -131,7 +158,6 @@ def _compiled_laws(body: Body, index: int) -> tuple[Material, ...]:
                 f"body {index}: material of element {e}: got {type(law).__name__}, "
                 "dynamics needs a law for large rotations, as NeoHookean"
             )
-    return body.laws
 
 
 def _size(parts: list[Array]) -> int:

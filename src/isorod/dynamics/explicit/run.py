@@ -118,14 +118,16 @@ class Run(run.Run):
     def _take(self, course: Course) -> tuple[int, int, float]:
         """Take the steps of an interval; return how many were taken, the outcome, and the wall time."""
         taken, outcome, seconds = 0, DONE, 0.0
-        while outcome == DONE and taken < self.count:
-            first, last = taken, min(taken + self._block, self.count)
-            start = perf_counter()
-            taken, outcome = self.system.advance(course, first, last)
-            spent = perf_counter() - start
-            seconds += spent
-            self._block = max(1, int(_BLOCK * (last - first) / max(spent, 1e-9)))
-            self.tell(self.time + taken * self.step)
+        with self.system.parted():
+            while outcome == DONE and taken < self.count:
+                first, last = taken, min(taken + self._block, self.count)
+                start = perf_counter()
+                taken, outcome = self.system.advance(course, first, last)
+                spent = perf_counter() - start
+                seconds += spent
+                block = max(1, int(_BLOCK * (last - first) / max(spent, 1e-9)))
+                self._block = self.system.ranks.first(block)
+                self.tell(self.time + taken * self.step)
         return taken, outcome, seconds
 
     def _stagger(self, velocity: Array, dissipated: float, work: float) -> None:

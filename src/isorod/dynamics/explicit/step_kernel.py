@@ -2,18 +2,31 @@
 
 ``(p+ - p-) / dt = -f(u) - c (p+ + p-) / 2``, ``u+ = u + dt v+`` with momenta ``p = M v``: explicit, of second order,
 and stable up to ``omega dt = 2`` with or without damping.
+
+Of several ranks each takes the steps of its elements (`isorod.dynamics.explicit.ranks`), and what stops a run is added
+up with what is left of momenta: a kinetic energy too large one step later, before forces that it spoils are looked at.
 """
 
 from typing import NamedTuple
 
 import numpy as np
-from numba import b1, f8, i8, types, u8
+from numba import f8, i8, types, u8, void
 from numpy.typing import NDArray
 
 from isorod.arrays import Array
 from isorod.compiled import F1, STRICT, njit
-from isorod.dynamics.explicit.cholesky import FACTORS, Factors, solve
+from isorod.dynamics.explicit.cholesky import FACTORS, Factors
 from isorod.dynamics.explicit.element_kernel import internal_forces
+from isorod.dynamics.explicit.exchange_kernel import (
+    ENERGY,
+    EXCHANGE,
+    INVERTED_POINTS,
+    NUMBERS,
+    Exchange,
+    all_sums,
+    divide,
+    eliminate,
+)
 from isorod.dynamics.explicit.mesh import MESH, Mesh
 
 # Outcomes of a run of steps: done; det F <= 0; more kinetic energy than there can be; no closest point found in
@@ -98,32 +111,63 @@ def evaluate(mesh: Mesh, state: State, course: Course, k: int) -> float:
     return inverted
 
 
-@njit(b1(STATE, FACTORS, COURSE), **STRICT)
-def move(state: State, factors: Factors, course: Course) -> bool:
-    """Take one step with the forces evaluated; return whether the kinetic energy stays below the limit."""
-    u, v, p, dt = state.displacement, state.velocity, state.momenta, course.step
+@njit(void(MESH, STATE, COURSE, EXCHANGE, f8), **STRICT)
+def push(mesh: Mesh, state: State, course: Course, exchange: Exchange, inverted: float) -> None:
+    """Let the forces evaluated act on the momenta for one step, and say how many points were inverted."""
+    v, p, dt, spans = state.velocity, state.momenta, course.step, mesh.spans
     for h in range(state.held.size):
         place = state.held[h]
         state.impulse[h] += dt * state.forces[place]
         state.forces[place] = 0.0
     half = 0.5 * course.damping * dt
-    keep, push = (1.0 - half) / (1.0 + half), dt / (1.0 + half)
-    # Twice the kinetic energies before and after, and the product of both velocities.
-    before = mixed = after = 0.0
-    for d in range(u.size):
-        before += v[d] * p[d]
-        p[d] = keep * p[d] - push * state.forces[d]
-        mixed += v[d] * p[d]
-    solve(factors, p, v)
-    for d in range(u.size):
-        after += v[d] * p[d]
-        u[d] += dt * v[d]
-    state.sums[DISSIPATED] += dt * course.damping * 0.25 * (before + 2.0 * mixed + after)
-    return 0.5 * after <= course.limit
+    keep, share = (1.0 - half) / (1.0 + half), dt / (1.0 + half)
+    # Twice the kinetic energy before, and the product of both velocities.
+    before = mixed = 0.0
+    for s in range(spans.shape[0]):
+        for d in range(spans[s, 0], spans[s, 1]):
+            before += v[d] * p[d]
+            p[d] = keep * p[d] - share * state.forces[d]
+            mixed += v[d] * p[d]
+    state.sums[DISSIPATED] += dt * course.damping * 0.25 * (before + 2.0 * mixed)
+    exchange.own[exchange.own.size - NUMBERS + INVERTED_POINTS] = inverted
 
 
-@njit(types.UniTuple(i8, 2)(MESH, STATE, FACTORS, COURSE, i8, i8), **STRICT)
-def advance(mesh: Mesh, state: State, factors: Factors, course: Course, first: int, last: int) -> tuple[int, int]:
+@njit(void(MESH, STATE, FACTORS, COURSE, EXCHANGE), **STRICT)
+def move(mesh: Mesh, state: State, factors: Factors, course: Course, exchange: Exchange) -> None:
+    """Move on by one step with the momenta that were added up, and say what the kinetic energy is then."""
+    u, v, p, dt, spans = state.displacement, state.velocity, state.momenta, course.step, mesh.spans
+    divide(factors, exchange, v)
+    # Twice the kinetic energy.
+    after = 0.0
+    for s in range(spans.shape[0]):
+        for d in range(spans[s, 0], spans[s, 1]):
+            after += v[d] * p[d]
+            u[d] += dt * v[d]
+    state.sums[DISSIPATED] += dt * course.damping * 0.25 * after
+    exchange.own[exchange.own.size - NUMBERS + ENERGY] = after
+
+
+@njit(i8(COURSE, EXCHANGE), **STRICT)
+def outcome_of(course: Course, exchange: Exchange) -> int:
+    """Return what the numbers that were added up last say: of the step before this one, then of the forces."""
+    numbers = exchange.all[exchange.all.size - NUMBERS :]
+    if not 0.5 * numbers[ENERGY] <= course.limit:
+        return BLOWN
+    return INVERTED if numbers[INVERTED_POINTS] > 0.0 else DONE
+
+
+@njit(i8(COURSE, EXCHANGE), **STRICT)
+def end(course: Course, exchange: Exchange) -> int:
+    """Return the outcome of the last step."""
+    exchange.own[exchange.own.size - NUMBERS + INVERTED_POINTS] = 0.0
+    all_sums(exchange.call, exchange.own, exchange.all)
+    return outcome_of(course, exchange)
+
+
+@njit(types.UniTuple(i8, 2)(MESH, STATE, FACTORS, COURSE, EXCHANGE, i8, i8), **STRICT)
+def advance(
+    mesh: Mesh, state: State, factors: Factors, course: Course, exchange: Exchange, first: int, last: int
+) -> tuple[int, int]:
     """Take steps ``first`` to ``last - 1`` without contact; return how many of all were taken, and the outcome.
 
     Parameters
@@ -132,10 +176,16 @@ def advance(mesh: Mesh, state: State, factors: Factors, course: Course, first: i
         Elements, state vectors (changed) and the factors of the mass.
     course, first, last
         When step 0 begins, how long steps are and what they are told; which are wanted.
+    exchange
+        What ranks tell each other.
     """
+    exchange.own[:] = 0.0
     for k in range(first, last):
-        if evaluate(mesh, state, course, k) > 0.0:
-            return k, INVERTED
-        if not move(state, factors, course):
-            return k + 1, BLOWN
-    return last, DONE
+        push(mesh, state, course, exchange, evaluate(mesh, state, course, k))
+        eliminate(factors, exchange, state.momenta)
+        all_sums(exchange.call, exchange.own, exchange.all)
+        outcome = outcome_of(course, exchange)
+        if outcome != DONE:
+            return k, outcome
+        move(mesh, state, factors, course, exchange)
+    return last, end(course, exchange)

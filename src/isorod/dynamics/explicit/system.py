@@ -1,24 +1,29 @@
 """A model as the compiled loops of explicit dynamics take it: plain arrays, and state vectors in their own order."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from hashlib import sha256
 from typing import TYPE_CHECKING
 
 import numpy as np
+from petsc4py import PETSc
 from scipy.linalg import eigh_tridiagonal
 
 from isorod.arrays import Array
 from isorod.assembly import element_kernel
 from isorod.dynamics.explicit import step_kernel
-from isorod.dynamics.explicit.cholesky import solve
 from isorod.dynamics.explicit.element_kernel import internal_forces
+from isorod.dynamics.explicit.exchange_kernel import all_sums, divide, eliminate
 from isorod.dynamics.explicit.mass import Mass
-from isorod.dynamics.explicit.mesh import GEOMETRY, POINTS, order, pack
+from isorod.dynamics.explicit.mesh import GEOMETRY, POINTS, digests, order, pack
+from isorod.dynamics.explicit.ranks import Ranks
 from isorod.dynamics.explicit.step_kernel import Course, State
 from isorod.model.model import Model
 from isorod.tensors import determinant
 
 if TYPE_CHECKING:
     from isorod.contact.friction_kernel import Friction
-    from isorod.contact.packed import Table
+    from isorod.contact.packed import Packed, Table
     from isorod.dynamics.explicit.contact import StepContact
 
 # Relative accuracy of the highest eigenvalue, and the most iterations spent on it.
@@ -34,20 +39,27 @@ class System:
     ----------
     model
         Bodies with densities, supports, contacts.
+    comm
+        The ranks that share it; this one alone where there is none.
 
     Attributes
     ----------
-    mass, factors
+    ranks
+        Which part is this rank's.
+    mass, factors, exchange
         The mass, and what steps divide by it; see `scale`.
     """
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: Model, comm: PETSc.Comm | None = None) -> None:
         self.model = model
-        self.mesh = pack(model)
         self.order = order(model)
+        self.ranks = Ranks(model, self.order, comm)
+        self.mesh = pack(model, self.ranks)
         self.free = self.order[model.free >= 0]
-        self.mass = Mass(model, self.order)
-        self.factors = self.mass.factors()
+        # Those that are this rank's, among these.
+        self._mine = np.flatnonzero(self.ranks.owned[model.free >= 0])
+        self.mass = Mass(model, self.order, self.ranks)
+        self.factors, self.exchange = self.mass.factors()
         self.state = State(
             displacement=np.zeros(model.dofs),
             velocity=np.zeros(model.dofs),
@@ -61,12 +73,12 @@ class System:
         self.highest = np.zeros(self.free.size)
         # The smallest size of a quadrature point's surroundings, for finite differences.
         volumes = self.mesh.geometry.reshape(-1, GEOMETRY, POINTS)[:, 9]
-        self._size = float(volumes[volumes > 0.0].min()) ** (1.0 / 3.0)
+        self._size = self.ranks.smallest(float(volumes[volumes > 0.0].min(initial=np.inf))) ** (1.0 / 3.0)
         self.contact: StepContact | None = None
         if model.contacts:
             from isorod.dynamics.explicit import contact
 
-            self.contact = contact.pack(model, self.order)
+            self.contact = contact.pack(model, self.order, self.ranks)
         self.friction: Friction | None = None
         if self.contact is not None and any(one.friction for one in model.contacts):
             from isorod.contact import friction
@@ -76,38 +88,82 @@ class System:
     @property
     def starts(self) -> Array:
         """Start values of the closest-point searches: all that contact without friction remembers."""
-        return np.empty(0) if self.contact is None else self.contact.packed.starts
+        if self.contact is None:
+            return np.empty(0)
+        return self._of_all_points(self.contact.packed, self.contact.packed.starts)
 
     @property
     def anchors(self) -> Array:
         """What friction remembers."""
-        return np.empty(0) if self.friction is None else self.friction.anchors
+        if self.friction is None or self.contact is None:
+            return np.empty(0)
+        return self._of_all_points(self.contact.packed, self.friction.anchors)
+
+    def _of_all_points(self, packed: "Packed", table: "Table") -> "Table":
+        """Fill in a table what other ranks know of their points, and return it."""
+        from isorod.contact import ranks
+
+        ranks.Ranks(self.ranks.communicator).gather(packed, table)
+        return table
 
     @property
     def contact_data(self) -> "tuple[Array | Table, ...]":
         """What does not change of the contacts."""
+        if self.contact is None:
+            return ()
+        from isorod.dynamics.explicit import end_faces
+
         rubbing = () if self.friction is None else (self.friction.coefficients,)
-        return () if self.contact is None else (*self.contact.packed.fixed, *self.contact.faces, *rubbing)
+        return (*self.contact.packed.fixed, *end_faces.pack(self.model), *rubbing)
+
+    def digest(self) -> str:
+        """Return what tells the elements of this model from those of others, whatever the number of ranks."""
+        return sha256(b"".join(one for own in self.ranks.gather(digests(self.mesh)) for one in own)).hexdigest()
+
+    @contextmanager
+    def parted(self) -> Iterator[None]:
+        """Let each rank have its part of momenta and sums, and what steps are taken within; all have all of it again.
+
+        Whatever happens between two such spans of time, the last bits are the same.
+        """
+        if self.ranks.size == 1:
+            yield
+            return
+        state = self.state
+        before = state.impulse.copy(), state.sums.copy()
+        state.momenta[self.ranks.others] = state.impulse[:] = state.sums[:] = 0.0
+        yield
+        for vector in (state.displacement, state.velocity):
+            vector[:] = self.ranks.whole(vector)
+        momenta = np.zeros_like(state.momenta)
+        for first, last in self.mesh.spans:
+            momenta[first:last] = state.momenta[first:last]
+        state.momenta[:] = self.ranks.sums(momenta)
+        state.impulse[:] = before[0] + self.ranks.sums(state.impulse)
+        state.sums[:] = before[1] + self.ranks.sums(state.sums)
 
     def advance(self, course: Course, first: int, last: int) -> tuple[int, int]:
-        """Take steps ``first`` to ``last - 1``; return as `isorod.dynamics.explicit.step_kernel.advance` does."""
+        """Take steps ``first`` to ``last - 1``; return as `isorod.dynamics.explicit.step_kernel.advance` does.
+
+        Of several ranks each has its part (`parted`).
+        """
+        given = self.mesh, self.state, self.factors, course, self.exchange, first, last
         if self.contact is None:
-            return step_kernel.advance(self.mesh, self.state, self.factors, course, first, last)
+            return step_kernel.advance(*given)
         if self.friction is not None:
             from isorod.dynamics.explicit import friction_step_kernel
 
-            given = (self.mesh, self.state, self.factors, course, first, last, self.contact, self.friction)
-            return friction_step_kernel.advance(*given)
+            return friction_step_kernel.advance(*given, self.contact, self.friction)
         from isorod.dynamics.explicit import contact_step_kernel
 
-        return contact_step_kernel.advance(self.mesh, self.state, self.factors, course, first, last, self.contact)
+        return contact_step_kernel.advance(*given, self.contact)
 
     def scale(self, scaling: float) -> None:
         """Add mass; see `isorod.dynamics.explicit.mass`."""
         if scaling == self.mass.scaling:
             return
         self.mass.scaling = scaling
-        self.factors = self.mass.factors()
+        self.factors, self.exchange = self.mass.factors()
 
     def momenta(self, velocity: Array) -> Array:
         """Return mass times velocity, held degrees of freedom included, both state vectors."""
@@ -117,9 +173,12 @@ class System:
 
     def velocity(self, momenta: Array) -> Array:
         """Return the velocity that belongs to momenta, both state vectors; zero where held."""
-        result = np.zeros_like(momenta)
-        solve(self.factors, momenta, result)
-        return result
+        result, own = np.zeros_like(momenta), momenta.copy()
+        own[self.ranks.others] = 0.0
+        eliminate(self.factors, self.exchange, own)
+        all_sums(self.exchange.call, self.exchange.own, self.exchange.all)
+        divide(self.factors, self.exchange, result)
+        return self.ranks.whole(result)
 
     def forces(self, displacement: Array, activation: float) -> tuple[Array, tuple[float, ...]]:
         """Return internal less contact forces, and what `contact_step_kernel.subtract` says; changes no state."""
@@ -127,8 +186,9 @@ class System:
         if internal_forces(self.mesh, displacement, activation, False, forces)[0] > 0.0:
             forces[:] = np.nan
         if self.contact is None:
-            return forces, (0.0,) * 8
-        starts = self.starts.copy()
+            return self.ranks.sums(forces), (0.0,) * 8
+        starts = self.contact.packed.starts.copy()
+        self.contact.own[:] = 0.0
         if self.friction is None:
             from isorod.dynamics.explicit import contact_step_kernel
 
@@ -137,12 +197,15 @@ class System:
             from isorod.dynamics.explicit import friction_step_kernel
 
             said = friction_step_kernel.subtract(self.contact, self.friction, displacement, False, forces)
-        self.starts[:] = starts
-        return forces, said
+        self.contact.packed.starts[:] = starts
+        energy, force, area, deepest, *others = said
+        deepest = self.ranks.smallest(deepest)
+        return self.ranks.sums(forces), (energy, force, area, deepest, *self.ranks.sums(np.array(others)).tolist())
 
     def energies(self, displacement: Array) -> tuple[float, float]:
         """Return the stored energy without activation, and what full activation adds."""
-        _, stored, active = internal_forces(self.mesh, displacement, 0.0, True, np.empty_like(displacement))
+        own = internal_forces(self.mesh, displacement, 0.0, True, np.empty_like(displacement))
+        _, stored, active = self.ranks.sums(np.array(own)).tolist()
         return stored, active
 
     def worst(self, displacement: Array) -> str:
@@ -150,17 +213,18 @@ class System:
         model = self.model
         everywhere = displacement[self.order]
         found: list[tuple[float, str]] = []
-        for b, body in enumerate(model.bodies):
-            table = body.space.tabulate(0, body.space.axis.elements)
+        for share in self.ranks.shares:
+            body, b = share.body, share.which
+            table = body.space.tabulate(share.first, share.last)
             shape = (table.elements, body.space.axis.degree + 1, body.space.layer_nodes, 3)
-            nodal = model.nodal(everywhere, b)[body.space.element_nodes].reshape(shape)
+            nodal = model.nodal(everywhere, b)[body.space.element_nodes[share.first : share.last]].reshape(shape)
             F = element_kernel.deformation_gradients(table, nodal)
             det = determinant(F)
             det = np.where(np.isfinite(det), det, -np.inf)
             e, t, _ = np.unravel_index(int(np.argmin(det)), det.shape)
-            where = f"element {e} of body {b} at u = {table.u[e, t]:.4g}"
+            where = f"element {share.first + e} of body {b} at u = {table.u[e, t]:.4g}"
             found.append((float(det.min()), f"smallest det F = {det.min():.3g} in {where}"))
-        return min(found)[1]
+        return min(one for own in self.ranks.gather(found) for one in own)[1]
 
     def critical_step(self, displacement: Array, activation: float) -> float:
         """Return the largest stable step about a state, ``2 / omega`` of the highest frequency; zero if it cannot be.
@@ -169,11 +233,16 @@ class System:
         forces, until the residual bounds the error of the frequency to half of ``_TOLERANCE``.  It starts near the last
         vector found.
         """
-        free = self.free
+        free, mine, ranks = self.free, self._mine, self.ranks
+        own = free[mine]
         count = min(free.size, _LANCZOS)
-        # Orthonormal vectors, and the mass times each.
-        basis, momenta = np.zeros((count, free.size)), np.zeros((count, free.size))
+        # Orthonormal vectors, and the mass times each: of this rank's degrees of freedom.
+        basis, momenta = np.zeros((count, mine.size)), np.zeros((count, mine.size))
         diagonal, beside = np.zeros(count), np.zeros(count)
+
+        def dot(one: Array, other: Array) -> Array:
+            return ranks.sums(np.atleast_1d(one @ other))
+
         # A fixed start, so that a run is the same each time; something of every vector is in it, should another be the
         # highest now.
         noise = np.random.default_rng(0).standard_normal(free.size)
@@ -181,30 +250,36 @@ class System:
         image[free] = noise
         image[free] *= _MIXED / np.sqrt(noise @ self.velocity(image)[free])
         image[free] += self.highest
-        vector = self.velocity(image)[free]
-        size = np.sqrt(vector @ image[free])
+        vector = self.velocity(image)[own]
+        size = np.sqrt(dot(vector, image[own])[0])
         trial = [displacement.copy(), displacement.copy()]
         highest = missing = 0.0
         for k in range(count):
-            basis[k], momenta[k] = vector / size, image[free] / size
-            step = 1e-5 * self._size / np.abs(basis[k]).max()
+            basis[k], momenta[k] = vector / size, image[own] / size
+            step = 1e-5 * self._size / -ranks.smallest(-np.abs(basis[k]).max(initial=0.0))
+            way = np.zeros_like(displacement)
+            way[own] = step * basis[k]
+            way = ranks.sums(way)[free]
             for sign, u in zip((1.0, -1.0), trial, strict=True):
-                u[free] = displacement[free] + sign * step * basis[k]
+                u[free] = displacement[free] + sign * way
             ahead, behind = (self.forces(u, activation)[0] for u in trial)
             image[free] = (ahead - behind)[free] / (2.0 * step)
             if not np.isfinite(image).all():
                 return 0.0
-            diagonal[k] = basis[k] @ image[free]
+            diagonal[k] = dot(basis[k], image[own])[0]
             # Twice: once leaves what rounding brings back.
             for _ in range(2):
-                image[free] -= (basis[: k + 1] @ image[free]) @ momenta[: k + 1]
-            vector = self.velocity(image)[free]
-            beside[k] = size = np.sqrt(max(vector @ image[free], 0.0))
+                image[own] -= dot(basis[: k + 1], image[own]) @ momenta[: k + 1]
+            image = ranks.whole(image)
+            vector = self.velocity(image)[own]
+            beside[k] = size = np.sqrt(max(dot(vector, image[own])[0], 0.0))
             values, vectors = eigh_tridiagonal(diagonal[: k + 1], beside[:k])
             highest = float(values[-1])
             missing = beside[k] * abs(vectors[-1, -1])
             if missing <= _TOLERANCE * abs(highest):
-                self.highest[:] = vectors[:, -1] @ momenta[: k + 1]
+                found = np.zeros_like(displacement)
+                found[own] = vectors[:, -1] @ momenta[: k + 1]
+                self.highest[:] = ranks.sums(found)[free]
                 break
         else:
             # Rather too short a step than too long a one.

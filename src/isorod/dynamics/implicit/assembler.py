@@ -44,14 +44,14 @@ class StepPart(Part):
         self.inertia = self.largest = 0.0
 
     def begin(self, displacement: Array) -> None:
-        """Set the state a step starts from, all degrees of freedom."""
+        """Set the state a step starts from, of this rank's degrees of freedom."""
         self._start[:] = self._changes(displacement)
         self._start += np.eye(3)
 
     def _changes(self, local: Array) -> Array:
         """Return the displacement gradients, shape ``(E, t, q, 3, 3)``."""
         elements, _, _, functions = self._gradient.shape
-        changes = self._gradient.reshape(elements, -1, functions) @ local[self.dofs].reshape(elements, functions, 3)
+        changes = self._gradient.reshape(elements, -1, functions) @ local[self.slots].reshape(elements, functions, 3)
         return np.ascontiguousarray(np.swapaxes(changes.reshape(self._start.shape), -1, -2))
 
     def forces(self, local: Array, factor: float) -> Array:
@@ -84,8 +84,8 @@ class StepPart(Part):
         return result.reshape(*self.dofs.shape, self.dofs.shape[1])
 
     def masses(self, local: Array) -> Array:
-        """Return the mass matrix times a vector of all degrees of freedom, shape of ``dofs``."""
-        return (self.mass @ local[self.dofs].reshape(self.dofs.shape[0], -1, 3)).reshape(self.dofs.shape)
+        """Return the mass matrix times a vector of this rank's degrees of freedom, shape of ``dofs``."""
+        return (self.mass @ local[self.slots].reshape(self.dofs.shape[0], -1, 3)).reshape(self.dofs.shape)
 
 
 class StepAssembler(Assembler):
@@ -103,11 +103,11 @@ class StepAssembler(Assembler):
     parts: list[StepPart]  # type: ignore[assignment]
     contact: "MidpointContact | None"
 
-    def __init__(self, model: Model) -> None:
-        super().__init__(model, PETSc.COMM_SELF)
+    def __init__(self, model: Model, comm: PETSc.Comm | None = None) -> None:
+        super().__init__(model, comm)
         self.amount = self.rounding = 0.0
         self._rates = 0.0, 0.0
-        self._velocity = np.zeros(model.dofs)
+        self._velocity = np.zeros(self._exchange.size)
 
     @property
     def symmetric(self) -> bool:
@@ -120,15 +120,15 @@ class StepAssembler(Assembler):
         from isorod.dynamics.implicit.contact import MidpointContact
 
         self.built.append("contact")
-        return MidpointContact(self.model)
+        return MidpointContact(self.model, self.comm)
 
     def begin(self, step: float, damping: float, displacement: Array, velocity: Array) -> None:
         """Set the state a step starts from (all degrees of freedom), its length and the damping."""
-        self._velocity = velocity
+        self._velocity = self.local(velocity)
         self._rates = 2.0 / step**2 + damping / step, 2.0 / step
         self.rounding = 0.0
         for part in self.parts:
-            part.begin(displacement)
+            part.begin(self.local(displacement))
             part.inertia = self._rates[0]
         if self.contact is not None:
             self.contact.start = displacement
@@ -140,21 +140,38 @@ class StepAssembler(Assembler):
     def _forces(self, local: Array, factor: float) -> Array:
         internal = self._sums(part.forces(local, factor) for part in self.parts)
         if self.contact is not None:
-            internal -= self.contact.forces(local)[0]
+            internal -= self._once(self.contact.forces(self._everywhere)[0])
         change, past = self._rates
-        inertial = self.momenta(change * local - past * self._velocity)
-        self.amount = sum(float(np.linalg.norm(one)) for one in (inertial, internal, self._external))
+        inertial = self._momenta(change * local - past * self._velocity)
+        self.amount = sum(float(np.linalg.norm(self._whole(one))) for one in (inertial, internal, self._external))
         return inertial + internal - self._external
+
+    def _momenta(self, velocity: Array) -> Array:
+        return self._sums(part.masses(velocity) for part in self.parts)
+
+    def _whole(self, local: Array) -> Array:
+        """Return the sums over all ranks, of all degrees of freedom."""
+        if self.comm.getSize() == 1:
+            return local
+        moved, slots = self._exchange.moved
+        own = np.zeros(self.model.dofs)
+        own[moved] = local[slots]
+        return np.asarray(self.comm.tompi4py().allreduce(own))
+
+    def change(self, x: PETSc.Vec) -> Array:
+        """Return unknowns as a change of all degrees of freedom, on every rank: supports move none."""
+        return self.shapes(self.all_unknowns(x)[None])[0]
 
     def momenta(self, velocity: Array) -> Array:
         """Return the consistent mass matrix times a vector, both of all degrees of freedom."""
-        return self._sums(part.masses(velocity) for part in self.parts)
+        return self._whole(self._momenta(self.local(velocity)))
 
     def tangent(self, x: PETSc.Vec, factor: float, out: PETSc.Mat) -> None:
         """Fill ``out`` with the derivative of the residual."""
         super().tangent(x, factor, out)
         if self.rounding == 0.0:
-            largest = max(part.largest for part in self.parts)
-            light = min(part.inertia * float(np.abs(part.mass).sum(axis=2).max()) for part in self.parts)
+            sizes = [(part.largest, part.inertia * float(np.abs(part.mass).sum(axis=2).max())) for part in self.parts]
+            everywhere = [one for own in self.comm.tompi4py().allgather(sizes) for one in own]
+            largest, light = max(size for size, _ in everywhere), min(size for _, size in everywhere)
             # Inertia acts on changes, which are small, and adds no rounding to speak of.
             self.rounding = ROUNDING * self.model.size * np.sqrt(self.unknowns) * max(largest - light, 0.0)

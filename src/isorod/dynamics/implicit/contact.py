@@ -2,6 +2,8 @@
 
 from typing import TYPE_CHECKING
 
+from petsc4py import PETSc
+
 from isorod.arrays import Array
 from isorod.contact.operator import ContactOperator
 from isorod.model.contact import refuse
@@ -22,9 +24,9 @@ class MidpointContact(ContactOperator):
 
     long_steps = False
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: Model, comm: PETSc.Comm) -> None:
         refuse(model.contacts, penetration=True, travel=True)
-        super().__init__(model)
+        super().__init__(model, comm)
         self.start = self._base.ravel() * 0.0
 
     def share(self, friction: "Friction") -> None:

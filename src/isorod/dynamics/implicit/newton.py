@@ -6,6 +6,7 @@ from petsc4py import PETSc
 from isorod.arrays import Array
 from isorod.assembly.factorisation import factorisation
 from isorod.dynamics.implicit.assembler import StepAssembler
+from isorod.petsc.matrix import forget_factors
 from isorod.petsc.snes import create_snes
 
 # What a user's option overrides.
@@ -38,10 +39,14 @@ class Newton:
             assembler.vector(),
             self.matrix,
             lambda x, out: assembler.residual(x, self._factor, out),
-            lambda snes, x, out: assembler.tangent(x, self._factor, out),
+            self._tangent,
             self._test,
             OPTIONS | factorisation(assembler, symmetric=False),
         )
+
+    def _tangent(self, snes: PETSc.SNES, x: PETSc.Vec, out: PETSc.Mat) -> None:
+        self.assembler.tangent(x, self._factor, out)
+        forget_factors(out, self.snes.getKSP())
 
     def imbalance(self, guess: Array, factor: float) -> float:
         """Return the norm of the out-of-balance force for a guess of the change of displacement."""
@@ -59,9 +64,7 @@ class Newton:
         self.iterations += self.snes.getIterationNumber()
         if self.snes.getConvergedReason() < 0 and not self._accurate():
             return None
-        change = np.zeros(self.assembler.model.dofs)
-        change[self.assembler.model.free >= 0] = self.x.array_r
-        return change
+        return self.assembler.change(self.x)
 
     def _accurate(self) -> bool:
         # A line search finds no lower residual where there is none.

@@ -38,7 +38,7 @@ class Run(run.Run):
             )
         super().__init__(system, settings)
         self._longest = settings.time_step
-        self.assembler = StepAssembler(system.model)
+        self.assembler = StepAssembler(system.model, system.ranks.communicator)
         if system.friction is not None and self.assembler.contact is not None:
             # Outputs and checkpoints know the same history.
             self.assembler.contact.share(system.friction)
@@ -48,10 +48,12 @@ class Run(run.Run):
             from isorod.contact import passing
 
             self._passing = passing.Passing(system.model)
-        self._inertia = PETSc.KSP().create(PETSc.COMM_SELF)
+        self._inertia = PETSc.KSP().create(self.assembler.comm)
         self._inertia.setOperators(self.assembler.mass())
         self._inertia.setType("preonly")
         self._inertia.getPC().setType("lu")
+        if system.ranks.size > 1:
+            self._inertia.getPC().setFactorSolverType("mumps")
 
     def solver(self) -> dict[str, str]:
         """Return the names of the methods at work."""
@@ -137,8 +139,7 @@ class Run(run.Run):
         balance = forces[system.order] + self.settings.damping * momenta - model.external
         residual, solution = self.assembler.state(balance), self.assembler.vector()
         self._inertia.solve(residual, solution)
-        acceleration = np.zeros(model.dofs)
-        acceleration[model.free >= 0] = -solution.array_r
+        acceleration = -self.assembler.change(solution)
         held = balance + self.assembler.momenta(acceleration)
         return self._seen(velocity, held[model.held], contact) | {
             "kinetic": 0.5 * float(velocity @ momenta),

@@ -1,0 +1,86 @@
+"""Compiled: what ranks tell each other in a step, and the mass that they divide by together.
+
+Each eliminates the nodes inside its part, as `isorod.dynamics.explicit.cholesky` has it.  What is left of all parts is
+added up, one sum a step, and every rank solves for the nodes on all edges.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import i4, types, u8, void
+from numpy.typing import NDArray
+
+from isorod.arrays import Array
+from isorod.compiled import F1, F2, FAST, STRICT, U1, njit
+from isorod.dynamics.explicit.cholesky import FACTORS, Factors, reduce, substitute
+from isorod.material.points import caller
+
+_call = caller(i4(u8, u8, i4, u8, u8, u8))
+
+# Numbers that are added up behind those of the edges: points that are inverted, and twice the kinetic energy after the
+# last step.
+INVERTED_POINTS, ENERGY, NUMBERS = 0, 1, 2
+
+
+class Exchange(NamedTuple):
+    """What is exchanged for the mass.
+
+    Attributes
+    ----------
+    call
+        Address of MPI's ``MPI_Allreduce``, zero where this rank is alone, and its handles of double, sum and the
+        communicator; shape ``(4,)``.
+    edges
+        Factors of the rows on edges, for state vectors ``(3 G,)``.
+    rows, places
+        Which of this rank's rows are on edges, and which of the ``G`` they are.
+    reduced, left
+        Work space: this rank's rows, shape ``(3, R)``, and those of the edges, shape ``(3, G)``.
+    own, all
+        Three components of the ``G`` rows and ``NUMBERS`` behind: what this rank gives, and the sums.
+    """
+
+    call: NDArray[np.uint64]
+    edges: Factors
+    rows: NDArray[np.uint64]
+    places: NDArray[np.uint64]
+    reduced: Array
+    left: Array
+    own: Array
+    all: Array
+
+
+EXCHANGE = types.NamedTuple([U1, FACTORS, U1, U1, F2, F2, F1, F1], Exchange)
+
+
+@njit(void(U1, F1, F1), **STRICT)
+def all_sums(call: NDArray[np.uint64], own: Array, sums: Array) -> None:
+    """Fill ``sums`` with those over all ranks of ``own``."""
+    if call[0] == 0:
+        sums[:] = own
+        return
+    _call(call[0], (own.ctypes.data, sums.ctypes.data, np.int32(own.size), call[1], call[2], call[3]))
+
+
+@njit(void(FACTORS, EXCHANGE, F1), **FAST)
+def eliminate(factors: Factors, exchange: Exchange, momenta: Array) -> None:
+    """Eliminate what is inside this rank's part, of its momenta, a state vector, and say what is left to add up."""
+    reduce(factors, momenta, exchange.reduced)
+    rows, places, edges = exchange.rows, exchange.places, 3 * exchange.left.shape[1]
+    exchange.own[:edges] = 0.0
+    for k in range(rows.size):
+        for c in range(3):
+            exchange.own[3 * places[k] + np.uint64(c)] = exchange.reduced[c, rows[k]]
+
+
+@njit(void(FACTORS, EXCHANGE, F1), **FAST)
+def divide(factors: Factors, exchange: Exchange, velocity: Array) -> None:
+    """Fill this rank's part of a velocity, a state vector, from what `eliminate` left and was added up."""
+    rows, places = exchange.rows, exchange.places
+    if exchange.left.size:
+        reduce(exchange.edges, exchange.all, exchange.left)
+        substitute(exchange.edges, exchange.left, exchange.all)
+        for k in range(rows.size):
+            for c in range(3):
+                exchange.reduced[c, rows[k]] = exchange.all[3 * places[k] + np.uint64(c)]
+    substitute(factors, exchange.reduced, velocity)

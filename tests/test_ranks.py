@@ -1,0 +1,207 @@
+"""Every analysis on any number of ranks: what it finds does not depend on how many there are."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import straight
+from petsc4py import PETSc
+from test_contact_statics import crossing
+from touching import moved
+
+from isorod import dynamics, statics
+from isorod.geometry.center_line import arc
+from isorod.geometry.section import circle
+from isorod.material import NeoHookean
+from isorod.material.muscle import Muscle
+from isorod.model import Body, BodyForce, Contact, Model, Plane, Sphere, Support
+from isorod.scenes.biceps import Biceps
+from isorod.scenes.strand import Strand
+from isorod.space import Space
+
+STIFF = NeoHookean(100.0, 0.3)
+MUSCLE = Muscle(100.0, 0.3, sigma_max=40.0, m1=35.0, m2=0.5, activation=1.0, fibre=(0.0, 0.0, 1.0))
+SMALL = Biceps(elements=5, end_elements=0, order=1)
+TIGHT = {"snes_rtol": 1e-13}
+
+
+def rod(height=4.0, elements=7, held="xyz", contacts=(), law=STIFF):
+    """A rod along z, one end of which may be held."""
+    space = Space.paper(straight(4, height=height), elements=elements, degree=2, order=2, quadrature="auto")
+    supports = [Support.end(space, "start", held)] if held else []
+    return Model([Body(space, law, density=2.0)], supports, contacts=contacts)
+
+
+def swing(model):
+    """Velocities that bend, one body after the other."""
+    moving = [body.space.positions[:, 2] * body.space.is_carrier for body in model.bodies]
+    return np.outer(np.concatenate(moving), [0.1, 0.02, 0.0]).ravel()
+
+
+def ring():
+    """A closed rod, whose first elements are beside the last ones, and what makes it an oval."""
+    space = Space.paper(arc(4.0, 360.0).sweep(circle(4, 0.5)), elements=8, degree=2, quadrature="auto")
+    model = Model([Body(space, STIFF, density=2.0)])
+    velocity = space.positions * space.is_carrier[:, None] * [0.05, -0.05, 0.0]
+    return model, velocity.ravel()
+
+
+def rubbing():
+    """Rods that strike each other and slide, one of which an end face and a rough plane hold up."""
+    low = Space.paper(straight(8, breaks=(0.0, 1.0, 2.0), height=6.0), degree=2, quadrature="auto")
+    across = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    thin = moved(straight(8, breaks=(0.0, 1.0, 2.0), radius=0.7, height=4.0), (-2.0, 1.72, 2.5), across)
+    bodies = [Body(one, STIFF, density=1.0) for one in (low, Space.paper(thin, degree=2, quadrature="auto"))]
+    contacts = [
+        Contact(0, 1, 300.0, points=(3, 3), friction=0.3),
+        Contact(0, Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0)), 300.0, points=(3, 3), faces=("start",)),
+        Contact(0, Plane((0.0, -1.0, 0.0), (0.0, 1.0, 0.0)), 300.0, points=(3, 3), friction=0.2),
+    ]
+    model = Model(bodies, contacts=contacts)
+    velocity = np.zeros((model.dofs // 3, 3))
+    velocity[int(model.first_node[1]) :] = [0.3, -0.5, -0.1]
+    velocity *= model.is_carrier[:, None]
+    return model, velocity.ravel()
+
+
+def pressed():
+    """A rod that nothing holds but a sphere that presses it on a plane."""
+    space = Space.paper(straight(8, breaks=(0.0, 1.0, 2.0), height=4.0), degree=2, order=2, quadrature="auto")
+    under, over = Plane((0.0, -1.0, 0.0), (0.0, 1.0, 0.0)), Sphere((0.0, 2.98, 2.0), 2.0)
+    contacts = [Contact(0, under, 1e3, points=(3, 4)), Contact(0, over, 1e3, points=(3, 4))]
+    return Model([Body(space, STIFF)], [Support.end(space, "start", "xz")], contacts=contacts)
+
+
+def at_rest(model, **settings):
+    """What an equilibrium with contact says."""
+    found = statics.solve(model, petsc=TIGHT, **settings)
+    told = {
+        f"{name} {k}": np.asarray(getattr(one, name))
+        for k, one in enumerate(found.contacts)
+        for name in ("force", "resultant", "pressure", "positions", "friction", "area", "points_across")
+    }
+    counts = {name: getattr(found, name) for name in ("load_steps", "cuts", "augmentations")}
+    path = np.array([(step.factor, step.push) for step in found.path])
+    return {"displacement": found.displacement, "reactions": found.reactions, "path": path} | told | counts
+
+
+def in_motion(model, *given, **settings):
+    """What a motion says."""
+    found = dynamics.solve(model, *given, **settings)
+    names = (
+        "times displacement velocity reactions contact_force contact_area penetration kinetic stored contact_energy "
+        "added_kinetic muscle_work dissipated load_work steps"
+    )
+    return {name: np.asarray(getattr(found, name)) for name in names.split()}
+
+
+def resumed(file, first, second):
+    """A motion the first half of which one communicator takes, and the second another, as its first rank sees it."""
+    model, found = rod(law=MUSCLE), {}
+    for end_time, comm in ((0.4, first), (0.8, second)):
+        if comm.getSize() > 1 or PETSc.COMM_WORLD.getRank() == 0:
+            settings = {"outputs": round(10 * end_time), "checkpoint": file, "ramp": 0.6, "comm": comm}
+            found = in_motion(model, end_time, 4e-3, velocity=swing(model), resume=end_time > 0.5, **settings)
+        PETSc.COMM_WORLD.barrier()
+    return found
+
+
+def equilibria(_):
+    """The mixed form; two bodies; wires with friction, multipliers and more points; a body that only contact holds.
+
+    On three ranks one has no elements of the first and the last.
+    """
+    space = Space.paper(straight(4, height=2.0), elements=2, degree=2, order=2, quadrature="auto")
+    ends = Support.end(space, "start"), Support.end(space, "end", displacement=(0.1, 0.0, 0.2))
+    return {
+        "mixed": at_rest(Model([Body(space, NeoHookean(100.0, 0.5), formulation="mixed")], ends)),
+        "crossing": at_rest(crossing(), load_steps=2),
+        "strand": at_rest(Strand(section_points=6, parts=1, length=10.0, strain=1e-4, friction=0.1).model()),
+        "pressed": at_rest(pressed()),
+    }
+
+
+def explicit(_):
+    """10,000 steps of one body, which ranks share; more of one that is closed; activation, added mass, and friction."""
+    model, (closed, away), (rough, thrown) = rod(), ring(), rubbing()
+    step = 0.5 * dynamics.solve(model, 1e-9, outputs=1).critical_step
+    return {
+        "rod": in_motion(model, 10_000 * step, step, 4, damping=0.05, velocity=swing(model)),
+        "ring": in_motion(closed, 2.0, outputs=2, velocity=away),
+        "muscle": in_motion(rod(law=MUSCLE, held="z"), 0.5, outputs=2, ramp=0.2),
+        "biceps": in_motion(SMALL.model(), 4e-3, 2.5e-5, 2, damping=10.0, ramp=2.5e-3),
+        "rubbing": in_motion(rough, 2.0, outputs=2, velocity=thrown),
+    }
+
+
+def implicit(_):
+    """A body with a load; two in contact; friction."""
+    model, (rough, thrown) = rod(), rubbing()
+    loaded = Model(model.bodies, model.supports, loads=[BodyForce((0.1, 0.0, 0.0))])
+    rough = Model(rough.bodies, contacts=[rough.contacts[0], rough.contacts[2]])
+    given = {"integrator": "implicit", "petsc": {"snes_rtol": 1e-12}}
+    return {
+        "rod": in_motion(loaded, 1.0, 0.1, 2, damping=0.1, velocity=swing(model), **given),
+        "biceps": in_motion(SMALL.model(), 2e-3, 2e-4, 2, damping=1.0, ramp=2.5e-3, **given),
+        "rubbing": in_motion(rough, 1.0, 0.05, 2, velocity=thrown, **given),
+    }
+
+
+def checkpoints(folder):
+    """Resumed on as many ranks, to the last bit; written by one rank, and by all."""
+    world, alone = PETSc.COMM_WORLD, PETSc.COMM_SELF
+    model = rod(law=MUSCLE)
+    whole = in_motion(model, 0.8, 4e-3, 8, ramp=0.6, velocity=swing(model))
+    same = resumed(folder / "same", world, world)
+    assert all(np.array_equal(same[key], value) for key, value in whole.items())
+    return {
+        "whole": whole,
+        "more": resumed(folder / "more", alone, world),
+        "fewer": resumed(folder / "fewer", world, alone),
+    }
+
+
+def record(what, folder):
+    """Save what the ranks find together (called under mpirun)."""
+    made = Path(folder)
+    found = globals()[what](made)
+    if PETSc.COMM_WORLD.getRank() == 0:
+        np.savez(made / "found.npz", **{f"{name}: {key}": one[key] for name, one in found.items() for key in one})
+
+
+def of(what, folder):
+    record(what, folder)
+    return np.load(folder / "found.npz")
+
+
+@pytest.fixture(scope="module")
+def on_one_rank(tmp_path_factory):
+    known = {}
+
+    def get(what):
+        if what not in known:
+            known[what] = of(what, tmp_path_factory.mktemp(what))
+        return known[what]
+
+    return get
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("ranks", [2, 3, pytest.param(4, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    ("what", "error"),
+    [("equilibria", 1e-9), ("explicit", 1e-10), ("implicit", 1e-9), ("checkpoints", 1e-10)],
+)
+def test_results_do_not_depend_on_the_number_of_ranks(what, error, ranks, on_one_rank, mpirun, tmp_path):
+    expected = on_one_rank(what)
+    here = str(Path(__file__).parent)
+    script = f"import sys; sys.path[:0] = [{here!r}]; import test_ranks as t; t.record(*sys.argv[1:])"
+    done = mpirun(ranks, what, str(tmp_path), script=script)
+    assert done.returncode == 0, done.stderr
+    found = np.load(tmp_path / "found.npz")
+    assert sorted(found) == sorted(expected)
+    off = {key: np.abs(found[key] - one).max(initial=0.0) for key, one in expected.items()}
+    for key, one in expected.items():
+        print(f"{key}: {off[key]:.1e} of {np.abs(one).max(initial=0.0):.3g}")
+    for key, one in expected.items():
+        assert off[key] <= error * max(1e-3, np.abs(one).max(initial=0.0)), key
