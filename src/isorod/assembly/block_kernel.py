@@ -7,8 +7,7 @@ of the mixed formulation's pressure the present one and that of the other state.
 them by their addresses (`Steps`).
 """
 
-from functools import cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba import i8, types
@@ -23,7 +22,6 @@ from isorod.material.points import (
     SQUARES,
     STEP,
     add_products,
-    address,
 )
 from isorod.material.points import ROWS as _R
 
@@ -340,29 +338,3 @@ class Steps(NamedTuple):
 
 
 STEPS = types.NamedUniTuple(i8, 7, Steps)
-
-
-@cache
-def steps(moduli: bool, extrapolates: bool, pressed: bool, trace: bool) -> Steps:
-    """Return what happens on the way to stresses, or moduli too.
-
-    Parameters
-    ----------
-    moduli, extrapolates
-        Whether moduli are wanted, and with the stress that extrapolates that of another state.
-    pressed, trace
-        Whether there is the pressure of the mixed formulation, and whether its ``theta`` is the trace of the strain.
-    """
-
-    def maybe(wanted: bool, function: Any) -> int:
-        return address(function, STEP) if wanted else 0
-
-    return Steps(
-        address(deform, STEP),
-        maybe(pressed, press_trace if trace else press),
-        maybe(pressed and moduli and not trace, press_moduli),
-        maybe(extrapolates, foresee),
-        maybe(extrapolates and pressed, press_on),
-        maybe(extrapolates, exceed),
-        address(pull_back_moduli if moduli else pull_back_stress, STEP),
-    )

@@ -1,18 +1,20 @@
 """Elements, and points of their sections, that obey one law: their forces and tangents, some elements at a time."""
 
 from collections.abc import Iterator
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
 
 from isorod.arrays import Array
-from isorod.assembly.block_kernel import Steps, steps
+from isorod.assembly import block_kernel
+from isorod.assembly.block_kernel import Steps
 from isorod.assembly.extrapolation import Last
 from isorod.assembly.field_kernel import Functions, add_resultants, coefficients, stresses
 from isorod.assembly.pattern_kernel import Blocks
 from isorod.assembly.stiffness_kernel import add_blocks, moduli, multiply
 from isorod.material.along_rod import Laws, Piece
+from isorod.material.points import STEP, address
 from isorod.space.space import Table
 
 NONE = np.empty((0, 0))
@@ -78,7 +80,7 @@ class Region:
         trace = not getattr(law, "logarithmic", True)
         fibres = law.fibres(self.shape) if law.fibrous else _NO_FIBRES
         functions = Functions(one.point, one.block, one.tangent if wanted else 0, law.constants)
-        return functions, steps(wanted, extrapolates, pressed, trace), fibres
+        return functions, _steps(wanted, extrapolates, pressed, trace), fibres
 
     def _some(self, count: int) -> Iterator[tuple[int, int]]:
         """Yield the bounds of so many elements at a time, or one."""
@@ -200,6 +202,32 @@ class _Four:
                 begin = end
             self._found[rows, columns] = tuple(found)
         return self._found[rows, columns]
+
+
+@cache
+def _steps(moduli: bool, extrapolates: bool, pressed: bool, trace: bool) -> Steps:
+    """Return what happens on the way to stresses, or moduli too.
+
+    Parameters
+    ----------
+    moduli, extrapolates
+        Whether moduli are wanted, and with the stress that extrapolates that of another state.
+    pressed, trace
+        Whether there is the pressure of the mixed formulation, and whether its ``theta`` is the trace of the strain.
+    """
+
+    def maybe(wanted: bool, function: Any) -> int:
+        return address(function, STEP) if wanted else 0
+
+    return Steps(
+        address(block_kernel.deform, STEP),
+        maybe(pressed, block_kernel.press_trace if trace else block_kernel.press),
+        maybe(pressed and moduli and not trace, block_kernel.press_moduli),
+        maybe(extrapolates, block_kernel.foresee),
+        maybe(extrapolates and pressed, block_kernel.press_on),
+        maybe(extrapolates, block_kernel.exceed),
+        address(block_kernel.pull_back_moduli if moduli else block_kernel.pull_back_stress, STEP),
+    )
 
 
 def regions(table: Table, laws: Laws) -> list[Region]:

@@ -9,9 +9,9 @@ pairs of components ``a b`` those with ``a <= b`` will do where rows and columns
 from typing import Any
 
 import numpy as np
-from numba import b1, i8, types, void
+from numba import i8, types, void
 
-from isorod.arrays import Array, Index
+from isorod.arrays import Array
 from isorod.assembly.block_kernel import BEFORE, PRESSURE, SIZE, STATE, STEPS, Steps
 from isorod.assembly.element_kernel import TABLE
 from isorod.assembly.field_kernel import (
@@ -40,25 +40,58 @@ FOUR = types.UniTuple(F2, 4)
 # Of the nine pairs of components ``3 a + b``: which of the six (01, 02, 12, 00, 11, 22) it or its mirror image is.
 _PAIR = np.array([3, 0, 1, 0, 4, 2, 1, 2, 5])
 
-
-def _places() -> tuple[Index, Index]:
-    """Return which of the four matrices has each of a block's 45 rows of moduli, and as which of its rows at a place.
-
-    Rows are those of one direction: a matrix whose columns have several counts each.
-    """
-    found = []
-    for h, (a, b) in enumerate(((0, 1), (0, 2), (1, 2))):
-        up, low = 2 * (3 * a + b), 2 * (3 * b + a)
-        found += [(0, 4 * h), (0, 4 * h + 1), (2, up), (0, 4 * h + 2), (0, 4 * h + 3), (2, up + 1)]
-        found += [(2, low), (2, low + 1), (3, h)]
-    for a in range(3):
-        mixed = 2 * 4 * a
-        found += [(1, 3 * a), (1, 3 * a + 1), (2, mixed), (1, 3 * a + 2), (2, mixed + 1), (3, 3 + a)]
-    matrix, row = np.array(found).T
-    return np.ascontiguousarray(matrix), np.ascontiguousarray(row)
-
-
-_MATRIX, _ROW = _places()
+# Which of the four matrices has each of a block's 45 rows of moduli, nine of each of three pairs of components and six
+# of each component alone, and as which of its rows at a place; a matrix's rows are counted direction by direction.
+_MATRIX = np.array([0, 0, 2, 0, 0, 2, 2, 2, 3] * 3 + [1, 1, 2, 1, 2, 3] * 3)
+_ROW = np.array(
+    [
+        0,
+        1,
+        2,
+        2,
+        3,
+        3,
+        6,
+        7,
+        0,
+        4,
+        5,
+        4,
+        6,
+        7,
+        5,
+        12,
+        13,
+        1,
+        8,
+        9,
+        10,
+        10,
+        11,
+        11,
+        14,
+        15,
+        2,
+        0,
+        1,
+        0,
+        2,
+        1,
+        3,
+        3,
+        4,
+        8,
+        5,
+        9,
+        4,
+        6,
+        7,
+        16,
+        8,
+        17,
+        5,
+    ],
+)
 # Of each matrix, rows a place, and those of the matrices before it.
 _ROWS, _BEFORE = np.array([12, 9, 18, 6]), np.array([0, 12, 21, 39])
 
@@ -187,7 +220,7 @@ def _copy(work: Array, at: Any, target: Array, to: Any, length: int) -> None:
         target[to + k] = work[at + k]
 
 
-@njit(void(F1), **FAST)
+@njit(**FAST)
 def _swap(work: Array) -> None:
     """Let present and last pressure change places."""
     for k in range(np.uint64(POINTS)):
@@ -242,7 +275,7 @@ def add_blocks(
                 p += 1
 
 
-@njit(void(F2, F2, i8, F2, i8), **FAST)
+@njit(**FAST)
 def _combine(factors: Array, rows: Array, first: int, sums: Array, column: int) -> None:
     """Add the products of factors ``(p, t)`` with ``t`` rows, from the first on, to columns of sums ``(p, ...)``.
 
@@ -265,7 +298,7 @@ def _combine(factors: Array, rows: Array, first: int, sums: Array, column: int) 
             t += _1
 
 
-@njit(void(F1, F1, F1, i8, i8, i8, b1, F1), **FAST)
+@njit(**FAST)
 def _scatter(
     both: Array, second: Array, first: Array, n: int, start: int, width: int, transposed: bool, entries: Array
 ) -> None:
