@@ -15,6 +15,8 @@ ROOT = Path(__file__).parent.parent
 PAGES = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").glob("*.md")])
 # What a page marks so takes minutes.
 MINUTES = re.compile(r"\bmin(utes)?\b")
+# What docker/opponents installs; tests/test_opponents.py runs them where they are.
+OPPONENTS = ("python -m comparisons.ngsolve", "python -m comparisons.calculix")
 
 
 def blocks(page, language):
@@ -43,7 +45,7 @@ def commands():
 def ends_late(command, comment):
     """Return whether a command is for a person's patience, or for another machine than a test's."""
     return command.startswith(
-        ("make", "docker", "pip", "conda", "GROUND=", "python -m comparisons ")
+        ("make", "docker", "pip", "conda", "GROUND=", "python -m comparisons ", *OPPONENTS)
     ) or MINUTES.search(comment)
 
 

@@ -84,7 +84,7 @@ def test_a_package_that_came_within_another_has_the_version_of_its_module(monkey
     def version(name: str) -> str:
         raise metadata.PackageNotFoundError(name)
 
-    monkeypatch.setattr(results.metadata, "version", version)
+    monkeypatch.setattr(metadata, "version", version)
     monkeypatch.delitem(sys.modules, "numba", raising=False)
     found = results.provenance()["versions"]
     assert found["numpy"] == np.__version__ and "numba" not in found

@@ -246,7 +246,7 @@ def test_record_of_the_run(bar):
     solution = statics.solve(bar((0.5, 0.0, 0.0)))
     assert solution.built == ["tangent"]
     assert solution.solver == {"snes": "newtonls", "ksp": "preonly", "pc": "banded"}
-    assert sorted(solution.seconds) == ["assembly", "setup", "solve"]
+    assert sorted(solution.seconds) == ["assembly", "check", "setup", "solve"]
     assert min(solution.seconds.values()) > 0
     assert solution.newton_iterations == len(solution.residual_norms) - 1
     assert solution.ranks == 1

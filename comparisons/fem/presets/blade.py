@@ -56,7 +56,7 @@ FULL = (
     _family(
         "Q3 bricks", "--degree 3", (3, 1, 6), (3, 1, 9), (4, 1, 12), (5, 1, 16), (6, 1, 20), (8, 2, 20), grading=1.25
     ),
-    _family("Q3 bricks, graded", "--degree 3", (5, 1, 14), (6, 1, 20), (5, 2, 20), (6, 2, 16), (6, 2, 20), grading=1.5),
+    _family("Q3 bricks, graded", "--degree 3", (5, 1, 14), (6, 1, 20), (6, 2, 16), (5, 2, 20), (6, 2, 20), grading=1.5),
     _family("Q4 bricks", "--degree 4", (2, 1, 4), (3, 1, 5), (4, 1, 8)),
     _family("Q2 bricks", "--degree 2", (4, 1, 16), (6, 1, 24), (8, 2, 32), (12, 2, 48)),
     _family("Q1 bricks", "--degree 1", (8, 1, 32), (16, 2, 64), (24, 4, 128)),

@@ -9,7 +9,7 @@ from petsc4py import PETSc
 from isorod.arrays import Array
 from isorod.assembly.assembler import Assembler
 from isorod.assembly.factorisation import SPARSE, factorisation, is_mixed
-from isorod.checks import rigid_motions
+from isorod.checks import hourglass, rigid_motions
 from isorod.errors import SolveError
 from isorod.petsc.matrix import forget_factors
 from isorod.petsc.snes import create_snes
@@ -256,6 +256,7 @@ class Newton:
             raise SolveError(
                 f"the linear solver failed at load factor {factor:.6g} (KSP reason {ksp.getConvergedReason()}): a free "
                 f"rigid motion is not held, or the preconditioner does not fit (try {advice})"
+                f"{hourglass.hint(self.assembler.model)}"
             )
 
     def _bend(self, rate: PETSc.Vec, step: float) -> bool:
