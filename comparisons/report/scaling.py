@@ -7,9 +7,9 @@ from typing import Any
 
 from comparisons.measure.records import Record, part
 from comparisons.report.html import figure, heading, table
-from comparisons.report.plots import COLOURS, MANY, MARKERS
 from comparisons.report.precision import rerun
 from comparisons.scaling.cost import CORES, LARGE, NODE, Cost, fitted
+from comparisons.stability.figure import COLOURS, MARKERS
 from isorod.output.results import write_beside
 
 
@@ -184,9 +184,9 @@ def _cluster(records: list[Record]) -> list[str]:
         f"and one after the other takes {_operations(cost)} operations in each of {cost.solves} solves, at the rate at "
         "which this machine factorises bands. Time on P ranks is N c / P + P d; it is least where both are equal.</p>",
         table(("ranks", "s", "of that the chain", f"GiB on a node of {CORES} cores"), rows, text=()),
-        f"<p>So {best:,} ranks are the most that pay, and memory asks for {cost.nodes(LARGE):,} nodes of {NODE} GiB at "
-        "least. Beyond that the chain has to be cut in halves, again and again (cyclic reduction), whose length grows "
-        "with the logarithm of the number of ranks.</p>",
+        f"<p>So {best:,} ranks are the most that pay. Nodes of {NODE} GiB that memory asks for at least: "
+        f"{cost.nodes(LARGE):,}. Beyond that the chain has to be cut in halves, again and again (cyclic reduction), "
+        "whose length grows with the logarithm of the number of ranks.</p>",
     ]
 
 
@@ -202,12 +202,11 @@ def _draw(records: list[Record], path: Path) -> None:
 
     chart, (left, right) = pyplot.subplots(1, 2, figsize=(10.0, 4.4), layout="constrained")
     curves = list(dict.fromkeys((one["analysis"], one["family"]) for one in part(records, "wire") if one["ranks"] == 1))
-    colours = (*COLOURS, *MANY)
     for k, (analysis, family) in enumerate(curves):
         runs = _wires(records, analysis, family)
         sizes = [one["unknowns"] for one in runs]
         look = {
-            "color": colours[k % len(colours)],
+            "color": COLOURS[k % len(COLOURS)],
             "marker": MARKERS[k % len(MARKERS)],
             "label": f"{analysis}, {family}",
         }
