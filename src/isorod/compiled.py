@@ -14,7 +14,7 @@ STRICT: Any = {"error_model": "numpy"}
 FAST: Any = STRICT | {"fastmath": {"contract", "reassoc", "nsz", "arcp"}}
 
 # C-ordered arrays by their number of axes.
-F1, F2, F3, F4, F5, F6, F7 = (types.Array(f8, axes, "C") for axes in range(1, 8))
+F1, F2, F3, F4, F5, F6 = (types.Array(f8, axes, "C") for axes in range(1, 7))
 I1, I2, I3 = (types.Array(i8, axes, "C") for axes in range(1, 4))
 U1, U2 = (types.Array(u8, axes, "C") for axes in range(1, 3))
 # Kept tables are not to be written to.

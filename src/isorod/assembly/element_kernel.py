@@ -59,39 +59,6 @@ def deformation_gradients(table: Table, nodal: Array) -> Array:
     return result
 
 
-@njit(F4(TABLE, F5), **FAST)
-def internal_forces(table: Table, stress: Array) -> Array:
-    """Return the nodal forces ``(E, l, n, 3)`` of the first Piola-Kirchhoff stress ``(E, t, q, 3, 3)``."""
-    section, axial, slopes, inverse, weights = table.section, table.axial, table.slopes, table.inverse, table.weights
-    elements, along, functions = axial.shape
-    points, _, n = section.shape
-    result = np.zeros((elements, functions, n, 3))
-    plane = np.empty((3, n))
-    axis = np.empty((3, n))
-    s = np.empty((3, 3))
-    for e in range(elements):
-        for t in range(along):
-            plane[:] = 0.0
-            axis[:] = 0.0
-            for q in range(points):
-                for a in range(3):
-                    for d in range(3):
-                        s[a, d] = weights[e, t, q] * (
-                            stress[e, t, q, a, 0] * inverse[e, t, q, d, 0]
-                            + stress[e, t, q, a, 1] * inverse[e, t, q, d, 1]
-                            + stress[e, t, q, a, 2] * inverse[e, t, q, d, 2]
-                        )
-                for a in range(3):
-                    for i in range(n):
-                        plane[a, i] += s[a, 0] * section[q, 0, i] + s[a, 1] * section[q, 1, i]
-                        axis[a, i] += s[a, 2] * section[q, 2, i]
-            for j in range(functions):
-                for i in range(n):
-                    for a in range(3):
-                        result[e, j, i, a] += axial[e, t, j] * plane[a, i] + slopes[e, t, j] * axis[a, i]
-    return result
-
-
 @njit(F5(F3, F3, F3), **FAST)
 def mass(section: Array, axial: Array, weights: Array) -> Array:
     """Return the integrals ``(E, l, n, l, n)`` of products of two functions, the weights ``(E, t, q)`` being masses.

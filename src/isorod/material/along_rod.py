@@ -8,7 +8,6 @@ import numpy as np
 
 from isorod.arrays import Array, Index
 from isorod.material.law import Material, Split
-from isorod.material.linear_elastic import LinearElastic
 from isorod.tensors import inverse
 
 
@@ -89,18 +88,6 @@ class Laws:
     def objective(self) -> bool:
         """Whether all laws have a second Piola-Kirchhoff stress that no rotation changes."""
         return all(piece.law.objective for piece in self.pieces)
-
-    @property
-    def isotropic(self) -> Array | None:
-        """Lame's parameters of each law, shape ``(places, 2)``, if all are linear elastic and none is a ring's."""
-        found = [
-            np.tile((piece.law.lame, piece.law.mu), (piece.last - piece.first, 1))
-            for piece in self.pieces
-            if isinstance(piece.law, LinearElastic) and piece.whole
-        ]
-        if len(found) < len(self.pieces):
-            return None
-        return found[0] if len(found) == 1 else np.concatenate(found)
 
     def energy(self, F: Array) -> Array:
         """Return the stored energy per reference volume, shape ``F.shape[:-2]``."""
