@@ -51,14 +51,14 @@ def measure(name: str, fields: dict[str, int], peak: float) -> dict[str, Any]:
     scene = Spring(coils=COILS, elements_per_turn=wire.ELEMENTS, quadrature="auto", formulation="displacement", **own)
     assembler = Assembler(scene.model())
     (part,) = assembler.parts
-    entries, rest = np.zeros(part.pattern.blocks.total), np.zeros(assembler.model.dofs)
+    entries, rest, total = (np.zeros(n) for n in (part.pattern.blocks.total, *(assembler.model.dofs,) * 2))
     unknowns = assembler.model.unknowns
     part.add_entries(rest, 1.0, entries)
     exact = least(lambda: part.add_entries(rest, 1.0, entries))
     part.extrapolate(True)
     part.add_entries(rest, 1.0, entries)
     extrapolated = least(lambda: part.add_entries(rest, 1.0, entries))
-    forces = least(lambda: part.forces(rest, 1.0))
+    forces = least(lambda: part.add_forces(rest, 1.0, total))
     rate = operations(part) / exact
     return {
         "family": name,

@@ -167,13 +167,20 @@ class Assembler(Unknowns):
         """Return the sums over this rank's degrees of freedom of what its parts have, shape of `Part.dofs` each."""
         total = np.zeros(self._exchange.size)
         for part, share in zip(self.parts, shares, strict=True):
-            total += np.bincount(part.slots.ravel(), share.ravel(), total.size)
+            part.add(share, total)
+        return total
+
+    def _internal(self, local: Array, factor: float) -> Array:
+        """Return the internal forces on this rank's degrees of freedom."""
+        total = np.zeros(self._exchange.size)
+        for part in self.parts:
+            part.add_forces(local, factor, total)
         return total
 
     def _forces(self, local: Array, factor: float) -> Array:
         """Return the internal less the external forces, those of supports included, at a state of this rank."""
         spin = self.model.spin
-        total = self._sums(part.forces(local, factor) for part in self.parts)
+        total = self._internal(local, factor)
         if spin is not None:
             total -= factor * self._sums(part.centrifugal(local, spin) for part in self.parts)
         if self.contact is not None:
@@ -229,9 +236,9 @@ class Assembler(Unknowns):
             loose = carriers & ~np.isin(moved, self.model.bound)
             total = self._forces(local, factor)[slots]
             resultant = np.bincount(moved[loose] % 3, total[loose], 3)
-            before = self._sums(part.forces(local, factor) for part in self.parts)
+            before = self._internal(local, factor)
             local[slots[carriers]] += self.model.size
-            after = self._sums(part.forces(local, factor) for part in self.parts)
+            after = self._internal(local, factor)
             return np.asarray(self.comm.tompi4py().allreduce(resultant)), self._bound(after - before)
 
     def tangent(self, x: PETSc.Vec, factor: float, out: PETSc.Mat) -> None:
@@ -299,30 +306,29 @@ class Assembler(Unknowns):
             local = self._state(x, factor)
             way = self.model.prescribed(factor + step) - self.model.prescribed(factor)
             move = self.local(way)
-            total = self._sums(self._change(k, local, factor, move, step) for k in range(len(self.parts)))
-            total -= step * self._loads(local)
+            total = -step * self._loads(local)
+            for k in range(len(self.parts)):
+                self._add_change(k, local, factor, move, step, total)
             if self.contact is not None:
                 total += self._once(self.contact.product(way))
                 total -= self._once(self.contact.carried_along(self._everywhere, factor, step))
             self._exchange.store(total, out)
 
-    def _change(self, k: int, local: Array, factor: float, move: Array, step: float) -> Array:
-        """Return what a part adds to `load_forces`, shape of its ``dofs``: supports ``move`` its nodes."""
+    def _add_change(self, k: int, local: Array, factor: float, move: Array, step: float, total: Array) -> None:
+        """Add a part's to `load_forces`: supports ``move`` its nodes."""
         part = self.parts[k]
-        moves, change = move[part.slots], np.zeros(part.dofs.shape)
         # Those at supports alone.
-        which = np.flatnonzero(moves.any(axis=1))
+        which = part.elements_of(np.flatnonzero(move))
         if which.size:
             matrices = part.matrices(local, factor, which)
             if self.model.spin is not None or self._pressing:
                 matrices += self._load_stiffness(k, local, factor, which)
-            change[which] = np.einsum("eij,ej->ei", matrices, moves[which])
+            slots = part.slots_of(which)
+            np.add.at(total, slots, np.einsum("eij,ej->ei", matrices, move[slots]))
         if self.model.spin is not None:
-            change -= step * part.centrifugal(local, self.model.spin)
+            part.add(-step * part.centrifugal(local, self.model.spin), total)
         if part.laws.loaded:
-            # Stress is linear in the activation.
-            change += step * (part.forces(local, 1.0) - part.forces(local, 0.0))
-        return change
+            part.add_activation(local, step, total)
 
     def mass(self, lumped: bool = False) -> PETSc.Mat:
         """Return the mass matrix of the unknowns, consistent or lumped.

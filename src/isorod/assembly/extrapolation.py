@@ -35,11 +35,11 @@ class Last(NamedTuple):
 
     Attributes
     ----------
-    nodal
-        Nodal displacements, shape ``(E, l, n, 3)``.
+    local
+        The rank's degrees of freedom.
     pressure
         That of the mixed formulation at the quadrature points ``(E, t, q)``, or an empty array.
     """
 
-    nodal: Array
+    local: Array
     pressure: Array

@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import b1, f8, i8, types, void
 
-from isorod.arrays import Array
+from isorod.arrays import Array, Index
 from isorod.assembly.block_kernel import INVERSE, PRESSURE, SIZE, STEPS, WEIGHT, Steps
 from isorod.assembly.element_kernel import TABLE
-from isorod.compiled import F1, F2, F4, FAST, njit
+from isorod.compiled import F1, F2, FAST, I2, njit
 from isorod.material.points import ACTIVE, DETERMINANT, ENERGY, FIBRE, POINTS, by_points, call_block, call_step
 from isorod.material.points import ROWS as _R
 from isorod.space.space import Table
@@ -36,25 +36,34 @@ FIBRES = types.Array(f8, 4, "A", readonly=True)
 GRADIENTS = types.UniTuple(F2, 2)
 
 
-@njit(GRADIENTS(TABLE, F4, i8, i8), **FAST)
-def coefficients(table: Table, nodal: Array, first: int, last: int) -> tuple[Array, Array]:
-    """Return the section coefficients of nodal displacements ``(E, l, n, 3)``, and their derivatives along the axis.
+@njit(GRADIENTS(TABLE, F1, I2, i8, i8), **FAST)
+def coefficients(table: Table, local: Array, starts: Index, first: int, last: int) -> tuple[Array, Array]:
+    """Return the section coefficients of displacements, and their derivatives along the axis.
 
     They are those of the elements ``first .. last - 1``, shape ``(3 e t, n)``: rows place by place, and of each place
     component by component.
+
+    Parameters
+    ----------
+    local, starts
+        Degrees of freedom, and where those of each element's layers begin, shape ``(E, l)``.
     """
     along, functions = table.axial.shape[1:]
-    n = nodal.shape[2]
+    n = table.section.shape[2]
     values, slopes = np.empty(((last - first) * along * 3, n)), np.empty(((last - first) * along * 3, n))
+    near = np.empty((functions, 3 * n))
     row = 0
     for e in range(first, last):
+        for j in range(functions):
+            for i in range(3 * n):
+                near[j, i] = local[starts[e, j] + i]
         for t in range(along):
             for i in range(n):
                 for a in range(3):
                     value = slope = 0.0
                     for j in range(functions):
-                        value += table.axial[e, t, j] * nodal[e, j, i, a]
-                        slope += table.slopes[e, t, j] * nodal[e, j, i, a]
+                        value += table.axial[e, t, j] * near[j, 3 * i + a]
+                        slope += table.slopes[e, t, j] * near[j, 3 * i + a]
                     values[row + a, i] = value
                     slopes[row + a, i] = slope
             row += 3
@@ -186,7 +195,24 @@ def evaluate(law: Functions, work: Array, wanted: bool, F: Array, stress: Array,
         by_points(np.uint64(law.point), work, law.constants, 1.0, F, stress, fibre)
 
 
-@njit(f8(TABLE, FUNCTIONS, STEPS, FIBRES, F2, GRADIENTS, i8, b1, F2), **FAST)
+@njit(void(TABLE, i8, GRADIENTS, i8, F2), **FAST)
+def determinants(table: Table, deform: int, found: tuple[Array, Array], first: int, out: Array) -> None:
+    """Fill in ``det F`` ``(e t, q)`` of gradients on disk x axis; ``deform`` and the others are those of `stresses`."""
+    points, places = out.shape[1], out.shape[0]
+    work = np.zeros(SIZE)
+    place, q = 0, 0
+    for _ in range(0, places * points, POINTS):
+        take_gradients(found, place, q, 0, points, work)
+        take_geometry(table, first, places, place, q, 0, points, work)
+        call_step(np.uint64(deform), (work,))
+        k, length = 0, 1
+        while k < POINTS and length:
+            at, row, column = k, place, q
+            k, place, q, length = run(place, q, 0, points, places, k)
+            put(work, DETERMINANT * POINTS + at, out, row, column, length)
+
+
+@njit(f8(TABLE, FUNCTIONS, STEPS, FIBRES, F2, GRADIENTS, i8, b1), **FAST)
 def stresses(
     table: Table,
     law: Functions,
@@ -196,7 +222,6 @@ def stresses(
     found: tuple[Array, Array],
     first: int,
     wanted: bool,
-    determinant: Array,
 ) -> float:
     """Replace gradients on disk x axis by the stress there times the volume; return the energy, if that is wanted.
 
@@ -211,8 +236,6 @@ def stresses(
     found
         Rows of places along the axis, from those of element ``first`` on, and components: the derivatives by both
         directions across, ``2 q`` columns, and those along.
-    determinant
-        To be filled with ``det F`` ``(e t, q)``, if it has rows.
     """
     plane, axis = found
     along, points = table.axial.shape[1], axis.shape[1]
@@ -243,22 +266,22 @@ def stresses(
                 put(work, 3 * a * POINTS + at, plane, 3 * row + a, column, length)
                 put(work, (3 * a + 1) * POINTS + at, plane, 3 * row + a, points + column, length)
                 put(work, (3 * a + 2) * POINTS + at, axis, 3 * row + a, column, length)
-            if determinant.shape[0]:
-                put(work, DETERMINANT * POINTS + at, determinant, row, column, length)
     return energy
 
 
-@njit(void(TABLE, F2, F2, i8, i8, F4), **FAST)
-def add_resultants(table: Table, values: Array, slopes: Array, first: int, last: int, forces: Array) -> None:
-    """Add what integrals of stress against section functions, rows as `coefficients`, make of nodal forces."""
+@njit(void(TABLE, F2, F2, i8, i8, I2, F1), **FAST)
+def add_resultants(
+    table: Table, values: Array, slopes: Array, first: int, last: int, starts: Index, forces: Array
+) -> None:
+    """Add what integrals of stress against section functions make of nodal forces; rows, places as `coefficients`."""
     along, functions = table.axial.shape[1:]
     n = values.shape[1]
     row = 0
     for e in range(first, last):
         for t in range(along):
             for j in range(functions):
-                x, y = table.axial[e, t, j], table.slopes[e, t, j]
+                x, y, at = table.axial[e, t, j], table.slopes[e, t, j], starts[e, j]
                 for i in range(n):
                     for a in range(3):
-                        forces[e, j, i, a] += x * values[row + a, i] + y * slopes[row + a, i]
+                        forces[at + 3 * i + a] += x * values[row + a, i] + y * slopes[row + a, i]
             row += 3

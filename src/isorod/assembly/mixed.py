@@ -44,11 +44,6 @@ class MixedPart(Part):
             laws = body.laws[share.first : share.last]
             self.compliance = np.array([1.0 / cast(Split, law).lame for law in laws])[:, None, None]
 
-    def nodal(self, local: Array) -> Array:
-        """Return the nodal displacements, shape ``(E, l, n, 3)``."""
-        own = local[self.slots].reshape(*self.layers.shape, -1)[:, :, : self.moves]
-        return np.ascontiguousarray(own).reshape(self.shape)
-
     def pressure(self, local: Array) -> Array:
         """Return the pressure at the quadrature points, shape ``(E, t, q)``."""
         near = local[self.slots].reshape(*self.layers.shape, -1)[:, :-1, self.moves :]
@@ -62,30 +57,29 @@ class MixedPart(Part):
         density = self.laws.at(factor).energy(F) + p * volume_change(self.laws, F)[0] - 0.5 * self.compliance * p**2
         return float(np.sum(self.table.weights * density))
 
-    def forces(self, local: Array, factor: float) -> Array:
-        """Return the derivatives by displacements and pressures, shape of ``dofs``."""
+    def add_forces(self, local: Array, factor: float, forces: Array) -> None:
+        """Add the derivatives by displacements and pressures."""
         if not self.mixed:
-            return super().forces(local, factor)
-        t, nodal, p = self.table, self.nodal(local), self.pressure(local)
-        forces = np.zeros(self.shape)
+            super().add_forces(local, factor, forces)
+            return
+        t, p = self.table, self.pressure(local)
         for region in self.regions:
-            region.add_forces(nodal, factor, forces, p)
-        result = self._padded(forces)
+            region.add_forces(local, self.starts, factor, forces, p)
         gap = (t.weights * (volume_change(self.laws, self.gradients(local))[0] - self.compliance * p)) @ self.across
-        result[:, :-1, self.moves :] = np.einsum("etj,etk->ejk", self.along, gap)
-        return result.reshape(self.dofs.shape)
+        slots = self.starts[:, :-1, None] + np.arange(self.moves, self.width)
+        forces += np.bincount(slots.ravel(), np.einsum("etj,etk->ejk", self.along, gap).ravel(), forces.size)
 
     def matrices(self, local: Array, factor: float, which: Index | None = None) -> Array:
         """Return the second derivatives, shape ``(E, l width, l width)``, or those of some elements."""
         if not self.mixed:
             return super().matrices(local, factor, which)
         which = np.arange(self.layers.shape[0]) if which is None else which
-        table, laws, nodal = self._some(which, self.nodal(local))
+        table, laws, starts = self._some(which)
         p = self.pressure(local)[which]
-        result = self._coupling(which, nodal, p)
-        blocks = separate(nodal.shape[0], self.layers.shape[1], self.width)
+        result = self._coupling(which, self.nodal(local)[which], p)
+        blocks = separate(starts.shape[0], starts.shape[1], self.width)
         for region in regions(table, laws):
-            region.add_stiffness(nodal, factor, blocks, result.ravel(), p)
+            region.add_stiffness(local, starts, factor, blocks, result.ravel(), p)
         return result
 
     def add_entries(self, local: Array, factor: float, entries: Array) -> None:
@@ -94,7 +88,7 @@ class MixedPart(Part):
             super().add_entries(local, factor, entries)
             return
         nodal, p = self.nodal(local), self.pressure(local)
-        self._add_stiffness(nodal, factor, entries, p)
+        self._add_stiffness(local, factor, entries, p)
         for first in range(0, nodal.shape[0], _SOME):
             some = np.arange(first, min(first + _SOME, nodal.shape[0]))
             self.pattern.add(self._coupling(some, nodal[some], p[some]), entries, some)

@@ -35,10 +35,10 @@ class Part:
 
     Attributes
     ----------
-    dofs, slots
-        Degrees of freedom of each element, and where this rank has their values, shape ``(E, l width)``.
+    starts
+        Where this rank has the values of each element's layers, those of a layer side by side, shape ``(E, l)``.
     width
-        Degrees of freedom of a layer.
+        Degrees of freedom of a layer, displacements first.
     """
 
     def __init__(self, share: Share, free: Index, exchange: Exchange, rule: Rule | None = None) -> None:
@@ -49,14 +49,34 @@ class Part:
         self.laws = body.laws_at(self.table.u, self.table.xi)
         self.layers = share.layers
         self.width = share.width
-        self.dofs = share.dofs
-        self.slots = exchange.slots(self.dofs)
+        self.share = share
+        self.starts = exchange.slots(self.first_dof + self.width * self.layers)
         self.shape = (*self.layers.shape, body.space.layer_nodes, 3)
         self._extrapolates = False
         self._last: Last | None = None
         # As the layers, negative where supports hold all of one.
         held = free[self.first_dof :][: body.space.layers * self.width].reshape(-1, self.width).max(axis=1) < 0
         self.free_layers = np.where(held[self.layers], -1, self.layers)
+
+    @cached_property
+    def dofs(self) -> Index:
+        """Degrees of freedom of each element, shape ``(E, l width)``."""
+        return self.share.dofs
+
+    @cached_property
+    def slots(self) -> Index:
+        """Where this rank has the values of each element's, shape ``(E, l width)``."""
+        return self.slots_of(slice(None))
+
+    def slots_of(self, which: Index | slice) -> Index:
+        """Return where this rank has the values of some elements', shape ``(e, l width)``."""
+        slots = self.starts[which][:, :, None] + np.arange(self.width)
+        return slots.reshape(slots.shape[0], -1)
+
+    def elements_of(self, slots: Index) -> Index:
+        """Return the elements that have any of these slots, which ascend."""
+        before, behind = np.searchsorted(slots, self.starts), np.searchsorted(slots, self.starts + self.width)
+        return np.flatnonzero((behind > before).any(axis=1))
 
     @cached_property
     def regions(self) -> list[Region]:
@@ -106,7 +126,8 @@ class Part:
 
     def nodal(self, local: Array) -> Array:
         """Return the nodal displacements, shape ``(E, l, n, 3)``, of this rank's degrees of freedom ``local``."""
-        return local[self.slots].reshape(self.shape)
+        moves = self.shape[2] * self.shape[3]
+        return local[self.starts[:, :, None] + np.arange(moves)].reshape(self.shape)
 
     def gradients(self, local: Array) -> Array:
         """Return the deformation gradients, shape ``(E, t, q, 3, 3)``."""
@@ -114,42 +135,53 @@ class Part:
 
     def jacobians(self, local: Array) -> Array:
         """Return ``det F`` at the quadrature points, shape ``(E, t, q)``."""
-        nodal, found = self.nodal(local), np.empty(self.table.weights.shape)
+        found = np.empty(self.table.weights.shape)
         for region in self.regions:
-            region.set_jacobians(nodal, found)
+            region.set_jacobians(local, self.starts, found)
         return found
 
     def energy(self, local: Array, factor: float) -> float:
         """Return the stored energy."""
-        nodal, forces = self.nodal(local), np.zeros(self.shape)
-        return sum(region.add_forces(nodal, factor, forces, wanted=True) for region in self.regions)
+        forces = np.zeros(local.size)
+        return sum(region.add_forces(local, self.starts, factor, forces, wanted=True) for region in self.regions)
 
     def curvatures(self, local: Array, factor: float, motions: Iterable[Array]) -> Array:
         """Return the second derivatives of the stored energy along motions of this rank's degrees of freedom."""
         found = np.stack([motion[self.slots] for motion in motions], axis=1)
         return np.asarray(np.einsum("emi,emi->m", found @ self.matrices(local, factor), found))
 
-    def forces(self, local: Array, factor: float) -> Array:
-        """Return the internal forces, shape of ``dofs``."""
-        nodal, forces = self.nodal(local), np.zeros(self.shape)
+    def add_forces(self, local: Array, factor: float, forces: Array) -> None:
+        """Add the internal forces to those on this rank's degrees of freedom."""
         for region in self.regions:
-            region.add_forces(nodal, factor, forces)
-        return forces.reshape(self.dofs.shape)
+            region.add_forces(local, self.starts, factor, forces)
+
+    def add_activation(self, local: Array, step: float, forces: Array) -> None:
+        """Add the change of the internal forces when the load factor, and activation with it, grows by ``step``."""
+        # Stress is linear in the activation.
+        active, passive = np.zeros((2, local.size))
+        self.add_forces(local, 1.0, active)
+        self.add_forces(local, 0.0, passive)
+        forces += step * (active - passive)
+
+    def add(self, share: Array, total: Array) -> None:
+        """Add what elements have, shape of ``dofs``, to what this rank's degrees of freedom have."""
+        total += np.bincount(self.slots.ravel(), share.ravel(), total.size)
 
     def matrices(self, local: Array, factor: float, which: Index | None = None) -> Array:
         """Return the element tangents, shape ``(E, l n 3, l n 3)``, or those of some elements."""
-        table, laws, nodal = self._some(which, self.nodal(local))
-        blocks = separate(nodal.shape[0], self.layers.shape[1], self.width)
+        table, laws, starts = self._some(which)
+        elements, functions = starts.shape
+        blocks = separate(elements, functions, self.width)
         entries = np.zeros(blocks.total)
         for region in regions(table, laws):
-            region.add_stiffness(nodal, factor, blocks, entries)
-        return entries.reshape(nodal.shape[0], self.dofs.shape[1], self.dofs.shape[1])
+            region.add_stiffness(local, starts, factor, blocks, entries)
+        return entries.reshape(elements, functions * self.width, -1)
 
-    def _some(self, which: Index | None, nodal: Array) -> tuple[Table, Laws, Array]:
-        """Return table, laws and nodal displacements of some elements, which ascend, or of all."""
+    def _some(self, which: Index | None) -> tuple[Table, Laws, Index]:
+        """Return table, laws and ``starts`` of some elements, which ascend, or of all."""
         if which is None:
-            return self.table, self.laws, nodal
-        return self.table.part(which, slice(None)), self.laws.some(which), nodal[which]
+            return self.table, self.laws, self.starts
+        return self.table.part(which, slice(None)), self.laws.some(which), self.starts[which]
 
     def extrapolate(self, wanted: bool) -> None:
         """Let the next tangent be exact; those after it extrapolate the stress, if that is wanted."""
@@ -157,13 +189,12 @@ class Part:
 
     def add_entries(self, local: Array, factor: float, entries: Array) -> None:
         """Add the element tangents, whose sum is much smaller than these, to entries of the pattern."""
-        nodal = self.nodal(local)
-        self._add_stiffness(nodal, factor, entries, NONE)
+        self._add_stiffness(local, factor, entries, NONE)
 
-    def _add_stiffness(self, nodal: Array, factor: float, entries: Array, pressure: Array) -> None:
+    def _add_stiffness(self, local: Array, factor: float, entries: Array, pressure: Array) -> None:
         for region in self.regions:
-            region.add_stiffness(nodal, factor, self.pattern.blocks, entries, pressure, self._last)
-        self._last = Last(nodal, pressure) if self._extrapolates else None
+            region.add_stiffness(local, self.starts, factor, self.pattern.blocks, entries, pressure, self._last)
+        self._last = Last(local, pressure) if self._extrapolates else None
 
 
 def separate(elements: int, functions: int, size: int) -> Blocks:

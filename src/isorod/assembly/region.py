@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from isorod.arrays import Array
+from isorod.arrays import Array, Index
 from isorod.assembly import block_kernel
 from isorod.assembly.block_kernel import Steps
 from isorod.assembly.extrapolation import Last
-from isorod.assembly.field_kernel import Functions, add_resultants, coefficients, stresses
+from isorod.assembly.field_kernel import Functions, add_resultants, coefficients, determinants, stresses
 from isorod.assembly.pattern_kernel import Blocks
 from isorod.assembly.stiffness_kernel import add_blocks, moduli, multiply
 from isorod.material.along_rod import Laws, Piece
@@ -88,29 +88,33 @@ class Region:
         for first in range(0, elements, step):
             yield first, min(first + step, elements)
 
-    def _gradients(self, nodal: Array, first: int, last: int) -> tuple[Array, Array]:
-        """Return the gradients of nodal displacements on disk x axis (`isorod.assembly.field_kernel.stresses`)."""
-        values, slopes = coefficients(self.table, nodal, first, last)
+    def _gradients(self, local: Array, starts: Index, first: int, last: int) -> tuple[Array, Array]:
+        """Return the gradients of displacements on disk x axis (`isorod.assembly.field_kernel.stresses`)."""
+        values, slopes = coefficients(self.table, local, starts, first, last)
         across, whole = self._section
         return values @ across, slopes @ whole
 
     def add_forces(
         self,
-        nodal: Array,
+        local: Array,
+        starts: Index,
         factor: float,
         forces: Array,
         pressure: Array = NONE,
         wanted: bool = False,
-        determinant: Array = NONE,
     ) -> float:
-        """Add the internal forces of nodal displacements ``(E, l, n, 3)`` to those of the part's elements.
+        """Add the internal forces.
 
         Parameters
         ----------
+        local, starts
+            Degrees of freedom, and where those of the layers of the part's elements begin, shape ``(E, l)``.
+        factor
+            The load factor.
+        forces
+            As the degrees of freedom.
         pressure
             That of the mixed formulation at the part's points ``(E, t, q)``, or an empty array.
-        determinant
-            To be filled with ``det F`` at these points ``(E t, q)``, if it has rows.
 
         Returns
         -------
@@ -119,25 +123,29 @@ class Region:
         """
         _, along, points = self.shape
         law = self._law(factor, pressure.size > 0)
-        pressures, own, result = self.at_points(pressure), self.own(nodal), self.own(forces)
+        pressures, starts = self.at_points(pressure), self.own(starts)
         across, whole = self._section
         energy = 0.0
         for first, last in self._some(_POINTS // (along * points)):
-            found = self._gradients(own, first, last)
-            det = determinant[first * along : last * along]
-            energy += stresses(self.table, *law, pressures, found, first, wanted, det)
-            add_resultants(self.table, found[0] @ across.T, found[1] @ whole.T, first, last, result)
+            found = self._gradients(local, starts, first, last)
+            energy += stresses(self.table, *law, pressures, found, first, wanted)
+            add_resultants(self.table, found[0] @ across.T, found[1] @ whole.T, first, last, starts, forces)
         return energy
 
-    def set_jacobians(self, nodal: Array, out: Array) -> None:
+    def set_jacobians(self, local: Array, starts: Index, out: Array) -> None:
         """Fill in ``det F`` at these of the part's points ``(E, t, q)``."""
-        found = np.empty((self.shape[0] * self.shape[1], self.shape[2]))
-        self.add_forces(nodal, 1.0, np.zeros(nodal.shape), determinant=found)
-        self.own(out)[:, :, self.piece.points] = found.reshape(self.shape)
+        _, along, points = self.shape
+        deform, starts = address(block_kernel.deform, STEP), self.own(starts)
+        result = np.empty((self.shape[0] * along, points))
+        for first, last in self._some(_POINTS // (along * points)):
+            found = self._gradients(local, starts, first, last)
+            determinants(self.table, deform, found, first, result[first * along : last * along])
+        self.own(out)[:, :, self.piece.points] = result.reshape(self.shape)
 
     def add_stiffness(
         self,
-        nodal: Array,
+        local: Array,
+        starts: Index,
         factor: float,
         blocks: Blocks,
         entries: Array,
@@ -148,15 +156,17 @@ class Region:
 
         Parameters
         ----------
-        pressure
+        local, starts, factor, pressure
             As in `add_forces`.
+        blocks, entries
+            Where blocks of the part's elements lie in these entries.
         last
             What the stress is extrapolated from, if it is.
         """
         elements, along, points = self.shape
         law = self._law(factor, pressure.size > 0, True, last is not None)
-        before, earlier = (NONE, nodal) if last is None else (self.at_points(last.pressure), last.nodal)
-        pressures, own, earlier = self.at_points(pressure), self.own(nodal), self.own(earlier)
+        before = NONE if last is None else self.at_points(last.pressure)
+        pressures, starts = self.at_points(pressure), self.own(starts)
         there = Blocks(self.own(blocks.start), self.own(blocks.width), blocks.total)
         squared = self.table.section.shape[2] ** 2
         tile = min(points, max(16, _PRODUCTS // (10 * squared)))
@@ -167,8 +177,8 @@ class Region:
         sums, more = (_Four((3, 1), (3, 1), (9, 1), (6, 1), size=count * along * squared) for _ in range(2))
         for k, some in enumerate(self._some(count)):
             places = (some[1] - some[0]) * along
-            found = self._gradients(own, *some)
-            old = found if last is None else self._gradients(earlier, *some)
+            found = self._gradients(local, starts, *some)
+            old = found if last is None else self._gradients(last.local, starts, *some)
             for begin in range(0, points, tile):
                 end = min(begin + tile, points)
                 left, right = pulled.of(places, end - begin), products.of(end - begin, squared)

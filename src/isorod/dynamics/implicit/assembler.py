@@ -54,13 +54,13 @@ class StepPart(Part):
         changes = self._gradient.reshape(elements, -1, functions) @ local[self.slots].reshape(elements, functions, 3)
         return np.ascontiguousarray(np.swapaxes(changes.reshape(self._start.shape), -1, -2))
 
-    def forces(self, local: Array, factor: float) -> Array:
-        """Return the internal forces of the change ``local`` of the displacement, shape of ``dofs``."""
+    def add_forces(self, local: Array, factor: float, forces: Array) -> None:
+        """Add the internal forces of the change ``local`` of the displacement."""
         stress, _ = self.laws.at(factor).discrete(self._start, self._changes(local), False)
         elements, _, _, functions = self._gradient.shape
         stress = np.swapaxes(self.table.weights[..., None, None] * stress, -1, -2).reshape(elements, -1, 3)
         rows = self._gradient.reshape(elements, -1, functions)
-        return (np.swapaxes(rows, -1, -2) @ stress).reshape(self.dofs.shape)
+        self.add(np.swapaxes(rows, -1, -2) @ stress, forces)
 
     def add_entries(self, local: Array, factor: float, entries: Array) -> None:
         """Add the derivatives of internal and inertial forces to entries of the pattern; they are not symmetric."""
@@ -138,7 +138,7 @@ class StepAssembler(Assembler):
         return super()._state(x, 0.0)
 
     def _forces(self, local: Array, factor: float) -> Array:
-        internal = self._sums(part.forces(local, factor) for part in self.parts)
+        internal = self._internal(local, factor)
         if self.contact is not None:
             internal -= self._once(self.contact.forces(self._everywhere)[0])
         change, past = self._rates
