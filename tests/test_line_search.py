@@ -2,8 +2,13 @@
 
 import numpy as np
 import pytest
+from petsc4py import PETSc
+from touching import pair
 
+from isorod.assembly.assembler import Assembler
+from isorod.model import Contact, Model, Plane, Support
 from isorod.statics.line_search import step_length
+from isorod.statics.newton import Newton
 
 ZERO = 1e-3
 
@@ -39,3 +44,17 @@ def test_a_step_ends_before_states_that_have_no_forces():
 def test_a_step_up_the_energy_is_taken_as_far_as_there_are_forces():
     assert step_length(lambda share: -5.0 * share, -1.0) == 1.0
     assert step_length(lambda share: -1.0 if share < 0.3 else np.nan, -1.0) == 0.25
+
+
+@pytest.mark.parametrize(("length", "share", "ends"), [(1e-9, 1.0, True), (1e-3, 1e-6, False), (1e-3, 0.0, False)])
+def test_a_step_that_was_made_short_is_no_sign_of_equilibrium(length, share, ends):
+    """Whatever is out of balance: how far a full step would have gone is what counts."""
+    body = pair().bodies[0]
+    wall = Contact(0, Plane((0.0, 0.0, -50.0), (0.0, 0.0, 1.0)), 1.0)
+    solver = Newton(Assembler(Model([body], [Support.end(body.space, "start")], contacts=[wall]), PETSc.COMM_SELF))
+    solver.snes.setUp()
+    solver.snes.getFunction()[0].set(1.0)
+    solver._line_search.share = share
+    reason = solver._test(solver.snes, 1, (1.0, length * share, 1.0))
+    reasons = PETSc.SNES.ConvergedReason
+    assert reason == (reasons.CONVERGED_SNORM_RELATIVE if ends else reasons.CONVERGED_ITERATING)

@@ -60,10 +60,12 @@ class LineSearch:
     ----------
     short
         How many steps were hardly any, since this was last set.
+    share
+        How much of the last step was taken.
     """
 
     def __init__(self, snes: PETSc.SNES, residual: Callable[[PETSc.Vec, PETSc.Vec], object]) -> None:
-        self.short = 0
+        self.short, self.share = 0, 1.0
         self._snes, self._residual = snes, residual
         snes.setLineSearchPreCheck(self._shorten)
 
@@ -77,7 +79,7 @@ class LineSearch:
             self._residual(trial, force)
             return float(force.dot(y))
 
-        share = step_length(work, float(start.dot(y)))
+        share = self.share = step_length(work, float(start.dot(y)))
         self.short += share < _SHORT
         y.scale(share)
         force.destroy()

@@ -130,7 +130,11 @@ class Newton:
         search, contact = self._line_search, self.assembler.contact
         if search is not None and search.short >= _STUCK and contact is not None and contact.may_soften:
             return PETSc.SNES.ConvergedReason.DIVERGED_LINE_SEARCH
-        return self._convergence.test(snes, iteration, norms)
+        state, change, force = norms
+        if search is not None and search.share < 1.0:
+            # A step that was made short says nothing of how far the equilibrium is.
+            change = change / search.share if search.share > 0.0 else np.inf
+        return self._convergence.test(snes, iteration, (state, change, force))
 
     def _residual(self, x: PETSc.Vec, out: PETSc.Vec) -> None:
         carried = self._convergence.carried_force = self.assembler.residual(x, self._factor, out)
