@@ -275,6 +275,11 @@ def compressed_rows(matrix: PETSc.Mat) -> tuple[NDArray[Any], NDArray[Any], NDAr
     return rows.start, rows.column, mine
 
 
+def has_whole_rows(matrix: PETSc.Mat) -> bool:
+    """Return whether `absolute_product` takes a matrix: one of which both triangles are stored."""
+    return "aij" in matrix.getType() and "sbaij" not in matrix.getType()
+
+
 def absolute_product(matrix: PETSc.Mat, vector: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return this rank's rows of the product of a matrix's absolute values with a vector, which all of it is of."""
     start, column, values = compressed_rows(matrix)

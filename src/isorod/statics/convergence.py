@@ -13,7 +13,7 @@ from isorod.arrays import Array
 from isorod.assembly.assembler import Assembler
 from isorod.assembly.part import ROUNDING
 from isorod.checks import hourglass
-from isorod.petsc.matrix import absolute_product
+from isorod.petsc.matrix import absolute_product, has_whole_rows
 
 # Out-of-balance force, in units of that after the predictor, above which a load step is given up: Newton's iterations
 # that leave like this may come back to another equilibrium.
@@ -77,7 +77,7 @@ class Convergence:
         """Prepare a load step: its tangent, and the norm of its predictor's force."""
         self._scale = scale
         self._rounding = None
-        if self.plain and "aij" in matrix.getType() and "sbaij" not in matrix.getType():
+        if self.plain and has_whole_rows(matrix):
             if self._sizes is None:
                 self._sizes = self._displacements()
             self._rounding = ROUNDING * absolute_product(matrix, self._sizes)
