@@ -120,6 +120,38 @@ def test_a_run_that_compiles_says_so_once(python, tmp_path):
     assert (second.stdout, second.stderr) == (first.stdout, "")
 
 
+# What a run has another process compile, where that is not begun.
+SHARED = """
+import subprocess
+from isorod import compiling, statics
+class Begun:
+    def __init__(self, command, **files): print(*command[1:])
+    def terminate(self): print("ended")
+subprocess.Popen = Begun
+compiling.share()
+"""
+
+
+def test_a_first_run_shares_what_there_is_to_compile(python, tmp_path):
+    """The last module first; on ranks the first alone shares, and nothing is shared where all is kept."""
+    empty = environment(NUMBA_CACHE_DIR=str(tmp_path))
+    begun, ended = python(SHARED, env=empty).stdout.splitlines()
+    option, command, *modules = begun.split()
+    assert (option, command, ended) == ("-m", "isorod.command.compile", "ended")
+    assert modules.index("isorod.assembly.field_kernel") < modules.index("isorod.compiled")
+    assert len(modules) == len(set(modules)) > 10
+    assert python(SHARED, env=empty | {"OMPI_COMM_WORLD_RANK": "1"}).stdout == ""
+    alone = "import os; os.sched_setaffinity(0, [min(os.sched_getaffinity(0))])\n"
+    assert python(alone + SHARED, env=empty).stdout == ""
+
+
+def test_the_other_process_keeps_what_modules_have(tmp_path):
+    command = [sys.executable, "-m", "isorod.command.compile", "isorod.compiled"]
+    done = subprocess.run(command, env=environment(NUMBA_CACHE_DIR=str(tmp_path)), capture_output=True, check=True)
+    assert (done.stdout, done.stderr) == (b"", b"")
+    assert [path.suffix for path in sorted(tmp_path.rglob("*.cofactors*.nb?"))] == [".nbc", ".nbi"]
+
+
 def test_only_the_first_rank_says_so(python, tmp_path):
     done = python(SMALL, env=environment(NUMBA_CACHE_DIR=str(tmp_path), OMPI_COMM_WORLD_RANK="1"))
     assert (done.stdout, done.stderr) == ("8.0 4.0\n", "")

@@ -6,7 +6,9 @@ there, as where an administrator has installed and compiled everything, and wher
 kept.
 """
 
+import atexit
 import os
+import subprocess
 import sys
 from collections.abc import Callable
 from contextlib import suppress
@@ -29,6 +31,9 @@ _Dispatcher: Any = CPUDispatcher
 KERNELS: list["Kernel"] = []
 
 _PACKAGE = Path(__file__).parent
+
+# Modules with something to compile from which on it is shared with another process.
+_MANY = 5
 
 
 class Kernel(_Dispatcher):
@@ -199,6 +204,28 @@ def load_all() -> list[Kernel]:
     return KERNELS
 
 
+def share() -> subprocess.Popen[bytes] | None:
+    """Let another process compile what the modules imported so far have and is not kept, the last first; return it.
+
+    Compiling is one thread's work, and this process begins with what it needs first.  None where there is little to
+    compile, one processor, or nothing can be kept.  It is ended when this process ends.
+    """
+    if len(os.sched_getaffinity(0)) < 2 or rank() or not KERNELS or not KERNELS[0].lasting:
+        return None
+    modules = dict.fromkeys(kernel.py_func.__module__ for kernel in reversed(KERNELS) if not kernel.kept)
+    if len(modules) < _MANY:
+        return None
+    nothing: Any = {name: subprocess.DEVNULL for name in ("stdin", "stdout", "stderr")}
+    other = subprocess.Popen([sys.executable, "-m", "isorod.command.compile", *modules], **nothing)
+    atexit.register(other.terminate)
+    return other
+
+
+def rank() -> int:
+    """Return this process's number among those of MPI, before that is started."""
+    return int(os.environ.get("OMPI_COMM_WORLD_RANK", os.environ.get("PMI_RANK", "0")))
+
+
 def place(kernel: Kernel) -> str:
     """Return where compiled code is kept, in words: the package's folders or the one round all of them."""
     folder = kernel.folder
@@ -219,7 +246,7 @@ class Notice(event.Listener):  # type: ignore[misc]
         if self.said or not isinstance(kernel, Kernel):
             return
         self.said = True
-        if int(os.environ.get("OMPI_COMM_WORLD_RANK", os.environ.get("PMI_RANK", "0"))) != 0:
+        if rank():
             return
         print(f"isorod: compiling ({self._how(kernel)})", file=sys.stderr, flush=True)
 

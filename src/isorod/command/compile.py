@@ -1,6 +1,8 @@
 """Compiling everything ahead, so that no run has to wait for it: the command ``isorod compile``."""
 
 import sys
+from collections.abc import Sequence
+from importlib import import_module
 from time import perf_counter
 
 from isorod.errors import InputError
@@ -23,8 +25,13 @@ def main() -> int:
     if refused is not None:
         raise InputError(f"compile: {compiling.HINT}")
     compiling.NOTICE.time = "about a minute"
+    other = compiling.share()
     for kernel in wanted:
-        kernel.ready()
+        # The other process comes from the end.
+        if not kernel.kept:
+            kernel.ready()
+    if other is not None:
+        other.wait()
     seconds = perf_counter() - start
     there = len(kernels) - len(wanted)
     print(
@@ -34,9 +41,22 @@ def main() -> int:
     return 0
 
 
+def _quietly(modules: Sequence[str]) -> int:
+    """Compile what modules have and nothing of which is kept, beside a process that runs (`isorod.compiling.share`)."""
+    from isorod import compiling
+
+    compiling.NOTICE.said = True
+    for name in modules:
+        import_module(name)
+        for kernel in compiling.KERNELS:
+            if kernel.py_func.__module__ == name and not kernel.kept:
+                kernel.ready()
+    return 0
+
+
 if __name__ == "__main__":
     try:
-        sys.exit(main())
+        sys.exit(_quietly(sys.argv[1:]) if len(sys.argv) > 1 else main())
     except InputError as problem:
         print(f"isorod: {problem}", file=sys.stderr)
         sys.exit(2)

@@ -24,6 +24,7 @@ def solve(scene: Any, settings: Mapping[str, Any]) -> tuple[Any, dict[str, float
     ``settings`` are keyword arguments of the analysis (`solve` of `isorod.statics`, `isorod.modal`, `isorod.dynamics`).
      PETSc must be running.
     """
+    from isorod import compiling
     from isorod.compiled import cofactors
 
     try:
@@ -32,6 +33,7 @@ def solve(scene: Any, settings: Mapping[str, Any]) -> tuple[Any, dict[str, float
         raise InputError(
             f"{scene.analysis} analysis: module {problem.name} is not installed (see 'isorod doctor')"
         ) from None
+    compiling.share()
     # Numba takes half a second before the first function, whichever that is.
     cofactors.ready()
     # The scene of a file says where in it errors come from.
