@@ -1,4 +1,4 @@
-"""Length of Newton steps where points come into contact."""
+"""Newton steps where points come into contact: their length, what it says, and their factorisation."""
 
 import numpy as np
 import pytest
@@ -7,6 +7,7 @@ from touching import pair
 
 from isorod.assembly.assembler import Assembler
 from isorod.model import Contact, Model, Plane, Support
+from isorod.petsc.options import in_force
 from isorod.statics.line_search import step_length
 from isorod.statics.newton import Newton
 
@@ -46,12 +47,26 @@ def test_a_step_up_the_energy_is_taken_as_far_as_there_are_forces():
     assert step_length(lambda share: -1.0 if share < 0.3 else np.nan, -1.0) == 0.25
 
 
+def near_a_wall():
+    """Return Newton's method for a bar that does not touch the wall it may touch."""
+    body = pair().bodies[0]
+    wall = Contact(0, Plane((0.0, 0.0, -50.0), (0.0, 0.0, 1.0)), 1.0)
+    return Newton(Assembler(Model([body], [Support.end(body.space, "start")], contacts=[wall]), PETSc.COMM_SELF))
+
+
+@pytest.mark.parametrize("typed", [None, 77])
+def test_with_contact_mumps_does_not_scale_unless_it_is_asked_to(typed):
+    with in_force({} if typed is None else {"mat_mumps_icntl_8": typed}):
+        solver = near_a_wall()
+        solver.advance(0.0, 1.0)
+        assert solver.snes.getKSP().getPC().getFactorMatrix().getMumpsIcntl(8) == (typed or 0)
+    assert not PETSc.Options().hasName("mat_mumps_icntl_8")
+
+
 @pytest.mark.parametrize(("length", "share", "ends"), [(1e-9, 1.0, True), (1e-3, 1e-6, False), (1e-3, 0.0, False)])
 def test_a_step_that_was_made_short_is_no_sign_of_equilibrium(length, share, ends):
     """Whatever is out of balance: how far a full step would have gone is what counts."""
-    body = pair().bodies[0]
-    wall = Contact(0, Plane((0.0, 0.0, -50.0), (0.0, 0.0, 1.0)), 1.0)
-    solver = Newton(Assembler(Model([body], [Support.end(body.space, "start")], contacts=[wall]), PETSc.COMM_SELF))
+    solver = near_a_wall()
     solver.snes.setUp()
     solver.snes.getFunction()[0].set(1.0)
     solver._line_search.share = share

@@ -23,10 +23,6 @@ ROWS: dict[str, object] = {
 
 SPARSE: dict[str, object] = {"pc_type": "cholesky", "pc_factor_mat_solver_type": "mumps"}
 
-# With contact, whose tangent is definite but for friction: MUMPS's scaling, an iteration over all entries, takes a
-# third of the time of a factorisation, and changes no pivot of a definite matrix.
-TOUCHING = SPARSE | {"mat_mumps_icntl_8": 0}
-
 WIDE = 150
 
 
@@ -47,8 +43,7 @@ def factorisation(assembler: Assembler, prefix: str = "", symmetric: bool = True
     if plain and symmetric and not own and suits(assembler.model):
         chosen = BAND
     else:
-        sparse = SPARSE if assembler.contact is None else TOUCHING
-        chosen = ROWS if plain and width <= WIDE and assembler.comm.getSize() == 1 else sparse
+        chosen = ROWS if plain and width <= WIDE and assembler.comm.getSize() == 1 else SPARSE
     if not symmetric:
         chosen = chosen | {"pc_type": "lu"}
     return {f"{prefix}{name}": value for name, value in chosen.items()}
