@@ -7,7 +7,8 @@ import pytest
 from petsc4py import PETSc
 from scipy.sparse import coo_matrix, csr_matrix
 
-from isorod.petsc.matrix import compressed_rows, create_matrix, preallocate, set_values
+from isorod.petsc.matrix import create_matrix, preallocate, set_values
+from isorod.petsc.rows import local_rows
 
 
 def drawn(seed, size=30, count=400):
@@ -30,7 +31,7 @@ def test_entries_add_up_in_a_matrix_that_gets_other_ones():
             preallocate(matrix, rows, columns)
         for scale in (1.0, -2.0):
             set_values(matrix, scale * values)
-            start, column, found = compressed_rows(matrix)
+            start, column, found = local_rows(matrix).own
             expected = summed(rows, columns, scale * values)
             np.testing.assert_array_equal(start, expected.indptr)
             np.testing.assert_array_equal(column, expected.indices)

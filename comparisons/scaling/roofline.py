@@ -11,6 +11,7 @@ from comparisons.scaling import wire
 from isorod import options
 from isorod.assembly.assembler import Assembler
 from isorod.assembly.part import Part
+from isorod.assembly.pattern import Pattern
 from isorod.output import results
 from isorod.scenes.spring import Spring
 
@@ -51,13 +52,14 @@ def measure(name: str, fields: dict[str, int], peak: float) -> dict[str, Any]:
     scene = Spring(coils=COILS, elements_per_turn=wire.ELEMENTS, quadrature="auto", formulation="displacement", **own)
     assembler = Assembler(scene.model())
     (part,) = assembler.parts
-    entries, rest, total = (np.zeros(n) for n in (part.pattern.blocks.total, *(assembler.model.dofs,) * 2))
+    (blocks,) = Pattern([part.of_dofs], assembler.free).blocks
+    entries, rest, total = (np.zeros(n) for n in (blocks.total, *(assembler.model.dofs,) * 2))
     unknowns = assembler.model.unknowns
-    part.add_entries(rest, 1.0, entries)
-    exact = least(lambda: part.add_entries(rest, 1.0, entries))
+    part.add_entries(rest, 1.0, blocks, entries)
+    exact = least(lambda: part.add_entries(rest, 1.0, blocks, entries))
     part.extrapolate(True)
-    part.add_entries(rest, 1.0, entries)
-    extrapolated = least(lambda: part.add_entries(rest, 1.0, entries))
+    part.add_entries(rest, 1.0, blocks, entries)
+    extrapolated = least(lambda: part.add_entries(rest, 1.0, blocks, entries))
     forces = least(lambda: part.add_forces(rest, 1.0, total))
     rate = operations(part) / exact
     return {

@@ -1,6 +1,6 @@
 """Residual, tangent and energy of a model as PETSc vectors and matrices; elements and rows split along the axis."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cached_property
 from time import perf_counter
@@ -11,18 +11,20 @@ from petsc4py import PETSc
 
 from isorod.arrays import Array, Index
 from isorod.assembly.extrapolation import pays
+from isorod.assembly.mass import consistent_mass, lumped_mass
 from isorod.assembly.part import Part
-from isorod.assembly.pattern import Entries, Numbered, joined, rows_and_columns
+from isorod.assembly.pattern import Pattern, add
 from isorod.assembly.unknowns import Unknowns
 from isorod.geometry.quadrature import Rule
 from isorod.model.model import Model
-from isorod.petsc.matrix import componentwise, create_matrix, preallocate, set_values, values_in_order
+from isorod.petsc.matrix import componentwise, create_matrix, keep_symmetric, preallocate, set_values, zeros
 
 if TYPE_CHECKING:
     from isorod.assembly.pressing import Pressing
     from isorod.contact.operator import ContactOperator
 
-_SYMMETRIC = (PETSc.Mat.Option.SYMMETRIC, PETSc.Mat.Option.SYMMETRY_ETERNAL)
+# Attribute of a tangent: the pattern of the parts' entries.
+_PATTERN = "isorod_pattern"
 
 
 class Assembler(Unknowns):
@@ -49,12 +51,12 @@ class Assembler(Unknowns):
         # petsc4py keeps what Python has let go until it is told to destroy it, on all ranks together.
         PETSc.garbage_cleanup()
         self._stage = PETSc.Log.Stage("assembly")
-        self._linear: dict[int, Array] = {}
+        self._linear: Array | None = None
         # The displacement of the whole model that the last local state is of, where there is contact.
         self._everywhere: Array = np.empty(0)
         with self._timed():
             super().__init__(model, comm)
-            self.parts = [self.part(share, self.free, self._exchange) for share in self.shares]
+            self.parts = [self.part(share, self._exchange) for share in self.shares]
             self.contact = self._contact()
             self._pressing = self._followers()
 
@@ -130,38 +132,39 @@ class Assembler(Unknowns):
         """Forces of the loads at load factor 1."""
         return self._once(self.model.external) if self.model.loads else np.zeros(self._exchange.size)
 
-    def _matrix(self, entries: Sequence[Entries], components: int = 1) -> PETSc.Mat:
-        """Return a new symmetric matrix of one of several components, with room for entries."""
+    def _matrix(
+        self, indices: Callable[[], tuple[Index, Index]], pattern: Pattern | None = None, components: int = 1
+    ) -> PETSc.Mat:
+        """Return a new matrix of one of several components, with room for entries."""
         rows, unknowns, block = (size // components for size in (self.rows, self.unknowns, self.block))
-        alone = entries[0] if len(entries) == 1 and isinstance(entries[0], Numbered) else None
-        made = create_matrix(
-            self.comm,
-            (rows, unknowns),
-            block,
-            lambda: rows_and_columns(entries),
-            None if alone is None else lambda: alone.pattern.compressed_rows(alone.number, unknowns),
-        )
-        for option in _SYMMETRIC:
-            made.setOption(option, True)
-        return made
+        known = (None, 0) if pattern is None else (pattern.layout, pattern.total)
+        return create_matrix(self.comm, (rows, unknowns), block, indices, *known)
+
+    def _ranks(self, components: int = 1) -> tuple[PETSc.Comm, int] | None:
+        """Return what a pattern, such as one component's, is told of ranks where the matrix may have its layout."""
+        return None if PETSc.Options().hasName("mat_type") else (self.comm, self.rows // components)
 
     def matrix(self) -> PETSc.Mat:
         """Return a new matrix with room for the tangent: AIJ, or what ``-mat_type`` says."""
         with self._timed():
-            made = self._matrix(self._tangent_entries())
-            if not self.symmetric:
-                for option in reversed(_SYMMETRIC):
-                    made.setOption(option, False)
+            ranks = self._ranks() if self.contact is None else None
+            pattern = Pattern([part.of_dofs for part in self.parts], self.free, ranks)
+            made = self._matrix(lambda: self._indices(pattern), pattern)
+            made.setAttr(_PATTERN, pattern)
+            if self.symmetric:
+                keep_symmetric(made)
             if self.contact is not None:
                 made.setAttr("contact_version", self.contact.version)
             self.note("tangent")
         return made
 
-    def _tangent_entries(self) -> list[Entries]:
-        entries: list[Entries] = [Numbered(part.pattern, self.free[part.first_dof :]) for part in self.parts]
-        if self.contact is not None:
-            entries.append((self.model.free[self.contact.rows], self.model.free[self.contact.columns]))
-        return entries
+    def _indices(self, pattern: Pattern) -> tuple[Index, Index]:
+        """Return row and column of each entry of the tangent, those of held degrees of freedom negative."""
+        rows, columns = pattern.indices()
+        if self.contact is None:
+            return rows, columns
+        more = self.model.free[self.contact.rows], self.model.free[self.contact.columns]
+        return np.concatenate([rows, more[0]]), np.concatenate([columns, more[1]])
 
     def _sums(self, shares: Iterable[Array]) -> Array:
         """Return the sums over this rank's degrees of freedom of what its parts have, shape of `Part.dofs` each."""
@@ -245,39 +248,34 @@ class Assembler(Unknowns):
         """Fill ``out`` with the tangent stiffness."""
         with self._timed():
             local = np.zeros(self._exchange.size) if self._constant else self._state(x, factor)
-            merged = [self._entries(k, local, factor, entries) for k, entries in enumerate(self._rooms(out))]
+            pattern: Pattern = out.getAttr(_PATTERN)
+            entries = zeros(out, pattern.total)
+            self._add_stiffness(pattern, local, factor, entries)
             if self.contact is not None:
-                merged.append(self.contact.tangent(self._everywhere))
+                entries = np.concatenate([entries, self.contact.tangent(self._everywhere)])
                 # Of any rank's entries.
                 if self.comm.tompi4py().allreduce(out.getAttr("contact_version") != self.contact.version):
-                    preallocate(out, *rows_and_columns(self._tangent_entries()))
+                    preallocate(out, *self._indices(pattern))
                     out.setAttr("contact_version", self.contact.version)
-            set_values(out, joined(merged, float))
+            set_values(out, entries)
 
-    def _rooms(self, out: PETSc.Mat) -> list[Array]:
-        """Return an array of zeros for each part's entries: of a part alone that of the matrix, if it has one."""
-        own = values_in_order(out) if len(self.parts) == 1 and self.contact is None else None
-        if own is None:
-            return [np.zeros(part.pattern.blocks.total) for part in self.parts]
-        own[:] = 0.0
-        return [own]
-
-    def _entries(self, k: int, local: Array, factor: float, entries: Array) -> Array:
-        """Fill in and return the entries of a part's tangent.
-
-        With contact, which changes all the time, those of a linear one are kept.
-        """
-        part, loaded = self.parts[k], self.model.spin is not None or bool(self._pressing)
-        keeps = self.contact is not None and part.body.linear and not loaded
-        if keeps and k in self._linear:
-            return self._linear[k]
-        part.add_entries(local, factor, entries)
-        if loaded:
-            which = np.arange(part.layers.shape[0])
-            part.pattern.add(self._load_stiffness(k, local, factor, which), entries, which)
-        if keeps:
-            self._linear[k] = entries
-        return entries
+    def _add_stiffness(self, pattern: Pattern, local: Array, factor: float, entries: Array) -> None:
+        """Add the parts' tangents to the entries of a pattern."""
+        loaded = self.model.spin is not None or bool(self._pressing)
+        # With contact, which changes all the time, those of linear bodies are kept.
+        keeps = self.contact is not None and not loaded
+        kept = [k for k, part in enumerate(self.parts) if keeps and part.body.linear]
+        if kept:
+            if self._linear is None:
+                self._linear = np.zeros(pattern.total)
+                for k in kept:
+                    self.parts[k].add_entries(local, factor, pattern.blocks[k], self._linear)
+            entries += self._linear
+        for k, (part, blocks) in enumerate(zip(self.parts, pattern.blocks, strict=True)):
+            if k not in kept:
+                part.add_entries(local, factor, blocks, entries)
+            if loaded:
+                add(self._load_stiffness(k, local, factor, np.arange(part.layers.shape[0])), blocks, entries)
 
     def _load_stiffness(self, k: int, local: Array, factor: float, which: Index) -> Array:
         """Return what loads that depend on the state add to the tangents of some elements of a part."""
@@ -348,17 +346,15 @@ class Assembler(Unknowns):
             return self.mass(lumped)
         with self._timed():
             one = self._mass(lumped, [self.model.free[::3] // 3])
-            matrix = componentwise(one, 3)
-            for option in _SYMMETRIC:
-                matrix.setOption(option, True)
+            matrix = keep_symmetric(componentwise(one, 3))
             one.destroy()
             return matrix
 
     def _mass(self, lumped: bool, numbers: Sequence[Index]) -> PETSc.Mat:
         """Return the mass matrix of the components of which each node's numbers are given, all three or one."""
-        found = [entries for part in self.parts for entries in part.mass_entries(lumped, numbers)]
-        matrix = self._matrix([entries for entries, _ in found], 3 // len(numbers))
-        set_values(matrix, joined([merged for _, merged in found], float))
+        found = lumped_mass(self.parts, numbers) if lumped else consistent_mass(self.parts, numbers, self._ranks(3))
+        matrix = keep_symmetric(self._matrix(found.indices, found.pattern, 3 // len(numbers)))
+        set_values(matrix, found.entries)
         self.note("lumped mass" if lumped else "mass")
         return matrix
 
@@ -372,7 +368,7 @@ class Assembler(Unknowns):
     def by_other_rules(self, rules: Mapping[int, Rule]) -> list[tuple[Part, Part]]:
         """Return this rank's parts of the bodies for which there are rules, and the same elements by those rules."""
         return [
-            (part, Part(share, self.free, self._exchange, rules[part.which]))
+            (part, Part(share, self._exchange, rules[part.which]))
             for part, share in zip(self.parts, self.shares, strict=True)
             if part.which in rules
         ]

@@ -17,6 +17,8 @@ from isorod.assembly import element_kernel, mixed_kernel
 from isorod.assembly.assembler import Assembler
 from isorod.assembly.exchange import Exchange
 from isorod.assembly.part import Part, separate
+from isorod.assembly.pattern import add
+from isorod.assembly.pattern_kernel import Blocks
 from isorod.assembly.region import regions
 from isorod.assembly.split import Share
 from isorod.errors import InputError
@@ -32,8 +34,8 @@ _SOME = 64
 class MixedPart(Part):
     """The elements of one body; a layer of a mixed one holds its displacements, then its pressures."""
 
-    def __init__(self, share: Share, free: Index, exchange: Exchange) -> None:
-        super().__init__(share, free, exchange)
+    def __init__(self, share: Share, exchange: Exchange) -> None:
+        super().__init__(share, exchange)
         body = share.body
         self.moves = 3 * body.space.layer_nodes
         self.mixed = body.pressures is not None
@@ -82,16 +84,16 @@ class MixedPart(Part):
             region.add_stiffness(local, starts, factor, blocks, result.ravel(), p)
         return result
 
-    def add_entries(self, local: Array, factor: float, entries: Array) -> None:
-        """Add the second derivatives to entries of the pattern."""
+    def add_entries(self, local: Array, factor: float, blocks: Blocks, entries: Array) -> None:
+        """Add the second derivatives to entries of a pattern."""
         if not self.mixed:
-            super().add_entries(local, factor, entries)
+            super().add_entries(local, factor, blocks, entries)
             return
         nodal, p = self.nodal(local), self.pressure(local)
-        self._add_stiffness(local, factor, entries, p)
+        self._add_stiffness(local, factor, blocks, entries, p)
         for first in range(0, nodal.shape[0], _SOME):
             some = np.arange(first, min(first + _SOME, nodal.shape[0]))
-            self.pattern.add(self._coupling(some, nodal[some], p[some]), entries, some)
+            add(self._coupling(some, nodal[some], p[some]), blocks, entries, some)
 
     def _coupling(self, which: Index, nodal: Array, p: Array) -> Array:
         """Return the second derivatives of some elements but for those by displacements alone."""

@@ -1,6 +1,6 @@
 """The elements of one body that a rank assembles: their forces, tangents and masses."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from functools import cached_property
 
 import numpy as np
@@ -9,7 +9,7 @@ from isorod.arrays import Array, Index
 from isorod.assembly import element_kernel
 from isorod.assembly.exchange import Exchange
 from isorod.assembly.extrapolation import Last
-from isorod.assembly.pattern import Entries, Numbered, Pattern
+from isorod.assembly.pattern import Layers
 from isorod.assembly.pattern_kernel import Blocks
 from isorod.assembly.region import NONE, Region, regions
 from isorod.assembly.split import Share
@@ -26,8 +26,6 @@ class Part:
     ----------
     share
         Which they are.
-    free
-        Unknown of each of the assembler's degrees of freedom, -1 if it is held.
     exchange
         Where their values are on this rank.
     rule
@@ -41,7 +39,7 @@ class Part:
         Degrees of freedom of a layer, displacements first.
     """
 
-    def __init__(self, share: Share, free: Index, exchange: Exchange, rule: Rule | None = None) -> None:
+    def __init__(self, share: Share, exchange: Exchange, rule: Rule | None = None) -> None:
         body = share.body
         self.body, self.which = body, share.which
         self.first_node, self.first_dof = share.first_node, share.first_dof
@@ -54,9 +52,6 @@ class Part:
         self.shape = (*self.layers.shape, body.space.layer_nodes, 3)
         self._extrapolates = False
         self._last: Last | None = None
-        # As the layers, negative where supports hold all of one.
-        held = free[self.first_dof :][: body.space.layers * self.width].reshape(-1, self.width).max(axis=1) < 0
-        self.free_layers = np.where(held[self.layers], -1, self.layers)
 
     @cached_property
     def dofs(self) -> Index:
@@ -83,10 +78,16 @@ class Part:
         """Where one law holds each."""
         return regions(self.table, self.laws)
 
-    @cached_property
-    def pattern(self) -> Pattern:
-        """Pattern of the degrees of freedom, those of layers left out that supports hold."""
-        return Pattern(self.free_layers, self.width)
+    @property
+    def of_dofs(self) -> Layers:
+        """The layers' degrees of freedom."""
+        return Layers(self.first_dof + self.width * self.layers, self.width)
+
+    @property
+    def of_nodes(self) -> Layers:
+        """The layers' nodes."""
+        count = self.body.space.layer_nodes
+        return Layers(self.first_node + count * self.layers, count)
 
     @cached_property
     def mass(self) -> Array:
@@ -94,15 +95,6 @@ class Part:
         t = self.table
         mass = element_kernel.mass(t.section, t.axial, self.body.densities_at(t) * t.weights)
         return mass.reshape(mass.shape[0], mass.shape[1] * mass.shape[2], -1)
-
-    def mass_entries(self, lumped: bool, numbers: Sequence[Index]) -> list[tuple[Entries, Array]]:
-        """Return where in a matrix the mass of some components is, and that mass; nodes have these numbers there."""
-        if lumped:
-            nodes, masses = self.dofs[:, ::3].ravel() // 3, self.lumped_mass().ravel()
-            return [((number[nodes], number[nodes]), masses) for number in numbers]
-        pattern = Pattern(self.free_layers, self.body.space.layer_nodes)
-        masses = pattern.merge(self.mass)
-        return [(Numbered(pattern, number[self.first_node :]), masses) for number in numbers]
 
     def lumped_mass(self) -> Array:
         """Return the element masses of one component, shape ``(E, l n)``."""
@@ -187,13 +179,13 @@ class Part:
         """Let the next tangent be exact; those after it extrapolate the stress, if that is wanted."""
         self._extrapolates, self._last = wanted, None
 
-    def add_entries(self, local: Array, factor: float, entries: Array) -> None:
-        """Add the element tangents, whose sum is much smaller than these, to entries of the pattern."""
-        self._add_stiffness(local, factor, entries, NONE)
+    def add_entries(self, local: Array, factor: float, blocks: Blocks, entries: Array) -> None:
+        """Add the element tangents, whose sum is much smaller than these, to entries of a pattern."""
+        self._add_stiffness(local, factor, blocks, entries, NONE)
 
-    def _add_stiffness(self, local: Array, factor: float, entries: Array, pressure: Array) -> None:
+    def _add_stiffness(self, local: Array, factor: float, blocks: Blocks, entries: Array, pressure: Array) -> None:
         for region in self.regions:
-            region.add_stiffness(local, self.starts, factor, self.pattern.blocks, entries, pressure, self._last)
+            region.add_stiffness(local, self.starts, factor, blocks, entries, pressure, self._last)
         self._last = Last(local, pressure) if self._extrapolates else None
 
 
@@ -202,7 +194,7 @@ def separate(elements: int, functions: int, size: int) -> Blocks:
     width = functions * size
     layer = np.arange(functions)
     start = width * width * np.arange(elements)[:, None, None] + size * (width * layer[:, None] + layer)
-    return Blocks(start, np.full((elements, functions), width), elements * width * width)
+    return Blocks(start, np.full(start.shape, width), elements * width * width)
 
 
 # Relative error of a stress, in units of the stiffness, that is taken for rounding of the deformation gradient.

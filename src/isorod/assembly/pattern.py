@@ -1,103 +1,221 @@
-"""The sparsity pattern of a body's elements, each entry once and row by row.
+"""The sparsity pattern of layered elements, each entry once and row by row.
 
 Nodes couple with whole layers, so a row's columns are whole layers too; entries that several elements share are added
-up before PETSc sees them.  On one rank they are the matrix's compressed rows as they come; on several, its COO
-preallocation has a third of the entries to sort, and finds them sorted.
+up before PETSc sees them.  They come as the matrix's own arrays (`isorod.petsc.layout`): of a rank's rows first those
+at columns of its own, then those at columns of others, and in the end what it adds to other ranks' rows, which travels.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from isorod.arrays import Array, Index
 from isorod.assembly import pattern_kernel
 from isorod.assembly.pattern_kernel import Blocks, Coupling
-from isorod.petsc.matrix import Rows
+from isorod.petsc.layout import Layout, Rows, Squares, rows_alone
+
+# Pairs of layers: in this rank's rows and at its columns, or at those of others; in others' rows.
+_OWN, _OTHERS, _AWAY = range(3)
+
+
+class Layers(NamedTuple):
+    """Layers of a body's elements: where the numbers of each begin, shape ``(E, l)``, and how many there are."""
+
+    places: Index
+    size: int
 
 
 class Pattern:
-    """Pattern of elements that couple layers of ``size`` entries each.
+    """Pattern of the elements that a rank has.
 
     Parameters
     ----------
-    element_layers
-        Layers of each element, shape ``(E, l)``; negative where supports hold a layer, which then has no entries.
-    size
-        Entries of a layer: nodes, or degrees of freedom.
+    bodies
+        Their layers, body by body, at ascending places.
+    number
+        Number of what is at each place, negative if it is held.  A layer that is held as a whole has no entries.
+    rows
+        All ranks and the number of this one's rows, if a matrix over them is to have these entries and no others.
 
     Attributes
     ----------
     blocks
-        Where blocks of element matrices are among the entries (`isorod.assembly.pattern_kernel.Blocks`).
+        Of each body, where blocks of its element matrices are among the entries.
+    total
+        Number of entries.
+    layout
+        Where they are in a matrix over these ranks; None without ranks, and where the matrix's rows or columns would
+        not ascend, which tied numbers do not.
     """
 
-    def __init__(self, element_layers: Index, size: int) -> None:
-        self.size = size
-        element_layers = np.ascontiguousarray(element_layers)
-        elements, functions = element_layers.shape
-        count = int(element_layers.max(initial=-1)) + 1
-        layers, first, columns = (np.empty(n, dtype=int) for n in (count, count + 1, elements * functions**2))
-        start, width = np.full((elements, functions, functions), -1), np.zeros((elements, functions), dtype=int)
-        mark, near = np.full(count, -1), np.empty(elements * functions, dtype=int)
-        room = Coupling(layers, first, columns, size)
-        rows, pairs = pattern_kernel.couple(element_layers, room, start, width, mark, near)
-        self._coupling = Coupling(layers[:rows], first[: rows + 1], columns[:pairs], size)
-        self.blocks = Blocks(start, width, pairs * size * size)
+    def __init__(self, bodies: Sequence[Layers], number: Index, rows: tuple[PETSc.Comm, int] | None = None) -> None:
+        self._number = np.ascontiguousarray(number)
+        self.layout: Layout | None = None
+        mine, which, whole = self._couplings(bodies)
+        pairs = None if rows is None else self._over_ranks(mine, whole, *rows)
+        if pairs is None:
+            pairs = mine
+            self._coupling, self.total = pairs.row_by_row(_OWN, 0)
+        elif pairs is not mine:
+            which = np.append(np.searchsorted(pairs.key, mine.key), -1)[which]
+        self.blocks: list[Blocks] = []
+        end = 0
+        for one in bodies:
+            elements, functions = one.places.shape
+            begin, end = end, end + elements * functions**2
+            start, width = (
+                values[which[begin:end]].reshape(elements, functions, functions)
+                for values in (pairs.start, pairs.width)
+            )
+            self.blocks.append(Blocks(start, width, self.total))
 
-    def indices(self, number: Index) -> tuple[Index, Index]:
-        """Return row and column of each entry, shape ``(total,)``, as numbers of what is at ``layer size + place``."""
-        row, column = np.empty(self.blocks.total, dtype=int), np.empty(self.blocks.total, dtype=int)
-        pattern_kernel.pattern_indices(self._coupling, np.ascontiguousarray(number), row, column)
+    def _couplings(self, bodies: Sequence[Layers]) -> "tuple[_Pairs, Index, bool]":
+        """Return pairs of layers, which of them each block of each element is, and whether no layer is held in part.
+
+        Blocks without entries are none of them: -1.
+        """
+        keys, sizes, whole = [np.empty(0, dtype=np.int64)], [np.empty(0, dtype=np.int64)], True
+        for places, size in bodies:
+            first, plain = self._first(places.ravel(), np.full(places.size, size))
+            whole, there = whole and plain, (first >= 0).reshape(places.shape)
+            key = places[:, :, None] * self._number.size + places[:, None, :]
+            keys.append(np.where(there[:, :, None] & there[:, None, :], key, -1).ravel())
+            sizes.append(np.full(key.size, size))
+        key, index, which = np.unique(np.concatenate(keys), return_index=True, return_inverse=True)
+        held = int(key.size > 0 and key[0] < 0)
+        pairs = _Pairs(key[held:], np.concatenate(sizes)[index[held:]], self._number.size)
+        return pairs, which - held, whole
+
+    def _first(self, places: Index, sizes: Index) -> tuple[Index, bool]:
+        """Return the first number of each layer, -1 if all of it is held, and whether none is held in part."""
+        first = np.empty(places.size, dtype=np.int64)
+        return first, bool(pattern_kernel.first_numbers(np.ascontiguousarray(places), sizes, self._number, first))
+
+    def _over_ranks(self, mine: "_Pairs", whole: bool, ranks: PETSc.Comm, count: int) -> "_Pairs | None":
+        """Find the layout of a matrix over ranks, of so many rows on this one; return what couples there, if any."""
+        comm = ranks.tompi4py()
+        if comm.size == 1:
+            own, self.total = mine.row_by_row(_OWN, 0)
+            alone = self._rows(own, 0, count, True, 0, whole)
+            self.layout = None if alone is None else rows_alone(alone)
+            return None if alone is None else mine
+        bounds = np.concatenate([[0], np.cumsum(comm.allgather(count))])
+        low, high = (int(bound) for bound in bounds[comm.rank : comm.rank + 2])
+        owner, _ = self._owners(mine.row, mine.size, bounds)
+        inbox = comm.alltoall([mine.some(owner == rank) if rank != comm.rank else None for rank in range(comm.size)])
+        received = {rank: one for rank, one in enumerate(inbox) if one is not None and one.key.size}
+        pairs = mine.joined(received.values())
+        owner, _ = self._owners(pairs.row, pairs.size, bounds)
+        beside, whole = self._owners(pairs.column, pairs.size, bounds)
+        pairs.kind = np.where(owner != comm.rank, _AWAY, np.where(beside == comm.rank, _OWN, _OTHERS))
+        own, inner = pairs.row_by_row(_OWN, 0)
+        others, self.total = pairs.row_by_row(_OTHERS, inner)
+        sent = dict[int, slice]()
+        for rank in np.unique(owner[owner != comm.rank]):
+            begin, self.total = self.total, pairs.block_by_block(np.flatnonzero(owner == rank), self.total)
+            sent[int(rank)] = slice(begin, self.total)
+        inside = self._rows(own, low, high, True, 0, whole)
+        outside = self._rows(others, low, high, False, inner, whole)
+        if comm.allreduce(inside is None or outside is None) or inside is None or outside is None:
+            return None
+        self.layout = Layout(inside, outside, sent, {rank: pairs.squares(one.key) for rank, one in received.items()})
+        return pairs
+
+    def _owners(self, places: Index, sizes: Index, bounds: Index) -> tuple[Index, bool]:
+        """Return the ranks of layers, and whether none of these is held in part."""
+        first, whole = self._first(places, sizes)
+        return np.searchsorted(bounds, first, side="right") - 1, whole
+
+    def _rows(self, coupling: Coupling, low: int, high: int, inside: bool, begin: int, whole: bool) -> Rows | None:
+        """Return the compressed rows ``low .. high - 1`` of the entries from one on; None if they do not ascend."""
+        widths = coupling.sizes * np.diff(coupling.first)
+        total = int((widths * coupling.sizes).sum())
+        start, column = np.empty(high - low + 1, dtype=PETSc.IntType), np.empty(total, dtype=PETSc.IntType)
+        entries = np.empty(0 if whole else total, dtype=np.int64)
+        near = np.empty(int(widths.max(initial=0)), dtype=np.int64)
+        arrays = entries, start, column, near
+        count = pattern_kernel.pattern_rows(coupling, self._number, low, high, inside, begin, *arrays)
+        if count < 0 or begin + total > np.iinfo(PETSc.IntType).max:
+            return None
+        return Rows(slice(begin, begin + total) if whole else entries[:count], start, column[:count])
+
+    def indices(self, number: Index | None = None) -> tuple[Index, Index]:
+        """Return the numbers of row and column of each entry of a pattern without layout, or others in their place."""
+        row, column = np.empty(self.total, dtype=np.int64), np.empty(self.total, dtype=np.int64)
+        number = self._number if number is None else np.ascontiguousarray(number)
+        pattern_kernel.pattern_indices(self._coupling, number, row, column)
         return row, column
 
-    def compressed_rows(self, number: Index, size: int) -> Rows | None:
-        """Return the entries that have a number as compressed rows of a matrix of ``size``; None if some descend."""
-        total = self.blocks.total
-        there = number[: number.size // self.size * self.size].reshape(-1, self.size)[self._coupling.layers]
-        whole = bool((there >= 0).all())
-        start, column = np.empty(size + 1, dtype=PETSc.IntType), np.empty(total, dtype=PETSc.IntType)
-        entries = np.empty(0 if whole else total, dtype=np.int64)
-        near = np.empty(self.size * int(np.diff(self._coupling.first).max(initial=0)), dtype=int)
-        count = pattern_kernel.pattern_rows(self._coupling, np.ascontiguousarray(number), entries, start, column, near)
-        if count < 0 or total > np.iinfo(PETSc.IntType).max:
-            return None
-        return Rows(None if whole else entries[:count], start, column[:count])
 
-    def merge(self, matrices: Array) -> Array:
-        """Return the entries ``(total,)`` of the sum of element matrices ``(E, l size, l size)``."""
-        entries = np.zeros(self.blocks.total)
-        self.add(matrices, entries, np.arange(self.blocks.start.shape[0]))
-        return entries
+class _Pairs:
+    """Pairs of layers that couple, once each: row by row, by ascending columns.
 
-    def add(self, matrices: Array, entries: Array, which: Index) -> None:
-        """Add the matrices ``(e, l size, l size)`` of some elements to the entries."""
-        functions = self.blocks.start.shape[1]
-        shaped = matrices.reshape(-1, functions, self.size, functions, self.size)
-        blocks = Blocks(self.blocks.start[which], self.blocks.width[which], self.blocks.total)
-        pattern_kernel.merge(np.ascontiguousarray(shaped), blocks, entries)
+    Parameters
+    ----------
+    key
+        Place of the row's layer times ``places``, and that of the column's.
+    size
+        Numbers of these layers.
+
+    Attributes
+    ----------
+    row, column
+        Places of the layers.
+    kind
+        Whose row and whose column it is.
+    start, width
+        Where each one's block begins and how far its rows are apart, then -1 for what has no place.
+    """
+
+    def __init__(self, key: Index, size: Index, places: int) -> None:
+        self.key, self.size, self._places = key, size, places
+        self.row, self.column = np.divmod(key, max(places, 1))
+        self.kind = np.full(key.size, _OWN)
+        self.start, self.width = np.full((2, key.size + 1), -1)
+
+    def some(self, which: Any) -> "_Pairs":
+        """Return some of them, yet without a place."""
+        return _Pairs(self.key[which], self.size[which], self._places)
+
+    def joined(self, more: "Iterable[_Pairs]") -> "_Pairs":
+        """Return these and others, each once, yet without a place."""
+        everything = [self, *more]
+        key, index = np.unique(np.concatenate([one.key for one in everything]), return_index=True)
+        return _Pairs(key, np.concatenate([one.size for one in everything])[index], self._places)
+
+    def row_by_row(self, kind: int, begin: int) -> tuple[Coupling, int]:
+        """Give those of a kind room, row by row; return how they couple and where the room ends."""
+        rows, sizes, first, columns = np.empty((4, self.key.size + 1), dtype=np.int64)
+        room = Coupling(rows, sizes, first, columns)
+        given = self.row, self.column, self.size, self.kind
+        count, pairs, end = pattern_kernel.row_by_row(*given, kind, begin, self.start, self.width, room)
+        return Coupling(rows[:count], sizes[:count], first[: count + 1], columns[:pairs]), end
+
+    def block_by_block(self, which: Index, begin: int) -> int:
+        """Give some of them room, one block behind the other; return where it ends."""
+        ends = begin + np.cumsum(self.size[which] ** 2)
+        self.start[which] = ends - self.size[which] ** 2
+        self.width[which] = self.size[which]
+        return int(ends[-1])
+
+    def squares(self, key: Index) -> Squares:
+        """Return the blocks of some pairs."""
+        which = np.searchsorted(self.key, key)
+        return Squares(self.start[which], self.width[which], self.size[which])
 
 
-class Numbered(NamedTuple):
-    """The entries of a pattern: what is at ``layer size + place`` has this number, negative if it is held."""
-
-    pattern: Pattern
-    number: Index
-
-
-# Where the entries of a matrix are: in a pattern, or rows and columns of each.
-Entries = Numbered | tuple[Index, Index]
+def add(matrices: Array, blocks: Blocks, entries: Array, which: Any = slice(None)) -> None:
+    """Add matrices ``(e, l size, l size)`` of some of a body's elements to the entries of a pattern."""
+    start, width = blocks.start[which], blocks.width[which]
+    functions = start.shape[1]
+    size = matrices.shape[1] // functions
+    shaped = np.ascontiguousarray(matrices.reshape(-1, functions, size, functions, size))
+    pattern_kernel.merge(shaped, Blocks(start, width, blocks.total), entries)
 
 
-def rows_and_columns(entries: Sequence[Entries]) -> tuple[Index, Index]:
-    """Return rows and columns of all entries, those of held degrees of freedom negative."""
-    pairs = [one.pattern.indices(one.number) if isinstance(one, Numbered) else one for one in entries]
-    return joined([pair[0] for pair in pairs], int), joined([pair[1] for pair in pairs], int)
-
-
-def joined(arrays: Sequence[Any], kind: type) -> Any:
-    """Return one array of several, or of none."""
-    if len(arrays) == 1:
-        return arrays[0]
-    return np.concatenate([np.empty(0, dtype=kind), *arrays])
+def joined(arrays: Sequence[NDArray[Any]], kind: type) -> NDArray[Any]:
+    """Return the numbers of several arrays, or of none, one behind the other."""
+    return np.concatenate([np.empty(0, dtype=kind), *(one.ravel() for one in arrays)])

@@ -2,27 +2,30 @@
 
 from typing import Any, NamedTuple
 
-from numba import i8, types, void
+from numba import b1, i8, types, void
 
 from isorod.arrays import Array, Index
-from isorod.compiled import F1, F5, FAST, I1, I2, I3, njit
-from isorod.petsc.matrix import P1
+from isorod.compiled import F1, F5, FAST, I1, I3, njit
+from isorod.petsc.rows import P1
 
 
 class Coupling(NamedTuple):
-    """Layer ``layers[r]`` couples with the layers ``columns[first[r] : first[r + 1]]``, ``size`` entries in each."""
+    """The layer at ``rows[r]``, of ``sizes[r]`` numbers, couples with those at ``columns[first[r] : first[r + 1]]``.
 
-    layers: Index
+    These are as large; all begin at such places of an array of numbers.
+    """
+
+    rows: Index
+    sizes: Index
     first: Index
     columns: Index
-    size: int
 
 
 class Blocks(NamedTuple):
     """Where the blocks of element matrices are among ``total`` entries.
 
     Block ``j, m`` of element ``e`` begins at ``start[e, j, m]``, negative if it has no place; its rows are
-    ``width[e, j]`` entries apart.
+    ``width[e, j, m]`` entries apart.
     """
 
     start: Index
@@ -30,110 +33,117 @@ class Blocks(NamedTuple):
     total: int
 
 
-COUPLING = types.NamedTuple([I1, I1, I1, i8], Coupling)
-BLOCKS = types.NamedTuple([I3, I2, i8], Blocks)
+COUPLING = types.NamedUniTuple(I1, 4, Coupling)
+BLOCKS = types.NamedTuple([I3, I3, i8], Blocks)
 
 
-@njit(types.UniTuple(i8, 2)(I2, COUPLING, I3, I2, I1, I1), **FAST)
-def couple(
-    element_layers: Index, coupling: Coupling, start: Index, width: Index, mark: Index, near: Index
-) -> tuple[int, int]:
-    """Fill in how elements ``(E, l)`` couple layers, row by row; return the numbers of rows and of couplings.
+@njit(b1(I1, I1, I1, I1), **FAST)
+def first_numbers(places: Index, sizes: Index, number: Index, first: Index) -> bool:
+    """Fill in the first number that is not negative of each layer, -1 if all are; return whether no layer has both."""
+    whole = True
+    for k in range(places.size):
+        first[k] = -1
+        held = False
+        for i in range(sizes[k]):
+            here = number[places[k] + i]
+            if here < 0:
+                held = True
+            elif first[k] < 0:
+                first[k] = here
+        whole = whole and not (held and first[k] >= 0)
+    return whole
+
+
+@njit(types.UniTuple(i8, 3)(I1, I1, I1, I1, i8, i8, I1, I1, COUPLING), **FAST)
+def row_by_row(
+    row: Index,
+    column: Index,
+    size: Index,
+    kind: Index,
+    wanted: int,
+    begin: int,
+    start: Index,
+    width: Index,
+    coupling: Coupling,
+) -> tuple[int, int, int]:
+    """Give pairs of layers of one kind room for their blocks, row by row, from one entry on.
+
+    Returns the numbers of rows and of pairs in the coupling, which has room for as many of each as there are, and
+    where the room ends.
 
     Parameters
     ----------
-    element_layers
-        Negative where there is none.
-    coupling
-        With room for all layers, and one more in ``first``, and for ``E l l`` couplings.
+    row, column
+        Places of each pair's layers, by ascending rows.
     start, width
-        Of `Blocks`, filled where blocks have a place.
-    mark, near
-        Work space: -1 for each layer, and room for each element's layers.
+        To be filled with where blocks begin and how far their rows are apart.
     """
-    layers, first, columns, size = coupling
-    elements, functions = element_layers.shape
-    count = mark.size
-    # The elements' layers sorted by layers; in the room of ``first`` where those of a layer begin, in the end where
-    # they end.
-    for r in range(count + 1):
-        first[r] = 0
-    for e in range(elements):
-        for j in range(functions):
-            if element_layers[e, j] >= 0:
-                first[element_layers[e, j] + 1] += 1
-    for r in range(count):
-        first[r + 1] += first[r]
-    for e in range(elements):
-        for j in range(functions):
-            if element_layers[e, j] >= 0:
-                near[first[element_layers[e, j]]] = e * functions + j
-                first[element_layers[e, j]] += 1
-    rows = pairs = begin = 0
-    for r in range(count):
-        end = first[r]
-        if end == begin:
-            continue
-        top = pairs
-        for k in range(begin, end):
-            e = near[k] // functions
-            for m in range(functions):
-                column = element_layers[e, m]
-                if column < 0 or mark[column] >= top:
-                    continue
-                # Into its place among those of the row, which are few.
-                c = pairs
-                while c > top and columns[c - 1] > column:
-                    columns[c] = columns[c - 1]
-                    c -= 1
-                columns[c] = column
-                mark[column] = top
-                pairs += 1
-        for c in range(top, pairs):
-            mark[columns[c]] = c
-        for k in range(begin, end):
-            e, j = near[k] // functions, near[k] % functions
-            for m in range(functions):
-                if element_layers[e, m] >= 0:
-                    start[e, j, m] = size * (top * (size - 1) + mark[element_layers[e, m]])
-            width[e, j] = (pairs - top) * size
-        layers[rows] = r
-        # At or before ``r``, and read.
-        first[rows] = top
-        rows += 1
-        begin = end
-    first[rows] = pairs
-    return rows, pairs
+    rows, sizes, first, columns = coupling
+    count = pairs = k = 0
+    place = begin
+    while k < row.size:
+        end, beside = k, 0
+        while end < row.size and row[end] == row[k]:
+            beside += 1 if kind[end] == wanted else 0
+            end += 1
+        if beside:
+            rows[count], sizes[count], first[count] = row[k], size[k], pairs
+            count += 1
+            at = place
+            for p in range(k, end):
+                if kind[p] == wanted:
+                    start[p], width[p] = at, beside * size[k]
+                    at += size[k]
+                    columns[pairs] = column[p]
+                    pairs += 1
+            place += beside * size[k] * size[k]
+        k = end
+    first[count] = pairs
+    return count, pairs, place
 
 
 @njit(void(COUPLING, I1, I1, I1), **FAST)
 def pattern_indices(coupling: Coupling, number: Index, row: Index, column: Index) -> None:
-    """Fill in the numbers of row and column of each entry of an `isorod.assembly.pattern.Pattern`."""
-    layers, first, columns, size = coupling
+    """Fill in the numbers of row and column of each entry, row by row."""
+    rows, sizes, first, columns = coupling
     place = 0
-    for r in range(layers.size):
-        for i in range(size):
-            own = number[layers[r] * size + i]
+    for r in range(rows.size):
+        for i in range(sizes[r]):
+            own = number[rows[r] + i]
             for c in range(first[r], first[r + 1]):
-                other = columns[c] * size
-                for k in range(size):
+                for k in range(sizes[r]):
                     row[place] = own
-                    column[place] = number[other + k]
+                    column[place] = number[columns[c] + k]
                     place += 1
 
 
-@njit(i8(COUPLING, I1, I1, P1, P1, I1), **FAST)
-def pattern_rows(coupling: Coupling, number: Index, entries: Index, start: Any, column: Any, near: Index) -> int:
-    """Fill in the compressed rows of the entries of a pattern that have a number.
+@njit(i8(COUPLING, I1, i8, i8, b1, i8, I1, P1, P1, I1), **FAST)
+def pattern_rows(
+    coupling: Coupling,
+    number: Index,
+    low: int,
+    high: int,
+    inside: bool,
+    place: int,
+    entries: Index,
+    start: Any,
+    column: Any,
+    near: Index,
+) -> int:
+    """Fill in the compressed rows ``low .. high - 1`` of the entries of a pattern that have a number.
 
-    Returns how many there are, or -1 if rows or columns do not ascend.
+    Returns how many there are, or -1 if rows or columns do not ascend, or are not where they should be.
 
     Parameters
     ----------
     coupling
         Which layers couple.
     number
-        Number of what is at ``layer size + place``, negative where there is none.
+        Number of what is at each place, negative where there is none.
+    inside
+        Whether columns are within these rows, and counted from the first of them; if not, none is.
+    place
+        Of the first entry.
     entries
         To be filled with which entries they are, if it has room: it need not where all are.
     start, column
@@ -141,42 +151,41 @@ def pattern_rows(coupling: Coupling, number: Index, entries: Index, start: Any, 
     near
         Work space for the entries of one row.
     """
-    layers, first, columns, size = coupling
+    rows, sizes, first, columns = coupling
     total = 0
-    place = 0
-    row = -1
-    for r in range(layers.size):
+    row = low - 1
+    for r in range(rows.size):
         # All rows of a layer have the same columns.
-        width = size * (first[r + 1] - first[r])
+        size = sizes[r]
         count = 0
         last = -1
-        ascend = True
+        right = True
         for c in range(first[r], first[r + 1]):
             for k in range(size):
-                other = number[columns[c] * size + k]
+                other = number[columns[c] + k]
                 if other >= 0:
-                    ascend = ascend and other > last
+                    right = right and other > last and (low <= other < high) == inside
                     last = other
-                    column[total + count] = other
+                    column[total + count] = other - low if inside else other
                     near[count] = (c - first[r]) * size + k
                     count += 1
         begin = total
         for i in range(size):
-            own = number[layers[r] * size + i]
+            own = number[rows[r] + i]
             if own >= 0:
-                if own <= row or not ascend:
+                if own <= row or own >= high or not right:
                     return -1
                 while row < own:
                     row += 1
-                    start[row] = total
+                    start[row - low] = total
                 if total > begin:
                     for k in range(count):
                         column[total + k] = column[begin + k]
                 for k in range(count if entries.size else 0):
                     entries[total + k] = place + near[k]
                 total += count
-            place += width
-    for i in range(row + 1, start.size):
+            place += size * (first[r + 1] - first[r])
+    for i in range(row + 1 - low, start.size):
         start[i] = total
     return total
 
@@ -192,6 +201,6 @@ def merge(matrices: Array, blocks: Blocks, entries: Array) -> None:
                 for m in range(functions):
                     if start[e, j, m] < 0:
                         continue
-                    place = start[e, j, m] + i * width[e, j]
+                    place = start[e, j, m] + i * width[e, j, m]
                     for k in range(size):
                         entries[place + k] += matrices[e, j, i, m, k]

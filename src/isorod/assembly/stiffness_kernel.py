@@ -270,7 +270,7 @@ def add_blocks(
                 jm, mj = j * functions + m, m * functions + j
                 for turn in range(2 if m > j else 1):
                     row, column = (m, j) if turn else (j, m)
-                    start, width = blocks.start[e, row, column], blocks.width[e, row]
+                    start, width = blocks.start[e, row, column], blocks.width[e, row, column]
                     _scatter(both[p], one[jm], one[mj], n, start, width, turn == 1, entries)
                 p += 1
 

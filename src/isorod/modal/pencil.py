@@ -15,7 +15,7 @@ from isorod.options import defaults
 from isorod.petsc import banded
 from isorod.petsc.inertia import negative_eigenvalues
 from isorod.petsc.library import pc_name
-from isorod.petsc.matrix import absolute_product, has_whole_rows, orthonormalise
+from isorod.petsc.matrix import absolute_product, add_componentwise, has_whole_rows, orthonormalise
 
 # What a user's option overrides.
 OPTIONS = {"eps_tol": 1e-10, "st_type": "sinvert", "st_ksp_type": "preonly"}
@@ -225,7 +225,7 @@ class Pencil:
                 value, x = max(abs(found.eigenvalues[k]), abs(found.eigenvalues[self.rigid])), found.vectors[k]
                 self.mass.mult(x, image)
                 own = np.abs(x.array_r)
-                noise = absolute_product(self.stiffness, np.concatenate(comm.allgather(own)))
+                noise = absolute_product(self.stiffness, own)
                 noise *= 0.5 * np.finfo(float).eps / value
                 lost, left = comm.allreduce(float(own @ noise)), np.sqrt(comm.allreduce(float(noise @ noise)))
                 if lost <= _LOST and residuals[k] <= _MARGIN * left / image.norm():
@@ -349,15 +349,16 @@ class Pencil:
     def count_below(self, eigenvalue: float) -> int:
         """Return the number of eigenvalues up to just above the given one, by Sylvester's law of inertia."""
         start = perf_counter()
-        mass = self.mass if self.entries is None else self.entries()
-        shifted = self.stiffness.copy()
-        shifted.axpy(-_just_above(eigenvalue), mass, self.structure)
+        shifted, shift = self.stiffness.copy(), -_just_above(eigenvalue)
+        if not add_componentwise(shifted, shift, self.mass):
+            mass = self.mass if self.entries is None else self.entries()
+            shifted.axpy(shift, mass, self.structure)
+            if mass is not self.mass:
+                mass.destroy()
         shifted.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         shifted.setOption(PETSc.Mat.Option.SPD, False)
         negative = negative_eigenvalues(shifted)
         shifted.destroy()
-        if mass is not self.mass:
-            mass.destroy()
         self.check_seconds += perf_counter() - start
         return negative
 

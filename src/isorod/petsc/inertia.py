@@ -5,7 +5,7 @@ from petsc4py import PETSc
 from scipy.linalg import lapack
 
 from isorod.petsc.banded import is_banded
-from isorod.petsc.matrix import compressed_rows
+from isorod.petsc.rows import local_rows
 from isorod.petsc.shared_band import SharedFactors
 
 # Up to so many rows a dense factorisation takes less time than MUMPS' (measured on blades: 243 rows, 1.5 against 3.2
@@ -66,7 +66,7 @@ def negative_eigenvalues(matrix: PETSc.Mat) -> int:
 
 def _negative_dense(matrix: PETSc.Mat) -> int:
     """Return the number of negative eigenvalues, by Bunch's and Kaufman's factorisation."""
-    start, column, values = compressed_rows(matrix)
+    start, column, values = local_rows(matrix).own
     n = start.size - 1
     dense = np.zeros((n, n))
     dense[np.repeat(np.arange(n), np.diff(start)), column] = values

@@ -2,46 +2,30 @@
 
 import ctypes
 from collections.abc import Callable, Iterable
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from numba import i8, void
+from numba import b1, f8, i8, void
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from isorod.compiled import F1, FAST, I1, STRICT, njit
+from isorod.petsc.layout import Arrays, Layout, Rows, rows_alone
 from isorod.petsc.library import POINTER, function
 from isorod.petsc.placement import Placement
-from isorod.petsc.rows import P1
+from isorod.petsc.rows import P1, component_rows, local_rows
 
-# Attribute of a matrix whose arrays were made here: which of the given entries is where, and the arrays.
+# Attribute of a matrix whose arrays were made here: these, which know where the given entries go.
 _ARRAYS = "isorod_arrays"
-
-# Attribute of another, over several ranks: `Placement`.
-_PLACEMENT = "isorod_placement"
 
 # Attribute of another: where each of the given entries adds up, and how many there are then.
 _PLACES = "isorod_places"
 
+# Attribute of what `componentwise` makes: how many components there are.
+_COMPONENTS = "isorod_components"
+
 # Attribute of another: that it has got room for other entries.
 _RENEWED = "isorod_renewed"
-
-
-class Rows(NamedTuple):
-    """Compressed rows.
-
-    Attributes
-    ----------
-    entries : (entries,)
-        Which of the given entries comes where; None if as they come.
-    start : (rows + 1,)
-        First entry of each row.
-    column : (entries,)
-    """
-
-    entries: NDArray[Any] | None
-    start: NDArray[Any]
-    column: NDArray[Any]
 
 
 def create_matrix(
@@ -49,7 +33,8 @@ def create_matrix(
     sizes: tuple[int, int],
     block: int,
     indices: Callable[[], tuple[NDArray[Any], NDArray[Any]]],
-    compressed: Callable[[], Rows | None] | None = None,
+    layout: Layout | None = None,
+    total: int = 0,
 ) -> PETSc.Mat:
     """Return a new square AIJ matrix, or what ``-mat_type`` says, with room for given entries.
 
@@ -60,37 +45,43 @@ def create_matrix(
     indices
         Returns global rows and columns of each entry; negative ones are ignored.  `set_values` takes the values in this
         order.
-    compressed
-        On one rank, a quicker way to compressed rows than through the indices.
+    layout, total
+        Where the entries are, so many, if that is known without the indices (on all ranks or none); ``-mat_type`` knows
+        no layout.
     """
-    made = PETSc.Mat()
-    found = None
-    if comm.getSize() == 1 and not PETSc.Options().hasName("mat_type"):
+    arrays: Arrays | Placement | None = None
+    if not PETSc.Options().hasName("mat_type"):
         # PETSc's COO preallocation spends most of its time on sorting what is sorted.
-        found = compressed() if compressed is not None else None
-        if found is None:
-            found = _compressed_rows(sizes[1], *indices())
-    elif not PETSc.Options().hasName("mat_type"):
-        placement = Placement(comm, sizes[0], *indices())
-        made = placement.matrix(comm, sizes[1])
-        made.setBlockSize(block)
-        made.setFromOptions()
-        made.setAttr(_PLACEMENT, placement)
-        return made
-    if found is None:
-        made.create(comm)
+        if layout is not None:
+            arrays = Arrays(comm, layout, total)
+        elif comm.getSize() > 1:
+            arrays = Placement(comm, sizes[0], *indices())
+        else:
+            arrays = _alone(comm, sizes[1], *indices())
+    made = PETSc.Mat().create(comm) if arrays is None else arrays.matrix(sizes)
+    if arrays is None:
         made.setSizes((sizes, sizes))
-        made.setBlockSize(block)
         made.setType(PETSc.Mat.Type.AIJ)
-        made.setFromOptions()
-        preallocate(made, *indices())
-        return made
-    values = np.zeros(found.column.size, dtype=PETSc.ScalarType)
-    made.createAIJWithArrays((sizes, sizes), (found.start, found.column, values), comm=comm)
     made.setBlockSize(block)
     made.setFromOptions()
-    made.setAttr(_ARRAYS, (found, values))
+    if arrays is None:
+        preallocate(made, *indices())
+    else:
+        made.setAttr(_ARRAYS, arrays)
     return made
+
+
+def keep_symmetric(matrix: PETSc.Mat) -> PETSc.Mat:
+    """Tell PETSc that a matrix is symmetric whatever its values, and return it."""
+    for option in (PETSc.Mat.Option.SYMMETRIC, PETSc.Mat.Option.SYMMETRY_ETERNAL):
+        matrix.setOption(option, True)
+    return matrix
+
+
+def _alone(comm: PETSc.Comm, size: int, rows: NDArray[Any], columns: NDArray[Any]) -> Arrays | None:
+    """Return arrays on one rank, or None if two entries are at one place."""
+    found = _compressed_rows(size, rows, columns)
+    return None if found is None else Arrays(comm, rows_alone(found), rows.size)
 
 
 def _compressed_rows(size: int, rows: NDArray[Any], columns: NDArray[Any]) -> Rows | None:
@@ -138,7 +129,6 @@ def preallocate(matrix: PETSc.Mat, rows: NDArray[Any], columns: NDArray[Any]) ->
     matrix.setAttr(_ARRAYS, None)
     matrix.setAttr(_PLACES, None)
     matrix.setAttr(_RENEWED, True)
-    matrix.setAttr(_PLACEMENT, None)
     if matrix.getType() == PETSc.Mat.Type.SEQAIJ and rows.size <= np.iinfo(PETSc.IntType).max:
         # PETSc's own way sorts all entries by comparing them.
         rows, columns = np.ascontiguousarray(rows, dtype=np.int64), np.ascontiguousarray(columns, dtype=np.int64)
@@ -216,25 +206,25 @@ def _add_up(values: Any, places: Any, entries: Any) -> None:
             entries[places[k]] += values[k]
 
 
-def values_in_order(matrix: PETSc.Mat) -> NDArray[np.float64] | None:
-    """Return the array of a matrix's values if they come in the order in which it got room for entries, else None.
+def zeros(matrix: PETSc.Mat, total: int) -> NDArray[np.float64]:
+    """Return zeros for so many entries, in the order in which a matrix got room for them, to be added to.
 
-    `set_values` of this array, filled, makes them the matrix's.
+    They are the matrix's own values if these come as the entries do; `set_values` makes them the matrix's then, too.
     """
     arrays = matrix.getAttr(_ARRAYS)
-    if arrays is None or matrix.getAttr(_PLACES) is not None:
-        return None
-    rows, mine = arrays
-    return mine if rows.entries is None else None
+    own = arrays.values if isinstance(arrays, Arrays) else None
+    if own is None:
+        return np.zeros(total)
+    own[:] = 0.0
+    return own
 
 
 def set_values(matrix: PETSc.Mat, values: NDArray[np.float64]) -> None:
     """Set the entries in the order in which the matrix got room for them, repeated ones added up."""
-    placement = matrix.getAttr(_PLACEMENT)
-    if placement is not None:
-        placement.set(matrix, values)
-        return
     gathered, arrays = matrix.getAttr(_PLACES), matrix.getAttr(_ARRAYS)
+    if arrays is not None:
+        arrays.set(matrix, values)
+        return
     if gathered is not None:
         places, total = gathered
         pointer = POINTER()
@@ -243,18 +233,9 @@ def set_values(matrix: PETSc.Mat, values: NDArray[np.float64]) -> None:
         function("MatSeqAIJRestoreArray", POINTER, ctypes.POINTER(POINTER))(matrix.handle, ctypes.byref(pointer))
         matrix.assemble()
         return
-    if arrays is None:
-        values = np.ascontiguousarray(values, dtype=PETSc.ScalarType)
-        call = function("MatSetValuesCOO", POINTER, POINTER, ctypes.c_int)
-        call(matrix.handle, values.ctypes.data, int(PETSc.InsertMode.INSERT_VALUES))
-        return
-    rows, mine = arrays
-    if rows.entries is None:
-        if values is not mine:
-            mine[:] = values
-    else:
-        np.take(values, rows.entries, out=mine, mode="clip")
-    matrix.assemble()
+    values = np.ascontiguousarray(values, dtype=PETSc.ScalarType)
+    call = function("MatSetValuesCOO", POINTER, POINTER, ctypes.c_int)
+    call(matrix.handle, values.ctypes.data, int(PETSc.InsertMode.INSERT_VALUES))
 
 
 def _doubles(address: int | None, count: int) -> NDArray[np.float64]:
@@ -265,33 +246,31 @@ def _doubles(address: int | None, count: int) -> NDArray[np.float64]:
     return np.ctypeslib.as_array((ctypes.c_double * count).from_address(address))
 
 
-def compressed_rows(matrix: PETSc.Mat) -> tuple[NDArray[Any], NDArray[Any], NDArray[np.float64]]:
-    """Return first entry of each row, columns and values of a matrix on one rank, not to be written to."""
-    arrays = matrix.getAttr(_ARRAYS)
-    if arrays is None:
-        start, column, values = matrix.getValuesCSR()
-        return start, column, values
-    rows, mine = arrays
-    return rows.start, rows.column, mine
-
-
 def has_whole_rows(matrix: PETSc.Mat) -> bool:
     """Return whether `absolute_product` takes a matrix: one of which both triangles are stored."""
     return "aij" in matrix.getType() and "sbaij" not in matrix.getType()
 
 
 def absolute_product(matrix: PETSc.Mat, vector: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return this rank's rows of the product of a matrix's absolute values with a vector, which all of it is of."""
-    start, column, values = compressed_rows(matrix)
-    result = np.empty(start.size - 1)
-    _absolute_product(start, column, values, vector, result)
+    """Return this rank's part of the product of a matrix's absolute values with a vector, of this rank's part of it."""
+    rows, result = local_rows(matrix), np.zeros(vector.size)
+    _add_absolute_product(*rows.own, np.ascontiguousarray(vector), result)
+    if matrix.getComm().getSize() > 1:
+        whole, near = matrix.createVecRight(), PETSc.Vec().createSeq(rows.columns.size)
+        there = PETSc.IS().createGeneral(rows.columns, PETSc.COMM_SELF)
+        scatter = PETSc.Scatter().create(whole, there, near, None)
+        whole.array_w[:] = vector
+        scatter.scatter(whole, near, PETSc.InsertMode.INSERT_VALUES, PETSc.ScatterMode.FORWARD)
+        _add_absolute_product(*rows.others, np.array(near.array_r), result)
+        for one in (scatter, there, near, whole):
+            one.destroy()
     return result
 
 
 @njit(void(P1, P1, F1, F1, F1), **FAST)
-def _absolute_product(start: Any, column: Any, values: Any, vector: Any, result: Any) -> None:
+def _add_absolute_product(start: Any, column: Any, values: Any, vector: Any, result: Any) -> None:
     for i in range(result.size):
-        value = 0.0
+        value = result[i]
         for k in range(start[i], start[i + 1]):
             value += abs(values[k]) * vector[column[k]]
         result[i] = value
@@ -307,7 +286,51 @@ def componentwise(matrix: PETSc.Mat, components: int) -> PETSc.Mat:
     result = PETSc.Mat().create(matrix.getComm())
     # petsc4py takes no foreign handle, but its own may become the matrix.
     function("MatHeaderReplace", POINTER, where)(result.handle, ctypes.byref(made))
+    result.setAttr(_COMPONENTS, components)
     return result
+
+
+def add_componentwise(matrix: PETSc.Mat, factor: float, other: PETSc.Mat) -> bool:
+    """Add so many times what `componentwise` has made to a matrix with blocks of all components at its entries.
+
+    Returns whether it has those; nothing is added if not, or if the other is no such matrix.
+    """
+    components = other.getAttr(_COMPONENTS)
+    if components is None or matrix.getType() not in ("seqaij", "mpiaij"):
+        return False
+    rows, less = local_rows(matrix), component_rows(other, components)
+    parts = [(*rows.own, *less.own), (*rows.others, *less.others)]
+    columns = (components * less.columns[:, None] + np.arange(components)).ravel()
+    fits = np.array_equal(rows.columns, columns) and all(_add_blocks(*part, components, 0.0) for part in parts)
+    if matrix.getComm().tompi4py().allreduce(not fits):
+        return False
+    for part in parts:
+        _add_blocks(*part, components, factor)
+    return True
+
+
+@njit(b1(P1, P1, F1, P1, P1, F1, i8, f8), **STRICT)
+def _add_blocks(
+    start: Any, column: Any, values: Any, start_of: Any, column_of: Any, values_of: Any, components: int, factor: float
+) -> bool:
+    """Add so many times compressed rows of one component to those of all; return whether blocks are where its entries.
+
+    Nothing is added if the factor is zero.
+    """
+    if start.size != components * (start_of.size - 1) + 1:
+        return False
+    for i in range(start_of.size - 1):
+        begin, count = start_of[i], start_of[i + 1] - start_of[i]
+        for a in range(components):
+            at = start[components * i + a]
+            if start[components * i + a + 1] - at != components * count:
+                return False
+            for k in range(count):
+                if column[at + components * k + a] != components * column_of[begin + k] + a:
+                    return False
+                if factor != 0.0:
+                    values[at + components * k + a] += factor * values_of[begin + k]
+    return True
 
 
 def orthonormalise(vectors: Iterable[PETSc.Vec], mass: PETSc.Mat | None = None) -> list[PETSc.Vec]:

@@ -4,7 +4,6 @@ PETSc's own way (COO) sorts all entries by comparing them, and keeps several num
 into place, once, and only those of rows that other ranks have travel.
 """
 
-import ctypes
 from typing import Any
 
 import numpy as np
@@ -14,8 +13,8 @@ from petsc4py import PETSc
 
 from isorod.arrays import Index
 from isorod.compiled import F1, I1, STRICT, njit
-from isorod.petsc.library import POINTER, function
-from isorod.petsc.rows import INTEGER, P1, Compressed
+from isorod.petsc.layout import split_matrix
+from isorod.petsc.rows import P1, Compressed
 
 # Of messages with entries.
 _TAG = 17
@@ -33,7 +32,7 @@ class Placement:
     """
 
     def __init__(self, comm: PETSc.Comm, own: int, rows: Index, columns: Index) -> None:
-        self._comm = comm.tompi4py()
+        self._whole, self._comm = comm, comm.tompi4py()
         bounds = np.concatenate([[0], np.cumsum(self._comm.allgather(own))])
         low, high = bounds[self._comm.rank : self._comm.rank + 2]
         away = np.flatnonzero((columns >= 0) & (((rows >= 0) & (rows < low)) | (rows >= high)))
@@ -60,23 +59,9 @@ class Placement:
             for rank, part in (zip(found, np.split(received, ends[:-1]), strict=True) if found else ())
         }
 
-    def matrix(self, comm: PETSc.Comm, size: int) -> PETSc.Mat:
-        """Return a new matrix of so many rows in all, whose arrays are those here: keep it no longer than this."""
-        from mpi4py import MPI
-
-        own, made = self._own.start.size - 1, POINTER()
-        communicator = comm.tompi4py()
-        # What MPI calls a communicator is an integer or an address.
-        kind: Any = ctypes.c_int if MPI._sizeof(communicator) == ctypes.sizeof(ctypes.c_int) else POINTER
-        handle = kind.from_address(MPI._addressof(communicator))
-        arrays = [one.ctypes.data for part in (self._own, self._others) for one in part]
-        kinds = (kind, *(INTEGER,) * 4, *(POINTER,) * 7)
-        call = function("MatCreateMPIAIJWithSplitArrays", *kinds)
-        call(handle, own, own, size, size, *arrays, ctypes.byref(made))
-        result = PETSc.Mat().create(comm)
-        # petsc4py takes no foreign handle, but its own may become the matrix.
-        function("MatHeaderReplace", POINTER, ctypes.POINTER(POINTER))(result.handle, ctypes.byref(made))
-        return result
+    def matrix(self, sizes: tuple[int, int]) -> PETSc.Mat:
+        """Return a new matrix of so many rows here and in all, whose arrays are these: keep it no longer than this."""
+        return split_matrix(self._whole, sizes, self._own, self._others)
 
     def set(self, matrix: PETSc.Mat, values: NDArray[np.float64]) -> None:
         """Set the entries of the matrix made here, repeated ones added up."""

@@ -52,14 +52,25 @@ def local_rows(matrix: PETSc.Mat) -> LocalRows:
     """Return the rows of this rank of a matrix of any type that PETSc makes AIJ of."""
     if matrix.getType() not in _OURS:
         matrix = matrix.convert("aij", PETSc.Mat())
-    rows = matrix.getLocalSize()[0]
-    if matrix.getType() == "seqaij":
+    return _local_rows(matrix.handle, matrix.getLocalSize()[0], matrix)
+
+
+def component_rows(matrix: PETSc.Mat, components: int) -> LocalRows:
+    """Return the rows of this rank of what a matrix of several interlaced components (MAIJ) does to each."""
+    one = POINTER()
+    function("MatMAIJGetAIJ", POINTER, ctypes.POINTER(POINTER))(matrix.handle, ctypes.byref(one))
+    return _local_rows(one.value, matrix.getLocalSize()[0] // components, matrix)
+
+
+def _local_rows(handle: int | None, rows: int, matrix: PETSc.Mat) -> LocalRows:
+    """Return the rows of an AIJ matrix given by its handle, which another one keeps alive."""
+    if matrix.getType().startswith("seq"):
         nothing = Compressed(np.zeros(rows + 1, dtype=PETSc.IntType), np.empty(0, dtype=PETSc.IntType), np.empty(0))
-        return LocalRows(_arrays(matrix.handle, rows), nothing, nothing.column, matrix)
+        return LocalRows(_arrays(handle, rows), nothing, nothing.column, matrix)
     own, others, columns = POINTER(), POINTER(), POINTER()
     where = ctypes.POINTER(POINTER)
     call = function("MatMPIAIJGetSeqAIJ", POINTER, where, where, where)
-    call(matrix.handle, ctypes.byref(own), ctypes.byref(others), ctypes.byref(columns))
+    call(handle, ctypes.byref(own), ctypes.byref(others), ctypes.byref(columns))
     found = _arrays(others.value, rows)
     count = int(found.column.max(initial=-1)) + 1
     return LocalRows(_arrays(own.value, rows), found, _array(columns.value, count, INTEGER), matrix)

@@ -144,7 +144,10 @@ class SharedFactors:
             x[x.size - after :] = 0.0
             self._inner.back(x)
             left[:] = right[:before] - self._border.T @ x[: self._border.shape[0]]
-        outer = self._comm.allreduce(outer)
+        # As numbers, not as objects: eigensolvers come here often.
+        summed = np.empty_like(outer)
+        self._comm.Allreduce(outer, summed)
+        outer = summed
         self._outer.solve(outer)
         left = outer[self._first[self._comm.rank] :][:before]
         ahead = outer[self._first[self._comm.rank + 1] :][:after]

@@ -85,7 +85,7 @@ class Convergence:
             self._floor = ROUNDING * self.size * matrix.norm(PETSc.NormType.INFINITY)
 
     def _displacements(self) -> Array:
-        """Return how large each unknown may be: the rod's length where it moves it, the section's size elsewhere."""
+        """Return how large each unknown of this rank may be: as the rod where it moves it, elsewhere as the section."""
         sizes = []
         for body in self.assembler.model.bodies:
             space = body.space
@@ -93,7 +93,9 @@ class Convergence:
             sizes.append(np.where(space.is_carrier, self.size, others.max(initial=0.0)))
         everywhere = np.repeat(np.concatenate(sizes), 3)
         state = self.assembler.state(everywhere)
-        return np.concatenate(self.assembler.comm.tompi4py().allgather(np.array(state.array_r)))
+        found = np.array(state.array_r)
+        state.destroy()
+        return found
 
     def reached(self, residual: PETSc.Vec, force: float, rtol: float) -> bool:
         """Return whether the out-of-balance force, of norm ``force``, is small enough."""

@@ -16,10 +16,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from petsc4py import PETSc
 
-from isorod.arrays import Array, Index
+from isorod.arrays import Array
 from isorod.assembly.assembler import Assembler
 from isorod.assembly.exchange import Exchange
 from isorod.assembly.part import ROUNDING, Part
+from isorod.assembly.pattern import add
+from isorod.assembly.pattern_kernel import Blocks
 from isorod.assembly.split import Share
 from isorod.dynamics.implicit.contract_kernel import contract
 from isorod.model.model import Model
@@ -31,8 +33,8 @@ if TYPE_CHECKING:
 class StepPart(Part):
     """The elements of one body during a step."""
 
-    def __init__(self, share: Share, free: Index, exchange: Exchange) -> None:
-        super().__init__(share, free, exchange)
+    def __init__(self, share: Share, exchange: Exchange) -> None:
+        super().__init__(share, exchange)
         t = self.table
         # Derivatives along and across of all functions of an element, then by place: (E, t q, 3, l n).
         plane = np.einsum("etj,qdi->etqdji", t.axial, t.section[:, :2])
@@ -62,11 +64,11 @@ class StepPart(Part):
         rows = self._gradient.reshape(elements, -1, functions)
         self.add(np.swapaxes(rows, -1, -2) @ stress, forces)
 
-    def add_entries(self, local: Array, factor: float, entries: Array) -> None:
-        """Add the derivatives of internal and inertial forces to entries of the pattern; they are not symmetric."""
+    def add_entries(self, local: Array, factor: float, blocks: Blocks, entries: Array) -> None:
+        """Add the derivatives of internal and inertial forces to entries of a pattern; they are not symmetric."""
         matrices = self._matrices(local, factor)
         self.largest = float(np.abs(matrices).sum(axis=2).max())
-        self.pattern.add(matrices, entries, np.arange(matrices.shape[0]))
+        add(matrices, blocks, entries)
 
     def _matrices(self, local: Array, factor: float) -> Array:
         _, moduli = self.laws.at(factor).discrete(self._start, self._changes(local), True)
