@@ -26,6 +26,18 @@ g = np.empty((3, 3))
 print(cofactors(2.0 * np.eye(3), g), g[0, 0])
 """
 
+# A function that calls others: a solve with the factors of a diagonal matrix, one by the inverse of a block of them.
+CALLS = """
+import numpy as np
+from isorod.petsc import band_kernel as kernel
+print(kernel._multiply.kept, kernel.forward.kept)
+kernel._multiply.ready()
+x = np.array([6.0, 4.0, 2.0])
+band, cut, inverse = np.array([[2.0, 0.0], [2.0, 0.0], [4.0, 0.0]]), np.array([0, 2, 3]), np.array([[[0.25]]])
+kernel.forward(band, cut, cut[1:], np.array([1]), inverse, x)
+print(x.tolist())
+"""
+
 # Counts what numba compiles, its own functions too, in a run of the command.
 COUNTED = """
 import sys
@@ -143,6 +155,18 @@ def test_a_first_run_shares_what_there_is_to_compile(python, tmp_path):
     assert python(SHARED, env=empty | {"OMPI_COMM_WORLD_RANK": "1"}).stdout == ""
     alone = "import os; os.sched_setaffinity(0, [min(os.sched_getaffinity(0))])\n"
     assert python(alone + SHARED, env=empty).stdout == ""
+
+
+def test_a_run_looks_for_something_to_share_when_it_first_compiles(python, tmp_path):
+    run = (
+        "import os\nfrom isorod import compiling\nfrom isorod.command.cli import main\n"
+        "compiling.share = lambda: os._exit(7)\nmain(['run', 'blade'])"
+    )
+    kept = environment(NUMBA_CACHE_DIR=str(tmp_path))
+    assert python(run, env=kept).returncode == 7
+    small = "from isorod import compiling\ncompiling.NOTICE.shares = True\ncompiling.share = lambda: print('shared')\n"
+    for said in ("shared\n", ""):
+        assert python(small + SMALL, env=kept).stdout == said + "8.0 4.0\n"
 
 
 def test_the_other_process_keeps_what_modules_have(tmp_path):
@@ -320,12 +344,23 @@ def test_what_python_calls_returns_no_named_tuple():
     assert [kernel.py_func.__qualname__ for kernel in found if isinstance(kernel.declared.return_type, named)] == []
 
 
+def test_code_yet_to_be_compiled_takes_in_what_is_kept(python, tmp_path):
+    """What is kept is read as far as it runs, and wholly when others call it."""
+    kept = environment(NUMBA_CACHE_DIR=str(tmp_path))
+    assert python(CALLS, env=kept).stdout.splitlines()[-1] == "[3.0, 2.0, 0.5]"
+    for file in tmp_path.rglob("*.forward-*"):
+        file.unlink()
+    done = python(CALLS, env=kept)
+    assert done.stdout.splitlines() == ["True False", "[3.0, 2.0, 0.5]"], done.stderr
+    assert python(CALLS, env=kept).stdout.splitlines()[0] == "True True"
+
+
 def test_kept_code_runs_without_what_compiles(isorod, python):
     """Loading that takes longer than most runs."""
     assert isorod("compile").returncode == 0
     script = (
         "import sys\nfrom isorod.command.cli import main\nassert main(sys.argv[1].split()) == 0\n"
-        "names = 'numba.np.npyimpl', 'numba.cpython.setobj', 'coverage', 'yaml'\n"
+        "names = 'numba.np.npyimpl', 'numba.np.arrayobj', 'numba.cpython.setobj', 'coverage', 'yaml', 'scipy.special'\n"
         "print([name for name in names if name in sys.modules])"
     )
     assert python(script, "run spring --coils 1").stdout.splitlines()[-1] == "[]"

@@ -7,8 +7,11 @@ import pytest
 from petsc4py import PETSc
 from scipy.sparse import coo_matrix, csr_matrix
 
-from isorod.petsc.matrix import create_matrix, preallocate, set_values
+from isorod.petsc.inertia import negative_of_rows
+from isorod.petsc.matrix import componentwise, create_matrix, preallocate, set_values
+from isorod.petsc.products import products
 from isorod.petsc.rows import local_rows
+from isorod.petsc.shifted import upper_rows
 
 
 def drawn(seed, size=30, count=400):
@@ -98,3 +101,56 @@ def test_entries_of_all_ranks_are_added_up(ranks, mpirun):
     script = f"import sys; sys.path[:0] = [{str(Path(__file__).parent)!r}]; import test_matrix as t; t.add_up()"
     done = mpirun(ranks, script=script)
     assert done.returncode == 0, done.stderr
+
+
+def banded(random, layers, size, gaps):
+    """Return a symmetric positive matrix in which layers couple with those beside them, and its PETSc matrix."""
+    layer = np.repeat(np.arange(layers), size)
+    dense = random.standard_normal((layer.size, layer.size)) * (np.abs(np.subtract.outer(layer, layer)) <= 1)
+    dense = dense + dense.T + 8.0 * size * np.eye(layer.size)
+    if gaps:
+        dense[:, 4] = dense[4] = 0.0
+        dense[4, 4] = 1.0
+    return dense, petsc(csr_matrix(dense))
+
+
+def petsc(rows):
+    return PETSc.Mat().createAIJ(rows.shape, csr=(rows.indptr, rows.indices, rows.data), comm=PETSc.COMM_SELF)
+
+
+@pytest.mark.parametrize("gaps", [False, True])
+def test_products_with_several_vectors(gaps):
+    random = np.random.default_rng(0)
+    dense, matrix = banded(random, 5, 9, gaps)
+    vectors = []
+    for column in random.standard_normal((3, 45)):
+        vectors.append(matrix.createVecRight())
+        vectors[-1].array = column
+    found = products(matrix, vectors)
+    np.testing.assert_allclose(found, [dense @ one.array for one in vectors], atol=1e-12)
+
+
+@pytest.mark.parametrize("gaps", [False, True])
+@pytest.mark.parametrize("components", [1, 3])
+def test_a_shifted_matrix_and_its_inertia(components, gaps):
+    random = np.random.default_rng(2)
+    dense, matrix = banded(random, 5, 9, gaps)
+    size = 45 // components
+    # No entries where the matrix has none.
+    one = random.standard_normal((size, size)) * (np.kron(np.eye(5), np.ones((9 // components,) * 2)) > 0.0)
+    one = one + one.T + 6.0 * np.eye(size)
+    if gaps:
+        one[:, 4 // components] = one[4 // components] = 0.0
+    other = petsc(csr_matrix(one)) if components == 1 else componentwise(petsc(csr_matrix(one)), components)
+    expected = dense - 9.0 * np.kron(one, np.eye(components))
+    rows = upper_rows(matrix, 9.0, other)
+    found = csr_matrix((rows.values, rows.column, rows.start), shape=(45, 45)).toarray()
+    np.testing.assert_allclose(np.triu(found), np.triu(expected), atol=1e-12)
+    negative = int(np.count_nonzero(np.linalg.eigvalsh(expected) < 0.0))
+    assert 0 < negative < 45
+    assert negative_of_rows(rows) == negative
+
+
+def test_a_shift_by_entries_that_have_no_place_is_refused():
+    _, matrix = banded(np.random.default_rng(2), 5, 9, False)
+    assert upper_rows(matrix, 1.0, petsc(csr_matrix(np.ones((45, 45))))) is None

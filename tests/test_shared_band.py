@@ -113,6 +113,31 @@ def test_factors_whose_entries_would_grow_are_refused_and_rows_exchanged():
     assert inertia.negative_eigenvalues(matrix) == negative(big)
 
 
+@pytest.mark.parametrize("at", [0, 10, 58])
+def test_a_pivot_of_nothing_takes_the_unknowns_beside_it(at):
+    """Two unknowns that only couple with each other have eigenvalues of either sign, and no pivot."""
+    rng = np.random.default_rng(1)
+    dense = symmetric(rng, 60, 8, 0.9)
+    dense[:, at : at + 2] = dense[at : at + 2] = 0.0
+    dense[at, at + 1] = dense[at + 1, at] = 5.0
+    factors = Factors()
+    assert factors.factorise(Ordered(compressed(dense), 0, 60), 60)
+    assert factors.negative == negative(dense)
+    x = rng.standard_normal(60)
+    found = dense @ x
+    factors.solve(found)
+    assert found == pytest.approx(x, rel=1e-9, abs=1e-9)
+
+
+def test_negative_pivots_are_taken_one_by_one():
+    """As many columns are cut out as there are negative eigenvalues: no block of eigenvectors is made."""
+    dense = layered(np.random.default_rng(3), 30, 12, 1.02)
+    factors = Factors()
+    assert factors.factorise(Ordered(compressed(dense), 0, 360), 360)
+    assert 20 < factors.negative == negative(dense)
+    assert factors._odd.size < 0.1 * factors.negative
+
+
 def shared(dense, bounds, comm):
     """Return the rows of a rank as a matrix over all."""
     low, high = bounds[comm.getRank()], bounds[comm.getRank() + 1]

@@ -10,16 +10,16 @@ import atexit
 import os
 import subprocess
 import sys
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from functools import cache
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from llvmlite.binding import add_symbol
+from llvmlite import binding
 from numba import config
-from numba.core import event
+from numba.core import environment, event
 from numba.core.caching import CompileResultCacheImpl, FunctionCache
 from numba.core.registry import CPUDispatcher
 from numba.core.runtime import nrt
@@ -125,7 +125,8 @@ class _Cache(FunctionCache):  # type: ignore[misc]
         """
         with suppress(Exception), self._guard_against_spurious_io_errors():
             _provide_memory(target_context)
-            return self._load_overload(sig, target_context)
+            with _numba_at_rest(target_context.codegen()._engine):
+                return self._load_overload(sig, target_context)
         return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
@@ -147,7 +148,81 @@ def _provide_memory(target_context: Any) -> None:
         target_context.refresh()
         return
     for name, address in helpers.items():
-        add_symbol(name if name.startswith("_") else f"NRT_{name}", address)
+        binding.add_symbol(name if name.startswith("_") else f"NRT_{name}", address)
+
+
+class _Unread:
+    """A module of kept code, of which what others would compile into theirs is read only when they do."""
+
+    # What Numba would look for symbols in.
+    functions = global_variables = ()
+
+    def __init__(self, code: bytes) -> None:
+        self._code = code
+
+    def names(self, symbol: str) -> bool:
+        """Return whether a symbol is named in it: the names stand there as they are."""
+        return symbol.encode() in self._code
+
+    def clone(self) -> Any:
+        """Return the module itself, to be linked into another one."""
+        return _PARSE(self._code)
+
+    def as_bitcode(self) -> bytes:
+        """Return what it is read from."""
+        return self._code
+
+
+_PARSE = binding.parse_bitcode
+
+
+class _Symbols(set[str]):
+    """Symbols that are known, and those named in modules that have not been read."""
+
+    def __init__(self, known: set[str]) -> None:
+        super().__init__(known)
+        self.unread: list[_Unread] = []
+
+    def __contains__(self, symbol: object) -> bool:
+        if super().__contains__(symbol):
+            return True
+        # Asked for are those of what was read last, and some again and again.
+        found = any(one.names(str(symbol)) for one in reversed(self.unread))
+        if found:
+            self.add(str(symbol))
+        return found
+
+
+@contextmanager
+def _numba_at_rest(engine: Any) -> Iterator[None]:
+    """Read kept code, but neither Numba's modules that some of it was compiled from nor what is there to be compiled.
+
+    Code that is compiled asks nothing of them, and they take longer than all else that is read.
+    """
+    rebuild, symbols = environment._rebuild_env, engine._defined_symbols
+    if not isinstance(symbols, _Symbols):
+        symbols = engine._defined_symbols = _Symbols(symbols)
+
+    def light(module: str, constants: list[Any], name: str) -> Any:
+        if module in sys.modules or not module.startswith("numba."):
+            return rebuild(module, constants, name)
+        found = environment.lookup_environment(name)
+        if found is None:
+            found = environment.Environment({"__name__": module})
+            found.consts[:] = constants
+            found.env_name = name
+            environment.Environment._memo[name] = found
+        return found
+
+    def later(code: bytes, _: Any = None) -> _Unread:
+        symbols.unread.append(_Unread(code))
+        return symbols.unread[-1]
+
+    environment._rebuild_env, binding.parse_bitcode = light, later
+    try:
+        yield
+    finally:
+        environment._rebuild_env, binding.parse_bitcode = rebuild, _PARSE
 
 
 def _beside(function: Any) -> str:
@@ -235,9 +310,19 @@ def place(kernel: Kernel) -> str:
 
 
 class Notice(event.Listener):  # type: ignore[misc]
-    """Says in one line on standard error that something is compiled, when that is first so."""
+    """Says in one line on standard error that something is compiled, when that is first so, and has it shared.
 
-    said = False
+    Attributes
+    ----------
+    said
+        Whether it was said.
+    shares
+        Whether another process is to compile too (`share`): what there is to compile is looked for then alone.
+    time
+        How long it takes, in words.
+    """
+
+    said = shares = False
     time = "some 10 seconds"
 
     def on_start(self, found: Any) -> None:
@@ -249,6 +334,8 @@ class Notice(event.Listener):  # type: ignore[misc]
         if rank():
             return
         print(f"isorod: compiling ({self._how(kernel)})", file=sys.stderr, flush=True)
+        if self.shares:
+            share()
 
     def on_end(self, found: Any) -> None:
         """Say nothing."""

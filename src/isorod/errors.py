@@ -104,11 +104,17 @@ def evaluated(kind: Any, module: Mapping[str, Any]) -> Any:
     return eval(kind, {}, Names()) if isinstance(kind, str) else kind
 
 
+@cache
+def _made_of(kind: Any) -> tuple[Any, tuple[Any, ...]]:
+    """Return what an annotation is made of: what stands before its brackets, and what within."""
+    return get_origin(kind), get_args(kind)
+
+
 def _fits(value: Any, kind: Any) -> bool:
     """Return whether a value is of a kind, or the kind is none that can be asked."""
     if type(value) is kind:
         return True
-    origin, parts = get_origin(kind), get_args(kind)
+    origin, parts = _made_of(kind)
     if origin in (Union, types.UnionType):
         return any(_fits(value, part) for part in parts)
     if kind is float:

@@ -127,6 +127,8 @@ class Part:
 
     def jacobians(self, local: Array) -> Array:
         """Return ``det F`` at the quadrature points, shape ``(E, t, q)``."""
+        if not local.any():
+            return np.ones(self.table.weights.shape)
         found = np.empty(self.table.weights.shape)
         for region in self.regions:
             region.set_jacobians(local, self.starts, found)
@@ -134,8 +136,8 @@ class Part:
 
     def energy(self, local: Array, factor: float) -> float:
         """Return the stored energy."""
-        forces = np.zeros(local.size)
-        return sum(region.add_forces(local, self.starts, factor, forces, wanted=True) for region in self.regions)
+        nothing = np.empty(0)
+        return sum(region.add_forces(local, self.starts, factor, nothing, wanted=True) for region in self.regions)
 
     def curvatures(self, local: Array, factor: float, motions: Iterable[Array]) -> Array:
         """Return the second derivatives of the stored energy along motions of this rank's degrees of freedom."""

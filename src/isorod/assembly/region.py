@@ -112,7 +112,7 @@ class Region:
         factor
             The load factor.
         forces
-            As the degrees of freedom.
+            As the degrees of freedom, or an empty array where the energy alone is wanted.
         pressure
             That of the mixed formulation at the part's points ``(E, t, q)``, or an empty array.
 
@@ -129,13 +129,14 @@ class Region:
         for first, last in self._some(_POINTS // (along * points)):
             found = self._gradients(local, starts, first, last)
             energy += stresses(self.table, *law, pressures, found, first, wanted)
-            add_resultants(self.table, found[0] @ across.T, found[1] @ whole.T, first, last, starts, forces)
+            if forces.size:
+                add_resultants(self.table, found[0] @ across.T, found[1] @ whole.T, first, last, starts, forces)
         return energy
 
     def set_jacobians(self, local: Array, starts: Index, out: Array) -> None:
         """Fill in ``det F`` at these of the part's points ``(E, t, q)``."""
         _, along, points = self.shape
-        deform, starts = address(block_kernel.deform, STEP), self.own(starts)
+        deform, starts = _deform(), self.own(starts)
         result = np.empty((self.shape[0] * along, points))
         for first, last in self._some(_POINTS // (along * points)):
             found = self._gradients(local, starts, first, last)
@@ -215,6 +216,11 @@ class _Four:
 
 
 @cache
+def _deform() -> int:
+    return address(block_kernel.deform, STEP)
+
+
+@cache
 def _steps(moduli: bool, extrapolates: bool, pressed: bool, trace: bool) -> Steps:
     """Return what happens on the way to stresses, or moduli too.
 
@@ -230,7 +236,7 @@ def _steps(moduli: bool, extrapolates: bool, pressed: bool, trace: bool) -> Step
         return address(function, STEP) if wanted else 0
 
     return Steps(
-        address(block_kernel.deform, STEP),
+        _deform(),
         maybe(pressed, block_kernel.press_trace if trace else block_kernel.press),
         maybe(pressed and moduli and not trace, block_kernel.press_moduli),
         maybe(extrapolates, block_kernel.foresee),

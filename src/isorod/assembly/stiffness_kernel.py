@@ -104,25 +104,30 @@ def multiply(table: Table, begin: int, end: int, products: tuple[Array, Array, A
     directions 0 and 1 (``mixed``); neither (``axis``).  Rows: direction by direction, point by point.
     """
     plane, square, mixed, axis = products
-    n, points = table.section.shape[2], end - begin
+    points = end - begin
     for p in range(points):
-        for i in range(n):
-            x, y, z = table.section[begin + p, 0, i], table.section[begin + p, 1, i], table.section[begin + p, 2, i]
-            for k in range(n):
-                f = table.section[begin + p, 0, k]
-                g = table.section[begin + p, 1, k]
-                h = table.section[begin + p, 2, k]
-                ik = i * n + k
-                plane[p, ik] = x * f
-                plane[points + p, ik] = x * g
-                plane[2 * points + p, ik] = y * f
-                plane[3 * points + p, ik] = y * g
-                square[p, ik] = x * f
-                square[points + p, ik] = x * g + y * f
-                square[2 * points + p, ik] = y * g
-                mixed[p, ik] = x * h
-                mixed[points + p, ik] = y * h
-                axis[p, ik] = z * h
+        f, g, h = table.section[begin + p, 0], table.section[begin + p, 1], table.section[begin + p, 2]
+        _outer(f, f, plane[p])
+        _outer(f, g, plane[points + p])
+        _outer(g, f, plane[2 * points + p])
+        _outer(g, g, plane[3 * points + p])
+        for k in range(square.shape[1]):
+            square[p, k] = plane[p, k]
+            square[points + p, k] = plane[points + p, k] + plane[2 * points + p, k]
+            square[2 * points + p, k] = plane[3 * points + p, k]
+        _outer(f, h, mixed[p])
+        _outer(g, h, mixed[points + p])
+        _outer(h, h, axis[p])
+
+
+@njit(**FAST)
+def _outer(first: Array, second: Array, products: Array) -> None:
+    """Fill in the products of all of the first with all of the second, one row: few at a time are written in step."""
+    n = np.uint64(second.size)
+    for i in range(np.uint64(first.size)):
+        x, at = first[i], i * n
+        for k in range(n):
+            products[at + k] = x * second[k]
 
 
 @njit(void(TABLE, FUNCTIONS, STEPS, FIBRES, F2, F2, GRADIENTS, GRADIENTS, i8, i8, i8, F1), **FAST)

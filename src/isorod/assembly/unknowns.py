@@ -38,6 +38,8 @@ class Unknowns:
         for b, body in enumerate(model.bodies):
             if body.formulation not in self.formulations:
                 raise InputError(f"body {b}: formulation {body.formulation!r} is for statics alone")
+        # What supports prescribe to this rank at the last load factor.
+        self._prescribed: tuple[float, Array] | None = None
         self._number()
         self._split()
 
@@ -80,7 +82,9 @@ class Unknowns:
 
     def _state(self, x: PETSc.Vec, factor: float) -> Array:
         """Return this rank's degrees of freedom at a load factor: what supports prescribe and the unknowns."""
-        local = self.local(self.model.prescribed(factor))
+        if self._prescribed is None or self._prescribed[0] != factor:
+            self._prescribed = factor, self.local(self.model.prescribed(factor))
+        local = self._prescribed[1].copy()
         self._exchange.add_unknowns(x, local)
         return local
 

@@ -4,13 +4,14 @@ Rules chosen by `isorod.geometry.quadrature` themselves are good; one that a use
 held against the one that would be chosen, which evaluates the energy of the result again and solves nothing.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import astuple
 
 import numpy as np
 
 from isorod.arrays import Array
 from isorod.assembly.assembler import Assembler
+from isorod.assembly.part import Part
 from isorod.errors import SolveError
 from isorod.geometry.quadrature import Rule
 from isorod.model.body import Body
@@ -63,9 +64,9 @@ def check_modes(
     known = state is None and assembler.contact is None and len(rules) == len(assembler.model.bodies)
     more = np.zeros(eigenvalues.size)
     for given, better in assembler.by_other_rules(rules):
-        more += better.curvatures(local, factor, motions)
+        more += _curvatures(better, local, factor, motions)
         if not known:
-            more -= given.curvatures(local, factor, motions)
+            more -= _curvatures(given, local, factor, motions)
     energies = (0.0 if known else eigenvalues) + assembler.comm.tompi4py().allreduce(more)
     for k, (value, energy) in enumerate(zip(eigenvalues, energies, strict=True)):
         if not energy <= FACTOR * abs(value):
@@ -76,13 +77,23 @@ def check_modes(
             )
 
 
+def _curvatures(part: Part, local: Array, factor: float, motions: Sequence[Array]) -> Array:
+    """Return the second derivatives of a part's stored energy: of a linear one twice the energy, in any state."""
+    if part.body.linear:
+        return np.array([2.0 * part.energy(motion, factor) for motion in motions])
+    return part.curvatures(local, factor, motions)
+
+
 def check_energy(assembler: Assembler, rules: Mapping[int, Rule], displacement: Array, energy: float) -> None:
     """Raise `SolveError` if better rules see much more than the stored energy of the model's, or an inverted point."""
     local = assembler.local(displacement)
+    # Where each body has a better rule, that of all by their own is known.
+    known = assembler.contact is None and len(rules) == len(assembler.model.bodies)
     more = sum(
-        better.energy(local, 1.0) - given.energy(local, 1.0) for given, better in assembler.by_other_rules(rules)
+        better.energy(local, 1.0) - (0.0 if known else given.energy(local, 1.0))
+        for given, better in assembler.by_other_rules(rules)
     )
-    good = energy + assembler.comm.tompi4py().allreduce(more)
+    good = (0.0 if known else energy) + assembler.comm.tompi4py().allreduce(more)
     if not good <= FACTOR * energy:
         seen = f"{good / energy:.2g} times the stored energy" if good > 0.0 and energy > 0.0 else "inverted points"
         raise SolveError(

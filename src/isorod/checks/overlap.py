@@ -174,18 +174,20 @@ def _near_elements(model: Model, places: list[Array]) -> list[Index] | None:
         space = body.space
         pieces = _pieces(space)
         u = _divided(space.axis.breaks, 2 * pieces)
-        points = _outlines(space, at, u, _BOX)
-        centre = points.mean(axis=1)
-        size = np.linalg.norm(points - centre[:, None], axis=2).max(axis=1)
+        # Points first: NumPy is slow at sums over a few numbers that lie side by side.
+        points = np.ascontiguousarray(_outlines(space, at, u, _BOX).swapaxes(0, 1))
+        centre = points.sum(axis=0) / _BOX
+        arms = points - centre
+        size = np.sqrt(np.einsum("qta,qta->qt", arms, arms).max(axis=0))
         radius = _over_three(size, np.maximum)
         sagitta = np.abs(centre[1::2] - 0.5 * (centre[:-2:2] + centre[2::2]))
         margin = _BULGE * radius[:, None] + 0.3 * sagitta
-        low, high = _over_three(points.min(axis=1), np.minimum) - margin, _over_three(points.max(axis=1), np.maximum)
-        legs = np.diff(centre, axis=0)
-        length = np.linalg.norm(legs, axis=1)
+        low, high = _over_three(points.min(axis=0), np.minimum) - margin, _over_three(points.max(axis=0), np.maximum)
+        legs = centre[1:] - centre[:-1]
+        length = np.sqrt(np.einsum("ka,ka->k", legs, legs))
         legs /= np.maximum(length, np.finfo(float).tiny)[:, None]
         cos = np.einsum("ka,ka->k", legs, np.concatenate([legs[1:], legs[:1] if space.rod.closed else legs[-1:]]))
-        turn = np.arccos(np.clip(cos, -1.0, 1.0))
+        turn = np.arccos(np.minimum(np.maximum(cos, -1.0), 1.0))
         if not space.rod.closed and turn.size > 1:
             turn[-1] = turn[-2]
         along, turned = (np.append(0.0, np.cumsum(one)) for one in (length, turn))
@@ -213,10 +215,12 @@ def _near_elements(model: Model, places: list[Array]) -> list[Index] | None:
 def _pieces(space: Space) -> int:
     """Return in how many pieces the boxes of a space's elements are, each about a diameter long."""
     rod = space.rod
-    layers = rod.control_points.mean(axis=1)
-    length = np.linalg.norm(np.diff(layers, axis=0), axis=1).sum()
-    diameter = 2.0 * np.linalg.norm(rod.control_points - layers[:, None], axis=2).min(axis=1).mean()
-    return int(np.clip(length / (diameter * space.axis.elements), 1, _BOXES))
+    points = rod.control_points.swapaxes(0, 1)
+    layers = points.sum(axis=0) / rod.section_points
+    legs, arms = layers[1:] - layers[:-1], points - layers
+    length = np.sqrt(np.einsum("ka,ka->k", legs, legs)).sum()
+    diameter = 2.0 * np.sqrt(np.einsum("qka,qka->qk", arms, arms).min(axis=0)).mean()
+    return int(min(max(length / (diameter * space.axis.elements), 1), _BOXES))
 
 
 def _divided(breaks: Array, pieces: int) -> Array:

@@ -105,16 +105,18 @@ def support_moments(model: Model, displacement: Array, forces: Array) -> Array:
     """
     nodal = np.zeros((model.dofs // 3, 3))
     nodal.ravel()[model.bound] = forces
-    owner = np.full(model.dofs, -1)
-    owner[model.bound] = model.support_of
+    owner = np.full((model.dofs // 3, 3), -1)
+    owner.ravel()[model.bound] = model.support_of
+    is_carrier = model.is_carrier
     places = np.concatenate([body.space.positions for body in model.bodies]) + displacement.reshape(-1, 3)
     result = np.zeros((max(len(model.supports), 1), 3))
     for k in range(len(model.supports)):
-        mine = (owner.reshape(-1, 3) == k).any(axis=1)
-        carries = mine & model.is_carrier
+        mine = (owner == k).any(axis=1)
+        carries = mine & is_carrier
         if not carries.any():
             continue
-        arms = places - model.is_carrier[:, None] * places[carries].mean(axis=0)
-        own = np.where(owner.reshape(-1, 3) == k, nodal, 0.0)
-        result[k] = np.cross(arms[mine], own[mine]).sum(axis=0)
+        arms = places[mine] - is_carrier[mine, None] * places[carries].mean(axis=0)
+        own = np.where(owner[mine] == k, nodal[mine], 0.0)
+        work = arms.T @ own
+        result[k] = work[1, 2] - work[2, 1], work[2, 0] - work[0, 2], work[0, 1] - work[1, 0]
     return result

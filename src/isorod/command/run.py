@@ -33,7 +33,7 @@ def solve(scene: Any, settings: Mapping[str, Any]) -> tuple[Any, dict[str, float
         raise InputError(
             f"{scene.analysis} analysis: module {problem.name} is not installed (see 'isorod doctor')"
         ) from None
-    compiling.share()
+    compiling.NOTICE.shares = True
     # Numba takes half a second before the first function, whichever that is.
     cofactors.ready()
     # The scene of a file says where in it errors come from.

@@ -176,7 +176,9 @@ def _around(turned: Array, phase: float, left: bool) -> tuple[Array, Array]:
 def _frenet(radial: Array, tangential: Array, slope: float) -> Array:
     """Return the radial direction, the one normal to it and to the tangent, and the tangent, as columns."""
     tangent = np.cos(slope) * tangential + np.sin(slope) * np.array([0.0, 0.0, 1.0])
-    return np.stack([radial, np.cross(tangent, radial), tangent], axis=2)
+    (a, b, c), (d, e, f) = tangent.T, radial.T
+    across = np.stack([b * f - c * e, c * d - a * f, a * e - b * d], axis=1)
+    return np.stack([radial, across, tangent], axis=2)
 
 
 def _arcs(
@@ -191,10 +193,8 @@ def _arcs(
     centers = radius * radial / weights[:, None]
     centers[:, 2] = pitch * turned / (2.0 * np.pi)
     rotations = _frenet(radial, tangential, float(np.arctan2(pitch, 2.0 * np.pi * radius)))
-    spread = np.zeros((weights.size, 3, 3))
-    spread[:, 0, 0] = spread[:, 1, 1] = 1.0 / weights
-    spread[:, 2, 2] = 1.0
-    stretches = np.einsum("jba,jbc,jcd->jad", rotations, spread, rotations)
+    spread = np.stack([1.0 / weights, 1.0 / weights, np.ones(weights.size)], axis=1)
+    stretches = rotations.swapaxes(1, 2) @ (spread[:, :, None] * rotations)
     return CenterLine(Axis(2, knots, weights), centers, rotations, stretches, closed=closed)
 
 

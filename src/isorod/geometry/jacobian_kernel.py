@@ -1,37 +1,19 @@
 """The rod's Jacobians at many points, compiled."""
 
-import numpy as np
 from numba import void
 
 from isorod.arrays import Array
-from isorod.compiled import F2, F3, F4, FAST, R2, R3, njit
+from isorod.compiled import F2, F4, FAST, njit
 
 
-@njit(void(R2, R3, F3, F3, F4, F2), **FAST)
-def inverse_jacobians(
-    values: Array, gradients: Array, section: Array, along: Array, inverse: Array, det: Array
-) -> None:
+@njit(void(F2, F2, F2, F4, F2), **FAST)
+def inverse_jacobians(first: Array, second: Array, third: Array, inverse: Array, det: Array) -> None:
     """Fill in ``d(xi_1, xi_2, u)/dx`` ``(u, q, 3, 3)`` and ``det dx/d(xi_1, xi_2, u)`` ``(u, q)`` of a rod.
 
-    ``values`` ``(q, n)`` and ``gradients`` ``(q, n, 2)`` are the rod's section functions, ``section`` and ``along``
-    ``(u, n, 3)`` its control polygons and their derivatives.
+    ``first``, ``second`` and ``third`` ``(q, 3 u)`` are the columns of the Jacobians, places along the axis side by
+    side.  What they are products of is left to NumPy: its BLAS in compiled code takes longer to load than all of this.
     """
-    sections, n, _ = section.shape
-    points = values.shape[0]
-    tables, products = np.empty((3, points, n)), np.empty((3, points, 3 * sections))
-    for q in range(points):
-        for i in range(n):
-            tables[0, q, i], tables[1, q, i], tables[2, q, i] = gradients[q, i, 0], gradients[q, i, 1], values[q, i]
-    # Columns of the Jacobian, of all sections at once.
-    polygons = np.empty((2, n, 3 * sections))
-    for t in range(sections):
-        for i in range(n):
-            for a in range(3):
-                polygons[0, i, 3 * t + a] = section[t, i, a]
-                polygons[1, i, 3 * t + a] = along[t, i, a]
-    for k in range(3):
-        np.dot(tables[k], polygons[0 if k < 2 else 1], products[k])
-    first, second, third = products[0], products[1], products[2]
+    sections, points = det.shape
     for t in range(sections):
         for q in range(points):
             f0, f1, f2 = first[q, 3 * t], first[q, 3 * t + 1], first[q, 3 * t + 2]

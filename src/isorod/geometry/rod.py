@@ -174,11 +174,11 @@ class Rod(Checked):
 
         values, gradients = harmonic_functions(self.section_points, xi)
         section, along = self._sections(u)
-        inverse, det = (
-            np.empty((section.shape[0], values.shape[0], 3, 3)),
-            np.empty((section.shape[0], values.shape[0])),
-        )
-        jacobian_kernel.inverse_jacobians(values, gradients, section, along, inverse, det)
+        inverse = np.empty((section.shape[0], values.shape[0], 3, 3))
+        det = np.empty(inverse.shape[:2])
+        polygons, slopes = (one.swapaxes(0, 1).reshape(values.shape[1], -1) for one in (section, along))
+        columns = gradients[:, :, 0] @ polygons, gradients[:, :, 1] @ polygons, values @ slopes
+        jacobian_kernel.inverse_jacobians(*columns, inverse, det)
         return inverse, det
 
     def tangents(self, u: ArrayLike) -> Array:

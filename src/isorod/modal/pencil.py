@@ -13,9 +13,11 @@ from isorod.arrays import Array
 from isorod.errors import SolveError
 from isorod.options import defaults
 from isorod.petsc import banded
-from isorod.petsc.inertia import negative_eigenvalues
+from isorod.petsc.inertia import negative_eigenvalues, negative_of_rows
 from isorod.petsc.library import pc_name
 from isorod.petsc.matrix import absolute_product, add_componentwise, has_whole_rows, orthonormalise
+from isorod.petsc.products import products
+from isorod.petsc.shifted import upper_rows
 
 # What a user's option overrides.
 OPTIONS = {"eps_tol": 1e-10, "st_type": "sinvert", "st_ksp_type": "preonly"}
@@ -336,8 +338,9 @@ class Pencil:
         scales = np.maximum(np.abs(values), abs(values[self.rigid]))
         kx, mx = self.stiffness.createVecRight(), self.stiffness.createVecRight()
         residuals = np.empty(wanted)
+        images = products(self.stiffness, [x for _, x in pairs[:wanted]])
         for k, (value, x) in enumerate(pairs[:wanted]):
-            self.stiffness.mult(x, kx)
+            kx.array_w[:] = images[k]
             self.mass.mult(x, mx)
             kx.axpy(-value, mx)
             residuals[k] = kx.norm() / (scales[k] * mx.norm())
@@ -349,17 +352,26 @@ class Pencil:
     def count_below(self, eigenvalue: float) -> int:
         """Return the number of eigenvalues up to just above the given one, by Sylvester's law of inertia."""
         start = perf_counter()
-        shifted, shift = self.stiffness.copy(), -_just_above(eigenvalue)
-        if not add_componentwise(shifted, shift, self.mass):
+        shift = _just_above(eigenvalue)
+        rows = upper_rows(self.stiffness, shift, self.mass)
+        negative = None if rows is None else negative_of_rows(rows)
+        if negative is None:
+            negative = self._count_below(shift)
+        self.check_seconds += perf_counter() - start
+        return negative
+
+    def _count_below(self, shift: float) -> int:
+        """Return the number of eigenvalues below a shift, of matrices of any type."""
+        shifted = self.stiffness.copy()
+        if not add_componentwise(shifted, -shift, self.mass):
             mass = self.mass if self.entries is None else self.entries()
-            shifted.axpy(shift, mass, self.structure)
+            shifted.axpy(-shift, mass, self.structure)
             if mass is not self.mass:
                 mass.destroy()
         shifted.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         shifted.setOption(PETSc.Mat.Option.SPD, False)
         negative = negative_eigenvalues(shifted)
         shifted.destroy()
-        self.check_seconds += perf_counter() - start
         return negative
 
 

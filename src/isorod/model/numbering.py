@@ -40,7 +40,9 @@ def number(motions: Sequence[SupportMotion], dofs: int) -> Numbering:
     owner = np.full(dofs, -1)
     tied = np.zeros(dofs, dtype=bool)
     leader = np.arange(dofs)
-    values = np.full((len(_SAMPLES), dofs), np.nan) if len(motions) > 1 else None
+    supported = np.concatenate([owner[:0], *(motion.dofs for motion in motions)])
+    # Displacements by supports, if some degrees of freedom belong to several.
+    values = np.full((len(_SAMPLES), dofs), np.nan) if np.bincount(supported).max(initial=0) > 1 else None
     for k, motion in enumerate(motions):
         if values is not None:
             wanted = np.stack([motion.at(factor) for factor in _SAMPLES])

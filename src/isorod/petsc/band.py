@@ -1,7 +1,8 @@
 """Factors of a banded symmetric matrix, of its first unknowns alone if the others are wanted: ``A = L J L^T``.
 
-Where a panel is positive definite, its part is Cholesky's and ``J`` is 1.  Where it is not, as seldom as the matrix has
-negative eigenvalues, the eigenvectors of its diagonal block make that block of ``L``, and ``J`` has their signs: by
+Where a panel is positive definite, its part is Cholesky's and ``J`` is 1.  A negative pivot, of which there are as many
+as negative eigenvalues, is a panel by itself, whose ``J`` is -1, where little is lost by that; where much is, the
+eigenvectors of the diagonal block of what is left of the panel make that block of ``L``, and ``J`` has their signs: by
 Sylvester's law they count the negative eigenvalues.  Nothing is exchanged between panels, so that entries may grow;
 where they do by much, the factors are refused.
 """
@@ -58,6 +59,9 @@ class Factors:
 
     def __init__(self) -> None:
         self._band = np.empty((0, 1))
+        self._cut: Index = _NOTHING
+        self._end: Index = _NOTHING
+        self._count = self._width = 0
         self.negative = 0
         self.border = self.corner = self.schur = np.empty((0, 0))
 
@@ -75,9 +79,12 @@ class Factors:
             border = np.zeros((_CHUNK * window + matrix.border.shape[0], sides))
             border[: matrix.border.shape[0]] = matrix.border
         corner = np.array(matrix.corner)
-        block = np.empty((window, window))
-        state, scale = np.zeros(6, dtype=np.int64), np.zeros(1)
+        block = np.empty((kernel.MOST, kernel.MOST))
+        state, scale = np.zeros(8, dtype=np.int64), np.zeros(1)
+        state[kernel.COUNT] = self._count
+        numbers = np.zeros(5, dtype=np.int32)
         self.negative = 0
+        self.border = self.corner = self.schur = np.empty((0, 0))
         odd: list[tuple[int, Array, Array]] = []
         while True:
             k = kernel.eliminate(
@@ -97,10 +104,11 @@ class Factors:
                 state,
                 scale,
                 kernel.WORD,
-                np.zeros(5, dtype=np.int32),
+                numbers,
                 kernel.UNIT,
             )
-            if k == self._end.size:
+            self._count = int(state[kernel.COUNT])
+            if k == self._count:
                 break
             found = self._odd_panel(k, block, border, corner, state, float(scale[0]))
             if found is None:
@@ -108,14 +116,18 @@ class Factors:
             odd.append((k, *found))
             self.negative += int(np.count_nonzero(found[1] < 0.0))
             state[kernel.PANEL] = k + 1
+        self._cut, self._end = self._cut[: self._count + 1], self._end[: self._count]
+        self.negative += int(state[kernel.NEGATIVE])
         self._odd = np.array([k for k, _, _ in odd], dtype=np.int64)
-        self._inverse = np.zeros((len(odd), window, window))
-        self._sign = np.ones((len(odd), window))
+        most = max((sign.size for _, _, sign in odd), default=0)
+        self._inverse = np.zeros((len(odd), most, most))
+        self._sign = np.ones((len(odd), most))
         for one, (_, inverse, sign) in enumerate(odd):
             self._inverse[one, : sign.size, : sign.size] = inverse
             self._sign[one, : sign.size] = sign
-        total = matrix.own + matrix.after
-        rest = total - eliminated
+        rest = matrix.own + matrix.after - eliminated
+        if not rest + sides:
+            return True
         lower = np.tril(self._dense(eliminated - int(state[kernel.BASE]), rest, 0, rest))
         self.schur = lower + np.tril(lower, -1).T
         low = eliminated - int(state[kernel.BORDER_BASE])
@@ -127,16 +139,19 @@ class Factors:
         """Cut the columns into panels, and make room for the band; return whether it is as narrow as it should."""
         reach = np.zeros(eliminated, dtype=np.int64)
         column, row, _ = matrix.apart
-        np.maximum.at(reach, column[column < eliminated], row[column < eliminated] + 1)
+        if column.size:
+            np.maximum.at(reach, column[column < eliminated], row[column < eliminated] + 1)
         kernel.reaches(*matrix.rows[:2], matrix.first, matrix.own, matrix.backward, reach)
-        if float((reach - np.arange(eliminated)).sum()) > fill * 0.5 * (matrix.rows.values.size + matrix.own):
+        if np.isfinite(fill) and float((reach - np.arange(eliminated)).sum()) > fill * 0.5 * (
+            matrix.rows.values.size + matrix.own
+        ):
             return False
         total = matrix.own + matrix.after
         cut, end = np.empty(eliminated + 1, dtype=np.int64), np.empty(eliminated, dtype=np.int64)
-        count = kernel.panels(reach, cut, end)
-        self._cut, self._end = cut[: count + 1].copy(), end[:count].copy()
+        self._cut, self._end, self._count = cut, end, int(kernel.panels(reach, cut, end))
+        first, last = cut[: self._count], cut[1 : self._count + 1]
         # No block has a leading dimension below its height.
-        heights = np.maximum(self._end - self._cut[:-1] - 1, np.diff(self._cut))
+        heights = np.maximum(end[: self._count] - first - 1, last - first)
         self._width = int(max(heights.max(initial=1), total - eliminated, 1))
         columns = total if keep else min(total, (_CHUNK + 1) * (self._width + 1))
         if self._band.shape != (columns, self._width + 1):

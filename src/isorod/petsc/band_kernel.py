@@ -20,14 +20,18 @@ from isorod.petsc.rows import P1
 
 # Columns that reach differently far are one panel up to so many, and those that reach equally far are cut after so
 # many (measured: widths from 40 to 300).
-_LEAST, _MOST = 8, 64
+_LEAST, MOST = 8, 64
 
 BYTES, NUMBERS = types.Array(types.uint8, 1, "C"), types.Array(types.int32, 1, "C")
 WORD, UNIT = np.array([*b"LRTN"], dtype=np.uint8), np.array([1.0, -1.0])
 
 # What `eliminate` keeps of how far it is: the next panel; the first columns in the band and in the border's buffer;
-# the columns that were cleared, and those that were filled, so far; of the entries given apart, the next.
-PANEL, BASE, BORDER_BASE, CLEARED, FILLED, APART = range(6)
+# the columns that were cleared, and those that were filled, so far; of the entries given apart, the next; the number of
+# panels, and of negative pivots.
+PANEL, BASE, BORDER_BASE, CLEARED, FILLED, APART, COUNT, NEGATIVE = range(8)
+
+# A negative pivot is taken where it adds no more than this many times the largest entry on the diagonal to it.
+_GROWTH = 10.0
 
 
 @njit(i8(P1, P1, i8, i8, b1, I1), **STRICT)
@@ -56,7 +60,7 @@ def panels(reach: Any, cut: Any, end: Any) -> int:
     c = 0
     while c < reach.size:
         j = c + 1
-        while j < reach.size and j - c < _MOST and (reach[j] == reach[c] or j - c < _LEAST):
+        while j < reach.size and j - c < MOST and (reach[j] == reach[c] or j - c < _LEAST):
             j += 1
         cut[count], end[count] = c, reach[j - 1]
         count += 1
@@ -90,7 +94,10 @@ def eliminate(
     number: Any,
     unit: Any,
 ) -> int:
-    """Eliminate panels, from where the state says, until one is not positive definite; return which, or their number.
+    """Eliminate panels, from where the state says; return their number, or which one cannot be as it is.
+
+    A panel is cut before and after the first pivot that is not positive.  That one, where little is lost by it, is a
+    panel by itself, with a negative entry on the diagonal of ``L``: its sign is that of ``J``.
 
     Parameters
     ----------
@@ -101,18 +108,18 @@ def eliminate(
     apart_column, apart_row, apart
         More entries below the diagonal, by ascending columns.
     cut, end
-        `panels`.
+        `panels`, as many as the state says, with room for one a column.
     a, width : (columns (W + 1),), W
         The band becomes the factors; if it has room for less than all columns, each is forgotten when room is needed.
     edge, corner : (rows s,), (s, s)
         A border of more unknowns, coupled to the first columns, row by row, and their own block: it becomes their
         Schur complement, in the upper triangle, and the border, its last rows, what couples them to the columns that
         are left.
-    block : (W, W)
-        Receives the diagonal block of the panel that is not positive definite.
-    state : (6,)
+    block : (MOST, MOST)
+        Receives the diagonal block of the panel that cannot be eliminated.
+    state : (8,)
     scale : (1,)
-        Raised to the largest entry on the diagonal.
+        Raised to the largest entry on the matrix' diagonal so far.
     word, number, unit
         `WORD`, room for five integers, and `UNIT`, to be given to Fortran.
     """
@@ -125,9 +132,9 @@ def eliminate(
     order, height, lead = number[0:].ctypes, number[1:].ctypes, number[2:].ctypes
     beside, result = number[3:].ctypes, number[4:].ctypes
     one, minus = unit[0:].ctypes, unit[1:].ctypes
-    count = cut.size - 1
-    for k in range(state[PANEL], count + 1):
-        last = k == count
+    k = state[PANEL]
+    while True:
+        last = k == state[COUNT]
         c, c1 = cut[k], own if last else cut[k + 1]
         bottom = total if last else end[k]
         if bottom - state[BASE] > size:
@@ -147,9 +154,10 @@ def eliminate(
             i = first + own - 1 - j if backward else first + j
             low, high = start[i], start[i + 1]
             at = (j - state[BASE]) * (width + 1)
-            if high > low and column[high - 1] - column[low] == high - 1 - low:
+            if high > low and column[low] <= i <= column[high - 1] == column[low] + high - 1 - low:
                 # Nothing is left out, as in nearly all rows: the entries lie side by side.
                 here = low + i - column[low]
+                scale[0] = max(scale[0], abs(values[here]))
                 if backward:
                     for e in range(here - low + 1):
                         a[at + e] += values[here - e]
@@ -158,6 +166,8 @@ def eliminate(
                         a[at + e] += values[here + e]
                 continue
             for e in range(low, high):
+                if column[e] == i:
+                    scale[0] = max(scale[0], abs(values[e]))
                 if (column[e] <= i) if backward else (column[e] >= i):
                     a[at + abs(column[e] - i)] += values[e]
         state[FILLED] = max(state[FILLED], c1)
@@ -173,27 +183,73 @@ def eliminate(
         for j in range(n):
             for i in range(j, n):
                 block[j, i] = a[o + j * width + i]
-            scale[0] = max(scale[0], abs(block[j, j]))
         diagonal = a[o:].ctypes
         dpotrf(lower, order, diagonal, lead, result)
-        if number[4]:
-            state[PANEL] = k
-            return k
+        sign, positive = minus, number[4] == 0
+        if not positive:
+            for j in range(n):
+                for i in range(j, n):
+                    a[o + j * width + i] = block[j, i]
+            if number[4] > 1:
+                # What comes before the pivot that is not positive is a panel.
+                _divide(cut, end, k, c + number[4] - 1, state)
+                continue
+            if not _is_mild(a[o : o + bottom - c], scale[0]):
+                state[PANEL] = k
+                return k
+            if n > 1:
+                _divide(cut, end, k, c + 1, state)
+                n, h = 1, bottom - c - 1
+                number[0], number[1] = n, h
+            root = np.sqrt(-a[o])
+            a[o] = -root
+            for e in range(o + 1, o + bottom - c):
+                a[e] /= root
+            state[NEGATIVE] += 1
+            sign = one
         below = a[o + n :].ctypes
         if h:
-            dtrsm(right, lower, transposed, plain, height, order, one, diagonal, lead, below, lead)
+            if positive:
+                dtrsm(right, lower, transposed, plain, height, order, one, diagonal, lead, below, lead)
             rest = a[o + n * (width + 1) :].ctypes
-            dsyrk(lower, plain, height, order, minus, below, lead, one, rest, lead)
+            dsyrk(lower, plain, height, order, sign, below, lead, one, rest, lead)
         if sides:
             q = (c - state[BORDER_BASE]) * sides
             mine = edge[q:].ctypes
-            dtrsm(right, lower, transposed, plain, beside, order, one, diagonal, lead, mine, beside)
-            dsyrk(lower, plain, beside, order, minus, mine, beside, one, corner.ctypes, beside)
+            if positive:
+                dtrsm(right, lower, transposed, plain, beside, order, one, diagonal, lead, mine, beside)
+            else:
+                for e in range(q, q + sides):
+                    edge[e] /= -a[o]
+            dsyrk(lower, plain, beside, order, sign, mine, beside, one, corner.ctypes, beside)
             if h:
                 others = edge[q + n * sides :].ctypes
-                dgemm(plain, transposed, beside, height, order, minus, mine, beside, below, lead, one, others, beside)
-    state[PANEL] = count
-    return count
+                dgemm(plain, transposed, beside, height, order, sign, mine, beside, below, lead, one, others, beside)
+        k += 1
+    state[PANEL] = k
+    return k
+
+
+@njit(**STRICT)
+def _divide(cut: Any, end: Any, k: int, column: int, state: Any) -> None:
+    """Divide a panel before one of its columns."""
+    for m in range(state[COUNT], k, -1):
+        cut[m + 1] = cut[m]
+        end[m] = end[m - 1]
+    cut[k + 1] = column
+    state[COUNT] += 1
+
+
+@njit(**STRICT)
+def _is_mild(column: Any, scale: float) -> bool:
+    """Return whether a column with a negative pivot adds little to what is below it, and the pivot is not huge."""
+    pivot = -column[0]
+    if not 0.0 < pivot <= _GROWTH * scale:
+        return False
+    largest = 0.0
+    for e in range(1, column.size):
+        largest = max(largest, abs(column[e]))
+    return bool(largest * largest <= _GROWTH * scale * pivot)
 
 
 @njit(void(F2, I1, I1, I1, F3, F1), **FAST)
@@ -228,7 +284,10 @@ def forward(band: Any, cut: Any, end: Any, odd: Any, inverse: Any, x: Any) -> No
 
 @njit(void(F2, I1, I1, I1, F3, F2, F1), **FAST)
 def back(band: Any, cut: Any, end: Any, odd: Any, inverse: Any, sign: Any, x: Any) -> None:
-    """Solve ``L^T x = J y`` in place, given the unknowns that were not eliminated; ``sign`` is ``J`` of odd panels."""
+    """Solve ``L^T x = J y`` in place, given the unknowns that were not eliminated; ``sign`` is ``J`` of odd panels.
+
+    Of others ``J`` is the sign of the diagonal of ``L``.
+    """
     next_odd = odd.size - 1
     for k in range(end.size - 1, -1, -1):
         c, j, bottom = cut[k], cut[k + 1] - 1, end[k]
@@ -245,11 +304,11 @@ def back(band: Any, cut: Any, end: Any, odd: Any, inverse: Any, sign: Any, x: An
             for i in range(rest.size):
                 a += below_one[i] * rest[i]
                 b += below_two[i] * rest[i]
-            x[j] = (x[j] - b) / two[0]
-            x[j - 1] = (x[j - 1] - a - one[1] * x[j]) / one[0]
+            x[j] = (np.copysign(1.0, two[0]) * x[j] - b) / two[0]
+            x[j - 1] = (np.copysign(1.0, one[0]) * x[j - 1] - a - one[1] * x[j]) / one[0]
             j -= 2
         if j == c:
-            x[j] = (x[j] - _dot(band[j, 1:], x[j + 1 : bottom])) / band[j, 0]
+            x[j] = (np.copysign(1.0, band[j, 0]) * x[j] - _dot(band[j, 1:], x[j + 1 : bottom])) / band[j, 0]
 
 
 @njit(void(F1, f8, F1), **FAST)

@@ -4,8 +4,9 @@ import numpy as np
 from petsc4py import PETSc
 from scipy.linalg import lapack
 
+from isorod.petsc.band import Factors, Ordered
 from isorod.petsc.banded import is_banded
-from isorod.petsc.rows import local_rows
+from isorod.petsc.rows import Compressed, local_rows
 from isorod.petsc.shared_band import SharedFactors
 
 # Up to so many rows a dense factorisation takes less time than MUMPS' (measured on blades: 243 rows, 1.5 against 3.2
@@ -43,9 +44,8 @@ def negative_eigenvalues(matrix: PETSc.Mat) -> int:
 
     Where none is typed, a banded matrix takes the time of a band's factors, which are not kept.
     """
-    typed = any(name.startswith(_PREFIX) for name in PETSc.Options().getAll())
     factors = SharedFactors()
-    if not typed and factors.eliminate(matrix, keep=False, fill=_FILL):
+    if not _typed() and factors.eliminate(matrix, keep=False, fill=_FILL):
         assert factors.negative is not None
         return factors.negative
     if matrix.getType() == "seqaij" and matrix.getSize()[0] <= _DENSE:
@@ -62,6 +62,21 @@ def negative_eigenvalues(matrix: PETSc.Mat) -> int:
         return count_negative(pc)
     finally:
         pc.destroy()
+
+
+def negative_of_rows(rows: Compressed) -> int | None:
+    """Return what `negative_eigenvalues` does of all rows, on one rank, of which the upper triangle will do.
+
+    None where it is not a band's factors that count.
+    """
+    factors, size = Factors(), rows.start.size - 1
+    if _typed() or not factors.factorise(Ordered(rows, 0, size), size, keep=False, fill=_FILL):
+        return None
+    return factors.negative
+
+
+def _typed() -> bool:
+    return any(name.startswith(_PREFIX) for name in PETSc.Options().getAll())
 
 
 def _negative_dense(matrix: PETSc.Mat) -> int:

@@ -290,13 +290,18 @@ def componentwise(matrix: PETSc.Mat, components: int) -> PETSc.Mat:
     return result
 
 
+def components_of(matrix: PETSc.Mat) -> int:
+    """Return for how many components `componentwise` has made a matrix, 1 if it has not."""
+    return int(matrix.getAttr(_COMPONENTS) or 1)
+
+
 def add_componentwise(matrix: PETSc.Mat, factor: float, other: PETSc.Mat) -> bool:
     """Add so many times what `componentwise` has made to a matrix with blocks of all components at its entries.
 
     Returns whether it has those; nothing is added if not, or if the other is no such matrix.
     """
-    components = other.getAttr(_COMPONENTS)
-    if components is None or matrix.getType() not in ("seqaij", "mpiaij"):
+    components = components_of(other)
+    if components == 1 or matrix.getType() not in ("seqaij", "mpiaij"):
         return False
     rows, less = local_rows(matrix), component_rows(other, components)
     parts = [(*rows.own, *less.own), (*rows.others, *less.others)]

@@ -35,7 +35,7 @@ class LocalRows(NamedTuple):
     own
         Their entries at columns that are numbers of these rows, counted from the first of them.
     others
-        The other entries, at places of ``columns``.
+        The other entries, at places of ``columns``; no rows on one rank.
     columns
         Columns of the matrix, ascending, that the others are at.
     matrix
@@ -56,7 +56,9 @@ def local_rows(matrix: PETSc.Mat) -> LocalRows:
 
 
 def component_rows(matrix: PETSc.Mat, components: int) -> LocalRows:
-    """Return the rows of this rank of what a matrix of several interlaced components (MAIJ) does to each."""
+    """Return this rank's rows of what a matrix of interlaced components (MAIJ) does to each; its own if of one."""
+    if components == 1:
+        return local_rows(matrix)
     one = POINTER()
     function("MatMAIJGetAIJ", POINTER, ctypes.POINTER(POINTER))(matrix.handle, ctypes.byref(one))
     return _local_rows(one.value, matrix.getLocalSize()[0] // components, matrix)

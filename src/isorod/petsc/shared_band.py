@@ -56,15 +56,16 @@ class SharedFactors:
         ``fill`` times its entries is refused.
         """
         self._comm = matrix.getComm().tompi4py()
-        self._bounds = np.array(matrix.getOwnershipRanges(), dtype=np.int64)
         rows = local_rows(matrix)
-        if not self._separate(rows):
-            return False
-        done = self._inner.factorise(self._ordered(rows), self._own - self._before, keep, fill)
         if self._comm.size == 1:
+            size = matrix.getSize()[0]
+            done = self._inner.factorise(Ordered(rows.own, 0, size), size, keep, fill)
             self.negative = self._inner.negative
             return done
-        return self._join(done)
+        self._bounds = np.array(matrix.getOwnershipRanges(), dtype=np.int64)
+        if not self._separate(rows):
+            return False
+        return self._join(self._inner.factorise(self._ordered(rows), self._own - self._before, keep, fill))
 
     def _separate(self, rows: LocalRows) -> bool:
         """Find the separators; return whether each rank has more rows than its own."""
@@ -77,7 +78,7 @@ class SharedFactors:
         self._backward = self._before > 0 and self._after == 0
         self._between = self._before > 0 and self._after > 0
         self._first = np.concatenate([[0], np.cumsum(self._sizes)])
-        return self._comm.size == 1 or bool((np.diff(self._bounds) > self._sizes[:-1]).all())
+        return bool((np.diff(self._bounds) > self._sizes[:-1]).all())
 
     def _ordered(self, rows: LocalRows) -> Ordered:
         """Return this rank's rows in the order of elimination."""
@@ -124,14 +125,16 @@ class SharedFactors:
         """Return this rank's solution for its right-hand side."""
         if self._whole is not None:
             return self._whole.solve(right)
+        if self._comm.size == 1:
+            x = right.copy()
+            self._inner.solve(x)
+            return x
         own, before, after = self._own, self._before, self._after
         x = np.zeros(own - before + after) if self._between else np.zeros(own + after)
         x[: x.size - after] = right[::-1] if self._backward else right[before:] if self._between else right
         self._inner.forward(x)
         if not before and not after:
             self._inner.back(x)
-        if self._comm.size == 1:
-            return x
         outer = np.zeros(self._first[-1])
         left = outer[self._first[self._comm.rank] :][:before]
         ahead = outer[self._first[self._comm.rank + 1] :][:after]

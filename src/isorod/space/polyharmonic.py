@@ -16,7 +16,6 @@ from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import eval_jacobi
 
 from isorod.arrays import Array
 from isorod.errors import InputError, whole_number
@@ -43,6 +42,9 @@ def _waves(n: int) -> tuple[Array, Array]:
 
 def _radial(k: int, m: Array, s: Array) -> tuple[Array, Array]:
     """Return ``(1 - s) P^{(1, m)}_{k-1}(2 s - 1)`` and its derivative by ``s``, shape ``(len(s), len(m))``."""
+    # Functions of control points of order 1, and polynomials, do without.
+    from scipy.special import eval_jacobi
+
     x = (2.0 * s - 1.0)[:, None]
     value = eval_jacobi(k - 1, 1.0, m, x)
     slope = (k + 1.0 + m) * eval_jacobi(k - 2, 2.0, m + 1.0, x) if k > 1 else 0.0

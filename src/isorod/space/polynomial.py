@@ -32,6 +32,9 @@ _ROUND = 1e-9
 # A section this much thinner than it is wide is none.
 _FLAT = 1e-12
 
+# Tables of functions that are kept, of so many numbers each at most.
+_KEPT, _KEPT_SIZE = 4, 20_000
+
 # Half the range of an orthonormal linear function over a round section.
 _REACH = 2.0
 
@@ -60,6 +63,7 @@ class Polynomials:
     most: ClassVar[int] = MAX_DEGREE
 
     def __init__(self, rod: Rod, degree: int) -> None:
+        self._kept: dict[bytes, tuple[Array, Array]] = {}
         self.degree = degree = whole_number("section degree", degree, 1, self.most)
         points = rod.control_points
         arms = points - points.mean(axis=1, keepdims=True)
@@ -84,7 +88,7 @@ class Polynomials:
         if rod.rings == WHOLE:
             across = max(2, ceil(degree * max(0.5, extents.min() / extents.max()) - 1e-9))
         self._powers = monomials(degree, across)
-        self._mix = _orthogonalised(self._values(values)[0] * np.sqrt(share)[:, None])
+        self._mix = _orthogonalised(self._values(values)[0] * np.sqrt(share))
 
     @property
     def count(self) -> int:
@@ -97,23 +101,40 @@ class Polynomials:
         return np.arange(self.count) == 0
 
     def functions(self, xi: ArrayLike) -> tuple[Array, Array]:
-        """Return values ``(m, count)`` and gradients ``(m, count, 2)`` at disk points ``(m, 2)``."""
+        """Return values ``(m, count)`` and gradients ``(m, count, 2)`` at disk points ``(m, 2)``, to be read alone."""
+        points = np.ascontiguousarray(xi, dtype=float).reshape(-1, 2)
+        if self.count * points.shape[0] > _KEPT_SIZE:
+            return self._functions(points)
+        key = points.tobytes()
+        if key not in self._kept:
+            while len(self._kept) >= _KEPT:
+                self._kept.pop(next(iter(self._kept)))
+            self._kept[key] = self._functions(points)
+            for array in self._kept[key]:
+                array.flags.writeable = False
+        return self._kept[key]
+
+    def _functions(self, xi: Array) -> tuple[Array, Array]:
+        """Return what `functions` does, not kept."""
         harmonic, slopes = harmonic_functions(self._polygon.shape[0], xi)
         values, (first, second) = self._values(harmonic)
         a, b = self._powers.T
-        by_own = (
-            a * first[:, np.maximum(a - 1, 0)] * second[:, b],
-            b * first[:, a] * second[:, np.maximum(b - 1, 0)],
-        )
-        turn = self._polygon.T @ slopes
-        by_disk = np.swapaxes(np.stack(by_own, axis=2) @ turn, 1, 2)
-        return values @ self._mix, np.ascontiguousarray(np.swapaxes(by_disk @ self._mix, 1, 2))
+        by_first = self._mix.T @ (a[:, None] * first[np.maximum(a - 1, 0)] * second[b])
+        by_second = self._mix.T @ (b[:, None] * first[a] * second[np.maximum(b - 1, 0)])
+        gradients = np.empty((harmonic.shape[0], self.count, 2))
+        for k in range(2):
+            # Of the section's own coordinates by that of the disk.
+            turn = self._polygon.T @ slopes[:, :, k].T
+            gradients[:, :, k] = (by_first * turn[0] + by_second * turn[1]).T
+        return values.T @ self._mix, gradients
 
-    def _values(self, harmonic: Array) -> tuple[Array, tuple[Array, Array]]:
-        """Return monomials ``(m, count)`` and the coordinates' powers where harmonic functions are ``(m, n)``."""
-        place = harmonic @ self._polygon
-        first, second = (np.vander(place[:, k], self._powers.max() + 1, increasing=True) for k in range(2))
-        return first[:, self._powers[:, 0]] * second[:, self._powers[:, 1]], (first, second)
+    def _values(self, harmonic: Array) -> tuple[Array, Array]:
+        """Return monomials ``(count, m)`` and both coordinates' powers where harmonic functions are ``(m, n)``."""
+        place = self._polygon.T @ harmonic.T
+        powers = np.ones((2, self._powers.max() + 1, harmonic.shape[0]))
+        for k in range(1, powers.shape[1]):
+            powers[:, k] = powers[:, k - 1] * place
+        return powers[0, self._powers[:, 0]] * powers[1, self._powers[:, 1]], powers
 
     def positions(self, polygons: Array) -> Array:
         """Return the coefficients ``(layers, count, 3)`` of layers of the rod's control points ``(layers, n, 3)``."""
@@ -157,10 +178,28 @@ def fine_rule(n: int, degree: int) -> Rule:
     return Rule(degree + 4, 4 + ceil(2.0 * pi * degree / n), 1)
 
 
-@lru_cache(maxsize=16, typed=True)
 def polynomials(rod: Rod, degree: int) -> Polynomials:
-    """Return the polynomials of a rod, kept for who asks again: a refinement, an estimate of the error."""
-    return Polynomials(rod, degree)
+    """Return the polynomials of a rod, kept for who asks again: a refinement, an estimate, a rod of the same shape."""
+    return _of_shape(_Shape(rod), degree)
+
+
+class _Shape:
+    """A rod, equal to those of the same control points and rings."""
+
+    def __init__(self, rod: Rod) -> None:
+        self.rod = rod
+        self._key = (rod.control_points.shape, rod.rings, rod.control_points.tobytes())
+
+    def __hash__(self) -> int:
+        return hash(self._key)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Shape) and self._key == other._key
+
+
+@lru_cache(maxsize=16, typed=True)
+def _of_shape(shape: _Shape, degree: int) -> Polynomials:
+    return Polynomials(shape.rod, degree)
 
 
 @lru_cache(maxsize=8)
@@ -210,7 +249,7 @@ def _principal_frame(
 
 
 def _orthogonalised(weighted: Array) -> Array:
-    """Return the matrix that makes functions orthogonal, of their weighted values ``(m, count)``: upper triangular."""
-    triangle = np.linalg.qr(weighted, mode="r")
+    """Return the matrix that makes functions orthogonal, of their weighted values ``(count, m)``: upper triangular."""
+    triangle = np.linalg.qr(weighted.T, mode="r")
     # The inverse of the triangular factor, its rows made positive on the diagonal.
     return np.linalg.inv(triangle * np.sign(np.diag(triangle))[:, None])
