@@ -37,9 +37,15 @@ REFERENCE = {"quick": presets.CONVERGED.arguments[1], "full": presets.CONVERGED.
 # Seconds of motion that a step is measured in, and its samples.
 SHORT, OUTPUTS = 5e-4, 2
 
-# Of isorod: the motion to rest, in the paper's time steps.
-OURS = ("--order 1", "--order 2")
-_MOTION = f"--end-time {END_TIME:g} --outputs 50"
+# Of isorod: the motion to rest.  Four control points round a branch do as well as eight (0.53 % and 0.40 % off), and a
+# tenth of a millisecond leaves the contracted muscle's frequencies below 300 Hz within 2 %.
+OURS = (
+    "--order 1",
+    "--order 2",
+    "--order 2 --section-points 6 --time-step 1e-4",
+    "--order 2 --section-points 4 --time-step 1e-4",
+)
+_MOTION = f"--end-time {END_TIME:g} --outputs 10"
 
 
 def steps(level: str) -> int:
@@ -71,9 +77,12 @@ def run(study: Run, steps: Steps) -> None:
             study.record("motion", {key: value for key, value in found.items() if key != "history"} | values | error)
     for arguments in OURS:
         with steps.step(f"biceps, motion: isorod {arguments}"):
-            words = ["biceps", *arguments.split(), *_MOTION.split(), "--repeat", "2"]
+            words = ["biceps", *arguments.split(), *_MOTION.split(), "--repeat", "4"]
             found = timing.run("comparisons.measure.rod", words)
-        values = {"curve": "isorod", "arguments": f"{arguments} {_MOTION}", "seconds_motion": found["seconds"]["total"]}
+        # Without outputs, their balances and critical steps, as theirs.
+        bare = found["seconds"]["setup"] + found["seconds"]["loop"]
+        values = {"curve": "isorod", "arguments": f"{arguments} {_MOTION}", "seconds_steps": bare}
+        values["seconds_motion"] = found["seconds"]["total"]
         study.record("motion", _short(found) | values | _error(found["end_force"], wanted))
 
 

@@ -145,9 +145,9 @@ def reached(records: list[Record]) -> list[tuple[str, float, float, float | None
     last = motion(of_scene(records, "biceps"))
     if last is not None:
         ours, _, time = last
-        found.append(
-            ("biceps", biceps.TARGET, time / ours["seconds_motion"], None, goals.get(("biceps", biceps.TARGET)))
-        )
+        plain = time / ours["seconds_steps"] if "seconds_steps" in ours else None
+        goal = goals.get(("biceps", biceps.TARGET))
+        found.append(("biceps", biceps.TARGET, time / ours["seconds_motion"], plain, goal))
     return found
 
 

@@ -68,7 +68,7 @@ class Run(ABC):
         self.tell: Callable[[float], object] = lambda time: None
         self._kept: dict[str, Array] = {}
         self.estimates: list[tuple[float, float]] = []
-        # Steps taken, activation, and whether there was contact at the last estimate.
+        # Steps taken, activation, and area in contact at the last estimate.
         self._estimated = np.zeros(3)
         # Energy at the start; momentum that stays when all impulses are taken off.
         self._energy = 0.0
@@ -147,7 +147,7 @@ class Run(ABC):
         self._momentum = self._free_momentum()
         seen = self._measure()
         self._energy = total(seen)
-        self._estimated[:] = 0.0, self.level(0.0), seen["contact_area"] > 0.0
+        self._estimated[:] = 0.0, self.level(0.0), seen["contact_area"]
         self._balance(seen)
         self._record(seen)
 

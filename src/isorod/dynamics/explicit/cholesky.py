@@ -8,13 +8,14 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import b1, types, void
+from numba import u8 as _u
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from isorod.arrays import Array
 from isorod.compiled import F1, F2, FAST, U1, U2, njit
 
-_0, _1, _2 = (np.uint64(k) for k in range(3))
+_0, _1, _2, _3, _4 = (np.uint64(k) for k in range(5))
 
 
 class Factors(NamedTuple):
@@ -23,7 +24,8 @@ class Factors(NamedTuple):
     Attributes
     ----------
     systems
-        Rows of ``L``, the first of them below, and rows of ``W`` after them; shape ``(S, 3)``.
+        Rows of ``L``, the first of them below, rows of ``W`` after them, and how many components each row has: three,
+        or one of a matrix that couples them; shape ``(S, 4)``.
     first
         First column of each row that is not zero, shape ``(R,)``.
     starts
@@ -34,7 +36,7 @@ class Factors(NamedTuple):
         Inverse of the diagonal, one for rows of ``W``, shape ``(R,)``.
     order
         Place of each row in a state vector for x, y and z, shape ``(3, R)``; a component that has a matrix of its own
-        repeats another.
+        repeats another.  Of a row of one component the first is read alone.
     """
 
     systems: NDArray[np.uint64]
@@ -115,6 +117,84 @@ def _factorise(first: NDArray[np.uint64], starts: NDArray[np.uint64], values: Ar
     return True
 
 
+@njit(b1(FACTORS, _u, _u, _u), **FAST)
+def _four(factors: Factors, top: int, i: int, rows: int) -> bool:
+    """Return whether four rows from ``i`` on, of those that have a diagonal, begin at the same column."""
+    if i + _4 > rows:
+        return False
+    first = factors.first[top + i]
+    return first == factors.first[top + i + _1] == factors.first[top + i + _2] == factors.first[top + i + _3]
+
+
+@njit(void(FACTORS, _u, F1), **FAST)
+def _reduce_one(factors: Factors, s: int, x: Array) -> None:
+    """Do what `reduce` does with a system of one component: four rows at a time where they are equally long."""
+    rows, top, edge = factors.systems[s, 0], factors.systems[s, 1], factors.systems[s, 2]
+    values, inverse = factors.values, factors.inverse
+    i = _0
+    while i < rows + edge:
+        r = top + i
+        left, p = factors.first[r], factors.starts[r]
+        begin = top + left
+        if not _four(factors, top, i, rows):
+            a = 0.0
+            for k in range(min(i, rows) - left):
+                a += values[p + k] * x[begin + k]
+            x[r] = (x[r] - a) * inverse[r]
+            i += _1
+            continue
+        q, u, v = factors.starts[r + _1], factors.starts[r + _2], factors.starts[r + _3]
+        a = b = c = d = 0.0
+        for k in range(i - left):
+            y = x[begin + k]
+            a += values[p + k] * y
+            b += values[q + k] * y
+            c += values[u + k] * y
+            d += values[v + k] * y
+        m = i - left
+        a = (x[r] - a) * inverse[r]
+        b = (x[r + _1] - b - values[q + m] * a) * inverse[r + _1]
+        c = (x[r + _2] - c - values[u + m] * a - values[u + m + _1] * b) * inverse[r + _2]
+        d -= x[r + _3]
+        d += values[v + m] * a + values[v + m + _1] * b + values[v + m + _2] * c
+        x[r], x[r + _1], x[r + _2], x[r + _3] = a, b, c, -d * inverse[r + _3]
+        i += _4
+
+
+@njit(void(FACTORS, _u, F1, F1), **FAST)
+def _substitute_one(factors: Factors, s: int, x: Array, velocity: Array) -> None:
+    """Do what `substitute` does with a system of one component, four rows at a time."""
+    rows, top, edge = factors.systems[s, 0], factors.systems[s, 1], factors.systems[s, 2]
+    values, inverse = factors.values, factors.inverse
+    # Rows from here on are done.
+    end = rows + edge
+    while end > _0:
+        if end < _4 or not _four(factors, top, end - _4, rows):
+            i = end - _1
+            r = top + i
+            left, p = factors.first[r], factors.starts[r]
+            a = x[r] * inverse[r]
+            x[r] = a
+            for k in range(min(i, rows) - left):
+                x[top + left + k] -= values[p + k] * a
+            end -= _1
+            continue
+        end -= _4
+        r = top + end
+        left, p = factors.first[r], factors.starts[r]
+        q, u, v = factors.starts[r + _1], factors.starts[r + _2], factors.starts[r + _3]
+        begin, m = top + left, end - left
+        d = x[r + _3] * inverse[r + _3]
+        c = (x[r + _2] - values[v + m + _2] * d) * inverse[r + _2]
+        b = (x[r + _1] - values[v + m + _1] * d - values[u + m + _1] * c) * inverse[r + _1]
+        a = (x[r] - values[v + m] * d - values[u + m] * c - values[q + m] * b) * inverse[r]
+        for k in range(m):
+            x[begin + k] -= values[p + k] * a + values[q + k] * b + values[u + k] * c + values[v + k] * d
+        x[r], x[r + _1], x[r + _2], x[r + _3] = a, b, c, d
+    for i in range(top, top + rows + edge):
+        velocity[factors.order[_0, i]] = x[i]
+
+
 @njit(void(FACTORS, F1, F2), **FAST)
 def reduce(factors: Factors, momenta: Array, reduced: Array) -> None:
     """Fill ``reduced``, ``(3, R)``, with momenta, a state vector, from which the rows before are eliminated.
@@ -123,7 +203,15 @@ def reduce(factors: Factors, momenta: Array, reduced: Array) -> None:
     """
     order, values = factors.order, factors.values
     x, y, z = reduced[0], reduced[1], reduced[2]
-    for s in range(factors.systems.shape[0]):
+    for s in range(np.uint64(factors.systems.shape[0])):
+        if factors.systems[s, 3] == _1:
+            top = factors.systems[s, 1]
+            for i in range(top, top + factors.systems[s, 0] + factors.systems[s, 2]):
+                x[i] = momenta[order[_0, i]]
+            # Where there are no edges to tell others of, `substitute` does both, and reads the factor once from memory.
+            if factors.systems[s, 2] > _0:
+                _reduce_one(factors, s, x)
+            continue
         rows, top, edge = factors.systems[s, 0], factors.systems[s, 1], factors.systems[s, 2]
         for i in range(top, top + rows + edge):
             x[i] = momenta[order[_0, i]]
@@ -147,7 +235,12 @@ def substitute(factors: Factors, reduced: Array, velocity: Array) -> None:
     """Fill the free part of ``velocity``, a state vector, from what `reduce` left, on edges solved for; change that."""
     order, values = factors.order, factors.values
     x, y, z = reduced[0], reduced[1], reduced[2]
-    for s in range(factors.systems.shape[0]):
+    for s in range(np.uint64(factors.systems.shape[0])):
+        if factors.systems[s, 3] == _1:
+            if factors.systems[s, 2] == _0:
+                _reduce_one(factors, s, x)
+            _substitute_one(factors, s, x, velocity)
+            continue
         rows, top, edge = factors.systems[s, 0], factors.systems[s, 1], factors.systems[s, 2]
         for step in range(rows + edge):
             i = rows + edge - _1 - step

@@ -132,11 +132,52 @@ def _pull_back(geometry: Array, g: int, work: Array) -> None:
         work[_R[8] + k] = p0 * i20 + p1 * i21 + p2 * i22
 
 
+@njit(void(F1, _u, _u, f8, f8, f8, f8, f8, f8), **FAST)
+def _add_to(
+    resultants: Array, i: int, n: int, x0: float, x1: float, x2: float, y0: float, y1: float, y2: float
+) -> None:
+    """Add to the resultants of function ``i`` those of the section, then those along the axis."""
+    n3 = _3 * n
+    resultants[i] += x0
+    resultants[n + i] += x1
+    resultants[_2 * n + i] += x2
+    resultants[n3 + i] += y0
+    resultants[n3 + n + i] += y1
+    resultants[n3 + _2 * n + i] += y2
+
+
 @njit(void(F1, _u, F1, _u, F1), **FAST)
 def _add_resultants(sections: Array, start: int, work: Array, n: int, resultants: Array) -> None:
     """Add the integrals of rows 0-8 against the section functions: those of the section, then those along the axis."""
-    n3 = _3 * n
-    for i in range(n):
+    i = _0
+    # Two functions at a time: a row of the work space is read once for both.
+    while i + _2 <= n:
+        s = start + i * _R[3]
+        t = s + _R[3]
+        x0 = x1 = x2 = y0 = y1 = y2 = 0.0
+        u0 = u1 = u2 = v0 = v1 = v2 = 0.0
+        for k in range(_W):
+            f, g, h = sections[s + k], sections[s + _R[1] + k], sections[s + _R[2] + k]
+            a, b, c = sections[t + k], sections[t + _R[1] + k], sections[t + _R[2] + k]
+            p, q, r = work[k], work[_R[1] + k], work[_R[2] + k]
+            x0 += p * f + q * g
+            u0 += p * a + q * b
+            y0 += r * h
+            v0 += r * c
+            p, q, r = work[_R[3] + k], work[_R[4] + k], work[_R[5] + k]
+            x1 += p * f + q * g
+            u1 += p * a + q * b
+            y1 += r * h
+            v1 += r * c
+            p, q, r = work[_R[6] + k], work[_R[7] + k], work[_R[8] + k]
+            x2 += p * f + q * g
+            u2 += p * a + q * b
+            y2 += r * h
+            v2 += r * c
+        _add_to(resultants, i, n, x0, x1, x2, y0, y1, y2)
+        _add_to(resultants, i + _1, n, u0, u1, u2, v0, v1, v2)
+        i += _2
+    while i < n:
         s = start + i * _R[3]
         x0 = x1 = x2 = y0 = y1 = y2 = 0.0
         for k in range(_W):
@@ -147,12 +188,8 @@ def _add_resultants(sections: Array, start: int, work: Array, n: int, resultants
             y0 += work[_R[2] + k] * h
             y1 += work[_R[5] + k] * h
             y2 += work[_R[8] + k] * h
-        resultants[i] += x0
-        resultants[n + i] += x1
-        resultants[_2 * n + i] += x2
-        resultants[n3 + i] += y0
-        resultants[n3 + n + i] += y1
-        resultants[n3 + _2 * n + i] += y2
+        _add_to(resultants, i, n, x0, x1, x2, y0, y1, y2)
+        i += _1
 
 
 @njit(void(MESH, _u, _u, F1, F1), **FAST)

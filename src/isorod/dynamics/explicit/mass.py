@@ -4,46 +4,57 @@ A body's consistent mass ``M0`` is the same for x, y and z, and couples neighbou
 points it would be wrong: a section that swells would carry twice its kinetic energy and more, and waves of five
 elements' length be a sixth too slow.
 
-What limits the step is pressure waves across thin sections and short elements, while what bends and swells
+What limits the step is pressure waves across thin sections and short elements, while what bends, twists and swells
 near-incompressible bodies is far slower.  A step ``dt`` longer than the critical one ``t0`` is made stable by mass that
 grows with the wave number, in proportion to stiffness (Olovsson, Simonsson & Unosson, Int. J. Numer. Meth. Engng 63
-(2005) 1436-1445),
+(2005) 1436-1445; Tkachuk & Bischoff, Comput. Mech. 52 (2013) 563-570),
 
-    M = M0 + s G,    G = int E grad S . grad S dV,    s = SAFETY (dt^2 - t0^2) / 4,
+    M = M0 + s K,    s = safety (dt^2 - t0^2) / 4,
 
-``E`` the modulus of pressure waves (`isorod.material.law.Material.modulus`).  Translations keep their mass exactly; the
-error of slow motions is of second order in the step.  It is largest where sections turn about the axis: ``G`` cannot
-tell that from swelling.  In the biceps, at six critical steps, stiff thin tendons that turn get 1.5 times their inertia
-more, the muscle 3 %; of the contracted muscle's frequencies below 300 Hz those of twisting fall by 2 to 16 %, all
-others by 1.5 % in the mean and 5 % at most.  As ``G`` is the same for x, y and z, linear and angular momentum are kept.
+``K`` the tangent of the body's laws at rest in the shape it has.  A mode of frequency ``w`` gets ``s w^2`` of its
+inertia more, whatever it is: swelling, which is fast, most of it, twisting hardly any.  Translations get none, nor does
+a body that turns as a whole in the shape that ``K`` was taken in; as it turns or swells away from that, ``K`` is taken
+anew (`isorod.dynamics.explicit.run`).  In the biceps, in steps of 0.1 ms, twenty critical ones, the contracted muscle's
+frequencies below 300 Hz fall by 1.9 % at most, those of twisting by 1.2 %.
+
+``K`` couples x, y and z, so a body that turns away from the shape it was taken in would lose angular momentum.  Bodies
+whose supports leave them a rigid motion have angular momentum to keep, and get
+
+    G = int E grad S . grad S dV
+
+in place of ``K``, the same for all three, ``E`` the modulus of pressure waves
+(`isorod.material.law.Material.modulus`).  That cannot tell twisting from swelling: a section that turns gets as much.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix, csr_matrix
+from scipy.sparse import coo_matrix, csr_matrix, identity, kron
 
 from isorod.arrays import Array, Index
-from isorod.assembly import element_kernel
+from isorod.checks.rigid_motions import free_motions
+from isorod.dynamics.explicit.added import Elements
 from isorod.dynamics.explicit.cholesky import Factor, Factors, factorise
 from isorod.dynamics.explicit.exchange_kernel import NUMBERS, Exchange
 from isorod.dynamics.explicit.ranks import Ranks
 from isorod.errors import InputError
-from isorod.model.body import Body
 from isorod.model.model import Model
-from isorod.space.space import Table
 
 # The stiffness that is allowed for, in ``G``: three bounds that of isotropic bodies at rest, as
 # ``div^2 <= 3 |grad|^2``; 1.5 was measured of the biceps at rest and 1.9 in motion, where compression and fibres
 # stiffen it.
 SAFETY = 2.5
-# The most inertia that may be added to a section that turns or swells, of its own.
+# That in ``K``, of bodies that may have changed a little since it was taken: what is incompressible in one shape is not
+# in another.  2.1 was measured of the biceps in steps of 0.1 ms.
+SAFETY_COUPLED = 4.0
+# The most inertia that may be added to a section that turns or swells, or shears, of its own.
 _MOST = 2.0
 
 
 class Mass:
-    """Mass matrices of a model's bodies, for one component.
+    """Mass matrices of a model's bodies.
 
     Parameters
     ----------
@@ -56,28 +67,70 @@ class Mass:
 
     Attributes
     ----------
-    consistent, stiffness
-        ``M0`` and ``G`` of each body, of this rank's elements.
-    scaling, largest_scaling
-        ``s`` of the module header, time squared, and the largest that `scaling_for` returns: that which trebles the
-        inertia of a section that turns.
+    coupled
+        Which bodies get ``K``: those that their supports leave no rigid motion.
+    consistent
+        ``M0`` of each body, of this rank's elements.
+    scaling
+        ``s`` of the module header, time squared.
+    at
+        Displacement at which ``K`` is taken, ``(dofs,)``; see `place`.
     """
 
     def __init__(self, model: Model, order: Index, ranks: Ranks | None = None) -> None:
         self._model, self._order = model, order
         self._ranks = Ranks(model, order) if ranks is None else ranks
-        spans = [
-            [(share.first, share.last) for share in self._ranks.shares if share.which == b]
-            for b in range(len(model.bodies))
+        self._elements = {share.which: Elements(share) for share in self._ranks.shares}
+        turning = {b for b, _ in free_motions(model)}
+        self.coupled = [b not in turning for b in range(len(model.bodies))]
+        self._safety = SAFETY_COUPLED if any(self.coupled) else SAFETY
+        empty = [csr_matrix((body.space.nodes, body.space.nodes)) for body in model.bodies]
+        self.consistent = [
+            self._elements[b].consistent() if b in self._elements else none for b, none in enumerate(empty)
         ]
-        parts = [_matrices(body, span) for body, span in zip(model.bodies, spans, strict=True)]
-        self.consistent, self.stiffness = [part[0] for part in parts], [part[1] for part in parts]
-        self.largest_scaling = _MOST * self._ranks.smallest(min(part[2] for part in parts))
         self.scaling = 0.0
+        self.at = np.zeros(model.dofs)
+
+    @property
+    def follows(self) -> bool:
+        """Whether there is added mass that depends on the shape of a body."""
+        return self.scaling > 0.0 and any(self.coupled)
+
+    def place(self, displacement: Array) -> None:
+        """Take ``K`` at a displacement, in the model's order, from now on."""
+        self.at = displacement.copy()
+        self.__dict__.pop("stiffness", None)
+
+    def change(self, displacement: Array) -> float:
+        """Return the largest component of elements' mean gradients of a displacement, in the model's order."""
+        found = [own.change(self._model.nodal(displacement, b)) for b, own in self._elements.items()]
+        return -self._ranks.smallest(-max(found, default=0.0))
+
+    @cached_property
+    def stiffness(self) -> list[csr_matrix]:
+        """``K`` of each body, or ``G``, of this rank's elements."""
+        found = []
+        for b, mass in enumerate(self.consistent):
+            own, size = self._elements.get(b), mass.shape[0]
+            if self.coupled[b]:
+                nodal = self._model.nodal(self.at, b)
+                found.append(csr_matrix((3 * size, 3 * size)) if own is None else own.tangent(nodal))
+            else:
+                found.append(csr_matrix((size, size)) if own is None else own.gradients())
+        return found
+
+    @cached_property
+    def largest_scaling(self) -> float:
+        """The largest ``s`` that `scaling_for` returns: that which trebles the inertia of a section.
+
+        Of one that turns, with ``G``, and with ``K`` of one that shears.
+        """
+        found = [own.slowest(self.coupled[b]) for b, own in self._elements.items()]
+        return _MOST * self._ranks.smallest(min(found, default=np.inf))
 
     def scaling_for(self, step: float, critical: float) -> float:
         """Return the ``scaling`` for a step longer than the critical one of the consistent mass, or the largest."""
-        return min(0.25 * SAFETY * (step - critical) * (step + critical), self.largest_scaling)
+        return min(0.25 * self._safety * (step - critical) * (step + critical), self.largest_scaling)
 
     def momenta(self, velocity: Array) -> Array:
         """Return the momenta, shape ``(dofs,)``, in the model's order as the velocities are; all ranks' together."""
@@ -89,10 +142,13 @@ class Mass:
 
     def _times(self, velocity: Array, share: float) -> Array:
         result = np.zeros((self._model.dofs // 3, 3))
-        for b, (mass, stiffness) in enumerate(zip(self.consistent, self.stiffness, strict=True)):
+        for b, mass in enumerate(self.consistent):
             nodes = slice(self._model.first_node[b], self._model.first_node[b + 1])
             moving = self._model.nodal(velocity, b)
-            result[nodes] = share * (mass @ moving) + self.scaling * (stiffness @ moving)
+            result[nodes] = share * (mass @ moving)
+            if self.scaling > 0.0:
+                more = self.stiffness[b] @ (moving.ravel() if self.coupled[b] else moving)
+                result[nodes] += self.scaling * more.reshape(-1, 3)
         return result.ravel()
 
     def factors(self) -> tuple[Factors, Exchange]:
@@ -106,15 +162,12 @@ class Mass:
         own, edges = _Rows(), _Rows()
         rows: list[Index] = []
         places: list[Index] = []
-        for b, (mass, stiffness) in enumerate(zip(self.consistent, self.stiffness, strict=True)):
-            dofs = 3 * np.arange(self._model.first_node[b], self._model.first_node[b + 1])[:, None] + np.arange(3)
-            free = self._model.free[dofs] >= 0
-            whole = mass + self.scaling * stiffness
-            inside, edge, shared = self._ranks.nodes(b)
-            # Components that are free at the same nodes share a matrix.
-            masks, group = np.unique(free, axis=1, return_inverse=True)
-            for k, mask in enumerate(masks.T):
-                components = np.resize(np.flatnonzero(group.ravel() == k), 3)
+        for b in range(len(self._model.bodies)):
+            for whole, mask, dofs in self._systems(b):
+                components = dofs.shape[1]
+                inside, edge, shared = (
+                    _entries(nodes, whole.shape[0] // self.consistent[b].shape[0]) for nodes in self._ranks.nodes(b)
+                )
                 mine, common = edge[mask[edge]], shared[mask[shared]]
                 chosen = np.concatenate([inside[mask[inside]], mine])
                 found = factorise(csr_matrix(whole[chosen][:, chosen]), chosen.size - mine.size)
@@ -125,9 +178,10 @@ class Mass:
                 if chosen.size:
                     rows.append(own.count + np.arange(chosen.size - mine.size, chosen.size))
                     places.append(edges.count + parts[self._ranks.rank][0])
-                    own.add(found, mine.size, self._order[dofs[chosen][:, components]].T)
+                    own.add(found, mine.size, self._order[np.resize(dofs[chosen].T, (3, chosen.size))], components)
                 if common.size:
-                    edges.add(left, 0, 3 * (edges.count + np.arange(common.size)) + np.arange(3)[:, None])
+                    at = 3 * (edges.count + np.arange(common.size)) + np.arange(3)[:, None]
+                    edges.add(left, 0, at, components)
         size = 3 * edges.count + NUMBERS
         return own.factors(), Exchange(
             call=self._ranks.call(),
@@ -140,18 +194,44 @@ class Mass:
             all=np.zeros(size),
         )
 
+    @cached_property
+    def _repeated(self) -> list[csr_matrix]:
+        """``M0`` of each body, of all three components."""
+        return [kron(mass, identity(3), "csr") for mass in self.consistent]
+
+    def _systems(self, b: int) -> Iterator[tuple[csr_matrix, NDArray[np.bool_], Index]]:
+        """Yield the matrices of a body to be factorised: the whole one, which rows are free, and their places.
+
+        Rows are nodes, of some components each, places ``(rows, components)`` then; or degrees of freedom.
+        """
+        dofs = 3 * np.arange(self._model.first_node[b], self._model.first_node[b + 1])[:, None] + np.arange(3)
+        free = self._model.free[dofs] >= 0
+        if self.scaling > 0.0 and self.coupled[b]:
+            yield self._repeated[b] + self.scaling * self.stiffness[b], free.ravel(), dofs.reshape(-1, 1)
+            return
+        whole = self.consistent[b] + self.scaling * self.stiffness[b] if self.scaling > 0.0 else self.consistent[b]
+        # Components that are free at the same nodes share a matrix.
+        masks, group = np.unique(free, axis=1, return_inverse=True)
+        for k, mask in enumerate(masks.T):
+            yield whole, mask, dofs[:, np.resize(np.flatnonzero(group.ravel() == k), 3)]
+
+
+def _entries(nodes: Index, each: int) -> Index:
+    """Return the rows of nodes that have so many each."""
+    return (each * nodes[:, None] + np.arange(each)).ravel()
+
 
 class _Rows:
     """Rows of `Factors`, as they grow; ``count`` of them so far."""
 
     def __init__(self) -> None:
         self.count = self._entries = 0
-        self._systems: list[tuple[int, int, int]] = []
+        self._systems: list[tuple[int, int, int, int]] = []
         self._parts: list[tuple[Factor, NDArray[np.uint64], Index]] = []
 
-    def add(self, factor: Factor, edge: int, order: Index) -> None:
+    def add(self, factor: Factor, edge: int, order: Index, components: int) -> None:
         """Add a matrix, the last ``edge`` rows of which are not eliminated, and the places of its rows, ``(3, r)``."""
-        self._systems.append((factor.inverse.size - edge, self.count, edge))
+        self._systems.append((factor.inverse.size - edge, self.count, edge, components))
         self._parts.append((factor, factor.starts + np.uint64(self._entries), order))
         self.count += factor.inverse.size
         self._entries += factor.values.size
@@ -160,7 +240,7 @@ class _Rows:
         """Return them all."""
         whole, none = np.empty(0, dtype=np.uint64), np.empty(0)
         return Factors(
-            systems=np.array(self._systems, dtype=np.uint64).reshape(-1, 3),
+            systems=np.array(self._systems, dtype=np.uint64).reshape(-1, 4),
             first=np.concatenate([whole, *(factor.first for factor, _, _ in self._parts)]),
             starts=np.concatenate([whole, *(starts for _, starts, _ in self._parts)]),
             values=np.concatenate([none, *(factor.values for factor, _, _ in self._parts)]),
@@ -177,46 +257,3 @@ def _joined(parts: Sequence[tuple[Index, Array]], size: int) -> Factor | None:
     columns = np.concatenate([np.tile(at, at.size) for at, _ in parts])
     values = np.concatenate([part.ravel() for _, part in parts])
     return factorise(coo_matrix((values, (rows, columns)), (size, size)).tocsr(), size)
-
-
-def _matrices(body: Body, spans: Sequence[tuple[int, int]]) -> tuple[csr_matrix, csr_matrix, float]:
-    """Return ``M0`` and ``G``, shape ``(nodes, nodes)``, and the ``s`` that doubles a turning section's inertia.
-
-    ``spans`` are the first of its elements, and the number after that of the last, of those it is of.
-    """
-    space = body.space
-    chosen = np.concatenate([np.empty(0, dtype=np.int64), *(np.arange(*span) for span in spans)])
-    if not chosen.size:
-        return csr_matrix((space.nodes, space.nodes)), csr_matrix((space.nodes, space.nodes)), np.inf
-    masses, stiffnesses, longest = [], [], np.inf
-    for e in chosen.tolist():
-        table = space.tabulate(e, e + 1)
-        modulus, density = body.laws[e].modulus, body.densities[e]
-        functions = table.axial.shape[2] * table.section.shape[2]
-        masses.append(
-            element_kernel.mass(table.section, table.axial, density * table.weights).reshape(functions, functions)
-        )
-        plane = np.einsum("tj,qdi->tqdji", table.axial[0], table.section[:, :2])
-        axis = np.einsum("tj,qi->tqji", table.slopes[0], table.section[:, 2])[:, :, None]
-        gradient = np.swapaxes(table.inverse[0], -1, -2) @ np.concatenate([plane, axis], axis=2).reshape(
-            *table.weights.shape[1:], 3, functions
-        )
-        weighted = modulus * table.weights[0, :, :, None, None] * gradient
-        stiffnesses.append(gradient.reshape(-1, functions).T @ weighted.reshape(-1, functions))
-        longest = min(longest, density / modulus * _gyration(space.positions[space.element_nodes[e]], table))
-    nodes = space.element_nodes[chosen]
-    rows = np.repeat(nodes, nodes.shape[1], axis=1).ravel()
-    columns = np.tile(nodes, (1, nodes.shape[1])).ravel()
-    shape = (space.nodes, space.nodes)
-    both = (coo_matrix((np.stack(part).ravel(), (rows, columns)), shape).tocsr() for part in (masses, stiffnesses))
-    return *both, longest
-
-
-def _gyration(positions: Array, table: Table) -> float:
-    """Return the square of the smallest radius of gyration of an element's sections, across both principal axes."""
-    nodal = positions.reshape(table.axial.shape[2], -1, 3)
-    x = np.einsum("qi,tj,jia->tqa", table.section[:, 2], table.axial[0], nodal)
-    share = table.weights[0] / table.weights[0].sum(axis=1, keepdims=True)
-    x -= np.einsum("tq,tqa->ta", share, x)[:, None]
-    # The third is that of the section's normal, if it is plane.
-    return float(np.linalg.eigvalsh(np.einsum("tq,tqa,tqb->tab", share, x, x))[:, 1].min())

@@ -30,6 +30,15 @@ _OUTCOMES = {
 _SHORTER = 0.8
 _RETRIES = 15
 
+# How far elements' mean deformation gradients may be from those that the added mass was taken at before it is taken
+# anew; looked is after as many steps as take them about as far, these at least.
+STRAYS = 0.15
+_FIRST_LOOK = 4
+
+# How far they may be from those of the last estimate of the critical step, and how much larger the area in contact.
+_CHANGED = 0.02
+_WIDER = 1.1
+
 # Seconds that compiled steps keep Python, and with it Ctrl-C, waiting.
 _BLOCK = 0.2
 
@@ -45,6 +54,24 @@ class Run(run.Run):
         self._carried *= system.model.free >= 0
         # Steps that take as long as a block, as far as is known.
         self._block = 1
+        # Displacement at the last estimate, in the model's order.
+        self._estimated_at = np.zeros(system.model.dofs)
+
+    def begin(self, displacement: Array, velocity: Array) -> None:
+        """Place the bodies, choose the time step, and take the first output."""
+        self._estimated_at = displacement.copy()
+        self.system.mass.place(displacement)
+        super().begin(displacement, velocity)
+
+    def _now(self) -> dict[str, Array]:
+        """Return the state but for what was recorded."""
+        return super()._now() | {"placed": self.system.mass.at, "estimated_at": self._estimated_at}
+
+    def restore(self, kept: dict[str, Array]) -> None:
+        """Continue from what `state` returned; see `isorod.dynamics.run.Run.restore`."""
+        self._estimated_at = kept["estimated_at"]
+        self.system.mass.place(kept["placed"])
+        super().restore(kept)
 
     def solver(self) -> dict[str, str]:
         """Return the names of the methods at work."""
@@ -117,10 +144,22 @@ class Run(run.Run):
 
     def _take(self, course: Course) -> tuple[int, int, float]:
         """Take the steps of an interval; return how many were taken, the outcome, and the wall time."""
-        taken, outcome, seconds = 0, DONE, 0.0
+        taken, steps, outcome, seconds = 0, _FIRST_LOOK, DONE, 0.0
+        while outcome == DONE and taken < self.count:
+            start = perf_counter()
+            steps = self._follow(self.time + taken * self.step, steps)
+            end = min(taken + steps, self.count)
+            seconds += perf_counter() - start
+            taken, outcome, spent = self._steps(course, taken, end)
+            seconds += spent
+        return taken, outcome, seconds
+
+    def _steps(self, course: Course, taken: int, end: int) -> tuple[int, int, float]:
+        """Take steps after ``taken`` of an interval, to the ``end``; return as `_take` does."""
+        outcome, seconds = DONE, 0.0
         with self.system.parted():
-            while outcome == DONE and taken < self.count:
-                first, last = taken, min(taken + self._block, self.count)
+            while outcome == DONE and taken < end:
+                first, last = taken, min(taken + self._block, end)
                 start = perf_counter()
                 taken, outcome = self.system.advance(course, first, last)
                 spent = perf_counter() - start
@@ -129,6 +168,38 @@ class Run(run.Run):
                 self._block = self.system.ranks.first(block)
                 self.tell(self.time + taken * self.step)
         return taken, outcome, seconds
+
+    def _follow(self, time: float, most: int) -> int:
+        """Take the added mass anew where bodies have changed; return after how many steps to look again.
+
+        At most twice as many as last time, ``most``: bodies gain speed.
+        """
+        mass, state, order = self.system.mass, self.system.state, self.system.order
+        if not mass.follows:
+            return self.count
+        if mass.change(state.displacement[order] - mass.at) > STRAYS:
+            self._place(time)
+        fastest = self.step * mass.change(state.velocity[order])
+        # Of what is not finite the next step says what is wrong.
+        return int(np.clip(STRAYS / fastest, _FIRST_LOOK, 2 * most)) if fastest > 0.0 else 2 * most
+
+    def _place(self, time: float) -> None:
+        """Take the added mass from the present state; velocities stay, and with them momenta but for those added."""
+        system, state = self.system, self.system.state
+        energy, before = self._moving_energy(time), self._free_momentum()
+        system.place(state.displacement)
+        state.momenta[:] = system.momenta(state.velocity)
+        state.momenta[state.held] = 0.0
+        self._energy += self._moving_energy(time) - energy
+        self._momentum += self._free_momentum() - before
+
+    def _moving_energy(self, time: float) -> float:
+        """Return the kinetic energy (`isorod.dynamics.History.kinetic`) at a time, also between outputs."""
+        system, state, dt = self.system, self.system.state, self.step
+        forces, _ = system.forces(state.displacement, self.level(time))
+        half = 0.5 * self.settings.damping * dt
+        ahead = system.velocity(((1.0 - half) * state.momenta - dt * forces) / (1.0 + half))
+        return 0.5 * float(state.momenta @ ahead)
 
     def _stagger(self, velocity: Array, dissipated: float, work: float) -> None:
         """Take the velocity, given at the time of the displacement, back by half a step.
@@ -169,14 +240,20 @@ class Run(run.Run):
     def _watch(self, seen: dict[str, Any]) -> None:
         """Estimate the critical step again where it may have fallen, and shorten the step or stop."""
         system, state = self.system, self.system.state
-        level, touching = self.level(self.time), seen["contact_area"] > 0.0
-        steps, last_level, touched = self._estimated
-        stiffer = level > last_level or (touching and not touched)
-        if not stiffer and self.taken - steps < _STEPS:
-            return
+        level, area = self.level(self.time), seen["contact_area"]
+        steps, last_level, last_area = self._estimated
+        stiffer = level > last_level or area > _WIDER * last_area
+        if not stiffer:
+            moved = state.displacement[system.order] - self._estimated_at
+            if self.taken - steps < _STEPS or system.mass.change(moved) <= _CHANGED:
+                return
         critical = system.critical_step(state.displacement, level)
+        if self.step > critical and system.mass.follows:
+            self._place(self.time)
+            critical = system.critical_step(state.displacement, level)
         self.estimates.append((self.time, critical))
-        self._estimated[:] = self.taken, level, touching
+        self._estimated[:] = self.taken, level, area
+        self._estimated_at = state.displacement[system.order]
         if self.step <= critical and (
             self.settings.time_step is not None or self.step <= 0.5 * (1.0 + _SAFE) * critical
         ):
@@ -211,7 +288,7 @@ class Run(run.Run):
         time = self.time + taken * self.step
         critical = self.system.critical_step(last, self.level(self.time))
         advice = "try a smaller one, or a finer or thicker body where it happened"
-        if self.step > critical:
+        if self.step > critical or self.system.mass.scaling > 0.0:
             advice = self._advice(critical)
         return SolveError(
             f"step {self.taken + taken}, time {time:.6g}: {what}; "

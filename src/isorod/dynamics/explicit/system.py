@@ -160,10 +160,16 @@ class System:
 
     def scale(self, scaling: float) -> None:
         """Add mass; see `isorod.dynamics.explicit.mass`."""
-        if scaling == self.mass.scaling:
+        if scaling == self.mass.scaling and not self.mass.follows:
             return
         self.mass.scaling = scaling
         self.factors, self.exchange = self.mass.factors()
+
+    def place(self, displacement: Array) -> None:
+        """Let what is added to the mass be that about a displacement, a state vector."""
+        self.mass.place(displacement[self.order])
+        if self.mass.scaling > 0.0:
+            self.factors, self.exchange = self.mass.factors()
 
     def momenta(self, velocity: Array) -> Array:
         """Return mass times velocity, held degrees of freedom included, both state vectors."""

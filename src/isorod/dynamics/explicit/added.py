@@ -1,0 +1,136 @@
+"""What is added to the mass of explicit steps, in proportion to stiffness (`isorod.dynamics.explicit.mass`)."""
+
+from functools import cached_property
+
+import numpy as np
+from scipy.sparse import coo_matrix, csr_matrix
+
+from isorod.arrays import Array
+from isorod.assembly import element_kernel
+from isorod.assembly.pattern import Layers, Pattern, add
+from isorod.assembly.region import regions
+from isorod.assembly.split import Share
+from isorod.material.law import Material
+from isorod.space.space import Table
+
+_EACH = np.eye(3)
+
+
+class Elements:
+    """The elements of one body that a rank has, or none: matrices of all its nodes, and what tells how far they moved.
+
+    Parameters
+    ----------
+    share
+        The elements.
+    """
+
+    def __init__(self, share: Share) -> None:
+        self._share, self._space = share, share.body.space
+
+    @cached_property
+    def _table(self) -> Table:
+        return self._space.tabulate(self._share.first, self._share.last)
+
+    @cached_property
+    def _laws(self) -> tuple[Material, ...]:
+        return self._share.body.laws[self._share.first : self._share.last]
+
+    def consistent(self) -> csr_matrix:
+        """Return the mass of one component, shape ``(nodes, nodes)``."""
+        table = self._table
+        weights = self._share.body.densities_at(table) * table.weights
+        return self._sum(element_kernel.mass(table.section, table.axial, weights))
+
+    def gradients(self) -> csr_matrix:
+        """Return ``G``, of one component, shape ``(nodes, nodes)``."""
+        table, found = self._table, []
+        for e, law in enumerate(self._laws):
+            plane = np.einsum("tj,qdi->tqdji", table.axial[e], table.section[:, :2])
+            axis = np.einsum("tj,qi->tqji", table.slopes[e], table.section[:, 2])[:, :, None]
+            gradient = np.swapaxes(table.inverse[e], -1, -2) @ np.concatenate([plane, axis], axis=2).reshape(
+                *table.weights.shape[1:], 3, -1
+            )
+            weighted = law.modulus * table.weights[e, :, :, None, None] * gradient
+            functions = gradient.shape[-1]
+            found.append(gradient.reshape(-1, functions).T @ weighted.reshape(-1, functions))
+        return self._sum(np.stack(found))
+
+    def _sum(self, matrices: Array) -> csr_matrix:
+        """Return the sum of element matrices of one component."""
+        pattern = self._pattern(self._space.layer_nodes)
+        size, entries = self._table.axial.shape[2] * self._space.layer_nodes, np.zeros(pattern.total)
+        add(matrices.reshape(-1, size, size), pattern.blocks[0], entries)
+        return _matrix(pattern, entries, self._space.nodes)
+
+    def tangent(self, displacement: Array) -> csr_matrix:
+        """Return ``K`` at nodal displacements ``(nodes, 3)``, of all components, shape ``(3 nodes, 3 nodes)``.
+
+        That of the laws at rest in the shape the body has: gradients are those by places it has moved to.
+        """
+        table, pattern, share = self._table, self._whole, self._share
+        nodal = self._nodal(displacement).reshape(*share.layers.shape, -1, 3)
+        F = element_kernel.deformation_gradients(table, nodal)
+        moved = table._replace(inverse=np.ascontiguousarray(table.inverse @ np.linalg.inv(F)))
+        entries, still = np.zeros(pattern.total), np.zeros(3 * self._space.nodes)
+        for region in regions(moved, share.body.laws_at(table.u, table.xi)):
+            region.add_stiffness(still, share.width * share.layers, 0.0, pattern.blocks[0], entries)
+        return _matrix(pattern, entries, 3 * self._space.nodes)
+
+    @cached_property
+    def _whole(self) -> Pattern:
+        return self._pattern(self._share.width)
+
+    def _pattern(self, size: int) -> Pattern:
+        """Return the pattern of the elements' layers, ``size`` rows each."""
+        return Pattern([Layers(size * self._share.layers, size)], np.arange(size * self._space.layers))
+
+    def _nodal(self, displacement: Array) -> Array:
+        nodes = self._space.element_nodes[self._share.first : self._share.last]
+        return np.ascontiguousarray(displacement[nodes])
+
+    @cached_property
+    def _means(self) -> Array:
+        """Means over elements of the functions' gradients, ``(E, 3, l n)``."""
+        t = self._table
+        inverse = (t.weights / t.weights.sum(axis=(1, 2), keepdims=True))[..., None, None] * t.inverse
+        plane = np.einsum("etqda,etj,qdi->eaji", inverse[:, :, :, :2], t.axial, t.section[:, :2], optimize=True)
+        axis = np.einsum("etqa,etj,qi->eaji", inverse[:, :, :, 2], t.slopes, t.section[:, 2], optimize=True)
+        return np.asarray((plane + axis).reshape(t.elements, 3, -1))
+
+    def change(self, displacement: Array) -> float:
+        """Return the largest component of elements' mean gradients of nodal displacements ``(nodes, 3)``."""
+        return float(np.abs(self._means @ self._nodal(displacement)).max(initial=0.0))
+
+    def slowest(self, shears: bool) -> float:
+        """Return the ``s`` that doubles the inertia of the section that turns the most easily, or that shears.
+
+        ``rho r^2`` over the modulus of pressure waves, or that of shear: the smallest of all elements.
+        """
+        first, last = self._share.first, self._share.last
+        moduli = {law: _shear(law) if shears else law.modulus for law in dict.fromkeys(self._laws)}
+        densities = self._share.body.densities[first:last]
+        gyrations = _gyrations(self._nodal(self._space.positions), self._table)
+        each = zip(self._laws, densities, gyrations, strict=True)
+        return min(float(density / moduli[law] * gyration) for law, density, gyration in each)
+
+
+def _matrix(pattern: Pattern, entries: Array, size: int) -> csr_matrix:
+    return coo_matrix((entries, pattern.indices()), (size, size)).tocsr()
+
+
+def _shear(law: Material) -> float:
+    """Return the largest modulus of shear of a law at rest, of those in three planes."""
+    moduli = law.at(0.0).along(_EACH[2]).tangent(_EACH[None])[0]
+    return max(float(moduli[a, b, a, b]) for a, b in ((0, 1), (0, 2), (1, 2)))
+
+
+def _gyrations(positions: Array, table: Table) -> Array:
+    """Return the squares of the smallest radii of gyration of elements' sections, across both principal axes."""
+    nodal = positions.reshape(table.elements, table.axial.shape[2], -1, 3)
+    x = np.einsum("qi,etj,ejia->etqa", table.section[:, 2], table.axial, nodal, optimize=True)
+    share = table.weights / table.weights.sum(axis=2, keepdims=True)
+    x -= np.einsum("etq,etqa->eta", share, x)[:, :, None]
+    spread = np.einsum("etq,etqa,etqb->etab", share, x, x, optimize=True)
+    # The third is that of the section's normal, if it is plane.
+    return np.asarray(np.linalg.eigvalsh(spread)[:, :, 1].min(axis=1))
