@@ -63,7 +63,7 @@ OTHERS: dict[str, dict[str, tuple[str, ...]]] = {
 }
 
 # The motion: with the paper's element refined, and with biharmonic functions of the section, in the paper's time steps.
-MOTIONS: dict[str, dict[str, Any]] = {"K = 1": {"order": 1}, "K = 2": {"order": 2}}
+MOTIONS: dict[str, dict[str, Any]] = {f"K = {order}": {"order": order, "time_step": 2.5e-5} for order in (1, 2)}
 PICTURED = "K = 2"
 INTERVALS = 500
 

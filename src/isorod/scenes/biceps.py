@@ -77,7 +77,7 @@ class Biceps(Preset):
     statics: bool = option(False, "find the equilibrium without following the motion")
     ramp: float = option(2.5e-3, "time in which the activation grows linearly [s] (paper: 100 steps)")
     time_step: float = option(
-        2.5e-5, "longest time step [s] (paper: 2.5e-5); 0 for 0.9 of the critical one of the consistent mass"
+        4e-5, "longest time step [s] (paper: 2.5e-5); 0 for 0.9 of the critical one of the consistent mass"
     )
     end_time: float = option(0.25, "time to reach [s]")
     outputs: int = option(50, "number of equal intervals between outputs")
