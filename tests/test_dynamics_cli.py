@@ -100,14 +100,14 @@ def test_a_finished_run_is_kept_and_goes_on_from_the_command_line(tmp_path, caps
     )
     # The same run has nothing left to do and is shown again.
     again = run(*keep, "--resume")
-    assert (again["resumed"], again["end_force"], again["steps"]) == (0.004, first["end_force"], 160)
+    assert (again["resumed"], again["end_force"], again["steps"]) == (0.004, first["end_force"], 104)
     later = "--end-time", "0.006"
     assert "outputs are 0.0005 apart there, 0.00075 here; take 12 outputs to time 0.006" in run(
         *keep, "--resume", *later
     )
     assert file.read_bytes() == before
     further, whole = run(*keep, "--resume", *later, "--outputs", "12"), run(*later, "--outputs", "12")
-    assert (further["resumed"], further["steps"]) == (0.004, 240)
+    assert (further["resumed"], further["steps"]) == (0.004, 156)
     for name in ("times", "reactions", "kinetic", "contact_force", "energy_error", "belly_bulge_history"):
         assert further[name] == whole[name], name
 
