@@ -8,7 +8,7 @@ from reference import BLADE_FREQUENCIES, SPRING_FORCE
 
 from comparisons.stability import cost, estimates
 from isorod import modal, statics
-from isorod.checks import adapt
+from isorod.checks import adapt, estimate
 from isorod.checks.finer import Finer
 from isorod.command import cli, refine, run
 from isorod.errors import InputError
@@ -173,6 +173,14 @@ def test_there_is_none_where_no_finer_space_can_be_had(monkeypatch):
     solution = statics.solve(bar(space, loads=[SectionLoad.end(space, "end", (0.0, 1e-3, 0.0))]))
     monkeypatch.setattr(axis, "MAX_ELEMENTS", 4)
     assert solution.estimate() is None
+
+
+def test_there_is_none_where_shapes_depend_on_each_other():
+    """As those of all modes of few unknowns may on the finer space; one of them alone has one."""
+    found = modal.solve(Blade(preset="paper").model(), 1)
+    twice = np.repeat(found.eigenvalues, 2), np.repeat(found.vectors, 2, axis=0)
+    assert estimate.of_modes(found.model, *twice, directions=["axis"]) is None
+    assert estimate.of_modes(found.model, found.eigenvalues, found.vectors, directions=["axis"]) > 0.0
 
 
 def test_a_large_error_is_warned_of_and_a_small_one_said(capsys):
