@@ -282,7 +282,8 @@ def load_all() -> list[Kernel]:
 def share() -> subprocess.Popen[bytes] | None:
     """Let another process compile what the modules imported so far have and is not kept, the last first; return it.
 
-    Compiling is one thread's work, and this process begins with what it needs first.  None where there is little to
+    Compiling is one thread's work, and this process begins with what it needs first.  What takes longest, elements'
+    forces and tangents, it needs last, so the other one begins with it.  None where there is little to
     compile, one processor, or nothing can be kept.  It is ended when this process ends.
     """
     if len(os.sched_getaffinity(0)) < 2 or rank() or not KERNELS or not KERNELS[0].lasting:
@@ -290,8 +291,9 @@ def share() -> subprocess.Popen[bytes] | None:
     modules = dict.fromkeys(kernel.py_func.__module__ for kernel in reversed(KERNELS) if not kernel.kept)
     if len(modules) < _MANY:
         return None
+    ordered = sorted(modules, key=lambda name: not name.startswith("isorod.assembly."))
     nothing: Any = {name: subprocess.DEVNULL for name in ("stdin", "stdout", "stderr")}
-    other = subprocess.Popen([sys.executable, "-m", "isorod.command.compile", *modules], **nothing)
+    other = subprocess.Popen([sys.executable, "-m", "isorod.command.compile", *ordered], **nothing)
     atexit.register(other.terminate)
     return other
 

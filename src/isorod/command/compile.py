@@ -48,7 +48,7 @@ def _quietly(modules: Sequence[str]) -> int:
     compiling.NOTICE.said = True
     for name in modules:
         import_module(name)
-        for kernel in compiling.KERNELS:
+        for kernel in reversed(compiling.KERNELS):
             if kernel.py_func.__module__ == name and not kernel.kept:
                 kernel.ready()
     return 0
