@@ -178,28 +178,10 @@ def fine_rule(n: int, degree: int) -> Rule:
     return Rule(degree + 4, 4 + ceil(2.0 * pi * degree / n), 1)
 
 
-def polynomials(rod: Rod, degree: int) -> Polynomials:
-    """Return the polynomials of a rod, kept for who asks again: a refinement, an estimate, a rod of the same shape."""
-    return _of_shape(_Shape(rod), degree)
-
-
-class _Shape:
-    """A rod, equal to those of the same control points and rings."""
-
-    def __init__(self, rod: Rod) -> None:
-        self.rod = rod
-        self._key = (rod.control_points.shape, rod.rings, rod.control_points.tobytes())
-
-    def __hash__(self) -> int:
-        return hash(self._key)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Shape) and self._key == other._key
-
-
 @lru_cache(maxsize=16, typed=True)
-def _of_shape(shape: _Shape, degree: int) -> Polynomials:
-    return Polynomials(shape.rod, degree)
+def polynomials(rod: Rod, degree: int) -> Polynomials:
+    """Return the polynomials of a rod, kept for who asks again: a refinement, an estimate of the error."""
+    return Polynomials(rod, degree)
 
 
 @lru_cache(maxsize=8)
