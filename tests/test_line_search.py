@@ -8,7 +8,7 @@ from touching import pair
 from isorod.assembly.assembler import Assembler
 from isorod.model import Contact, Model, Plane, Support
 from isorod.petsc.options import in_force
-from isorod.statics.line_search import step_length
+from isorod.statics.line_search import LineSearch, step_length
 from isorod.statics.newton import Newton
 
 ZERO = 1e-3
@@ -73,3 +73,22 @@ def test_a_step_that_was_made_short_is_no_sign_of_equilibrium(length, share, end
     reason = solver._test(solver.snes, 1, (1.0, length * share, 1.0))
     reasons = PETSc.SNES.ConvergedReason
     assert reason == (reasons.CONVERGED_SNORM_RELATIVE if ends else reasons.CONVERGED_ITERATING)
+
+
+def test_how_much_of_a_step_was_taken_is_kept():
+    start, way, x = (PETSc.Vec().createSeq(1) for _ in range(3))
+    start.set(kinked(0.0))
+    way.set(1.0)
+
+    class Solver:
+        def setLineSearchPreCheck(self, check):
+            self.check = check
+
+        def getFunction(self):
+            return (start,)
+
+    solver = Solver()
+    search = LineSearch(solver, lambda trial, out: out.set(kinked(-trial.array_r[0])))
+    assert solver.check(x, way)
+    assert search.share == way.array_r[0] == pytest.approx(ZERO, rel=0.2)
+    assert search.short == 1
