@@ -127,7 +127,12 @@ def test_two_ranks_give_the_serial_modes(mpirun, tmp_path, arguments):
     serial = run(configuration(chosen), modes_file=other)
     assert parallel["ranks"] == 2 and parallel["sturm_count"] == serial["sturm_count"] == 10
     assert parallel["dofs"] == serial["dofs"] and parallel["unknowns"] == serial["unknowns"]
-    assert parallel["frequencies"] == pytest.approx(serial["frequencies"], rel=1e-9)
+    # A frequency is known to half its residual: that of the enhanced bricks' first mode is rounding, 4e-8, which MUMPS
+    # on two ranks rounds differently from run to run.
+    known = (np.array(parallel["residuals"]) + serial["residuals"]) / 2.0
+    assert known.max() < 1e-7
+    change = np.array(parallel["frequencies"]) / serial["frequencies"] - 1.0
+    assert (np.abs(change) < np.maximum(known, 1e-9)).all()
     with np.load(file) as a, np.load(other) as b:
         overlap = np.einsum("kma,kma->k", a["modes"], b["modes"]) / np.einsum("kma,kma->k", b["modes"], b["modes"])
         assert np.abs(overlap) == pytest.approx(np.ones(10), abs=1e-7)
