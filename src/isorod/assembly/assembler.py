@@ -226,24 +226,30 @@ class Assembler(Unknowns):
         own = self._loads(self._state(x, 1.0)) if self.model.loads else np.zeros(1)
         return float(np.sqrt(self.comm.tompi4py().allreduce(float(own @ own)) + self._push() ** 2))
 
-    def imbalance(self, x: PETSc.Vec, factor: float) -> tuple[Array, Array]:
-        """Return the resultant ``(3,)`` of the forces on what no support holds, and what rounding makes of others.
+    def imbalance(self, x: PETSc.Vec, factor: float) -> Array:
+        """Return the resultant ``(3,)`` of the forces on what no support holds."""
+        with self._timed():
+            moved, slots = self._exchange.moved
+            loose = self.model.is_carrier[moved // 3] & ~np.isin(moved, self.model.bound)
+            total = self._forces(self._state(x, factor), factor)[slots]
+            resultant = np.bincount(moved[loose] % 3, total[loose], 3)
+            return np.asarray(self.comm.tompi4py().allreduce(resultant))
 
-        The latter, of those in `Model.bound`, is the largest change of the internal forces, none but for rounding, when
-        everything moves by about the model's size: one such way may by chance change next to nothing somewhere.
+    def rounding(self, x: PETSc.Vec, factor: float) -> Array:
+        """Return what rounding makes of the forces on `Model.bound`, on every rank.
+
+        It is the largest change of the internal forces, none but for rounding, when everything moves by about the
+        model's size: one such way may by chance change next to nothing somewhere.
         """
         with self._timed():
             local = self._state(x, factor)
             moved, slots = self._exchange.moved
-            carriers = self.model.is_carrier[moved // 3]
-            loose = carriers & ~np.isin(moved, self.model.bound)
-            total = self._forces(local, factor)[slots]
-            resultant = np.bincount(moved[loose] % 3, total[loose], 3)
+            carriers = slots[self.model.is_carrier[moved // 3]]
             before, lost = self._internal(local, factor), np.zeros(self.model.bound.size)
             for way in (1.0, -1.7, 0.3):
-                local[slots[carriers]] += way * self.model.size
+                local[carriers] += way * self.model.size
                 lost = np.maximum(lost, np.abs(self._bound(self._internal(local, factor) - before)))
-            return np.asarray(self.comm.tompi4py().allreduce(resultant)), lost
+            return lost
 
     def tangent(self, x: PETSc.Vec, factor: float, out: PETSc.Mat) -> None:
         """Fill ``out`` with the tangent stiffness."""
