@@ -132,6 +132,33 @@ def test_a_run_that_compiles_says_so_once(python, tmp_path):
     assert (second.stdout, second.stderr) == (first.stdout, "")
 
 
+# Begins, and compiles, when it is told.
+TOLD = "import sys\nfrom isorod.compiled import cofactors\nprint('ready', flush=True)\nsys.stdin.readline()" + SMALL
+
+
+def test_of_processes_that_need_the_same_function_one_compiles(tmp_path):
+    several = [
+        subprocess.Popen(
+            [sys.executable, "-c", TOLD],
+            env=environment(NUMBA_CACHE_DIR=str(tmp_path)),
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        for _ in range(3)
+    ]
+    for one in several:
+        assert one.stdout is not None and one.stdout.readline() == "ready\n"
+    for one in several:
+        assert one.stdin is not None
+        one.stdin.write("go\n")
+        one.stdin.flush()
+    told = [one.communicate(timeout=60) for one in several]
+    assert [out for out, _ in told] == ["8.0 4.0\n"] * 3
+    assert sum("compiling" in problems for _, problems in told) == 1
+
+
 # What a run has another process compile, where that is not begun.
 SHARED = """
 import subprocess

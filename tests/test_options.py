@@ -1,5 +1,6 @@
 """PETSc's options from Python: before PETSc has started, after, and not at all."""
 
+import os
 from importlib.util import find_spec
 
 import pytest
@@ -59,3 +60,19 @@ def test_what_petsc_reads_when_it_starts_is_taken_then(python):
     script = "from isorod import options; options.initialize(['-log_view', '-info', ':none'])" + SOLVE
     done = python(script)
     assert "PETSc Performance Summary" in done.stdout, done.stderr
+
+
+def test_a_process_by_itself_tells_mpi_so_and_no_child(python):
+    """Where something has started it as one of several it says nothing."""
+    script = (
+        "import os, petsc4py\nfrom isorod import options\n"
+        "told = lambda: sorted(name for name in os.environ if name.startswith('OMPI_MCA_'))\n"
+        "before = told()\npetsc4py.init = lambda words: print([name for name in told() if name not in before])\n"
+        "options.initialize([])\nprint(told() == before)"
+    )
+    alone = {name: text for name, text in os.environ.items() if not name.startswith(("OMPI_", "PMI"))}
+    assert python(script, env=alone).stdout == "['OMPI_MCA_ess_singleton_isolated', 'OMPI_MCA_pml']\nTrue\n"
+    own = alone | {"OMPI_MCA_pml": "ucx"}
+    assert python(script, env=own).stdout == "['OMPI_MCA_ess_singleton_isolated']\nTrue\n"
+    for launched in ("OMPI_COMM_WORLD_SIZE", "PMI_RANK"):
+        assert python(script, env=alone | {launched: "1"}).stdout == "[]\nTrue\n"

@@ -7,9 +7,11 @@ kept.
 """
 
 import atexit
+import fcntl
 import os
 import subprocess
 import sys
+import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
@@ -31,6 +33,12 @@ _Dispatcher: Any = CPUDispatcher
 KERNELS: list["Kernel"] = []
 
 _PACKAGE = Path(__file__).parent
+
+# What takes longest, and is needed last: elements' tangents and forces, and what they are made of; the band solver.
+_LONGEST = tuple(
+    f"isorod.{name}"
+    for name in ("assembly.stiffness_kernel", "assembly.field_kernel", "assembly.block_kernel", "petsc.band_kernel")
+)
 
 # Modules with something to compile from which on it is shared with another process.
 _MANY = 5
@@ -77,9 +85,13 @@ class Kernel(_Dispatcher):
     def compile(self, sig: Any) -> Any:
         """Compile for a signature, or read what was compiled before."""
         cache = self._find_cache()
-        if cache is not None:
-            self._cache = cache
-        return super().compile(sig)
+        if cache is None:
+            return super().compile(sig)
+        self._cache = cache
+        try:
+            return super().compile(sig)
+        finally:
+            cache.give_up()
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
         """Return what a call in compiled code is compiled to."""
@@ -112,6 +124,9 @@ class Kernel(_Dispatcher):
 class _Cache(FunctionCache):  # type: ignore[misc]
     """Numba's cache of a function, whose files may be unreadable, damaged or on a full disk: then it is compiled."""
 
+    # The file that is locked while it is this process that compiles the function.
+    _lock: int | None = None
+
     def index(self) -> Any:
         """Return what is there, by signature and processor."""
         with suppress(Exception):
@@ -121,8 +136,38 @@ class _Cache(FunctionCache):  # type: ignore[misc]
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return what is there for a signature, or None.
 
-        Numba's own would first load all that it can compile, which takes longer than everything else at start.
+        Numba's own would first load all that it can compile, which takes longer than everything else at start.  Where
+        there is none, other processes wait until it is compiled here, or it is waited for.
         """
+        found = self._kept(sig, target_context)
+        if found is None and self._claim():
+            found = self._kept(sig, target_context)
+        return found
+
+    def _claim(self) -> bool:
+        """Wait until no other process compiles the function, if that can be known, and let none do so until `give_up`.
+
+        Locks end with their process, so that none is left behind.
+        """
+        with suppress(OSError):
+            self._lock = _lock_file(str(self.cache_path))
+            fcntl.lockf(self._lock, fcntl.LOCK_EX, 1, self._byte)
+            return True
+        return False
+
+    def give_up(self) -> None:
+        """Let other processes compile the function, if it is this one's turn."""
+        if self._lock is not None:
+            with suppress(OSError):
+                fcntl.lockf(self._lock, fcntl.LOCK_UN, 1, self._byte)
+            self._lock = None
+
+    @property
+    def _byte(self) -> int:
+        """Which byte of the folder's lock is the function's."""
+        return zlib.crc32(f"{self._py_func.__module__}.{self._py_func.__qualname__}".encode())
+
+    def _kept(self, sig: Any, target_context: Any) -> Any:
         with suppress(Exception), self._guard_against_spurious_io_errors():
             _provide_memory(target_context)
             with _numba_at_rest(target_context.codegen()._engine):
@@ -138,6 +183,13 @@ class _Cache(FunctionCache):  # type: ignore[misc]
             except Exception:
                 self.flush()
                 super().save_overload(sig, data)
+
+
+@cache
+def _lock_file(folder: str) -> int:
+    """Return a file of a folder that stays open: to close it ends all locks on it."""
+    os.makedirs(folder, exist_ok=True)
+    return os.open(os.path.join(folder, "isorod.lock"), os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
 
 
 @cache
@@ -282,16 +334,16 @@ def load_all() -> list[Kernel]:
 def share() -> subprocess.Popen[bytes] | None:
     """Let another process compile what the modules imported so far have and is not kept, the last first; return it.
 
-    Compiling is one thread's work, and this process begins with what it needs first.  What takes longest, elements'
-    forces and tangents, it needs last, so the other one begins with it.  None where there is little to
-    compile, one processor, or nothing can be kept.  It is ended when this process ends.
+    Compiling is one thread's work, and this process begins with what it needs first.  What takes longest it needs last,
+    so the other one begins with that.  None where there is little to compile, one processor, or nothing can be kept.
+    It is ended when this process ends.
     """
     if len(os.sched_getaffinity(0)) < 2 or rank() or not KERNELS or not KERNELS[0].lasting:
         return None
     modules = dict.fromkeys(kernel.py_func.__module__ for kernel in reversed(KERNELS) if not kernel.kept)
     if len(modules) < _MANY:
         return None
-    ordered = sorted(modules, key=lambda name: not name.startswith("isorod.assembly."))
+    ordered = [*(name for name in _LONGEST if name in modules), *(name for name in modules if name not in _LONGEST)]
     nothing: Any = {name: subprocess.DEVNULL for name in ("stdin", "stdout", "stderr")}
     other = subprocess.Popen([sys.executable, "-m", "isorod.command.compile", *ordered], **nothing)
     atexit.register(other.terminate)
