@@ -3,15 +3,16 @@
 from functools import cached_property
 
 import numpy as np
-from scipy.sparse import coo_matrix, csr_matrix
+from scipy.sparse import csr_matrix
 
-from isorod.arrays import Array
+from isorod.arrays import Array, Index
 from isorod.assembly import element_kernel
 from isorod.assembly.pattern import Layers, Pattern, add
 from isorod.assembly.region import regions
 from isorod.assembly.split import Share
 from isorod.material.law import Material
 from isorod.space.space import Table
+from isorod.tensors import inverse
 
 _EACH = np.eye(3)
 
@@ -61,7 +62,7 @@ class Elements:
         pattern = self._pattern(self._space.layer_nodes)
         size, entries = self._table.axial.shape[2] * self._space.layer_nodes, np.zeros(pattern.total)
         add(matrices.reshape(-1, size, size), pattern.blocks[0], entries)
-        return _matrix(pattern, entries, self._space.nodes)
+        return csr_matrix((entries, *_compressed(pattern, self._space.nodes)), (self._space.nodes, self._space.nodes))
 
     def tangent(self, displacement: Array) -> csr_matrix:
         """Return ``K`` at nodal displacements ``(nodes, 3)``, of all components, shape ``(3 nodes, 3 nodes)``.
@@ -71,15 +72,21 @@ class Elements:
         table, pattern, share = self._table, self._whole, self._share
         nodal = self._nodal(displacement).reshape(*share.layers.shape, -1, 3)
         F = element_kernel.deformation_gradients(table, nodal)
-        moved = table._replace(inverse=np.ascontiguousarray(table.inverse @ np.linalg.inv(F)))
+        moved = table._replace(inverse=np.ascontiguousarray(table.inverse @ inverse(F)[0]))
         entries, still = np.zeros(pattern.total), np.zeros(3 * self._space.nodes)
         for region in regions(moved, share.body.laws_at(table.u, table.xi)):
             region.add_stiffness(still, share.width * share.layers, 0.0, pattern.blocks[0], entries)
-        return _matrix(pattern, entries, 3 * self._space.nodes)
+        columns, starts = self._rows
+        return csr_matrix((entries, columns, starts), (3 * self._space.nodes, 3 * self._space.nodes))
 
     @cached_property
     def _whole(self) -> Pattern:
         return self._pattern(self._share.width)
+
+    @cached_property
+    def _rows(self) -> tuple[Index, Index]:
+        """Columns of its entries, which come row by row, and where each row begins."""
+        return _compressed(self._whole, 3 * self._space.nodes)
 
     def _pattern(self, size: int) -> Pattern:
         """Return the pattern of the elements' layers, ``size`` rows each."""
@@ -115,8 +122,12 @@ class Elements:
         return min(float(density / moduli[law] * gyration) for law, density, gyration in each)
 
 
-def _matrix(pattern: Pattern, entries: Array, size: int) -> csr_matrix:
-    return coo_matrix((entries, pattern.indices()), (size, size)).tocsr()
+def _compressed(pattern: Pattern, size: int) -> tuple[Index, Index]:
+    """Return columns of a pattern's entries and where each of so many rows begins."""
+    rows, columns = pattern.indices()
+    starts = np.append(0, np.cumsum(np.bincount(rows, minlength=size)))
+    # What SciPy counts with where it can.
+    return columns.astype(np.int32), starts.astype(np.int32)
 
 
 def _shear(law: Material) -> float:
