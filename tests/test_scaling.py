@@ -74,6 +74,7 @@ def test_page_tells_what_was_measured(tmp_path):
             "value": 6.0 + 1e-10 * ranks,
             "seconds": {"setup": 0.1 * total, "assembly": 0.5 * total, "solve": 0.4 * total},
             "total": total,
+            "first": 1.25 * total,
             "memory": [10**8 + 10**6 * coils // ranks] * ranks,
             "memory_before": 10**8,
             "level": "quick",
@@ -88,4 +89,5 @@ def test_page_tells_what_was_measured(tmp_path):
     assert lines[0].startswith("scaling: statics of 10,800 to 108,000 unknowns take 10.0 to 12.0 µs an unknown, 2.8 kB")
     assert "1.80 times as fast" in lines[1] and "30 % of DGEMM" in lines[2]
     text = "\n".join(page.section(records, tmp_path))
+    assert "<td>10.0</td><td>12.5</td>" in text.replace(' class="number"', "")
     assert "100,000,000 unknowns" in text and (tmp_path / "scaling.png").stat().st_size > 10_000

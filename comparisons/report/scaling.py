@@ -19,8 +19,7 @@ def section(records: list[Record], folder: Path) -> list[str]:
     lines = [heading(2, "Scaling")]
     lines.append(
         "<p>A wire of the spring's make, in more and more coils: twelve elements a coil, as much pull on each however "
-        "many there are. One thread a rank, each measurement in a process of its own; compiled code is read before "
-        "the clock runs. Unknowns are those that no support holds.</p>"
+        "many there are. One thread a rank, each measurement in a process of its own, warm. Unknowns are those that no support holds.</p>"
     )
     lines.append(
         figure(
@@ -103,11 +102,16 @@ def _sizes(records: list[Record]) -> str:
                 f"{one['total']:.3g}",
                 *(f"{1e6 * seconds / one['unknowns']:.2f}" for seconds in parts),
                 f"{_microseconds(one):.1f}",
+                f"{1e6 * one['first'] / one['unknowns']:.1f}",
                 f"{_kilobytes(one):.2f}",
             )
         )
-    head = ("", "unknowns", "solves or steps", "s", "set-up", "assembly", "solve", "check", "all", "kB an unknown")
-    text = "<p>From set-up to all: µs an unknown. Memory is the peak above what the process had before.</p>"
+    parts_of = ("set-up", "assembly", "solve", "check", "all", "all, first run")
+    head = ("", "unknowns", "solves or steps", "s", *parts_of, "kB an unknown")
+    text = (
+        "<p>From set-up to all: µs an unknown, medians of three runs after the first of a process, which gets its "
+        "memory from the system. Memory is the peak above what the process had before.</p>"
+    )
     return text + table(head, rows)
 
 
@@ -198,7 +202,7 @@ def _draw(records: list[Record], path: Path) -> None:
     import matplotlib
 
     matplotlib.use("Agg")
-    from matplotlib import pyplot
+    from matplotlib import pyplot, ticker
 
     chart, (left, right) = pyplot.subplots(1, 2, figsize=(10.0, 4.4), layout="constrained")
     curves = list(dict.fromkeys((one["analysis"], one["family"]) for one in part(records, "wire") if one["ranks"] == 1))
@@ -215,6 +219,9 @@ def _draw(records: list[Record], path: Path) -> None:
         large = [one for one in runs if one["unknowns"] > 5_000]
         right.semilogx([one["unknowns"] for one in large], [_kilobytes(one) for one in large], **look)
     _scales(left, "µs an unknown")
+    left.yaxis.set_major_locator(ticker.LogLocator(subs=(1.0, 2.0, 5.0)))
+    left.yaxis.set_major_formatter(ticker.FormatStrFormatter("%g"))
+    left.yaxis.set_minor_formatter(ticker.NullFormatter())
     _scales(right, "memory above the start [kB an unknown]")
     right.set_ylim(0.0, None)
     chart.legend(*left.get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False)

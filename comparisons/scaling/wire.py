@@ -5,6 +5,8 @@ Prints one JSON line, on ranks the first one alone: times are the longest of a r
 """
 
 import dataclasses
+import gc
+import statistics
 import sys
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -27,6 +29,9 @@ FAMILIES: dict[str, dict[str, int]] = {
     "polynomials": {"section_degree": 3},
 }
 ELEMENTS, DEGREE = 12, 3
+
+# Runs after the first.
+WARM = 3
 
 # Displacement a coil, length; steel-like density, so that times are of a kind.
 PULL, DENSITY = 2.0 / 3.0, 7.8e-9
@@ -84,15 +89,23 @@ ANALYSES: dict[str, Callable[[Model], dict[str, Any]]] = {
 
 
 def measure(analysis: str, family: str, coils: int) -> dict[str, Any]:
-    """Return the record of one analysis: unknowns, seconds by part, peak memory of each rank."""
+    """Return the record of one analysis: unknowns, seconds by part, peak memory of each rank.
+
+    ``seconds`` and ``total`` are medians of the warm runs, ``first`` is the total of the first one, which gets its
+    memory from the system.
+    """
     # Once before, small: what is compiled is read from the disk then.
     ANALYSES[analysis](model(family, 1, analysis != "statics"))
     before = timing.peak_memory()
-    wire = model(family, coils, analysis != "statics")
     comm = PETSc.COMM_WORLD.tompi4py()
-    found = ANALYSES[analysis](wire)
-    parts = comm.allgather(found["seconds"])
-    seconds = {name: max(one[name] for one in parts) for name in parts[0]}
+    totals, runs = [], []
+    for _ in range(1 + WARM):
+        wire = model(family, coils, analysis != "statics")
+        found = ANALYSES[analysis](wire)
+        parts = comm.allgather(found["seconds"])
+        runs.append({name: max(one[name] for one in parts) for name in parts[0]})
+        totals.append(sum(value for name, value in runs[-1].items() if name not in ("total", "loop")))
+        gc.collect()
     return {
         "analysis": analysis,
         "family": family,
@@ -101,8 +114,9 @@ def measure(analysis: str, family: str, coils: int) -> dict[str, Any]:
         "unknowns": wire.unknowns,
         "solves": found["solves"],
         "value": found["value"],
-        "seconds": seconds,
-        "total": sum(value for name, value in seconds.items() if name not in ("total", "loop")),
+        "seconds": {name: statistics.median(one[name] for one in runs[1:]) for name in runs[0]},
+        "total": statistics.median(totals[1:]),
+        "first": totals[0],
         "memory": comm.allgather(timing.peak_memory()),
         "memory_before": before,
     }
