@@ -19,7 +19,8 @@ def section(records: list[Record], folder: Path) -> list[str]:
     lines = [heading(2, "Scaling")]
     lines.append(
         "<p>A wire of the spring's make, in more and more coils: twelve elements a coil, as much pull on each however "
-        "many there are. One thread a rank, each measurement in a process of its own, warm. Unknowns are those that no support holds.</p>"
+        "many there are. One thread a rank, each measurement in a process of its own, warm. Unknowns are those that no "
+        "support holds.</p>"
     )
     lines.append(
         figure(
