@@ -232,8 +232,7 @@ class Assembler(Unknowns):
             moved, slots = self._exchange.moved
             loose = self.model.is_carrier[moved // 3] & ~np.isin(moved, self.model.bound)
             total = self._forces(self._state(x, factor), factor)[slots]
-            resultant = np.bincount(moved[loose] % 3, total[loose], 3)
-            return np.asarray(self.comm.tompi4py().allreduce(resultant))
+            return np.asarray(self.comm.tompi4py().allreduce(np.bincount(moved[loose] % 3, total[loose], 3)))
 
     def rounding(self, x: PETSc.Vec, factor: float) -> Array:
         """Return what rounding makes of the forces on `Model.bound`, on every rank.
@@ -244,10 +243,9 @@ class Assembler(Unknowns):
         with self._timed():
             local = self._state(x, factor)
             moved, slots = self._exchange.moved
-            carriers = slots[self.model.is_carrier[moved // 3]]
             before, lost = self._internal(local, factor), np.zeros(self.model.bound.size)
             for way in (1.0, -1.7, 0.3):
-                local[carriers] += way * self.model.size
+                local[slots[self.model.is_carrier[moved // 3]]] += way * self.model.size
                 lost = np.maximum(lost, np.abs(self._bound(self._internal(local, factor) - before)))
             return lost
 
@@ -287,8 +285,7 @@ class Assembler(Unknowns):
     def _load_stiffness(self, k: int, local: Array, factor: float, which: Index) -> Array:
         """Return what loads that depend on the state add to the tangents of some elements of a part."""
         part, spin = self.parts[k], self.model.spin
-        size = part.dofs.shape[1]
-        found = np.zeros((which.size, size, size))
+        found = np.zeros((which.size, part.dofs.shape[1], part.dofs.shape[1]))
         if spin is not None:
             found -= factor * part.softening(spin)[which]
         if self._pressing:
