@@ -234,7 +234,7 @@ class Assembler(Unknowns):
             total = self._forces(self._state(x, factor), factor)[slots]
             return np.asarray(self.comm.tompi4py().allreduce(np.bincount(moved[loose] % 3, total[loose], 3)))
 
-    def rounding(self, x: PETSc.Vec, factor: float) -> Array:
+    def reaction_noise(self, x: PETSc.Vec, factor: float) -> Array:
         """Return what rounding makes of the forces on `Model.bound`, on every rank.
 
         It is the largest change of the internal forces, none but for rounding, when everything moves by about the

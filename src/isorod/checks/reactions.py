@@ -67,7 +67,7 @@ def check_balance(
     lost = assembler.contact is not None and out_of_balance > max(tolerance * load, gap)
     if gap <= tolerance * load and not lost:
         return
-    rounding = np.linalg.norm(support_forces(model, assembler.rounding(x, 1.0)), axis=1)
+    rounding = np.linalg.norm(support_forces(model, assembler.reaction_noise(x, 1.0)), axis=1)
     if (np.linalg.norm(reactions, axis=1) > _SIGNIFICANT * rounding).any():
         if lost:
             raise SolveError(
