@@ -66,7 +66,7 @@ class Knot(Checked):
     nu: float = option(0.3, "Poisson's ratio")
     density: float = option(1.0, "mass per volume")
     friction: float = option(0.0, "coefficient of friction")
-    settling: float = option(30.0, "time to settle, over that of the loop")
+    settling: float = option(45.0, "time to settle, over that of the loop")
     time_step: float = option(
         0.5, "longest time step, over the time in which a wave goes the rod's radius (twice the critical one)"
     )
