@@ -57,7 +57,7 @@ def test_the_knots_tension_is_what_the_bending_of_its_loop_says():
     history = dynamics.solve(scene.model(), **scene.settings())
     found = scene.measure(history)
     assert found["kinetic_share"] < 1e-5
-    # Measured 0.0048, and as much when it settles for longer; in the braid the contact forces smear over half of an element.
+    # Measured 0.0048, and 0.0047 when it settles for longer; in the braid contact forces smear over half of an element.
     assert found["tension_by_loop"] == pytest.approx(found["tension"], rel=0.005)
     forces = history[-1].section_forces(0, np.linspace(*scene.space.axis.breaks[[0, -1]], 21))
     whole = forces.N + 0.5 * (forces.M[:, 1:] ** 2).sum(axis=1) / scene.bending
