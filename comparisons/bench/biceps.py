@@ -37,9 +37,9 @@ REFERENCE = {"quick": presets.CONVERGED.arguments[1], "full": presets.CONVERGED.
 # Seconds of motion that a step is measured in, and its samples.
 SHORT, OUTPUTS = 5e-4, 2
 
-# Of isorod: the motion to rest.  Four control points round a branch do as well as eight (0.53 % and 0.40 % off), and what
-# a tenth of a millisecond costs the contracted muscle's frequencies below 300 Hz, 2 %, is 3 % in an eighth: it grows with
-# the square of the step.
+# Of isorod: the motion to rest.  Four control points round a branch do as well as eight (0.53 % and 0.40 % off).  A
+# tenth of a millisecond costs the contracted muscle's frequencies below 300 Hz 2 %, and what it costs grows with the
+# square of the step: an eighth 3 %.
 OURS = (
     "--order 1",
     "--order 2",
