@@ -22,7 +22,7 @@ NEEDED = {
 _CHECKOUT = Path(isorod.__file__).parents[2]
 
 
-def main(arguments: Sequence[str]) -> int:
+def main(arguments: Sequence[str], theirs: Sequence[str] = ()) -> int:
     """Become ``python -m comparisons compare ...``, whose exit code and answers to signals are then this program's.
 
     Raises

@@ -1,0 +1,129 @@
+"""``isorod run``: a scene is solved, its record printed and kept."""
+
+import argparse
+from collections.abc import Sequence
+from contextlib import nullcontext
+from time import perf_counter
+from typing import Any
+
+from isorod import options, scenes
+from isorod.command import chosen, ending, notes
+from isorod.command.parser import Parser
+from isorod.errors import InputError
+
+# Each body with its fields by name.
+Fields = list[tuple[Any, dict[str, Any]]]
+
+
+def main(ours: Sequence[str], theirs: Sequence[str]) -> int:
+    """Run a scene with our options and PETSc's; return the exit code."""
+    import numpy as np
+
+    from isorod.command import printing
+
+    if chosen.usage("run", ours, theirs):
+        return 0
+    scene, found, _ = chosen.choose("run", ours, theirs, _more)
+    if found.output is not None:
+        from isorod.output import results, vtk
+
+        results.check_folder(found.output)
+        if scenes.analyses(scene) != ("geometry",):
+            vtk.require()
+    solve = _geometry if scene.analysis == "geometry" else _analysis
+    # What overflows ends as a number that is not finite, and no such number is reported.
+    with printing.apart() if found.json else nullcontext(), np.errstate(all="ignore"), options.petsc_errors():
+        record, fields = solve(scene, theirs, found)
+    if ending.rank() == 0:
+        print(_report(record, fields, found, scene))
+    return 0
+
+
+def _more(parser: Parser, scene: Any) -> None:
+    """Add options of the scene's analyses, and of what becomes of the result."""
+    chosen.with_analysis(parser, scene)
+    analyses = scenes.analyses(scene)
+    if "dynamics" in analyses:
+        parser.add_argument("--checkpoint", metavar="FILE", help="keep the state of the run in this file")
+        parser.add_argument(
+            "--checkpoint-every",
+            type=float,
+            default=30.0,
+            metavar="float",
+            help="seconds of run time between checkpoints (30)",
+        )
+        parser.add_argument(
+            "--resume",
+            action="store_true",
+            help="continue the run whose state is in the checkpoint, to a later end time too with more outputs",
+        )
+    if "statics" in analyses or "modal" in analyses:
+        parser.add_argument("--refine", action="store_true", help="solve on finer spaces too and estimate the error")
+        parser.add_argument(
+            "--tolerance",
+            type=float,
+            metavar="float",
+            help="refine until the relative error is estimated to be below this",
+        )
+        parser.add_argument(
+            "--no-estimate", action="store_true", help="leave out the estimate of the error, which takes as long again"
+        )
+    parser.add_argument("--json", action="store_true", help="print the result as one line of JSON")
+    parser.add_argument("--output", metavar="DIR", help="write the result (and fields as .vtu) into this folder")
+
+
+def _geometry(scene: Any, theirs: Sequence[str], found: argparse.Namespace) -> tuple[dict[str, Any], Fields]:
+    if theirs:
+        raise InputError(f"option {theirs[0]}: this scene is geometry only and uses no PETSc")
+    from isorod.command import run
+
+    return run.geometry(scene), []
+
+
+def _analysis(scene: Any, theirs: Sequence[str], found: argparse.Namespace) -> tuple[dict[str, Any], Fields]:
+    """Solve a scene; return its record, and the fields of each body."""
+    begin = perf_counter()
+    options.initialize(theirs)
+    # Those of a file are held to the analysis, which starts PETSc.
+    settings = chosen.settings(scene, found)
+    if scene.analysis == "dynamics":
+        settings |= {"checkpoint": found.checkpoint, "every": found.checkpoint_every, "resume": found.resume}
+        settings |= {"progress": True}
+    from isorod.command import run
+    from isorod.petsc.library import unused_options
+
+    imported = perf_counter() - begin
+    refined: dict[str, Any] = {}
+    if getattr(found, "refine", False) or getattr(found, "tolerance", None) is not None:
+        if scene.analysis == "dynamics":
+            raise InputError("--refine and --tolerance: not for dynamics; compare runs with other elements and orders")
+        from isorod.command.refine import estimate
+
+        reached = estimate(scene, settings, found.tolerance)
+        scene, solution, seconds = reached.scene, reached.solution, reached.seconds
+        refined = {"error_estimate": reached.error, "changes": reached.changes, "refinements": reached.history}
+    else:
+        solution, seconds = run.solve(scene, settings)
+        if not getattr(found, "no_estimate", True):
+            refined = run.estimate(solution)
+    record = run.record(scene, solution, {"import": imported} | seconds, settings, theirs) | refined
+    left = unused_options()
+    if left:
+        raise InputError(f"PETSc option {', '.join(left)}: nothing used it; check its spelling with -help")
+    return record, [(body, solution.fields(k)) for k, body in enumerate(solution.model.bodies)]
+
+
+def _report(record: dict[str, Any], fields: Fields, found: argparse.Namespace, scene: Any) -> str:
+    """Write the record and the fields where they are wanted; return the record as JSON or in words."""
+    from isorod.command import printing
+    from isorod.output import results
+
+    # Before anything is written: a record that cannot be one is an error.
+    text = results.line(record)
+    if found.output is not None:
+        from isorod.output import folder
+
+        record = folder.add(results.make_folder(found.output), record, fields)
+        text = results.line(record)
+    notes.show()
+    return text if found.json else printing.summary(record, scene)

@@ -1,0 +1,22 @@
+"""Warnings of a command: kept until there is a result, as an error is said alone."""
+
+import sys
+import warnings
+
+_NOTES: list[str] = []
+
+
+def keep() -> None:
+    """Keep warnings from now on, none so far."""
+    warnings.showwarning = _keep
+    _NOTES.clear()
+
+
+def show() -> None:
+    """Say what there is to warn of, a line each."""
+    for text in _NOTES:
+        print(f"isorod: warning: {text}", file=sys.stderr)
+
+
+def _keep(message: Warning | str, *_: object, **__: object) -> None:
+    _NOTES.append(" ".join(str(message).split()))
