@@ -100,6 +100,15 @@ class Polynomials:
         """Whether a function is a carrier: the first alone is, shape ``(count,)``."""
         return np.arange(self.count) == 0
 
+    @property
+    def polygon(self) -> Array:
+        """Control points of the section in its own coordinates: principal ones from its centroid, ``(n, 2)``."""
+        return self._polygon
+
+    def at(self, places: Array) -> Array:
+        """Return values ``(m, count)`` at points ``(m, 2)`` in the section's own coordinates (`polygon`)."""
+        return self._monomials(np.ascontiguousarray(places.T))[0].T @ self._mix
+
     def functions(self, xi: ArrayLike) -> tuple[Array, Array]:
         """Return values ``(m, count)`` and gradients ``(m, count, 2)`` at disk points ``(m, 2)``, to be read alone."""
         points = np.ascontiguousarray(xi, dtype=float).reshape(-1, 2)
@@ -130,8 +139,11 @@ class Polynomials:
 
     def _values(self, harmonic: Array) -> tuple[Array, Array]:
         """Return monomials ``(count, m)`` and both coordinates' powers where harmonic functions are ``(m, n)``."""
-        place = self._polygon.T @ harmonic.T
-        powers = np.ones((2, self._powers.max() + 1, harmonic.shape[0]))
+        return self._monomials(self._polygon.T @ harmonic.T)
+
+    def _monomials(self, place: Array) -> tuple[Array, Array]:
+        """Return monomials ``(count, m)`` and both coordinates' powers at places ``(2, m)``."""
+        powers = np.ones((2, self._powers.max() + 1, place.shape[1]))
         for k in range(1, powers.shape[1]):
             powers[:, k] = powers[:, k - 1] * place
         return powers[0, self._powers[:, 0]] * powers[1, self._powers[:, 1]], powers

@@ -1,0 +1,184 @@
+"""Rods as rational Bezier cells: the very geometry and displacement in a few cells, which VTK and ParaView draw.
+
+Along the axis the cells are its elements, as Bezier extraction gives them (M. J. Borden, M. A. Scott, J. A. Evans &
+T. J. R. Hughes, Isogeometric finite element data structures based on Bezier extraction of NURBS, Int. J. Numer. Meth.
+Engng 87 (2011) 15-47); across it the patches of `isorod.output.patches`.  Stress is no such function: it is
+approximated by one of the same degree.
+"""
+
+from collections.abc import Mapping, Sequence
+from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from isorod.arrays import Array, Index
+from isorod.model.body import Body
+from isorod.output import stress
+from isorod.output.patches import Patches, Shape, bernstein, cover
+from isorod.output.vtk import require
+
+if TYPE_CHECKING:
+    import pyvista
+
+# Fields that are not of nodes.
+_OTHERS = "pressure", "contact_pressure"
+
+# Points at which stress is evaluated at a time.
+_CHUNK = 50_000
+
+# The six components of a symmetric tensor in VTK's order.
+_FIRST, _SECOND = np.array([0, 1, 2, 0, 1, 0]), np.array([0, 1, 2, 1, 2, 2])
+
+
+class Cells:
+    """The cells of a body, the same for all states of it.
+
+    Parameters
+    ----------
+    body
+        The body.
+    frames
+        Fields by name of each state that is to be shown (`grid`); patches are cut so that all of them are met.
+    """
+
+    def __init__(self, body: Body, frames: Sequence[Mapping[str, Array]]) -> None:
+        require()
+        self.body = body
+        space = body.space
+        rest = space.positions - space.positions[space.is_carrier].mean(axis=0) * space.is_carrier[:, None]
+        columns = [_scaled(rest.reshape(space.layers, -1, 3))]
+        for fields in frames:
+            columns += [_scaled(nodal.reshape(space.layers, -1, 3)) for nodal in _nodal(fields).values()]
+        self.patches: Patches = cover(space, np.concatenate(columns, axis=1))
+        # Of degree one and more, knots of the geometry's own continuity and of the space's are all cut.
+        self._axis = space.axis.refine(1, space.axis.degree, 0)
+        steps = np.arange(space.axis.elements)[:, None] * space.axis.degree + np.arange(space.axis.degree + 1)
+        self._steps = steps % self._axis.count
+        self._weights = self._axis.weights[self._steps]
+
+    def grid(self, fields: Mapping[str, Array], factor: float = 1.0) -> "pyvista.UnstructuredGrid":
+        """Return the body at rest as cells with fields at their control points.
+
+        Fields are those of `isorod.output.vtk.grid` but for the pressure of contact: ``cauchy`` (six components, in
+        VTK's order) and ``von_mises`` come with ``displacement``, and ``mean_stress`` where there is a ``pressure``.
+
+        Parameters
+        ----------
+        fields
+            Values at the body's nodes by name, shape ``(nodes, 3)``.
+        factor
+            Load factor of the stress.
+        """
+        import pyvista
+
+        points = self._points(self.body.space.positions)
+        kinds, connectivity, degrees, elements = self._topology
+        mesh = pyvista.UnstructuredGrid(connectivity, kinds, points)
+        mesh.cell_data["element"] = elements
+
+        mesh.cell_data["HigherOrderDegrees"] = degrees
+        mesh.GetCellData().SetActiveAttribute("HigherOrderDegrees", _DEGREES)
+        mesh.point_data["RationalWeights"] = (self._weights[:, :, None] * self.patches.weights).ravel()
+        mesh.GetPointData().SetActiveAttribute("RationalWeights", _RATIONAL)
+        for name, nodal in _nodal(fields).items():
+            mesh.point_data[name] = self._points(nodal)
+        if "displacement" in fields:
+            for name, values in self._stress(fields, factor).items():
+                mesh.point_data[name] = values
+        return mesh
+
+    def _points(self, nodal: Array) -> Array:
+        """Return control points ``(elements (p + 1) m, 3)`` of what has nodal coefficients ``(nodes, 3)``."""
+        space = self.body.space
+        layers = nodal.reshape(space.layers, -1, 3)[np.arange(space.axis.count) % space.layers]
+        along = space.axis.transfer(self._axis, layers)[self._steps]
+        across: Array = self.patches.coefficients / self.patches.weights[:, None]
+        return (across @ along).reshape(-1, 3)
+
+    def _stress(self, fields: Mapping[str, Array], factor: float) -> dict[str, Array]:
+        """Return stresses at the control points."""
+        space, p = self.body.space, self.body.space.axis.degree
+        gauss, _ = np.polynomial.legendre.leggauss(p + 2)
+        t = 0.5 + 0.5 * gauss
+        along = bernstein(p, t)
+        fit = np.linalg.pinv(along)
+        lengths = np.diff(space.axis.breaks)
+        xi = self.patches.samples
+        at_once = max(1, _CHUNK // (t.size * len(xi)))
+        parts = []
+        for first in range(0, lengths.size, at_once):
+            last = min(first + at_once, lengths.size)
+            u = space.axis.breaks[first:last, None] + lengths[first:last, None] * t
+            given = fields["displacement"], xi, u.ravel(), factor, fields.get("pressure")
+            cauchy = stress.cauchy(self.body, *given)
+            six = [cauchy[..., _FIRST, _SECOND], stress.von_mises(cauchy)[..., None]]
+            if "pressure" in fields:
+                six.append(np.trace(cauchy, axis1=-2, axis2=-1)[..., None] / 3.0)
+            values = np.concatenate(six, axis=-1).reshape(last - first, t.size, len(xi), -1)
+            own = self._weights[first:last]
+            numerators = np.einsum("kt,et,etqc->ekcq", fit, own @ along.T, values, optimize=True)
+            found = self.patches.fit(numerators) / (own[:, :, None, None] * self.patches.weights)
+            parts.append(found.swapaxes(2, 3).reshape(-1, values.shape[-1]))
+        found = np.concatenate(parts)
+        named = {"cauchy": found[:, :6], "von_mises": found[:, 6]}
+        return named | ({"mean_stress": found[:, 7]} if "pressure" in fields else {})
+
+    @cached_property
+    def _topology(self) -> tuple[Index, Index, Array, Index]:
+        """Return types, connectivity as VTK has it, degrees ``(cells, 3)`` and elements of all cells."""
+        p, across = self._steps.shape[1] - 1, self.patches.weights.size
+        kinds, one, degrees = [], [], []
+        for shape, nodes in zip(self.patches.shapes, self.patches.nodes, strict=True):
+            order, layer = _order(shape, p)
+            one.append(nodes[order] + across * layer)
+            kinds.append(_WEDGE if len(shape.degrees) == 1 else _HEXAHEDRON)
+            degrees.append((*(shape.degrees * 2)[:2], p))
+        starts = np.arange(len(self._steps)) * (p + 1) * across
+        connectivity = [np.concatenate([[cell.size], cell + start]) for start in starts for cell in one]
+        elements = np.repeat(np.arange(starts.size), len(one))
+        return (
+            np.tile(np.array(kinds, dtype=np.uint8), starts.size),
+            np.concatenate(connectivity),
+            np.tile(np.array(degrees, dtype=float), (starts.size, 1)),
+            elements,
+        )
+
+
+# vtkCellType, and vtkDataSetAttributes::AttributeTypes.
+_HEXAHEDRON, _WEDGE = 79, 80
+_RATIONAL, _DEGREES = 9, 10
+
+
+@lru_cache(maxsize=32)
+def _kept_order(degrees: tuple[int, ...], p: int) -> tuple[Index, Index]:
+    from vtkmodules.vtkCommonDataModel import vtkHigherOrderHexahedron, vtkHigherOrderWedge
+
+    from isorod.output.patches import shape_of
+
+    powers = shape_of(degrees[-1], len(degrees) == 1).powers
+    count = len(powers) * (p + 1)
+    found = np.empty(count, dtype=np.int64)
+    for layer in range(p + 1):
+        for m, (i, j) in enumerate(powers.tolist()):
+            if len(degrees) == 1:
+                place = vtkHigherOrderWedge.PointIndexFromIJK(i, j, layer, [degrees[0], degrees[0], p, count])
+            else:
+                place = vtkHigherOrderHexahedron.PointIndexFromIJK(i, j, layer, [*degrees, p])
+            found[place] = layer * len(powers) + m
+    return found % len(powers), found // len(powers)
+
+
+def _order(shape: Shape, p: int) -> tuple[Index, Index]:
+    """Return polynomial and layer of each point of a cell, in VTK's order."""
+    return _kept_order(shape.degrees, p)
+
+
+def _nodal(fields: Mapping[str, Array]) -> dict[str, Array]:
+    return {name: nodal for name, nodal in fields.items() if name not in _OTHERS}
+
+
+def _scaled(layers: Array) -> Array:
+    """Return columns of coefficients ``(functions, layers 3)``, of size one, of a field ``(layers, functions, 3)``."""
+    columns = layers.swapaxes(0, 1).reshape(layers.shape[1], -1)
+    return columns / (np.abs(columns).max(initial=0.0) or 1.0)
