@@ -314,8 +314,13 @@ def test_output_holds_the_records_and_the_fields(isorod, tmp_path):
         "results.jsonl",
         "spring-0.vtu",
         "spring-run2-0.vtu",
+        "spring-run2.csv",
+        "spring.csv",
     ]
-    assert [record["files"] for record in records] == [["spring-0.vtu"], ["spring-run2-0.vtu"]]
+    assert [record["files"] for record in records] == [
+        ["spring-0.vtu", "spring.csv"],
+        ["spring-run2-0.vtu", "spring-run2.csv"],
+    ]
     mesh = pyvista.read(folder / "spring-0.vtu")
     assert {"displacement", "von_mises"} <= set(mesh.point_data.keys())
     assert mesh.point_data["displacement"][-1] == pytest.approx([0, 0, 2], abs=1e-6)

@@ -104,38 +104,51 @@ def test_a_full_disk_leaves_the_old_file(solved, tmp_path, room):
 
 def test_a_results_folder_takes_a_run_as_a_whole_or_not_at_all(solved, tmp_path, room):
     """Where there is no room for the fields, or, when they are written, for the record."""
-    record, fields = {"scene": "spring", "force": 1.0}, [solved, solved]
+    record, (body, fields) = {"scene": "spring", "force": 1.0}, solved
+    states = [folder.Frame(0.5, [fields, fields]), folder.Frame(1.0, [fields, fields])]
+    curves = {"load factor": np.array([0.5, 1.0])}
 
     def add():
-        return folder.add(tmp_path, record, fields)
+        return folder.add(tmp_path, record, [body, body], states, curves)
+
+    def there():
+        return {file.relative_to(tmp_path): file.read_bytes() for file in tmp_path.rglob("*") if file.is_file()}
 
     for _ in range(2):
-        before = {file.name: file.read_bytes() for file in tmp_path.iterdir()}
-        with room(5000), pytest.raises(InputError, match=r"spring-.*0.vtu: cannot be written"):
+        before, folders = there(), {file for file in tmp_path.iterdir() if file.is_dir()}
+        with room(5000), pytest.raises(InputError, match=r"spring-.*0-0000.vtu: cannot be written"):
             add()
         record["text"] = "x" * 1_000_000
         with room(900_000), pytest.raises(InputError, match=r"results.jsonl: cannot be written"):
             add()
-        assert {file.name: file.read_bytes() for file in tmp_path.iterdir()} == before
+        assert there() == before
+        assert {file for file in tmp_path.iterdir() if file.is_dir()} == folders
         del record["text"]
         written = add()
         assert json.loads((tmp_path / "results.jsonl").read_text().splitlines()[-1]) == written
-    assert written["files"] == ["spring-run2-0.vtu", "spring-run2-1.vtu"]
+    names = [f"spring-run2-frames/{b}-000{k}.vtu" for b in range(2) for k in range(2)]
+    assert written["files"] == [*names, "spring-run2.pvd", "spring-run2.csv"]
+    assert re.findall(
+        r'timestep="(\S+)" group="" part="(\d)" file="(\S+)"', (tmp_path / "spring-run2.pvd").read_text()
+    ) == [
+        (str(time), str(b), f"spring-run2-frames/{b}-000{k}.vtu") for k, time in enumerate([0.5, 1.0]) for b in range(2)
+    ]
+    assert (tmp_path / "spring-run2.csv").read_text() == "load factor\n0.5\n1.0\n"
     record["force"] = np.nan
     with pytest.raises(SolveError, match="force is not a finite number"):
         add()
     # The first run's file is that of its record wherever it is.
-    (tmp_path / "spring-0.vtu").rename(tmp_path / "mine.vtu")
-    (tmp_path / "spring-1.vtu").unlink()
+    (tmp_path / "spring-frames").rename(tmp_path / "mine")
+    (tmp_path / "spring.pvd").unlink()
     record["force"] = 2.0
-    assert add()["files"] == ["spring-run3-0.vtu", "spring-run3-1.vtu"]
+    assert add()["files"][-1] == "spring-run3.csv"
 
 
 def test_the_command_says_that_the_disk_is_full_and_leaves_the_folder_as_it_was(tmp_path, room, capsys):
     words = ["run", "spring", *COARSE, "--output", str(tmp_path)]
     assert cli.main(words) == 0
     before = {file.name: file.read_bytes() for file in tmp_path.iterdir()}
-    assert before.keys() == {"results.jsonl", "spring-0.vtu"}
+    assert before.keys() == {"results.jsonl", "spring-0.vtu", "spring.csv"}
     capsys.readouterr()
     with room(20_000):
         assert cli.main(words) == 2
@@ -148,7 +161,7 @@ def test_the_command_says_that_the_disk_is_full_and_leaves_the_folder_as_it_was(
 @pytest.mark.parametrize("name", ["a name with blanks", "ümlaut/in/it"])
 def test_any_name_of_a_folder_will_do(name, tmp_path, capsys):
     assert cli.main(["run", "spring", *COARSE, "--json", f"--output={tmp_path / name}"]) == 0
-    (written,) = json.loads(capsys.readouterr().out)["files"]
+    written, _ = json.loads(capsys.readouterr().out)["files"]
     assert pyvista.read(tmp_path / name / written).n_points
 
 

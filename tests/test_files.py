@@ -259,7 +259,7 @@ def test_a_scene_says_what_its_spaces_have_in_common(written):
 def test_results_are_written_under_the_name_of_the_file(written, tmp_path, capsys):
     path = written(MODES)
     assert cli.main(["run", path, "--output", str(tmp_path / "results")]) == 0
-    assert {one.name for one in (tmp_path / "results").iterdir()} == {"results.jsonl", "my-0.vtu"}
+    assert {one.name for one in (tmp_path / "results").iterdir()} == {"results.jsonl", "my-0.vtu", "my.csv"}
 
 
 def test_laws_in_a_list_are_those_of_the_elements_of_the_curve(written):

@@ -228,12 +228,14 @@ def test_a_full_disk_is_known_before_the_work(tmp_path, room):
 WRITERS = """
 import os, sys
 from pathlib import Path
-from isorod.output import folder, vtk
-vtk.content = lambda body, fields: fields["content"] * 1000
+from isorod.output import folder
+folder._contents = lambda body, states, number, cells: [one.fields[number]["content"] * 1000 for one in states]
 who = [os.fork() == 0 for _ in range(2)]
 for k in range(5):
     content = repr((who, k))
-    folder.add(Path(sys.argv[1]), {"scene": "spring", "content": content}, [(None, {"content": content.encode()})] * 2)
+    fields = {"content": content.encode()}
+    record = {"scene": "spring", "content": content}
+    folder.add(Path(sys.argv[1]), record, [None, None], [folder.Frame(0.0, [fields, fields])])
 if not any(who):
     for _ in range(2):
         os.wait()
@@ -248,8 +250,9 @@ def test_runs_that_share_a_folder_keep_their_files(tmp_path, python):
     records = [json.loads(line) for line in (tmp_path / "results.jsonl").read_text().splitlines()]
     assert len(records) == len({record["content"] for record in records}) == 20
     for record in records:
-        assert len(record["files"]) == 2
-        for name in record["files"]:
+        *written, both = record["files"]
+        assert len(written) == 2 and both.endswith(".pvd")
+        for name in written:
             assert (tmp_path / name).read_text() == 1000 * record["content"]
     names = [name for record in records for name in record["files"]]
     assert sorted([*names, "results.jsonl", "spring-1.vtu"]) == sorted(file.name for file in tmp_path.iterdir())

@@ -96,6 +96,23 @@ def support_forces(model: Model, forces: Array) -> Array:
     return result
 
 
+def support_displacements(model: Model, displacement: Array) -> Array:
+    """Return the mean displacement of each support's nodes, those that move with their rods, ``(supports, 3)``."""
+    nodal = displacement.reshape(-1, 3)
+    nodes = model.bound // 3
+    result = np.zeros((len(model.supports), 3))
+    for k in range(len(model.supports)):
+        mine = np.unique(nodes[model.support_of == k])
+        carriers = mine[model.is_carrier[mine]]
+        result[k] = nodal[carriers].mean(axis=0) if carriers.size else 0.0
+    return result
+
+
+def by_support(name: str, rows: Array) -> dict[str, Array]:
+    """Return columns, by their names, of what each support has: vectors ``(rows, supports, 3)``."""
+    return {f"support {k} {name} {axis}": rows[:, k, a] for k in range(rows.shape[1]) for a, axis in enumerate("xyz")}
+
+
 def support_moments(model: Model, displacement: Array, forces: Array) -> Array:
     """Return the moment of each support about the mean of its nodes' present positions, shape ``(supports, 3)``.
 

@@ -10,9 +10,7 @@ from isorod import options, scenes
 from isorod.command import chosen, ending, notes
 from isorod.command.parser import Parser
 from isorod.errors import InputError
-
-# Each body with its fields by name.
-Fields = list[tuple[Any, dict[str, Any]]]
+from isorod.output.words import CELLS
 
 
 def main(ours: Sequence[str], theirs: Sequence[str]) -> int:
@@ -33,9 +31,9 @@ def main(ours: Sequence[str], theirs: Sequence[str]) -> int:
     solve = _geometry if scene.analysis == "geometry" else _analysis
     # What overflows ends as a number that is not finite, and no such number is reported.
     with printing.apart() if found.json else nullcontext(), np.errstate(all="ignore"), options.petsc_errors():
-        record, fields = solve(scene, theirs, found)
+        record, solution = solve(scene, theirs, found)
     if ending.rank() == 0:
-        print(_report(record, fields, found, scene))
+        print(_report(record, solution, found, scene))
     return 0
 
 
@@ -69,19 +67,28 @@ def _more(parser: Parser, scene: Any) -> None:
             "--no-estimate", action="store_true", help="leave out the estimate of the error, which takes as long again"
         )
     parser.add_argument("--json", action="store_true", help="print the result as one line of JSON")
-    parser.add_argument("--output", metavar="DIR", help="write the result (and fields as .vtu) into this folder")
+    parser.add_argument(
+        "--output", metavar="DIR", help="write the result, fields as .vtu and curves as .csv into this folder"
+    )
+    if analyses != ("geometry",):
+        parser.add_argument(
+            "--cells",
+            choices=CELLS,
+            default="auto",
+            help="of these fields: rational Bezier cells, small linear ones, or what suits each body (auto)",
+        )
 
 
-def _geometry(scene: Any, theirs: Sequence[str], found: argparse.Namespace) -> tuple[dict[str, Any], Fields]:
+def _geometry(scene: Any, theirs: Sequence[str], found: argparse.Namespace) -> tuple[dict[str, Any], None]:
     if theirs:
         raise InputError(f"option {theirs[0]}: this scene is geometry only and uses no PETSc")
     from isorod.command import run
 
-    return run.geometry(scene), []
+    return run.geometry(scene), None
 
 
-def _analysis(scene: Any, theirs: Sequence[str], found: argparse.Namespace) -> tuple[dict[str, Any], Fields]:
-    """Solve a scene; return its record, and the fields of each body."""
+def _analysis(scene: Any, theirs: Sequence[str], found: argparse.Namespace) -> tuple[dict[str, Any], Any]:
+    """Solve a scene; return its record, and the solution."""
     begin = perf_counter()
     options.initialize(theirs)
     # Those of a file are held to the analysis, which starts PETSc.
@@ -89,6 +96,8 @@ def _analysis(scene: Any, theirs: Sequence[str], found: argparse.Namespace) -> t
     if scene.analysis == "dynamics":
         settings |= {"checkpoint": found.checkpoint, "every": found.checkpoint_every, "resume": found.resume}
         settings |= {"progress": True}
+    if scene.analysis == "statics" and found.output is not None:
+        settings |= {"keep": True}
     from isorod.command import run
     from isorod.petsc.library import unused_options
 
@@ -110,11 +119,11 @@ def _analysis(scene: Any, theirs: Sequence[str], found: argparse.Namespace) -> t
     left = unused_options()
     if left:
         raise InputError(f"PETSc option {', '.join(left)}: nothing used it; check its spelling with -help")
-    return record, [(body, solution.fields(k)) for k, body in enumerate(solution.model.bodies)]
+    return record, solution
 
 
-def _report(record: dict[str, Any], fields: Fields, found: argparse.Namespace, scene: Any) -> str:
-    """Write the record and the fields where they are wanted; return the record as JSON or in words."""
+def _report(record: dict[str, Any], solution: Any, found: argparse.Namespace, scene: Any) -> str:
+    """Write the record, fields and curves where they are wanted; return the record as JSON or in words."""
     from isorod.command import printing
     from isorod.output import results
 
@@ -123,7 +132,14 @@ def _report(record: dict[str, Any], fields: Fields, found: argparse.Namespace, s
     if found.output is not None:
         from isorod.output import folder
 
-        record = folder.add(results.make_folder(found.output), record, fields)
+        place = results.make_folder(found.output)
+        if solution is None:
+            record = folder.add(place, record, [], [])
+        else:
+            # The scene of a file has names for supports.
+            named = getattr(scene, "named", str)
+            curves = {named(name): values for name, values in solution.curves().items()}
+            record = folder.add(place, record, solution.model.bodies, folder.frames(solution), curves, found.cells)
         text = results.line(record)
     notes.show()
     return text if found.json else printing.summary(record, scene)

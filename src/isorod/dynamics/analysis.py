@@ -13,6 +13,7 @@ from petsc4py import PETSc
 
 from isorod.arrays import Array
 from isorod.checks import overlap
+from isorod.checks.reactions import by_support, support_displacements
 from isorod.dynamics.explicit.step_kernel import activation
 from isorod.dynamics.explicit.system import System
 from isorod.dynamics.progress import Progress
@@ -22,6 +23,12 @@ from isorod.model.model import Model
 from isorod.output import checkpoint as files
 from isorod.output.state import State
 from isorod.petsc.options import in_force
+
+# Of a history, what is one number an output.
+_CURVES = (
+    *("kinetic", "stored", "contact_energy", "added_kinetic", "muscle_work", "load_work", "dissipated"),
+    *("energy_error", "momentum_error", "contact_force", "contact_area", "penetration"),
+)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -40,6 +47,10 @@ class Instant(State):
 
     velocity: Array
     time: float
+
+    def fields(self, body: int) -> dict[str, Array]:
+        """Return a body's displacement and velocity, shape ``(nodes, 3)``."""
+        return super().fields(body) | {"velocity": self.model.nodal(self.velocity, body)}
 
     def __repr__(self) -> str:
         largest = np.abs(self.displacement).max(initial=0.0)
@@ -158,7 +169,18 @@ class History:
 
     def fields(self, body: int) -> dict[str, Array]:
         """Return a body's displacement and velocity at the end, shape ``(nodes, 3)``."""
-        return {name: self.model.nodal(getattr(self, name)[-1], body) for name in ("displacement", "velocity")}
+        return self[-1].fields(body)
+
+    def frames(self) -> list[tuple[float, Instant]]:
+        """Return the time and the motion of each output."""
+        return [(one.time, one) for one in self]
+
+    def curves(self) -> dict[str, Array]:
+        """Return time, energies, contact, displacement and force of each support: a row an output."""
+        found = {"time": self.times} | {name.replace("_", " "): getattr(self, name) for name in _CURVES}
+        moved = np.array([support_displacements(self.model, one) for one in self.displacement])
+        count = len(self.model.supports)
+        return found | by_support("displacement", moved) | by_support("force", self.reactions[:, :count])
 
 
 def solve(

@@ -299,25 +299,29 @@ class FileScene:
         """Return what the file asks for; without, the force of each support, or the frequencies."""
         return {name: ask(solution=solution) for name, ask in self._measures.items()}
 
-    @contextmanager
-    def told(self, kind: str = "analysis") -> Iterator[None]:
-        """Let errors of the model and its analysis be errors of the file, in its own names."""
-        places: dict[str, Mapping[str, Any]] = {
-            "support": self._supports,
-            "load": self._loads,
-            "contact": self._contacts,
-            "body": self.plans,
-        }
+    @property
+    def _numbered(self) -> dict[str, Mapping[str, Any]]:
+        """What analyses know by their numbers."""
+        return {"support": self._supports, "load": self._loads, "contact": self._contacts, "body": self.plans}
 
-        def named(match: re.Match[str]) -> str:
-            names = [*places[match[1]]]
+    def named(self, text: str) -> str:
+        """Return a text with the file's own names in the place of numbers."""
+
+        def name(match: re.Match[str]) -> str:
+            names = [*self._numbered[match[1]]]
             k = int(match[2])
             return f"{match[1].replace('body', 'rod')} {names[k]}" if k < len(names) else match[0]
 
+        return re.sub(r"\b(support|load|contact|body) (\d+)\b(?!: )", name, text)
+
+    @contextmanager
+    def told(self, kind: str = "analysis") -> Iterator[None]:
+        """Let errors of the model and its analysis be errors of the file, in its own names."""
+        places = self._numbered
         try:
             yield
         except (InputError, SolveError) as problem:
-            said = re.sub(r"\b(support|load|contact|body) (\d+)\b(?!: )", named, str(problem))
+            said = self.named(str(problem))
             if said.startswith(f"{self._top.document.name}:"):
                 raise type(problem)(said) from None
             first = re.match(r"(support|load|contact) (\d+): ", said)

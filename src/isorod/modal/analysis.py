@@ -152,6 +152,15 @@ class Modes:
         """Return what a record keeps of them."""
         return {name: getattr(self, name) for name in ("residuals", "rigid", "below", "shift", "iterations")}
 
+    def frames(self) -> "list[tuple[float, Modes]]":
+        """Return what there is to show: these modes."""
+        return [(0.0, self)]
+
+    def curves(self) -> dict[str, Array]:
+        """Return number, frequency and residual of each mode, a row a mode."""
+        numbers = np.arange(1.0, len(self) + 1.0)
+        return {"mode": numbers, "frequency": self.frequencies, "residual": self.residuals}
+
     def fields(self, body: int) -> dict[str, Array]:
         """Return a body's part of each mode shape, ``(nodes, 3)``."""
         return {f"mode_{k + 1}": self.model.nodal(vector, body) for k, vector in enumerate(self.vectors)}

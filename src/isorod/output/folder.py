@@ -1,8 +1,10 @@
 """A results folder: the records of its runs, and the files they name."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from isorod.arrays import Array
 from isorod.model.body import Body
@@ -11,11 +13,46 @@ from isorod.output import results, vtk
 RECORDS = "results.jsonl"
 
 
-def add(folder: Path, record: Mapping[str, Any], fields: Sequence[tuple[Body, Mapping[str, Array]]]) -> dict[str, Any]:
-    """Write the fields of each body to a file of its own, and append the record that names them; all of it or nothing.
+class Frame(NamedTuple):
+    """A state that is kept.
 
-    No file is overwritten, whatever else runs and writes there: the first run's are ``SCENE-BODY.vtu``, those of later
-    ones ``SCENE-runN-BODY.vtu``.
+    Attributes
+    ----------
+    time
+        Its time, or load factor.
+    fields
+        Fields of each body by name, as for `isorod.output.vtk.grid`.
+    factor
+        Load factor of the stress.
+    """
+
+    time: float
+    fields: Sequence[Mapping[str, Array]]
+    factor: float = 1.0
+
+
+def frames(solution: Any) -> list[Frame]:
+    """Return the states of a solution that its ``frames()`` has."""
+    bodies = range(len(solution.model.bodies))
+    return [
+        Frame(time, [state.fields(b) for b in bodies], getattr(state, "factor", 1.0))
+        for time, state in solution.frames()
+    ]
+
+
+def add(
+    folder: Path,
+    record: Mapping[str, Any],
+    bodies: Sequence[Body],
+    states: Sequence[Frame],
+    curves: Mapping[str, Array] | None = None,
+    cells: str = "auto",
+) -> dict[str, Any]:
+    """Write states and curves to files, and append the record that names them; all of it or nothing.
+
+    A single state is a file ``SCENE-BODY.vtu`` a body; several are in a folder ``SCENE-frames``.  Where there are
+    several files ``SCENE.pvd`` names them all, with times and bodies.  Curves are columns of ``SCENE.csv``.  No file is
+    overwritten, whatever else runs and writes there: in the place of ``SCENE`` a later run has ``SCENE-runN``.
 
     Parameters
     ----------
@@ -23,8 +60,13 @@ def add(folder: Path, record: Mapping[str, Any], fields: Sequence[tuple[Body, Ma
         The results folder; records go to ``results.jsonl`` there.
     record
         What `isorod.command.run.record` returns.
-    fields
-        Each body with its fields by name, as for `isorod.output.vtk.grid`.
+    bodies, states
+        Bodies, and the fields of each in each state.
+    curves
+        Numbers by their names, a row each.
+    cells
+        One of `isorod.output.words.CELLS`; ``"auto"`` are Bezier cells where functions across the section are
+        polynomials and nothing touches the body, else linear ones.
 
     Returns
     -------
@@ -38,33 +80,107 @@ def add(folder: Path, record: Mapping[str, Any], fields: Sequence[tuple[Body, Ma
         If the record has a number that is not finite; nothing is written.
     """
     results.line(record)
-    contents = [vtk.content(body, nodal) for body, nodal in fields]
-    written: list[Path] = []
+    made = _Written(folder)
     # Whoever has the records also has the choice of names.
     with results.locked(folder / RECORDS) as file:
         try:
             file.seek(0)
-            names = _free_names(folder, file.readall(), str(record["scene"]), len(contents))
-            for name, content in zip(names, contents, strict=True):
-                written.append(folder / name)
-                results.write_whole(folder / name, content)
-            whole = {**record, "files": names}
+            run = _free_name(folder, file.readall(), str(record["scene"]), len(bodies))
+            entries = []
+            for b, body in enumerate(bodies):
+                grids = _contents(body, states, b, cells)
+                for k, (state, content) in enumerate(zip(states, grids, strict=True)):
+                    name = f"{run}-{b}.vtu" if len(states) == 1 else f"{run}-frames/{b}-{k:04d}.vtu"
+                    made.write(name, content)
+                    entries.append((state.time, b, name))
+            if len(entries) > 1:
+                made.write(f"{run}.pvd", _collection(sorted(entries)))
+            if curves:
+                made.write(f"{run}.csv", _table(curves))
+            whole = {**record, "files": made.names}
             results.add(file, results.line(whole))
         except BaseException:
-            for path in written:
-                path.unlink(missing_ok=True)
+            made.undo()
             raise
     return whole
 
 
-def _free_names(folder: Path, records: bytes, scene: str, count: int) -> list[str]:
-    """Return names of the bodies' files that neither the folder nor a record has."""
+class _Written:
+    """Files written into a folder, and how to take them away."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._folders: list[Path] = []
+        self.names: list[str] = []
+
+    def write(self, name: str, content: bytes) -> None:
+        path = self._folder / name
+        if not path.parent.exists():
+            self._folders.append(path.parent)
+            results.make_folder(str(path.parent))
+        self.names.append(name)
+        results.write_whole(path, content)
+
+    def undo(self) -> None:
+        for name in self.names:
+            (self._folder / name).unlink(missing_ok=True)
+        for folder in self._folders:
+            folder.rmdir()
+
+
+def _contents(body: Body, states: Sequence[Frame], number: int, cells: str) -> Iterator[bytes]:
+    """Yield the ``.vtu`` file of a body in each state."""
+    fields = [state.fields[number] for state in states]
+    grid: Callable[..., Any]
+    if cells == "bezier" or (cells == "auto" and _suits(body, fields)):
+        from isorod.output.bezier import Cells
+
+        grid = Cells(body, fields).grid
+    else:
+
+        def grid(one: Mapping[str, Array], factor: float) -> Any:
+            return vtk.grid(body, one, factor=factor)
+
+    for state, one in zip(states, fields, strict=True):
+        yield vtk.content(grid(one, factor=state.factor))
+
+
+def _suits(body: Body, fields: Sequence[Mapping[str, Array]]) -> bool:
+    """Return whether few Bezier cells show a body with all its fields."""
+    from isorod.space.polynomial import Polynomials
+
+    return isinstance(body.space.basis, Polynomials) and not any("contact_pressure" in one for one in fields)
+
+
+def _collection(entries: Sequence[tuple[float, int, str]]) -> bytes:
+    """Return what a ``.pvd`` file of ``.vtu`` files holds, each of a time and a body."""
+    lines = [f'    <DataSet timestep="{time!r}" group="" part="{b}" file="{name}"/>' for time, b, name in entries]
+    return "\n".join(
+        [
+            '<?xml version="1.0"?>',
+            '<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">',
+            "  <Collection>",
+            *lines,
+            "  </Collection>",
+            "</VTKFile>\n",
+        ]
+    ).encode()
+
+
+def _table(curves: Mapping[str, Array]) -> bytes:
+    """Return what a file of comma-separated values holds: a line of names, then a line a row, all digits."""
+    rows = np.column_stack(list(curves.values())).tolist()
+    return "\n".join([",".join(curves), *(",".join(map(repr, row)) for row in rows), ""]).encode()
+
+
+def _free_name(folder: Path, records: bytes, scene: str, bodies: int) -> str:
+    """Return a name for the files of a run that begins no name of the folder's, nor of a record's."""
     taken = {path.name for path in folder.iterdir()}
     number = 0
     while True:
         number += 1
         run = f"{scene}-run{number}" if number > 1 else scene
-        names = [f"{run}-{k}.vtu" for k in range(count)]
+        mine = [f"{run}-frames", f"{run}.pvd", f"{run}.csv", *(f"{run}-{b}.vtu" for b in range(bodies))]
         # A file that was moved elsewhere is still the one that its record names.
-        if not any(name in taken or f'"{name}"'.encode() in records for name in names):
-            return names
+        if not any(name in taken or f'"{name}'.encode() in records for name in mine):
+            return run

@@ -11,16 +11,16 @@ all columns of coefficients given are met to within `TOLERANCE`.
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from heapq import heappop, heappush
 from itertools import pairwise
-from math import comb, factorial
 from typing import NamedTuple
 
 import numpy as np
 
 from isorod.arrays import Array, Index
 from isorod.geometry.disk import control_points, harmonic_functions
+from isorod.output.bernstein import HIGHEST, Shape, shape_of
 from isorod.space.graded import Graded
 from isorod.space.polynomial import Polynomials
 from isorod.space.space import Space
@@ -31,15 +31,14 @@ TOLERANCE = 1e-8
 # Patches of a section, at most.
 MOST = 500
 
-# The highest degree of patches: a cell has 512 points at most in VTK's fixed arrays, of degree 6 along the axis too.
-HIGHEST = 10
-_ROOM = 512 // 7
-
 # Degree of patches where functions are no polynomials.
 _USUAL = 8
 
 # Control points that patches share agree to this share of the section's size.
 _SAME = 1e-7
+
+# Errors no larger are rounding.
+_EXACT = 1e-11
 
 _NEWTON = 30
 
@@ -51,31 +50,6 @@ class Patch(NamedTuple):
     end: float
     inner: float
     outer: float
-
-
-class Shape(NamedTuple):
-    """Bernstein polynomials of patches of one shape.
-
-    Attributes
-    ----------
-    degrees
-        ``(q,)`` of a triangle, along the radius and round the section of a quadrilateral.
-    powers
-        Index of each polynomial by the corners of a triangle, or the directions of a quadrilateral, ``(m, 2)``.
-    samples, checks
-        Reference points ``(s, 2)`` from which polynomials are found, and others up to the edges.
-    fit
-        Coefficients by values at the samples, ``(m, s)``.
-    check
-        Polynomials at the other points, ``(c, m)``.
-    """
-
-    degrees: tuple[int, ...]
-    powers: Index
-    samples: Array
-    checks: Array
-    fit: Array
-    check: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -326,6 +300,8 @@ def _joined(plane: _Plane, found: Sequence[tuple[Patch, Shape, Array]], error: f
         weights.append(own)
         samples.append(plane.disk(patch, shape.samples))
         sample_weights.append(weight**half)
+    # Coefficients of what is met but nearly differ by more than the functions do.
+    own = np.arange(len(found)) if error > _EXACT else np.zeros(len(found))
     # Where rings meet, fields may jump.
     ring = np.concatenate(
         [
@@ -333,8 +309,9 @@ def _joined(plane: _Plane, found: Sequence[tuple[Patch, Shape, Array]], error: f
             for key, (patch, _, _) in zip(keys, found, strict=True)
         ]
     )
+    each = np.repeat(own, [len(key) for key in keys])
     _, first, which = np.unique(
-        np.column_stack([np.concatenate(keys), ring]), axis=0, return_index=True, return_inverse=True
+        np.column_stack([np.concatenate(keys), ring, each]), axis=0, return_index=True, return_inverse=True
     )
     sizes = [len(key) for key in keys]
     nodes = np.split(which.ravel(), np.cumsum(sizes)[:-1])
@@ -349,49 +326,3 @@ def _joined(plane: _Plane, found: Sequence[tuple[Patch, Shape, Array]], error: f
         samples=np.concatenate(samples),
         _sample_weights=np.concatenate(sample_weights),
     )
-
-
-def bernstein(degree: int, t: Array) -> Array:
-    """Return the Bernstein polynomials ``(s, degree + 1)`` at parameters ``t`` ``(s,)`` from 0 to 1."""
-    k = np.arange(degree + 1)
-    return np.array([comb(degree, i) for i in k]) * t[:, None] ** k * (1.0 - t[:, None]) ** (degree - k)
-
-
-def _triangular(q: int, powers: Index, reference: Array) -> Array:
-    """Return the Bernstein polynomials of a triangle at reference points, shape ``(s, m)``."""
-    i, j = powers.T
-    k = q - i - j
-    a, b = reference[:, :1], reference[:, 1:]
-    share = np.array(
-        [factorial(q) // (factorial(x) * factorial(y) * factorial(z)) for x, y, z in zip(i, j, k, strict=True)]
-    )
-    return share * a**i * b**j * (1.0 - a - b) ** k
-
-
-@lru_cache(maxsize=16)
-def shape_of(q: int, triangle: bool) -> Shape:
-    """Return the polynomials of a triangle of degree ``q``, or of a quadrilateral of that degree round the section."""
-    if triangle:
-        powers = np.array([(i, j) for j in range(q + 1) for i in range(q + 1 - j)])
-        inner, edge = (
-            np.array([(i + shift, j + shift) for j in range(m + 1) for i in range(m + 1 - j)]) / (m + 3.0 * shift)
-            for m, shift in ((2 * q, 1.0 / 3.0), (2 * q + 1, 0.0))
-        )
-        values, check = (_triangular(q, powers, points) for points in (inner, edge))
-        return Shape((q,), powers, inner, edge, np.linalg.pinv(values), check)
-    across = min(q, _ROOM // (q + 1) - 1)
-    powers = np.array([(i, j) for j in range(q + 1) for i in range(across + 1)])
-
-    def tensor(points: tuple[Array, Array]) -> tuple[Array, Array]:
-        first, second = np.meshgrid(*points, indexing="ij")
-        values = (bernstein(across, first.ravel()), bernstein(q, second.ravel()))
-        return np.column_stack([first.ravel(), second.ravel()]), values[0][:, powers[:, 0]] * values[1][:, powers[:, 1]]
-
-    inner, values = tensor((_chebyshev(across + 4), _chebyshev(q + 4)))
-    edge, check = tensor((np.linspace(0.0, 1.0, 2 * across + 2), np.linspace(0.0, 1.0, 2 * q + 2)))
-    return Shape((across, q), powers, inner, edge, np.linalg.pinv(values), check)
-
-
-def _chebyshev(count: int) -> Array:
-    """Return as many zeros of Chebyshev's polynomial, from 0 to 1."""
-    return 0.5 - 0.5 * np.cos(np.pi * (np.arange(count) + 0.5) / count)

@@ -64,6 +64,10 @@ class Deformation:
     model: Model
     displacement: Array
 
+    def frames(self) -> "list[tuple[float, Deformation]]":
+        """Return what there is to show, each with its time or load factor: this alone."""
+        return [(0.0, self)]
+
     def fields(self, body: int) -> dict[str, Array]:
         """Return a body's displacement, shape ``(nodes, 3)``."""
         return {"displacement": self.model.nodal(self.displacement, body)}

@@ -143,12 +143,11 @@ def _contact_pressure(points: Array, xi: Array, u: Array) -> Array:
 
 def write(body: Body, fields: Mapping[str, Array], path: Path) -> None:
     """Write the fields of `grid` to a ``.vtu`` file; raises `InputError` if it cannot be written."""
-    write_whole(path, content(body, fields))
+    write_whole(path, content(grid(body, fields)))
 
 
-def content(body: Body, fields: Mapping[str, Array]) -> bytes:
-    """Return what a ``.vtu`` file of the fields of `grid` holds."""
-    mesh = grid(body, fields)
+def content(mesh: "pyvista.UnstructuredGrid") -> bytes:
+    """Return what the ``.vtu`` file of a mesh holds."""
     from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
 
     writer = vtkXMLUnstructuredGridWriter()

@@ -1,5 +1,8 @@
 """Numbers as people read them."""
 
+# Kinds of cells in files: what suits a body, rational Bezier cells (`isorod.output.bezier`), many small linear ones.
+CELLS = "auto", "bezier", "linear"
+
 
 def duration(seconds: float) -> str:
     """Return a time in words: milliseconds, seconds, minutes or hours."""

@@ -1,9 +1,9 @@
 """Static equilibrium: SNES with load continuation."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from time import perf_counter
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from petsc4py import PETSc
@@ -12,14 +12,15 @@ from isorod.arrays import Array
 from isorod.assembly.assembler import Assembler
 from isorod.assembly.factorisation import is_mixed
 from isorod.checks import hourglass, overlap, rigid_motions
-from isorod.checks.reactions import check_balance, support_forces, support_moments
+from isorod.checks.reactions import by_support, check_balance, support_displacements, support_forces, support_moments
 from isorod.errors import SolveError, expect, whole_number
 from isorod.model.model import Model
-from isorod.output.state import State
+from isorod.output.state import Deformation, State
 from isorod.petsc.library import solver_types
 from isorod.petsc.options import in_force
 from isorod.statics.multipliers import outcome, settle
 from isorod.statics.newton import Diverged, Newton, TooDeep
+from isorod.statics.path import Path, Step
 
 if TYPE_CHECKING:
     from isorod.contact.result import ContactResult
@@ -36,19 +37,6 @@ _WARY = 4
 
 # Before that, penalties of contact are lowered by this factor.
 SOFTER = 0.03
-
-
-class Step(NamedTuple):
-    """Where a load step of a model with contact ended.
-
-    Its load factor, the forces of the supports on the model ``(supports, 3)``, and the sum of the normal forces of
-    obstacles that move.  Without friction multipliers are added at the full load alone, and what is before it is as the
-    penalty says.
-    """
-
-    factor: float
-    reactions: Array
-    push: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,6 +81,8 @@ class Equilibrium(State):
         Of bodies that only contact holds, what is left of the forces that held them on the way, relative to those that
         supports and loads carry, and the solutions it took to let them vanish (`isorod.statics.stabilisation`); None
         where supports hold all.
+    path
+        Load steps of a model with contact, or where they are to be kept.
     """
 
     reactions: Array
@@ -151,6 +141,32 @@ class Equilibrium(State):
             found["stabilisation"], found["stabilisation_rounds"] = self.stabilisation
         return found
 
+    def frames(self) -> list[tuple[float, Deformation]]:
+        """Return load factor and state of each load step that was kept, this one the last."""
+        before = [
+            replace(
+                self,
+                factor=step.factor,
+                displacement=step.displacement,
+                reactions=step.reactions,
+                pressures=step.pressures,
+                contacts=(),
+            )
+            for step in self.path[:-1]
+            if step.displacement is not None
+        ]
+        return [(one.factor, one) for one in (*before, self)]
+
+    def curves(self) -> dict[str, Array]:
+        """Return load factor, and displacement and force of each support: from rest, a row a load step kept."""
+        frames = [one for _, one in self.frames() if isinstance(one, Equilibrium)]
+        count = len(self.model.supports)
+        rest = np.zeros((1, count, 3))
+        moved = [support_displacements(self.model, one.displacement) for one in frames]
+        found = {"load factor": np.array([0.0, *(one.factor for one in frames)])}
+        found |= by_support("displacement", np.append(rest, np.reshape(moved, (-1, count, 3)), 0))
+        return found | by_support("force", np.append(rest, [one.reactions[:count] for one in frames], 0))
+
     def fields(self, body: int) -> dict[str, Array]:
         """Return a body's displacement, shape ``(nodes, 3)``, and its pressure coefficients if it has some.
 
@@ -185,6 +201,7 @@ def solve(
     comm: PETSc.Comm | None = None,
     petsc: Mapping[str, object] | None = None,
     start: Array | None = None,
+    keep: bool = False,
 ) -> Equilibrium:
     """Bring supports and loads to their full values and return the equilibrium.
 
@@ -208,6 +225,8 @@ def solve(
         Displacement ``(dofs,)`` near that at the full load, such as that on another space
         (`isorod.space.transfer`): the equilibrium is looked for there and, where it is not found, from rest.  Friction,
         which depends on the path, makes nothing of it.
+    keep
+        Keep the state of each load step (`Equilibrium.path`).
 
     Raises
     ------
@@ -220,10 +239,10 @@ def solve(
     expect("model", model, Model)
     load_steps = whole_number("load steps", load_steps, 1, 1_000_000)
     with in_force(petsc):
-        return _solve(model, load_steps, comm, start)
+        return _solve(model, load_steps, comm, start, keep)
 
 
-def _solve(model: Model, load_steps: int, comm: PETSc.Comm | None, start_at: Array | None) -> Equilibrium:
+def _solve(model: Model, load_steps: int, comm: PETSc.Comm | None, start_at: Array | None, keep: bool) -> Equilibrium:
     """Return what `solve` does, as the options in force say."""
     start = perf_counter()
     loose = rigid_motions.left_to_contact(model)
@@ -235,7 +254,7 @@ def _solve(model: Model, load_steps: int, comm: PETSc.Comm | None, start_at: Arr
             assembler.contact.space_evenly()
         setup = perf_counter() - start
         assembler.seconds = 0.0
-        path = list[Step]()
+        path = Path(assembler, keep)
         found = _begin(solver, start_at, path)
         cuts, augmentations = _climb(solver, load_steps, path) if found is None else (0, found)
         held = solver.settle()
@@ -257,7 +276,7 @@ def _solve(model: Model, load_steps: int, comm: PETSc.Comm | None, start_at: Arr
             reactions=reactions,
             moments=moments,
             work=float(forces @ model.prescribed(1.0)[model.bound]),
-            load_steps=len(path),
+            load_steps=len(path.steps),
             cuts=cuts,
             newton_iterations=solver.iterations,
             linear_iterations=solver.linear_iterations,
@@ -270,24 +289,24 @@ def _solve(model: Model, load_steps: int, comm: PETSc.Comm | None, start_at: Arr
             augmentations=augmentations,
             pressures=assembler.pressures(solver.x),
             stabilisation=None if held is None else (held.left, held.rounds),
-            path=path if assembler.contact is not None else (),
+            path=path.steps if keep or assembler.contact is not None else (),
         )
     finally:
         solver.destroy()
 
 
-def _begin(solver: Newton, start: Array | None, path: list[Step]) -> int | None:
+def _begin(solver: Newton, start: Array | None, path: Path) -> int | None:
     """Look for the equilibrium near a displacement; return how often multipliers were updated, None if it fails."""
     contact = solver.assembler.contact
     if start is None or (contact is not None and contact.friction is not None) or not solver.begin(start):
         return None
     solver.settle()
     updates = 0 if contact is None else _settle_in_the_end(solver)
-    path.append(_reached(solver, 1.0))
+    path.reached(solver.x, 1.0)
     return updates
 
 
-def _climb(solver: Newton, load_steps: int, path: list[Step]) -> tuple[int, int]:
+def _climb(solver: Newton, load_steps: int, path: Path) -> tuple[int, int]:
     """Go to the full load; return how many steps were cut, and how often multipliers were updated; fill the path."""
     contact = solver.assembler.contact
     rubs = contact is not None and contact.friction is not None
@@ -320,7 +339,7 @@ def _climb(solver: Newton, load_steps: int, path: list[Step]) -> tuple[int, int]
             if contact is not None and (not rubs or solver.stabilisation is not None):
                 updates += _settle_in_the_end(solver)
         augmentations += updates
-        path.append(_reached(solver, factor))
+        path.reached(solver.x, factor)
         quick = quick + 1 if solves <= (_QUICK if contact is None else _QUICK_TOUCHING) else 0
         if factor == end:
             step, quick = 1.0 / load_steps, 0
@@ -358,12 +377,3 @@ def _settle_in_the_end(solver: Newton) -> int:
         return settle(solver, 1.0)
     except Diverged as problem:
         raise SolveError(str(problem)) from None
-
-
-def _reached(solver: Newton, factor: float) -> Step:
-    """Return where a step has ended, and without contact, where nobody asks, the load factor alone."""
-    assembler = solver.assembler
-    if assembler.contact is None:
-        return Step(factor, np.empty((0, 3)), 0.0)
-    forces = support_forces(assembler.model, assembler.reactions(solver.x, factor))
-    return Step(factor, forces, assembler.contact.push())

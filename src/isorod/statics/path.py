@@ -1,0 +1,55 @@
+"""The load steps on the way to an equilibrium, and what is kept of them."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from petsc4py import PETSc
+
+from isorod.arrays import Array
+from isorod.assembly.assembler import Assembler
+from isorod.checks.reactions import support_forces
+
+
+class Step(NamedTuple):
+    """Where a load step ended.
+
+    Its load factor, the forces of the supports on the model ``(supports, 3)``, and the sum of the normal forces of
+    obstacles that move.  Without friction multipliers are added at the full load alone, and what is before it is as the
+    penalty says.  Displacement and pressures, as those of an `isorod.statics.Equilibrium`, are there where they are to
+    be kept.
+    """
+
+    factor: float
+    reactions: Array
+    push: float = 0.0
+    displacement: Array | None = None
+    pressures: Sequence[Array | None] = ()
+
+
+class Path:
+    """The load steps taken.
+
+    Parameters
+    ----------
+    assembler
+        Of the model.
+    keep
+        Keep the state of each step.
+    """
+
+    def __init__(self, assembler: Assembler, keep: bool) -> None:
+        self._assembler, self._keep = assembler, keep
+        self.steps = list[Step]()
+
+    def reached(self, x: PETSc.Vec, factor: float) -> None:
+        """Note where a step has ended; without contact, where nobody asks, the load factor alone."""
+        assembler = self._assembler
+        step = Step(factor, np.empty((0, 3)))
+        if self._keep or assembler.contact is not None:
+            forces = support_forces(assembler.model, assembler.reactions(x, factor))
+            step = Step(factor, forces, 0.0 if assembler.contact is None else assembler.contact.push())
+        if self._keep:
+            state = assembler.displacement(x, factor).copy(), assembler.pressures(x)
+            step = step._replace(displacement=state[0], pressures=state[1])
+        self.steps.append(step)

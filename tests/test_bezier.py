@@ -1,0 +1,225 @@
+"""Rational Bezier cells: VTK, which knows nothing of rods, reads the very geometry and displacement from them."""
+
+import json
+import warnings
+
+import numpy as np
+import pytest
+
+import isorod
+from isorod import modal, statics
+from isorod.geometry import section
+from isorod.geometry.center_line import arc, straight
+from isorod.material import LinearElastic
+from isorod.model import Body, Model, Support
+from isorod.output import bezier, folder, patches, stress, vtk
+from isorod.scenes.blade import Blade
+from isorod.scenes.spring import Spring
+from isorod.space import Space
+
+pytest.importorskip("pyvista")
+
+READER = """
+import json, random, sys
+import vtk
+
+reader = vtk.vtkXMLUnstructuredGridReader()
+reader.SetFileName(sys.argv[1])
+reader.Update()
+mesh = reader.GetOutput()
+random.seed(5)
+found = []
+for _ in range(80):
+    number = random.randrange(mesh.GetNumberOfCells())
+    cell = mesh.GetCell(number)
+    wedge = isinstance(cell, vtk.vtkBezierWedge)
+    assert wedge or isinstance(cell, vtk.vtkBezierHexahedron)
+    at = [random.random() for _ in range(3)]
+    if wedge and at[0] + at[1] > 1.0:
+        at[:2] = 1.0 - at[0], 1.0 - at[1]
+    # Every other one on the side of the cell that is farthest from the centre.
+    if len(found) % 2:
+        at[0] = 1.0 - at[1] if wedge else 1.0
+    place, shares = [0.0] * 3, [0.0] * cell.GetNumberOfPoints()
+    cell.EvaluateLocation(vtk.reference(0), at, place, shares)
+    fields = {}
+    for k in range(mesh.GetPointData().GetNumberOfArrays()):
+        values = mesh.GetPointData().GetArray(k)
+        rows = [values.GetTuple(cell.GetPointId(i)) for i in range(len(shares))]
+        fields[values.GetName()] = [sum(w * row[c] for w, row in zip(shares, rows)) for c in range(len(rows[0]))]
+    found.append([number, at, place, fields])
+print(json.dumps(found))
+"""
+
+
+def layered():
+    rod = arc(20.0, 90.0).sweep(section.ellipse(8, 2.0, 1.0)).with_rings([0.3, 0.7, 1.0])
+    space = Space(rod, section_degree=4, elements=2, degree=4)
+    body = Body(space, [LinearElastic(2e5, 0.3), LinearElastic(1e4, 0.4)])
+    return statics.solve(
+        Model([body], [Support.end(space, "start"), Support.end(space, "end", displacement=(0.5, 0.0, 1.0))])
+    )
+
+
+def closed():
+    rod = arc(20.0, 360.0).sweep(section.circle(8, 2.0))
+    space = Space(rod, elements=8, degree=3, section_degree=3)
+    u = np.linspace(0.0, 1.0, space.nodes)
+    return space, np.stack([np.sin(7 * u), np.cos(5 * u), u], axis=1)
+
+
+def spring(**options):
+    return statics.solve(Spring(coils=1, **options).model())
+
+
+def tapered():
+    """A section that is no affine image of a circle, nor seen whole from its centroid; functions of control points."""
+    bent = np.array([[2, 0], [2, 1.2], [0, 0.5], [-2, 1.2], [-2, 0], [-1, -0.6], [0, -0.4], [1, -0.6]], dtype=float)
+    space = Space(straight(4.0).sweep(bent), elements=1, degree=2, section_degree=3)
+    end = Support.end(space, "end", displacement=(0.0, 0.1, 0.0))
+    return statics.solve(Model([Body(space, LinearElastic(1.0, 0.3))], [Support.end(space, "start"), end]))
+
+
+CASES = {
+    "spring": spring,
+    "degree 8": lambda: spring(section_degree=8, degree=6),
+    "control points": lambda: spring(preset="paper"),
+    "order 2": lambda: spring(order=2, section_points=4),
+    "incompressible": lambda: spring(nu=0.5),
+    "layers": layered,
+    "bent section": tapered,
+}
+
+
+def of(body, fields, tmp_path, python):
+    """Return what VTK reads at points of a file of the body, with the disk point and axis parameter of each."""
+    cells = bezier.Cells(body, [fields])
+    (tmp_path / "rod.vtu").write_bytes(vtk.content(cells.grid(fields)))
+    done = python(READER, str(tmp_path / "rod.vtu"))
+    assert done.returncode == 0, done.stderr
+    plane, several = patches._plane(body.space), cells.patches.patches
+    for number, at, place, found in json.loads(done.stdout):
+        xi = plane.disk(several[number % len(several)], np.array([at[:2]]))
+        low, high = body.space.axis.breaks[number // len(several) :][:2]
+        yield xi, [low + at[2] * (high - low)], place, found
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_vtk_reads_the_geometry_and_the_displacement(case, tmp_path, python):
+    solution = CASES[case]()
+    (body,), fields = solution.model.bodies, solution.fields(0)
+    size, on_surface = np.abs(fields["displacement"]).max(), 0
+    gaps, most = [], 0.0
+    for xi, u, place, found in of(body, fields, tmp_path, python):
+        rest, _ = body.space.rod.grid(xi, u)
+        assert np.abs(rest[0, 0] - place).max() < 1e-7
+        moved, _ = body.space.displacement(fields["displacement"], xi, u)
+        assert np.abs(moved[0, 0] - found["displacement"]).max() < 1e-8 * size
+        on_surface += np.linalg.norm(xi) > 1.0 - 1e-12
+        # Where two layers meet that of the inner one.
+        cauchy = stress.cauchy(body, fields["displacement"], (1.0 - 1e-9) * xi, u, 1.0, fields.get("pressure"))
+        most = max(most, float(stress.von_mises(cauchy)[0, 0]))
+        six = cauchy[0, 0][[0, 1, 2, 0, 1, 0], [0, 1, 2, 1, 2, 2]]
+        gaps.append((np.abs(six - found["cauchy"]).max(), abs(stress.von_mises(cauchy)[0, 0] - found["von_mises"][0])))
+    # Stress is no function of the cells' kind, and its norm has kinks besides where it is near zero.
+    assert np.max(gaps, axis=0)[0] < 0.02 * most
+    assert np.max(gaps, axis=0)[1] < 0.2 * most
+    assert on_surface > 5
+
+
+def test_modes_of_the_blade_are_in_one_file_and_exact(tmp_path, python):
+    solution = modal.solve(Blade().model(), modes=3)
+    (body,), fields = solution.model.bodies, solution.fields(0)
+    for xi, u, place, found in of(body, fields, tmp_path, python):
+        assert np.abs(body.space.rod.grid(xi, u)[0][0, 0] - place).max() < 1e-7
+        for name, nodal in fields.items():
+            shape, _ = body.space.displacement(nodal, xi, u)
+            assert np.abs(shape[0, 0] - found[name]).max() < 1e-8 * np.abs(nodal).max()
+    # Patches in the airfoil's own coordinates: one an arc.
+    assert len(bezier.Cells(body, [fields]).patches.patches) == body.space.rod.section_points
+
+
+def test_a_closed_rod_ends_where_it_begins(tmp_path, python):
+    space, nodal = closed()
+    fields = {"motion": nodal}
+    mesh = bezier.Cells(Body(space, LinearElastic(1.0, 0.3)), [fields]).grid(fields)
+    layers = mesh.points.reshape(8, 4, -1, 3)
+    assert np.abs(layers[0, 0] - layers[-1, -1]).max() < 1e-12
+    motion = mesh.point_data["motion"].reshape(8, 4, -1, 3)
+    assert np.abs(motion[0, 0] - motion[-1, -1]).max() < 1e-12
+
+
+def test_patches_are_cut_until_functions_are_met_and_it_is_said_where_they_are_not(monkeypatch):
+    space = Space.paper(straight(4.0).sweep(section.circle(8, 1.0)), elements=2, degree=2)
+    # Every other control point moves: the second derivatives jump where arcs meet.
+    columns = np.where(np.arange(8) % 2, 1.0, -1.0)[:, None]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = patches.cover(space, columns)
+    assert 100 < len(found.patches) < patches.MOST
+    assert found.error < patches.TOLERANCE
+    monkeypatch.setattr(patches, "MOST", 100)
+    with pytest.warns(
+        UserWarning, match=r"Bezier cells: 1\d\d patches of the section meet its functions to .*e-0[4567]"
+    ):
+        coarse = patches.cover(space, columns)
+    assert coarse.error > 10 * found.error
+
+
+def test_a_field_of_the_patches_degree_is_fitted_exactly():
+    space = Space(straight(4.0).sweep(section.ellipse(8, 2.0, 1.0)), section_degree=3)
+    found = patches.cover(space, np.eye(space.basis.count))
+    x, y = found.samples.T
+    one = found.fit(x**3 - 2.0 * x * y * y + y)
+    functions = space.basis.functions(found.samples)[0]
+    shares = np.linalg.lstsq(functions, x**3 - 2.0 * x * y * y + y, rcond=None)[0]
+    assert np.abs(one - found.coefficients @ shares).max() < 1e-11
+
+
+def test_small_cells_have_the_same_points_and_fields():
+    for case in ("spring", "layers"):
+        solution = CASES[case]()
+        (body,), fields = solution.model.bodies, solution.fields(0)
+        mesh = bezier.Cells(body, [fields]).grid(fields)
+        small = bezier.in_small_cells(mesh, 3)
+        assert set(small.point_data.keys()) == set(mesh.point_data.keys()) - {"RationalWeights"}
+        # Of fine linear cells the volume is that of the rod, and none is inside out.
+        fine = bezier.in_small_cells(mesh, 8).triangulate()
+        sizes = fine.compute_cell_sizes()["Volume"]
+        assert sizes.min() > 0.0
+        assert sizes.sum() == pytest.approx(body.space.rod.volume(), rel=2e-2)
+        cell = mesh.get_cell(0)
+        corner = np.abs(small.points - cell.points[0]).sum(axis=1).argmin()
+        assert np.abs(small.points[corner] - mesh.points[cell.point_ids[0]]).max() < 1e-12
+        name = "displacement"
+        assert np.abs(small.point_data[name][corner] - mesh.point_data[name][cell.point_ids[0]]).max() < 1e-12
+        assert bezier.in_small_cells(small) is small
+
+
+def test_a_folder_takes_the_cells_that_suit(tmp_path):
+    import pyvista
+
+    for options, cells, kind in (
+        ({}, "auto", 80),
+        ({"preset": "paper", "elements_per_turn": 4}, "auto", 12),
+        ({}, "linear", 12),
+        ({"order": 2, "section_points": 4}, "bezier", 79),
+    ):
+        solution = spring(**options)
+        record = folder.add(
+            tmp_path, {"scene": "wire"}, solution.model.bodies, folder.frames(solution), solution.curves(), cells
+        )
+        assert kind in pyvista.read(tmp_path / record["files"][0]).celltypes
+
+
+def test_public_name_of_a_helix_is_shown_whole(tmp_path):
+    """From Python: a helix swept and solved, all load steps in a series."""
+    wire = isorod.helix(radius=10, pitch=4, turns=1).sweep(isorod.circle(8, 0.8))
+    space = isorod.Space(wire)
+    ends = isorod.Support.end(space, "start"), isorod.Support.end(space, "end", displacement=(0, 0, 1))
+    model = isorod.Model([isorod.Body(space, isorod.NeoHookean(E=2e5, nu=0.3))], ends)
+    solution = statics.solve(model, load_steps=4, keep=True)
+    record = folder.add(tmp_path, {"scene": "wire"}, model.bodies, folder.frames(solution), solution.curves())
+    assert record["files"][-2:] == ["wire.pvd", "wire.csv"]
+    factors = np.loadtxt(tmp_path / "wire.csv", delimiter=",", skiprows=1)[:, 0]
+    assert factors[0] == 0.0 and factors[-1] == 1.0 and len(factors) == len(record["files"]) - 1
