@@ -97,10 +97,10 @@ def of(body, fields, tmp_path, python):
     (tmp_path / "rod.vtu").write_bytes(vtk.content(cells.grid(fields)))
     done = python(READER, str(tmp_path / "rod.vtu"))
     assert done.returncode == 0, done.stderr
-    plane, several = patches._plane(body.space), cells.patches.patches
+    count = len(cells.patches.patches)
     for number, at, place, found in json.loads(done.stdout):
-        xi = plane.disk(several[number % len(several)], np.array([at[:2]]))
-        low, high = body.space.axis.breaks[number // len(several) :][:2]
+        xi = cells.patches.disk(number % count, np.array([at[:2]]))
+        low, high = body.space.axis.breaks[number // count :][:2]
         yield xi, [low + at[2] * (high - low)], place, found
 
 

@@ -82,6 +82,11 @@ class Patches:
     error: float
     samples: Array
     _sample_weights: Array
+    _plane: "_Plane"
+
+    def disk(self, number: int, reference: Array) -> Array:
+        """Return the disk points ``(s, 2)`` of a patch's reference points, as of `Shape.samples`."""
+        return self._plane.disk(self.patches[number], reference)
 
     def fit(self, values: Array) -> Array:
         """Return coefficients ``(..., m)``, times the weights, of a field of values ``(..., s)`` at the samples."""
@@ -111,8 +116,15 @@ def cover(space: Space, columns: Array) -> Patches:
     """
     # As many as there are functions say all; an error is no larger than what they say.
     directions, sizes, _ = np.linalg.svd(columns, full_matrices=False)
-    columns = directions * sizes
     plane = _plane(space)
+    try:
+        return _cover(plane, directions * sizes)
+    except (ArithmeticError, np.linalg.LinAlgError):
+        return _cover(_Plane(space, None, None), directions * sizes)
+
+
+def _cover(plane: "_Plane", columns: Array) -> Patches:
+    """Return what `cover` does, on a plane; raises `ArithmeticError` where that is not good enough."""
     whole = plane.degree is not None
     q = _USUAL if plane.degree is None else min(2 * plane.degree, HIGHEST)
     # Of patches that are not good enough the worst is cut first.
@@ -126,7 +138,7 @@ def cover(space: Space, columns: Array) -> Patches:
         heappush(heap, (-error, count, patch, shape, numerators))
         count += 1
 
-    for patch in _begin(space, plane):
+    for patch in _begin(plane):
         add(patch)
     while -heap[0][0] > TOLERANCE and len(heap) < MOST:
         for patch in _cut(heappop(heap)[2], whole):
@@ -136,7 +148,7 @@ def cover(space: Space, columns: Array) -> Patches:
     if worst > TOLERANCE:
         warnings.warn(
             f"Bezier cells: {len(found)} patches of the section meet its functions to {worst:.1g} of the largest",
-            stacklevel=2,
+            stacklevel=3,
         )
     return _joined(plane, found, worst)
 
@@ -220,14 +232,10 @@ def _plane(space: Space) -> _Plane:
     if np.abs(straight - basis.polygon).max() < 1e-12:
         return _Plane(space, basis.degree, None)
     plane = _Plane(space, basis.degree, basis.polygon)
-    try:
-        for patch in _begin(space, plane):
-            (first, middle, last), _ = plane.arc(patch)
-            if min(_cross(first, middle), _cross(middle, last)) <= 0.0:
-                return _Plane(space, None, None)
-            plane.disk(patch, shape_of(_USUAL, True).samples)
-    except ArithmeticError:
-        return _Plane(space, None, None)
+    for patch in _begin(plane):
+        (first, middle, last), _ = plane.arc(patch)
+        if min(_cross(first, middle), _cross(middle, last)) <= 0.0:
+            return _Plane(space, None, None)
     return plane
 
 
@@ -248,9 +256,10 @@ def _inverse(polygon: Array, places: Array, xi: Array) -> Array:
     raise ArithmeticError("no disk point found")
 
 
-def _begin(space: Space, plane: _Plane) -> list[Patch]:
+def _begin(plane: _Plane) -> list[Patch]:
     """Return the patches to begin with: one an arc, and each ring apart."""
-    basis, n = space.basis, space.points_around
+    space, basis = plane.space, plane.space.basis
+    n = space.points_around
     if isinstance(basis, Graded):
         joints = basis.joints
     elif plane.degree is not None and plane.polygon is None:
@@ -325,4 +334,5 @@ def _joined(plane: _Plane, found: Sequence[tuple[Patch, Shape, Array]], error: f
         error=error,
         samples=np.concatenate(samples),
         _sample_weights=np.concatenate(sample_weights),
+        _plane=plane,
     )
