@@ -1,6 +1,5 @@
 """The one place that talks to gmsh: sessions, and a `Mesh` as discrete entities in a .msh file."""
 
-import os
 import signal
 import threading
 from collections.abc import Iterator
@@ -10,7 +9,6 @@ from types import ModuleType
 
 import numpy as np
 
-from isorod.errors import InputError
 from isorod.output.results import write_beside
 from meshes.mesh import Array, Mesh, match
 
@@ -42,20 +40,13 @@ def write(mesh: Mesh, path: str | Path) -> None:
     InputError
         If the file cannot be written; nothing is left half-written.
     """
-    path = Path(path)
-    if path.suffix != ".msh":
-        raise InputError(f"mesh file: got {str(path)!r}, need a name that ends in .msh")
-    if not path.parent.is_dir():
-        raise InputError(f"mesh file: folder {str(path.parent)!r} does not exist")
-    if path.is_dir() or not os.access(path.parent, os.W_OK):
-        raise InputError(f"mesh file: cannot write {str(path)!r}")
 
     def save(beside: Path) -> None:
         with gmsh_session() as gmsh:
             _build(gmsh, mesh)
             gmsh.write(str(beside))
 
-    write_beside(path, save)
+    write_beside(Path(path), save)
 
 
 def _build(gmsh: ModuleType, mesh: Mesh) -> None:

@@ -124,7 +124,7 @@ def test_bad_meshes(values, said):
 def test_meshes_command_writes_the_blade(tmp_path):
     pytest.importorskip("gmsh")
     file = tmp_path / "blade.msh"
-    command = [sys.executable, "-m", "meshes", "blade", "--cells", "tetrahedra", "--layers", "3", "-o", str(file)]
+    command = [sys.executable, "-m", "meshes.study", "blade", "--cells", "tetrahedra", "--layers", "3", "-o", str(file)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert "90 cells of 10 nodes" in done.stdout and file.stat().st_size > 1000

@@ -20,7 +20,7 @@ from comparisons.measure import rod, sampled, timing
 from comparisons.measure.records import part
 from comparisons.report import compare as report
 from comparisons.report import page, rod_pictures
-from isorod.command import cli
+from isorod.command import beside, cli
 from isorod.command import compare as command
 from isorod.files.scene import FileScene
 from isorod.scenes.blade import Blade
@@ -274,7 +274,8 @@ def test_the_command_becomes_the_comparison_of_the_checkout(monkeypatch, tmp_pat
 def test_what_is_not_installed_is_said_with_how_to_get_it(missing, said, monkeypatch, capsys, tmp_path):
     monkeypatch.setattr(command, "find_spec", lambda name: None if name in missing else object())
     if "comparisons" in missing:
-        monkeypatch.setattr(command, "_CHECKOUT", tmp_path)
+        monkeypatch.setattr(beside, "CHECKOUT", tmp_path)
+        monkeypatch.setattr(beside, "find_spec", lambda _: None)
     monkeypatch.setattr(os, "execve", lambda *_: pytest.fail("started"))
     assert cli.main(["compare", "my.toml"]) == 2
     error = capsys.readouterr().err

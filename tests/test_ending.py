@@ -262,7 +262,8 @@ OTHERS = {
     "comparisons": "from comparisons import __main__ as it\nit.results.check_folder = stop\n"
     "it.main(['report', '--results', '/nowhere'])",
     "comparisons.measure.rod": "from comparisons.measure import rod as it\nit.solve = stop\nit.main(['spring'])",
-    "meshes": "from meshes import __main__ as it\nit.spring.build = stop\nit.main(['spring'])",
+    "meshes.study": "from meshes import study as it\nit.spring.build = stop\nit.main(['spring'])",
+    "isorod": "from meshes import __main__ as it\nit.rods.build = stop\nit.main(['spring', 'spring.inp'])",
     "comparisons.fem": "from comparisons.fem import __main__ as it\nit._run = stop\nit.main(['spring'])",
 }
 
@@ -270,7 +271,7 @@ OTHERS = {
 @SIGNALS
 @pytest.mark.parametrize("program", OTHERS)
 def test_studies_and_meshes_end_in_one_line_too(program, name, code):
-    for needed in {"meshes": ["gmsh"], "comparisons.fem": ["dolfinx", "gmsh"], "comparisons": ["rich"]}.get(
+    for needed in {"meshes.study": ["gmsh"], "comparisons.fem": ["dolfinx", "gmsh"], "comparisons": ["rich"]}.get(
         program, []
     ):
         pytest.importorskip(needed)

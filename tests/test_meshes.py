@@ -1,7 +1,5 @@
 """Meshes of rods: nodes on the Rod, positive cells, outward faces, and files that gmsh reads back."""
 
-import sys
-
 import numpy as np
 import pytest
 
@@ -11,8 +9,6 @@ from meshes import spring
 from meshes.bricks import bricks
 from meshes.mesh import Mesh
 from meshes.template import o_grid
-
-MESHES = [sys.executable, "-m", "meshes"]
 
 
 def enclosed(mesh: Mesh) -> tuple[np.ndarray, float]:
@@ -167,7 +163,7 @@ BAD = {
 
 @pytest.mark.parametrize("arguments", BAD)
 def test_bad_input_is_one_line(arguments, tmp_path, monkeypatch, capsys):
-    from meshes.__main__ import main
+    from meshes.study import main
 
     monkeypatch.chdir(tmp_path)
     try:

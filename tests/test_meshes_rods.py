@@ -282,28 +282,3 @@ def test_bad_input_is_refused_in_one_line():
         assert "\n" not in str(problem.value)
     with pytest.raises(FoldedRodError, match=r"mesh: rod 1: the rod folds in element 0 .*concave|outline|fold"):
         rods.build([rod, LINE.sweep(section.flower(16, 4, 1.0, 0.6))])
-
-
-def test_command_meshes_files_and_scenes(tmp_path, monkeypatch, capsys):
-    gmsh_model = pytest.importorskip("meshes.gmsh_model")
-    pytest.importorskip("gmsh")
-    from meshes.__main__ import main
-
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "my.toml").write_text(
-        'analysis = "geometry"\n[rod.tube]\ncurve = {arc = {radius = 4.0, angle = 360.0}}\nsection = {circle = 1.0}\n'
-        "closed = true\nrings = [0.5, 1.0]\n[rod.bar]\ncurve = {straight = 3.0}\nsection = {circle = 1.0}\n"
-    )
-    assert main(["my.toml", "--level", "2", "--order", "1"]) == 0
-    assert "8 nodes" in capsys.readouterr().out
-    assert main(["ring", "-o", "round.msh"]) == 0
-    with gmsh_model.gmsh_session() as gmsh:
-        gmsh.open(str(tmp_path / "my.msh"))
-        groups = {gmsh.model.getPhysicalName(*group) for group in gmsh.model.getPhysicalGroups()}
-    names = ("lateral", "inner"), ("start", "end", "lateral")
-    assert groups == {"rod 0", "rod 1", *(f"rod {k} {name}" for k in range(2) for name in names[k])}
-    capsys.readouterr()
-    for words, said in {"none.toml": "none.toml", "my.toml --level 0": "level", "my.toml --order 9": "order"}.items():
-        assert main([*words.split(), "-o", "bad.msh"]) == 2
-        assert said in capsys.readouterr().err
-    assert sorted(file.name for file in tmp_path.glob("*.msh")) == ["my.msh", "round.msh"]

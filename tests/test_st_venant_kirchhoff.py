@@ -45,6 +45,14 @@ def test_at_rest_it_is_linear_elasticity_and_knows_no_rotation():
         assert np.isnan(found(np.diag([1.0, 1.0, -1.0])[None])).any()
 
 
+def test_what_is_no_number_stays_none_without_a_word(python):
+    done = python(
+        "import numpy as np\nfrom isorod import StVenantKirchhoff\n"
+        "print(np.isnan(StVenantKirchhoff(1.0, 0.3).stress(np.full((1, 3, 3), np.nan))).all())"
+    )
+    assert (done.stdout, done.stderr) == ("True\n", "")
+
+
 def bar(cylinder, law=LAW, elements=2, held="xyz"):
     space = Space.paper(cylinder(4, height=LENGTH), elements=elements, degree=2, quadrature="auto")
     return Model([Body(space, law, DENSITY)], [Support.end(space, "start", held)])

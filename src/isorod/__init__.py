@@ -55,6 +55,8 @@ if TYPE_CHECKING:
     from isorod.model import Spin as Spin
     from isorod.model import Support as Support
     from isorod.model import TriangleMesh as TriangleMesh
+    from isorod.output.matrices import Matrices as Matrices
+    from isorod.output.matrices import matrices as matrices
     from isorod.space import Space as Space
     from isorod.statics import Equilibrium as Equilibrium
 
@@ -74,6 +76,7 @@ _OFFERED = {
     "InputError": "isorod.errors",
     "LinearElastic": "isorod.material",
     "Material": "isorod.material",
+    "Matrices": "isorod.output.matrices",
     "Model": "isorod.model",
     "Modes": "isorod.modal",
     "Muscle": "isorod.material.muscle",
@@ -95,6 +98,7 @@ _OFFERED = {
     "ellipse": "isorod.geometry.section",
     "flower": "isorod.geometry.section",
     "helix": "isorod.geometry.center_line",
+    "matrices": "isorod.output.matrices",
     "naca": "isorod.geometry.section",
     "nurbs": "isorod.geometry.center_line",
     "polyline": "isorod.geometry.center_line",

@@ -7,7 +7,7 @@ Taylor & Pister, CMAME 51 (1985) 177-208), where a law is ``W = psi + kappa/2 th
 """
 
 from collections.abc import Sequence
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 from petsc4py import PETSc
@@ -187,7 +187,7 @@ class MixedAssembler(Assembler):
         result[self._number_of[: self.model.unknowns]] = super()._unknowns(displacement)
         return result
 
-    def _displacements(self, unknowns: Array) -> Array:
+    def _displacements(self, unknowns: Any) -> Any:
         return unknowns[self._number_of[: self.model.unknowns]]
 
     def pressed(self, x: PETSc.Vec, pressures: Sequence[Array | None]) -> PETSc.Vec:

@@ -1,9 +1,11 @@
 """The unknowns of a model and how ranks share them: rows and elements are split along the axis."""
 
+from typing import Any
+
 import numpy as np
 from petsc4py import PETSc
 
-from isorod.arrays import Array
+from isorod.arrays import Array, Index
 from isorod.assembly.exchange import Exchange
 from isorod.assembly.split import Split
 from isorod.errors import InputError
@@ -120,9 +122,16 @@ class Unknowns:
         _, first = np.unique(self.model.free, return_index=True)
         return displacement[first[first.size - self.model.unknowns :]]
 
-    def _displacements(self, unknowns: Array) -> Array:
+    def _displacements(self, unknowns: Any) -> Any:
         """Return those unknowns that are displacements, in the model's order."""
         return unknowns
+
+    @property
+    def unknown_of(self) -> Index:
+        """Unknown of each degree of freedom of the model, -1 if it is held, shape ``(dofs,)``."""
+        found = self.model.free.copy()
+        found[found >= 0] = self._displacements(np.arange(self.unknowns))[found[found >= 0]]
+        return found
 
     def all_unknowns(self, x: PETSc.Vec) -> Array:
         """Return all unknowns of a vector, on every rank."""

@@ -30,7 +30,10 @@ class Parser(argparse.ArgumentParser):
             # argparse itself makes an empty list of this value.
             if word.startswith("--") and word.endswith("=--"):
                 self.error(f"argument {word[:-3]}: expected one argument")
-        found, unknown = self.parse_known_args(arguments)
+        several = any(action.nargs == "*" for action in self._get_positional_actions())
+        # Names of files, any number of them, may stand between options.
+        parse = self.parse_known_intermixed_args if several else self.parse_known_args
+        found, unknown = parse(arguments)
         if unknown:
             word = unknown[0].split("=")[0]
             names = [name for action in self._actions for name in action.option_strings]

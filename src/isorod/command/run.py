@@ -157,6 +157,11 @@ def record(
     }
 
 
+def origin(scene: Any) -> dict[str, Any]:
+    """Return what a scene is, and by which versions, when and on which machine something is made of it."""
+    return {**_scene(scene), **results.provenance()}
+
+
 def _scene(scene: Any) -> dict[str, Any]:
     """Return what a scene is; of one from a file all that the file says, and sums of the data beside it."""
     if hasattr(scene, "content"):

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from isorod.arrays import Array
-from isorod.compiled import FAST, STRICT, njit
+from isorod.compiled import FAST, STRICT, cofactors, njit
 from isorod.material.law import Isotropic
 from isorod.material.points import (
     DETERMINANT,
@@ -29,7 +29,8 @@ def _point(F: Array, constants: Array, fibre: Array, activation: float, stress: 
     mu, lame = constants[0], constants[1]
     strain = 0.5 * (F.T @ F - np.eye(3))
     trace = strain[0, 0] + strain[1, 1] + strain[2, 2]
-    det = np.linalg.det(F)
+    # NumPy's determinant would complain of NaN, which trial steps of Newton's bring, on standard error.
+    det = cofactors(F, stress)
     valid = 1.0 if det > 0.0 else np.nan
     stress[:] = valid * (F @ (2.0 * mu * strain + lame * trace * np.eye(3)))
     return valid * (mu * np.sum(strain * strain) + 0.5 * lame * trace * trace), 0.0

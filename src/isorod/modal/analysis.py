@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from time import perf_counter
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,9 +17,12 @@ from isorod.errors import InputError, SolveError, expect, whole_number
 from isorod.material.linear_elastic import LinearElastic
 from isorod.modal.pencil import Found, Pencil, only_multiplies
 from isorod.model.model import Model
-from isorod.output.state import Deformation, Named
+from isorod.output.state import Deformation, Named, State
 from isorod.petsc.options import in_force
 from isorod.statics.analysis import Equilibrium
+
+if TYPE_CHECKING:
+    from isorod.output.matrices import Matrices
 
 # Largest displacement of a mode that is drawn, over the model's size.
 _EXAGGERATION = 0.12
@@ -147,6 +150,12 @@ class Modes:
         above, asked = slice(self.rigid, None), directions or estimate.DIRECTIONS
         values, shapes = self.eigenvalues[above], self.vectors[above]
         return estimate.of_modes(self.model, values, shapes, self.rigid > 0, self.lumped, asked)
+
+    def matrices(self) -> "Matrices":
+        """Return the stiffness and the mass whose modes they are (`isorod.output.matrices.matrices`)."""
+        from isorod.output.matrices import matrices
+
+        return matrices(self.model, None if self.state is None else State(self.model, self.state), self.lumped)
 
     def record(self) -> dict[str, Any]:
         """Return what a record keeps of them."""

@@ -177,7 +177,7 @@ def write_beside(path: Path, write: Callable[[Path], object]) -> None:
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix)
         os.close(handle)
         write(Path(name))
-        os.chmod(name, 0o666 & ~_umask())
+        open_to_all(Path(name), 0o666)
         _settle_whole(Path(name))
         os.replace(name, path)
         _settle(path.parent)
@@ -228,10 +228,11 @@ def _settle_whole(path: Path) -> None:
         os.fsync(file.fileno())
 
 
-def _umask() -> int:
+def open_to_all(path: Path, mode: int) -> None:
+    """Give a file or folder made for its owner alone the mode that others have by the process's mask."""
     mask = os.umask(0)
     os.umask(mask)
-    return mask
+    os.chmod(path, mode & ~mask)
 
 
 def _plain(value: Any) -> Any:

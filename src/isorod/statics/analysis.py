@@ -24,6 +24,7 @@ from isorod.statics.path import Path, Step
 
 if TYPE_CHECKING:
     from isorod.contact.result import ContactResult
+    from isorod.output.matrices import Matrices
 
 
 # A load step is halved at most this many times.
@@ -125,6 +126,12 @@ class Equilibrium(State):
 
         asked = directions or estimate.DIRECTIONS
         return estimate.of_equilibrium(self.model, self.displacement, self.work, self.pressures, asked)
+
+    def matrices(self, lumped: bool = False) -> "Matrices":
+        """Return the tangent stiffness and the mass about it (`isorod.output.matrices.matrices`)."""
+        from isorod.output.matrices import matrices
+
+        return matrices(self.model, self, lumped)
 
     def record(self) -> dict[str, Any]:
         """Return what a record keeps of it; area in contact and deepest penetration are those of all contacts."""

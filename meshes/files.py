@@ -1,0 +1,70 @@
+"""Files of a mesh, by their ending: what each needs, and whether it can be written, known before anything is meshed."""
+
+import os
+from collections.abc import Sequence
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+
+from isorod.errors import InputError
+from isorod.geometry.rod import Rod
+from meshes import abaqus, gmsh_model, rods, vtu
+from meshes.mesh import Index, Mesh
+
+# What a file needs besides, by its ending, and how to get it.
+_GMSH = "gmsh", "Debian: apt install python3-gmsh; elsewhere: pip install gmsh"
+NEEDED = {".msh": _GMSH, ".inp": None, ".vtu": ("pyvista", "pip install pyvista")}
+
+
+def check(path: Path, endings: Sequence[str] = tuple(NEEDED)) -> None:
+    """Raise `InputError` if a file cannot be written: its ending is none of these, or its folder not to be written to.
+
+    Or if a package is not installed that writes it.
+    """
+    if path.suffix not in endings:
+        raise InputError(f"mesh file: got {str(path)!r}, need a name that ends in {' or '.join(endings)}")
+    if not path.parent.is_dir():
+        raise InputError(f"mesh file: folder {str(path.parent)!r} does not exist")
+    if path.is_dir() or not os.access(path.parent, os.W_OK):
+        raise InputError(f"mesh file: cannot write {str(path)!r}")
+    needed = NEEDED[path.suffix]
+    if needed is not None and find_spec(needed[0]) is None:
+        others = ", ".join(name for name, one in NEEDED.items() if one is None)
+        raise InputError(
+            f"mesh file: {path.suffix} needs {needed[0]}, which is not installed: {needed[1]}; or {others}"
+        )
+
+
+def write(mesh: Mesh, path: Path, of: Sequence[Rod], element: str | None = None) -> None:
+    """Write a mesh of rods (`meshes.rods.build`), all of it or nothing.
+
+    Parameters
+    ----------
+    path
+        ``.msh`` of gmsh (format 4.1): boundaries and rods are physical groups.  ``.inp`` of Abaqus and CalculiX: node
+        sets and surfaces of the boundaries, element sets of rods and of their rings.  ``.vtu``: Lagrange cells, their
+        rod, axis element and ring as cell data, the rod's parameters at their nodes.
+    element
+        Of ``.inp``, one of `meshes.abaqus.ELEMENTS`; where not given what suits the order.
+    """
+    check(path)
+    if path.suffix == ".msh":
+        gmsh_model.write(mesh, path)
+        return
+    where = dict(zip(("rod", "element", "ring"), rods.places(mesh, of).T, strict=True))
+    if path.suffix == ".vtu":
+        vtu.write(mesh, path, where)
+    else:
+        abaqus.write(mesh, path, element, _rings(where))
+
+
+def _rings(where: dict[str, Index]) -> dict[str, Index]:
+    """Return the cells of each ring of rods that have several."""
+    found = {}
+    for rod in np.unique(where["rod"]):
+        own = where["rod"] == rod
+        rings = np.unique(where["ring"][own])
+        for ring in rings if rings.size > 1 else ():
+            found[f"rod {rod} ring {ring}"] = np.flatnonzero(own & (where["ring"] == ring))
+    return found

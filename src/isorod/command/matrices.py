@@ -1,0 +1,90 @@
+"""``isorod matrices``: stiffness and mass of a scene, as files for other programs."""
+
+import argparse
+from collections.abc import Sequence
+from contextlib import nullcontext
+from typing import Any
+
+from isorod import options, scenes
+from isorod.command import chosen, ending, notes
+from isorod.command.parser import Parser
+from isorod.errors import InputError
+
+
+def main(ours: Sequence[str], theirs: Sequence[str]) -> int:
+    """Write the matrices of a scene with our options and PETSc's; return the exit code."""
+    import numpy as np
+
+    if chosen.usage("matrices", ours, theirs):
+        return 0
+    scene, found, _ = chosen.choose("matrices", ours, theirs, _more)
+    if scene.analysis == "geometry":
+        raise InputError("matrices: this scene is geometry only, which has none; 'isorod list' names others")
+    with np.errstate(all="ignore"), options.petsc_errors():
+        options.initialize(theirs)
+        from isorod.output import matrix_files
+        from isorod.petsc.library import unused_options
+
+        matrix_files.check_folder(found.output)
+        matrices = _matrices(scene, found)
+        left = unused_options()
+        if left:
+            raise InputError(f"PETSc option {', '.join(left)}: nothing used it; check its spelling with -help")
+        if ending.rank() == 0:
+            from isorod.command.run import origin
+
+            said = matrix_files.write(matrices, found.output, origin(scene))
+            notes.show()
+            print(_summary(said, found.output))
+    return 0
+
+
+def _more(parser: Parser, scene: Any) -> None:
+    if "statics" in scenes.analyses(scene):
+        steps = getattr(scene, "load_steps", 1)
+        parser.add_argument(
+            "--load-steps", type=int, default=steps, metavar="int", help=f"equal load steps to start with ({steps})"
+        )
+    parser.add_argument(
+        "--at-rest", action="store_true", help="at rest (about the solution in statics; modes and motions: at rest)"
+    )
+    parser.add_argument(
+        "--mass", choices=("consistent", "lumped"), default="consistent", help="mass matrix (consistent)"
+    )
+    parser.add_argument("--output", metavar="DIR", required=True, help="write into this folder, a new or an empty one")
+
+
+def _matrices(scene: Any, found: argparse.Namespace) -> Any:
+    """Return the matrices that are asked for."""
+    from isorod.command import run
+    from isorod.output.matrices import matrices
+
+    # What a file says of its analysis is read before anything is solved.
+    lumped = found.mass == "lumped" or (found.mass is None and bool(scene.settings().get("lumped")))
+    with getattr(scene, "told", nullcontext)():
+        model = scene.model()
+        if scene.analysis != "statics":
+            return matrices(
+                model.in_motion() if scene.analysis == "dynamics" else model.in_displacements(), None, lumped
+            )
+        if found.at_rest:
+            return matrices(model, None, lumped)
+        if model.contacts:
+            raise InputError(
+                "matrices about a solution with contact: it does not keep what presses; --at-rest takes the bodies "
+                "before they touch"
+            )
+    solution, _ = run.solve(scene, chosen.settings(scene, found))
+    return solution.matrices(lumped)
+
+
+def _summary(said: dict[str, Any], folder: str) -> str:
+    """Return in words what was written."""
+    entries = "; ".join(f"{name} of {count:,} entries" for name, count in said["entries"].items())
+    mass = "" if "mass" in said["entries"] else f"; mass {said['mass']}"
+    names = ", ".join(name for name in said["files"] if not name.endswith(".csv"))
+    return (
+        f"{said['unknowns']:,} unknowns ({said['degrees_of_freedom']:,} degrees of freedom), about {said['about']}; "
+        f"{entries}{mass}\n"
+        f"written to {folder}: {names}, each as .mtx, .bin and .npz or .npy; README.json says what they are"
+    )

@@ -1,0 +1,184 @@
+"""Stiffness and mass of a model as SciPy's sparse matrices, with what it takes to use them elsewhere."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from petsc4py import PETSc
+from scipy.sparse import csr_array, triu
+
+from isorod.arrays import Array, Index
+from isorod.assembly.assembler import Assembler
+from isorod.assembly.factorisation import is_mixed
+from isorod.errors import InputError, expect
+from isorod.model.model import Model
+from isorod.output.state import State
+from isorod.petsc.rows import local_rows
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Matrices:
+    """The linearised model ``M a + K x = f`` of the unknowns ``x``, which move it by ``expansion @ x``.
+
+    Modes are ``K x = omega^2 M x``, and ``expansion @ x`` their shapes on all degrees of freedom.  The displacement
+    with the forces is ``expansion @ x + offset``, where ``K x = f``: at rest the linear answer to supports and loads,
+    about a solution one more step of Newton's.
+
+    Attributes
+    ----------
+    model
+        What they are of.
+    stiffness
+        ``K``, shape ``(unknowns, unknowns)``, force per length.
+    mass
+        ``M``, of the same shape; None where a body has no density.
+    expansion
+        From the unknowns to all degrees of freedom, body by body, node by node, ``x, y, z``: shape ``(dofs,
+        unknowns)``.  A row has a one, or is empty where a support holds; tied degrees of freedom share a column, and
+        pressures of the mixed formulation have an empty one.
+    offset
+        Displacement of ``x = 0``, shape ``(dofs,)``: at rest what supports prescribe, else the state.
+    force
+        ``f``, shape ``(unknowns,)``: at rest of loads and of supports that move, else what is left out of balance.
+    symmetric
+        Whether the stiffness is (that of friction is not).  The mass always is.
+    lumped
+        Whether the mass is lumped, not consistent.
+    state
+        What they are about; None for the state of rest.
+    """
+
+    model: Model
+    stiffness: csr_array
+    mass: csr_array | None
+    expansion: csr_array
+    offset: Array
+    force: Array
+    symmetric: bool
+    lumped: bool = False
+    state: State | None = None
+
+    def __repr__(self) -> str:
+        about = "at rest" if self.state is None else "about a state"
+        kind = "no mass" if self.mass is None else f"mass {self.mass.nnz}"
+        return (
+            f"Matrices of {self.model!r}\n  {about}, {self.force.size} unknowns; entries of the stiffness "
+            f"{self.stiffness.nnz}, {kind}"
+        )
+
+    @property
+    def places(self) -> tuple[Index, Index, Index]:
+        """Body, node and component of each unknown, the first of those tied together; -1 for pressures."""
+        column = np.full(self.force.size, -1)
+        rows, columns = self.expansion.nonzero()
+        column[columns[::-1]] = rows[::-1]
+        body = np.searchsorted(self.model.first_node, column // 3, side="right") - 1
+        node = column // 3 - self.model.first_node[body]
+        pressure = column < 0
+        return tuple(np.where(pressure, -1, one) for one in (body, node, column % 3))  # type: ignore[return-value]
+
+
+def matrices(model: Model, state: State | None = None, lumped: bool = False) -> Matrices:
+    """Return stiffness and mass of a model at rest, or about a state of it, on every rank the whole of them.
+
+    `isorod.modal.Modes` and `isorod.statics.Equilibrium` have a method of this name.
+
+    Parameters
+    ----------
+    model
+        Bodies, supports, loads.  Pressures of the mixed formulation are unknowns too, without a mass.
+    state
+        Of this model, without contact: an `isorod.statics.Equilibrium`, or an output of an `isorod.dynamics.History`
+        (and its model) where muscles do not grow active any more.
+    lumped
+        Take the lumped mass matrix (`isorod.modal.solve`).
+
+    Raises
+    ------
+    InputError
+        If the model is none, or the state is of another one, has contacts or muscles that are not yet as active as they
+        will be.
+    """
+    expect("model", model, Model)
+    expect("state", state, State | None)
+    if state is not None and state.model is not model:
+        raise InputError("matrices: the state is of another model; take its own")
+    if state is not None and model.contacts:
+        raise InputError("matrices about a state with contact: it does not keep what presses; take those at rest")
+    if state is not None and state.factor != 1.0:
+        raise InputError(
+            f"matrices about a motion: muscles are active to {state.factor:.3g} of what they will be, where loads act "
+            "in full; take an output after the ramp"
+        )
+    # Every rank has all of it: the whole is what is wanted.
+    assembler = _assembler(model)
+    factor = 0.0 if state is None else 1.0
+    x = assembler.vector() if state is None else assembler.state(state.displacement)
+    pressures = getattr(state, "pressures", ())
+    if pressures:
+        assembler.pressed(x, pressures)
+    tangent, force = assembler.matrix(), assembler.vector()
+    assembler.tangent(x, factor, tangent)
+    if state is None:
+        assembler.load_forces(x, 0.0, 1.0, force)
+    else:
+        assembler.residual(x, factor, force)
+    expansion = _expansion(assembler)
+    return Matrices(
+        model=model,
+        stiffness=_sparse(tangent, assembler.symmetric),
+        mass=_mass(model, expansion, lumped),
+        expansion=expansion,
+        offset=model.prescribed(1.0) if state is None else state.displacement,
+        force=-force.array_r,
+        symmetric=assembler.symmetric,
+        lumped=lumped,
+        state=state,
+    )
+
+
+def _assembler(model: Model) -> Any:
+    if not is_mixed(model):
+        return Assembler(model, PETSc.COMM_SELF)
+    from isorod.assembly.mixed import MixedAssembler
+
+    return MixedAssembler(model, PETSc.COMM_SELF)
+
+
+class _Masses(Assembler):
+    """Assembles masses, which know no pressures."""
+
+    formulations = ("displacement", "mixed")
+
+
+def _mass(model: Model, expansion: csr_array, lumped: bool) -> csr_array | None:
+    """Return the mass on the unknowns, or None where a body has none."""
+    if any(not body.densities.min() > 0.0 for body in model.bodies):
+        return None
+    mass = _sparse(_Masses(model, PETSc.COMM_SELF).mass(lumped), True)
+    if mass.shape[0] == expansion.shape[1]:
+        return mass
+    # Displacements among the unknowns, in the model's order.
+    rows, columns = expansion.nonzero()
+    place = np.empty(mass.shape[0], dtype=np.int64)
+    place[model.free[rows]] = columns
+    entries = mass.tocoo()
+    size = expansion.shape[1]
+    return csr_array((entries.data, (place[entries.row], place[entries.col])), shape=(size, size))
+
+
+def _expansion(assembler: Assembler) -> csr_array:
+    """Return the matrix from the unknowns to the degrees of freedom of the model."""
+    column = assembler.unknown_of
+    rows = np.flatnonzero(column >= 0)
+    return csr_array((np.ones(rows.size), (rows, column[rows])), shape=(column.size, assembler.unknowns))
+
+
+def _sparse(matrix: PETSc.Mat, symmetric: bool) -> csr_array:
+    """Return a matrix of one rank; of a symmetric one the upper triangle, which is what is factorised, twice."""
+    rows = local_rows(matrix).own
+    found = csr_array((rows.values.copy(), rows.column.copy(), rows.start.copy()), shape=matrix.getSize())
+    if symmetric:
+        found = csr_array(triu(found) + triu(found, 1).T)
+    found.sort_indices()
+    return found
