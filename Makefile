@@ -20,13 +20,14 @@ export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
 # ranks of one machine talk through memory: Debian's exclusions and tcp, of which Open MPI 5 complains in containers
 export OMPI_MCA_btl ?= ^uct,openib,ofi,tcp
 
-.PHONY: help verify bench test test-all mutants lint install clean
+.PHONY: help verify bench test test-all mutants lint docs install clean
 
 help:
 	@echo "make verify    the main job: spring and blade against finite elements, quick level, and the report page"
 	@echo "make bench     isorod beside every program: dolfinx of two versions, NGSolve, CalculiX; LEVEL=full takes hours"
 	@echo "make test      the tests but the slow ones         make test-all   all tests"
 	@echo "make mutants   share of 200 small wrong changes that the tests catch: an hour; MUTANTS='--seed 2 --jobs 2' to choose"
+	@echo "make docs      these pages in build/docs/html: theory, gallery, names; warnings are errors"
 	@echo "make lint      ruff and mypy                       make clean      remove caches and build leftovers"
 	@echo "make install   only set up (the others do it too): apt packages (root on Debian 12, 13) or wheels (any Linux), .venv"
 	@echo "GROUND=wheels  before any of them: neither apt nor root; GROUND=apt: Debian's packages, by sudo where not root"
@@ -58,6 +59,10 @@ lint: install
 	@$(PYTHON) -m ruff check
 	@$(PYTHON) -m ruff format --check
 	@$(PYTHON) -m mypy
+
+docs: install
+	@$(PYTHON) -m sphinx -q -W --keep-going docs build/docs/html
+	@echo "build/docs/html/index.html"
 
 install:
 	@$(INSTALL)

@@ -12,7 +12,9 @@ import numpy as np
 import pytest
 
 ROOT = Path(__file__).parent.parent
-PAGES = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").glob("*.md")])
+PAGES = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").rglob("*.md")])
+# Its commands have a test file of their own.
+GALLERY = ROOT / "docs" / "gallery.md"
 # What a page marks so takes minutes.
 MINUTES = re.compile(r"\bmin(utes)?\b")
 # What docker/opponents installs; tests/test_opponents.py runs them where they are.
@@ -22,8 +24,21 @@ OPPONENTS = ("python -m comparisons.ngsolve", "python -m comparisons.calculix")
 def blocks(page, language):
     """Return the code blocks of a page in a language, "" for commands."""
     # All of them: what ends one begins no other.
-    found = re.findall(r"^```(\w*)\n(.*?)^```$", page.read_text(), re.MULTILINE | re.DOTALL)
+    found = re.findall(r"^```([^\n]*)\n(.*?)^```$", page.read_text(), re.MULTILINE | re.DOTALL)
     return [block for kind, block in found if kind == language]
+
+
+def links(page):
+    """Return where a page's links and pictures lead."""
+    text = re.sub(r"^```.*?^```$", "", page.read_text(), flags=re.MULTILINE | re.DOTALL)
+    return re.findall(r"\]\(([^)\s]+)\)", text) + re.findall(r'<img src="([^"]+)"', text)
+
+
+def anchors(page):
+    """Return the places that links to a page may name: its headings as GitHub and Sphinx write them, and labels."""
+    heads = re.findall(r"^#+ (.*)$", re.sub(r"^```.*?^```$", "", page.read_text(), flags=re.M | re.S), re.MULTILINE)
+    slugs = (re.sub(r"[^\w\- ]", "", head.lower()).replace(" ", "-") for head in heads)
+    return {*slugs, *re.findall(r"^\((\w+)\)=$", page.read_text(), re.MULTILINE)}
 
 
 def scripts(page):
@@ -35,7 +50,7 @@ def scripts(page):
 def commands():
     """Return each command with the comment beside it, and its page."""
     for page in PAGES:
-        for block in blocks(page, ""):
+        for block in blocks(page, "") if page != GALLERY else ():
             for line in block.splitlines():
                 command, _, comment = line.partition(" #")
                 if command.strip():
@@ -45,7 +60,7 @@ def commands():
 def ends_late(command, comment):
     """Return whether a command is for a person's patience, or for another machine than a test's."""
     return command.startswith(
-        ("make", "docker", "pip", "conda", "GROUND=", "python -m comparisons ", *OPPONENTS)
+        ("git clone", "source", "make", "docker", "pip", "conda", "GROUND=", "python -m comparisons ", *OPPONENTS)
     ) or MINUTES.search(comment)
 
 
@@ -133,5 +148,14 @@ def test_a_trefoil_from_40_points_is_8_lines_and_meets_them(capsys):
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_links_lead_somewhere(page):
-    for link in re.findall(r"\]\(([^)#]+)\)", page.read_text()):
-        assert link.startswith("https://") or (page.parent / link).exists(), link
+    for link in links(page):
+        if link.startswith("https://"):
+            continue
+        file, _, place = link.partition("#")
+        target = page.parent / file if file else page
+        assert target.exists(), link
+        assert not place or place in anchors(target), link
+
+
+def test_the_gallery_and_the_start_are_linked_from_where_people_begin():
+    assert {"start.md", "gallery.md"} <= set(links(ROOT / "docs" / "index.md"))

@@ -61,6 +61,16 @@ def test_a_line_that_is_wrong_does_not_hold(monkeypatch):
     assert [point.holds(one) for one in (default, wrong, right)] == [True, False, True]
 
 
+def test_a_line_that_works_is_timed_once_more_warm(monkeypatch):
+    monkeypatch.setitem(tuning.WARM, "quick", 1)
+    cholesky = {"Cholesky, PETSc": tuning.DIRECT["Cholesky, PETSc"]}
+    default, other = tuned({tuning.DEFAULT: "", **cholesky}, monkeypatch)
+    assert [one.get("failure") for one in (default, other)] == [None, None]
+    assert default["warm"] and other["warm"]
+    assert default["processor"] > 0.0 and other["processor"] > 0.0
+    assert other["error"] <= tuning.TOLERANCE
+
+
 def test_a_line_that_takes_too_long_is_given_up(monkeypatch):
     (late,) = tuned({tuning.DEFAULT: ""}, monkeypatch, limit=0.01)
     assert (late["failure"], late["code"]) == ("no result within 0.01 s", None)
