@@ -105,13 +105,3 @@ def test_page_says_what_holds_and_what_does_not(tmp_path):
     assert "3 %" in page
     assert "<td>3.2 %</td>" in page
     assert "1/125 of the time" in report_biceps.summary(found)[1]
-
-
-def test_palette_has_the_scale_and_white():
-    pytest.importorskip("pyvista")
-    from comparisons.report import biceps_pictures as pictures
-
-    colours = np.array(pictures._palette().getpalette()).reshape(-1, 3)
-    assert len(colours) == 256
-    for wanted in ((255, 255, 255), (0, 0, 0), (48, 18, 59), (122, 4, 3)):
-        assert np.abs(colours - wanted).sum(axis=1).min() <= 3

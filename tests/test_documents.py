@@ -124,9 +124,9 @@ def test_a_task_is_known_as_printed(command, comment):
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if scripts(page)], ids=lambda page: page.stem)
-def test_scripts_run_as_printed(page, python):
+def test_scripts_run_as_printed(page, python, tmp_path):
     for script, printed in scripts(page):
-        done = python(script)
+        done = python(script, cwd=tmp_path)
         assert done.returncode == 0, done.stderr
         assert done.stdout == printed if printed else done.stdout
 

@@ -48,6 +48,7 @@ def test_the_import_loads_nothing_else(python):
     [
         ("isorod.helix(1, 1, 1).sweep(isorod.circle(4, 0.1)); isorod.errors", "petsc4py numba"),
         ("isorod.Model, isorod.Support, isorod.Space", "petsc4py isorod.statics isorod.modal isorod.contact pyvista"),
+        ("isorod.show", "petsc4py pyvista PIL matplotlib scipy.spatial"),
         ("isorod.statics.solve", "slepc4py pyvista PIL isorod.output.section_forces isorod.output.picture"),
     ],
 )
@@ -105,6 +106,9 @@ shape = modes[0].centre_line(body, 20)
 history: History = isorod.dynamics.solve(model, 1.0)
 times = [instant.time for instant in history]
 solution.plot("displacement", scale=2.0).save("picture.png")
+isorod.show([wire], view=(1.0, 0.0, 0.0)).save("rod.png")
+history.animate("motion.gif", colour="displacement")
+modes[0].animate("mode.gif")
 """
 
 

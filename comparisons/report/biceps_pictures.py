@@ -10,6 +10,7 @@ from comparisons.measure.study import Run
 from comparisons.report.pictures import BAR
 from isorod.model import Model
 from isorod.output import vtk
+from isorod.output.animation import save
 from isorod.output.picture import add_flat, without_display
 from isorod.output.results import write_beside
 from isorod.scenes.biceps import Biceps
@@ -27,7 +28,6 @@ _MIDDLE = (0.0, 10.6, 0.0)
 _HALF_HEIGHT = 11.8
 _CIRCLE = 2.0 * np.pi * np.arange(49) / 48
 _FRAME = (540, 520)
-_FRAMES_A_SECOND = 12
 _NAMES = ("cylindrical element", "Q2 bricks (dolfinx)")
 
 
@@ -118,7 +118,7 @@ def run(study: Run, scene: Biceps) -> None:
     moving, still = (_Theirs.read(study.folder / name) for name in (FEM_MOTION, FEM_REST))
     picture, animation = study.folder / "biceps-von-mises.png", study.folder / "biceps.gif"
     write_beside(picture, lambda where: _picture(ours, moving, still, where))
-    write_beside(animation, lambda where: _animation(ours, moving, where))
+    _animation(ours, moving, animation)
     dofs = [ours.model.dofs, 3 * len(still.arrays["points"])]
     study.record("picture", {"file": picture.name, "animation": animation.name, "dofs": dofs, "scale": SCALE})
 
@@ -198,25 +198,7 @@ def _animation(ours: _Ours, moving: _Theirs, path: Path) -> None:
         image = Image.fromarray(plotter.screenshot(return_img=True))
         plotter.close()
         frames.append(image)
-    palette = _palette()
-    first, *others = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
-    first.save(path, save_all=True, append_images=others, duration=1000 // _FRAMES_A_SECOND, loop=0, optimize=True)
-
-
-def _palette() -> Any:
-    """Return an image with one palette for all frames, so that colours do not flicker.
-
-    The scale's, also darker as lines upon it make them, and greys.
-    """
-    from matplotlib import colormaps
-    from PIL import Image
-
-    scale = colormaps["turbo"](np.linspace(0.0, 1.0, 44))[:, :3]
-    shades = np.concatenate([scale * shade for shade in (1.0, 0.87, 0.72, 0.55, 0.35)])
-    greys = np.linspace(0.0, 1.0, 36)[:, None] * np.ones(3)
-    image = Image.new("P", (1, 1))
-    image.putpalette(np.round(255.0 * np.concatenate([shades, greys])).astype(np.uint8).tobytes())
-    return image
+    save(frames, path)
 
 
 def _look(plotter: Any) -> None:

@@ -57,6 +57,7 @@ if TYPE_CHECKING:
     from isorod.model import TriangleMesh as TriangleMesh
     from isorod.output.matrices import Matrices as Matrices
     from isorod.output.matrices import matrices as matrices
+    from isorod.output.shape import show as show
     from isorod.space import Space as Space
     from isorod.statics import Equilibrium as Equilibrium
 
@@ -105,6 +106,7 @@ _OFFERED = {
     "rounded_rectangle": "isorod.geometry.section",
     "section_from_file": "isorod.geometry.section:from_file",
     "section_from_points": "isorod.geometry.section:from_points",
+    "show": "isorod.output.shape",
     "straight": "isorod.geometry.center_line",
 }
 _MODULES = ("dynamics", "errors", "modal", "options", "scenes", "statics")

@@ -11,6 +11,9 @@ from isorod.errors import InputError
 
 PETSC = "Options with a single dash go to PETSc untouched (-snes_monitor, -ksp_type gmres, -log_view, -help ...)."
 
+# Commands that solve nothing, and take none of PETSc's options.
+_ALONE = ("show",)
+
 # Adds the options of a command to a parser, of a scene's class or of the scene of a file.
 More = Callable[[Parser, Any], None]
 
@@ -50,9 +53,10 @@ def usage(command: str, ours: Sequence[str], theirs: Sequence[str]) -> bool:
     """Return whether help alone is asked for, with no scene; it is printed."""
     if ours[:1] not in (["-h"], ["--help"]) and (ours or theirs):
         return False
-    print(f"usage: isorod {command} SCENE [--option value ...] [-petsc_option value ...]\n")
+    more = "" if command in _ALONE else " [-petsc_option value ...]"
+    print(f"usage: isorod {command} SCENE [--option value ...]{more}\n")
     print("scenes: " + ", ".join(scenes.SCENES) + " ('isorod list' says what they are), or a file NAME.toml")
-    print("('isorod new' writes one to begin with)\n" + PETSC)
+    print("('isorod new' writes one to begin with)" + ("" if command in _ALONE else f"\n{PETSC}"))
     return True
 
 
@@ -95,7 +99,8 @@ def _is_scene(word: str) -> bool:
 def _parser(command: str, name: str, scene: Any, more: More) -> Parser:
     """Return the parser of the fields of a scene class, or of a file's scene, and of a command's own options."""
     said = first_line(scene) if isinstance(scene, type) else scene.title
-    parser = Parser(prog=f"isorod {command} {name}", description=said, epilog=PETSC, allow_abbrev=False)
+    about = None if command in _ALONE else PETSC
+    parser = Parser(prog=f"isorod {command} {name}", description=said, epilog=about, allow_abbrev=False)
     if isinstance(scene, type) or scene.analysis != "geometry":
         add_fields(parser, scene)
     more(parser, scene)

@@ -25,6 +25,8 @@ class Command(NamedTuple):
 # What takes a scene, and its options, after its own name.
 COMMANDS = {
     "run": Command("answer", "run a scene, or a file that describes one", petsc=True),
+    "show": Command("show", "show the rods of a scene with their control points, in a window or as a picture"),
+    "plot": Command("plot", "draw what a run has left: deformed and coloured, moving, or as curves"),
     "matrices": Command("matrices", "write the matrices of a scene or a file for other programs", petsc=True),
     "mesh": Command("mesh", "write hexahedra of the rods of a scene or a file: .msh, .inp, .vtu"),
     "compare": Command("compare", "solve a scene by finite elements too, and tell errors and times"),

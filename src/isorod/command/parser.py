@@ -11,14 +11,16 @@ from typing import Any, NoReturn
 
 from isorod.errors import InputError
 
+_NUMBER = r"(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?"
+
 
 class Parser(argparse.ArgumentParser):
     """An argument parser whose errors are one line (`InputError`)."""
 
     def __init__(self, *arguments: Any, **keywords: Any) -> None:
         super().__init__(*arguments, **keywords)
-        # argparse itself takes -1e-3 for an option.
-        self._negative_number_matcher = re.compile(r"-(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$")
+        # argparse itself takes -1e-3, and -1,0,0, for an option.
+        self._negative_number_matcher = re.compile(rf"-{_NUMBER}(,-?{_NUMBER})*$")
 
     def error(self, message: str) -> NoReturn:
         """Raise `InputError`."""

@@ -21,7 +21,7 @@ from isorod.dynamics.run import Run, Settings
 from isorod.errors import InputError, expect, representable, whole_number
 from isorod.model.model import Model
 from isorod.output import checkpoint as files
-from isorod.output.state import State
+from isorod.output.state import Animated, State
 from isorod.petsc.options import in_force
 
 # Of a history, what is one number an output.
@@ -58,7 +58,7 @@ class Instant(State):
 
 
 @dataclass(frozen=True, eq=False)
-class History:
+class History(Animated):
     """A motion, at its outputs: ``history[k]`` is the `Instant` ``k``, which answers for any point of it.
 
     Attributes

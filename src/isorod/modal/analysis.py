@@ -17,7 +17,7 @@ from isorod.errors import InputError, SolveError, expect, whole_number
 from isorod.material.linear_elastic import LinearElastic
 from isorod.modal.pencil import Found, Pencil, only_multiplies
 from isorod.model.model import Model
-from isorod.output.state import Deformation, Named, State
+from isorod.output.state import Animated, Deformation, Moment, Named, State
 from isorod.petsc.options import in_force
 from isorod.statics.analysis import Equilibrium
 
@@ -29,7 +29,7 @@ _EXAGGERATION = 0.12
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Mode(Deformation):
+class Mode(Deformation, Animated):
     """A mode shape, which answers for any point of it (`isorod.output.state`).
 
     Attributes
@@ -54,6 +54,11 @@ class Mode(Deformation):
         """Return where points of a body are, shape ``(..., 3)``, moved from its state by ``scale`` times the shape."""
         found = super().position(body, u, xi, scale)
         return found if self.state is None else found + Deformation(self.model, self.state).at(body, u, xi)
+
+    def _moments(self) -> list[Moment]:
+        from isorod.output.animation import shares
+
+        return [Moment(self, f"mode {self.number}, frequency {self.frequency:.5g}", one) for one in shares()]
 
     def _scale(self, largest: float) -> float:
         return _EXAGGERATION * self.model.size / largest

@@ -1,21 +1,36 @@
-"""Pictures of deformed rods, drawn without a display."""
+"""Pictures of deformed rods, drawn without a display or in a window."""
 
+import ctypes
 import os
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+import signal
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from ctypes.util import find_library
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from isorod.arrays import Array
 from isorod.errors import InputError, whole_number
 from isorod.output import vtk
+from isorod.output.results import write_beside
+from isorod.output.skin import Skin, skin
 
 if TYPE_CHECKING:
     from PIL.Image import Image
 
+# From where one looks, and width and height of a picture in pixels, where nothing else is said.
+VIEW = (1.0, -1.4, 0.55)
+SIZE = (1000, 700)
+
 # The scale of colours, at the right of a picture, and how many pixels of its width are for that.
 _BAR = {"vertical": True, "position_y": 0.15, "height": 0.7, "color": "black", "fmt": "%.3g", "title_font_size": 16}
 _ROOM = 150
+
+# Height of a line of words, pixels.
+_LINE = 20
 
 # Share of the picture that is left empty round the rods.
 _MARGIN = 0.08
@@ -24,38 +39,52 @@ _MARGIN = 0.08
 _ANGLE = 12.0
 
 
-def check(view: Sequence[float], size: Sequence[int]) -> None:
+class Frame(NamedTuple):
+    """Bodies at rest, as meshes with ``motion`` and ``colour`` at their points, and what is written above them.
+
+    ``share`` is that of the motion that they have made.
+    """
+
+    meshes: Sequence[Any]
+    words: str = ""
+    share: float = 1.0
+
+
+def check(view: Sequence[float], size: Sequence[int], what: str = "plot") -> None:
     """Raise `InputError` if a direction is none, the size of a picture cannot be one, or pyvista is not installed."""
-    vtk.require()
+    vtk.require("pictures")
     without_display()
     try:
         along = np.asarray(view, dtype=float)
     except (TypeError, ValueError):
         along = np.zeros(0)
     if along.shape != (3,) or not np.isfinite(along).all() or not along.any():
-        raise InputError(f"plot: got view {view!r:.40}, need a direction such as (1, -1, 0.5)")
+        raise InputError(f"{what}: got view {view!r:.40}, need a direction such as (1, -1, 0.5)")
+    check_size(size, what)
+
+
+def check_size(size: Sequence[int], what: str = "plot") -> None:
+    """Raise `InputError` if the size of a picture cannot be one."""
     if np.shape(size) != (2,):
-        raise InputError(f"plot: got size {size!r:.40}, need width and height in pixels")
+        raise InputError(f"{what}: got size {size!r:.40}, need width and height in pixels")
     for name, pixels in zip(("width", "height"), size, strict=True):
-        whole_number(f"plot: {name} in pixels", pixels, 200, 16384)
+        whole_number(f"{what}: {name} in pixels", pixels, 200, 16384)
 
 
 def draw(
-    meshes: Sequence[Any],
-    lines: Sequence[Array],
+    frames: Sequence[Frame],
     title: str,
-    scale: float,
-    view: Sequence[float],
-    size: Sequence[int],
-) -> "Image":
-    """Return a picture of meshes moved by their ``motion`` and coloured by their ``colour``, on one scale of colours.
+    scale: float = 1.0,
+    view: Sequence[float] = VIEW,
+    size: Sequence[int] = SIZE,
+    lines: Sequence[Array] = (),
+    window: bool = False,
+    rest: bool = False,
+) -> "Iterator[Image]":
+    """Yield a picture of each frame, all with the same scale of colours and seen from the same place.
 
     Parameters
     ----------
-    meshes
-        Bodies at rest, as `isorod.output.vtk.grid` makes them.
-    lines
-        Their centre lines at rest, shape ``(m, 3)`` each, drawn thin and grey.
     title
         What the colours are.
     scale
@@ -64,37 +93,111 @@ def draw(
         Direction from which one looks.
     size
         Width and height, pixels.
+    lines
+        Centre lines at rest, shape ``(m, 3)`` each, drawn thin and grey.
+    window
+        Show each in a window instead, until that is closed.
+    rest
+        Draw the edges of the bodies at rest thin and grey.
     """
-    import pyvista
-    from PIL import Image
+    skins = {id(mesh): skin(mesh) for frame in frames for mesh in frame.meshes}
+    values = np.concatenate([one.faces.point_data["colour"] for one in skins.values()])
+    limits = (float(np.nanmin(values)), float(np.nanmax(values)))
+    shown: list[Array] = list(lines)
+    for frame in frames:
+        shown += [skins[id(mesh)].moved(scale * frame.share).faces.points for mesh in frame.meshes]
+    everything = np.concatenate(shown)
+    for frame in frames:
+        with stage(size, window) as plotter:
+            for k, mesh in enumerate(frame.meshes):
+                one = skins[id(mesh)]
+                if rest:
+                    _add_edges(plotter, one.edges, "grey")
+                moved = one.moved(scale * frame.share)
+                _add_skin(plotter, moved, "colour", limits, "turbo", bar(title, size) if k == 0 else None)
+            for line in lines:
+                add_lines(plotter, [line], "grey", 1.5)
+            if frame.words:
+                write(plotter, frame.words, (10, 8))
+            look(plotter.camera, everything, np.asarray(view, dtype=float), size, words=frames[0].words)
+            if not window:
+                yield taken(plotter)
+            else:
+                wait(plotter)
 
-    values = np.concatenate([mesh.point_data["colour"] for mesh in meshes])
-    plotter = pyvista.Plotter(off_screen=True, window_size=list(size), border=False)
+
+@contextmanager
+def stage(size: Sequence[int], window: bool = False) -> Iterator[Any]:
+    """Open an empty white picture, a pyvista plotter, and close it in the end."""
+    import pyvista
+
+    plotter = pyvista.Plotter(off_screen=not window, window_size=list(size), border=False)
     try:
         plotter.set_background("white")
-        for k, mesh in enumerate(meshes):
-            mesh.point_data["motion"] = scale * mesh.point_data["motion"]
-            own = bar(title, size) if k == 0 else None
-            add_flat(plotter, mesh, "colour", (float(values.min()), float(values.max())), "turbo", own, "motion")
-        for line in lines:
-            plotter.add_mesh(pyvista.lines_from_points(line), color="grey", line_width=1.5, lighting=False)
-        shown = [mesh.points + mesh.point_data["motion"] for mesh in meshes]
-        look(plotter.camera, np.concatenate([*shown, *lines]), np.asarray(view, dtype=float), size)
-        return Image.fromarray(plotter.screenshot(return_img=True))
+        yield plotter
     finally:
         plotter.close()
 
 
+def taken(plotter: Any) -> "Image":
+    """Return what is drawn."""
+    from PIL import Image
+
+    return Image.fromarray(plotter.screenshot(return_img=True))
+
+
+def wait(plotter: Any) -> None:
+    """Show what is drawn in its window, until that is closed; Ctrl-C, which VTK does not heed, ends the program."""
+    before = signal.signal(signal.SIGINT, signal.SIG_DFL), signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    try:
+        plotter.show(title="isorod")
+    finally:
+        for number, handler in zip((signal.SIGINT, signal.SIGTERM), before, strict=True):
+            signal.signal(number, handler)
+
+
+def write(plotter: Any, words: str, place: tuple[int, int], size: int = 11, colour: str = "black") -> None:
+    """Write words, the first line at a place: pixels from the left, and from above or, where negative, from below."""
+    across, below = place
+    height = plotter.window_size[1]
+    text = plotter.add_text(words, position=(across, height - below if below >= 0 else -below), color=colour)
+    text.prop.font_size = round(1.5 * size)
+    text.prop.justification_vertical = "top" if below >= 0 else "bottom"
+
+
+def add_lines(plotter: Any, lines: Sequence[Array], colour: str, width: float, **more: Any) -> None:
+    """Add lines through points, shape ``(m, 3)`` each."""
+    import pyvista
+
+    counts = [len(line) for line in lines]
+    starts = np.concatenate([[0], np.cumsum(counts)])
+    cells = [
+        np.concatenate([[count], start + np.arange(count)]) for count, start in zip(counts, starts[:-1], strict=True)
+    ]
+    mesh = pyvista.PolyData(np.concatenate(lines), lines=np.concatenate(cells))
+    plotter.add_mesh(mesh, color=colour, line_width=width, lighting=False, **more)
+
+
 def bar(title: str, size: Sequence[int]) -> dict[str, Any]:
     """Return what describes the scale of colours of a picture, or of a panel, of a size in pixels."""
-    return _BAR | {"title": title, "position_x": 1.0 - 0.7 * _ROOM / size[0], "width": 0.5 * _ROOM / size[0]}
+    return _BAR | {"title": title, "position_x": 1.0 - 0.8 * _ROOM / size[0], "width": 0.5 * _ROOM / size[0]}
 
 
-def look(camera: Any, points: Array, view: Array, size: Sequence[int], up: Array | None = None) -> None:
+def look(
+    camera: Any,
+    points: Array,
+    view: Array,
+    size: Sequence[int],
+    up: Array | None = None,
+    room: int = _ROOM,
+    words: str = "",
+) -> None:
     """Look at points ``(m, 3)`` so that they fill what the scale of colours leaves of the picture, from far away.
 
-    Upright is ``up``; where not given z, or y where one looks along z.
+    Upright is ``up``; where not given z, or y where one looks along z.  ``room`` are the pixels of the scale, and above
+    is some for ``words``.
     """
+    above = _LINE * (words.count("\n") + 1) if words else 0
     towards = view / np.linalg.norm(view)
     if up is None:
         up = np.array([0.0, 0.0, 1.0]) if abs(towards[2]) < 0.999 else np.array([0.0, 1.0, 0.0])
@@ -103,20 +206,42 @@ def look(camera: Any, points: Array, view: Array, size: Sequence[int], up: Array
     axes = np.stack([right, np.cross(towards, right), towards])
     low, high = (points @ axes.T).min(axis=0), (points @ axes.T).max(axis=0)
     extent = np.maximum(high - low, 1e-6 * (high - low).max())
-    height = max(extent[1], extent[0] * size[1] / (size[0] - _ROOM)) / (1.0 - 2.0 * _MARGIN)
+    upright, wide = extent[1] * size[1] / (size[1] - above), extent[0] * size[1] / (size[0] - room)
+    height = max(upright, wide) / (1.0 - 2.0 * _MARGIN)
     # Silhouettes want a point to look from; what is nearest fits.
     distance = 0.5 * height / np.tan(np.radians(0.5 * _ANGLE)) + 0.5 * extent[2]
     middle = axes.T @ (0.5 * (low + high))
     camera.focal_point, camera.position, camera.up = middle, middle + distance * towards, axes[1]
     camera.view_angle = _ANGLE
     camera.clipping_range = (0.5 * (distance - 0.5 * extent[2]), distance + extent[2])
-    camera.SetWindowCenter(_ROOM / size[0], 0.0)
+    camera.SetWindowCenter(room / size[0], above / size[1])
 
 
 def without_display() -> None:
     """Let VTK draw off screen; must come before pyvista is imported."""
     if not os.environ.get("DISPLAY"):
         os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
+
+
+def need_display(instead: str) -> None:
+    """Raise `InputError` if there is no display for a window, which ``instead`` does without."""
+    if sys.platform == "darwin":
+        return
+    name = os.environ.get("DISPLAY")
+    if not name:
+        raise InputError(f"there is no display for a window; give {instead}")
+    # VTK would end the process.
+    library = ctypes.CDLL(find_library("X11") or "libX11.so.6")
+    library.XOpenDisplay.restype = ctypes.c_void_p
+    opened = library.XOpenDisplay(name.encode())
+    if not opened:
+        raise InputError(f"the display {name} cannot be opened for a window; give {instead}")
+    library.XCloseDisplay(ctypes.c_void_p(opened))
+
+
+def save(image: "Image", path: Path) -> None:
+    """Write a PNG file, all of it or nothing; raises `InputError` if it cannot be written."""
+    write_beside(path, lambda where: image.save(where, format="PNG"))
 
 
 def add_flat(
@@ -133,10 +258,15 @@ def add_flat(
     Light and shade would falsify them, so lines show the shape: the outline, and the edges of the mesh's pieces, which
     are what shares points.  ``bar`` describes the scale.
     """
-    moved = mesh.warp_by_vector(motion)
-    surface = moved.extract_surface(algorithm="dataset_surface")
+    _add_skin(plotter, skin(mesh).moved(1.0, motion), field, scale, colours, bar)
+
+
+def _add_skin(
+    plotter: Any, one: Skin, field: str, scale: tuple[float, float], colours: str, bar: dict[str, Any] | None
+) -> None:
+    """Add a skin as `add_flat` does."""
     actor = plotter.add_mesh(
-        surface,
+        one.faces,
         scalars=field,
         clim=scale,
         cmap=colours,
@@ -147,7 +277,10 @@ def add_flat(
     # Behind its own lines.
     actor.mapper.SetResolveCoincidentTopologyToPolygonOffset()
     actor.mapper.SetRelativeCoincidentTopologyPolygonOffsetParameters(2.0, 2.0)
-    outline = moved.clean(tolerance=1e-6).extract_surface(algorithm="dataset_surface")
-    edges = surface.extract_feature_edges(40.0)
-    plotter.add_mesh(edges, color="black", line_width=1.0, opacity=0.5, lighting=False)
-    plotter.add_silhouette(outline, color="black", line_width=2.5)
+    _add_edges(plotter, one.edges, "black")
+    plotter.add_silhouette(one.whole, color="black", line_width=2.5)
+
+
+def _add_edges(plotter: Any, edges: Any, colour: str) -> None:
+    if edges.n_cells:
+        plotter.add_mesh(edges, color=colour, line_width=1.0, opacity=0.5, lighting=False)

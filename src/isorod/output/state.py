@@ -9,8 +9,10 @@ it is meant, at a radius where two rings meet the outer one.  Every rank has the
 another.
 """
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from numbers import Real
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -138,18 +140,7 @@ class Deformation:
         InputError
             If pyvista is not installed, or an argument cannot be used.
         """
-        from isorod.output import picture
-
-        shown = self._colours[0] if colour is None else colour
-        if shown not in self._colours:
-            raise InputError(f"plot: got colour {colour!r}, need {' or '.join(map(repr, self._colours))}")
-        if scale is not None:
-            _check_scale(scale)
-        picture.check(view, size)
-        meshes = [self._mesh(b, shown) for b in range(len(self.model.bodies))]
-        largest = max(float(np.linalg.norm(mesh.point_data["motion"], axis=1).max()) for mesh in meshes)
-        lines = [self.centre_line(b, 50 * body.space.axis.elements, 0.0) for b, body in enumerate(self.model.bodies)]
-        return picture.draw(meshes, lines, shown, self._scale(largest) if scale is None else scale, view, size)
+        return next(_pictures("plot", [Moment(self)], colour, scale, view, size))
 
     # What `plot` can show, by default the first.
     _colours: ClassVar[tuple[str, ...]] = ("displacement",)
@@ -197,6 +188,93 @@ class Deformation:
             raise InputError(f"disk points xi: the rod is hollow, need points from {hole:g} to 1 away from the centre")
         shape = (*along.shape, *across.shape[:-1])
         return _Points(number, body, along.ravel(), across.reshape(-1, 2), shape)
+
+
+class Moment(NamedTuple):
+    """A frame of an animation: a state with a share of its displacement, and what is written above it."""
+
+    state: Deformation
+    words: str = ""
+    share: float = 1.0
+
+
+class Animated:
+    """What moves, and can be shown so."""
+
+    def animate(
+        self,
+        path: str | Path,
+        colour: str | None = None,
+        scale: float | None = None,
+        view: tuple[float, float, float] = (1.0, -1.4, 0.55),
+        size: tuple[int, int] = (800, 560),
+    ) -> None:
+        """Write an animated GIF: a motion or load steps one after the other, a mode as it swings.
+
+        Colours, their scale and the place from which one looks are the same throughout.
+
+        Parameters
+        ----------
+        path
+            The file.
+        colour, scale, view, size
+            As for `Deformation.plot`.
+
+        Raises
+        ------
+        InputError
+            If there is one state alone, pyvista is not installed, an argument cannot be used, or the file cannot be
+            written.
+        """
+        from isorod.output import animation
+
+        animation.save(_pictures("animate", self._moments(), colour, scale, view, size), Path(path))
+
+    # What the states are counted in.
+    _counted: ClassVar[str] = "time"
+
+    def frames(self) -> Sequence[tuple[float, Deformation]]:
+        """Return the states with their times or load factors."""
+        raise NotImplementedError
+
+    def _moments(self) -> list[Moment]:
+        """Return the frames of the animation."""
+        from isorod.output.animation import written
+
+        frames = self.frames()
+        if len(frames) == 1:
+            raise InputError("animate: there is one state alone; statics.solve(..., keep=True) keeps those on the way")
+        told = written([time for time, _ in frames])
+        return [Moment(state, f"{self._counted} {time:{told}}") for time, state in frames]
+
+
+def _pictures(
+    what: str,
+    moments: Sequence[Moment],
+    colour: str | None,
+    scale: float | None,
+    view: tuple[float, float, float],
+    size: tuple[int, int],
+) -> "Iterator[Image]":
+    """Yield a picture of each moment (`Deformation.plot`)."""
+    from isorod.output import picture
+
+    one = moments[0].state
+    shown = one._colours[0] if colour is None else colour
+    if shown not in one._colours:
+        raise InputError(f"{what}: got colour {colour!r}, need {' or '.join(map(repr, one._colours))}")
+    if scale is not None:
+        _check_scale(scale)
+    picture.check(view, size, what)
+    bodies = one.model.bodies
+    # A mode is the same in all frames.
+    states = {id(moment.state): moment.state for moment in moments}
+    meshes = {key: [state._mesh(b, shown) for b in range(len(bodies))] for key, state in states.items()}
+    moved = np.concatenate([mesh.point_data["motion"] for own in meshes.values() for mesh in own])
+    largest = float(np.linalg.norm(moved, axis=1).max())
+    lines = [one.centre_line(b, 50 * body.space.axis.elements, 0.0) for b, body in enumerate(bodies)]
+    frames = [picture.Frame(meshes[id(moment.state)], moment.words, moment.share) for moment in moments]
+    yield from picture.draw(frames, shown, one._scale(largest) if scale is None else scale, view, size, lines)
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,10 +25,10 @@ _MOST = 100
 _CLOSE = 1e-6
 
 
-def require() -> None:
-    """Raise `InputError` if pyvista, which writes the files, is not installed."""
+def require(what: str = "VTK files") -> None:
+    """Raise `InputError` if pyvista, which writes the files and draws pictures, is not installed."""
     if find_spec("pyvista") is None:
-        raise InputError("VTK files need pyvista, which is not installed: pip install pyvista")
+        raise InputError(f"{what} need pyvista, which is not installed: pip install pyvista")
 
 
 def grid(

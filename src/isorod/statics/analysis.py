@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from time import perf_counter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from petsc4py import PETSc
@@ -15,7 +15,7 @@ from isorod.checks import hourglass, overlap, rigid_motions
 from isorod.checks.reactions import by_support, check_balance, support_displacements, support_forces, support_moments
 from isorod.errors import SolveError, expect, whole_number
 from isorod.model.model import Model
-from isorod.output.state import Deformation, State
+from isorod.output.state import Animated, Deformation, State
 from isorod.petsc.library import solver_types
 from isorod.petsc.options import in_force
 from isorod.statics.multipliers import outcome, settle
@@ -41,7 +41,7 @@ SOFTER = 0.03
 
 
 @dataclass(frozen=True, eq=False)
-class Equilibrium(State):
+class Equilibrium(State, Animated):
     """A static solution, which answers for any point of it (`isorod.output.state`).
 
     Attributes
@@ -103,6 +103,7 @@ class Equilibrium(State):
     work: float = 0.0
     stabilisation: "tuple[float, int] | None" = None
     path: Sequence[Step] = ()
+    _counted: ClassVar[str] = "load factor"
 
     def __repr__(self) -> str:
         forces = [f"support {k} ({', '.join(f'{x:.6g}' for x in force)})" for k, force in enumerate(self.reactions[:5])]

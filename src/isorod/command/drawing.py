@@ -1,0 +1,56 @@
+"""What the commands that draw have in common: the options of a picture, and where it goes."""
+
+import argparse
+from pathlib import Path
+
+from isorod.command.parser import Parser
+from isorod.errors import InputError
+from isorod.output import picture
+
+
+def add_options(parser: Parser) -> None:
+    """Add the options of a picture."""
+    parser.add_argument("--png", metavar="FILE", help="write the picture into this file; without it a window opens")
+    view = ",".join(f"{one:g}" for one in picture.VIEW)
+    parser.add_argument(
+        "--view", type=_view, default=picture.VIEW, metavar="x,y,z", help=f"direction from which one looks ({view})"
+    )
+    size = "x".join(map(str, picture.SIZE))
+    parser.add_argument(
+        "--size", type=_size, default=picture.SIZE, metavar="WxH", help=f"width and height in pixels ({size})"
+    )
+
+
+def prepare(command: str, found: argparse.Namespace, files: tuple[str, ...] = ("png",), curves: bool = False) -> bool:
+    """Return whether a window is wanted; raise `InputError` where nothing can be drawn, before anything is computed.
+
+    ``files`` are the options that name one in its place; ``curves`` are drawn without pyvista.
+    """
+    wanted = [name for name in files if getattr(found, name) is not None]
+    for name in wanted:
+        path = Path(getattr(found, name))
+        if not path.absolute().parent.is_dir() or path.is_dir():
+            reason = "it is a folder" if path.is_dir() else "there is no such folder"
+            raise InputError(f"{path}: cannot be written ({reason}); name another")
+    if curves:
+        picture.check_size(found.size, command)
+    else:
+        picture.check(found.view, found.size, command)
+    if not wanted:
+        picture.need_display("--png FILE")
+    return not wanted
+
+
+def _view(text: str) -> tuple[float, ...]:
+    try:
+        return tuple(float(word) for word in text.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"got {text!r:.40}, need a direction x,y,z such as 1,-1,0.5") from None
+
+
+def _size(text: str) -> tuple[int, ...]:
+    try:
+        width, height = (int(word) for word in text.lower().split("x"))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"got {text!r:.40}, need width and height such as 1000x700") from None
+    return width, height

@@ -1,0 +1,209 @@
+"""``isorod plot``: what a run has left, deformed and coloured, moving, or as curves."""
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from isorod.command import drawing
+from isorod.command.parser import Parser
+from isorod.errors import InputError
+from isorod.output import animation, picture, reading
+
+# What a field is called, and in which unit it is.
+_TITLES = {
+    "von_mises": "von Mises stress\n(unit of E)",
+    "mean_stress": "mean stress\n(unit of E)",
+    "contact_pressure": "contact pressure\n(unit of E)",
+    "displacement": "displacement\n(length)",
+    "velocity": "velocity\n(length/time)",
+}
+
+# What cells are made of, and no field.
+_INTERNAL = frozenset({"RationalWeights", "HigherOrderDegrees"})
+
+# Largest displacement of what is drawn so that it is seen, over the size of all.
+_SEEN = 0.12
+
+
+def main(ours: Sequence[str], theirs: Sequence[str] = ()) -> int:
+    """Draw a result; return the exit code."""
+    found = _parser().known(ours)
+    if sum(one is not None for one in (found.png, found.gif)) > 1:
+        raise InputError("--png and --gif: give one of them")
+    result = reading.find(found.place, found.run)
+    if found.curve is not None or (result.curves is not None and not result.steps):
+        return _curves(result, found)
+    window = drawing.prepare("plot", found, ("png", "gif"))
+    if not result.steps:
+        raise InputError(
+            f"{found.place}: this run of {result.name} has left no fields; geometry alone is shown by isorod show"
+        )
+    chosen = _chosen(result, found)
+    frames, scale, title = _frames(result, chosen, found)
+    images = picture.draw(frames, title, scale, found.view, found.size, window=window, rest=True)
+    if found.gif:
+        count = animation.save(images, Path(found.gif))
+        print(f"{found.gif}: {count} frames of {found.size[0]} x {found.size[1]} pixels")
+        return 0
+    for image in images:
+        picture.save(image, Path(found.png))
+        print(f"{found.png}: {found.size[0]} x {found.size[1]} pixels")
+    return 0
+
+
+def _parser() -> Parser:
+    parser = Parser(
+        prog="isorod plot", description="Draw what isorod run SCENE --output DIR has left.", allow_abbrev=False
+    )
+    parser.add_argument("place", metavar="DIR", help="a results folder, or a .vtu, .pvd or .csv file of it")
+    parser.add_argument("--run", type=int, metavar="int", help="which of the folder's runs, from 1 (the last)")
+    parser.add_argument("--colour", metavar="FIELD", help="field of the files, such as displacement (von_mises)")
+    parser.add_argument(
+        "--scale", metavar="float", help="by how much displacements are multiplied, or auto (1, of modes auto)"
+    )
+    parser.add_argument("--mode", type=int, metavar="int", help="which mode, from 1 (the first)")
+    parser.add_argument("--time", type=float, metavar="float", help="time, or load factor, of what is drawn (the last)")
+    parser.add_argument("--gif", metavar="FILE", help="write an animation of all times or load steps, or of a mode")
+    parser.add_argument(
+        "--curve",
+        nargs="?",
+        const="",
+        metavar="FILE.csv",
+        help="draw curves against time, load or mode instead: those of the run, or of a file",
+    )
+    drawing.add_options(parser)
+    return parser
+
+
+def _chosen(result: reading.Result, found: argparse.Namespace) -> tuple[reading.Step, ...]:
+    """Return the states that are to be drawn."""
+    steps = result.steps
+    if found.gif is not None:
+        if found.time is not None:
+            raise InputError("--time: an animation has them all; leave it out, or take --png")
+        return steps
+    if found.time is None:
+        return steps[-1:]
+    times = np.array([step.time for step in steps])
+    if len(steps) == 1:
+        raise InputError(f"--time: {result.name} has one state alone")
+    if not times[0] <= found.time <= times[-1]:
+        raise InputError(f"--time: got {found.time:g}, need {times[0]:g} to {times[-1]:g}")
+    return (steps[int(np.argmin(np.abs(times - found.time)))],)
+
+
+def _frames(
+    result: reading.Result, steps: Sequence[reading.Step], found: argparse.Namespace
+) -> tuple[list[picture.Frame], float, str]:
+    """Return what is to be drawn, by how much it is moved, and what the colours are."""
+    meshes = [[reading.mesh(path) for path in step.files] for step in steps]
+    modes = _modes(meshes[-1])
+    if found.mode is not None and not modes:
+        raise InputError(f"--mode: {result.name} has no modes; there are {', '.join(_fields(meshes[-1]))}")
+    motion = "displacement"
+    words = [result.name] * len(steps)
+    if modes:
+        number = 1 if found.mode is None else found.mode
+        if not 1 <= number <= len(modes):
+            raise InputError(f"--mode: got {number}, need 1 to {len(modes)}")
+        motion = f"mode_{number}"
+        words = [f"{result.name}\nmode {number}{_frequency(result, number)}"] * len(steps)
+    elif len(result.steps) > 1:
+        what = "load factor" if result.analysis == "statics" else "time"
+        told = animation.written([step.time for step in result.steps])
+        words = [f"{result.name}\n{what} {step.time:{told}}" for step in steps]
+    colour = _colour(meshes[-1], motion, found.colour, result.name)
+    for mesh in (mesh for frame in meshes for mesh in frame):
+        _prepare(mesh, motion, colour)
+    scale = _scale(found.scale, meshes, bool(modes))
+    if scale != 1.0 and not modes:
+        words = [f"{one}\ndisplacements x {scale:.3g}" for one in words]
+    frames = [picture.Frame(one, said) for one, said in zip(meshes, words, strict=True)]
+    if found.gif is not None and len(frames) == 1:
+        if not modes:
+            raise InputError(f"--gif: {result.name} has one state alone, which does not move; take --png")
+        frames = [picture.Frame(meshes[0], words[0], share) for share in animation.shares()]
+    title = _TITLES["displacement"].partition("\n")[0] if modes else _TITLES.get(colour, colour.replace("_", " "))
+    return frames, scale, title
+
+
+def _modes(meshes: Sequence[Any]) -> list[str]:
+    return [name for name in meshes[0].point_data if name.startswith("mode_")]
+
+
+def _fields(meshes: Sequence[Any]) -> list[str]:
+    """Return the names of the fields that a body at least has, each once."""
+    names = dict.fromkeys(name for mesh in meshes for name in mesh.point_data)
+    return [name for name in names if name not in _INTERNAL]
+
+
+def _colour(meshes: Sequence[Any], motion: str, given: str | None, name: str) -> str:
+    """Return the field that the colours show."""
+    fields = _fields(meshes)
+    if motion.startswith("mode_"):
+        if given not in (None, "displacement"):
+            raise InputError(f"--colour: got {given}, a mode has displacement alone")
+        return motion
+    if given is not None and given not in fields:
+        raise InputError(f"--colour: {name} has no field {given}; there are {', '.join(fields)}")
+    if given is None:
+        given = next((one for one in ("von_mises", "displacement", *fields) if one in fields), None)
+    if given is None:
+        raise InputError(f"{name}: its files have no fields")
+    return given
+
+
+def _prepare(mesh: Any, motion: str, colour: str) -> None:
+    """Give a mesh its ``motion`` and the ``colour``, and nothing else; not a number where it has none."""
+    fields = {name: np.asarray(values, dtype=float) for name, values in mesh.point_data.items()}
+    values = fields.get(colour, np.full(mesh.n_points, np.nan))
+    if colour == "von_mises":
+        # Polynomials of the files may go below.
+        values = np.maximum(values, 0.0)
+    mesh.clear_point_data()
+    mesh.point_data["motion"] = fields.get(motion, np.zeros((mesh.n_points, 3)))
+    mesh.point_data["colour"] = values if values.ndim == 1 else np.linalg.norm(values, axis=1)
+
+
+def _scale(given: str | None, meshes: Sequence[Sequence[Any]], modes: bool) -> float:
+    """Return by how much displacements are multiplied."""
+    if given is None and not modes:
+        return 1.0
+    if given not in (None, "auto"):
+        try:
+            value = float(given or "")
+        except ValueError:
+            value = np.nan
+        if not np.isfinite(value):
+            raise InputError(f"--scale: got {given!r:.40}, need a number or auto")
+        return value
+    points = np.concatenate([mesh.points for mesh in meshes[0]])
+    size = float(np.ptp(points, axis=0).max())
+    largest = max(float(np.linalg.norm(mesh.point_data["motion"], axis=1).max()) for one in meshes for mesh in one)
+    return _SEEN * size / largest if largest > 0.0 else 1.0
+
+
+def _frequency(result: reading.Result, number: int) -> str:
+    """Return the frequency of a mode in words, where the record says it."""
+    values = result.record.get("frequencies", ())
+    return f": frequency {values[number - 1]:.5g}" if number <= len(values) else ""
+
+
+def _curves(result: reading.Result, found: argparse.Namespace) -> int:
+    """Draw curves of a run."""
+    from isorod.output import curves
+
+    for name in ("gif", "mode", "time", "colour", "scale"):
+        if getattr(found, name) is not None:
+            raise InputError(f"--{name}: curves have none; leave it out")
+    path = Path(found.curve) if found.curve else result.curves
+    if path is None:
+        raise InputError(f"{found.place}: this run of {result.name} has left no curves (.csv)")
+    window = drawing.prepare("plot", found, curves=True)
+    curves.draw(path, result.name, found.size, None if window else Path(found.png))
+    if not window:
+        print(f"{found.png}: {found.size[0]} x {found.size[1]} pixels")
+    return 0

@@ -1,0 +1,47 @@
+"""``isorod show``: the rods of a scene with their control points, before anything is solved."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from isorod.command import chosen, drawing, notes
+from isorod.command.parser import Parser
+
+
+def main(ours: Sequence[str], theirs: Sequence[str] = ()) -> int:
+    """Show the rods of a scene in a window, or write a picture of them; return the exit code."""
+    if chosen.usage("show", ours, theirs):
+        return 0
+    scene, found, _ = chosen.choose("show", ours, theirs, _more)
+    window = drawing.prepare("show", found)
+    from isorod.output import picture, shape
+
+    model, start = None, None
+    if scene.analysis == "geometry":
+        rods = list(scene.rods()) if hasattr(scene, "rods") else [scene.rod()]
+        for rod in rods:
+            rod.check()
+    else:
+        model = scene.model()
+        rods = [body.space.rod for body in model.bodies]
+        if scene.analysis == "dynamics":
+            start = scene.settings().get("displacement")
+    with picture.stage(found.size, window) as plotter:
+        shape.draw(plotter, rods, model, start, _title(scene), found.view, found.size)
+        if window:
+            picture.wait(plotter)
+        else:
+            picture.save(picture.taken(plotter), Path(found.png))
+            print(f"{found.png}: {found.size[0]} x {found.size[1]} pixels")
+    notes.show()
+    return 0
+
+
+def _more(parser: Parser, scene: Any) -> None:
+    """Add the options of a picture."""
+    drawing.add_options(parser)
+
+
+def _title(scene: Any) -> str:
+    """Return what a scene is."""
+    return scene.title if hasattr(scene, "title") else type(scene).__name__.lower()

@@ -1,0 +1,183 @@
+"""What runs have left in a results folder: their records, and the files that these name."""
+
+import json
+import locale
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+from xml.etree import ElementTree
+
+import numpy as np
+
+from isorod.errors import InputError
+from isorod.output import bezier
+from isorod.output.folder import RECORDS
+
+# Small cells in which curved ones of a body are shown, about.
+_CELLS = 100_000
+
+
+class Step(NamedTuple):
+    """A state that was kept: its time, or load factor, and a file for each body."""
+
+    time: float
+    files: tuple[Path, ...]
+
+
+class Result(NamedTuple):
+    """A run's result, or what a file holds.
+
+    Attributes
+    ----------
+    name
+        Of the scene, or the file.
+    record
+        The run's record; empty where a file was named.
+    steps
+        The states that were kept, in order.
+    curves
+        The file of its curves, if there is one.
+    """
+
+    name: str
+    record: Mapping[str, Any]
+    steps: tuple[Step, ...]
+    curves: Path | None
+
+    @property
+    def analysis(self) -> str | None:
+        """The analysis, where that is known."""
+        return self.record.get("analysis")
+
+
+def find(place: str, run: int | None = None) -> Result:
+    """Return a run's result.
+
+    Parameters
+    ----------
+    place
+        A results folder, or a ``.vtu``, ``.pvd`` or ``.csv`` file.
+    run
+        Which of the folder's runs, from 1; the last where not given.
+
+    Raises
+    ------
+    InputError
+        If there is no such folder, file or run.
+    """
+    path = Path(place)
+    if path.is_dir():
+        return _run(path, run)
+    if not path.exists():
+        raise InputError(f"{place}: there is no such folder or file; isorod run SCENE --output DIR makes one")
+    if run is not None:
+        raise InputError(f"--run goes with a results folder, and {place} is a file")
+    match path.suffix.lower():
+        case ".vtu":
+            return Result(path.stem, {}, (Step(0.0, (path,)),), None)
+        case ".pvd":
+            return Result(path.stem, {}, _series(path), None)
+        case ".csv":
+            return Result(path.stem, {}, (), path)
+    raise InputError(f"{place}: need a results folder, or a .vtu, .pvd or .csv file")
+
+
+def _run(folder: Path, run: int | None) -> Result:
+    """Return the result of one of a folder's runs."""
+    records = _records(folder / RECORDS)
+    count = len(records)
+    if run is not None and not 1 <= run <= count:
+        raise InputError(f"{folder}: there is no run {run}; need 1 to {count}" if count > 1 else _only(folder, run))
+    record = records[-1 if run is None else run - 1]
+    files = [folder / name for name in record.get("files", ())]
+    kinds = {kind: [one for one in files if one.suffix == kind] for kind in (".pvd", ".vtu", ".csv")}
+    steps: tuple[Step, ...] = ()
+    if kinds[".pvd"]:
+        steps = _series(kinds[".pvd"][0])
+    elif kinds[".vtu"]:
+        steps = (Step(0.0, tuple(kinds[".vtu"])),)
+    return Result(str(record.get("scene", folder.name)), record, steps, next(iter(kinds[".csv"]), None))
+
+
+def _only(folder: Path, run: int) -> str:
+    return f"{folder}: there is no run {run}; it has one alone"
+
+
+def _records(path: Path) -> list[dict[str, Any]]:
+    """Return the records of a folder; a last line that is torn is left out."""
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except FileNotFoundError:
+        raise InputError(
+            f"{path.parent}: no run has left its results there; isorod run SCENE --output DIR does"
+        ) from None
+    except (OSError, UnicodeDecodeError) as problem:
+        raise InputError(f"{path}: cannot be read ({problem})") from None
+    found = []
+    for number, line in enumerate(lines, 1):
+        try:
+            record = json.loads(line)
+        except ValueError:
+            record = None
+        if isinstance(record, dict):
+            found.append(record)
+        elif line.strip() and number < len(lines):
+            raise InputError(f"{path}:{number}: is no record of a run")
+    if not found:
+        raise InputError(f"{path}: there is no run in it")
+    return found
+
+
+def _series(path: Path) -> tuple[Step, ...]:
+    """Return the states that a ``.pvd`` file names."""
+    try:
+        sets = ElementTree.parse(path).getroot().findall("Collection/DataSet")
+        entries = [(float(one.get("timestep", "0")), int(one.get("part", "0")), one.attrib["file"]) for one in sets]
+    except (OSError, ElementTree.ParseError, KeyError, ValueError) as problem:
+        raise InputError(f"{path}: cannot be read ({problem})") from None
+    if not entries:
+        raise InputError(f"{path}: no file is named in it")
+    steps: dict[float, list[Path]] = {}
+    for time, _, name in sorted(entries):
+        steps.setdefault(time, []).append(path.parent / name)
+    return tuple(Step(time, tuple(files)) for time, files in steps.items())
+
+
+def mesh(path: Path) -> Any:
+    """Return what is in a ``.vtu`` file, curved cells as small ones, with its fields.
+
+    Raises
+    ------
+    InputError
+        If there is none, or it cannot be read.
+    """
+    import pyvista
+
+    if not path.is_file():
+        raise InputError(f"{path}: there is no such file, though the run's record names it")
+    from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridReader
+
+    reader = vtkXMLUnstructuredGridReader()
+    reader.SetFileName(str(path))
+    with _silently():
+        reader.Update()
+    found = pyvista.wrap(reader.GetOutput())
+    if not found.n_cells:
+        raise InputError(f"{path}: no cells can be read from it; need a .vtu file of isorod's")
+    parts = int(np.clip((_CELLS / found.n_cells) ** (1.0 / 3.0), 2, 8))
+    return bezier.in_small_cells(found, parts)
+
+
+@contextmanager
+def _silently() -> Iterator[None]:
+    """Let VTK say nothing of bad files, in many lines from C++, and leave the C locale as it was."""
+    from vtkmodules.vtkCommonCore import vtkObject
+
+    shown, kept = vtkObject.GetGlobalWarningDisplay(), locale.setlocale(locale.LC_ALL)
+    vtkObject.GlobalWarningDisplayOff()
+    try:
+        yield
+    finally:
+        vtkObject.SetGlobalWarningDisplay(shown)
+        locale.setlocale(locale.LC_ALL, kept)

@@ -1,0 +1,291 @@
+"""Pictures of rods as they are made: surface and control points, what holds and loads them, what they meet."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import chain
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from isorod.arrays import Array
+from isorod.errors import InputError
+from isorod.geometry.axis import Axis
+from isorod.geometry.rod import Rod
+from isorod.model.body import Body
+from isorod.model.contact import Cylinder, Obstacle, Plane, Sphere
+from isorod.model.load import SectionLoad
+from isorod.model.model import Model
+from isorod.output import picture
+from isorod.space.space import Space
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
+# Of rods, one after the other, and of what is beside them.
+_TINTS = ("#e3b587", "#8fb7dd", "#a5cf93", "#d9a0c3", "#c9c07a", "#8ecfc9", "#c3aee0")
+_POINTS, _HELD, _MOVED, _LOADED, _OBSTACLE, _LAID = "#a01c1c", "#303030", "#1f5fbf", "#d9480f", "#868c93", "#9db1c4"
+
+# Points round a section and slices of an element, and no more slices of a rod than this.
+_AROUND = 64
+_SLICES, _MOST = 16, 4000
+
+# Pixels at the right for the legend and the axes.
+_ROOM = 190
+
+# Length of an arrow over the size of all rods, or over the section's radius where it would not come out of it.
+_ARROW, _OUT = 0.12, 2.0
+
+
+def show(
+    what: Rod | Space | Body | Model | Sequence[Rod],
+    view: tuple[float, float, float] = picture.VIEW,
+    size: tuple[int, int] = picture.SIZE,
+    title: str = "",
+) -> "Image":
+    """Return a picture of rods with their control points, which a notebook shows; ``save("rod.png")`` keeps it.
+
+    Of a model also held ends and prescribed displacements, loads and obstacles; arrows say where to, not how far.
+
+    Parameters
+    ----------
+    what
+        A rod, several, or a model of them.
+    view
+        Direction from which one looks.
+    size
+        Width and height, pixels.
+    title
+        What is written above them.
+
+    Raises
+    ------
+    InputError
+        If there is nothing to draw, an argument cannot be used, or pyvista is not installed.
+    """
+    model = what if isinstance(what, Model) else None
+    rods = list(_rods(what))
+    picture.check(view, size, "show")
+    with picture.stage(size) as plotter:
+        draw(plotter, rods, model, None, title, view, size)
+        return picture.taken(plotter)
+
+
+def draw(
+    plotter: Any,
+    rods: Sequence[Rod],
+    model: Model | None,
+    start: Array | None,
+    title: str,
+    view: Sequence[float],
+    size: Sequence[int],
+) -> None:
+    """Draw what `show` does; ``start`` are the displacements in which a motion of the model begins."""
+    surfaces = [_surface(rod) for rod in rods]
+    seen = [rod.control_points.reshape(-1, 3) for rod in rods]
+    everything = np.concatenate(seen)
+    extent = float(np.linalg.norm(np.ptp(everything, axis=0)))
+    legend = {"control points": _POINTS}
+    many = sum(len(points) for points in seen)
+    for k, (rod, surface) in enumerate(zip(rods, surfaces, strict=True)):
+        for mesh in surface:
+            plotter.add_mesh(mesh, color=_TINTS[k % len(_TINTS)], smooth_shading=True, ambient=0.15)
+        breaks = rod.axis.breaks if model is None else model.bodies[k].space.axis.breaks
+        picture.add_lines(plotter, list(_borders(rod, breaks)), "black", 1.0, opacity=0.6)
+        picture.add_lines(plotter, list(_net(rod)), _POINTS, 1.0, opacity=0.45)
+        wide = 9 if many < 300 else 6 if many < 1500 else 3
+        plotter.add_points(seen[k], color=_POINTS, point_size=wide, render_points_as_spheres=True)
+    if model is not None:
+        for name, colour, points in chain(_marks(plotter, model, extent), _obstacles(plotter, model, everything)):
+            legend[name] = colour
+            seen.append(points)
+        if start is not None:
+            legend["as it begins"] = _LAID
+            seen += _laid(plotter, model, start)
+    words = "\n".join(filter(None, [title, _said(rods)]))
+    picture.write(plotter, words, (10, 8))
+    picture.write(plotter, _extents(everything), (10, -8), 9)
+    for k, (name, colour) in enumerate(legend.items()):
+        picture.write(plotter, name, (size[0] - _ROOM + 10, 8 + 22 * k), 11, colour)
+    plotter.add_axes(color="black", line_width=2, viewport=(1.0 - 130 / size[0], 0.0, 1.0, 130 / size[1]))
+    picture.look(plotter.camera, np.concatenate(seen), np.asarray(view, dtype=float), size, room=_ROOM, words=words)
+
+
+def _rods(what: Any) -> Iterator[Rod]:
+    """Yield the rods of what is to be shown."""
+    if isinstance(what, Rod):
+        yield what
+    elif isinstance(what, Space):
+        yield what.rod
+    elif isinstance(what, Body):
+        yield what.space.rod
+    elif isinstance(what, Model):
+        yield from (body.space.rod for body in what.bodies)
+    elif isinstance(what, Iterable) and not isinstance(what, str):
+        several = list(what)
+        if not several:
+            raise InputError("show: got no rods, need at least one")
+        for one in several:
+            yield from _rods(one)
+    else:
+        raise InputError(f"show: got {type(what).__name__}, need a Rod, several, or a Model")
+
+
+def _said(rods: Sequence[Rod]) -> str:
+    """Return in words of what rods are made."""
+    count = sum(rod.distinct_control_points for rod in rods)
+    several = f"{len(rods)} rods, " if len(rods) > 1 else ""
+    return f"{several}{count} control points"
+
+
+def _extents(points: Array) -> str:
+    low, high = points.min(axis=0), points.max(axis=0)
+    # Rounding is no extent.
+    low, high = (np.where(np.abs(one) < 1e-9 * np.abs(points).max(), 0.0, one) for one in (low, high))
+    return "control points: " + ", ".join(
+        f"{name} {a:.4g} to {b:.4g}" for name, a, b in zip("xyz", low, high, strict=True)
+    )
+
+
+def _circle(count: int, radius: float = 1.0) -> Array:
+    angle = np.linspace(0.0, 2.0 * np.pi, count + 1)
+    return radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
+def _along(axis: Axis) -> Array:
+    """Return axis parameters of slices, kinks included."""
+    slices = max(2, min(_SLICES, _MOST // axis.elements))
+    breaks = axis.breaks
+    return np.append((breaks[:-1, None] + np.diff(breaks)[:, None] * np.arange(slices) / slices).ravel(), breaks[-1])
+
+
+def _surface(rod: Rod, body: Body | None = None, nodal: Array | None = None) -> list[Any]:
+    """Return the surface of a rod, that of a hole and end faces apart, of a body moved by ``nodal``."""
+
+    def grid(xi: Array, u: Array) -> Array:
+        rest = rod.grid(xi, u)[0]
+        return rest if body is None or nodal is None else rest + body.space.displacement(nodal, xi, u)[0]
+
+    hole, u = rod.rings[0], _along(rod.axis if body is None else body.space.axis)
+    found = [_sheet(grid(_circle(_AROUND), u))]
+    if hole > 0.0:
+        found.append(_sheet(grid(_circle(_AROUND, hole), u)))
+    if not rod.closed:
+        shares = np.linspace(hole, 1.0, 9)
+        face = (shares[:, None, None] * _circle(_AROUND)).reshape(-1, 2)
+        ends = grid(face, u[[0, -1]]).reshape(2, shares.size, _AROUND + 1, 3)
+        found += [_sheet(one) for one in ends]
+    return found
+
+
+def _sheet(points: Array) -> Any:
+    """Return quadrilaterals through points ``(a, b, 3)``."""
+    import pyvista
+
+    return pyvista.StructuredGrid(*np.moveaxis(points[None], -1, 0)).extract_surface(algorithm="dataset_surface")
+
+
+def _borders(rod: Rod, breaks: Array) -> Iterator[Array]:
+    """Yield the circles between elements, and of open rods those between the rings of end faces."""
+    yield from rod.grid(_circle(_AROUND), breaks)[0]
+    for radius in rod.rings[:-1] if not rod.closed else ():
+        if radius > 0.0:
+            yield from rod.grid(_circle(_AROUND, radius), rod.axis.breaks[[0, -1]])[0]
+
+
+def _net(rod: Rod) -> Iterator[Array]:
+    """Yield the polygons of control points round the layers, and those along the rod."""
+    points = rod.control_points
+    yield from np.concatenate([points, points[:, :1]], axis=1)
+    yield from points.swapaxes(0, 1)
+
+
+def _marks(plotter: Any, model: Model, extent: float) -> Iterator[tuple[str, str, Array]]:
+    """Add what holds, moves and loads the bodies; yield its name, its colour and points where it is."""
+    for support in model.supports:
+        space = model.bodies[support.body].space
+        nodes = np.asarray(support.nodes)
+        held = nodes[space.is_carrier[nodes]]
+        layers = np.unique(nodes // space.layer_nodes)
+        place = space.positions[held].mean(axis=0)
+        breaks = space.rod.axis.breaks
+        whole = nodes.size == space.layer_nodes and layers.size == 1 and layers[0] in (0, space.layers - 1)
+        if whole:
+            end = breaks[[0 if layers[0] == 0 else -1]]
+            hole, shares = space.rod.rings[0], np.linspace(0.0, 1.0, 9)
+            face = ((hole + (1.0 - hole) * shares)[:, None, None] * _circle(_AROUND)).reshape(-1, 2)
+            sheet = space.rod.grid(face, end)[0].reshape(shares.size, _AROUND + 1, 3)
+            plotter.add_mesh(_sheet(sheet), color=_HELD, lighting=False)
+            picture.add_lines(plotter, [sheet[-1]], _HELD, 5.0)
+            place = sheet[0].mean(axis=0)
+            yield "held end", _HELD, sheet[-1]
+        else:
+            plotter.add_points(space.positions[held], color=_HELD, point_size=11, render_points_as_spheres=True)
+            yield "held control points", _HELD, space.positions[held]
+        way = np.atleast_2d(np.asarray(support.displacement, dtype=float)).mean(axis=0)
+        way = way * [letter in support.components for letter in "xyz"]
+        if np.linalg.norm(way) > 1e-9 * extent:
+            arrow = _arrow(place, way, max(_ARROW * extent, _OUT * _radius(space.positions[held])))
+            plotter.add_mesh(arrow, color=_MOVED)
+            yield "prescribed motion", _MOVED, arrow.points
+    for load in model.loads:
+        if isinstance(load, SectionLoad) and np.any(load.force):
+            rod = model.bodies[load.body].space.rod
+            u = rod.axis.breaks[-1] if load.u is None else load.u
+            outline = rod.grid(_circle(_AROUND)[:-1], [u])[0][0]
+            length = max(_ARROW * extent, _OUT * _radius(outline))
+            arrow = _arrow(outline.mean(axis=0), np.asarray(load.force, dtype=float), length)
+            plotter.add_mesh(arrow, color=_LOADED)
+            yield "force", _LOADED, arrow.points
+
+
+def _radius(points: Array) -> float:
+    """Return how far points ``(m, 3)`` are from their middle."""
+    return float(np.linalg.norm(points - points.mean(axis=0), axis=1).max())
+
+
+def _arrow(place: Array, way: Array, length: float) -> Any:
+    import pyvista
+
+    return pyvista.Arrow(start=place, direction=way, scale=length, shaft_radius=0.03, tip_radius=0.08)
+
+
+def _obstacles(plotter: Any, model: Model, rods: Array) -> Iterator[tuple[str, str, Array]]:
+    """Add the obstacles of a model's contacts; yield as `_marks` does what of them is near the points of its rods."""
+    middle, extent = rods.mean(axis=0), float(np.linalg.norm(np.ptp(rods, axis=0)))
+    for one in {id(contact.second): contact.second for contact in model.contacts}.values():
+        if isinstance(one, Obstacle):
+            mesh = _solid(one, rods)
+            plotter.add_mesh(mesh, color=_OBSTACLE, opacity=0.4)
+            edges = mesh.extract_feature_edges(20.0)
+            if edges.n_points:
+                plotter.add_mesh(edges, color=_OBSTACLE, line_width=1.5, lighting=False)
+            yield "obstacle", _OBSTACLE, mesh.points[np.abs(mesh.points - middle).max(axis=1) < 0.75 * extent]
+
+
+def _laid(plotter: Any, model: Model, displacement: Array) -> Iterator[Array]:
+    """Add the rods as they are displaced, and yield their points."""
+    for b, body in enumerate(model.bodies):
+        for mesh in _surface(body.space.rod, body, model.nodal(displacement, b)):
+            plotter.add_mesh(mesh, color=_LAID, smooth_shading=True)
+            yield mesh.points
+
+
+def _solid(one: Obstacle, points: Array) -> Any:
+    """Return an obstacle, of one without ends what is beside the points ``(m, 3)``."""
+    import pyvista
+
+    middle, extent = points.mean(axis=0), float(np.linalg.norm(np.ptp(points, axis=0)))
+    if isinstance(one, Plane):
+        normal = np.asarray(one.normal) / np.linalg.norm(one.normal)
+        below = middle - ((middle - one.point) @ normal) * normal
+        return pyvista.Plane(
+            center=below, direction=normal, i_size=extent, j_size=extent, i_resolution=1, j_resolution=1
+        )
+    if isinstance(one, Cylinder):
+        axis = np.asarray(one.axis) / np.linalg.norm(one.axis)
+        along = (points - one.point) @ axis
+        length = np.ptp(along) + max(0.1 * extent, 0.5 * one.radius)
+        center = np.asarray(one.point) + 0.5 * (along.min() + along.max()) * axis
+        return pyvista.Cylinder(center=center, direction=axis, radius=one.radius, height=length, resolution=96)
+    if isinstance(one, Sphere):
+        return pyvista.Sphere(radius=one.radius, center=one.center, theta_resolution=64, phi_resolution=48)
+    return pyvista.PolyData.from_regular_faces(np.asarray(one.vertices, dtype=float), np.asarray(one.triangles))
