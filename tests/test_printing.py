@@ -13,8 +13,8 @@ from test_motion_steps import MUSCLE, bar
 from isorod import dynamics, scenes
 from isorod.command import cli, printing
 from isorod.command import run as running
-from isorod.dynamics import progress
 from isorod.dynamics.explicit import run as explicit
+from isorod.output import progress
 from isorod.output.words import duration
 
 SPRING = {"preset": "paper", "coils": 1, "elements_per_turn": 4, "section_points": 4}

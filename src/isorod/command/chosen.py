@@ -105,6 +105,14 @@ def _parser(command: str, name: str, scene: Any, more: More) -> Parser:
         add_fields(parser, scene)
     more(parser, scene)
     if not isinstance(scene, type):
+        parser.add_argument(
+            "--set",
+            action="append",
+            dest="changes",
+            metavar="PATH=VALUE",
+            help="put a value in the place of the file's: rod.NAME.law.NeoHookean.nu=0.3, "
+            "support.NAME.displacement.2=0.5 (as often as need be)",
+        )
         # What is not typed is as the file says.
         known = {action.dest for action in parser._actions}
         parser.set_defaults(**{name: None for name in _FROM_FILE if name in known})

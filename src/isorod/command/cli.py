@@ -27,6 +27,7 @@ COMMANDS = {
     "run": Command("answer", "run a scene, or a file that describes one", petsc=True),
     "show": Command("show", "show the rods of a scene with their control points, in a window or as a picture"),
     "plot": Command("plot", "draw what a run has left: deformed and coloured, moving, or as curves"),
+    "sweep": Command("sweep", "run a scene with every combination of values of options, into a table", petsc=True),
     "matrices": Command("matrices", "write the matrices of a scene or a file for other programs", petsc=True),
     "mesh": Command("mesh", "write hexahedra of the rods of a scene or a file: .msh, .inp, .vtu"),
     "compare": Command("compare", "solve a scene by finite elements too, and tell errors and times"),

@@ -18,11 +18,21 @@ LARGE = 0.01
 CLOSER = 3
 
 
-def solve(scene: Any, settings: Mapping[str, Any]) -> tuple[Any, dict[str, float]]:
+def solve(
+    scene: Any, settings: Mapping[str, Any], begin: Callable[[Any], Any] | None = None
+) -> tuple[Any, dict[str, float]]:
     """Build a scene's model and solve it with its analysis; return the solution and the wall times.
 
-    ``settings`` are keyword arguments of the analysis (`solve` of `isorod.statics`, `isorod.modal`, `isorod.dynamics`).
-     PETSc must be running.
+    PETSc must be running.
+
+    Parameters
+    ----------
+    scene
+        The scene.
+    settings
+        Keyword arguments of the analysis (`solve` of `isorod.statics`, `isorod.modal`, `isorod.dynamics`).
+    begin
+        Returns, of a model of statics, a displacement to begin at, or None.
     """
     from isorod import compiling
     from isorod.compiled import cofactors
@@ -38,14 +48,17 @@ def solve(scene: Any, settings: Mapping[str, Any]) -> tuple[Any, dict[str, float
     cofactors.ready()
     # The scene of a file says where in it errors come from.
     with getattr(scene, "told", nullcontext)():
-        start = perf_counter()
+        started = perf_counter()
         model = scene.model()
         built = perf_counter()
+        start = None if begin is None else begin(model)
+        if start is not None:
+            settings = {**settings, "start": start}
         solution = _solve_closer(scene, model, analysis.solve, settings)
     seconds = dict(solution.seconds)
-    seconds["setup"] += built - start
+    seconds["setup"] += built - started
     # With ``check``: what proves a result is a part of getting it.
-    seconds["total"] = perf_counter() - start
+    seconds["total"] = perf_counter() - started
     return solution, seconds
 
 

@@ -16,11 +16,11 @@ from isorod.checks import overlap
 from isorod.checks.reactions import by_support, support_displacements
 from isorod.dynamics.explicit.step_kernel import activation
 from isorod.dynamics.explicit.system import System
-from isorod.dynamics.progress import Progress
 from isorod.dynamics.run import Run, Settings
 from isorod.errors import InputError, expect, representable, whole_number
 from isorod.model.model import Model
 from isorod.output import checkpoint as files
+from isorod.output.progress import Progress
 from isorod.output.state import Animated, State
 from isorod.petsc.options import in_force
 
@@ -229,7 +229,7 @@ def solve(
         File to keep the state in, at outputs at least this many seconds of wall time apart; whether to continue from
         it, to a later end time too if outputs are as far apart.  A file that is there is not overwritten without.
     progress
-        Show how far it is on standard error (`isorod.dynamics.progress`).
+        Show how far it is on standard error (`isorod.output.progress`).
     integrator
         ``"explicit"`` or ``"implicit"``.
     petsc

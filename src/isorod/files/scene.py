@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from isorod.errors import InputError, SolveError
-from isorod.files import schema
+from isorod.files import changes, schema
 from isorod.files.document import KEYS, Document, Place, shown
 from isorod.files.form import Call, Form, Name, call, choice
 from isorod.files.rod import RodPlan
@@ -58,6 +58,8 @@ class FileScene:
         All that the space of a rod is told in the place of that, by its name (`on`).
     patches
         Where something small presses on rods, by their number (`closer`).
+    changes
+        Values in the place of the file's own (`isorod.files.changes`).
 
     Attributes
     ----------
@@ -90,9 +92,11 @@ class FileScene:
     quadrature: str | None = _space("quadrature rule: auto, full, paper, RxS or RxSxT such as 2x1x4")
     spaces: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     patches: "Mapping[int, Sequence[Patch]]" = field(default_factory=dict)
+    changes: Sequence[str] = ()
 
     def __post_init__(self) -> None:
         document = Document(self.path)
+        changes.put(document, self.changes)
         self.name, self.content, self.data = Path(self.path).stem, document.content, document.read
         self._top = top = document.top
         for key in self.content:

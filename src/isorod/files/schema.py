@@ -64,7 +64,7 @@ OBSTACLES = {
 }
 CONTACTS = Form("isorod.model.contact:Contact", kinds={"first": ROD, "second": PARTNER})
 
-_RUN = tuple("model comm state displacement velocity checkpoint every resume progress start".split())
+_RUN = tuple("model comm state displacement velocity checkpoint every resume progress start keep".split())
 ANALYSES = {
     "statics": Form("isorod.statics:solve", left=_RUN),
     "modal": Form("isorod.modal:solve", left=_RUN),

@@ -14,6 +14,7 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
+from functools import cache
 from io import FileIO
 from pathlib import Path
 from typing import Any
@@ -78,7 +79,7 @@ def locked(path: Path) -> Iterator[FileIO]:
     """
     try:
         with _alone(path) as file:
-            size = _mend(file, path)
+            size = mend(file, path)
             try:
                 yield file
                 os.fsync(file.fileno())
@@ -123,8 +124,8 @@ def is_torn(text: bytes) -> bool:
         return True
 
 
-def _mend(file: FileIO, path: Path) -> int:
-    """Cut a torn last line off a file that is locked; return the size that is left."""
+def mend(file: FileIO, path: Path) -> int:
+    """Cut a torn last line off a file of JSON lines that is locked; return the size that is left."""
     size = file.seek(0, os.SEEK_END)
     tail = b""
     while size > len(tail) and b"\n" not in tail:
@@ -241,6 +242,7 @@ def _plain(value: Any) -> Any:
     raise TypeError(f"{type(value).__name__} does not go into a result")
 
 
+@cache
 def _commit() -> str | None:
     command = ["git", "-C", str(Path(__file__).parent), "describe", "--always", "--dirty"]
     try:
@@ -250,6 +252,7 @@ def _commit() -> str | None:
     return done.stdout.strip() or None
 
 
+@cache
 def _processor() -> str:
     try:
         for text in Path("/proc/cpuinfo").read_text().splitlines():

@@ -70,12 +70,17 @@ class Convergence:
         self._rounding: Array | None = None
         self.carried_force = 0.0
         self._scale = 0.0
+        self._near = False
         self._floor = 0.0
         self._first = 0.0
 
-    def update(self, matrix: PETSc.Mat, scale: float) -> None:
-        """Prepare a load step: its tangent, and the norm of its predictor's force."""
-        self._scale = scale
+    def update(self, matrix: PETSc.Mat, scale: float | None) -> None:
+        """Prepare a load step: its tangent, and the norm of its predictor's force; None where there is no predictor.
+
+        Then it is the forces carried that decide, and where these are not all there is, rounding.
+        """
+        self._scale = scale if scale is not None else np.inf if self.plain else 0.0
+        self._near = scale is None
         self._rounding = None
         if self.plain and has_whole_rows(matrix):
             if self._sizes is None:
@@ -126,10 +131,12 @@ class Convergence:
         if iteration == 0:
             self._first = force
         rtol, _, stol, _ = snes.getTolerances()
-        if self.reached(snes.getFunction()[0], force, rtol):
+        # Near an equilibrium a second step costs little: it has the factors of the first.
+        first = self._near and iteration < 2
+        if self.reached(snes.getFunction()[0], force, 0.0 if first else rtol):
             return reasons.CONVERGED_FNORM_ABS
         if self.plain and force > GROWTH * self._first:
             return reasons.DIVERGED_DTOL
-        if iteration > 0 and change < max(stol, STEP) * state:
+        if iteration > 0 and not first and change < max(stol, STEP) * state:
             return reasons.CONVERGED_SNORM_RELATIVE
         return reasons.CONVERGED_ITERATING

@@ -88,7 +88,7 @@ class Newton:
         self._matrix = assembler.matrix()
         self._factor = 0.0
         self._solves = 0
-        self._filled = False
+        self._filled = self._fresh = False
         self._convergence = Convergence(assembler)
         self._history: _Past | None = None
         self.stabilisation: Stabilisation | None = None
@@ -149,6 +149,9 @@ class Newton:
     def _tangent(self, snes: PETSc.SNES, x: PETSc.Vec, out: PETSc.Mat) -> None:
         # The last tangent, with its factors, may be good enough for the last iteration.
         own = self._may_reuse and snes.handle == self.snes.handle and out.handle == self._matrix.handle
+        fresh, self._fresh = self._fresh, False
+        if own and fresh:
+            return
         if not (own and len(self.norms) > 1 and self._convergence.reuses_tangent(self.norms[-2], self.norms[-1], snes)):
             self._fill(x, self._factor, out)
 
@@ -228,8 +231,8 @@ class Newton:
             self.stabilisation.vanish(again, self.x)
         return self.stabilisation
 
-    def _predict(self, factor: float, step: float) -> tuple[float, PETSc.Vec]:
-        """Set the trial state of a step; return the norm of the force that drives it, and the slope of the path."""
+    def _predict(self, factor: float, step: float) -> tuple[float | None, PETSc.Vec]:
+        """Set the trial state of a step; return the norm of the force that drives it, if any, and the path's slope."""
         assembler = self.assembler
         assembler.extrapolate()
         if not step and self._filled:
@@ -238,6 +241,11 @@ class Newton:
             return self._convergence.carried_force, assembler.vector()
         self._filled = True
         self._fill(self.x, factor, self._matrix)
+        if not step:
+            # Newton's first iteration from here has this tangent.
+            self._fresh = True
+            self.x.copy(self._trial)
+            return None, assembler.vector()
         # A cubic predictor takes the path's slope, the first step the whole way of supports that turn.
         share = 1.0 if self._history is None else _DELTA
         assembler.load_forces(self.x, factor, share * step, self._force)
@@ -287,10 +295,10 @@ class Newton:
         self._trial.axpy(1.0, gap)
         return True
 
-    def _correct(self, scale: float) -> int:
+    def _correct(self, scale: float | None) -> int:
         """Bring the trial state into balance; return the number of linear solves, the predictor's included."""
         snes = self.snes
-        self.norms = [scale]
+        self.norms = [] if scale is None else [scale]
         if self._line_search is not None:
             self._line_search.short = 0
         if self._own_tolerance:

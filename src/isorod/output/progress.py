@@ -1,4 +1,7 @@
-"""How far a motion is, on standard error: a bar on a terminal, elsewhere a line now and then; nothing of short runs."""
+"""How far a motion or a sweep is, on standard error: a bar on a terminal, elsewhere a line now and then.
+
+Nothing is said of what is short.
+"""
 
 import sys
 from time import perf_counter
@@ -17,10 +20,12 @@ class Progress:
     ----------
     begin, end
         Time at which the run starts or continues, and time to reach.
+    what
+        What counts, if not time.
     """
 
-    def __init__(self, begin: float, end: float) -> None:
-        self._begin, self._end = begin, end
+    def __init__(self, begin: float, end: float, what: str = "time") -> None:
+        self._begin, self._end, self._what = begin, end, what
         self._start = perf_counter()
         self._bar = sys.stderr.isatty()
         self._next = self._start + (_FIRST_OF_BAR if self._bar else _FIRST)
@@ -34,7 +39,7 @@ class Progress:
         self._next = now + (_BETWEEN_BARS if self._bar else _BETWEEN)
         self._shown = True
         left = duration((now - self._start) * max(0.0, self._end - time) / (time - self._begin))
-        text = f"time {time:.4g} of {self._end:.4g}, {time / self._end:.0%}, about {left} to go"
+        text = f"{self._what} {time:.4g} of {self._end:.4g}, {time / self._end:.0%}, about {left} to go"
         if self._bar:
             bar = "=" * int(30 * min(1.0, time / self._end))
             print(f"\r[{bar:30s}] {text}\x1b[K", end="", file=sys.stderr, flush=True)

@@ -1,0 +1,87 @@
+"""Values that are put in the place of a file's own: ``support.hand.displacement.2=0.5``."""
+
+import tomllib
+from collections.abc import Sequence
+from typing import Any
+
+from isorod.errors import InputError
+from isorod.files.document import Document, Place, shown
+
+
+def put(document: Document, changes: Sequence[str]) -> None:
+    """Change what a document says.
+
+    Parameters
+    ----------
+    document
+        Its content is changed.
+    changes
+        Each a path and a value of TOML (or a text without quotes): names of tables and keys with dots between, places
+        in arrays by their numbers from 0.  The last key need not be there yet.
+
+    Raises
+    ------
+    InputError
+        If a change is none, or leads nowhere.
+    """
+    for one in changes:
+        path, _, value = one.partition("=")
+        keys = _keys(path) if value.strip() else []
+        if not keys:
+            raise InputError(
+                f"--set {one}: need a path in the file and a value, such as rod.NAME.law.NeoHookean.nu=0.3"
+            )
+        if keys[0] == "analysis" and (len(keys) < 3 or keys[1] not in _table(document.content["analysis"])):
+            raise (document.top / "analysis").error(f"--set {one}: which analysis it is the file alone says")
+        _put(document, keys, _value(value.strip()))
+
+
+def _put(document: Document, keys: Sequence[str], value: Any) -> None:
+    at: Any = document.content
+    place = document.top
+    for number, key in enumerate(keys):
+        last = number == len(keys) - 1
+        step = _step(place, at, key, last)
+        place /= step
+        if last:
+            at[step] = value
+        else:
+            at = at[step]
+
+
+def _step(place: Place, at: Any, key: str, last: bool) -> str | int:
+    """Return the key, or the place in an array, by which a path goes on from what is there."""
+    if isinstance(at, list):
+        if not key.isdecimal() or int(key) >= len(at):
+            raise place.error(f"got place {key}, need one from 0 to {len(at) - 1}")
+        return int(key)
+    if not isinstance(at, dict):
+        raise place.error(f"it is {shown(at)}, in which there is no {key}")
+    if key not in at and not last:
+        raise (place / key).unknown_key(at)
+    return key
+
+
+def _keys(path: str) -> list[str]:
+    """Return the keys of a path, none if it is not one."""
+    try:
+        at: Any = tomllib.loads(f"{path} = 0")
+    except ValueError:
+        return []
+    keys = []
+    while isinstance(at, dict) and len(at) == 1:
+        key, at = next(iter(at.items()))
+        keys.append(key)
+    return [] if at != 0 else keys
+
+
+def _value(text: str) -> Any:
+    try:
+        found = tomllib.loads(f"value = {text}")
+    except ValueError:
+        return text
+    return found["value"] if len(found) == 1 else text
+
+
+def _table(value: Any) -> Any:
+    return value if isinstance(value, dict) else {}

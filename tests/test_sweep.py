@@ -1,0 +1,372 @@
+"""Sweeps: the numbers of single runs to the last digit, begun near the points before, kept and gone on with."""
+
+import csv
+import json
+import re
+
+import numpy as np
+import pytest
+from petsc4py import PETSc
+
+from isorod.command import cli, points, sheet, warm
+from isorod.command.points import Points
+from isorod.errors import SolveError
+
+COARSE = "--preset paper --coils 1 --elements-per-turn 4 --section-points 3 --degree 2".split()
+PULLED = [*COARSE, "--no-estimate", "--pull", "0:5:21"]
+
+
+@pytest.fixture
+def sweep(capsys):
+    """Run a sweep in this process; return its exit code, what it prints, and what it complains of."""
+
+    def run(*words):
+        code = cli.main(["sweep", *map(str, words)])
+        for word in words:
+            # PETSc keeps what was typed for whatever else runs in this process.
+            if re.match("-[a-z]", str(word)):
+                PETSc.Options().delValue(word[1:])
+        return code, *capsys.readouterr()
+
+    return run
+
+
+def rows(path):
+    """Return the rows of a table, by column."""
+    lines = [line for line in path.read_text().splitlines() if not line.startswith("#")]
+    return list(csv.DictReader(lines))
+
+
+def records(text):
+    return [json.loads(line) for line in text.splitlines()]
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """The table of a sweep that nothing interrupts, and its records."""
+    path = tmp_path_factory.mktemp("sweep") / "force.csv"
+    assert cli.main(["sweep", "spring", *PULLED, "--output", str(path)]) == 0
+    return path
+
+
+def test_a_table_has_the_digits_of_single_runs(whole, capsys):
+    """Those begun near others are not the same to the last bit; what stands in the table is."""
+    table = rows(whole)
+    assert [row["pull"] for row in table[:3]] == ["0", "0.25", "0.5"] and len(table) == 21
+    for row in table:
+        capsys.readouterr()
+        assert cli.main(["run", "spring", *COARSE, "--no-estimate", "--pull", row["pull"], "--json"]) == 0
+        alone = json.loads(capsys.readouterr().out)
+        assert row["force"] == sheet.cells([alone["force"]])[0]
+        assert (row["unknowns"], row["status"]) == (str(alone["unknowns"]), "solved")
+        assert len(row["force"].replace(".", "")) <= 7
+
+
+def test_points_are_begun_near_those_before_and_checked_from_rest(whole):
+    kept = records(whole.with_suffix(".jsonl").read_text())
+    starts = [one["sweep"]["start"] for one in kept]
+    assert starts[:3] == ["rest"] * 3
+    assert starts[3] == starts[-1] == "rest, as a check"
+    near = [one for one in kept if one["sweep"]["start"] == "near"]
+    # A point at which a number would have to be rounded by what Newton's iterations leave open is done from rest.
+    assert len(near) >= 14
+    assert max(one["newton_iterations"] for one in near) <= 2 < kept[2]["newton_iterations"]
+
+
+def test_from_rest_alone_the_table_is_the_same(whole, sweep, tmp_path):
+    code, out, _ = sweep("spring", *PULLED, "--cold", "--output", tmp_path / "cold.csv")
+    assert code == 0
+    assert "21 points" in out and "begun near" not in out
+    assert (tmp_path / "cold.csv").read_bytes() == whole.read_bytes()
+
+
+KILLED = """
+import os, signal, sys
+from isorod.command import cli, sheet
+
+def killed(self, record, own=sheet.Sheet._row):
+    if len(self.records) == 12:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return own(self, record)
+
+sheet.Sheet._row = killed
+cli.main(sys.argv[1:])
+"""
+
+
+def test_a_sweep_that_was_killed_goes_on_and_ends_with_the_same_bytes(whole, sweep, python, tmp_path):
+    """It is killed between a record and its row; and then half a record is torn off the end."""
+    path = tmp_path / "force.csv"
+    done = python(KILLED, "sweep", "spring", *PULLED, "--output", str(path))
+    assert done.returncode == -9
+    lines = path.with_suffix(".jsonl")
+    assert len(rows(path)) == 11 and len(records(lines.read_text())) == 12
+    lines.write_bytes(lines.read_bytes()[:-100])
+    code, out, _ = sweep("spring", *PULLED, "--output", path)
+    assert code == 0
+    assert "21 points" in out and "11 of them there before" in out
+    assert path.read_bytes() == whole.read_bytes()
+    assert [one["sweep"]["point"] for one in records(lines.read_text())] == [*range(21)]
+    # Once more there is nothing to do.
+    before = lines.read_bytes()
+    assert "21 of them there before" in sweep("spring", *PULLED, "--output", path)[1]
+    assert lines.read_bytes() == before
+
+
+def test_ctrl_c_says_how_to_go_on(whole, sweep, tmp_path, monkeypatch):
+    own = Points.solve
+
+    def solve(self, number):
+        if number == 5:
+            raise KeyboardInterrupt
+        return own(self, number)
+
+    path = tmp_path / "force.csv"
+    monkeypatch.setattr(Points, "solve", solve)
+    code, out, err = sweep("spring", *PULLED, "--output", path)
+    assert (code, out) == (130, "")
+    assert err == f"isorod: interrupted; 5 of 21 points are in {path}; the same command goes on\n"
+    monkeypatch.undo()
+    assert sweep("spring", *PULLED, "--output", path)[0] == 0
+    assert path.read_bytes() == whole.read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("words", "spoil", "message"),
+    [
+        (["--nu", "0.2"], None, r"force.jsonl is of another sweep \(command: isorod sweep spring .*--nu 0.2\)"),
+        (["-ksp_type", "preonly"], None, r"another sweep \(petsc_options: ; here -ksp_type preonly\)"),
+        ([], lambda path: path.with_suffix(".jsonl").unlink(), "is there, without the records of a sweep"),
+        ([], lambda path: path.write_text("pull,force\n0,1\n"), "is not the table of its records"),
+        ([], lambda path: path.with_suffix(".jsonl").write_text('{"force": 1}\n'), "jsonl:1 is no record of a sweep"),
+    ],
+)
+def test_the_file_of_something_else_is_left_alone(words, spoil, message, whole, sweep, tmp_path):
+    path = tmp_path / "force.csv"
+    for suffix in (".csv", ".jsonl"):
+        path.with_suffix(suffix).write_bytes(whole.with_suffix(suffix).read_bytes())
+    if spoil:
+        spoil(path)
+    before = {one.name: one.read_bytes() for one in tmp_path.iterdir()}
+    code, out, err = sweep("spring", *PULLED, *words, "--output", path)
+    assert (code, out) == (2, "")
+    assert re.search(message, err) and "--overwrite" in err and err.count("\n") == 1
+    assert {one.name: one.read_bytes() for one in tmp_path.iterdir()} == before
+
+
+def test_overwrite_begins_anew(sweep, tmp_path):
+    path = tmp_path / "force.csv"
+    path.write_text("mine")
+    code, *_ = sweep("spring", *COARSE, "--no-estimate", "--pull", "1,2", "--output", path, "--overwrite")
+    assert code == 0
+    assert [row["pull"] for row in rows(path)] == ["1", "2"]
+
+
+def test_two_sweeps_do_not_write_into_one_file(sweep, tmp_path):
+    words = "spring", *COARSE, "--no-estimate", "--pull", "1,2", "--output", tmp_path / "force.csv"
+    assert sweep(*words)[0] == 0
+    with open(tmp_path / "force.jsonl", "rb") as file:
+        sheet.fcntl.flock(file, sheet.fcntl.LOCK_EX)
+        code, _, err = sweep(*words)
+    assert code == 2 and "another sweep is writing there" in err
+
+
+def test_a_point_that_cannot_be_solved_is_a_row(sweep, tmp_path):
+    path = tmp_path / "force.csv"
+    code, out, err = sweep("spring", *COARSE, "--nu", "0.7,0.3,0.4", "--pull", "1,1e6", "--output", path)
+    assert code == 2
+    assert err.splitlines()[-1] == "isorod: 4 of 6 points could not be solved; the table says why"
+    assert re.fullmatch(r"isorod: warning: nu 0.3, pull 1: the error is about .*", err.splitlines()[0])
+    table = rows(path)
+    told = [(row["nu"], row["pull"], row["status"].partition(":")[0], bool(row["force"])) for row in table]
+    assert told == [
+        ("0.7", "1", "refused", False),
+        ("0.7", "1e6", "refused", False),
+        ("0.3", "1", "solved", True),
+        ("0.3", "1e6", "failed", False),
+        ("0.4", "1", "solved", True),
+        ("0.4", "1e6", "failed", False),
+    ]
+    assert "got 0.7, need -1 < nu <= 0.5" in table[0]["status"] and "det F" in table[3]["status"]
+    assert float(table[2]["error_estimate"]) > 0 and table[0]["error_estimate"] == ""
+    assert "need -1 < nu" in out
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["spring"], "nothing is varied"),
+        (["spring", "--nu", "0.3"], "nothing is varied; .*--pull 0:10:21"),
+        (["spring", "--pull", "0:10"], "nothing is varied|invalid float"),
+        (["spring", "--pull", "0:10:x"], "pull: got 0:10:x, need from:to:count"),
+        (["spring", "--pull", "0:inf:3"], "pull: got 0:inf:3, need from:to:count"),
+        (["spring", "--pull", "0:10:1"], "need a count from 2 to"),
+        (["spring", "--pull", "2:2:5"], "whose ends are the same"),
+        (["spring", "--pull", "1,,2"], "a value is empty"),
+        (["spring", "--pull", "1,2,1"], "which has 1 twice"),
+        (["spring", "--pull", "1,2", "--pull", "3,4"], "pull: varied twice"),
+        (["spring", "--nu", "0.1:0.4:1000", "--pull", "0:1:1000"], "1,000,000 points; a sweep has at most"),
+        (["spring", "--nu", "0.3,0.7,x"], "argument --nu: invalid float value: 'x'"),
+        (["spring", "--nuu", "0.3,0.4"], "option --nuu is not known; did you mean --nu"),
+        (["spring", "--nu", "0.6,0.7"], r"none of 2 points can be solved; the first: .*got 0.6"),
+        (["spring", "--nu", "0.3,0.4", "--wire-radius", "0"], "none of 2 points can be solved; .*positive length"),
+        (["spring", "--nu", "0.3,0.4", "--of", "force"], "--of: .*goes with --png"),
+        (["spring", "--nu", "0.3,0.4", "--png", "a.png", "--of", "mass"], "--of mass: need one of force"),
+        (["spring", "--nu", "0.3,0.4", "--png", "a.png", "--of", "force["], r"--of force\[: need one of force"),
+        (["spring", "--nu", "0.3,0.4", "--png", "a.xyz"], "need a name that ends in .png"),
+        (["spring", "--nu", "0.3,0.4", "--output", "a.txt"], "the name of a sweep's table ends in .csv"),
+        (["spring", "--nu", "0.3,0.4", "--refine"], "option --refine is not known"),
+        (["ring", "--radius", "3,4"], "geometry only"),
+        (["--nu", "0.3,0.4"], "no scene is named"),
+    ],
+)
+def test_bad_input_is_one_line(words, message, sweep, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    code, out, err = sweep(*words)
+    assert (code, out) == (2, "")
+    assert re.fullmatch(r"isorod: .+\n", err) and re.search(message, err), err
+    assert not any(tmp_path.iterdir())
+
+
+def test_an_option_of_petscs_that_nothing_uses_is_named(isorod, tmp_path):
+    done = isorod("sweep", "spring", *PULLED, "-snes_foo", "3", "--output", str(tmp_path / "force.csv"))
+    assert done.returncode == 2 and "-snes_foo" in done.stderr
+    assert not any(tmp_path.iterdir())
+
+
+def test_every_point_is_a_line_of_json_and_a_table_for_people(sweep, capsys):
+    words = "spring", *COARSE, "--no-estimate", "--nu", "0.3,0.4", "--pull", "1,2"
+    found = records(sweep(*words, "--json")[1])
+    assert [tuple(one["sweep"]["values"].values()) for one in found] == [
+        ("0.3", "1"),
+        ("0.3", "2"),
+        ("0.4", "1"),
+        ("0.4", "2"),
+    ]
+    assert {"versions", "commit", "machine", "force", "options"} <= found[0].keys()
+    lines = sweep(*words)[1].splitlines()
+    assert lines[0].split() == ["nu", "pull", "force", "Newton"]
+    assert [float(line.split()[2]) for line in lines[1:5]] == pytest.approx([one["force"] for one in found], rel=1e-5)
+    assert re.fullmatch(r"4 points in .*; 4 from rest, .* Newton iterations each", lines[5])
+
+
+def test_modes_have_a_column_each(sweep, tmp_path):
+    path = tmp_path / "modes.csv"
+    words = "blade", "--order", "1", "--section-points", "16", "--elements", "2", "--modes", "2,3", "--no-estimate"
+    code, *_ = sweep(*words, "--output", path, "--png", tmp_path / "modes.png", "--of", "frequencies[1]")
+    assert code == 0
+    first, second = rows(path)
+    assert [name for name in second if "freq" in name] == [f"frequencies[{k}]" for k in range(3)]
+    assert first["frequencies[2]"] == "" and float(second["frequencies[2]"]) > float(first["frequencies[1]"]) > 0
+    assert (tmp_path / "modes.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_where_a_check_finds_another_equilibrium_the_rest_begins_from_rest(sweep, monkeypatch):
+    monkeypatch.setattr(points, "_alike", lambda near, rest: False)
+    code, out, err = sweep("spring", *PULLED, "--json")
+    assert (code, err) == (0, "")
+    assert [one["sweep"]["start"] for one in records(out)] == ["rest"] * 3 + ["rest, as a check"] + ["rest"] * 17
+
+
+def test_what_rounding_would_decide_is_solved_from_rest(whole, sweep, monkeypatch):
+    monkeypatch.setattr(points, "_is_clear", lambda record: float(record["sweep"]["values"]["pull"]) < 2.0)
+    starts = [one["sweep"]["start"] for one in records(sweep("spring", *PULLED, "--json")[1])]
+    assert starts[8:] == ["rest, as a check"] * 13 and starts[4:8] == ["near"] * 4
+
+
+def test_points_in_doubt_are_an_error(sweep, monkeypatch):
+    seen = []
+    monkeypatch.setattr(points, "_alike", lambda near, rest: not seen and not seen.append(near))
+    monkeypatch.setattr(points, "_is_clear", lambda record: True)
+    code, _, err = sweep("spring", *PULLED, "--json")
+    assert code == 2
+    assert re.fullmatch(
+        r"isorod: at pull \S+ the equilibrium found from rest is another one than that found near the points before, "
+        r"of which 15 may be wrong; --cold --overwrite begins each from rest\n",
+        err,
+    )
+
+
+def test_petsc_options_that_end_newtons_iterations_elsewhere_begin_from_rest(isorod):
+    found = records(isorod("sweep", "spring", *PULLED, "-snes_rtol", "1e-6", "--json").stdout)
+    assert {one["sweep"]["start"] for one in found} == {"rest"}
+
+
+def test_numbers_of_a_list_have_the_places_of_the_largest():
+    assert sheet.cells([1234.56789, -1.23456789, 1e-9, 0.0]) == ["1234.568", "-1.235", "0", "0"]
+    assert sheet.cells([-6.0990517424]) == ["-6.099052"]
+    assert sheet.cells([9.99999996]) == ["10"]
+    assert not sheet.are_clear([1.23456750000001])
+    assert sheet.are_clear([1.2345671])
+
+
+def test_a_cubic_path_is_met_and_a_corner_is_not_followed():
+    place = np.linspace(0.0, 1.0, 5)
+
+    class Model:
+        contacts = ()
+        bodies = ()
+
+    class Solution:
+        model = Model
+
+    def near(path):
+        known = warm.Warm([["a", "b"], [f"{x:g}" for x in place]])
+        for k, x in enumerate(place[:-1]):
+            Solution.displacement = path(x)
+            known.keep((1, k), Solution)
+        assert known.near((0, 4), Model) is None
+        return known.near((1, 4), Model)
+
+    def cubic(x):
+        return np.array([1.0, x, 0.3 * x**2 - x, 0.1 * x**3])
+
+    assert near(cubic) == pytest.approx(cubic(1.0), abs=1e-13)
+    assert near(lambda x: np.array([abs(x - 0.6)])) is None
+
+
+@pytest.mark.mpi
+def test_two_ranks_fill_the_same_table(mpirun, whole, tmp_path):
+    path = tmp_path / "force.csv"
+    done = mpirun(2, "sweep", "spring", *PULLED, "--output", str(path))
+    assert done.returncode == 0, done.stderr
+    assert path.read_bytes() == whole.read_bytes()
+    assert done.stdout.count("21 points") == 1
+
+
+def test_a_failure_within_a_sweep_is_not_the_next_points(sweep, monkeypatch):
+    from isorod.command import run
+
+    own = run.solve
+
+    def solve(scene, settings, begin=None):
+        if scene.pull == 1.0:
+            raise SolveError("no\nluck")
+        return own(scene, settings, begin)
+
+    monkeypatch.setattr(run, "solve", solve)
+    code, out, err = sweep("spring", *PULLED, "--json")
+    found = records(out)
+    assert code == 2 and "1 of 21 points" in err
+    assert [one["sweep"]["status"] for one in found if one["sweep"]["status"] != "solved"] == ["failed: no luck"]
+    starts = [one["sweep"].get("start") for one in found]
+    # Nothing is extrapolated over a gap.
+    assert starts[:8] == ["rest", "rest", "rest", "rest, as a check", None, "rest", "rest", "rest"]
+    assert "near" in starts[8:]
+
+
+def test_what_fails_near_others_is_solved_from_rest(whole, sweep, monkeypatch, tmp_path):
+    from isorod.command import run
+
+    own = run.solve
+
+    def solve(scene, settings, begin=None):
+        solution, seconds = own(scene, settings, begin)
+        if begin is not None and scene.pull > 2.0:
+            raise SolveError("no luck")
+        return solution, seconds
+
+    monkeypatch.setattr(run, "solve", solve)
+    code, out, _ = sweep("spring", *PULLED, "--output", tmp_path / "new" / "force.csv")
+    assert code == 0 and "begun near those before" in out
+    assert (tmp_path / "new" / "force.csv").read_bytes() == whole.read_bytes()
