@@ -57,6 +57,8 @@ if TYPE_CHECKING:
     from isorod.model import TriangleMesh as TriangleMesh
     from isorod.output.matrices import Matrices as Matrices
     from isorod.output.matrices import matrices as matrices
+    from isorod.output.section_properties import SectionProperties as SectionProperties
+    from isorod.output.section_properties import section_properties as section_properties
     from isorod.output.shape import show as show
     from isorod.space import Space as Space
     from isorod.statics import Equilibrium as Equilibrium
@@ -86,6 +88,7 @@ _OFFERED = {
     "Pressure": "isorod.model",
     "Rod": "isorod.geometry.rod",
     "SectionLoad": "isorod.model",
+    "SectionProperties": "isorod.output.section_properties",
     "SolveError": "isorod.errors",
     "Space": "isorod.space",
     "Sphere": "isorod.model",
@@ -107,6 +110,7 @@ _OFFERED = {
     "section_from_file": "isorod.geometry.section:from_file",
     "section_from_points": "isorod.geometry.section:from_points",
     "show": "isorod.output.shape",
+    "section_properties": "isorod.output.section_properties",
     "straight": "isorod.geometry.center_line",
 }
 _MODULES = ("dynamics", "errors", "modal", "options", "scenes", "statics")

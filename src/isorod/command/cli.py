@@ -30,6 +30,7 @@ COMMANDS = {
     "sweep": Command("sweep", "run a scene with every combination of values of options, into a table", petsc=True),
     "matrices": Command("matrices", "write the matrices of a scene or a file for other programs", petsc=True),
     "mesh": Command("mesh", "write hexahedra of the rods of a scene or a file: .msh, .inp, .vtu"),
+    "section": Command("section", "tell stiffness and mass per length of a rod's section, 6 x 6, for beam codes"),
     "compare": Command("compare", "solve a scene by finite elements too, and tell errors and times"),
 }
 

@@ -98,7 +98,7 @@ def section_forces(body: Body, nodal: Array, u: Array, factor: float, pressure: 
     area = table.weights[0, 0] * determinant(table.inverse[0, 0])
     rest, jacobian = space.rod.grid(table.xi, where)
     change, F = space.displacement(moved, table.xi, where)
-    centroid = _centroid(rest + change, np.linalg.norm(_normals(jacobian, area), axis=2))
+    centroid = centroids(rest + change, np.linalg.norm(normals(jacobian, area), axis=2))
 
     layers = np.arange(space.axis.count) % space.layers
     places = (space.positions + moved).reshape(space.layers, -1, 3)[layers]
@@ -109,7 +109,7 @@ def section_forces(body: Body, nodal: Array, u: Array, factor: float, pressure: 
     centres = np.einsum("q,ql,jla->ja", area / area.sum(), table.section[:, 2], places)
     force, about_origin = _recovered(space.axis, means, centres, where)
     moment = about_origin - np.cross(centroid - origin, force)
-    found = force, moment, centroid, _frame(F @ jacobian, area)
+    found = force, moment, centroid, frames(F @ jacobian, area)
     return SectionForces(*(one.reshape(*u.shape, *one.shape[1:]) for one in found))
 
 
@@ -164,19 +164,19 @@ def _beyond(layers: Array) -> Array:
     return np.asarray(np.cumsum(layers[::-1], axis=0)[-2::-1])
 
 
-def _centroid(places: Array, shares: Array) -> Array:
+def centroids(places: Array, shares: Array) -> Array:
     """Return the centroids ``(t, 3)`` of points ``(t, q, 3)`` with shares of area ``(t, q)``."""
     return np.asarray(np.einsum("tq,tqa->ta", shares, places) / shares.sum(axis=1)[:, None])
 
 
-def _normals(jacobian: Array, area: Array) -> Array:
+def normals(jacobian: Array, area: Array) -> Array:
     """Return the normals of a section times its share of area at quadrature points, shape ``(t, q, 3)``."""
     return np.asarray(np.cross(jacobian[..., 0], jacobian[..., 1]) * area[:, None])
 
 
-def _frame(jacobian: Array, area: Array) -> Array:
+def frames(jacobian: Array, area: Array) -> Array:
     """Return normal, first and second direction of sections, shape ``(t, 3, 3)``."""
-    normal = _unit(_normals(jacobian, area).sum(axis=1))
+    normal = _unit(normals(jacobian, area).sum(axis=1))
     first = np.einsum("q,tqa->ta", area, jacobian[..., 0])
     first = _unit(first - np.einsum("ta,ta->t", first, normal)[:, None] * normal)
     return np.stack([normal, first, np.cross(normal, first)], axis=1)

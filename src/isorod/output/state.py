@@ -178,10 +178,10 @@ class Deformation:
         body = self.model.bodies[number]
         hole = body.space.rod.rings[0]
         if xi is None and hole > 0.0:
-            along, angle = _parameters(body.space, u), np.linspace(0.0, 2.0 * np.pi, 65)[:-1]
+            along, angle = parameters(body.space, u), np.linspace(0.0, 2.0 * np.pi, 65)[:-1]
             round_it = hole * np.stack([np.cos(angle), np.sin(angle)], axis=1)
             return _Points(number, body, along.ravel(), round_it, along.shape, mean=True)
-        along, across = _parameters(body.space, u), _numbers((0.0, 0.0) if xi is None else xi)
+        along, across = parameters(body.space, u), _numbers((0.0, 0.0) if xi is None else xi)
         if across is None or across.ndim == 0 or across.shape[-1] != 2 or not across.size:
             raise InputError("disk points xi: need two numbers, or an array of shape (..., 2)")
         if (np.linalg.norm(across, axis=-1) < hole * (1.0 - 1e-12)).any():
@@ -336,7 +336,7 @@ class State(Deformation):
         number = self._number(body)
         fields, owner = self.fields(number), self.model.bodies[number]
         return section_forces(
-            owner, fields["displacement"], _parameters(owner.space, u), self.factor, fields.get("pressure")
+            owner, fields["displacement"], parameters(owner.space, u), self.factor, fields.get("pressure")
         )
 
     _colours: ClassVar[tuple[str, ...]] = ("von Mises", "displacement")
@@ -365,7 +365,7 @@ def _numbers(given: ArrayLike) -> Array | None:
         return None
 
 
-def _parameters(space: Space, u: ArrayLike) -> Array:
+def parameters(space: Space, u: ArrayLike) -> Array:
     """Return axis parameters as given, the names of ends replaced."""
     low, high = space.axis.breaks[[0, -1]]
     values = _numbers({"start": low, "end": high}.get(u, "") if isinstance(u, str) else u)

@@ -80,7 +80,7 @@ class Ringed(Polynomials):
         first, second = gradients[:, :, 0] @ self._polygon, gradients[:, :, 1] @ self._polygon
         area = area * np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
         candidates = self._candidates(xi)[0] * np.sqrt(area / area.sum())[:, None]
-        self._mix, self._taken = _orthogonalised(candidates)
+        self._mix, self._taken = orthogonalised(candidates)
 
     @property
     def count(self) -> int:
@@ -175,7 +175,7 @@ class Ringed(Polynomials):
         raise InputError("formulation: got 'mixed', a rod with a hole or layers takes 'displacement' alone")
 
 
-def _orthogonalised(candidates: Array) -> tuple[Array, NDArray[np.intp]]:
+def orthogonalised(candidates: Array) -> tuple[Array, NDArray[np.intp]]:
     """Return the matrix that makes functions, weighted at points ``(q, c)``, orthonormal, and which were taken.
 
     The first three stay first; of the others those are left out that are sums of what is there.
