@@ -122,7 +122,8 @@ class Cells:
             found = self.patches.fit(numerators) / (own[:, :, None, None] * self.patches.weights)
             parts.append(found.swapaxes(2, 3).reshape(-1, values.shape[-1]))
         found = np.concatenate(parts)
-        named = {"cauchy": found[:, :6], "von_mises": found[:, 6]}
+        # Where it is near zero the norm has kinks, beside which its approximation would be negative.
+        named = {"cauchy": found[:, :6], "von_mises": np.maximum(found[:, 6], 0.0)}
         return named | ({"mean_stress": found[:, 7]} if "pressure" in fields else {})
 
     @cached_property

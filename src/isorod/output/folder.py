@@ -1,8 +1,9 @@
 """A results folder: the records of its runs, and the files they name."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -10,7 +11,13 @@ from isorod.arrays import Array
 from isorod.model.body import Body
 from isorod.output import results, vtk
 
+if TYPE_CHECKING:
+    from isorod.output.bezier import Cells
+
 RECORDS = "results.jsonl"
+
+# Patches of a section beyond which Bezier cells are more than linear ones.
+_MOST = 64
 
 
 class Frame(NamedTuple):
@@ -66,7 +73,7 @@ def add(
         Numbers by their names, a row each.
     cells
         One of `isorod.output.words.CELLS`; ``"auto"`` are Bezier cells where functions across the section are
-        polynomials and nothing touches the body, else linear ones.
+        polynomials that few patches show, and nothing touches the body, else linear ones.
 
     Returns
     -------
@@ -131,25 +138,25 @@ class _Written:
 def _contents(body: Body, states: Sequence[Frame], number: int, cells: str) -> Iterator[bytes]:
     """Yield the ``.vtu`` file of a body in each state."""
     fields = [state.fields[number] for state in states]
-    grid: Callable[..., Any]
-    if cells == "bezier" or (cells == "auto" and _suits(body, fields)):
-        from isorod.output.bezier import Cells
-
-        grid = Cells(body, fields).grid
-    else:
-
-        def grid(one: Mapping[str, Array], factor: float) -> Any:
-            return vtk.grid(body, one, factor=factor)
-
+    bezier = _bezier(body, fields, cells)
     for state, one in zip(states, fields, strict=True):
-        yield vtk.content(grid(one, factor=state.factor))
+        mesh = vtk.grid(body, one, factor=state.factor) if bezier is None else bezier.grid(one, state.factor)
+        yield vtk.content(mesh)
 
 
-def _suits(body: Body, fields: Sequence[Mapping[str, Array]]) -> bool:
-    """Return whether few Bezier cells show a body with all its fields."""
+def _bezier(body: Body, fields: Sequence[Mapping[str, Array]], cells: str) -> "Cells | None":
+    """Return the Bezier cells of a body with all its fields, None where linear ones are asked for or suit better."""
+    from isorod.output.bezier import Cells
     from isorod.space.polynomial import Polynomials
 
-    return isinstance(body.space.basis, Polynomials) and not any("contact_pressure" in one for one in fields)
+    if cells != "auto":
+        return Cells(body, fields) if cells == "bezier" else None
+    if not isinstance(body.space.basis, Polynomials) or any("contact_pressure" in one for one in fields):
+        return None
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        found = Cells(body, fields)
+    return found if len(found.patches.patches) <= _MOST else None
 
 
 def _collection(entries: Sequence[tuple[float, int, str]]) -> bytes:
