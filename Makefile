@@ -68,5 +68,5 @@ install:
 	@$(INSTALL)
 
 clean:
-	@rm -rf .pytest_cache .mypy_cache .ruff_cache .hypothesis build dist src/*.egg-info
+	@rm -rf .pytest_cache .mypy_cache .ruff_cache .hypothesis build dist *.egg-info
 	@find src comparisons meshes tests -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -7,10 +7,13 @@ from scipy.integrate import solve_ivp
 from comparisons.contact.coil import Coil as ReferenceCoil
 from isorod import statics
 from isorod.errors import InputError
+from isorod.material import NeoHookean
+from isorod.model import Body, Contact, Model, Support
 from isorod.scenes.clasp import Clasp
 from isorod.scenes.coil import Coil
 from isorod.scenes.rope import Rope
 from isorod.scenes.strand import Strand
+from isorod.space.closer import Patch, closer
 
 # Love's spring of an inextensible wire (A Treatise on the Mathematical Theory of Elasticity, art. 270 and 271): R = 10,
 # d = 2, 5 coils, lead 10 degrees, E = 210e3, nu = 0.3; forces at 20 and 40 mm, and the way until the coils touch.
@@ -188,25 +191,53 @@ def test_strand_refuses(options, message):
         Strand(**options).model()
 
 
+def spread(contact):
+    """Return the mean squares of the distance from the middle, along x and y, of what presses."""
+    share = contact.areas * contact.pressure / contact.force
+    positions = contact.positions[:, :2]
+    return share @ (positions - share @ positions) ** 2
+
+
 @pytest.mark.slow
-def test_clasp_is_drawn_evenly_and_presses_on_a_circle_as_wide_as_hertz_says():
-    """Both rods are alike, and so are their ends; a contact half as wide as the rods, two arcs of their sections."""
-    scene = Clasp()
-    solution, found = solved(scene)
+def test_clasp_is_drawn_evenly():
+    """Both rods are alike, and so are their ends and what they see of a contact, however little that is."""
+    solution, found = solved(Clasp())
     upper, lower = solution.reactions[:2], solution.reactions[2:]
     # The lower rod is the upper one, upside down and turned by a right angle.
     np.testing.assert_allclose(np.abs(lower[:, [1, 0, 2]]), np.abs(upper), atol=1e-4 * found["force"])
     np.testing.assert_allclose(upper[:, 2], 0.5 * found["force"], rtol=1e-5)
     assert found["relative_penetration"] < 1e-3
-    (contact,) = solution.contacts
-    share = contact.areas * contact.pressure / found["contact_force"]
-    away = contact.positions[:, :2] - share @ contact.positions[:, :2]
-    across = share @ away**2
+    across = spread(solution.contacts[0])
     assert across[0] == pytest.approx(across[1], rel=1e-3)
+
+
+def on_closer_spaces(scene, half, size):
+    """Return the clasp's model with elements and arcs of a size, as long and wide as a patch on the inner side."""
+    bodies, supports = [], []
+    for k, (rod, way) in enumerate(zip(scene.rods(), (scene.pull, 0.0), strict=True)):
+        space = closer(rod, [Patch(0.5 * sum(rod.axis.breaks[[0, -1]]), np.pi, half, half, size)])
+        bodies.append(Body(space, NeoHookean(scene.E, scene.nu), formulation="displacement"))
+        supports += [Support.end(space, end, displacement=(0.0, 0.0, way), body=k) for end in ("start", "end")]
+    return Model(bodies, supports, contacts=[Contact(0, 1)])
+
+
+@pytest.mark.slow
+def test_clasp_presses_on_a_circle_as_wide_as_hertz_says():
+    """A contact half as wide as the rods, which takes five control points across to be seen.
+
+    The scene's own space has less than one across, and says so: its patch comes out 9 to 13 % too narrow, by the
+    way that multipliers have come, and its peak two to four times as high.
+    """
+    scene = Clasp()
+    solution = statics.solve(on_closer_spaces(scene, half=0.55, size=0.25))
+    (contact,), force = solution.contacts, scene.measure(solution)["force"]
+    assert contact.cells_across > 4.0
     # Of Hertz' pressure the mean square distance from the middle is two fifths of the radius squared.
     curved = 1.0 / (1.0 / scene.radius - 1.0 / (scene.bend - scene.radius))
-    hertz = (1.5 * found["force"] * curved * (1.0 - scene.nu**2) / scene.E) ** (1.0 / 3.0)
-    assert np.sqrt(2.5 * across.sum()) == pytest.approx(hertz, rel=0.12)
+    hertz = (1.5 * force * curved * (1.0 - scene.nu**2) / scene.E) ** (1.0 / 3.0)
+    # Measured 1.004, and of the largest pressure 0.954.
+    assert np.sqrt(2.5 * spread(contact).sum()) == pytest.approx(hertz, rel=0.02)
+    assert contact.pressure.max() == pytest.approx(1.5 * contact.force / (np.pi * hertz**2), rel=0.08)
 
 
 @pytest.mark.parametrize(

@@ -2,10 +2,8 @@
 
 import ast
 import inspect
-import shutil
 import subprocess
 import sys
-import zipfile
 from importlib import import_module
 from pathlib import Path
 
@@ -132,18 +130,3 @@ def test_scripts_of_users_are_checked_strictly(tmp_path):
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False)
     said = [(line.partition(": ")[0], line.rpartition(" ")[2]) for line in done.stdout.splitlines()[:-1]]
     assert said == [("wrong.py:4", "[arg-type]"), ("wrong.py:5", "[attr-defined]"), ("wrong.py:6", "[arg-type]")], done
-
-
-def test_the_package_ships_its_types(tmp_path):
-    pytest.importorskip("setuptools")
-    place = tmp_path / "isorod"
-    place.mkdir()
-    for name in ("pyproject.toml", "README.md", "LICENSE"):
-        shutil.copy(ROOT / name, place)
-    shutil.copytree(ROOT / "src", place / "src", ignore=shutil.ignore_patterns("__pycache__", "*.egg-info"))
-    build = "from setuptools import build_meta; print(build_meta.build_wheel('.'))"
-    done = subprocess.run([sys.executable, "-c", build], cwd=place, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    with zipfile.ZipFile(place / done.stdout.splitlines()[-1]) as wheel:
-        assert "isorod/py.typed" in wheel.namelist()
-        assert "isorod/output/state.py" in wheel.namelist()

@@ -63,7 +63,7 @@ class Stage:
         (self.root / "docker").mkdir(parents=True)
         (self.root / "src/isorod/command").mkdir(parents=True)
         (self.root / "src/isorod/command/doctor.py").touch()
-        for name in ("pyproject.toml", "docker/apt.txt", "docker/constraints.txt"):
+        for name in ("pyproject.toml", "docker/apt.txt", "docker/constraints.txt", "src/isorod/__init__.py"):
             shutil.copy(ROOT / name, self.root / name)
         script = (ROOT / "docker/install").read_text()
         changed = script.replace("python=/usr/bin/python3", f'python="{self.tools / "python3"}"')
@@ -144,6 +144,16 @@ def test_a_changed_list_is_installed(stage, changed):
     stage.run()
     with open(stage.root / changed, "a") as file:
         file.write("# more\n")
+    assert any("--editable" in call for call in stage.run().calls)
+
+
+def test_a_new_version_is_installed_as_such(stage):
+    stage.run()
+    code = stage.root / "src/isorod/__init__.py"
+    text = code.read_text()
+    code.write_text(text + "# more\n")
+    assert stage.run().calls == []
+    code.write_text(re.sub("^__version__ = .*", '__version__ = "9.9"', text, flags=re.MULTILINE))
     assert any("--editable" in call for call in stage.run().calls)
 
 

@@ -1,9 +1,15 @@
 """Many solves in one process: what one has used, the next gets; memory stays flat."""
 
+import gc
 import subprocess
 import sys
+from dataclasses import replace
+from importlib import import_module
 
 import pytest
+
+from isorod import dynamics, scenes, statics
+from isorod.statics import continuation
 
 SCRIPT = """
 import sys
@@ -45,6 +51,55 @@ def growth(case: str, first: int, last: int) -> float:
     done = subprocess.run(command, capture_output=True, text=True, timeout=580, check=False)
     assert done.returncode == 0, done.stderr
     return float(done.stdout.splitlines()[-1])
+
+
+def once(case: str) -> None:
+    """Solve a case."""
+    analysis, name, options = CASES[case]
+    scene = scenes.find(name)(**options)
+    settings = scene.settings() if analysis == "dynamics" else {}
+    import_module(f"isorod.{analysis}").solve(scene.model(), **settings)
+
+
+def with_friction() -> None:
+    model = scenes.find("biceps")(**BICEPS, statics=True).model()
+    statics.solve(replace(model, contacts=[replace(one, friction=0.2) for one in model.contacts]))
+
+
+def in_implicit_steps() -> None:
+    scene = scenes.find("biceps")(**BICEPS, end_time=2e-4, outputs=2)
+    dynamics.solve(scene.model(), **scene.settings() | {"integrator": "implicit", "time_step": 1e-4})
+
+
+def along_a_path() -> None:
+    _, name, options = CASES["statics"]
+    continuation.follow(scenes.find(name)(**options).model(), 0.5, 2)
+
+
+SOLVES = [
+    *(pytest.param(once, (case,), id=case) for case in CASES),
+    pytest.param(with_friction, (), id="friction"),
+    pytest.param(in_implicit_steps, (), id="implicit"),
+    pytest.param(along_a_path, (), id="path"),
+]
+
+
+@pytest.mark.parametrize(("solve", "arguments"), SOLVES)
+def test_nothing_of_a_solve_waits_for_the_collector_of_cycles(solve, arguments):
+    """What does is kept for some fifty solves, models and matrices with it, and memory grows by what lies between."""
+    solve(*arguments)
+    gc.collect()
+    gc.disable()
+    try:
+        solve(*arguments)
+        gc.set_debug(gc.DEBUG_SAVEALL)
+        gc.collect()
+        left = {f"{type(one).__module__}.{type(one).__qualname__}" for one in gc.garbage}
+    finally:
+        gc.set_debug(0)
+        gc.garbage.clear()
+        gc.enable()
+    assert [name for name in left if name.startswith(("isorod.", "petsc4py.", "slepc4py."))] == []
 
 
 # Where solvers wait for Python's collector of cycles, the spring's memory grows by 1.3 % here.

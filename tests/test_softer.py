@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from isorod.errors import SolveError
-from isorod.statics import analysis
+from isorod.statics import analysis, multipliers
 from isorod.statics.newton import Diverged, TooDeep
 
 
@@ -107,6 +107,23 @@ def test_penalties_that_are_too_low_rise_and_the_step_is_cut(monkeypatch):
 def test_what_never_works_ends_in_one_line(monkeypatch, problem):
     with pytest.raises(SolveError, match=r"load factor .*: said"):
         climb(monkeypatch, lambda stiffness, length: problem)
+
+
+@pytest.mark.parametrize(("breaks", "left"), [(np.inf, 1.0), (0.05, 0.03)])
+def test_in_the_end_they_rise_to_what_they_were_or_as_far_as_there_is_an_equilibrium(breaks, left):
+    """By no more than four times at once, here in six equal ones, from an equilibrium to the next."""
+    contact, tried = Springs(), []
+    contact.stiffness = 0.0009
+
+    def advance(factor, target):
+        tried.append(contact.stiffness)
+        if contact.stiffness > breaks:
+            raise Diverged("said")
+
+    multipliers._harden(SimpleNamespace(advance=advance), 1.0, contact)
+    assert tried == pytest.approx([0.0009 ** (k / 6) for k in range(5, -1, -1)][: len(tried)])
+    assert len(tried) == (6 if breaks == np.inf else 4)
+    assert contact.stiffness == pytest.approx(left)
 
 
 def test_with_friction_a_step_is_cut_where_it_fails_and_penalties_stay(monkeypatch):

@@ -63,7 +63,8 @@ if TYPE_CHECKING:
     from isorod.space import Space as Space
     from isorod.statics import Equilibrium as Equilibrium
 
-__version__ = "0.1.0"
+# The one place of the version: pyproject.toml reads it here, and CITATION.cff repeats it with the date.
+__version__ = "0.2.0"
 
 # Where each name is, and under which where that is another: what type checkers read above.
 _OFFERED = {

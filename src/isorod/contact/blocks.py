@@ -16,8 +16,6 @@ class Blocks:
     ----------
     kind
         Of the rows of patches.
-    nodes
-        Returns the nodes of a patch whose degrees of freedom are a block's rows, and those of its columns.
 
     Attributes
     ----------
@@ -29,8 +27,7 @@ class Blocks:
         Counts how often the pattern has changed.
     """
 
-    def __init__(self, kind: np.dtype, nodes: Callable[[Row], tuple[Index, Index]]) -> None:  # type: ignore[type-arg]
-        self._nodes = nodes
+    def __init__(self, kind: np.dtype) -> None:  # type: ignore[type-arg]
         self._patches = np.empty(0, kind)
         self._last = self._patches
         self._begin = np.zeros(1, dtype=np.int64)
@@ -45,11 +42,20 @@ class Blocks:
         """See the class."""
         return int(self._begin[-1])
 
-    def begin(self, patches: Table) -> Index:
-        """Return where the block of each of some patches begins among all blocks."""
+    def begin(self, patches: Table, nodes: Callable[[Row], tuple[Index, Index]]) -> Index:
+        """Return where the block of each of some patches begins among all blocks.
+
+        Parameters
+        ----------
+        patches
+            Rows of patches, in any order.
+        nodes
+            Returns the nodes of a patch whose degrees of freedom are a block's rows, and those of its columns.  It is
+            not kept: whose method it is has these blocks, and each would hold the other.
+        """
         touched, which = np.unique(patches, return_inverse=True)
         if not np.isin(touched, self._patches).all():
-            self._renew(np.union1d(touched, self._last))
+            self._renew(np.union1d(touched, self._last), nodes)
         self._last = touched
         return self._begin[np.searchsorted(self._patches, touched)][which]
 
@@ -59,11 +65,11 @@ class Blocks:
         merge(self._shapes, self._pairs, blocks, entries)
         return entries
 
-    def _renew(self, patches: Table) -> None:
+    def _renew(self, patches: Table, nodes_of: Callable[[Row], tuple[Index, Index]]) -> None:
         """Make the pattern anew, of these patches, sorted."""
         self._patches = patches
         self.version += 1
-        nodes = [self._nodes(patch) for patch in patches]
+        nodes = [nodes_of(patch) for patch in patches]
         self._shapes = np.array([(down.size, across.size) for down, across in nodes])
         many = 1 + max(int(across.max()) for _, across in nodes)
         keys = np.concatenate([(many * down[:, None] + across).ravel() for down, across in nodes])

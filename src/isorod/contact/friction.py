@@ -62,7 +62,7 @@ class FrictionOperator:
         self._places = packed.passes["point"].copy()
         # Anchors of points that were first pressed in this step.
         self._caught = self.history.copy()
-        self.blocks = Blocks(HANGING, self._nodes)
+        self.blocks = Blocks(HANGING)
 
     def _nodes(self, hanging: Row) -> tuple[Index, Index]:
         nodes, others = np.empty(NODES, dtype=np.int64), np.empty(3 * FUNCTIONS, dtype=np.int64)
@@ -137,7 +137,7 @@ class FrictionOperator:
         find_hangings(self._packed, self._friction, active, hangings)
         elsewhere = hangings["anchor_element"] >= 0
         aside = np.zeros(active.size, dtype=np.int64)
-        aside[elsewhere] = self.blocks.begin(hangings[elsewhere]) if elsewhere.any() else 0
+        aside[elsewhere] = self.blocks.begin(hangings[elsewhere], self._nodes) if elsewhere.any() else 0
         others = np.zeros(self.blocks.room)
         add_friction_blocks(self._packed, self._friction, positions, active, hangings, begin, values, aside, others)
         return self.blocks.merge(others)

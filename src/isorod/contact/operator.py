@@ -56,6 +56,8 @@ class ContactOperator:
         Points round an arc and along an element, of each side of the contacts.
     friction
         Friction of the contacts that have some, or None.
+    stiffness
+        Share of their defaults that penalties have which nobody gave.
     values
         The last tangent, at ``rows`` and ``columns``: repeated entries add up, and those of all ranks.
     """
@@ -80,9 +82,9 @@ class ContactOperator:
         moving = [(self.packed.passes[k], contact.travel) for contact, own in sides_of(model) for k in own]
         self._places = np.array([one["point"] for one, _ in moving])
         self._ways = np.array([travel * one["direction"] for one, travel in moving])
-        self._blocks = Blocks(PATCH, self._nodes)
+        self._blocks = Blocks(PATCH)
         self.values = np.empty(0)
-        self._stiffness = 1.0
+        self.stiffness = 1.0
         self.friction: FrictionOperator | None = None
         if any(contact.friction for contact in model.contacts):
             from isorod.contact import friction
@@ -181,7 +183,7 @@ class ContactOperator:
         active = np.flatnonzero(packed.own & (packed.states["pressure"] > 0.0))
         patches = np.empty(active.size, PATCH)
         find_patches(packed, active, patches)
-        begin = self._blocks.begin(patches)
+        begin = self._blocks.begin(patches, self._nodes)
         blocks = np.zeros(self._blocks.room)
         with self._stage:
             add_blocks(packed, positions, active, patches, begin, blocks)
@@ -286,12 +288,12 @@ class ContactOperator:
 
     def keep(self) -> Callable[[], None]:
         """Return what takes points, multipliers, penalties and friction back to what they are now."""
-        packed, points, stiffness, friction = self.packed, self.points, self._stiffness, self.friction
+        packed, points, stiffness, friction = self.packed, self.points, self.stiffness, self.friction
         multipliers, penalties = packed.multipliers.copy(), packed.passes["penalty"].copy()
         undo = None if friction is None else friction.keep()
 
         def back() -> None:
-            self.packed, self.points, self._stiffness = packed, points, stiffness
+            self.packed, self.points, self.stiffness = packed, points, stiffness
             packed.multipliers[:], packed.passes["penalty"][:] = multipliers, penalties
             packed.forget()
             if undo is not None:
@@ -334,17 +336,17 @@ class ContactOperator:
         for contact, passes in sides_of(self.model):
             if contact.penalty is None:
                 self.packed.passes["penalty"][passes.start : passes.stop] *= times
-        self._stiffness *= times
+        self.stiffness *= times
 
     @property
     def is_soft(self) -> bool:
         """Whether penalties that nobody gave are lower than their defaults."""
-        return self._stiffness < 0.5
+        return self.stiffness < 0.5
 
     @property
     def may_soften(self) -> bool:
         """Whether penalties that nobody gave may be lower than they are."""
-        return self._stiffness > _SOFTEST and any(contact.penalty is None for contact in self.model.contacts)
+        return self.stiffness > _SOFTEST and any(contact.penalty is None for contact in self.model.contacts)
 
     def _limit(self, contact: Contact) -> float:
         """Return how deep a point of a contact may be."""

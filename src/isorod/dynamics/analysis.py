@@ -272,11 +272,13 @@ def solve(
                 if ranks.first(perf_counter() - saved >= every) or run.index == run.outputs:
                     file.write()
                     saved = perf_counter()
+            solver = run.solver()
         except KeyboardInterrupt as stop:
             stop.add_note(file.keep())
             raise
         finally:
             shown.close()
+            run.end()
         overlap.warn_in_the_end(model, run.rows["displacement"][-1], overlapped)
     return History(
         model=model,
@@ -291,7 +293,7 @@ def solve(
         resumed=resumed if resume else None,
         seconds={"setup": setup, "loop": loop, "solve": perf_counter() - start - setup},
         built=[*run.built, *(["contact"] if model.contacts else [])],
-        solver=run.solver(),
+        solver=solver,
         ranks=ranks.size,
         ramp=settings.ramp,
     )

@@ -91,6 +91,10 @@ class Run(ABC):
     def solver(self) -> dict[str, str]:
         """Return the names of the methods at work."""
 
+    @abstractmethod
+    def end(self) -> None:
+        """Give back what would else wait for Python's collector of cycles; no step is taken after it."""
+
     def advance(self) -> float:
         """Take the steps to the next output and record it; return the wall time of the steps.
 

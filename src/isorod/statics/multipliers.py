@@ -45,11 +45,30 @@ def settle(solver: Newton, factor: float) -> int:
     """
     contact = solver.assembler.contact
     assert contact is not None
+    _harden(solver, factor, contact)
     for _ in range(_RAISES):
         if not contact.see_better(_displacement(solver, factor)):
             break
         _advance(solver, factor, "more points of contact")
     return _at_points(solver, factor, contact, _in_cells(solver, factor, contact, 0))
+
+
+def _harden(solver: Newton, factor: float, contact: "ContactOperator") -> None:
+    """Raise penalties that fell on the way to what they were, or as far as there is an equilibrium.
+
+    Multipliers of a penalty that is too soft take the patch for what that made of it.
+    """
+    if not contact.is_soft:
+        return
+    rises = int(np.ceil(np.log(1.0 / contact.stiffness) / np.log(_STIFFER)))
+    times = (1.0 / contact.stiffness) ** (1.0 / rises)
+    for _ in range(rises):
+        contact.stiffen(times)
+        try:
+            solver.advance(factor, factor)
+        except Diverged:
+            contact.stiffen(1.0 / times)
+            return
 
 
 def outcome(contact: "ContactOperator", displacement: Array) -> "list[ContactResult]":

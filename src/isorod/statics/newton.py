@@ -110,7 +110,7 @@ class Newton:
             self._test,
             OPTIONS | own | factorisation(assembler, symmetric=assembler.symmetric),
         )
-        self._line_search = None
+        self._line_search: LineSearch | None = None
         if own and not typed.hasName("snes_linesearch_type"):
             self._line_search = LineSearch(self.snes, self._residual)
         self.snes.setMonitor(lambda snes, k, norm: self.norms.append(norm))
@@ -125,8 +125,9 @@ class Newton:
     def destroy(self) -> None:
         """Give back matrix, factors and work vectors.
 
-        SNES and this object, each holding the other, would keep them for long.
+        SNES or the line search and this object, each holding the other, would keep them for long.
         """
+        self._line_search = None
         for one in (self.snes, self._matrix, self._trial, self._force, self._change):
             one.destroy()
 

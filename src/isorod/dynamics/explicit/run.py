@@ -77,6 +77,9 @@ class Run(run.Run):
         """Return the names of the methods at work."""
         return {"time integration": "central differences"}
 
+    def end(self) -> None:
+        """See `isorod.dynamics.run.Run`; explicit steps hold nothing of the kind."""
+
     def _choose(self, critical: float) -> None:
         """Choose the time step and the mass it takes, and make the state what the scheme starts from."""
         self._divide(_SAFE * critical if self.settings.time_step is None else self.settings.time_step)

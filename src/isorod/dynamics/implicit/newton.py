@@ -44,6 +44,11 @@ class Newton:
             OPTIONS | factorisation(assembler, symmetric=False),
         )
 
+    def destroy(self) -> None:
+        """Give back matrix, factors and the state; SNES and this object, each holding the other, would keep them."""
+        for one in (self.snes, self.matrix, self.x):
+            one.destroy()
+
     def _tangent(self, snes: PETSc.SNES, x: PETSc.Vec, out: PETSc.Mat) -> None:
         self.assembler.tangent(x, self._factor, out)
         forget_factors(out, self.snes.getKSP())

@@ -59,6 +59,11 @@ class Run(run.Run):
         """Return the names of the methods at work."""
         return {"time integration": "energy-momentum conserving", **solver_types(self.newton.snes)}
 
+    def end(self) -> None:
+        """See `isorod.dynamics.run.Run`."""
+        self.newton.destroy()
+        self._inertia.destroy()
+
     def _choose(self, critical: float) -> None:
         self._divide(self._longest)
 
