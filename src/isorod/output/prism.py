@@ -21,10 +21,9 @@ compliance: it does not depend on which part of ``g`` is called rigid.
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import lu_factor, lu_solve
 
 from isorod.arrays import Array, Index
@@ -34,6 +33,7 @@ from isorod.geometry.disk import harmonic_functions
 from isorod.geometry.quadrature import WHOLE, Rule, ring_of, section_points
 from isorod.geometry.rod import Rod
 from isorod.geometry.section import refinement_turn
+from isorod.space.basis import Functions
 from isorod.space.polyharmonic import Polyharmonic
 from isorod.space.polynomial import fine_rule
 from isorod.space.ringed import Ringed
@@ -47,24 +47,6 @@ _GROWTH[4, 2], _GROWTH[5, 1] = 1.0, -1.0
 # control points.
 _DEGREE = 8
 _HARMONIC = Rule(16, 5, 1)
-
-
-class Functions(Protocol):
-    """What is asked of section functions here (`isorod.space.basis.SectionBasis` says more)."""
-
-    @property
-    def count(self) -> int:
-        """Number of functions."""
-
-    @property
-    def is_carrier(self) -> NDArray[np.bool_]:
-        """Whether a function is one of those that add up to one, shape ``(count,)``."""
-
-    def functions(self, xi: ArrayLike) -> tuple[Array, Array]:
-        """Return values ``(q, count)`` and gradients ``(q, count, 2)`` at points of the disk ``(q, 2)``."""
-
-    def positions(self, polygons: Array) -> Array:
-        """Return coefficients ``(layers, count, 3)`` of affine images ``(layers, n, 3)`` of the control points."""
 
 
 @dataclass(frozen=True, eq=False)

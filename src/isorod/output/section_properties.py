@@ -14,9 +14,10 @@ from isorod.geometry.rod import Rod
 from isorod.geometry.section import refinement_turn
 from isorod.material.law import Material
 from isorod.model.body import Body
-from isorod.output.prism import Functions, Prism
+from isorod.output.prism import Prism
 from isorod.output.section_forces import centroids, frames, normals
 from isorod.output.state import parameters
+from isorod.space.basis import Functions
 from isorod.space.polyharmonic import Polyharmonic
 from isorod.space.polynomial import fine_rule, polynomials
 from isorod.space.ringed import Ringed

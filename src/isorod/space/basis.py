@@ -9,16 +9,8 @@ from isorod.arrays import Array, Index
 from isorod.geometry.quadrature import Rule
 
 
-class SectionBasis(Protocol):
-    """Functions on the unit disk: some of them, the carriers (`isorod.space.Space.is_carrier`), add up to one.
-
-    Attributes
-    ----------
-    on_surface
-        Whether the carriers are the functions of control points round the surface and come first, as contact needs.
-    """
-
-    on_surface: ClassVar[bool]
+class Functions(Protocol):
+    """Functions on the unit disk: some of them, the carriers (`isorod.space.Space.is_carrier`), add up to one."""
 
     @property
     def count(self) -> int:
@@ -33,6 +25,18 @@ class SectionBasis(Protocol):
 
     def positions(self, polygons: Array) -> Array:
         """Return coefficients ``(layers, count, 3)`` of the map of the rod's control points ``(layers, n, 3)``."""
+
+
+class SectionBasis(Functions, Protocol):
+    """Functions that a space can have.
+
+    Attributes
+    ----------
+    on_surface
+        Whether the carriers are the functions of control points round the surface and come first, as contact needs.
+    """
+
+    on_surface: ClassVar[bool]
 
     def auto(self, degree: int) -> Rule:
         """Return the cheapest rule whose error stays below that of the space, of a degree along the axis."""
