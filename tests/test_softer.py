@@ -80,10 +80,9 @@ def climb(monkeypatch, outcome, contact=None, settle=lambda solver, factor: 0):
         stabilisation=None,
     )
     monkeypatch.setattr(analysis, "settle", settle)
-    monkeypatch.setattr(analysis, "_reached", lambda solver, factor: factor)
-    path = []
-    cuts, _ = analysis._climb(solver, 1, path)
-    return len(path), cuts, taken
+    steps = []
+    cuts, _ = analysis._climb(solver, 1, SimpleNamespace(reached=lambda x, factor: steps.append(factor)))
+    return len(steps), cuts, taken
 
 
 def test_a_step_that_fails_is_tried_with_lower_penalties_before_it_is_cut(monkeypatch):
@@ -152,7 +151,6 @@ def test_with_friction_no_step_is_longer_than_asked_for(monkeypatch):
     contact = Rubbing()
     path = []
     monkeypatch.setattr(analysis, "settle", lambda solver, factor: 0)
-    monkeypatch.setattr(analysis, "_reached", lambda solver, factor: factor)
     solver = SimpleNamespace(
         assembler=SimpleNamespace(
             contact=contact, model=SimpleNamespace(stages=[1.0]), displacement=lambda x, factor: x
@@ -163,5 +161,5 @@ def test_with_friction_no_step_is_longer_than_asked_for(monkeypatch):
         settle=lambda: None,
         stabilisation=None,
     )
-    analysis._climb(solver, 8, path)
+    analysis._climb(solver, 8, SimpleNamespace(reached=lambda x, factor: path.append(factor)))
     assert path == pytest.approx(0.125 * np.arange(1, 9))

@@ -122,8 +122,7 @@ class Cells:
             found = self.patches.fit(numerators) / (own[:, :, None, None] * self.patches.weights)
             parts.append(found.swapaxes(2, 3).reshape(-1, values.shape[-1]))
         found = np.concatenate(parts)
-        # Where it is near zero the norm has kinks, beside which its approximation would be negative.
-        named = {"cauchy": found[:, :6], "von_mises": np.maximum(found[:, 6], 0.0)}
+        named = {"cauchy": found[:, :6], "von_mises": found[:, 6]}
         return named | ({"mean_stress": found[:, 7]} if "pressure" in fields else {})
 
     @cached_property
