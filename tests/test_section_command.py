@@ -61,7 +61,7 @@ def test_rods_of_a_file(file, capsys):
     assert {"versions", "commit", "time"} <= set(record)
     assert cli.main(["section", "two.toml", "--rod", "rubber", "--u", "0.5"]) == 0
     named = capsys.readouterr().out
-    assert named.startswith("section of two, rod rubber, at u = 0.5; area 1.5708\n")
+    assert named.startswith("section of two, rod rubber, at u = 0.5 of 0 to 1; area 1.5708\n")
     assert "no mass: the rod has no density" in named
     assert cli.main(["section", "two.toml", "--rod", "1", "--u", "0.5"]) == 0
     assert capsys.readouterr().out == named

@@ -43,6 +43,7 @@ def main(ours: Sequence[str], theirs: Sequence[str]) -> int:
         "scene": getattr(scene, "name", type(scene).__name__.lower()),
         "rod": name,
         "order": list(FORCES),
+        "range": body.space.axis.breaks[[0, -1]].tolist(),
         **{one: getattr(properties, one) for one in _KEPT},
         **results.provenance(),
     }
@@ -98,6 +99,9 @@ def _csv(record: Mapping[str, Any]) -> str:
     """Return both matrices as a table: which one, the row, and its numbers."""
     lines = [",".join(["matrix", "row", *record["order"]])]
     for name in _MATRICES:
+        if not record[name].any():
+            # No density is no mass.
+            continue
         for row, values in zip(record["order"], record[name], strict=True):
             lines.append(",".join([name, row, *(repr(float(value)) for value in values)]))
     return "\n".join(lines) + "\n"
@@ -111,7 +115,11 @@ def _words(record: Mapping[str, Any]) -> str:
         return ", ".join(f"{value if abs(value) > _NOTHING * size else 0.0:.6g}" for value in values)
 
     size = record["area"] ** 0.5
-    lines = [f"section of {record['scene']}, rod {record['rod']}, at u = {record['u']:.6g}; area {record['area']:.6g}"]
+    low, high = record["range"]
+    lines = [
+        f"section of {record['scene']}, rod {record['rod']}, at u = {record['u']:.6g} of {low:g} to {high:g}; "
+        f"area {record['area']:.6g}"
+    ]
     lines += textwrap.wrap(_ORDER, 80)
     for name, title in _MATRICES.items():
         matrix = record[name]
