@@ -11,8 +11,8 @@ from typing import Any
 from isorod.errors import InputError, SolveError
 from isorod.output import results
 
-# Error above which a result is warned of.
-LARGE = 0.01
+# Error above which a result is warned of: what nobody chose is right to that, or says that it is not.
+LARGE = 0.005
 
 # How often spaces are made finer where patches of contact are too small to be seen.
 CLOSER = 3
