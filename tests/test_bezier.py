@@ -174,6 +174,8 @@ def test_a_field_of_the_patches_degree_is_fitted_exactly():
     functions = space.basis.functions(found.samples)[0]
     shares = np.linalg.lstsq(functions, x**3 - 2.0 * x * y * y + y, rcond=None)[0]
     assert np.abs(one - found.coefficients @ shares).max() < 1e-11
+    # Four triangles of degree 6 share the centre and their sides.
+    assert found.weights.size == 1 + 4 * sum(range(1, 7))
 
 
 def test_small_cells_have_the_same_points_and_fields():

@@ -83,6 +83,13 @@ def test_load_steps_are_frames_and_points_of_a_curve(tmp_path, capsys):
         assert mesh.point_data["displacement"][-20:, 2] == pytest.approx(2.0 * time)
 
 
+def test_a_support_of_many_control_points_moves_as_their_mean(tmp_path, capsys):
+    run(capsys, "spring", "--preset", "paper", "--coils", "1", "--no-estimate", "--output", str(tmp_path))
+    curves = columns(tmp_path / "spring.csv")
+    assert curves["support 1 displacement z"] == pytest.approx(2.0 * curves["load factor"])
+    assert not curves["support 0 displacement z"].any()
+
+
 def test_frequencies_are_a_table_and_names_are_those_of_the_file(tmp_path, capsys, monkeypatch):
     record = run(capsys, "blade", "--modes", "4", "--no-estimate", "--output", str(tmp_path))
     assert np.array_equal(columns(tmp_path / "blade.csv")["frequency"], record["frequencies"])
