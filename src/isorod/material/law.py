@@ -113,9 +113,7 @@ class Material(ABC):
         Of any law ``4 mu (1 - mu / M)``, ``mu`` and ``M`` its least and largest modulus of plane waves.  It stays
         finite near incompressibility, where ``M`` does not.
         """
-        n = _directions()
-        moduli = self.along(np.array([0.0, 0.0, 1.0])).tangent(np.eye(3)[None])[0]
-        waves = np.linalg.eigvalsh(np.einsum("aAbB,nA,nB->nab", moduli, n, n))
+        waves = plane_waves(self)
         least = float(waves.min())
         return 4.0 * least * (1.0 - least / float(waves.max()))
 
@@ -123,6 +121,13 @@ class Material(ABC):
     def activation_work(self) -> float:
         """The most work per reference volume that activation can do, force / area."""
         return 0.0
+
+
+def plane_waves(law: Material) -> Array:
+    """Return the moduli of plane waves at rest in several directions, force / area, shape ``(13, 3)``."""
+    n = _directions()
+    moduli = law.along(np.array([0.0, 0.0, 1.0])).tangent(np.eye(3)[None])[0]
+    return np.linalg.eigvalsh(np.einsum("aAbB,nA,nB->nab", moduli, n, n))
 
 
 def _directions() -> Array:

@@ -1,0 +1,146 @@
+"""A stored energy as an expression: its derivatives, and what of it is the work of a change of volume alone."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import sympy as sp
+
+from isorod.errors import InputError
+from isorod.material import symbols as s
+
+# Volumetric strains that energies are squares of, 1 the slope of each at J = 1.
+_STRAINS = (sp.log(s.J), s.J - 1, (s.J**2 - 1) / 2, 1 - 1 / s.J)
+
+
+@dataclass(frozen=True)
+class Energy:
+    """A stored energy per reference volume.
+
+    Parameters
+    ----------
+    shape
+        What is stored besides that by ``volume``: an expression of `isorod.material.symbols` and constants.
+    constants
+        The symbols of the constants, in the order of a law's; where there is ``volume`` the last is its factor.
+    theta
+        The volumetric strain of an energy ``bulk/2 theta^2``, an expression of ``J`` (or, of small strains, of ``F``),
+        or None.
+    """
+
+    shape: sp.Expr
+    constants: tuple[sp.Symbol, ...]
+    theta: sp.Expr | None = None
+
+    @cached_property
+    def expression(self) -> sp.Expr:
+        """The whole of it."""
+        if self.theta is None:
+            return self.shape
+        return self.shape + self.constants[-1] / 2 * self.theta**2
+
+    @property
+    def logarithmic(self) -> bool:
+        """Whether the volumetric strain is ``ln J``."""
+        return self.theta == sp.log(s.J)
+
+    @cached_property
+    def arguments(self) -> tuple[sp.Symbol, ...]:
+        """The symbols of kinematics that it depends on."""
+        free = self.expression.free_symbols
+        return tuple(one for one in (*s.INVARIANTS, *s.F, *s.a, *s.b) if one in free)
+
+    @property
+    def families(self) -> int:
+        """Number of fibre directions that it asks for."""
+        free = self.expression.free_symbols
+        if free & {s.I4b, s.I8, *s.b}:
+            return 2
+        return 1 if free & {s.I4a, *s.a} else 0
+
+
+def whole(given: sp.Expr, constants: Sequence[sp.Symbol]) -> Energy:
+    """Return an energy that is all there is, split where terms that depend on ``J`` alone are the volume's.
+
+    Raises
+    ------
+    InputError
+        If it has symbols that are neither constants nor those of `isorod.material.symbols`.
+    """
+    given = _checked(given, constants)
+    depends = given.free_symbols - set(constants)
+    if s.J not in depends or depends & set(s.F):
+        return Energy(given, tuple(constants))
+    others = [one for one in depends if one != s.J]
+    volume, _ = sp.expand(given).as_independent(*others, as_Add=True) if others else (given, 0)
+    slope = sp.diff(volume, s.J).subs(s.J, 1)
+    volume = volume - volume.subs(s.J, 1) - slope * sp.log(s.J)
+    factor = sp.simplify(sp.diff(volume, s.J, 2).subs(s.J, 1))
+    if factor == 0:
+        return Energy(given, tuple(constants))
+    for strain in _STRAINS:
+        if sp.simplify(volume - factor / 2 * strain**2) == 0:
+            shape = sp.expand(given) - sp.expand(factor / 2 * strain**2)
+            return Energy(_tidy(shape), (*constants, s.bulk), strain)
+    return Energy(given, tuple(constants))
+
+
+def completed(given: sp.Expr, constants: Sequence[sp.Symbol]) -> Energy:
+    """Return an energy with ``- p ln J + bulk/2 (ln J)^2`` added, ``p`` such that it is free of pressure at rest."""
+    given = _checked(given, constants)
+    if set(s.F) & given.free_symbols:
+        raise InputError("energy: with a bulk modulus it takes invariants, stretches and fibres, no components of F")
+    return Energy(given - pressure_at_rest(given) * sp.log(s.J), (*constants, s.bulk), sp.log(s.J))
+
+
+def factor_of(energy: Energy, given: sp.Expr) -> sp.Expr:
+    """Return the factor ``bulk`` of a split energy (`whole`) as an expression of the constants."""
+    if energy.theta is None:
+        return sp.Integer(0)
+    rest = given - energy.shape
+    return sp.simplify(sp.diff(rest, s.J, 2).subs(s.J, 1))
+
+
+def pressure_at_rest(given: sp.Expr) -> sp.Expr:
+    """Return the pressure (positive in tension) of an energy of invariants, stretches and fibres at rest."""
+    rest = {s.I1: 3, s.I2: 3, s.J: 1, s.I4a: 1, s.I4b: 1} | dict.fromkeys(s.stretches, 1)
+    weights = {s.I1: 2, s.I2: 4, s.J: 1, s.stretches[0]: 1}
+    return sp.simplify(sum(w * sp.diff(given, one).subs(rest) for one, w in weights.items()))
+
+
+def _checked(given: sp.Expr, constants: Sequence[sp.Symbol]) -> sp.Expr:
+    """Return an energy in which ``C`` is replaced by ``F``, if all its symbols are known."""
+    given = sp.sympify(given)
+    if set(s.C) & given.free_symbols:
+        product = s.F.T * s.F
+        given = given.subs({s.C[A, B]: product[A, B] for A in range(3) for B in range(A, 3)})
+    known = {*s.INVARIANTS, *s.F, *s.a, *s.b, s.activation, *constants}
+    unknown = sorted(str(one) for one in given.free_symbols - known)
+    if unknown:
+        raise InputError(
+            f"energy: {', '.join(unknown)} is neither a constant that is given nor a symbol of "
+            "isorod.material.symbols (F, C, I1, I2, J, I1bar, I2bar, I4a, I4b, I8, stretches, a, b, activation)"
+        )
+    if set(s.F) & given.free_symbols and set(s.INVARIANTS) & given.free_symbols:
+        given = given.subs(_invariants_of_F(given))
+    return given
+
+
+def _invariants_of_F(given: sp.Expr) -> dict[sp.Symbol, sp.Expr]:
+    """Return invariants as expressions of ``F``."""
+    if set(s.stretches) & given.free_symbols:
+        raise InputError("energy: components of F or C and principal stretches cannot stand together")
+    C, a, b = s.F.T * s.F, sp.Matrix(s.a), sp.Matrix(s.b)
+    return {
+        s.I1: C.trace(),
+        s.I2: (C.trace() ** 2 - (C * C).trace()) / 2,
+        s.J: s.F.det(),
+        s.I4a: (a.T * C * a)[0],
+        s.I4b: (b.T * C * b)[0],
+        s.I8: (a.T * C * b)[0],
+    }
+
+
+def _tidy(expression: sp.Expr) -> sp.Expr:
+    """Return what is written with the fewest operations of a few forms."""
+    return min((expression, sp.factor_terms(expression)), key=sp.count_ops)

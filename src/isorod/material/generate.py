@@ -1,0 +1,464 @@
+"""The source of a law's compiled functions, written from its energy.
+
+With the scalars ``s`` that an energy depends on and ``D_s = ds/dF``,
+
+    P = sum_s W_s D_s,    dP/dF = sum_st W_st D_s D_t + sum_s W_s dD_s/dF,
+
+where SymPy finds ``W_s`` and ``W_st``, and what is left is the same for all laws.  Functions that vectorise stand in
+`isorod.material.functions`.
+"""
+
+from collections.abc import Iterable, Sequence
+from itertools import combinations
+
+import sympy as sp
+from sympy.printing.pycode import PythonCodePrinter
+
+from isorod import __version__
+from isorod.errors import InputError
+from isorod.material import symbols as s
+from isorod.material.energy import Energy
+
+_HEADER = f'''"""Written by isorod {__version__} from the energy of a law."""
+
+import numpy as np
+
+from isorod.compiled import FAST, STRICT, njit
+from isorod.material.functions import exp, log, power, principal
+from isorod.material.moduli_kernel import add_both, add_diagonal, add_rows
+from isorod.material.points import (
+    ACTIVE, BLOCK, DETERMINANT, ENERGY, FIBRE, GRADIENT, MODULI, POINT, POINTS, ROWS, SQUARES, TANGENT, add_identity,
+    add_products, add_square,
+)
+'''
+
+_COMPONENTS = [(a, A) for a in range(3) for A in range(3)]
+_OWN = {"sin", "cos", "tan", "sinh", "cosh", "tanh", "atan", "asin", "acos", "asinh", "atanh", "acosh"}
+
+
+class _Printer(PythonCodePrinter):  # type: ignore[misc]
+    """Expressions of what stands in `isorod.material.functions` and NumPy."""
+
+    def _print_Rational(self, expr: sp.Rational) -> str:
+        return repr(float(expr))
+
+    def _print_Integer(self, expr: sp.Integer) -> str:
+        return f"{int(expr)}.0"
+
+    _print_Zero = _print_One = _print_NegativeOne = _print_Integer
+    _print_Half = _print_Rational
+
+    def _print_Float(self, expr: sp.Float) -> str:
+        return repr(float(expr))
+
+    def _print_NumberSymbol(self, expr: sp.Expr) -> str:
+        return repr(float(expr))
+
+    def _print_Pow(self, expr: sp.Pow, rational: bool = False) -> str:
+        base, exponent = expr.base, expr.exp
+        text = self._print(base)
+        if exponent.is_Integer and 1 <= abs(int(exponent)) <= 16:
+            text = text if base.is_Symbol else f"({text})"
+            product = "(" + " * ".join([text] * abs(int(exponent))) + ")"
+            return product if exponent > 0 else f"(1.0 / {product})"
+        if exponent == sp.Rational(1, 2):
+            return f"np.sqrt({text})"
+        if exponent == sp.Rational(-1, 2):
+            return f"(1.0 / np.sqrt({text}))"
+        return f"power({text}, {self._print(exponent)})"
+
+    def _print_exp(self, expr: sp.Expr) -> str:
+        return f"exp({self._print(expr.args[0])})"
+
+    def _print_log(self, expr: sp.Expr) -> str:
+        return f"log({self._print(expr.args[0])})"
+
+    def _print_Abs(self, expr: sp.Expr) -> str:
+        return f"abs({self._print(expr.args[0])})"
+
+    def _print_sign(self, expr: sp.Expr) -> str:
+        return f"np.sign({self._print(expr.args[0])})"
+
+    def _print_Heaviside(self, expr: sp.Expr) -> str:
+        return f"(1.0 if {self._print(expr.args[0])} > 0.0 else 0.0)"
+
+    def _print_Max(self, expr: sp.Expr) -> str:
+        return f"max({', '.join(self._print(one) for one in expr.args)})"
+
+    def _print_Min(self, expr: sp.Expr) -> str:
+        return f"min({', '.join(self._print(one) for one in expr.args)})"
+
+    def _print_Piecewise(self, expr: sp.Piecewise) -> str:
+        text = "np.nan"
+        for value, condition in reversed(expr.args):
+            value = self._print(value)
+            text = value if condition == sp.true else f"({value} if {self._print(condition)} else {text})"
+        return text
+
+    def _print_Function(self, expr: sp.Function) -> str:
+        name = expr.func.__name__
+        if name not in _OWN:
+            raise InputError(f"energy: the function {name} is not one that laws are compiled with")
+        name = {"atan": "arctan", "asin": "arcsin", "acos": "arccos"}.get(
+            name, name.replace("a", "arc", 1) if name in ("asinh", "atanh", "acosh") else name
+        )
+        return f"np.{name}({', '.join(self._print(one) for one in expr.args)})"
+
+    _print_sin = _print_cos = _print_tan = _print_sinh = _print_cosh = _print_tanh = _print_Function
+    _print_atan = _print_asin = _print_acos = _print_asinh = _print_atanh = _print_acosh = _print_Function
+
+    def _print_Derivative(self, expr: sp.Expr) -> str:
+        raise InputError(f"energy: the derivative {expr} has no formula")
+
+    def _print_DiracDelta(self, expr: sp.Expr) -> str:
+        return "0.0"
+
+
+_PRINTER = _Printer({"fully_qualified_modules": False})
+
+
+def source(energy: Energy) -> str:
+    """Return the source of a module with the functions `point`, `block` and `tangent` of a law.
+
+    Raises
+    ------
+    InputError
+        If the energy has a function that is not known here.
+    """
+    body = _Body(energy)
+    return "\n".join([_HEADER, *body.point(), "", "", *body.block(), "", "", *body.tangent(), ""])
+
+
+def _slope(expression: sp.Expr, by: sp.Symbol) -> sp.Expr:
+    """Return a derivative; jumps have none, which nothing is added for."""
+    return sp.diff(expression, by).replace(sp.DiracDelta, lambda *_: sp.Integer(0))
+
+
+def _assignments(names: Sequence[str], expressions: Sequence[sp.Expr]) -> list[str]:
+    """Return lines that give names to the values of expressions, what they share computed once."""
+    shared, lines = _shared_powers(list(expressions))
+    numbers = sp.numbered_symbols("x")
+    replaced, reduced = sp.cse([*lines.values(), *shared], numbers, order="none")
+    found = [f"{name} = {_PRINTER.doprint(value)}" for name, value in replaced]
+    # A power that is shared is what others are computed from: after its base, before the rest.
+    count = len(lines)
+    if not count:
+        return found + [f"{n} = {_PRINTER.doprint(e)}" for n, e in zip(names, reduced, strict=True)]
+    return _ordered(
+        [*[(str(n), v) for n, v in replaced], *[(str(n), v) for n, v in zip(lines, reduced[:count], strict=True)]],
+    ) + [f"{n} = {_PRINTER.doprint(e)}" for n, e in zip(names, reduced[count:], strict=True)]
+
+
+def _ordered(pairs: list[tuple[str, sp.Expr]]) -> list[str]:
+    """Return lines in an order in which each uses earlier ones alone."""
+    names = {name for name, _ in pairs}
+    found: list[str] = []
+    known: set[str] = set()
+    while pairs:
+        left = []
+        for name, value in pairs:
+            if {str(one) for one in value.free_symbols} & names <= known:
+                found.append(f"{name} = {_PRINTER.doprint(value)}")
+                known.add(name)
+            else:
+                left.append((name, value))
+        pairs = left
+    return found
+
+
+def _shared_powers(expressions: list[sp.Expr]) -> tuple[list[sp.Expr], dict[sp.Symbol, sp.Expr]]:
+    """Return expressions in which powers of one base that differ by whole numbers are those of one symbol."""
+    powers = {one for e in expressions for one in e.atoms(sp.Pow) if not one.exp.is_Integer}
+    groups: dict[tuple[sp.Expr, sp.Expr], list[sp.Pow]] = {}
+    for one in sorted(powers, key=sp.default_sort_key):
+        whole, rest = one.exp.as_coeff_Add()
+        if rest == 0:
+            if not whole.is_Rational or whole.q == 2:
+                continue
+            key = one.base, sp.Rational(1, whole.q)
+        else:
+            key = one.base, rest
+        groups.setdefault(key, []).append(one)
+    lines: dict[sp.Symbol, sp.Expr] = {}
+    replaced = {}
+    for (base, unit), members in groups.items():
+        if unit.is_Rational and len(members) > 1:
+            down = all(one.exp < 0 for one in members)
+            name = sp.Symbol(f"r{len(lines)}", positive=True)
+            lines[name] = base ** (-unit if down else unit)
+            for one in members:
+                replaced[one] = name ** int((-one.exp if down else one.exp) / unit)
+        elif not unit.is_Rational and len(members) > 1:
+            name = sp.Symbol(f"r{len(lines)}", positive=True)
+            lines[name] = base**unit
+            for one in members:
+                replaced[one] = name * base ** one.exp.as_coeff_Add()[0]
+    return [one.xreplace(replaced) for one in expressions], lines
+
+
+class _Body:
+    """What stands in the loops over points."""
+
+    def __init__(self, energy: Energy) -> None:
+        self.energy = energy
+        # Names that no other has.
+        self.names = {one: sp.Symbol(f"constant{k}", real=True) for k, one in enumerate(energy.constants)}
+        expression = energy.expression.xreplace(self.names)
+        self.plain = [one for one in s.F if one in expression.free_symbols]
+        self.scalars = list(s.F) if self.plain else [one for one in s.INVARIANTS if one in expression.free_symbols]
+        if not self.plain and set(s.stretches) & set(self.scalars):
+            self.scalars = [one for one in self.scalars if one not in s.stretches] + list(s.stretches)
+        self.first = {one: _slope(expression, one) for one in self.scalars}
+        self.second = {(p, q): _slope(self.first[p], q) for k, p in enumerate(self.scalars) for q in self.scalars[k:]}
+        self.used = expression.free_symbols
+        self.rest = expression.subs(s.activation, 0)
+        self.active = sp.diff(expression, s.activation)
+
+    # Lines before the loop, and those that read a point.
+
+    def _constants(self) -> list[str]:
+        return [f"    {one} = constants[{k}]" for k, one in enumerate(self.names.values()) if one in self.used]
+
+    def _fibres(self, read: str) -> list[str]:
+        names = [f"a{k}" for k in range(3)] + [f"b{k}" for k in range(3)]
+        return [f"{name} = {read.format(k)}" for k, name in enumerate(names[: 3 * self.energy.families])]
+
+    def _kinematics(self) -> list[str]:
+        """Return lines that compute what energies are written of, from ``f00 .. f22`` and the fibres."""
+        if self.plain:
+            return [f"F{a}{A} = f{a}{A}" for a, A in _COMPONENTS]
+        has = set(self.scalars)
+        lines = []
+        if s.J in has:
+            lines += ["J = det"]
+            for a, A in _COMPONENTS:
+                a1, a2, A1, A2 = (a + 1) % 3, (a + 2) % 3, (A + 1) % 3, (A + 2) % 3
+                lines.append(f"g{a}{A} = f{a1}{A1} * f{a2}{A2} - f{a1}{A2} * f{a2}{A1}")
+        stretched = s.stretches[0] in has
+        if s.I2 in has or stretched:
+            for A in range(3):
+                for B in range(A, 3):
+                    lines.append(f"c{A}{B} = " + " + ".join(f"f{a}{A} * f{a}{B}" for a in range(3)))
+        if has & {s.I1, s.I2}:
+            lines.append("I1 = " + " + ".join(f"f{a}{A} * f{a}{A}" for a, A in _COMPONENTS))
+        if s.I2 in has:
+            lines.append("I2 = c00 * c11 + c00 * c22 + c11 * c22 - c01 * c01 - c02 * c02 - c12 * c12")
+            for a, A in _COMPONENTS:
+                product = " + ".join(f"f{a}{B} * c{min(A, B)}{max(A, B)}" for B in range(3))
+                lines.append(f"h{a}{A} = I1 * f{a}{A} - ({product})")
+        for fibre, name in ((s.I4a, "a"), (s.I4b, "b")):
+            if fibre in has or s.I8 in has:
+                for k in range(3):
+                    lines.append(f"{name}n{k} = " + " + ".join(f"f{k}{A} * {name}{A}" for A in range(3)))
+                if fibre in has:
+                    # Points that only fill up a block have no fibre.
+                    lines.append(f"{fibre} = " + " + ".join(f"{name}n{k} * {name}n{k}" for k in range(3)))
+                    lines.append(f"{fibre} = {fibre} if {fibre} > 0.0 else 1.0")
+        if s.I8 in has:
+            lines.append("I8 = " + " + ".join(f"an{k} * bn{k}" for k in range(3)))
+        if stretched:
+            vectors = ", ".join(f"v{i}{A}" for i in range(3) for A in range(3))
+            lines.append(f"l1, l2, l3, {vectors} = principal(c00, c01, c02, c11, c12, c22)")
+            for i in range(3):
+                lines.append(f"l{i + 1} = np.sqrt(l{i + 1})")
+                for a in range(3):
+                    product = " + ".join(f"f{a}{A} * v{i}{A}" for A in range(3))
+                    lines.append(f"n{i}{a} = ({product}) / l{i + 1}")
+        return lines
+
+    def _slopes(self, second: bool = False) -> list[str]:
+        """Return lines that compute the derivatives of the energy, NaN where an element is inverted."""
+        names = [f"w_{one}" for one in self.scalars]
+        values = list(self.first.values())
+        if second:
+            wanted = {pair: value for pair, value in self.second.items() if value != 0}
+            names += [f"w_{p}_{q}" for p, q in wanted]
+            values += list(wanted.values())
+        lines = [*_assignments(names, values), "valid = 1.0 if det > 0.0 else np.nan"]
+        return lines + [f"w_{one} = valid * w_{one}" for one in self.scalars]
+
+    def _stress(self) -> list[str]:
+        """Return lines that compute ``p00 .. p22``."""
+        if self.plain:
+            return [f"p{a}{A} = w_F{a}{A}" for a, A in _COMPONENTS]
+        lines = []
+        for a, A in _COMPONENTS:
+            terms = []
+            for one in self.scalars:
+                factor, text = self._direction(one, a, A)
+                terms.append(f"{factor}w_{one} * {text}")
+            lines.append(f"p{a}{A} = " + " + ".join(terms or ["0.0"]))
+        return lines
+
+    @staticmethod
+    def _direction(one: sp.Symbol, a: int, A: int) -> tuple[str, str]:
+        """Return a number and the expression of which a component of ``D_s`` is the product."""
+        if one == s.I1:
+            return "2.0 * ", f"f{a}{A}"
+        if one == s.I2:
+            return "2.0 * ", f"h{a}{A}"
+        if one == s.J:
+            return "", f"g{a}{A}"
+        if one in (s.I4a, s.I4b):
+            name = str(one)[-1]
+            return "2.0 * ", f"({name}n{a} * {name}{A})"
+        if one == s.I8:
+            return "", f"(an{a} * b{A} + bn{a} * a{A})"
+        i = s.stretches.index(one)
+        return "", f"(n{i}{a} * v{i}{A})"
+
+    # The three functions.
+
+    def point(self) -> list[str]:
+        lines = ["@njit(POINT, **STRICT)", "def point(F, constants, fibre, activation, stress):", *self._constants()]
+        body = [f"f{a}{A} = F[{a}, {A}]" for a, A in _COMPONENTS]
+        body.append(
+            "det = (f00 * (f11 * f22 - f12 * f21) + f01 * (f12 * f20 - f10 * f22) + f02 * (f10 * f21 - f11 * f20))"
+        )
+        body += [*self._fibres("fibre[{}]"), *self._kinematics(), *self._slopes(), *self._stress()]
+        body += [f"stress[{a}, {A}] = p{a}{A}" for a, A in _COMPONENTS]
+        body += _assignments(["rest", "active"], [self.rest, self.active])
+        return lines + ["    " + one for one in body] + ["    return valid * rest, valid * active"]
+
+    def _head(self, name: str, arguments: str) -> list[str]:
+        return [f"@njit({name.upper()}, **FAST)", f"def {name}({arguments}):", *self._constants()]
+
+    def _read(self) -> list[str]:
+        lines = [f"f{a}{A} = work[ROWS[GRADIENT + {3 * a + A}] + k]" for a, A in _COMPONENTS]
+        lines.append("det = work[ROWS[DETERMINANT] + k]")
+        return lines + self._fibres("work[ROWS[FIBRE + {}] + k]")
+
+    @staticmethod
+    def _loop(body: Iterable[str], deep: int = 1) -> list[str]:
+        space = "    " * deep
+        return [f"{space}for k in range(np.uint64(POINTS)):", *[f"{space}    {one}" for one in body]]
+
+    def block(self) -> list[str]:
+        """Return the function of a block of points."""
+        body = [*self._read(), *self._kinematics(), *self._slopes(), *self._stress()]
+        body += [f"work[ROWS[{3 * a + A}] + k] = p{a}{A}" for a, A in _COMPONENTS]
+        lines = [*self._head("block", "work, constants, activation, wanted"), *self._loop(body)]
+        energies = [*self._read(), *self._kinematics(), *_assignments(["rest", "active"], [self.rest, self.active])]
+        energies += ["work[ROWS[ENERGY] + k] = rest", "work[ROWS[ACTIVE] + k] = active"]
+        return [*lines, "    if wanted:", *self._loop(energies, 2)]
+
+    def tangent(self) -> list[str]:
+        """Return the function that adds the moduli."""
+        body = [*self._read(), *self._kinematics(), *self._slopes(second=True)]
+        body += self._plain_moduli() if self.plain else self._moduli()
+        return [*self._head("tangent", "work, constants, activation"), *self._loop(body)]
+
+    def _w(self, p: sp.Symbol, q: sp.Symbol) -> str:
+        """Return the name of a second derivative, empty where it is zero."""
+        pair = (p, q) if (p, q) in self.second else (q, p)
+        return "" if self.second[pair] == 0 else f"w_{pair[0]}_{pair[1]}"
+
+    def _plain_moduli(self) -> list[str]:
+        """Return lines that add the second derivatives by components of ``F``."""
+        lines = []
+        for (p, q), value in self.second.items():
+            if value == 0:
+                continue
+            a, A, b, B = (int(x) for x in str(p)[1:] + str(q)[1:])
+            if a == b:
+                row = f"SQUARES + {6 * a + (B if A == 0 else A + B + 1)}"
+            else:
+                row = f"MODULI + {9 * (a + b - 1) + 3 * A + B}"
+            lines.append(f"work[ROWS[{row}] + k] += valid * w_{p}_{q}")
+        return lines
+
+    def _moduli(self) -> list[str]:
+        """Return lines that add what all scalars have."""
+        has, lines = set(self.scalars), ["same = 0.0"]
+        rows = {name: tuple(f"({name}{a}0, {name}{a}1, {name}{a}2)" for a in range(3)) for name in "fgh"}
+        if s.I1 in has:
+            lines.append("same += 2.0 * w_I1")
+        if s.I2 in has:
+            lines.append("same += 2.0 * w_I2 * I1")
+        whole = f"{(s.I1 in has and self._w(s.I1, s.I1)) or '0.0'}"
+        if s.I2 in has or whole != "0.0":
+            x = "4.0 * w_I2" if s.I2 in has else "0.0"
+            y = "-2.0 * w_I2" if s.I2 in has else "0.0"
+            lines.append(f"add_products(work, k, {x} + 4.0 * {whole}, {y}, {', '.join(rows['f'])})")
+        if s.J in has:
+            own = self._w(s.J, s.J) or "0.0"
+            lines.append("bent = w_J / J")
+            lines.append(f"add_products(work, k, {own} + bent, -bent, {', '.join(rows['g'])})")
+        if s.I2 in has:
+            lines += [
+                f"B{a}{b} = " + " + ".join(f"f{a}{A} * f{b}{A}" for A in range(3))
+                for a in range(3)
+                for b in range(a, 3)
+            ]
+            lines.append("less = -2.0 * w_I2")
+            for a in range(3):
+                lines.append(f"add_identity(work, k, ROWS[SQUARES + {6 * a}], same + less * B{a}{a})")
+                lines.append(f"add_rows(work, k, ROWS[SQUARES + {6 * a}], less, (c00, c01, c02, c11, c12, c22))")
+            for pair, (a, b) in enumerate(((0, 1), (0, 2), (1, 2))):
+                lines.append(f"add_diagonal(work, k, ROWS[MODULI + {9 * pair}], less * B{a}{b})")
+        else:
+            lines += [f"add_identity(work, k, ROWS[SQUARES + {6 * a}], same)" for a in range(3) if s.I1 in has]
+        for fibre in (s.I4a, s.I4b):
+            if fibre in has:
+                name = str(fibre)[-1]
+                lines += [
+                    f"add_square(work, k, ROWS[SQUARES + {6 * a}], 2.0 * w_{fibre}, ({name}0, {name}1, {name}2))"
+                    for a in range(3)
+                ]
+        if s.I8 in has:
+            lines.append(
+                "both = (2.0 * a0 * b0, a0 * b1 + a1 * b0, a0 * b2 + a2 * b0, "
+                "2.0 * a1 * b1, a1 * b2 + a2 * b1, 2.0 * a2 * b2)"
+            )
+            lines += [f"add_rows(work, k, ROWS[SQUARES + {6 * a}], w_I8, both)" for a in range(3)]
+        return lines + self._crossed() + (self._turned() if s.stretches[0] in has else [])
+
+    def _crossed(self) -> list[str]:
+        """Return lines that add ``W_st D_s D_t``, but for what a scalar has with itself and was added before."""
+        lines = []
+        for k, p in enumerate(self.scalars):
+            done = p in (s.I1, s.J)
+            terms = []
+            for q in self.scalars[k:]:
+                w = self._w(p, q)
+                if not w or (p == q and done):
+                    continue
+                terms.append((q, f"0.5 * {w}" if p == q else w))
+            if not terms:
+                continue
+            left, right = [], []
+            for a, A in _COMPONENTS:
+                factor, text = self._direction(p, a, A)
+                left.append(f"{factor}{text}")
+                sums = []
+                for q, w in terms:
+                    factor, text = self._direction(q, a, A)
+                    sums.append(f"{w} * {factor}{text}")
+                right.append(" + ".join(sums))
+            lines.append(f"d = ({', '.join(left)})")
+            lines.append(f"e = ({', '.join(right)})")
+            lines.append("add_both(work, k, valid, d, e)")
+        return lines
+
+    def _turned(self) -> list[str]:
+        """Return lines that add what turning the principal directions does.
+
+        For two of them ``(u v + v u) (W_i - W_j)/(l_i - l_j)/2 + ...``, the quotient the mean of its limits at both
+        ends where they meet.
+        """
+        lines = []
+        for i, j in combinations(range(3), 2):
+            li, lj = s.stretches[i], s.stretches[j]
+            ii, jj, ij = (self._w(*pair) or "0.0" for pair in ((li, li), (lj, lj), (li, lj)))
+            lines += [
+                f"apart = {li} - {lj}",
+                f"meet = 0.5 * ({ii} + {jj}) - {ij}",
+                f"near = abs(apart) < 1e-5 * ({li} + {lj})",
+                f"quotient = meet if near else (w_{li} - w_{lj}) / (1.0 if near else apart)",
+                f"turn = (w_{li} + w_{lj}) / ({li} + {lj})",
+                "d = (" + ", ".join(f"n{i}{a} * v{j}{A} + n{j}{a} * v{i}{A}" for a, A in _COMPONENTS) + ")",
+                "add_both(work, k, 0.25 * quotient, d, d)",
+                "d = (" + ", ".join(f"n{i}{a} * v{j}{A} - n{j}{a} * v{i}{A}" for a, A in _COMPONENTS) + ")",
+                "add_both(work, k, 0.25 * turn, d, d)",
+            ]
+        return lines

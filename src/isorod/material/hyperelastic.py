@@ -1,0 +1,85 @@
+"""A law from its stored energy, which its user writes down."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from isorod.errors import InputError
+from isorod.material.from_energy import FromEnergy
+
+if TYPE_CHECKING:
+    from isorod.material.energy import Energy
+
+
+@dataclass(frozen=True, eq=False)
+class Hyperelastic(FromEnergy):
+    """A law from its stored energy per reference volume.
+
+    Stress, tangent, the split of the mixed formulation and the functions of explicit steps are made from that one
+    definition, and checked when the law is made (`isorod.material.proof`).
+
+    Parameters
+    ----------
+    definition
+        A SymPy expression of the symbols in `isorod.material.symbols` and of constants: of ``I1``, ``I2``, ``J``,
+        principal stretches, fibre stretches, or components of ``F`` or ``C``.
+    parameters
+        Value of each constant, by its symbol or name.
+    bulk
+        Where it is given, ``- p ln J + bulk/2 (ln J)^2`` is added to the energy, ``p`` such that there is no pressure
+        at rest; force / area, infinite for an incompressible law.  Where not, the energy is all there is.
+    prestressed
+        Whether a stress at rest is meant to be there.
+
+    Raises
+    ------
+    InputError
+        If a symbol is not known, a constant has no value, or a check fails.
+    """
+
+    definition: Any
+    parameters: Mapping[Any, float] = field(default_factory=dict)
+    bulk: float | None = None
+    prestressed: bool = False
+
+    def __post_init__(self) -> None:
+        for name, value in self.parameters.items():
+            if not np.isfinite(value):
+                raise InputError(f"constant {name}: got {value:g}, need a finite number")
+        if self.bulk is not None and not self.bulk > 0.0:
+            raise InputError(f"bulk: got {self.bulk:g}, need a positive stress, infinite for an incompressible law")
+        from isorod.material.proof import prove
+
+        prove(self, self.prestressed)
+
+    @cached_property
+    def _symbols(self) -> tuple[Any, ...]:
+        from sympy import Symbol
+
+        named = {str(one): one for one in getattr(self.definition, "free_symbols", ())}
+        return tuple(named.get(str(one), Symbol(str(one))) for one in self.parameters)
+
+    @cached_property
+    def stored(self) -> "Energy":
+        """Its energy as an expression."""
+        from isorod.material.energy import completed, whole
+
+        return (whole if self.bulk is None else completed)(self.definition, self._symbols)
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """The constants of the energy."""
+        return tuple(float(value) for value in self.parameters.values())
+
+    @cached_property
+    def lame(self) -> float:
+        """Factor of the volumetric energy ``bulk/2 theta^2``, force / area."""
+        if self.bulk is not None:
+            return self.bulk
+        from isorod.material.energy import factor_of
+
+        found = factor_of(self.stored, self.definition)
+        return float(found.subs(dict(zip(self._symbols, self.values, strict=True))))

@@ -1,0 +1,133 @@
+"""Checks of a law when it is made: what fails is said in one line, with by how much."""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from isorod.arrays import Array
+from isorod.errors import InputError
+from isorod.material.law import Material, plane_waves
+
+if TYPE_CHECKING:
+    from isorod.material.from_energy import FromEnergy
+
+# Strains at which it is evaluated, and a strain so small that differences of large numbers would show.
+_STRAIN, _SMALL = 0.08, 1e-8
+
+_CHECKED: set[Any] = set()
+
+
+def prove(law: "FromEnergy", prestressed: bool) -> None:
+    """Check a law at rest and at strains of some percent.
+
+    Raises
+    ------
+    InputError
+        If it has no value at rest or at strains of some percent; a rotation changes its energy; its stress is not what
+        complex steps of its energy say; it has a stress at rest that nobody named; a plane wave at rest has no
+        positive modulus; its stress at strains of 1e-8 is rounding.
+    """
+    one = law.shear
+    key = law.stored, one.constants.tobytes(), prestressed
+    if key in _CHECKED:
+        return
+    rest, scale = np.eye(3)[None], float(np.abs(one.tangent(np.eye(3)[None])).max())
+    if not np.isfinite(scale):
+        raise InputError("energy: has no finite second derivatives at rest")
+    F = rest + _STRAIN * np.random.default_rng(1).uniform(-1.0, 1.0, (8, 3, 3))
+    stress = one.stress(F)
+    if not (np.isfinite(stress).all() and np.isfinite(one.energy(F)).all()):
+        raise InputError(f"energy: NaN at strains of {_STRAIN:g}")
+    _objective(one, F, scale)
+    _by_complex_steps(law, one, F, stress, scale)
+    if not prestressed:
+        _free_at_rest(law, one, scale)
+    waves = float(plane_waves(one).min())
+    if waves <= 1e-12 * scale:
+        raise InputError(f"energy: not elliptic at rest: the least modulus of plane waves is {waves:.4g}")
+    _exact_when_small(one)
+    _CHECKED.add(key)
+
+
+def _objective(law: Material, F: Array, scale: float) -> None:
+    """Check that rotations change neither energy nor, but for turning it, stress."""
+    turned = _rotation()
+    before, after = law.energy(F), law.energy(turned @ F)
+    change = float(np.abs(after - before).max() / (scale * _STRAIN**2))
+    if not change < 1e-8:
+        raise InputError(f"energy: not objective: a rotation changes it by {100.0 * change:.3g} %")
+
+
+def _by_complex_steps(law: "FromEnergy", one: Material, F: Array, stress: Array, scale: float) -> None:
+    """Check the stress against derivatives of the energy by complex steps."""
+    density = _density(one)
+    found = np.empty(F.shape)
+    for a in range(3):
+        for A in range(3):
+            moved = F.astype(complex)
+            moved[:, a, A] += 1e-30j
+            try:
+                values = np.broadcast_to(density(moved), F.shape[:1])
+            except TypeError as error:
+                raise InputError(f"energy: complex steps are impossible: {error}") from None
+            found[:, a, A] = np.imag(values) / 1e-30
+    worst = float(np.abs(found - stress).max() / (scale * _STRAIN))
+    if not worst < 1e-8:
+        raise InputError(f"energy: its stress differs from complex steps of it by {100.0 * worst:.3g} %")
+
+
+def _free_at_rest(law: "FromEnergy", one: Material, scale: float) -> None:
+    """Check that there is no stress at rest."""
+    stress = one.stress(np.eye(3)[None])[0]
+    size = float(np.abs(stress).max())
+    if size <= 1e-10 * scale:
+        return
+    pressure = float(np.trace(stress)) / 3.0
+    if float(np.abs(stress - pressure * np.eye(3)).max()) <= 1e-10 * scale:
+        what = f"a pressure of {-pressure:.6g}; with a bulk modulus it is made up for, or add {-pressure:.6g} log(J)"
+    else:
+        what = f"{size:.6g}"
+    raise InputError(f"energy: not free of stress at rest, there is {what}; if that is meant: prestressed=True")
+
+
+def _exact_when_small(law: Material) -> None:
+    """Check that the stress at tiny strains is not rounding."""
+    way = _STRAIN * np.random.default_rng(2).uniform(-1.0, 1.0, (3, 3))
+    rest = np.eye(3)[None]
+    linear = np.einsum("aAbB,bB->aA", law.tangent(rest)[0], way)
+    moved = rest + _SMALL * way
+    found = (law.stress(moved) - law.stress(rest))[0] / _SMALL
+    error = float(np.abs(found - linear).max() / np.abs(linear).max())
+    if not error < 1e-5:
+        raise InputError(f"energy: its stress at strains of {_SMALL:g} is off by {100.0 * error:.3g} %: cancellation")
+
+
+def _rotation() -> Array:
+    """Return a rotation about no particular axis."""
+    found, _ = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))
+    return np.asarray(found * np.linalg.det(found))
+
+
+def _density(law: Any) -> Callable[[Any], Any]:
+    """Return the energy of deformation gradients ``(m, 3, 3)``, complex ones too, computed by NumPy."""
+    import sympy as sp
+
+    from isorod.material import symbols as s
+
+    stored, fibres = law.stored, law.fibres((1,))[0]
+    a, b = (np.resize(fibres, 6)[:3], np.resize(fibres, 6)[3:]) if fibres.size else (np.zeros(3), np.zeros(3))
+    names = (*s.F, *s.a, *s.b, *s.INVARIANTS, s.activation, *stored.constants)
+    function = sp.lambdify(names, stored.expression, "numpy")
+
+    def density(F: Any) -> Any:
+        C = np.swapaxes(F, -1, -2) @ F
+        first = np.trace(C, axis1=-2, axis2=-1)
+        second = 0.5 * (first**2 - np.trace(C @ C, axis1=-2, axis2=-1))
+        along = [np.einsum("A,mAB,B->m", x, C, y) for x, y in ((a, a), (b, b), (a, b))]
+        stretches = np.sqrt(np.linalg.eigvals(C)).T
+        invariants = (first, second, np.linalg.det(F), *along, *stretches)
+        given = (*F.reshape(-1, 9).T, *a, *b, *invariants, 1.0, *law.constants)
+        return function(*given)
+
+    return density

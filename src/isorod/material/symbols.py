@@ -1,0 +1,26 @@
+"""Symbols of which stored energies are written (`isorod.material.energy`).
+
+``F`` is the deformation gradient and ``C = F^T F``, matrices of symbols ``(3, 3)``; ``I1`` and ``I2`` are the principal
+invariants of ``C``, ``J = det F``; ``stretches`` are the three principal stretches, in which an energy is symmetric;
+``a`` and ``b`` are unit vectors ``(3,)`` along two families of fibres at rest, ``I4a = a.C a`` and ``I4b = b.C b`` the
+squares of the stretches of these, and ``I8 = a.C b``.  ``I1bar`` and ``I2bar`` are the invariants of
+``J^(-2/3) C``.  ``activation`` is 0 at rest and 1 at full activation; energies are linear in it.
+"""
+
+from sympy import Matrix, Rational, Symbol, symbols
+
+F = Matrix(3, 3, lambda a, A: Symbol(f"F{a}{A}", real=True))
+C = Matrix(3, 3, lambda A, B: Symbol(f"C{min(A, B)}{max(A, B)}", real=True))
+I1, I2, J, I4a, I4b = symbols("I1 I2 J I4a I4b", positive=True)
+I8 = Symbol("I8", real=True)
+stretches = symbols("l1 l2 l3", positive=True)
+a = symbols("a0 a1 a2", real=True)
+b = symbols("b0 b1 b2", real=True)
+activation = Symbol("activation", nonnegative=True)
+bulk = Symbol("bulk", nonnegative=True)
+
+I1bar = J ** Rational(-2, 3) * I1
+I2bar = J ** Rational(-4, 3) * I2
+
+INVARIANTS = (I1, I2, J, I4a, I4b, I8, *stretches)
+"""What an energy without components of tensors may depend on, and in what order derivatives by these stand."""
