@@ -1,5 +1,7 @@
 """The compiled forces, energies and critical step of explicit dynamics against those of the assembler."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from conftest import as_array
@@ -16,7 +18,7 @@ from isorod.geometry.axis import Axis
 from isorod.geometry.center_line import helix
 from isorod.geometry.rod import Rod
 from isorod.geometry.section import circle, flower
-from isorod.material import LinearElastic, NeoHookean
+from isorod.material import LinearElastic, NeoHookean, fibre
 from isorod.material.muscle import Muscle
 from isorod.model import Body, Contact, Model, Plane, Support
 from isorod.model.support import rotation
@@ -88,7 +90,9 @@ def test_forces_and_energies_on_a_rod_that_lies_in_no_plane(stretch):
     space = Space.paper(Rod.sweep(flower(7, 1, 0.6, 0.2), axis, centers, turns, stretches), elements=2, order=2)
     inverse = space.tabulate(0, 2).inverse
     assert np.abs(inverse).min(axis=(0, 1, 2)).max() > 0.0 and np.abs(inverse).max(axis=(0, 1, 2)).min() > 0.1
-    model = Model([Body(space, MUSCLE, 1.0)], [Support.end(space, "start", "xz")])
+    # Fibres of another direction at each point.
+    winding = replace(MUSCLE, fibre=fibre.helix(40.0))
+    model = Model([Body(space, winding, 1.0)], [Support.end(space, "start", "xz")])
     mesh, places = pack(model), order_in_state(model)
     displacement, assembler = deformed(model, stretch, seed=4), Assembler(model)
     u, forces = np.empty(model.dofs), np.empty(model.dofs)

@@ -226,7 +226,7 @@ def test_any_leading_shape_and_one_fibre_for_all():
         ({"fibre": (0, np.nan, 0)}, "need a finite vector"),
         ({"fibre": [(1, 0, 0), (0, 0, 0)]}, r"got \(0, 0, 0\)"),
         ({"fibre": (0, 1)}, r"got shape \(2,\), need \(3,\)"),
-        ({"fibre": "radial"}, "got 'radial', need a vector"),
+        ({"fibre": "along"}, "got 'along', need a vector"),
         ({"E": -1.0}, "E: got -1"),
         ({"nu": 0.6}, "nu: got 0.6"),
     ],

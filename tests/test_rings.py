@@ -10,6 +10,7 @@ from isorod.geometry.rod import Rod
 from isorod.geometry.section import airfoil, circle, ellipse
 from isorod.material import LinearElastic, NeoHookean
 from isorod.material.muscle import Muscle
+from isorod.material.places import Places
 from isorod.model import Body, BodyForce, Contact, Model, Plane, Pressure, SectionLoad, Support
 from isorod.output import vtk
 from isorod.space import Space
@@ -287,7 +288,7 @@ def test_laws_of_rings_are_those_of_the_points_within_them():
     u = np.array([0.1, 0.4, 0.8])
     F = np.eye(3) + 0.1 * np.random.default_rng(2).standard_normal((3, 4, 3, 3))
     laws = body.laws_at(u, xi).at(0.7)
-    along = muscle.at(0.7).along(space.rod.tangents(u)[:, None])
+    along = muscle.at(0.7).placed(Places(space.rod, u[:, None], xi[core]))
     for name in ("energy", "stress", "tangent"):
         found = getattr(laws, name)(F)
         assert np.array_equal(found[:, core], getattr(along, name)(F[:, core]))

@@ -131,7 +131,7 @@ class _States:
         element = int(np.searchsorted(body.space.axis.breaks[1:-1], u, side="right"))
         rings = len(rod.rings) - 1
         laws = body.laws[element * rings : (element + 1) * rings]
-        if not all(isinstance(law, Isotropic) and not law.fibrous for law in laws):
+        if not all(isinstance(law, Isotropic) and not law.families for law in laws):
             raise InputError("section: the finite element side has isotropic laws only")
         self.mu, self.lame = (self._on_cells([getattr(law, name) for law in laws], ring) for name in ("mu", "lame"))
         self.density = self._on_cells(body.densities[element * rings : (element + 1) * rings], ring)

@@ -10,7 +10,7 @@ import ufl
 from comparisons.fem import compat, quadrature
 from comparisons.fem.material import active_of, linear_of, neo_hookean_of, passive_of, st_venant_kirchhoff_of
 from comparisons.fem.rods.elements import Elements
-from comparisons.fem.rods.places import lagrange
+from comparisons.fem.rods.places import lagrange, on_rod
 from isorod.errors import InputError
 from isorod.material.law import Material
 from isorod.material.muscle import Muscle
@@ -102,17 +102,14 @@ class Laws:
         space = compat.function_space(elements.mesh, compat.block_element(elements.mesh, "DQ", degree, 3))
         found = dolfinx.fem.Function(space)
         where = compat.interpolation_points(space)
-        u = np.einsum("qn,cn->cq", lagrange(degree, mesh.reference, where), elements.parameters[:, :, 2])
-        fibres = np.zeros((*u.shape, 3))
+        parameters = np.einsum("qn,cnp->cqp", lagrange(degree, mesh.reference, where), elements.parameters)
+        fibres = np.zeros((*parameters.shape[:2], 3))
         fibres[..., 2] = 1.0
         for k, law in enumerate(self.laws):
             cells = np.flatnonzero(self.place == k)
             if isinstance(law, Muscle) and cells.size:
-                rod = elements.rods[elements.rod_of[cells[0]]]
-                low, high = rod.axis.breaks[[0, -1]]
-                inside = np.where(u[cells] > high, u[cells] - (high - low), u[cells]).clip(low, high)
-                tangents = rod.tangents(inside.ravel()).reshape(*inside.shape, 3)
-                fibres[cells] = law.along(tangents).fibres(inside.shape)
+                there = on_rod(elements.rods[elements.rod_of[cells[0]]], parameters[cells])
+                fibres[cells] = law.placed(there).fibres(there.shape)
         dofs = compat.cell_dofs(space, len(elements.rows))
         found.x.array.reshape(-1, 3)[dofs] = fibres[elements.rows]
         return found / ufl.sqrt(ufl.inner(found, found))

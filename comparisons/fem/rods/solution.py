@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from comparisons.fem.rods.places import Places, lagrange
+from comparisons.fem.rods.places import Places, lagrange, on_rod
 from isorod.errors import InputError
 from isorod.model.model import Model
 from isorod.output.state import Deformation
@@ -169,11 +169,7 @@ class Solution:
             u = parameters[cells, :, 2]
             u[u > high] -= high - low
             parameters[cells, :, 2] = u
-            own = law
-            if law.follows:
-                rod = self.model.bodies[b].space.rod
-                own = law.along(rod.tangents(u.clip(low, high).ravel()).reshape(*u.shape, 3))
-            stress[cells] = own.stress(F[cells])
+            stress[cells] = law.placed(on_rod(self.model.bodies[b].space.rod, parameters[cells])).stress(F[cells])
         cauchy = np.einsum("cqaA,cqbA->cqab", stress, F) / determinant(F)[..., None, None]
         return {
             "stress_parameters": parameters.reshape(-1, 3),

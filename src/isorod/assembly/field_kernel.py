@@ -165,7 +165,7 @@ def take_fibres(
         if not length:
             return
         for m in range(length):
-            for a in range(3):
+            for a in range(fibres.shape[3]):
                 value = fibres[first + place // along, place % along, q + m, a]
                 work[(FIBRE + a) * POINTS + at + m] = value
         place, q = after, next_q
@@ -230,7 +230,7 @@ def stresses(
     table
         Elements and points that obey one law.
     law, steps, fibres
-        The law, what happens besides, and fibres ``(E, t, q, 3)``, without elements if the law has none.
+        The law, what happens besides, and fibres ``(E, t, q, 3 families)``, without elements if the law has none.
     pressure
         Of the mixed formulation, ``(E t, q)``, or without rows.
     found
@@ -241,7 +241,7 @@ def stresses(
     along, points = table.axial.shape[1], axis.shape[1]
     places = axis.shape[0] // 3
     work = np.zeros(SIZE)
-    F, stress, fibre = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
+    F, stress, fibre = np.empty((3, 3)), np.empty((3, 3)), np.zeros(6)
     energy = 0.0
     place, q = 0, 0
     for begin in range(0, places * points, POINTS):

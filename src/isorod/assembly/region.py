@@ -78,7 +78,7 @@ class Region:
         law = self.piece.law.at(factor)
         one = law.compiled
         trace = not getattr(law, "logarithmic", True)
-        fibres = law.fibres(self.shape) if law.fibrous else _NO_FIBRES
+        fibres = law.fibres(self.shape) if law.families else _NO_FIBRES
         functions = Functions(one.point, one.block, one.tangent if wanted else 0, law.constants)
         return functions, _steps(wanted, extrapolates, pressed, trace), fibres
 

@@ -152,7 +152,7 @@ def moduli(
     table
         Elements and points that obey one law.
     law, steps, fibres
-        The law, what happens besides, and fibres ``(E, t, q, 3)``, without elements if the law has none.
+        The law, what happens besides, and fibres ``(E, t, q, 3 families)``, without elements if the law has none.
     pressure
         Of the mixed formulation, ``(E t, q)``, or without rows.
     found
@@ -168,7 +168,7 @@ def moduli(
     along, points = table.axial.shape[1], end - begin
     places, first_place = found[1].shape[0] // 3, first * along
     work = np.zeros(SIZE)
-    F, stress, fibre = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
+    F, stress, fibre = np.empty((3, 3)), np.empty((3, 3)), np.zeros(6)
     place, q = 0, begin
     for _ in range(0, places * points, POINTS):
         take_geometry(table, first, places, place, q, begin, end, work)

@@ -167,6 +167,21 @@ class Rod(Checked):
         section, along = self._sections(u)
         return values @ section, section_gradient(values, gradients, section, along)
 
+    def across(self, xi: ArrayLike, u: ArrayLike) -> tuple[Array, Array]:
+        """Return positions ``(..., 3)`` and derivatives ``dx/d(xi_1, xi_2)`` ``(..., 3, 2)`` at any places.
+
+        Parameters
+        ----------
+        xi, u
+            Shapes ``(..., 2)`` and ``(...)``, which broadcast.
+        """
+        points, parameters = np.asarray(xi, dtype=float), np.asarray(u, dtype=float)
+        values, gradients = harmonic_functions(self.section_points, points)
+        section = self._sections(parameters.ravel())[0].reshape(*parameters.shape, self.section_points, 3)
+        values, gradients = values.reshape(*points.shape[:-1], -1), gradients.reshape(*points.shape[:-1], -1, 2)
+        position = np.einsum("...i,...ia->...a", values, section)
+        return position, np.einsum("...id,...ia->...ad", gradients, section)
+
     def inverse_jacobians(self, xi: ArrayLike, u: ArrayLike) -> tuple[Array, Array]:
         """Return ``d(xi_1, xi_2, u)/dx`` ``(t, q, 3, 3)`` and Jacobian determinants ``(t, q)`` at all pairs."""
         # Geometry alone does without compiled code.

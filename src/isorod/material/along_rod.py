@@ -8,6 +8,7 @@ import numpy as np
 
 from isorod.arrays import Array, Index
 from isorod.material.law import Material, Split
+from isorod.material.places import Places
 from isorod.tensors import inverse
 
 
@@ -28,6 +29,10 @@ class Piece(NamedTuple):
         """Return what an array ``(places, ..., points, 3, 3)`` holds of its own points."""
         own = F[self.first : self.last]
         return own if self.whole else own[..., self.points, :, :]
+
+    def places(self, places: Places) -> Places:
+        """Return of a rod's places its own."""
+        return places.part(slice(self.first, self.last), self.points)
 
 
 class Laws:
@@ -66,9 +71,9 @@ class Laws:
                 found.append(Piece(law, first, last, piece.points))
         return Laws(found)
 
-    def along(self, tangents: Array) -> "Laws":
-        """Return the laws where the rod's unit tangents are ``tangents``, shape ``(places, ..., 3)``."""
-        return Laws([piece._replace(law=piece.law.along(tangents[piece.first : piece.last])) for piece in self.pieces])
+    def placed(self, places: Places) -> "Laws":
+        """Return the laws at places of a rod, of shape ``(places, ..., points)``."""
+        return Laws([piece._replace(law=piece.law.placed(piece.places(places))) for piece in self.pieces])
 
     def at(self, factor: float) -> "Laws":
         """Return the laws at a load factor."""
@@ -76,7 +81,7 @@ class Laws:
 
     @property
     def follow(self) -> bool:
-        """Whether a law asks for the rod's tangents (`along`)."""
+        """Whether a law asks for the rod's places (`placed`)."""
         return any(piece.law.follows for piece in self.pieces)
 
     @property

@@ -4,6 +4,7 @@ A new law is one file: a class with ``compiled`` and ``constants``.  Statics, mo
 then take it.
 """
 
+import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from typing import ClassVar, Protocol, Self
@@ -14,6 +15,7 @@ from isorod.arrays import Array, Index
 from isorod.compiled import flat
 from isorod.errors import Checked, InputError, representable
 from isorod.material.discrete_gradient import discrete_gradient
+from isorod.material.places import Places, alone
 from isorod.material.points import Compiled, at_points, moduli_at_points
 
 
@@ -29,13 +31,13 @@ class Material(ABC):
         The addresses of its compiled functions (`isorod.material.points.Compiled`).
     objective
         Whether it has a second Piola-Kirchhoff stress that no rotation changes; without that dynamics does not take it.
-    fibrous
-        Whether it has fibres (`fibres`).
+    families
+        How many directions its material has at a point, such as those of families of fibres: 0, 1 or 2 (`fibres`).
     """
 
     compiled: ClassVar[Compiled]
     objective: ClassVar[bool] = True
-    fibrous: ClassVar[bool] = False
+    families: ClassVar[int] = 0
 
     @property
     @abstractmethod
@@ -64,7 +66,8 @@ class Material(ABC):
         return energy, stress
 
     def _flat_fibres(self, shape: tuple[int, ...]) -> Array:
-        return np.array(self.fibres(shape), order="C").reshape(-1, 3)
+        width = 3 * self.families
+        return np.array(self.fibres(shape), order="C").reshape(math.prod(shape), width)
 
     def discrete(self, F: Array, change: Array, wanted: bool = True) -> tuple[Array, Array | None]:
         """Return a stress between ``F`` and ``F + change`` that does exactly the work of the energy, and its moduli.
@@ -79,8 +82,8 @@ class Material(ABC):
         return discrete_gradient(self, F, change, wanted)
 
     def fibres(self, shape: tuple[int, ...]) -> Array:
-        """Return the unit vectors along its fibres at points, shape ``(*shape, 3)``; zero without fibres."""
-        return np.zeros((*shape, 3))
+        """Return the unit vectors along its fibres at points, family by family, shape ``(*shape, 3 families)``."""
+        return np.zeros((*shape, 0))
 
     def at(self, factor: float) -> Self:
         """Return the law at a load factor: itself, unless something grows with the load, as a muscle's activation."""
@@ -88,22 +91,22 @@ class Material(ABC):
 
     @property
     def follows(self) -> bool:
-        """Whether the law depends on the direction of the rod and has not been told it (`along`)."""
+        """Whether the law depends on the rod's places and has not been told them (`placed`)."""
         return False
 
     def some(self, places: Index) -> Self:
-        """Return the law at some of the places for which it was told the direction of the rod (`along`)."""
+        """Return the law at some of the places, along the first axis, that it was told (`placed`)."""
         return self
 
-    def along(self, tangent: Array) -> Self:
-        """Return the law where the rod's unit tangent is ``tangent``, shape ``(..., 3)``."""
+    def placed(self, places: Places) -> Self:
+        """Return the law at places of a rod; of an array of deformation gradients they are the leading axes."""
         return self
 
     @property
     def modulus(self) -> float:
         """Modulus of pressure waves at rest, the largest in three directions and those between them, force / area."""
         n = _directions()
-        moduli = self.along(np.array([0.0, 0.0, 1.0])).tangent(np.eye(3)[None])[0]
+        moduli = self.placed(alone()).tangent(np.eye(3)[None])[0]
         return float(np.einsum("aAbB,na,nA,nb,nB->n", moduli, n, n, n, n).max())
 
     @property
@@ -126,7 +129,7 @@ class Material(ABC):
 def plane_waves(law: Material) -> Array:
     """Return the moduli of plane waves at rest in several directions, force / area, shape ``(13, 3)``."""
     n = _directions()
-    moduli = law.along(np.array([0.0, 0.0, 1.0])).tangent(np.eye(3)[None])[0]
+    moduli = law.placed(alone()).tangent(np.eye(3)[None])[0]
     return np.linalg.eigvalsh(np.einsum("aAbB,nA,nB->nab", moduli, n, n))
 
 

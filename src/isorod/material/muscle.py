@@ -5,13 +5,14 @@ from typing import ClassVar, Self
 
 import numpy as np
 from numba import f8, types, void
-from numpy.typing import ArrayLike
 
 from isorod.arrays import Array, Index
 from isorod.compiled import F1, F2, F3, F5, FAST, STRICT, flat, njit
 from isorod.errors import InputError
-from isorod.material import neo_hookean
+from isorod.material import fibre, neo_hookean
+from isorod.material.fibre import Fibre
 from isorod.material.neo_hookean import NeoHookean
+from isorod.material.places import Places
 from isorod.material.points import (
     ACTIVE,
     BLOCK,
@@ -203,7 +204,8 @@ class Muscle(NeoHookean):
         From 0 (at rest) to 1.
     fibre
         Reference direction of the fibres: a vector of any length ``(3,)``, one a point (anything that broadcasts to
-        ``F.shape[:-1]``), or ``"tangent"``: along the rod's centre line, which the body the law is given to knows.
+        ``F.shape[:-1]``); or one of the rod, which the body the law is given to knows: ``"tangent"`` along its centre
+        line, another word or a function of places (`isorod.material.fibre`), such as ``helix(30)``.
 
     Raises
     ------
@@ -212,13 +214,13 @@ class Muscle(NeoHookean):
     """
 
     compiled = Compiled(point, block, tangent)
-    fibrous: ClassVar[bool] = True
+    families: ClassVar[int] = 1
 
     sigma_max: float = 0.0
     m1: float = 0.0
     m2: float = 0.0
     activation: float = 0.0
-    fibre: ArrayLike | str = "tangent"
+    fibre: Fibre = "tangent"
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -228,20 +230,7 @@ class Muscle(NeoHookean):
             value = getattr(self, name)
             if not (np.isfinite(value) and value >= 0.0):
                 raise InputError(f"{name}: got {value:g}, need {what}, not negative")
-        if isinstance(self.fibre, str):
-            if self.fibre != "tangent":
-                raise InputError(f"fibre direction: got {self.fibre!r}, need a vector (x, y, z) or 'tangent'")
-            return
-        fibre = np.array(self.fibre, dtype=float)
-        if fibre.ndim == 0 or fibre.shape[-1] != 3:
-            raise InputError(f"fibre direction: got shape {fibre.shape}, need (3,) or one a point (..., 3)")
-        length = np.sqrt(np.sum(fibre**2, axis=-1, keepdims=True))
-        if not (np.isfinite(length) & (length > 0.0)).all():
-            bad = fibre.reshape(-1, 3)[np.argmin((np.isfinite(length) & (length > 0.0)).ravel())]
-            raise InputError(
-                f"fibre direction: got ({bad[0]:g}, {bad[1]:g}, {bad[2]:g}), need a finite vector, not zero"
-            )
-        object.__setattr__(self, "fibre", fibre / length)
+        object.__setattr__(self, "fibre", fibre.checked(self.fibre))
 
     @property
     def constants(self) -> Array:
@@ -264,23 +253,20 @@ class Muscle(NeoHookean):
 
     @property
     def follows(self) -> bool:
-        """Whether the fibres run along the rod."""
-        return isinstance(self.fibre, str)
+        """Whether the fibres' direction is one of the rod."""
+        return fibre.follows(self.fibre)
 
-    def along(self, tangent: Array) -> Self:
-        """Return the law with the rod's tangents ``(..., 3)`` for fibres, if that is what ``fibre`` asks for."""
-        return replace(self, fibre=tangent) if self.follows else self
+    def placed(self, places: Places) -> Self:
+        """Return the law with its fibres at places of a rod."""
+        return replace(self, fibre=fibre.placed(self.fibre, places)) if self.follows else self
 
     def some(self, places: Index) -> Self:
         """Return the law with the fibres of some places, if it has some of each."""
-        fibre = np.asarray(self.fibre)
-        return replace(self, fibre=fibre[places]) if fibre.ndim > 1 and fibre.shape[0] > 1 else self
+        return replace(self, fibre=fibre.some(self.fibre, places))
 
     def fibres(self, shape: tuple[int, ...]) -> Array:
         """Return the unit vectors along the fibres at points of some shape, shape ``(*shape, 3)``."""
-        if isinstance(self.fibre, str):
-            raise InputError("fibre direction 'tangent': only a body knows its rod's centre line; give the law to one")
-        return np.broadcast_to(np.asarray(self.fibre), (*shape, 3))
+        return fibre.vectors(self.fibre, shape)
 
     def discrete(self, F: Array, change: Array, wanted: bool = True) -> tuple[Array, Array | None]:
         """Add ``2 (dw / d lambda^2) f f^T`` of the fibres, with a difference quotient, to the matrix's ``S``."""

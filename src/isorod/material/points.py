@@ -23,9 +23,9 @@ from isorod.compiled import F1, F2, F3, F5, FAST, STRICT, cofactors, njit
 POINTS = 32
 
 # Rows of the work space of a block, ``POINTS`` numbers each: the stress P (9) that a law writes, F (9) and det F, the
-# fibre (3), the energy density and its derivative by the activation that a law writes if asked for, and what it may
-# use.
-STRESS, GRADIENT, DETERMINANT, FIBRE, ENERGY, ACTIVE, FREE = 0, 9, 18, 19, 22, 23, 24
+# fibres (3 each of two families), the energy density and its derivative by the activation that a law writes if asked
+# for, and what it may use.
+STRESS, GRADIENT, DETERMINANT, FIBRE, ENERGY, ACTIVE, FREE = 0, 9, 18, 19, 25, 26, 27
 WORK = FREE + 6
 
 # Rows that follow where moduli are asked for: ``dP_aA/dF_bB`` of the pairs of components ``ab`` 01, 02, 12, each with
@@ -120,7 +120,7 @@ def at_points(point: int, F: Array, constants: Array, fibres: Array, energy: Arr
     point
         Address of the law's function.
     F, fibres
-        Deformation gradients ``(points, 3, 3)`` and unit vectors ``(points, 3)``.
+        Deformation gradients ``(points, 3, 3)`` and unit vectors ``(points, 3 families)``.
     constants
         The law's, any shape ``(c,)``.
     """
@@ -143,11 +143,12 @@ def by_points(
     constants, activation
         Of the law, shape ``(c,)``; share of its own activation.
     F, stress, fibre
-        Work space, shapes ``(3, 3)``, ``(3, 3)``, ``(3,)``.
+        Work space, shapes ``(3, 3)``, ``(3, 3)``, ``(6,)``.
     """
     for k in range(np.uint64(POINTS)):
         for a in range(3):
             fibre[a] = work[ROWS[FIBRE] + np.uint64(POINTS * a) + k]
+            fibre[a + 3] = work[ROWS[FIBRE + 3] + np.uint64(POINTS * a) + k]
             for A in range(3):
                 F[a, A] = work[ROWS[GRADIENT] + np.uint64(POINTS * (3 * a + A)) + k]
         rest, active = call_point(point, (F, constants, fibre, activation, stress))
@@ -171,7 +172,7 @@ def moduli_at_points(
         As those of `at_points`.
     """
     work = np.zeros(MODULI_WORK * POINTS)
-    gradient, stress, fibre = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
+    gradient, stress, fibre = np.empty((3, 3)), np.empty((3, 3)), np.zeros(6)
     count = F.shape[0]
     for begin in range(0, count, POINTS):
         for k in range(np.uint64(POINTS)):
@@ -180,6 +181,7 @@ def moduli_at_points(
             for a in range(3):
                 for A in range(3):
                     work[ROWS[GRADIENT] + np.uint64(POINTS * (3 * a + A)) + k] = F[m, a, A]
+            for a in range(fibres.shape[1]):
                 work[ROWS[FIBRE] + np.uint64(POINTS * a) + k] = fibres[m, a]
             work[ROWS[DETERMINANT] + k] = cofactors(F[m], gradient)
         work[POINTS * MODULI :] = 0.0

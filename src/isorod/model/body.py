@@ -15,6 +15,7 @@ from isorod.geometry.quadrature import ring_of
 from isorod.material.along_rod import Laws
 from isorod.material.law import Isotropic, Material
 from isorod.material.linear_elastic import LinearElastic
+from isorod.material.places import Places
 from isorod.space.space import CHOICES, Space, Table
 
 if TYPE_CHECKING:
@@ -254,14 +255,18 @@ class Body(Checked):
         else:
             each = [[self.laws[e * rings + r] for e in elements] for r in range(rings)]
             laws = Laws.in_rings(each, ring_of(self.space.rod.rings, xi))
-        return laws.along(self._tangents(u)[..., None, :]) if laws.follow else laws
+        return laws.placed(Places(self.space.rod, u[..., None], np.asarray(xi, dtype=float))) if laws.follow else laws
 
-    def _tangents(self, u: Array) -> Array:
-        return self.space.rod.tangents(u.ravel()).reshape(*u.shape, 3)
+    @property
+    def families(self) -> int:
+        """The most families of fibres that one of its laws has."""
+        return max(law.families for law in self.laws)
 
     def fibres(self, table: Table) -> Array:
-        """Return the unit fibre directions at the quadrature points, ``(E, t, q, 3)``; zero where the law has none."""
-        result = np.zeros((*table.weights.shape, 3))
+        """Return the fibres' unit vectors at the quadrature points, ``(E, t, q, 3 families)``; zero where none are."""
+        result = np.zeros((*table.weights.shape, 3 * self.families))
         for law, first, last, points in self.laws_at(table.u, table.xi).pieces:
-            result[first:last, :, points] = law.fibres(result[first:last, :, points].shape[:-1])
+            own = result[first:last, :, points]
+            own[..., : 3 * law.families] = law.fibres(own.shape[:-1])
+            result[first:last, :, points] = own
         return result

@@ -11,10 +11,9 @@ from isorod.assembly.pattern import Layers, Pattern, add
 from isorod.assembly.region import regions
 from isorod.assembly.split import Share
 from isorod.material.law import Material
+from isorod.material.places import alone
 from isorod.space.space import Table
 from isorod.tensors import inverse
-
-_EACH = np.eye(3)
 
 
 class Elements:
@@ -132,7 +131,7 @@ def _compressed(pattern: Pattern, size: int) -> tuple[Index, Index]:
 
 def _shear(law: Material) -> float:
     """Return the largest modulus of shear of a law at rest, of those in three planes."""
-    moduli = law.at(0.0).along(_EACH[2]).tangent(_EACH[None])[0]
+    moduli = law.at(0.0).placed(alone()).tangent(np.eye(3)[None])[0]
     return max(float(moduli[a, b, a, b]) for a, b in ((0, 1), (0, 2), (1, 2)))
 
 

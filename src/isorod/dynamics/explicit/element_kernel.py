@@ -75,7 +75,7 @@ def _gradients(sections: Array, start: int, coefficients: Array, n: int, work: A
 
 @njit(f8(F1, _u, F1), **FAST)
 def _deform(geometry: Array, g: int, work: Array) -> float:
-    """Fill in ``F``, ``det F`` and the fibre; return the number of points where ``det F`` is not positive."""
+    """Fill in ``F`` and ``det F``; return the number of points where ``det F`` is not positive."""
     for k in range(_W):
         at = g + k
         i00, i01, i02 = geometry[at], geometry[at + _R[1]], geometry[at + _R[2]]
@@ -99,14 +99,19 @@ def _deform(geometry: Array, g: int, work: Array) -> float:
         work[_R[DETERMINANT] + k] = (
             f00 * (f11 * f22 - f12 * f21) + f01 * (f12 * f20 - f10 * f22) + f02 * (f10 * f21 - f11 * f20)
         )
-        for r in range(_3):
-            work[_R[FIBRE] + r * _W + k] = geometry[_R[10] + r * _W + at]
     inverted = 0.0
     for k in range(_W):
         det = work[_R[DETERMINANT] + k]
         # NaN fails the comparison.
         inverted += 0.0 if det > 0.0 else 1.0
     return inverted
+
+
+@njit(void(F1, _u, _u, F1), **FAST)
+def _take_fibres(fibres: Array, begin: int, size: int, work: Array) -> None:
+    """Fill in the rows of the fibres, ``size`` numbers."""
+    for k in range(size):
+        work[_R[FIBRE] + k] = fibres[begin + k]
 
 
 @njit(void(F1, _u, F1), **FAST)
@@ -248,12 +253,12 @@ def internal_forces(mesh: Mesh, u: Array, activation: float, wanted: bool, force
     coefficients = np.empty(np.int64(_6 * largest))
     resultants = np.empty(np.int64(_6 * largest))
     work = np.zeros(WORK * POINTS)
-    F, stress, fibre = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
+    F, stress, fibre = np.empty((3, 3)), np.empty((3, 3)), np.zeros(6)
     forces[:] = 0.0
     inverted = stored = active = 0.0
     for e in range(np.uint64(mesh.elements.shape[0])):
         element = mesh.elements[e]
-        n, blocks = element.functions, element.blocks
+        n, blocks, directions = element.functions, element.blocks, element.directions * _W
         constants = mesh.constants[element.constants : element.constants + element.count]
         for t in range(element.points):
             _coefficients(mesh, e, t, u, coefficients)
@@ -264,6 +269,9 @@ def internal_forces(mesh: Mesh, u: Array, activation: float, wanted: bool, force
                 g = element.geometry + (t * blocks + b) * np.uint64(GEOMETRY) * _W
                 _gradients(mesh.sections, section, coefficients, n, work)
                 inverted += _deform(mesh.geometry, g, work)
+                if directions:
+                    f = element.fibres + (t * blocks + b) * directions
+                    _take_fibres(mesh.fibres, f, directions, work)
                 if element.block:
                     call_block(element.block, (work, constants, activation, wanted))
                 else:

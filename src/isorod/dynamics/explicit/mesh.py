@@ -15,17 +15,18 @@ from isorod.material.points import POINTS
 from isorod.model.body import Body
 from isorod.model.model import Model
 
-# Rows of a block's geometry: the inverse Jacobian (9), the volume, and the fibre (3).
-GEOMETRY = 13
+# Rows of a block's geometry: the inverse Jacobian (9) and the volume.
+GEOMETRY = 10
 
 # Of an element: section functions, blocks in the section, points and functions along the axis; where its rows begin in
-# ``sections``, ``axial`` and ``geometry``, and its law's constants and their number; the addresses of its law's
-# functions (`isorod.material.points`).
+# ``sections``, ``axial``, ``geometry`` and ``fibres``, and how many of these a block has; its law's constants and their
+# number; the addresses of its law's functions (`isorod.material.points`).
 ELEMENT = np.dtype(
     [
         (name, np.uint64)
         for name in (
             *("functions", "blocks", "points", "along", "sections", "axial", "geometry"),
+            *("fibres", "directions"),
             *("constants", "count", "point", "block"),
         )
     ]
@@ -47,6 +48,8 @@ class Mesh(NamedTuple):
         For each element and point along it: ``R`` of each axis function, then ``dR/du``.
     geometry
         For each element, point along it and block: ``GEOMETRY`` rows.
+    fibres
+        Likewise the components of the fibres' unit vectors, as many rows as the body has.
     constants
         Those of all elements' laws.
     spans
@@ -58,11 +61,12 @@ class Mesh(NamedTuple):
     sections: Array
     axial: Array
     geometry: Array
+    fibres: Array
     constants: Array
     spans: NDArray[np.uint64]
 
 
-MESH = types.NamedTuple([types.Array(from_dtype(ELEMENT), 1, "C"), U2, F1, F1, F1, F1, U2], Mesh)
+MESH = types.NamedTuple([types.Array(from_dtype(ELEMENT), 1, "C"), U2, F1, F1, F1, F1, F1, U2], Mesh)
 
 
 def order(model: Model) -> Index:
@@ -87,6 +91,7 @@ def pack(model: Model, ranks: Ranks | None = None) -> Mesh:
     sections: list[Array] = []
     axial: list[Array] = []
     geometry: list[Array] = []
+    fibres: list[Array] = []
     constants: list[Array] = []
     longest = max(body.space.axis.degree for body in model.bodies) + 1
     for index, body in enumerate(model.bodies):
@@ -103,6 +108,8 @@ def pack(model: Model, ranks: Ranks | None = None) -> Mesh:
         rows["sections"] = _size(sections)
         rows["axial"] = _size(axial) + each * (2 * points * functions)
         rows["geometry"] = _size(geometry) + each * (points * blocks * GEOMETRY * POINTS)
+        rows["directions"] = 3 * body.families
+        rows["fibres"] = _size(fibres) + each * (points * blocks * 3 * body.families * POINTS)
         for e, law in enumerate(body.laws[share.first : share.last]):
             rows["constants"][e], rows["count"][e] = _size(constants), law.constants.size
             rows["point"][e], rows["block"][e] = law.compiled.point, law.compiled.block
@@ -114,8 +121,8 @@ def pack(model: Model, ranks: Ranks | None = None) -> Mesh:
         sections.append(_blocks(table.section.transpose(2, 1, 0)).transpose(2, 0, 1, 3).ravel())
         axial.append(np.stack([table.axial, table.slopes], axis=2).ravel())
         inverses = table.inverse.reshape(*table.weights.shape, 9)
-        values = np.concatenate([inverses, table.weights[..., None], body.fibres(table)], axis=-1)
-        geometry.append(_blocks(np.moveaxis(values, -1, 2)).swapaxes(2, 3).ravel())
+        geometry.append(_rows(np.concatenate([inverses, table.weights[..., None]], axis=-1)))
+        fibres.append(_rows(body.fibres(table)))
     return Mesh(
         # A rank may have no elements.
         elements=np.concatenate([np.zeros(0, ELEMENT), *elements]),
@@ -123,6 +130,7 @@ def pack(model: Model, ranks: Ranks | None = None) -> Mesh:
         sections=np.concatenate([np.empty(0), *sections]),
         axial=np.concatenate([np.empty(0), *axial]),
         geometry=np.concatenate([np.empty(0), *geometry]),
+        fibres=np.concatenate([np.empty(0), *fibres]),
         constants=np.concatenate([np.empty(0), *constants]),
         spans=ranks.spans,
     )
@@ -137,6 +145,7 @@ def digests(mesh: Mesh) -> list[bytes]:
             "sections": (mesh.sections, 3 * blocks * int(row["functions"]) * POINTS),
             "axial": (mesh.axial, 2 * points * along),
             "geometry": (mesh.geometry, points * blocks * GEOMETRY * POINTS),
+            "fibres": (mesh.fibres, points * blocks * int(row["directions"]) * POINTS),
             "constants": (mesh.constants, int(row["count"])),
         }
         digest = sha256(layers.tobytes())
@@ -164,8 +173,13 @@ def _size(parts: list[Array]) -> int:
     return sum(part.size for part in parts)
 
 
+def _rows(values: Array) -> Array:
+    """Return values ``(E, t, q, m)`` at points as rows of blocks, one behind the other."""
+    return _blocks(np.moveaxis(values, -1, 2)).swapaxes(2, 3).ravel()
+
+
 def _blocks(values: Array) -> Array:
     """Return the last axis cut in blocks, the last one filled up with zeros, shape ``(..., blocks, POINTS)``."""
     short = -values.shape[-1] % POINTS
     values = np.concatenate([values, np.zeros((*values.shape[:-1], short))], axis=-1)
-    return values.reshape(*values.shape[:-1], -1, POINTS)
+    return values.reshape(*values.shape[:-1], values.shape[-1] // POINTS, POINTS)
