@@ -1,13 +1,13 @@
 """The mixed formulation: displacement and pressure, free of locking near incompressibility.
 
-Stationary point of ``integral of psi(F) + p theta(F) - p^2 / (2 kappa)`` (Herrmann, AIAA J. 3 (1965) 1896-1900; Simo,
-Taylor & Pister, CMAME 51 (1985) 177-208), where a law is ``W = psi + kappa/2 theta^2``: ``theta = ln J`` or, linear,
-``tr e``.  The pressure, positive in tension, is ``p = kappa theta`` in the mean; ``kappa`` may be infinite, and
-``theta`` is then zero in the mean.
+Stationary point of ``integral of psi(F) + p theta(F) - U*(p)`` (Herrmann, AIAA J. 3 (1965) 1896-1900; Simo, Taylor &
+Pister, CMAME 51 (1985) 177-208), where a law is ``W = psi + U(theta)``, ``U*`` Legendre's transform of ``U``, and
+``theta = ln J`` or, linear, ``tr e``; of ``kappa/2 theta^2`` it is ``p^2 / (2 kappa)``.  The pressure, positive in
+tension, is ``p = U'(theta)`` in the mean; ``kappa`` may be infinite, and ``theta`` is then zero in the mean.
 """
 
 from collections.abc import Sequence
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from petsc4py import PETSc
@@ -22,8 +22,7 @@ from isorod.assembly.pattern_kernel import Blocks
 from isorod.assembly.region import regions
 from isorod.assembly.split import Share
 from isorod.errors import InputError
-from isorod.material.along_rod import shear_laws, volume_change
-from isorod.material.law import Split
+from isorod.material.along_rod import complementary, shear_laws, volume_change
 from isorod.model.body import Body
 from isorod.model.load import Spin
 
@@ -42,9 +41,7 @@ class MixedPart(Part):
         if body.pressures is not None:
             self.across, self.along = body.pressures.tabulate(self.table)
             self.across *= body.pressure_unit
-            self.laws = shear_laws(self.laws)
-            laws = body.laws[share.first : share.last]
-            self.compliance = np.array([1.0 / cast(Split, law).lame for law in laws])[:, None, None]
+            self.volumes, self.laws = self.laws, shear_laws(self.laws)
 
     def pressure(self, local: Array) -> Array:
         """Return the pressure at the quadrature points, shape ``(E, t, q)``."""
@@ -56,7 +53,8 @@ class MixedPart(Part):
         if not self.mixed:
             return super().energy(local, factor)
         F, p = self.gradients(local), self.pressure(local)
-        density = self.laws.at(factor).energy(F) + p * volume_change(self.laws, F)[0] - 0.5 * self.compliance * p**2
+        density = self.laws.at(factor).energy(F) + p * volume_change(self.volumes, F)[0]
+        density -= complementary(self.volumes, p)[0]
         return float(np.sum(self.table.weights * density))
 
     def add_forces(self, local: Array, factor: float, forces: Array) -> None:
@@ -67,7 +65,9 @@ class MixedPart(Part):
         t, p = self.table, self.pressure(local)
         for region in self.regions:
             region.add_forces(local, self.starts, factor, forces, p)
-        gap = (t.weights * (volume_change(self.laws, self.gradients(local))[0] - self.compliance * p)) @ self.across
+        gap = (
+            t.weights * (volume_change(self.volumes, self.gradients(local))[0] - complementary(self.volumes, p)[1])
+        ) @ self.across
         slots = self.starts[:, :-1, None] + np.arange(self.moves, self.width)
         forces += np.bincount(slots.ravel(), np.einsum("etj,etk->ejk", self.along, gap).ravel(), forces.size)
 
@@ -97,9 +97,9 @@ class MixedPart(Part):
 
     def _coupling(self, which: Index, nodal: Array, p: Array) -> Array:
         """Return the second derivatives of some elements but for those by displacements alone."""
-        t, laws = self.table.part(which, slice(None)), self.laws.some(which)
+        t, laws = self.table.part(which, slice(None)), self.volumes.some(which)
         slope = volume_change(laws, element_kernel.deformation_gradients(t, nodal))[1]
-        along, compliance = self.along[which], self.compliance[which]
+        along, compliance = self.along[which], complementary(laws, p)[2]
         both = mixed_kernel.coupling(t, slope, self.across, along)
         values = np.ascontiguousarray(np.repeat(self.across[:, None, :], 3, axis=1))
         own = element_kernel.mass(values, along, -compliance * t.weights)

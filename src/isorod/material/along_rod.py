@@ -152,3 +152,10 @@ def volume_change(laws: Laws, F: Array) -> tuple[Array, Array]:
             theta[first:last] = np.trace(part, axis1=-2, axis2=-1) - 3.0
             slope[first:last] = np.eye(3)
     return theta, slope
+
+
+def complementary(laws: Laws, p: Array) -> tuple[Array, Array, Array]:
+    """Return `isorod.material.law.Split.complementary` of pressures ``(E, t, q)``, shapes of these."""
+    found = [cast(Split, law).complementary(p[first:last]) for law, first, last, _ in laws.pieces]
+    first, second, third = zip(*found, strict=True)
+    return np.concatenate(first), np.concatenate(second), np.concatenate(third)

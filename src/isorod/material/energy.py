@@ -9,8 +9,7 @@ import sympy as sp
 from isorod.errors import InputError
 from isorod.material import symbols as s
 
-# Volumetric strains that energies are squares of, 1 the slope of each at J = 1.
-_STRAINS = (sp.log(s.J), s.J - 1, (s.J**2 - 1) / 2, 1 - 1 / s.J)
+_LOGARITHMIC = sp.log(s.J) ** 2 / 2
 
 
 @dataclass(frozen=True)
@@ -20,29 +19,27 @@ class Energy:
     Parameters
     ----------
     shape
-        What is stored besides that by ``volume``: an expression of `isorod.material.symbols` and constants.
+        What is stored besides ``bulk volume``: an expression of `isorod.material.symbols` and constants.
     constants
         The symbols of the constants, in the order of a law's; where there is ``volume`` the last is its factor.
-    theta
-        The volumetric strain of an energy ``bulk/2 theta^2``, an expression of ``J`` (or, of small strains, of ``F``),
-        or None.
+    volume
+        Volumetric energy of unit modulus at rest: an expression of ``J`` (of small strains: of the trace of ``F``), or
+        None.
     """
 
     shape: sp.Expr
     constants: tuple[sp.Symbol, ...]
-    theta: sp.Expr | None = None
+    volume: sp.Expr | None = None
 
     @cached_property
     def expression(self) -> sp.Expr:
         """The whole of it."""
-        if self.theta is None:
-            return self.shape
-        return self.shape + self.constants[-1] / 2 * self.theta**2
+        return self.shape if self.volume is None else self.shape + self.constants[-1] * self.volume
 
     @property
-    def logarithmic(self) -> bool:
-        """Whether the volumetric strain is ``ln J``."""
-        return self.theta == sp.log(s.J)
+    def quadratic(self) -> bool:
+        """Whether the volumetric energy is ``bulk/2 (ln J)^2``."""
+        return self.volume == _LOGARITHMIC
 
     @cached_property
     def arguments(self) -> tuple[sp.Symbol, ...]:
@@ -78,11 +75,9 @@ def whole(given: sp.Expr, constants: Sequence[sp.Symbol]) -> Energy:
     factor = sp.simplify(sp.diff(volume, s.J, 2).subs(s.J, 1))
     if factor == 0:
         return Energy(given, tuple(constants))
-    for strain in _STRAINS:
-        if sp.simplify(volume - factor / 2 * strain**2) == 0:
-            shape = sp.expand(given) - sp.expand(factor / 2 * strain**2)
-            return Energy(_tidy(shape), (*constants, s.bulk), strain)
-    return Energy(given, tuple(constants))
+    unit = sp.simplify(volume / factor)
+    unit = _LOGARITHMIC if sp.simplify(unit - _LOGARITHMIC) == 0 else unit
+    return Energy(_tidy(sp.expand(given) - sp.expand(factor * unit)), (*constants, s.bulk), unit)
 
 
 def completed(given: sp.Expr, constants: Sequence[sp.Symbol]) -> Energy:
@@ -90,12 +85,12 @@ def completed(given: sp.Expr, constants: Sequence[sp.Symbol]) -> Energy:
     given = _checked(given, constants)
     if set(s.F) & given.free_symbols:
         raise InputError("energy: with a bulk modulus it takes invariants, stretches and fibres, no components of F")
-    return Energy(given - pressure_at_rest(given) * sp.log(s.J), (*constants, s.bulk), sp.log(s.J))
+    return Energy(given - pressure_at_rest(given) * sp.log(s.J), (*constants, s.bulk), _LOGARITHMIC)
 
 
 def factor_of(energy: Energy, given: sp.Expr) -> sp.Expr:
     """Return the factor ``bulk`` of a split energy (`whole`) as an expression of the constants."""
-    if energy.theta is None:
+    if energy.volume is None:
         return sp.Integer(0)
     rest = given - energy.shape
     return sp.simplify(sp.diff(rest, s.J, 2).subs(s.J, 1))

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from isorod.arrays import Array, Index
-from isorod.material.law import Material, plane_waves
+from isorod.material.law import Material, Split, plane_waves
 from isorod.material.points import Compiled
 
 if TYPE_CHECKING:
     from isorod.material.energy import Energy
 
 
-class FromEnergy(Material):
+class FromEnergy(Split):
     """A law of which an energy says everything (`isorod.material.energy.Energy`)."""
 
     @property
@@ -30,12 +30,12 @@ class FromEnergy(Material):
     @property
     @abstractmethod
     def lame(self) -> float:
-        """Factor ``bulk`` of the volumetric energy ``bulk/2 theta^2``, force / area: may be infinite; 0 without one."""
+        """Bulk modulus that is the factor of the volumetric energy, force / area: may be infinite; 0 without one."""
 
     @cached_property
     def constants(self) -> Array:
         """The values of the symbols of its energy's constants."""
-        return np.array([*self.values, *([] if self.stored.theta is None else [self.lame])], dtype=float)
+        return np.array([*self.values, *([] if self.stored.volume is None else [self.lame])], dtype=float)
 
     @property
     def compiled(self) -> Compiled:  # type: ignore[override]
@@ -47,12 +47,20 @@ class FromEnergy(Material):
     @property
     def shear(self) -> Material:
         """The law without its volumetric energy, for the mixed formulation (`isorod.assembly.mixed`)."""
-        return self if self.stored.theta is None else Shape(self)
+        return self if self.stored.volume is None else Shape(self)
 
     @property
-    def logarithmic(self) -> bool:
-        """Whether the volumetric strain of the mixed formulation is ``ln J``."""
-        return self.stored.logarithmic
+    def splits(self) -> bool:
+        """Whether it has a volumetric energy."""
+        return self.stored.volume is not None
+
+    def complementary(self, p: Array) -> tuple[Array, Array, Array]:
+        """Return the volumetric energy's Legendre transform and its derivatives (`isorod.material.law.Split`)."""
+        if self.stored.quadratic or not np.isfinite(self.lame):
+            return super().complementary(p)
+        from isorod.material.legendre import transform
+
+        return transform(self.stored.volume, p / self.lame, self.lame)
 
     @cached_property
     def mu(self) -> float:
@@ -62,7 +70,7 @@ class FromEnergy(Material):
     @cached_property
     def modulus(self) -> float:
         """Modulus of pressure waves at rest, force / area."""
-        return self.lame + (super().modulus if self.stored.theta is None else self.shear.modulus)
+        return self.lame + (super().modulus if self.stored.volume is None else self.shear.modulus)
 
     @property
     def surface_modulus(self) -> float:

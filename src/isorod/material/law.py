@@ -7,7 +7,7 @@ then take it.
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
-from typing import ClassVar, Protocol, Self
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -43,6 +43,11 @@ class Material(ABC):
     @abstractmethod
     def constants(self) -> Array:
         """What the compiled functions take, any shape ``(c,)``."""
+
+    @property
+    def splits(self) -> bool:
+        """Whether it is one for the mixed formulation (`Split`)."""
+        return False
 
     def tangent(self, F: Array) -> Array:
         """Return ``dP/dF``, shape ``F.shape + (3, 3)``."""
@@ -139,23 +144,43 @@ def _directions() -> Array:
     return np.asarray(n / np.linalg.norm(n, axis=1, keepdims=True))
 
 
-class Split(Protocol):
-    """What the mixed formulation (`isorod.assembly.mixed`) asks of a law besides: ``W = psi + lame/2 theta^2``."""
+class Split(Material):
+    """What the mixed formulation (`isorod.assembly.mixed`) asks of a law besides: ``W = psi + U(theta)``.
 
-    logarithmic: ClassVar[bool]
-    """Whether ``theta`` is ``ln J``; the trace of the strain if not."""
+    Attributes
+    ----------
+    logarithmic
+        Whether ``theta`` is ``ln J``; the trace of the strain if not.
+    """
+
+    logarithmic: ClassVar[bool] = True
 
     @property
+    def splits(self) -> bool:
+        """Whether there is a ``U``: what changes the volume alone, or does in small strains."""
+        return True
+
+    @property
+    @abstractmethod
     def lame(self) -> float:
-        """Lame's first parameter, force / area; may be infinite."""
+        """The modulus of ``U`` at rest, ``lame/2 theta^2`` if quadratic, force / area; may be infinite."""
 
     @property
+    @abstractmethod
     def shear(self) -> Material:
         """The law ``psi``."""
 
+    def complementary(self, p: Array) -> tuple[Array, Array, Array]:
+        """Return ``U*(p) = p theta - U``, Legendre's transform, and its first and second derivatives; shapes of ``p``.
+
+        The second is what changes ``theta``, so that it is the ``theta`` of a pressure ``p``.
+        """
+        each = np.full_like(p, 1.0 / self.lame)
+        return 0.5 * each * p**2, each * p, each
+
 
 @dataclass(frozen=True)
-class Isotropic(Checked, Material):
+class Isotropic(Checked, Split):
     """Young's modulus ``E`` [force/area] and Poisson's ratio ``nu`` of a law that has these at rest."""
 
     E: float

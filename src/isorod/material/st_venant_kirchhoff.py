@@ -90,3 +90,8 @@ class StVenantKirchhoff(Isotropic):
     """
 
     compiled = Compiled(_point, None, _tangent)
+
+    @property
+    def splits(self) -> bool:
+        """Whether it is one for the mixed formulation: the trace of ``E`` is no change of volume."""
+        return False

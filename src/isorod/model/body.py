@@ -13,7 +13,7 @@ from isorod.arrays import Array
 from isorod.errors import Checked, InputError, representable
 from isorod.geometry.quadrature import ring_of
 from isorod.material.along_rod import Laws
-from isorod.material.law import Isotropic, Material
+from isorod.material.law import Isotropic, Material, Split
 from isorod.material.linear_elastic import LinearElastic
 from isorod.material.places import Places
 from isorod.space.space import CHOICES, Space, Table
@@ -148,8 +148,11 @@ class Body(Checked):
         from isorod.space.pressure import Pressures
 
         for e, law in enumerate(self.laws):
-            if not getattr(law, "nu", 0.0) > 0.0:
-                raise InputError(f"material of element {e}: the mixed formulation needs an isotropic law with nu > 0")
+            if not (isinstance(law, Split) and law.splits and law.lame > 0.0):
+                raise InputError(
+                    f"material of element {e}: the mixed formulation needs a law with an energy of volume change and "
+                    f"nu > 0, {type(law).__name__} has none"
+                )
         return Pressures(self.space)
 
     @cached_property

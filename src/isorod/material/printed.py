@@ -1,0 +1,153 @@
+"""Expressions as lines of Python, what they share computed once, in functions that loops over points can vectorise."""
+
+from collections.abc import Sequence
+
+import sympy as sp
+from sympy.printing.pycode import PythonCodePrinter
+
+from isorod.errors import InputError
+
+_OWN = {"sin", "cos", "tan", "sinh", "cosh", "tanh", "atan", "asin", "acos", "asinh", "atanh", "acosh"}
+
+
+class _Printer(PythonCodePrinter):  # type: ignore[misc]
+    """Expressions of what stands in `isorod.material.functions` and NumPy."""
+
+    def _print_Rational(self, expr: sp.Rational) -> str:
+        return repr(float(expr))
+
+    def _print_Integer(self, expr: sp.Integer) -> str:
+        return f"{int(expr)}.0"
+
+    _print_Zero = _print_One = _print_NegativeOne = _print_Integer
+    _print_Half = _print_Rational
+
+    def _print_Float(self, expr: sp.Float) -> str:
+        return repr(float(expr))
+
+    def _print_NumberSymbol(self, expr: sp.Expr) -> str:
+        return repr(float(expr))
+
+    def _print_Pow(self, expr: sp.Pow, rational: bool = False) -> str:
+        base, exponent = expr.base, expr.exp
+        text = self._print(base)
+        if exponent.is_Integer and 1 <= abs(int(exponent)) <= 16:
+            text = text if base.is_Symbol else f"({text})"
+            product = "(" + " * ".join([text] * abs(int(exponent))) + ")"
+            return product if exponent > 0 else f"(1.0 / {product})"
+        if exponent == sp.Rational(1, 2):
+            return f"np.sqrt({text})"
+        if exponent == sp.Rational(-1, 2):
+            return f"(1.0 / np.sqrt({text}))"
+        return f"power({text}, {self._print(exponent)})"
+
+    def _print_exp(self, expr: sp.Expr) -> str:
+        return f"exp({self._print(expr.args[0])})"
+
+    def _print_log(self, expr: sp.Expr) -> str:
+        return f"log({self._print(expr.args[0])})"
+
+    def _print_Abs(self, expr: sp.Expr) -> str:
+        return f"abs({self._print(expr.args[0])})"
+
+    def _print_sign(self, expr: sp.Expr) -> str:
+        return f"np.sign({self._print(expr.args[0])})"
+
+    def _print_Heaviside(self, expr: sp.Expr) -> str:
+        return f"(1.0 if {self._print(expr.args[0])} > 0.0 else 0.0)"
+
+    def _print_Max(self, expr: sp.Expr) -> str:
+        return f"max({', '.join(self._print(one) for one in expr.args)})"
+
+    def _print_Min(self, expr: sp.Expr) -> str:
+        return f"min({', '.join(self._print(one) for one in expr.args)})"
+
+    def _print_Piecewise(self, expr: sp.Piecewise) -> str:
+        text = "np.nan"
+        for value, condition in reversed(expr.args):
+            value = self._print(value)
+            text = value if condition == sp.true else f"({value} if {self._print(condition)} else {text})"
+        return text
+
+    def _print_Function(self, expr: sp.Function) -> str:
+        name = expr.func.__name__
+        if name not in _OWN:
+            raise InputError(f"energy: the function {name} is not one that laws are compiled with")
+        name = {"atan": "arctan", "asin": "arcsin", "acos": "arccos"}.get(
+            name, name.replace("a", "arc", 1) if name in ("asinh", "atanh", "acosh") else name
+        )
+        return f"np.{name}({', '.join(self._print(one) for one in expr.args)})"
+
+    _print_sin = _print_cos = _print_tan = _print_sinh = _print_cosh = _print_tanh = _print_Function
+    _print_atan = _print_asin = _print_acos = _print_asinh = _print_atanh = _print_acosh = _print_Function
+
+    def _print_Derivative(self, expr: sp.Expr) -> str:
+        raise InputError(f"energy: the derivative {expr} has no formula")
+
+    def _print_DiracDelta(self, expr: sp.Expr) -> str:
+        return "0.0"
+
+
+_PRINTER = _Printer({"fully_qualified_modules": False})
+
+
+def assignments(names: Sequence[str], expressions: Sequence[sp.Expr]) -> list[str]:
+    """Return lines that give names to the values of expressions, what they share computed once."""
+    shared, lines = _shared_powers(list(expressions))
+    numbers = sp.numbered_symbols("x")
+    replaced, reduced = sp.cse([*lines.values(), *shared], numbers, order="none")
+    found = [f"{name} = {_PRINTER.doprint(value)}" for name, value in replaced]
+    # A power that is shared is what others are computed from: after its base, before the rest.
+    count = len(lines)
+    if not count:
+        return found + [f"{n} = {_PRINTER.doprint(e)}" for n, e in zip(names, reduced, strict=True)]
+    return _ordered(
+        [*[(str(n), v) for n, v in replaced], *[(str(n), v) for n, v in zip(lines, reduced[:count], strict=True)]],
+    ) + [f"{n} = {_PRINTER.doprint(e)}" for n, e in zip(names, reduced[count:], strict=True)]
+
+
+def _ordered(pairs: list[tuple[str, sp.Expr]]) -> list[str]:
+    """Return lines in an order in which each uses earlier ones alone."""
+    names = {name for name, _ in pairs}
+    found: list[str] = []
+    known: set[str] = set()
+    while pairs:
+        left = []
+        for name, value in pairs:
+            if {str(one) for one in value.free_symbols} & names <= known:
+                found.append(f"{name} = {_PRINTER.doprint(value)}")
+                known.add(name)
+            else:
+                left.append((name, value))
+        pairs = left
+    return found
+
+
+def _shared_powers(expressions: list[sp.Expr]) -> tuple[list[sp.Expr], dict[sp.Symbol, sp.Expr]]:
+    """Return expressions in which powers of one base that differ by whole numbers are those of one symbol."""
+    powers = {one for e in expressions for one in e.atoms(sp.Pow) if not one.exp.is_Integer}
+    groups: dict[tuple[sp.Expr, sp.Expr], list[sp.Pow]] = {}
+    for one in sorted(powers, key=sp.default_sort_key):
+        whole, rest = one.exp.as_coeff_Add()
+        if rest == 0:
+            if not whole.is_Rational or whole.q == 2:
+                continue
+            key = one.base, sp.Rational(1, whole.q)
+        else:
+            key = one.base, rest
+        groups.setdefault(key, []).append(one)
+    lines: dict[sp.Symbol, sp.Expr] = {}
+    replaced = {}
+    for (base, unit), members in groups.items():
+        if unit.is_Rational and len(members) > 1:
+            down = all(one.exp < 0 for one in members)
+            name = sp.Symbol(f"r{len(lines)}", positive=True)
+            lines[name] = base ** (-unit if down else unit)
+            for one in members:
+                replaced[one] = name ** int((-one.exp if down else one.exp) / unit)
+        elif not unit.is_Rational and len(members) > 1:
+            name = sp.Symbol(f"r{len(lines)}", positive=True)
+            lines[name] = base**unit
+            for one in members:
+                replaced[one] = name * base ** one.exp.as_coeff_Add()[0]
+    return [one.xreplace(replaced) for one in expressions], lines
