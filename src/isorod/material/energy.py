@@ -9,7 +9,7 @@ import sympy as sp
 from isorod.errors import InputError
 from isorod.material import symbols as s
 
-_LOGARITHMIC = sp.log(s.J) ** 2 / 2
+LOGARITHMIC = sp.log(s.J) ** 2 / 2
 
 
 @dataclass(frozen=True)
@@ -21,25 +21,30 @@ class Energy:
     shape
         What is stored besides ``bulk volume``: an expression of `isorod.material.symbols` and constants.
     constants
-        The symbols of the constants, in the order of a law's; where there is ``volume`` the last is its factor.
+        The symbols of the constants, in the order of a law's.
     volume
         Volumetric energy of unit modulus at rest: an expression of ``J`` (of small strains: of the trace of ``F``), or
         None.
+    factor
+        Which of the constants is that modulus, ``bulk``; the last where not given.
     """
 
     shape: sp.Expr
     constants: tuple[sp.Symbol, ...]
     volume: sp.Expr | None = None
+    factor: sp.Symbol | None = None
 
     @cached_property
     def expression(self) -> sp.Expr:
         """The whole of it."""
-        return self.shape if self.volume is None else self.shape + self.constants[-1] * self.volume
+        if self.volume is None:
+            return self.shape
+        return self.shape + (self.factor or self.constants[-1]) * self.volume
 
     @property
     def quadratic(self) -> bool:
         """Whether the volumetric energy is ``bulk/2 (ln J)^2``."""
-        return self.volume == _LOGARITHMIC
+        return self.volume == LOGARITHMIC
 
     @cached_property
     def arguments(self) -> tuple[sp.Symbol, ...]:
@@ -76,7 +81,7 @@ def whole(given: sp.Expr, constants: Sequence[sp.Symbol]) -> Energy:
     if factor == 0:
         return Energy(given, tuple(constants))
     unit = sp.simplify(volume / factor)
-    unit = _LOGARITHMIC if sp.simplify(unit - _LOGARITHMIC) == 0 else unit
+    unit = LOGARITHMIC if sp.simplify(unit - LOGARITHMIC) == 0 else unit
     return Energy(_tidy(sp.expand(given) - sp.expand(factor * unit)), (*constants, s.bulk), unit)
 
 
@@ -85,7 +90,7 @@ def completed(given: sp.Expr, constants: Sequence[sp.Symbol]) -> Energy:
     given = _checked(given, constants)
     if set(s.F) & given.free_symbols:
         raise InputError("energy: with a bulk modulus it takes invariants, stretches and fibres, no components of F")
-    return Energy(given - pressure_at_rest(given) * sp.log(s.J), (*constants, s.bulk), _LOGARITHMIC)
+    return Energy(given - pressure_at_rest(given) * sp.log(s.J), (*constants, s.bulk), LOGARITHMIC)
 
 
 def factor_of(energy: Energy, given: sp.Expr) -> sp.Expr:

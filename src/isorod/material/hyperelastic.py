@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from isorod.errors import InputError
+from isorod.material.fibre import Fibre
 from isorod.material.from_energy import FromEnergy
 
 if TYPE_CHECKING:
@@ -33,6 +34,9 @@ class Hyperelastic(FromEnergy):
         at rest; force / area, infinite for an incompressible law.  Where not, the energy is all there is.
     prestressed
         Whether a stress at rest is meant to be there.
+    fibre
+        Direction of the fibres ``a`` at rest, of an energy that has such: a vector, a word or a function of places
+        (`isorod.material.fibre`); a tuple of two where it has ``b`` too.
 
     Raises
     ------
@@ -44,6 +48,7 @@ class Hyperelastic(FromEnergy):
     parameters: Mapping[Any, float] = field(default_factory=dict)
     bulk: float | None = None
     prestressed: bool = False
+    fibre: Fibre | tuple[Fibre, Fibre] = "tangent"
 
     def __post_init__(self) -> None:
         for name, value in self.parameters.items():
@@ -53,6 +58,7 @@ class Hyperelastic(FromEnergy):
             raise InputError(f"bulk: got {self.bulk:g}, need a positive stress, infinite for an incompressible law")
         from isorod.material.proof import prove
 
+        self.check_fibres()
         prove(self, self.prestressed)
 
     @cached_property

@@ -115,6 +115,11 @@ class Material(ABC):
         return float(np.einsum("aAbB,na,nA,nb,nB->n", moduli, n, n, n, n).max())
 
     @property
+    def shear_modulus(self) -> float:
+        """The least modulus of plane waves at rest, force / area."""
+        return float(plane_waves(self).min())
+
+    @property
     def surface_modulus(self) -> float:
         """How stiff a surface is against waves of pressure at rest: ``E / (1 - nu^2)`` if isotropic, force / area.
 
@@ -131,10 +136,18 @@ class Material(ABC):
         return 0.0
 
 
-def plane_waves(law: Material) -> Array:
-    """Return the moduli of plane waves at rest in several directions, force / area, shape ``(13, 3)``."""
+def plane_waves(law: Material, swollen: float = 1.0) -> Array:
+    """Return the moduli of plane waves at rest in several directions, force / area, shape ``(13, 3)``.
+
+    Parameters
+    ----------
+    law
+        The law.
+    swollen
+        Stretch in all directions, for laws that are softer in compression.
+    """
     n = _directions()
-    moduli = law.placed(alone()).tangent(np.eye(3)[None])[0]
+    moduli = law.placed(alone()).tangent(swollen * np.eye(3)[None])[0]
     return np.linalg.eigvalsh(np.einsum("aAbB,nA,nB->nab", moduli, n, n))
 
 
@@ -198,6 +211,11 @@ class Isotropic(Checked, Split):
     def mu(self) -> float:
         """Shear modulus, force / area."""
         return self.E / (2.0 * (1.0 + self.nu))
+
+    @property
+    def shear_modulus(self) -> float:
+        """Shear modulus, force / area."""
+        return self.mu
 
     @property
     def lame(self) -> float:

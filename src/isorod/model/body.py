@@ -158,7 +158,7 @@ class Body(Checked):
     @cached_property
     def pressure_unit(self) -> float:
         """What the unknown pressures of the mixed formulation are counted in: the middle shear modulus, force/area."""
-        return float(np.median([getattr(law, "mu", 1.0) for law in self.laws]))
+        return float(np.median([law.shear_modulus for law in self.laws]))
 
     def _on_elements(self, given: Any) -> Any:
         """Return what is given for each element of the rod for each of the space's."""
