@@ -172,7 +172,7 @@ class Shape(Material):
         from isorod.material.energy import Energy
 
         whole = self.law.stored
-        return Energy(whole.shape, whole.constants)
+        return Energy(whole.shape, whole.constants) if isinstance(whole, Energy) else whole
 
     @property
     def constants(self) -> Array:
