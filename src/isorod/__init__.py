@@ -41,6 +41,8 @@ if TYPE_CHECKING:
     from isorod.material import Material as Material
     from isorod.material import NeoHookean as NeoHookean
     from isorod.material.muscle import Muscle as Muscle
+    from isorod.material.orthotropic import Orthotropic as Orthotropic
+    from isorod.material.orthotropic import TransverselyIsotropic as TransverselyIsotropic
     from isorod.material.st_venant_kirchhoff import StVenantKirchhoff as StVenantKirchhoff
     from isorod.modal import Modes as Modes
     from isorod.model import Body as Body
@@ -85,6 +87,7 @@ _OFFERED = {
     "Modes": "isorod.modal",
     "Muscle": "isorod.material.muscle",
     "NeoHookean": "isorod.material",
+    "Orthotropic": "isorod.material.orthotropic",
     "Plane": "isorod.model",
     "Pressure": "isorod.model",
     "Rod": "isorod.geometry.rod",
@@ -96,6 +99,7 @@ _OFFERED = {
     "Spin": "isorod.model",
     "StVenantKirchhoff": "isorod.material.st_venant_kirchhoff",
     "Support": "isorod.model",
+    "TransverselyIsotropic": "isorod.material.orthotropic",
     "TriangleMesh": "isorod.model",
     "airfoil": "isorod.geometry.section",
     "arc": "isorod.geometry.center_line",

@@ -146,7 +146,7 @@ def _more_across(body: Body) -> dict[str, Any]:
     space = body.space
     if space.section_degree is not None:
         degree = space.section_degree
-        free = degree % 2 == 0 or min(getattr(law, "nu", 0.0) for law in body.laws) < _TIES
+        free = degree % 2 == 0 or min(np.min(getattr(law, "nu", 0.0)) for law in body.laws) < _TIES
         two = free and space.rod.rings == WHOLE and _turns_onto_itself(space.rod)
         wanted = degree + 1 + two if degree > 1 else _SQUARE
         return {"section_degree": min(wanted, getattr(space.basis, "most", degree))}

@@ -27,6 +27,8 @@ LAWS = {
     "LinearElastic": Form("isorod.material.linear_elastic:LinearElastic"),
     "NeoHookean": Form("isorod.material.neo_hookean:NeoHookean"),
     "StVenantKirchhoff": Form("isorod.material.st_venant_kirchhoff:StVenantKirchhoff"),
+    "Orthotropic": Form("isorod.material.orthotropic:Orthotropic"),
+    "TransverselyIsotropic": Form("isorod.material.orthotropic:TransverselyIsotropic"),
     "Muscle": Form("isorod.material.muscle:Muscle"),
 }
 # What else a rod has: keys of its own, and those of its space.

@@ -97,7 +97,7 @@ def _is(value: Any, kind: Any) -> bool:
     if origin is tuple and Ellipsis not in parts:
         return isinstance(value, list) and len(value) == len(parts) and all(map(_is, value, parts))
     if origin in (tuple, Sequence):
-        return isinstance(value, list) and all(_is(one, parts[0]) for one in value)
+        return isinstance(value, list) and all(any(_is(one, part) for part in _parts(parts[0])) for one in value)
     return _is_array(kind) and (isinstance(value, str) or _depth(value) is not None)
 
 

@@ -31,12 +31,15 @@ class Material(ABC):
         The addresses of its compiled functions (`isorod.material.points.Compiled`).
     objective
         Whether it has a second Piola-Kirchhoff stress that no rotation changes; without that dynamics does not take it.
+    linear
+        Whether its stress is linear in the deformation gradient: a stiffness of its own, the same in all states.
     families
         How many directions its material has at a point, such as those of families of fibres: 0, 1 or 2 (`fibres`).
     """
 
     compiled: ClassVar[Compiled]
     objective: ClassVar[bool] = True
+    linear: ClassVar[bool] = False
     families: ClassVar[int] = 0
 
     @property

@@ -71,6 +71,7 @@ class LinearElastic(Isotropic):
 
     compiled = Compiled(_point, _block, _tangent)
     objective: ClassVar[bool] = False
+    linear: ClassVar[bool] = True
 
     # The bulk term's theta is tr e.
     logarithmic: ClassVar[bool] = False

@@ -204,8 +204,9 @@ class Muscle(NeoHookean):
         From 0 (at rest) to 1.
     fibre
         Reference direction of the fibres: a vector of any length ``(3,)``, one a point (anything that broadcasts to
-        ``F.shape[:-1]``); or one of the rod, which the body the law is given to knows: ``"tangent"`` along its centre
-        line, another word or a function of places (`isorod.material.fibre`), such as ``helix(30)``.
+        ``F.shape[:-1]``); or what the body that the law is given to knows: a direction of the rod, ``"tangent"`` along
+        its centre line, ``"normal"``, ``"binormal"``, ``"radial"`` or ``"around"``, or a function of places
+        (`isorod.material.fibre`), such as ``helix(30)``.
 
     Raises
     ------

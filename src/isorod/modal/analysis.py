@@ -14,7 +14,6 @@ from isorod.assembly.assembler import Assembler
 from isorod.assembly.factorisation import factorisation
 from isorod.checks import hourglass, rigid_motions
 from isorod.errors import InputError, SolveError, expect, whole_number
-from isorod.material.linear_elastic import LinearElastic
 from isorod.modal.pencil import Found, Pencil, only_multiplies
 from isorod.model.model import Model
 from isorod.output.state import Animated, Deformation, Moment, Named, State
@@ -279,7 +278,7 @@ def _refuse(model: Model, state: Equilibrium | None) -> None:
             raise InputError(
                 f"density of body {b}: got {body.densities.min():g}, modes need a positive mass per volume"
             )
-        if state is not None and any(isinstance(law, LinearElastic) for law in body.laws):
+        if state is not None and any(law.linear for law in body.laws):
             raise InputError(
                 f"modes about a state: body {b} is linear elastic, whose tangent knows no stress; take NeoHookean"
             )

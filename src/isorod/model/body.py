@@ -14,7 +14,6 @@ from isorod.errors import Checked, InputError, representable
 from isorod.geometry.quadrature import ring_of
 from isorod.material.along_rod import Laws
 from isorod.material.law import Isotropic, Material, Split
-from isorod.material.linear_elastic import LinearElastic
 from isorod.material.places import Places
 from isorod.space.space import CHOICES, Space, Table
 
@@ -199,7 +198,7 @@ class Body(Checked):
         if not isinstance(self.material, Sequence):
             return
         axis = self.space.axis
-        moduli = np.array([getattr(law, "E", np.nan) for law in self.laws]).reshape(-1, self._rings)
+        moduli = np.array([np.max(getattr(law, "E", np.nan)) for law in self.laws]).reshape(-1, self._rings)
         jumps = np.exp(np.abs(np.diff(np.log(moduli), axis=0)).max(axis=1)) * (1.0 - 1e-9)
         times = np.searchsorted(axis.knots, axis.breaks[1:-1], "right") - np.searchsorted(axis.knots, axis.breaks[1:-1])
         smooth = (jumps > _JUMP) & (times < axis.degree)
@@ -238,7 +237,7 @@ class Body(Checked):
     @cached_property
     def linear(self) -> bool:
         """Whether its stiffness is the same in all states."""
-        return self.formulation == "displacement" and all(isinstance(law, LinearElastic) for law in self.laws)
+        return self.formulation == "displacement" and all(law.linear for law in self.laws)
 
     def laws_at(self, u: Array, xi: ArrayLike) -> Laws:
         """Return the laws at axis parameters and disk points, for deformation gradients ``u.shape + (q, 3, 3)``.
