@@ -25,7 +25,7 @@ TOUCHING = ["clasp", "coil", "rope", "strand"]
 GEOMETRY = [name for name in scenes.SCENES if scenes.find(name)().analysis == "geometry"]
 SOLVED = [name for name in scenes.SCENES if name not in GEOMETRY]
 STATICS = [name for name in SOLVED if scenes.find(name)().analysis == "statics" and name not in TOUCHING]
-FOREIGN = "dolfinx ufl basix gmsh pyvista vtkmodules slepc4py matplotlib rich hypothesis pytest".split()
+FOREIGN = "dolfinx ufl basix gmsh pyvista vtkmodules slepc4py matplotlib rich hypothesis pytest sympy".split()
 HEAVY = ["petsc4py", "mpi4py", "numba", *FOREIGN]
 
 LOADED = """

@@ -244,7 +244,7 @@ class Run(ABC):
         system = self.system
         digest = hashlib.sha256()
         digest.update(system.digest().encode())
-        digest.update(" ".join(type(law).__name__ for body in system.model.bodies for law in body.laws).encode())
+        digest.update(" ".join(law.identity for body in system.model.bodies for law in body.laws).encode())
         for array in (
             *(body.densities for body in system.model.bodies),
             system.state.held,

@@ -55,6 +55,11 @@ class FromEnergy(Split):
         return np.array([*self.values, *([] if self.stored.volume is None else [self.lame])], dtype=float)
 
     @property
+    def identity(self) -> str:
+        """Its name and energy."""
+        return f"{type(self).__name__} {self.stored}"
+
+    @property
     def compiled(self) -> Compiled:  # type: ignore[override]
         """The addresses of its compiled functions."""
         from isorod.material.written import compiled

@@ -52,6 +52,11 @@ class Material(ABC):
         """Whether it is one for the mixed formulation (`Split`)."""
         return False
 
+    @property
+    def identity(self) -> str:
+        """What tells the law from others, but for its constants."""
+        return type(self).__name__
+
     def tangent(self, F: Array) -> Array:
         """Return ``dP/dF``, shape ``F.shape + (3, 3)``."""
         moduli, one = np.empty((*F.shape, 3, 3)), self.compiled
