@@ -11,7 +11,7 @@ from isorod import options
 
 options.initialize([])
 
-from isorod import dynamics, modal, statics  # noqa: E402
+from isorod import dynamics, statics  # noqa: E402
 from isorod.assembly.assembler import Assembler  # noqa: E402
 from isorod.assembly.mixed import MixedAssembler  # noqa: E402
 from isorod.checks import rigid_motions  # noqa: E402
@@ -353,11 +353,9 @@ def test_other_analyses_and_contact_refuse_it():
     where = space()
     start = Support.end(where, "start")
     model = mixed(where, law(0.49), [start])
-    with pytest.raises(InputError, match="'mixed' is for statics alone"):
+    with pytest.raises(InputError, match="'mixed' is for statics and modes alone"):
         Assembler(model)
-    with pytest.raises(InputError, match="'mixed' is for statics alone"):
-        modal.solve(model, 2)
-    with pytest.raises(InputError, match="'mixed' is for statics alone"):
+    with pytest.raises(InputError, match="'mixed' is for statics and modes alone"):
         dynamics.solve(model, 1.0)
     plane = Contact(0, Plane((0.0, -1.5, 0.0), (0.0, 1.0, 0.0)), 10.0)
     with pytest.raises(InputError, match="takes none so far"):
@@ -369,12 +367,6 @@ def test_a_factorisation_that_does_not_pivot_is_an_error_that_names_one_that_doe
     petsc_options(pc_type="lu", pc_factor_mat_solver_type="petsc")
     with pytest.raises(SolveError, match="try -ksp_type preonly -pc_type cholesky -pc_factor_mat_solver_type mumps"):
         statics.solve(mixed(where, law(0.5), [Support.end(where, "start"), Support.end(where, "end")]))
-
-
-def test_there_is_no_mass_matrix():
-    where = space()
-    with pytest.raises(InputError, match="mass matrix"):
-        MixedAssembler(mixed(where, law(0.5), [Support.end(where, "start")])).mass()
 
 
 def test_nothing_of_it_is_imported_unless_asked_for(python):

@@ -113,13 +113,12 @@ def solve(
     """
     start = perf_counter()
     mesh = domain.mesh
-    parts = [compat.block_element(mesh, "Lagrange", degree, 3), compat.scalar_element(mesh, "Lagrange", degree - 1)]
-    state = dolfinx.fem.Function(compat.function_space(mesh, compat.mixed_element(parts)))
+    state = dolfinx.fem.Function(compat.function_space(mesh, element(mesh, degree)))
     rule = 2 * degree if domain.shape == "hexahedron" else 2 * degree - 2
     faces = [_Face(domain, name, force, rule, flags) for name, force in (loads or {}).items()]
     factor = dolfinx.fem.Constant(mesh, PETSc.ScalarType(0.0))
     u, _ = ufl.split(state)
-    energy = _stored(state, law) * ufl.dx(metadata=quadrature.measure(rule))
+    energy = stored(state, law) * ufl.dx(metadata=quadrature.measure(rule))
     energy -= sum(factor * ufl.inner(ufl.as_vector(one.traction.tolist()), u) * one.ds for one in faces)
     forms = variations(energy, state, flags)
 
@@ -147,7 +146,13 @@ def solve(
     )
 
 
-def _stored(state: Any, law: NeoHookean) -> Any:
+def element(mesh: Any, degree: int) -> Any:
+    """Return the element of displacements of a degree, and of pressures of one less."""
+    parts = [compat.block_element(mesh, "Lagrange", degree, 3), compat.scalar_element(mesh, "Lagrange", degree - 1)]
+    return compat.mixed_element(parts)
+
+
+def stored(state: Any, law: NeoHookean) -> Any:
     """Return the density whose stationary point is sought, of displacement and pressure."""
     u, pressure = ufl.split(state)
     F = ufl.Identity(3) + ufl.grad(u)

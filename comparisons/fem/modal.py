@@ -229,6 +229,8 @@ class Body:
         Of the displacement.
     whole
         Whether nodes are free or held as a whole.
+    pressures
+        Number of degrees of freedom that are pressures.
     """
 
     def __init__(
@@ -242,10 +244,11 @@ class Body:
         degree: int,
         settings: Settings,
         whole: bool = True,
+        pressures: int = 0,
     ) -> None:
         self.state, self.displacement, self.density, self.scalar, self.free = state, displacement, density, scalar, free
         self.space = state.function_space
-        self.comm = self.space.mesh.comm
+        self.comm, self.pressures = self.space.mesh.comm, pressures
         self.plain = scalar is not None and whole
         self.flags = settings.flags
         # Enough points for a mass that is definite, whatever the rule of the stiffness; they cost little in one
@@ -302,6 +305,7 @@ class Body:
             stiffness,
             mass,
             rigid=rigid,
+            pressures=self.pressures,
             # Incompatible modes have no mass, and what has none wants to be purified.
             factors=options if self.plain else {**options, "eps_purify": True},
             entries=self._mass_by_blocks if mass.getType() != stiffness.getType() else None,
@@ -312,7 +316,8 @@ class Body:
         compat.assemble_matrix(self.matrix, self.stiffness_form, [])
         _declare(self.matrix, definite=False)
         whole = self.matrix if self.unknowns < self.dofs else self.matrix.copy()
-        return _declare(self._reduced(whole, self.blocks, self.final), definite=self.unknowns < self.dofs)
+        definite = self.unknowns < self.dofs and not self.pressures
+        return _declare(self._reduced(whole, self.blocks, self.final), definite)
 
     def _mass(self) -> PETSc.Mat:
         """Assemble the mass to multiply with."""
@@ -378,11 +383,11 @@ def _body(domain: Domain, solid: Solid, held: Sequence[str], element: Element, s
     F = ufl.Identity(3) + ufl.grad(state) if plain else enhanced.deformation_gradient(state)
     stored = linear(solid.E, solid.nu)(F) * ufl.dx(metadata=quadrature.measure(element.rule(domain.shape)))
     displacement = state if plain else ufl.split(state)[0]
-    free = _free(space, domain, held, plain)
+    free = free_unknowns(space, domain, held, plain)
     return Body(state, displacement, stored, solid.density, scalar, free, element.degree, settings)
 
 
-def _free(space: Any, domain: Domain, held: Sequence[str], plain: bool) -> Index:
+def free_unknowns(space: Any, domain: Domain, held: Sequence[str], plain: bool) -> Index:
     """Return this rank's own nodes that are not held (without blocks: degrees of freedom), local numbers."""
     own = np.ones(space.dofmap.index_map.size_local, dtype=bool)
     for face in held:

@@ -336,17 +336,17 @@ class Assembler(Unknowns):
         """Return the mass matrix of the unknowns, consistent or lumped.
 
         Lumped, the carriers (`Space.is_carrier`) get their row sums over each other, so that the total mass is right;
-        the others get their diagonal entries.
+        the others get their diagonal entries.  Pressures of the mixed formulation have none.
         """
         with self._timed():
-            return self._mass(lumped, [self.model.free[a::3] for a in range(3)])
+            return self._mass(lumped, [self.unknown_of[a::3] for a in range(3)])
 
     def mass_operator(self, lumped: bool = False) -> PETSc.Mat:
         """Return the mass matrix to multiply with.
 
         Where none of a node's components is held without the others, it is that of one component (PETSc's MAIJ).
         """
-        if not self.model.whole_nodes or PETSc.Options().hasName("mat_type"):
+        if self.block == 1 or PETSc.Options().hasName("mat_type"):
             return self.mass(lumped)
         with self._timed():
             one = self._mass(lumped, [self.model.free[::3] // 3])

@@ -38,12 +38,13 @@ def factorisation(assembler: Assembler, prefix: str = "", symmetric: bool = True
         return {}
     width = max(3 * body.space.element_nodes.shape[1] for body in assembler.model.bodies)
     # Contact couples bodies, which are far from each other in the numbering.
-    # The mixed formulation's tangent is indefinite and needs pivots.
-    plain = assembler.contact is None and not is_mixed(assembler.model)
-    if plain and symmetric and not own and suits(assembler.model):
+    plain, alone = assembler.contact is None, assembler.comm.getSize() == 1
+    # The mixed formulation's tangent is indefinite and may need row exchanges: `banded` makes them on one rank.
+    mixed = is_mixed(assembler.model)
+    if plain and (alone or not mixed) and symmetric and not own and suits(assembler.model):
         chosen = BAND
     else:
-        chosen = ROWS if plain and width <= WIDE and assembler.comm.getSize() == 1 else SPARSE
+        chosen = ROWS if plain and alone and not mixed and width <= WIDE else SPARSE
     if not symmetric:
         chosen = chosen | {"pc_type": "lu"}
     return {f"{prefix}{name}": value for name, value in chosen.items()}

@@ -21,7 +21,7 @@ class Masses(NamedTuple):
 
 def lumped_mass(parts: Sequence[Part], numbers: Sequence[Index]) -> Masses:
     """Return the entries of lumped masses; of some components each node's numbers are given."""
-    nodes = joined([part.dofs[:, ::3] // 3 for part in parts], int)
+    nodes = joined([part.nodes for part in parts], int)
     places = joined([number[nodes] for number in numbers], int)
     entries = joined([part.lumped_mass() for part in parts], float)
     return Masses(np.tile(entries, len(numbers)), lambda: (places, places), None)

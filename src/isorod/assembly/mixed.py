@@ -178,26 +178,18 @@ class MixedAssembler(Assembler):
         self.first = np.array(first, dtype=np.int64)
         self.block = 1
 
-    def mass(self, lumped: bool = False) -> PETSc.Mat:
-        """Raise `InputError`: pressures have no mass, and no analysis takes that."""
-        raise InputError("mass matrix: a model with the mixed formulation has none")
-
-    def _unknowns(self, displacement: Array) -> Array:
+    def _unknowns(self, displacement: Array, pressures: Sequence[Array | None]) -> Array:
         result = np.zeros(self.unknowns)
-        result[self._number_of[: self.model.unknowns]] = super()._unknowns(displacement)
+        first = self.model.unknowns
+        result[self._number_of[:first]] = super()._unknowns(displacement, ())
+        for body, given in zip(self.model.bodies, pressures, strict=bool(pressures)):
+            if given is not None:
+                result[self._number_of[first : first + given.size]] = given.ravel() / body.pressure_unit
+                first += given.size
         return result
 
     def _displacements(self, unknowns: Any) -> Any:
-        return unknowns[self._number_of[: self.model.unknowns]]
-
-    def pressed(self, x: PETSc.Vec, pressures: Sequence[Array | None]) -> PETSc.Vec:
-        """Return a vector of unknowns with pressures, such as `pressures` returns, put in its place; on one rank."""
-        first = self.model.unknowns
-        for body, given in zip(self.model.bodies, pressures, strict=True):
-            if given is not None:
-                x.array_w[self._number_of[first : first + given.size]] = given.ravel() / body.pressure_unit
-                first += given.size
-        return x
+        return unknowns[..., self._number_of[: self.model.unknowns]]
 
     def pressures(self, x: PETSc.Vec) -> list[Array | None]:
         """Return each body's coefficients of its `isorod.space.pressure.Pressures`, force per area, or None."""

@@ -89,6 +89,12 @@ class Part:
         count = self.body.space.layer_nodes
         return Layers(self.first_node + count * self.layers, count)
 
+    @property
+    def nodes(self) -> Index:
+        """Nodes of each element, shape ``(E, l n)``."""
+        own = self.body.space.element_nodes
+        return self.first_node + own[self.table.first : self.table.first + self.table.elements]
+
     @cached_property
     def mass(self) -> Array:
         """Element mass matrices of one component, shape ``(E, l n, l n)``."""

@@ -1,5 +1,6 @@
 """The unknowns of a model and how ranks share them: rows and elements are split along the axis."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -39,7 +40,7 @@ class Unknowns:
         self.comm = PETSc.COMM_WORLD if comm is None else comm
         for b, body in enumerate(model.bodies):
             if body.formulation not in self.formulations:
-                raise InputError(f"body {b}: formulation {body.formulation!r} is for statics alone")
+                raise InputError(f"body {b}: formulation {body.formulation!r} is for statics and modes alone")
         # What supports prescribe to this rank at the last load factor.
         self._prescribed: tuple[float, Array] | None = None
         self._number()
@@ -110,20 +111,28 @@ class Unknowns:
         everywhere[bound] = local[slots]
         return np.asarray(self.comm.tompi4py().allreduce(everywhere))
 
-    def state(self, displacement: Array) -> PETSc.Vec:
-        """Return the unknowns of a vector of all degrees of freedom."""
+    def state(self, displacement: Array, pressures: Sequence[Array | None] = ()) -> PETSc.Vec:
+        """Return the unknowns of a vector of all degrees of freedom.
+
+        Parameters
+        ----------
+        displacement
+            Shape ``(dofs,)``.
+        pressures
+            Coefficients of mixed bodies (`isorod.assembly.mixed`), force per area; where not given, zero.
+        """
         x = self.vector()
         first, last = x.getOwnershipRange()
-        x.array_w[:] = self._unknowns(displacement)[first:last]
+        x.array_w[:] = self._unknowns(displacement, pressures)[first:last]
         return x
 
-    def _unknowns(self, displacement: Array) -> Array:
+    def _unknowns(self, displacement: Array, pressures: Sequence[Array | None]) -> Array:
         # A tied unknown is read off the first of those that share it.
         _, first = np.unique(self.model.free, return_index=True)
         return displacement[first[first.size - self.model.unknowns :]]
 
     def _displacements(self, unknowns: Any) -> Any:
-        """Return those unknowns that are displacements, in the model's order."""
+        """Return those unknowns ``(..., unknowns)`` that are displacements, in the model's order."""
         return unknowns
 
     @property
@@ -141,7 +150,7 @@ class Unknowns:
         """Return all degrees of freedom ``(m, dofs)`` of motions ``(m, unknowns)`` that move no support."""
         result = np.zeros((unknowns.shape[0], self.model.dofs))
         is_free = self.model.free >= 0
-        result[:, is_free] = unknowns[:, self.model.free[is_free]]
+        result[:, is_free] = self._displacements(unknowns)[:, self.model.free[is_free]]
         return result
 
     def displacement(self, x: PETSc.Vec, factor: float) -> Array:

@@ -15,7 +15,8 @@ from scipy.linalg import eigh
 
 from isorod.arrays import Array
 from isorod.assembly.assembler import Assembler
-from isorod.assembly.factorisation import factorisation, is_mixed
+from isorod.assembly.factorisation import factorisation
+from isorod.assembly.formulation import assembler_for
 from isorod.checks.finer import DIRECTIONS, Finer
 from isorod.errors import InputError
 from isorod.model.model import Model
@@ -76,15 +77,8 @@ def _total(model: Model, directions: Sequence[str], change: Callable[[Finer], fl
 def _equilibrium(finer: Finer, displacement: Array, work: float, pressures: Sequence[Array | None]) -> float | None:
     """Return the change on finer spaces."""
     state = finer.displacement(displacement)
-    if is_mixed(finer.model):
-        from isorod.assembly.mixed import MixedAssembler
-
-        mixed = MixedAssembler(finer.model)
-        x = mixed.pressed(mixed.state(state), finer.pressures(pressures))
-        assembler: Assembler = mixed
-    else:
-        assembler = Assembler(finer.model)
-        x = assembler.state(state)
+    assembler = assembler_for(finer.model)
+    x = assembler.state(state, finer.pressures(pressures) if pressures else ())
     matrix, force, change = assembler.matrix(), assembler.vector(), assembler.vector()
     ksp = _solver(assembler, matrix)
     try:
@@ -161,10 +155,10 @@ def of_modes(
 
 def _modes(finer: Finer, eigenvalues: Array, vectors: Array, free: bool, lumped: bool) -> float | None:
     """Return the change on finer spaces."""
-    assembler = Assembler(finer.model)
+    assembler = assembler_for(finer.model)
     matrix, mass = assembler.matrix(), assembler.mass(lumped) if free else assembler.mass_operator(lumped)
     assembler.tangent(assembler.vector(), 0.0, matrix)
-    # Definite, of a free body too.
+    # Definite, of a free body too, but for pressures.
     shift = float(eigenvalues[0]) if free else 0.0
     shapes = [finer.displacement(vector) for vector in vectors]
     if free:

@@ -12,6 +12,7 @@ from petsc4py import PETSc
 from isorod.arrays import Array
 from isorod.assembly.assembler import Assembler
 from isorod.assembly.factorisation import factorisation
+from isorod.assembly.formulation import assembler_for
 from isorod.checks import hourglass, rigid_motions
 from isorod.errors import InputError, SolveError, expect, whole_number
 from isorod.modal.pencil import Found, Pencil, only_multiplies
@@ -102,6 +103,8 @@ class Modes:
         As for `isorod.statics.Equilibrium`.
     state
         Displacement about which they are, shape ``(dofs,)``, or None for the state of rest.
+    pressures
+        Those of the mixed formulation in that state (`isorod.statics.Equilibrium`).
     lumped
         Whether the mass matrix is lumped.
     """
@@ -120,6 +123,7 @@ class Modes:
     solver: dict[str, str]
     ranks: int
     state: Array | None = None
+    pressures: Sequence[Array | None] = ()
     lumped: bool = False
 
     def __len__(self) -> int:
@@ -159,7 +163,8 @@ class Modes:
         """Return the stiffness and the mass whose modes they are (`isorod.output.matrices.matrices`)."""
         from isorod.output.matrices import matrices
 
-        return matrices(self.model, None if self.state is None else State(self.model, self.state), self.lumped)
+        about = None if self.state is None else State(self.model, self.state, pressures=self.pressures)
+        return matrices(self.model, about, self.lumped)
 
     def record(self) -> dict[str, Any]:
         """Return what a record keeps of them."""
@@ -222,13 +227,12 @@ def solve(
 def _solve(model: Model, modes: int, lumped: bool, state: Equilibrium | None, comm: PETSc.Comm | None) -> Modes:
     """Return what `solve` does, as the options in force say."""
     start = perf_counter()
-    model = model.in_displacements()
     _refuse(model, state)
     loose = rigid_motions.free_motions(model) if state is None else []
-    wanted = _wanted(model, modes, len(loose))
-    assembler = Assembler(model, comm)
+    assembler = assembler_for(model, comm)
     pencil = _pencil(assembler, lumped, loose)
-    x = assembler.vector() if state is None else assembler.state(state.displacement)
+    wanted = _wanted(pencil, modes)
+    x = assembler.vector() if state is None else assembler.state(state.displacement, state.pressures)
     setup = perf_counter() - start
     assembler.seconds = 0.0
     assembler.tangent(x, 0.0 if state is None else 1.0, pencil.stiffness)
@@ -267,6 +271,7 @@ def _solve(model: Model, modes: int, lumped: bool, state: Equilibrium | None, co
         solver=found.solver,
         ranks=assembler.comm.getSize(),
         state=None if state is None else state.displacement,
+        pressures=() if state is None else state.pressures,
         lumped=lumped,
     )
 
@@ -284,14 +289,16 @@ def _refuse(model: Model, state: Equilibrium | None) -> None:
             )
 
 
-def _wanted(model: Model, modes: int, rigid: int) -> int:
+def _wanted(pencil: Pencil, modes: int) -> int:
     """Return the number of modes to solve for, the rigid ones included."""
     typed = PETSc.Options()
     if typed.hasName("eps_nev"):
         modes = typed.getInt("eps_nev")
-    if modes < 1 or modes + rigid > model.unknowns:
-        raise InputError(f"modes: got {modes}, need 1 to {model.unknowns - rigid} (the unknowns there are)")
-    return modes + rigid
+    most = pencil.size - pencil.rigid
+    if not 1 <= modes <= most:
+        less = ", less the pressures" if pencil.pressures else ""
+        raise InputError(f"modes: got {modes}, need 1 to {most} (the unknowns there are{less})")
+    return modes + pencil.rigid
 
 
 def _pencil(assembler: Assembler, lumped: bool, loose: Sequence[tuple[int, Array]]) -> Pencil:
@@ -303,6 +310,7 @@ def _pencil(assembler: Assembler, lumped: bool, loose: Sequence[tuple[int, Array
         stiffness,
         mass,
         rigid=len(loose),
+        pressures=assembler.unknowns - assembler.model.unknowns,
         factors=factorisation(assembler, "st_"),
         motions=lambda: rigid_motions.on_unknowns(assembler, loose),
         # What PETSc knows it writes down faster than it is assembled once more.

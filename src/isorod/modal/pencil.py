@@ -10,7 +10,7 @@ from petsc4py import PETSc
 from slepc4py import SLEPc
 
 from isorod.arrays import Array
-from isorod.errors import SolveError
+from isorod.errors import InputError, SolveError
 from isorod.options import defaults
 from isorod.petsc import banded
 from isorod.petsc.inertia import negative_eigenvalues, negative_of_rows
@@ -34,6 +34,8 @@ LOBPCG_OPTIONS = {"eps_tol": 1e-7, "eps_lobpcg_blocksize": 1, "st_ksp_type": "pr
 
 # Eigensolvers that take a preconditioner instead of a spectral transformation.
 PRECONDITIONED = ("lobpcg", "rqcg", "gd", "jd")
+# Eigensolvers that need a definite mass: those, which go down Rayleigh's quotient, and LAPACK's.
+DEFINITE = (*PRECONDITIONED, "lapack")
 
 # Options after which the eigensolver still wants no more of the mass than its products.
 _HARMLESS = (
@@ -98,6 +100,11 @@ class Found(NamedTuple):
 class Pencil:
     """A symmetric stiffness ``K``, positive definite or with rigid motions, and a mass ``M``.
 
+    Some unknowns may be pressures, multipliers without mass: ``[[A, B], [B^T, -C]]`` with a semidefinite ``C`` and a
+    ``B`` of full rank, ``M`` on the others alone.  Each adds a negative eigenvalue to ``K - tau M`` (Sylvester), and
+    one or, where ``C`` is zero, two infinite ones to the pencil; ``M`` is a semi-inner product, and an eigenvector's
+    pressures follow from its displacements.
+
     Attributes
     ----------
     stiffness
@@ -106,6 +113,8 @@ class Pencil:
         Symmetric matrix to multiply with; where there is a shift, with entries at places where the stiffness has some.
     rigid
         Number of rigid motions.
+    pressures
+        Number of pressures.
     factors
         Options, named ``st_...``, of the factorisation that suits the stiffness, and whatever else shall stand instead
         of `OPTIONS`; the user's own win.  Eigensolvers without a spectral transformation take no notice.
@@ -122,6 +131,7 @@ class Pencil:
     stiffness: PETSc.Mat
     mass: PETSc.Mat
     rigid: int = 0
+    pressures: int = 0
     factors: Mapping[str, object] = field(default_factory=dict)
     motions: Callable[[], Iterable[PETSc.Vec]] = tuple
     entries: Callable[[], PETSc.Mat] | None = None
@@ -130,15 +140,19 @@ class Pencil:
 
     @property
     def size(self) -> int:
-        """Number of unknowns."""
-        return int(self.stiffness.getSize()[0])
+        """Number of eigenvalues to be had: where there are pressures one less than are finite whatever their ``C``."""
+        # A Krylov space of all that are wanted needs another dimension, which it has where the mass is definite.
+        return int(self.stiffness.getSize()[0]) - (2 * self.pressures + 1 if self.pressures else 0)
 
     def _eps(self, count: int, shift: float) -> SLEPc.EPS:
         """Return a new eigensolver for some eigenpairs near a shift."""
         eps = SLEPc.EPS().create(self.stiffness.getComm())
         eps.setOperators(self.stiffness, self.mass)
         eps.setProblemType(SLEPc.EPS.ProblemType.GHEP)
-        eps.setDimensions(min(count, self.size))
+        count = min(count, self.size)
+        # In a Krylov space of more dimensions than there are finite eigenvalues, rounding makes up others.
+        narrow = self.pressures > 0 and max(2 * count, count + 15) > self.size
+        eps.setDimensions(count, self.size + 1 if narrow else None)
         eps.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
         eps.setTarget(shift)
         eps.getST().setShift(shift)
@@ -157,7 +171,10 @@ class Pencil:
 
     def _first_flexible(self) -> float | None:
         """Return a rough value of the first eigenvalue above the rigid modes of a free body, if it is found."""
-        guess = 1e-8 * self.stiffness.getDiagonal().sum() / self.mass.getDiagonal().sum()
+        inertia = self.mass.getDiagonal().array_r
+        sums = float(self.stiffness.getDiagonal().array_r[inertia > 0.0].sum()), float(inertia.sum())
+        stiffness, mass = (self.stiffness.getComm().tompi4py().allreduce(one) for one in sums)
+        guess = 1e-8 * stiffness / mass
         for _ in range(8):
             eps = self._eps(self.rigid + 2, -guess)
             eps.setTolerances(1e-4)
@@ -189,7 +206,7 @@ class Pencil:
         Parameters
         ----------
         wanted
-            Number of eigenpairs, at most that of unknowns.
+            Number of eigenpairs, at most `size`.
         shift
             Of the spectral transformation, see `shift`.
         count
@@ -200,6 +217,8 @@ class Pencil:
         ------
         SolveError
             If the eigensolver does not converge, residuals are large, or eigenvalues are missing, or too many.
+        InputError
+            If an eigensolver is typed that takes no mass that is singular, and there are pressures.
         """
         found = self._find(wanted, shift, count)
         limit = max(_BAD_RESIDUAL, 100.0 * found.tolerance)
@@ -242,6 +261,7 @@ class Pencil:
         # restart.
         eps = self._eps(wanted + 1, shift)
         kind = PETSc.Options().getAll().get("eps_type", "krylovschur")
+        self._refuse_definite(kind)
         if kind in PRECONDITIONED:
             eps.setWhichEigenpairs(SLEPc.EPS.Which.SMALLEST_REAL)
         pairs: list[tuple[float, PETSc.Vec]] = []
@@ -274,10 +294,21 @@ class Pencil:
         eps.destroy()
         return Found(*self._normalised(pairs, wanted), below, iterations, tolerance, placed, types, options)
 
+    def _refuse_definite(self, kind: str) -> None:
+        """Raise `InputError` for an eigensolver, of some kind, that takes no singular mass if there are pressures."""
+        transformed = PETSc.Options().getAll().get("st_type", "sinvert")
+        if self.pressures and (kind in DEFINITE or transformed != "sinvert"):
+            typed, instead = ("eps", "krylovschur") if kind in DEFINITE else ("st", "sinvert")
+            said = kind if kind in DEFINITE else transformed
+            raise InputError(
+                f"-{typed}_type {said}: pressures have no mass, and it needs one; take {instead}, the default"
+            )
+
     def _options(self, kind: str, purify: int) -> Mapping[str, object]:
         """Return what to offer an eigensolver of some kind."""
         if kind not in PRECONDITIONED:
-            return {**OPTIONS, "eps_purify": purify, **self.factors}
+            # Where there are pressures the mass does not see what rounding adds to them.
+            return {**OPTIONS, "eps_purify": purify or int(self.pressures > 0), **self.factors}
         offered = PRECONDITIONED_OPTIONS | (LOBPCG_OPTIONS if kind == "lobpcg" else {})
         if PETSc.Options().getAll().get("st_pc_type", "cholesky") in ("lu", "cholesky"):
             return offered
@@ -358,7 +389,7 @@ class Pencil:
         if negative is None:
             negative = self._count_below(shift)
         self.check_seconds += perf_counter() - start
-        return negative
+        return negative - self.pressures
 
     def _count_below(self, shift: float) -> int:
         """Return the number of eigenvalues below a shift, of matrices of any type."""

@@ -1,7 +1,6 @@
 """Stiffness and mass of a model as SciPy's sparse matrices, with what it takes to use them elsewhere."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from petsc4py import PETSc
@@ -9,7 +8,7 @@ from scipy.sparse import csr_array, triu
 
 from isorod.arrays import Array, Index
 from isorod.assembly.assembler import Assembler
-from isorod.assembly.factorisation import is_mixed
+from isorod.assembly.formulation import assembler_for
 from isorod.errors import InputError, expect
 from isorod.model.model import Model
 from isorod.output.state import State
@@ -111,24 +110,20 @@ def matrices(model: Model, state: State | None = None, lumped: bool = False) -> 
             "in full; take an output after the ramp"
         )
     # Every rank has all of it: the whole is what is wanted.
-    assembler = _assembler(model)
+    assembler = assembler_for(model, PETSc.COMM_SELF)
     factor = 0.0 if state is None else 1.0
-    x = assembler.vector() if state is None else assembler.state(state.displacement)
-    pressures = getattr(state, "pressures", ())
-    if pressures:
-        assembler.pressed(x, pressures)
+    x = assembler.vector() if state is None else assembler.state(state.displacement, state.pressures)
     tangent, force = assembler.matrix(), assembler.vector()
     assembler.tangent(x, factor, tangent)
     if state is None:
         assembler.load_forces(x, 0.0, 1.0, force)
     else:
         assembler.residual(x, factor, force)
-    expansion = _expansion(assembler)
     return Matrices(
         model=model,
         stiffness=_sparse(tangent, assembler.symmetric),
-        mass=_mass(model, expansion, lumped),
-        expansion=expansion,
+        mass=_mass(assembler, lumped),
+        expansion=_expansion(assembler),
         offset=model.prescribed(1.0) if state is None else state.displacement,
         force=-force.array_r,
         symmetric=assembler.symmetric,
@@ -137,34 +132,11 @@ def matrices(model: Model, state: State | None = None, lumped: bool = False) -> 
     )
 
 
-def _assembler(model: Model) -> Any:
-    if not is_mixed(model):
-        return Assembler(model, PETSc.COMM_SELF)
-    from isorod.assembly.mixed import MixedAssembler
-
-    return MixedAssembler(model, PETSc.COMM_SELF)
-
-
-class _Masses(Assembler):
-    """Assembles masses, which know no pressures."""
-
-    formulations = ("displacement", "mixed")
-
-
-def _mass(model: Model, expansion: csr_array, lumped: bool) -> csr_array | None:
+def _mass(assembler: Assembler, lumped: bool) -> csr_array | None:
     """Return the mass on the unknowns, or None where a body has none."""
-    if any(not body.densities.min() > 0.0 for body in model.bodies):
+    if any(not body.densities.min() > 0.0 for body in assembler.model.bodies):
         return None
-    mass = _sparse(_Masses(model, PETSc.COMM_SELF).mass(lumped), True)
-    if mass.shape[0] == expansion.shape[1]:
-        return mass
-    # Displacements among the unknowns, in the model's order.
-    rows, columns = expansion.nonzero()
-    place = np.empty(mass.shape[0], dtype=np.int64)
-    place[model.free[rows]] = columns
-    entries = mass.tocoo()
-    size = expansion.shape[1]
-    return csr_array((entries.data, (place[entries.row], place[entries.col])), shape=(size, size))
+    return _sparse(assembler.mass(lumped), True)
 
 
 def _expansion(assembler: Assembler) -> csr_array:

@@ -287,9 +287,13 @@ class State(Deformation):
         As for `Deformation`.
     factor
         Load factor of the stress, which a muscle's activation follows.
+    pressures
+        Pressure coefficients of each body, ``(layers, count)`` of its `isorod.space.pressure.Pressures`, or None; empty
+        if no body is mixed.
     """
 
     factor: float = field(default=1.0, kw_only=True)
+    pressures: Sequence[Array | None] = field(default=(), kw_only=True)
 
     def deformation_gradient(self, body: Named, u: ArrayLike, xi: ArrayLike = (0.0, 0.0)) -> Array:
         """Return the deformation gradient at points of a body, shape ``(..., 3, 3)``."""

@@ -9,8 +9,7 @@ import numpy as np
 from petsc4py import PETSc
 
 from isorod.arrays import Array
-from isorod.assembly.assembler import Assembler
-from isorod.assembly.factorisation import is_mixed
+from isorod.assembly.formulation import assembler_for
 from isorod.checks import hourglass, overlap, rigid_motions
 from isorod.checks.reactions import by_support, check_balance, support_displacements, support_forces, support_moments
 from isorod.errors import SolveError, expect, whole_number
@@ -71,9 +70,6 @@ class Equilibrium(State, Animated):
         Outcome of each contact of the model.
     augmentations
         Updates of the multipliers of contact.
-    pressures
-        Pressure coefficients of each body, ``(layers, count)`` of its `isorod.space.pressure.Pressures`, or None; empty
-        if no body is mixed.
     moments
         Moment of each support on the model about the mean of its nodes' present positions, shape ``(supports, 3)``.
     work
@@ -98,7 +94,6 @@ class Equilibrium(State, Animated):
     contacts: "Sequence[ContactResult]" = ()
     augmentations: int = 0
     linear_iterations: int = 0
-    pressures: "Sequence[Array | None]" = ()
     moments: Array = field(default_factory=lambda: np.zeros((0, 3)))
     work: float = 0.0
     stabilisation: "tuple[float, int] | None" = None
@@ -192,15 +187,6 @@ class Equilibrium(State, Animated):
                 ]
             )
         return found
-
-
-def assembler_for(model: Model, comm: PETSc.Comm | None = None) -> Assembler:
-    """Return the assembler of a model: the mixed one where a body has pressures."""
-    if not is_mixed(model):
-        return Assembler(model, comm)
-    from isorod.assembly.mixed import MixedAssembler
-
-    return MixedAssembler(model, comm)
 
 
 def solve(

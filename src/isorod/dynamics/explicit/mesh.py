@@ -158,7 +158,7 @@ def digests(mesh: Mesh) -> list[bytes]:
 def _check_laws(body: Body, index: int) -> None:
     """Raise `InputError` if a body cannot move in time, or the law of one of its elements."""
     if body.formulation != "displacement":
-        raise InputError(f"body {index}: formulation {body.formulation!r} is for statics alone")
+        raise InputError(f"body {index}: formulation {body.formulation!r} is for statics and modes alone")
     if len(body.space.rod.rings) > 2:
         raise InputError(f"body {index}: its rod has layers, which dynamics does not take; statics and modes do")
     for e, law in enumerate(body.laws):
