@@ -112,7 +112,7 @@ def _made_of(kind: Any) -> tuple[Any, tuple[Any, ...]]:
 
 def _fits(value: Any, kind: Any) -> bool:
     """Return whether a value is of a kind, or the kind is none that can be asked."""
-    if type(value) is kind:
+    if type(value) is kind or kind is Any:
         return True
     origin, parts = _made_of(kind)
     if origin in (Union, types.UnionType):

@@ -9,7 +9,7 @@ from importlib import import_module
 from typing import Any, NamedTuple
 
 from isorod.errors import evaluated
-from isorod.files import values
+from isorod.files import material, values
 from isorod.files.data import Points, points
 from isorod.files.document import Place, shown
 
@@ -18,6 +18,15 @@ ROD, SUPPORT, CONTACT, PARTNER = "rod", "support", "contact", "rod or obstacle"
 POINTS = "points"
 
 _NAMES = (ROD, SUPPORT, CONTACT, PARTNER)
+
+
+# Those of laws.
+BULK, FIBRE, CONSTANTS = "bulk", "fibre", "constants"
+_KINDS = material.KINDS
+
+
+def _special(kind: Any) -> bool:
+    return isinstance(kind, str) and kind in _KINDS
 
 
 class Parameter(NamedTuple):
@@ -42,7 +51,9 @@ class Parameter(NamedTuple):
             return f"one of {', '.join(self.kind)}"
         if self.kind == POINTS:
             return "points in lists, or the name of a file beside this one"
-        return f"the name of a {self.kind}" if self.kind in _NAMES else values.words(self.kind)
+        if self.kind in _NAMES:
+            return f"the name of a {self.kind}"
+        return _KINDS[self.kind][1] if _special(self.kind) else values.words(self.kind)
 
 
 @dataclass(frozen=True)
@@ -217,4 +228,4 @@ def _argument(place: Place, value: Any, kind: Any) -> Any:
         if not isinstance(value, str):
             raise place.error(f"got {shown(value)}, need the name of a {kind}")
         return Name(place, value)
-    return values.value_of(place, value, kind)
+    return _KINDS[kind][0](place, value) if _special(kind) else values.value_of(place, value, kind)

@@ -4,7 +4,7 @@ A new curve, section, law, support, load, obstacle or measure is one more line h
 are those of its signature, what they mean is in its docstring.
 """
 
-from isorod.files.form import CONTACT, PARTNER, POINTS, ROD, SUPPORT, Form
+from isorod.files.form import BULK, CONSTANTS, CONTACT, FIBRE, PARTNER, POINTS, ROD, SUPPORT, Form
 
 CURVES = {
     "straight": Form("isorod.geometry.center_line:straight"),
@@ -29,7 +29,18 @@ LAWS = {
     "StVenantKirchhoff": Form("isorod.material.st_venant_kirchhoff:StVenantKirchhoff"),
     "Orthotropic": Form("isorod.material.orthotropic:Orthotropic"),
     "TransverselyIsotropic": Form("isorod.material.orthotropic:TransverselyIsotropic"),
-    "Muscle": Form("isorod.material.muscle:Muscle"),
+    "MooneyRivlin": Form("isorod.material.mooney_rivlin:MooneyRivlin", kinds={"bulk": BULK}),
+    "Yeoh": Form("isorod.material.yeoh:Yeoh", kinds={"bulk": BULK}),
+    "Gent": Form("isorod.material.gent:Gent", kinds={"bulk": BULK}),
+    "Ogden": Form("isorod.material.ogden:Ogden", kinds={"bulk": BULK}),
+    "HolzapfelGasserOgden": Form(
+        "isorod.material.holzapfel_gasser_ogden:HolzapfelGasserOgden", kinds={"bulk": BULK, "fibre": FIBRE}
+    ),
+    "Hyperelastic": Form(
+        "isorod.files.material:hyperelastic", kinds={"constants": CONSTANTS, "bulk": BULK, "fibre": FIBRE}
+    ),
+    "Muscle": Form("isorod.material.muscle:Muscle", kinds={"fibre": FIBRE}),
+    "ActiveMuscle": Form("isorod.files.material:active_muscle", kinds={"curve": POINTS, "fibre": FIBRE}),
 }
 # What else a rod has: keys of its own, and those of its space.
 SWEEP = Form(

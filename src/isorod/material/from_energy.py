@@ -3,7 +3,7 @@
 from abc import abstractmethod
 from copy import copy
 from functools import cached_property
-from typing import TYPE_CHECKING, Self, cast
+from typing import TYPE_CHECKING, ClassVar, Self, cast
 
 import numpy as np
 
@@ -167,6 +167,8 @@ class Shape(Material):
     law
         A law that splits.
     """
+
+    logarithmic: ClassVar[bool] = True
 
     def __init__(self, law: FromEnergy) -> None:
         self.law = law

@@ -20,6 +20,8 @@ from isorod.material.printed import assignments
 
 _HEADER = f'''"""Written by isorod {__version__} from the energy of a law."""
 
+from math import erf
+
 import numpy as np
 
 from isorod.compiled import FAST, STRICT, njit

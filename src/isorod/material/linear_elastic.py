@@ -1,7 +1,8 @@
 """Linear elasticity in small strains."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from functools import cache
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -21,6 +22,9 @@ from isorod.material.points import (
     add_identity,
     add_products,
 )
+
+if TYPE_CHECKING:
+    from isorod.material.energy import Energy
 
 _F = GRADIENT
 
@@ -65,6 +69,18 @@ def _tangent(work: Array, constants: Array, activation: float) -> None:
         add_identity(work, k, ROWS[SQUARES + 12], mu)
 
 
+@cache
+def _energy() -> "Energy":
+    from sympy import eye, symbols
+
+    from isorod.material.energy import Energy
+    from isorod.material.symbols import F
+
+    mu, lame = symbols("mu lame", nonnegative=True)
+    strain = (F + F.T) / 2 - eye(3)
+    return Energy(mu * sum(one**2 for one in strain), (mu, lame), (F.trace() - 3) ** 2 / 2)
+
+
 @dataclass(frozen=True)
 class LinearElastic(Isotropic):
     """Isotropic linear elasticity in small strains: ``W = mu e:e + lame/2 (tr e)^2``, ``e = sym(F) - 1``."""
@@ -75,3 +91,8 @@ class LinearElastic(Isotropic):
 
     # The bulk term's theta is tr e.
     logarithmic: ClassVar[bool] = False
+
+    @property
+    def stored(self) -> "Energy":
+        """Its energy as an expression."""
+        return _energy()

@@ -1,7 +1,8 @@
 """The neo-Hookean law."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from functools import cache
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numba import f8, void
@@ -24,6 +25,9 @@ from isorod.material.points import (
     add_identity,
     add_products,
 )
+
+if TYPE_CHECKING:
+    from isorod.material.energy import Energy
 
 # Below this a difference quotient's derivative is taken from its power series.
 SERIES = 1e-3
@@ -143,6 +147,18 @@ def tangent(work: Array, constants: Array, activation: float) -> None:
         add_identity(work, k, ROWS[SQUARES + 12], mu)
 
 
+@cache
+def matrix_energy() -> "Energy":
+    """Return the energy of the law as an expression."""
+    from sympy import log, symbols
+
+    from isorod.material.energy import LOGARITHMIC, Energy
+    from isorod.material.symbols import I1, J
+
+    mu, lame = symbols("mu lame", nonnegative=True)
+    return Energy(mu / 2 * (I1 - 2 * log(J) - 3), (mu, lame), LOGARITHMIC)
+
+
 @dataclass(frozen=True)
 class NeoHookean(Isotropic):
     """``W = mu/2 (I1 - 2 ln J - 3) + kappa/2 (ln J)^2``, ``kappa`` Lame's first parameter (Lu & Zhou 2011, eq. 15)."""
@@ -151,6 +167,11 @@ class NeoHookean(Isotropic):
 
     # The bulk term's theta is ln J.
     logarithmic: ClassVar[bool] = True
+
+    @property
+    def stored(self) -> "Energy":
+        """Its energy as an expression."""
+        return matrix_energy()
 
     def discrete(self, F: Array, change: Array, wanted: bool = True) -> tuple[Array, Array | None]:
         """Return a stress that does the work of the energy, without a division by ``|D|``, and its moduli.

@@ -28,6 +28,8 @@ class _Printer(PythonCodePrinter):  # type: ignore[misc]
     def _print_NumberSymbol(self, expr: sp.Expr) -> str:
         return repr(float(expr))
 
+    _print_Pi = _print_Exp1 = _print_NumberSymbol
+
     def _print_Pow(self, expr: sp.Pow, rational: bool = False) -> str:
         base, exponent = expr.base, expr.exp
         text = self._print(base)
@@ -46,6 +48,9 @@ class _Printer(PythonCodePrinter):  # type: ignore[misc]
 
     def _print_log(self, expr: sp.Expr) -> str:
         return f"log({self._print(expr.args[0])})"
+
+    def _print_erf(self, expr: sp.Expr) -> str:
+        return f"erf({self._print(expr.args[0])})"
 
     def _print_Abs(self, expr: sp.Expr) -> str:
         return f"abs({self._print(expr.args[0])})"

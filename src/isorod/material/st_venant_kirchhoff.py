@@ -1,6 +1,8 @@
 """The law of St. Venant and Kirchhoff: linear in Green's strain, for large rotations and small strains."""
 
 from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,6 +22,9 @@ from isorod.material.points import (
     add_identity,
     add_products,
 )
+
+if TYPE_CHECKING:
+    from isorod.material.energy import Energy
 
 _F = GRADIENT
 
@@ -82,6 +87,19 @@ def _tangent(work: Array, constants: Array, activation: float) -> None:
             work[row + ROWS[18]] += b12
 
 
+@cache
+def _energy() -> "Energy":
+    from sympy import symbols
+
+    from isorod.material.energy import Energy
+    from isorod.material.symbols import I1, I2
+
+    mu, lame = symbols("mu lame", nonnegative=True)
+    # Of E = (C - 1)/2, with C:C = I1^2 - 2 I2.
+    trace, square = (I1 - 3) / 2, (I1**2 - 2 * I2 - 2 * I1 + 3) / 4
+    return Energy(mu * square + lame / 2 * trace**2, (mu, lame))
+
+
 @dataclass(frozen=True)
 class StVenantKirchhoff(Isotropic):
     """``W = mu E:E + lame/2 (tr E)^2``, ``E = (F^T F - 1)/2``.
@@ -90,6 +108,11 @@ class StVenantKirchhoff(Isotropic):
     """
 
     compiled = Compiled(_point, None, _tangent)
+
+    @property
+    def stored(self) -> "Energy":
+        """Its energy as an expression."""
+        return _energy()
 
     @property
     def splits(self) -> bool:

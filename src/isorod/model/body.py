@@ -13,7 +13,7 @@ from isorod.arrays import Array
 from isorod.errors import Checked, InputError, representable
 from isorod.geometry.quadrature import ring_of
 from isorod.material.along_rod import Laws
-from isorod.material.law import Isotropic, Material, Split
+from isorod.material.law import Material, Split
 from isorod.material.places import Places
 from isorod.space.space import CHOICES, Space, Table
 
@@ -172,7 +172,7 @@ class Body(Checked):
     def _nearly_incompressible(self) -> bool:
         """Return whether the mixed formulation pays: where it can be taken, and displacements alone may lock."""
         # Fibres, active or not, carry stress that a pressure of its own mesh does not balance as well.
-        plain = (law.nu if isinstance(law, Isotropic) and not hasattr(law, "activation") else 0.0 for law in self.laws)
+        plain = (getattr(law, "nu", 0.0) if law.splits and not law.families else 0.0 for law in self.laws)
         if self._rings > 1 or min(plain) < _NEARLY:
             return False
         try:

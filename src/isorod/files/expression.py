@@ -1,0 +1,116 @@
+"""Energies written as text: read by Python's grammar, of which a few words are known; nothing of it is run."""
+
+import ast
+import difflib
+import math
+from collections.abc import Collection
+from typing import TYPE_CHECKING, Any
+
+from isorod.errors import InputError
+
+if TYPE_CHECKING:
+    import sympy as sp
+
+# Long enough for any energy that somebody writes by hand, and whole exponents that are multiplied out at once.
+_LONGEST, _DEEPEST, _HIGHEST = 2000, 60, 32
+
+_FUNCTIONS = ("log", "exp", "sqrt", "sin", "cos", "tanh", "Max", "Min")
+
+
+def parsed(text: str, constants: Collection[str]) -> "sp.Expr":
+    """Return an energy as an expression of `isorod.material.symbols` and constants.
+
+    Raises
+    ------
+    InputError
+        If it is none, with the column.
+    """
+    if len(text) > _LONGEST:
+        raise InputError(f"energy: got {len(text)} characters, need at most {_LONGEST}")
+    try:
+        tree = ast.parse(text.strip(), mode="eval").body
+    except (SyntaxError, ValueError, RecursionError, MemoryError) as problem:
+        column = f", column {problem.offset}" if isinstance(problem, SyntaxError) and problem.offset else ""
+        raise InputError(f"energy: got {text!r:.60}, which is no expression{column}") from None
+    names = _names()
+    for one in constants:
+        if one in names or one in _FUNCTIONS or not one.isidentifier():
+            raise InputError(f"constants: got the name {one!r}, need one that is not taken, of letters and digits")
+    found = _Reader(names | _constants(constants)).read(tree, 0)
+    import sympy as sp
+
+    if found.has(sp.zoo, sp.nan, sp.oo):
+        raise InputError(f"energy: got {text!r:.60}, which divides by zero or is not finite")
+    return found
+
+
+def _names() -> dict[str, Any]:
+    from isorod.material import symbols as s
+
+    known = [s.I1, s.I2, s.J, s.I4a, s.I4b, s.I8, *s.stretches, *s.F]
+    found = {str(one): one for one in known}
+    found |= {f"C{A}{B}": s.C[A, B] for A in range(3) for B in range(3)}
+    return found | {"I1bar": s.I1bar, "I2bar": s.I2bar}
+
+
+def _constants(names: Collection[str]) -> dict[str, Any]:
+    from sympy import Symbol
+
+    return {one: Symbol(one, real=True) for one in names}
+
+
+class _Reader:
+    """Makes expressions of what Python's grammar finds."""
+
+    def __init__(self, names: dict[str, Any]) -> None:
+        self.names = names
+
+    def read(self, node: ast.AST, depth: int) -> Any:
+        """Return the expression of a node; raises `InputError` at what is not known."""
+        import sympy as sp
+
+        if depth > _DEEPEST:
+            raise InputError(f"energy: brackets within brackets deeper than {_DEEPEST}")
+        if isinstance(node, ast.Constant):
+            if type(node.value) is int and abs(node.value) < 10**15:
+                return sp.Integer(node.value)
+            if type(node.value) is float and math.isfinite(node.value):
+                return sp.Float(node.value)
+        elif isinstance(node, ast.Name):
+            if node.id in self.names:
+                return self.names[node.id]
+            raise self._unknown(node, node.id, [*self.names, *_FUNCTIONS])
+        elif isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub | ast.UAdd):
+            value = self.read(node.operand, depth + 1)
+            return -value if isinstance(node.op, ast.USub) else value
+        elif isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add | ast.Sub | ast.Mult | ast.Div | ast.Pow):
+            return self._combined(node, self.read(node.left, depth + 1), self.read(node.right, depth + 1))
+        elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and not node.keywords:
+            if node.func.id not in _FUNCTIONS:
+                raise self._unknown(node, node.func.id, _FUNCTIONS)
+            given = [self.read(one, depth + 1) for one in node.args]
+            if (len(given) == 1) == (node.func.id in ("Max", "Min")):
+                raise InputError(f"energy: column {node.col_offset + 1}: {node.func.id} of {len(given)} values")
+            return getattr(sp, node.func.id)(*given)
+        raise InputError(
+            f"energy: column {getattr(node, 'col_offset', 0) + 1}: need numbers, names, + - * / ** and functions "
+            f"({', '.join(_FUNCTIONS)})"
+        )
+
+    def _combined(self, node: ast.BinOp, left: Any, right: Any) -> Any:
+        kind = type(node.op)
+        if kind is ast.Pow:
+            if right.is_number and abs(right) > _HIGHEST:
+                raise InputError(
+                    f"energy: column {node.col_offset + 1}: an exponent of {right}, need at most {_HIGHEST}"
+                )
+            return left**right
+        if kind is ast.Div:
+            return left / right
+        return left + right if kind is ast.Add else left - right if kind is ast.Sub else left * right
+
+    @staticmethod
+    def _unknown(node: ast.expr, word: str, known: Collection[str]) -> InputError:
+        near = difflib.get_close_matches(word, known, 1)
+        hint = f"did you mean {near[0]}?" if near else "need a constant that is given or a symbol of energies"
+        return InputError(f"energy: column {node.col_offset + 1}: {word!r} is not known; {hint}")

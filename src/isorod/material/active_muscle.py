@@ -1,0 +1,159 @@
+"""Skeletal muscle whose active fibres have a tension curve of one's own."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from isorod.arrays import Array
+from isorod.errors import InputError, numbers
+from isorod.material.law import Material
+from isorod.material.muscle import Muscle, energy_of_fibres
+from isorod.material.points import Compiled
+
+if TYPE_CHECKING:
+    import sympy as sp
+
+    from isorod.material.energy import Energy
+
+# Stretches between which what activation can do is looked for, and between which an integral is checked.
+_LEAST, _MOST = 0.25, 2.5
+
+
+@dataclass(frozen=True, eq=False)
+class ActiveMuscle(Muscle):
+    """`Muscle` with ``dW_active/dlambda = activation sigma_max curve(lambda)``.
+
+    Parameters
+    ----------
+    E, nu, sigma_max, m1, m2, activation, fibre
+        As those of `Muscle`.
+    curve
+        Tension of active fibres by their stretch, 1 what ``sigma_max`` is.  Points ``(stretch, tension)``, shape ``(n,
+        2)``, between which it is cubic and as monotone as these (Fritsch & Butland, SIAM J. Sci. Stat. Comput. 5 (1984)
+        300-304), and beyond which the first and the last hold; or a SymPy expression of one symbol, the stretch.
+
+    Raises
+    ------
+    InputError
+        If a value is out of its range or not finite; SymPy finds no integral of the expression.
+    """
+
+    curve: Any = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.curve is None:
+            raise InputError("curve: need points (stretch, tension) or a SymPy expression of the stretch")
+        if not hasattr(self.curve, "free_symbols"):
+            object.__setattr__(self, "curve", _checked(self.curve))
+        _ = self.stored
+
+    @property
+    def stored(self) -> "Energy":
+        """Its energy as an expression, its activation a constant times that of the step."""
+        return _energy(self.curve)
+
+    @property
+    def compiled(self) -> Compiled:  # type: ignore[override]
+        """The addresses of its compiled functions."""
+        from isorod.material.written import compiled
+
+        return compiled(self.stored)
+
+    @property
+    def activation_work(self) -> float:
+        """The work of active fibres over the whole range of their stretch, per volume."""
+        return self.activation * self.sigma_max * _work(self.curve)
+
+    def discrete(self, F: Array, change: Array, wanted: bool = True) -> tuple[Array, Array | None]:
+        """Return a stress that does the work of the energy, and its moduli (`isorod.material.discrete_gradient`)."""
+        return Material.discrete(self, F, change, wanted)
+
+
+def _checked(curve: Any) -> tuple[tuple[float, float], ...]:
+    """Return the points of a curve, raising `InputError` if they are none."""
+    points = numbers("curve", curve)
+    if points.ndim != 2 or points.shape[1] != 2 or len(points) < 3:
+        raise InputError(f"curve: got shape {points.shape}, need three or more points (stretch, tension)")
+    if not np.isfinite(points).all():
+        raise InputError(f"curve: point {np.argmin(np.isfinite(points).all(axis=1))} is not finite")
+    stretches, tensions = points.T
+    if not (stretches[0] > 0.0 and (np.diff(stretches) > 0.0).all()):
+        raise InputError("curve: stretches must be positive and rise from point to point")
+    if not tensions.min() >= 0.0:
+        raise InputError(f"curve: got a tension of {tensions.min():g}, need none that is negative")
+    return tuple((float(x), float(y)) for x, y in points)
+
+
+@cache
+def _energy(curve: Any) -> "Energy":
+    work, stretch = _stored(curve)
+    return energy_of_fibres(work, stretch)
+
+
+@cache
+def _work(curve: Any) -> float:
+    """Return the most work that fibres of a curve do of which the largest stress is 1."""
+    import sympy as sp
+
+    work, stretch = _stored(curve)
+    values = sp.lambdify(stretch, work, ["scipy", "numpy"])(np.linspace(_LEAST, _MOST, 1000))
+    return float(np.ptp(np.broadcast_to(values, 1000)))
+
+
+@cache
+def _stored(curve: Any) -> "tuple[sp.Expr, sp.Symbol]":
+    """Return the integral of a curve from 1, and the symbol of the stretch in it."""
+    import sympy as sp
+
+    if isinstance(curve, tuple):
+        stretch = sp.Symbol("stretch", positive=True)
+        return _integral_of_points(curve, stretch), stretch
+    free = sorted(curve.free_symbols, key=str)
+    if len(free) != 1:
+        raise InputError(
+            f"curve: got an expression of {', '.join(map(str, free)) or 'nothing'}, need one of the stretch"
+        )
+    stretch = sp.Symbol("stretch", positive=True)
+    tension = curve.subs(free[0], stretch).rewrite((sp.Max, sp.Min, sp.Abs), sp.Piecewise)
+    found = sp.integrate(sp.piecewise_fold(tension), stretch)
+    if found.has(sp.Integral) or not _holds(found, tension, stretch):
+        raise InputError(f"curve: SymPy finds no integral of {curve}; give points (stretch, tension) of it")
+    return found - found.subs(stretch, 1), stretch
+
+
+def _holds(found: "sp.Expr", tension: "sp.Expr", stretch: "sp.Symbol") -> bool:
+    """Whether an expression is the integral of another, jumps and all."""
+    import sympy as sp
+    from scipy.integrate import quad
+
+    integral, rate = (sp.lambdify(stretch, one, ["scipy", "numpy"]) for one in (found, tension))
+    ends = np.linspace(_LEAST, _MOST, 7)
+    grown = np.diff([float(integral(one)) for one in ends])
+    exact = [quad(rate, a, b, limit=200)[0] for a, b in pairwise(ends)]
+    return bool(np.abs(grown - exact).max() < 1e-6 * max(1.0, np.abs(exact).max()))
+
+
+def _integral_of_points(points: Sequence[tuple[float, float]], stretch: "sp.Symbol") -> "sp.Expr":
+    """Return the integral from 1 of the cubics through points."""
+    import sympy as sp
+    from scipy.interpolate import PchipInterpolator
+
+    x, y = np.array(points).T
+    curve = PchipInterpolator(x, y)
+    before = curve.antiderivative()
+    # From 1, which may lie beyond the points.
+    inside = min(max(1.0, x[0]), x[-1])
+    start = float(before(inside) + curve(inside) * (1.0 - inside))
+    pieces = [(y[0] * (stretch - x[0]) - start, stretch < x[0])]
+    for k in range(len(x) - 1):
+        d, value = stretch - x[k], sp.Float(0)
+        for coefficient in before.c[:, k]:
+            value = value * d + float(coefficient)
+        pieces.append((value - start, stretch < x[k + 1]))
+    last = float(before(x[-1]))
+    return sp.Piecewise(*pieces, (last - start + y[-1] * (stretch - x[-1]), True))
