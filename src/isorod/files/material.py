@@ -71,8 +71,8 @@ def hyperelastic(
     ----------
     energy
         An expression such as `"mu/2*(I1bar - 3)"` of the invariants `I1`, `I2`, `J`, `I1bar`, `I2bar`, the squared
-        fibre stretches `I4a`, `I4b` and `I8`, principal stretches `l1`, `l2`, `l3`, components `F00` to `F22` or `C00` to
-        `C22`, and constants; with `+ - * / **`, `log`, `exp`, `sqrt`, `sin`, `cos`, `tanh`, `Max`, `Min`.
+        fibre stretches `I4a`, `I4b` and `I8`, principal stretches `l1`, `l2`, `l3`, components `F00` to `F22` or `C00`
+        to `C22`, and constants; with `+ - * / **`, `log`, `exp`, `sqrt`, `sin`, `cos`, `tanh`, `Max`, `Min`.
     constants
         The value of each constant in it.
     bulk
