@@ -186,9 +186,10 @@ def test_a_program_ends_as_it_would_without(last, code, python):
     """PETSc destroys at its end, after Python's, what was kept: no preconditioner written in Python may be among it."""
     done = python(
         "from isorod import options; options.initialize([])\n"
-        "from isorod import modal, statics; from isorod.statics import analysis, newton\n"
+        "from isorod import modal; from isorod.statics import newton\n"
+        "from isorod.assembly.formulation import assembler_for\n"
         "from isorod.scenes.spring import Spring; from isorod.scenes.blade import Blade\n"
-        "solver = newton.Newton(analysis.assembler_for(Spring(preset='paper', coils=1, section_points=4).model()))\n"
+        "solver = newton.Newton(assembler_for(Spring(preset='paper', coils=1, section_points=4).model()))\n"
         "solver.advance(0.0, 1.0)\n"
         "modes = modal.solve(Blade(preset='paper', elements=4).model(), 2)\n"
         f"{last}"

@@ -10,6 +10,7 @@ from petsc4py import PETSc
 from scipy.sparse import csr_matrix
 
 from isorod.assembly.assembler import Assembler
+from isorod.assembly.formulation import assembler_for
 from isorod.assembly.pattern import Layers, Pattern, add
 from isorod.geometry.center_line import arc
 from isorod.geometry.section import circle
@@ -19,7 +20,6 @@ from isorod.petsc.matrix import add_componentwise, create_matrix, set_values, ze
 from isorod.petsc.options import in_force
 from isorod.petsc.rows import local_rows
 from isorod.space import Space
-from isorod.statics.analysis import assembler_for
 
 STIFF = NeoHookean(100.0, 0.3)
 

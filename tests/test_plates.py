@@ -6,6 +6,7 @@ from conftest import straight
 from scipy.linalg import eigh
 
 from isorod import dynamics, statics
+from isorod.assembly.formulation import assembler_for
 from isorod.checks import rigid_motions
 from isorod.contact.operator import ContactOperator
 from isorod.errors import InputError
@@ -13,7 +14,6 @@ from isorod.geometry.rod import Rod
 from isorod.material import NeoHookean
 from isorod.model import Body, Contact, Model, Plane, Support
 from isorod.space import Space
-from isorod.statics.analysis import assembler_for
 from isorod.statics.newton import Newton
 
 LAW = NeoHookean(1000.0, 0.3)

@@ -18,7 +18,8 @@ from comparisons.fem.material import linear
 from comparisons.fem.statics import Element
 from comparisons.measure.timing import peak_memory
 from isorod.errors import InputError, SolveError
-from isorod.modal.pencil import Pencil, only_multiplies
+from isorod.modal.eigensolvers import only_multiplies
+from isorod.modal.pencil import Pencil
 from isorod.petsc.matrix import componentwise
 from meshes.mesh import Array, Index
 

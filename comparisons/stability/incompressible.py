@@ -210,7 +210,7 @@ def LIMITS(records: list[Record]) -> list[str]:
         lines.append(
             f"{sweep.split(', ')[1]}, within {100.0 * TOLERANCE:g} % of Taylor-Hood elements: {', '.join(said)}."
         )
-    lines.append("The mixed formulation takes nu = 0.5 itself; statics alone has it, without contact.")
+    lines.append("The mixed formulation takes nu = 0.5 itself; statics without contact and modes have it.")
     return lines
 
 

@@ -15,7 +15,8 @@ from isorod.assembly.factorisation import factorisation
 from isorod.assembly.formulation import assembler_for
 from isorod.checks import hourglass, rigid_motions
 from isorod.errors import InputError, SolveError, expect, whole_number
-from isorod.modal.pencil import Found, Pencil, only_multiplies
+from isorod.modal.eigensolvers import only_multiplies
+from isorod.modal.pencil import Found, Pencil
 from isorod.model.model import Model
 from isorod.output.state import Animated, Deformation, Moment, Named, State
 from isorod.petsc.options import in_force

@@ -10,7 +10,8 @@ from petsc4py import PETSc
 from slepc4py import SLEPc
 
 from isorod.arrays import Array
-from isorod.errors import InputError, SolveError
+from isorod.errors import SolveError
+from isorod.modal import eigensolvers
 from isorod.options import defaults
 from isorod.petsc import banded
 from isorod.petsc.inertia import negative_eigenvalues, negative_of_rows
@@ -18,30 +19,6 @@ from isorod.petsc.library import pc_name
 from isorod.petsc.matrix import absolute_product, add_componentwise, has_whole_rows, orthonormalise
 from isorod.petsc.products import products
 from isorod.petsc.shifted import upper_rows
-
-# What a user's option overrides.
-OPTIONS = {"eps_tol": 1e-10, "st_type": "sinvert", "st_ksp_type": "preonly"}
-
-# Measured on the blade: below a tolerance of 1e-8 none of them gets (LOBPCG 1e-7), and LOBPCG breaks down with blocks
-# of several modes, which converge at very different rates.
-PRECONDITIONED_OPTIONS = {
-    "eps_tol": 1e-8,
-    "eps_max_it": 3000,
-    "st_pc_type": "cholesky",
-    "st_pc_factor_mat_solver_type": "mumps",
-}
-LOBPCG_OPTIONS = {"eps_tol": 1e-7, "eps_lobpcg_blocksize": 1, "st_ksp_type": "preonly"}
-
-# Eigensolvers that take a preconditioner instead of a spectral transformation.
-PRECONDITIONED = ("lobpcg", "rqcg", "gd", "jd")
-# Eigensolvers that need a definite mass: those, which go down Rayleigh's quotient, and LAPACK's.
-DEFINITE = (*PRECONDITIONED, "lapack")
-
-# Options after which the eigensolver still wants no more of the mass than its products.
-_HARMLESS = (
-    *("eps_nev", "eps_ncv", "eps_mpd", "eps_tol", "eps_max_it", "eps_purify", "eps_krylovschur", "eps_conv"),
-    *("eps_monitor", "eps_view", "eps_error", "st_ksp", "st_pc"),
-)
 
 # The Sturm count is taken this far (relative) above the last eigenvalue returned.
 _ABOVE = 1e-6
@@ -117,7 +94,8 @@ class Pencil:
         Number of pressures.
     factors
         Options, named ``st_...``, of the factorisation that suits the stiffness, and whatever else shall stand instead
-        of `OPTIONS`; the user's own win.  Eigensolvers without a spectral transformation take no notice.
+        of what `isorod.modal.eigensolvers` offers; the user's own win.  Eigensolvers without a spectral transformation
+        take no notice.
     motions
         Returns the rigid motions on the unknowns, if they are known: those eigensolvers find no end of a kernel.
     entries
@@ -260,19 +238,19 @@ class Pencil:
         # One more than wanted, so that the last one seldom lacks its twin; another one more would cost ten modes a
         # restart.
         eps = self._eps(wanted + 1, shift)
-        kind = PETSc.Options().getAll().get("eps_type", "krylovschur")
-        self._refuse_definite(kind)
-        if kind in PRECONDITIONED:
+        kind = eigensolvers.typed(self.pressures > 0)
+        if kind in eigensolvers.PRECONDITIONED:
             eps.setWhichEigenpairs(SLEPc.EPS.Which.SMALLEST_REAL)
         pairs: list[tuple[float, PETSc.Vec]] = []
-        with defaults(self._options(kind, purify)):
+        # Where there are pressures the mass does not see what rounding adds to them.
+        with defaults(eigensolvers.offered(kind, {"eps_purify": purify or int(self.pressures > 0), **self.factors})):
             eps.setFromOptions()
             if PETSc.Options().hasName("eps_nev"):
                 _, *spaces = eps.getDimensions()
                 eps.setDimensions(min(wanted + 1, self.size), *spaces)
             if aside:
                 eps.getST().setShift((1.0 + aside) * eps.getST().getShift())
-            if kind in PRECONDITIONED and self.rigid:
+            if kind in eigensolvers.PRECONDITIONED and self.rigid:
                 pairs = self._rigid_pairs()
                 eps.setDeflationSpace([vector for _, vector in pairs])
             _solve(eps)
@@ -293,26 +271,6 @@ class Pencil:
         (tolerance, _), placed = eps.getTolerances(), st.getShift()
         eps.destroy()
         return Found(*self._normalised(pairs, wanted), below, iterations, tolerance, placed, types, options)
-
-    def _refuse_definite(self, kind: str) -> None:
-        """Raise `InputError` for an eigensolver, of some kind, that takes no singular mass if there are pressures."""
-        transformed = PETSc.Options().getAll().get("st_type", "sinvert")
-        if self.pressures and (kind in DEFINITE or transformed != "sinvert"):
-            typed, instead = ("eps", "krylovschur") if kind in DEFINITE else ("st", "sinvert")
-            said = kind if kind in DEFINITE else transformed
-            raise InputError(
-                f"-{typed}_type {said}: pressures have no mass, and it needs one; take {instead}, the default"
-            )
-
-    def _options(self, kind: str, purify: int) -> Mapping[str, object]:
-        """Return what to offer an eigensolver of some kind."""
-        if kind not in PRECONDITIONED:
-            # Where there are pressures the mass does not see what rounding adds to them.
-            return {**OPTIONS, "eps_purify": purify or int(self.pressures > 0), **self.factors}
-        offered = PRECONDITIONED_OPTIONS | (LOBPCG_OPTIONS if kind == "lobpcg" else {})
-        if PETSc.Options().getAll().get("st_pc_type", "cholesky") in ("lu", "cholesky"):
-            return offered
-        return {name: value for name, value in offered.items() if not name.startswith("st_pc_")}
 
     def _rigid_pairs(self) -> list[tuple[float, PETSc.Vec]]:
         """Return the Rayleigh quotients of the rigid motions that are known, and vectors with ``x^T M x = 1``."""
@@ -408,12 +366,6 @@ class Pencil:
 
 def _just_above(eigenvalue: float) -> float:
     return eigenvalue + _ABOVE * abs(eigenvalue)
-
-
-def only_multiplies() -> bool:
-    """Return whether the eigensolver takes the mass only to multiply with, as the default with a shift of zero does."""
-    typed = (name for name in PETSc.Options().getAll() if name.startswith(("eps_", "st_")))
-    return all(name.startswith(_HARMLESS) for name in typed)
 
 
 def _solve(eps: SLEPc.EPS) -> None:
