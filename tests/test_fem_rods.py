@@ -17,13 +17,13 @@ from comparisons.fem import compat, modal
 from comparisons.fem import statics as elements
 from comparisons.fem.domain import Domain
 from comparisons.fem.flags import FAST
-from comparisons.fem.material import neo_hookean
 from comparisons.fem.rods import solve
 from comparisons.fem.rods.elements import Elements
 from comparisons.fem.rods.laws import Laws
 from comparisons.fem.rods.places import Places, lagrange, on_rod
 from comparisons.fem.rods.run import Configuration, mesh_of, run
 from comparisons.fem.statics import Element, Held
+from comparisons.fem.stored import energy_of
 from isorod import files, statics
 from isorod import modal as rods_modal
 from isorod.errors import InputError, SolveError
@@ -215,7 +215,7 @@ def test_the_spring_is_that_of_the_other_path_on_the_same_mesh():
     mesh = mesh_of(model)
     one = solve(model, mesh, "statics")
     held = [Held("start"), Held("end", (0.0, 0.0, scene.pull))]
-    other = elements.solve(Domain.distribute(plain(mesh)), neo_hookean(scene.E, scene.nu), held)
+    other = elements.solve(Domain.distribute(plain(mesh)), energy_of(NeoHookean(scene.E, scene.nu)), held)
     assert one.reactions == pytest.approx(other.reactions, abs=1e-6)
     assert scene.measure(one)["force"] == pytest.approx(other.reactions[1, 2], rel=1e-6)
 

@@ -9,8 +9,8 @@ import ufl
 
 from comparisons.fem import compat
 from comparisons.fem.flags import FAST
-from comparisons.fem.material import Energy
 from comparisons.fem.statics import Equilibrium
+from comparisons.fem.stored import Energy
 from isorod.errors import InputError
 from isorod.output.results import write_arrays
 from meshes.mesh import Array, Index

@@ -1,8 +1,8 @@
 """Static equilibrium near and at incompressibility with dolfinx: Taylor-Hood elements.
 
-The displacement is of one degree more than the pressure.  Stationary point of ``integral of mu/2 (I1 - 2 ln J - 3) +
-p ln J - p^2 / (2 kappa)``: for the pressure that is left, the neo-Hookean law of the other solutions; ``kappa`` may be
-infinite.
+The displacement is of one degree more than the pressure.  Of a law ``W = psi + kappa/2 theta^2``, such as those of
+isorod's that split (`isorod.material.law.Split`), stationary point of ``integral of psi + p theta - p^2 / (2 kappa)``:
+for the pressure that is left, the law itself; ``kappa`` may be infinite.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -20,7 +20,10 @@ from comparisons.fem import compat, quadrature
 from comparisons.fem.domain import Domain
 from comparisons.fem.flags import FAST
 from comparisons.fem.statics import NEWTON, Held, Newton, Support, variations
-from isorod.material import NeoHookean
+from comparisons.fem.stored import energy_of
+from isorod.errors import InputError
+from isorod.material.from_energy import FromEnergy
+from isorod.material.law import Split
 from isorod.options import defaults
 from meshes.mesh import Array
 
@@ -56,7 +59,8 @@ class Equilibrium:
     Attributes
     ----------
     state
-        The dolfinx function of displacement and pressure, the latter in units of the shear modulus.
+        The dolfinx function of displacement and pressure, the latter in units of the modulus
+        of pressure waves of ``psi``.
     reactions
         Force of each support on the body (work of a guided one), shape ``(supports, 3)``, the same on every rank.
     deflections
@@ -77,13 +81,14 @@ class Equilibrium:
 
 def solve(
     domain: Domain,
-    law: NeoHookean,
+    law: Split,
     held: Sequence[Held | Guided],
     loads: Mapping[str, tuple[float, float, float]] | None = None,
     degree: int = 2,
     steps: int = 1,
     options: Mapping[str, object] | None = None,
     flags: Sequence[str] = FAST,
+    fibres: tuple[Any, ...] = (),
 ) -> Equilibrium:
     """Return the equilibrium under prescribed displacements and dead loads, in equal load steps.
 
@@ -92,7 +97,7 @@ def solve(
     domain
         The mesh.
     law
-        Constants of the material.
+        The material.
     held
         Supports, with constant displacements or guided; a later one wins where faces meet.
     loads
@@ -105,6 +110,8 @@ def solve(
         PETSc options; MUMPS where not given.
     flags
         C compiler flags for the forms.
+    fibres
+        Unit vectors in UFL along the law's families of fibres at rest.
 
     Raises
     ------
@@ -118,7 +125,7 @@ def solve(
     faces = [_Face(domain, name, force, rule, flags) for name, force in (loads or {}).items()]
     factor = dolfinx.fem.Constant(mesh, PETSc.ScalarType(0.0))
     u, _ = ufl.split(state)
-    energy = stored(state, law) * ufl.dx(metadata=quadrature.measure(rule))
+    energy = stored(state, law, factor, fibres) * ufl.dx(metadata=quadrature.measure(rule))
     energy -= sum(factor * ufl.inner(ufl.as_vector(one.traction.tolist()), u) * one.ds for one in faces)
     forms = variations(energy, state, flags)
 
@@ -152,13 +159,17 @@ def element(mesh: Any, degree: int) -> Any:
     return compat.mixed_element(parts)
 
 
-def stored(state: Any, law: NeoHookean) -> Any:
+def stored(state: Any, law: Split, activation: Any = 1.0, fibres: tuple[Any, ...] = ()) -> Any:
     """Return the density whose stationary point is sought, of displacement and pressure."""
+    if np.isfinite(law.lame) and isinstance(law, FromEnergy) and not law.stored.quadratic:
+        raise InputError(
+            "law: its volumetric energy is no square of ln J; these elements take it as incompressible only"
+        )
     u, pressure = ufl.split(state)
     F = ufl.Identity(3) + ufl.grad(u)
-    log = ufl.ln(ufl.det(F))
-    p = law.mu * pressure
-    return 0.5 * law.mu * (ufl.inner(F, F) - 2.0 * log - 3.0) + p * log - (0.5 / law.lame) * p**2
+    theta = ufl.ln(ufl.det(F)) if law.logarithmic else ufl.tr(F) - 3.0
+    p = law.shear.modulus * pressure
+    return energy_of(law.shear, activation, fibres)(F) + p * theta - (0.5 / law.lame) * p**2
 
 
 class _Face:

@@ -14,10 +14,11 @@ from petsc4py import PETSc
 from comparisons.fem import compat, enhanced, quadrature
 from comparisons.fem.domain import Domain
 from comparisons.fem.flags import FAST
-from comparisons.fem.material import linear
 from comparisons.fem.statics import Element
+from comparisons.fem.stored import energy_of
 from comparisons.measure.timing import peak_memory
 from isorod.errors import InputError, SolveError
+from isorod.material import LinearElastic
 from isorod.modal.eigensolvers import only_multiplies
 from isorod.modal.pencil import Pencil
 from isorod.petsc.matrix import componentwise
@@ -358,10 +359,8 @@ class Body:
 def _declare(matrix: PETSc.Mat, definite: bool) -> PETSc.Mat:
     """Tell PETSc that a matrix is symmetric, and whether it is positive definite."""
     option: Any = PETSc.Mat.Option
-    matrix.setOption(option.SYMMETRIC, True)
-    matrix.setOption(option.SYMMETRY_ETERNAL, True)
-    if definite:
-        matrix.setOption(option.SPD, True)
+    for one in (option.SYMMETRIC, option.SYMMETRY_ETERNAL, *([option.SPD] if definite else [])):
+        matrix.setOption(one, True)
     return matrix
 
 
@@ -372,9 +371,7 @@ def _table(space: Any) -> Index:
 
 def _body(domain: Domain, solid: Solid, held: Sequence[str], element: Element, settings: Settings) -> Body:
     """Return a homogeneous body, held on named faces."""
-    mesh = domain.mesh
-    plain = element.family != "enhanced"
-    scalar = None
+    mesh, plain, scalar = domain.mesh, element.family != "enhanced", None
     if plain:
         space = compat.function_space(mesh, compat.block_element(mesh, element.family, element.degree, 3))
         scalar = compat.function_space(mesh, compat.block_element(mesh, element.family, element.degree, 1))
@@ -382,7 +379,8 @@ def _body(domain: Domain, solid: Solid, held: Sequence[str], element: Element, s
         space = enhanced.space(mesh)
     state = dolfinx.fem.Function(space)
     F = ufl.Identity(3) + ufl.grad(state) if plain else enhanced.deformation_gradient(state)
-    stored = linear(solid.E, solid.nu)(F) * ufl.dx(metadata=quadrature.measure(element.rule(domain.shape)))
+    dx = ufl.dx(metadata=quadrature.measure(element.rule(domain.shape)))
+    stored = energy_of(LinearElastic(solid.E, solid.nu))(F) * dx
     displacement = state if plain else ufl.split(state)[0]
     free = free_unknowns(space, domain, held, plain)
     return Body(state, displacement, stored, solid.density, scalar, free, element.degree, settings)

@@ -1,6 +1,5 @@
 """The spring of Lu & Zhou (2011), section 4.2, solved with dolfinx, and the record of a run."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
@@ -11,17 +10,17 @@ from mpi4py import MPI
 from comparisons.fem import runs
 from comparisons.fem.domain import Domain
 from comparisons.fem.fields import save
-from comparisons.fem.material import Energy, lame, neo_hookean, st_venant_kirchhoff_of
 from comparisons.fem.statics import DIRECT, Equilibrium, Held, solve
+from comparisons.fem.stored import energy_of
+from isorod.material import NeoHookean
+from isorod.material.law import Isotropic
+from isorod.material.st_venant_kirchhoff import StVenantKirchhoff
 from isorod.scenes.spring import Spring
 from meshes import spring
 from meshes.mesh import Mesh
 
 # The scene's own law, and that of programs that have no law for finite strain but a linear one in Green's.
-LAWS: dict[str, Callable[[float, float], Energy]] = {
-    "neo-hookean": neo_hookean,
-    "st-venant-kirchhoff": lambda E, nu: st_venant_kirchhoff_of(*lame(E, nu)),
-}
+LAWS: dict[str, type[Isotropic]] = {"neo-hookean": NeoHookean, "st-venant-kirchhoff": StVenantKirchhoff}
 
 
 @dataclass(frozen=True)
@@ -59,7 +58,7 @@ def equilibrium(where: Domain, configuration: Configuration) -> Equilibrium:
     scene = Spring()
     return solve(
         where,
-        LAWS[configuration.law](scene.E, scene.nu),
+        energy_of(LAWS[configuration.law](scene.E, scene.nu)),
         [Held("start"), Held("end", (0.0, 0.0, scene.pull))],
         configuration.element,
         DIRECT if configuration.solver is None else configuration.solver,

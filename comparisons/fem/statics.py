@@ -14,7 +14,7 @@ from petsc4py import PETSc
 from comparisons.fem import compat, enhanced, quadrature
 from comparisons.fem.domain import Domain
 from comparisons.fem.flags import FAST
-from comparisons.fem.material import Energy
+from comparisons.fem.stored import Energy
 from comparisons.measure.timing import Clock, peak_memory
 from isorod.errors import SolveError
 from isorod.options import defaults

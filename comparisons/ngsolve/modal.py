@@ -8,10 +8,10 @@ import numpy as np
 from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
-from comparisons.fem.material import lame
 from comparisons.measure.timing import Clock
 from comparisons.ngsolve.space import displacements, measure
 from isorod.errors import SolveError
+from isorod.material import LinearElastic
 from meshes.mesh import Array
 
 _TOLERANCE = 1e-10
@@ -74,11 +74,11 @@ def solve(
     space = displacements(mesh, degree, family, "start")
     body, whole = measure(mesh, rule), measure(mesh, 2 * degree)
     young, poisson, density = material
-    mu, kappa = lame(young, poisson)
+    law = LinearElastic(young, poisson)
     u, v = space.TnT()
     clock.lap("setup")
     strain, virtual = ngsolve.Sym(ngsolve.Grad(u)), ngsolve.Sym(ngsolve.Grad(v))
-    stress = 2.0 * mu * strain + kappa * ngsolve.Trace(strain) * ngsolve.Id(3)
+    stress = 2.0 * law.mu * strain + law.lame * ngsolve.Trace(strain) * ngsolve.Id(3)
     stiffness = ngsolve.BilinearForm(space, symmetric=True)
     stiffness += ngsolve.InnerProduct(stress, virtual) * body
     one = displacements(mesh, degree, family, "start", components=1)

@@ -11,10 +11,10 @@ from typing import Any
 import ngsolve
 import numpy as np
 
-from comparisons.fem.material import lame
 from comparisons.measure.timing import Clock
 from comparisons.ngsolve.space import displacements, measure
 from isorod.errors import SolveError
+from isorod.material import NeoHookean
 from meshes.mesh import Array
 
 # As SNES of `comparisons.fem` has them: residual over the first one, and iterations.
@@ -43,10 +43,10 @@ class Equilibrium:
 
 
 def neo_hookean(young: float, poisson: float, F: Any) -> Any:
-    """Return the stored energy of `comparisons.fem.material.neo_hookean`, per volume."""
-    mu, kappa = lame(young, poisson)
+    """Return the stored energy of `isorod.material.NeoHookean`, per volume."""
+    law = NeoHookean(young, poisson)
     log = ngsolve.log(ngsolve.Det(F))
-    return 0.5 * mu * (ngsolve.InnerProduct(F, F) - 2.0 * log - 3.0) + 0.5 * kappa * log**2
+    return 0.5 * law.mu * (ngsolve.InnerProduct(F, F) - 2.0 * log - 3.0) + 0.5 * law.lame * log**2
 
 
 def solve(

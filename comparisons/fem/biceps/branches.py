@@ -13,8 +13,10 @@ from mpi4py import MPI
 
 from comparisons.fem import compat, quadrature
 from comparisons.fem.flags import FAST
-from comparisons.fem.material import Energy, muscle, neo_hookean
 from comparisons.fem.numbering import Numbered
+from comparisons.fem.stored import Energy, energy_of
+from isorod.material import NeoHookean
+from isorod.material.muscle import Muscle
 from isorod.scenes.biceps import Biceps
 from meshes.biceps import BRANCHES
 from meshes.mesh import Array, Index, Mesh, match
@@ -91,12 +93,13 @@ class Branches(Numbered):
 
     @property
     def _tendon(self) -> Energy:
-        return neo_hookean(self.scene.tendon_factor * self.scene.E, self.scene.nu)
+        return energy_of(NeoHookean(self.scene.tendon_factor * self.scene.E, self.scene.nu))
 
     @property
     def _muscle(self) -> Energy:
         one = self.scene
-        return muscle(one.E, one.nu, one.sigma_max, one.m1, one.m2, self.activation, self._fibre())
+        law = Muscle(one.E, one.nu, one.sigma_max, one.m1, one.m2, 1.0)
+        return energy_of(law, self.activation, (self._fibre(),))
 
     def _fibre(self) -> Any:
         if self.scene.fibre == "y":

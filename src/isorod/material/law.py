@@ -7,7 +7,7 @@ then take it.
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
-from typing import ClassVar, Self
+from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
 
@@ -17,6 +17,9 @@ from isorod.errors import Checked, InputError, representable
 from isorod.material.discrete_gradient import discrete_gradient
 from isorod.material.places import Places, alone
 from isorod.material.points import Compiled, at_points, moduli_at_points
+
+if TYPE_CHECKING:
+    from isorod.material.energy import Energy
 
 
 class Material(ABC):
@@ -46,6 +49,17 @@ class Material(ABC):
     @abstractmethod
     def constants(self) -> Array:
         """What the compiled functions take, any shape ``(c,)``."""
+
+    @property
+    def stored(self) -> "Energy":
+        """Its energy as an expression, from which other programs make theirs.
+
+        Raises
+        ------
+        InputError
+            If it has none.
+        """
+        raise InputError(f"law {type(self).__name__}: its stored energy is not written down as an expression")
 
     @property
     def splits(self) -> bool:

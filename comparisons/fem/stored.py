@@ -1,0 +1,249 @@
+"""A stored energy written in SymPy, such as that of each of isorod's laws, as a UFL expression of ``F``."""
+
+from collections.abc import Callable, Mapping
+from functools import partial, reduce
+from math import isfinite, pi
+from operator import add, mul
+from typing import Any
+
+import sympy
+import ufl
+from sympy.codegen import cfunctions
+
+from isorod.errors import InputError
+from isorod.material import symbols
+from isorod.material.energy import Energy as SymbolicEnergy
+from isorod.material.law import Material
+
+Energy = Callable[[Any], Any]
+
+# Added to the square of the radius on which the principal squared stretches lie, so that no two of them meet; functions
+# that are symmetric in them err by as much, and second derivatives lose 1e-16 over its power 3/2 to rounding.
+APART = 1e-9
+
+_FUNCTIONS: dict[Any, Callable[..., Any]] = {
+    sympy.exp: ufl.exp,
+    sympy.log: ufl.ln,
+    sympy.sin: ufl.sin,
+    sympy.cos: ufl.cos,
+    sympy.tan: ufl.tan,
+    sympy.asin: ufl.asin,
+    sympy.acos: ufl.acos,
+    sympy.atan: ufl.atan,
+    sympy.sinh: ufl.sinh,
+    sympy.cosh: ufl.cosh,
+    sympy.tanh: ufl.tanh,
+    sympy.erf: ufl.erf,
+    sympy.sign: ufl.sign,
+    sympy.Abs: abs,
+    sympy.Max: lambda *values: reduce(ufl.max_value, values),
+    sympy.Min: lambda *values: reduce(ufl.min_value, values),
+    cfunctions.expm1: lambda x: ufl.exp(x) - 1.0,
+    cfunctions.log1p: lambda x: ufl.ln(1.0 + x),
+}
+_CONDITIONS: dict[Any, Callable[..., Any]] = {
+    sympy.StrictGreaterThan: ufl.gt,
+    sympy.GreaterThan: ufl.ge,
+    sympy.StrictLessThan: ufl.lt,
+    sympy.LessThan: ufl.le,
+    sympy.Equality: ufl.eq,
+    sympy.Unequality: ufl.ne,
+    sympy.And: lambda *values: reduce(ufl.And, values),
+    sympy.Or: lambda *values: reduce(ufl.Or, values),
+    sympy.Not: ufl.Not,
+}
+
+
+def density(
+    expression: sympy.Expr,
+    F: Any,
+    values: Mapping[sympy.Symbol, Any] | None = None,
+    fibres: tuple[Any, ...] = (),
+) -> Any:
+    """Return a stored energy as a UFL scalar.
+
+    Parameters
+    ----------
+    expression
+        Of the symbols in `isorod.material.symbols`, and constants.
+    F
+        Deformation gradient in UFL.
+    values
+        Numbers or UFL scalars for the constants.
+    fibres
+        Unit vectors in UFL along up to two families of fibres at rest.
+
+    Raises
+    ------
+    InputError
+        If it has a symbol without a value, or a function that UFL has not.
+    """
+    return _Walk(_Kinematics(F, fibres), values or {})(expression)
+
+
+def energy_of(law: Material, activation: Any = 0.0, fibres: tuple[Any, ...] = ()) -> Energy:
+    """Return the stored energy of one of isorod's laws: a UFL function of the deformation gradient.
+
+    Parameters
+    ----------
+    law
+        The law; its constants become numbers of the form.
+    activation
+        Share of the law's own activation: a number, or a UFL scalar such as a dolfinx Constant.
+    fibres
+        See `density`.
+
+    Raises
+    ------
+    InputError
+        If it is incompressible.
+    """
+    stored, values = stored_of(law), constants_of(law)
+    given = dict(zip(stored.constants, values, strict=True)) | {symbols.activation: activation}
+    return lambda F: density(stored.expression, F, given, fibres)
+
+
+def stored_of(law: Material) -> SymbolicEnergy:
+    """Return the stored energy of a law as an expression.
+
+    Raises
+    ------
+    InputError
+        If there is none.
+    """
+    stored = law.stored
+    if not isinstance(stored, SymbolicEnergy):
+        raise InputError("energy: a compiled function; finite elements need an expression of SymPy")
+    return stored
+
+
+def constants_of(law: Material) -> list[float]:
+    """Return the values of the constants of a law's stored energy.
+
+    Raises
+    ------
+    InputError
+        If one is infinite: the law is incompressible.
+    """
+    values = [float(one) for one in law.constants]
+    if not all(map(isfinite, values)):
+        raise InputError("material: incompressible (nu = 0.5), which displacements alone cannot be")
+    return values
+
+
+class _Kinematics:
+    """The values of `isorod.material.symbols`, each made when it is asked for."""
+
+    def __init__(self, F: Any, fibres: tuple[Any, ...]) -> None:
+        self.F, self._fibres = F, fibres
+        self._made: dict[str, Any] = {}
+        find: dict[sympy.Symbol, Callable[[], Any]] = {
+            symbols.I1: lambda: ufl.inner(F, F),
+            symbols.I2: lambda: 0.5 * (ufl.inner(F, F) ** 2 - ufl.inner(self.C, self.C)),
+            symbols.J: lambda: ufl.det(F),
+            symbols.I4a: lambda: ufl.inner(self._turned(0), self._turned(0)),
+            symbols.I4b: lambda: ufl.inner(self._turned(1), self._turned(1)),
+            symbols.I8: lambda: ufl.inner(self._turned(0), self._turned(1)),
+        }
+        for k, one in enumerate(symbols.stretches):
+            find[one] = partial(self._stretch, k)
+        for i in range(3):
+            for j in range(3):
+                find[symbols.F[i, j]] = partial(F.__getitem__, (i, j))
+                find[symbols.C[i, j]] = partial(self._stretching, i, j)
+            find[symbols.a[i]] = partial(self._direction, 0, i)
+            find[symbols.b[i]] = partial(self._direction, 1, i)
+        self.find = find
+
+    def _once(self, name: str, make: Callable[[], Any]) -> Any:
+        if name not in self._made:
+            self._made[name] = make()
+        return self._made[name]
+
+    @property
+    def C(self) -> Any:
+        return self._once("C", lambda: self.F.T * self.F)
+
+    def _fibre(self, family: int) -> Any:
+        if family >= len(self._fibres):
+            raise InputError(f"stored energy: it has fibres {'ab'[family]}, and no direction of these is given")
+        return self._fibres[family]
+
+    def _direction(self, family: int, i: int) -> Any:
+        return self._fibre(family)[i]
+
+    def _stretching(self, i: int, j: int) -> Any:
+        return self.C[i, j]
+
+    def _turned(self, family: int) -> Any:
+        return self._once(f"turned {family}", lambda: ufl.dot(self.F, self._fibre(family)))
+
+    def _stretch(self, k: int) -> Any:
+        """Return a principal stretch, by the trigonometric solution of the characteristic equation of ``C``."""
+        middle, radius, angle = self._once("roots", self._roots)
+        return ufl.sqrt(middle + 2.0 * radius * ufl.cos((angle + 2.0 * pi * k) / 3.0))
+
+    def _roots(self) -> tuple[Any, Any, Any]:
+        middle = ufl.tr(self.C) / 3.0
+        rest = self.C - middle * ufl.Identity(3)
+        radius = ufl.sqrt(ufl.inner(rest, rest) / 6.0 + APART)
+        return middle, radius, ufl.acos(ufl.det(rest) / (2.0 * radius**3))
+
+
+class _Walk:
+    """From SymPy to UFL; what stands twice in the expression is one object."""
+
+    def __init__(self, kinematics: _Kinematics, values: Mapping[sympy.Symbol, Any]) -> None:
+        self._kinematics, self._values = kinematics, values
+        self._found: dict[sympy.Basic, Any] = {}
+
+    def __call__(self, node: sympy.Basic) -> Any:
+        if node not in self._found:
+            self._found[node] = self._made(node)
+        return self._found[node]
+
+    def _made(self, node: Any) -> Any:
+        if isinstance(node, sympy.Symbol):
+            return self._symbol(node)
+        if isinstance(node, sympy.Number | sympy.NumberSymbol):
+            return int(node) if node.is_Integer else float(node)
+        if isinstance(node, sympy.Add | sympy.Mul):
+            return reduce(add if node.is_Add else mul, map(self, node.args))
+        if isinstance(node, sympy.Pow):
+            return self._power(*node.args)
+        if isinstance(node, sympy.Piecewise):
+            return self._pieces(node)
+        make = _FUNCTIONS.get(node.func)
+        if make is None:
+            raise InputError(f"stored energy: UFL has no function {node.func.__name__}")
+        return make(*map(self, node.args))
+
+    def _symbol(self, node: sympy.Symbol) -> Any:
+        if node in self._values:
+            return self._values[node]
+        if node in self._kinematics.find:
+            return self._kinematics.find[node]()
+        raise InputError(f"stored energy: the symbol {node} has no value")
+
+    def _power(self, base: Any, exponent: Any) -> Any:
+        if exponent.is_negative and exponent.is_Rational:
+            return 1.0 / self(base**-exponent)
+        if exponent == sympy.Rational(1, 2):
+            return ufl.sqrt(self(base))
+        return self(base) ** self(exponent)
+
+    def _pieces(self, node: sympy.Piecewise) -> Any:
+        *pieces, (last, rest) = node.args
+        if rest != sympy.true:
+            raise InputError("stored energy: a Piecewise says nothing of the rest; end it with (value, True)")
+        value = self(last)
+        for one, condition in reversed(pieces):
+            value = ufl.conditional(self._condition(condition), self(one), value)
+        return value
+
+    def _condition(self, node: Any) -> Any:
+        make = _CONDITIONS.get(node.func)
+        if make is None:
+            raise InputError(f"stored energy: UFL has no condition {node.func.__name__}")
+        logical = isinstance(node, sympy.logic.boolalg.BooleanFunction)
+        return make(*map(self._condition if logical else self, node.args))

@@ -1,0 +1,122 @@
+"""Study ``laws``: every law of isorod's beside finite elements of the same stored energy, on rods of several kinds."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from comparisons.measure import convergence
+from comparisons.measure.study import Run
+from comparisons.measure.timing import Clock
+from isorod import options
+from isorod.errors import SolveError
+from isorod.output.results import write_beside
+
+# Of laws and scenes, as the command line names them (`comparisons.laws.scenes`).
+LAWS = (
+    "linear",
+    "neo-hookean",
+    "st-venant-kirchhoff",
+    "muscle",
+    "mooney-rivlin",
+    "yeoh",
+    "gent",
+    "ogden",
+    "hgo",
+    "hgo-two",
+    "own",
+)
+SCENES = ("cylinder", "arc", "spring", "tube")
+
+# Levels of the meshes (`meshes.rods`) of bricks of 27 nodes, extrapolated where there are three.
+MESHES = {"quick": (1, 2), "full": (1, 2, 3)}
+
+# How far a law may be from finite elements, relative; how far finite elements may be from their own limit is beside it.
+WANTED = 1e-3
+
+STEPS = 2
+
+TABLE = "laws.md"
+HEAD = ("law", "scene", "", "isorod", "finite elements", "they tell to", "difference", "s", "s of finite elements")
+
+
+def run(study: Run, laws: Sequence[str] = (), scenes: Sequence[str] = ()) -> None:
+    """Solve scenes with laws (all where none is named) both ways; record each pair, and write the table too."""
+    options.initialize([])
+    laws, scenes = laws or LAWS, scenes or SCENES
+    found = []
+    with study.progress(len(laws) * len(scenes)) as steps:
+        for law in laws:
+            for scene in scenes:
+                with steps.step(f"{law}, {scene}"):
+                    found.append(study.record("pair", pair(law, scene, MESHES[study.level])))
+    lines = [HEAD, ("---",) * len(HEAD), *(row for record in found for row in rows(record))]
+    text = "".join(f"| {' | '.join(line)} |\n" for line in lines)
+    write_beside(study.folder / TABLE, lambda where: where.write_text(text))
+
+
+def pair(law: str, scene: str, levels: Sequence[int]) -> dict[str, Any]:
+    """Return the record of a scene with a law: what both programs find, and how long they take."""
+    from comparisons.fem.rods import solve
+    from comparisons.fem.rods.run import mesh_of
+    from comparisons.laws import scenes
+    from isorod import statics
+
+    one = scenes.SCENES[scene]
+    model = one.model(scenes.LAWS[law]())
+    record: dict[str, Any] = {"law": law, "scene": scene, "title": one.title}
+    try:
+        clock = Clock()
+        own = statics.solve(model, load_steps=STEPS)
+        clock.lap("isorod")
+        meshes = [solve(model, mesh_of(model, level), "statics", load_steps=STEPS) for level in levels]
+    except SolveError as problem:
+        return record | {"failure": str(problem)}
+    told = [one.measure(solution) for solution in meshes]
+    quantities = []
+    for name, value in one.measure(own).items():
+        limit = convergence.extrapolate([1.0 / level for level in levels], [found[name] for found in told])
+        quantities.append(
+            {
+                "name": name,
+                "isorod": value,
+                "meshes": [found[name] for found in told],
+                "limit": limit.value,
+                "order": limit.order,
+                "uncertainty": limit.distance / abs(limit.value),
+                "difference": value / limit.value - 1.0,
+            }
+        )
+    return record | {
+        "quantities": quantities,
+        "unknowns": int(own.displacement.size),
+        "dofs": [solution.dofs for solution in meshes],
+        "seconds": {
+            "isorod": clock.seconds["isorod"],
+            "finite elements": [sum(solution.seconds.values()) for solution in meshes],
+        },
+    }
+
+
+def rows(record: Mapping[str, Any]) -> list[tuple[str, ...]]:
+    """Return the rows of the table of a pair, columns as in ``HEAD``."""
+    if "failure" in record:
+        return [(record["law"], record["scene"], record["failure"], *[""] * (len(HEAD) - 3))]
+    seconds = record["seconds"]
+    times = f"{seconds['isorod']:.2g}", f"{seconds['finite elements'][-1]:.2g}"
+    return [
+        (
+            record["law"],
+            record["scene"],
+            one["name"],
+            f"{one['isorod']:.6g}",
+            f"{one['limit']:.6g}",
+            f"{100.0 * one['uncertainty']:.2g} %",
+            f"{100.0 * one['difference']:.2g} %",
+            *times,
+        )
+        for one in record["quantities"]
+    ]
+
+
+def agrees(record: Mapping[str, Any]) -> bool:
+    """Whether all that is compared of a pair is within `WANTED`."""
+    return "failure" not in record and all(abs(one["difference"]) <= WANTED for one in record["quantities"])
