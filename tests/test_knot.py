@@ -6,7 +6,7 @@ from scipy.spatial.distance import cdist
 
 from comparisons.contact.knot import tension
 from isorod import dynamics
-from isorod.dynamics.analysis import Instant
+from isorod.dynamics.history import Instant
 from isorod.errors import InputError
 from isorod.scenes.knot import Knot
 

@@ -19,7 +19,7 @@ from isorod.errors import InputError, SolveError  # noqa: E402
 from isorod.geometry.rod import Rod  # noqa: E402
 from isorod.material import LinearElastic, NeoHookean  # noqa: E402
 from isorod.material.muscle import Muscle  # noqa: E402
-from isorod.model import Body, Contact, Model, Plane, SectionLoad, Spin, Support  # noqa: E402
+from isorod.model import Body, Model, SectionLoad, Spin, Support  # noqa: E402
 from isorod.output import stress  # noqa: E402
 from isorod.scenes.ring import Ring  # noqa: E402
 from isorod.scenes.spring import Spring  # noqa: E402
@@ -349,7 +349,7 @@ def test_refuses_sections_too_poor_for_a_pressure(sections, said):
         statics.solve(mixed(where, law(0.49), [Support.end(where, "start")]))
 
 
-def test_other_analyses_and_contact_refuse_it():
+def test_other_analyses_refuse_it():
     where = space()
     start = Support.end(where, "start")
     model = mixed(where, law(0.49), [start])
@@ -357,9 +357,6 @@ def test_other_analyses_and_contact_refuse_it():
         Assembler(model)
     with pytest.raises(InputError, match="'mixed' is for statics and modes alone"):
         dynamics.solve(model, 1.0)
-    plane = Contact(0, Plane((0.0, -1.5, 0.0), (0.0, 1.0, 0.0)), 10.0)
-    with pytest.raises(InputError, match="takes none so far"):
-        statics.solve(mixed(where, law(0.49), [start], contacts=[plane]))
 
 
 def test_a_factorisation_that_does_not_pivot_is_an_error_that_names_one_that_does(petsc_options):

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import test_mixed_contact
 from conftest import straight
 from petsc4py import PETSc
 from test_contact_statics import crossing
@@ -107,7 +108,7 @@ def resumed(file, first, second):
 
 
 def equilibria(_):
-    """The mixed form; two bodies; wires with friction, multipliers and more points; a body that only contact holds.
+    """The mixed form; two bodies, also with it; wires with friction, multipliers, more points; one that contact holds.
 
     On three ranks one has no elements of the first and the last.
     """
@@ -116,6 +117,7 @@ def equilibria(_):
     return {
         "mixed": at_rest(Model([Body(space, NeoHookean(100.0, 0.5), formulation="mixed")], ends)),
         "crossing": at_rest(crossing(), load_steps=2),
+        "mixed crossing": at_rest(test_mixed_contact.crossing(gap=0.05, friction=0.3), load_steps=2),
         "strand": at_rest(Strand(section_points=6, parts=1, length=10.0, strain=1e-4, friction=0.1).model()),
         "pressed": at_rest(pressed()),
     }

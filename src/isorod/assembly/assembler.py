@@ -88,7 +88,7 @@ class Assembler(Unknowns):
         if self.contact is not None:
             self.contact.place(factor)
             # Surfaces meet those of other ranks' elements.
-            self._everywhere = self.displacement(x, factor) if self.comm.getSize() > 1 else local
+            self._everywhere = self.displacement(x, factor) if self.comm.getSize() > 1 else self._moves(local)
         return local
 
     def _followers(self) -> "list[Pressing]":
@@ -163,7 +163,7 @@ class Assembler(Unknowns):
         rows, columns = pattern.indices()
         if self.contact is None:
             return rows, columns
-        more = self.model.free[self.contact.rows], self.model.free[self.contact.columns]
+        more = self.unknown_of[self.contact.rows], self.unknown_of[self.contact.columns]
         return np.concatenate([rows, more[0]]), np.concatenate([columns, more[1]])
 
     def _sums(self, shares: Iterable[Array]) -> Array:

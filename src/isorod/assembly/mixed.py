@@ -21,7 +21,6 @@ from isorod.assembly.pattern import add
 from isorod.assembly.pattern_kernel import Blocks
 from isorod.assembly.region import regions
 from isorod.assembly.split import Share
-from isorod.errors import InputError
 from isorod.material.along_rod import complementary, shear_laws, volume_change
 from isorod.model.body import Body
 from isorod.model.load import Spin
@@ -62,14 +61,18 @@ class MixedPart(Part):
         if not self.mixed:
             super().add_forces(local, factor, forces)
             return
-        t, p = self.table, self.pressure(local)
+        p = self.pressure(local)
         for region in self.regions:
             region.add_forces(local, self.starts, factor, forces, p)
-        gap = (
-            t.weights * (volume_change(self.volumes, self.gradients(local))[0] - complementary(self.volumes, p)[1])
-        ) @ self.across
+        self.add_volumes(
+            volume_change(self.volumes, self.gradients(local))[0] - complementary(self.volumes, p)[1], forces
+        )
+
+    def add_volumes(self, values: Array, forces: Array) -> None:
+        """Add the integrals of values at the points ``(E, t, q)`` times the functions of the pressures."""
+        across = (self.table.weights * values) @ self.across
         slots = self.starts[:, :-1, None] + np.arange(self.moves, self.width)
-        forces += np.bincount(slots.ravel(), np.einsum("etj,etk->ejk", self.along, gap).ravel(), forces.size)
+        forces += np.bincount(slots.ravel(), np.einsum("etj,etk->ejk", self.along, across).ravel(), forces.size)
 
     def matrices(self, local: Array, factor: float, which: Index | None = None) -> Array:
         """Return the second derivatives, shape ``(E, l width, l width)``, or those of some elements."""
@@ -99,17 +102,27 @@ class MixedPart(Part):
         """Return the second derivatives of some elements but for those by displacements alone."""
         t, laws = self.table.part(which, slice(None)), self.volumes.some(which)
         slope = volume_change(laws, element_kernel.deformation_gradients(t, nodal))[1]
-        along, compliance = self.along[which], complementary(laws, p)[2]
-        both = mixed_kernel.coupling(t, slope, self.across, along)
-        values = np.ascontiguousarray(np.repeat(self.across[:, None, :], 3, axis=1))
-        own = element_kernel.mass(values, along, -compliance * t.weights)
+        both = mixed_kernel.coupling(t, slope, self.across, self.along[which])
         elements, layers = nodal.shape[0], self.layers.shape[1]
-        both = both.reshape(elements, layers, self.moves, layers - 1, -1)
         result = np.zeros((elements, layers, self.width, layers, self.width))
-        result[:, :, : self.moves, :-1, self.moves :] = both
-        result[:, :-1, self.moves :, :, : self.moves] = both.transpose(0, 3, 4, 1, 2)
-        result[:, :-1, self.moves :, :-1, self.moves :] = own
+        self.set_coupling(result, both, both, self.own(which, complementary(laws, p)[2]))
         return result.reshape(elements, layers * self.width, -1)
+
+    def own(self, which: Index | slice, compliance: Array) -> Array:
+        """Return the second derivatives of some elements by pressures, shape ``(e, l - 1, m, l - 1, m)``."""
+        values = np.ascontiguousarray(np.repeat(self.across[:, None, :], 3, axis=1))
+        return element_kernel.mass(values, self.along[which], -compliance * self.table.weights[which])
+
+    def set_coupling(self, result: Array, right: Array, below: Array, own: Array) -> None:
+        """Set what matrices ``(e, l, width, l, width)`` have in columns of pressures, in rows of these, and in both.
+
+        The first two are as `isorod.assembly.mixed_kernel.coupling` returns them.
+        """
+        elements, layers, moves = result.shape[0], result.shape[1], self.moves
+        shape = elements, layers, moves, layers - 1, self.width - moves
+        result[:, :, :moves, :-1, moves:] = right.reshape(shape)
+        result[:, :-1, moves:, :, :moves] = below.reshape(shape).transpose(0, 3, 4, 1, 2)
+        result[:, :-1, moves:, :-1, moves:] = own
 
     def centrifugal(self, local: Array, spin: Spin) -> Array:
         """Return the centrifugal forces, shape of ``dofs``."""
@@ -134,13 +147,7 @@ class MixedPart(Part):
 
 
 class MixedAssembler(Assembler):
-    """Assembles a model some of whose bodies have the mixed formulation: their tangent is symmetric and indefinite.
-
-    Raises
-    ------
-    InputError
-        If the model has contacts.
-    """
+    """Assembles a model some of whose bodies have the mixed formulation: their tangent is indefinite."""
 
     part = MixedPart
     formulations = ("displacement", "mixed")
@@ -153,8 +160,6 @@ class MixedAssembler(Assembler):
     def _number(self) -> None:
         """Number displacements and pressures, layer by layer."""
         model = self.model
-        if model.contacts:
-            raise InputError("contact: a model with the mixed formulation takes none so far")
         super()._number()
         first, labels, count = [0], [], model.unknowns
         for b, body in enumerate(model.bodies):

@@ -1,6 +1,7 @@
 """The unknowns of a model and how ranks share them: rows and elements are split along the axis."""
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -98,6 +99,10 @@ class Unknowns:
         local[slots] = displacement[moved]
         return local
 
+    def _moves(self, local: Array) -> Array:
+        """Return the model's degrees of freedom, shape ``(dofs,)``, of a state of this rank, which has them all."""
+        return local if local.size == self.model.dofs else local[self._exchange.numbers]
+
     def _once(self, forces: Array) -> Array:
         """Return this rank's share of forces on all degrees of freedom, those on its own: together they add up."""
         if self.comm.getSize() > 1:
@@ -135,7 +140,7 @@ class Unknowns:
         """Return those unknowns ``(..., unknowns)`` that are displacements, in the model's order."""
         return unknowns
 
-    @property
+    @cached_property
     def unknown_of(self) -> Index:
         """Unknown of each degree of freedom of the model, -1 if it is held, shape ``(dofs,)``."""
         found = self.model.free.copy()

@@ -64,9 +64,9 @@ def _matrices(scene: Any, found: argparse.Namespace) -> Any:
     with getattr(scene, "told", nullcontext)():
         model = scene.model()
         if scene.analysis != "statics":
-            return matrices(
-                model.in_motion() if scene.analysis == "dynamics" else model.in_displacements(), None, lumped
-            )
+            moves = scene.analysis == "dynamics"
+            integrator = scene.settings().get("integrator", "explicit")
+            return matrices(model.in_motion(integrator) if moves else model.in_displacements(), None, lumped)
         if found.at_rest:
             return matrices(model, None, lumped)
         if model.contacts:

@@ -1,7 +1,6 @@
 """Dynamics, explicit or implicit, with damping, activation and contact, and the balances that prove them."""
 
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Mapping
 from importlib import import_module
 from pathlib import Path
 from time import perf_counter
@@ -13,174 +12,14 @@ from petsc4py import PETSc
 
 from isorod.arrays import Array
 from isorod.checks import overlap
-from isorod.checks.reactions import by_support, support_displacements
-from isorod.dynamics.explicit.step_kernel import activation
 from isorod.dynamics.explicit.system import System
+from isorod.dynamics.history import History
 from isorod.dynamics.run import Run, Settings
 from isorod.errors import InputError, expect, representable, whole_number
 from isorod.model.model import Model
 from isorod.output import checkpoint as files
 from isorod.output.progress import Progress
-from isorod.output.state import Animated, State
 from isorod.petsc.options import in_force
-
-# Of a history, what is one number an output.
-_CURVES = (
-    *("kinetic", "stored", "contact_energy", "added_kinetic", "muscle_work", "load_work", "dissipated"),
-    *("energy_error", "momentum_error", "contact_force", "contact_area", "penetration"),
-)
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Instant(State):
-    """A motion at one of its outputs, which answers for any point of it (`isorod.output.state`).
-
-    Attributes
-    ----------
-    model, displacement, factor
-        As for `isorod.output.state.State`.
-    velocity
-        All degrees of freedom, shape ``(dofs,)``.
-    time
-        Of the output.
-    """
-
-    velocity: Array
-    time: float
-
-    def fields(self, body: int) -> dict[str, Array]:
-        """Return a body's displacement and velocity, shape ``(nodes, 3)``."""
-        return super().fields(body) | {"velocity": self.model.nodal(self.velocity, body)}
-
-    def __repr__(self) -> str:
-        largest = np.abs(self.displacement).max(initial=0.0)
-        return f"Instant {self.time:.6g} of {self.model!r}\n  largest displacement {largest:.6g}"
-
-
-@dataclass(frozen=True, eq=False)
-class History(Animated):
-    """A motion, at its outputs: ``history[k]`` is the `Instant` ``k``, which answers for any point of it.
-
-    Attributes
-    ----------
-    model
-        What was solved.
-    times
-        Shape ``(o,)``; all arrays below begin with this axis.
-    displacement, velocity
-        All degrees of freedom, shape ``(o, dofs)``.
-    reactions
-        Force of each support on the model, shape ``(o, supports, 3)``.
-    contact_force, contact_area, penetration
-        Sum of normal forces, reference area in contact, and the deepest penetration, all pairs together.
-    kinetic, stored, contact_energy
-        Energies: of explicit steps ``v- M v+ / 2`` with the velocities half a step before and after, which the scheme
-        conserves where forces are linear, of implicit ones ``v M v / 2``; matrix and passive fibres; penalty, and the
-        springs on which points stick.
-    added_kinetic
-        Kinetic energy of the mass added for the time step (`isorod.dynamics.explicit.mass`), shape ``(o,)``.
-    muscle_work, dissipated, load_work
-        Work done by active fibres, taken by damping and friction, and done by loads.
-    energy_error
-        Energies less their initial sum less work, over the work done: the largest so far of muscle work, dissipation,
-        the loads' work and initial energy.
-    momentum_error
-        Change of linear momentum less the impulses of supports, loads, obstacles and damping, over the sum of their
-        sizes and the initial one.
-    steps, time_step, critical_step
-        Number of steps taken, the last time step, and the smallest critical one of explicit steps met, with the mass
-        that was added.
-    estimates
-        Time and value of each estimate of the critical step, shape ``(estimates, 2)``.
-    microseconds_a_step
-        Wall time of the compiled loop; zero if there was nothing left to do.
-    newton_iterations, cuts
-        Of implicit steps, since the run was last continued: Newton iterations in all, and steps halved and tried again.
-    resumed
-        Time at which the run continued from a checkpoint, or None.
-    seconds, built, solver, ranks
-        As for `isorod.statics.Equilibrium`; ``loop`` is the part of ``solve`` spent in compiled steps.
-    ramp
-        Time in which the activation of muscles grows.
-    """
-
-    model: Model
-    times: Array
-    displacement: Array
-    velocity: Array
-    reactions: Array
-    contact_force: Array
-    contact_area: Array
-    penetration: Array
-    kinetic: Array
-    stored: Array
-    contact_energy: Array
-    added_kinetic: Array
-    muscle_work: Array
-    dissipated: Array
-    load_work: Array
-    energy_error: Array
-    momentum_error: Array
-    steps: int
-    time_step: float
-    critical_step: float
-    estimates: Array
-    microseconds_a_step: float
-    newton_iterations: int
-    cuts: int
-    resumed: float | None
-    seconds: dict[str, float]
-    built: list[str]
-    solver: dict[str, str]
-    ranks: int
-    ramp: float = 0.0
-
-    def __len__(self) -> int:
-        return self.times.size
-
-    def __getitem__(self, number: int) -> Instant:
-        """Return the motion at an output, the initial state by 0, the end by -1; raises `InputError`."""
-        k = whole_number("output", number, -len(self), len(self) - 1) % len(self)
-        time = float(self.times[k])
-        factor = float(activation(time, self.ramp))
-        return Instant(self.model, self.displacement[k], self.velocity[k], time, factor=factor)
-
-    def __iter__(self) -> Iterator[Instant]:
-        return (self[k] for k in range(len(self)))
-
-    def __repr__(self) -> str:
-        return (
-            f"History of {self.model!r}\n  {self.times.size} outputs from time {self.times[0]:.6g} to "
-            f"{self.times[-1]:.6g}, {self.steps} steps of {self.time_step:.3g}\n"
-            f"  errors of energy {self.energy_error[-1]:.2g}, of momentum {self.momentum_error[-1]:.2g}"
-        )
-
-    @property
-    def added_kinetic_share(self) -> float:
-        """Share of the kinetic energy, over all outputs, that is in mass added for the time step."""
-        total = float(self.kinetic.sum())
-        return float(self.added_kinetic.sum()) / total if total > 0.0 else 0.0
-
-    def record(self) -> dict[str, Any]:
-        """Return what a record keeps of it: all but the motion itself."""
-        left_out = ("model", "displacement", "velocity", "estimates", "seconds", "built", "solver", "ranks", "ramp")
-        found = {one.name: getattr(self, one.name) for one in fields(self) if one.name not in left_out}
-        return found | {"added_kinetic_share": self.added_kinetic_share}
-
-    def fields(self, body: int) -> dict[str, Array]:
-        """Return a body's displacement and velocity at the end, shape ``(nodes, 3)``."""
-        return self[-1].fields(body)
-
-    def frames(self) -> list[tuple[float, Instant]]:
-        """Return the time and the motion of each output."""
-        return [(one.time, one) for one in self]
-
-    def curves(self) -> dict[str, Array]:
-        """Return time, energies, contact, displacement and force of each support: a row an output."""
-        found = {"time": self.times} | {name.replace("_", " "): getattr(self, name) for name in _CURVES}
-        moved = np.array([support_displacements(self.model, one) for one in self.displacement])
-        count = len(self.model.supports)
-        return found | by_support("displacement", moved) | by_support("force", self.reactions[:, :count])
 
 
 def solve(
@@ -206,7 +45,8 @@ def solve(
     full value from the start.  Explicit steps are central differences with the
     consistent mass; for a step longer than its critical one, mass is added to fast waves
     (`isorod.dynamics.explicit.mass`).  Implicit ones conserve energy and momenta whatever the step
-    (`isorod.dynamics.implicit.assembler`); contact keeps energy to second order.
+    (`isorod.dynamics.implicit.assembler`); contact keeps energy to second order.  Bodies may have the mixed
+    formulation; explicit steps take displacements alone.
 
     Parameters
     ----------
@@ -224,7 +64,8 @@ def solve(
     ramp
         Time in which the activation of muscles grows linearly to that of their laws.
     displacement, velocity
-        Initial values of all degrees of freedom, shape ``(dofs,)``; those of held ones are not read.
+        Initial values of all degrees of freedom, shape ``(dofs,)``; those of held ones are not read.  Of incompressible
+        bodies the nearest that change no volume are taken, in the norm of mass.
     checkpoint, every, resume
         File to keep the state in, at outputs at least this many seconds of wall time apart; whether to continue from
         it, to a later end time too if outputs are as far apart.  A file that is there is not overwritten without.
@@ -248,15 +89,15 @@ def solve(
         does not converge; or bodies in contact would go through each other.
     """
     expect("model", model, Model)
-    start = perf_counter()
-    model = model.in_motion()
+    start, chosen = perf_counter(), _run_of(integrator)
+    model = model.in_motion(integrator)
     settings = Settings(end_time, whole_number("outputs", outputs, 1, 1_000_000), time_step, damping, ramp)
     _check(model, settings, every)
     _check_loads(model, integrator)
     if resume and checkpoint is None:
         raise InputError("resume: no checkpoint is named; give the file the run was to keep its state in")
     with in_force(petsc):
-        run = _run_of(integrator)(System(model, PETSc.COMM_WORLD if comm is None else comm), settings)
+        run = chosen(System(model, PETSc.COMM_WORLD if comm is None else comm), settings)
         ranks = run.system.ranks
         initial = _nodal(model, "displacement", displacement), _nodal(model, "velocity", velocity)
         file = _Checkpoint(run, None if checkpoint is None else Path(checkpoint), initial)

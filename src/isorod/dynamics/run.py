@@ -79,7 +79,7 @@ class Run(ABC):
         self._loaded = (self._carried * system.model.external).reshape(-1, 3).sum(axis=0)
         shares = system.ranks.shares
         volumes = [one.body.space.tabulate(one.first, one.last).weights.sum(axis=(1, 2)) for one in shares]
-        laws = [law for one in shares for law in one.body.laws[one.first : one.last]]
+        laws = [law for one in shares for law in one.body.shear_laws[one.first : one.last]]
         each = np.array([(law.activation_work, law.modulus) for law in laws]).reshape(-1, 2)
         work, size = system.ranks.sums(np.concatenate([np.empty(0), *volumes]) @ each)
         # The most work that activation can do.
@@ -201,6 +201,7 @@ class Run(ABC):
             "contact_area": area,
             "penetration": max(0.0, -deepest),
             "contact_energy": energy,
+            "pressure": np.empty(0),
             "load_work": float(self.system.model.external @ moved),
         }
 
@@ -244,9 +245,11 @@ class Run(ABC):
         system = self.system
         digest = hashlib.sha256()
         digest.update(system.digest().encode())
+        mixed = [body for body in system.model.bodies if body.formulation == "mixed"]
         digest.update(" ".join(law.identity for body in system.model.bodies for law in body.laws).encode())
         for array in (
             *(body.densities for body in system.model.bodies),
+            *([getattr(law, "lame", 0.0) for law in body.laws] for body in mixed),
             system.state.held,
             displacement,
             velocity,

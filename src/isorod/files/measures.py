@@ -7,7 +7,7 @@ import numpy as np
 from isorod.arrays import Array
 
 if TYPE_CHECKING:
-    from isorod.dynamics.analysis import History
+    from isorod.dynamics.history import History
     from isorod.statics.analysis import Equilibrium
 
 Component = Literal["x", "y", "z"]

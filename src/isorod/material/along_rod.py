@@ -7,7 +7,9 @@ from typing import NamedTuple, cast
 import numpy as np
 
 from isorod.arrays import Array, Index
+from isorod.compiled import flat
 from isorod.material.law import Material, Split
+from isorod.material.logarithm_kernel import discrete
 from isorod.material.places import Places
 from isorod.tensors import inverse
 
@@ -159,3 +161,18 @@ def complementary(laws: Laws, p: Array) -> tuple[Array, Array, Array]:
     found = [cast(Split, law).complementary(p[first:last]) for law, first, last, _ in laws.pieces]
     first, second, third = zip(*found, strict=True)
     return np.concatenate(first), np.concatenate(second), np.concatenate(third)
+
+
+def volume_between(F: Array, change: Array, wanted: bool) -> tuple[Array, Array | None]:
+    """Return the discrete gradient of ``theta = ln J``, which that of all objective laws is, and if wanted its slope.
+
+    Parameters
+    ----------
+    F, change, wanted
+        As for `Material.discrete`: of the energy ``theta``.
+    """
+    gradient = np.empty(F.shape)
+    slope = np.empty((*F.shape, 3, 3) if wanted else (0, 3, 3, 3, 3))
+    rows = gradient.reshape(-1, 3, 3), slope.reshape(-1, 3, 3, 3, 3)
+    discrete(flat(F), flat(change), 0.0, 0.0, 1.0, *rows)
+    return gradient, slope if wanted else None

@@ -12,6 +12,7 @@ from isorod.compiled import F1, F2, F3, F5, FAST, STRICT, flat, njit
 from isorod.errors import InputError
 from isorod.material import fibre, neo_hookean
 from isorod.material.fibre import Fibre
+from isorod.material.logarithm_kernel import SERIES
 from isorod.material.neo_hookean import NeoHookean
 from isorod.material.places import Places
 from isorod.material.points import (
@@ -328,7 +329,7 @@ class Muscle(NeoHookean):
 @njit(types.UniTuple(f8, 2)(f8), **STRICT)
 def _exp_quotient(y: float) -> tuple[float, float]:
     """Return ``(exp(y) - 1) / y`` and its derivative."""
-    if abs(y) < neo_hookean.SERIES:
+    if abs(y) < SERIES:
         value = 1.0 + y * (1.0 / 2.0 + y * (1.0 / 6.0 + y * (1.0 / 24.0 + y / 120.0)))
         return value, 1.0 / 2.0 + y * (1.0 / 3.0 + y * (1.0 / 8.0 + y * (1.0 / 30.0 + y / 144.0)))
     value = np.expm1(y) / y

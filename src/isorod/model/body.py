@@ -4,7 +4,7 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -50,8 +50,8 @@ class Body(Checked):
         Mass per reference volume, one for the whole rod or of the shape of several laws.
     formulation
         ``"displacement"``, or ``"mixed"``: displacement and pressure (`isorod.assembly.mixed`), which does not lock
-        near incompressibility and takes a Poisson's ratio of 0.5; statics without contact and modes alone know it.
-        Where not given, mixed there if all laws have a Poisson's ratio of 0.49 or more.
+        near incompressibility and takes a Poisson's ratio of 0.5; explicit steps do not know it.  Where not given,
+        mixed in statics, modes and implicit steps, without contact, if all laws have a Poisson's ratio of 0.49 or more.
 
     Attributes
     ----------
@@ -187,12 +187,33 @@ class Body(Checked):
             return self
         return replace(self, formulation="displacement")
 
-    def in_motion(self) -> "Body":
-        """Return the body for steps in time: `in_displacements`, a rule that was chosen such that no mass is missed."""
-        body = self.in_displacements()
+    def in_motion(self, integrator: str) -> "Body":
+        """Return the body for steps in time, with a rule that was chosen such that no mass is missed.
+
+        Explicit steps know no pressures (`in_displacements`).
+
+        Raises
+        ------
+        InputError
+            If explicit steps cannot take the formulation that was asked for, or the law.
+        """
+        body = self
+        if integrator == "explicit":
+            if self.formulation == "mixed" and not self.chosen:
+                raise InputError(
+                    "formulation: got 'mixed', explicit steps take 'displacement' alone; take that, with nu up to "
+                    "0.49, or integrator 'implicit'"
+                )
+            if any(getattr(law, "lame", 0.0) == np.inf for law in self.laws):
+                raise InputError(
+                    "material: incompressible (nu = 0.5), where no explicit step is stable; take nu up to 0.49, or "
+                    "integrator 'implicit'"
+                )
+            body = self.in_displacements()
         if "quadrature" not in self.space.chosen:
             return body
-        return replace(body, space=replace(self.space, quadrature="auto"))
+        formulation = None if body.chosen else body.formulation
+        return replace(body, space=replace(self.space, quadrature="auto"), formulation=formulation)
 
     def _warn_of_smooth_joints(self) -> None:
         """Warn where stiffness jumps at a knot at which displacements are smooth: strains cannot follow."""
@@ -239,6 +260,14 @@ class Body(Checked):
     def linear(self) -> bool:
         """Whether its stiffness is the same in all states."""
         return self.formulation == "displacement" and all(law.linear for law in self.laws)
+
+    @cached_property
+    def shear_laws(self) -> tuple[Material, ...]:
+        """The laws of what displacements do alone: without their bulk terms in the mixed formulation."""
+        if self.formulation == "displacement":
+            return self.laws
+        made = {id(law): cast(Split, law).shear for law in self.laws}
+        return tuple(made[id(law)] for law in self.laws)
 
     def laws_at(self, u: Array, xi: ArrayLike) -> Laws:
         """Return the laws at axis parameters and disk points, for deformation gradients ``u.shape + (q, 3, 3)``.

@@ -97,13 +97,28 @@ class Model(Checked):
         """Return the model for what knows no pressures (`Body.in_displacements`)."""
         return self._of([body.in_displacements() for body in self.bodies])
 
-    def in_motion(self) -> "Model":
+    def in_motion(self, integrator: str) -> "Model":
         """Return the model for steps in time (`Body.in_motion`)."""
-        return self._of([body.in_motion() for body in self.bodies])
+        bodies = []
+        for b, body in enumerate(self.bodies):
+            try:
+                bodies.append(body.in_motion(integrator))
+            except InputError as problem:
+                raise InputError(f"body {b}: {problem}") from None
+        return self._of(bodies)
 
     def _of(self, bodies: Sequence[Body]) -> "Model":
         same = all(one is other for one, other in zip(bodies, self.bodies, strict=True))
         return self if same else replace(self, bodies=bodies)
+
+    def split_pressures(self, pressures: Array) -> list[Array | None]:
+        """Return all pressure coefficients ``(p,)`` as each body's ``(layers, count)``, or None."""
+        found: list[Array | None] = []
+        first = 0
+        for own in (body.pressures for body in self.bodies):
+            found.append(None if own is None else pressures[first : first + own.size].reshape(-1, own.count))
+            first += 0 if own is None else own.size
+        return found
 
     def prescribed(self, factor: float) -> Array:
         """Return what supports add to the unknowns at a load factor, shape ``(dofs,)``.

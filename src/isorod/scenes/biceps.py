@@ -14,7 +14,7 @@ from isorod.geometry.rod import Rod
 from isorod.scenes import Preset, option, preset
 
 if TYPE_CHECKING:
-    from isorod.dynamics.analysis import History
+    from isorod.dynamics.history import History
     from isorod.model.model import Model
     from isorod.statics.analysis import Equilibrium
 

@@ -16,7 +16,7 @@ from isorod.geometry.rod import Rod
 from isorod.scenes import option
 
 if TYPE_CHECKING:
-    from isorod.dynamics.analysis import History
+    from isorod.dynamics.history import History
     from isorod.model.model import Model
     from isorod.space.space import Space
 

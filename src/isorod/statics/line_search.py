@@ -56,6 +56,15 @@ def step_length(work: Callable[[float], float], start: float) -> float:
 class LineSearch:
     """Lets SNES, with its basic line search, take steps of such a length (`step_length`).
 
+    Parameters
+    ----------
+    snes, residual
+        The solver, and what fills a vector with the out-of-balance force of a state.
+    signs
+        Of each unknown 1, or -1 where equilibrium is the functional's maximum by it, as by the pressures of the mixed
+        formulation: what falls along a step to a saddle is the work with these signs, and the tangent with them is
+        definite.  None: 1 everywhere.
+
     Attributes
     ----------
     short
@@ -64,24 +73,28 @@ class LineSearch:
         How much of the last step was taken.
     """
 
-    def __init__(self, snes: PETSc.SNES, residual: Callable[[PETSc.Vec, PETSc.Vec], object]) -> None:
+    def __init__(
+        self, snes: PETSc.SNES, residual: Callable[[PETSc.Vec, PETSc.Vec], object], signs: PETSc.Vec | None = None
+    ) -> None:
         self.short, self.share = 0, 1.0
-        self._snes, self._residual = snes, residual
+        self._snes, self._residual, self._signs = snes, residual, signs
         snes.setLineSearchPreCheck(self._shorten)
 
     def _shorten(self, x: PETSc.Vec, y: PETSc.Vec) -> bool:
         """Scale the step ``y`` that is to be taken from ``x``; return whether that changes it."""
         start = self._snes.getFunction()[0]
-        force, trial = start.duplicate(), x.duplicate()
+        force, trial, way = start.duplicate(), x.duplicate(), y.copy()
+        if self._signs is not None:
+            way.pointwiseMult(way, self._signs)
 
         def work(share: float) -> float:
             trial.waxpy(-share, y, x)
             self._residual(trial, force)
-            return float(force.dot(y))
+            return float(force.dot(way))
 
-        share = self.share = step_length(work, float(start.dot(y)))
+        share = self.share = step_length(work, float(start.dot(way)))
         self.short += share < _SHORT
         y.scale(share)
-        force.destroy()
-        trial.destroy()
+        for one in (force, trial, way):
+            one.destroy()
         return share < 1.0

@@ -33,8 +33,9 @@ OPTIONS = {"snes_linesearch_type": "basic", "snes_rtol": 1e-9, "snes_max_it": 15
 # With contact, where steps are shortened (`isorod.statics.line_search`).
 TOUCHING = {"snes_max_it": 20}
 
-# With contact, whose tangent is definite but for friction: MUMPS's scaling, an iteration over all entries, takes a
-# third of the time of a factorisation, and changes no pivot of a definite matrix.  It is read when MUMPS begins.
+# With contact, whose tangent is definite but for friction and pressures: MUMPS's scaling, an iteration over all
+# entries, takes a third of the time of a factorisation, and changes no pivot of a definite matrix.  It is read when
+# MUMPS begins.
 UNSCALED = {"mat_mumps_icntl_8": 0}
 
 # Steps of nearly no length in a solution that is given up, as long as there are other ways to try.
@@ -112,7 +113,7 @@ class Newton:
         )
         self._line_search: LineSearch | None = None
         if own and not typed.hasName("snes_linesearch_type"):
-            self._line_search = LineSearch(self.snes, self._residual)
+            self._line_search = LineSearch(self.snes, self._residual, self._signs())
         self.snes.setMonitor(lambda snes, k, norm: self.norms.append(norm))
         if self.snes.getKSP().getPC().getType() in MULTIGRID:
             self._matrix.setNearNullSpace(rigid_motions.near_null_space(assembler))
@@ -121,6 +122,14 @@ class Newton:
 
             assembler.tangent(self.x, 0.0, self._matrix)
             self.stabilisation = stabilisation.Stabilisation(assembler, self._matrix, loose)
+
+    def _signs(self) -> PETSc.Vec | None:
+        """Return 1 for each unknown that is a displacement and -1 for pressures, None without these."""
+        if not is_mixed(self.assembler.model):
+            return None
+        signs = self.assembler.state(np.full(self.assembler.model.dofs, 2.0))
+        signs.shift(-1.0)
+        return signs
 
     def destroy(self) -> None:
         """Give back matrix, factors and work vectors.
@@ -177,7 +186,8 @@ class Newton:
         self._stage.push()
         try:
             before = self.assembler.jacobians(self.x, factor)
-            with defaults({} if self.assembler.contact is None else UNSCALED):
+            definite = self.assembler.contact is not None and not is_mixed(self.assembler.model)
+            with defaults(UNSCALED if definite else {}):
                 scale, rate = self._predict(factor, target - factor)
                 self._factor = target
                 self._refuse_squeezed(before)

@@ -80,12 +80,12 @@ def order(model: Model) -> Index:
 
 
 def pack(model: Model, ranks: Ranks | None = None) -> Mesh:
-    """Return the elements of all bodies, or those of a rank, as plain arrays.
+    """Return the elements of all bodies, or those of a rank, as plain arrays; those of mixed ones without pressures.
 
     Raises
     ------
     InputError
-        If a law has no compiled functions, or a body is mixed.
+        If a body cannot move in time, or a law.
     """
     elements, layers = [], []
     sections: list[Array] = []
@@ -110,7 +110,7 @@ def pack(model: Model, ranks: Ranks | None = None) -> Mesh:
         rows["geometry"] = _size(geometry) + each * (points * blocks * GEOMETRY * POINTS)
         rows["directions"] = 3 * body.families
         rows["fibres"] = _size(fibres) + each * (points * blocks * 3 * body.families * POINTS)
-        for e, law in enumerate(body.laws[share.first : share.last]):
+        for e, law in enumerate(body.shear_laws[share.first : share.last]):
             rows["constants"][e], rows["count"][e] = _size(constants), law.constants.size
             rows["point"][e], rows["block"][e] = law.compiled.point, law.compiled.block
             constants.append(law.constants)
@@ -157,8 +157,6 @@ def digests(mesh: Mesh) -> list[bytes]:
 
 def _check_laws(body: Body, index: int) -> None:
     """Raise `InputError` if a body cannot move in time, or the law of one of its elements."""
-    if body.formulation != "displacement":
-        raise InputError(f"body {index}: formulation {body.formulation!r} is for statics and modes alone")
     if len(body.space.rod.rings) > 2:
         raise InputError(f"body {index}: its rod has layers, which dynamics does not take; statics and modes do")
     for e, law in enumerate(body.laws):

@@ -53,16 +53,19 @@ class StepPart(Part):
     def _changes(self, local: Array) -> Array:
         """Return the displacement gradients, shape ``(E, t, q, 3, 3)``."""
         elements, _, _, functions = self._gradient.shape
-        changes = self._gradient.reshape(elements, -1, functions) @ local[self.slots].reshape(elements, functions, 3)
+        changes = self._gradient.reshape(elements, -1, functions) @ self.nodal(local).reshape(elements, functions, 3)
         return np.ascontiguousarray(np.swapaxes(changes.reshape(self._start.shape), -1, -2))
 
     def add_forces(self, local: Array, factor: float, forces: Array) -> None:
         """Add the internal forces of the change ``local`` of the displacement."""
-        stress, _ = self.laws.at(factor).discrete(self._start, self._changes(local), False)
+        self._add_stress(self.laws.at(factor).discrete(self._start, self._changes(local), False)[0], forces)
+
+    def _add_stress(self, stress: Array, forces: Array) -> None:
+        """Add the forces of a stress at the points."""
         elements, _, _, functions = self._gradient.shape
         stress = np.swapaxes(self.table.weights[..., None, None] * stress, -1, -2).reshape(elements, -1, 3)
         rows = self._gradient.reshape(elements, -1, functions)
-        self.add(np.swapaxes(rows, -1, -2) @ stress, forces)
+        self.add(self._padded(np.swapaxes(rows, -1, -2) @ stress), forces)
 
     def add_entries(self, local: Array, factor: float, blocks: Blocks, entries: Array) -> None:
         """Add the derivatives of internal and inertial forces to entries of a pattern; they are not symmetric."""
@@ -72,6 +75,10 @@ class StepPart(Part):
 
     def _matrices(self, local: Array, factor: float) -> Array:
         _, moduli = self.laws.at(factor).discrete(self._start, self._changes(local), True)
+        return self._contracted(moduli)
+
+    def _contracted(self, moduli: Array) -> Array:
+        """Return the element matrices of moduli at the points, and of inertia, shape ``(E, l n 3, l n 3)``."""
         # The memory's order is NumPy's choice, and another one in its later versions.
         moduli = np.ascontiguousarray(moduli)
         elements, points, _, functions = self._gradient.shape
@@ -83,11 +90,20 @@ class StepPart(Part):
             result[e] = block.reshape(functions, 3, 3, functions).swapaxes(2, 3)
         for a in range(3):
             result[:, :, a, :, a] += self.inertia * self.mass
-        return result.reshape(*self.dofs.shape, self.dofs.shape[1])
+        return result.reshape(elements, 3 * functions, -1)
+
+    @property
+    def start(self) -> Array:
+        """Deformation gradients at the start of the step, shape ``(E, t, q, 3, 3)``."""
+        return self._start
 
     def masses(self, local: Array) -> Array:
         """Return the mass matrix times a vector of this rank's degrees of freedom, shape of ``dofs``."""
-        return (self.mass @ local[self.slots].reshape(self.dofs.shape[0], -1, 3)).reshape(self.dofs.shape)
+        return self._padded(self.mass @ self.nodal(local).reshape(self.shape[0], -1, 3))
+
+    def _padded(self, nodal: Array) -> Array:
+        """Return nodal forces ``(E, l n, 3)`` in the shape of ``dofs``."""
+        return nodal.reshape(self.dofs.shape)
 
 
 class StepAssembler(Assembler):
@@ -99,6 +115,8 @@ class StepAssembler(Assembler):
         Sum of the norms of inertial, internal and external forces at the last residual.
     rounding
         What rounding makes of the residual.
+    pressure
+        All coefficients of the pressures of mixed bodies in the middle of the last step, force per area, ``(p,)``.
     """
 
     part = StepPart
@@ -108,6 +126,7 @@ class StepAssembler(Assembler):
     def __init__(self, model: Model, comm: PETSc.Comm | None = None) -> None:
         super().__init__(model, comm)
         self.amount = self.rounding = 0.0
+        self.pressure = np.empty(0)
         self._rates = 0.0, 0.0
         self._velocity = np.zeros(self._exchange.size)
 
@@ -152,17 +171,22 @@ class StepAssembler(Assembler):
         return self._sums(part.masses(velocity) for part in self.parts)
 
     def _whole(self, local: Array) -> Array:
-        """Return the sums over all ranks, of all degrees of freedom."""
-        if self.comm.getSize() == 1:
-            return local
+        """Return the sums over all ranks, of all the model's degrees of freedom."""
         moved, slots = self._exchange.moved
         own = np.zeros(self.model.dofs)
         own[moved] = local[slots]
-        return np.asarray(self.comm.tompi4py().allreduce(own))
+        return own if self.comm.getSize() == 1 else np.asarray(self.comm.tompi4py().allreduce(own))
 
     def change(self, x: PETSc.Vec) -> Array:
         """Return unknowns as a change of all degrees of freedom, on every rank: supports move none."""
         return self.shapes(self.all_unknowns(x)[None])[0]
+
+    def guess(self, change: Array) -> PETSc.Vec:
+        """Return the unknowns from which a step's iterations begin, given a change of all degrees of freedom."""
+        return self.state(change)
+
+    def accept(self, x: PETSc.Vec) -> None:
+        """Keep what the next step begins with beside the state."""
 
     def momenta(self, velocity: Array) -> Array:
         """Return the consistent mass matrix times a vector, both of all degrees of freedom."""

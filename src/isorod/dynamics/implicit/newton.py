@@ -56,7 +56,7 @@ class Newton:
     def imbalance(self, guess: Array, factor: float) -> float:
         """Return the norm of the out-of-balance force for a guess of the change of displacement."""
         force = self.assembler.vector()
-        self.assembler.residual(self.assembler.state(guess), factor, force)
+        self.assembler.residual(self.assembler.guess(guess), factor, force)
         norm = float(force.norm())
         return norm if np.isfinite(norm) else np.inf
 
@@ -64,7 +64,7 @@ class Newton:
         """Return the change of displacement (all degrees of freedom) from a guess of it; None where SNES diverges."""
         self._factor = factor
         self._last = np.inf
-        self.assembler.state(guess).copy(self.x)
+        self.assembler.guess(guess).copy(self.x)
         self.snes.solve(None, self.x)
         self.iterations += self.snes.getIterationNumber()
         if self.snes.getConvergedReason() < 0 and not self._accurate():

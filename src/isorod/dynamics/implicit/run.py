@@ -4,13 +4,14 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from petsc4py import PETSc
 
 from isorod.arrays import Array
+from isorod.assembly.factorisation import is_mixed
 from isorod.dynamics import run
 from isorod.dynamics.explicit.step_kernel import ACTIVATED, DISSIPATED, PUSHED
 from isorod.dynamics.explicit.system import System
 from isorod.dynamics.implicit.assembler import StepAssembler
+from isorod.dynamics.implicit.inertia import Inertia, MixedInertia
 from isorod.dynamics.implicit.newton import Newton
 from isorod.dynamics.run import IMBALANCE, Settings
 from isorod.errors import InputError, SolveError
@@ -38,7 +39,7 @@ class Run(run.Run):
             )
         super().__init__(system, settings)
         self._longest = settings.time_step
-        self.assembler = StepAssembler(system.model, system.ranks.communicator)
+        self.assembler, self._inertia = _made(system)
         if system.friction is not None and self.assembler.contact is not None:
             # Outputs and checkpoints know the same history.
             self.assembler.contact.share(system.friction)
@@ -48,12 +49,6 @@ class Run(run.Run):
             from isorod.contact import passing
 
             self._passing = passing.Passing(system.model)
-        self._inertia = PETSc.KSP().create(self.assembler.comm)
-        self._inertia.setOperators(self.assembler.mass())
-        self._inertia.setType("preonly")
-        self._inertia.getPC().setType("lu")
-        if system.ranks.size > 1:
-            self._inertia.getPC().setFactorSolverType("mumps")
 
     def solver(self) -> dict[str, str]:
         """Return the names of the methods at work."""
@@ -63,6 +58,18 @@ class Run(run.Run):
         """See `isorod.dynamics.run.Run`."""
         self.newton.destroy()
         self._inertia.destroy()
+
+    def begin(self, displacement: Array, velocity: Array) -> None:
+        """Place the bodies, those that are incompressible so that no volume changes, and take the first output."""
+        super().begin(*self._inertia.prepare(displacement, velocity, self._longest))
+
+    def _now(self) -> dict[str, Array]:
+        return super()._now() | {"pressure": self.assembler.pressure}
+
+    def restore(self, kept: dict[str, Array]) -> None:
+        """See `isorod.dynamics.run.Run`."""
+        super().restore(kept)
+        self.assembler.pressure = kept["pressure"]
 
     def _choose(self, critical: float) -> None:
         self._divide(self._longest)
@@ -119,6 +126,7 @@ class Run(run.Run):
         """Add a step's change of the displacement to the state, and its sums."""
         system, state = self.system, self.system.state
         state.impulse[:] += dt * self.assembler.reactions(self.newton.x, level)
+        self.assembler.accept(self.newton.x)
         if self.assembler.contact is not None:
             pushed = self.assembler.contact.forces(change)[0] * self._carried
             state.sums[PUSHED:] += dt * pushed.reshape(-1, 3).sum(axis=0)
@@ -142,14 +150,25 @@ class Run(run.Run):
         forces, contact = system.forces(state.displacement, self.level(self.time))
         momenta = self.assembler.momenta(velocity)
         balance = forces[system.order] + self.settings.damping * momenta - model.external
-        residual, solution = self.assembler.state(balance), self.assembler.vector()
-        self._inertia.solve(residual, solution)
-        acceleration = -self.assembler.change(solution)
-        held = balance + self.assembler.momenta(acceleration)
+        displacement = state.displacement[system.order]
+        held, pressure = self._inertia.settle(balance, displacement, velocity, self.step)
         return self._seen(velocity, held[model.held], contact) | {
             "kinetic": 0.5 * float(velocity @ momenta),
             "added_kinetic": 0.0,
-            "stored": system.energies(state.displacement)[0],
+            "stored": system.energies(state.displacement)[0] + self._inertia.stored(displacement),
+            "pressure": pressure,
             "muscle_work": state.sums[ACTIVATED],
             "dissipated": state.sums[DISSIPATED] + contact[-1],
         }
+
+
+def _made(system: System) -> tuple[StepAssembler, Inertia]:
+    """Return what assembles steps, and what solves with the mass."""
+    given = system.model, system.ranks.communicator
+    if not is_mixed(system.model):
+        assembler = StepAssembler(*given)
+        return assembler, Inertia(assembler)
+    from isorod.dynamics.implicit.mixed import MixedStepAssembler
+
+    mixed = MixedStepAssembler(*given)
+    return mixed, MixedInertia(mixed)

@@ -1,0 +1,168 @@
+"""Every law in motion: how well explicit and implicit steps keep the energy, with and without pressures.
+
+``python -m comparisons.laws.motion [--level quick] [--law NAME]`` writes a table: a clamped cylinder swings and twists
+through large strains, ten thousand steps of each kind (two hundred at quick level).
+"""
+
+import sys
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from comparisons.measure.study import LEVELS, Run
+from comparisons.measure.timing import Clock
+from isorod import dynamics, options
+from isorod.arrays import Array
+from isorod.command import ending
+from isorod.command.parser import Parser
+from isorod.errors import SolveError
+from isorod.geometry.center_line import straight
+from isorod.geometry.section import circle
+from isorod.material import NeoHookean
+from isorod.material.fibre import helix
+from isorod.material.gent import Gent
+from isorod.material.holzapfel_gasser_ogden import HolzapfelGasserOgden
+from isorod.material.law import Material
+from isorod.material.mooney_rivlin import MooneyRivlin
+from isorod.material.muscle import Muscle
+from isorod.material.ogden import Ogden
+from isorod.material.st_venant_kirchhoff import StVenantKirchhoff
+from isorod.material.yeoh import Yeoh
+from isorod.model import Body, Model, Support
+from isorod.output import results
+from isorod.output.results import write_beside
+from isorod.space import Space
+
+LENGTH, RADIUS, SPEED = 2.0, 0.5, 0.3
+
+# Steps of each kind; an implicit one is a hundredth of the slowest period or so, an explicit one a fifth of a critical
+# one.
+STEPS = {"quick": 200, "full": 10_000}
+IMPLICIT, SHARE = 0.1, 0.2
+
+# Error of the energy that is asked for.
+WANTED = 1e-4
+
+# Poisson's ratios, of displacements alone and with pressures.
+RATIOS = {"displacement": 0.4, "mixed": 0.5}
+BULK = {"displacement": 14.0 / 3.0, "mixed": np.inf}
+
+
+def _stretched(law: type[NeoHookean], **more: float) -> Callable[[str], Material]:
+    return lambda form: law(2.0 * (1.0 + RATIOS[form]), RATIOS[form], **more)
+
+
+# Of shear moduli about 1, by formulation.
+LAWS: dict[str, Callable[[str], Material]] = {
+    "neo-hookean": _stretched(NeoHookean),
+    "muscle": _stretched(Muscle, m1=0.5, m2=0.5),
+    "st-venant-kirchhoff": lambda form: StVenantKirchhoff(2.8, RATIOS[form]),
+    "mooney-rivlin": lambda form: MooneyRivlin(0.35, 0.15, BULK[form]),
+    "yeoh": lambda form: Yeoh(0.5, -0.05, 0.02, BULK[form]),
+    "gent": lambda form: Gent(1.0, 10.0, BULK[form]),
+    "ogden": lambda form: Ogden((1.2, -0.2), (2.0, -2.0), BULK[form]),
+    "hgo": lambda form: HolzapfelGasserOgden(1.0, 0.5, 0.5, BULK[form], fibre=helix(30.0)),
+    "hgo-two": lambda form: HolzapfelGasserOgden(1.0, 0.5, 0.5, BULK[form], fibre=(helix(30.0), helix(-30.0))),
+}
+# Laws whose volumetric energy is none of ``ln J``.
+WHOLE = ("st-venant-kirchhoff",)
+
+KINDS = ("explicit, displacement", "implicit, displacement", "implicit, mixed")
+
+TABLE = "motion.md"
+HEAD = ("law", "steps", "their number", "time step", "error of energy", "of momentum", "stored, largest share", "s")
+
+
+def run(study: Run, laws: Sequence[str] = ()) -> None:
+    """Set cylinders of these laws (all where none is named) in motion; record each, and write the table too."""
+    options.initialize([])
+    wanted = [(law, kind) for law in laws or LAWS for kind in KINDS if not (law in WHOLE and kind.endswith("mixed"))]
+    found = []
+    with study.progress(len(wanted)) as steps:
+        for law, kind in wanted:
+            with steps.step(f"{law}, {kind}"):
+                found.append(study.record("motion", moved(law, kind, STEPS[study.level])))
+    lines = [HEAD, ("---",) * len(HEAD), *(row(record) for record in found)]
+    text = "".join(f"| {' | '.join(line)} |\n" for line in lines)
+    write_beside(study.folder / TABLE, lambda where: where.write_text(text))
+
+
+def cylinder(law: Material, formulation: str) -> Model:
+    """Return a cylinder along z, clamped at its start: 36 unknowns, and six pressures."""
+    space = Space(straight(LENGTH).sweep(circle(8, RADIUS)), section_degree=2, degree=2, elements=1, quadrature="2x1x2")
+    return Model([Body(space, law, 1.0, formulation)], [Support.end(space, "start")])
+
+
+def thrown(model: Model) -> Array:
+    """Return velocities that bend and twist the cylinder."""
+    x = model.bodies[0].space.positions
+    bent = np.stack([SPEED * x[:, 2], 0.0 * x[:, 0], 0.0 * x[:, 0]], axis=1)
+    return np.asarray((bent + x[:, 2:] * np.cross([0.0, 0.0, SPEED], x)).ravel())
+
+
+def moved(law: str, kind: str, steps: int) -> dict[str, Any]:
+    """Return the record of a law in motion."""
+    integrator, form = kind.split(", ")
+    model = cylinder(LAWS[law](form), form)
+    record: dict[str, Any] = {"law": law, "kind": kind, "steps": steps}
+    try:
+        step = IMPLICIT
+        if integrator == "explicit":
+            step = SHARE * dynamics.solve(model, 1e-9, outputs=1).critical_step
+        clock = Clock()
+        history = dynamics.solve(model, steps * step, step, 50, velocity=thrown(model), integrator=integrator)
+        clock.lap("motion")
+    except SolveError as problem:
+        return record | {"failure": str(problem)}
+    return record | {
+        "steps": history.steps,
+        "time_step": history.time_step,
+        "energy_error": float(np.abs(history.energy_error).max()),
+        "momentum_error": float(np.abs(history.momentum_error).max()),
+        "stored": float(history.stored.max() / (history.stored + history.kinetic).max()),
+        "seconds": clock.seconds["motion"],
+    }
+
+
+def row(record: dict[str, Any]) -> tuple[str, ...]:
+    """Return the row of the table of a motion, columns as in ``HEAD``."""
+    if "failure" in record:
+        return (record["law"], record["kind"], record["failure"], *[""] * (len(HEAD) - 3))
+    return (
+        record["law"],
+        record["kind"],
+        f"{record['steps']:,}",
+        f"{record['time_step']:.3g}",
+        f"{record['energy_error']:.1e}",
+        f"{record['momentum_error']:.1e}",
+        f"{100.0 * record['stored']:.0f} %",
+        f"{record['seconds']:.3g}",
+    )
+
+
+def keeps(record: dict[str, Any]) -> bool:
+    """Whether a motion keeps its energy within `WANTED`."""
+    return "failure" not in record and record["energy_error"] <= WANTED
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run the command line; return the exit code."""
+    return ending.run("comparisons.laws.motion", lambda: _main(arguments), "the records written so far are kept")
+
+
+def _main(arguments: Sequence[str]) -> int:
+    parser = Parser(prog="python -m comparisons.laws.motion", description="How well motions of each law keep energy.")
+    parser.add_argument("--level", choices=LEVELS, default="full", help="quick: two hundred steps; full: ten thousand")
+    parser.add_argument("--law", action="append", choices=LAWS, default=[], help="this law alone (repeat for more)")
+    parser.add_argument("--results", default="results", metavar="DIR", help="folder of records and table (results)")
+    found = parser.known(arguments)
+    results.check_folder(found.results)
+    study = Run("laws", found.level, results.make_folder(found.results))
+    run(study, found.law)
+    print((study.folder / TABLE).read_text(), end="")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,197 @@
+"""What motions are, at their outputs."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from isorod.arrays import Array
+from isorod.checks.reactions import by_support, support_displacements
+from isorod.dynamics.explicit.step_kernel import activation
+from isorod.errors import whole_number
+from isorod.model.model import Model
+from isorod.output.state import Animated, State
+
+# Of a history, what is one number an output.
+_CURVES = (
+    *("kinetic", "stored", "contact_energy", "added_kinetic", "muscle_work", "load_work", "dissipated"),
+    *("energy_error", "momentum_error", "contact_force", "contact_area", "penetration"),
+)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Instant(State):
+    """A motion at one of its outputs, which answers for any point of it (`isorod.output.state`).
+
+    Attributes
+    ----------
+    model, displacement, factor, pressures
+        As for `isorod.output.state.State`.
+    velocity
+        All degrees of freedom, shape ``(dofs,)``.
+    time
+        Of the output.
+    """
+
+    velocity: Array
+    time: float
+
+    def fields(self, body: int) -> dict[str, Array]:
+        """Return a body's displacement and velocity, ``(nodes, 3)``, and its pressure coefficients if it has some."""
+        found = super().fields(body) | {"velocity": self.model.nodal(self.velocity, body)}
+        pressure = self.pressures[body] if self.pressures else None
+        return found if pressure is None else found | {"pressure": pressure}
+
+    def __repr__(self) -> str:
+        largest = np.abs(self.displacement).max(initial=0.0)
+        return f"Instant {self.time:.6g} of {self.model!r}\n  largest displacement {largest:.6g}"
+
+
+@dataclass(frozen=True, eq=False)
+class History(Animated):
+    """A motion, at its outputs: ``history[k]`` is the `Instant` ``k``, which answers for any point of it.
+
+    Attributes
+    ----------
+    model
+        What was solved.
+    times
+        Shape ``(o,)``; all arrays below begin with this axis.
+    displacement, velocity
+        All degrees of freedom, shape ``(o, dofs)``.
+    reactions
+        Force of each support on the model, shape ``(o, supports, 3)``.
+    contact_force, contact_area, penetration
+        Sum of normal forces, reference area in contact, and the deepest penetration, all pairs together.
+    pressure
+        Coefficients of the pressures of mixed bodies, one body's behind the other's (`Model.split_pressures`), force
+        per area, shape ``(o, p)``: what balances the motion at the time of the output, of waves of pressure that steps
+        do not follow the mean.
+    kinetic, stored, contact_energy
+        Energies: of explicit steps ``v- M v+ / 2`` with the velocities half a step before and after, which the scheme
+        conserves where forces are linear, of implicit ones ``v M v / 2``; matrix and passive fibres; penalty, and the
+        springs on which points stick.
+    added_kinetic
+        Kinetic energy of the mass added for the time step (`isorod.dynamics.explicit.mass`), shape ``(o,)``.
+    muscle_work, dissipated, load_work
+        Work done by active fibres, taken by damping and friction, and done by loads.
+    energy_error
+        Energies less their initial sum less work, over the work done: the largest so far of muscle work, dissipation,
+        the loads' work and initial energy.
+    momentum_error
+        Change of linear momentum less the impulses of supports, loads, obstacles and damping, over the sum of their
+        sizes and the initial one.
+    steps, time_step, critical_step
+        Number of steps taken, the last time step, and the smallest critical one of explicit steps met, with the mass
+        that was added.
+    estimates
+        Time and value of each estimate of the critical step, shape ``(estimates, 2)``.
+    microseconds_a_step
+        Wall time of the compiled loop; zero if there was nothing left to do.
+    newton_iterations, cuts
+        Of implicit steps, since the run was last continued: Newton iterations in all, and steps halved and tried again.
+    resumed
+        Time at which the run continued from a checkpoint, or None.
+    seconds, built, solver, ranks
+        As for `isorod.statics.Equilibrium`; ``loop`` is the part of ``solve`` spent in compiled steps.
+    ramp
+        Time in which the activation of muscles grows.
+    """
+
+    model: Model
+    times: Array
+    displacement: Array
+    velocity: Array
+    reactions: Array
+    contact_force: Array
+    contact_area: Array
+    penetration: Array
+    kinetic: Array
+    pressure: Array
+    stored: Array
+    contact_energy: Array
+    added_kinetic: Array
+    muscle_work: Array
+    dissipated: Array
+    load_work: Array
+    energy_error: Array
+    momentum_error: Array
+    steps: int
+    time_step: float
+    critical_step: float
+    estimates: Array
+    microseconds_a_step: float
+    newton_iterations: int
+    cuts: int
+    resumed: float | None
+    seconds: dict[str, float]
+    built: list[str]
+    solver: dict[str, str]
+    ranks: int
+    ramp: float = 0.0
+
+    def __len__(self) -> int:
+        return self.times.size
+
+    def __getitem__(self, number: int) -> Instant:
+        """Return the motion at an output, the initial state by 0, the end by -1; raises `InputError`."""
+        k = whole_number("output", number, -len(self), len(self) - 1) % len(self)
+        time = float(self.times[k])
+        factor = float(activation(time, self.ramp))
+        return Instant(
+            self.model,
+            self.displacement[k],
+            self.velocity[k],
+            time,
+            pressures=self.model.split_pressures(self.pressure[k]),
+            factor=factor,
+        )
+
+    def __iter__(self) -> Iterator[Instant]:
+        return (self[k] for k in range(len(self)))
+
+    def __repr__(self) -> str:
+        return (
+            f"History of {self.model!r}\n  {self.times.size} outputs from time {self.times[0]:.6g} to "
+            f"{self.times[-1]:.6g}, {self.steps} steps of {self.time_step:.3g}\n"
+            f"  errors of energy {self.energy_error[-1]:.2g}, of momentum {self.momentum_error[-1]:.2g}"
+        )
+
+    @property
+    def added_kinetic_share(self) -> float:
+        """Share of the kinetic energy, over all outputs, that is in mass added for the time step."""
+        total = float(self.kinetic.sum())
+        return float(self.added_kinetic.sum()) / total if total > 0.0 else 0.0
+
+    def record(self) -> dict[str, Any]:
+        """Return what a record keeps of it: all but the motion itself."""
+        left_out = (
+            "model",
+            "displacement",
+            "velocity",
+            "pressure",
+            "estimates",
+            "seconds",
+            "built",
+            "solver",
+            "ranks",
+            "ramp",
+        )
+        found = {one.name: getattr(self, one.name) for one in fields(self) if one.name not in left_out}
+        return found | {"added_kinetic_share": self.added_kinetic_share}
+
+    def fields(self, body: int) -> dict[str, Array]:
+        """Return a body's displacement and velocity at the end, shape ``(nodes, 3)``."""
+        return self[-1].fields(body)
+
+    def frames(self) -> list[tuple[float, Instant]]:
+        """Return the time and the motion of each output."""
+        return [(one.time, one) for one in self]
+
+    def curves(self) -> dict[str, Array]:
+        """Return time, energies, contact, displacement and force of each support: a row an output."""
+        found = {"time": self.times} | {name.replace("_", " "): getattr(self, name) for name in _CURVES}
+        moved = np.array([support_displacements(self.model, one) for one in self.displacement])
+        count = len(self.model.supports)
+        return found | by_support("displacement", moved) | by_support("force", self.reactions[:, :count])

@@ -1,0 +1,216 @@
+"""What implicit steps ask of mass at one moment: what supports carry, and with pressures a state to start from."""
+
+from collections.abc import Callable
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+from petsc4py import PETSc
+
+from isorod.arrays import Array
+from isorod.dynamics.implicit.assembler import StepAssembler
+from isorod.errors import InputError
+from isorod.material.along_rod import complementary
+
+if TYPE_CHECKING:
+    from isorod.dynamics.implicit.mixed import MixedStepAssembler, MixedStepPart
+
+# Newton's iterations to a state that keeps volumes or to pressures, and the share of these that is none.
+_MOST, _NONE = 20, 1e-12
+
+
+class Inertia:
+    """Solves with the mass of a model without pressures."""
+
+    def __init__(self, assembler: StepAssembler) -> None:
+        self.assembler = assembler
+        self._matrix = self._made()
+        self._ksp = PETSc.KSP().create(assembler.comm)
+        self._ksp.setOperators(self._matrix)
+        self._ksp.setType("preonly")
+        self._ksp.getPC().setType("lu")
+        if assembler.comm.getSize() > 1:
+            self._ksp.getPC().setFactorSolverType("mumps")
+
+    def _made(self) -> PETSc.Mat:
+        return self.assembler.mass()
+
+    def destroy(self) -> None:
+        """Give back matrix and factors."""
+        self._ksp.destroy()
+        self._matrix.destroy()
+
+    def prepare(self, displacement: Array, velocity: Array, step: float) -> tuple[Array, Array]:
+        """Return the state nearest to one from which steps may begin: itself."""
+        return displacement, velocity
+
+    def settle(self, balance: Array, displacement: Array, velocity: Array, step: float) -> tuple[Array, Array]:
+        """Return the forces that supports alone carry, shape ``(dofs,)``, and all pressures.
+
+        Parameters
+        ----------
+        balance
+            Internal forces but for those of pressures, less external ones, shape ``(dofs,)``.
+        displacement, velocity, step
+            The state, and the time step.
+        """
+        solution = self.assembler.vector()
+        self._ksp.solve(self.assembler.state(balance), solution)
+        return balance - self.assembler.momenta(self.assembler.change(solution)), np.empty(0)
+
+    def stored(self, displacement: Array) -> float:
+        """Return the energy of pressures."""
+        return 0.0
+
+
+class MixedInertia(Inertia):
+    """Solves with mass and the constraints of pressures, ``M`` and ``B``, and their compliance ``C``.
+
+    In a state the pressure is ``C p = g``, ``g`` the integrals of ``theta``, or, where there is no compliance, what
+    keeps ``g'' = B a + b`` zero.  Both is in
+
+        M a + B^T p = -f,    t^2 (B a + b) + g - C p = 0
+
+    but for an error of second order in ``t``, half a time step: of waves of pressure that steps do not follow, it has
+    the mean.
+    """
+
+    assembler: "MixedStepAssembler"
+
+    def __init__(self, assembler: "MixedStepAssembler") -> None:
+        super().__init__(assembler)
+        # A saddle needs pivots.
+        self._ksp.getPC().setFactorSolverType("mumps")
+        found = [(part.rigid, part.soft) for part in assembler.parts]
+        self._rigid, self._soft = np.any(sum(assembler.comm.tompi4py().allgather(found), [(False, False)]), axis=0)
+
+    def _made(self) -> PETSc.Mat:
+        return self.assembler.saddle()
+
+    def prepare(self, displacement: Array, velocity: Array, step: float) -> tuple[Array, Array]:
+        """Return the state nearest to one, in the norm of mass, that keeps the volume of incompressible bodies.
+
+        Raises
+        ------
+        InputError
+            If there is none.
+        """
+        if not self._rigid:
+            return displacement, velocity
+        assembler, short = self.assembler, (1e-3 * step) ** 2
+        whole = self._sums(lambda part, sums: part.add_volumes(np.ones(part.table.weights.shape), sums)).norm()
+
+        def lost(displacement: Array, grown: PETSc.Vec) -> Array:
+            """Return the smallest motion by which the integrals of ``theta`` lose so much."""
+            self._fill(
+                displacement,
+                lambda part: (float(part.rigid), complementary(part.volumes, 0.0 * part.table.weights)[2] / short),
+            )
+            grown.scale(-1.0)
+            return assembler.change(self._solved(grown))
+
+        for _ in range(_MOST):
+            grown = self._sums(partial(_integrate, assembler.local(displacement)), lambda part: part.rigid)
+            size = grown.norm()
+            if size <= _NONE * whole:
+                break
+            if np.isfinite(size):
+                displacement = displacement + lost(displacement, grown)
+        else:
+            raise InputError(
+                "initial displacement: no state near it keeps the volume of incompressible bodies; start from rest, or "
+                "from a solution of statics"
+            )
+        local, moving = assembler.local(displacement), assembler.local(velocity)
+        grown = self._sums(lambda part, sums: part.add_rates(local, moving, sums), lambda part: part.rigid)
+        return displacement, velocity + lost(displacement, grown)
+
+    def settle(self, balance: Array, displacement: Array, velocity: Array, step: float) -> tuple[Array, Array]:
+        """Return the forces that supports alone carry, shape ``(dofs,)``, and all pressures (`Inertia.settle`)."""
+        assembler, half = self.assembler, 0.5 * step
+        local, moving = assembler.local(displacement), assembler.local(velocity)
+        fixed = self._sums(lambda part, sums: part.add_bends(local, moving, sums))
+        fixed.scale(-half)
+        fixed.axpy(-1.0 / half, self._sums(lambda part, sums: part.add_integrals(local, sums), lambda part: part.soft))
+        fixed.axpy(-1.0, assembler.state(balance))
+
+        def solved(p: Array) -> PETSc.Vec:
+            # Of the pressures times half a step, and their rows as much: the matrix is symmetric.
+            self._fill(displacement, lambda part: (half, complementary(part.volumes, part.pressure(p))[2]))
+            right = self._sums(lambda part, sums: part.add_volumes(_beyond(part, p), sums))
+            right.aypx(1.0 / half, fixed)
+            return self._solved(right)
+
+        x = self._iterated(solved, half)
+        acceleration = assembler.change(x)
+        x.scale(half)
+        held = balance + assembler.momenta(acceleration) + assembler.pressed_by(displacement, x)
+        return held, assembler.all_pressures(x)
+
+    def stored(self, displacement: Array) -> float:
+        """Return the energy ``U(theta)`` of pressures, ``p^2 / (2 kappa)``."""
+        if not self._soft:
+            return 0.0
+        assembler = self.assembler
+        local = assembler.local(displacement)
+        grown = self._sums(lambda part, sums: part.add_integrals(local, sums), lambda part: part.soft)
+        grown.scale(-1.0)
+
+        def solved(p: Array) -> PETSc.Vec:
+            self._fill(displacement, lambda part: (0.0, part.complement(p)[2]))
+            right = self._sums(lambda part, sums: part.add_volumes(_beyond(part, p), sums), lambda part: part.soft)
+            right.axpy(1.0, grown)
+            return self._solved(right)
+
+        x = self._iterated(solved, 1.0)
+        p = assembler.pressures_of(x)
+        own = sum(float(np.sum(part.table.weights * part.complement(p)[0])) for part in assembler.parts if part.soft)
+        return -float(grown.dot(x)) - float(assembler.comm.tompi4py().allreduce(own))
+
+    def _iterated(self, solved: Callable[[Array], PETSc.Vec], scale: float) -> PETSc.Vec:
+        """Return the fixed point of Newton's iterations, given the unknowns of the next from pressures."""
+        x, before = self.assembler.vector(), np.inf
+        for _ in range(_MOST):
+            y = solved(scale * self.assembler.pressures_of(x))
+            x.axpy(-1.0, y)
+            change, x = float(x.norm()), y
+            # The second one is all rounding where pressures are linear.
+            if not change < 0.5 * before or change <= 1e-10 * float(y.norm()):
+                break
+            before = change
+        return x
+
+    def _sums(
+        self,
+        integrate: "Callable[[MixedStepPart, Array], None]",
+        which: "Callable[[MixedStepPart], bool] | None" = None,
+    ) -> PETSc.Vec:
+        """Return what mixed parts, or some of these, integrate."""
+        total, out = self.assembler.local(np.zeros(self.assembler.model.dofs)), self.assembler.vector()
+        for part in self.assembler.parts:
+            if part.mixed and (which is None or which(part)):
+                integrate(part, total)
+        self.assembler.gather(total, out)
+        return out
+
+    def _fill(self, displacement: Array, how: "Callable[[MixedStepPart], tuple[float, Array]]") -> None:
+        """Fill the matrix with that of a state, given the share of the constraints of each part, and the compliance."""
+        self.assembler.fill_saddle(displacement, how, self._matrix)
+        self._ksp.setOperators(self._matrix)
+
+    def _solved(self, right: PETSc.Vec) -> PETSc.Vec:
+        solution = self.assembler.vector()
+        self._ksp.solve(right, solution)
+        return solution
+
+
+def _integrate(local: Array, part: "MixedStepPart", sums: Array) -> None:
+    """Add the integrals of ``theta`` of a displacement."""
+    part.add_integrals(local, sums)
+
+
+def _beyond(part: "MixedStepPart", p: Array) -> Array:
+    """Return ``U*'(p) - U*''(p) p`` at the points, zero where pressures are linear."""
+    at_points = part.pressure(p)
+    _, slope, bend = complementary(part.volumes, at_points)
+    return slope - bend * at_points

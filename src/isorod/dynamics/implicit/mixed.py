@@ -1,0 +1,203 @@
+"""Implicit steps of bodies with the mixed formulation: energy and momenta stay, up to ``nu = 0.5``.
+
+Between states 0 and 1 of a step the energy ``psi + kappa/2 theta^2`` (`isorod.assembly.mixed`) has the forces
+
+    f = f_psi(u_0, u_1) + integral of p D theta(u_0, u_1),    integral of q (theta_0 + theta_1 - 2 p / kappa) = 0
+
+for all pressures ``q``: ``D theta``, a discrete gradient (Gonzalez, J. Nonlinear Sci. 6 (1996) 449-467), does exactly
+the work ``theta_1 - theta_0``, so that the pressure at the middle of the step, ``p``, the mean of those at its ends,
+does that of ``p^2 / (2 kappa)``.  Where all of a body is incompressible, the constraint is ``theta_1 = 0``: nothing
+that rounding leaves adds up, and ``p`` does no work.  Of other energies ``U(theta)`` it is ``theta_0 + theta_1 =
+2 U*'(p)``, and energy is kept to second order in the change of the pressure.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from petsc4py import PETSc
+
+from isorod.arrays import Array
+from isorod.assembly import mixed_kernel
+from isorod.assembly.exchange import Exchange
+from isorod.assembly.mixed import MixedAssembler, MixedPart
+from isorod.assembly.pattern import Pattern, add
+from isorod.assembly.pattern_kernel import Blocks
+from isorod.assembly.split import Share
+from isorod.dynamics.implicit.assembler import StepAssembler, StepPart
+from isorod.material.along_rod import complementary, volume_between, volume_change
+from isorod.model.model import Model
+from isorod.petsc.matrix import set_values, zeros
+from isorod.tensors import inverse
+
+# Attribute of a matrix of mass and constraints: the pattern of the parts' entries.
+_PATTERN = "isorod_saddle"
+
+# Times the shear modulus.
+_LEAST = 1e-9
+
+
+class MixedStepPart(MixedPart, StepPart):
+    """The elements of one body during a step.
+
+    Attributes
+    ----------
+    rigid, soft
+        Whether it is mixed, and incompressible somewhere, or compressible somewhere.
+    """
+
+    def __init__(self, share: Share, exchange: Exchange) -> None:
+        super().__init__(share, exchange)
+        laws = share.body.laws if self.mixed else ()
+        rigid = [getattr(law, "lame", 0.0) == np.inf for law in laws]
+        self.rigid, self.soft = any(rigid), not all(rigid)
+        self._before: Array | float = 0.0
+
+    def begin(self, displacement: Array) -> None:
+        """Set the state a step starts from, of this rank's degrees of freedom."""
+        super().begin(displacement)
+        if self.soft:
+            self._before = volume_change(self.volumes, self.start)[0]
+
+    def add_forces(self, local: Array, factor: float, forces: Array) -> None:
+        """Add the internal forces of the change of the displacement and the pressure in ``local``, and the gaps."""
+        if not self.mixed:
+            super().add_forces(local, factor, forces)
+            return
+        change, p = self._changes(local), self.pressure(local)
+        stress, _ = self.laws.at(factor).discrete(self.start, change, False)
+        stress += p[..., None, None] * volume_between(self.start, change, False)[0]
+        self._add_stress(stress, forces)
+        after = volume_change(self.volumes, self.start + change)[0]
+        self.add_volumes(self._before + after - 2.0 * complementary(self.volumes, p)[1], forces)
+
+    def add_entries(self, local: Array, factor: float, blocks: Blocks, entries: Array) -> None:
+        """Add the derivatives of what `add_forces` adds, and of inertial forces, to entries of a pattern."""
+        StepPart.add_entries(self, local, factor, blocks, entries)
+
+    def _matrices(self, local: Array, factor: float) -> Array:
+        if not self.mixed:
+            return super()._matrices(local, factor)
+        change, p = self._changes(local), self.pressure(local)
+        _, moduli = self.laws.at(factor).discrete(self.start, change, True)
+        gradient, slope = volume_between(self.start, change, True)
+        assert slope is not None
+        moduli += p[..., None, None, None, None] * slope
+        result = self._padded_matrices(self._contracted(moduli))
+        right = mixed_kernel.coupling(self.table, gradient, self.across, self.along)
+        own = self.own(slice(None), 2.0 * complementary(self.volumes, p)[2])
+        self.set_coupling(result, right, self._slopes(self.start + change), own)
+        return result.reshape(*self.dofs.shape, -1)
+
+    def _slopes(self, F: Array) -> Array:
+        """Return the derivatives of the integrals of ``theta`` (`isorod.assembly.mixed_kernel.coupling`)."""
+        return mixed_kernel.coupling(self.table, volume_change(self.volumes, F)[1], self.across, self.along)
+
+    def saddle(self, local: Array, share: float, compliance: Array) -> Array:
+        """Return matrices of mass, ``share`` times the derivatives of the integrals of ``theta``, and compliance.
+
+        Parameters
+        ----------
+        local
+            The displacement.
+        share, compliance
+            The latter has shape ``(E, t, q)``.
+        """
+        elements, functions = self.mass.shape[:2]
+        masses = np.zeros((elements, functions, 3, functions, 3))
+        for a in range(3):
+            masses[:, :, a, :, a] = self.mass
+        result = self._padded_matrices(masses.reshape(elements, 3 * functions, -1))
+        if self.mixed:
+            both = share * self._slopes(self._gradients(local))
+            self.set_coupling(result, both, both, self.own(slice(None), compliance))
+        return result.reshape(*self.dofs.shape, -1)
+
+    def _gradients(self, local: Array) -> Array:
+        return np.eye(3) + self._changes(local)
+
+    def add_integrals(self, local: Array, volumes: Array) -> None:
+        """Add the integrals of ``theta`` in a state."""
+        self.add_volumes(volume_change(self.volumes, self._gradients(local))[0], volumes)
+
+    def complement(self, p: Array) -> tuple[Array, Array, Array]:
+        """Return ``U*`` of the pressures in ``p`` and its derivatives, shapes ``(E, t, q)``.
+
+        Where incompressible elements are in a body with others, they have as good as no compliance, but one.
+        """
+        at_points = self.pressure(p)
+        value, slope, bend = complementary(self.volumes, at_points)
+        least = np.where(bend == 0.0, _LEAST / self.body.pressure_unit, 0.0)
+        return value + 0.5 * least * at_points**2, slope + least * at_points, bend + least
+
+    def add_rates(self, local: Array, velocity: Array, volumes: Array) -> None:
+        """Add the rates of the integrals of ``theta``."""
+        slope = volume_change(self.volumes, self._gradients(local))[1]
+        self.add_volumes(np.sum(slope * self._changes(velocity), axis=(-2, -1)), volumes)
+
+    def add_bends(self, local: Array, velocity: Array, volumes: Array) -> None:
+        """Add what the second rates of the integrals of ``theta = ln J`` are where nothing accelerates."""
+        rate = self._changes(velocity) @ inverse(self._gradients(local))[0]
+        self.add_volumes(-np.einsum("...ab,...ba->...", rate, rate), volumes)
+
+    def add_pressure(self, local: Array, p: Array, forces: Array) -> None:
+        """Add the forces of the pressures in ``p`` in a state."""
+        slope = volume_change(self.volumes, self._gradients(local))[1]
+        self._add_stress(self.pressure(p)[..., None, None] * slope, forces)
+
+
+class MixedStepAssembler(MixedAssembler, StepAssembler):
+    """Assembles the balance of a step; unknowns are the changes of the displacement and the pressures in the middle."""
+
+    part = MixedStepPart
+    parts: list[MixedStepPart]  # type: ignore[assignment]
+
+    def __init__(self, model: Model, comm: PETSc.Comm | None = None) -> None:
+        super().__init__(model, comm)
+        self.pressure = np.zeros(sum(body.pressures.size for body in model.bodies if body.pressures is not None))
+
+    def guess(self, change: Array) -> PETSc.Vec:
+        """Return the unknowns from which a step's iterations begin: the last pressure is the next."""
+        return self.state(change, self.model.split_pressures(self.pressure))
+
+    def accept(self, x: PETSc.Vec) -> None:
+        """Keep the pressures of a step."""
+        self.pressure = self.all_pressures(x)
+
+    def saddle(self) -> PETSc.Mat:
+        """Return a new matrix with room for those of mass and constraints (`fill_saddle`)."""
+        pattern = Pattern([part.of_dofs for part in self.parts], self.free)
+        matrix = self._matrix(pattern.indices, pattern)
+        matrix.setAttr(_PATTERN, pattern)
+        return matrix
+
+    def fill_saddle(
+        self, displacement: Array, how: Callable[[MixedStepPart], tuple[float, Array]], out: PETSc.Mat
+    ) -> None:
+        """Fill a matrix with those of mass and constraints (`MixedStepPart.saddle`), given how each part has these."""
+        with self._timed():
+            pattern: Pattern = out.getAttr(_PATTERN)
+            local, entries = self.local(displacement), zeros(out, pattern.total)
+            for part, blocks in zip(self.parts, pattern.blocks, strict=True):
+                share, compliance = how(part) if part.mixed else (0.0, np.zeros(0))
+                add(part.saddle(local, share, compliance), blocks, entries)
+            set_values(out, entries)
+
+    def gather(self, local: Array, out: PETSc.Vec) -> None:
+        """Fill a vector with the sums over all ranks of what is in this rank's slots."""
+        self._exchange.store(local, out)
+
+    def pressed_by(self, displacement: Array, x: PETSc.Vec) -> Array:
+        """Return the forces of the pressures in ``x`` in a state, of all degrees of freedom."""
+        local, p, forces = self.local(displacement), self._state(x, 0.0), np.zeros(self._exchange.size)
+        for part in self.parts:
+            if part.mixed:
+                part.add_pressure(local, p, forces)
+        return self._whole(forces)
+
+    def pressures_of(self, x: PETSc.Vec) -> Array:
+        """Return a vector's degrees of freedom of this rank, of which parts take pressures."""
+        return self._state(x, 0.0)
+
+    def all_pressures(self, x: PETSc.Vec) -> Array:
+        """Return the coefficients of all bodies' pressures one behind the other, force per area, shape ``(p,)``."""
+        return np.concatenate([one.ravel() for one in self.pressures(x) if one is not None])

@@ -1,0 +1,110 @@
+"""Contact of bodies with the mixed formulation: exact derivatives, quadratic Newton, the same on several ranks."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from conftest import as_array, straight
+
+from isorod import statics
+from isorod.assembly.mixed import MixedAssembler
+from isorod.geometry.rod import Rod
+from isorod.material import NeoHookean
+from isorod.model import Body, Contact, Model, Support
+from isorod.space import Space
+
+ACROSS = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])  # z to x
+
+
+def crossing(nu=0.4999, gap=-0.1, press=0.5, **contact):
+    """Two crossing bars of radius 1, ends clamped; those of the second are pressed down on the first, which is mixed.
+
+    The other one is not, if it is not nearly incompressible: what couples them has pressures on one side alone.
+    """
+    rod = straight(8, degree=3, breaks=(0.0, 1.0, 2.0, 3.0, 4.0), height=8.0)
+    points = rod.control_points - [0.0, 0.0, 4.0]
+    low = Space.paper(Rod(rod.axis, points), degree=3, order=1, quadrature="auto")
+    high = Space.paper(Rod(rod.axis, points @ ACROSS.T + [0.0, 2.0 + gap, 0.0]), degree=3, order=1, quadrature="auto")
+    supports = [Support.end(low, "start"), Support.end(low, "end")]
+    supports += [Support.end(high, end, displacement=(0.0, -press, 0.0), body=1) for end in ("start", "end")]
+    law = NeoHookean(3000.0, nu)
+    bodies = [Body(low, law, formulation="mixed"), Body(high, NeoHookean(1000.0, 0.3))]
+    return Model(bodies, supports, contacts=[Contact(0, 1, **{"penalty": 1e4, "points": (3, 4)} | contact)])
+
+
+def disturbed(assembler, size):
+    x = assembler.vector()
+    x.array_w[:] = size * np.random.default_rng(1).standard_normal(assembler.unknowns)
+    return x
+
+
+def difference(assembler, x, v, factor, step=1e-6):
+    """Return the change of the residual along a vector."""
+    sides, out = [], assembler.vector()
+    for sign in (-1.0, 1.0):
+        moved = x.copy()
+        moved.axpy(sign * step, v)
+        assembler.residual(moved, factor, out)
+        sides.append(out.array_r.copy())
+    return (sides[1] - sides[0]) / (2.0 * step)
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.4])
+@pytest.mark.parametrize("nu", [0.4999, 0.5])
+def test_tangent_is_the_derivative_of_the_residual(nu, friction):
+    model = crossing(nu, friction=friction)
+    assembler = MixedAssembler(model)
+    x = disturbed(assembler, 0.003)
+    if friction:
+        # What sticks and slips has been somewhere before.
+        assembler.residual(assembler.vector(), 0.2, assembler.vector())
+        assembler.contact.accept(assembler.displacement(assembler.vector(), 0.2))
+    assert assembler.symmetric == (not friction)
+    matrix = assembler.matrix()
+    assembler.tangent(x, 0.2, matrix)
+    tangent = as_array(matrix)
+    first, second = (
+        assembler.state(np.where(np.arange(model.dofs) // (3 * model.first_node[1]) == b, 1.0, 0.0)).array > 0.0
+        for b in (0, 1)
+    )
+    assert np.abs(tangent[np.ix_(first, second)]).max() > 1.0
+    asymmetry = np.abs(tangent - tangent.T).max() / np.abs(tangent).max()
+    assert asymmetry > 1e-6 if friction else asymmetry < 1e-12
+    rng = np.random.default_rng(1)
+    for _ in range(3):
+        v = assembler.vector()
+        v.array_w[:] = rng.standard_normal(assembler.unknowns)
+        change = difference(assembler, x, v, 0.2)
+        np.testing.assert_allclose(tangent @ v.array_r, change, atol=1e-6 * np.abs(change).max())
+
+
+def test_load_forces_include_contact_of_held_nodes():
+    """The bar without pressures, all held, moves onto the other: its prescribed motion acts through contact alone."""
+    model = crossing(gap=-0.02)
+    high = model.bodies[1].space
+    everything = Support(np.arange(high.nodes), "xyz", high.is_carrier[:, None] * np.array([0.0, -0.01, 0.0]), 1)
+    assembler = MixedAssembler(replace(model, supports=[*model.supports[:2], everything]))
+    x, out = assembler.vector(), assembler.vector()
+    assembler.tangent(x, 0.5, assembler.matrix())
+    assembler.load_forces(x, 0.5, 1e-4, out)
+    sides = []
+    for factor in (0.5 - 1e-4, 0.5 + 1e-4):
+        side = assembler.vector()
+        assembler.residual(x, factor, side)
+        sides.append(side.array_r.copy())
+    change = 0.5 * (sides[1] - sides[0])
+    assert np.abs(change).max() > 1e-4
+    np.testing.assert_allclose(out.array_r, change, atol=1e-6 * np.abs(change).max())
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.4])
+def test_newton_is_quadratic_and_forces_balance(friction, petsc_options):
+    petsc_options(snes_rtol=1e-13)
+    solution = statics.solve(crossing(gap=0.05, friction=friction), load_steps=2)
+    norms = [norm for norm in solution.residual_norms[1:] if norm > 1e-10]
+    orders = [np.log(c / b) / np.log(b / a) for a, b, c in zip(norms, norms[1:], norms[2:], strict=False)]
+    print("residual norms", *(f"{norm:.2e}" for norm in solution.residual_norms))
+    assert orders[-1] > 1.7
+    down = solution.reactions[2:].sum(axis=0)
+    np.testing.assert_allclose(solution.reactions[:2].sum(axis=0), -down, atol=1e-6)
+    assert -down[1] > 30.0
