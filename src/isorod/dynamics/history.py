@@ -144,8 +144,8 @@ class History(Animated):
             self.displacement[k],
             self.velocity[k],
             time,
-            pressures=self.model.split_pressures(self.pressure[k]),
             factor=factor,
+            pressures=self.model.split_pressures(self.pressure[k]),
         )
 
     def __iter__(self) -> Iterator[Instant]:
