@@ -9,7 +9,7 @@ from isorod import options
 
 options.initialize([])
 
-from comparisons.fem import mixed  # noqa: E402
+from comparisons.fem import mixed, mixed_modes  # noqa: E402
 from comparisons.fem.domain import Domain  # noqa: E402
 from comparisons.fem.statics import Held  # noqa: E402
 from comparisons.stability import incompressible  # noqa: E402
@@ -57,3 +57,20 @@ def test_rods_and_bricks_agree_on_the_pinched_section(nu):
 def test_stored_references_are_those_of_the_meshes_named(case):
     found = incompressible.reference(case, incompressible.RATIOS[2], *incompressible.MESHES[case])
     assert found == pytest.approx(incompressible.REFERENCE[case][2], rel=1e-6)
+
+
+def test_modes_of_a_free_incompressible_cylinder():
+    """Six bricks along; torsion, whose frequencies are exact, is the third mode of both."""
+    domain = Domain.distribute(bricks(mixed_modes.cylinder(), o_grid(8, 1, 2), 6))
+    theirs = mixed_modes.modes(domain, incompressible.law(0.5), 1.0, count=3).frequencies[6:]
+    ours = mixed_modes.CASES["cylinder"].ours(0.5).frequencies[6:9]
+    assert ours == pytest.approx(theirs, rel=5e-3)
+    assert [ours[2], theirs[2]] == pytest.approx([1.0 / 12.0] * 2, rel=1e-4)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", mixed_modes.CASES)
+@pytest.mark.parametrize("nu", [0.49999, 0.5])
+def test_modes_by_default_are_within_half_a_percent(case, nu):
+    found = mixed_modes.row(mixed_modes.CASES[case], nu)
+    assert found.error < 5e-3

@@ -229,10 +229,8 @@ class Body:
         This rank's own nodes that are not held, local numbers; or, without ``whole``, degrees of freedom.
     degree
         Of the displacement.
-    whole
-        Whether nodes are free or held as a whole.
-    pressures
-        Number of degrees of freedom that are pressures.
+    whole, pressures
+        Whether nodes are free or held as a whole; number of degrees of freedom that are pressures.
     """
 
     def __init__(
