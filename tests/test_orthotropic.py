@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from isorod import dynamics, modal, section_properties, statics
+from isorod.assembly.assembler import Assembler
 from isorod.errors import InputError
 from isorod.files.scene import FileScene
 from isorod.geometry.center_line import arc, helix, straight
@@ -14,7 +15,9 @@ from isorod.material import LinearElastic, fibre
 from isorod.material.orthotropic import Orthotropic, TransverselyIsotropic
 from isorod.material.places import Places
 from isorod.model import Body, Contact, Model, Plane, Support
+from isorod.output.section_properties import _prism, apart
 from isorod.space import Space
+from isorod.space.ringed import Ringed
 
 E, NU, G = (120.0, 30.0, 20.0), (0.3, 0.25, 0.35), (12.0, 9.0, 7.0)
 WOOD = Orthotropic(E, NU, G)
@@ -27,7 +30,7 @@ section = {circle = 0.5}
 Orthotropic = {E = [120, 30, 20], nu = [0.3, 0.25, 0.35], G = [12, 9, 7.0], axes = ["tangent", [0, 2, 0]]}
 
 [[rod.bar.law]]
-TransverselyIsotropic = {E = 130, E_across = 9.0, nu = 0.28, nu_across = 0.4, G = 5.0, fibre = "around"}
+TransverselyIsotropic = {E = 130, E_across = 9.0, nu = 0.28, nu_across = 0.4, G = 5.0, fibre = {helix = 90}}
 
 [support.wall]
 end = "start"
@@ -133,6 +136,9 @@ def test_a_bar_pulled_at_an_angle_to_its_axes(angle):
     area = np.pi * 0.24
     stress = 0.005 / strain[2, 2]
     assert solution.reactions[-1, 2] == pytest.approx(stress * area, rel=1e-9)
+    assembler = Assembler(model)
+    stored = assembler.energy(assembler.state(solution.displacement.ravel()), 1.0)
+    assert stored == pytest.approx(0.5 * 0.02 * solution.reactions[-1, 2], rel=1e-9)
     _, F = space.displacement(solution.displacement, np.array([[0.3, 0.2], [-0.5, 0.6]]), [0.3, 0.8])
     found = 0.5 * (F + F.swapaxes(-1, -2)) - np.eye(3)
     assert np.abs(found - stress * strain).max() < 1e-9 * 0.005
@@ -152,8 +158,28 @@ def test_section_stiffnesses_of_an_ellipse():
     assert found.stiffness[0, 0] == pytest.approx(E[0] * area, rel=1e-9)
     assert found.EI == pytest.approx([E[0] * area * b**2 / 4, E[0] * area * a**2 / 4], rel=1e-9)
     assert found.GJ == pytest.approx(area * a**2 * b**2 * G[0] * G[1] / (b**2 * G[0] + a**2 * G[1]), rel=1e-9)
-    with pytest.raises(InputError, match="directions vary across the section"):
-        section_properties(rod, 0.0, material=replace(CARBON, fibre=fibre.helix(20.0)))
+
+
+def test_section_stiffness_where_fibres_wind():
+    """A wound tube: its stretch and twist under a pull, far from its ends, whose faces bear no shear."""
+    length = 8.0
+    tube = straight(length).sweep(circle(8, 0.5)).with_rings((0.6, 1.0))
+    law = replace(CARBON, fibre=fibre.helix(30.0))
+    space = Space(tube, elements=8, degree=3, section_degree=4)
+    prism, _, _ = _prism(Body(space, law), np.zeros(1))
+    basis = Ringed(prism.rod, 4)
+    compliance = np.linalg.inv(prism.stiffness(basis))
+    pulled = Support.end(space, "end", "z", (0.0, 0.0, 0.01))
+    solution = statics.solve(Model([Body(space, law)], [*held(space), pulled]))
+    ahead, behind = (solution.at(0, u, [[1.0, 0.0], [-1.0, 0.0]]) for u in (0.6, 0.4))
+    moved = (ahead - behind) / (0.2 * length * solution.reactions[-1, 2])
+    assert moved[:, 2].mean() == pytest.approx(compliance[0, 0], rel=1e-3)
+    assert moved[0, 1] - moved[1, 1] == pytest.approx(compliance[3, 0], rel=1e-3)
+    assert compliance[3, 0] < -0.1
+    # The same moduli everywhere, taken point by point.
+    same = np.broadcast_to(prism.moduli[0], (10_000, 3, 3, 3, 3))
+    pointwise = replace(prism, field=lambda xi: same[: len(xi)])
+    assert apart(replace(prism, field=None).stiffness(basis), pointwise.stiffness(basis)) < 1e-9
 
 
 def test_modes_of_a_free_bar():
@@ -200,7 +226,7 @@ def test_files_have_them(tmp_path):
     first, second = body.laws[0], body.laws[-1]
     assert np.array_equal(first.constants, WOOD.constants) and first.axes[0] == "tangent"
     assert np.array_equal(first.axes[1], [0.0, 1.0, 0.0])
-    assert np.array_equal(second.constants, CARBON.constants) and second.fibre == "around"
+    assert np.array_equal(second.constants, CARBON.constants) and second.fibre.args == (90.0,)
 
 
 def test_a_winding_fibre_twists_a_bar_that_is_pulled():

@@ -16,50 +16,114 @@ from isorod.material.fibre import Fibre
 from isorod.material.law import Material
 from isorod.material.moduli_kernel import add_both
 from isorod.material.places import Places
-from isorod.material.points import FIBRE, POINT, POINTS, ROWS, TANGENT, Compiled
+from isorod.material.points import ACTIVE, BLOCK, ENERGY, FIBRE, GRADIENT, POINT, POINTS, ROWS, TANGENT, Compiled
 
 if TYPE_CHECKING:
     from isorod.material.energy import Energy
+
+_F = GRADIENT
 
 # Axes at a smaller angle than this, in radians, have no plane.
 _PARALLEL = 1e-6
 
 
+@njit(**FAST)
+def _times(e: tuple[float, ...], p: tuple[float, ...]) -> tuple[float, float, float]:
+    """Return the product of a symmetric tensor, components 00, 01, 02, 11, 12, 22, with a vector."""
+    return (
+        e[0] * p[0] + e[1] * p[1] + e[2] * p[2],
+        e[1] * p[0] + e[3] * p[1] + e[4] * p[2],
+        e[2] * p[0] + e[4] * p[1] + e[5] * p[2],
+    )
+
+
+@njit(**FAST)
+def _dot(p: tuple[float, ...], q: tuple[float, ...]) -> float:
+    return p[0] * q[0] + p[1] * q[1] + p[2] * q[2]
+
+
+@njit(**FAST)
+def _sum(
+    x: float, p: tuple[float, ...], y: float, q: tuple[float, ...], z: float, r: tuple[float, ...]
+) -> tuple[float, float, float]:
+    """Return ``x p + y q + z r`` of vectors."""
+    return x * p[0] + y * q[0] + z * r[0], x * p[1] + y * q[1] + z * r[1], x * p[2] + y * q[2] + z * r[2]
+
+
+@njit(**FAST)
+def _stress(
+    e: tuple[float, ...], p: tuple[float, ...], q: tuple[float, ...], c: tuple[float, ...], g: tuple[float, ...]
+) -> tuple[float, ...]:
+    """Return the stress of a strain, components 00, 01, 02, 11, 12, 22 of both, and the energy.
+
+    Strains along the axes are ``e_ij = n_i.e n_j``; the third is ``p x q``.
+    """
+    r = (p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0])
+    ep, eq, er = _times(e, p), _times(e, q), _times(e, r)
+    x, y, z = _dot(p, ep), _dot(q, eq), _dot(r, er)
+    xy, xz, yz = _dot(p, eq), _dot(p, er), _dot(q, er)
+    sx, sy, sz = c[0] * x + c[1] * y + c[2] * z, c[1] * x + c[3] * y + c[4] * z, c[2] * x + c[4] * y + c[5] * z
+    sxy, sxz, syz = 2.0 * g[0] * xy, 2.0 * g[1] * xz, 2.0 * g[2] * yz
+    # Stress on the planes across the axes.
+    u, v, w = _sum(sx, p, sxy, q, sxz, r), _sum(sxy, p, sy, q, syz, r), _sum(sxz, p, syz, q, sz, r)
+    return (
+        p[0] * u[0] + q[0] * v[0] + r[0] * w[0],
+        p[0] * u[1] + q[0] * v[1] + r[0] * w[1],
+        p[0] * u[2] + q[0] * v[2] + r[0] * w[2],
+        p[1] * u[1] + q[1] * v[1] + r[1] * w[1],
+        p[1] * u[2] + q[1] * v[2] + r[1] * w[2],
+        p[2] * u[2] + q[2] * v[2] + r[2] * w[2],
+        0.5 * (x * sx + y * sy + z * sz) + xy * sxy + xz * sxz + yz * syz,
+    )
+
+
 @njit(POINT, **STRICT)
 def _point(F: Array, constants: Array, fibre: Array, activation: float, stress: Array) -> tuple[float, float]:
-    """Fill in the stress of the strains ``e_ij = n_i.e n_j`` along the axes ``n_1, n_2, n_1 x n_2``."""
-    c11, c12, c13, c22, c23, c33 = constants[0], constants[1], constants[2], constants[3], constants[4], constants[5]
-    g12, g13, g23 = constants[6], constants[7], constants[8]
-    n, t, s = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
-    for a in range(3):
-        n[0, a], n[1, a] = fibre[a], fibre[3 + a]
-    for a in range(3):
-        a1, a2 = (a + 1) % 3, (a + 2) % 3
-        n[2, a] = n[0, a1] * n[1, a2] - n[0, a2] * n[1, a1]
-    for i in range(3):
-        for j in range(3):
-            t[i, j] = 0.0
-            for a in range(3):
-                for A in range(3):
-                    strain = 0.5 * (F[a, A] + F[A, a]) - (1.0 if a == A else 0.0)
-                    t[i, j] += n[i, a] * strain * n[j, A]
-    s[0, 0] = c11 * t[0, 0] + c12 * t[1, 1] + c13 * t[2, 2]
-    s[1, 1] = c12 * t[0, 0] + c22 * t[1, 1] + c23 * t[2, 2]
-    s[2, 2] = c13 * t[0, 0] + c23 * t[1, 1] + c33 * t[2, 2]
-    s[0, 1] = s[1, 0] = 2.0 * g12 * t[0, 1]
-    s[0, 2] = s[2, 0] = 2.0 * g13 * t[0, 2]
-    s[1, 2] = s[2, 1] = 2.0 * g23 * t[1, 2]
-    energy = 0.0
-    for i in range(3):
-        for j in range(3):
-            energy += 0.5 * s[i, j] * t[i, j]
-    for a in range(3):
-        for A in range(3):
-            stress[a, A] = 0.0
-            for i in range(3):
-                for j in range(3):
-                    stress[a, A] += n[i, a] * s[i, j] * n[j, A]
-    return energy, 0.0
+    k = constants
+    found = _stress(
+        (
+            F[0, 0] - 1.0,
+            0.5 * (F[0, 1] + F[1, 0]),
+            0.5 * (F[0, 2] + F[2, 0]),
+            F[1, 1] - 1.0,
+            0.5 * (F[1, 2] + F[2, 1]),
+            F[2, 2] - 1.0,
+        ),
+        (fibre[0], fibre[1], fibre[2]),
+        (fibre[3], fibre[4], fibre[5]),
+        (k[0], k[1], k[2], k[3], k[4], k[5]),
+        (k[6], k[7], k[8]),
+    )
+    stress[0, 0], stress[0, 1], stress[0, 2] = found[0], found[1], found[2]
+    stress[1, 0], stress[1, 1], stress[1, 2] = found[1], found[3], found[4]
+    stress[2, 0], stress[2, 1], stress[2, 2] = found[2], found[4], found[5]
+    return found[6], 0.0
+
+
+@njit(BLOCK, **FAST)
+def _block(work: Array, constants: Array, activation: float, wanted: bool) -> None:
+    c = (constants[0], constants[1], constants[2], constants[3], constants[4], constants[5])
+    g = (constants[6], constants[7], constants[8])
+    for k in range(np.uint64(POINTS)):
+        found = _stress(
+            (
+                work[ROWS[_F] + k] - 1.0,
+                0.5 * (work[ROWS[_F + 1] + k] + work[ROWS[_F + 3] + k]),
+                0.5 * (work[ROWS[_F + 2] + k] + work[ROWS[_F + 6] + k]),
+                work[ROWS[_F + 4] + k] - 1.0,
+                0.5 * (work[ROWS[_F + 5] + k] + work[ROWS[_F + 7] + k]),
+                work[ROWS[_F + 8] + k] - 1.0,
+            ),
+            (work[ROWS[FIBRE] + k], work[ROWS[FIBRE + 1] + k], work[ROWS[FIBRE + 2] + k]),
+            (work[ROWS[FIBRE + 3] + k], work[ROWS[FIBRE + 4] + k], work[ROWS[FIBRE + 5] + k]),
+            c,
+            g,
+        )
+        work[k], work[ROWS[1] + k], work[ROWS[2] + k] = found[0], found[1], found[2]
+        work[ROWS[3] + k], work[ROWS[4] + k], work[ROWS[5] + k] = found[1], found[3], found[4]
+        work[ROWS[6] + k], work[ROWS[7] + k], work[ROWS[8] + k] = found[2], found[4], found[5]
+        work[ROWS[ENERGY] + k] = found[6]
+        work[ROWS[ACTIVE] + k] = 0.0
 
 
 @njit(**FAST)
@@ -70,20 +134,14 @@ def _product(p: tuple[float, ...], q: tuple[float, ...]) -> tuple[float, ...]:
 
 
 @njit(**FAST)
-def _sum(
+def _sum_of_nine(
     x: float, d: tuple[float, ...], y: float, e: tuple[float, ...], z: float, f: tuple[float, ...]
 ) -> tuple[float, ...]:
-    """Return ``x d + y e + z f``."""
+    """Return ``x d + y e + z f`` of tensors."""
     return (
-        x * d[0] + y * e[0] + z * f[0],
-        x * d[1] + y * e[1] + z * f[1],
-        x * d[2] + y * e[2] + z * f[2],
-        x * d[3] + y * e[3] + z * f[3],
-        x * d[4] + y * e[4] + z * f[4],
-        x * d[5] + y * e[5] + z * f[5],
-        x * d[6] + y * e[6] + z * f[6],
-        x * d[7] + y * e[7] + z * f[7],
-        x * d[8] + y * e[8] + z * f[8],
+        *_sum(x, (d[0], d[1], d[2]), y, (e[0], e[1], e[2]), z, (f[0], f[1], f[2])),
+        *_sum(x, (d[3], d[4], d[5]), y, (e[3], e[4], e[5]), z, (f[3], f[4], f[5])),
+        *_sum(x, (d[6], d[7], d[8]), y, (e[6], e[7], e[8]), z, (f[6], f[7], f[8])),
     )
 
 
@@ -97,9 +155,9 @@ def _tangent(work: Array, constants: Array, activation: float) -> None:
         q = (work[ROWS[FIBRE + 3] + k], work[ROWS[FIBRE + 4] + k], work[ROWS[FIBRE + 5] + k])
         r = (p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0])
         d, e, f = _product(p, p), _product(q, q), _product(r, r)
-        add_both(work, k, 0.5, d, _sum(c11, d, c12, e, c13, f))
-        add_both(work, k, 0.5, e, _sum(c12, d, c22, e, c23, f))
-        add_both(work, k, 0.5, f, _sum(c13, d, c23, e, c33, f))
+        add_both(work, k, 0.5, d, _sum_of_nine(c11, d, c12, e, c13, f))
+        add_both(work, k, 0.5, e, _sum_of_nine(c12, d, c22, e, c23, f))
+        add_both(work, k, 0.5, f, _sum_of_nine(c13, d, c23, e, c33, f))
         d, e, f = _product(p, q), _product(p, r), _product(q, r)
         add_both(work, k, 2.0 * g12, d, d)
         add_both(work, k, 2.0 * g13, e, e)
@@ -109,7 +167,7 @@ def _tangent(work: Array, constants: Array, activation: float) -> None:
 class Directed(Checked, Material):
     """A law whose stress is linear in small strains, with three planes of symmetry at right angles at each point."""
 
-    compiled = Compiled(_point, None, _tangent)
+    compiled = Compiled(_point, _block, _tangent)
     objective: ClassVar[bool] = False
     linear: ClassVar[bool] = True
     families: ClassVar[int] = 2

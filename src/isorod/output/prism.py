@@ -19,8 +19,10 @@ with ``R = C Z, L = M Z, A = Z^T M Z``.  What the energy of ``g_0``, ``g_1`` and
 compliance: it does not depend on which part of ``g`` is called rigid.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -64,12 +66,15 @@ class Prism:
         ``(rings, 3, 3, 3, 3)``.
     densities
         Mass per volume of each ring, shape ``(rings,)``.
+    field
+        Where moduli vary within rings: those at disk points ``(q, 2)``, shape ``(q, 3, 3, 3, 3)``.
     """
 
     outline: Array
     rings: tuple[float, ...]
     moduli: Array
     densities: Array
+    field: Callable[[Array], Array] | None = None
 
     @cached_property
     def rod(self) -> Rod:
@@ -132,15 +137,19 @@ class Prism:
         rule = fine_rule(len(self.outline), _DEGREE)
         if self.rings != WHOLE:
             rule = Rule(max(rule.radial, Ringed(self.rod, _DEGREE).full(1).radial), rule.angular, 1)
-        return self._at(*section_points(len(self.outline), rule, rings=self.rings))
+        return self._at(*section_points(len(self.outline), self._rule(rule), rings=self.rings))
+
+    def _rule(self, rule: Rule) -> Rule:
+        """Return a rule for products of functions, of more points where moduli are one of the factors."""
+        return rule if self.field is None else Rule(rule.radial + 4, 2 * rule.angular, rule.axial)
 
     def _points(self, basis: Functions) -> "_Points":
         """Return points for products of section functions."""
         n = len(self.outline)
         if isinstance(basis, Polyharmonic):
-            return self._at(*section_points(basis.n, _HARMONIC, refinement_turn(n, basis.n // n)))
+            return self._at(*section_points(basis.n, self._rule(_HARMONIC), refinement_turn(n, basis.n // n)))
         if isinstance(basis, Waves):
-            return self._at(*section_points(n, basis.rule, rings=self.rings))
+            return self._at(*section_points(n, self._rule(basis.rule), rings=self.rings))
         return self._fine
 
     def _at(self, xi: Array, area: Array) -> "_Points":
@@ -160,6 +169,20 @@ class Prism:
         slopes = self._size * np.einsum("qlb,qba->qla", gradients, points.inverse)
         size = 3 * basis.count
         M, C, E = np.zeros((3, size, size))
+        if self.field is not None:
+            moduli = self.field(points.xi) / unit * (points.share / self._size**2)[:, None, None, None, None]
+            tables = values, slopes[..., 0], slopes[..., 1]
+            sums = np.zeros((3, 3, 3, basis.count, 3, basis.count))
+            for a, i, b, j in product(range(3), repeat=4):
+                # The last direction of ``moduli`` counts for ``b``, which is the transpose where it is less.
+                if a <= b:
+                    sums[a, b, i, :, j] = tables[a].T @ (moduli[:, i, a, j, b, None] * tables[b])
+            M += sums[0, 0].reshape(M.shape)
+            # Its rows are what varies in the section.
+            C += (sums[0, 1] + sums[0, 2]).reshape(M.shape).T
+            E += (sums[1, 1] + sums[2, 2]).reshape(M.shape)
+            E += sums[1, 2].reshape(M.shape) + sums[1, 2].reshape(M.shape).T
+            return M, C, E
         for r, moduli in enumerate(self.moduli / unit):
             own = points.ring == r
             root = np.sqrt(points.share[own])[:, None] / self._size

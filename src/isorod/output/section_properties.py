@@ -271,28 +271,30 @@ def _prism(body: Body, u: Array) -> tuple[Prism, Array, Array]:
             f"section at u = {u[0]:.4g}: its control points are off its plane by {np.abs(off).max():.3g}; a prism "
             "needs a plane section"
         )
-    moduli = _moduli(body, u)
-    moduli = np.einsum("raAbB,ia,jA,kb,lB->rijkl", moduli, frame, frame, frame, frame, optimize=True)
-    element = np.searchsorted(body.space.axis.breaks[1:-1], u[0], side="right")
-    densities = body.densities.reshape(body.space.axis.elements, -1)[element]
-    return Prism(np.stack([y, z], axis=1), rod.rings, moduli, densities), centroid, frame
 
+    def field(points: Array) -> Array:
+        """Return tangents at rest at disk points in the section's directions."""
+        found = body.laws_at(u, points).at(0.0).tangent(np.tile(np.eye(3), (1, len(points), 1, 1)))[0]
+        return np.asarray(np.einsum("raAbB,ia,jA,kb,lB->rijkl", found, frame, frame, frame, frame, optimize=True))
 
-def _moduli(body: Body, u: Array) -> Array:
-    """Return the tangents at rest of the rings' laws at ``u`` ``(1,)``, shape ``(rings, 3, 3, 3, 3)``."""
-    radii = np.array(body.space.rod.rings)
-    inner, width = radii[:-1, None, None], np.diff(radii)[:, None, None]
-    angles = 2.0 * np.pi * np.arange(5) / 5
-    points = (inner + width * np.array([0.25, 0.75])[:, None])[..., None] * np.stack(
-        [np.cos(angles), np.sin(angles)], 1
-    )
-    at_rest = np.tile(np.eye(3), (1, points.size // 2, 1, 1))
-    moduli = body.laws_at(u, points.reshape(-1, 2)).at(0.0).tangent(at_rest).reshape(len(radii) - 1, 10, 3, 3, 3, 3)
+    moduli = field(_samples(rod.rings)).reshape(len(rod.rings) - 1, -1, 3, 3, 3, 3)
     if not np.isfinite(moduli).all():
         raise InputError("section properties: an incompressible law (nu = 0.5) has no moduli; take one near it, 0.4999")
-    if np.abs(moduli - moduli[:, :1]).max() > 1e-9 * np.abs(moduli).max():
-        raise InputError("section properties: a law's directions vary across the section; a ring needs the same moduli")
-    return moduli[:, 0]
+    varies = bool(np.abs(moduli - moduli[:, :1]).max() > 1e-9 * np.abs(moduli).max())
+    element = np.searchsorted(body.space.axis.breaks[1:-1], u[0], side="right")
+    densities = body.densities.reshape(body.space.axis.elements, -1)[element]
+    return (
+        Prism(np.stack([y, z], axis=1), rod.rings, moduli[:, 0], densities, field if varies else None),
+        centroid,
+        frame,
+    )
+
+
+def _samples(rings: Sequence[float]) -> Array:
+    """Return ten points of the disk in each ring, the first where moduli that do not vary are taken from."""
+    radii, angles = np.array(rings), 2.0 * np.pi * np.arange(5) / 5
+    radius = radii[:-1, None, None, None] + np.diff(radii)[:, None, None, None] * np.array([0.25, 0.75])[:, None, None]
+    return np.asarray((radius * np.stack([np.cos(angles), np.sin(angles)], axis=1)).reshape(-1, 2))
 
 
 def _stiffness(prism: Prism) -> tuple[Array, float, str]:
