@@ -48,12 +48,13 @@ class Almansi:
     def full(self, degree):
         return Rule.full(self.n, degree, 5)
 
-    def coordinates(self, xi):
-        return np.asarray(xi, dtype=float)
-
     @property
-    def pressure_degrees(self):
-        return 2, 2
+    def pressure_count(self):
+        return 6
+
+    def pressures(self, xi):
+        x, y = np.asarray(xi, dtype=float).T
+        return np.stack([x**0, x, y, x * x, x * y, y * y], axis=1)
 
 
 @pytest.fixture(params=["auto", "full"])

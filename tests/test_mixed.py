@@ -131,7 +131,7 @@ def flat(ratio):
 @pytest.mark.parametrize(("degree", "continuity"), [(2, 1), (3, 2), (2, 0), (3, 1)])
 @pytest.mark.parametrize(
     ("sections", "bound"),
-    [({"order": 1}, 0.8), ({"order": 2}, 0.38), ({"order": 3}, 0.33), ({"section_degree": 4}, 0.27)],
+    [({"order": 1}, 0.8), ({"order": 2}, 0.38), ({"order": 3}, 0.25), ({"section_degree": 4}, 0.27)],
     ids=str,
 )
 def test_inf_sup_constant_is_bounded_below_when_the_axis_is_refined(degree, continuity, sections, bound):

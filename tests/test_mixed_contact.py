@@ -5,13 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from conftest import as_array, straight
+from test_mixed import inf_sup
 
+from comparisons.contact import crossed
 from isorod import statics
 from isorod.assembly.mixed import MixedAssembler
 from isorod.geometry.rod import Rod
 from isorod.material import NeoHookean
-from isorod.model import Body, Contact, Model, Support
+from isorod.material.muscle import Muscle
+from isorod.model import Body, Contact, Model, Plane, Support
 from isorod.space import Space
+from isorod.space.closer import Patch, closer
 
 ACROSS = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])  # z to x
 
@@ -108,3 +112,53 @@ def test_newton_is_quadratic_and_forces_balance(friction, petsc_options):
     down = solution.reactions[2:].sum(axis=0)
     np.testing.assert_allclose(solution.reactions[:2].sum(axis=0), -down, atol=1e-6)
     assert -down[1] > 30.0
+
+
+def test_pressures_are_chosen_with_contact_as_without():
+    """Fibres take them later; what knows none, and whoever says so, has displacements alone."""
+    low = crossing().bodies[0].space
+    for law, chosen in (
+        (NeoHookean(1.0, 0.489), "displacement"),
+        (NeoHookean(1.0, 0.49), "mixed"),
+        (Muscle(1.0, 0.498), "displacement"),
+        (Muscle(1.0, 0.499), "mixed"),
+    ):
+        body = Body(low, law)
+        model = Model([body], contacts=[Contact(0, Plane((0.0, -1.0, 0.0), (0.0, 1.0, 0.0)))])
+        assert body.formulation == model.bodies[0].formulation == chosen
+        assert model.in_motion().bodies[0].formulation == "displacement"
+
+
+@pytest.mark.slow
+def test_nearly_incompressible_cylinders_are_those_of_hertz():
+    """Radius by area and by the pressure's second moment, and largest pressure, at three control points across."""
+    pair = crossed.Cylinders(0.499999, None, 3.0)
+    model = pair.by_push()
+    assert model.bodies[0].formulation == "mixed"
+    found = pair.errors(crossed.solve(model))
+    print(found)
+    assert max(map(abs, found.values())) < 0.03
+
+
+# Pressures
+
+
+def test_inf_sup_constant_with_many_control_points_all_round_and_at_a_patch():
+    """Pressures are as local as contact, and yet no displacement is lost to them."""
+    many = Space.paper(straight(n=16, height=4.0), elements=2, degree=3, order=2)
+    assert many.basis.pressure_count == 14
+    patch = closer(straight(8, degree=2, height=2.0), [Patch(0.5, 0.3, 0.15, 0.15, 0.5)])
+    assert patch.basis.order == 3
+    found = [inf_sup(one) for one in (many, patch)]
+    print(*(f"{beta:.3f}" for beta in found))
+    assert min(found) > 0.3
+
+
+def test_pressures_of_order_less_by_one_are_those_of_polynomials_of_few_points():
+    """With eight control points and order 2, as before: those of degree 2."""
+    xi = np.random.default_rng(2).uniform(-0.7, 0.7, (20, 2))
+    found = Space.paper(straight(n=8, height=3.0), order=2).basis.pressures(xi)
+    x, y = xi.T
+    wanted = np.stack([x**0, x, y, x * x, x * y, y * y], axis=1)
+    assert found.shape == wanted.shape
+    np.testing.assert_allclose(found @ np.linalg.lstsq(found, wanted, rcond=None)[0], wanted, atol=1e-13)

@@ -1,19 +1,25 @@
-"""``python -m comparisons.contact.crossed``: two crossing cylinders against Hertz, by default and refined.
+"""``python -m comparisons.contact.crossed [--nu NU] [--formulation mixed|displacement] [--across N]``: Hertz.
 
-Equal elastic cylinders whose axes cross at a right angle, R = 1, E = 1000, nu = 0.3: pressed by a force of 1, so that
-contact alone holds the upper one, and by their backs, which come nearer by Hertz' approach of 0.012305 and by a quarter
-of it.  Spaces are those that scenes from files end on (`isorod.contact.patches`), for patches as large as Hertz has
-them, with so many control points across.  Radii are by the area in contact and by the second moment of the pressure,
-which is a fifth of Hertz' radius squared; pressures are force per reference area.
+Two crossing cylinders against Hertz, by default and refined.
+
+Equal elastic cylinders whose axes cross at a right angle, R = 1, E = 1000, nu = 0.3 or what is asked for: pressed by a
+force of 1, so that contact alone holds the upper one, and by their backs, which come nearer by Hertz' approach (of
+0.012305 at nu = 0.3) and by a quarter of it.  Spaces are those that scenes from files end on
+(`isorod.contact.patches`), for patches as large as Hertz has them, with so many control points across.  Radii are by
+the area in contact and by the second moment of the pressure, which is a fifth of Hertz' radius squared; pressures are
+force per reference area.
 
 Hertz' approach is that of points of half spaces infinitely far from the patch.  Backs are two radii away, on cylinders:
 what the bodies give way there besides is, far from the patch, linear in the force, whatever the patch.  So the approach
 of backs is ``K F^(2/3) + C F`` with Hertz' ``K``, as long as the patch is small beside the radius, and two pushes tell
-both; told is the force at an approach of 0.012305 without ``C F``.
+both; told is the force at Hertz' approach without ``C F``.
 """
 
+import argparse
+import sys
 import warnings
 from collections.abc import Sequence
+from dataclasses import dataclass
 from time import process_time
 
 import numpy as np
@@ -25,11 +31,11 @@ from isorod.contact.result import ContactResult
 from isorod.geometry.rod import Rod
 from isorod.material import LinearElastic
 from isorod.model import Body, Contact, Model, SectionLoad, Support
+from isorod.model.body import FORMULATIONS
 from isorod.space.closer import Patch, closer
 from isorod.space.space import Space
 
-RADIUS, E, NU, FORCE, LENGTH = 1.0, 1000.0, 0.3, 1.0, 4.0
-EXACT = hertz.crossed_cylinders(FORCE, hertz.modulus(E, NU, E, NU), (RADIUS, RADIUS))
+RADIUS, E, FORCE, LENGTH = 1.0, 1000.0, 1.0, 4.0
 
 # Control points across the patch: too few, as many as scenes from files take, and more.
 ACROSS = (3.0, Contact.across, 6.0)
@@ -41,21 +47,78 @@ _ACROSS = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 _BACK = 0.36
 
 
-def bars(across: float, force: float = FORCE) -> list[Space]:
-    """Return spaces of a bar along z about the origin, and of one along x that touches it from above."""
-    long = EXACT.long * (force / FORCE) ** (1.0 / 3.0)
-    rod = straight(LENGTH).sweep(circle(8, RADIUS))
-    points = rod.control_points - rod.control_points.mean(axis=(0, 1))
-    low, high = Rod(rod.axis, points), Rod(rod.axis, points @ _ACROSS.T + [0.0, 2.0 * RADIUS, 0.0])
-    angles = 2.0 * np.pi / 720 * np.arange(720)
-    circle_ = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    found = []
-    for one, sign in ((low, 1.0), (high, -1.0)):
-        height = sign * one.grid(circle_, [0.5])[0][0, :, 1]
-        reach = 1.2 * long
-        patch = Patch(0.5, float(angles[height.argmax()]), reach, reach / RADIUS, 2.0 * long / across)
-        found.append(closer(one, [patch]))
-    return found
+@dataclass(frozen=True)
+class Cylinders:
+    """The cylinders, with a Poisson's ratio, a formulation (chosen if None) and so many control points across."""
+
+    nu: float
+    formulation: str | None
+    across: float
+
+    def exact(self, force: float = FORCE) -> hertz.PointContact:
+        """Return what Hertz says of a force."""
+        return hertz.crossed_cylinders(force, hertz.modulus(E, self.nu, E, self.nu), (RADIUS, RADIUS))
+
+    def bars(self, force: float = FORCE) -> list[Space]:
+        """Return spaces of a bar along z about the origin, and of one along x that touches it from above."""
+        long = self.exact(force).long
+        rod = straight(LENGTH).sweep(circle(8, RADIUS))
+        points = rod.control_points - rod.control_points.mean(axis=(0, 1))
+        low, high = Rod(rod.axis, points), Rod(rod.axis, points @ _ACROSS.T + [0.0, 2.0 * RADIUS, 0.0])
+        angles = 2.0 * np.pi / 720 * np.arange(720)
+        circle_ = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+        found = []
+        for one, sign in ((low, 1.0), (high, -1.0)):
+            height = sign * one.grid(circle_, [0.5])[0][0, :, 1]
+            reach = 1.2 * long
+            patch = Patch(0.5, float(angles[height.argmax()]), reach, reach / RADIUS, 2.0 * long / self.across)
+            found.append(closer(one, [patch]))
+        return found
+
+    def by_push(self, share: float = 1.0) -> Model:
+        """Return bars whose backs come nearer by a share of Hertz' approach."""
+        low, high = self.bars(FORCE * share**1.5)
+        supports = [
+            Support(_back(low, -1.0), "xyz"),
+            Support(_back(high, 1.0), "xyz", (0.0, -share * self.exact().approach, 0.0), 1),
+        ]
+        return self._model(low, high, supports)
+
+    def by_force(self) -> Model:
+        """Return bars of which the upper one is pressed by forces at its ends, and guided there."""
+        low, high = self.bars()
+        supports = [Support(_back(low, -1.0), "xyz")]
+        supports += [Support.end(high, end, "xz", body=1) for end in ("start", "end")]
+        loads = [SectionLoad.end(high, end, (0.0, -0.5 * FORCE, 0.0), body=1) for end in ("start", "end")]
+        return self._model(low, high, supports, loads)
+
+    def lowered(self, model: Model) -> Array:
+        """Return displacements ``(dofs,)`` by which the upper bar has come nearer by Hertz' approach."""
+        found = np.zeros((model.dofs // 3, 3))
+        model.nodal(found.reshape(-1), 1)[model.bodies[1].space.is_carrier, 1] = -self.exact().approach
+        return found.reshape(-1)
+
+    def _model(self, low: Space, high: Space, supports: Sequence[Support], loads: Sequence[SectionLoad] = ()) -> Model:
+        bodies = [Body(one, LinearElastic(E, self.nu), formulation=self.formulation) for one in (low, high)]
+        return Model(bodies, supports, contacts=[Contact(0, 1, across=self.across)], loads=loads)
+
+    def errors(self, result: ContactResult) -> dict[str, float]:
+        """Return relative errors of a contact against Hertz at its own force."""
+        exact = self.exact(result.force)
+        load = result.areas * result.pressure
+        moments = load @ result.positions[:, [0, 2]] ** 2 / load.sum()
+        return {
+            "radius by area": float(np.sqrt(result.area / np.pi)) / exact.long - 1.0,
+            "radius by pressure": float(np.sqrt(5.0 * moments.mean())) / exact.long - 1.0,
+            "peak": result.peak / exact.peak - 1.0,
+        }
+
+    def hertzian(self, shares: Sequence[float], forces: Sequence[float]) -> float:
+        """Return the force at Hertz' approach, of two pushes by shares of it, less what is linear in the force."""
+        approach = self.exact().approach
+        given, found = np.array(shares) * approach, np.array(forces)
+        terms = np.stack([found ** (2.0 / 3.0), found], axis=1)
+        return float((approach / np.linalg.solve(terms, given)[0]) ** 1.5)
 
 
 def _back(space: Space, sign: float) -> Index:
@@ -67,82 +130,41 @@ def _back(space: Space, sign: float) -> Index:
     return np.asarray((np.arange(space.layers)[:, None] * space.layer_nodes + chosen).ravel())
 
 
-def by_push(across: float, share: float = 1.0) -> Model:
-    """Return bars whose backs come nearer by a share of Hertz' approach."""
-    low, high = bars(across, FORCE * share**1.5)
-    supports = [
-        Support(_back(low, -1.0), "xyz"),
-        Support(_back(high, 1.0), "xyz", (0.0, -share * EXACT.approach, 0.0), 1),
-    ]
-    return _model(low, high, across, supports)
+def solve(model: Model, begin: Array | None = None) -> ContactResult:
+    """Return the contact of an equilibrium, without warnings of what is compared here."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        (result,) = statics.solve(model, start=begin).contacts
+    return result
 
 
-def by_force(across: float) -> Model:
-    """Return bars of which the upper one is pressed by forces at its ends, and guided there."""
-    low, high = bars(across)
-    supports = [Support(_back(low, -1.0), "xyz")]
-    supports += [Support.end(high, end, "xz", body=1) for end in ("start", "end")]
-    loads = [SectionLoad.end(high, end, (0.0, -0.5 * FORCE, 0.0), body=1) for end in ("start", "end")]
-    return _model(low, high, across, supports, loads)
-
-
-def lowered(model: Model) -> Array:
-    """Return displacements ``(dofs,)`` by which the upper bar has come nearer by Hertz' approach."""
-    found = np.zeros((model.dofs // 3, 3))
-    model.nodal(found.reshape(-1), 1)[model.bodies[1].space.is_carrier, 1] = -EXACT.approach
-    return found.reshape(-1)
-
-
-def _model(
-    low: Space, high: Space, across: float, supports: Sequence[Support], loads: Sequence[SectionLoad] = ()
-) -> Model:
-    law = LinearElastic(E, NU)
-    return Model([Body(low, law), Body(high, law)], supports, contacts=[Contact(0, 1, across=across)], loads=loads)
-
-
-def errors(result: ContactResult) -> dict[str, float]:
-    """Return relative errors of a contact against Hertz at its own force."""
-    exact = hertz.crossed_cylinders(result.force, hertz.modulus(E, NU, E, NU), (RADIUS, RADIUS))
-    load = result.areas * result.pressure
-    moments = load @ result.positions[:, [0, 2]] ** 2 / load.sum()
-    return {
-        "radius by area": float(np.sqrt(result.area / np.pi)) / exact.long - 1.0,
-        "radius by pressure": float(np.sqrt(5.0 * moments.mean())) / exact.long - 1.0,
-        "peak": result.peak / exact.peak - 1.0,
-    }
-
-
-def hertzian(shares: Sequence[float], forces: Sequence[float]) -> float:
-    """Return the force at Hertz' approach, of two pushes by shares of it, less what is linear in the force."""
-    given, found = np.array(shares) * EXACT.approach, np.array(forces)
-    return float((EXACT.approach / np.linalg.solve(np.stack([found ** (2.0 / 3.0), found], axis=1), given)[0]) ** 1.5)
-
-
-def main() -> None:
+def main(arguments: Sequence[str]) -> None:
     """Print the table, a line as soon as it is known."""
-    for across in ACROSS:
-        pushes = []
-        pressed = by_force(across)
+    parser = argparse.ArgumentParser(prog="comparisons.contact.crossed")
+    parser.add_argument("--nu", type=float, default=0.3, help="Poisson's ratio")
+    parser.add_argument("--formulation", choices=FORMULATIONS, help="that which goes with it if not given")
+    parser.add_argument("--across", type=float, action="append", help="control points across a patch (3, 4 and 6)")
+    given = parser.parse_args(arguments)
+    for across in given.across or ACROSS:
+        pair, pushes = Cylinders(given.nu, given.formulation, across), []
+        pressed = pair.by_force()
         for name, model, begin in (
-            ("push", by_push(across), None),
-            ("a quarter of it", by_push(across, 0.25), None),
-            ("force", pressed, lowered(pressed)),
+            ("push", pair.by_push(), None),
+            ("a quarter of it", pair.by_push(0.25), None),
+            ("force", pressed, pair.lowered(pressed)),
         ):
             start = process_time()
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                solution = statics.solve(model, start=begin)
-            (result,) = solution.contacts
-            told = ", ".join(f"{what} {100.0 * error:+.1f} %" for what, error in errors(result).items())
+            result = solve(model, begin)
+            told = ", ".join(f"{what} {100.0 * error:+.1f} %" for what, error in pair.errors(result).items())
             print(
-                f"{across:g} wanted across, {name} ({result.cells_across:.2g} seen, {model.dofs} degrees of freedom): "
-                f"force {result.force:.4f}, {told}; {process_time() - start:.0f} s",
+                f"{model.bodies[0].formulation}, {across:g} wanted across, {name} ({result.cells_across:.2g} seen, "
+                f"{model.dofs} degrees of freedom): force {result.force:.4f}, {told}; {process_time() - start:.0f} s",
                 flush=True,
             )
             pushes.append(result.force)
-        force = hertzian((1.0, 0.25), pushes[:2])
+        force = pair.hertzian((1.0, 0.25), pushes[:2])
         print(f"{across:g} wanted across, both pushes: force at Hertz' approach {force:.4f}", flush=True)
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

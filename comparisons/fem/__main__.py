@@ -15,6 +15,7 @@ from isorod import options
 from isorod.command import ending
 from isorod.command.parser import split
 from isorod.errors import InputError
+from isorod.model.body import FORMULATIONS
 from isorod.output import results
 from isorod.scenes.biceps import Biceps
 from meshes import biceps, blade, spring
@@ -95,6 +96,7 @@ def _add_biceps(it: argparse.ArgumentParser) -> None:
     it.add_argument("--rings", type=int, default=1, metavar="N", help="bricks: rings round the core")
     it.add_argument("--cuts", type=int, default=1, metavar="N", help="bricks: cuts of the axis elements at held ends")
     it.add_argument("--degree", type=_positive, default=2, metavar="P", help="degree of displacement and geometry")
+    it.add_argument("--formulation", choices=FORMULATIONS, default="displacement", help="statics: mixed, Taylor-Hood")
     it.add_argument("--quadrature", type=_positive, metavar="Q", help="degree of the quadrature rule")
     it.add_argument("--parts", type=int, metavar="N", help="contact: rules to a facet's edge; 0: points at the nodes")
     it.add_argument("--time-step", type=float, metavar="DT", help="dynamics: time step [s] (0.9 of the critical one)")

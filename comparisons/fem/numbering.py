@@ -6,22 +6,32 @@ from meshes.mesh import Array, Index
 
 
 class Numbered:
-    """What has a space of displacements of a mesh's own order.
+    """What has a space of displacements of a mesh's own order, perhaps among other unknowns.
 
     Attributes
     ----------
     node_dofs
-        For each node of the mesh the place of its three coefficients in the space, shape ``(nodes,)``.
+        For each node of the mesh the place of its three coefficients in the space of displacements, ``(nodes,)``.
     """
 
     node_dofs: Index
 
+    @property
+    def places(self) -> Index:
+        """Place of the coefficients of each node among all unknowns, shape ``(nodes, 3)``."""
+        return 3 * self.node_dofs[:, None] + np.arange(3)
+
+    @property
+    def unknowns(self) -> int:
+        """Number of unknowns, held ones included."""
+        return 3 * self.node_dofs.size
+
     def to_dofs(self, nodal: Array) -> Array:
-        """Return values by node ``(nodes, 3)`` as coefficients of the space, shape ``(3 nodes,)``."""
-        result = np.empty_like(nodal)
-        result[self.node_dofs] = nodal
-        return result.ravel()
+        """Return values by node ``(nodes, 3)`` as coefficients of all unknowns, zero for what is no displacement."""
+        result = np.zeros(self.unknowns)
+        result[self.places] = nodal
+        return result
 
     def to_nodes(self, coefficients: Array) -> Array:
-        """Return coefficients of the space ``(3 nodes,)`` by node, shape ``(nodes, 3)``."""
-        return coefficients.reshape(-1, 3)[self.node_dofs]
+        """Return the coefficients of all unknowns that are displacements by node, shape ``(nodes, 3)``."""
+        return coefficients[self.places]

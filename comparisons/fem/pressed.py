@@ -14,27 +14,32 @@ from meshes.mesh import Array, Index, Mesh
 
 
 class Nodal(Protocol):
-    """A space of displacements whose unknowns are the nodes of a `Mesh`.
+    """A space of displacements whose unknowns are the nodes of a `Mesh`, perhaps with pressures.
 
     Attributes
     ----------
     source
         The mesh.
     state
-        The displacement; a dolfinx function.
-    node_dofs
-        Blocked degree of freedom of each node, shape ``(nodes,)``.
+        The displacement, with the pressure perhaps; a dolfinx function.
     """
 
     source: Mesh
     state: Any
-    node_dofs: Index
+
+    @property
+    def places(self) -> Index:
+        """Degrees of freedom of each node, shape ``(nodes, 3)``."""
+
+    @property
+    def unknowns(self) -> int:
+        """Number of unknowns, pressures included."""
 
     def to_dofs(self, nodal: Array) -> Array:
-        """Return values by node ``(nodes, 3)`` as coefficients of the space, shape ``(3 nodes,)``."""
+        """Return values by node ``(nodes, 3)`` as coefficients of all unknowns."""
 
     def to_nodes(self, coefficients: Array) -> Array:
-        """Return coefficients of the space ``(3 nodes,)`` by node, shape ``(nodes, 3)``."""
+        """Return coefficients of all unknowns by node, shape ``(nodes, 3)``."""
 
 
 class Touching(Protocol):
@@ -64,7 +69,7 @@ class Pressed(Newton):
         self.contact_seconds = 0.0
         self._pattern: sparse.csr_array | None = None
         # What is held has a row of the identity, to which nothing may be added.
-        self._is_held = np.zeros(3 * len(nodal.source.points), dtype=bool)
+        self._is_held = np.zeros(nodal.unknowns, dtype=bool)
         for support in supports:
             self._is_held[support.dofs] = True
         if contacts:
@@ -101,11 +106,12 @@ class Pressed(Newton):
         positions = self.positions()
         parts = [contact.stiffness(positions) for contact in self.contacts]
         if any(part.nnz for part in parts):
-            to_dof = (3 * self.nodal.node_dofs[:, None] + np.arange(3)).ravel()
+            to_dof = self.nodal.places.ravel()
             rows, columns = (to_dof[np.concatenate([getattr(part, name) for part in parts])] for name in ("row", "col"))
             values = np.concatenate([part.data for part in parts])
             free = ~(self._is_held[rows] | self._is_held[columns])
-            csr = sparse.coo_array((values[free], (rows[free], columns[free])), shape=parts[0].shape).tocsr()
+            shape = (self.nodal.unknowns, self.nodal.unknowns)
+            csr = sparse.coo_array((values[free], (rows[free], columns[free])), shape=shape).tocsr()
             csr.sort_indices()
             pattern = csr.copy()
             pattern.data[:] = 1.0

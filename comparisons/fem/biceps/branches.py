@@ -48,23 +48,34 @@ class Branches(Numbered):
         Quadrature degree.
     flags
         C compiler flags.
+    mixed
+        Whether pressures are unknowns too, of one degree less (Taylor-Hood), in units of the muscle's shear modulus.
 
     Attributes
     ----------
     state
-        The displacement; a dolfinx function.
+        The displacement, with the pressure if it is mixed; a dolfinx function.
+    space
+        That of displacements.
     activation
         A dolfinx constant.
     node_dofs
         Blocked degree of freedom of each of the mesh's nodes, shape ``(nodes,)``.
     """
 
-    def __init__(self, scene: Biceps, mesh: Mesh, rule: int, flags: Sequence[str] = FAST) -> None:
-        self.scene, self.source, self.rule, self.flags = scene, mesh, rule, flags
+    def __init__(self, scene: Biceps, mesh: Mesh, rule: int, flags: Sequence[str] = FAST, mixed: bool = False) -> None:
+        self.scene, self.source, self.rule, self.flags, self.mixed = scene, mesh, rule, flags, mixed
         order = match(mesh.reference, compat.reference_nodes(mesh.shape, mesh.order))
         self.mesh = compat.create_mesh(MPI.COMM_SELF, mesh.cells[:, order], mesh.points, mesh.shape, mesh.order)
-        self.space = compat.function_space(self.mesh, compat.block_element(self.mesh, "Lagrange", mesh.order, 3))
-        self.state = dolfinx.fem.Function(self.space)
+        element = compat.block_element(self.mesh, "Lagrange", mesh.order, 3)
+        self.space = compat.function_space(self.mesh, element)
+        if mixed:
+            pressure = compat.scalar_element(self.mesh, "Lagrange", mesh.order - 1)
+            whole = compat.function_space(self.mesh, compat.mixed_element([element, pressure]))
+            self.space, self._among = whole.sub(0).collapse()
+            self.state = dolfinx.fem.Function(whole)
+        else:
+            self.state = dolfinx.fem.Function(self.space)
         self.activation = dolfinx.fem.Constant(self.mesh, 0.0)
         rows = compat.original_cells(self.mesh)
         self.node_dofs: Index = np.empty(len(mesh.points), dtype=np.int64)
@@ -76,14 +87,25 @@ class Branches(Numbered):
         regions = dolfinx.mesh.meshtags(self.mesh, 3, np.arange(len(rows), dtype=np.int32), self._tags)
         dx = ufl.Measure("dx", domain=self.mesh, subdomain_data=regions, metadata=quadrature.measure(rule))
         self._parts = [(self._tendon, dx(_TENDONS)), (self._muscle, dx(_MUSCLE))]
-        F = ufl.Identity(3) + ufl.grad(self.state)
+        displacement, pressure = ufl.split(self.state) if mixed else (self.state, None)
+        F = ufl.Identity(3) + ufl.grad(displacement)
         self._stored = sum(law(F) * part for law, part in self._parts)
-        self._virtual_work = ufl.derivative(self._stored, self.state, ufl.TestFunction(self.space))
+        if pressure is not None:
+            p, log = self._materials[1].mu * pressure, ufl.ln(ufl.det(F))
+            for law, (_, part) in zip(self._materials, self._parts, strict=True):
+                self._stored += (p * log - (0.5 / law.lame) * p**2) * part
+        self._virtual_work = ufl.derivative(self._stored, self.state, ufl.TestFunction(self.state.function_space))
+
+    @property
+    def places(self) -> Index:
+        """Place of the coefficients of each node among all unknowns, shape ``(nodes, 3)``."""
+        own = super().places
+        return np.asarray(self._among)[own] if self.mixed else own
 
     @property
     def unknowns(self) -> int:
-        """Number of degrees of freedom, held ones included."""
-        return 3 * len(self.source.points)
+        """Number of degrees of freedom, held ones and pressures included."""
+        return int(self.state.x.array.size)
 
     def laws(self) -> list[tuple[Energy, Index]]:
         """Return tendon and muscle, each with its cells."""
@@ -92,14 +114,21 @@ class Branches(Numbered):
         ]
 
     @property
+    def _materials(self) -> tuple[NeoHookean, Muscle]:
+        """Isorod's laws of tendon and muscle, the latter at full activation."""
+        one = self.scene
+        tendon = NeoHookean(one.tendon_factor * one.E, one.nu)
+        return tendon, Muscle(one.E, one.nu, one.sigma_max, one.m1, one.m2, 1.0)
+
+    @property
     def _tendon(self) -> Energy:
-        return energy_of(NeoHookean(self.scene.tendon_factor * self.scene.E, self.scene.nu))
+        law = self._materials[0]
+        return energy_of(law.shear if self.mixed else law)
 
     @property
     def _muscle(self) -> Energy:
-        one = self.scene
-        law = Muscle(one.E, one.nu, one.sigma_max, one.m1, one.m2, 1.0)
-        return energy_of(law, self.activation, (self._fibre(),))
+        law = self._materials[1]
+        return energy_of(law.shear if self.mixed else law, self.activation, (self._fibre(),))
 
     def _fibre(self) -> Any:
         if self.scene.fibre == "y":
@@ -118,7 +147,7 @@ class Branches(Numbered):
             )
             nodal[nodes] = rod.tangents(self.source.parameters[nodes, 2])
         field = dolfinx.fem.Function(self.space)
-        field.x.array[:] = self.to_dofs(nodal)
+        field.x.array[super().places] = nodal
         return field / ufl.sqrt(ufl.inner(field, field))
 
     @cached_property
@@ -129,7 +158,8 @@ class Branches(Numbered):
     @cached_property
     def tangent(self) -> Any:
         """Their derivative, a compiled form."""
-        return compat.form(ufl.derivative(self._virtual_work, self.state, ufl.TrialFunction(self.space)), self.flags)
+        trial = ufl.TrialFunction(self.state.function_space)
+        return compat.form(ufl.derivative(self._virtual_work, self.state, trial), self.flags)
 
     @cached_property
     def energy(self) -> Any:
@@ -151,7 +181,11 @@ class Branches(Numbered):
         found = []
         for name in ENDS:
             blocks = np.sort(self.node_dofs[np.unique(self.source.faces[name])]).astype(np.int32)
-            dofs = (3 * blocks[:, None] + np.arange(3)).ravel()
-            condition = dolfinx.fem.dirichletbc(zero, blocks)
-            found.append(End(condition, dofs, dofs % 3, np.ones(dofs.size)))
+            dofs = own = (3 * blocks[:, None] + np.arange(3, dtype=np.int32)).ravel()
+            if self.mixed:
+                dofs = np.asarray(self._among, dtype=np.int32)[own]
+                condition = dolfinx.fem.dirichletbc(zero, [dofs, own], self.state.function_space.sub(0))
+            else:
+                condition = dolfinx.fem.dirichletbc(zero, blocks)
+            found.append(End(condition, dofs, own % 3, np.ones(dofs.size)))
         return found

@@ -128,7 +128,7 @@ def critical_step(branches: Branches, contact: Contact, mass: Array, free: Array
     stiffness = sparse.csr_array((values, indices, indptr), shape=matrix.getSize())
     matrix.destroy()
     pressing = contact.stiffness(branches.source.points + branches.to_nodes(branches.state.x.array))
-    to_dof = (3 * branches.node_dofs[:, None] + np.arange(3)).ravel()
+    to_dof = branches.places.ravel()
     pressing.row, pressing.col = to_dof[pressing.row], to_dof[pressing.col]
     scale = sparse.diags(free.ravel() / np.sqrt(np.repeat(mass, 3))).tocsr()
     operator = scale @ (stiffness + pressing.tocsr()) @ scale

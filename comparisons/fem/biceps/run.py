@@ -17,6 +17,7 @@ from comparisons.fem.contact.surfaces import Contact, Pressing
 from comparisons.fem.flags import FAST
 from comparisons.fem.statics import DIRECT, Element
 from isorod.errors import InputError
+from isorod.model.body import FORMULATIONS
 from isorod.output.results import write_arrays
 from isorod.scenes.biceps import Biceps
 from meshes import biceps
@@ -43,6 +44,8 @@ class Configuration:
         See `meshes.biceps.build`.
     degree
         Degree of displacement and geometry, 1 or 2.
+    formulation
+        ``"displacement"``; ``"mixed"`` in statics, of degree 2, with pressures of one degree less (Taylor-Hood).
     quadrature
         Degree of the rule in every form; None: 1 point on linear tetrahedra, else as in
         `comparisons.fem.statics.Element`.
@@ -67,6 +70,7 @@ class Configuration:
     rings: int = 1
     cuts: int = 1
     degree: int = 2
+    formulation: str = "displacement"
     quadrature: int | None = None
     parts: int | None = None
     time_step: float | None = None
@@ -79,6 +83,10 @@ class Configuration:
             raise InputError(f"analysis: got {self.analysis!r}, need one of {', '.join(ANALYSES)}")
         if self.degree not in (1, 2):
             raise InputError(f"degree: got {self.degree}, need 1 or 2")
+        if self.formulation not in FORMULATIONS:
+            raise InputError(f"formulation: got {self.formulation!r}, need one of {', '.join(FORMULATIONS)}")
+        if self.formulation == "mixed" and (self.analysis != "statics" or self.degree != 2):
+            raise InputError("formulation: mixed is for statics, with degree 2")
         runs.check_element(self.cells == "bricks", self.degree, "Lagrange", self.quadrature, self.degree)
         scene = self.scene
         if not 0.0 <= scene.activation <= 1.0:
@@ -143,6 +151,8 @@ def run(
     """
     if comm.size > 1:
         raise InputError("biceps: only on one rank")
+    if file is not None and configuration.formulation == "mixed":
+        raise InputError("fields: got a file, which takes displacements alone, not a mixed formulation")
     scene = configuration.scene
     start = perf_counter()
     mesh = configuration.mesh()
@@ -152,7 +162,8 @@ def run(
     assert isinstance(rule, int)
 
     def once() -> statics.Rest | dynamics.Motion:
-        branches = Branches(scene, mesh, rule, configuration.compiler_flags)
+        mixed = configuration.formulation == "mixed"
+        branches = Branches(scene, mesh, rule, configuration.compiler_flags, mixed)
         first, second = (f"{branch} belly" for branch in biceps.BRANCHES)
         contact = Contact(mesh, first, second, scene.penalty, configuration.contact_parts)
         if configuration.analysis == "statics":
@@ -197,7 +208,7 @@ def run(
         "scene": "biceps",
         "analysis": configuration.analysis,
         **specific,
-        "dofs": 3 * len(mesh.points),
+        "dofs": 3 * len(mesh.points) + (found.pressures if isinstance(found, statics.Rest) else 0),
         "nodes": len(mesh.points),
         "cells": len(mesh.cells),
         "options": asdict(configuration)

@@ -30,6 +30,8 @@ class Rest:
         Energy of tendons and muscles.
     contact
         The contact's state.
+    pressures
+        Number of these, if they are unknowns too.
     steps, cuts, newton_iterations
         Numbers of load steps taken, of those tried in vain, and of linear solves in all.
     residual_norms
@@ -41,6 +43,7 @@ class Rest:
     positions: Array
     reactions: Array
     stored: float
+    pressures: int
     contact: Pressing
     steps: int
     cuts: int
@@ -89,6 +92,7 @@ def solve(
             positions=newton.positions(),
             reactions=newton.reactions(),
             stored=branches.stored(),
+            pressures=branches.unknowns - 3 * len(branches.source.points),
             contact=pressing,
             **{name: counts[name] for name in ("steps", "cuts", "newton_iterations")},
             residual_norms=list(newton.norms),

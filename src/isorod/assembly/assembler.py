@@ -105,11 +105,8 @@ class Assembler(Unknowns):
         """Return the forces of the loads at load factor 1 in a state of this rank."""
         if not self._pressing:
             return self._external
-        return self._external + self._sums(self._pressed(*one, local) for one in self._followed)
-
-    @property
-    def _followed(self) -> "list[tuple[Part, Pressing]]":
-        return list(zip(self.parts, self._pressing, strict=True))
+        followed = zip(self.parts, self._pressing, strict=True)
+        return self._external + self._sums(self._pressed(*one, local) for one in followed)
 
     @staticmethod
     def _pressed(part: Part, pressing: "Pressing", local: Array) -> Array:
@@ -191,10 +188,7 @@ class Assembler(Unknowns):
         return total - factor * self._loads(local)
 
     def extrapolate(self) -> None:
-        """Let the next tangent be exact; those of slender bodies after it extrapolate the stress.
-
-        See `isorod.assembly.extrapolation`.
-        """
+        """Let the next tangent be exact; those of slender bodies then extrapolate (`isorod.assembly.extrapolation`)."""
         for part in self.parts:
             part.extrapolate(part.laws.objective and pays(part.body.space.rod))
 
@@ -233,6 +227,12 @@ class Assembler(Unknowns):
             loose = self.model.is_carrier[moved // 3] & ~np.isin(moved, self.model.bound)
             total = self._forces(self._state(x, factor), factor)[slots]
             return np.asarray(self.comm.tompi4py().allreduce(np.bincount(moved[loose] % 3, total[loose], 3)))
+
+    def inside(self, x: PETSc.Vec, factor: float) -> float:
+        """Return the norm of the nodal forces that elements pass on to each other and to supports."""
+        local = self._state(x, factor)
+        own = sum(float(np.sum(part.inside(local, factor) ** 2)) for part in self.parts)
+        return float(np.sqrt(self.comm.tompi4py().allreduce(own)))
 
     def reaction_noise(self, x: PETSc.Vec, factor: float) -> Array:
         """Return what rounding makes of the forces on `Model.bound`, on every rank.

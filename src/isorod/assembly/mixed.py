@@ -43,7 +43,9 @@ class MixedPart(Part):
             self.volumes, self.laws = self.laws, shear_laws(self.laws)
 
     def pressure(self, local: Array) -> Array:
-        """Return the pressure at the quadrature points, shape ``(E, t, q)``."""
+        """Return the pressure at the quadrature points, shape ``(E, t, q)``; empty where the body has none."""
+        if not self.mixed:
+            return super().pressure(local)
         near = local[self.slots].reshape(*self.layers.shape, -1)[:, :-1, self.moves :]
         return np.ascontiguousarray(np.einsum("etj,ejk->etk", self.along, near) @ self.across.T)
 

@@ -155,6 +155,19 @@ class Part:
         for region in self.regions:
             region.add_forces(local, self.starts, factor, forces)
 
+    def pressure(self, local: Array) -> Array:
+        """Return the pressure of the mixed formulation at the quadrature points ``(E, t, q)``; empty without one."""
+        return NONE
+
+    def inside(self, local: Array, factor: float) -> Array:
+        """Return the forces that each element has on its own displacements, one element after the other."""
+        elements, functions = self.starts.shape
+        starts = self.width * np.arange(elements * functions).reshape(elements, functions)
+        forces = np.zeros(starts.size * self.width)
+        for region in self.regions:
+            region.add_forces(local[self.slots].ravel(), starts, factor, forces, self.pressure(local))
+        return forces
+
     def add_activation(self, local: Array, step: float, forces: Array) -> None:
         """Add the change of the internal forces when the load factor, and activation with it, grows by ``step``."""
         # Stress is linear in the activation.

@@ -100,7 +100,7 @@ class Unknowns:
         return local
 
     def _moves(self, local: Array) -> Array:
-        """Return the model's degrees of freedom, shape ``(dofs,)``, of a state of this rank, which has them all."""
+        """Return the model's degrees of freedom, ``(dofs,)``, of a state of this rank, which has them all."""
         return local if local.size == self.model.dofs else local[self._exchange.numbers]
 
     def _once(self, forces: Array) -> Array:

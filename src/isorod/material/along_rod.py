@@ -147,7 +147,9 @@ def volume_change(laws: Laws, F: Array) -> tuple[Array, Array]:
     for law, first, last, _ in laws.pieces:
         part = F[first:last]
         if cast(Split, law).logarithmic:
-            inverses, det = inverse(part)
+            # Newton's iterations try states without volume, and go back.
+            with np.errstate(divide="ignore", invalid="ignore"):
+                inverses, det = inverse(part)
             theta[first:last] = np.log(np.where(det > 0.0, det, np.nan))
             slope[first:last] = np.swapaxes(inverses, -1, -2)
         else:

@@ -56,8 +56,6 @@ class Model(Checked):
         super().__post_init__()
         if not self.bodies:
             raise InputError("model: got no bodies, need at least one")
-        if self.contacts:
-            object.__setattr__(self, "bodies", [body.in_displacements() for body in self.bodies])
         for b, body in enumerate(self.bodies):
             if self.spin is not None and not body.densities.min() > 0.0:
                 raise InputError(f"spin: body {b} has no density")

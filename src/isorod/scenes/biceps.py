@@ -38,7 +38,9 @@ class Biceps(Preset):
 
     Near incompressibility with clamped ends asks for short elements next to them (``end_elements``): the five equal
     elements of the paper cannot narrow near the ends and hold with 16 % too much force; cut once there, and the others
-    in two, 2.4 % too much with ``order`` 1, 0.4 % with 2 (and, with ``end_elements`` 2, 0.7 % too little).
+    in two, 2.4 % too much with ``order`` 1, 0.4 % with 2 (and, with ``end_elements`` 2, 0.7 % too little).  Nearer to
+    0.5 displacements alone lock (6.6 % too much at ``nu`` 0.4999); with pressures they hold with 1.0 % too little
+    there, with 20 ``elements`` 0.3 % (``python -m comparisons.nearly_incompressible biceps``).
 
     The time step is the paper's, six critical steps of the consistent mass: see `isorod.dynamics.explicit.mass`, which
     lets it be four to six times as long.
@@ -91,6 +93,9 @@ class Biceps(Preset):
     order: int | None = option(None, "polyharmonic order K of the section functions, 1 to 6 (2; paper: 1)")
     degree: int | None = option(None, "degree along the axis, 2 to 6 (2)")
     continuity: int | None = option(None, "continuity at inserted knots, 0 to degree - 1 (degree - 1)")
+    formulation: str | None = option(
+        None, "displacement, or in statics mixed: displacement and pressure (mixed in statics from nu = 0.499 on)"
+    )
     quadrature: str | None = option(None, "quadrature rule: auto, full, paper, RxS or RxSxT such as 2x1x4 (auto)")
     preset: str | None = preset("order 1 (K = 1), degree 2, 5 elements a branch, quadrature auto")
 
@@ -218,7 +223,7 @@ class Biceps(Preset):
             middle = 0.5 * (space.axis.breaks[1:] + space.axis.breaks[:-1]) - self.tendon_length
             in_belly = (middle > 0.0) & (middle < self.belly_length)
             laws = [muscle if inside else tendon for inside in in_belly]
-            bodies.append(Body(space, laws, self.density, "displacement"))
+            bodies.append(Body(space, laws, self.density, self.formulation))
             supports += [Support.end(space, end, body=branch) for end in ("start", "end")]
             bellies.append(np.flatnonzero(in_belly).tolist())
         one, other = bellies

@@ -86,7 +86,7 @@ class Clasp(Checked):
                 quadrature=self.quadrature,
                 order=self.order,
             )
-            bodies.append(Body(space, law, formulation="displacement"))
+            bodies.append(Body(space, law))
             way = (0.0, 0.0, self.pull if k == 0 else 0.0)
             supports += [Support.end(space, end, displacement=way, body=k) for end in ("start", "end")]
         return Model(bodies, supports, contacts=[Contact(0, 1, friction=self.friction)])

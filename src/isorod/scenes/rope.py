@@ -138,7 +138,7 @@ class Rope(Checked):
         load = SectionLoad.end(space, "start", (-float(force[0]), float(force[1]), 0.0))
         x, y, z = (float(value) for value in self.cylinder)
         cylinder = Cylinder((x, y, z), (0.0, 0.0, 1.0), self.bend - self.radius)
-        body = Body(space, NeoHookean(self.E, self.nu), formulation="displacement")
+        body = Body(space, NeoHookean(self.E, self.nu))
         return Model([body], supports, loads=[load], contacts=[Contact(0, cylinder, friction=self.friction)])
 
     def measure(self, solution: "Equilibrium") -> dict[str, object]:

@@ -120,7 +120,7 @@ class Strand(Checked):
                 quadrature=self.quadrature,
                 order=self.order,
             )
-            bodies.append(Body(space, law, formulation="displacement"))
+            bodies.append(Body(space, law))
             supports += [
                 Support.end(space, "start", body=k),
                 Support.end(

@@ -44,18 +44,18 @@ class SectionBasis(Functions, Protocol):
     def full(self, degree: int) -> Rule:
         """Return a rule whose error is small beside that of the functions, thin sections included."""
 
-    def coordinates(self, xi: ArrayLike) -> Array:
-        """Return the coordinates ``(q, 2)``, about -1 to 1, in which pressures are polynomials, at disk points."""
-
     @property
-    def pressure_degrees(self) -> tuple[int, int]:
-        """Degree of the pressures beside these displacements, total and in the second coordinate.
+    def pressure_count(self) -> int:
+        """Number of section functions of the pressures that go with these displacements.
 
         Raises
         ------
         InputError
-            If no pressure that varies goes with them.
+            If no pressure that varies does.
         """
+
+    def pressures(self, xi: ArrayLike) -> Array:
+        """Return values ``(q, pressure_count)`` of these at points of the closed disk; 1 is in their span."""
 
 
 def monomials(degree: int, second: int) -> Index:

@@ -18,6 +18,7 @@ from isorod.errors import Checked, InputError
 from isorod.geometry.disk import check_count, control_points, harmonic_functions
 from isorod.geometry.quadrature import Rule, graded_points
 from isorod.geometry.section import refine, refinement_turn
+from isorod.space.polyharmonic import zernike
 
 # Polyharmonic order.  Under a small patch what is long round the section is short along the axis, and dies out as fast
 # towards the inside as it is short; with an order of 2 crossing cylinders are 4 % too stiff on each other, with 3 1 %.
@@ -151,14 +152,23 @@ class Graded(Checked):
         """Return a rule with more points."""
         return Rule(self.auto(degree).radial + 2, 4, degree + 2)
 
-    def coordinates(self, xi: ArrayLike) -> Array:
-        """Return those of the disk."""
-        return np.asarray(xi, dtype=float)
-
     @property
-    def pressure_degrees(self) -> tuple[int, int]:
-        """Degree of the pressures: the order."""
-        return self.order, self.order
+    def pressure_count(self) -> int:
+        """Number of section functions of pressures, `pressures`."""
+        return self.pressures([[0.0, 0.0]]).shape[1]
+
+    def pressures(self, xi: ArrayLike) -> Array:
+        """Return polyharmonic functions of one order less, and polynomials of degree ``K``.
+
+        The former, ``(1 - s)^k T_i``, contain the latter but for ``s`` of order 2.
+        """
+        points = np.asarray(xi, dtype=float).reshape(-1, 2)
+        if self.order == 1:
+            return zernike(points, [(0, 0), (1, 0)])
+        values = self.functions(points)[0][:, : (self.order - 1) * len(self.arcs)]
+        if self.order == 2:
+            values = np.column_stack([values, 1.0 - np.sum(points**2, axis=1)])
+        return np.ascontiguousarray(values)
 
 
 def _turned(angle: float) -> Array:

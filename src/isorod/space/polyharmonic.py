@@ -9,8 +9,9 @@ place of ``W_m`` the gradients of all of them are orthogonal on the disk, to eac
 all factors look alike, and the condition number explodes). All vanish on the circle but the ``T_i``.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from math import ceil, sqrt
 from typing import ClassVar
 
@@ -50,6 +51,20 @@ def _radial(k: int, m: Array, s: Array) -> tuple[Array, Array]:
     slope = (k + 1.0 + m) * eval_jacobi(k - 2, 2.0, m + 1.0, x) if k > 1 else 0.0
     rest = (1.0 - s)[:, None]
     return rest * value, rest * slope - value
+
+
+def zernike(xi: ArrayLike, waves: Sequence[tuple[int, int]]) -> Array:
+    """Return Zernike polynomials at disk points, cosine and sine of each wave ``(m, k)``, of degree ``m + 2 k``."""
+    x, y = np.asarray(xi, dtype=float).reshape(-1, 2).T
+    s, found = x * x + y * y, []
+    for m, k in waves:
+        wave = (x + 1j * y) ** m
+        if k:
+            from scipy.special import eval_jacobi
+
+            wave = wave * eval_jacobi(k, 0.0, float(m), 2.0 * s - 1.0)
+        found += [wave.real, wave.imag] if m else [wave.real]
+    return np.stack(found, axis=1)
 
 
 @dataclass(frozen=True)
@@ -137,14 +152,27 @@ class Polyharmonic:
         near = ceil(_NEAR * sqrt(self.n)) + more - 2 if self.n > _FEW else 0
         return max(self.order + more, near)
 
-    def coordinates(self, xi: ArrayLike) -> Array:
-        """Return those of the disk."""
-        return np.asarray(xi, dtype=float)
-
-    @property
-    def pressure_degrees(self) -> tuple[int, int]:
-        """Degree of the pressures: the order, but of waves no more than ``n`` points have, ``(n - 1) / 2``."""
+    @cached_property
+    def _pressure_waves(self) -> list[tuple[int, int]]:
+        """Waves round the section and radial degrees of the functions of pressures, by their degree as polynomials."""
         if self.n < 4:
             raise InputError(f"section points: got {self.n}, the mixed formulation needs at least 4")
-        degree = min(self.order, (self.n - 1) // 2)
-        return degree, degree
+        most = (self.n - 1) // 2
+        degree = min(self.order, most)
+        pairs = [(m, k) for m in range(most) for k in range(self.order - 1)]
+        pairs += [(m, k) for m in range(degree + 1) for k in range((degree - m) // 2 + 1)]
+        return sorted(set(pairs), key=lambda pair: (pair[0] + 2 * pair[1], pair))
+
+    @property
+    def pressure_count(self) -> int:
+        """Number of section functions of pressures, `pressures`."""
+        return sum(2 if m else 1 for m, _ in self._pressure_waves)
+
+    def pressures(self, xi: ArrayLike) -> Array:
+        """Return Zernike polynomials of the disk, those of wave ``m`` and degree ``m + 2 k``.
+
+        They are those of ``k < K - 1`` and ``m`` less than the ``(n - 1) / 2`` that ``n`` points have, and all
+        of degree ``K``; of ``n`` points that have no more, ``(n - 1) / 2``.  In the plane each is the divergence of
+        displacements of the next wave, as large as its gradient: ``U = z^(m + 1) / (m + 1)`` of ``z^m``.
+        """
+        return zernike(xi, self._pressure_waves)

@@ -7,14 +7,14 @@ Formulation, 2014).  Displacements of a slender body are smooth across it, so th
 functions of control points do; they see nothing of a corner, a point load or a contact patch.
 """
 
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from math import ceil, pi
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from isorod.arrays import Array
+from isorod.arrays import Array, Index
 from isorod.errors import InputError, representable, whole_number
 from isorod.geometry.disk import harmonic_functions
 from isorod.geometry.quadrature import WHOLE, Rule, section_points
@@ -173,16 +173,23 @@ class Polynomials:
         """Return `Rule.full`, with radial points for the degree."""
         return Rule.full(self._polygon.shape[0], degree, self.degree + 2)
 
-    def coordinates(self, xi: ArrayLike) -> Array:
-        """Return the section's own coordinates."""
-        return self.functions(xi)[0][:, 1:3] / _REACH
-
-    @property
-    def pressure_degrees(self) -> tuple[int, int]:
-        """Degree of the pressures: of those whose products with a coordinate are among these functions."""
+    @cached_property
+    def _pressure_powers(self) -> Index:
+        """Exponents of the polynomials whose products with a coordinate are among these functions."""
         if self.degree == 1:
             raise InputError("section degree: got 1, the mixed formulation needs at least 2")
-        return self.degree - 1, int(self._powers[:, 1].max()) - 1
+        return monomials(self.degree - 1, int(self._powers[:, 1].max()) - 1)
+
+    @property
+    def pressure_count(self) -> int:
+        """Number of section functions of pressures: polynomials of one degree less."""
+        return len(self._pressure_powers)
+
+    def pressures(self, xi: ArrayLike) -> Array:
+        """Return products of Legendre polynomials of the section's own coordinates, about -1 to 1."""
+        powers, place = self._pressure_powers, self.functions(xi)[0][:, 1:3] / _REACH
+        tables = [np.polynomial.legendre.legvander(place[:, k], int(powers.max())) for k in range(2)]
+        return np.ascontiguousarray(tables[0][:, powers[:, 0]] * tables[1][:, powers[:, 1]])
 
 
 def fine_rule(n: int, degree: int) -> Rule:

@@ -1,22 +1,28 @@
-"""The space of pressures beside a displacement space: about one degree less, across the section and along the axis."""
+"""The space of pressures beside a displacement space: of one degree or order less, across and along the axis."""
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from isorod.arrays import Array, Index
 from isorod.geometry import bspline
-from isorod.space.basis import monomials
 from isorod.space.space import Space, Table
 
 
 class Pressures:
     """Pressures ``sum_jk P_k(xi) B_j(u) p_jk`` beside the displacements of a space.
 
-    ``P_k`` are polynomials of the section: of the disk's coordinates and of degree ``K`` (at most ``(n - 1) / 2``)
-    where the displacement has order ``K``; of the section's own coordinates where it has polynomials, those whose
-    products with a coordinate are among them (degree ``N - 1``). ``B_j`` are the splines of degree ``p - 1`` on the
-    same knots, C^(c - 1) where the displacement is C^c.  Coefficients are numbered layer by layer like nodes; the last
-    layer of an open rod has none.  The pair is inf-sup stable: measured in ``tests/test_mixed.py``.
+    ``P_k`` are functions of the section.  Where the displacement has order ``K`` they are polyharmonic of order
+    ``K - 1`` (in equilibrium, where displacements are biharmonic, pressures are harmonic), so that they see what is
+    local, such as contact, and polynomials of degree ``K``; of waves they have some less than displacements
+    (`isorod.space.polyharmonic.Polyharmonic.pressures`).  Where it has polynomials they are those of the section's own
+    coordinates whose products with a coordinate are among them (degree ``N - 1``). ``B_j`` are the splines of degree
+    ``p - 1`` on the same knots, C^(c - 1) where the displacement is C^c.  Coefficients are numbered layer by layer like
+    nodes; the last layer of an open rod has none.  The pair is inf-sup stable: measured in ``tests/test_mixed.py``.
+
+    Attributes
+    ----------
+    count
+        Number of section functions.
 
     Raises
     ------
@@ -28,12 +34,7 @@ class Pressures:
     def __init__(self, space: Space) -> None:
         self.space = space
         self._knots = space.axis.knots[1:-1]
-        self._powers = monomials(*space.basis.pressure_degrees)
-
-    @property
-    def count(self) -> int:
-        """Number of section functions."""
-        return self._powers.shape[0]
+        self.count = space.basis.pressure_count
 
     @property
     def layers(self) -> int:
@@ -51,10 +52,8 @@ class Pressures:
         return self.space.axis.degree - 1
 
     def section_functions(self, xi: ArrayLike) -> Array:
-        """Return values ``(q, count)`` at disk points ``(q, 2)``: products of Legendre polynomials."""
-        place = self.space.basis.coordinates(xi)
-        tables = [np.polynomial.legendre.legvander(place[:, k], int(self._powers.max())) for k in range(2)]
-        return np.ascontiguousarray(tables[0][:, self._powers[:, 0]] * tables[1][:, self._powers[:, 1]])
+        """Return values ``(q, count)`` at disk points ``(q, 2)``."""
+        return self.space.basis.pressures(xi)
 
     def axial_functions(self, u: Array) -> tuple[Index, Array]:
         """Return the first layer ``(t,)`` and the values ``(t, p)`` of the functions at axis parameters ``(t,)``."""

@@ -170,9 +170,13 @@ class Ringed(Polynomials):
         return max(3, ceil(2.0 * pi * self.degree / self._polygon.shape[0]))
 
     @property
-    def pressure_degrees(self) -> tuple[int, int]:
+    def pressure_count(self) -> int:
         """Raise `InputError`: pressures would have to jump from ring to ring."""
         raise InputError("formulation: got 'mixed', a rod with a hole or layers takes 'displacement' alone")
+
+    def pressures(self, xi: ArrayLike) -> Array:
+        """Return nothing: there are no such functions."""
+        return np.empty((np.asarray(xi).reshape(-1, 2).shape[0], self.pressure_count))
 
 
 def orthogonalised(candidates: Array) -> tuple[Array, NDArray[np.intp]]:

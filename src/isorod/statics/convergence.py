@@ -65,6 +65,8 @@ class Convergence:
         # Unknowns that are not displacements, and contact, have units and rounding of their own.
         self._forces_alone = assembler.unknowns == assembler.model.unknowns
         self.plain = assembler.contact is None and self._forces_alone
+        # One for each displacement, zero for what is none; None where all are.
+        self._moves = None if self._forces_alone else assembler.state(np.ones(assembler.model.dofs))
         self._sizes: Array | None = None
         # Of each unknown of this rank, of which there may be none; None where one floor is that of all.
         self._rounding: Array | None = None
@@ -105,8 +107,9 @@ class Convergence:
     def reached(self, residual: PETSc.Vec, force: float, rtol: float) -> bool:
         """Return whether the out-of-balance force, of norm ``force``, is small enough."""
         if self._rounding is None:
-            carried = min(self._scale, self.carried_force) if self._forces_alone else self._scale
-            return force <= max(rtol * carried, self._floor)
+            carried = min(self._scale, self.carried_force)
+            forces = force if self._moves is None else (residual * self._moves).norm()
+            return force <= max(rtol * self._scale, self._floor) and forces <= max(rtol * carried, self._floor)
         lost = int(np.count_nonzero(np.abs(residual.array_r) > self._rounding))
         if self.assembler.comm.tompi4py().allreduce(lost) == 0:
             return True
