@@ -24,6 +24,7 @@ VIEWS: dict[str, dict[str, Any]] = {
     "cable": {"view": (1.0, -0.3, 0.6), "colour": "displacement", "scale": 5.0, "size": UPRIGHT},
     "press": {"view": (0.0, 0.0, 1.0)},
     "crossing": {"view": (1.0, -1.6, 0.35)},
+    "cord": {"view": (1.0, -0.3, 0.35), "colour": "displacement", "size": UPRIGHT},
     "muscle": {"view": (0.2, -1.0, 0.3), "size": UPRIGHT},
     "wing": {"view": (1.0, -1.0, 0.35), "size": UPRIGHT},
     "trefoil": {"view": (0.3, -0.6, 1.0)},

@@ -40,10 +40,17 @@ if TYPE_CHECKING:
     from isorod.material import LinearElastic as LinearElastic
     from isorod.material import Material as Material
     from isorod.material import NeoHookean as NeoHookean
+    from isorod.material.active_muscle import ActiveMuscle as ActiveMuscle
+    from isorod.material.gent import Gent as Gent
+    from isorod.material.holzapfel_gasser_ogden import HolzapfelGasserOgden as HolzapfelGasserOgden
+    from isorod.material.hyperelastic import Hyperelastic as Hyperelastic
+    from isorod.material.mooney_rivlin import MooneyRivlin as MooneyRivlin
     from isorod.material.muscle import Muscle as Muscle
     from isorod.material.orthotropic import Orthotropic as Orthotropic
     from isorod.material.orthotropic import TransverselyIsotropic as TransverselyIsotropic
+    from isorod.material.ogden import Ogden as Ogden
     from isorod.material.st_venant_kirchhoff import StVenantKirchhoff as StVenantKirchhoff
+    from isorod.material.yeoh import Yeoh as Yeoh
     from isorod.modal import Modes as Modes
     from isorod.model import Body as Body
     from isorod.model import BodyForce as BodyForce
@@ -70,6 +77,7 @@ __version__ = "0.2.0"
 
 # Where each name is, and under which where that is another: what type checkers read above.
 _OFFERED = {
+    "ActiveMuscle": "isorod.material.active_muscle",
     "Axis": "isorod.geometry.axis",
     "Body": "isorod.model",
     "BodyForce": "isorod.model",
@@ -78,16 +86,21 @@ _OFFERED = {
     "Cylinder": "isorod.model",
     "Equilibrium": "isorod.statics",
     "FoldedRodError": "isorod.errors",
+    "Gent": "isorod.material.gent",
     "History": "isorod.dynamics",
+    "HolzapfelGasserOgden": "isorod.material.holzapfel_gasser_ogden",
+    "Hyperelastic": "isorod.material.hyperelastic",
     "InputError": "isorod.errors",
     "LinearElastic": "isorod.material",
     "Material": "isorod.material",
     "Matrices": "isorod.output.matrices",
     "Model": "isorod.model",
     "Modes": "isorod.modal",
+    "MooneyRivlin": "isorod.material.mooney_rivlin",
     "Muscle": "isorod.material.muscle",
     "NeoHookean": "isorod.material",
     "Orthotropic": "isorod.material.orthotropic",
+    "Ogden": "isorod.material.ogden",
     "Plane": "isorod.model",
     "Pressure": "isorod.model",
     "Rod": "isorod.geometry.rod",
@@ -101,6 +114,7 @@ _OFFERED = {
     "Support": "isorod.model",
     "TransverselyIsotropic": "isorod.material.orthotropic",
     "TriangleMesh": "isorod.model",
+    "Yeoh": "isorod.material.yeoh",
     "airfoil": "isorod.geometry.section",
     "arc": "isorod.geometry.center_line",
     "circle": "isorod.geometry.section",
@@ -114,8 +128,8 @@ _OFFERED = {
     "rounded_rectangle": "isorod.geometry.section",
     "section_from_file": "isorod.geometry.section:from_file",
     "section_from_points": "isorod.geometry.section:from_points",
-    "show": "isorod.output.shape",
     "section_properties": "isorod.output.section_properties",
+    "show": "isorod.output.shape",
     "straight": "isorod.geometry.center_line",
 }
 _MODULES = ("dynamics", "errors", "modal", "options", "scenes", "statics")

@@ -178,6 +178,16 @@ def origin(scene: Any) -> dict[str, Any]:
 def _scene(scene: Any) -> dict[str, Any]:
     """Return what a scene is; of one from a file all that the file says, and sums of the data beside it."""
     if hasattr(scene, "content"):
-        return {"scene": scene.name, "options": scene.content, "data": scene.data, "analysis": scene.analysis}
+        options = _written(scene.content)
+        return {"scene": scene.name, "options": options, "data": scene.data, "analysis": scene.analysis}
     name = type(scene).__name__.lower()
     return {"scene": name, "options": dataclasses.asdict(scene), "analysis": scene.analysis}
+
+
+def _written(value: Any) -> Any:
+    """Return a value of TOML as JSON takes it: a stiffness without bound is a word."""
+    if isinstance(value, dict):
+        return {key: _written(one) for key, one in value.items()}
+    if isinstance(value, list):
+        return [_written(one) for one in value]
+    return "inf" if value == float("inf") else value

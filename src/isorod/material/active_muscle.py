@@ -11,7 +11,7 @@ import numpy as np
 from isorod.arrays import Array
 from isorod.errors import InputError, numbers
 from isorod.material.law import Material
-from isorod.material.muscle import Muscle, energy_of_fibres
+from isorod.material.muscle import Muscle
 from isorod.material.points import Compiled
 
 if TYPE_CHECKING:
@@ -91,8 +91,9 @@ def _checked(curve: Any) -> tuple[tuple[float, float], ...]:
 
 @cache
 def _energy(curve: Any) -> "Energy":
-    work, stretch = _stored(curve)
-    return energy_of_fibres(work, stretch)
+    from isorod.material.muscle_energy import of_fibres
+
+    return of_fibres(_stored(curve))
 
 
 @cache
@@ -100,30 +101,30 @@ def _work(curve: Any) -> float:
     """Return the most work that fibres of a curve do of which the largest stress is 1."""
     import sympy as sp
 
-    work, stretch = _stored(curve)
-    values = sp.lambdify(stretch, work, ["scipy", "numpy"])(np.linspace(_LEAST, _MOST, 1000))
+    from isorod.material.muscle_energy import STRETCH
+
+    values = sp.lambdify(STRETCH, _stored(curve), ["scipy", "numpy"])(np.linspace(_LEAST, _MOST, 1000))
     return float(np.ptp(np.broadcast_to(values, 1000)))
 
 
 @cache
-def _stored(curve: Any) -> "tuple[sp.Expr, sp.Symbol]":
-    """Return the integral of a curve from 1, and the symbol of the stretch in it."""
+def _stored(curve: Any) -> "sp.Expr":
+    """Return the integral of a curve from 1."""
     import sympy as sp
 
+    from isorod.material.muscle_energy import STRETCH
+
     if isinstance(curve, tuple):
-        stretch = sp.Symbol("stretch", positive=True)
-        return _integral_of_points(curve, stretch), stretch
+        return _integral_of_points(curve, STRETCH)
     free = sorted(curve.free_symbols, key=str)
     if len(free) != 1:
-        raise InputError(
-            f"curve: got an expression of {', '.join(map(str, free)) or 'nothing'}, need one of the stretch"
-        )
-    stretch = sp.Symbol("stretch", positive=True)
-    tension = curve.subs(free[0], stretch).rewrite((sp.Max, sp.Min, sp.Abs), sp.Piecewise)
-    found = sp.integrate(sp.piecewise_fold(tension), stretch)
-    if found.has(sp.Integral) or not _holds(found, tension, stretch):
+        told = ", ".join(map(str, free)) or "nothing"
+        raise InputError(f"curve: got an expression of {told}, need one of the stretch")
+    tension = curve.subs(free[0], STRETCH).rewrite((sp.Max, sp.Min, sp.Abs), sp.Piecewise)
+    found = sp.integrate(sp.piecewise_fold(tension), STRETCH)
+    if found.has(sp.Integral) or not _holds(found, tension, STRETCH):
         raise InputError(f"curve: SymPy finds no integral of {curve}; give points (stretch, tension) of it")
-    return found - found.subs(stretch, 1), stretch
+    return found - found.subs(STRETCH, 1)
 
 
 def _holds(found: "sp.Expr", tension: "sp.Expr", stretch: "sp.Symbol") -> bool:

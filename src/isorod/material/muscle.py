@@ -1,7 +1,6 @@
 """Skeletal muscle: a neo-Hookean matrix with active and passive fibres (Lu & Zhou 2011, eqs. 16-19)."""
 
 from dataclasses import dataclass, replace
-from functools import cache
 from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
@@ -34,8 +33,6 @@ from isorod.material.points import (
 )
 
 if TYPE_CHECKING:
-    import sympy as sp
-
     from isorod.material.energy import Energy
 
 # Fibres shortened or stretched by more than this have no active force.
@@ -190,42 +187,6 @@ def tangent(work: Array, constants: Array, activation: float) -> None:
         add_square(work, k, ROWS[SQUARES + 12], along * z * z + across, f)
 
 
-def energy_of_fibres(work: "sp.Expr", stretch: "sp.Symbol") -> "Energy":
-    """Return the energy as an expression.
-
-    Parameters
-    ----------
-    work
-        What active fibres store whose largest stress is 1: the integral of their tension over the stretch, from 1.
-    stretch
-        The symbol of the stretch in it.
-    """
-    from sympy import Piecewise, exp, sqrt, symbols
-
-    from isorod.material.energy import Energy
-    from isorod.material.symbols import I4a, activation
-
-    matrix = neo_hookean.matrix_energy()
-    mu, lame = matrix.constants
-    active, m1, m2 = symbols("active m1 m2", nonnegative=True)
-    squared = I4a - 1
-    passive = Piecewise(
-        (Piecewise(((exp(m2 * squared) - 1) / m2 - squared, squared > 0), (0, True)), m2 > 0), (0, True)
-    )
-    fibres = activation * active * work.subs(stretch, sqrt(I4a)) + m1 / 2 * passive
-    return Energy(matrix.shape + fibres, (mu, lame, active, m1, m2), matrix.volume, lame)
-
-
-@cache
-def _energy() -> "Energy":
-    from sympy import Piecewise, Rational, Symbol
-
-    stretch = Symbol("stretch", positive=True)
-    short, end = stretch - 1, Rational(1, 3)
-    work = Piecewise((-end, short <= -ACTIVE_RANGE), (short - 4 * short**3 / 3, short < ACTIVE_RANGE), (end, True))
-    return energy_of_fibres(work, stretch)
-
-
 @dataclass(frozen=True, eq=False)
 class Muscle(NeoHookean):
     """``W = W_matrix + W_active(lambda) + W_passive(lambda)``, ``lambda = |F f|`` the stretch of a fibre along ``f``.
@@ -279,7 +240,9 @@ class Muscle(NeoHookean):
     @property
     def stored(self) -> "Energy":
         """Its energy as an expression, its activation a constant times that of the step."""
-        return _energy()
+        from isorod.material.muscle_energy import of_the_parabola
+
+        return of_the_parabola()
 
     @property
     def constants(self) -> Array:

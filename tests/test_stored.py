@@ -1,0 +1,114 @@
+"""Energies of laws as expressions: those with formulas of their own say the same in both."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from isorod.material import LinearElastic, Material, NeoHookean
+from isorod.material.active_muscle import ActiveMuscle
+from isorod.material.fibre import vectors
+from isorod.material.muscle import Muscle
+from isorod.material.st_venant_kirchhoff import StVenantKirchhoff
+
+EYE = np.eye(3)
+
+
+def states():
+    F = EYE + 0.35 * np.random.default_rng(0).uniform(-1.0, 1.0, (400, 3, 3))
+    F = F[np.linalg.det(F) > 0.1]
+    return F, np.random.default_rng(1).normal(size=(len(F), 3))
+
+
+F, FIBRES = states()
+LAWS = {
+    "LinearElastic": LinearElastic(100.0, 0.3),
+    "NeoHookean": NeoHookean(100.0, 0.3),
+    "StVenantKirchhoff": StVenantKirchhoff(100.0, 0.3),
+    "Muscle": Muscle(30.0, 0.49, 30.0, 35.0, 0.5, 0.8, FIBRES),
+    "Muscle without m2": Muscle(30.0, 0.49, 30.0, 35.0, 0.0, 0.8, FIBRES),
+}
+
+
+class Generated(Material):
+    """A law with the functions made from another's energy."""
+
+    def __init__(self, law):
+        from isorod.material.written import compiled
+
+        self.law, self.families, self.compiled = law, law.families, compiled(law.stored)
+
+    @property
+    def constants(self):
+        return self.law.constants
+
+    def fibres(self, shape):
+        return self.law.fibres(shape)
+
+
+def same(law, other, found=("energy", "stress", "tangent")):
+    for name in found:
+        expected = getattr(law, name)(F)
+        np.testing.assert_allclose(getattr(other, name)(F), expected, rtol=0.0, atol=2e-15 * np.abs(expected).max())
+
+
+# Where m2 is zero NumPy computes both of what it then chooses from.
+@pytest.mark.filterwarnings("ignore:invalid value")
+@pytest.mark.parametrize("name", LAWS)
+def test_the_energy_as_an_expression_is_that_of_the_compiled_law(name):
+    """By NumPy, and its derivative by complex steps the stress."""
+    from isorod.material.proof import _density
+
+    law = LAWS[name]
+    energies, stresses = [], []
+    for k in range(0, len(F), 20):
+        one = law
+        if law.families:
+            one = replace(law, fibre=vectors(law.fibre, F.shape[:1])[k])
+        density = _density(one)
+        energies.append(density(F[k : k + 1])[0])
+        moved = F[k] + 1e-30j * np.eye(9).reshape(9, 3, 3)
+        stresses.append(np.imag(density(moved)).reshape(3, 3) / 1e-30)
+    expected = law.energy(F)[::20], law.stress(F)[::20]
+    for found, value in zip((energies, stresses), expected, strict=True):
+        np.testing.assert_allclose(np.real(found), value, rtol=0.0, atol=1e-12 * np.abs(value).max())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", LAWS)
+def test_functions_made_from_the_energy_are_those_of_the_law_to_rounding(name):
+    same(LAWS[name], Generated(LAWS[name]))
+
+
+def test_laws_load_nothing_of_sympy_until_their_energy_is_asked_for(python):
+    done = python(
+        "import sys, isorod, numpy\n"
+        "isorod.Muscle(30.0, 0.4, 30.0, 5.0, 0.5, 1.0, (0, 0, 1)).stress(numpy.eye(3)[None])\n"
+        "isorod.Ogden([1.0], [2.0], 50.0), isorod.HolzapfelGasserOgden(1.0, 1.0, 1.0, 50.0), isorod.Gent(1, 9, 50)\n"
+        "print('sympy' in sys.modules, isorod.NeoHookean(1.0, 0.3).stored.shape, 'sympy' in sys.modules)"
+    )
+    assert (done.stdout, done.stderr) == ("False mu*(I1 - 2*log(J) - 3)/2 True\n", "")
+
+
+def parabola():
+    import sympy
+
+    stretch = sympy.Symbol("stretch")
+    return sympy.Max(0, 1 - 4 * (1 - stretch) ** 2)
+
+
+@pytest.mark.slow
+def test_muscle_of_the_parabola_is_muscle_to_rounding():
+    law = LAWS["Muscle"]
+    given = law.E, law.nu, law.sigma_max, law.m1, law.m2, law.activation, FIBRES
+    other = ActiveMuscle(*given, parabola())
+    same(law, other)
+    same(law.at(0.25), other.at(0.25), ("energy", "stress"))
+    same(law.shear, other.shear)
+    assert other.activation_work == pytest.approx(law.activation_work, rel=1e-5)
+    # Two ways to a stress that does the work of the energy.
+    change = 0.05 * np.random.default_rng(3).normal(size=F.shape)
+    stays = np.linalg.det(F + change) > 0.05
+    for one in (law, other):
+        work = np.sum(one.discrete(F, change, False)[0] * change, axis=(1, 2))
+        np.testing.assert_allclose(work[stays], (one.energy(F + change) - one.energy(F))[stays], atol=1e-10)
