@@ -46,9 +46,9 @@ if TYPE_CHECKING:
     from isorod.material.hyperelastic import Hyperelastic as Hyperelastic
     from isorod.material.mooney_rivlin import MooneyRivlin as MooneyRivlin
     from isorod.material.muscle import Muscle as Muscle
+    from isorod.material.ogden import Ogden as Ogden
     from isorod.material.orthotropic import Orthotropic as Orthotropic
     from isorod.material.orthotropic import TransverselyIsotropic as TransverselyIsotropic
-    from isorod.material.ogden import Ogden as Ogden
     from isorod.material.st_venant_kirchhoff import StVenantKirchhoff as StVenantKirchhoff
     from isorod.material.yeoh import Yeoh as Yeoh
     from isorod.modal import Modes as Modes
