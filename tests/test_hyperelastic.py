@@ -8,10 +8,11 @@ from isorod.errors import InputError
 from isorod.material import NeoHookean
 from isorod.material import symbols as s
 from isorod.material.energy import whole
-from isorod.material.functions import exp, log, principal
+from isorod.material.functions import SPECTRAL, exp, log, principals
 from isorod.material.hyperelastic import Hyperelastic
 from isorod.material.legendre import transform
 from isorod.material.places import alone
+from isorod.material.points import POINTS
 from isorod.material.st_venant_kirchhoff import StVenantKirchhoff
 
 BUILT_IN = NeoHookean(2.0, 0.3)
@@ -60,13 +61,17 @@ def test_functions_are_those_of_numpy():
 
 @pytest.mark.parametrize("apart", [0.0, 1e-15, 1e-9, 1e-4, 1.0])
 def test_principal_directions_are_orthogonal_where_stretches_meet(apart):
-    for k in range(20):
-        part = np.random.default_rng(k).normal(size=(3, 3))
-        C = np.diag([2.0, 1.0, 1.0]) + apart * (part + part.T)
-        found = principal(C[0, 0], C[0, 1], C[0, 2], C[1, 1], C[1, 2], C[2, 2])
-        directions = np.reshape(found[3:], (3, 3))
-        assert np.abs(directions @ directions.T - np.eye(3)).max() < 1e-14
-        assert np.abs(directions.T @ np.diag(found[:3]) @ directions - C).max() < 1e-14 * np.abs(C).max()
+    parts = np.random.default_rng(0).normal(size=(POINTS, 3, 3))
+    C = np.diag([2.0, 1.0, 1.0]) + apart * (parts + np.swapaxes(parts, 1, 2))
+    # Large beside small.
+    C[:4] = np.diag([1e6, 1.0, 1e-6]) + apart * C[:4]
+    rows = np.empty((SPECTRAL, POINTS))
+    rows[:6] = [C[:, A, B] for A in range(3) for B in range(A, 3)]
+    principals(rows.reshape(-1), POINTS)
+    values, directions = rows[[0, 3, 5]].T, rows[6:].reshape(3, 3, POINTS).transpose(2, 0, 1)
+    assert np.abs(directions @ np.swapaxes(directions, 1, 2) - np.eye(3)).max() < 1e-14
+    again = np.einsum("ki,kiA,kiB->kAB", values, directions, directions)
+    assert (np.abs(again - C).max(axis=(1, 2)) < 1e-14 * np.abs(C).max(axis=(1, 2))).all()
 
 
 def test_a_law_from_its_energy_is_the_one_compiled_by_hand():

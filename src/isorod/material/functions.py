@@ -7,10 +7,12 @@ two or three units in the last place.
 from typing import Any
 
 import numpy as np
-from numba import f8, types, u8
+from numba import f8, i8, u8, void
 from numba.extending import intrinsic
 
-from isorod.compiled import FAST, STRICT, njit
+from isorod.arrays import Array
+from isorod.compiled import F1, FAST, njit
+from isorod.material.points import ROWS
 
 _LN2 = 0.6931471805599453
 _LN2_LOW = 2.3190468138462996e-17
@@ -75,40 +77,59 @@ def power(x: float, exponent: float) -> float:
     return exp(exponent * log(x))
 
 
-@njit(types.UniTuple(f8, 12)(f8, f8, f8, f8, f8, f8), **STRICT)
-def principal(c00: float, c01: float, c02: float, c11: float, c12: float, c22: float) -> tuple[float, ...]:
-    """Return the eigenvalues of a symmetric tensor and, one behind the other, its unit eigenvectors.
+# Of a block's symmetric tensors: 00, 01, 02, 11, 12, 22, of which 00, 11, 22 become eigenvalues, and eigenvectors.
+SPECTRAL = 15
 
-    Jacobi's rotations: to rounding, and orthogonal where eigenvalues meet.
+# Cyclic sweeps of Jacobi's rotations: convergence is quadratic, and five are enough for eigenvalues that differ much.
+_SWEEPS = 6
+
+
+@njit(**FAST)
+def _turn(s: Array, k: int, p: tuple[int, int, int], q: tuple[int, int], v: int, w: int) -> None:
+    """Rotate a tensor so that one component vanishes, and the eigenvectors with it.
+
+    Parameters
+    ----------
+    p
+        Places of the two diagonal components and of the one between them.
+    q
+        Places of what couples each of the two with the third direction.
+    v, w
+        Places of the two directions.
     """
-    c, v = np.empty((3, 3)), np.eye(3)
-    c[0, 0], c[0, 1], c[0, 2], c[1, 1], c[1, 2], c[2, 2] = c00, c01, c02, c11, c12, c22
-    for _ in range(12):
-        off = abs(c[0, 1]) + abs(c[0, 2]) + abs(c[1, 2])
-        # NaN fails the comparison.
-        if not off > 1e-17 * (abs(c[0, 0]) + abs(c[1, 1]) + abs(c[2, 2])):
-            break
-        for p in range(2):
-            for q in range(p + 1, 3):
-                if c[p, q] == 0.0:
-                    continue
-                r = 3 - p - q
-                half = 0.5 * (c[q, q] - c[p, p]) / c[p, q]
-                t = (1.0 if half >= 0.0 else -1.0) / (abs(half) + np.sqrt(half * half + 1.0))
-                k = 1.0 / np.sqrt(t * t + 1.0)
-                s = t * k
-                c[p, p] -= t * c[p, q]
-                c[q, q] += t * c[p, q]
-                c[p, q] = 0.0
-                x = c[min(p, r), max(p, r)]
-                y = c[min(q, r), max(q, r)]
-                c[min(p, r), max(p, r)] = k * x - s * y
-                c[min(q, r), max(q, r)] = s * x + k * y
-                for m in range(3):
-                    x, y = v[m, p], v[m, q]
-                    v[m, p] = k * x - s * y
-                    v[m, q] = s * x + k * y
-    return (
-        c[0, 0], c[1, 1], c[2, 2],
-        v[0, 0], v[1, 0], v[2, 0], v[0, 1], v[1, 1], v[2, 1], v[0, 2], v[1, 2], v[2, 2],
-    )  # fmt: skip
+    x, y, z = s[ROWS[p[0]] + k], s[ROWS[p[1]] + k], s[ROWS[p[2]] + k]
+    apart = y - x
+    # Of two equal ones that are coupled by nothing: no rotation.
+    tangent = 2.0 * z / (abs(apart) + np.sqrt(apart * apart + 4.0 * z * z) + 1e-300)
+    tangent = tangent if apart >= 0.0 else -tangent
+    c = 1.0 / np.sqrt(1.0 + tangent * tangent)
+    t = tangent * c
+    s[ROWS[p[0]] + k], s[ROWS[p[1]] + k], s[ROWS[p[2]] + k] = x - tangent * z, y + tangent * z, 0.0
+    x, y = s[ROWS[q[0]] + k], s[ROWS[q[1]] + k]
+    s[ROWS[q[0]] + k], s[ROWS[q[1]] + k] = c * x - t * y, t * x + c * y
+    for m in range(np.uint64(3)):
+        x, y = s[ROWS[v] + m * ROWS[1] + k], s[ROWS[w] + m * ROWS[1] + k]
+        s[ROWS[v] + m * ROWS[1] + k], s[ROWS[w] + m * ROWS[1] + k] = c * x - t * y, t * x + c * y
+
+
+@njit(void(F1, i8), **FAST)
+def principals(spectral: Array, count: int) -> None:
+    """Replace the first tensors of a block by their eigenvalues, and fill in unit eigenvectors: Jacobi's rotations.
+
+    Right to rounding, and eigenvectors at right angles where eigenvalues meet.
+
+    Parameters
+    ----------
+    spectral
+        ``SPECTRAL`` rows of ``POINTS`` numbers.
+    count
+        Number of tensors.
+    """
+    for k in range(np.uint64(count)):
+        for m in range(np.uint64(9)):
+            spectral[ROWS[6] + m * ROWS[1] + k] = 1.0 if m % np.uint64(4) == np.uint64(0) else 0.0
+    for _ in range(_SWEEPS):
+        for k in range(np.uint64(count)):
+            _turn(spectral, k, (0, 3, 1), (2, 4), 6, 9)
+            _turn(spectral, k, (0, 5, 2), (1, 4), 6, 12)
+            _turn(spectral, k, (3, 5, 4), (1, 2), 9, 12)

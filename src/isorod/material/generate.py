@@ -25,7 +25,7 @@ from math import erf
 import numpy as np
 
 from isorod.compiled import FAST, STRICT, njit
-from isorod.material.functions import exp, log, power, principal
+from isorod.material.functions import SPECTRAL, exp, log, power, principals
 from isorod.material.moduli_kernel import add_both, add_diagonal, add_rows
 from isorod.material.points import (
     ACTIVE, BLOCK, DETERMINANT, ENERGY, FIBRE, GRADIENT, MODULI, POINT, POINTS, ROWS, SQUARES, TANGENT, add_identity,
@@ -51,6 +51,10 @@ def source(energy: Energy) -> str:
 def _slope(expression: sp.Expr, by: sp.Symbol) -> sp.Expr:
     """Return a derivative; jumps have none, which nothing is added for."""
     return sp.diff(expression, by).replace(sp.DiracDelta, lambda *_: sp.Integer(0))
+
+
+# Components of F^T F.
+_SQUARES = {(A, B): " + ".join(f"f{a}{A} * f{a}{B}" for a in range(3)) for A in range(3) for B in range(A, 3)}
 
 
 class _Body:
@@ -92,10 +96,8 @@ class _Body:
                 a1, a2, A1, A2 = (a + 1) % 3, (a + 2) % 3, (A + 1) % 3, (A + 2) % 3
                 lines.append(f"g{a}{A} = f{a1}{A1} * f{a2}{A2} - f{a1}{A2} * f{a2}{A1}")
         stretched = s.stretches[0] in has
-        if s.I2 in has or stretched:
-            for A in range(3):
-                for B in range(A, 3):
-                    lines.append(f"c{A}{B} = " + " + ".join(f"f{a}{A} * f{a}{B}" for a in range(3)))
+        if s.I2 in has:
+            lines += [f"c{A}{B} = {value}" for (A, B), value in _SQUARES.items()]
         if has & {s.I1, s.I2}:
             lines.append("I1 = " + " + ".join(f"f{a}{A} * f{a}{A}" for a, A in _COMPONENTS))
         if s.I2 in has:
@@ -114,14 +116,19 @@ class _Body:
         if s.I8 in has:
             lines.append("I8 = " + " + ".join(f"an{k} * bn{k}" for k in range(3)))
         if stretched:
-            vectors = ", ".join(f"v{i}{A}" for i in range(3) for A in range(3))
-            lines.append(f"l1, l2, l3, {vectors} = principal(c00, c01, c02, c11, c12, c22)")
-            for i in range(3):
-                lines.append(f"l{i + 1} = np.sqrt(l{i + 1})")
+            for i, row in enumerate((0, 3, 5)):
+                lines.append(f"l{i + 1} = np.sqrt(spectral[ROWS[{row}] + k])")
+                lines += [f"v{i}{A} = spectral[ROWS[{6 + 3 * i + A}] + k]" for A in range(3)]
                 for a in range(3):
                     product = " + ".join(f"f{a}{A} * v{i}{A}" for A in range(3))
                     lines.append(f"n{i}{a} = ({product}) / l{i + 1}")
         return lines
+
+    def _spectral(self) -> list[str]:
+        """Return lines that put ``F^T F`` where its principal values and directions are found, empty without these."""
+        if s.stretches[0] not in self.scalars:
+            return []
+        return [f"spectral[ROWS[{row}] + k] = {value}" for row, value in enumerate(_SQUARES.values())]
 
     def _slopes(self, second: bool = False) -> list[str]:
         """Return lines that compute the derivatives of the energy, NaN where an element is inverted."""
@@ -172,13 +179,19 @@ class _Body:
         body.append(
             "det = (f00 * (f11 * f22 - f12 * f21) + f01 * (f12 * f20 - f10 * f22) + f02 * (f10 * f21 - f11 * f20))"
         )
+        if spectral := self._spectral():
+            body += ["spectral = np.empty(SPECTRAL * POINTS)", "k = np.uint64(0)", *spectral, "principals(spectral, 1)"]
         body += [*self._fibres("fibre[{}]"), *self._kinematics(), *self._slopes(), *self._stress()]
         body += [f"stress[{a}, {A}] = p{a}{A}" for a, A in _COMPONENTS]
         body += assignments(["rest", "active"], [self.rest, self.active])
         return lines + ["    " + one for one in body] + ["    return valid * rest, valid * active"]
 
     def _head(self, name: str, arguments: str) -> list[str]:
-        return [f"@njit({name.upper()}, **FAST)", f"def {name}({arguments}):", *self._constants()]
+        lines = [f"@njit({name.upper()}, **FAST)", f"def {name}({arguments}):", *self._constants()]
+        if spectral := self._spectral():
+            lines += ["    spectral = np.empty(SPECTRAL * POINTS)", *self._loop([*self._read(), *spectral])]
+            lines += ["    principals(spectral, POINTS)"]
+        return lines
 
     def _read(self) -> list[str]:
         lines = [f"f{a}{A} = work[ROWS[GRADIENT + {3 * a + A}] + k]" for a, A in _COMPONENTS]
