@@ -1,5 +1,6 @@
 """Every analysis on any number of ranks: what it finds does not depend on how many there are."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,15 +23,16 @@ from isorod.space import Space
 
 STIFF = NeoHookean(100.0, 0.3)
 MUSCLE = Muscle(100.0, 0.3, sigma_max=40.0, m1=35.0, m2=0.5, activation=1.0, fibre=(0.0, 0.0, 1.0))
+NEARLY = replace(MUSCLE, nu=0.4999)
 SMALL = Biceps(elements=5, end_elements=0, order=1)
 TIGHT = {"snes_rtol": 1e-13}
 
 
-def rod(height=4.0, elements=7, held="xyz", contacts=(), law=STIFF):
+def rod(height=4.0, elements=7, held="xyz", contacts=(), law=STIFF, formulation="displacement"):
     """A rod along z, one end of which may be held."""
     space = Space.paper(straight(4, height=height), elements=elements, degree=2, order=2, quadrature="auto")
     supports = [Support.end(space, "start", held)] if held else []
-    return Model([Body(space, law, density=2.0)], supports, contacts=contacts)
+    return Model([Body(space, law, 2.0, formulation)], supports, contacts=contacts)
 
 
 def swing(model):
@@ -91,7 +93,7 @@ def in_motion(model, *given, **settings):
     found = dynamics.solve(model, *given, **settings)
     names = (
         "times displacement velocity reactions contact_force contact_area penetration kinetic stored contact_energy "
-        "added_kinetic muscle_work dissipated load_work steps"
+        "added_kinetic muscle_work dissipated load_work pressure steps"
     )
     return {name: np.asarray(getattr(found, name)) for name in names.split()}
 
@@ -137,8 +139,11 @@ def explicit(_):
 
 
 def implicit(_):
-    """A body with a load; two in contact; friction."""
+    """A body with a load; two in contact; friction; pressures of an incompressible body, and of a muscle on a plane."""
     model, (rough, thrown) = rod(), rubbing()
+    under = Contact(0, Plane((0.0, -1.01, 0.0), (0.0, 1.0, 0.0)), 300.0, points=(3, 4))
+    mixed = {"elements": 3, "formulation": "mixed"}
+    whole, flexed = rod(law=NeoHookean(100.0, 0.5), **mixed), rod(law=NEARLY, contacts=(under,), **mixed)
     loaded = Model(model.bodies, model.supports, loads=[BodyForce((0.1, 0.0, 0.0))])
     rough = Model(rough.bodies, contacts=[rough.contacts[0], rough.contacts[2]])
     given = {"integrator": "implicit", "petsc": {"snes_rtol": 1e-12}}
@@ -146,6 +151,8 @@ def implicit(_):
         "rod": in_motion(loaded, 1.0, 0.1, 2, damping=0.1, velocity=swing(model), **given),
         "biceps": in_motion(SMALL.model(), 2e-3, 2e-4, 2, damping=1.0, ramp=2.5e-3, **given),
         "rubbing": in_motion(rough, 1.0, 0.05, 2, velocity=thrown, **given),
+        "incompressible": in_motion(whole, 1.0, 0.1, 2, damping=0.1, velocity=swing(whole), **given),
+        "mixed muscle": in_motion(flexed, 1.0, 0.1, 2, ramp=0.5, velocity=-swing(flexed), **given),
     }
 
 

@@ -70,7 +70,7 @@ class ActiveMuscle(Muscle):
         return self.activation * self.sigma_max * _work(self.curve)
 
     def discrete(self, F: Array, change: Array, wanted: bool = True) -> tuple[Array, Array | None]:
-        """Return a stress that does the work of the energy, and its moduli (`isorod.material.discrete_gradient`)."""
+        """Return a stress that does the work of the energy, and its moduli (`isorod.material.law`)."""
         return Material.discrete(self, F, change, wanted)
 
 

@@ -52,7 +52,7 @@ class Energy:
         free = self.expression.free_symbols
         return tuple(one for one in (*s.INVARIANTS, *s.F, *s.a, *s.b) if one in free)
 
-    @property
+    @cached_property
     def families(self) -> int:
         """Number of fibre directions that it asks for."""
         free = self.expression.free_symbols

@@ -14,7 +14,7 @@ import numpy as np
 from isorod.arrays import Array, Index
 from isorod.compiled import flat
 from isorod.errors import Checked, InputError, representable
-from isorod.material.discrete_gradient import discrete_gradient
+from isorod.material.discrete_gradient_kernel import discrete_gradient
 from isorod.material.places import Places, alone
 from isorod.material.points import Compiled, at_points, moduli_at_points
 
@@ -106,7 +106,11 @@ class Material(ABC):
         wanted
             Whether moduli are: the derivatives of the stress by ``F + change``, shape ``F.shape + (3, 3)``.
         """
-        return discrete_gradient(self, F, change, wanted)
+        stress, moduli = np.empty(F.shape), np.empty((*F.shape, 3, 3) if wanted else (0, 3, 3, 3, 3))
+        one, given = self.compiled, (flat(F), flat(change), self.constants, self._flat_fibres(F.shape[:-2]))
+        found = stress.reshape(-1, 3, 3), moduli.reshape(-1, 3, 3, 3, 3)
+        discrete_gradient(one.point, one.block, one.tangent, *given, *found)
+        return stress, moduli if wanted else None
 
     def fibres(self, shape: tuple[int, ...]) -> Array:
         """Return the unit vectors along its fibres at points, family by family, shape ``(*shape, 3 families)``."""

@@ -6,7 +6,7 @@ For ``W(C) = mu/2 (tr C - 3) + g(det C)``, ``g = -mu ln J + lame/2 (ln J)^2 + pr
     S = mu 1 + 2 (dg / d det C) G,    G = cof(C_m) + cof(D) / 12,    C_m = C_0 + D/2,
 
 with a difference quotient in the bracket: ``G : D = det C_1 - det C_0`` exactly.  For the rest see
-`isorod.material.discrete_gradient`.
+`isorod.material.discrete_gradient_kernel`.
 """
 
 import numpy as np

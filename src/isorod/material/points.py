@@ -196,11 +196,11 @@ def moduli_at_points(
                 for b in range(3):
                     for A in range(3):
                         for B in range(3):
-                            moduli[m, a, A, b, B] = work[_modulus_row(a, A, b, B) + k]
+                            moduli[m, a, A, b, B] = work[modulus_row(a, A, b, B) + k]
 
 
 @njit(u8(i8, i8, i8, i8), **FAST)
-def _modulus_row(a: int, A: int, b: int, B: int) -> Any:
+def modulus_row(a: int, A: int, b: int, B: int) -> Any:
     """Return where the row of the modulus ``dP_aA/dF_bB`` begins."""
     if a == b:
         low, high = min(A, B), max(A, B)

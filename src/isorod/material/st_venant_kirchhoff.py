@@ -10,7 +10,10 @@ from isorod.arrays import Array
 from isorod.compiled import FAST, STRICT, cofactors, njit
 from isorod.material.law import Isotropic
 from isorod.material.points import (
+    ACTIVE,
+    BLOCK,
     DETERMINANT,
+    ENERGY,
     GRADIENT,
     MODULI,
     POINT,
@@ -39,6 +42,45 @@ def _point(F: Array, constants: Array, fibre: Array, activation: float, stress: 
     valid = 1.0 if det > 0.0 else np.nan
     stress[:] = valid * (F @ (2.0 * mu * strain + lame * trace * np.eye(3)))
     return valid * (mu * np.sum(strain * strain) + 0.5 * lame * trace * trace), 0.0
+
+
+@njit(BLOCK, **FAST)
+def _block(work: Array, constants: Array, activation: float, wanted: bool) -> None:
+    """Do what `_point` does at the points of a block (`isorod.material.points.BLOCK`)."""
+    mu, lame = constants[0], constants[1]
+    for k in range(np.uint64(POINTS)):
+        # NaN fails the comparison.
+        valid = 1.0 if work[ROWS[DETERMINANT] + k] > 0.0 else np.nan
+        f00, f01, f02 = work[ROWS[_F] + k], work[ROWS[_F + 1] + k], work[ROWS[_F + 2] + k]
+        f10, f11, f12 = work[ROWS[_F + 3] + k], work[ROWS[_F + 4] + k], work[ROWS[_F + 5] + k]
+        f20, f21, f22 = work[ROWS[_F + 6] + k], work[ROWS[_F + 7] + k], work[ROWS[_F + 8] + k]
+        e00, e11, e22 = (
+            0.5 * (f00 * f00 + f10 * f10 + f20 * f20 - 1.0),
+            0.5 * (f01 * f01 + f11 * f11 + f21 * f21 - 1.0),
+            0.5 * (f02 * f02 + f12 * f12 + f22 * f22 - 1.0),
+        )
+        e01, e02, e12 = (
+            0.5 * (f00 * f01 + f10 * f11 + f20 * f21),
+            0.5 * (f00 * f02 + f10 * f12 + f20 * f22),
+            0.5 * (f01 * f02 + f11 * f12 + f21 * f22),
+        )
+        trace, twice = e00 + e11 + e22, 2.0 * valid * mu
+        bulk = valid * lame * trace
+        s00, s11, s22 = twice * e00 + bulk, twice * e11 + bulk, twice * e22 + bulk
+        s01, s02, s12 = twice * e01, twice * e02, twice * e12
+        work[k] = f00 * s00 + f01 * s01 + f02 * s02
+        work[ROWS[1] + k] = f00 * s01 + f01 * s11 + f02 * s12
+        work[ROWS[2] + k] = f00 * s02 + f01 * s12 + f02 * s22
+        work[ROWS[3] + k] = f10 * s00 + f11 * s01 + f12 * s02
+        work[ROWS[4] + k] = f10 * s01 + f11 * s11 + f12 * s12
+        work[ROWS[5] + k] = f10 * s02 + f11 * s12 + f12 * s22
+        work[ROWS[6] + k] = f20 * s00 + f21 * s01 + f22 * s02
+        work[ROWS[7] + k] = f20 * s01 + f21 * s11 + f22 * s12
+        work[ROWS[8] + k] = f20 * s02 + f21 * s12 + f22 * s22
+        if wanted:
+            squares = e00 * e00 + e11 * e11 + e22 * e22 + 2.0 * (e01 * e01 + e02 * e02 + e12 * e12)
+            work[ROWS[ENERGY] + k] = valid * (mu * squares + 0.5 * lame * trace * trace)
+            work[ROWS[ACTIVE] + k] = 0.0
 
 
 @njit(TANGENT, **FAST)
@@ -107,7 +149,7 @@ class StVenantKirchhoff(Isotropic):
     It softens in compression: a bar with ``nu = 0`` bears no more at the stretch ``1/sqrt 3``.
     """
 
-    compiled = Compiled(_point, None, _tangent)
+    compiled = Compiled(_point, _block, _tangent)
 
     @property
     def stored(self) -> "Energy":
