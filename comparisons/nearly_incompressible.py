@@ -21,12 +21,12 @@ from isorod.scenes.biceps import Biceps
 
 HERTZ, BICEPS = 0.499999, 0.4999
 
-# Displacements alone, then with pressures, coarse to fine.
+# Displacements alone, then with pressures, coarse to fine: the last is what is chosen.
 SPACES: tuple[dict[str, Any], ...] = (
     {"formulation": "displacement"},
+    {"elements": 10, "section_points": 8},
+    {"elements": 20, "section_points": 8},
     {},
-    {"elements": 20},
-    {"elements": 20, "section_points": 16},
 )
 # Bricks round a branch and along each element of its axis.
 MESHES = (4, 2), (8, 4), (12, 6)

@@ -173,6 +173,31 @@ def test_the_default_is_within_two_per_cent_of_finite_elements():
     assert found["contact_force"] == pytest.approx(11.23, rel=0.05)
 
 
+def test_pressures_ask_for_a_finer_space():
+    """They are chosen from the same ratio on; what is typed is as it is typed."""
+
+    def sizes(**given):
+        scene = Biceps(statics=True, **given)
+        return scene.model().bodies[0].formulation, scene.section_points, scene.elements
+
+    assert sizes(nu=0.498) == sizes() == ("displacement", 8, 10)
+    assert sizes(nu=0.499) == ("mixed", 16, 20)
+    assert sizes(nu=0.499, elements=10, section_points=12) == ("mixed", 12, 10)
+    assert sizes(nu=0.499, formulation="displacement") == ("displacement", 8, 10)
+    with pytest.warns(UserWarning, match="contact 0: .* take order 2"):
+        assert sizes(nu=0.499, preset="paper") == ("mixed", 8, 5)
+
+
+@pytest.mark.slow
+def test_near_incompressibility_the_default_is_within_one_per_cent_of_taylor_hood_elements():
+    """Of 51,878 unknowns (`python -m comparisons.nearly_incompressible biceps --meshes 3`)."""
+    scene = Biceps(nu=0.4999, statics=True)
+    found = scene.measure(statics.solve(scene.model()))
+    assert found["end_force"] == pytest.approx([105.76, 104.72, 105.76, 104.72], rel=0.01)
+    assert found["belly_bulge"] == pytest.approx(0.2384, rel=0.01)
+    assert found["contact_force"] == pytest.approx(11.16, rel=0.01)
+
+
 def test_near_incompressibility_locks_the_ends_not_the_sections():
     """With the paper's five elements nothing helps in the section.
 

@@ -1,5 +1,7 @@
 """Scenes whose rods touch, against closed forms and other theories; sources stand beside the numbers."""
 
+import warnings
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -80,6 +82,15 @@ def test_closed_coil_lies_flat_on_its_seats_and_leaves_its_tips_room():
 
 
 @pytest.mark.slow
+def test_laid_seats_are_warned_of_near_incompressibility():
+    with pytest.warns(UserWarning, match=r"^nu: got 0.499; laid seats .*; take ends clamped"):
+        Coil(coils=1, push=5.0, nu=0.499).model()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        Coil(coils=1, push=5.0, nu=0.49).model()
+        Coil(coils=1, push=5.0, nu=0.499, ends="clamped").model()
+
+
 def test_closed_coil_is_held_by_its_plates():
     scene = Coil(ends="closed", coils=1, push=0.5)
     solution, found = solved(scene)

@@ -1,19 +1,28 @@
 """Laws in scene files: constants without bound, directions of fibres, curves, energies written as text."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import sympy
+from conftest import straight
 
+from isorod import dynamics, modal, statics
 from isorod.errors import InputError
 from isorod.files.expression import parsed
 from isorod.files.form import choice
+from isorod.files.scene import FileScene
 from isorod.files.schema import LAWS
+from isorod.material import NeoHookean
 from isorod.material import symbols as s
 from isorod.material.gent import Gent
+from isorod.material.holzapfel_gasser_ogden import HolzapfelGasserOgden
 from isorod.material.mooney_rivlin import MooneyRivlin
 from isorod.material.ogden import Ogden
+from isorod.material.st_venant_kirchhoff import StVenantKirchhoff
+from isorod.model import Body, Model, Support
+from isorod.space import Space
 
 
 @pytest.fixture
@@ -151,3 +160,64 @@ def test_an_energy_as_text_is_the_law_that_it_says(law):
     )
     F = np.eye(3) + 0.2 * np.random.default_rng(0).uniform(-1.0, 1.0, (20, 3, 3))
     np.testing.assert_allclose(found.stress(F), MooneyRivlin(0.3, 0.2, 20.0).stress(F), rtol=0.0, atol=1e-13)
+
+
+CORD = """
+[rod.cord]
+curve = {{straight = 4.0}}
+section = {{circle = 0.5}}
+density = 1.0
+space = {{section_degree = 2, degree = 2, elements = 1}}
+law = {}
+[support.base]
+end = "start"
+[support.grip]
+end = "end"
+displacement = [0.0, 0.0, 0.2]
+[analysis.{}]
+"""
+
+
+@pytest.mark.parametrize("analysis", ["statics", "modal", "dynamics]\nend_time = 1.0 #"])
+def test_incompressible_laws_with_fibres_take_pressures_by_themselves(analysis, tmp_path):
+    (tmp_path / "cord.toml").write_text(CORD.format(HGO.format("'tangent'"), analysis))
+    model = FileScene(str(tmp_path / "cord.toml")).model()
+    for one in (model, model.in_motion("implicit")):
+        assert one.bodies[0].formulation == "mixed" and one.bodies[0].chosen
+    with pytest.raises(InputError, match="no explicit step is stable"):
+        model.in_motion("explicit")
+
+
+def test_an_incompressible_law_takes_pressures_whatever_is_beside_it():
+    """But for what has none, of which one line says so."""
+    space = Space.paper(straight(8, height=2.0), elements=2, degree=2, order=2)
+    fibres = HolzapfelGasserOgden(3.0, 2.0, 0.8, math.inf)
+    assert Body(space, [fibres, NeoHookean(1.0, 0.3)]).formulation == "mixed"
+    assert Body(space, [replace(fibres, bulk=100.0), NeoHookean(1.0, 0.3)]).formulation == "displacement"
+    for law in (NeoHookean(1.0, 0.0), StVenantKirchhoff(1.0, 0.3)):
+        with pytest.raises(
+            InputError, match=r"element 0: incompressible \(nu = 0.5, or a bulk modulus that is infinite"
+        ):
+            Body(space, [fibres, law])
+
+
+def test_a_finite_bulk_modulus_tends_to_an_infinite_one():
+    """Statics, modes about its state and implicit motion, by default."""
+    space = Space.paper(straight(8, height=4.0), elements=1, degree=3, order=2)
+    found = []
+    for bulk in (math.inf, 1e6):
+        body = Body(space, HolzapfelGasserOgden(3.0, 2.0, 0.8, bulk), 1.0)
+        supports = [Support.end(space, "start"), Support.end(space, "end", displacement=(0.0, 0.1, 0.2))]
+        still = statics.solve(Model([body], supports))
+        swing = np.outer(space.positions[:, 2], [0.1, 0.0, 0.0]).ravel()
+        moving = dynamics.solve(Model([body], supports[:1]), 0.5, 0.1, integrator="implicit", velocity=swing, outputs=1)
+        assert np.abs(moving.energy_error).max() < 1e-7
+        assert {one.model.bodies[0].formulation for one in (still, moving)} == {"mixed"}
+        found.append(
+            [
+                *still.reactions[1],
+                *modal.solve(still.model, 2, state=still).frequencies,
+                moving.displacement[-1, 0::3].max(),
+            ]
+        )
+    np.testing.assert_allclose(*found, rtol=1e-4, atol=1e-8)

@@ -35,6 +35,9 @@ _JUMP = 10.0
 # and 6.5 % at 0.4999 in displacements, and by 1 % with pressures.
 _NEARLY, _WITH_FIBRES = 0.49, 0.499
 
+# Pressures that are linear across the section: 1, x, y.
+_LINEAR = 3
+
 
 @dataclass(frozen=True, eq=False)
 class Body(Checked):
@@ -53,7 +56,8 @@ class Body(Checked):
     formulation
         ``"displacement"``, or ``"mixed"``: displacement and pressure (`isorod.assembly.mixed`), which does not lock
         near incompressibility and takes a Poisson's ratio of 0.5; explicit steps do not know it.  Where not given,
-        mixed in all else if all laws have a Poisson's ratio of 0.49 or more, with fibres of 0.499.
+        mixed in all else if all laws have a Poisson's ratio of 0.49 or more, with fibres of 0.499, or one of 0.5 and
+        all a positive one.
 
     Attributes
     ----------
@@ -107,7 +111,8 @@ class Body(Checked):
         for k, law in enumerate(self.laws):
             if self.formulation == "displacement" and not np.isfinite(getattr(law, "lame", 0.0)):
                 raise InputError(
-                    f"material of element {k // rings}: incompressible (nu = 0.5); that takes formulation 'mixed'"
+                    f"material of element {k // rings}: incompressible (nu = 0.5, or a bulk modulus that is infinite); "
+                    "that takes formulation 'mixed'"
                 )
         self._warn_of_smooth_joints()
 
@@ -157,6 +162,11 @@ class Body(Checked):
                 )
         return Pressures(self.space)
 
+    @property
+    def has_poor_pressures(self) -> bool:
+        """Whether it has pressures that are no more than linear across the section, as of order 1."""
+        return self.formulation == "mixed" and self.space.basis.pressure_count <= _LINEAR
+
     @cached_property
     def pressure_unit(self) -> float:
         """What the unknown pressures of the mixed formulation are counted in: the middle shear modulus, force/area."""
@@ -176,12 +186,18 @@ class Body(Checked):
         """Return whether the mixed formulation pays: where it can be taken, and displacements alone may lock."""
         ratios = [getattr(law, "nu", 0.0) if law.splits else 0.0 for law in self.laws]
         least = _WITH_FIBRES if any(law.families for law in self.laws) else _NEARLY
-        if self._rings > 1 or min(ratios) < least:
+        # Nothing else takes an incompressible one, whatever is beside it.
+        enough = min(ratios) > 0.0 if self._is_incompressible else min(ratios) >= least
+        if self._rings > 1 or not enough:
             return False
         try:
             return self.space.basis.pressure_count > 1
         except InputError:
             return False
+
+    @property
+    def _is_incompressible(self) -> bool:
+        return any(getattr(law, "lame", 0.0) == np.inf for law in self.laws)
 
     def in_displacements(self) -> "Body":
         """Return the body for what knows no pressures: in displacements, unless the mixed formulation was asked for."""
@@ -192,7 +208,7 @@ class Body(Checked):
     def in_motion(self, integrator: str) -> "Body":
         """Return the body for steps in time, with a rule that was chosen such that no mass is missed.
 
-        Explicit steps know no pressures (`in_displacements`).
+        Explicit steps know no pressures (`in_displacements`), and warn where those were chosen and will be missed.
 
         Raises
         ------
@@ -206,16 +222,27 @@ class Body(Checked):
                     "formulation: got 'mixed', explicit steps take 'displacement' alone; take that, with nu up to "
                     "0.49, or integrator 'implicit'"
                 )
-            if any(getattr(law, "lame", 0.0) == np.inf for law in self.laws):
+            if self._is_incompressible:
                 raise InputError(
                     "material: incompressible (nu = 0.5), where no explicit step is stable; take nu up to 0.49, or "
                     "integrator 'implicit'"
                 )
+            self._warn_of_locking()
             body = self.in_displacements()
         if "quadrature" not in self.space.chosen:
             return body
         formulation = None if body.chosen else body.formulation
         return replace(body, space=replace(self.space, quadrature="auto"), formulation=formulation)
+
+    def _warn_of_locking(self) -> None:
+        """Warn of displacements in the place of pressures that were chosen."""
+        nu = max(getattr(law, "nu", 0.0) for law in self.laws)
+        if self.chosen and self.formulation == "mixed" and nu > _NEARLY:
+            warnings.warn(
+                f"nu = {nu:.6g}: explicit steps take displacements alone, which lock there: forces are some per cent "
+                "too large; take integrator 'implicit', or nu up to 0.49",
+                stacklevel=5,
+            )
 
     def _warn_of_smooth_joints(self) -> None:
         """Warn where stiffness jumps at a knot at which displacements are smooth: strains cannot follow."""

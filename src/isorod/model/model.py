@@ -1,5 +1,6 @@
 """What every analysis takes: bodies (a space with a material) and supports."""
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -61,6 +62,7 @@ class Model(Checked):
                 raise InputError(f"spin: body {b} has no density")
         for k, contact in enumerate(self.contacts):
             contact.check(k, [body.space for body in self.bodies])
+            self._warn_of_poor_pressures(k, contact)
         counts = [body.space.nodes for body in self.bodies]
         first_node = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
         motions = []
@@ -75,6 +77,18 @@ class Model(Checked):
             object.__setattr__(self, name, value)
         for k, load in enumerate(self.loads):
             self._space(f"load {k}", load)
+
+    def _warn_of_poor_pressures(self, index: int, contact: "Contact") -> None:
+        """Warn of pressures too poor for a contact: they see no patch, where a body is too soft."""
+        for b, _ in contact.sides:
+            if self.bodies[b].has_poor_pressures:
+                warnings.warn(
+                    f"contact {index}: the mixed formulation's pressures are linear across the section of body {b} and "
+                    "see no patch: largest pressures are up to three times too low, forces off by some per cent; take "
+                    "order 2 and at least 5 section points",
+                    stacklevel=4,
+                )
+                return
 
     def __repr__(self) -> str:
         counts = {name: len(getattr(self, name)) for name in ("bodies", "supports", "loads", "contacts")}

@@ -44,12 +44,17 @@ class Preset(Checked):
 
     preset: str | None
 
+    @property
+    def suits(self) -> Mapping[str, Any]:
+        """What is taken without a preset: ``SUITS``, where the other fields do not say otherwise."""
+        return self.SUITS
+
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.preset not in (None, "paper"):
             raise InputError(f"preset: got {self.preset!r}, need 'paper', or none for what suits the rod")
         polynomials = getattr(self, "section_degree", None) is not None
-        for name, value in (self.PAPER if self.preset else self.SUITS).items():
+        for name, value in (self.PAPER if self.preset else self.suits).items():
             if getattr(self, name) is None and not (polynomials and name == "order"):
                 object.__setattr__(self, name, value)
         if self.preset and getattr(self, "continuity", 0) is None:

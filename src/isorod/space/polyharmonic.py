@@ -159,7 +159,7 @@ class Polyharmonic:
             raise InputError(f"section points: got {self.n}, the mixed formulation needs at least 4")
         most = (self.n - 1) // 2
         degree = min(self.order, most)
-        pairs = [(m, k) for m in range(most) for k in range(self.order - 1)]
+        pairs = [(m, k) for k in range(self.order - 1) for m in range(most - k)]
         pairs += [(m, k) for m in range(degree + 1) for k in range((degree - m) // 2 + 1)]
         return sorted(set(pairs), key=lambda pair: (pair[0] + 2 * pair[1], pair))
 
@@ -171,7 +171,7 @@ class Polyharmonic:
     def pressures(self, xi: ArrayLike) -> Array:
         """Return Zernike polynomials of the disk, those of wave ``m`` and degree ``m + 2 k``.
 
-        They are those of ``k < K - 1`` and ``m`` less than the ``(n - 1) / 2`` that ``n`` points have, and all
+        They are those of ``k < K - 1`` and ``m + k`` less than the ``(n - 1) / 2`` that ``n`` points have, and all
         of degree ``K``; of ``n`` points that have no more, ``(n - 1) / 2``.  In the plane each is the divergence of
         displacements of the next wave, as large as its gradient: ``U = z^(m + 1) / (m + 1)`` of ``z^m``.
         """
