@@ -78,7 +78,7 @@ def build(rods: Sequence[Rod], level: int = 1, order: int = 2) -> Mesh:
         raise InputError("mesh: no rod is given, need at least one")
     whole_number("mesh: level", level, 1, MOST)
     whole_number("mesh: order of the cells", order, 1, 3)
-    return join(*(_named(_mesh(rod, f"rod {k}", level, order), f"rod {k}") for k, rod in enumerate(rods)))
+    return join(*(named(_mesh(rod, f"rod {k}", level, order), f"rod {k}") for k, rod in enumerate(rods)))
 
 
 def places(mesh: Mesh, rods: Sequence[Rod]) -> Index:
@@ -139,7 +139,8 @@ def _chosen(rod: Rod, order: int) -> tuple[Maker, Index]:
     raise InputError(f"no template fits its section ({reason}); take a smoother or thicker outline")
 
 
-def _named(mesh: Mesh, name: str) -> Mesh:
+def named(mesh: Mesh, name: str) -> Mesh:
+    """Return a mesh of one rod that is one region of a name, with which its faces' names begin."""
     faces = {f"{name} {key}": face for key, face in mesh.faces.items()}
     return replace(mesh, faces=faces, regions={name: np.arange(len(mesh.cells))})
 

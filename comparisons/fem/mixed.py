@@ -63,6 +63,8 @@ class Equilibrium:
         of pressure waves of ``psi``.
     reactions
         Force of each support on the body (work of a guided one), shape ``(supports, 3)``, the same on every rank.
+    moments
+        Moment of each about the mean of the places where its nodes are held, zero of a guided one, of that shape.
     deflections
         Mean displacement of each loaded face, by its name, shape ``(3,)``.
     dofs, newton_iterations
@@ -73,6 +75,7 @@ class Equilibrium:
 
     state: Any
     reactions: Array
+    moments: Array
     deflections: dict[str, Array]
     dofs: int
     newton_iterations: int
@@ -99,7 +102,7 @@ def solve(
     law
         The material.
     held
-        Supports, with constant displacements or guided; a later one wins where faces meet.
+        Supports, or guided components; a later one wins where faces meet.
     loads
         Total force by the name of the face over which it is spread uniformly.
     degree
@@ -138,7 +141,7 @@ def solve(
             newton = Newton(state, *forms, supports, None)
             newton.matrix.setOption(PETSc.Mat.Option.SPD, False)
             newton.solve(first)
-            reactions = newton.reactions()
+            reactions, moments = newton.reactions(), _moments(newton)
             iterations += newton.snes.getIterationNumber()
             first = newton.x.copy()
             newton.destroy()
@@ -146,11 +149,24 @@ def solve(
     return Equilibrium(
         state,
         reactions,
+        moments,
         {one.name: one.mean(u) for one in faces},
         dofmap.index_map.size_global * dofmap.index_map_bs,
         iterations,
         perf_counter() - start,
     )
+
+
+def _moments(newton: Newton) -> Array:
+    """Return `Equilibrium.moments` after reactions."""
+    force, comm = newton.force.array_r, newton.force.getComm().tompi4py()
+    found = np.zeros((len(newton.supports), 3))
+    for row, one in zip(found, newton.supports, strict=True):
+        if isinstance(one, Support):
+            total = comm.allreduce(np.append(one.places.sum(axis=0), len(one.places)), op=MPI.SUM)
+            arms = one.places - total[:3] / total[3]
+            row[:] = np.cross(arms, np.eye(3)[one.components] * force[one.dofs, None]).sum(axis=0)
+    return np.asarray(comm.allreduce(found, op=MPI.SUM))
 
 
 def element(mesh: Any, degree: int) -> Any:
@@ -212,4 +228,7 @@ class _Guide:
 def _support(space: Any, domain: Domain, one: Held | Guided, factor: float) -> "Support | _Guide":
     if isinstance(one, Guided):
         return _Guide(space, domain, one, factor)
-    return Support(space, domain, Held(one.face, tuple(factor * np.array(one.displacement))))
+    wanted = one.displacement
+    if callable(wanted):
+        return Support(space, domain, Held(one.face, lambda x: factor * wanted(x)))
+    return Support(space, domain, Held(one.face, tuple(factor * np.array(wanted))))

@@ -213,6 +213,8 @@ class Support:
         This rank's own degrees of freedom under it, and the direction 0, 1, 2 of each.
     unit
         Coefficients that make a unit translation: 1 at Lagrange nodes, not in elements whose unknowns are moments.
+    places
+        Where the node of each is held, shape ``(m, 3)``; of Lagrange elements.
     """
 
     def __init__(self, space: Any, domain: Domain, held: Held) -> None:
@@ -239,6 +241,9 @@ class Support:
         self.dofs: Index = dofs[own]
         self.components: Index = in_plain[own] % 3
         self.unit: Array = translation.x.array[in_plain[own]]
+        at = dolfinx.fem.Function(plain)
+        at.interpolate(lambda x: x)
+        self.places: Array = (at.x.array + value.x.array).reshape(-1, 3)[in_plain[own] // 3]
 
 
 class Newton:

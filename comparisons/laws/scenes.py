@@ -1,15 +1,21 @@
 """The laws, and the rods on which they are compared: pulled, twisted, bent, wound, and with pressure inside."""
 
+import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from isorod.geometry.center_line import arc, helix, straight
+from comparisons.laws.ends import Shape, Vector
+from isorod import statics
+from isorod.geometry.center_line import CenterLine, arc, helix, straight
 from isorod.geometry.rod import Rod
 from isorod.geometry.section import circle
 from isorod.material import LinearElastic, NeoHookean
+from isorod.material.active_muscle import ActiveMuscle
+from isorod.material.fibre import Fibre
 from isorod.material.fibre import helix as winding
 from isorod.material.gent import Gent
 from isorod.material.holzapfel_gasser_ogden import HolzapfelGasserOgden
@@ -18,20 +24,51 @@ from isorod.material.law import Material
 from isorod.material.mooney_rivlin import MooneyRivlin
 from isorod.material.muscle import Muscle
 from isorod.material.ogden import Ogden
+from isorod.material.orthotropic import Directed, Orthotropic, TransverselyIsotropic
 from isorod.material.st_venant_kirchhoff import StVenantKirchhoff
 from isorod.material.yeoh import Yeoh
 from isorod.model import Body, Model, Pressure, Support
 from isorod.space import Space
+from meshes.annulus import annulus
+from meshes.bricks import bricks
+from meshes.mesh import Array, Mesh
+from meshes.rods import named
+from meshes.template import o_grid
 
 # Shear moduli are about 1, and bulk moduli those of a Poisson's ratio of 0.4.
 _NU = 0.4
 _E, _BULK = 2.0 * (1.0 + _NU), 14.0 / 3.0
 
-# isorod's space: of finer ones no number here differs by more than 3e-4.
-_DEGREE, _ACROSS = 4, 8
+# What the names of laws begin with that need pressures.
+INCOMPRESSIBLE = "incompressible-"
 
-# Where elements of the rods end besides, as shares of the axis from both ends: at held faces stress has no limit.
-_TOWARDS = (0.03, 0.1, 0.25)
+# Load steps of both programs.
+STEPS = 2
+
+# Laws that know small strains alone see so much of what happens to a rod: turned by more, they are strained.
+SMALL = 1e-2
+
+# How often ends are given the shape of the section amid the rod.
+ROUNDS = 4
+
+# Pitch of the spring at rest.
+_PITCH = 2.0
+
+# Radius of the corners of the squares amid the meshes of sections.
+_CORE = 0.6
+
+# Where a tube's wall begins, of its radius.
+_HOLE = 0.6
+
+
+# Tension of a muscle by its stretch, relative.
+_CURVE = ((0.5, 0.0), (0.75, 0.6), (0.95, 1.0), (1.05, 1.0), (1.6, 0.0))
+
+
+def _inclined(angle: float) -> Fibre:
+    """Return the direction in the plane of tangent and normal at an angle to the first, degrees."""
+    turn = math.radians(angle)
+    return lambda places: math.cos(turn) * places.tangent + math.sin(turn) * places.normal
 
 
 def _own() -> Material:
@@ -45,20 +82,37 @@ LAWS: dict[str, Callable[[], Material]] = {
     "linear": lambda: LinearElastic(_E, _NU),
     "neo-hookean": lambda: NeoHookean(_E, _NU),
     "st-venant-kirchhoff": lambda: StVenantKirchhoff(_E, _NU),
+    "transversely-isotropic": lambda: TransverselyIsotropic(6.0, 2.5, 0.3, 0.35, 1.2, "normal"),
+    "orthotropic": lambda: Orthotropic(
+        (5.0, 3.0, 2.0), (0.3, 0.25, 0.35), (1.2, 1.0, 0.8), (_inclined(20.0), "binormal")
+    ),
     "muscle": lambda: Muscle(_E, _NU, 0.5, 0.3, 1.0, 1.0),
+    "active-muscle": lambda: ActiveMuscle(_E, _NU, 0.5, 0.3, 1.0, 1.0, curve=_CURVE),
     "mooney-rivlin": lambda: MooneyRivlin(0.3, 0.2, _BULK),
     "yeoh": lambda: Yeoh(0.5, 0.05, 0.01, _BULK),
     "gent": lambda: Gent(1.0, 20.0, _BULK),
     "ogden": lambda: Ogden((1.3, -0.3), (1.7, -1.5), _BULK),
     "hgo": lambda: HolzapfelGasserOgden(1.0, 0.5, 0.8, _BULK),
-    "hgo-two": lambda: HolzapfelGasserOgden(1.0, 0.5, 0.8, _BULK, 0.1, (winding(40.0), winding(-40.0))),
+    "hgo-two": lambda: HolzapfelGasserOgden(1.0, 0.5, 0.8, _BULK, 0.1, (_inclined(40.0), _inclined(-40.0))),
+    "hgo-wound": lambda: HolzapfelGasserOgden(1.0, 0.5, 0.8, _BULK, 0.1, (winding(40.0), winding(-40.0))),
     "own": _own,
+    "incompressible-mooney-rivlin": lambda: MooneyRivlin(0.3, 0.2, math.inf),
+    "incompressible-ogden": lambda: Ogden((1.3, -0.3), (1.7, -1.5), math.inf),
+    "incompressible-hgo": lambda: HolzapfelGasserOgden(1.0, 0.5, 0.8, math.inf),
 }
+
+
+def scenes_of(law: str) -> tuple[str, ...]:
+    """Return the names of a law's scenes."""
+    if law == "hgo-wound":
+        # Directions that wind about the centre line have no limit there.
+        return ("tube",)
+    return ("cylinder", "arc") if law.startswith(INCOMPRESSIBLE) else tuple(SCENES)
 
 
 @dataclass(frozen=True)
 class Scene:
-    """A rod with its start held and its end moved and turned.
+    """A rod with its start held and its end moved and turned, such that it is strained evenly all along.
 
     Parameters
     ----------
@@ -66,6 +120,10 @@ class Scene:
         What happens to it.
     rod
         Makes it.
+    space
+        Elements, degree and section's degree of isorod's space: of finer ones no number here differs by more than 2e-4.
+    layers
+        Of finite elements along the rod on level 1: a multiple of the axis elements.
     move, turn
         Displacement of its end [length] and rotation vector [rad].
     measured
@@ -76,71 +134,130 @@ class Scene:
 
     title: str
     rod: Callable[[], Rod]
+    space: tuple[int, int, int]
+    layers: int
     move: tuple[float, float, float]
     turn: tuple[float, float, float]
     measured: dict[str, Callable[[Any], float]]
     pressure: float = 0.0
 
-    def model(self, law: Material) -> Model:
-        """Return the model with a law."""
-        space = Space(_graded(self.rod()), degree=_DEGREE, section_degree=_ACROSS)
+    def model(self, law: Material, formulation: str = "displacement") -> Model:
+        """Return the model with a law.
+
+        Its end sections have the shape that the section amid the rod takes on: were they held as they are, stress at
+        their edges would grow without limit, and finite elements converge on no mesh as they do elsewhere.
+        """
+        share = SMALL if isinstance(law, LinearElastic | Directed) else 1.0
+        return self._scaled(share)._shaped(law, formulation)
+
+    def _scaled(self, share: float) -> "Scene":
+        """Return the scene with a share of all that happens to the rod."""
+        move, turn = (tuple(share * one for one in vector) for vector in (self.move, self.turn))
+        return replace(self, move=move, turn=turn, pressure=share * self.pressure)
+
+    def _shaped(self, law: Material, formulation: str) -> Model:
+        elements, degree, across = self.space
+        space = Space(self.rod(), elements=elements, degree=degree, section_degree=across)
         ends = Support.end(space, "start"), Support.end(space, "end", displacement=self.move, turn=self.turn)
+        model = self._held(space, law, formulation, ends)
+        for _ in range(ROUNDS):
+            shape = Shape(statics.solve(model, load_steps=STEPS))
+            ends = shape.at(space, "start"), shape.at(space, "end", self.move, self.turn)
+            model = self._held(space, law, formulation, ends)
+        return model
+
+    def _held(self, space: Space, law: Material, formulation: str, ends: tuple[Support, Support]) -> Model:
         loads = [Pressure(self.pressure, "inner", follows=True)] if self.pressure else []
-        return Model([Body(space, law, formulation="displacement")], ends, loads=loads)
+        return Model([Body(space, law, formulation=formulation)], ends, loads=loads)
+
+    def mesh(self, level: int) -> Mesh:
+        """Return a mesh of bricks of 27 nodes: on each level as many times those of level 1, in all directions.
+
+        How far the outline of a section is from a circle is most of their error, so there are few rings.
+        """
+        rod, around, rings = self.rod(), 4 * level, max(1, level // 2)
+        hollow = rod.rings[0] > 0.0
+        template = annulus(around, rod.rings, (rings,)) if hollow else o_grid(around, rings, core=_CORE)
+        return named(bricks(rod, template, level * self.layers), "rod 0")
 
     def measure(self, solution: Any) -> dict[str, float]:
         """Return what is compared of a solution, isorod's or finite elements'."""
         return {name: float(of(solution)) for name, of in self.measured.items()}
 
 
-def _graded(rod: Rod) -> Rod:
-    """Return a rod with elements that are short near its ends."""
-    low, high = rod.axis.breaks[[0, -1]]
-    for share in _TOWARDS:
-        for u in (low + share * (high - low), high - share * (high - low)):
-            if np.abs(rod.axis.breaks - u).min() > 0.01 * (high - low):
-                rod = rod.insert(float(u))
-    return rod
-
-
 def _force(axis: int) -> Callable[[Any], float]:
     return lambda solution: float(solution.reactions[1, axis])
 
 
-def _torque(solution: Any) -> float:
-    return float(solution.moments[1, 2])
+def _moment(axis: int) -> Callable[[Any], float]:
+    return lambda solution: float(solution.moments[1, axis])
 
 
 def _widening(solution: Any) -> float:
     return float(solution.at(0, 0.5, [1.0, 0.0])[0])
 
 
+def _coil(pitch: float) -> CenterLine:
+    """Return half a coil of a helix that is as long as one of radius 2 and the pitch that the spring has at rest."""
+    around = 2.0 * math.pi
+    return helix(math.sqrt((2.0 * around) ** 2 + _PITCH**2 - pitch**2) / around, pitch, 0.5)
+
+
+def _pulled(pitch: float) -> tuple[Vector, Vector]:
+    """Return displacement and turn of the spring's end, its start held, where it becomes the helix of another pitch."""
+    (start, first), (end, last) = _ends(_coil(_PITCH))
+    (begin, before), (stop, after) = _ends(_coil(pitch))
+    # How the start of the other helix has to be turned to be that of the spring.
+    turn = first * before.inv()
+    move = start + turn.apply(stop - begin) - end
+    x, y, z = (turn * after * last.inv()).as_rotvec()
+    return (float(move[0]), float(move[1]), float(move[2])), (float(x), float(y), float(z))
+
+
+def _ends(line: CenterLine) -> list[tuple[Array, Rotation]]:
+    """Return position and frame of both ends of a helix."""
+    rod = line.sweep(circle(8, 0.6))
+    found = []
+    for u in rod.axis.breaks[[0, -1]]:
+        position, jacobian = rod.grid([[0.0, 0.0]], [u])
+        columns = jacobian[0, 0] / np.linalg.norm(jacobian[0, 0], axis=0)
+        found.append((position[0, 0], Rotation.from_matrix(columns)))
+    return found
+
+
 SCENES = {
     "cylinder": Scene(
-        "cylinder pulled by a fifth and twisted by 1.5 rad",
-        lambda: straight(6.0).sweep(circle(8)),
-        (0.0, 0.0, 1.2),
-        (0.0, 0.0, 1.5),
-        {"force": _force(2), "torque": _torque},
+        "cylinder pulled by a fifth and twisted by 0.8 rad",
+        lambda: straight(3.0).sweep(circle(8)),
+        (2, 5, 6),
+        1,
+        (0.0, 0.0, 0.6),
+        (0.0, 0.0, 0.8),
+        {"force": _force(2), "torque": _moment(2)},
     ),
     "arc": Scene(
-        "quarter of a ring, its end moved out of the plane and turned",
-        lambda: arc(4.0, 90.0).sweep(circle(8, 0.7)),
-        (-0.5, 0.5, 1.0),
-        (0.0, 0.0, 0.4),
-        {"force out of the plane": _force(2)},
+        "quarter of a ring, bent open to half its curvature",
+        lambda: arc(3.0, 90.0).sweep(circle(8, 0.6)),
+        (4, 5, 6),
+        2,
+        (3.0 * (math.sqrt(2.0) - 1.0), 3.0 * (math.sqrt(2.0) - 1.0), 0.0),
+        (0.0, 0.0, -0.25 * math.pi),
+        {"moment": _moment(2)},
     ),
     "spring": Scene(
-        "coil and a half, pulled",
-        lambda: helix(3.0, 2.5, 1.5).sweep(circle(8, 0.7)),
-        (0.0, 0.0, 2.0),
-        (0.0, 0.0, 0.0),
+        "half a coil of a spring, pulled",
+        lambda: _coil(_PITCH).sweep(circle(8, 0.6)),
+        (8, 5, 6),
+        4,
+        *_pulled(1.75 * _PITCH),
         {"force": _force(2)},
     ),
     "tube": Scene(
         "tube pulled by a tenth, with pressure inside",
-        lambda: straight(6.0).sweep(circle(8)).with_rings((0.6, 1.0)),
-        (0.0, 0.0, 0.6),
+        lambda: straight(3.0).sweep(circle(8)).with_rings((_HOLE, 1.0)),
+        (4, 4, 5),
+        1,
+        (0.0, 0.0, 0.3),
         (0.0, 0.0, 0.0),
         {"widening": _widening, "force": _force(2)},
         0.15,

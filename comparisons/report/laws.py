@@ -16,9 +16,8 @@ def section(records: list[Record], folder: Path) -> list[str]:
         heading(2, "Every law beside finite elements"),
         "<p>Both sides take the law's stored energy from one expression: isorod its compiled stress and moduli, "
         "dolfinx its form, of bricks of 27 nodes. What finite elements find is extrapolated from three meshes (at "
-        "quick level: that of the second), and tells as far as the finest is from that. Scenes: "
-        + "; ".join(f"{name}, {title}" for name, title in titles.items())
-        + ".</p>",
+        "quick level: that of the second), and tells as far as the finest is from that. Ends have the shape of the "
+        "section amid the rod. Scenes: " + "; ".join(f"{name}, {title}" for name, title in titles.items()) + ".</p>",
         table(laws.HEAD, [row for record in pairs for row in laws.rows(record)], text=(0, 1, 2)),
         rerun("laws", records),
     ]
