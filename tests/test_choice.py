@@ -167,15 +167,15 @@ def test_the_papers_element_is_that_of_the_rods_own_functions():
     assert Space.paper(Blade().rod(), degree=4, elements=3).continuity == 3
 
 
-def test_the_mixed_formulation_is_left_where_nothing_knows_it():
+def test_the_mixed_formulation_is_left_by_explicit_steps_alone():
     space = Space(straight(4.0).sweep(section.circle(8)), order=2)
     body = Body(space, NeoHookean(1.0, 0.499), 1.0)
     assert body.formulation == "mixed"
     below = Plane((0.0, -1.5, 0.0), (0.0, 1.0, 0.0))
-    assert Model([body], contacts=[Contact(0, below, 1.0)]).bodies[0].formulation == "displacement"
+    assert Model([body], contacts=[Contact(0, below, 1.0)]).bodies[0].formulation == "mixed"
     clamped = [Support.end(space, "start")]
     assert dynamics.solve(Model([body], clamped), 1e-3, outputs=1).model.bodies[0].formulation == "displacement"
-    with pytest.raises(InputError, match="formulation 'mixed' is for statics and modes alone"):
+    with pytest.raises(InputError, match="formulation: got 'mixed', explicit steps take 'displacement' alone"):
         dynamics.solve(Model([Body(space, NeoHookean(1.0, 0.499), 1.0, "mixed")], clamped), 1e-3)
 
 

@@ -254,7 +254,7 @@ def test_eigensolvers_that_need_a_definite_mass_are_refused(typed, instead):
 
 
 def test_what_knows_no_pressures_says_so():
-    with pytest.raises(InputError, match="'mixed' is for statics and modes alone"):
+    with pytest.raises(InputError, match="'mixed', which takes an assembler of pressures"):
         Assembler(bar(0.5))
     with pytest.raises(InputError, match="body 0 is linear elastic, whose tangent knows no stress"):
         model = bar(0.5, clamped, **SMALL)

@@ -152,7 +152,8 @@ class Scene:
 
     def _scaled(self, share: float) -> "Scene":
         """Return the scene with a share of all that happens to the rod."""
-        move, turn = (tuple(share * one for one in vector) for vector in (self.move, self.turn))
+        (x, y, z), (a, b, c) = self.move, self.turn
+        move, turn = (share * x, share * y, share * z), (share * a, share * b, share * c)
         return replace(self, move=move, turn=turn, pressure=share * self.pressure)
 
     def _shaped(self, law: Material, formulation: str) -> Model:
