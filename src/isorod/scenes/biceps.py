@@ -129,7 +129,7 @@ class Biceps(Preset):
         finer = (
             {"section_points": 16, "elements": 20} if self.nu >= NEARLY and self.formulation != "displacement" else {}
         )
-        return self.SUITS | finer
+        return {**self.SUITS, **finer}
 
     @property
     def analysis(self) -> str:

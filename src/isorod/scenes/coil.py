@@ -29,18 +29,8 @@ _CLEAR = 0.05
 # Of steel on steel.  What plates alone hold is held otherwise on the way, which friction would remember.
 _FRICTION = 0.15
 
-<<<<<<< HEAD
-<<<<<<< HEAD
 # Poisson's ratio from which the volume of seats matters, whose nodes move on straight lines: one turn pushed half of 5
 # mm takes 42.7 (42.8 with twice the elements), 50.5, 156.2 N at 0.49, 0.499, 0.4999; all of it 86.2, 86.1, 87.7 (86.0).
-=======
-# Poisson's ratio from which the volume of seats matters, whose nodes move on straight lines: one turn pushed half of 5 mm
-# takes 42.7 (42.8 with twice the elements), 50.5, 156.2 N at 0.49, 0.499, 0.4999; all of it 86.2, 86.1, 87.7 (86.0).
->>>>>>> 38c3aae (Laid seats of a coil near incompressibility are warned of)
-=======
-# Poisson's ratio from which the volume of seats matters, whose nodes move on straight lines: one turn pushed half of 5
-# mm takes 42.7 (42.8 with twice the elements), 50.5, 156.2 N at 0.49, 0.499, 0.4999; all of it 86.2, 86.1, 87.7 (86.0).
->>>>>>> 88185db (Tests of what explicit steps say of mixed bodies)
 _SQUEEZED = 0.49
 
 # Plates are as far from the centre of the wire that lies on them, in its radii.
@@ -181,21 +171,9 @@ class Coil(Checked):
 
         if self.nu > _SQUEEZED:
             warnings.warn(
-<<<<<<< HEAD
-<<<<<<< HEAD
                 f"nu: got {self.nu:g}; laid seats keep their volume but roughly, which presses on the coils the more "
                 "the nearer nu is to 0.5: by a few per cent in the end, on the way by more; take ends clamped, "
                 "or nu up to 0.49",
-=======
-                f"nu: got {self.nu:g}; laid seats keep their volume but roughly, which presses on the coils the more the "
-                "nearer nu is to 0.5: by a few per cent in the end, on the way by more; take ends clamped, or nu up to "
-                "0.49",
->>>>>>> 38c3aae (Laid seats of a coil near incompressibility are warned of)
-=======
-                f"nu: got {self.nu:g}; laid seats keep their volume but roughly, which presses on the coils the more "
-                "the nearer nu is to 0.5: by a few per cent in the end, on the way by more; take ends clamped, "
-                "or nu up to 0.49",
->>>>>>> 88185db (Tests of what explicit steps say of mixed bodies)
                 stacklevel=3,
             )
         rod, axis, pitch = space.rod, space.axis, self.height / self.coils
