@@ -156,7 +156,9 @@ def share() -> subprocess.Popen[bytes] | None:
     """
     if len(os.sched_getaffinity(0)) < 2 or rank() or not KERNELS or not KERNELS[0].lasting:
         return None
-    modules = dict.fromkeys(kernel.py_func.__module__ for kernel in reversed(KERNELS) if not kernel.kept)
+    # Those of laws that are made from energies no other process can import by their names.
+    names = (kernel.py_func.__module__ for kernel in reversed(KERNELS) if not kernel.kept)
+    modules = dict.fromkeys(name for name in names if name.startswith("isorod."))
     if len(modules) < _MANY:
         return None
     ordered = [*(name for name in _LONGEST if name in modules), *(name for name in modules if name not in _LONGEST)]

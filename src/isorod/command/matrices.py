@@ -63,11 +63,9 @@ def _matrices(scene: Any, found: argparse.Namespace) -> Any:
     lumped = found.mass == "lumped" or (found.mass is None and bool(scene.settings().get("lumped")))
     with getattr(scene, "told", nullcontext)():
         model = scene.model()
-        if scene.analysis != "statics":
-            moves = scene.analysis == "dynamics"
-            integrator = scene.settings().get("integrator", "explicit")
-            return matrices(model.in_motion(integrator) if moves else model.in_displacements(), None, lumped)
-        if found.at_rest:
+        if scene.analysis == "dynamics":
+            model = model.in_motion(scene.settings().get("integrator", "explicit"))
+        if scene.analysis != "statics" or found.at_rest:
             return matrices(model, None, lumped)
         if model.contacts:
             raise InputError(
