@@ -134,7 +134,7 @@ def test_it_is_refused_out_of_balance(size):
     with pytest.warns(UserWarning, match="no more than rounding"):
         solution = statics.solve(model)
     made = MixedAssembler(model)
-    x = made.pressed(made.state(solution.displacement), solution.pressures)
+    x = made.state(solution.displacement, solution.pressures)
     assert made.inside(x, 1.0) > 0.1
     out = made.vector()
     made.residual(x, 1.0, out)
@@ -142,7 +142,7 @@ def test_it_is_refused_out_of_balance(size):
     # The end is drawn out a little, as a load would.
     pulled = solution.displacement.reshape(-1, 3).copy()
     pulled[:, 2] += size * model.is_carrier * model.bodies[0].space.positions[:, 2]
-    x = made.pressed(made.state(pulled.ravel()), solution.pressures)
+    x = made.state(pulled.ravel(), solution.pressures)
     made.residual(x, 1.0, out)
     forces = made.reactions(x, 1.0)
     given = support_forces(model, forces), support_moments(model, pulled.ravel(), forces)

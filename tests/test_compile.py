@@ -289,7 +289,6 @@ def test_the_doctor_counts_what_is_there(python, isorod, tmp_path):
     row = next(line for line in isorod("doctor", env=kept).stdout.splitlines() if "compiled code" in line)
     # Of laws that this process has made from their energies it knows nothing.
     count = int(python("from isorod import compiling; print(len(compiling.load_all()))", env=kept).stdout)
-    assert count > 100
     assert re.search(rf"compiled code +1 of {count} functions, in {tmp_path} .*isorod compile", row)
 
 
