@@ -232,3 +232,10 @@ def test_compiled_code_is_kept_for_other_processes():
     law.tangent(np.eye(3)[None])
     assert law.compiled._tangent.kept
     assert law.compiled._point.kept
+
+
+def test_a_law_is_told_from_others_by_its_energy():
+    """What a motion is resumed with has to be the same law; its constants are compared elsewhere."""
+    law, other = Hyperelastic(NEO_HOOKE, MODULI), Hyperelastic(STRETCHED, MODULI)
+    assert law.identity != other.identity
+    assert law.identity == Hyperelastic(NEO_HOOKE, MODULI | {"mu": 2.0}).identity

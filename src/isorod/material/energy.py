@@ -47,12 +47,6 @@ class Energy:
         return self.volume == LOGARITHMIC
 
     @cached_property
-    def arguments(self) -> tuple[sp.Symbol, ...]:
-        """The symbols of kinematics that it depends on."""
-        free = self.expression.free_symbols
-        return tuple(one for one in (*s.INVARIANTS, *s.F, *s.a, *s.b) if one in free)
-
-    @cached_property
     def families(self) -> int:
         """Number of fibre directions that it asks for."""
         free = self.expression.free_symbols

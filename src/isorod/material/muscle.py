@@ -6,14 +6,13 @@ from typing import TYPE_CHECKING, ClassVar, Self
 import numpy as np
 from numba import f8, types, void
 
-from isorod.arrays import Array, Index
+from isorod.arrays import Array
 from isorod.compiled import F1, F2, F3, F5, FAST, STRICT, flat, njit
 from isorod.errors import InputError
 from isorod.material import fibre, neo_hookean
-from isorod.material.fibre import Fibre
+from isorod.material.fibre import Fibre, OneFibre
 from isorod.material.logarithm_kernel import SERIES
 from isorod.material.neo_hookean import NeoHookean
-from isorod.material.places import Places
 from isorod.material.points import (
     ACTIVE,
     BLOCK,
@@ -188,7 +187,7 @@ def tangent(work: Array, constants: Array, activation: float) -> None:
 
 
 @dataclass(frozen=True, eq=False)
-class Muscle(NeoHookean):
+class Muscle(OneFibre, NeoHookean):
     """``W = W_matrix + W_active(lambda) + W_passive(lambda)``, ``lambda = |F f|`` the stretch of a fibre along ``f``.
 
     ``dW_active/dlambda = activation sigma_max max(0, 1 - 4 (1 - lambda)^2)`` and ``dW_passive/dlambda = m1 lambda
@@ -262,19 +261,6 @@ class Muscle(NeoHookean):
     def at(self, factor: float) -> Self:
         """Return the law at a load factor: ``factor`` times the activation."""
         return replace(self, activation=factor * self.activation)
-
-    @property
-    def follows(self) -> bool:
-        """Whether the fibres' direction is one of the rod."""
-        return fibre.follows(self.fibre)
-
-    def placed(self, places: Places) -> Self:
-        """Return the law with its fibres at places of a rod."""
-        return replace(self, fibre=fibre.placed(self.fibre, places)) if self.follows else self
-
-    def some(self, places: Index) -> Self:
-        """Return the law with the fibres of some places, if it has some of each."""
-        return replace(self, fibre=fibre.some(self.fibre, places))
 
     def fibres(self, shape: tuple[int, ...]) -> Array:
         """Return the unit vectors along the fibres at points of some shape, shape ``(*shape, 3)``."""

@@ -12,7 +12,7 @@ from isorod.arrays import Array, Index
 from isorod.compiled import FAST, STRICT, njit
 from isorod.errors import Checked, InputError, representable
 from isorod.material import fibre
-from isorod.material.fibre import Fibre
+from isorod.material.fibre import Fibre, OneFibre
 from isorod.material.law import Material
 from isorod.material.moduli_kernel import add_both
 from isorod.material.places import Places
@@ -274,7 +274,7 @@ class Orthotropic(Directed):
 
 
 @dataclass(frozen=True, eq=False)
-class TransverselyIsotropic(Directed):
+class TransverselyIsotropic(OneFibre, Directed):
     """Linear elasticity in small strains, the same in all directions across a fibre: ``W = e:C e / 2``.
 
     Parameters
@@ -317,19 +317,6 @@ class TransverselyIsotropic(Directed):
         E, across = self.E, self.E_across
         shear = across / (2.0 * (1.0 + self.nu_across))
         return (E, across, across), (self.nu, self.nu, self.nu_across), (self.G, self.G, shear)
-
-    @property
-    def follows(self) -> bool:
-        """Whether the fibre's direction is one of the rod."""
-        return fibre.follows(self.fibre)
-
-    def placed(self, places: Places) -> Self:
-        """Return the law with its fibre at places of a rod."""
-        return replace(self, fibre=fibre.placed(self.fibre, places)) if self.follows else self
-
-    def some(self, places: Index) -> Self:
-        """Return the law with the fibre of some places, if it has some of each."""
-        return replace(self, fibre=fibre.some(self.fibre, places))
 
     def fibres(self, shape: tuple[int, ...]) -> Array:
         """Return the fibre and a direction across it at points of some shape, shape ``(*shape, 6)``."""
