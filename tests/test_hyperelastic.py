@@ -7,7 +7,7 @@ import sympy as sp
 from isorod.errors import InputError
 from isorod.material import NeoHookean
 from isorod.material import symbols as s
-from isorod.material.energy import whole
+from isorod.material.energy import pressure_at_rest, whole
 from isorod.material.functions import SPECTRAL, exp, log, principals
 from isorod.material.hyperelastic import Hyperelastic
 from isorod.material.legendre import transform
@@ -91,6 +91,18 @@ def test_pressure_at_rest_is_made_up_for():
     law = Hyperelastic(mu / 2 * (s.I1 - 3), {"mu": BUILT_IN.mu}, bulk=BUILT_IN.lame)
     assert max(differ(BUILT_IN, law, gradients())) < 1e-14
     assert Hyperelastic(mu / 2 * (s.I1 - 3), {mu: 1.0}, bulk=np.inf).nu == 0.5
+
+
+@pytest.mark.parametrize(
+    ("energy", "pressure"),
+    [(s.I1, 2), (s.I2, 4), (3 * s.J, 3), (sum(one**3 for one in s.stretches), 3), (s.I1bar + s.I2bar, 0)],
+)
+def test_pressure_at_rest_is_the_slope_by_a_swelling(energy, pressure):
+    """Of ``F = (1 + x) 1``, whose volume grows by three times ``x``."""
+    assert pressure_at_rest(energy) == pressure
+    x = sp.Symbol("x", positive=True)
+    swollen = {s.I1: 3 * (1 + x) ** 2, s.I2: 3 * (1 + x) ** 4, s.J: (1 + x) ** 3} | dict.fromkeys(s.stretches, 1 + x)
+    assert sp.diff(energy.subs(swollen), x).subs(x, 0) / 3 == pressure
 
 
 @pytest.mark.parametrize("apart", [0.0, 1e-12, 1e-8, 1e-6, 1e-5, 1e-3])
