@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from conftest import as_array, straight
 
-from comparisons.laws.torsion import ARTERY, CASES, STRETCHES, TRELOAR, orders, taken, twisted
+from comparisons.laws.torsion import ARTERY, CASES, STRETCHES, TRELOAR, taken, twisted
+from comparisons.measure.convergence import newton_orders
 from isorod.assembly.assembler import Assembler
 from isorod.assembly.mixed import MixedAssembler
 from isorod.errors import InputError
@@ -100,7 +101,7 @@ def test_torsion_and_extension_are_those_of_quadrature(name, stretch):
     solution = twisted(case.law, stretch)
     found = solution.moments[1, 2], solution.reactions[1, 2]
     assert found == pytest.approx(taken(case.stored, stretch), rel=1e-7)
-    order = orders(solution)
+    order = newton_orders(solution.residual_norms)
     print(name, stretch, "orders", *(f"{one:.2f}" for one in order))
     # Newton's method is quadratic, but for a last correction that is rounding.
     assert solution.load_steps == 1

@@ -7,7 +7,7 @@ from comparisons.measure import convergence
 from comparisons.measure.study import Run
 from comparisons.measure.timing import Clock
 from isorod import options
-from isorod.errors import SolveError
+from isorod.errors import InputError, SolveError
 from isorod.output.results import write_beside
 
 # Of laws and scenes, as the command line names them (`comparisons.laws.scenes`).
@@ -40,7 +40,18 @@ MESHES = {"quick": (2, 3), "full": (2, 3, 4)}
 WANTED = 1e-3
 
 TABLE = "laws.md"
-HEAD = ("law", "scene", "", "isorod", "finite elements", "they tell to", "difference", "s", "s of finite elements")
+HEAD = (
+    "law",
+    "scene",
+    "",
+    "isorod",
+    "finite elements",
+    "they tell to",
+    "difference",
+    "orders of Newton's method",
+    "s",
+    "s of finite elements",
+)
 
 
 def run(study: Run, laws: Sequence[str] = (), scenes: Sequence[str] = ()) -> None:
@@ -48,7 +59,12 @@ def run(study: Run, laws: Sequence[str] = (), scenes: Sequence[str] = ()) -> Non
     options.initialize([])
     from comparisons.laws.scenes import scenes_of
 
-    pairs = [(law, scene) for law in laws or LAWS for scene in scenes or SCENES if scene in scenes_of(law)]
+    pairs = []
+    for law in laws or LAWS:
+        taken = [scene for scene in scenes or SCENES if scene in scenes_of(law)]
+        if laws and not taken:
+            raise InputError(f"--scene {scenes[0]}: {law} is compared on {', '.join(scenes_of(law))} alone")
+        pairs += [(law, scene) for scene in taken]
     found = []
     with study.progress(len(pairs)) as steps:
         for law, scene in pairs:
@@ -98,6 +114,7 @@ def pair(law: str, scene: str, levels: Sequence[int]) -> dict[str, Any]:
         )
     return record | {
         "quantities": quantities,
+        "newton_orders": convergence.newton_orders(own.residual_norms),
         "unknowns": int(own.displacement.size),
         "dofs": [solution.dofs for solution in meshes],
         "seconds": {
@@ -112,6 +129,7 @@ def rows(record: Mapping[str, Any]) -> list[tuple[str, ...]]:
     if "failure" in record:
         return [(record["law"], record["scene"], record["failure"], *[""] * (len(HEAD) - 3))]
     seconds = record["seconds"]
+    orders = " ".join(f"{one:.1f}" for one in record["newton_orders"])
     times = f"{seconds['isorod']:.2g}", f"{seconds['finite elements'][-1]:.2g}"
     return [
         (
@@ -122,6 +140,7 @@ def rows(record: Mapping[str, Any]) -> list[tuple[str, ...]]:
             f"{one['limit']:.6g}",
             f"{100.0 * one['uncertainty']:.2g} %",
             f"{100.0 * one['difference']:.2g} %",
+            orders,
             *times,
         )
         for one in record["quantities"]

@@ -168,11 +168,11 @@ class Scene:
     def mesh(self, level: int) -> Mesh:
         """Return a mesh of bricks of 27 nodes: on each level as many times those of level 1, in all directions.
 
-        How far the outline of a section is from a circle is most of their error, so there are few rings.
+        How far the outline of a solid section is from a circle is most of their error, so there are fewer rings.
         """
-        rod, around, rings = self.rod(), 4 * level, max(1, level // 2)
+        rod, around = self.rod(), 4 * level
         hollow = rod.rings[0] > 0.0
-        template = annulus(around, rod.rings, (rings,)) if hollow else o_grid(around, rings, core=_CORE)
+        template = annulus(around, rod.rings, (level,)) if hollow else o_grid(around, max(1, level // 2), core=_CORE)
         return named(bricks(rod, template, level * self.layers), "rod 0")
 
     def measure(self, solution: Any) -> dict[str, float]:

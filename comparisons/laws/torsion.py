@@ -6,11 +6,11 @@ formulation is from them, and the orders at which Newton's method converged.
 
 import math
 from collections.abc import Callable
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from comparisons.measure.convergence import newton_orders
 from isorod import statics
 from isorod.geometry.center_line import straight
 from isorod.geometry.section import circle
@@ -111,14 +111,6 @@ def _moved(at: Array, turned: float, stretch: float) -> Array:
     return np.asarray(moved)
 
 
-def orders(solution: statics.Equilibrium) -> list[float]:
-    """Return the orders of convergence of Newton's method, from the norms of the residual, rounding left out."""
-    norms = np.array(solution.residual_norms)
-    logs = np.log(norms[norms > 1e-11 * norms.max()])
-    falls = np.diff(logs)
-    return [float(after / before) for before, after in pairwise(falls)]
-
-
 def main() -> None:
     """Print the table."""
     print("| law | stretch | M | N | error of M | of N | orders of Newton's method |\n|---|---|---|---|---|---|---|")
@@ -127,7 +119,7 @@ def main() -> None:
             torque, force = taken(case.stored, stretch)
             solution = twisted(case.law, stretch)
             errors = solution.moments[1, 2] / torque - 1.0, solution.reactions[1, 2] / force - 1.0
-            told = " ".join(f"{one:.1f}" for one in orders(solution))
+            told = " ".join(f"{one:.1f}" for one in newton_orders(solution.residual_norms))
             print(
                 f"| {name} | {stretch:g} | {torque:.6f} | {force:.6f} | {abs(errors[0]):.1e} | {abs(errors[1]):.1e} "
                 f"| {told} |"

@@ -1,7 +1,8 @@
-"""Extrapolation of a quantity computed on three meshes."""
+"""Extrapolation of a quantity computed on three meshes, and orders of convergence of Newton's method."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from scipy.optimize import brentq
@@ -65,3 +66,10 @@ def extrapolate(sizes: Sequence[float], values: Sequence[float]) -> Limit:
     if limit is None or limit.order is None or limit.order < 1.0:
         return Limit(float(values[-1]), None, abs(float(values[-1] - values[-2])) if len(values) > 1 else 0.0)
     return limit
+
+
+def newton_orders(norms: Sequence[float]) -> list[float]:
+    """Return the orders of convergence of Newton's method, from the norms of the residual, rounding left out."""
+    found = np.array(norms)
+    falls = np.diff(np.log(found[found > 1e-11 * found.max()]))
+    return [float(after / before) for before, after in pairwise(falls)]
