@@ -48,8 +48,9 @@ STEPS = 2
 # Laws that know small strains alone see so much of what happens to a rod: turned by more, they are strained.
 SMALL = 1e-2
 
-# How often ends are given the shape of the section amid the rod.
-ROUNDS = 4
+# How often ends are given the shape of the section amid the rod, and how far a free length is off at first.
+ROUNDS = 5
+_LONGER = 1e-3
 
 # Radius of the arc at rest.
 _RADIUS = 3.0
@@ -131,20 +132,24 @@ class Scene:
     layers
         Of finite elements along the rod on level 1: a multiple of the axis elements.
     motion
-        Displacement of its end [length] and rotation vector [rad] by the share of what happens.
+        Displacement of its end [length] and rotation vector [rad] by the share of what happens, and by how many times
+        as long as at rest the centre line is of a scene whose length is free.
     measured
         Names of what is compared, and where it is among `Scene.measure`'s.
     pressure
         Inside, follows the surface [force/area].
+    free
+        Whether the centre line is as long as no force asks for: with one, a curved rod is not strained evenly.
     """
 
     title: str
     rod: Callable[[], Rod]
     space: tuple[int, int, int]
     layers: int
-    motion: Callable[[float], tuple[Vector, Vector]]
+    motion: Callable[[float, float], tuple[Vector, Vector]]
     measured: dict[str, Callable[[Any], float]]
     pressure: float = 0.0
+    free: bool = False
 
     def model(self, law: Material, formulation: str = "displacement") -> Model:
         """Return the model with a law.
@@ -153,17 +158,23 @@ class Scene:
         their edges would grow without limit, and finite elements converge on no mesh as they do elsewhere.
         """
         share = SMALL if isinstance(law, LinearElastic | Directed) else 1.0
-        move, turn = self.motion(share)
         loads = [Pressure(share * self.pressure, "inner", follows=True)] if self.pressure else []
         elements, degree, across = self.space
         space = Space(self.rod(), elements=elements, degree=degree, section_degree=across)
+        move, turn = self.motion(share, 1.0)
         ends = Support.end(space, "start"), Support.end(space, "end", displacement=move, turn=turn)
-        model = Model([Body(space, law, formulation=formulation)], ends, loads=loads)
+        lengths, forces = [1.0], []
         for _ in range(ROUNDS):
-            shape = Shape(statics.solve(model, load_steps=STEPS))
-            ends = shape.at(space, "start"), shape.at(space, "end", move, turn)
             model = Model([Body(space, law, formulation=formulation)], ends, loads=loads)
-        return model
+            solution = statics.solve(model, load_steps=STEPS)
+            if self.free:
+                step = np.subtract(self.motion(share, lengths[-1] + _LONGER)[0], move)
+                forces.append(float(solution.reactions[1] @ step))
+                lengths.append(_without_force(lengths, forces))
+            shape = Shape(solution)
+            move, turn = self.motion(share, lengths[-1])
+            ends = shape.at(space, "start"), shape.at(space, "end", move, turn)
+        return Model([Body(space, law, formulation=formulation)], ends, loads=loads)
 
     def mesh(self, level: int) -> Mesh:
         """Return a mesh of bricks of 27 nodes: on each level as many times those of level 1, in all directions.
@@ -178,6 +189,14 @@ class Scene:
     def measure(self, solution: Any) -> dict[str, float]:
         """Return what is compared of a solution, isorod's or finite elements'."""
         return {name: float(of(solution)) for name, of in self.measured.items()}
+
+
+def _without_force(lengths: list[float], forces: list[float]) -> float:
+    """Return where the force is zero of which the last two values are on a line; another length after the first."""
+    if len(forces) < 2:
+        return lengths[-1] - math.copysign(_LONGER, forces[-1])
+    slope = (forces[-1] - forces[-2]) / (lengths[-1] - lengths[-2])
+    return lengths[-1] - forces[-1] / slope
 
 
 def _force(axis: int) -> Callable[[Any], float]:
@@ -198,14 +217,14 @@ def _coil(pitch: float) -> CenterLine:
     return helix(math.sqrt((2.0 * around) ** 2 + _PITCH**2 - pitch**2) / around, pitch, 0.5)
 
 
-def _opened(share: float) -> tuple[Vector, Vector]:
-    """Return displacement and turn of the end of the quarter of a ring where it loses up to half its curvature."""
-    angle, radius = 0.5 * math.pi * (1.0 - 0.5 * share), _RADIUS / (1.0 - 0.5 * share)
+def _opened(share: float, length: float) -> tuple[Vector, Vector]:
+    """Return displacement and turn of the end of the quarter of a ring that is turned by up to half its angle."""
+    angle, radius = 0.5 * math.pi * (1.0 - 0.5 * share), length * _RADIUS / (1.0 - 0.5 * share)
     move = _RADIUS - radius + radius * math.cos(angle), radius * math.sin(angle) - _RADIUS, 0.0
     return move, (0.0, 0.0, angle - 0.5 * math.pi)
 
 
-def _pulled(share: float) -> tuple[Vector, Vector]:
+def _pulled(share: float, _: float) -> tuple[Vector, Vector]:
     """Return displacement and turn of the spring's end where it becomes the helix of another pitch."""
     pitch = (1.0 + 0.75 * share) * _PITCH
     (start, first), (end, last) = _ends(_coil(_PITCH))
@@ -234,16 +253,17 @@ SCENES = {
         lambda: straight(3.0).sweep(circle(8)),
         (2, 5, 6),
         1,
-        lambda share: ((0.0, 0.0, 0.6 * share), (0.0, 0.0, 0.8 * share)),
+        lambda share, _: ((0.0, 0.0, 0.6 * share), (0.0, 0.0, 0.8 * share)),
         {"force": _force(2), "torque": _moment(2)},
     ),
     "arc": Scene(
-        "quarter of a ring, bent open to half its curvature",
+        "quarter of a ring, bent open to half its angle by moments alone",
         lambda: arc(_RADIUS, 90.0).sweep(circle(8, 0.6)),
         (4, 5, 6),
         2,
         _opened,
         {"moment": _moment(2)},
+        free=True,
     ),
     "spring": Scene(
         "half a coil of a spring, pulled",
@@ -258,7 +278,7 @@ SCENES = {
         lambda: straight(3.0).sweep(circle(8)).with_rings((_HOLE, 1.0)),
         (4, 4, 5),
         1,
-        lambda share: ((0.0, 0.0, 0.3 * share), (0.0, 0.0, 0.0)),
+        lambda share, _: ((0.0, 0.0, 0.3 * share), (0.0, 0.0, 0.0)),
         {"widening": _widening, "force": _force(2)},
         0.15,
     ),
