@@ -80,36 +80,9 @@ def power(x: float, exponent: float) -> float:
 # Of a block's symmetric tensors: 00, 01, 02, 11, 12, 22, of which 00, 11, 22 become eigenvalues, and eigenvectors.
 SPECTRAL = 15
 
-# Cyclic sweeps of Jacobi's rotations: convergence is quadratic, and five are enough for eigenvalues that differ much.
-_SWEEPS = 6
-
-
-@njit(**FAST)
-def _turn(s: Array, k: int, p: tuple[int, int, int], q: tuple[int, int], v: int, w: int) -> None:
-    """Rotate a tensor so that one component vanishes, and the eigenvectors with it.
-
-    Parameters
-    ----------
-    p
-        Places of the two diagonal components and of the one between them.
-    q
-        Places of what couples each of the two with the third direction.
-    v, w
-        Places of the two directions.
-    """
-    x, y, z = s[ROWS[p[0]] + k], s[ROWS[p[1]] + k], s[ROWS[p[2]] + k]
-    apart = y - x
-    # Of two equal ones that are coupled by nothing: no rotation.
-    tangent = 2.0 * z / (abs(apart) + np.sqrt(apart * apart + 4.0 * z * z) + 1e-300)
-    tangent = tangent if apart >= 0.0 else -tangent
-    c = 1.0 / np.sqrt(1.0 + tangent * tangent)
-    t = tangent * c
-    s[ROWS[p[0]] + k], s[ROWS[p[1]] + k], s[ROWS[p[2]] + k] = x - tangent * z, y + tangent * z, 0.0
-    x, y = s[ROWS[q[0]] + k], s[ROWS[q[1]] + k]
-    s[ROWS[q[0]] + k], s[ROWS[q[1]] + k] = c * x - t * y, t * x + c * y
-    for m in range(np.uint64(3)):
-        x, y = s[ROWS[v] + m * ROWS[1] + k], s[ROWS[w] + m * ROWS[1] + k]
-        s[ROWS[v] + m * ROWS[1] + k], s[ROWS[w] + m * ROWS[1] + k] = c * x - t * y, t * x + c * y
+# Cyclic sweeps of Jacobi's rotations at most: convergence is quadratic, and five are enough for eigenvalues that differ
+# much.  No more are made where what is off the diagonal is less than this share of the trace, squared.
+_SWEEPS, _ROUNDING = 6, 1e-34
 
 
 @njit(void(F1, i8), **FAST)
@@ -129,7 +102,30 @@ def principals(spectral: Array, count: int) -> None:
         for m in range(np.uint64(9)):
             spectral[ROWS[6] + m * ROWS[1] + k] = 1.0 if m % np.uint64(4) == np.uint64(0) else 0.0
     for _ in range(_SWEEPS):
+        far = 0.0
         for k in range(np.uint64(count)):
-            _turn(spectral, k, (0, 3, 1), (2, 4), 6, 9)
-            _turn(spectral, k, (0, 5, 2), (1, 4), 6, 12)
-            _turn(spectral, k, (3, 5, 4), (1, 2), 9, 12)
+            b, c, e = spectral[ROWS[1] + k], spectral[ROWS[2] + k], spectral[ROWS[4] + k]
+            trace = spectral[ROWS[0] + k] + spectral[ROWS[3] + k] + spectral[ROWS[5] + k]
+            far += 1.0 if b * b + c * c + e * e > _ROUNDING * (trace * trace) else 0.0
+        if far == 0.0:
+            break
+        # Three times the plane of the first two directions, which then become the last and the first one.
+        for _ in range(3):
+            for k in range(np.uint64(count)):
+                x, y, z = spectral[ROWS[0] + k], spectral[ROWS[3] + k], spectral[ROWS[1] + k]
+                apart = y - x
+                # Of two equal ones that are coupled by nothing: no rotation.
+                tangent = 2.0 * z / (abs(apart) + np.sqrt(apart * apart + 4.0 * z * z) + 1e-300)
+                tangent = tangent if apart >= 0.0 else -tangent
+                c = 1.0 / np.sqrt(1.0 + tangent * tangent)
+                t = tangent * c
+                first, second = spectral[ROWS[2] + k], spectral[ROWS[4] + k]
+                spectral[ROWS[0] + k], spectral[ROWS[3] + k] = y + tangent * z, spectral[ROWS[5] + k]
+                spectral[ROWS[5] + k] = x - tangent * z
+                spectral[ROWS[1] + k], spectral[ROWS[2] + k] = t * first + c * second, 0.0
+                spectral[ROWS[4] + k] = c * first - t * second
+                for m in range(np.uint64(3)):
+                    row = m * ROWS[1] + k
+                    x, y = spectral[ROWS[6] + row], spectral[ROWS[9] + row]
+                    spectral[ROWS[6] + row] = t * x + c * y
+                    spectral[ROWS[9] + row], spectral[ROWS[12] + row] = spectral[ROWS[12] + row], c * x - t * y

@@ -8,7 +8,8 @@ where SymPy finds ``W_s`` and ``W_st``, and what is left is the same for all law
 `isorod.material.functions`.
 """
 
-from collections.abc import Iterable
+import re
+from collections.abc import Callable, Iterable, Sequence
 from itertools import combinations
 
 import sympy as sp
@@ -16,6 +17,7 @@ import sympy as sp
 from isorod import __version__
 from isorod.material import symbols as s
 from isorod.material.energy import Energy
+from isorod.material.points import ACTIVE, DETERMINANT, ENERGY, FIBRE, GRADIENT, MODULI, ROWS, SQUARES
 from isorod.material.printed import assignments
 
 _HEADER = f'''"""Written by isorod {__version__} from the energy of a law."""
@@ -26,11 +28,8 @@ import numpy as np
 
 from isorod.compiled import FAST, STRICT, njit
 from isorod.material.functions import SPECTRAL, exp, log, power, principals
-from isorod.material.moduli_kernel import add_both, add_diagonal, add_rows
-from isorod.material.points import (
-    ACTIVE, BLOCK, DETERMINANT, ENERGY, FIBRE, GRADIENT, MODULI, POINT, POINTS, ROWS, SQUARES, TANGENT, add_identity,
-    add_products, add_square,
-)
+from isorod.material.moduli_kernel import add_both, add_diagonal, add_rows, add_turned, combined, outer, scaled
+from isorod.material.points import BLOCK, POINT, POINTS, TANGENT, add_identity, add_products, add_square
 '''
 
 _COMPONENTS = [(a, A) for a in range(3) for A in range(3)]
@@ -45,7 +44,25 @@ def source(energy: Energy) -> str:
         If the energy has a function that is not known here.
     """
     body = _Body(energy)
-    return "\n".join([_HEADER, *body.point(), "", "", *body.block(), "", "", *body.tangent(), ""])
+    functions = [*body.point(), "", "", *body.block(), "", "", *body.tangent(), ""]
+    rows = sorted({int(one) for line in functions for one in re.findall(r"\bROW(\d+)\b", line)})
+    return "\n".join([_HEADER, *[f"ROW{one} = np.uint64({ROWS[one]})" for one in rows], "", "", *functions])
+
+
+def _row(number: int) -> str:
+    """Return the name of the place where a row of a block begins: a number takes less time to compile than its sum."""
+    return f"ROW{number}"
+
+
+def _needed(lines: Sequence[str], names: Iterable[str]) -> list[str]:
+    """Return those of assignments, in which no name is given twice to different things, that names depend on."""
+    wanted, found = set(names), []
+    for line in reversed(lines):
+        name, value = line.split(" = ", 1)
+        if name in wanted:
+            found.append(line)
+            wanted.update(re.findall(r"[A-Za-z_]\w*", value))
+    return found[::-1]
 
 
 def _slope(expression: sp.Expr, by: sp.Symbol) -> sp.Expr:
@@ -55,6 +72,29 @@ def _slope(expression: sp.Expr, by: sp.Symbol) -> sp.Expr:
 
 # Components of F^T F.
 _SQUARES = {(A, B): " + ".join(f"f{a}{A} * f{a}{B}" for a in range(3)) for A in range(3) for B in range(A, 3)}
+
+
+# Scalars of which the derivative by F is twice what is computed of it.
+_TWICE = (s.I1, s.I2, s.I4a, s.I4b)
+
+
+def _nine(name: str) -> str:
+    """Return a tuple of components."""
+    return f"({', '.join(f'{name}{a}{A}' for a, A in _COMPONENTS)})"
+
+
+def _sum(terms: Sequence[tuple[str, sp.Symbol]]) -> str:
+    """Return the sum of the derivatives of scalars by F, each with its factor."""
+    factors = [(f"2.0 * {w}" if one in _TWICE else w, f"d_{one}") for w, one in terms]
+    if not factors:
+        return "(" + "0.0, " * 9 + ")"
+    found = "scaled({}, {})".format(*factors[0])
+    if len(factors) > 1:
+        (w, d), (x, e) = factors[:2]
+        found = f"combined({w}, {d}, {x}, {e})"
+    for w, d in factors[2:]:
+        found = f"combined(1.0, {found}, {w}, {d})"
+    return found
 
 
 class _Body:
@@ -80,9 +120,9 @@ class _Body:
     def _constants(self) -> list[str]:
         return [f"    {one} = constants[{k}]" for k, one in enumerate(self.names.values()) if one in self.used]
 
-    def _fibres(self, read: str) -> list[str]:
+    def _fibres(self, read: Callable[[int], str]) -> list[str]:
         names = [f"a{k}" for k in range(3)] + [f"b{k}" for k in range(3)]
-        return [f"{name} = {read.format(k)}" for k, name in enumerate(names[: 3 * self.energy.families])]
+        return [f"{name} = {read(k)}" for k, name in enumerate(names[: 3 * self.energy.families])]
 
     def _kinematics(self) -> list[str]:
         """Return lines that compute what energies are written of, from ``f00 .. f22`` and the fibres."""
@@ -109,6 +149,7 @@ class _Body:
             if fibre in has or s.I8 in has:
                 for k in range(3):
                     lines.append(f"{name}n{k} = " + " + ".join(f"f{k}{A} * {name}{A}" for A in range(3)))
+                lines += [f"{name} = ({name}0, {name}1, {name}2)", f"{name}n = ({name}n0, {name}n1, {name}n2)"]
                 if fibre in has:
                     # Points that only fill up a block have no fibre.
                     lines.append(f"{fibre} = " + " + ".join(f"{name}n{k} * {name}n{k}" for k in range(3)))
@@ -117,18 +158,19 @@ class _Body:
             lines.append("I8 = " + " + ".join(f"an{k} * bn{k}" for k in range(3)))
         if stretched:
             for i, row in enumerate((0, 3, 5)):
-                lines.append(f"l{i + 1} = np.sqrt(spectral[ROWS[{row}] + k])")
-                lines += [f"v{i}{A} = spectral[ROWS[{6 + 3 * i + A}] + k]" for A in range(3)]
+                lines.append(f"l{i + 1} = np.sqrt(spectral[{_row(row)} + k])")
+                lines += [f"v{i}{A} = spectral[{_row(6 + 3 * i + A)} + k]" for A in range(3)]
                 for a in range(3):
                     product = " + ".join(f"f{a}{A} * v{i}{A}" for A in range(3))
                     lines.append(f"n{i}{a} = ({product}) / l{i + 1}")
+                lines += [f"v{i} = (v{i}0, v{i}1, v{i}2)", f"n{i} = (n{i}0, n{i}1, n{i}2)"]
         return lines
 
     def _spectral(self) -> list[str]:
         """Return lines that put ``F^T F`` where its principal values and directions are found, empty without these."""
         if s.stretches[0] not in self.scalars:
             return []
-        return [f"spectral[ROWS[{row}] + k] = {value}" for row, value in enumerate(_SQUARES.values())]
+        return [f"spectral[{_row(row)} + k] = {value}" for row, value in enumerate(_SQUARES.values())]
 
     def _slopes(self, second: bool = False) -> list[str]:
         """Return lines that compute the derivatives of the energy, NaN where an element is inverted."""
@@ -142,34 +184,17 @@ class _Body:
         return lines + [f"w_{one} = valid * w_{one}" for one in self.scalars]
 
     def _stress(self) -> list[str]:
-        """Return lines that compute ``p00 .. p22``."""
+        """Return lines that compute ``p``, the nine components of the stress."""
         if self.plain:
-            return [f"p{a}{A} = w_F{a}{A}" for a, A in _COMPONENTS]
-        lines = []
-        for a, A in _COMPONENTS:
-            terms = []
-            for one in self.scalars:
-                factor, text = self._direction(one, a, A)
-                terms.append(f"{factor}w_{one} * {text}")
-            lines.append(f"p{a}{A} = " + " + ".join(terms or ["0.0"]))
-        return lines
+            return [f"p = ({', '.join(f'w_F{a}{A}' for a, A in _COMPONENTS)})"]
+        return [*self._directions(), f"p = {_sum([(f'w_{one}', one) for one in self.scalars])}"]
 
-    @staticmethod
-    def _direction(one: sp.Symbol, a: int, A: int) -> tuple[str, str]:
-        """Return a number and the expression of which a component of ``D_s`` is the product."""
-        if one == s.I1:
-            return "2.0 * ", f"f{a}{A}"
-        if one == s.I2:
-            return "2.0 * ", f"h{a}{A}"
-        if one == s.J:
-            return "", f"g{a}{A}"
-        if one in (s.I4a, s.I4b):
-            name = str(one)[-1]
-            return "2.0 * ", f"({name}n{a} * {name}{A})"
-        if one == s.I8:
-            return "", f"(an{a} * b{A} + bn{a} * a{A})"
-        i = s.stretches.index(one)
-        return "", f"(n{i}{a} * v{i}{A})"
+    def _directions(self) -> list[str]:
+        """Return lines that compute the ``D_s``, but for a factor of 2 of some (`_TWICE`)."""
+        found = {s.I1: _nine("f"), s.I2: _nine("h"), s.J: _nine("g"), s.I4a: "outer(an, a)", s.I4b: "outer(bn, b)"}
+        found[s.I8] = "combined(1.0, outer(an, b), 1.0, outer(bn, a))"
+        found |= {one: f"outer(n{i}, v{i})" for i, one in enumerate(s.stretches)}
+        return [f"d_{one} = {found[one]}" for one in self.scalars]
 
     # The three functions.
 
@@ -181,8 +206,8 @@ class _Body:
         )
         if spectral := self._spectral():
             body += ["spectral = np.empty(SPECTRAL * POINTS)", "k = np.uint64(0)", *spectral, "principals(spectral, 1)"]
-        body += [*self._fibres("fibre[{}]"), *self._kinematics(), *self._slopes(), *self._stress()]
-        body += [f"stress[{a}, {A}] = p{a}{A}" for a, A in _COMPONENTS]
+        body += [*self._fibres(lambda k: f"fibre[{k}]"), *self._kinematics(), *self._slopes(), *self._stress()]
+        body += [f"stress[{a}, {A}] = p[{3 * a + A}]" for a, A in _COMPONENTS]
         body += assignments(["rest", "active"], [self.rest, self.active])
         return lines + ["    " + one for one in body] + ["    return valid * rest, valid * active"]
 
@@ -194,9 +219,9 @@ class _Body:
         return lines
 
     def _read(self) -> list[str]:
-        lines = [f"f{a}{A} = work[ROWS[GRADIENT + {3 * a + A}] + k]" for a, A in _COMPONENTS]
-        lines.append("det = work[ROWS[DETERMINANT] + k]")
-        return lines + self._fibres("work[ROWS[FIBRE + {}] + k]")
+        lines = [f"f{a}{A} = work[{_row(GRADIENT + 3 * a + A)} + k]" for a, A in _COMPONENTS]
+        lines.append(f"det = work[{_row(DETERMINANT)} + k]")
+        return lines + self._fibres(lambda k: f"work[{_row(FIBRE + k)} + k]")
 
     @staticmethod
     def _loop(body: Iterable[str], deep: int = 1) -> list[str]:
@@ -206,10 +231,11 @@ class _Body:
     def block(self) -> list[str]:
         """Return the function of a block of points."""
         body = [*self._read(), *self._kinematics(), *self._slopes(), *self._stress()]
-        body += [f"work[ROWS[{3 * a + A}] + k] = p{a}{A}" for a, A in _COMPONENTS]
+        body += [f"work[{_row(component)} + k] = p[{component}]" for component in range(9)]
         lines = [*self._head("block", "work, constants, activation, wanted"), *self._loop(body)]
         energies = [*self._read(), *self._kinematics(), *assignments(["rest", "active"], [self.rest, self.active])]
-        energies += ["work[ROWS[ENERGY] + k] = rest", "work[ROWS[ACTIVE] + k] = active"]
+        energies = _needed(energies, ("rest", "active"))
+        energies += [f"work[{_row(ENERGY)} + k] = rest", f"work[{_row(ACTIVE)} + k] = active"]
         return [*lines, "    if wanted:", *self._loop(energies, 2)]
 
     def tangent(self) -> list[str]:
@@ -231,10 +257,10 @@ class _Body:
                 continue
             a, A, b, B = (int(x) for x in str(p)[1:] + str(q)[1:])
             if a == b:
-                row = f"SQUARES + {6 * a + (B if A == 0 else A + B + 1)}"
+                row = SQUARES + 6 * a + (B if A == 0 else A + B + 1)
             else:
-                row = f"MODULI + {9 * (a + b - 1) + 3 * A + B}"
-            lines.append(f"work[ROWS[{row}] + k] += valid * w_{p}_{q}")
+                row = MODULI + 9 * (a + b - 1) + 3 * A + B
+            lines.append(f"work[{_row(row)} + k] += valid * w_{p}_{q}")
         return lines
 
     def _moduli(self) -> list[str]:
@@ -262,26 +288,23 @@ class _Body:
             ]
             lines.append("less = -2.0 * w_I2")
             for a in range(3):
-                lines.append(f"add_identity(work, k, ROWS[SQUARES + {6 * a}], same + less * B{a}{a})")
-                lines.append(f"add_rows(work, k, ROWS[SQUARES + {6 * a}], less, (c00, c01, c02, c11, c12, c22))")
+                lines.append(f"add_identity(work, k, {_row(SQUARES + 6 * a)}, same + less * B{a}{a})")
+                lines.append(f"add_rows(work, k, {_row(SQUARES + 6 * a)}, less, (c00, c01, c02, c11, c12, c22))")
             for pair, (a, b) in enumerate(((0, 1), (0, 2), (1, 2))):
-                lines.append(f"add_diagonal(work, k, ROWS[MODULI + {9 * pair}], less * B{a}{b})")
+                lines.append(f"add_diagonal(work, k, {_row(MODULI + 9 * pair)}, less * B{a}{b})")
         else:
-            lines += [f"add_identity(work, k, ROWS[SQUARES + {6 * a}], same)" for a in range(3) if s.I1 in has]
+            lines += [f"add_identity(work, k, {_row(SQUARES + 6 * a)}, same)" for a in range(3) if s.I1 in has]
         for fibre in (s.I4a, s.I4b):
             if fibre in has:
                 name = str(fibre)[-1]
-                lines += [
-                    f"add_square(work, k, ROWS[SQUARES + {6 * a}], 2.0 * w_{fibre}, ({name}0, {name}1, {name}2))"
-                    for a in range(3)
-                ]
+                lines += [f"add_square(work, k, {_row(SQUARES + 6 * a)}, 2.0 * w_{fibre}, {name})" for a in range(3)]
         if s.I8 in has:
             lines.append(
                 "both = (2.0 * a0 * b0, a0 * b1 + a1 * b0, a0 * b2 + a2 * b0, "
                 "2.0 * a1 * b1, a1 * b2 + a2 * b1, 2.0 * a2 * b2)"
             )
-            lines += [f"add_rows(work, k, ROWS[SQUARES + {6 * a}], w_I8, both)" for a in range(3)]
-        return lines + self._crossed() + (self._turned() if s.stretches[0] in has else [])
+            lines += [f"add_rows(work, k, {_row(SQUARES + 6 * a)}, w_I8, both)" for a in range(3)]
+        return lines + self._directions() + self._crossed() + (self._turned() if s.stretches[0] in has else [])
 
     def _crossed(self) -> list[str]:
         """Return lines that add ``W_st D_s D_t``, but for what a scalar has with itself and was added before."""
@@ -296,18 +319,8 @@ class _Body:
                 terms.append((q, f"0.5 * {w}" if p == q else w))
             if not terms:
                 continue
-            left, right = [], []
-            for a, A in _COMPONENTS:
-                factor, text = self._direction(p, a, A)
-                left.append(f"{factor}{text}")
-                sums = []
-                for q, w in terms:
-                    factor, text = self._direction(q, a, A)
-                    sums.append(f"{w} * {factor}{text}")
-                right.append(" + ".join(sums))
-            lines.append(f"d = ({', '.join(left)})")
-            lines.append(f"e = ({', '.join(right)})")
-            lines.append("add_both(work, k, valid, d, e)")
+            factor = "2.0 * valid" if p in _TWICE else "valid"
+            lines.append(f"add_both(work, k, {factor}, d_{p}, {_sum([(w, q) for q, w in terms])})")
         return lines
 
     def _turned(self) -> list[str]:
@@ -326,9 +339,6 @@ class _Body:
                 f"near = abs(apart) < 1e-5 * ({li} + {lj})",
                 f"quotient = meet if near else (w_{li} - w_{lj}) / (1.0 if near else apart)",
                 f"turn = (w_{li} + w_{lj}) / ({li} + {lj})",
-                "d = (" + ", ".join(f"n{i}{a} * v{j}{A} + n{j}{a} * v{i}{A}" for a, A in _COMPONENTS) + ")",
-                "add_both(work, k, 0.25 * quotient, d, d)",
-                "d = (" + ", ".join(f"n{i}{a} * v{j}{A} - n{j}{a} * v{i}{A}" for a, A in _COMPONENTS) + ")",
-                "add_both(work, k, 0.25 * turn, d, d)",
+                f"add_turned(work, k, 0.25 * quotient, 0.25 * turn, n{i}, v{i}, n{j}, v{j})",
             ]
         return lines

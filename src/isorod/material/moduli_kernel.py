@@ -54,3 +54,48 @@ def add_both(work: Array, k: int, x: float, d: tuple[float, ...], e: tuple[float
     _add_six(work, k, ROWS[SQUARES], x, d, e, 0)
     _add_six(work, k, ROWS[SQUARES + 6], x, d, e, 1)
     _add_six(work, k, ROWS[SQUARES + 12], x, d, e, 2)
+
+
+@njit(**FAST)
+def add_turned(
+    work: Array,
+    k: int,
+    x: float,
+    y: float,
+    n: tuple[float, ...],
+    v: tuple[float, ...],
+    m: tuple[float, ...],
+    w: tuple[float, ...],
+) -> None:
+    """Add ``2 x s s + 2 y t t`` to the moduli at one point, with ``s = n w + m v`` and ``t = n w - m v``."""
+    first, second = outer(n, w), outer(m, v)
+    both = combined(1.0, first, 1.0, second)
+    add_both(work, k, x, both, both)
+    apart = combined(1.0, first, -1.0, second)
+    add_both(work, k, y, apart, apart)
+
+
+@njit(**FAST)
+def outer(n: tuple[float, ...], v: tuple[float, ...]) -> tuple[float, ...]:
+    """Return the nine ``n_a v_A``."""
+    return (
+        *(n[0] * v[0], n[0] * v[1], n[0] * v[2]),
+        *(n[1] * v[0], n[1] * v[1], n[1] * v[2]),
+        *(n[2] * v[0], n[2] * v[1], n[2] * v[2]),
+    )
+
+
+@njit(**FAST)
+def scaled(x: float, d: tuple[float, ...]) -> tuple[float, ...]:
+    """Return ``x d`` of nine components."""
+    return (x * d[0], x * d[1], x * d[2], x * d[3], x * d[4], x * d[5], x * d[6], x * d[7], x * d[8])
+
+
+@njit(**FAST)
+def combined(x: float, d: tuple[float, ...], y: float, e: tuple[float, ...]) -> tuple[float, ...]:
+    """Return ``x d + y e`` of nine components."""
+    return (
+        *(x * d[0] + y * e[0], x * d[1] + y * e[1], x * d[2] + y * e[2]),
+        *(x * d[3] + y * e[3], x * d[4] + y * e[4], x * d[5] + y * e[5]),
+        *(x * d[6] + y * e[6], x * d[7] + y * e[7], x * d[8] + y * e[8]),
+    )
