@@ -18,7 +18,7 @@ from isorod.geometry.axis import Axis
 from isorod.geometry.center_line import helix
 from isorod.geometry.rod import Rod
 from isorod.geometry.section import circle, flower
-from isorod.material import LinearElastic, NeoHookean, fibre
+from isorod.material import NeoHookean, fibre
 from isorod.material.muscle import Muscle
 from isorod.model import Body, Contact, Model, Plane, Support
 from isorod.model.support import rotation
@@ -190,12 +190,6 @@ def test_too_few_quadrature_points_for_a_mass(cylinder):
     model = Model([Body(Space.paper(cylinder(8), order=3, quadrature="2x1"), ELASTIC, 1.0)])
     with pytest.raises(InputError, match="quadrature: too few points for a positive mass of body 0; take 'auto'"):
         System(model)
-
-
-def test_a_law_without_compiled_stress_is_refused(cylinder):
-    model = Model([Body(Space.paper(cylinder(4)), LinearElastic(1.0, 0.3), 1.0)])
-    with pytest.raises(InputError, match="body 0: material of element 0: got LinearElastic, dynamics needs a law"):
-        pack(model)
 
 
 @pytest.mark.parametrize("which, normal", [("start", (0.0, 0.0, 1.0)), ("end", (0.0, 0.0, -2.0))])

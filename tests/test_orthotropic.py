@@ -1,5 +1,6 @@
 """Linear elasticity with directions: rotated stiffness, bars with exact answers, its energy as an expression."""
 
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -198,8 +199,39 @@ def test_modes_of_a_free_bar():
     # About a loaded state its tangent knows nothing.
     with pytest.raises(InputError, match="body 0 is linear elastic"):
         modal.solve(model, state=statics.solve(Model(model.bodies, [Support.end(space, "start")])))
-    with pytest.raises(InputError, match="dynamics needs a law for large rotations"):
-        dynamics.solve(model, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("law", "formulation"),
+    [(WOOD, None), (LinearElastic(30.0, 0.3), None), (LinearElastic(30.0, 0.4999), "mixed")],
+)
+def test_a_clamped_bar_swings_in_its_first_mode(law, formulation):
+    """Small motions are those of the modes: a quarter of a period after it is pushed, all is stored."""
+    space = Space(straight(6.0).sweep(ellipse(8, 0.5, 0.3)), elements=2, degree=4, section_degree=3)
+    model = Model([Body(space, law, 1.0, formulation)], [Support.end(space, "start")])
+    modes = modal.solve(model, modes=1)
+    shape, omega = modes.vectors[0], 2.0 * np.pi * modes.frequencies[0]
+    shape = 0.01 * shape / np.abs(shape).max()
+    quarter = 0.5 * np.pi / omega
+    swings = [("implicit", quarter / 200, 1e-4)]
+    if formulation is None:
+        swings.append(("explicit", None, 1e-5))
+    for integrator, step, close in swings:
+        history = dynamics.solve(model, quarter, step, 1, velocity=omega * shape, integrator=integrator)
+        np.testing.assert_allclose(history.displacement[-1].ravel(), shape, atol=close * np.abs(shape).max())
+        assert history.kinetic[-1] < close * history.stored[-1]
+        assert np.abs(history.energy_error).max() < 1e-5
+
+
+def test_motion_says_where_small_strains_do_not_hold():
+    space = Space(straight(2.0).sweep(circle(8, 0.4)), elements=1, degree=2, section_degree=2)
+    model = Model([Body(space, WOOD, 1.0)], [Support.end(space, "start")])
+    velocity = 0.3 * space.positions[:, 2:] * [1.0, 0.0, 0.0]
+    with pytest.warns(UserWarning, match="body 0 is turned or strained by 0.1.*, where Orthotropic is for less than"):
+        dynamics.solve(model, 0.5, velocity=velocity.ravel())
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        dynamics.solve(model, 0.5, velocity=0.5 * velocity.ravel())
 
 
 @pytest.mark.filterwarnings("ignore:contact 0. the patch")

@@ -19,14 +19,17 @@ from isorod.command.parser import Parser
 from isorod.errors import SolveError
 from isorod.geometry.center_line import straight
 from isorod.geometry.section import circle
-from isorod.material import NeoHookean
+from isorod.material import LinearElastic, NeoHookean
+from isorod.material.active_muscle import ActiveMuscle
 from isorod.material.fibre import helix
 from isorod.material.gent import Gent
 from isorod.material.holzapfel_gasser_ogden import HolzapfelGasserOgden
+from isorod.material.hyperelastic import Hyperelastic
 from isorod.material.law import Material
 from isorod.material.mooney_rivlin import MooneyRivlin
 from isorod.material.muscle import Muscle
 from isorod.material.ogden import Ogden
+from isorod.material.orthotropic import Orthotropic, TransverselyIsotropic
 from isorod.material.st_venant_kirchhoff import StVenantKirchhoff
 from isorod.material.yeoh import Yeoh
 from isorod.model import Body, Model, Support
@@ -35,6 +38,8 @@ from isorod.output.results import write_beside
 from isorod.space import Space
 
 LENGTH, RADIUS, SPEED = 2.0, 0.5, 0.3
+# Of laws of small strains.
+SLOW = 0.01
 
 # Steps of each kind; an implicit one is a hundredth of the slowest period or so, an explicit one a tenth of a critical
 # one: its error of energy goes with the square of it, and does not grow with time.
@@ -49,14 +54,28 @@ RATIOS = {"displacement": 0.4, "mixed": 0.5}
 BULK = {"displacement": 14.0 / 3.0, "mixed": np.inf}
 
 
-def _stretched(law: type[NeoHookean], **more: float) -> Callable[[str], Material]:
+def _stretched(law: type[LinearElastic | NeoHookean | Muscle], **more: Any) -> Callable[[str], Material]:
     return lambda form: law(2.0 * (1.0 + RATIOS[form]), RATIOS[form], **more)
 
 
+def _own(form: str) -> Material:
+    """Return a law as a user writes it down."""
+    from isorod.material.symbols import I1bar
+
+    return Hyperelastic(0.5 * (I1bar - 3) + 0.02 * (I1bar - 3) ** 2, bulk=BULK[form])
+
+
+# Tension of an active muscle by its stretch, relative.
+_CURVE = ((0.5, 0.0), (0.75, 0.6), (0.95, 1.0), (1.05, 1.0), (1.6, 0.0))
+
 # Of shear moduli about 1, by formulation.
 LAWS: dict[str, Callable[[str], Material]] = {
+    "linear": _stretched(LinearElastic),
+    "transversely-isotropic": lambda form: TransverselyIsotropic(6.0, 2.5, 0.3, 0.35, 1.2, "tangent"),
+    "orthotropic": lambda form: Orthotropic((5.0, 3.0, 2.0), (0.3, 0.25, 0.35), (1.2, 1.0, 0.8)),
     "neo-hookean": _stretched(NeoHookean),
     "muscle": _stretched(Muscle, m1=0.5, m2=0.5),
+    "active-muscle": _stretched(ActiveMuscle, sigma_max=0.5, m1=0.5, m2=0.5, activation=1.0, curve=_CURVE),
     "st-venant-kirchhoff": lambda form: StVenantKirchhoff(2.8, RATIOS[form]),
     "mooney-rivlin": lambda form: MooneyRivlin(0.35, 0.15, BULK[form]),
     "yeoh": lambda form: Yeoh(0.5, -0.05, 0.02, BULK[form]),
@@ -64,9 +83,10 @@ LAWS: dict[str, Callable[[str], Material]] = {
     "ogden": lambda form: Ogden((1.2, -0.2), (2.0, -2.0), BULK[form]),
     "hgo": lambda form: HolzapfelGasserOgden(1.0, 0.5, 0.5, BULK[form], fibre=helix(30.0)),
     "hgo-two": lambda form: HolzapfelGasserOgden(1.0, 0.5, 0.5, BULK[form], fibre=(helix(30.0), helix(-30.0))),
+    "own": _own,
 }
-# Laws whose volumetric energy is none of ``ln J``.
-WHOLE = ("st-venant-kirchhoff",)
+# Laws that do not split.
+WHOLE = ("st-venant-kirchhoff", "transversely-isotropic", "orthotropic")
 
 KINDS = ("explicit, displacement", "implicit, displacement", "implicit, mixed")
 
@@ -95,10 +115,10 @@ def cylinder(law: Material, formulation: str) -> Model:
 
 
 def thrown(model: Model) -> Array:
-    """Return velocities that bend and twist the cylinder."""
-    x = model.bodies[0].space.positions
-    bent = np.stack([SPEED * x[:, 2], 0.0 * x[:, 0], 0.0 * x[:, 0]], axis=1)
-    return np.asarray((bent + x[:, 2:] * np.cross([0.0, 0.0, SPEED], x)).ravel())
+    """Return velocities that bend and twist the cylinder, as far as its law is for."""
+    x, speed = model.bodies[0].space.positions, SPEED if model.bodies[0].laws[0].objective else SLOW
+    bent = np.stack([speed * x[:, 2], 0.0 * x[:, 0], 0.0 * x[:, 0]], axis=1)
+    return np.asarray((bent + x[:, 2:] * np.cross([0.0, 0.0, speed], x)).ravel())
 
 
 def moved(law: str, kind: str, steps: int) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from petsc4py import PETSc
 
 from isorod.arrays import Array
-from isorod.checks import overlap
+from isorod.checks import overlap, small
 from isorod.dynamics.explicit.system import System
 from isorod.dynamics.history import History
 from isorod.dynamics.run import Run, Settings
@@ -51,7 +51,8 @@ def solve(
     Parameters
     ----------
     model
-        Bodies with densities and laws for large rotations (`isorod.material.law.Material.objective`).
+        Bodies with densities; those whose laws are of small strains (`isorod.material.law.Material.objective`) are
+        warned of where they turn or strain by more.
     end_time
         Time to reach.
     time_step
@@ -121,6 +122,7 @@ def solve(
             shown.close()
             run.end()
         overlap.warn_in_the_end(model, run.rows["displacement"][-1], overlapped)
+        small.warn_of_large(model, np.array(run.rows["displacement"]))
     return History(
         model=model,
         **{name: np.array(values) for name, values in run.rows.items()},

@@ -165,11 +165,13 @@ def complementary(laws: Laws, p: Array) -> tuple[Array, Array, Array]:
     return np.concatenate(first), np.concatenate(second), np.concatenate(third)
 
 
-def volume_between(F: Array, change: Array, wanted: bool) -> tuple[Array, Array | None]:
-    """Return the discrete gradient of ``theta = ln J``, which that of all objective laws is, and if wanted its slope.
+def volume_between(laws: Laws, F: Array, change: Array, wanted: bool) -> tuple[Array, Array | None]:
+    """Return the discrete gradient of ``theta``, and if wanted its slope.
 
     Parameters
     ----------
+    laws
+        Those of elements.
     F, change, wanted
         As for `Material.discrete`: of the energy ``theta``.
     """
@@ -177,4 +179,8 @@ def volume_between(F: Array, change: Array, wanted: bool) -> tuple[Array, Array 
     slope = np.empty((*F.shape, 3, 3) if wanted else (0, 3, 3, 3, 3))
     rows = gradient.reshape(-1, 3, 3), slope.reshape(-1, 3, 3, 3, 3)
     discrete(flat(F), flat(change), 0.0, 0.0, 1.0, *rows)
+    for law, first, last, _ in laws.pieces:
+        if not cast(Split, law).logarithmic:
+            # Of the trace.
+            gradient[first:last], slope[first:last] = np.eye(3), 0.0
     return gradient, slope if wanted else None

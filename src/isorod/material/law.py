@@ -106,6 +106,9 @@ class Material(ABC):
         wanted
             Whether moduli are: the derivatives of the stress by ``F + change``, shape ``F.shape + (3, 3)``.
         """
+        if self.linear:
+            middle = F + 0.5 * change
+            return self.stress(middle), 0.5 * self.tangent(middle) if wanted else None
         stress, moduli = np.empty(F.shape), np.empty((*F.shape, 3, 3) if wanted else (0, 3, 3, 3, 3))
         one, given = self.compiled, (flat(F), flat(change), self.constants, self._flat_fibres(F.shape[:-2]))
         found = stress.reshape(-1, 3, 3), moduli.reshape(-1, 3, 3, 3, 3)

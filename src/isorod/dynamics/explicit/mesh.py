@@ -159,12 +159,6 @@ def _check_laws(body: Body, index: int) -> None:
     """Raise `InputError` if a body cannot move in time, or the law of one of its elements."""
     if len(body.space.rod.rings) > 2:
         raise InputError(f"body {index}: its rod has layers, which dynamics does not take; statics and modes do")
-    for e, law in enumerate(body.laws):
-        if not law.objective:
-            raise InputError(
-                f"body {index}: material of element {e}: got {type(law).__name__}, "
-                "dynamics needs a law for large rotations, as NeoHookean"
-            )
 
 
 def _size(parts: list[Array]) -> int:

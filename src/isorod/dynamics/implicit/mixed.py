@@ -65,7 +65,7 @@ class MixedStepPart(MixedPart, StepPart):
             return
         change, p = self._changes(local), self.pressure(local)
         stress, _ = self.laws.at(factor).discrete(self.start, change, False)
-        stress += p[..., None, None] * volume_between(self.start, change, False)[0]
+        stress += p[..., None, None] * volume_between(self.volumes, self.start, change, False)[0]
         self._add_stress(stress, forces)
         after = volume_change(self.volumes, self.start + change)[0]
         self.add_volumes(self._before + after - 2.0 * complementary(self.volumes, p)[1], forces)
@@ -79,7 +79,7 @@ class MixedStepPart(MixedPart, StepPart):
             return super()._matrices(local, factor)
         change, p = self._changes(local), self.pressure(local)
         _, moduli = self.laws.at(factor).discrete(self.start, change, True)
-        gradient, slope = volume_between(self.start, change, True)
+        gradient, slope = volume_between(self.volumes, self.start, change, True)
         assert slope is not None
         moduli += p[..., None, None, None, None] * slope
         result = self._padded_matrices(self._contracted(moduli))

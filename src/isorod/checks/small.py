@@ -1,0 +1,41 @@
+"""Laws of small strains in motion: whether their bodies stay where such laws hold."""
+
+import warnings
+
+import numpy as np
+
+from isorod.arrays import Array
+from isorod.assembly.element_kernel import deformation_gradients
+from isorod.material.along_rod import Laws
+from isorod.model import Model
+
+# Largest component of the displacement's gradient: a rotation of so many radians is taken for a strain of half a
+# percent.
+LARGE = 0.1
+
+
+def warn_of_large(model: Model, displacements: Array) -> None:
+    """Warn of bodies that are turned or strained by more than their laws of small strains know of.
+
+    Parameters
+    ----------
+    model
+        What has moved.
+    displacements
+        All degrees of freedom at outputs, shape ``(outputs, dofs)``.
+    """
+    for b, body in enumerate(model.bodies):
+        if Laws.of(body.laws).objective:
+            continue
+        table = body.space.tabulate(0, body.space.axis.elements)
+        shape = (table.elements, body.space.axis.degree + 1, body.space.layer_nodes, 3)
+        largest = 0.0
+        for row in displacements:
+            nodal = model.nodal(row, b)[body.space.element_nodes].reshape(shape)
+            largest = max(largest, float(np.abs(deformation_gradients(table, nodal) - np.eye(3)).max()))
+        if largest > LARGE:
+            warnings.warn(
+                f"body {b} is turned or strained by {largest:.2g}, where {type(body.laws[0]).__name__} is for less "
+                f"than {LARGE:g}; take a law for large rotations, as StVenantKirchhoff",
+                stacklevel=3,
+            )
