@@ -111,6 +111,9 @@ def scenes_of(law: str) -> tuple[str, ...]:
     if law == "hgo-wound":
         # Directions that wind about the centre line have no limit there.
         return ("tube",)
+    if law in ("muscle", "active-muscle"):
+        # Without a force at its ends a muscle gets so short that it finds no equilibrium as an arc.
+        return ("cylinder", "spring", "tube")
     if law in ("transversely-isotropic", "orthotropic", "hgo-two"):
         # Across the tube's wall these are not the same all round, which takes finer meshes than the others do.
         return ("cylinder", "arc", "spring")
