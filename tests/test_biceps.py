@@ -121,6 +121,7 @@ def test_without_contact_each_branch_is_in_balance_by_itself(free):
     assert upper[1] > 0
 
 
+@pytest.mark.slow
 def test_bellies_would_overlap_without_contact_and_hardly_do_with_it(free):
     scene = Biceps(statics=True)
     right = free.model.bodies[1].space
@@ -137,6 +138,7 @@ def test_bellies_would_overlap_without_contact_and_hardly_do_with_it(free):
     assert pressed == pytest.approx(-found["contact_force"], rel=2e-3)
 
 
+@pytest.mark.slow
 def test_pressing_on_each_other_is_pressing_on_the_plane_between():
     """A branch and its mirror image touch in the plane x = 0; half the gap there, so twice the penalty."""
     scene = Biceps(statics=True, penalty=2000.0)

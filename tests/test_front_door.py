@@ -119,6 +119,7 @@ isorod.statics.solve(None)
 """
 
 
+@pytest.mark.slow
 def test_scripts_of_users_are_checked_strictly(tmp_path):
     """As of a package that is installed: nothing is said of isorod itself, what is right passes, mistakes are seen."""
     pytest.importorskip("mypy")

@@ -303,6 +303,7 @@ def test_without_pyvista_the_error_says_how_to_get_it(results, monkeypatch, caps
     assert capsys.readouterr().err == "isorod: pictures need pyvista, which is not installed: pip install pyvista\n"
 
 
+@pytest.mark.slow
 def test_solutions_that_move_write_animations(model, tmp_path):
     """A motion, a mode and load steps, from Python."""
     view, size = (0.0, -1.0, 0.0), SIZE

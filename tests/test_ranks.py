@@ -196,19 +196,13 @@ def on_one_rank(tmp_path_factory):
 
 
 ERRORS = {"equilibria": 1e-9, "explicit": 1e-10, "implicit": 1e-9, "checkpoints": 1e-10}
-# More ranks than processors take turns at every step of a motion.
-LONG = {(what, 4) for what in ERRORS} | {("explicit", 3), ("implicit", 3)}
+# More ranks than processors take turns at every step.
+LONG = [pytest.param(ranks, marks=pytest.mark.slow) for ranks in (3, 4)]
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize(
-    ("what", "ranks"),
-    [
-        pytest.param(what, ranks, marks=[pytest.mark.slow] if (what, ranks) in LONG else [])
-        for what in ERRORS
-        for ranks in (2, 3, 4)
-    ],
-)
+@pytest.mark.parametrize("ranks", [2, *LONG])
+@pytest.mark.parametrize("what", ERRORS)
 def test_results_do_not_depend_on_the_number_of_ranks(what, ranks, on_one_rank, mpirun, tmp_path):
     expected, error = on_one_rank(what), ERRORS[what]
     here = str(Path(__file__).parent)

@@ -181,6 +181,7 @@ def test_axial_stiffness_where_layers_press_on_each_other():
     assert composite((NU,) * 3) == pytest.approx(sums(2), rel=1e-12)
 
 
+@pytest.mark.slow
 def test_bending_stiffness_where_layers_press_on_each_other_converges():
     moments = []
     for degree in (2, 5, 6):

@@ -196,7 +196,7 @@ def test_solves_to_rounding_on_one_rank():
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("ranks", [2, pytest.param(3, marks=pytest.mark.slow), 4])
+@pytest.mark.parametrize("ranks", [2, *[pytest.param(one, marks=pytest.mark.slow) for one in (3, 4)]])
 def test_solves_to_rounding_on_ranks(ranks, mpirun):
     done = mpirun(ranks, script=f"{RUN}t.compare()")
     assert done.returncode == 0, done.stderr
@@ -237,7 +237,7 @@ def on_one_rank(tmp_path_factory, mpirun):
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("ranks", [2, pytest.param(3, marks=pytest.mark.slow), 4])
+@pytest.mark.parametrize("ranks", [2, *[pytest.param(one, marks=pytest.mark.slow) for one in (3, 4)]])
 def test_analyses_agree_on_ranks(ranks, on_one_rank, mpirun, tmp_path):
     done = mpirun(ranks, str(tmp_path / "found.npz"), script=f"{RUN}t.analyse(sys.argv[1])")
     assert done.returncode == 0, done.stderr

@@ -127,6 +127,7 @@ def test_every_case_there_is_has_what_the_study_needs():
         assert hasattr(case, "LIMITS")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", [contrast, sections], ids=lambda case: case.NAME)
 def test_failures_are_one_line(case, points):
     failures = [

@@ -17,6 +17,7 @@ def records():
         return list(tuning.run("quick"))
 
 
+@pytest.mark.slow
 def test_lines_of_options_agree_with_the_default(records):
     sweeps = point.sweeps(records)
     for case, lines in tuning.CASES["quick"].items():
@@ -96,6 +97,7 @@ def test_the_default_is_recommended_unless_a_warm_line_is_clearly_faster():
         assert f"recommended `isorod run case {picked}`" in said
 
 
+@pytest.mark.slow
 def test_each_case_recommends_a_line_that_was_run(records):
     lines = tuning.LIMITS(records)
     assert len(lines) == len(tuning.CASES["quick"])
