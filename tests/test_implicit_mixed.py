@@ -13,7 +13,7 @@ from isorod.dynamics.implicit.mixed import MixedStepAssembler
 from isorod.errors import InputError
 from isorod.geometry import center_line, section
 from isorod.geometry.rod import Rod
-from isorod.material import NeoHookean
+from isorod.material import LinearElastic, NeoHookean
 from isorod.material.along_rod import Laws, Piece, volume_between
 from isorod.material.muscle import Muscle
 from isorod.model import Body, BodyForce, Contact, Model, Plane, Support
@@ -73,6 +73,14 @@ def test_the_gradient_between_states_is_the_change_of_volume():
     )
     found = ((ahead - behind) / 2e-6).reshape(slope.shape)
     np.testing.assert_allclose(slope, found, atol=1e-7 * np.abs(found).max())
+
+
+def test_the_gradient_of_small_strains_is_that_of_the_trace():
+    F, H = states()
+    laws = Laws([Piece(NeoHookean(E, 0.49), 0, 2), Piece(LinearElastic(E, 0.5), 2, len(F))])
+    gradient, slope = volume_between(laws, F, H, True)
+    np.testing.assert_array_equal(gradient[2:], np.broadcast_to(np.eye(3), F[2:].shape))
+    assert slope[:2].any() and not slope[2:].any()
 
 
 @pytest.mark.parametrize("law", [NeoHookean(E, 0.5), Muscle(E, 0.4999, **FIBRES)])

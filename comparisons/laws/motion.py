@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from comparisons.laws.scenes import CURVE
 from comparisons.measure.study import LEVELS, Run
 from comparisons.measure.timing import Clock
 from isorod import dynamics, options
@@ -65,9 +66,6 @@ def _own(form: str) -> Material:
     return Hyperelastic(0.5 * (I1bar - 3) + 0.02 * (I1bar - 3) ** 2, bulk=BULK[form])
 
 
-# Tension of an active muscle by its stretch, relative.
-_CURVE = ((0.5, 0.0), (0.75, 0.6), (0.95, 1.0), (1.05, 1.0), (1.6, 0.0))
-
 # Of shear moduli about 1, by formulation.
 LAWS: dict[str, Callable[[str], Material]] = {
     "linear": _stretched(LinearElastic),
@@ -75,7 +73,7 @@ LAWS: dict[str, Callable[[str], Material]] = {
     "orthotropic": lambda form: Orthotropic((5.0, 3.0, 2.0), (0.3, 0.25, 0.35), (1.2, 1.0, 0.8)),
     "neo-hookean": _stretched(NeoHookean),
     "muscle": _stretched(Muscle, m1=0.5, m2=0.5),
-    "active-muscle": _stretched(ActiveMuscle, sigma_max=0.5, m1=0.5, m2=0.5, activation=1.0, curve=_CURVE),
+    "active-muscle": _stretched(ActiveMuscle, sigma_max=0.5, m1=0.5, m2=0.5, activation=1.0, curve=CURVE),
     "st-venant-kirchhoff": lambda form: StVenantKirchhoff(2.8, RATIOS[form]),
     "mooney-rivlin": lambda form: MooneyRivlin(0.35, 0.15, BULK[form]),
     "yeoh": lambda form: Yeoh(0.5, -0.05, 0.02, BULK[form]),

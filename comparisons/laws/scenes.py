@@ -66,7 +66,7 @@ _HOLE = 0.6
 
 
 # Tension of a muscle by its stretch, relative.
-_CURVE = ((0.5, 0.0), (0.75, 0.6), (0.95, 1.0), (1.05, 1.0), (1.6, 0.0))
+CURVE = ((0.5, 0.0), (0.75, 0.6), (0.95, 1.0), (1.05, 1.0), (1.6, 0.0))
 
 
 def _inclined(angle: float) -> Fibre:
@@ -91,7 +91,7 @@ LAWS: dict[str, Callable[[], Material]] = {
         (5.0, 3.0, 2.0), (0.3, 0.25, 0.35), (1.2, 1.0, 0.8), (_inclined(20.0), "binormal")
     ),
     "muscle": lambda: Muscle(_E, _NU, 0.5, 0.3, 1.0, 1.0),
-    "active-muscle": lambda: ActiveMuscle(_E, _NU, 0.5, 0.3, 1.0, 1.0, curve=_CURVE),
+    "active-muscle": lambda: ActiveMuscle(_E, _NU, 0.5, 0.3, 1.0, 1.0, curve=CURVE),
     "mooney-rivlin": lambda: MooneyRivlin(0.3, 0.2, _BULK),
     "yeoh": lambda: Yeoh(0.5, 0.05, 0.01, _BULK),
     "gent": lambda: Gent(1.0, 20.0, _BULK),

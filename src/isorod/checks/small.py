@@ -6,7 +6,6 @@ import numpy as np
 
 from isorod.arrays import Array
 from isorod.assembly.element_kernel import deformation_gradients
-from isorod.material.along_rod import Laws
 from isorod.model import Model
 
 # Largest component of the displacement's gradient: a rotation of so many radians is taken for a strain of half a
@@ -25,7 +24,8 @@ def warn_of_large(model: Model, displacements: Array) -> None:
         All degrees of freedom at outputs, shape ``(outputs, dofs)``.
     """
     for b, body in enumerate(model.bodies):
-        if Laws.of(body.laws).objective:
+        small = next((law for law in body.laws if not law.objective), None)
+        if small is None:
             continue
         table = body.space.tabulate(0, body.space.axis.elements)
         shape = (table.elements, body.space.axis.degree + 1, body.space.layer_nodes, 3)
@@ -35,7 +35,7 @@ def warn_of_large(model: Model, displacements: Array) -> None:
             largest = max(largest, float(np.abs(deformation_gradients(table, nodal) - np.eye(3)).max()))
         if largest > LARGE:
             warnings.warn(
-                f"body {b} is turned or strained by {largest:.2g}, where {type(body.laws[0]).__name__} is for less "
+                f"body {b} is turned or strained by {largest:.2g}, where {type(small).__name__} is for less "
                 f"than {LARGE:g}; take a law for large rotations, as StVenantKirchhoff",
                 stacklevel=3,
             )

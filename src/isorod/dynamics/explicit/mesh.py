@@ -95,7 +95,7 @@ def pack(model: Model, ranks: Ranks | None = None) -> Mesh:
     constants: list[Array] = []
     longest = max(body.space.axis.degree for body in model.bodies) + 1
     for index, body in enumerate(model.bodies):
-        _check_laws(body, index)
+        _check_layers(body, index)
     ranks = Ranks(model, order(model)) if ranks is None else ranks
     for share in ranks.shares:
         body, space = share.body, share.body.space
@@ -155,8 +155,8 @@ def digests(mesh: Mesh) -> list[bytes]:
     return found
 
 
-def _check_laws(body: Body, index: int) -> None:
-    """Raise `InputError` if a body cannot move in time, or the law of one of its elements."""
+def _check_layers(body: Body, index: int) -> None:
+    """Raise `InputError` if a body cannot move in time."""
     if len(body.space.rod.rings) > 2:
         raise InputError(f"body {index}: its rod has layers, which dynamics does not take; statics and modes do")
 
