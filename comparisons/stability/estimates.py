@@ -132,13 +132,13 @@ def compare(seed: int) -> dict[str, Any]:
     found, solution = solved(on)
     estimate = solution.estimate()
     made = on.rod
-    least, across = max(on.axis.elements, Space(made).axis.elements), max(on.section_degree or 4, 3)
+    least, across = max(on.elements, Space(made).elements), max(on.section_degree or 4, 3)
     # Those of rods with rings have functions enough.
     whole = len(made.rings) == 2 and made.rings[0] == 0.0
     references = []
-    for more, parts in ((1 + whole, 1), (2 + whole, 1 + (on.axis.degree > 4 or on.axis.elements == least))):
+    for more, parts in ((1 + whole, 1), (2 + whole, 1 + (on.axis.degree > 4 or on.elements == least))):
         fine = Space(made, parts * least, 6 if whole else 5, 0, section_degree=min(across + more, 8))
-        fine = replace(fine, quadrature=str(choice.rule(fine.basis, fine.axis)))
+        fine = replace(fine, quadrature=str(choice.rule(fine)))
         references.append(solved(fine)[0])
     rough, exact = references
     error, apart = (float(np.abs(one / exact - 1.0).max()) for one in (found, rough))

@@ -110,7 +110,7 @@ def refined(space: Space, changed: dict[str, Any]) -> Space:
     """Return a space with other numbers, and the rule that goes with them unless one was given that follows."""
     follows = space.quadrature in ("auto", "full")
     made = replace(space, quadrature=space.quadrature if follows else "auto", **changed)
-    return made if follows else replace(made, quadrature=str(choice.rule(made.basis, made.axis)))
+    return made if follows else replace(made, quadrature=str(choice.rule(made)))
 
 
 def _changes(spaces: Sequence[Space], across: bool, along: bool) -> list[dict[str, Any]]:
@@ -140,4 +140,4 @@ def _across(space: Space) -> dict[str, Any]:
 def _along(space: Space) -> dict[str, Any]:
     if space.axis.degree < MAX_DEGREE:
         return {"degree": space.axis.degree + 1}
-    return {"elements": 2 * space.axis.elements}
+    return choice.halved(space)

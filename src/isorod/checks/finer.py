@@ -122,15 +122,15 @@ class Finer:
 
 def _finer(body: Body, direction: str) -> Space:
     space, across = body.space, _across_as_is(body.space)
-    along: dict[str, Any] = {"elements": space.axis.elements, "degree": space.axis.degree}
+    along: dict[str, Any] = {"elements": space.elements, "degree": space.axis.degree, "knots": space.knots}
     if direction == "section":
         across |= _more_across(body)
     elif space.axis.degree < MAX_DEGREE:
         along["degree"] += 1
     else:
-        along["elements"] *= 2
+        along |= choice.halved(space)
     made = Space(space.rod, continuity=space.continuity, quadrature="auto", **along, **across)
-    rule, wanted = space.rule, choice.rule(made.basis, made.axis)
+    rule, wanted = space.rule, choice.rule(made)
     points = (max(pair) for pair in zip((rule.radial, rule.angular, rule.axial), vars(wanted).values(), strict=True))
     return replace(made, quadrature=str(Rule(*points)))
 
@@ -203,11 +203,11 @@ def _across(space: Space, fine: Space) -> Array:
 
 
 def _body(body: Body, space: Space) -> Body:
-    elements, rings = body.space.axis.elements, len(space.rod.rings) - 1
+    rings, breaks = len(space.rod.rings) - 1, space.axis.breaks
+    inside = np.searchsorted(body.space.axis.breaks, 0.5 * (breaks[:-1] + breaks[1:])) - 1
 
     def on_elements(given: Any) -> Any:
-        rows = [[*given[e * rings : (e + 1) * rings]] for e in range(elements)]
-        finer = [row for row in rows for _ in range(space.axis.elements // elements)]
+        finer = [[*given[e * rings : (e + 1) * rings]] for e in inside]
         return finer if rings > 1 else [row[0] for row in finer]
 
     return Body(space, on_elements(body.laws), on_elements(body.densities), body.formulation)

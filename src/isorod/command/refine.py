@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -164,11 +164,11 @@ def on(scene: Any, spaces: Sequence[Space]) -> Any:
         return scene.on(spaces)
     space = spaces[0]
     names = {field.name for field in dataclasses.fields(scene)}
-    kept = ("order", "section_degree", "degree", "continuity", "quadrature")
+    kept = ("order", "section_degree", "degree", "continuity", "knots", "quadrature")
     fields = {name: getattr(space, name) for name in kept if name in names}
     if space.section_degree is None:
         fields["section_points"] = space.points_around
-    elements = space.axis.elements
+    elements = cast(int, space.elements)
     fields |= {"elements": elements} if "elements" in names else {"elements_per_turn": elements // scene.coils}
     return replace(scene, **fields)
 

@@ -90,6 +90,14 @@ class RodPlan:
             rod.check()
         return rod if self._rings is None else self._rings.make(self=rod)
 
+    def _jumps(self, rod: "Rod") -> dict[str, Any]:
+        """Return continuity and knots where laws differ between elements of the curve: slopes jump there."""
+        from isorod.space import choice as chosen
+
+        given = self.space.arguments
+        knots = chosen.boundary_layers(rod, given.get("degree"), rod.axis.breaks[1:-1])
+        return {name: value for name, value in (("continuity", 0), ("knots", knots)) if name not in given}
+
     def body(self) -> "Body":
         """Return the body."""
         if not self.laws:
@@ -108,10 +116,10 @@ class RodPlan:
             from isorod.space import choice as chosen
 
             more = chosen.touching(rod, *(self.space.arguments.get(key) for key in ("degree", "continuity")))
+        elif len(laws) > 1 and rings == 1 and "elements" not in self.space.arguments:
+            more = self._jumps(rod)
         space = closer(rod, self.patches) if self.patches else self.space.make(rod=rod, **more)
-        # Each element of the curve is cut in as many parts; rings are all along.
-        parts = space.axis.elements // own if rings == 1 else 1
-        material = laws[0] if len(laws) == 1 else [law for law in laws for _ in range(parts)]
+        material = laws[0] if len(laws) == 1 else laws
         told = self._body or call(self.place, schema.BODY, {})
         body: Body = told.make(space=space, material=material)
         return body

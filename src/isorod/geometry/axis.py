@@ -171,6 +171,26 @@ class Axis(Checked):
         knots = np.sort(np.concatenate([self.knots, np.full(multiplicity, u)]))
         return self._on_knots(self.degree, knots)
 
+    def with_knots(self, places: ArrayLike, continuity: int) -> "Axis":
+        """Return the axis with knots at more places ``(k,)``, at which functions are that often differentiable.
+
+        Raises
+        ------
+        InputError
+            If a place is not inside the axis, is there twice or a knot already.
+        """
+        places = np.sort(np.asarray(places, dtype=float).ravel())
+        inside = (places > self.breaks[0]) & (places < self.breaks[-1])
+        alone = ~np.isin(places, self.breaks) & np.append(True, np.diff(places) > 0.0)[: places.size]
+        if not (inside & alone).all():
+            u = places[np.argmin(inside & alone)]
+            raise InputError(
+                f"knots: got {u:g}, need others than there are, once each, between {self.breaks[0]:g} and "
+                f"{self.breaks[-1]:g}"
+            )
+        more = np.repeat(places, self.degree - min(continuity, self.degree - 1))
+        return self._on_knots(self.degree, np.sort(np.concatenate([self.knots, more])))
+
     def _on_knots(self, degree: int, knots: Array) -> "Axis":
         return Axis(
             degree, knots, bspline.transfer(self.knots, self.degree, knots, degree, self.weights[:, None])[:, 0]

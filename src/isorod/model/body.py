@@ -174,13 +174,12 @@ class Body(Checked):
 
     def _on_elements(self, given: Any) -> Any:
         """Return what is given for each element of the rod for each of the space's."""
-        own, elements = self.space.rod.axis.elements, self.space.axis.elements
-        several = Sequence, np.ndarray
-        if own == elements or not isinstance(given, several) or len(given) != own:
+        own, several = self.space.rod.axis.elements, (Sequence, np.ndarray)
+        if own == self.space.axis.elements or not isinstance(given, several) or len(given) != own:
             return given
         if all(isinstance(row, several) for row in given) != (self._rings > 1):
             return given
-        return [one for one in given for _ in range(elements // own)]
+        return [given[e] for e in self.space.own_elements]
 
     def _nearly_incompressible(self) -> bool:
         """Return whether the mixed formulation pays: where it can be taken, and displacements alone may lock."""

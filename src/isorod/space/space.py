@@ -27,7 +27,7 @@ from isorod.tensors import inverse
 _BYTES_A_POINT = 8 * 32
 
 # What is chosen where it is not given.
-CHOICES = ("order", "section_points", "section_degree", "elements", "degree", "continuity", "quadrature")
+CHOICES = ("order", "section_points", "section_degree", "elements", "degree", "continuity", "knots", "quadrature")
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,8 +48,8 @@ class Space(Checked):
     degree
         Degree along the axis, from the rod's own to 6.
     continuity
-        Continuity at knots the rod does not have, ``0 .. degree - 1``; where not given ``degree - 1``, or 0 if the
-        elements are chosen.
+        Continuity at knots the rod does not have, ``0 .. degree - 1``; where not given ``degree - 1``, or ``degree - 3`` if
+        the elements are chosen.
     order
         Polyharmonic order ``K`` of functions of control points (`isorod.space.polyharmonic`), 1 to 6; contact needs
         these.
@@ -63,6 +63,9 @@ class Space(Checked):
         `isorod.space.ringed`) take the place of the functions of control points (`isorod.space.polyharmonic`).
     section_basis
         Any other functions in the place of both (`isorod.space.basis`).
+    knots
+        Places along the axis at which elements are cut once more, as smoothly as C3; where elements are chosen those
+        that resolve the boundary layers at both ends (`isorod.space.choice.boundary_layers`), else none.
 
     Attributes
     ----------
@@ -84,16 +87,16 @@ class Space(Checked):
     section_points: int | None = None
     section_degree: int | None = None
     section_basis: SectionBasis | None = None
+    knots: tuple[float, ...] | None = None
     chosen: tuple[str, ...] = field(init=False)
 
     def __post_init__(self) -> None:
         super().__post_init__()
         given = {name for name in CHOICES if getattr(self, name) is not None}
         self._choose_section()
-        elements, degree, continuity = choice.axis(self.rod, self.elements, self.degree, self.continuity)
-        self._set(elements=elements, degree=degree, continuity=continuity)
+        self._set(**choice.axis(self.rod, self.elements, self.degree, self.continuity, self.knots)._asdict())
         if self.quadrature is None:
-            self._set(quadrature=str(choice.rule(self.basis, self.axis)))
+            self._set(quadrature=str(choice.rule(self)))
         self._set(chosen=tuple(name for name in CHOICES if name not in given and getattr(self, name) is not None))
         # What they refuse is refused now, not when an analysis first asks for them.
         self.basis, self.axis, self.rule  # noqa: B018
@@ -140,6 +143,7 @@ class Space(Checked):
             section_points,
             section_degree,
             section_basis,
+            (),
         )
 
     def __str__(self) -> str:
@@ -149,8 +153,9 @@ class Space(Checked):
             kind = f"order {self.order} of {self.points_around} control points"
         if self.section_basis is not None:
             kind = type(self.section_basis).__name__
-        smooth = f"C{self.continuity}" if self.elements != 1 else "alone"
-        return f"{kind}; {self.elements} elements of degree {self.degree}, {smooth}; quadrature {self.rule}"
+        smooth = f"C{self.continuity}" if self.axis.elements != 1 else "alone"
+        short = f", {len(self.knots)} of them short" if self.knots else ""
+        return f"{kind}; {self.axis.elements} elements of degree {self.degree}, {smooth}{short}; quadrature {self.rule}"
 
     def matches(self, other: "Space") -> bool:
         """Whether the nodes of another space are those of this one."""
@@ -191,7 +196,14 @@ class Space(Checked):
         own, elements = self.rod.axis.elements, cast(int, self.elements)
         if elements < own or elements % own:
             raise InputError(f"elements: got {elements}, need a multiple of the {own} elements of the rod itself")
-        return self.rod.axis.refine(elements // own, self.degree, self.continuity)
+        even = self.rod.axis.refine(elements // own, self.degree, self.continuity)
+        return even.with_knots(self.knots, choice.SMOOTH) if self.knots else even
+
+    @cached_property
+    def own_elements(self) -> Index:
+        """The element of the rod itself in which each element lies, shape ``(elements,)``."""
+        middles = 0.5 * (self.axis.breaks[:-1] + self.axis.breaks[1:])
+        return np.searchsorted(self.rod.axis.breaks, middles) - 1
 
     @cached_property
     def rule(self) -> Rule:
