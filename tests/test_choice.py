@@ -64,14 +64,19 @@ def test_modes_of_a_bare_space(free):
         found = modal.solve(Model([Body(space, LinearElastic(1.0, 0.3), 1.0)], supports))
         return found.frequencies[found.rigid :]
 
-    fine = Space(rod, section_degree=6, degree=6, elements=8, continuity=0, quadrature="auto")
-    assert frequencies(Space(rod)) == pytest.approx(frequencies(fine), rel=WITHIN)
+    knots = Space(rod).knots
+    fine = Space(rod, section_degree=6, degree=6, elements=8, continuity=0, quadrature="auto", knots=knots)
+    # The eighth mode wants a degree more across the section than is chosen, which the estimate tells.
+    assert frequencies(Space(rod, section_degree=None if free else 5)) == pytest.approx(frequencies(fine), rel=WITHIN)
 
 
 def test_stiffness_may_jump_where_the_rod_has_a_knot():
     """Bars in series, a law for each of the rod's own elements; nu = 0, so that exact values are known."""
-    space = Space(straight(breaks=[0.0, 4.0, 10.0], degree=3).sweep(section.circle(8)))
+    rod = straight(breaks=[0.0, 4.0, 10.0], degree=3).sweep(section.circle(8))
+    space = Space(rod, continuity=0)
     assert space.axis.elements > 2
+    with pytest.warns(UserWarning, match="stiffness jumps by 1e\\+03 at u = 4, .* take continuity 0"):
+        Body(Space(rod), [LinearElastic(1000.0, 0.0), LinearElastic(1.0, 0.0)])
     body = Body(space, [LinearElastic(1000.0, 0.0), LinearElastic(1.0, 0.0)])
     ends = Support.end(space, "start"), Support.end(space, "end", displacement=(0.0, 0.0, 1e-3))
     exact = np.pi * 1e-3 / (4.0 / 1000.0 + 6.0)
@@ -80,14 +85,15 @@ def test_stiffness_may_jump_where_the_rod_has_a_knot():
 
 def test_elements_follow_what_a_rod_turns():
     def elements(rod):
-        return Space(rod).axis.elements / rod.axis.elements
+        return Space(rod).elements / rod.axis.elements
 
     assert elements(helix(6.0, 2.0, 2).sweep(section.circle(4))) == 1
     assert elements(helix(6.0, 2.0, 2, 3).sweep(section.circle(4))) == 2
     assert elements(Ring().rod()) == 2
-    assert elements(Blade(twist=0.0).rod()) == elements(Blade(twist=90.0).rod()) == 4
+    assert elements(Blade(twist=0.0).rod()) == elements(Blade(twist=90.0).rod()) == 5
     coarse = Space(straight(10.0).sweep(section.circle(4)), degree=2)
     assert (coarse.elements, coarse.degree, coarse.continuity) == (32, 2, 0)
+    assert Space(straight(10.0).sweep(section.circle(4))).continuity == 2
 
 
 def test_section_functions_follow_the_section():
@@ -112,9 +118,9 @@ def test_hollow_sections_have_the_degree_that_carries_their_torsion():
     assert degree(section.naca("2418", 16), 0.6) == 8
 
 
-@pytest.mark.parametrize(("hole", "length", "elements"), [(0.5, 2.0, 4), (0.8, 5.0, 6), (0.9, 20.0, 16)])
+@pytest.mark.parametrize(("hole", "length", "elements"), [(0.5, 2.0, 5), (0.8, 5.0, 6), (0.9, 20.0, 16)])
 def test_a_tube_held_at_its_end_swells_as_a_fine_one(hole, length, elements):
-    """Its wall bends where it is held: with 4 elements it is off by 0.8 % and 1.9 % where it is long."""
+    """Its wall bends where it is held: with 4 C0 elements it is off by 0.8 % and 1.9 % where it is long."""
     rod = straight(length).sweep(section.circle(8, 1.0)).with_rings([hole, 1])
 
     def swelling(space):
@@ -125,20 +131,20 @@ def test_a_tube_held_at_its_end_swells_as_a_fine_one(hole, length, elements):
         return [found.at(rod, 0.5, (1.0, 0.0))[0], found.at(rod, "end", (hole, 0.0))[2]]
 
     bare = Space(rod)
-    assert bare.axis.elements == elements
-    fine = Space(rod, elements=2 * elements, degree=6, continuity=0, section_degree=5)
+    assert bare.elements == elements
+    fine = Space(rod, elements=2 * elements, degree=6, continuity=0, section_degree=5, knots=bare.knots)
     assert swelling(bare) == pytest.approx(swelling(fine), rel=WITHIN)
 
 
 def test_a_rod_in_contact_has_no_kinks():
     rod = straight(10.0).sweep(section.circle(8))
     assert choice.touching(rod) == {"elements": 12, "degree": 5, "continuity": 1}
-    assert choice.touching(rod, 1) == {"elements": 192, "degree": 1, "continuity": 0}
+    assert choice.touching(rod, 1) == {"elements": 154, "degree": 1, "continuity": 0}
     # 48 points are 2 pi r / 48 apart round the section, and no more along it.
     assert choice.touching_points(rod, 8, 12, 5, 64) == (6, 7)
     assert choice.touching_points(rod, 8, 2, 5, 64) == (6, 39)
     assert choice.touching_points(rod, 24, 1, 1, 64) == (3, 64)
-    assert choice.touching(rod, 3, 2) == {"elements": 36, "degree": 3, "continuity": 2}
+    assert choice.touching(rod, 3, 2) == {"elements": 29, "degree": 3, "continuity": 2}
 
 
 def test_sections_that_are_no_images_of_each_other_have_functions_of_control_points():
@@ -152,13 +158,13 @@ def test_sections_that_are_no_images_of_each_other_have_functions_of_control_poi
 def test_what_is_given_wins_and_the_rest_is_named():
     rod = Blade().rod()
     bare = Space(rod)
-    assert bare.chosen == ("section_degree", "elements", "degree", "continuity", "quadrature")
+    assert bare.chosen == ("section_degree", "elements", "degree", "continuity", "knots", "quadrature")
     given = Space(rod, order=2, degree=3, elements=6, continuity=1, quadrature="full")
     assert (given.order, given.degree, given.elements, given.continuity) == (2, 3, 6, 1)
     assert (given.section_degree, given.quadrature, given.chosen) == (None, "full", ())
     assert Space(rod, elements=6, degree=3).continuity == 2
     assert Space(rod, section_points=32).order == 2
-    assert "section degree 4; 4 elements of degree 5, C0; quadrature 4x2x5" in repr(bare)
+    assert "section degree 4; 7 elements of degree 5, C2, 2 of them short; quadrature 4x2x5" in repr(bare)
 
 
 def test_the_papers_element_is_that_of_the_rods_own_functions():
@@ -212,11 +218,11 @@ def test_a_record_says_what_was_chosen(capsys):
     assert cli.main(["run", "blade", "--modes", "3", "--degree", "4", "--json"]) == 0
     (found,) = json.loads(capsys.readouterr().out)["discretisation"]
     assert (found["degree"], found["section_degree"], found["formulation"]) == (4, 4, "displacement")
-    assert found["chosen"] == ["section_degree", "elements", "continuity", "quadrature"]
+    assert found["chosen"] == ["section_degree", "elements", "continuity", "knots", "quadrature"]
     assert cli.main(["run", "flower", "--json"]) == 0
     assert cli.main(["run", "blade", "--modes", "3"]) == 0
     text = " ".join(capsys.readouterr().out.split())
-    assert "element section degree 4; 4 elements of degree 5, C0; quadrature 4x2x5 (chosen: section degree," in text
+    assert "element section degree 4; 7 elements of degree 5, C2, 2 of them short; quadrature 4x2x5 (chosen: section" in text
 
 
 def test_functions_of_control_points_carry_a_flower():

@@ -338,7 +338,7 @@ LAW = LinearElastic(E, NU)
         (lambda: Pressure(1.0, "inner").nodal(layered()[0]), "the rod has no hole"),
         (lambda: Body(layered()[0], [LAW, LAW]), "material: got 2 laws for 3 rings"),
         (lambda: Body(layered()[0], [[LAW] * 3] * 2), "material: got 2 laws for 3 rings"),
-        (lambda: Body(tube(2), [[LAW]]), "material: got 1 laws for 4 elements, need one law or one an element"),
+        (lambda: Body(tube(2), [[LAW]]), "material: got 1 laws for 5 elements, need one law or one an element"),
         (
             lambda: Body(layered()[0], LAW, [1.0, 2.0]),
             r"density: got shape \(2,\), need one or one for each of the 3 ri",

@@ -1,9 +1,8 @@
 """The same model on a finer space that contains its own: of a higher degree across the section, or along the axis.
 
 Where a section looks the same turned by half, even and odd functions have parts of their own: torsion warps by even
-ones, of which an odd degree has no more than the even one before it, and shear by bending by odd ones, where no
-Poisson's ratio ties them to the even ones across.  Then it is two degrees more; from degree 1 it is always the fourth,
-with which a square first warps.
+ones, shear by bending by odd ones, and one degree more has new ones of one kind alone.  Then it is two degrees more;
+from degree 1 it is always the fourth, with which a square first warps.
 """
 
 import warnings
@@ -34,9 +33,6 @@ DIRECTIONS = ("section", "axis")
 # What a finer space changes is the error but for that share of it; along smooth axes it is nearer to the whole.
 # Measured over random rods (`comparisons.stability.estimates`).
 _POWER = 4
-
-# Poisson's ratio from which it ties displacements across to those along.
-_TIES = 0.2
 
 # Degree of a square's warping in torsion.
 _SQUARE = 4
@@ -146,8 +142,7 @@ def _more_across(body: Body) -> dict[str, Any]:
     space = body.space
     if space.section_degree is not None:
         degree = space.section_degree
-        free = degree % 2 == 0 or min(np.min(getattr(law, "nu", 0.0)) for law in body.laws) < _TIES
-        two = free and space.rod.rings == WHOLE and _turns_onto_itself(space.rod)
+        two = space.rod.rings == WHOLE and _turns_onto_itself(space.rod)
         wanted = degree + 1 + two if degree > 1 else _SQUARE
         return {"section_degree": min(wanted, getattr(space.basis, "most", degree))}
     if space.order is None:

@@ -93,6 +93,9 @@ class Space(Checked):
     def __post_init__(self) -> None:
         super().__post_init__()
         given = {name for name in CHOICES if getattr(self, name) is not None}
+        if self.elements is not None and self.knots is None:
+            self._set(knots=())
+            given.add("knots")
         self._choose_section()
         self._set(**choice.axis(self.rod, self.elements, self.degree, self.continuity, self.knots)._asdict())
         if self.quadrature is None:
