@@ -20,7 +20,7 @@ BEAM: dict[str, Any] = {
     },
     "support": {
         "root": {"end": "start", "components": "xyz"},
-        "tip": {"end": "end", "components": "z", "displacement": [0.0, 0.0, 0.01], "turn": [0.0, 0.0, 0.0]},
+        "tip": {"end": "end", "components": "z", "displacement": [0.0, 0.0, 0.01], "rotation": [0.0, 0.0, 0.0]},
         "band": {"patch": {"around": [-10.0, 10.0], "along": [1.0, 2.0]}, "components": "y"},
     },
     "load": {

@@ -49,7 +49,7 @@ def of_equilibrium(
     displacement
         All degrees of freedom, shape ``(dofs,)``.
     work
-        Of the supports' forces on the displacements they prescribe.
+        Of the supports' forces on the displacements, and of their moments on the turns, that they prescribe.
     pressures
         Coefficients of mixed bodies.
     directions
@@ -101,7 +101,7 @@ def _equilibrium(finer: Finer, displacement: Array, work: float, pressures: Sequ
             if not size > _DONE * max(last, size):
                 break
         found = assembler.displacement(x, 1.0)
-        given = finer.model.prescribed(1.0)[finer.model.bound]
+        given = finer.model.driven[finer.model.bound]
         carried = assembler.reactions(x, 1.0) if given.any() else given
     finally:
         ksp.destroy()

@@ -12,6 +12,7 @@ from petsc4py import PETSc
 
 from isorod.arrays import Array
 from isorod.checks import overlap, small
+from isorod.checks.turning import LONGEST
 from isorod.dynamics.explicit.system import System
 from isorod.dynamics.history import History
 from isorod.dynamics.run import Run, Settings
@@ -42,9 +43,9 @@ def solve(
     """Integrate the motion of a model from time zero.
 
     Supports keep their displacement (at load factor 1) throughout, and loads, which implicit steps alone take, their
-    full value from the start.  Explicit steps are central differences with the
-    consistent mass; for a step longer than its critical one, mass is added to fast waves
-    (`isorod.dynamics.explicit.mass`).  Implicit ones conserve energy and momenta whatever the step
+    full value from the start; supports that turn by more than a quarter of a turn want an initial displacement.
+    Explicit steps are central differences with the consistent mass; for a step longer than its critical one, mass is
+    added to fast waves (`isorod.dynamics.explicit.mass`).  Implicit ones conserve energy and momenta whatever the step
     (`isorod.dynamics.implicit.assembler`); contact keeps energy to second order.  Bodies may have the mixed
     formulation; explicit steps take displacements alone.
 
@@ -83,8 +84,8 @@ def solve(
     Raises
     ------
     InputError
-        If a number is out of range, the explicit time step is not stable at the start with as much mass as may be
-        added, a checkpoint cannot be used, or an option is refused.
+        If a number is out of range, a support is turned too far at once, the explicit time step is not stable at the
+        start with as much mass as may be added, a checkpoint cannot be used, or an option is refused.
     SolveError
         If the motion blows up: the message names step, time, element, and the critical time step; or an implicit step
         does not converge; or bodies in contact would go through each other.
@@ -95,6 +96,8 @@ def solve(
     settings = Settings(end_time, whole_number("outputs", outputs, 1, 1_000_000), time_step, damping, ramp)
     _check(model, settings, every)
     _check_loads(model, integrator)
+    if displacement is None:
+        _check_turns(model)
     if resume and checkpoint is None:
         raise InputError("resume: no checkpoint is named; give the file the run was to keep its state in")
     with in_force(petsc):
@@ -233,6 +236,17 @@ def _check_loads(model: Model, integrator: str) -> None:
         raise InputError("loads: explicit steps take none yet; take integrator 'implicit'")
     if model.following:
         raise InputError("loads: dynamics takes no pressure that follows the surface")
+
+
+def _check_turns(model: Model) -> None:
+    """Raise `InputError` if a support is turned at once by so much that the motion cannot know how often."""
+    for k, motion in enumerate(model.motions):
+        turn = float(np.linalg.norm(motion.turn))
+        if turn > LONGEST:
+            raise InputError(
+                f"support {k}: it is turned at once by {np.degrees(turn):.4g} degrees, more than a quarter of a turn; "
+                "let statics turn it, and start from that displacement"
+            )
 
 
 def _nodal(model: Model, name: str, given: ArrayLike | None) -> Array:

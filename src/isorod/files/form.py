@@ -9,7 +9,7 @@ from importlib import import_module
 from typing import Any, NamedTuple
 
 from isorod.errors import evaluated
-from isorod.files import material, values
+from isorod.files import angles, material, values
 from isorod.files.data import Points, points
 from isorod.files.document import Place, shown
 
@@ -22,7 +22,9 @@ _NAMES = (ROD, SUPPORT, CONTACT, PARTNER)
 
 # Those of laws.
 BULK, FIBRE, CONSTANTS = "bulk", "fibre", "constants"
-_KINDS = material.KINDS
+# Those of supports.
+DEGREES, RADIANS = "degrees", "radians"
+_KINDS = material.KINDS | angles.KINDS
 
 
 def _special(kind: Any) -> bool:
@@ -75,7 +77,7 @@ class Form:
     left
         Parameters that are none of the file's.
     more
-        Kinds of keys that are no parameters, but for whoever reads the file.
+        Kinds of keys that are no parameters but for whoever reads the file, or that are other names of one.
     """
 
     target: str
@@ -165,6 +167,11 @@ class Call:
             if key not in form.parameters:
                 raise at.unknown_key(form.parameters)
             one = form.parameters[key]
+            other = next(
+                (k for k in given if k != key and k in form.parameters and form.parameters[k].name == one.name), None
+            )
+            if other is not None:
+                raise at.error(f"given twice, by {other} too")
             self.arguments[one.name] = _argument(at, value, one.kind)
         for key, one in form.parameters.items():
             if one.required and key not in given:

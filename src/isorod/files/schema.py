@@ -4,7 +4,9 @@ A new curve, section, law, support, load, obstacle or measure is one more line h
 are those of its signature, what they mean is in its docstring.
 """
 
-from isorod.files.form import BULK, CONSTANTS, CONTACT, FIBRE, PARTNER, POINTS, ROD, SUPPORT, Form
+from dataclasses import replace
+
+from isorod.files.form import BULK, CONSTANTS, CONTACT, DEGREES, FIBRE, PARTNER, POINTS, RADIANS, ROD, SUPPORT, Form
 
 CURVES = {
     "straight": Form("isorod.geometry.center_line:straight"),
@@ -58,9 +60,16 @@ def _on_rod(target: str, main: str | None = None) -> Form:
     return Form(target, main, kinds={"body": ROD}, keys={"body": ROD, "which": "end"}, left=("space",))
 
 
+def _support(target: str) -> Form:
+    # Angles of a file are in degrees; what was in radians is read until the next release.
+    form = _on_rod(target)
+    kinds, keys = {**form.kinds, "turn": DEGREES}, {**form.keys, "turn": "rotation"}
+    return replace(form, kinds=kinds, keys=keys, more={"turn": RADIANS})
+
+
 SUPPORTS = {
-    "end": _on_rod("isorod.model.support:Support.end"),
-    "patch": _on_rod("isorod.model.support:Support.patch"),
+    "end": _support("isorod.model.support:Support.end"),
+    "patch": _support("isorod.model.support:Support.patch"),
 }
 LOADS = {
     "end": _on_rod("isorod.model.load:SectionLoad.end"),

@@ -143,6 +143,14 @@ class Model(Checked):
         return result
 
     @cached_property
+    def driven(self) -> Array:
+        """How fast supports move what they bind as they come to rest (`SupportMotion.driven`), shape ``(dofs,)``."""
+        result = np.zeros(self.dofs)
+        for motion in self.motions:
+            result[motion.dofs] = motion.driven()
+        return result
+
+    @cached_property
     def stages(self) -> list[float]:
         """Load factors at which supports begin or cease to move, and 1, in order."""
         ends = {end for motion in self.motions for end in motion.during}

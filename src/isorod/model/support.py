@@ -85,7 +85,8 @@ class Support(Checked):
         body
             Index of the body in the model.
         turn
-            Rotation vector at load factor 1, shape ``(3,)``, radians.
+            Rotation vector at load factor 1, shape ``(3,)``: along its axis, as long as its angle, which may be many
+            whole turns; radians, in scene files (`rotation`) degrees.
         center
             The point ``c``, shape ``(3,)``; the mean of the face's carriers (`Space.is_carrier`) where not given.
         during
@@ -233,6 +234,17 @@ class SupportMotion(NamedTuple):
     turn: Array
     tied: NDArray[np.bool_]
     during: tuple[float, float] = (0.0, 1.0)
+
+    def driven(self) -> Array:
+        """Return how fast, a share of the way, displacements are prescribed at the end of it, shape ``(m,)``.
+
+        Nodal forces times this are forces times displacements and moments times turns.
+        """
+        if not self.turn.any():
+            return self.rates
+        x, y, z = self.turn
+        spin = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]) @ rotation(self.turn)
+        return np.asarray(self.rates + np.einsum("ma,ma->m", spin[self.dofs % 3], self.arms))
 
     def at(self, factor: float) -> Array:
         """Return the prescribed part of the displacements at a load factor, shape ``(m,)``."""

@@ -73,7 +73,7 @@ class Equilibrium(State, Animated):
     moments
         Moment of each support on the model about the mean of its nodes' present positions, shape ``(supports, 3)``.
     work
-        Sum of the supports' nodal forces times the displacements they prescribe.
+        Sum of the supports' forces times the displacements, and moments times the turns, that they prescribe.
     stabilisation
         Of bodies that only contact holds, what is left of the forces that held them on the way, relative to those that
         supports and loads carry, and the solutions it took to let them vanish (`isorod.statics.stabilisation`); None
@@ -199,12 +199,14 @@ def solve(
 ) -> Equilibrium:
     """Bring supports and loads to their full values and return the equilibrium.
 
-    Each load step starts with a predictor, linear from the last equilibrium or, once there are two, the cubic through
-    both with their tangents, then SNES (`isorod.statics.convergence` says when it has converged).  A step in which SNES
-    diverges, an element inverts (``det F <= 0``) or loses most of its volume, or bodies in contact go through each
-    other, is halved and tried again; after quick steps the step doubles.  In the end multipliers of contact are added,
-    and points of it, as far as these are wanted (`isorod.statics.multipliers`).  With friction, which depends on the
-    path, that is done in each step, and each goes on from where points stick and slip at the end of the one before.
+    In a load step no support turns by more than a quarter of a turn, and no section of its body by half a turn, so that
+    whole turns are counted (`isorod.checks.turning`).  Each step starts with a predictor, linear from the last
+    equilibrium or, once there are two, the cubic through both with their tangents, then SNES
+    (`isorod.statics.convergence` says when it has converged).  A step in which SNES diverges, an element inverts
+    (``det F <= 0``) or loses most of its volume, a section turns too far, or bodies in contact go through each other,
+    is halved and tried again; after quick steps the step doubles.  In the end multipliers of contact are added, and
+    points of it, as far as these are wanted (`isorod.statics.multipliers`).  With friction, which depends on the path,
+    that is done in each step, and each goes on from where points stick and slip at the end of the one before.
 
     Parameters
     ----------
@@ -217,8 +219,8 @@ def solve(
         PETSc options for this solve alone, such as ``{"snes_rtol": 1e-10}`` (`isorod.petsc.options.in_force`).
     start
         Displacement ``(dofs,)`` near that at the full load, such as that on another space
-        (`isorod.space.transfer`): the equilibrium is looked for there and, where it is not found, from rest.  Friction,
-        which depends on the path, makes nothing of it.
+        (`isorod.space.transfer`): the equilibrium is looked for there and, where it is not found, or not seen to be
+        wound as often as supports turn, from rest.  Friction, which depends on the path, makes nothing of it.
     keep
         Keep the state of each load step (`Equilibrium.path`).
 
@@ -269,7 +271,7 @@ def _solve(model: Model, load_steps: int, comm: PETSc.Comm | None, start_at: Arr
             displacement=displacement,
             reactions=reactions,
             moments=moments,
-            work=float(forces @ model.prescribed(1.0)[model.bound]),
+            work=float(forces @ model.driven[model.bound]),
             load_steps=len(path.steps),
             cuts=cuts,
             newton_iterations=solver.iterations,
@@ -305,11 +307,12 @@ def _climb(solver: Newton, load_steps: int, path: Path) -> tuple[int, int]:
     contact = solver.assembler.contact
     rubs = contact is not None and contact.friction is not None
     stages = solver.assembler.model.stages
-    factor, step, cuts, augmentations = 0.0, 1.0 / load_steps, 0, 0
-    smallest, quick = step / 2**HALVINGS, 0
+    factor, step, cuts, augmentations, quick = 0.0, 1.0 / load_steps, 0, 0, 0
     while factor < 1.0:
         end = next(stage for stage in stages if stage > factor)
-        target = end if factor + step > end - 1e-12 else factor + step
+        longest = solver.turning.longest_step(factor)
+        reached = factor + min(step, longest)
+        target = end if reached > end - 1e-12 else reached
         try:
             solves, updates = _rub(solver, factor, target) if rubs else (solver.advance(factor, target), 0)
         except Diverged as problem:
@@ -322,7 +325,7 @@ def _climb(solver: Newton, load_steps: int, path: Path) -> tuple[int, int]:
                 contact.stiffen(1.0 / SOFTER)
             cuts += 1
             step = 0.5 * (target - factor)
-            if step < smallest:
+            if step < min(1.0 / load_steps, longest) / 2**HALVINGS:
                 raise SolveError(f"load factor {target:.6g}: {problem}") from None
             continue
         factor = target

@@ -16,6 +16,7 @@ from isorod.arrays import Array, Index
 from isorod.assembly.assembler import Assembler
 from isorod.assembly.factorisation import BAND, SPARSE, factorisation
 from isorod.checks import overlap, rigid_motions
+from isorod.checks.turning import Turning
 from isorod.errors import InputError, SolveError
 from isorod.model.model import Model
 from isorod.options import defaults
@@ -184,7 +185,8 @@ def critical(model: Model, step: float, highest: float = 1.0, comm: PETSc.Comm |
         if low.factor >= highest:
             raise SolveError(f"no critical point up to load factor {highest:g}")
         path.go_to_point(low)
-        path.go_to_factor(min(highest, low.factor + step) if high is None else 0.5 * (low.factor + high.factor))
+        longest = min(step, path.turning.longest_step(low.factor))
+        path.go_to_factor(min(highest, low.factor + longest) if high is None else 0.5 * (low.factor + high.factor))
         point = _Point(path.factor, path.x.copy())
         if path.negative > first:
             high = point
@@ -224,6 +226,7 @@ class _Path:
         self.x, self.factor = self.assembler.vector(), 0.0
         self.matrix = self.assembler.matrix()
         self.convergence = Convergence(self.assembler)
+        self.turning = Turning(model)
         self.slope = self.assembler.vector()
         self.residual = self.assembler.vector()
         self.direction, self.rise = self.assembler.vector(), 0.0
@@ -308,6 +311,7 @@ class _Path:
                 raise _Cut(worst_place(assembler, x, factor, "an element inverts"))
             if count and self.convergence.reached(self.residual, force, RTOL):
                 self._refuse_squeezed(before, x, factor)
+                self._refuse_lost(x, factor)
                 x.copy(self.x)
                 self.factor = factor
                 return count
@@ -343,6 +347,17 @@ class _Path:
 
     def _refuse_squeezed(self, before: list[Array], x: PETSc.Vec, factor: float) -> None:
         problem = squeezed(self.assembler, before, x, factor)
+        if problem is not None:
+            raise _Cut(problem)
+
+    def _refuse_lost(self, x: PETSc.Vec, factor: float) -> None:
+        if not self.turning.watches:
+            return
+        ends = sorted((self.factor, factor))
+        if ends[1] - ends[0] > self.turning.longest_step(ends[0]) * (1.0 + 1e-9):
+            raise _Cut("a support turns by more than a quarter of a turn")
+        states = self.assembler.displacement(self.x, self.factor), self.assembler.displacement(x, factor)
+        problem = self.turning.lost(*states)
         if problem is not None:
             raise _Cut(problem)
 

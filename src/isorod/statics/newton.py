@@ -10,6 +10,7 @@ from isorod.arrays import Array
 from isorod.assembly.assembler import Assembler
 from isorod.assembly.factorisation import SPARSE, factorisation, is_mixed
 from isorod.checks import hourglass, rigid_motions
+from isorod.checks.turning import Turning
 from isorod.errors import SolveError
 from isorod.options import defaults
 from isorod.petsc.matrix import forget_factors
@@ -75,6 +76,8 @@ class Newton:
         Of the out-of-balance force in the last step: before the predictor, then at each iteration.
     stabilisation
         What holds bodies that contact is yet to hold, or None.
+    turning
+        What supports that turn ask of steps and states.
     """
 
     def __init__(self, assembler: Assembler, loose: Sequence[tuple[int, Array]] = ()) -> None:
@@ -92,6 +95,7 @@ class Newton:
         self._filled = self._fresh = False
         self._convergence = Convergence(assembler)
         self._history: _Past | None = None
+        self.turning = Turning(assembler.model)
         self.stabilisation: Stabilisation | None = None
         self._passing: Passing | None = None
         if assembler.contact is not None:
@@ -178,8 +182,8 @@ class Newton:
         Raises
         ------
         Diverged
-            If SNES diverges, an element loses most of its volume, or bodies in contact go through each other; the
-            state is then the one before.
+            If SNES diverges, an element loses most of its volume, a body with a support that turns turns too far to be
+            followed, or bodies in contact go through each other; the state is then the one before.
         SolveError
             If the linear solver fails.
         """
@@ -193,6 +197,7 @@ class Newton:
                 self._refuse_squeezed(before)
                 solves = self._correct(scale)
             self._refuse_squeezed(before)
+            self._refuse_lost(factor)
             self._refuse_passed(factor)
         finally:
             self._stage.pop()
@@ -218,6 +223,8 @@ class Newton:
                 self.advance(1.0, 1.0)
             except Diverged:
                 found = False
+        if found and self.turning.watches:
+            found = self.turning.follows(self.assembler.displacement(self.x, 1.0))
         if not found:
             self.x.zeroEntries()
             if self.stabilisation is not None:
@@ -330,6 +337,15 @@ class Newton:
 
     def _refuse_squeezed(self, before: list[Array]) -> None:
         problem = squeezed(self.assembler, before, self._trial, self._factor)
+        if problem is not None:
+            raise Diverged(problem)
+
+    def _refuse_lost(self, factor: float) -> None:
+        """Raise `Diverged` if a body that supports turn has turned too far in the step from a load factor."""
+        if not self.turning.watches:
+            return
+        states = self.assembler.displacement(self.x, factor), self.assembler.displacement(self._trial, self._factor)
+        problem = self.turning.lost(*states)
         if problem is not None:
             raise Diverged(problem)
 

@@ -1,0 +1,184 @@
+"""Supports that turn: how far in a step, and whether the rod between them has followed every whole turn.
+
+A support turned by a whole turn more has its nodes in the same places, so that balance alone does not tell how often a
+rod is wound.  What tells is its path: from one equilibrium to the next no section may turn by half a turn.  Of a
+state that comes without its path, the rotation of the sections is followed from one end of the rod to the other.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from isorod.arrays import Array
+from isorod.model.model import Model
+from isorod.model.support import rotation
+from isorod.space.space import Space
+
+# Largest turn in a load step, radians, of a support, or of one against another of its body.
+LONGEST = 0.5 * np.pi
+
+# A section that turns by more than this in a step, or by a quarter of a turn more than its neighbour, may have turned
+# the other way.
+_LOST, _APART = 0.75 * np.pi, 0.5 * np.pi
+
+# Sections looked at an element, and places round each.
+_SECTIONS, _AROUND = 8, 8
+
+# A half turn about an axis across leaves no turn about an axis: this share of a unit quaternion must be left.
+_SEEN = 0.2
+
+
+class _Sections(NamedTuple):
+    """Sections of a body: its number and space, functions of places round each, and those along the axis."""
+
+    body: int
+    space: Space
+    across: Array
+    layers: Array
+    along: Array
+
+    def places(self, nodal: Array) -> Array:
+        """Return where the places round the sections are, from the middle of these, shape ``(t, q, 3)``."""
+        moved = (self.space.positions + nodal).reshape(self.space.layers, self.space.layer_nodes, 3)
+        found = self.across @ np.einsum("tj,tjia->tia", self.along, moved[self.layers])
+        return np.asarray(found - found.mean(axis=1, keepdims=True))
+
+
+class Turning:
+    """What the supports of a model that turn ask of load steps, and of states.
+
+    Attributes
+    ----------
+    watches
+        Whether any does.
+    """
+
+    def __init__(self, model: Model) -> None:
+        self._model = model
+        self._sections = [_sections(model, b) for b in sorted(_turned(model))]
+        self.watches = bool(self._sections)
+
+    def longest_step(self, factor: float) -> float:
+        """Return the longest load step from a load factor, infinity where nothing turns.
+
+        It ends where supports begin or cease to move at the latest (`Model.stages`).
+        """
+        fastest = 0.0
+        for b in (one.body for one in self._sections):
+            rates = [np.zeros(3)]
+            for support, motion in zip(self._model.supports, self._model.motions, strict=True):
+                begin, end = motion.during
+                if support.body == b and begin <= factor < end:
+                    rates.append(motion.turn / (end - begin))
+            # About axes that stay, the angle between two grows by this at most.
+            fastest = max(fastest, max(float(np.linalg.norm(one - other)) for one in rates for other in rates))
+        return LONGEST / fastest if fastest else np.inf
+
+    def lost(self, before: Array, after: Array) -> str | None:
+        """Return in words where a body with a turned support has turned too far between two states to be followed.
+
+        Parameters
+        ----------
+        before, after
+            Displacements, shape ``(dofs,)``.
+        """
+        for one in self._sections:
+            turned = _rotations(*(one.places(self._model.nodal(state, one.body)) for state in (before, after)))
+            if _angles(turned).max() > _LOST or _angles(_steps(turned)).max() > _APART:
+                return (
+                    f"sections of body {one.body} turn by half a turn however small the step: it jumps to another "
+                    "equilibrium, or a turn between its supports is lost"
+                )
+        return None
+
+    def follows(self, displacement: Array) -> bool:
+        """Return whether a state, ``(dofs,)``, is seen to be wound as often as the supports turn.
+
+        It is where a body is held at the whole of one end or both and nowhere else, and the turn about the axis of the
+        one end against the other can be followed along it.
+        """
+        return all(self._winds(one, displacement) for one in self._sections)
+
+    def _winds(self, one: _Sections, displacement: Array) -> bool:
+        model = self._model
+        held = [
+            (support, motion)
+            for support, motion in zip(model.supports, model.motions, strict=True)
+            if support.body == one.body
+        ]
+        if len(held) == 1:
+            # Whatever turns, all turns with it.
+            return True
+        ends: dict[int, Array] = {}
+        for support, motion in held:
+            layers, count = np.unique(np.asarray(support.nodes) // one.space.layer_nodes, return_counts=True)
+            whole = layers.size == 1 and count[0] == one.space.layer_nodes and layers[0] in (0, one.space.layers - 1)
+            if not whole or one.space.rod.closed or {*support.components, *support.tied} != {*"xyz"}:
+                return False
+            ends[int(layers[0])] = motion.turn
+        if len(ends) < len(held) or len(ends) < 2:
+            return False
+        first, last = ends[0], ends[one.space.layers - 1]
+        nodal = model.nodal(displacement, one.body)
+        turned = _rotations(one.places(np.zeros_like(nodal)), one.places(nodal))
+        # As the supports say: from the turn of the one end back to none, and on to that of the other.
+        count = 2 + int(max(np.linalg.norm(first), np.linalg.norm(last)) / _APART * 4.0)
+        share = np.linspace(0.0, 1.0, count)
+        wanted = np.array([*(rotation(f * first) for f in share[::-1]), *(rotation(f * last) for f in share[1:])])
+        about = last - first if np.linalg.norm(last - first) > 0.0 else last
+        angles = [_followed(path, about / np.linalg.norm(about)) for path in (turned, wanted)]
+        return abs(angles[0] - angles[1]) < _APART
+
+
+def _turned(model: Model) -> set[int]:
+    """Return the bodies that supports turn."""
+    return {one.body for one, motion in zip(model.supports, model.motions, strict=True) if motion.turn.any()}
+
+
+def _sections(model: Model, body: int) -> _Sections:
+    space = model.bodies[body].space
+    angle = 2.0 * np.pi / _AROUND * np.arange(_AROUND)
+    across = space.basis.functions(np.stack([np.cos(angle), np.sin(angle)], axis=1))[0]
+    breaks = space.axis.breaks
+    share = np.arange(_SECTIONS) / _SECTIONS
+    u = np.append((breaks[:-1, None] + share * np.diff(breaks)[:, None]).ravel(), breaks[-1])
+    first, along, _ = space.axis.local(u)
+    layers = (first[:, None] + np.arange(space.axis.degree + 1)) % space.layers
+    return _Sections(body, space, across, layers, along)
+
+
+def _rotations(before: Array, after: Array) -> Array:
+    """Return the rotations nearest to what takes places ``(t, q, 3)`` to others, shape ``(t, 3, 3)`` (Kabsch)."""
+    left, _, right = np.linalg.svd(np.einsum("tqa,tqb->tab", after, before))
+    left[..., 2] *= np.linalg.det(left @ right)[:, None]
+    return np.asarray(left @ right)
+
+
+def _angles(rotations: Array) -> Array:
+    """Return the angles of rotations ``(t, 3, 3)``, 0 to pi."""
+    return np.arccos(np.clip(0.5 * (np.trace(rotations, axis1=1, axis2=2) - 1.0), -1.0, 1.0))
+
+
+def _steps(rotations: Array) -> Array:
+    """Return what takes each rotation to the next."""
+    return np.asarray(rotations[1:] @ rotations[:-1].swapaxes(1, 2))
+
+
+def _followed(rotations: Array, axis: Array) -> float:
+    """Return the angle about an axis by which rotations along a path turn in all, NaN where it cannot be followed."""
+    steps = _steps(rotations)
+    if _angles(steps).max() > _APART:
+        return np.nan
+    # As quaternions, the real part of a small step first.
+    real = 0.5 * np.sqrt(1.0 + np.trace(steps, axis1=1, axis2=2))
+    skew = steps - steps.swapaxes(1, 2)
+    rest = np.stack([skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]], axis=1) / (4.0 * real[:, None])
+    w, v = 1.0, np.zeros(3)
+    path = [(w, 0.0)]
+    for a, b in zip(real, rest, strict=True):
+        w, v = a * w - b @ v, a * v + w * b + np.cross(b, v)
+        path.append((w, float(v @ axis)))
+    seen = np.array(path)
+    if np.linalg.norm(seen, axis=1).min() < _SEEN:
+        return np.nan
+    return 2.0 * float(np.unwrap(np.arctan2(seen[:, 1], seen[:, 0]))[-1])

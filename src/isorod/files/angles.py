@@ -1,0 +1,39 @@
+"""Rotation vectors of a scene file, in degrees as all of its angles."""
+
+import math
+import warnings
+from typing import Any
+
+from isorod.files import values
+from isorod.files.document import Place
+
+
+def degrees(place: Place, value: Any) -> tuple[float, ...]:
+    """Return a rotation vector in degrees as one in radians."""
+    return tuple(math.radians(one) for one in _vector(place, value))
+
+
+def radians(place: Place, value: Any) -> tuple[float, ...]:
+    """Return a rotation vector in radians, with a warning that says what to write in its place."""
+    vector = _vector(place, value)
+    said = ", ".join(f"{math.degrees(one):.9g}" for one in vector)
+    doubt = ""
+    if math.hypot(*vector) > 2.0 * math.pi:
+        typed = ", ".join(f"{one:.9g}" for one in vector)
+        doubt = f"; this is more than a whole turn: if degrees were meant, write rotation = [{typed}]"
+    warnings.warn(
+        str(place.error(f"radians, taken for the last time: write rotation = [{said}], in degrees{doubt}")),
+        stacklevel=2,
+    )
+    return vector
+
+
+def _vector(place: Place, value: Any) -> tuple[float, ...]:
+    return values.value_of(place, value, tuple[float, float, float])  # type: ignore[no-any-return]
+
+
+# What a parameter of each kind is made by, and what it may be in words.
+KINDS = {
+    "degrees": (degrees, "3 numbers, degrees"),
+    "radians": (radians, "3 numbers, radians"),
+}
