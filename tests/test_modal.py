@@ -210,7 +210,7 @@ def test_prescribed_displacements_do_not_move_a_mode(bar):
     """Supports that are displaced are at rest as far as vibrations about the state of rest go."""
     still = bar(6.0, clamped)
     moved = bar(6.0, lambda space: [Support.end(space, "start", displacement=(1.0, 2.0, 3.0))])
-    a, b = modal.solve(still, 4), modal.solve(moved, 4)
+    a, b = modal.solve(still, 4), modal.solve(moved, 4, at_rest=True)
     assert np.array_equal(a.eigenvalues, b.eigenvalues)
     assert not b.vectors[:, moved.held].any()
 

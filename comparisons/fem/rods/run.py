@@ -1,5 +1,6 @@
 """A scene of isorod's, built in or from a file, in dolfinx: the mesh of its rods, the solution, and the record."""
 
+from collections.abc import Mapping
 from contextlib import nullcontext
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -115,6 +116,7 @@ def run(
     with getattr(scene, "told", nullcontext)():
         model = scene.model()
         if scene.analysis == "modal":
+            _refuse_loaded(configuration.name, model, given)
             # Modes know no pressures.
             model = model.in_displacements()
         start = perf_counter()
@@ -146,3 +148,15 @@ def run(
         "petsc_options": solution.options,
         **record,
     }
+
+
+def _refuse_loaded(name: str, model: Any, given: Mapping[str, Any]) -> None:
+    """Raise `InputError` where isorod's modes are about an equilibrium: finite elements have those at rest."""
+    from isorod.modal.loaded import burdens
+
+    under = "" if given.get("at_rest") else burdens(model)
+    if under:
+        raise InputError(
+            f"{name}: finite elements have modes at rest, and these are about the equilibrium under {under}; compare "
+            "those at rest (at_rest = true), or its statics"
+        )

@@ -21,6 +21,7 @@ from isorod.checks.finer import DIRECTIONS, Finer
 from isorod.errors import InputError
 from isorod.model.model import Model
 from isorod.options import defaults
+from isorod.output.state import State
 
 # Steps of Newton's method; with one tangent as long as each is this much smaller than the one before, and enough.
 _STEPS, _QUICK, _DONE = 4, 0.1, 1e-3
@@ -79,34 +80,17 @@ def _equilibrium(finer: Finer, displacement: Array, work: float, pressures: Sequ
     state = finer.displacement(displacement)
     assembler = assembler_for(finer.model)
     x = assembler.state(state, finer.pressures(pressures) if pressures else ())
-    matrix, force, change = assembler.matrix(), assembler.vector(), assembler.vector()
+    matrix = assembler.matrix()
     ksp = _solver(assembler, matrix)
     try:
-        size = gained = 0.0
-        for _ in range(_STEPS):
-            assembler.residual(x, 1.0, force)
-            last, size = size, np.inf
-            if last:
-                ksp.solve(force, change)
-                size = change.norm()
-            # One tangent does, unless what slender rods turn by a straight step stretches them.
-            if not size < _QUICK * last:
-                assembler.tangent(x, 1.0, matrix)
-                ksp.setOperators(matrix)
-                ksp.solve(force, change)
-                size = change.norm()
-            x.axpy(-1.0, change)
-            if not last:
-                gained, first = abs(force.dot(change)), assembler.displacement(x, 1.0)
-            if not size > _DONE * max(last, size):
-                break
+        sizes, gained, first = _corrected(assembler, x, matrix, ksp)
         found = assembler.displacement(x, 1.0)
         given = finer.model.driven[finer.model.bound]
         carried = assembler.reactions(x, 1.0) if given.any() else given
     finally:
         ksp.destroy()
         matrix.destroy()
-    if not np.isfinite(size):
+    if not np.isfinite(sizes[-1]):
         # Too far for straight steps: the first alone, of moved supports its energy; without one nothing is right.
         found, given = first, given * 0.0
         if not np.isfinite(found).all():
@@ -122,6 +106,33 @@ def _equilibrium(finer: Finer, displacement: Array, work: float, pressures: Sequ
     return float(error) if np.isfinite(error) else None
 
 
+def _corrected(
+    assembler: Assembler, x: PETSc.Vec, matrix: PETSc.Mat, ksp: PETSc.KSP
+) -> tuple[list[float], float, Array]:
+    """Take a state to the equilibrium nearby; return the steps' sizes, and of the first its work and where it leads."""
+    force, change = assembler.vector(), assembler.vector()
+    sizes: list[float] = []
+    for _ in range(_STEPS):
+        assembler.residual(x, 1.0, force)
+        size = np.inf
+        if sizes:
+            ksp.solve(force, change)
+            size = change.norm()
+        # One tangent does, unless what slender rods turn by a straight step stretches them.
+        if not sizes or not size < _QUICK * sizes[-1]:
+            assembler.tangent(x, 1.0, matrix)
+            ksp.setOperators(matrix)
+            ksp.solve(force, change)
+            size = change.norm()
+        x.axpy(-1.0, change)
+        sizes.append(size)
+        if len(sizes) == 1:
+            gained, first = abs(force.dot(change)), assembler.displacement(x, 1.0)
+        if not size > _DONE * max(sizes[-2:]):
+            break
+    return sizes, gained, first
+
+
 def _counts(terms: Array) -> bool:
     """Return whether a sum is more than what is left of terms that cancel."""
     return abs(terms.sum()) > _CANCELS * float(np.abs(terms).sum())
@@ -134,8 +145,11 @@ def of_modes(
     free: bool = False,
     lumped: bool = False,
     directions: Sequence[str] = DIRECTIONS,
+    about: State | None = None,
 ) -> float | None:
-    """Return the largest relative change of the frequencies of flexible modes at rest; None where there is none.
+    """Return the largest relative change of the frequencies of flexible modes; None where there is none.
+
+    About an equilibrium its own change is in it: on finer spaces that is corrected first.
 
     Parameters
     ----------
@@ -147,17 +161,22 @@ def of_modes(
         Whether with the lumped mass matrix.
     directions
         As for `of_equilibrium`.
+    about
+        The equilibrium about which they are; None for the state of rest.
     """
     if not eigenvalues.size:
         return None
-    return _total(model, directions, lambda finer: _modes(finer, eigenvalues, vectors, free, lumped))
+    return _total(model, directions, lambda finer: _modes(finer, eigenvalues, vectors, free, lumped, about))
 
 
-def _modes(finer: Finer, eigenvalues: Array, vectors: Array, free: bool, lumped: bool) -> float | None:
+def _modes(
+    finer: Finer, eigenvalues: Array, vectors: Array, free: bool, lumped: bool, about: State | None
+) -> float | None:
     """Return the change on finer spaces."""
     assembler = assembler_for(finer.model)
     matrix, mass = assembler.matrix(), assembler.mass(lumped) if free else assembler.mass_operator(lumped)
-    assembler.tangent(assembler.vector(), 0.0, matrix)
+    if about is None:
+        assembler.tangent(assembler.vector(), 0.0, matrix)
     # Definite, of a free body too, but for pressures.
     shift = float(eigenvalues[0]) if free else 0.0
     shapes = [finer.displacement(vector) for vector in vectors]
@@ -167,6 +186,16 @@ def _modes(finer: Finer, eigenvalues: Array, vectors: Array, free: bool, lumped:
         shapes += _turns(finer.model)
     ksp = _solver(assembler, matrix)
     try:
+        if about is not None:
+            x = assembler.state(
+                finer.displacement(about.displacement), finer.pressures(about.pressures) if about.pressures else ()
+            )
+            sizes, *_ = _corrected(assembler, x, matrix, ksp)
+            if not sizes[-1] <= _QUICK * sizes[0] and sizes[-1]:
+                # There is none nearby.
+                return 1.0
+            assembler.tangent(x, 1.0, matrix)
+            ksp.setOperators(matrix)
         pushed, found, heavy = ([assembler.vector() for _ in shapes] for _ in range(3))
         for shape, force, better, image in zip(shapes, pushed, found, heavy, strict=True):
             mass.mult(assembler.state(shape), force)
@@ -183,10 +212,11 @@ def _modes(finer: Finer, eigenvalues: Array, vectors: Array, free: bool, lumped:
         if basis.shape[1] < eigenvalues.size:
             return None
         values = eigh(basis.T @ above @ basis, eigvals_only=True)[: eigenvalues.size] - shift
+        frequencies, better = (np.sign(one) * np.sqrt(np.abs(one)) for one in (eigenvalues, values))
     finally:
         for one in (ksp, matrix, mass):
             one.destroy()
-    error = float(np.abs(np.sqrt(np.abs(eigenvalues / values)) - 1.0).max())
+    error = float(np.abs(frequencies / better - 1.0).max())
     return error if np.isfinite(error) else None
 
 

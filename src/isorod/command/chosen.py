@@ -120,7 +120,7 @@ def _parser(command: str, name: str, scene: Any, more: More) -> Parser:
 
 
 # Options of analyses that files too give.
-_FROM_FILE = "load_steps", "modes", "mass", "integrator"
+_FROM_FILE = "load_steps", "at_rest", "modes", "mass", "integrator"
 
 
 def with_analysis(parser: Parser, scene: Any) -> None:
@@ -139,6 +139,14 @@ def with_analysis(parser: Parser, scene: Any) -> None:
             default="consistent",
             help="mass matrix (consistent); lumped is right for bending, not for torsion",
         )
+        # A scene of a class that has modes has no loads.
+        if not isinstance(scene, type):
+            parser.add_argument(
+                "--load-steps", type=int, metavar="int", help="equal load steps to the equilibrium to start with (1)"
+            )
+            parser.add_argument(
+                "--at-rest", action="store_true", help="modes at rest, without loads, moved supports and spin"
+            )
     if "dynamics" in analyses:
         parser.add_argument(
             "--integrator",
@@ -155,6 +163,7 @@ def settings(scene: Any, found: argparse.Namespace) -> dict[str, Any]:
     typed: dict[str, Any]
     if scene.analysis == "modal":
         typed = {"modes": found.modes, "lumped": found.mass and found.mass == "lumped"}
+        typed |= {name: getattr(found, name, None) for name in ("load_steps", "at_rest")}
     elif scene.analysis == "dynamics":
         typed = {"integrator": found.integrator}
     else:

@@ -40,13 +40,14 @@ def main(ours: Sequence[str], theirs: Sequence[str]) -> int:
 
 
 def _more(parser: Parser, scene: Any) -> None:
-    if "statics" in scenes.analyses(scene):
+    # A scene of a class that has modes has no loads.
+    if "statics" in scenes.analyses(scene) or (scene.analysis == "modal" and not isinstance(scene, type)):
         steps = getattr(scene, "load_steps", 1)
         parser.add_argument(
             "--load-steps", type=int, default=steps, metavar="int", help=f"equal load steps to start with ({steps})"
         )
     parser.add_argument(
-        "--at-rest", action="store_true", help="at rest (about the solution in statics; modes and motions: at rest)"
+        "--at-rest", action="store_true", help="at rest (about the equilibrium in statics and modes; motions: at rest)"
     )
     parser.add_argument(
         "--mass", choices=("consistent", "lumped"), default="consistent", help="mass matrix (consistent)"
@@ -60,11 +61,16 @@ def _matrices(scene: Any, found: argparse.Namespace) -> Any:
     from isorod.output.matrices import matrices
 
     # What a file says of its analysis is read before anything is solved.
-    lumped = found.mass == "lumped" or (found.mass is None and bool(scene.settings().get("lumped")))
+    said = scene.settings() if hasattr(scene, "content") else {}
+    lumped = found.mass == "lumped" or (found.mass is None and bool(said.get("lumped")))
     with getattr(scene, "told", nullcontext)():
         model = scene.model()
         if scene.analysis == "dynamics":
             model = model.in_motion(scene.settings().get("integrator", "explicit"))
+        if scene.analysis == "modal" and hasattr(scene, "content") and not (found.at_rest or said.get("at_rest")):
+            from isorod.modal import loaded
+
+            return matrices(model, loaded.find(model, found.load_steps or said.get("load_steps", 1)), lumped)
         if scene.analysis != "statics" or found.at_rest:
             return matrices(model, None, lumped)
         if model.contacts:

@@ -163,6 +163,9 @@ def _prepare(mesh: Any, motion: str, colour: str) -> None:
     if colour == "von_mises":
         # Polynomials of the files may go below.
         values = np.maximum(values, 0.0)
+    if motion.startswith("mode_"):
+        # Of a mode about an equilibrium that is what moves.
+        mesh.points += fields.get("displacement", 0.0)
     mesh.clear_point_data()
     mesh.point_data["motion"] = fields.get(motion, np.zeros((mesh.n_points, 3)))
     mesh.point_data["colour"] = values if values.ndim == 1 else np.linalg.norm(values, axis=1)

@@ -78,6 +78,8 @@ def _answer(record: Mapping[str, Any], units: Mapping[str, str]) -> Iterator[tup
         if moving and value.ndim == 1 and value.max() > value[-1]:
             text += f" in the end, largest {value.max():.6g}"
         yield name.replace("_", " "), f"{text} {unit}".rstrip()
+    if record.get("analysis") == "modal":
+        yield from _state(record)
     touching = [one for one in record.get("contacts", ()) if one["active"]]
     for one in touching[:_FEW]:
         yield "contact", _contact(one)
@@ -88,6 +90,15 @@ def _answer(record: Mapping[str, Any], units: Mapping[str, str]) -> Iterator[tup
     elif "error_estimate" in record:
         changes = ", ".join(f"{name.replace('_', ' ')} {change:.2g}" for name, change in record["changes"].items())
         yield "error", f"{record['error_estimate']:.2g}, relative, as estimated from finer spaces ({changes})"
+
+
+def _state(record: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Return what modes are about, if not a model at rest that nothing acts on, and whether that is stable."""
+    if record["about"] != "the state of rest":
+        yield "about", record["about"]
+    falling = sum(one < 0.0 for one in record["frequencies"][record["rigid"] :])
+    if falling:
+        yield "unstable", f"{_count(falling, 'mode')} shown below zero, which grow: omega^2 is negative"
 
 
 def _contact(one: Mapping[str, Any]) -> str:
@@ -103,7 +114,7 @@ def _effort(record: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         return
     yield "size", f"{record['unknowns']:,} unknowns ({record['dofs']:,} degrees of freedom)"
     seconds = record["seconds"]
-    names = {"setup": "set-up", "assembly": "assembly", "solve": "solve", "check": "check"}
+    names = {"setup": "set-up"} | {name: name for name in ("equilibrium", "assembly", "solve", "check")}
     parts = ", ".join(f"{names[part]} {duration(time)}" for part, time in seconds.items() if part in names)
     apart = f"; import {duration(seconds['import'])} apart" if "import" in seconds else ""
     yield "time", f"{duration(seconds['total'])} ({parts}){apart}"

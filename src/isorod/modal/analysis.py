@@ -15,10 +15,11 @@ from isorod.assembly.factorisation import factorisation
 from isorod.assembly.formulation import assembler_for
 from isorod.checks import hourglass, rigid_motions
 from isorod.errors import InputError, SolveError, expect, whole_number
+from isorod.modal import loaded
 from isorod.modal.eigensolvers import only_multiplies
 from isorod.modal.pencil import Found, Pencil
 from isorod.model.model import Model
-from isorod.output.state import Animated, Deformation, Moment, Named, State
+from isorod.output.state import Animated, Deformation, Moment, Named
 from isorod.petsc.options import in_force
 from isorod.statics.analysis import Equilibrium
 
@@ -99,13 +100,14 @@ class Modes:
     iterations
         Restarts of the eigensolver, those of all its rounds.
     seconds
-        ``setup``, ``assembly``, ``solve`` and, for the Sturm count, ``check``, wall time.
+        ``setup``, ``assembly``, ``solve`` and, for the Sturm count, ``check``, wall time; ``equilibrium`` where that
+        was solved for.
     built, solver, ranks
         As for `isorod.statics.Equilibrium`.
-    state
-        Displacement about which they are, shape ``(dofs,)``, or None for the state of rest.
-    pressures
-        Those of the mixed formulation in that state (`isorod.statics.Equilibrium`).
+    equilibrium
+        What they are about, or None for the state of rest.
+    about
+        That in words.
     lumped
         Whether the mass matrix is lumped.
     """
@@ -123,9 +125,14 @@ class Modes:
     built: list[str]
     solver: dict[str, str]
     ranks: int
-    state: Array | None = None
-    pressures: Sequence[Array | None] = ()
+    equilibrium: Equilibrium | None = None
+    about: str = "the state of rest"
     lumped: bool = False
+
+    @property
+    def state(self) -> Array | None:
+        """Displacement about which they are, shape ``(dofs,)``, or None for the state of rest."""
+        return None if self.equilibrium is None else self.equilibrium.displacement
 
     def __len__(self) -> int:
         return self.frequencies.size
@@ -142,34 +149,34 @@ class Modes:
         values = ", ".join(f"{one:.6g}" for one in self.frequencies[:6])
         more = ", ..." if self.frequencies.size > 6 else ""
         return (
-            f"Modes of {self.model!r}\n  {self.frequencies.size} modes, {self.rigid} of them rigid, residuals up to "
+            f"Modes of {self.model!r}\n  about {self.about}\n"
+            f"  {self.frequencies.size} modes, {self.rigid} of them rigid, residuals up to "
             f"{self.residuals.max():.3g}\n  frequencies {values}{more}"
         )
 
     def estimate(self, *directions: str) -> float | None:
         """Return an estimate of the frequencies' largest relative error (`isorod.checks.estimate`).
 
-        None where there is none, as about a state.  It takes about as long as the modes.  It is the sum of those of the
-        approximation across the ``"section"`` and along the ``"axis"``, unless one of them is asked for.
+        None where there is none.  It takes about as long as the modes.  It is the sum of those of the approximation
+        across the ``"section"`` and along the ``"axis"``, unless one of them is asked for.
         """
-        if self.state is not None:
-            return None
         from isorod.checks import estimate
 
         above, asked = slice(self.rigid, None), directions or estimate.DIRECTIONS
         values, shapes = self.eigenvalues[above], self.vectors[above]
-        return estimate.of_modes(self.model, values, shapes, self.rigid > 0, self.lumped, asked)
+        return estimate.of_modes(self.model, values, shapes, self.rigid > 0, self.lumped, asked, self.equilibrium)
 
     def matrices(self) -> "Matrices":
         """Return the stiffness and the mass whose modes they are (`isorod.output.matrices.matrices`)."""
         from isorod.output.matrices import matrices
 
-        about = None if self.state is None else State(self.model, self.state, pressures=self.pressures)
-        return matrices(self.model, about, self.lumped)
+        return matrices(self.model, self.equilibrium, self.lumped)
 
     def record(self) -> dict[str, Any]:
-        """Return what a record keeps of them."""
-        return {name: getattr(self, name) for name in ("residuals", "rigid", "below", "shift", "iterations")}
+        """Return what a record keeps of them, and of how the equilibrium was found."""
+        kept = ("about", "residuals", "rigid", "below", "shift", "iterations")
+        found = {name: getattr(self, name) for name in kept}
+        return found if self.equilibrium is None else self.equilibrium.record() | found
 
     def frames(self) -> "list[tuple[float, Modes]]":
         """Return what there is to show: these modes."""
@@ -181,8 +188,9 @@ class Modes:
         return {"mode": numbers, "frequency": self.frequencies, "residual": self.residuals}
 
     def fields(self, body: int) -> dict[str, Array]:
-        """Return a body's part of each mode shape, ``(nodes, 3)``."""
-        return {f"mode_{k + 1}": self.model.nodal(vector, body) for k, vector in enumerate(self.vectors)}
+        """Return a body's part of each mode shape, ``(nodes, 3)``, and the displacement that they are about, if any."""
+        found = {} if self.state is None else {"displacement": self.model.nodal(self.state, body)}
+        return found | {f"mode_{k + 1}": self.model.nodal(vector, body) for k, vector in enumerate(self.vectors)}
 
 
 def solve(
@@ -192,8 +200,13 @@ def solve(
     state: Equilibrium | None = None,
     comm: PETSc.Comm | None = None,
     petsc: Mapping[str, object] | None = None,
+    load_steps: int = 1,
+    at_rest: bool = False,
 ) -> Modes:
-    """Return the lowest vibration modes about the state of rest, or about an equilibrium.
+    """Return the lowest vibration modes about the equilibrium under loads, moved supports and spin, or about rest.
+
+    Where a model has any of these (or active muscles) its equilibrium is solved for first, as `isorod.statics.solve`
+    does: the modes are those of the deformed, prestressed and, with a spin, softened body.
 
     Parameters
     ----------
@@ -205,30 +218,54 @@ def solve(
         Take the lumped mass matrix.  It puts all mass on control points: right for bending and stretching, but the
         polar inertia of a section is up to twice too large, and torsion up to 30 % too slow.
     state
-        A static solution of the same model: modes of the deformed, prestressed (and, with a spin, softened) body;
-        gyroscopic forces are left out.  A linear elastic body has no such modes: its tangent knows no stress.
+        A static solution of the same model, in the place of the one that would be solved for.
     petsc
         PETSc and SLEPc options for this solve alone, such as ``{"eps_tol": 1e-10}`` (`isorod.petsc.options.in_force`).
+    load_steps
+        Number of equal steps to the equilibrium to start with.
+    at_rest
+        Leave out loads, motions of supports, spin and contact that begins: modes about the state of rest.
 
     Raises
     ------
     InputError
-        If a density is not positive, there are not as many unknowns as modes, a state is of a linear elastic body, or
-        an option is refused.
+        If a density is not positive, there are not as many unknowns as modes, an option is refused, or modes about the
+        equilibrium cannot be had: of a linear elastic body, whose tangent knows no stress, with contact, or under a
+        pressure that follows a surface with a free edge.
     SolveError
-        If SLEPc does not converge, a factorisation fails, or the Sturm count shows that a mode was missed.
+        If the equilibrium is not found, SLEPc does not converge, a factorisation fails, or the Sturm count shows that a
+        mode was missed.
     """
     expect("model", model, Model)
     expect("modes", modes, int)
     expect("state", state, Equilibrium | None)
+    expect("load steps", load_steps, int)
+    if state is not None and at_rest:
+        raise InputError("modes: got a state and at_rest, need one of them")
     with in_force(petsc):
-        return _solve(model, modes, lumped, state, comm)
+        _refuse_massless(model)
+        began = perf_counter()
+        found = state
+        if state is not None:
+            loaded.refuse(model)
+            if state.model is not model:
+                raise InputError("modes: the state is of another model; take its own")
+        elif not at_rest:
+            found = loaded.find(model, load_steps, comm)
+        taken = {"equilibrium": perf_counter() - began} if found is not state else {}
+        return _solve(model, modes, lumped, found, comm, taken)
 
 
-def _solve(model: Model, modes: int, lumped: bool, state: Equilibrium | None, comm: PETSc.Comm | None) -> Modes:
-    """Return what `solve` does, as the options in force say."""
+def _solve(
+    model: Model,
+    modes: int,
+    lumped: bool,
+    state: Equilibrium | None,
+    comm: PETSc.Comm | None,
+    taken: Mapping[str, float],
+) -> Modes:
+    """Return the modes about a state, as the options in force say; some time was ``taken`` to find that."""
     start = perf_counter()
-    _refuse(model, state)
     loose = rigid_motions.free_motions(model) if state is None else []
     assembler = assembler_for(model, comm)
     pencil = _pencil(assembler, lumped, loose)
@@ -263,6 +300,7 @@ def _solve(model: Model, modes: int, lumped: bool, state: Equilibrium | None, co
         shift=found.shift,
         iterations=found.iterations,
         seconds={
+            **taken,
             "setup": setup,
             "assembly": assembly,
             "solve": perf_counter() - start - setup - assembly - check,
@@ -271,22 +309,18 @@ def _solve(model: Model, modes: int, lumped: bool, state: Equilibrium | None, co
         built=assembler.built,
         solver=found.solver,
         ranks=assembler.comm.getSize(),
-        state=None if state is None else state.displacement,
-        pressures=() if state is None else state.pressures,
+        equilibrium=state,
+        about=loaded.told(model, state),
         lumped=lumped,
     )
 
 
-def _refuse(model: Model, state: Equilibrium | None) -> None:
-    """Raise `InputError` for a body without mass, or one whose tangent knows nothing of the state."""
+def _refuse_massless(model: Model) -> None:
+    """Raise `InputError` for a body without mass."""
     for b, body in enumerate(model.bodies):
         if not body.densities.min() > 0.0:
             raise InputError(
                 f"density of body {b}: got {body.densities.min():g}, modes need a positive mass per volume"
-            )
-        if state is not None and any(law.linear for law in body.laws):
-            raise InputError(
-                f"modes about a state: body {b} is linear elastic, whose tangent knows no stress; take NeoHookean"
             )
 
 

@@ -1,0 +1,93 @@
+"""What a model is under, and the equilibrium under it, about which its modes are."""
+
+import warnings
+
+import numpy as np
+from petsc4py import PETSc
+
+from isorod.errors import InputError
+from isorod.model.load import Pressure
+from isorod.model.model import Model
+from isorod.statics import analysis
+from isorod.statics.analysis import Equilibrium
+
+
+def burdens(model: Model) -> str:
+    """Return in words what takes a model away from its state of rest; empty where nothing does."""
+    following = [load for load in model.following if load.pressure]
+    loads = len(model.loads) if following or model.external.any() else 0
+    moved = sum(bool(one.rates.any() or (one.turn.any() and one.arms.any())) for one in model.motions)
+    laws = [law for body in model.bodies for law in body.laws]
+    muscles = any(law.at(0.5) is not law and np.any(getattr(law, "activation", 1.0)) for law in laws)
+    found = [
+        _count(loads, "load"),
+        _count(moved, "moved support"),
+        "spin" if model.spin is not None and any(model.spin.velocity) else "",
+        _count(len(model.contacts), "contact"),
+        "active muscles" if muscles else "",
+    ]
+    words = [one for one in found if one]
+    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
+
+
+def told(model: Model, state: Equilibrium | None) -> str:
+    """Return in words what modes are about."""
+    under = burdens(model)
+    if state is None:
+        return "the state of rest" + (f", without {under}" if under else "")
+    return f"the equilibrium under {under}" if under else "an equilibrium without loads"
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}" if number else ""
+
+
+def find(model: Model, load_steps: int, comm: PETSc.Comm | None = None) -> Equilibrium | None:
+    """Return the equilibrium under what a model is under, None where that is nothing.
+
+    PETSc's options act on it as on `isorod.statics.solve`.
+
+    Raises
+    ------
+    InputError, SolveError
+        If modes about it cannot be had (`refuse`), or it is not found.
+    """
+    if not burdens(model):
+        return None
+    refuse(model)
+    with warnings.catch_warnings():
+        # Nobody asks for them.
+        warnings.filterwarnings("ignore", "support forces are no more than rounding")
+        return analysis.solve(model, load_steps, comm)
+
+
+def refuse(model: Model) -> None:
+    """Raise `InputError` where the tangent about an equilibrium is not that of small vibrations.
+
+    It knows no stress of a linear elastic body, nothing of what presses in contact, and of a pressure that follows it
+    is made symmetric, which it is but for the edges of the surface at ends that are free.
+    """
+    advice = "or take modes at rest (at_rest), which know no loads"
+    for b, body in enumerate(model.bodies):
+        if any(law.linear for law in body.laws):
+            raise InputError(
+                f"equilibrium: body {b} is linear elastic, whose tangent knows no stress; take NeoHookean, {advice}"
+            )
+    if model.contacts:
+        raise InputError(f"equilibrium: there are no modes about one with contact so far; leave contacts out, {advice}")
+    for load in model.following:
+        if not _edges_held(model, load):
+            raise InputError(
+                f"equilibrium: what pressure that follows body {load.body} adds to its stiffness is symmetric between "
+                f"held ends alone; hold both, leave out 'follows', {advice}"
+            )
+
+
+def _edges_held(model: Model, load: Pressure) -> bool:
+    """Return whether the surface that a pressure follows has no edge, or none that moves."""
+    space = model.bodies[load.body].space
+    if space.rod.closed or not load.pressure:
+        return True
+    first, last = model.first_node[load.body : load.body + 2]
+    free = model.free[3 * first : 3 * last].reshape(space.layers, -1)
+    return bool((free[[0, -1]] < 0).all())
