@@ -10,7 +10,7 @@ from petsc4py import PETSc
 
 from isorod.arrays import Array
 from isorod.assembly.formulation import assembler_for
-from isorod.checks import hourglass, overlap, rigid_motions
+from isorod.checks import hourglass, overlap, rigid_motions, small
 from isorod.checks.reactions import by_support, check_balance, support_displacements, support_forces, support_moments
 from isorod.errors import SolveError, expect, whole_number
 from isorod.model.model import Model
@@ -271,6 +271,7 @@ def _solve(model: Model, load_steps: int, comm: PETSc.Comm | None, start_at: Arr
         assembly, solved = assembler.seconds, perf_counter()
         check_balance(assembler, solver.x, displacement, reactions, moments, solver.norms[-1], rtol)
         overlap.warn_in_the_end(model, displacement, overlapped)
+        small.warn_of_large(model, displacement[None])
         rules = hourglass.better_rules(model)
         if rules:
             hourglass.check_energy(assembler, rules, displacement, assembler.energy(solver.x, 1.0))
