@@ -26,8 +26,13 @@ def pays(rod: Rod) -> bool:
     """Whether a rod is slender: `SLENDER` times as long as its largest section is wide from its centre, or longer."""
     centers = rod.control_points.mean(axis=1)
     length = np.linalg.norm(np.diff(centers, axis=0), axis=1).sum()
-    radius = np.linalg.norm(rod.control_points - centers[:, None], axis=2).max()
-    return bool(length >= SLENDER * radius)
+    return bool(length >= SLENDER * radius(rod))
+
+
+def radius(rod: Rod) -> float:
+    """Return how far the largest section of a rod reaches from its centre."""
+    centers = rod.control_points.mean(axis=1)
+    return float(np.linalg.norm(rod.control_points - centers[:, None], axis=2).max())
 
 
 class Last(NamedTuple):

@@ -1,4 +1,4 @@
-"""Laws of small strains in motion: whether their bodies stay where such laws hold."""
+"""Laws of small strains: whether their bodies stay where such laws hold."""
 
 import warnings
 

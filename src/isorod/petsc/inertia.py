@@ -19,6 +19,10 @@ _FILL = 2.0
 
 _PREFIX = "sturm_"
 
+# With this option, read when MUMPS begins, its factors of a symmetric matrix show negative eigenvalues on any number of
+# ranks.
+TELLING = {"mat_mumps_icntl_13": 1}
+
 
 def prepare(pc: PETSc.PC) -> None:
     """Let a MUMPS Cholesky factorisation, before it is set up, count negative eigenvalues."""
@@ -29,6 +33,24 @@ def prepare(pc: PETSc.PC) -> None:
     factor.setMumpsIcntl(24, 1)
     # Room beyond its estimate, in per cent: on several ranks 20 can fall short by a little.
     factor.setMumpsIcntl(14, 50)
+
+
+def is_factored(pc: PETSc.PC) -> bool:
+    """Return whether a preconditioner is a direct solver."""
+    return is_banded(pc) or pc.getType() in (PETSc.PC.Type.LU, PETSc.PC.Type.CHOLESKY)
+
+
+def of_factors(pc: PETSc.PC) -> int | None:
+    """Return the number of negative eigenvalues that a direct solver's factors show as they are; None where none is."""
+    if is_banded(pc):
+        found: int | None = pc.getPythonContext().negative
+        return found
+    if pc.getType() != PETSc.PC.Type.CHOLESKY or pc.getFactorSolverType() != "mumps":
+        return None
+    factor = pc.getFactorMatrix()
+    # A root node of ScaLAPACK's does not tell (`TELLING`).
+    told = factor.getComm().getSize() == 1 or factor.getMumpsIcntl(13) == 1
+    return int(factor.getMumpsInfog(12)) if told else None
 
 
 def count_negative(pc: PETSc.PC) -> int:

@@ -10,13 +10,14 @@ from petsc4py import PETSc
 
 from isorod.arrays import Array
 from isorod.assembly.formulation import assembler_for
-from isorod.checks import hourglass, overlap, rigid_motions
+from isorod.checks import hourglass, overlap, rigid_motions, small
 from isorod.checks.reactions import by_support, check_balance, support_displacements, support_forces, support_moments
 from isorod.errors import SolveError, expect, whole_number
 from isorod.model.model import Model
 from isorod.output.state import Animated, Deformation, State
 from isorod.petsc.library import solver_types
 from isorod.petsc.options import in_force
+from isorod.statics import stability
 from isorod.statics.multipliers import outcome, settle
 from isorod.statics.newton import Diverged, Newton, TooDeep
 from isorod.statics.path import Path, Step
@@ -59,7 +60,7 @@ class Equilibrium(State, Animated):
         Norms of the out-of-balance force in the last load step: before the predictor, then at each SNES iteration.
     seconds
         ``setup``, ``assembly``, ``solve`` and ``check`` (balance of forces, overlap in the end, energy by a better
-        rule), wall time.
+        rule, negative eigenvalues), wall time.
     built
         Operators that were built.
     solver
@@ -80,6 +81,9 @@ class Equilibrium(State, Animated):
         where supports hold all.
     path
         Load steps of a model with contact, or where they are to be kept.
+    negative_eigenvalues
+        Of the tangent stiffness: in so many directions the equilibrium is unstable; None where that is not told, as
+        with friction (`isorod.statics.stability`).
     """
 
     reactions: Array
@@ -98,6 +102,7 @@ class Equilibrium(State, Animated):
     work: float = 0.0
     stabilisation: "tuple[float, int] | None" = None
     path: Sequence[Step] = ()
+    negative_eigenvalues: int | None = None
     _counted: ClassVar[str] = "load factor"
 
     def __repr__(self) -> str:
@@ -131,8 +136,15 @@ class Equilibrium(State, Animated):
 
     def record(self) -> dict[str, Any]:
         """Return what a record keeps of it; area in contact and deepest penetration are those of all contacts."""
-        kept = ("newton_iterations", "linear_iterations", "load_steps", "cuts", "residual_norms")
-        found = {name: getattr(self, name) for name in kept}
+        kept = (
+            "newton_iterations",
+            "linear_iterations",
+            "load_steps",
+            "cuts",
+            "residual_norms",
+            "negative_eigenvalues",
+        )
+        found = {name: getattr(self, name) for name in (*kept, "negative_eigenvalues")}
         if self.pressures:
             found["pressures"] = sum(one.size for one in self.pressures if one is not None)
         if self.contacts:
@@ -261,9 +273,14 @@ def _solve(model: Model, load_steps: int, comm: PETSc.Comm | None, start_at: Arr
         assembly, solved = assembler.seconds, perf_counter()
         check_balance(assembler, solver.x, displacement, reactions, moments, solver.norms[-1], rtol)
         overlap.warn_in_the_end(model, displacement, overlapped)
+        small.warn_of_large(model, displacement[None])
         rules = hourglass.better_rules(model)
         if rules:
             hourglass.check_energy(assembler, rules, displacement, assembler.energy(solver.x, 1.0))
+        contacts = () if assembler.contact is None else outcome(assembler.contact, displacement)
+        stabilisation = None if held is None else (held.left, held.rounds)
+        negative = stability.negative_eigenvalues(solver)
+        stability.warn_of(negative)
         seconds = {"setup": setup, "assembly": assembly, "solve": solved - start - setup - assembly}
         seconds["check"] = perf_counter() - solved
         return Equilibrium(
@@ -281,11 +298,12 @@ def _solve(model: Model, load_steps: int, comm: PETSc.Comm | None, start_at: Arr
             built=assembler.built,
             solver=solver_types(solver.snes),
             ranks=assembler.comm.getSize(),
-            contacts=() if assembler.contact is None else outcome(assembler.contact, displacement),
+            contacts=contacts,
             augmentations=augmentations,
             pressures=assembler.pressures(solver.x),
-            stabilisation=None if held is None else (held.left, held.rounds),
+            stabilisation=stabilisation,
             path=path.steps if keep or assembler.contact is not None else (),
+            negative_eigenvalues=negative,
         )
     finally:
         solver.destroy()

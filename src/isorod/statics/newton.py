@@ -13,6 +13,7 @@ from isorod.checks import hourglass, rigid_motions
 from isorod.checks.turning import Turning
 from isorod.errors import SolveError
 from isorod.options import defaults
+from isorod.petsc.inertia import TELLING
 from isorod.petsc.matrix import forget_factors
 from isorod.petsc.snes import create_snes
 from isorod.statics.convergence import Convergence, squeezed, worst_place
@@ -191,7 +192,7 @@ class Newton:
         try:
             before = self.assembler.jacobians(self.x, factor)
             definite = self.assembler.contact is not None and not is_mixed(self.assembler.model)
-            with defaults(UNSCALED if definite else {}):
+            with defaults(TELLING | (UNSCALED if definite else {})):
                 scale, rate = self._predict(factor, target - factor)
                 self._factor = target
                 self._refuse_squeezed(before)
@@ -234,6 +235,19 @@ class Newton:
     def forget_path(self) -> None:
         """Take the path for one that does not go on as it came."""
         self._history = None
+
+    def resistance(self, way: PETSc.Vec) -> PETSc.Vec:
+        """Return by how much the out-of-balance force grows on a short way from the last equilibrium."""
+        change = way.duplicate()
+        self._residual(self.x + way, change)
+        change.axpy(-1.0, self.snes.getFunction()[0])
+        return change
+
+    def own_tangent(self) -> PETSc.Mat:
+        """Return the tangent at the last equilibrium, of the stress there."""
+        self.assembler.extrapolate()
+        self._fill(self.x, self._factor, self._matrix)
+        return self._matrix
 
     def settle(self) -> "Stabilisation | None":
         """Let what holds bodies until contact does vanish, at the full load, and return it (`vanish`)."""

@@ -1,0 +1,48 @@
+"""Laws of small strains beyond their range: statics says so wherever a large rotation takes half a percent."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+from isorod import statics
+from isorod.geometry import center_line
+from isorod.geometry.section import circle
+from isorod.material import LinearElastic
+from isorod.material.orthotropic import Orthotropic, TransverselyIsotropic
+from isorod.material.st_venant_kirchhoff import StVenantKirchhoff
+from isorod.model import Body, Model, SectionLoad, Support
+from isorod.space import Space
+
+LENGTH, E = 20.0, 100.0
+SMALL = [
+    LinearElastic(E, 0.3),
+    Orthotropic((E,) * 3, (0.3,) * 3, (E / 2.6,) * 3),
+    TransverselyIsotropic(E, E, 0.3, 0.3, E / 2.6),
+]
+
+
+def bent(law, angle):
+    """Return how far the end of a cantilever goes that a force across turns by so much, and what is warned of."""
+    space = Space(center_line.straight(LENGTH).sweep(circle(8)))
+    force = 2.0 * angle * E * np.pi / 4.0 / LENGTH**2
+    model = Model(
+        [Body(space, law)], [Support.end(space, "start")], loads=[SectionLoad.end(space, "end", (0.0, force, 0.0))]
+    )
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        solution = statics.solve(model)
+    return solution.at(0, 1.0)[1], [str(one.message) for one in said]
+
+
+@pytest.mark.parametrize("law", SMALL, ids=lambda law: type(law).__name__)
+def test_a_rotation_is_warned_of_before_it_takes_half_a_percent(law):
+    warned = []
+    for angle in (0.02, 0.08, 0.12, 0.2, 1.0):
+        found, said = bent(law, angle)
+        exact, nothing = bent(StVenantKirchhoff(E, 0.3), angle)
+        assert nothing == []
+        assert said or abs(found / exact - 1.0) <= 0.005
+        warned.append(bool(said))
+    assert warned == [False, False, True, True, True]
+    assert f"body 0 is turned or strained by 1, where {type(law).__name__} is for less than 0.1" in said[0]
