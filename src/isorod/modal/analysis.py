@@ -158,7 +158,7 @@ class Modes:
 
         above, asked = slice(self.rigid, None), directions or estimate.DIRECTIONS
         values, shapes = self.eigenvalues[above], self.vectors[above]
-        return estimate.of_modes(self.model, values, shapes, self.rigid > 0, self.lumped, asked)
+        return estimate.of_modes(self.model, values, shapes, self.rigid > 0, self.lumped, asked, self.ranks)
 
     def matrices(self) -> "Matrices":
         """Return the stiffness and the mass whose modes they are (`isorod.output.matrices.matrices`)."""
