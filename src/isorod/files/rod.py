@@ -104,10 +104,12 @@ class RodPlan:
         more = {}
         if self.patches:
             from isorod.space.closer import closer
-        if self._touches and "elements" not in self.space.arguments:
+        if self._touches:
             from isorod.space import choice as chosen
 
-            more = chosen.touching(rod, *(self.space.arguments.get(key) for key in ("degree", "continuity")))
+            given = self.space.arguments
+            more = chosen.touching(rod, *(given.get(key) for key in ("elements", "degree", "continuity")))
+            more = {name: value for name, value in more.items() if name not in given}
         space = closer(rod, self.patches) if self.patches else self.space.make(rod=rod, **more)
         # Each element of the curve is cut in as many parts; rings are all along.
         parts = space.axis.elements // own if rings == 1 else 1

@@ -73,32 +73,32 @@ class Shape(NamedTuple):
 
 
 def axis(rod: Rod, elements: int | None, degree: int | None, continuity: int | None) -> tuple[int, int, int]:
-    """Return elements, degree and continuity, those that are None chosen.
-
-    Elements that are given are joined as smoothly as they can be, chosen ones without continuous slopes.
-    """
+    """Return elements, degree and continuity, those that are None chosen."""
     own = rod.axis.elements
+    continuity = 0 if continuity is None else continuity
     if degree is None:
         degree = max(DEGREE, rod.axis.degree)
     if elements is not None:
-        return elements, degree, degree - 1 if continuity is None else continuity
+        return elements, degree, continuity
     # What is out of range is for the axis to refuse.
     known = min(max(int(degree), 1), MAX_DEGREE) if np.isfinite(degree) else DEGREE
     shape = _shape(rod)
     least = ELEMENTS[known] * max(1 + rod.closed, shape.walls / ELEMENTS[DEGREE])
     parts = max(ceil(np.degrees(shape.angle) / ANGLES[known] - 0.1), ceil(least / own))
-    return parts * own, degree, 0 if continuity is None else continuity
+    return parts * own, degree, continuity
 
 
-def touching(rod: Rod, degree: int | None = None, continuity: int | None = None) -> dict[str, int]:
+def touching(
+    rod: Rod, elements: int | None = None, degree: int | None = None, continuity: int | None = None
+) -> dict[str, int]:
     """Return elements, degree and continuity, as keyword arguments of `isorod.space.Space`, of a rod in contact.
 
     Its surface has no kinks, on which closest points would jump, but its curvature may, as it does under a force at a
     point; and elements are shorter (`TOUCHING`).
     """
-    elements, degree, _ = axis(rod, None, degree, None)
+    chosen, degree, _ = axis(rod, None, degree, None)
     return {
-        "elements": TOUCHING * elements,
+        "elements": TOUCHING * chosen if elements is None else elements,
         "degree": degree,
         "continuity": min(1, degree - 1) if continuity is None else continuity,
     }
