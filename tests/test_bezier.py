@@ -54,7 +54,7 @@ print(json.dumps(found))
 
 def layered():
     rod = arc(20.0, 90.0).sweep(section.ellipse(8, 2.0, 1.0)).with_rings([0.3, 0.7, 1.0])
-    space = Space(rod, section_degree=4, elements=2, degree=4)
+    space = Space(rod, section_degree=4, elements=2, degree=4, continuity=3)
     body = Body(space, [LinearElastic(2e5, 0.3), LinearElastic(1e4, 0.4)])
     return statics.solve(
         Model([body], [Support.end(space, "start"), Support.end(space, "end", displacement=(0.5, 0.0, 1.0))])

@@ -139,12 +139,13 @@ def test_a_tube_held_at_its_end_swells_as_a_fine_one(hole, length, elements):
 def test_a_rod_in_contact_has_no_kinks():
     rod = straight(10.0).sweep(section.circle(8))
     assert choice.touching(rod) == {"elements": 12, "degree": 5, "continuity": 1}
-    assert choice.touching(rod, 1) == {"elements": 154, "degree": 1, "continuity": 0}
+    assert choice.touching(rod, 8) == {"elements": 8, "degree": 5, "continuity": 1}
+    assert choice.touching(rod, degree=1) == {"elements": 154, "degree": 1, "continuity": 0}
     # 48 points are 2 pi r / 48 apart round the section, and no more along it.
     assert choice.touching_points(rod, 8, 12, 5, 64) == (6, 7)
     assert choice.touching_points(rod, 8, 2, 5, 64) == (6, 39)
     assert choice.touching_points(rod, 24, 1, 1, 64) == (3, 64)
-    assert choice.touching(rod, 3, 2) == {"elements": 29, "degree": 3, "continuity": 2}
+    assert choice.touching(rod, None, 3, 2) == {"elements": 29, "degree": 3, "continuity": 2}
 
 
 def test_sections_that_are_no_images_of_each_other_have_functions_of_control_points():
@@ -162,7 +163,8 @@ def test_what_is_given_wins_and_the_rest_is_named():
     given = Space(rod, order=2, degree=3, elements=6, continuity=1, quadrature="full")
     assert (given.order, given.degree, given.elements, given.continuity) == (2, 3, 6, 1)
     assert (given.section_degree, given.quadrature, given.chosen) == (None, "full", ())
-    assert Space(rod, elements=6, degree=3).continuity == 2
+    assert Space(rod, elements=6, degree=3).continuity == 0
+    assert str(Space(rod, elements=bare.elements, knots=bare.knots)) == str(bare)
     assert Space(rod, section_points=32).order == 2
     assert "section degree 4; 7 elements of degree 5, C2, 2 of them short; quadrature 4x2x5" in repr(bare)
 

@@ -30,7 +30,7 @@ OBSTACLES = {
 
 
 def bar(law=None, contacts=(), end=(0.0, 0.0, 0.0)):
-    space = Space(straight(8, height=HEIGHT), elements=4, degree=3, order=2)
+    space = Space(straight(8, height=HEIGHT), elements=4, degree=3, continuity=2, order=2)
     supports = [Support.end(space, "start"), Support.end(space, "end", displacement=end)]
     return Model([Body(space, law or NeoHookean(100.0, 0.3))], supports, contacts=contacts)
 
@@ -97,7 +97,7 @@ def crossing():
     points = rod.control_points - [0.0, 0.0, 7.0]
     across = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
     rods = [Rod(rod.axis, one) for one in (points, points @ across.T + [0.0, 1.95, 0.0])]
-    spaces = [Space(one, elements=16, degree=3, order=2) for one in rods]
+    spaces = [Space(one, elements=16, degree=3, continuity=2, order=2) for one in rods]
     supports = [Support.end(spaces[0], end) for end in ("start", "end")]
     supports += [Support.end(spaces[1], end, displacement=(0.0, -0.6, 0.0), body=1) for end in ("start", "end")]
     law = NeoHookean(1000.0, 0.3)

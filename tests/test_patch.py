@@ -18,7 +18,7 @@ AROUND, ALONG = (-30.0, 40.0), (4.0, 6.0)
 def space(request):
     """A bar of length 10, whose axis parameter is the height over ten."""
     rod = center_line.straight(10.0).sweep(section.circle(8, 1.0))
-    return Space(rod, elements=10, degree=2, order=request.param, quadrature="auto")
+    return Space(rod, elements=10, degree=2, continuity=1, order=request.param, quadrature="auto")
 
 
 def surface(space, solution, around=AROUND, along=ALONG):

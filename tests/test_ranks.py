@@ -11,7 +11,7 @@ from petsc4py import PETSc
 from test_contact_statics import crossing
 from touching import moved
 
-from isorod import dynamics, statics
+from isorod import dynamics, modal, statics
 from isorod.geometry.center_line import arc
 from isorod.geometry.section import circle
 from isorod.material import NeoHookean
@@ -170,6 +170,16 @@ def checkpoints(folder):
     }
 
 
+def estimates(_):
+    """Those of an error of statics, with pressures too, and of modes, of a free body too."""
+    space = Space.paper(straight(4, height=4.0), elements=3, degree=2, order=1, quadrature="auto")
+    ends = Support.end(space, "start"), Support.end(space, "end", displacement=(0.1, 0.0, 0.2))
+    bodies = [Body(space, NeoHookean(100.0, nu), 1.0, form) for nu, form in ((0.3, "displacement"), (0.499, "mixed"))]
+    found = [statics.solve(Model([body], ends), petsc=TIGHT) for body in bodies]
+    found += [modal.solve(Model(bodies[:1], held), 4, petsc={"eps_tol": 1e-12}) for held in (ends[:1], ())]
+    return {"all": {"errors": np.array([one.estimate() for one in found])}}
+
+
 def record(what, folder):
     """Save what the ranks find together (called under mpirun)."""
     made = Path(folder)
@@ -195,7 +205,7 @@ def on_one_rank(tmp_path_factory):
     return get
 
 
-ERRORS = {"equilibria": 1e-9, "explicit": 1e-10, "implicit": 1e-9, "checkpoints": 1e-10}
+ERRORS = {"estimates": 1e-6, "equilibria": 1e-9, "explicit": 1e-10, "implicit": 1e-9, "checkpoints": 1e-10}
 # More ranks than processors take turns at every step.
 LONG = [pytest.param(ranks, marks=pytest.mark.slow) for ranks in (3, 4)]
 

@@ -38,7 +38,7 @@ def model(elements: int, degree: int = 3, order: int = 1, section_points: int = 
     pull = exact().wrench()[0] / 2.0
     for k, x in enumerate((RADIUS, -RADIUS)):
         rod = center_line.straight(LENGTH, start=(x, 0.0, 0.0)).sweep(section.circle(section_points, RADIUS))
-        space = Space(rod, section_degree=None, order=order, elements=elements, degree=degree)
+        space = Space(rod, elements=elements, degree=degree, continuity=degree - 1, order=order)
         nodes = (space.layers - 1) * space.layer_nodes + np.arange(space.layer_nodes)
         arms = np.zeros((nodes.size, 3))
         arms[space.is_carrier[nodes], 0] = x

@@ -163,7 +163,7 @@ class Scene:
         share = SMALL if isinstance(law, LinearElastic | Directed) else 1.0
         loads = [Pressure(share * self.pressure, "inner", follows=True)] if self.pressure else []
         elements, degree, across = self.space
-        space = Space(self.rod(), elements=elements, degree=degree, section_degree=across)
+        space = Space(self.rod(), elements, degree, degree - 1, section_degree=across)
         move, turn = self.motion(share, 1.0)
         ends = Support.end(space, "start"), Support.end(space, "end", displacement=move, turn=turn)
         lengths, forces = [1.0], []

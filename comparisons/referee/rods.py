@@ -99,9 +99,9 @@ def place(
     line = isorod.straight(start=start, end=start + given.length * direction)
     rod = line.sweep(isorod.circle(POINTS if touching else 4, given.radius))
     if touching:
-        space = isorod.Space(rod, elements=elements, degree=DEGREE, order=ORDER, section_points=POINTS)
+        space = isorod.Space(rod, elements, DEGREE, DEGREE - 1, order=ORDER, section_points=POINTS)
     else:
-        space = isorod.Space(rod, elements=elements, degree=DEGREE, section_degree=SECTION_DEGREE)
+        space = isorod.Space(rod, elements, DEGREE, DEGREE - 1, section_degree=SECTION_DEGREE)
     material = law(given.material, most)
     formulation = "mixed" if material.nu == 0.5 else "displacement"
     body = isorod.Body(space, material, density=given.material.density, formulation=formulation)

@@ -38,6 +38,7 @@ def of_equilibrium(
     work: float,
     pressures: Sequence[Array | None] = (),
     directions: Sequence[str] = DIRECTIONS,
+    ranks: int = 1,
 ) -> float | None:
     """Return the relative change of the work that moved supports or loads do, the larger; None where there is none.
 
@@ -55,30 +56,38 @@ def of_equilibrium(
         Coefficients of mixed bodies.
     directions
         Which of `isorod.checks.finer.DIRECTIONS` count.
+    ranks
+        Number of those that solved it: this one alone, or all, which then call this together.
     """
-    return _total(model, directions, lambda finer: _equilibrium(finer, displacement, work, pressures))
+    return _total(model, directions, ranks, lambda *fine: _equilibrium(*fine, displacement, work, pressures))
 
 
-def _total(model: Model, directions: Sequence[str], change: Callable[[Finer], float | None]) -> float | None:
-    """Return the sum of what finer spaces change, or None."""
-    total = 0.0
+def _total(
+    model: Model, directions: Sequence[str], ranks: int, change: Callable[[Finer, PETSc.Comm], float | None]
+) -> float | None:
+    """Return the sum of what finer spaces change, or None; of a communicator that is neither one rank nor all too."""
+    total, comm = 0.0, PETSc.COMM_SELF if ranks == 1 else PETSc.COMM_WORLD
+    if ranks != comm.getSize():
+        return None
     for direction in directions:
         try:
             finer = Finer.of(model, direction)
         except InputError:
             # No finer one can be had: too many elements, or points, or what they take.
             return None
-        found = None if finer is None or not model.unknowns else change(finer)
+        found = None if finer is None or not model.unknowns else change(finer, comm)
         if finer is None or found is None:
             return None
         total += found / (1.0 - finer.left)
     return total
 
 
-def _equilibrium(finer: Finer, displacement: Array, work: float, pressures: Sequence[Array | None]) -> float | None:
+def _equilibrium(
+    finer: Finer, comm: PETSc.Comm, displacement: Array, work: float, pressures: Sequence[Array | None]
+) -> float | None:
     """Return the change on finer spaces."""
     state = finer.displacement(displacement)
-    assembler = assembler_for(finer.model)
+    assembler = assembler_for(finer.model, comm)
     x = assembler.state(state, finer.pressures(pressures) if pressures else ())
     matrix = assembler.matrix()
     ksp = _solver(assembler, matrix)
@@ -146,6 +155,7 @@ def of_modes(
     lumped: bool = False,
     directions: Sequence[str] = DIRECTIONS,
     about: State | None = None,
+    ranks: int = 1,
 ) -> float | None:
     """Return the largest relative change of the frequencies of flexible modes; None where there is none.
 
@@ -159,21 +169,27 @@ def of_modes(
         Whether there are rigid ones.
     lumped
         Whether with the lumped mass matrix.
-    directions
+    directions, ranks
         As for `of_equilibrium`.
     about
         The equilibrium about which they are; None for the state of rest.
     """
     if not eigenvalues.size:
         return None
-    return _total(model, directions, lambda finer: _modes(finer, eigenvalues, vectors, free, lumped, about))
+    return _total(model, directions, ranks, lambda *fine: _modes(*fine, eigenvalues, vectors, free, lumped, about))
 
 
 def _modes(
-    finer: Finer, eigenvalues: Array, vectors: Array, free: bool, lumped: bool, about: State | None
+    finer: Finer,
+    comm: PETSc.Comm,
+    eigenvalues: Array,
+    vectors: Array,
+    free: bool,
+    lumped: bool,
+    about: State | None,
 ) -> float | None:
     """Return the change on finer spaces."""
-    assembler = assembler_for(finer.model)
+    assembler = assembler_for(finer.model, comm)
     matrix, mass = assembler.matrix(), assembler.mass(lumped) if free else assembler.mass_operator(lumped)
     if about is None:
         assembler.tangent(assembler.vector(), 0.0, matrix)

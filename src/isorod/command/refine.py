@@ -33,11 +33,7 @@ def finer(scene: Any) -> dict[str, Any]:
     if hasattr(scene, "content"):
         return _finer_file(scene)
     found = _ahead(scene)
-    ahead = {name: replace(scene, **{name: value}) for name, value in found.items()}
-    if "degree" in ahead and scene.continuity is None:
-        # With the continuity that goes with the higher degree the spaces would not nest.
-        ahead["degree"] = replace(ahead["degree"], continuity=scene.degree - 1)
-    return ahead
+    return {name: replace(scene, **{name: value}) for name, value in found.items()}
 
 
 def _finer_file(scene: Any) -> dict[str, Any]:

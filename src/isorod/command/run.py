@@ -112,7 +112,7 @@ def _start(solution: Any, model: Any) -> Any:
 
 def estimate(solution: Any) -> dict[str, Any]:
     """Return what a record says of a solution's error, where that can be told; warn of a large one."""
-    if not hasattr(solution, "estimate") or solution.ranks > 1:
+    if not hasattr(solution, "estimate"):
         return {}
     start = perf_counter()
     error = solution.estimate()

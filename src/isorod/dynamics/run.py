@@ -14,7 +14,7 @@ from isorod.arrays import Array
 from isorod.checks.reactions import support_forces
 from isorod.dynamics.explicit.step_kernel import PUSHED, activation
 from isorod.dynamics.explicit.system import System
-from isorod.errors import InputError
+from isorod.errors import InputError, SolveError
 
 # The balance of energy must hold to this share of the work done.
 IMBALANCE = 0.05
@@ -206,8 +206,16 @@ class Run(ABC):
         }
 
     def _record(self, seen: dict[str, Any]) -> None:
-        """Keep an output."""
+        """Keep an output.
+
+        Raises
+        ------
+        SolveError
+            If there is anything in it that is no number.
+        """
         for name, value in seen.items():
+            if not np.isfinite(value).all():
+                raise SolveError(f"step {self.taken}, time {self.time:.6g}: {name.replace('_', ' ')} is not finite")
             self.rows.setdefault(name, []).append(value)
 
     def _balance(self, seen: dict[str, Any]) -> float:

@@ -112,10 +112,12 @@ class RodPlan:
         more = {}
         if self.patches:
             from isorod.space.closer import closer
-        if self._touches and "elements" not in self.space.arguments:
+        if self._touches:
             from isorod.space import choice as chosen
 
-            more = chosen.touching(rod, *(self.space.arguments.get(key) for key in ("degree", "continuity")))
+            given = self.space.arguments
+            more = chosen.touching(rod, *(given.get(key) for key in ("elements", "degree", "continuity")))
+            more = {name: value for name, value in more.items() if name not in given}
         elif len(laws) > 1 and rings == 1 and "elements" not in self.space.arguments:
             more = self._jumps(rod)
         space = closer(rod, self.patches) if self.patches else self.space.make(rod=rod, **more)

@@ -164,7 +164,9 @@ class Modes:
 
         above, asked = slice(self.rigid, None), directions or estimate.DIRECTIONS
         values, shapes = self.eigenvalues[above], self.vectors[above]
-        return estimate.of_modes(self.model, values, shapes, self.rigid > 0, self.lumped, asked, self.equilibrium)
+        return estimate.of_modes(
+            self.model, values, shapes, self.rigid > 0, self.lumped, asked, self.equilibrium, self.ranks
+        )
 
     def matrices(self) -> "Matrices":
         """Return the stiffness and the mass whose modes they are (`isorod.output.matrices.matrices`)."""

@@ -232,7 +232,7 @@ class Biceps(Preset):
                 rod,
                 elements=elements // ELEMENTS * rod.axis.elements,
                 degree=self.degree,
-                continuity=self.continuity,
+                continuity=cast(int, self.degree) - 1 if self.continuity is None else self.continuity,
                 quadrature=self.quadrature,
                 order=self.order,
             )

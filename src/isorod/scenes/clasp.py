@@ -83,6 +83,7 @@ class Clasp(Checked):
                 rod,
                 elements=elements,
                 degree=self.degree,
+                continuity=self.degree - 1,
                 quadrature=self.quadrature,
                 order=self.order,
             )

@@ -138,7 +138,7 @@ class Coil(Checked):
         if each < HELIX_ELEMENTS or each % HELIX_ELEMENTS:
             raise InputError(f"elements a turn: got {each}, need a multiple of {HELIX_ELEMENTS}")
         elements = rod.axis.elements * each // HELIX_ELEMENTS
-        space = Space(rod, elements=elements, degree=self.degree, quadrature=self.quadrature, order=self.order)
+        space = Space(rod, elements, self.degree, self.degree - 1, self.quadrature, self.order)
         body = Body(space, NeoHookean(self.E, self.nu))
         # Lines of contact, narrower than points are apart, run along control points: in the middle of an arc's three.
         points = 3, self.degree + 1

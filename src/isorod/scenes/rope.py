@@ -124,6 +124,7 @@ class Rope(Checked):
             rod,
             elements=whole_number("elements", self.elements, 1, 100_000),
             degree=self.degree,
+            continuity=self.degree - 1,
             quadrature=self.quadrature,
             order=self.order,
         )

@@ -117,6 +117,7 @@ class Strand(Checked):
                 rod,
                 elements=own * -(-parts * rods[0].axis.elements // own),
                 degree=self.degree,
+                continuity=self.degree - 1,
                 quadrature=self.quadrature,
                 order=self.order,
             )

@@ -125,19 +125,19 @@ def axis(
 ) -> Along:
     """Return elements, degree, continuity and further knots, those that are None chosen.
 
-    Elements that are given are joined as smoothly as they can be, chosen ones less (`_OWN`); to
-    these come knots near the ends (`boundary_layers`).
+    To elements that are chosen come knots near the ends (`boundary_layers`).
     """
     own = rod.axis.elements
     if degree is None:
         degree = max(DEGREE, rod.axis.degree)
+    smooth = max(degree - _OWN, 0)
+    continuity = smooth if continuity is None else continuity
     if elements is not None:
-        return Along(elements, degree, degree - 1 if continuity is None else continuity, knots or ())
+        return Along(elements, degree, continuity, knots or ())
     # What is out of range is for the axis to refuse.
     known = min(max(int(degree), 1), MAX_DEGREE) if np.isfinite(degree) else DEGREE
     shape = _shape(rod)
     least = ELEMENTS[known] * max(1 + rod.closed, shape.walls / ELEMENTS[DEGREE])
-    smooth = max(degree - _OWN, 0)
     functions = degree - smooth
     # At the rod's own knots an element has more of its own, if they are less smooth.
     rough = max(0, smooth - rod.axis.degree + int(rod.axis.multiplicities[1:-1].min(initial=degree))) if own > 1 else 0
@@ -145,7 +145,7 @@ def axis(
     parts = max(turning, ceil(least / own - rough / functions), 1)
     if knots is None:
         knots = () if rod.closed else _boundary_layers(rod, parts, shape)
-    return Along(parts * own, degree, smooth if continuity is None else continuity, knots)
+    return Along(parts * own, degree, continuity, knots)
 
 
 def boundary_layers(rod: Rod, degree: int | None, places: Sequence[float]) -> tuple[float, ...]:
@@ -194,15 +194,18 @@ def halved(space: "Space") -> dict[str, object]:
     return {"elements": elements, "knots": tuple(map(float, more[apart]))}
 
 
-def touching(rod: Rod, degree: int | None = None, continuity: int | None = None) -> dict[str, int]:
+def touching(
+    rod: Rod, elements: int | None = None, degree: int | None = None, continuity: int | None = None
+) -> dict[str, int]:
     """Return elements, degree and continuity, as keyword arguments of `isorod.space.Space`, of a rod in contact.
 
     Its surface has no kinks, on which closest points would jump, but its curvature may, as it does under a force at a
     point; and elements are shorter (`TOUCHING`).
     """
-    elements, degree, *_ = axis(rod, None, degree, None)
+    chosen, degree, *_ = axis(rod, None, degree, None, ())
+    own = rod.axis.elements
     return {
-        "elements": rod.axis.elements * ceil(TOUCHING * elements / rod.axis.elements - 1e-9),
+        "elements": own * ceil(TOUCHING * chosen / own - 1e-9) if elements is None else elements,
         "degree": degree,
         "continuity": min(1, degree - 1) if continuity is None else continuity,
     }

@@ -48,8 +48,7 @@ class Space(Checked):
     degree
         Degree along the axis, from the rod's own to 6.
     continuity
-        Continuity at knots the rod does not have, ``0 .. degree - 1``; where not given ``degree - 1``, or ``degree - 3`` if
-        the elements are chosen.
+        Continuity at knots the rod does not have, ``0 .. degree - 1``; where not given ``degree - 3``, at least 0.
     order
         Polyharmonic order ``K`` of functions of control points (`isorod.space.polyharmonic`), 1 to 6; contact needs
         these.

@@ -126,7 +126,7 @@ class Equilibrium(State, Animated):
         from isorod.checks import estimate
 
         asked = directions or estimate.DIRECTIONS
-        return estimate.of_equilibrium(self.model, self.displacement, self.work, self.pressures, asked)
+        return estimate.of_equilibrium(self.model, self.displacement, self.work, self.pressures, asked, self.ranks)
 
     def matrices(self, lumped: bool = False) -> "Matrices":
         """Return the tangent stiffness and the mass about it (`isorod.output.matrices.matrices`)."""

@@ -9,7 +9,7 @@ from petsc4py import PETSc
 
 from isorod.arrays import Array
 from isorod.dynamics.implicit.assembler import StepAssembler
-from isorod.errors import InputError
+from isorod.errors import InputError, SolveError
 from isorod.material.along_rod import complementary
 
 if TYPE_CHECKING:
@@ -17,6 +17,10 @@ if TYPE_CHECKING:
 
 # Newton's iterations to a state that keeps volumes or to pressures, and the share of these that is none.
 _MOST, _NONE = 20, 1e-12
+
+# MUMPS puts off the pivots that are too small, which takes more room than it foresees: percent more, until it is
+# enough.
+_ROOM = (100, 400, 1600)
 
 
 class Inertia:
@@ -200,8 +204,17 @@ class MixedInertia(Inertia):
 
     def _solved(self, right: PETSc.Vec) -> PETSc.Vec:
         solution = self.assembler.vector()
-        self._ksp.solve(right, solution)
-        return solution
+        for room in (0, *_ROOM):
+            if room:
+                factors = self._ksp.getPC()
+                factors.reset()
+                self._ksp.setOperators(self._matrix)
+                factors.setFactorSetUpSolverType()
+                factors.getFactorMatrix().setMumpsIcntl(14, room)
+            self._ksp.solve(right, solution)
+            if self._ksp.getConvergedReason() > 0:
+                return solution
+        raise SolveError("pressures of the mixed formulation: MUMPS cannot factorise the mass and the constraints")
 
 
 def _integrate(local: Array, part: "MixedStepPart", sums: Array) -> None:
