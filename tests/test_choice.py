@@ -224,7 +224,10 @@ def test_a_record_says_what_was_chosen(capsys):
     assert cli.main(["run", "flower", "--json"]) == 0
     assert cli.main(["run", "blade", "--modes", "3"]) == 0
     text = " ".join(capsys.readouterr().out.split())
-    assert "element section degree 4; 7 elements of degree 5, C2, 2 of them short; quadrature 4x2x5 (chosen: section" in text
+    assert (
+        "element section degree 4; 7 elements of degree 5, C2, 2 of them short; quadrature 4x2x5 (chosen: section"
+        in text
+    )
 
 
 def test_functions_of_control_points_carry_a_flower():

@@ -11,7 +11,7 @@ import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from math import inf
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -132,7 +132,7 @@ def compare(seed: int) -> dict[str, Any]:
     found, solution = solved(on)
     estimate = solution.estimate()
     made = on.rod
-    least, across = max(on.elements, Space(made).elements), max(on.section_degree or 4, 3)
+    least, across = max(cast(int, on.elements), cast(int, Space(made).elements)), max(on.section_degree or 4, 3)
     # Those of rods with rings have functions enough.
     whole = len(made.rings) == 2 and made.rings[0] == 0.0
     references = []

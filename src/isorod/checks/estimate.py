@@ -59,7 +59,11 @@ def of_equilibrium(
     ranks
         Number of those that solved it: this one alone, or all, which then call this together.
     """
-    return _total(model, directions, ranks, lambda *fine: _equilibrium(*fine, displacement, work, pressures))
+
+    def change(finer: Finer, comm: PETSc.Comm) -> float | None:
+        return _equilibrium(finer, comm, displacement, work, pressures)
+
+    return _total(model, directions, ranks, change)
 
 
 def _total(
@@ -176,7 +180,11 @@ def of_modes(
     """
     if not eigenvalues.size:
         return None
-    return _total(model, directions, ranks, lambda *fine: _modes(*fine, eigenvalues, vectors, free, lumped, about))
+
+    def change(finer: Finer, comm: PETSc.Comm) -> float | None:
+        return _modes(finer, comm, eigenvalues, vectors, free, lumped, about)
+
+    return _total(model, directions, ranks, change)
 
 
 def _modes(

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from isorod.arrays import Array
+from isorod.arrays import Array, Index
 from isorod.model.model import Model
 from isorod.model.support import rotation
 from isorod.space.space import Space
@@ -34,7 +34,7 @@ class _Sections(NamedTuple):
     body: int
     space: Space
     across: Array
-    layers: Array
+    layers: Index
     along: Array
 
     def places(self, nodal: Array) -> Array:

@@ -95,7 +95,7 @@ class RodPlan:
         from isorod.space import choice as chosen
 
         given = self.space.arguments
-        knots = chosen.boundary_layers(rod, given.get("degree"), rod.axis.breaks[1:-1])
+        knots = chosen.boundary_layers(rod, given.get("degree"), rod.axis.breaks[1:-1].tolist())
         return {name: value for name, value in (("continuity", 0), ("knots", knots)) if name not in given}
 
     def body(self) -> "Body":
