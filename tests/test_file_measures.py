@@ -241,7 +241,9 @@ def clamped(**measures):
 
 
 def test_a_largest_at_a_held_edge_is_said_to_be_one(measured):
-    asked = {"peak": {"stress": "bar"}, "far": {"stress": "bar", "away": 1.0}}
+    asked = {"peak": {"stress": "bar"}} | {
+        name: {"stress": "bar", "away": away} for name, away in (("close", 0.12), ("far", 1.0))
+    }
     with pytest.warns(UserWarning) as said:
         found, _ = measured(clamped(**asked))
     (one,) = [str(each.message) for each in said]
@@ -249,6 +251,7 @@ def test_a_largest_at_a_held_edge_is_said_to_be_one(measured):
     assert "(away = 1) it is 0.05" in one
     assert found["peak"] > 1.15 * found["far"]
     assert found["places"]["peak"]["u"] in (0.0, pytest.approx(1.0)) and found["places"]["peak"]["radius"] > 0.999
+    assert found["close"] > 1.02 * found["far"]
     # One width from a clamped face the stress is that of the bar but for some hundredths.
     assert found["far"] == pytest.approx(E * 1e-3 / LENGTH, rel=0.03)
 

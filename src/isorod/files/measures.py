@@ -105,7 +105,7 @@ def stress(
 
     found = _each(solution, lambda state: peaks.stress(state, rod, component, u, xi, away))
     moves = not hasattr(solution, "at")
-    peaks.warn(solution[-1] if moves else solution, rod, component, u, xi, found[-1] if moves else found)
+    peaks.warn(solution[-1] if moves else solution, rod, component, u, xi, away, found[-1] if moves else found)
     return found
 
 

@@ -17,6 +17,9 @@ from isorod.output.words import Component
 # that was asked for, if the point is so near, in parts of that width, to a held face.
 _LARGER, _NEAR = 1.01, 0.05
 
+# Part of that width from which on a length `away` that is given keeps off edges.
+_FAR = 0.1
+
 # A component that is a smaller share of von Mises' stress is nothing to be warned of.
 _NOTHING = 1e-3
 
@@ -50,7 +53,13 @@ def stress(
 
 
 def warn(
-    state: Any, rod: int, name: Component, u: float | None, xi: tuple[float, float] | None, found: float | Peak
+    state: Any,
+    rod: int,
+    name: Component,
+    u: float | None,
+    xi: tuple[float, float] | None,
+    away: float | None,
+    found: float | Peak,
 ) -> None:
     """Warn of a stress that is one of an edge, or out of balance."""
     if isinstance(found, Peak):
@@ -64,7 +73,8 @@ def warn(
     ):
         return
     gap, width = held.distance(state.model, rod, np.array([place]))[0], held.width(state.model, rod)
-    if isinstance(found, Peak) and u is None and gap < width:
+    # Whoever says how far off it is to be knows of the edge, if that is not next to nothing.
+    if isinstance(found, Peak) and u is None and gap < (_FAR if away else 1.0) * width:
         beyond = _largest(state, rod, name, None, xi, width).value
         if found.value * (-1.0 if name == "min_principal" or found.value < 0.0 else 1.0) > _LARGER * beyond:
             known = f"; farther off than the section is wide (away = {width:.3g}) it is {beyond:.4g}"
