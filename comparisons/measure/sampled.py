@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from isorod.arrays import Array, Index
+from isorod.output import held
 from meshes.mesh import gradients, lexicographic
 
 # Parameters that differ by less are the same point.
@@ -18,9 +18,6 @@ _SAME = 1e-6
 # The points of a brick where its stresses are.
 _TICKS = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)
 GAUSS = np.stack([one.ravel() for one in np.meshgrid(_TICKS, _TICKS, _TICKS, indexing="ij")], axis=1)
-
-# Points of the centre line between knots that its length is measured with.
-_STEPS = 20
 
 # Frequencies that differ by a smaller share are told apart by neither side's shapes alone.
 CLOSE = 0.02
@@ -186,40 +183,10 @@ def away(model: Any, rods: Index, u: Array) -> Array:
         Of each point, its rod and axis parameter, shape ``(n,)``.
     """
     result = np.ones(u.size, dtype=bool)
-    for number, body in enumerate(model.bodies):
-        rod, here = body.space.rod, rods == number
-        breaks = rod.axis.breaks
-        line = np.concatenate([np.linspace(a, b, _STEPS, endpoint=False) for a, b in pairwise(breaks)])
-        line = np.append(line, breaks[-1])
-        angle = np.linspace(0.0, 2.0 * np.pi, 33)[:-1]
-        ring = rod.grid(np.stack([np.cos(angle), np.sin(angle)], axis=1), line)[0]
-        middle = ring.mean(axis=1)
-        length = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(middle, axis=0), axis=1)))
-        width = 2.0 * np.linalg.norm(ring - middle[:, None], axis=2).max()
-        place = np.interp(u[here], line, length)
-        for low, high in _held(model, number):
-            first, last = np.interp([low, high], line, length)
-            beyond = np.maximum(first - place, place - last)
-            if rod.closed:
-                beyond = np.minimum(beyond, np.maximum(first + length[-1] - place, place - last))
-                beyond = np.minimum(beyond, np.maximum(first - place, place + length[-1] - last))
-            result[here] &= beyond >= (1.0 - _SAME) * width
+    for number in range(len(model.bodies)):
+        here = rods == number
+        result[here] = held.distance(model, number, u[here]) >= (1.0 - _SAME) * held.width(model, number)
     return result
-
-
-def _held(model: Any, number: int) -> list[tuple[float, float]]:
-    """Return where along a rod its supports are, from and to which axis parameter."""
-    space = model.bodies[number].space
-    degree, knots = space.axis.degree, space.axis.knots
-    found = []
-    for one in model.supports:
-        if one.body != number or not len(one.nodes):
-            continue
-        layers = np.unique(np.asarray(one.nodes) // space.layer_nodes)
-        # Where functions of these layers are largest.
-        middle = np.array([knots[k + 1 : k + 1 + degree].mean() for k in layers])
-        found.append((float(middle.min()), float(middle.max())))
-    return found
 
 
 def pairs(ours: Array, theirs: Array, weights: Array, frequencies: Sequence[Array]) -> tuple[Index, Array]:

@@ -1,19 +1,27 @@
 """What a finite element solution of rods answers: the same questions as isorod's, by the same names."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from comparisons.fem.rods.places import Places, lagrange, on_rod
 from isorod.errors import InputError
+from isorod.geometry.quadrature import Rule, section_points
 from isorod.model.model import Model
-from isorod.output.state import Deformation
+from isorod.output.section_forces import SectionForces, centroids, frames, normals
+from isorod.output.state import Deformation, parameters
 from isorod.output.stress import von_mises
 from isorod.tensors import determinant
 from meshes.mesh import Array, Index, Mesh, gradients
+
+# Points of cells at which gradients are wanted: the same of all, or one of each.
+_ALL, _EACH = "qnb,cna->cqab", "cnb,cna->cab"
+
+# Points of a section, in each of its slices, at which its stresses are summed up.
+_SECTION = Rule(6, 4, 1)
 
 
 class Touch(NamedTuple):
@@ -95,16 +103,81 @@ class Solution:
 
     def at(self, rod: int, u: ArrayLike, xi: ArrayLike | None = None) -> Array:
         """Return the displacement at points of a rod, as `isorod.output.state.Deformation.at` does."""
+        points, cells, where = self._located(rod, u, xi)
+        found = np.einsum("mn,mna->ma", self._functions(where), self._nodal[self.mesh.cells[cells]])
+        found = found.reshape(len(points.u), len(points.xi), 3)
+        return (found.mean(axis=1) if points.mean else found).reshape(*points.shape, 3)
+
+    def deformation_gradient(self, rod: int, u: ArrayLike, xi: ArrayLike = (0.0, 0.0)) -> Array:
+        """Return the deformation gradient at points of a rod, as `isorod.output.state.State` does."""
+        points, cells, where = self._located(rod, u, xi)
+        return self._gradients(cells, where, _EACH)[0].reshape(*points.shape, 3, 3)
+
+    def stress(self, rod: int, u: ArrayLike, xi: ArrayLike = (0.0, 0.0), kind: str = "cauchy") -> Array:
+        """Return the stress at points of a rod, ``"cauchy"`` or ``"pk1"``, as `isorod.output.state.State` does."""
+        points, cells, where = self._located(rod, u, xi)
+        F, _ = self._gradients(cells, where, _EACH)
+        at = np.einsum("cn,cnp->cp", self._functions(where), self.cell_parameters[cells])
+        found = np.empty_like(F)
+        for own, law in self._laws(cells, at[:, None]):
+            found[own] = law.stress(F[own, None])[:, 0]
+        return (found if kind == "pk1" else _cauchy(found, F)).reshape(*points.shape, 3, 3)
+
+    def energy(self, rod: int) -> float:
+        """Return the energy stored in a rod."""
+        ticks, shares = np.polynomial.legendre.leggauss(self.mesh.order + 1)
+        where = 0.5 + 0.5 * np.stack([one.ravel() for one in np.meshgrid(ticks, ticks, ticks, indexing="ij")], axis=1)
+        weights = 0.125 * np.einsum("i,j,k->ijk", shares, shares, shares).ravel()
+        cells = self.mesh.regions[f"rod {rod}"]
+        F, jacobian = self._gradients(cells, where, _ALL)
+        at = np.einsum("qn,cnp->cqp", self._functions(where), self.cell_parameters[cells])
+        volumes = weights * determinant(jacobian)
+        return float(sum(np.sum(volumes[own] * law.energy(F[own])) for own, law in self._laws(cells, at)))
+
+    def section_forces(self, rod: int, u: ArrayLike) -> SectionForces:
+        """Return what sections of a rod carry, as `isorod.output.state.State` does, of the stress there."""
+        space = self.model.bodies[rod].space
+        given = parameters(space, u)
+        where = given.ravel()
+        xi, area = section_points(space.rod.section_points, _SECTION, rings=space.rod.rings)
+        rest, jacobian = space.rod.grid(xi, where)
+        pull = np.einsum("tqaA,tqA->tqa", self.stress(rod, where, xi, "pk1"), normals(jacobian, area))
+        moved = self.deformation_gradient(rod, where, xi) @ jacobian
+        places = rest + self.at(rod, where, xi)
+        centroid = centroids(places, np.linalg.norm(normals(moved, area), axis=2))
+        moment = np.cross(places - centroid[:, None], pull).sum(axis=1)
+        found = pull.sum(axis=1), moment, centroid, frames(moved, area)
+        return SectionForces(*(one.reshape(*given.shape, *one.shape[1:]) for one in found))
+
+    @property
+    def _nodal(self) -> Array:
         if self.displacement is None:
             raise InputError("displacement: modes have shapes, and no displacement")
+        return self.displacement
+
+    def _located(self, rod: int, u: ArrayLike, xi: ArrayLike | None) -> tuple[Any, Index, Array]:
+        """Return points of a rod, and the cell and the reference position of each."""
         # What u and xi may be, and what they mean, is told by isorod itself.
         points = Deformation(self.model, np.empty(0))._points(rod, u, xi)
         t, q = len(points.u), len(points.xi)
         grid = np.concatenate([np.tile(points.xi, (t, 1)), np.repeat(points.u, q)[:, None]], axis=1)
         cell, where = self._places(points.number).find(grid)
-        cells = self.mesh.cells[self.mesh.regions[f"rod {points.number}"][cell]]
-        found = np.einsum("mn,mna->ma", self._functions(where), self.displacement[cells]).reshape(t, q, 3)
-        return (found.mean(axis=1) if points.mean else found).reshape(*points.shape, 3)
+        return points, self.mesh.regions[f"rod {points.number}"][cell], where
+
+    def _gradients(self, cells: Index, where: Array, which: str) -> tuple[Array, Array]:
+        """Return deformation gradients and ``dx/d`` reference position, at `_ALL` points of cells or at `_EACH`."""
+        slopes = gradients("hexahedron", self.mesh.order, self.mesh.reference, where)
+        nodes = self.mesh.cells[cells]
+        jacobian, change = (np.einsum(which, slopes, one[nodes]) for one in (self.mesh.points, self._nodal))
+        return np.eye(3) + change @ np.linalg.inv(jacobian), jacobian
+
+    def _laws(self, cells: Index, parameters: Array) -> Iterator[tuple[Index, Any]]:
+        """Yield which of the cells have a law, and the law at their parameters ``(cells, q, 3)``."""
+        laws = [(b, law) for b, body in enumerate(self.model.bodies) for law in body.laws]
+        for k, (b, law) in enumerate(laws):
+            (own,) = np.nonzero(self.place[cells] == k)
+            if own.size:
+                yield own, law.placed(on_rod(self.model.bodies[b].space.rod, parameters[own]))
 
     def _functions(self, where: Array) -> Array:
         return lagrange(self.mesh.order, self.mesh.reference, where)
@@ -143,37 +216,34 @@ class Solution:
         }
         if self.displacement is None:
             return found | {"modes": self.shapes, "frequencies": self.frequencies}
-        return found | {"displacement": self.displacement} | self._stress(self.displacement)
+        return found | {"displacement": self.displacement} | self._stress()
 
-    def _stress(self, displacement: Array) -> dict[str, Array]:
+    def _stress(self) -> dict[str, Array]:
         """Return the von Mises stress at Gauss points, and where these are."""
         mesh = self.mesh
         ticks = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)
         where = np.stack([one.ravel() for one in np.meshgrid(ticks, ticks, ticks, indexing="ij")], axis=1)
         values = self._functions(where)
-        slopes = gradients("hexahedron", mesh.order, mesh.reference, where)
-        jacobian = np.einsum("qnb,cna->cqab", slopes, mesh.points[mesh.cells])
-        change = np.einsum("qnb,cna->cqab", slopes, displacement[mesh.cells])
-        F = np.eye(3) + change @ np.linalg.inv(jacobian)
-        parameters = np.einsum("qn,cnp->cqp", values, self.cell_parameters)
+        every = np.arange(len(mesh.cells))
+        F, _ = self._gradients(every, where, _ALL)
+        places = np.einsum("qn,cnp->cqp", values, self.cell_parameters)
         stress = np.empty_like(F)
-        laws = [(b, law) for b, body in enumerate(self.model.bodies) for law in body.laws]
+        for own, law in self._laws(every, places):
+            stress[own] = law.stress(F[own])
         rods = np.empty(len(mesh.cells), dtype=np.int64)
-        for k, (b, law) in enumerate(laws):
-            (cells,) = np.nonzero(self.place == k)
-            if not cells.size:
-                continue
-            rods[cells] = b
-            axis = self.model.bodies[b].space.axis
-            low, high = axis.breaks[[0, -1]]
-            u = parameters[cells, :, 2]
-            u[u > high] -= high - low
-            parameters[cells, :, 2] = u
-            stress[cells] = law.placed(on_rod(self.model.bodies[b].space.rod, parameters[cells])).stress(F[cells])
-        cauchy = np.einsum("cqaA,cqbA->cqab", stress, F) / determinant(F)[..., None, None]
+        for b, body in enumerate(self.model.bodies):
+            rods[mesh.regions[f"rod {b}"]] = b
+            low, high = body.space.axis.breaks[[0, -1]]
+            u = places[rods == b, :, 2]
+            places[rods == b, :, 2] = np.where(u > high, u - (high - low), u)
         return {
-            "stress_parameters": parameters.reshape(-1, 3),
+            "stress_parameters": places.reshape(-1, 3),
             "stress_rod": np.repeat(rods, len(where)),
             "stress_points": np.einsum("qn,cna->cqa", values, mesh.points[mesh.cells]).reshape(-1, 3),
-            "von_mises": von_mises(cauchy).ravel(),
+            "von_mises": von_mises(_cauchy(stress, F)).ravel(),
         }
+
+
+def _cauchy(stress: Array, F: Array) -> Array:
+    """Return Cauchy's stress of the first Piola-Kirchhoff stress, shape of both."""
+    return np.asarray(np.einsum("...aA,...bA->...ab", stress, F) / determinant(F)[..., None, None])

@@ -5,7 +5,7 @@ import dataclasses
 import os
 import sys
 import textwrap
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout
 from typing import Any
 
@@ -52,7 +52,7 @@ def summary(record: Mapping[str, Any], scene: Any) -> str:
     scene
         Whose ``units`` say which of its numbers are the answer, in which order and in which unit.
     """
-    rows = [*_answer(record, scene.units), *_effort(record), *_origin(record, scene)]
+    rows = [*_answer(record, scene.units, getattr(scene, "stresses", ())), *_effort(record), *_origin(record, scene)]
     lines = []
     for label, text in rows:
         lines += textwrap.wrap(
@@ -65,7 +65,8 @@ def summary(record: Mapping[str, Any], scene: Any) -> str:
     return "\n".join(lines)
 
 
-def _answer(record: Mapping[str, Any], units: Mapping[str, str]) -> Iterator[tuple[str, str]]:
+def _answer(record: Mapping[str, Any], units: Mapping[str, str], stresses: Sequence[str]) -> Iterator[tuple[str, str]]:
+    places = record.get("places", {})
     for name, unit in units.items():
         if name not in record:
             continue
@@ -77,7 +78,9 @@ def _answer(record: Mapping[str, Any], units: Mapping[str, str]) -> Iterator[tup
             text += f" and {value.size - _MOST} more"
         if moving and value.ndim == 1 and value.max() > value[-1]:
             text += f" in the end, largest {value.max():.6g}"
-        yield name.replace("_", " "), f"{text} {unit}".rstrip()
+        place = places.get(name)
+        where = _place(place[-1] if isinstance(place, list) else place) if place else ""
+        yield name.replace("_", " "), f"{text} {unit}".rstrip() + where
     if record.get("analysis") == "modal":
         yield from _state(record)
     touching = [one for one in record.get("contacts", ()) if one["active"]]
@@ -86,7 +89,8 @@ def _answer(record: Mapping[str, Any], units: Mapping[str, str]) -> Iterator[tup
     if touching[_FEW:]:
         yield "contacts", f"{len(touching) - _FEW} more"
     if "error_estimate" in record and not record.get("changes"):
-        yield "error", f"about {record['error_estimate']:.1g}, relative, as estimated by a step on a finer space"
+        but = f"; not of stresses ({', '.join(stresses)}), whose error --refine tells" if stresses else ""
+        yield "error", f"about {record['error_estimate']:.1g}, relative, as estimated by a step on a finer space{but}"
     elif "error_estimate" in record:
         changes = ", ".join(f"{name.replace('_', ' ')} {change:.2g}" for name, change in record["changes"].items())
         yield "error", f"{record['error_estimate']:.2g}, relative, as estimated from finer spaces ({changes})"
@@ -99,6 +103,11 @@ def _state(record: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     falling = sum(one < 0.0 for one in record["frequencies"][record["rigid"] :])
     if falling:
         yield "unstable", f"{_count(falling, 'mode')} shown below zero, which grow: omega^2 is negative"
+
+
+def _place(place: Mapping[str, float]) -> str:
+    """Return where a largest value is."""
+    return f", the largest: at u = {place['u']:.4g}, angle {place['angle']:.4g}, radius {place['radius']:.4g}"
 
 
 def _contact(one: Mapping[str, Any]) -> str:

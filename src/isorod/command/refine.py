@@ -202,6 +202,9 @@ def _change(scene: Any, here: Mapping[str, Any], there: Mapping[str, Any]) -> fl
     """Return the largest relative change of what is measured: of each frequency, or of a vector's size."""
     changes = [0.0]
     for name, value in here.items():
+        # Where a largest value is may be another place.
+        if name not in scene.units:
+            continue
         a, b = (np.atleast_1d(np.asarray(one, float)) for one in (value, there[name]))
         if scene.analysis == "modal":
             changes.append(float(np.abs(b / a - 1.0).max()))

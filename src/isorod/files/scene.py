@@ -30,7 +30,7 @@ RESERVED = frozenset(
     "residuals rigid below shift iterations frequencies times reactions contact_force kinetic stored contact_energy "
     "added_kinetic muscle_work load_work dissipated energy_error momentum_error steps time_step critical_step "
     "microseconds_a_step resumed integrator added_kinetic_share smallest_jacobian volume control_points stabilisation "
-    "stabilisation_rounds about".split()
+    "stabilisation_rounds about places".split()
 )
 
 # Of each analysis the class of its solutions.
@@ -75,6 +75,8 @@ class FileScene:
         ``"statics"``, ``"modal"``, ``"dynamics"`` or ``"geometry"``.
     units
         Of each number that is the answer, in words.
+    stresses
+        The names of those that are stresses, of which an estimate of the error of works tells nothing.
 
     Raises
     ------
@@ -124,6 +126,7 @@ class FileScene:
             self._spin = call(top / "spin", schema.SPIN, (top / "spin").table(self.content["spin"]))
         self._check_names()
         self.units: dict[str, str] = {}
+        self.stresses: list[str] = []
         self._measures = dict(self._asked())
 
     def _tell_spaces(self) -> None:
@@ -207,6 +210,8 @@ class FileScene:
                 raise at.error("a result has something else of this name; choose another")
             asked = choice(at, fitting, table)
             self.units[name] = asked.arguments.pop("unit", "")
+            if asked.form is schema.MEASURES["stress"]:
+                self.stresses.append(name)
             yield name, partial(asked.make, **self._names(asked))
         if self.analysis == "modal":
             self.units["frequencies"] = "(cycles per unit of time)"
@@ -301,8 +306,21 @@ class FileScene:
         return model
 
     def measure(self, solution: Any) -> dict[str, object]:
-        """Return what the file asks for; without, the force of each support, or the frequencies."""
-        return {name: ask(solution=solution) for name, ask in self._measures.items()}
+        """Return what the file asks for; without, the force of each support, or the frequencies.
+
+        Of largest values ``places`` has where they are, by their names; of a motion a list, an output each.
+        """
+        from isorod.output.largest import Peak
+
+        found: dict[str, Any] = {name: ask(solution=solution) for name, ask in self._measures.items()}
+        places = {}
+        for name, value in found.items():
+            several = isinstance(value, list)
+            peaks = [one for one in (value if several else [value]) if isinstance(one, Peak)]
+            if peaks:
+                found[name] = [one.value for one in peaks] if several else value.value
+                places[name] = [one.place for one in peaks] if several else value.place
+        return found | ({"places": places} if places else {})
 
     @property
     def _numbered(self) -> dict[str, Mapping[str, Any]]:

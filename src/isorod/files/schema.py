@@ -104,5 +104,9 @@ MEASURES = {
     "reaction": _measure("reaction", support=SUPPORT),
     "moment": _measure("moment", support=SUPPORT),
     "displacement": _measure("displacement", rod=ROD),
+    "stress": _measure("stress", rod=ROD),
+    "section_force": _measure("section_force", rod=ROD),
+    "energy": _measure("energy", rod=ROD),
+    "stiffness": _measure("stiffness", support=SUPPORT),
     "contact_force": _measure("contact_force", contact=CONTACT),
 }

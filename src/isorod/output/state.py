@@ -343,6 +343,13 @@ class State(Deformation):
             owner, fields["displacement"], parameters(owner.space, u), self.factor, fields.get("pressure")
         )
 
+    def energy(self, body: Named) -> float:
+        """Return the energy stored in a body (`isorod.output.energy.stored`)."""
+        from isorod.output import energy
+
+        number = self._number(body)
+        return energy.stored(self.model.bodies[number], self.fields(number), self.factor)
+
     _colours: ClassVar[tuple[str, ...]] = ("von Mises", "displacement")
 
     def _mesh(self, body: int, colour: str) -> Any:

@@ -6,6 +6,7 @@ from numpy.typing import ArrayLike
 from isorod.arrays import Array
 from isorod.errors import InputError
 from isorod.model.body import Body
+from isorod.output.words import Component
 from isorod.tensors import determinant
 
 
@@ -71,3 +72,26 @@ def von_mises(stress: Array) -> Array:
     mean = np.trace(stress, axis1=-2, axis2=-1) / 3.0
     deviator = stress - mean[..., None, None] * np.eye(3)
     return np.sqrt(1.5 * np.sum(deviator**2, axis=(-2, -1)))
+
+
+def component(stress: Array, name: Component, normal: Array) -> Array:
+    """Return one number of Cauchy stresses ``(..., 3, 3)``, shape ``(...)``.
+
+    Parameters
+    ----------
+    name
+        Which one (`Component`).
+    normal
+        Normals of the sections where the stresses are, of any length, shape ``(..., 3)``; of those that ask for one.
+    """
+    if name == "von_mises":
+        return von_mises(stress)
+    if name in ("max_principal", "min_principal"):
+        return np.asarray(np.linalg.eigvalsh(stress)[..., -1 if name == "max_principal" else 0])
+    if name in ("along", "shear"):
+        unit = normal / np.linalg.norm(normal, axis=-1, keepdims=True)
+        traction = np.einsum("...ab,...b->...a", stress, unit)
+        along = np.einsum("...a,...a->...", traction, unit)
+        return along if name == "along" else np.linalg.norm(traction - along[..., None] * unit, axis=-1)
+    row, column = ("xyz".index(letter) for letter in name)
+    return stress[..., row, column]

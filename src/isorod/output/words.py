@@ -1,7 +1,13 @@
-"""Numbers as people read them."""
+"""Numbers as people read them, and words by which they ask."""
+
+from typing import Literal
 
 # Kinds of cells in files: what suits a body, rational Bezier cells (`isorod.output.bezier`), many small linear ones.
 CELLS = "auto", "bezier", "linear"
+
+# Of Cauchy's stress: von Mises, the largest and the smallest principal stress, components in space, and through the
+# section: normal to it, and the size of the shear in it.
+Component = Literal["von_mises", "max_principal", "min_principal", "xx", "yy", "zz", "xy", "yz", "xz", "along", "shear"]
 
 
 def duration(seconds: float) -> str:

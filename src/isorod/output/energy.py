@@ -1,0 +1,39 @@
+"""The energy stored in a body."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from isorod.arrays import Array
+from isorod.material.along_rod import complementary, shear_laws, volume_change
+from isorod.model.body import Body
+
+# Elements that are evaluated at a time: memory stays small.
+_CHUNK = 32
+
+
+def stored(body: Body, fields: Mapping[str, Array], factor: float) -> float:
+    """Return ``int W dV`` by the space's quadrature, of muscles with what active fibres add to ``W``.
+
+    Of the mixed formulation it is the value of its functional, at a solution the same.
+
+    Parameters
+    ----------
+    fields
+        Of a state (`isorod.output.state.State.fields`): ``displacement`` and, of a mixed body, ``pressure``.
+    factor
+        Load factor, which a muscle's activation follows.
+    """
+    space, total = body.space, 0.0
+    for begin in range(0, space.axis.elements, _CHUNK):
+        table = space.tabulate(begin, min(begin + _CHUNK, space.axis.elements))
+        u = table.u.ravel()
+        _, F = space.displacement(fields["displacement"], table.xi, u)
+        laws = body.laws_at(u, table.xi).at(factor)
+        if body.pressures is None:
+            density = laws.energy(F)
+        else:
+            p = body.pressures.evaluate(fields["pressure"], table.xi, u)
+            density = shear_laws(laws).energy(F) + p * volume_change(laws, F)[0] - complementary(laws, p)[0]
+        total += float(np.sum(table.weights.reshape(density.shape) * density))
+    return total
