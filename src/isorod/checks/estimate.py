@@ -8,6 +8,7 @@ projection.  What a finer space sees it says: nothing of the geometry, and nothi
 """
 
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from petsc4py import PETSc
@@ -17,6 +18,7 @@ from isorod.arrays import Array
 from isorod.assembly.assembler import Assembler
 from isorod.assembly.factorisation import factorisation
 from isorod.assembly.formulation import assembler_for
+from isorod.checks import stresses
 from isorod.checks.finer import DIRECTIONS, Finer
 from isorod.errors import InputError
 from isorod.model.model import Model
@@ -32,6 +34,21 @@ _CANCELS = 1e-9
 _PREFIX = "estimate_"
 
 
+class Error(NamedTuple):
+    """Estimates of relative errors, None where there is none.
+
+    Attributes
+    ----------
+    work
+        Of the work that moved supports or loads do, the larger; where neither are, of the displacements' size.
+    stress
+        Of stresses away from edges (`isorod.checks.stresses`), relative to the largest.
+    """
+
+    work: float | None
+    stress: float | None
+
+
 def of_equilibrium(
     model: Model,
     displacement: Array,
@@ -39,10 +56,8 @@ def of_equilibrium(
     pressures: Sequence[Array | None] = (),
     directions: Sequence[str] = DIRECTIONS,
     ranks: int = 1,
-) -> float | None:
-    """Return the relative change of the work that moved supports or loads do, the larger; None where there is none.
-
-    Where neither are, that of the displacements' size.
+) -> Error:
+    """Return estimates of the errors of an equilibrium.
 
     Parameters
     ----------
@@ -60,36 +75,36 @@ def of_equilibrium(
         Number of those that solved it: this one alone, or all, which then call this together.
     """
 
-    def change(finer: Finer, comm: PETSc.Comm) -> float | None:
+    def change(finer: Finer, comm: PETSc.Comm) -> Array:
         return _equilibrium(finer, comm, displacement, work, pressures)
 
-    return _total(model, directions, ranks, change)
+    return Error(*_total(model, directions, ranks, change, 2))
 
 
 def _total(
-    model: Model, directions: Sequence[str], ranks: int, change: Callable[[Finer, PETSc.Comm], float | None]
-) -> float | None:
-    """Return the sum of what finer spaces change, or None; of a communicator that is neither one rank nor all too."""
-    total, comm = 0.0, PETSc.COMM_SELF if ranks == 1 else PETSc.COMM_WORLD
+    model: Model, directions: Sequence[str], ranks: int, change: Callable[[Finer, PETSc.Comm], Array], count: int
+) -> list[float | None]:
+    """Return sums ``(count,)`` of what finer spaces change; None where there is none, as on some ranks of many."""
+    total, comm = np.zeros(count), PETSc.COMM_SELF if ranks == 1 else PETSc.COMM_WORLD
+    none: list[float | None] = [None] * count
     if ranks != comm.getSize():
-        return None
+        return none
     for direction in directions:
         try:
             finer = Finer.of(model, direction)
         except InputError:
             # No finer one can be had: too many elements, or points, or what they take.
-            return None
-        found = None if finer is None or not model.unknowns else change(finer, comm)
-        if finer is None or found is None:
-            return None
-        total += found / (1.0 - finer.left)
-    return total
+            return none
+        if finer is None or not model.unknowns:
+            return none
+        total += change(finer, comm) / (1.0 - finer.left)
+    return [float(one) if np.isfinite(one) else None for one in total]
 
 
 def _equilibrium(
     finer: Finer, comm: PETSc.Comm, displacement: Array, work: float, pressures: Sequence[Array | None]
-) -> float | None:
-    """Return the change on finer spaces."""
+) -> Array:
+    """Return the changes of work and stress on finer spaces, NaN where there is none."""
     state = finer.displacement(displacement)
     assembler = assembler_for(finer.model, comm)
     x = assembler.state(state, finer.pressures(pressures) if pressures else ())
@@ -97,7 +112,7 @@ def _equilibrium(
     ksp = _solver(assembler, matrix)
     try:
         sizes, gained, first = _corrected(assembler, x, matrix, ksp)
-        found = assembler.displacement(x, 1.0)
+        found, corrected = assembler.displacement(x, 1.0), assembler.pressures(x)
         given = finer.model.driven[finer.model.bound]
         carried = assembler.reactions(x, 1.0) if given.any() else given
     finally:
@@ -107,16 +122,15 @@ def _equilibrium(
         # Too far for straight steps: the first alone, of moved supports its energy; without one nothing is right.
         found, given = first, given * 0.0
         if not np.isfinite(found).all():
-            return 1.0
+            return np.ones(2)
         if not finer.model.external.any() and work:
-            return gained / (abs(work) + gained)
+            return np.array([gained / (abs(work) + gained), np.nan])
     # What moved supports do and what loads do, or where neither do, how far it goes.
     pairs = [(carried * given, work)]
     for weights in (finer.model.external, state * (not finer.model.external.any() and not pairs[0][0].any())):
         pairs.append((weights * found, float(weights @ state)))
     changes = [abs(before / terms.sum() - 1.0) for terms, before in pairs if _counts(terms)]
-    error = max(changes, default=np.nan)
-    return float(error) if np.isfinite(error) else None
+    return np.array([max(changes, default=np.nan), stresses.change(finer, displacement, found, pressures, corrected)])
 
 
 def _corrected(
@@ -181,10 +195,11 @@ def of_modes(
     if not eigenvalues.size:
         return None
 
-    def change(finer: Finer, comm: PETSc.Comm) -> float | None:
-        return _modes(finer, comm, eigenvalues, vectors, free, lumped, about)
+    def change(finer: Finer, comm: PETSc.Comm) -> Array:
+        found = _modes(finer, comm, eigenvalues, vectors, free, lumped, about)
+        return np.array([np.nan if found is None else found])
 
-    return _total(model, directions, ranks, change)
+    return _total(model, directions, ranks, change, 1)[0]
 
 
 def _modes(

@@ -114,7 +114,7 @@ def _analysis(scene: Any, theirs: Sequence[str], found: argparse.Namespace) -> t
     else:
         solution, seconds = run.solve(scene, settings)
         if not getattr(found, "no_estimate", True):
-            refined = run.estimate(solution)
+            refined = run.estimate(solution, bool(getattr(scene, "stresses", ())) or found.output is not None)
     record = run.record(scene, solution, {"import": imported} | seconds, settings, theirs) | refined
     left = unused_options()
     if left:

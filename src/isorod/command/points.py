@@ -102,7 +102,7 @@ class Points:
             return solution, run.record(scene, solution, seconds, settings, self._theirs) | {"sweep": told}
 
         def estimated(solution: Any) -> dict[str, Any]:
-            return run.estimate(solution) if told["estimated"] else {}
+            return run.estimate(solution, bool(getattr(scene, "stresses", ()))) if told["estimated"] else {}
 
         statics = scene.analysis == "statics" and self._warm is not None
         told["status"] = sheet.SOLVED

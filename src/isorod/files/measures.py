@@ -104,8 +104,10 @@ def stress(
     from isorod.files import peaks
 
     found = _each(solution, lambda state: peaks.stress(state, rod, component, u, xi, away))
-    moves = not hasattr(solution, "at")
-    peaks.warn(solution[-1] if moves else solution, rod, component, u, xi, away, found[-1] if moves else found)
+    # Of a motion that in the end.
+    state: Any = solution
+    last, there = (state, found) if hasattr(state, "at") else (state[-1], found[-1])
+    peaks.warn(last, rod, component, u, xi, away, there)
     return found
 
 

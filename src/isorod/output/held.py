@@ -1,5 +1,6 @@
 """How far places along a rod are from where supports hold it: at the edges of held faces stresses have no limit."""
 
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -16,7 +17,7 @@ def width(model: Model, number: int) -> float:
     return _line(model, number)[2]
 
 
-def distance(model: Model, number: int, u: Array) -> Array:
+def distance(model: Model, number: int, u: Array, more: Sequence[float] | Array = ()) -> Array:
     """Return lengths along the centre line to the nearest held face or patch, infinite where there is none.
 
     Parameters
@@ -27,11 +28,13 @@ def distance(model: Model, number: int, u: Array) -> Array:
         Of the body.
     u
         Axis parameters, shape ``(n,)``.
+    more
+        Other places that count as held ones do.
     """
     line, length, _ = _line(model, number)
     place = np.interp(u, line, length)
     found = np.full(place.shape, np.inf)
-    for low, high in _held(model, number):
+    for low, high in [*_held(model, number), *((one, one) for one in more)]:
         first, last = np.interp([low, high], line, length)
         beyond = np.maximum(first - place, place - last)
         if model.bodies[number].space.rod.closed:

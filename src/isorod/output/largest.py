@@ -131,4 +131,4 @@ def _disk(polar: Array) -> Array:
 
 
 def _polar(xi: Sequence[float]) -> list[float]:
-    return [float(np.hypot(*xi)), float(np.arctan2(xi[1], xi[0]))]
+    return [float(np.hypot(xi[0], xi[1])), float(np.arctan2(xi[1], xi[0]))]

@@ -23,6 +23,7 @@ from isorod.statics.newton import Diverged, Newton, TooDeep
 from isorod.statics.path import Path, Step
 
 if TYPE_CHECKING:
+    from isorod.checks.estimate import Error
     from isorod.contact.result import ContactResult
     from isorod.output.matrices import Matrices
 
@@ -118,9 +119,13 @@ class Equilibrium(State, Animated):
         )
 
     def estimate(self, *directions: str) -> float | None:
-        """Return an estimate of the relative error (`isorod.checks.estimate`); None where there is none, as in contact.
+        """Return an estimate of the relative error of works; None where there is none (`errors`)."""
+        return self.errors(*directions).work
 
-        It takes about as long as the solution.  It is the sum of those of the approximation across the ``"section"``
+    def errors(self, *directions: str) -> "Error":
+        """Return estimates of relative errors (`isorod.checks.estimate`), None where there are none, as in contact.
+
+        It takes about as long as the solution.  They are sums of those of the approximation across the ``"section"``
         and along the ``"axis"``, unless one of them is asked for.
         """
         from isorod.checks import estimate

@@ -1,0 +1,70 @@
+"""How much stresses change on a finer space, away from where they have no limit.
+
+At the edges of held faces and patches, and where laws meet at the surface, stresses grow without bound on finer spaces;
+what counts is farther off than the section is wide, within which such effects decay (Saint-Venant).
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from isorod.arrays import Array
+from isorod.checks.finer import Finer
+from isorod.model.body import Body
+from isorod.output import held
+from isorod.output.stress import cauchy
+
+# Sections looked at in an element, elements looked at, and points round each section.
+_SECTIONS, _MOST, _AROUND = 4, 256, 8
+
+
+def change(
+    finer: Finer,
+    before: Array,
+    after: Array,
+    pressures: Sequence[Array | None] = (),
+    corrected: Sequence[Array | None] = (),
+) -> float:
+    """Return the largest change of Cauchy stress at surfaces, relative to the largest stress there.
+
+    Stresses are measured by their Frobenius norm; the answer is NaN where no place is far enough from edges.
+
+    Parameters
+    ----------
+    before, after
+        All degrees of freedom of the model, and on the finer spaces.
+    pressures, corrected
+        The same of the coefficients of mixed bodies.
+    """
+    largest = changed = 0.0
+    for b, (body, fine) in enumerate(zip(finer.coarse.bodies, finer.model.bodies, strict=True)):
+        u = _away(finer, b)
+        if not u.size:
+            continue
+        angle = 2.0 * np.pi / _AROUND * (np.arange(_AROUND) + 0.5)
+        ring = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        xi = np.concatenate([radius * ring for radius in body.space.rod.rings if radius > 0.0])
+        there = _stress(body, finer.coarse.nodal(before, b), xi, u, pressures[b] if pressures else None)
+        better = _stress(fine, finer.model.nodal(after, b), xi, u, corrected[b] if corrected else None)
+        largest = max(largest, float(np.linalg.norm(better, axis=(2, 3)).max()))
+        changed = max(changed, float(np.linalg.norm(better - there, axis=(2, 3)).max()))
+    return changed / largest if largest else np.nan
+
+
+def _stress(body: Body, nodal: Array, xi: Array, u: Array, pressure: Array | None) -> Array:
+    return cauchy(body, nodal, xi, u, 1.0, pressure)
+
+
+def _away(finer: Finer, number: int) -> Array:
+    """Return axis parameters inside the elements of a body that are farther from edges than its section is wide."""
+    model, body = finer.coarse, finer.coarse.bodies[number]
+    axis, rings = body.space.axis, len(body.space.rod.rings) - 1
+    count = min(axis.elements, _MOST)
+    first = np.arange(count) * axis.elements // count
+    share = (np.arange(_SECTIONS) + 0.5) / _SECTIONS
+    u = (axis.breaks[first, None] + np.diff(axis.breaks)[first, None] * share).ravel()
+    laws = np.array([id(law) for law in body.laws]).reshape(-1, rings)
+    jumps = axis.breaks[1:-1][(laws[1:] != laws[:-1]).any(axis=1)]
+    ends = np.array([]) if body.space.rod.closed else axis.breaks[[0, -1]]
+    away = held.distance(model, number, u, np.append(ends, jumps)) > held.width(model, number)
+    return np.asarray(u[away])
