@@ -94,8 +94,9 @@ def test_a_spinning_blade_flaps_as_published(scene):
     text = ROD + "[spin]\nvelocity = [6.0, 0.0, 0.0]\n"
     modes = solved(scene(text, length=100.0, radius=1.0, E=4.0e8, nu=0.0, density=1.0))
     exact = np.array([np.sqrt(7.3604**2 - 36.0), 7.3604]) / (2.0 * np.pi)
-    assert modes.frequencies == pytest.approx(exact, rel=1e-3)
-    assert modes.about == "the equilibrium under spin"
+    # Coriolis forces slow it in its plane by 7e-4 (test_gyroscopic).
+    assert modes.frequencies == pytest.approx(exact, rel=2e-3)
+    assert modes.about == "the equilibrium under spin, in the frame that turns"
 
 
 def test_the_state_is_that_of_statics_and_one_given_wins(scene):

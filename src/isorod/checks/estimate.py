@@ -12,10 +12,11 @@ from typing import NamedTuple
 
 import numpy as np
 from petsc4py import PETSc
-from scipy.linalg import eigh
+from scipy.linalg import eigh, eigvals
 
 from isorod.arrays import Array
 from isorod.assembly.assembler import Assembler
+from isorod.assembly.coriolis import coriolis
 from isorod.assembly.factorisation import factorisation
 from isorod.assembly.formulation import assembler_for
 from isorod.checks import stresses
@@ -173,6 +174,7 @@ def of_modes(
     lumped: bool = False,
     directions: Sequence[str] = DIRECTIONS,
     about: State | None = None,
+    quarter: Array | None = None,
     ranks: int = 1,
 ) -> float | None:
     """Return the largest relative change of the frequencies of flexible modes; None where there is none.
@@ -191,12 +193,14 @@ def of_modes(
         As for `of_equilibrium`.
     about
         The equilibrium about which they are; None for the state of rest.
+    quarter
+        Of a body that spins the shapes a quarter of a period later.
     """
     if not eigenvalues.size:
         return None
 
     def change(finer: Finer, comm: PETSc.Comm) -> Array:
-        found = _modes(finer, comm, eigenvalues, vectors, free, lumped, about)
+        found = _modes(finer, comm, eigenvalues, vectors, free, lumped, about, quarter)
         return np.array([np.nan if found is None else found])
 
     return _total(model, directions, ranks, change, 1)[0]
@@ -210,6 +214,7 @@ def _modes(
     free: bool,
     lumped: bool,
     about: State | None,
+    quarter: Array | None,
 ) -> float | None:
     """Return the change on finer spaces."""
     assembler = assembler_for(finer.model, comm)
@@ -219,10 +224,9 @@ def _modes(
     # Definite, of a free body too, but for pressures.
     shift = float(eigenvalues[0]) if free else 0.0
     shapes = [finer.displacement(vector) for vector in vectors]
+    whirl = None if quarter is None else coriolis(assembler, lumped)
     if free:
         matrix.axpy(shift, mass, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
-    elif finer.wider:
-        shapes += _turns(finer.model)
     ksp = _solver(assembler, matrix)
     try:
         if about is not None:
@@ -235,9 +239,15 @@ def _modes(
                 return 1.0
             assembler.tangent(x, 1.0, matrix)
             ksp.setOperators(matrix)
-        pushed, found, heavy = ([assembler.vector() for _ in shapes] for _ in range(3))
-        for shape, force, better, image in zip(shapes, pushed, found, heavy, strict=True):
-            mass.mult(assembler.state(shape), force)
+        if whirl is None or quarter is None:
+            pushed = [mass * assembler.state(shape) for shape in shapes]
+        else:
+            later = [finer.displacement(vector) for vector in quarter]
+            pushed = _whirled(assembler, mass, whirl, eigenvalues, shapes, later)
+        if finer.wider and not free:
+            pushed += [mass * assembler.state(shape) for shape in _turns(finer.model)]
+        found, heavy = ([assembler.vector() for _ in pushed] for _ in range(2))
+        for force, better, image in zip(pushed, found, heavy, strict=True):
             ksp.solve(force, better)
             mass.mult(better, image)
         # The shifted stiffness times a shape is the force.
@@ -250,13 +260,46 @@ def _modes(
         basis = basis[:, kept] / np.sqrt(sizes[kept])
         if basis.shape[1] < eigenvalues.size:
             return None
-        values = eigh(basis.T @ above @ basis, eigvals_only=True)[: eigenvalues.size] - shift
+        above = basis.T @ above @ basis
+        if whirl is None:
+            values = eigh(above, eigvals_only=True)[: eigenvalues.size] - shift
+        else:
+            turned = np.array([[(whirl * a).dot(b) for a in found] for b in found])
+            values = _squares(above, basis.T @ (turned * scale * scale[:, None]) @ basis)[: eigenvalues.size]
         frequencies, better = (np.sign(one) * np.sqrt(np.abs(one)) for one in (eigenvalues, values))
     finally:
-        for one in (ksp, matrix, mass):
-            one.destroy()
+        for one in (ksp, matrix, mass, whirl):
+            if one is not None:
+                one.destroy()
     error = float(np.abs(frequencies / better - 1.0).max())
     return error if np.isfinite(error) else None
+
+
+def _whirled(
+    assembler: Assembler, mass: PETSc.Mat, whirl: PETSc.Mat, eigenvalues: Array, first: list[Array], later: list[Array]
+) -> list[PETSc.Vec]:
+    """Return what the stiffness has to hold in modes ``x cos(omega t) + y sin(omega t)`` with Coriolis forces."""
+    pushed = []
+    for value, *pair in zip(eigenvalues, first, later, strict=True):
+        x, y = (assembler.state(one) for one in pair)
+        if value <= 0.0:
+            pushed.append(mass * x)
+            continue
+        for own, other, rate in ((x, y, -np.sqrt(value)), (y, x, np.sqrt(value))):
+            force = mass * own
+            force.scale(value)
+            force.axpy(rate, whirl * other)
+            pushed.append(force)
+    return pushed
+
+
+def _squares(stiffness: Array, whirl: Array) -> Array:
+    """Return ``omega^2``, ascending, of ``x'' + G x' + K x = 0``: negative of motions that grow."""
+    size = len(stiffness)
+    rates = eigvals(np.block([[np.zeros((size, size)), np.eye(size)], [-stiffness, -whirl]]))
+    swings = np.abs(rates.imag) > np.abs(rates.real)
+    squares = np.where(swings, rates.imag**2, -(rates.real**2))
+    return np.sort(squares[np.where(swings, rates.imag, rates.real) > 0.0])
 
 
 def _turns(model: Model) -> list[Array]:

@@ -112,6 +112,8 @@ def _state(record: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     falling = sum(one < 0.0 for one in record["frequencies"][record["rigid"] :])
     if falling:
         yield "unstable", f"{_count(falling, 'mode')} shown below zero, which grow: omega^2 is negative"
+    elif record.get("falling"):
+        yield "critical", f"{_count(record['falling'], 'motion')} held by Coriolis forces alone, without damping"
 
 
 def _place(place: Mapping[str, float]) -> str:

@@ -6,7 +6,6 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 from petsc4py import PETSc
 
 from isorod.arrays import Array
@@ -17,59 +16,15 @@ from isorod.checks import hourglass, rigid_motions
 from isorod.errors import InputError, SolveError, expect, whole_number
 from isorod.modal import loaded
 from isorod.modal.eigensolvers import only_multiplies
-from isorod.modal.pencil import Found, Pencil
+from isorod.modal.mode import Mode
+from isorod.modal.pencil import Pencil
 from isorod.model.model import Model
-from isorod.output.state import Animated, Deformation, Moment, Named
 from isorod.petsc.options import in_force
 from isorod.statics.analysis import Equilibrium
 
 if TYPE_CHECKING:
+    from isorod.modal.gyroscopic import Found as Whirling
     from isorod.output.matrices import Matrices
-
-# Largest displacement of a mode that is drawn, over the model's size.
-_EXAGGERATION = 0.12
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Mode(Deformation, Animated):
-    """A mode shape, which answers for any point of it (`isorod.output.state`).
-
-    Attributes
-    ----------
-    model, displacement
-        What was solved, and the shape on all degrees of freedom, shape ``(dofs,)``, ``x^T M x = 1``.
-    number, frequency
-        Its place among the modes, from 0, and cycles per time.
-    state
-        Displacement about which it is, shape ``(dofs,)``: positions, centre lines and pictures are of the rods deformed
-        so, and more by the shape; None for the state of rest.
-    """
-
-    number: int
-    frequency: float
-    state: Array | None = None
-
-    def __repr__(self) -> str:
-        return f"Mode {self.number} of {self.model!r}\n  frequency {self.frequency:.6g}"
-
-    def position(self, body: Named, u: ArrayLike, xi: ArrayLike | None = None, scale: float = 1.0) -> Array:
-        """Return where points of a body are, shape ``(..., 3)``, moved from its state by ``scale`` times the shape."""
-        found = super().position(body, u, xi, scale)
-        return found if self.state is None else found + Deformation(self.model, self.state).at(body, u, xi)
-
-    def _moments(self) -> list[Moment]:
-        from isorod.output.animation import shares
-
-        return [Moment(self, f"mode {self.number}, frequency {self.frequency:.5g}", one) for one in shares()]
-
-    def _scale(self, largest: float) -> float:
-        return _EXAGGERATION * self.model.size / largest
-
-    def _mesh(self, body: int, colour: str) -> Any:
-        mesh = super()._mesh(body, colour)
-        if self.state is not None:
-            mesh.points += Deformation(self.model, self.state)._mesh(body, colour).point_data["motion"]
-        return mesh
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,6 +63,11 @@ class Modes:
         What they are about, or None for the state of rest.
     about
         That in words.
+    quarter
+        Of a body that spins, in the frame that turns: shapes a quarter of a period later, shape ``(modes, dofs)``; at
+        time ``t`` it is ``vectors cos(omega t) + quarter sin(omega t)``, and the sum of both ``x^T M x`` is 1.
+    falling
+        Of a body that spins the number of motions that its stiffness alone would not hold, as beyond a critical speed.
     lumped
         Whether the mass matrix is lumped.
     """
@@ -127,6 +87,8 @@ class Modes:
     ranks: int
     equilibrium: Equilibrium | None = None
     about: str = "the state of rest"
+    quarter: Array | None = None
+    falling: int = 0
     lumped: bool = False
 
     @property
@@ -164,9 +126,8 @@ class Modes:
 
         above, asked = slice(self.rigid, None), directions or estimate.DIRECTIONS
         values, shapes = self.eigenvalues[above], self.vectors[above]
-        return estimate.of_modes(
-            self.model, values, shapes, self.rigid > 0, self.lumped, asked, self.equilibrium, self.ranks
-        )
+        rest = self.equilibrium, self.quarter, self.ranks
+        return estimate.of_modes(self.model, values, shapes, self.rigid > 0, self.lumped, asked, *rest)
 
     def matrices(self) -> "Matrices":
         """Return the stiffness and the mass whose modes they are (`isorod.output.matrices.matrices`)."""
@@ -178,6 +139,8 @@ class Modes:
         """Return what a record keeps of them, and of how the equilibrium was found."""
         kept = ("about", "residuals", "rigid", "below", "shift", "iterations")
         found = {name: getattr(self, name) for name in kept}
+        if self.falling:
+            found["falling"] = self.falling
         return found if self.equilibrium is None else self.equilibrium.record() | found
 
     def frames(self) -> "list[tuple[float, Modes]]":
@@ -192,7 +155,10 @@ class Modes:
     def fields(self, body: int) -> dict[str, Array]:
         """Return a body's part of each mode shape, ``(nodes, 3)``, and the displacement that they are about, if any."""
         found = {} if self.state is None else {"displacement": self.model.nodal(self.state, body)}
-        return found | {f"mode_{k + 1}": self.model.nodal(vector, body) for k, vector in enumerate(self.vectors)}
+        later = () if self.quarter is None else self.quarter
+        for name, vectors in (("mode", self.vectors), ("quarter", later)):
+            found |= {f"{name}_{k + 1}": self.model.nodal(vector, body) for k, vector in enumerate(vectors)}
+        return found
 
 
 def solve(
@@ -270,19 +236,21 @@ def _solve(
     start = perf_counter()
     loose = rigid_motions.free_motions(model) if state is None else []
     assembler = assembler_for(model, comm)
-    pencil = _pencil(assembler, lumped, loose)
+    turns = state is not None and loaded.spins(model)
+    pencil = _pencil(assembler, lumped, loose, turns)
     wanted = _wanted(pencil, modes)
     x = assembler.vector() if state is None else assembler.state(state.displacement, state.pressures)
     setup = perf_counter() - start
     assembler.seconds = 0.0
     assembler.tangent(x, 0.0 if state is None else 1.0, pencil.stiffness)
     assembly = assembler.seconds
-    shift = _shift(pencil, model, loose)
     try:
-        found = pencil.solve(wanted, shift)
+        found: Any = _whirling(assembler, pencil, wanted, lumped) if turns else None
+        if found is None:
+            found = pencil.solve(wanted, _shift(pencil, model, loose))
     except SolveError as problem:
         raise SolveError(f"{problem}{hourglass.hint(model)}") from None
-    vectors = _shapes(assembler, found)
+    vectors, quarter = _shapes(assembler, found.vectors, found.later if turns else ())
     begin = perf_counter()
     rules = hourglass.better_rules(model)
     if rules:
@@ -313,8 +281,22 @@ def _solve(
         ranks=assembler.comm.getSize(),
         equilibrium=state,
         about=loaded.told(model, state),
+        quarter=quarter if turns else None,
+        falling=found.falling if turns else 0,
         lumped=lumped,
     )
+
+
+def _whirling(assembler: Assembler, pencil: Pencil, wanted: int, lumped: bool) -> "Whirling":
+    """Return the modes of what turns, with Coriolis forces."""
+    from isorod.assembly.coriolis import coriolis
+    from isorod.modal.gyroscopic import Quadratic
+
+    matrix = coriolis(assembler, lumped)
+    try:
+        return Quadratic(pencil, matrix).solve(wanted)
+    finally:
+        matrix.destroy()
 
 
 def _refuse_massless(model: Model) -> None:
@@ -338,10 +320,10 @@ def _wanted(pencil: Pencil, modes: int) -> int:
     return modes + pencil.rigid
 
 
-def _pencil(assembler: Assembler, lumped: bool, loose: Sequence[tuple[int, Array]]) -> Pencil:
+def _pencil(assembler: Assembler, lumped: bool, loose: Sequence[tuple[int, Array]], turns: bool) -> Pencil:
     """Return the pencil with the mass, and room for the stiffness, of a model with some rigid motions."""
     stiffness = assembler.matrix()
-    multiplies = not loose and only_multiplies()
+    multiplies = not (loose or turns) and only_multiplies()
     mass = assembler.mass_operator(lumped) if multiplies else assembler.mass(lumped)
     return Pencil(
         stiffness,
@@ -368,9 +350,20 @@ def _shift(pencil: Pencil, model: Model, loose: Sequence[tuple[int, Array]]) -> 
     return shift
 
 
-def _shapes(assembler: Assembler, found: Found) -> Array:
-    """Return mode shapes, shape ``(modes, dofs)``; of the largest components of each the first is positive."""
-    vectors = assembler.shapes(np.array([assembler.all_unknowns(x) for x in found.vectors]))
+def _shapes(assembler: Assembler, first: Sequence[PETSc.Vec], later: Sequence[PETSc.Vec]) -> tuple[Array, Array]:
+    """Return mode shapes, shape ``(modes, dofs)``, and those a quarter of a period later, if there are any.
+
+    The shape is the largest of a period; of its largest components the first is positive.
+    """
+    vectors, quarter = (
+        assembler.shapes(np.array([assembler.all_unknowns(x) for x in one])) for one in (first, later or first)
+    )
+    if later:
+        # x cos + y sin is largest where the square of x + i y, summed, is real.
+        turned = (vectors + 1j * quarter) * np.exp(-0.5j * np.angle(np.sum((vectors + 1j * quarter) ** 2, axis=1)))[
+            :, None
+        ]
+        vectors, quarter = turned.real, turned.imag
     large = np.abs(vectors) > 0.999 * np.abs(vectors).max(axis=1, keepdims=True)
-    signs = np.sign(vectors[np.arange(len(vectors)), large.argmax(axis=1)])
-    return np.asarray(vectors * signs[:, None])
+    signs = np.sign(vectors[np.arange(len(vectors)), large.argmax(axis=1)])[:, None]
+    return vectors * signs, quarter * signs

@@ -22,7 +22,7 @@ def burdens(model: Model) -> str:
     found = [
         _count(loads, "load"),
         _count(moved, "moved support"),
-        "spin" if model.spin is not None and any(model.spin.velocity) else "",
+        "spin" if spins(model) else "",
         _count(len(model.contacts), "contact"),
         "active muscles" if muscles else "",
     ]
@@ -30,12 +30,19 @@ def burdens(model: Model) -> str:
     return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
 
 
+def spins(model: Model) -> bool:
+    """Return whether a model turns."""
+    return model.spin is not None and any(model.spin.velocity)
+
+
 def told(model: Model, state: Equilibrium | None) -> str:
     """Return in words what modes are about."""
     under = burdens(model)
     if state is None:
         return "the state of rest" + (f", without {under}" if under else "")
-    return f"the equilibrium under {under}" if under else "an equilibrium without loads"
+    if not under:
+        return "an equilibrium without loads"
+    return f"the equilibrium under {under}" + (", in the frame that turns" if spins(model) else "")
 
 
 def _count(number: int, what: str) -> str:

@@ -8,6 +8,7 @@ from scipy.sparse import csr_array, triu
 
 from isorod.arrays import Array, Index
 from isorod.assembly.assembler import Assembler
+from isorod.assembly.coriolis import coriolis
 from isorod.assembly.formulation import assembler_for
 from isorod.errors import InputError, expect
 from isorod.model.model import Model
@@ -45,6 +46,9 @@ class Matrices:
         Whether the mass is lumped, not consistent.
     state
         What they are about; None for the state of rest.
+    gyroscopic
+        Of a body that spins, about its equilibrium, the antisymmetric ``G`` of the Coriolis forces ``G v`` in the frame
+        that turns, of the same shape: modes are ``K x + i omega G x = omega^2 M x``.  None else.
     """
 
     model: Model
@@ -56,6 +60,7 @@ class Matrices:
     symmetric: bool
     lumped: bool = False
     state: State | None = None
+    gyroscopic: csr_array | None = None
 
     def __repr__(self) -> str:
         about = "at rest" if self.state is None else "about a state"
@@ -119,6 +124,7 @@ def matrices(model: Model, state: State | None = None, lumped: bool = False) -> 
         assembler.load_forces(x, 0.0, 1.0, force)
     else:
         assembler.residual(x, factor, force)
+    spins = state is not None and model.spin is not None and any(model.spin.velocity)
     return Matrices(
         model=model,
         stiffness=_sparse(tangent, assembler.symmetric),
@@ -129,6 +135,7 @@ def matrices(model: Model, state: State | None = None, lumped: bool = False) -> 
         symmetric=assembler.symmetric,
         lumped=lumped,
         state=state,
+        gyroscopic=_sparse(coriolis(assembler, lumped), False) if spins else None,
     )
 
 

@@ -26,6 +26,9 @@ from isorod.output.matrices import Matrices
 # What PETSc's files of a matrix and of a vector begin with.
 _MATRIX, _VECTOR = 1211216, 1211214
 
+# Matrices of the unknowns.
+_KINDS = ("stiffness", "mass", "gyroscopic")
+
 # Digits after which a double is itself again.
 _DIGITS = 17
 
@@ -93,6 +96,9 @@ def _said(found: Matrices, about: Mapping[str, Any]) -> dict[str, Any]:
         + ("what supports prescribe" if found.state is None else "the solution"),
         "force": f"f with K x = f: {one_step}",
     }
+    if found.gyroscopic is not None:
+        files["gyroscopic"] = "G, Coriolis forces G v in the frame that turns; antisymmetric"
+        files["mass"] = files["mass"].replace("K x", "K x + i omega G x")
     if found.mass is None:
         del files["mass"]
     return {
@@ -102,7 +108,7 @@ def _said(found: Matrices, about: Mapping[str, Any]) -> dict[str, Any]:
         "degrees_of_freedom": found.model.dofs,
         "symmetric": found.symmetric,
         "mass": mass,
-        "entries": {"stiffness": found.stiffness.nnz} | ({} if found.mass is None else {"mass": found.mass.nnz}),
+        "entries": {name: getattr(found, name).nnz for name in _KINDS if getattr(found, name) is not None},
         "units": "those that the scene is given in: lengths, forces and masses of one consistent system",
         "bodies": [
             {"nodes": body.space.nodes, "first_degree_of_freedom": 3 * int(first), "element": str(body.space)}
@@ -126,7 +132,7 @@ def _said(found: Matrices, about: Mapping[str, Any]) -> dict[str, Any]:
 def _files(found: Matrices, said: Mapping[str, Any]) -> dict[str, Write]:
     """Return what writes each file, by its name."""
     files: dict[str, Write] = {}
-    sparse = {"stiffness": found.stiffness, "mass": found.mass, "expansion": found.expansion}
+    sparse = {name: getattr(found, name) for name in (*_KINDS, "expansion")}
     block = 3 if found.model.whole_nodes and found.force.size == found.model.unknowns else 1
     for name, matrix in sparse.items():
         if matrix is None:

@@ -1,0 +1,259 @@
+"""The quadratic pencil ``K + i omega G - omega^2 M`` of a spinning body: its lowest eigenpairs by SLEPc, and a count.
+
+With ``K`` definite it is hyperbolic: each ``omega`` is real, they come in pairs ``+- omega``, and by Sylvester's law of
+inertia as many lie between zero and some value as the Hermitian matrix there has negative eigenvalues (Duffin, J.
+Rational Mech. Anal. 4 (1955) 221-254; Tisseur & Meerbergen, SIAM Rev. 43 (2001) 235-286).  With ``K`` indefinite
+Coriolis forces may hold what would fall, and each ``omega`` counts by the sign of ``x^* (2 omega M - i G) x``.
+"""
+
+from dataclasses import dataclass
+from time import perf_counter
+from typing import NamedTuple
+
+import numpy as np
+from petsc4py import PETSc
+from scipy.sparse import csr_array, kron
+from slepc4py import SLEPc
+
+from isorod.arrays import Array
+from isorod.errors import SolveError
+from isorod.modal.pencil import Pencil
+from isorod.options import defaults
+from isorod.petsc.inertia import negative_eigenvalues
+from isorod.petsc.library import pc_name
+from isorod.petsc.rows import local_rows
+
+# The count is taken this far (relative) above the last frequency returned.
+_ABOVE = 1e-6
+
+# Attempts, each for more eigenpairs, until none is missing; the residual above which a mode is refused.
+_ROUNDS = 3
+_BAD_RESIDUAL = 1e-5
+
+# Of an eigenvalue's size what of it is rounding.
+_ROUNDING = 1e-6
+
+
+class Found(NamedTuple):
+    """The lowest eigenpairs, ascending by ``omega^2``.
+
+    Attributes
+    ----------
+    eigenvalues
+        ``omega^2``, negative where a mode grows, shape ``(m,)``.
+    vectors, later
+        Shapes of the unknowns, and a quarter of a period later: ``x cos(omega t) + y sin(omega t)``.
+    residuals
+        ``|K x + i omega G x - omega^2 M x| / (omega^2 |M x|)``, shape ``(m,)``.
+    below
+        Eigenvalues up to just above the last one, by the count.
+    falling
+        Number of negative eigenvalues of the stiffness.
+    iterations, solver, shift
+        Restarts, what was used, and the shift of the spectral transformation.
+    """
+
+    eigenvalues: Array
+    vectors: list[PETSc.Vec]
+    later: list[PETSc.Vec]
+    residuals: Array
+    below: int
+    iterations: int
+    solver: dict[str, str]
+    falling: int
+    shift: float = 0.0
+
+
+class _Pair(NamedTuple):
+    """An eigenpair: ``omega^2``, real and imaginary part of its vector, and whether it counts up or down."""
+
+    square: float
+    real: PETSc.Vec
+    imaginary: PETSc.Vec
+    sign: int
+
+
+@dataclass
+class Quadratic:
+    """The pencil of a spinning body about its equilibrium.
+
+    Attributes
+    ----------
+    pencil
+        Stiffness and mass.
+    coriolis
+        The antisymmetric matrix ``G``.
+    """
+
+    pencil: Pencil
+    coriolis: PETSc.Mat
+
+    def solve(self, wanted: int) -> Found:
+        """Return the lowest eigenpairs, as the user's options say.
+
+        Raises
+        ------
+        SolveError
+            If the eigensolver does not converge, the body flutters, residuals are large, or eigenvalues are missing.
+        """
+        unstable = self.pencil.count_below(0.0)
+        # Eigenvalues of about one are what the linearisation is accurate for.
+        rough = self.pencil.solve(min(wanted, self.pencil.size), 0.0, count=False)
+        scale = float(np.sqrt(np.abs(rough.eigenvalues).max()))
+        asked, iterations = wanted + 1 + 2 * unstable, 0
+        for _ in range(_ROUNDS):
+            pairs, more, types = self._find(min(asked, self.pencil.size), scale)
+            iterations += more
+            if len(pairs) < wanted:
+                raise SolveError(
+                    f"modes: SLEPc found {len(pairs)} of {wanted}; raise -pep_max_it or -pep_ncv, or loosen -eps_tol"
+                )
+            last = pairs[wanted - 1].square
+            counted = self._count(last)
+            known = sum(pair.sign for pair in pairs if 0.0 < pair.square <= _just_above(last))
+            missing = counted - unstable - known
+            if missing == 0:
+                break
+            asked += 2 * abs(missing) + 2
+        if missing:
+            raise SolveError(
+                f"modes: {abs(missing)} eigenvalues up to {last:.6g} were not found, or too many; raise -pep_ncv"
+            )
+        below = sum(pair.square <= _just_above(last) for pair in pairs)
+        residuals = np.array([self._residual(pair, rough.eigenvalues) for pair in pairs[:wanted]])
+        if not residuals.max() <= _BAD_RESIDUAL:
+            worst = int(np.argmax(residuals))
+            raise SolveError(f"modes: the residual of mode {worst + 1} is {residuals[worst]:.2g}: -eps_tol is loose")
+        kept = pairs[:wanted]
+        for pair in kept:
+            # Re(x exp(i omega t)) a quarter of a period later is minus the imaginary part.
+            pair.imaginary.scale(-1.0)
+        squares = np.array([pair.square for pair in kept])
+        vectors, later = [pair.real for pair in kept], [pair.imaginary for pair in kept]
+        return Found(squares, vectors, later, residuals, below, rough.iterations + iterations, types, unstable)
+
+    def _find(self, wanted: int, scale: float) -> tuple[list[_Pair], int, dict[str, str]]:
+        """Solve once; return what has converged, ascending, restarts and what was used."""
+        stiffness = self.pencil.stiffness
+        pep = SLEPc.PEP().create(stiffness.getComm())
+        pep.setOperators([stiffness, self.coriolis, self.pencil.mass])
+        pep.setProblemType(SLEPc.PEP.ProblemType.GENERAL)
+        # They come as pairs of conjugate ones.
+        pep.setDimensions(2 * wanted)
+        pep.setTarget(0.0)
+        pep.setWhichEigenpairs(SLEPc.PEP.Which.TARGET_MAGNITUDE)
+        pep.setTolerances(PETSc.Options().getReal("eps_tol", 1e-10), 1000)
+        pep.setScale(SLEPc.PEP.Scale.SCALAR, scale)
+        pep.getST().setType(SLEPc.ST.Type.SINVERT)
+        with defaults({"pep_type": "toar", "st_type": "sinvert", "st_ksp_type": "preonly", **self.pencil.factors}):
+            pep.setFromOptions()
+            pep.solve()
+        pairs = self._collect(pep)
+        st = pep.getST()
+        types = {"pep": pep.getType(), "st": st.getType(), "ksp": st.getKSP().getType()}
+        types["pc"] = pc_name(st.getKSP().getPC())
+        iterations = pep.getIterationNumber()
+        pep.destroy()
+        return pairs, iterations, types
+
+    def _collect(self, pep: SLEPc.PEP) -> list[_Pair]:
+        """Return of each pair of eigenvalues one, with ``x^* M x = 1``; refuse a flutter."""
+        pairs = []
+        image = self.pencil.stiffness.createVecRight()
+        for k in range(pep.getConverged()):
+            real, imaginary = self.pencil.stiffness.createVecRight(), self.pencil.stiffness.createVecRight()
+            value = complex(pep.getEigenpair(k, real, imaginary))
+            rate, swing = value.real, value.imag
+            if abs(swing) > _ROUNDING * abs(value) and abs(rate) > _ROUNDING * abs(value):
+                raise SolveError(
+                    f"modes: the equilibrium flutters: a motion of {abs(swing) / (2.0 * np.pi):.6g} cycles per time "
+                    f"grows at the rate {abs(rate):.3g}"
+                )
+            grows = abs(rate) > abs(swing)
+            if (rate if grows else swing) < 0.0:
+                real.destroy()
+                imaginary.destroy()
+                continue
+            size = 0.0
+            for part in (real, imaginary):
+                self.pencil.mass.mult(part, image)
+                size += part.dot(image)
+            for part in (real, imaginary):
+                part.scale(1.0 / np.sqrt(size))
+            self.coriolis.mult(imaginary, image)
+            # x^* (2 omega M - i G) x = 2 omega + 2 x_r^T G x_i.
+            sign = 1 if swing + real.dot(image) > 0.0 else -1
+            pairs.append(_Pair(-(rate**2) if grows else swing**2, real, imaginary, sign))
+        image.destroy()
+        return sorted(pairs, key=lambda pair: pair.square)
+
+    def _residual(self, pair: _Pair, scales: Array) -> float:
+        """Return the residual of a pair that swings; of one that grows that of ``K x + s G x + s^2 M x``."""
+        size = np.sqrt(abs(pair.square))
+        total = heavy = 0.0
+        mass, image = self.pencil.stiffness.createVecRight(), self.pencil.stiffness.createVecRight()
+        swings = pair.square > 0.0
+        parts = ((pair.real, pair.imaginary, -size), (pair.imaginary, pair.real, size))
+        for own, other, rate in parts:
+            self.pencil.mass.mult(own, mass)
+            heavy += mass.norm() ** 2
+            self.pencil.stiffness.mult(own, image)
+            image.axpy(-pair.square, mass)
+            self.coriolis.mult(other if swings else own, mass)
+            image.axpy(rate if swings else size, mass)
+            total += image.norm() ** 2
+        for one in (mass, image):
+            one.destroy()
+        return float(np.sqrt(total / heavy) / max(abs(pair.square), np.abs(scales).min()))
+
+    def _count(self, square: float) -> int:
+        """Return the number of negative eigenvalues of the Hermitian matrix just above a frequency, pressures' apart.
+
+        As a real matrix, real and imaginary part of each unknown side by side, it has each of them twice.
+        """
+        start = perf_counter()
+        if square <= 0.0:
+            return self.pencil.count_below(0.0)
+        matrix = self._hermitian(np.sqrt(_just_above(square)))
+        found = negative_eigenvalues(matrix) // 2 - self.pencil.pressures
+        matrix.destroy()
+        self.pencil.check_seconds += perf_counter() - start
+        return found
+
+    def _hermitian(self, omega: float) -> PETSc.Mat:
+        """Return ``K - omega^2 M`` and ``omega G`` as one symmetric matrix of twice as many rows."""
+        even, odd = (_whole_rows(one) for one in (self._shifted(omega), self.coriolis))
+        whole = csr_array(kron(even, np.eye(2)) + kron(omega * odd, np.array([[0.0, -1.0], [1.0, 0.0]])))
+        whole.sort_indices()
+        rows, size = even.shape
+        kind = PETSc.IntType
+        matrix = PETSc.Mat().createAIJ(
+            ((2 * rows, 2 * size), (2 * rows, 2 * size)),
+            csr=(whole.indptr.astype(kind), whole.indices.astype(kind), whole.data),
+            comm=self.coriolis.getComm(),
+        )
+        for option in (PETSc.Mat.Option.SYMMETRIC, PETSc.Mat.Option.SYMMETRY_ETERNAL):
+            matrix.setOption(option, True)
+        matrix.setOption(PETSc.Mat.Option.SPD, False)
+        return matrix
+
+    def _shifted(self, omega: float) -> PETSc.Mat:
+        shifted = self.pencil.stiffness.copy()
+        shifted.axpy(-(omega**2), self.pencil.mass, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
+        return shifted
+
+
+def _whole_rows(matrix: PETSc.Mat) -> csr_array:
+    """Return this rank's rows of a matrix, over all of its columns."""
+    found = local_rows(matrix)
+    rows, first = matrix.getLocalSize()[0], matrix.getOwnershipRange()[0]
+    shape = rows, matrix.getSize()[1]
+    own = csr_array((found.own.values, found.own.column + first, found.own.start), shape=shape)
+    if not found.columns.size:
+        return own
+    others = found.others
+    return own + csr_array((others.values, found.columns[others.column], others.start), shape=shape)
+
+
+def _just_above(square: float) -> float:
+    return square + _ABOVE * abs(square)

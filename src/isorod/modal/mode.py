@@ -1,0 +1,54 @@
+"""One vibration mode, which answers for any point of it."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from numpy.typing import ArrayLike
+
+from isorod.arrays import Array
+from isorod.output.state import Animated, Deformation, Moment, Named
+
+# Largest displacement of a mode that is drawn, over the model's size.
+_EXAGGERATION = 0.12
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Mode(Deformation, Animated):
+    """A mode shape, which answers for any point of it (`isorod.output.state`).
+
+    Attributes
+    ----------
+    model, displacement
+        What was solved, and the shape on all degrees of freedom, shape ``(dofs,)``, ``x^T M x = 1``.
+    number, frequency
+        Its place among the modes, from 0, and cycles per time.
+    state
+        Displacement about which it is, shape ``(dofs,)``: positions, centre lines and pictures are of the rods deformed
+        so, and more by the shape; None for the state of rest.
+    """
+
+    number: int
+    frequency: float
+    state: Array | None = None
+
+    def __repr__(self) -> str:
+        return f"Mode {self.number} of {self.model!r}\n  frequency {self.frequency:.6g}"
+
+    def position(self, body: Named, u: ArrayLike, xi: ArrayLike | None = None, scale: float = 1.0) -> Array:
+        """Return where points of a body are, shape ``(..., 3)``, moved from its state by ``scale`` times the shape."""
+        found = super().position(body, u, xi, scale)
+        return found if self.state is None else found + Deformation(self.model, self.state).at(body, u, xi)
+
+    def _moments(self) -> list[Moment]:
+        from isorod.output.animation import shares
+
+        return [Moment(self, f"mode {self.number}, frequency {self.frequency:.5g}", one) for one in shares()]
+
+    def _scale(self, largest: float) -> float:
+        return _EXAGGERATION * self.model.size / largest
+
+    def _mesh(self, body: int, colour: str) -> Any:
+        mesh = super()._mesh(body, colour)
+        if self.state is not None:
+            mesh.points += Deformation(self.model, self.state)._mesh(body, colour).point_data["motion"]
+        return mesh
