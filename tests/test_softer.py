@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from isorod.errors import SolveError
-from isorod.statics import analysis, multipliers
+from isorod.statics import climb as climbing
+from isorod.statics import multipliers
 from isorod.statics.newton import Diverged, TooDeep
 
 
@@ -79,9 +80,9 @@ def climb(monkeypatch, outcome, contact=None, settle=lambda solver, factor: 0):
         settle=lambda: None,
         stabilisation=None,
     )
-    monkeypatch.setattr(analysis, "settle", settle)
+    monkeypatch.setattr(climbing, "settle", settle)
     steps = []
-    cuts, _ = analysis._climb(solver, 1, SimpleNamespace(reached=lambda x, factor: steps.append(factor)))
+    cuts, _ = climbing.climb(solver, 1, SimpleNamespace(reached=lambda x, factor: steps.append(factor)))
     return len(steps), cuts, taken
 
 
@@ -150,7 +151,7 @@ def test_with_friction_a_step_is_cut_where_its_multipliers_fail(monkeypatch):
 def test_with_friction_no_step_is_longer_than_asked_for(monkeypatch):
     contact = Rubbing()
     path = []
-    monkeypatch.setattr(analysis, "settle", lambda solver, factor: 0)
+    monkeypatch.setattr(climbing, "settle", lambda solver, factor: 0)
     solver = SimpleNamespace(
         assembler=SimpleNamespace(
             contact=contact, model=SimpleNamespace(stages=[1.0]), displacement=lambda x, factor: x
@@ -161,5 +162,5 @@ def test_with_friction_no_step_is_longer_than_asked_for(monkeypatch):
         settle=lambda: None,
         stabilisation=None,
     )
-    analysis._climb(solver, 8, SimpleNamespace(reached=lambda x, factor: path.append(factor)))
+    climbing.climb(solver, 8, SimpleNamespace(reached=lambda x, factor: path.append(factor)))
     assert path == pytest.approx(0.125 * np.arange(1, 9))

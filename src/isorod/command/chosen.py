@@ -131,6 +131,9 @@ def with_analysis(parser: Parser, scene: Any) -> None:
         parser.add_argument(
             "--load-steps", type=int, default=steps, metavar="int", help=f"equal load steps to start with ({steps})"
         )
+        parser.add_argument(
+            "--stable", action="store_true", help="go on from an unstable equilibrium to where the model would go"
+        )
     if "modal" in analyses:
         parser.add_argument("--modes", type=int, default=10, metavar="int", help="modes besides rigid ones (10)")
         parser.add_argument(
@@ -169,7 +172,7 @@ def settings(scene: Any, found: argparse.Namespace) -> dict[str, Any]:
     else:
         if found.load_steps is not None and found.load_steps < 1:
             raise InputError(f"load steps: got {found.load_steps}, need at least 1")
-        typed = {"load_steps": found.load_steps}
+        typed = {"load_steps": found.load_steps, "stable": getattr(found, "stable", None) or None}
     return own | {name: value for name, value in typed.items() if value is not None}
 
 

@@ -12,33 +12,21 @@ from isorod.arrays import Array
 from isorod.assembly.formulation import assembler_for
 from isorod.checks import hourglass, overlap, rigid_motions, small
 from isorod.checks.reactions import by_support, check_balance, support_displacements, support_forces, support_moments
-from isorod.errors import SolveError, expect, whole_number
+from isorod.errors import expect, whole_number
 from isorod.model.model import Model
 from isorod.output.state import Animated, Deformation, State
 from isorod.petsc.library import solver_types
 from isorod.petsc.options import in_force
 from isorod.statics import stability
-from isorod.statics.multipliers import outcome, settle
-from isorod.statics.newton import Diverged, Newton, TooDeep
+from isorod.statics.climb import begin, climb, descend
+from isorod.statics.multipliers import outcome
+from isorod.statics.newton import Newton
 from isorod.statics.path import Path, Step
 
 if TYPE_CHECKING:
     from isorod.checks.estimate import Error
     from isorod.contact.result import ContactResult
     from isorod.output.matrices import Matrices
-
-
-# A load step is halved at most this many times.
-HALVINGS = 10
-
-# A step doubles after one of at most so many linear solves; where points come into contact more are usual.
-_QUICK, _QUICK_TOUCHING = 4, 6
-
-# With contact, where steps that fail cost most, it takes as many of them more as steps were cut, at most so many.
-_WARY = 4
-
-# Before that, penalties of contact are lowered by this factor.
-SOFTER = 0.03
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,6 +201,7 @@ def solve(
     petsc: Mapping[str, object] | None = None,
     start: Array | None = None,
     keep: bool = False,
+    stable: bool = False,
 ) -> Equilibrium:
     """Bring supports and loads to their full values and return the equilibrium.
 
@@ -240,22 +229,28 @@ def solve(
         wound as often as supports turn, from rest.  Friction, which depends on the path, makes nothing of it.
     keep
         Keep the state of each load step (`Equilibrium.path`).
+    stable
+        Go on from an equilibrium that is not stable to one that is, the way that the model would go.
 
     Raises
     ------
     InputError
-        If it is not a model, or the number of steps none, or an option is refused.
+        If it is not a model, or the number of steps none, or an option is refused, or what is to be stable has no
+        stability (`isorod.statics.stability`).
     SolveError
         If a rigid motion is free, or a step was halved ten times in vain: the message names element, axis position and
-        ``det F``, or the bodies; or penetration does not fall to what the contact asks for.
+        ``det F``, or the bodies; or penetration does not fall to what the contact asks for; or no stable equilibrium is
+        found.
     """
     expect("model", model, Model)
     load_steps = whole_number("load steps", load_steps, 1, 1_000_000)
     with in_force(petsc):
-        return _solve(model, load_steps, comm, start, keep)
+        return _solve(model, load_steps, comm, start, keep, stable)
 
 
-def _solve(model: Model, load_steps: int, comm: PETSc.Comm | None, start_at: Array | None, keep: bool) -> Equilibrium:
+def _solve(
+    model: Model, load_steps: int, comm: PETSc.Comm | None, start_at: Array | None, keep: bool, stable: bool
+) -> Equilibrium:
     """Return what `solve` does, as the options in force say."""
     start = perf_counter()
     loose = rigid_motions.left_to_contact(model)
@@ -263,14 +258,18 @@ def _solve(model: Model, load_steps: int, comm: PETSc.Comm | None, start_at: Arr
     assembler = assembler_for(model, comm)
     solver = Newton(assembler, loose)
     try:
+        if stable:
+            stability.refuse_untold(solver)
         if assembler.contact is not None:
             assembler.contact.space_evenly()
         setup = perf_counter() - start
         assembler.seconds = 0.0
         path = Path(assembler, keep)
-        found = _begin(solver, start_at, path)
-        cuts, augmentations = _climb(solver, load_steps, path) if found is None else (0, found)
+        found = begin(solver, start_at, path)
+        cuts, augmentations = climb(solver, load_steps, path) if found is None else (0, found)
         held = solver.settle()
+        if stable:
+            augmentations += descend(solver, path)
         forces = assembler.reactions(solver.x, 1.0)
         displacement = assembler.displacement(solver.x, 1.0)
         reactions, moments = support_forces(model, forces), support_moments(model, displacement, forces)
@@ -312,88 +311,3 @@ def _solve(model: Model, load_steps: int, comm: PETSc.Comm | None, start_at: Arr
         )
     finally:
         solver.destroy()
-
-
-def _begin(solver: Newton, start: Array | None, path: Path) -> int | None:
-    """Look for the equilibrium near a displacement; return how often multipliers were updated, None if it fails."""
-    contact = solver.assembler.contact
-    if start is None or (contact is not None and contact.friction is not None) or not solver.begin(start):
-        return None
-    solver.settle()
-    updates = 0 if contact is None else _settle_in_the_end(solver)
-    path.reached(solver.x, 1.0)
-    return updates
-
-
-def _climb(solver: Newton, load_steps: int, path: Path) -> tuple[int, int]:
-    """Go to the full load; return how many steps were cut, and how often multipliers were updated; fill the path."""
-    contact = solver.assembler.contact
-    rubs = contact is not None and contact.friction is not None
-    stages = solver.assembler.model.stages
-    factor, step, cuts, augmentations, quick = 0.0, 1.0 / load_steps, 0, 0, 0
-    while factor < 1.0:
-        end = next(stage for stage in stages if stage > factor)
-        longest = solver.turning.longest_step(factor)
-        reached = factor + min(step, longest)
-        target = end if reached > end - 1e-12 else reached
-        try:
-            solves, updates = _rub(solver, factor, target) if rubs else (solver.advance(factor, target), 0)
-        except Diverged as problem:
-            deep = isinstance(problem, TooDeep)
-            # Springs of friction are as stiff as penalties: what rubs would slide farther on the way than it has to.
-            if contact is not None and not rubs and not deep and contact.may_soften:
-                contact.stiffen(SOFTER)
-                continue
-            if contact is not None and deep and contact.is_soft:
-                contact.stiffen(1.0 / SOFTER)
-            cuts += 1
-            step = 0.5 * (target - factor)
-            if step < min(1.0 / load_steps, longest) / 2**HALVINGS:
-                raise SolveError(f"load factor {target:.6g}: {problem}") from None
-            continue
-        factor = target
-        if factor == end:
-            solver.forget_path()
-        if factor == 1.0:
-            solver.settle()
-            if contact is not None and (not rubs or solver.stabilisation is not None):
-                updates += _settle_in_the_end(solver)
-        augmentations += updates
-        path.reached(solver.x, factor)
-        quick = quick + 1 if solves <= (_QUICK if contact is None else _QUICK_TOUCHING) else 0
-        if factor == end:
-            step, quick = 1.0 / load_steps, 0
-        elif quick > (0 if contact is None else min(cuts, _WARY)):
-            step, quick = 2.0 * step, 0
-            if rubs:
-                # Whoever asks for more steps, since friction depends on the path, gets them.
-                step = min(step, 1.0 / load_steps)
-    return cuts, augmentations
-
-
-def _rub(solver: Newton, factor: float, target: float) -> tuple[int, int]:
-    """Take a load step with friction; return how many linear solves it took, and updates of multipliers.
-
-    Friction depends on the path, so multipliers are right at the end of each step.
-    """
-    contact = solver.assembler.contact
-    assert contact is not None
-    contact.place(factor)
-    contact.accept(solver.assembler.displacement(solver.x, factor))
-    start, undo = solver.x.copy(), contact.keep()
-    solves = solver.advance(factor, target)
-    try:
-        return solves, settle(solver, target)
-    except Diverged:
-        # Shorter steps, whose points stick where they have touched, bring it nearer.
-        start.copy(solver.x)
-        undo()
-        solver.forget_path()
-        raise
-
-
-def _settle_in_the_end(solver: Newton) -> int:
-    try:
-        return settle(solver, 1.0)
-    except Diverged as problem:
-        raise SolveError(str(problem)) from None

@@ -56,6 +56,8 @@ class Convergence:
     ----------
     carried_force
         Norm of the forces of supports and loads at the last residual (`Assembler.residual`), to be set with it.
+    guarded
+        Whether a solution is given up where forces grow by much (`GROWTH`).
     """
 
     def __init__(self, assembler: Assembler) -> None:
@@ -71,6 +73,7 @@ class Convergence:
         # Of each unknown of this rank, of which there may be none; None where one floor is that of all.
         self._rounding: Array | None = None
         self.carried_force = 0.0
+        self.guarded = True
         self._scale = 0.0
         self._near = False
         self._floor = 0.0
@@ -138,7 +141,7 @@ class Convergence:
         first = self._near and iteration < 2
         if self.reached(snes.getFunction()[0], force, 0.0 if first else rtol):
             return reasons.CONVERGED_FNORM_ABS
-        if self.plain and force > GROWTH * self._first:
+        if self.plain and self.guarded and force > GROWTH * self._first:
             return reasons.DIVERGED_DTOL
         if iteration > 0 and not first and change < max(stol, STEP) * state:
             return reasons.CONVERGED_SNORM_RELATIVE

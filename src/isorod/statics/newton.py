@@ -21,7 +21,7 @@ from isorod.statics.line_search import LineSearch
 
 if TYPE_CHECKING:
     from isorod.contact.passing import Passing
-    from isorod.statics.stabilisation import Stabilisation
+    from isorod.statics.proximal import Proximal
 
 # Preconditioners that ask for the rigid motions.
 MULTIGRID = ("gamg", "ml", "hypre")
@@ -97,7 +97,7 @@ class Newton:
         self._convergence = Convergence(assembler)
         self._history: _Past | None = None
         self.turning = Turning(assembler.model)
-        self.stabilisation: Stabilisation | None = None
+        self.stabilisation: Proximal | None = None
         self._passing: Passing | None = None
         if assembler.contact is not None:
             from isorod.contact import passing
@@ -189,6 +189,8 @@ class Newton:
             If the linear solver fails.
         """
         self._stage.push()
+        # What is held close to where it was comes back to nothing else.
+        self._convergence.guarded = self.stabilisation is None
         try:
             before = self.assembler.jacobians(self.x, factor)
             definite = self.assembler.contact is not None and not is_mixed(self.assembler.model)
@@ -249,19 +251,19 @@ class Newton:
         self._fill(self.x, self._factor, self._matrix)
         return self._matrix
 
-    def settle(self) -> "Stabilisation | None":
+    def settle(self) -> "Proximal | None":
         """Let what holds bodies until contact does vanish, at the full load, and return it (`vanish`)."""
-
-        def again() -> bool:
-            try:
-                self.advance(1.0, 1.0)
-            except Diverged:
-                return False
-            return True
-
         if self.stabilisation is not None:
-            self.stabilisation.vanish(again, self.x)
+            self.stabilisation.vanish(self.again, self.x)
         return self.stabilisation
+
+    def again(self) -> bool:
+        """Seek the equilibrium at the full load once more; return whether it is found."""
+        try:
+            self.advance(1.0, 1.0)
+        except Diverged:
+            return False
+        return True
 
     def _predict(self, factor: float, step: float) -> tuple[float | None, PETSc.Vec]:
         """Set the trial state of a step; return the norm of the force that drives it, if any, and the path's slope."""

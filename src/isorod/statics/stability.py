@@ -13,7 +13,9 @@ import warnings
 import numpy as np
 from petsc4py import PETSc
 
+from isorod.assembly.assembler import Assembler
 from isorod.assembly.extrapolation import radius
+from isorod.errors import InputError
 from isorod.model.model import Model
 from isorod.petsc import inertia
 from isorod.statics.newton import Newton
@@ -25,6 +27,11 @@ _ITERATIONS = 2
 # Length of the difference over the least radius of a section: beside a thickness small, and far above rounding.
 _STEP = 1e-3
 
+# An eigenvalue of ``K v = l D v``, ``D`` the diagonal of the tangent ``K``, that is no further below zero is none: a
+# round bar, once it is bent, turns about its axis without any force, and rounding says how much.  The first ones of the
+# most slender rods are ten thousand times larger.
+_NEUTRAL = 1e-12
+
 # An edge lies in a plane if it is out of it by no more than this share of the model's size.
 _FLAT = 1e-9
 
@@ -32,26 +39,82 @@ _FLAT = 1e-9
 _FALLEN = 0.5
 
 
+def is_told(solver: Newton) -> bool:
+    """Return whether the tangent of a model tells how stable it is.
+
+    That of friction is no second derivative of an energy, nor is that of a pressure that follows a surface with free
+    edges; that of laws of small strains knows no stress, hence no buckling; a solver that has no factors leaves the
+    count to whoever typed it.
+    """
+    model, pc = solver.assembler.model, solver.snes.getKSP().getPC()
+    known = all(law.objective for body in model.bodies for law in body.laws)
+    return known and solver.assembler.symmetric and _pressed_by_potential(model) and inertia.is_factored(pc)
+
+
+def refuse_untold(solver: Newton) -> None:
+    """Raise `InputError` where it does not."""
+    if not is_told(solver):
+        raise InputError(
+            "stable: not told with friction, a pressure that follows a surface with free edges, laws of small strains "
+            "(take StVenantKirchhoff), or a solver without factors"
+        )
+
+
 def negative_eigenvalues(solver: Newton) -> int | None:
     """Return the number of negative eigenvalues of the tangent at the last equilibrium; None where they do not tell.
 
-    The tangent of friction is no second derivative of an energy, nor is that of a pressure that follows a surface with
-    free edges; that of laws of small strains knows no stress, hence no buckling; a solver that has no factors leaves
-    the count to whoever typed it.  What holds bodies until contact does
-    (`isorod.statics.stabilisation`) counts with what is left of it, so that motions which nothing resists are none.
-    As many as there are pressures are negative by the mixed formulation, and not counted.
+    What holds bodies until contact does (`isorod.statics.stabilisation`) counts with what is left of it, so that
+    motions which nothing resists are none.
     """
-    assembler = solver.assembler
-    pc = solver.snes.getKSP().getPC()
-    model = assembler.model
-    known = all(law.objective for body in model.bodies for law in body.laws)
-    if not (known and assembler.symmetric and _pressed_by_potential(model) and inertia.is_factored(pc)):
+    if not is_told(solver):
         return None
-    pressures = assembler.unknowns - model.unknowns
-    found = inertia.of_factors(pc)
-    if found != pressures or not _holds(solver):
-        found = inertia.negative_eigenvalues(solver.own_tangent())
-    return found - pressures
+    # In this order: where the tangent was filled since, solving brings the factors up to date.
+    if _holds(solver) and inertia.of_factors(solver.snes.getKSP().getPC()) == _pressures(solver):
+        return 0
+    return at_the_end(solver)
+
+
+def at_the_end(solver: Newton) -> int:
+    """Return the number of negative eigenvalues, by factors of the tangent at the last equilibrium itself."""
+    matrix = solver.own_tangent()
+    matrix.setDiagonal(_NEUTRAL * stiffness(solver), PETSc.InsertMode.ADD_VALUES)
+    return count(solver, matrix)
+
+
+def count(solver: Newton, matrix: PETSc.Mat) -> int:
+    """Return the number of negative eigenvalues of a tangent beyond those of the mixed formulation."""
+    return inertia.negative_eigenvalues(matrix) - _pressures(solver)
+
+
+def stiffness(solver: Newton) -> PETSc.Vec:
+    """Return the diagonal of the tangent that was filled last, its sizes, and zero for pressures."""
+    diagonal = solver.snes.getJacobian()[0].getDiagonal()
+    diagonal.abs()
+    diagonal.pointwiseMult(diagonal, solver.assembler.state(np.ones(solver.assembler.model.dofs)))
+    return diagonal
+
+
+def noise(assembler: Assembler) -> PETSc.Vec:
+    """Return random unknowns, the same on any number of ranks."""
+    found = assembler.vector()
+    found.array_w[:] = np.random.default_rng(0).normal(size=found.getSize())[slice(*found.getOwnershipRange())]
+    return found
+
+
+def _pressures(solver: Newton) -> int:
+    """Return the number of pressures of the mixed formulation: so many eigenvalues are negative at any rate."""
+    return solver.assembler.unknowns - solver.assembler.model.unknowns
+
+
+def warn_of(negative: int | None) -> None:
+    """Warn of an equilibrium that is not stable."""
+    if negative:
+        many = "a direction" if negative == 1 else f"{negative} directions"
+        warnings.warn(
+            f"the equilibrium is unstable: the model would leave it in {many} (negative eigenvalues of the tangent "
+            "stiffness), as past buckling or a limit point; --stable (stable=True) goes to where it would",
+            stacklevel=3,
+        )
 
 
 def _pressed_by_potential(model: Model) -> bool:
@@ -73,26 +136,13 @@ def _pressed_by_potential(model: Model) -> bool:
     return True
 
 
-def warn_of(negative: int | None) -> None:
-    """Warn of an equilibrium that is not stable."""
-    if negative:
-        many = "a direction" if negative == 1 else f"{negative} directions"
-        warnings.warn(
-            f"the equilibrium is unstable: the model would leave it in {many} (negative eigenvalues of the tangent "
-            "stiffness), as past buckling or a limit point; a small load in the way of the buckle leads to the other",
-            stacklevel=3,
-        )
-
-
 def _holds(solver: Newton) -> bool:
     """Return whether the equilibrium is about as stiff in the direction in which the last factors are softest."""
     assembler = solver.assembler
-    way = assembler.vector()
+    way = noise(assembler)
     push = way.duplicate()
     # Pressures are not pushed at: those of the answer are what the displacements make of them.
     moves = assembler.state(np.ones(assembler.model.dofs))
-    # The same on any number of ranks.
-    way.array_w[:] = np.random.default_rng(0).normal(size=way.getSize())[slice(*way.getOwnershipRange())]
     for _ in range(_ITERATIONS):
         push.pointwiseMult(way, moves)
         push.normalize()

@@ -1,0 +1,123 @@
+"""The way to an equilibrium at the full load: in steps from rest, from a state that is near, or on to a stable one."""
+
+from isorod.arrays import Array
+from isorod.errors import SolveError
+from isorod.statics import stability
+from isorod.statics.multipliers import settle
+from isorod.statics.newton import Diverged, Newton, TooDeep
+from isorod.statics.path import Path
+
+# A load step is halved at most this many times.
+HALVINGS = 10
+
+# A step doubles after one of at most so many linear solves; where points come into contact more are usual.
+_QUICK, _QUICK_TOUCHING = 4, 6
+
+# With contact, where steps that fail cost most, it takes as many of them more as steps were cut, at most so many.
+_WARY = 4
+
+# Before that, penalties of contact are lowered by this factor.
+SOFTER = 0.03
+
+
+def begin(solver: Newton, start: Array | None, path: Path) -> int | None:
+    """Look for the equilibrium near a displacement; return how often multipliers were updated, None if it fails."""
+    contact = solver.assembler.contact
+    if start is None or (contact is not None and contact.friction is not None) or not solver.begin(start):
+        return None
+    solver.settle()
+    updates = 0 if contact is None else settle_in_the_end(solver)
+    path.reached(solver.x, 1.0)
+    return updates
+
+
+def descend(solver: Newton, path: Path) -> int:
+    """Go on to a stable equilibrium at the full load; return how often multipliers were updated."""
+    if not stability.negative_eigenvalues(solver):
+        return 0
+    from isorod.statics import descent
+
+    descent.descend(solver)
+    updates = 0
+    if solver.assembler.contact is not None:
+        updates = settle_in_the_end(solver)
+        if stability.negative_eigenvalues(solver):
+            raise SolveError("stable: no stable equilibrium is found: where contact is settled there is none")
+    path.steps.pop()
+    path.reached(solver.x, 1.0)
+    return updates
+
+
+def climb(solver: Newton, load_steps: int, path: Path) -> tuple[int, int]:
+    """Go to the full load; return how many steps were cut, and how often multipliers were updated; fill the path."""
+    contact = solver.assembler.contact
+    rubs = contact is not None and contact.friction is not None
+    stages = solver.assembler.model.stages
+    factor, step, cuts, augmentations, quick = 0.0, 1.0 / load_steps, 0, 0, 0
+    while factor < 1.0:
+        end = next(stage for stage in stages if stage > factor)
+        longest = solver.turning.longest_step(factor)
+        reached = factor + min(step, longest)
+        target = end if reached > end - 1e-12 else reached
+        try:
+            solves, updates = _rub(solver, factor, target) if rubs else (solver.advance(factor, target), 0)
+        except Diverged as problem:
+            deep = isinstance(problem, TooDeep)
+            # Springs of friction are as stiff as penalties: what rubs would slide farther on the way than it has to.
+            if contact is not None and not rubs and not deep and contact.may_soften:
+                contact.stiffen(SOFTER)
+                continue
+            if contact is not None and deep and contact.is_soft:
+                contact.stiffen(1.0 / SOFTER)
+            cuts += 1
+            step = 0.5 * (target - factor)
+            if step < min(1.0 / load_steps, longest) / 2**HALVINGS:
+                raise SolveError(f"load factor {target:.6g}: {problem}") from None
+            continue
+        factor = target
+        if factor == end:
+            solver.forget_path()
+        if factor == 1.0:
+            solver.settle()
+            if contact is not None and (not rubs or solver.stabilisation is not None):
+                updates += settle_in_the_end(solver)
+        augmentations += updates
+        path.reached(solver.x, factor)
+        quick = quick + 1 if solves <= (_QUICK if contact is None else _QUICK_TOUCHING) else 0
+        if factor == end:
+            step, quick = 1.0 / load_steps, 0
+        elif quick > (0 if contact is None else min(cuts, _WARY)):
+            step, quick = 2.0 * step, 0
+            if rubs:
+                # Whoever asks for more steps, since friction depends on the path, gets them.
+                step = min(step, 1.0 / load_steps)
+    return cuts, augmentations
+
+
+def _rub(solver: Newton, factor: float, target: float) -> tuple[int, int]:
+    """Take a load step with friction; return how many linear solves it took, and updates of multipliers.
+
+    Friction depends on the path, so multipliers are right at the end of each step.
+    """
+    contact = solver.assembler.contact
+    assert contact is not None
+    contact.place(factor)
+    contact.accept(solver.assembler.displacement(solver.x, factor))
+    start, undo = solver.x.copy(), contact.keep()
+    solves = solver.advance(factor, target)
+    try:
+        return solves, settle(solver, target)
+    except Diverged:
+        # Shorter steps, whose points stick where they have touched, bring it nearer.
+        start.copy(solver.x)
+        undo()
+        solver.forget_path()
+        raise
+
+
+def settle_in_the_end(solver: Newton) -> int:
+    """Settle contact at the full load; return how often multipliers were updated."""
+    try:
+        return settle(solver, 1.0)
+    except Diverged as problem:
+        raise SolveError(str(problem)) from None
