@@ -89,6 +89,9 @@ def _answer(record: Mapping[str, Any], units: Mapping[str, str]) -> Iterator[tup
         changes = ", ".join(f"{name.replace('_', ' ')} {change:.2g}" for name, change in record["changes"].items())
         yield "error", f"{record['error_estimate']:.2g}, relative, as estimated from finer spaces ({changes})"
 
+    if record.get("time_error") is not None:
+        yield "error in time", f"about {record['time_error']:.1g} of the largest displacement, of steps so long"
+
 
 def _contact(one: Mapping[str, Any]) -> str:
     """Return how a contact presses, and how well its patch is seen."""
