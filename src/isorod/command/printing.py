@@ -95,6 +95,9 @@ def _answer(record: Mapping[str, Any], units: Mapping[str, str], stresses: Seque
         changes = ", ".join(f"{name.replace('_', ' ')} {change:.2g}" for name, change in record["changes"].items())
         yield "error", f"{record['error_estimate']:.2g}, relative, as estimated from finer spaces ({changes})"
 
+    if record.get("time_error") is not None:
+        yield "error in time", f"about {record['time_error']:.1g} of the largest displacement, of steps so long"
+
 
 def _stress_error(record: Mapping[str, Any], stresses: Sequence[str]) -> Iterator[tuple[str, str]]:
     """Return how far stresses are off, or that nobody knows though they were asked for."""

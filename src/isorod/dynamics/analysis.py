@@ -1,5 +1,6 @@
 """Dynamics, explicit or implicit, with damping, activation and contact, and the balances that prove them."""
 
+import warnings
 from collections.abc import Callable, Mapping
 from importlib import import_module
 from pathlib import Path
@@ -21,6 +22,9 @@ from isorod.model.model import Model
 from isorod.output import checkpoint as files
 from isorod.output.progress import Progress
 from isorod.petsc.options import in_force
+
+# Error of implicit steps above which they are warned of.
+_LARGE = 0.01
 
 
 def solve(
@@ -125,6 +129,7 @@ def solve(
             shown.close()
             run.end()
         overlap.warn_in_the_end(model, run.rows["displacement"][-1], overlapped)
+        _warn_of_steps(run)
         small.warn_of_large(model, np.array(run.rows["displacement"]))
     return History(
         model=model,
@@ -137,12 +142,24 @@ def solve(
         newton_iterations=run.newton_iterations,
         cuts=run.cuts,
         resumed=resumed if resume else None,
+        time_error=run.time_error,
         seconds={"setup": setup, "loop": loop, "solve": perf_counter() - start - setup},
         built=[*run.built, *(["contact"] if model.contacts else [])],
         solver=solver,
         ranks=ranks.size,
         ramp=settings.ramp,
     )
+
+
+def _warn_of_steps(run: Run) -> None:
+    """Warn of steps too long for what moves."""
+    error = run.time_error
+    if error is not None and error > _LARGE:
+        warnings.warn(
+            f"time step {run.step:.4g}: displacements are off by about {100.0 * error:.2g} % of the largest, since in "
+            f"steps so long what moves swings too slowly; take {run.step * np.sqrt(0.5 * _LARGE / error):.2g} or less",
+            stacklevel=3,
+        )
 
 
 def _run_of(integrator: str) -> type[Run]:

@@ -93,6 +93,9 @@ class History(Animated):
         Of implicit steps, since the run was last continued: Newton iterations in all, and steps halved and tried again.
     resumed
         Time at which the run continued from a checkpoint, or None.
+    time_error
+        Of implicit steps, the error of the displacement, relative to the largest so far, that they make
+        (`isorod.dynamics.implicit.phase`); None of explicit ones, and of a single step.
     seconds, built, solver, ranks
         As for `isorod.statics.Equilibrium`; ``loop`` is the part of ``solve`` spent in compiled steps.
     ramp
@@ -125,6 +128,7 @@ class History(Animated):
     newton_iterations: int
     cuts: int
     resumed: float | None
+    time_error: float | None
     seconds: dict[str, float]
     built: list[str]
     solver: dict[str, str]

@@ -120,6 +120,11 @@ class Run(ABC):
         """Return the state by the names of `isorod.dynamics.History`; changes nothing of it."""
 
     @property
+    def time_error(self) -> float | None:
+        """The error of implicit steps (`isorod.dynamics.implicit.phase`); None where there is none."""
+        return None
+
+    @property
     def outputs(self) -> int:
         """Number of intervals between outputs."""
         return self.settings.outputs

@@ -13,6 +13,7 @@ from isorod.dynamics.explicit.system import System
 from isorod.dynamics.implicit.assembler import StepAssembler
 from isorod.dynamics.implicit.inertia import Inertia, MixedInertia
 from isorod.dynamics.implicit.newton import Newton
+from isorod.dynamics.implicit.phase import Phase
 from isorod.dynamics.run import IMBALANCE, Settings
 from isorod.errors import InputError, SolveError
 from isorod.petsc.library import solver_types
@@ -62,14 +63,26 @@ class Run(run.Run):
     def begin(self, displacement: Array, velocity: Array) -> None:
         """Place the bodies, those that are incompressible so that no volume changes, and take the first output."""
         super().begin(*self._inertia.prepare(displacement, velocity, self._longest))
+        self._phase = self._from_start()
+
+    def _from_start(self) -> Phase:
+        displacement, velocity = (self.rows[name][0] for name in ("displacement", "velocity"))
+        return Phase(self.assembler.momenta, displacement, self.step * velocity)
 
     def _now(self) -> dict[str, Array]:
-        return super()._now() | {"pressure": self.assembler.pressure}
+        return super()._now() | {"pressure": self.assembler.pressure} | self._phase.state()
 
     def restore(self, kept: dict[str, Array]) -> None:
         """See `isorod.dynamics.run.Run`."""
         super().restore(kept)
         self.assembler.pressure = kept["pressure"]
+        self._phase = self._from_start()
+        self._phase.restore(kept)
+
+    @property
+    def time_error(self) -> float | None:
+        """See `isorod.dynamics.run.Run`."""
+        return self._phase.error()
 
     def _choose(self, critical: float) -> None:
         self._divide(self._longest)
@@ -79,6 +92,7 @@ class Run(run.Run):
         start = perf_counter()
         for k in range(self.count):
             self._step(self.time + k * self.step, self.step, 0)
+            self._phase.add(self.system.state.displacement[self.system.order])
             self.tell(self.time + (k + 1) * self.step)
         seconds = perf_counter() - start
         self.index += 1
