@@ -32,16 +32,20 @@ def test_from_points_reproduces_a_circle_wherever_it_starts(n):
     assert np.abs(outline(from_points(points, n)) - 0.7 * outline_of_turned_circle(0.4) - [3.0, -1.0]).max() < 1e-13
 
 
+# A circle, ten of whose points are all at one place.
+CROWDED = np.insert(round_points(13), [1] * 9, round_points(1000)[1:10], axis=0)
+
+
 def outline_of_turned_circle(start):
     return np.stack([np.cos(THETA + start), np.sin(THETA + start)], axis=1)
 
 
 def test_from_points_interpolates_when_there_are_as_many_points():
     random = np.random.default_rng(3)
-    points = round_points(9) * (1 + 0.2 * random.random((9, 1)))
+    points = round_points(25) * (1 + 0.02 * random.random((25, 1)))
     edges = np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1)
     theta = 2 * np.pi * np.concatenate([[0], np.cumsum(edges)[:-1]]) / edges.sum()
-    assert np.abs(outline(from_points(points, 9), theta) - points).max() < 1e-12
+    assert np.abs(outline(from_points(points, 25), theta) - points).max() < 1e-12
 
 
 def test_from_points_converges_to_an_ellipse_at_third_order():
@@ -89,13 +93,13 @@ def test_section_map_of_the_flower_is_one_to_one():
         (lambda: flower(16, depth=-0.1), "depth: got -0.1"),
         (lambda: flower(16, depth=np.nan), "depth: got nan"),
         (lambda: from_points(np.zeros((4, 3)), 3), r"shape \(4, 3\), need \(m, 2\)"),
-        (lambda: from_points(round_points(5), 6), "m >= 6"),
+        (lambda: from_points(round_points(12), 16), "m >= 16"),
         (lambda: from_points(round_points(9), 2), "section control points: got 2"),
         (lambda: from_points([[0, 0], [1, np.nan], [1, 1]], 3), "point 1 is not finite"),
         (lambda: from_points([[0, 0], [1, 0], [1, 0], [0, 1]], 3), "point 1 coincides with the next"),
         (lambda: from_points([[0, 0], [1, 0], [0, 1], [0, 0]], 3), "point 3 coincides with the next"),
         (lambda: from_points(round_points(8)[::-1], 4), "clockwise"),
-        (lambda: from_points([[0, 0], [1e-3, 0], [2e-3, 0], [3e-3, 0], [0, 9]], 5), "only . of 5 control points"),
+        (lambda: from_points(CROWDED, 20), "only 1. of 20 control points"),
     ],
 )
 def test_refuses_what_is_no_section(make, message):

@@ -18,6 +18,9 @@ _WIDTH, _INDENT = 80, 20
 # Numbers of a list that are shown, and contacts.
 _MOST, _FEW = 12, 3
 
+# Shapes that are so near to what was written, as a share of the radius, are as written.
+_ROUNDING = 1e-9
+
 
 @contextmanager
 def apart() -> Iterator[None]:
@@ -52,7 +55,12 @@ def summary(record: Mapping[str, Any], scene: Any) -> str:
     scene
         Whose ``units`` say which of its numbers are the answer, in which order and in which unit.
     """
-    rows = [*_answer(record, scene.units, getattr(scene, "stresses", ())), *_effort(record), *_origin(record, scene)]
+    rows = [
+        *_answer(record, scene.units, getattr(scene, "stresses", ())),
+        *_shape(record, scene),
+        *_effort(record),
+        *_origin(record, scene),
+    ]
     lines = []
     for label, text in rows:
         lines += textwrap.wrap(
@@ -130,6 +138,18 @@ def _contact(one: Mapping[str, Any]) -> str:
         f"peak {one['peak']:.3g} ({100.0 * one['peak_error']:.0f} %), depth {one['relative_penetration']:.0e} radii, "
         f"{one['points_across']:.2g} points wide"
     )
+
+
+def _shape(record: Mapping[str, Any], scene: Any) -> Iterator[tuple[str, str]]:
+    """Return how far rods are from what was written, where it is more than rounding."""
+    found = record["deviation"]
+    worst = max(found, key=lambda one: one["relative"])
+    if worst["relative"] > _ROUNDING:
+        what = {"line": "centre line", "section": "outline", "sweep": "sections along the line"}
+        part = max(what, key=lambda name: worst[name])
+        rods = list(getattr(scene, "plans", ()))
+        which = f" of {rods[found.index(worst)]}" if len(rods) > 1 else ""
+        yield "deviation", f"{worst[part]:.2g} at most, {worst['relative']:.2g} of the radius: {what[part]}{which}"
 
 
 def _effort(record: Mapping[str, Any]) -> Iterator[tuple[str, str]]:

@@ -153,7 +153,13 @@ def geometry(scene: Any) -> dict[str, Any]:
         "smallest_jacobian": min(rod.check() for rod in rods),
         "volume": sum(rod.volume() for rod in rods),
         "control_points": sum(rod.distinct_control_points for rod in rods),
+        "deviation": _deviation(rods),
     }
+
+
+def _deviation(rods: Sequence[Any]) -> list[dict[str, float]]:
+    """Return how far each rod is from what was written."""
+    return [rod.deviation._asdict() for rod in rods]
 
 
 def record(
@@ -178,6 +184,7 @@ def record(
         "unknowns": model.unknowns,
         **solution.record(),
         "quadrature": [str(body.space.rule) for body in model.bodies],
+        "deviation": _deviation([body.space.rod for body in model.bodies]),
         "discretisation": [body.discretisation for body in model.bodies],
         "built": solution.built,
         "seconds": dict(seconds),

@@ -20,10 +20,10 @@ SECTIONS = {
     "ellipse": Form("isorod.geometry.section:ellipse", defaults={"n": 8}),
     "flower": Form("isorod.geometry.section:flower"),
     "airfoil": Form("isorod.geometry.section:airfoil"),
-    "naca": Form("isorod.geometry.section:naca", defaults={"n": 16}),
-    "rounded_rectangle": Form("isorod.geometry.section:rounded_rectangle", defaults={"n": 16}),
-    "outline": Form("isorod.geometry.section:from_file", defaults={"n": 16}),
-    "points": Form("isorod.geometry.section:from_points", defaults={"n": 16}),
+    "naca": Form("isorod.geometry.section:naca"),
+    "rounded_rectangle": Form("isorod.geometry.section:rounded_rectangle", defaults={"n": None}),
+    "outline": Form("isorod.geometry.section:from_file"),
+    "points": Form("isorod.geometry.section:from_points"),
 }
 LAWS = {
     "LinearElastic": Form("isorod.material.linear_elastic:LinearElastic"),

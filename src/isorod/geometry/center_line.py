@@ -1,6 +1,7 @@
 """Centre lines of rods: straight ones, arcs, helices, smooth curves near points, and NURBS made elsewhere."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -8,10 +9,10 @@ from numpy.typing import ArrayLike
 
 from isorod.arrays import Array
 from isorod.errors import InputError, expect, numbers, whole_number
-from isorod.geometry import bspline
+from isorod.geometry import bspline, fillets, reading
 from isorod.geometry import polyline as near_points
 from isorod.geometry.axis import MAX_ELEMENTS, Axis
-from isorod.geometry.fitting import nearest
+from isorod.geometry.fitting import evaluate, inside, nearest
 from isorod.geometry.frames import Frames
 from isorod.geometry.line import CenterLine
 
@@ -21,6 +22,9 @@ __all__ = ["CenterLine", "arc", "helix", "nurbs", "polyline", "straight"]
 HELIX_ELEMENTS = 8
 _HELIX_DEGREE = 4
 _HELIX_POINTS = 12
+
+# Places of a whole line, and of an element, at which its deviation is measured.
+_PLACES, _FEWEST = 4096, 16
 
 
 def straight(
@@ -162,7 +166,22 @@ def helix(
     def frames(parameters: Array) -> Array:
         return _frenet(*_around(angle / count * parameters, phase, left), np.arctan2(rise, radius))[:, :, :2]
 
-    return CenterLine(axis, centers, frames=frames)
+    off = _off_helix(axis, centers, radius, rise)
+    return CenterLine(axis, centers, frames=frames, deviation=off, cure="take another pitch")
+
+
+def _off_helix(axis: Axis, centers: Array, radius: float, rise: float) -> float:
+    """Return the largest distance between a curve and the helix that rises by so much a radian, to first order."""
+    where = _places(axis, centers)
+    angle = np.unwrap(np.arctan2(where[:, 1], where[:, 0]))
+    low = where[:, 2] - where[0, 2] - rise * np.abs(angle - angle[0])
+    return float(np.hypot(np.hypot(*where[:, :2].T) - radius, low * np.cos(np.arctan2(rise, radius))).max())
+
+
+def _places(axis: Axis, centers: Array) -> Array:
+    """Return many places of a curve ``(t, 3)``."""
+    u = np.append(inside(axis, max(_FEWEST, _PLACES // axis.elements)).ravel(), axis.breaks)
+    return evaluate(axis, centers, np.sort(u))[0]
 
 
 def _around(turned: Array, phase: float, left: bool) -> tuple[Array, Array]:
@@ -195,32 +214,51 @@ def _arcs(
     rotations = _frenet(radial, tangential, float(np.arctan2(pitch, 2.0 * np.pi * radius)))
     spread = np.stack([1.0 / weights, 1.0 / weights, np.ones(weights.size)], axis=1)
     stretches = rotations.swapaxes(1, 2) @ (spread[:, :, None] * rotations)
-    return CenterLine(Axis(2, knots, weights), centers, rotations, stretches, closed=closed)
+    axis = Axis(2, knots, weights)
+    off = _off_helix(axis, centers, radius, pitch / (2.0 * np.pi))
+    return CenterLine(axis, centers, rotations, stretches, closed=closed, deviation=off)
 
 
 def polyline(
-    points: ArrayLike, tolerance: float, closed: bool = False, *, normal: ArrayLike | None = None
+    points: ArrayLike,
+    tolerance: float | None = None,
+    closed: bool = False,
+    *,
+    normal: ArrayLike | None = None,
+    fillet: float | None = None,
 ) -> CenterLine:
-    """Return a smooth line (cubic, C2) from which no point is farther than a tolerance, of as few elements as will do.
+    """Return a smooth line (cubic, C2) from which no point is farther than a tolerance, or one with fillets at corners.
 
-    An open one passes through its first and its last point.  Between points it strays from the polyline by half the
-    longest chord about at most.  Its frame turns about the line as little as can be (`isorod.geometry.frames`); that of
-    a closed one is turned back evenly, so that the last section is the first.
+    The smooth one has as few elements as will do; an open one passes through its first and its last point.  Between
+    points it strays from the polyline by half the longest chord about at most.  Its frame turns about the line as
+    little as can be (`isorod.geometry.frames`); that of a closed one is turned back evenly, so that the last section is
+    the first.  A rod along it is warned of where a corner of more than 30 degrees, or one among straight sides, is
+    rounded by a hundredth of the radius and more.
+
+    With a fillet it is straight from point to point, exactly, and an arc of that radius at each.
 
     Parameters
     ----------
     points
         Shape ``(m, 3)``, ``m >= 2``, at least 3 distinct ones of a closed line, whose first may be repeated.
     tolerance
-        Units of length; 0: the line passes through all points.
+        Of a smooth line, units of length; 0: it passes through all points.
     closed
         Whether it goes on from the last point to the first.
     normal
         Vector ``(3,)`` towards which a section's x points at the start (see `Frames`).
+    fillet
+        Of straight lines, the radius of the arcs between them, units of length; larger than that of the section.
     """
     given = _points("polyline", points, (None, 3))
-    expect("polyline: tolerance", tolerance, float)
-    if not (np.isfinite(tolerance) and tolerance >= 0.0):
+    if fillet is not None:
+        _positive("polyline: fillet", fillet)
+        if tolerance is not None:
+            raise InputError("polyline: got a fillet and a tolerance, need one of them")
+    elif tolerance is None:
+        raise InputError("polyline: tolerance: got None, need a number, or a fillet")
+    expect("polyline: tolerance", tolerance, float | None)
+    if tolerance is not None and not (np.isfinite(tolerance) and tolerance >= 0.0):
         raise InputError(f"polyline: tolerance: got {tolerance:g}, need a length, 0 or more")
     repeated = closed and len(given) > 1 and np.array_equal(given[0], given[-1])
     count, least = len(given) - repeated, 3 if closed else 2
@@ -233,8 +271,44 @@ def polyline(
     chords = np.linalg.norm(np.diff(given, axis=0), axis=1)
     if not chords.min() > 1e-12 * chords.max():
         raise InputError(f"polyline: point {np.argmin(chords)} coincides with the next one; leave one out")
+    if tolerance is None:
+        return _filleted(given[:-1] if closed else given, float(fillet or 0.0), normal, closed)
     curve = near_points.through(given, float(tolerance), closed)
-    return _framed(curve.axis, curve.centers, normal, closed, curve.parameters)
+    line = _framed(curve.axis, curve.centers, normal, closed, curve.parameters)
+    off, cure = _off_points(_places(curve.axis, curve.centers), given[:-1] if closed else given, closed)
+    return replace(line, deviation=off, cure=cure)
+
+
+def _filleted(points: Array, fillet: float, normal: ArrayLike | None, closed: bool) -> CenterLine:
+    """Return the line that is straight from point to point, and an arc at each."""
+    axis, centers, pieces, stations = fillets.path(points, fillet, closed)
+    line = _framed(axis, centers, normal, closed, stations)
+    tangent = centers[1:2] - centers[:1]
+    across = line.frames(axis.breaks[:1])[0]
+    first = np.concatenate([across, tangent.T / np.linalg.norm(tangent)], axis=1)
+    rotations, stretches = fillets.tensors(pieces, first)
+    if closed and np.abs(rotations[-1] - first).max() > 1e-9:
+        # Carried round a line that is not plane, the frame has to be turned back evenly.
+        return line
+    return replace(line, rotations=rotations, stretches=stretches, frames=None)
+
+
+def _off_points(places: Array, points: Array, closed: bool) -> tuple[float, str]:
+    """Return how far a smooth line is from its points and the sides of their corners, and what brings it nearer."""
+    off, sharp = reading.farthest(points, places), reading.coarse(points, closed)
+    if sharp.size:
+        beside = np.union1d(sharp, (sharp - 1) % len(points))
+        wanted, where = reading.between(points, sharp, closed)
+        side = np.searchsorted(np.sort(where), np.arange(len(wanted)), side="right") - 1
+        bow = reading.farthest(wanted[np.isin(side, beside)], places)
+        if bow > off:
+            turn = reading.turns(points, closed)
+            k = sharp[np.argmax(turn[sharp])]
+            return bow, (
+                f"the points turn by {turn[k]:.0f} degrees at point {k}: give straight lines with a corner a fillet "
+                "(its radius) in place of the tolerance, and a smooth curve more points"
+            )
+    return off, "take a smaller tolerance"
 
 
 def nurbs(curve: Any, closed: bool = False, *, normal: ArrayLike | None = None) -> CenterLine:

@@ -43,8 +43,8 @@ def interpolate(axis: Axis, field: Field) -> Array:
     return found.reshape(wanted.shape)
 
 
-def resolve(axis: Axis, field: Field, tolerance: float) -> tuple[Axis, Array]:
-    """Return the axis with as many knots more as a field needs, and the field's coefficients there.
+def resolve(axis: Axis, field: Field, tolerance: float) -> tuple[Axis, Array, float]:
+    """Return the axis with as many knots more as a field needs, the field's coefficients there, and the largest error.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def resolve(axis: Axis, field: Field, tolerance: float) -> tuple[Axis, Array]:
         off = evaluate(axis, coefficients, u.ravel())[0] - field(u.ravel())
         errors = np.linalg.norm(off, axis=-1).reshape(axis.elements, -1).max(axis=1)
         if errors.max() <= tolerance:
-            return axis, coefficients
+            return axis, coefficients, float(errors.max())
         # The error falls with that power of the element's length.
         parts = np.clip(np.ceil(1.05 * (errors / tolerance) ** power), 1, 4).astype(int)
         if parts.sum() > MAX_ELEMENTS // 100:

@@ -1,7 +1,8 @@
 """A centre line and the frames along it, and the rods swept along them."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from numbers import Real
 
 import numpy as np
@@ -10,8 +11,10 @@ from numpy.typing import ArrayLike
 from isorod.arrays import Array
 from isorod.errors import InputError, expect, numbers
 from isorod.geometry.axis import Axis
+from isorod.geometry.fitted import radius
 from isorod.geometry.fitting import Field, evaluate, resolve
 from isorod.geometry.frames import Share
+from isorod.geometry.reading import LARGE, Deviation
 from isorod.geometry.rod import Rod, closing
 
 Scale = float | ArrayLike | Callable[[Array], ArrayLike]
@@ -38,6 +41,10 @@ class CenterLine:
         Whether its end is its start.
     stations
         Parameters ``(m,)`` of the points it was made from, to which the values of a list ``scale`` belong.
+    deviation
+        The largest distance between it and what it was made from, units of length.
+    cure
+        What brings it nearer; nothing where what it is was asked for.
     """
 
     axis: Axis
@@ -47,6 +54,8 @@ class CenterLine:
     frames: Field | None = None
     closed: bool = False
     stations: Array | None = None
+    deviation: float = 0.0
+    cure: str = ""
 
     def sweep(
         self,
@@ -91,7 +100,8 @@ class CenterLine:
         closed = self.closed if closed is None else closed
         plain = isinstance(scale, Real) and not isinstance(scale, bool) and scale == 1.0 and twist == 0.0
         if self.frames is None and plain and end is None:
-            return Rod.sweep(section, self.axis, self.centers, self.rotations, self.stretches, closed)
+            rod = Rod.sweep(section, self.axis, self.centers, self.rotations, self.stretches, closed)
+            return replace(rod, deviation=self._deviation([section], np.ones(1), 0.0))
         first = _polygon("section", section)
         last = first if end is None else _polygon("section at the end", end)
         if last.shape != first.shape:
@@ -112,11 +122,31 @@ class CenterLine:
             result: Array = polygons @ turned.swapaxes(1, 2)
             return result
 
-        largest = max(np.abs(first).max(), np.abs(last).max()) * size(self._fine()).max()
-        axis, found = resolve(self.axis, arms, tolerance * largest)
+        sizes = size(self._fine())
+        largest = max(np.abs(first).max(), np.abs(last).max()) * sizes.max()
+        axis, found, off = resolve(self.axis, arms, tolerance * largest)
         centers = self.axis.transfer(axis, self.centers)
         points = centers[:, None, :] + found
-        return Rod(axis, closing(points) if closed else points, closed, fitted=True)
+        deviation = self._deviation([section] if end is None else [section, end], sizes, off)
+        return Rod(axis, closing(points) if closed else points, closed, fitted=True, deviation=deviation)
+
+    def _deviation(self, sections: Sequence[ArrayLike], sizes: Array, sweep: float) -> Deviation:
+        """Return how far a rod of these sections and sizes is from what was written; warn of a line that is far off.
+
+        What there is to warn of sections was said when they were made.
+        """
+        radii = [radius(_polygon("section", one)) for one in sections]
+        shares = [getattr(one, "deviation", 0.0) for one in sections]
+        off = max(share * half for share, half in zip(shares, radii, strict=True))
+        line = self.deviation / (min(radii) * sizes.min())
+        if self.cure and line >= LARGE:
+            warnings.warn(
+                f"centre line: its largest deviation is {self.deviation:.3g}, {line:.2g} of the section's radius; "
+                f"{self.cure}",
+                stacklevel=3,
+            )
+        relative = max(line, *shares, sweep / (max(radii) * sizes.max()))
+        return Deviation(self.deviation, float(off * sizes.max()), sweep, float(relative))
 
     def _frames(self, u: Array) -> Array:
         """Return the section's directions at ``u`` of the control tensors."""

@@ -14,6 +14,7 @@ from isorod.geometry import fold
 from isorod.geometry.axis import Axis
 from isorod.geometry.disk import check_count, harmonic_functions
 from isorod.geometry.quadrature import WHOLE, Rule, axis_points, section_points
+from isorod.geometry.reading import EXACT, Deviation
 from isorod.tensors import determinant
 
 # Sections between layers of control points may be this much smaller than the smallest of these before that is warned
@@ -46,6 +47,8 @@ class Rod(Checked):
     rings
         Radii on the disk, from the inside, between which the section's rings lie: ``(0, 1)`` is one that is whole,
         ``(0.5, 1)`` a tube, ``(0, 0.8, 1)`` a core with a sheath.
+    deviation
+        How far it is from what it was made from (`isorod.geometry.reading.Deviation`).
 
     Raises
     ------
@@ -58,6 +61,7 @@ class Rod(Checked):
     closed: bool = False
     fitted: bool = False
     rings: tuple[float, ...] = WHOLE
+    deviation: Deviation = EXACT
 
     def __post_init__(self) -> None:
         super().__post_init__()

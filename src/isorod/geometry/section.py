@@ -1,5 +1,6 @@
 """Control polygons of cross sections: the outline is ``sum_i Phi_i(theta) P_i``."""
 
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -7,7 +8,20 @@ from numpy.typing import ArrayLike
 
 from isorod.arrays import Array
 from isorod.errors import InputError, whole_number
+from isorod.geometry import fitted, reading
 from isorod.geometry.disk import MAX_COUNT, boundary_functions, check_count, control_points
+
+# Points whose straight sides hold so much less area than the smooth outline through them are too few to tell which.
+_FEW = 0.05
+
+# About corners that turn by more, degrees, as the trailing edge of an airfoil does, the section is thin, and control
+# points that stand closer would make it badly mapped.
+_THIN = 136.0
+
+# Places round an exact outline.
+_DENSE = 4096
+
+_MORE = "take more control points (n)"
 
 
 def circle(n: int, radius: float = 1.0) -> Array:
@@ -51,7 +65,7 @@ def airfoil() -> Array:
     return np.stack([np.cos(angle), np.sin(angle) * factor], axis=1) / np.cos(np.pi / n)
 
 
-def naca(digits: str, n: int, chord: float = 1.0) -> Array:
+def naca(digits: str, n: int | None = None, chord: float = 1.0) -> Array:
     """Return the ``(n, 2)`` control points fitted to a NACA 4-digit airfoil, its leading edge towards -x, centred in x.
 
     The outline is sampled at ``x = chord / 2 (1 + cos theta)``, in which it is smooth but for the blunt trailing edge,
@@ -61,6 +75,8 @@ def naca(digits: str, n: int, chord: float = 1.0) -> Array:
     ----------
     digits
         Camber and its position and thickness, as in ``"2412"`` (Jacobs, Ward, Pinkerton, NACA Report 460, 1933).
+    n
+        Number of control points; chosen where not given (`isorod.geometry.fitted.fitted`).
     chord
         Units of length.
 
@@ -79,26 +95,41 @@ def naca(digits: str, n: int, chord: float = 1.0) -> Array:
     if not (np.isfinite(chord) and chord > 0.0):
         raise InputError(f"chord: got {chord:g}, need a positive length")
     camber, place, thickness = int(digits[0]) / 100.0, int(digits[1]) / 10.0, int(digits[2:]) / 100.0
-    theta = 2.0 * np.pi * (np.arange(16 * check_count(n)) + 0.5) / (16 * n)
-    x = 0.5 * (1.0 + np.cos(theta))
-    half = 5.0 * thickness * (0.2969 * np.sqrt(x) - x * (0.1260 + x * (0.3516 - x * (0.2843 - 0.1015 * x))))
-    mean = np.zeros_like(x)
-    slope = np.zeros_like(x)
-    if camber:
-        fore = x < place
-        scale = camber / np.where(fore, place, 1.0 - place) ** 2
-        mean = scale * (np.where(fore, 0.0, 1.0 - 2.0 * place) + 2.0 * place * x - x * x)
-        slope = 2.0 * scale * (place - x)
-    tilt = np.arctan(slope)
-    side = np.sign(np.sin(theta))
-    points = np.stack([x - side * half * np.sin(tilt) - 0.5, mean + side * half * np.cos(tilt)], axis=1)
-    return _fit(theta, chord * points, n)
+
+    def outline(theta: Array) -> Array:
+        x = 0.5 * (1.0 + np.cos(theta))
+        half = 5.0 * thickness * (0.2969 * np.sqrt(x) - x * (0.1260 + x * (0.3516 - x * (0.2843 - 0.1015 * x))))
+        mean = np.zeros_like(x)
+        slope = np.zeros_like(x)
+        if camber:
+            fore = x < place
+            scale = camber / np.where(fore, place, 1.0 - place) ** 2
+            mean = scale * (np.where(fore, 0.0, 1.0 - 2.0 * place) + 2.0 * place * x - x * x)
+            slope = 2.0 * scale * (place - x)
+        tilt = np.arctan(slope)
+        side = np.sign(np.sin(theta))
+        points = np.stack([x - side * half * np.sin(tilt) - 0.5, mean + side * half * np.cos(tilt)], axis=1)
+        return chord * points
+
+    def make(count: int) -> Array:
+        theta = _angles(16 * count)
+        return fitted.fit(theta, outline(theta), count)
+
+    return fitted.fitted("airfoil", make, outline(_angles(_DENSE)), n, MAX_COUNT, _MORE)
 
 
-def rounded_rectangle(n: int, width: float, height: float, corner_radius: float) -> Array:
+def rounded_rectangle(n: int | None, width: float, height: float, corner_radius: float) -> Array:
     """Return the ``(n, 2)`` control points fitted to a rectangle with round corners, ``width`` along x, about 0.
 
-    The fit rounds corners off that ``n`` points cannot follow; with a multiple of four it has the rectangle's symmetry.
+    The fit rounds corners off that ``n`` points cannot follow, which stand closer about sharp ones; with a multiple of
+    four it has the rectangle's symmetry.
+
+    Parameters
+    ----------
+    n
+        Number of control points; chosen where it is None (`isorod.geometry.fitted.fitted`).
+    width, height, corner_radius
+        Units of length.
 
     Raises
     ------
@@ -119,15 +150,19 @@ def rounded_rectangle(n: int, width: float, height: float, corner_radius: float)
     middle = [[0.5 * width, 0.0]]
     corners = (signs[:, None] * (0.5 * sides - corner_radius) + arcs).reshape(-1, 2)
     ring = np.concatenate([middle, corners, middle])
-    # Evenly along the outline stretched to a square: in a flat section the short sides have their share of points.
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*(np.diff(ring, axis=0) / sides).T))])
-    theta = 2.0 * np.pi * np.arange(16 * check_count(n)) / (16 * n)
-    place = theta / (2.0 * np.pi) * along[-1]
-    return _fit(theta, np.stack([np.interp(place, along, ring[:, k]) for k in range(2)], axis=1), n)
+    # In a flat section the short sides have their share of points.
+    arc = 257 * np.arange(4) + 129
+    share = 1.0 - corner_radius / (0.5 * sides.min())
+    wanted = reading.filled(ring)
+
+    def make(count: int) -> Array:
+        return fitted.crowded(ring, arc, sides, count, share)
+
+    return fitted.fitted("rounded rectangle", make, wanted, n, MAX_COUNT, _MORE)
 
 
 def from_file(
-    path: str | Path, n: int, scale: float = 1.0, near: ArrayLike | None = None, closer: float = 2.0
+    path: str | Path, n: int | None = None, scale: float = 1.0, near: ArrayLike | None = None, closer: float = 2.0
 ) -> Array:
     """Return the ``(n, 2)`` control points of an outline in a file, times ``scale``.
 
@@ -138,9 +173,8 @@ def from_file(
     ----------
     path
         A file of points ``x, y``, or one that ends in ``.dat`` with an airfoil (`isorod.geometry.outline.read`).
-    near, closer
-        As in `from_points`, ``near`` in the coordinates of the file.  By control points that stand twice as close about
-        its trailing edge an airfoil is met twice as well.
+    n, near, closer
+        As in `from_points`, ``near`` in the coordinates of the file.
 
     Raises
     ------
@@ -156,36 +190,48 @@ def from_file(
     extent = np.ptp(points, axis=0)
     if not extent.min() > 0.0:
         raise InputError(f"{path}: the outline has no area")
-    place = None if near is None else np.asarray(near, dtype=float) / extent
     try:
-        return scale * extent * from_points(points / extent, n, place, closer)
+        return scale * _through(points, n, near, closer, extent)
     except InputError as problem:
         raise InputError(f"{path}: {problem}") from None
 
 
-def from_points(points: ArrayLike, n: int, near: ArrayLike | None = None, closer: float = 2.0) -> Array:
-    """Return the ``(n, 2)`` control points whose outline fits a closed polyline in the least-squares sense.
+def from_points(points: ArrayLike, n: int | None = None, near: ArrayLike | None = None, closer: float = 2.0) -> Array:
+    """Return the ``(n, 2)`` control points of an outline through points: smooth, straight between sharp corners.
+
+    A corner is where the polyline turns by more than 60 degrees, by more than 30 and more than twice as far as at one
+    of its neighbours, or more than four times as far as at both.  Without any the outline fits the points in the
+    least-squares sense; with some the cubic splines and straight sides between them, control points standing closer
+    about those that turn by no more than 136 degrees (`isorod.geometry.reading`).
 
     Parameters
     ----------
     points
-        Points of the outline in counter-clockwise order, shape ``(m, 2)``, ``m >= n``, the first not repeated; the
-        first point stands at the angle 0 of the disk and the others at angles in proportion to the arc length.
+        Points of the outline in counter-clockwise order, shape ``(m, 2)``, the first not repeated, ``m >= n`` without
+        corners; the first point stands at the angle 0 of the disk and the others at angles in proportion to the arc
+        length.
     n
-        Number of control points.
+        Number of control points; chosen where not given (`isorod.geometry.fitted.fitted`).
     near, closer
         A place ``(x, y)`` about which control points stand ``closer`` than evenly, by that factor: at the nearest of
         the points the angles are stretched by a Moebius map of the disk to itself, with which harmonic functions stay
-        harmonic.  As many times farther apart they are opposite of it.
+        harmonic.  As many times farther apart they are opposite of it.  Corners are then not closer by themselves.
 
     Raises
     ------
     InputError
-        If there are too few points, two neighbours coincide, a value is not finite, or the order is clockwise.
+        If there are too few points, two neighbours coincide, a value is not finite, the order is clockwise, or area or
+        a second moment is off by more than 1 %.
     """
-    points = np.asarray(points, dtype=float)
-    if points.ndim != 2 or points.shape[1] != 2 or points.shape[0] < check_count(n):
-        raise InputError(f"section points: got an array of shape {points.shape}, need (m, 2) with m >= {n}")
+    return _through(np.asarray(points, dtype=float), n, near, closer)
+
+
+def _through(points: Array, n: int | None, near: ArrayLike | None, closer: float, extent: Array | None = None) -> Array:
+    """Return what `from_points` does; lengths along the outline are those of points divided by the extent."""
+    if points.ndim != 2 or points.shape[1] != 2 or points.shape[0] < 3:
+        raise InputError(f"section points: got an array of shape {points.shape}, need (m, 2) with m >= 3")
+    if n is not None:
+        check_count(n)
     if not np.isfinite(points).all():
         raise InputError(f"section point {np.argmax(~np.isfinite(points).all(axis=1))} is not finite")
     edges = np.roll(points, -1, axis=0) - points
@@ -194,10 +240,57 @@ def from_points(points: ArrayLike, n: int, near: ArrayLike | None = None, closer
         raise InputError(f"section point {np.argmax(lengths == 0.0)} coincides with the next one")
     if np.sum(points[:, 0] * edges[:, 1] - points[:, 1] * edges[:, 0]) <= 0.0:
         raise InputError("section points run clockwise; give them counter-clockwise")
+    sharp = reading.corners(points, closed=True)
+    wanted, where = reading.between(points, sharp, closed=True)
+    doubt = reading.doubtful(points, sharp)
+    if doubt.size:
+        warnings.warn(
+            f"section points: the turn of {reading.turns(points, True)[doubt[0]]:.0f} degrees at point {doubt[0]} is "
+            "taken for a sharp corner, but points beside it turn too; give more points there of a smooth outline, "
+            "points on its sides of a straight one",
+            stacklevel=3,
+        )
+    blunt = sharp[reading.turns(points, closed=True)[sharp] <= _THIN]
+    if blunt.size and near is None:
+        size = np.ptp(points, axis=0)
+        return fitted.fitted(
+            "section points",
+            lambda count: fitted.crowded(wanted, where[blunt], size, count),
+            wanted,
+            n,
+            MAX_COUNT,
+            f"{_MORE}, or rounded_rectangle",
+        )
+    if len(points) < (n or 0):
+        raise InputError(f"section points: got an array of shape {points.shape}, need (m, 2) with m >= {n}")
+    scaled = points if extent is None else points / extent
+    lengths = np.hypot(*(np.roll(scaled, -1, axis=0) - scaled).T)
     theta = 2.0 * np.pi * np.concatenate([[0.0], np.cumsum(lengths)[:-1]]) / lengths.sum()
     if near is not None:
         theta = _crowded(theta, points, near, closer)
-    return _fit(theta, points, n)
+    if not sharp.size:
+        less = 1.0 - reading.moments(points)[0] / reading.moments(wanted)[0]
+        if less > _FEW:
+            warnings.warn(
+                f"section points: straight sides between them hold {100.0 * less:.2g} % less area than the smooth "
+                "outline through them, which is taken; give more points of a smooth one, points on the sides of a "
+                "straight one",
+                stacklevel=3,
+            )
+    return fitted.fitted(
+        "section points",
+        lambda count: fitted.fit(theta, points, count),
+        wanted,
+        n,
+        len(points),
+        "give more points" if n in (None, len(points)) else _MORE,
+    )
+
+
+def _angles(count: int) -> Array:
+    """Return so many angles, evenly round the circle, half a step from its start."""
+    angles: Array = 2.0 * np.pi * (np.arange(count) + 0.5) / count
+    return angles
 
 
 def _crowded(theta: Array, points: Array, near: ArrayLike, closer: float) -> Array:
@@ -243,11 +336,3 @@ def refine(points: ArrayLike, multiple: int) -> Array:
     placed = boundary_functions(n, theta) @ given.reshape(n, -1)
     middle = boundary_functions(fine, theta - theta[0])
     return np.linalg.solve(middle, placed).reshape(fine, *given.shape[1:])
-
-
-def _fit(theta: Array, points: Array, n: int) -> Array:
-    """Return the control points whose outline passes nearest to ``points`` at the angles ``theta``."""
-    fitted, _, rank, _ = np.linalg.lstsq(boundary_functions(n, theta), points, rcond=None)
-    if rank < n:
-        raise InputError(f"section points: they determine only {rank} of {n} control points; give more or spread them")
-    return fitted

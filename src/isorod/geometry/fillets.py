@@ -1,0 +1,128 @@
+"""Straight lines from point to point with a fillet at each corner: exact, as rational quadratic arcs."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from isorod.arrays import Array
+from isorod.errors import InputError
+from isorod.geometry.axis import Axis
+from isorod.geometry.reading import turns
+
+# Turns below this, radians, need no fillet; pieces below this share of the longest chord are none.
+_STRAIGHT = 1e-9
+_NOTHING = 1e-12
+
+
+class Piece(NamedTuple):
+    """A straight line, or an arc: its three control points ``(3, 3)``, length, angle, and the axis it turns about."""
+
+    points: Array
+    length: float
+    angle: float = 0.0
+    about: Array = np.array([0.0, 0.0, 1.0])
+
+
+class Path(NamedTuple):
+    """A filleted line: axis, control points ``(axis.count, 3)``, its pieces, and parameters ``(m,)`` of the points."""
+
+    axis: Axis
+    centers: Array
+    pieces: list[Piece]
+    stations: Array
+
+
+def path(points: Array, radius: float, closed: bool) -> Path:
+    """Return lines from point to point and arcs of one radius between them, tangent to both.
+
+    An arc is two elements that meet half way, which is where its point's station is; a closed line begins there.
+
+    Parameters
+    ----------
+    points
+        Shape ``(m, 3)``; of a closed line the first is not repeated.
+    radius
+        Of the centre line, units of length.
+
+    Raises
+    ------
+    InputError
+        If a side is too short for the fillets at its ends.
+    """
+    count = len(points)
+    after = np.roll(points, -1, axis=0) - points
+    length = np.linalg.norm(after, axis=1)
+    along = after / length[:, None]
+    turn = np.radians(turns(points, closed))
+    turn[turn < _STRAIGHT] = 0.0
+    slope = np.tan(0.5 * np.minimum(turn, np.pi - _STRAIGHT))
+    sides = np.arange(count if closed else count - 1)
+    needed = slope[sides] + slope[(sides + 1) % count]
+    room = length[sides] - radius * needed
+    if room.min() < -_NOTHING * length.max():
+        k = int(np.argmin(room))
+        raise InputError(
+            f"polyline: fillet: got {radius:g}, need {length[k] / needed[k]:.4g} at most for the side from point {k} "
+            f"to point {(k + 1) % count}"
+        )
+    # Points first, and their fillets' ends and middles.
+    trim = radius * slope[:, None]
+    before = np.roll(along, 1, axis=0)
+    starts, ends = points - trim * before, points + trim * along
+    halves = [_halves(*one, radius) for one in zip(starts, before, along, turn, strict=True)]
+    pieces, places = [], []
+    for k in range(count + closed):
+        first, second = halves[k % count]
+        if k:
+            side = np.array([ends[k - 1], 0.5 * (ends[k - 1] + starts[k % count]), starts[k % count]])
+            if room[k - 1] > _NOTHING * length.max():
+                pieces.append(Piece(side, float(room[k - 1])))
+            pieces += first
+        places.append(len(pieces))
+        if k < count:
+            pieces += second
+    breaks = np.concatenate([[0.0], np.cumsum([piece.length for piece in pieces])])
+    knots = np.concatenate([breaks[:1], np.repeat(breaks, 2), breaks[-1:]])
+    weights = np.ones(2 * len(pieces) + 1)
+    weights[1::2] = np.cos(0.5 * np.array([piece.angle for piece in pieces]))
+    centers = np.concatenate([pieces[0].points[:1], *(piece.points[1:] for piece in pieces)])
+    return Path(Axis(2, knots, weights), centers, pieces, breaks[places])
+
+
+def _halves(start: Array, before: Array, after: Array, turn: float, radius: float) -> tuple[list[Piece], list[Piece]]:
+    """Return the two halves of the arc that turns from one direction to another, none where it does not."""
+    if not turn:
+        return [], []
+    about = np.cross(before, after)
+    about /= np.linalg.norm(about)
+    middle = (before + after) / np.linalg.norm(before + after)
+    reach, length = radius * np.tan(0.25 * turn), 0.5 * radius * turn
+    points = start + reach * np.cumsum([0.0 * before, before, middle, middle, after], axis=0)
+    return [Piece(points[:3], length, 0.5 * turn, about)], [Piece(points[2:], length, 0.5 * turn, about)]
+
+
+def tensors(pieces: list[Piece], first: Array) -> tuple[Array, Array]:
+    """Return the control tensors ``R_j`` and ``S_j`` of frames that turn with the arcs, ``(2 pieces + 1, 3, 3)``.
+
+    Parameters
+    ----------
+    first
+        The frame at the start, its columns the section's directions and the tangent ``(3, 3)``.
+    """
+    rotations, stretches = [first], [np.eye(3)]
+    for piece in pieces:
+        half = _turn(piece.about, 0.5 * piece.angle) @ rotations[-1]
+        # Across the axis of the arc, a section's vectors go as its control points do.
+        axial = np.outer(piece.about, piece.about)
+        spread = axial + (np.eye(3) - axial) / np.cos(0.5 * piece.angle)
+        rotations += [half, _turn(piece.about, piece.angle) @ rotations[-1]]
+        stretches += [half.T @ spread @ half, np.eye(3)]
+    return np.array(rotations), np.array(stretches)
+
+
+def _turn(about: Array, angle: float) -> Array:
+    """Return the rotation about a unit vector (Rodrigues)."""
+    x, y, z = about
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    result: Array = np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
+    return result

@@ -1,0 +1,146 @@
+"""Control polygons fitted to outlines: where control points stand, how many, and how far the outline is off."""
+
+import warnings
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from isorod.arrays import Array, Index
+from isorod.errors import InputError
+from isorod.geometry import reading
+from isorod.geometry.disk import boundary_functions, check_count
+
+# Where their number is not given, the first of these that does is how many control points there are.
+_COUNTS = (16, 24, 32, 40, 48, 64, 96)
+
+# So far may area or second moments be off: of what is chosen, of what is not warned of, of what is not refused.
+_CHOSEN, _TOLD, _REFUSED = 2e-3, 5e-3, 1e-2
+
+# Places round an outline that are looked at.
+_DENSE = 4096
+
+# Samples for each control point.
+_SAMPLES = 32
+
+# About a sharp corner control points stand up to three times as close, over this share of the mean distance of two. It
+# is then rounded off by half as much, with more of either by no less.
+_CLOSER, _AROUND = 2.0, 0.5
+
+
+class Polygon(np.ndarray[Any, np.dtype[np.float64]]):
+    """A control polygon ``(n, 2)`` that was fitted to an outline.
+
+    Attributes
+    ----------
+    deviation
+        The largest distance between its outline and the wanted one, as a share of half the diameter of this.
+    """
+
+    deviation: float
+
+    def __array_finalize__(self, other: Any) -> None:
+        self.deviation = getattr(other, "deviation", 0.0)
+
+
+def fit(theta: Array, points: Array, n: int) -> Array:
+    """Return the control points ``(n, 2)`` whose outline passes nearest to points at angles."""
+    found, _, rank, _ = np.linalg.lstsq(boundary_functions(n, theta), points, rcond=None)
+    if rank < n:
+        raise InputError(f"section points: they determine only {rank} of {n} control points; give more or spread them")
+    return found
+
+
+def crowded(ring: Array, sharp: Index, extent: Array, n: int, share: float = 1.0) -> Array:
+    """Return the control points ``(n, 2)`` of an outline, which stand closer about its corners.
+
+    Angles are in proportion to the length of the outline stretched to a square, times a density that is larger about
+    the corners.
+
+    Parameters
+    ----------
+    ring
+        Many places of the outline, shape ``(k, 2)``, the last the first again.
+    sharp
+        Which of them are corners.
+    extent
+        By which places are divided.
+    n
+        Number of control points.
+    share
+        How sharp the corners are, from 0 to 1.
+    """
+    way = np.concatenate([[0.0], np.cumsum(np.hypot(*(np.diff(ring, axis=0) / extent).T))])
+    way /= way[-1]
+    u = np.linspace(0.0, 1.0, 2 * _DENSE + 1)
+    apart = np.abs((u[:, None] - way[sharp] + 0.5) % 1.0 - 0.5).min(axis=1)
+    density = 1.0 + share * _CLOSER * np.exp(-((apart * n / _AROUND) ** 2))
+    angle = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]))])
+    turned = np.arange(_SAMPLES * n) / (_SAMPLES * n)
+    place = np.interp(turned, angle / angle[-1], u)
+    points = np.stack([np.interp(place, way, ring[:, k]) for k in range(2)], axis=1)
+    return fit(2.0 * np.pi * turned, points, n)
+
+
+def fitted(name: str, make: Callable[[int], Array], wanted: Array, n: int | None, most: int, cure: str) -> Polygon:
+    """Return the control polygon of an outline, its deviation measured.
+
+    Parameters
+    ----------
+    name
+        Of the section, with which warnings and errors begin.
+    make
+        Returns the polygon of so many control points.
+    wanted
+        Many places of the outline ``(k, 2)``.
+    n
+        Number of control points; where it is not given, the first of 16, 24, 32, 40, 48, 64, 96 with which area and
+        second moments are right to 0.2 % and the outline to a hundredth of half the diameter.
+    most
+        No more than so many are chosen.
+    cure
+        What makes the outline better.
+
+    Raises
+    ------
+    InputError
+        If area or a second moment is off by more than 1 %.
+    """
+    half = _half_diameter(wanted[:: max(1, len(wanted) // 256)])
+    counts = [one for one in _COUNTS if one <= most] or [most]
+    for count in counts if n is None else [check_count(n)]:
+        try:
+            polygon = make(count).view(Polygon)
+        except InputError:
+            # Points that crowd do not determine as many as there are of them.
+            if count in (n, counts[0]):
+                raise
+            break
+        outline = boundary_functions(count, 2.0 * np.pi * np.arange(_DENSE + 1) / _DENSE) @ np.asarray(polygon)
+        polygon.deviation = reading.distance(outline, wanted) / half
+        off = reading.mismatch(outline, wanted)
+        if abs(off) <= _CHOSEN and polygon.deviation < reading.LARGE:
+            return polygon
+    count = len(polygon)
+    if abs(off) > _TOLD:
+        said = f"{name}: area or second moments of {count} control points are {100.0 * off:+.2g} % off; {cure}"
+        if abs(off) > _REFUSED:
+            raise InputError(said)
+        warnings.warn(said, stacklevel=3)
+    elif polygon.deviation >= reading.LARGE:
+        warnings.warn(
+            f"{name}: the outline of {count} control points is {polygon.deviation * half:.3g} off, "
+            f"{polygon.deviation:.2g} of half the diameter, though area and second moments are right to "
+            f"{100.0 * abs(off):.1g} %; {cure}",
+            stacklevel=3,
+        )
+    return polygon
+
+
+def radius(polygon: Array) -> float:
+    """Return half the diameter of the outline of a control polygon ``(n, 2)``, from 128 of its places."""
+    return _half_diameter(boundary_functions(len(polygon), np.pi * np.arange(128) / 64.0) @ polygon)
+
+
+def _half_diameter(points: Array) -> float:
+    return 0.5 * float(np.linalg.norm(points[:, None] - points, axis=2).max())
