@@ -97,8 +97,8 @@ def _answer(record: Mapping[str, Any], units: Mapping[str, str], stresses: Seque
     if touching[_FEW:]:
         yield "contacts", f"{len(touching) - _FEW} more"
     if "error_estimate" in record and not record.get("changes"):
-        yield "error", f"about {record['error_estimate']:.1g}, relative, as estimated by a step on a finer space"
-        yield from _stress_error(record, stresses)
+        also = _stress_error(record, stresses)
+        yield "error", f"about {record['error_estimate']:.1g}, relative, as estimated by a step on a finer space{also}"
     elif "error_estimate" in record:
         changes = ", ".join(f"{name.replace('_', ' ')} {change:.2g}" for name, change in record["changes"].items())
         yield "error", f"{record['error_estimate']:.2g}, relative, as estimated from finer spaces ({changes})"
@@ -107,13 +107,12 @@ def _answer(record: Mapping[str, Any], units: Mapping[str, str], stresses: Seque
         yield "error in time", f"about {record['time_error']:.1g} of the largest displacement, of steps so long"
 
 
-def _stress_error(record: Mapping[str, Any], stresses: Sequence[str]) -> Iterator[tuple[str, str]]:
+def _stress_error(record: Mapping[str, Any], stresses: Sequence[str]) -> str:
     """Return how far stresses are off, or that nobody knows though they were asked for."""
     if "stress_error_estimate" in record:
         error = record["stress_error_estimate"]
-        yield "", f"of stresses {error:.1g} of the largest, farther from edges than the section is wide"
-    elif stresses and "changes" not in record:
-        yield "", f"of stresses ({', '.join(stresses)}) none is told here; --refine does"
+        return f"; of stresses about {error:.1g} of the largest, farther from edges than the section is wide"
+    return f"; of stresses ({', '.join(stresses)}) none is told, --refine does" if stresses else ""
 
 
 def _state(record: Mapping[str, Any]) -> Iterator[tuple[str, str]]:

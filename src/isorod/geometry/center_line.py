@@ -284,6 +284,7 @@ def _filleted(points: Array, fillet: float, normal: ArrayLike | None, closed: bo
     axis, centers, pieces, stations = fillets.path(points, fillet, closed)
     line = _framed(axis, centers, normal, closed, stations)
     tangent = centers[1:2] - centers[:1]
+    assert line.frames is not None
     across = line.frames(axis.breaks[:1])[0]
     first = np.concatenate([across, tangent.T / np.linalg.norm(tangent)], axis=1)
     rotations, stretches = fillets.tensors(pieces, first)
