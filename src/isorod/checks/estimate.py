@@ -22,8 +22,9 @@ from isorod.errors import InputError
 from isorod.model.model import Model
 from isorod.options import defaults
 
-# Steps of Newton's method; with one tangent as long as each is this much smaller than the one before, and enough.
-_STEPS, _QUICK, _DONE = 4, 0.1, 1e-3
+# Steps of Newton's method at most, with one tangent as long as each is this much smaller than the one before; steps of
+# this share of the longest are enough.
+_STEPS, _QUICK, _DONE = 8, 0.1, 1e-3
 
 # A sum that is a smaller share of its terms is rounding.
 _CANCELS = 1e-9
@@ -82,7 +83,9 @@ def _equilibrium(finer: Finer, displacement: Array, work: float, pressures: Sequ
     matrix, force, change = assembler.matrix(), assembler.vector(), assembler.vector()
     ksp = _solver(assembler, matrix)
     try:
-        size = gained = 0.0
+        size = gained = longest = 0.0
+        # What is rolled up turns by straight steps.
+        assembler.extrapolate()
         for _ in range(_STEPS):
             assembler.residual(x, 1.0, force)
             last, size = size, np.inf
@@ -98,7 +101,8 @@ def _equilibrium(finer: Finer, displacement: Array, work: float, pressures: Sequ
             x.axpy(-1.0, change)
             if not last:
                 gained, first = abs(force.dot(change)), assembler.displacement(x, 1.0)
-            if not size > _DONE * max(last, size):
+            longest = max(longest, size)
+            if not size > _DONE * longest:
                 break
         found = assembler.displacement(x, 1.0)
         given = finer.model.driven[finer.model.bound]
