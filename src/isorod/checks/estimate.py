@@ -26,8 +26,9 @@ from isorod.model.model import Model
 from isorod.options import defaults
 from isorod.output.state import State
 
-# Steps of Newton's method; with one tangent as long as each is this much smaller than the one before, and enough.
-_STEPS, _QUICK, _DONE = 4, 0.1, 1e-3
+# Steps of Newton's method at most, with one tangent as long as each is this much smaller than the one before; steps of
+# this share of the longest are enough.
+_STEPS, _QUICK, _DONE = 8, 0.1, 1e-3
 
 # A sum that is a smaller share of its terms is rounding.
 _CANCELS = 1e-9
@@ -140,6 +141,8 @@ def _corrected(
     """Take a state to the equilibrium nearby; return the steps' sizes, and of the first its work and where it leads."""
     force, change = assembler.vector(), assembler.vector()
     sizes: list[float] = []
+    # What is rolled up turns by straight steps.
+    assembler.extrapolate()
     for _ in range(_STEPS):
         assembler.residual(x, 1.0, force)
         size = np.inf
@@ -156,7 +159,7 @@ def _corrected(
         sizes.append(size)
         if len(sizes) == 1:
             gained, first = abs(force.dot(change)), assembler.displacement(x, 1.0)
-        if not size > _DONE * max(sizes[-2:]):
+        if not size > _DONE * max(sizes):
             break
     return sizes, gained, first
 
@@ -237,6 +240,7 @@ def _modes(
             if not sizes[-1] <= _QUICK * sizes[0] and sizes[-1]:
                 # There is none nearby.
                 return 1.0
+            assembler.extrapolate()
             assembler.tangent(x, 1.0, matrix)
             ksp.setOperators(matrix)
         if whirl is None or quarter is None:

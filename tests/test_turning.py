@@ -1,0 +1,229 @@
+"""Supports that turn by any angle: torque and moment in closed form, whole turns that are kept, steps, and files."""
+
+import numpy as np
+import pytest
+
+from isorod import (
+    Body,
+    Contact,
+    InputError,
+    Model,
+    Pressure,
+    Space,
+    Sphere,
+    Support,
+    circle,
+    dynamics,
+    statics,
+    straight,
+)
+from isorod.checks.turning import LONGEST, Turning
+from isorod.command import run
+from isorod.files.scene import FileScene
+from isorod.material.neo_hookean import NeoHookean
+from isorod.statics import continuation
+
+E, NU, LENGTH = 2.1e5, 0.3, 50.0
+TURN = 2.0 * np.pi
+
+FILE = """
+[rod.bar]
+curve = {straight = 50.0}
+section = {circle = 1.0}
+law = {NeoHookean = {E = 2.1e5, nu = 0.3}}
+space = {elements = 4, degree = 4, section_degree = 2}
+[support.foot]
+end = "start"
+[support.head]
+end = "end"
+{turn}
+[analysis.{analysis}]
+"""
+
+
+def rod(turn, radius=0.5, nu=NU, rings=None, first=(0.0, 0.0, 0.0), windows=((0.0, 1.0), (0.0, 1.0)), **space):
+    """Return a model of a straight rod along z, its ends turned, the first one held in its place."""
+    made = straight(LENGTH).sweep(circle(8, radius))
+    given = {"elements": 4, "degree": 5, "continuity": 0, "section_degree": 2} | space
+    tied = given.pop("tied", "")
+    on = Space(made if rings is None else made.with_rings(rings), **given)
+    held = "".join(letter for letter in "xyz" if letter not in tied)
+    ends = (
+        Support.end(on, "start", turn=first, during=windows[0]),
+        Support.end(on, "end", held, turn=tuple(turn), tied=tied, during=windows[1]),
+    )
+    return Model([Body(on, NeoHookean(E, nu), 1e-9)], ends)
+
+
+def torsion(angle, radius=0.5, hole=0.0, nu=NU):
+    """Return G J theta / L."""
+    return 0.5 * E / (1.0 + nu) * 0.5 * np.pi * (radius**4 - hole**4) * angle / LENGTH
+
+
+def bending(angle, radius=0.5):
+    """Return E I theta / L."""
+    return E * 0.25 * np.pi * radius**4 * angle / LENGTH
+
+
+@pytest.mark.parametrize(("angle", "elements"), [(6.0, 4), (-13.0, 4), (25.0, 8)])
+def test_torque_grows_with_the_turn(angle, elements):
+    # Of slender rods what large twist adds is as its square: 3 (r theta / L)^2 at most.
+    found = statics.solve(rod((0.0, 0.0, angle), radius=0.25, elements=elements))
+    assert found.moments[1, 2] == pytest.approx(torsion(angle, 0.25), rel=2e-3)
+    assert found.work == pytest.approx(found.moments[1, 2] * angle, rel=1e-6)
+
+
+def test_a_hollow_rod_is_turned():
+    found = statics.solve(rod((0.0, 0.0, 1.5 * TURN), radius=0.25, rings=(0.5, 1.0)))
+    assert found.moments[1, 2] == pytest.approx(torsion(1.5 * TURN, 0.25, 0.125), rel=5e-3)
+
+
+def test_an_incompressible_rod_is_turned_twice():
+    found = statics.solve(rod((0.0, 0.0, 2.0 * TURN), nu=0.5))
+    assert found.pressures[0] is not None
+    assert found.moments[1, 2] == pytest.approx(torsion(2.0 * TURN, nu=0.5), rel=5e-3)
+
+
+@pytest.mark.parametrize(("turns", "space"), [(1, {}), (2, {"elements": 16, "continuity": None})])
+def test_a_rod_is_rolled_up(turns, space):
+    model = rod((0.0, turns * TURN, 0.0), radius=0.25, tied="xz", **space)
+    with pytest.warns(UserWarning, match="overlap"):
+        found = statics.solve(model)
+    exact = bending(turns * TURN, 0.25)
+    assert found.moments[1, 1] == pytest.approx(exact, rel=5e-3)
+    assert found.estimate() < 5e-3
+
+
+def test_an_estimate_knows_when_a_rolled_up_rod_is_coarse():
+    coarse, fine = (
+        statics.solve(rod((0.0, 0.5 * TURN, 0.0), tied="xyz", **space))
+        for space in ({"elements": 8, "degree": 3, "continuity": 2}, {"elements": 12})
+    )
+    error = abs(coarse.moments[1, 1] / fine.moments[1, 1] - 1.0)
+    assert error > 5e-3
+    assert 0.3 * error < coarse.estimate() < 3.0 * error
+
+
+@pytest.mark.parametrize("steps", [1, 3])
+def test_small_steps_lead_to_the_same_about_a_skew_axis(steps):
+    turn = np.radians([200.0, 0.0, 300.0])
+    one, other = (statics.solve(rod(turn, tied="xyz", degree=4), load_steps=count) for count in (steps, 40))
+    assert one.displacement == pytest.approx(other.displacement, abs=1e-6 * LENGTH)
+
+
+def test_no_step_turns_a_support_farther_than_a_quarter():
+    windows = (0.0, 0.5), (0.25, 1.0)
+    model = rod((0.0, 0.0, 0.9 * TURN), first=(0.0, 0.0, -1.1 * TURN), windows=windows)
+    found = statics.solve(model, keep=True)
+    factors = [0.0, *(step.factor for step in found.path)]
+    assert {0.25, 0.5} < {*factors}
+    angles = np.array([[np.interp(f, window, (0.0, 1.0)) for window in windows] for f in factors]) * TURN * (-1.1, 0.9)
+    apart = np.diff(angles[:, 1] - angles[:, 0])
+    assert max(np.abs(apart).max(), np.abs(np.diff(angles, axis=0)).max()) < LONGEST + 1e-9
+    assert found.moments[1, 2] == pytest.approx(torsion(2.0 * TURN), rel=5e-3)
+
+
+def test_the_longest_step_is_that_of_two_supports_against_each_other():
+    turning = Turning(rod((0.0, 0.0, 3.0), first=(0.0, 4.0, 0.0), windows=((0.0, 0.5), (0.25, 1.0))))
+    assert turning.longest_step(0.0) == pytest.approx(LONGEST / 8.0)
+    assert turning.longest_step(0.3) == pytest.approx(LONGEST / np.hypot(8.0, 4.0))
+    assert turning.longest_step(0.5) == pytest.approx(LONGEST / 4.0)
+    assert Turning(rod((0.0, 0.0, 0.0))).longest_step(0.0) == np.inf
+
+
+def test_a_start_that_is_wound_otherwise_is_left():
+    less, once = (rod((0.0, 0.0, 0.3 + whole * TURN), degree=4) for whole in (0, 1))
+    at_less, at_once = (statics.solve(model) for model in (less, once))
+    assert at_once.moments[1, 2] == pytest.approx(torsion(0.3 + TURN), rel=5e-3)
+    for model, start, right in ((less, at_once, at_less), (once, at_less, at_once)):
+        found = statics.solve(model, start=start.displacement)
+        assert found.moments[1, 2] == pytest.approx(right.moments[1, 2], rel=1e-6)
+        assert statics.solve(model, start=right.displacement).load_steps == 1
+
+
+@pytest.mark.parametrize(("turn", "tied"), [((0.0, 0.0, 1.0), ""), ((0.0, 1.0, 0.0), "xyz"), ((0.6, 0.0, 0.8), "xyz")])
+def test_whole_turns_are_seen_from_one_end_to_the_other(turn, tied):
+    about = np.array(turn)
+    found = statics.solve(rod((0.4 + 0.5 * TURN) * about, tied=tied, degree=4)).displacement
+    for whole in range(-3, 4):
+        turning = Turning(rod((0.4 + (0.5 + whole) * TURN) * about, tied=tied, degree=4))
+        assert turning.follows(found) == (whole == 0)
+
+
+def test_a_step_that_loses_a_turn_is_seen():
+    model = rod((0.0, 0.0, TURN + 0.2), degree=4)
+    turning = Turning(model)
+    before, lost, right = (
+        statics.solve(rod((0.0, 0.0, angle), degree=4)).displacement for angle in (TURN - 1.0, 0.2, TURN + 0.2)
+    )
+    assert turning.lost(before, right) is None
+    assert "turn" in turning.lost(before, lost)
+
+
+def test_a_free_end_turns_with_the_rod():
+    on = Space(straight(LENGTH).sweep(circle(8, 0.5)), elements=2, degree=3, section_degree=2)
+    model = Model([Body(on, NeoHookean(E, NU))], [Support.end(on, "start", turn=(0.0, 2.5 * TURN, 0.0))])
+    with pytest.warns(UserWarning, match="rounding"):
+        found = statics.solve(model)
+    assert found.load_steps >= 10
+    assert found.position(0, 1.0) == pytest.approx([0.0, 0.0, -LENGTH], abs=1e-6)
+
+
+def test_a_pressed_rod_is_turned():
+    free = rod((0.0, 0.0, 1.5 * TURN))
+    pressed = statics.solve(Model(free.bodies, free.supports, loads=[Pressure(500.0, follows=True)]))
+    # Its ends hold its length: it is thinner by (1 + nu) (1 - 2 nu) p / E.
+    thinner = (1.0 + NU) * (1.0 - 2.0 * NU) * 500.0 / E
+    assert pressed.moments[1, 2] == pytest.approx(torsion(1.5 * TURN, 0.5 * (1.0 - thinner)), rel=5e-3)
+
+
+def test_a_rod_that_touches_is_turned():
+    on = Space(straight(LENGTH).sweep(circle(8, 0.5)), elements=6, degree=3, order=1)
+    ends = Support.end(on, "start"), Support.end(on, "end", turn=(0.0, 0.0, 0.6 * TURN))
+    ball = Sphere(center=(0.0, -2.4, 0.5 * LENGTH), radius=2.0)
+    with pytest.warns(UserWarning, match="control points wide"):
+        found = statics.solve(Model([Body(on, NeoHookean(E, NU))], ends, contacts=[Contact(0, ball)]))
+    assert found.reactions[:2, 1].max() < 0.0
+    assert found.moments[1, 2] == pytest.approx(torsion(0.6 * TURN), rel=2e-2)
+
+
+def test_twist_at_which_a_rod_buckles():
+    # Greenhill (1883), of clamped ends: M = 8.987 E I / L, twice the first root of tan(x) = x.
+    # What it grows in length it may: held, its ends would press it.
+    path = continuation.follow(rod((0.0, 0.0, 13.0), tied="z"), 0.02, 60, longest=0.5)
+    angles, unstable = 13.0 * path.factors, path.negative > 0
+    assert np.diff(angles).max() < LONGEST + 1e-9
+    assert angles[~unstable].max() < 8.9868 * (1.0 + NU) * 1.01
+    assert 8.9868 * (1.0 + NU) * 0.99 < angles[unstable].min() < 13.5
+
+
+def write(folder, turn, analysis="statics"):
+    path = folder / "bar.toml"
+    path.write_text(FILE.replace("{turn}", turn).replace("{analysis}", analysis))
+    return FileScene(str(path))
+
+
+def test_a_file_says_degrees(tmp_path):
+    support = write(tmp_path, "rotation = [0, 30, -720.0]").model().supports[1]
+    assert support.turn == pytest.approx([0.0, np.pi / 6.0, -4.0 * np.pi], rel=1e-15)
+    scene = write(tmp_path, "rotation = [0, 0, 180]")
+    found, _ = run.solve(scene, scene.settings())
+    assert found.moments[1, 2] == pytest.approx(torsion(np.pi, 1.0), rel=5e-3)
+
+
+def test_radians_of_a_file_are_taken_with_a_word_on_what_to_write(tmp_path):
+    with pytest.warns(UserWarning, match=r"bar\.toml:11: support\.head\.turn: .* rotation = \[0, 0, 90\], in degrees$"):
+        support = write(tmp_path, f"turn = [0, 0, {np.pi / 2.0!r}]").model().supports[1]
+    assert support.turn == pytest.approx([0.0, 0.0, np.pi / 2.0])
+    with pytest.warns(UserWarning, match=r"if degrees were meant, write rotation = \[0, 0, 30\]"):
+        write(tmp_path, "turn = [0, 0, 30]")
+
+
+def test_an_angle_that_is_given_twice_is_refused(tmp_path):
+    with pytest.raises(InputError, match=r"given twice, by turn too"):
+        write(tmp_path, "rotation = [0, 0, 30]\nturn = [0, 0, 0.5]")
+
+
+def test_a_motion_does_not_begin_with_an_end_turned_far():
+    with pytest.raises(InputError, match=r"support 1: it is turned at once by 360 degrees"):
+        dynamics.solve(rod((0.0, 0.0, TURN)), 1e-6, time_step=1e-7, integrator="implicit")
