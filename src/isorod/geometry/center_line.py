@@ -167,7 +167,7 @@ def helix(
         return _frenet(*_around(angle / count * parameters, phase, left), np.arctan2(rise, radius))[:, :, :2]
 
     off = _off_helix(axis, centers, radius, rise)
-    return CenterLine(axis, centers, frames=frames, deviation=off, cure="take another pitch")
+    return CenterLine(axis, centers, frames=frames, deviation=off)
 
 
 def _off_helix(axis: Axis, centers: Array, radius: float, rise: float) -> float:
