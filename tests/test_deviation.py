@@ -11,7 +11,7 @@ from isorod.errors import InputError
 from isorod.geometry import reading
 from isorod.geometry.center_line import helix, polyline, straight
 from isorod.geometry.disk import boundary_functions
-from isorod.geometry.section import circle, from_file, from_points, naca, rounded_rectangle
+from isorod.geometry.section import circle, ellipse, from_file, from_points, naca, rounded_rectangle
 
 SQUARE = np.array([[1.0, 0.0], [1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
 SHAPES = {
@@ -196,6 +196,18 @@ def test_a_tolerance_that_is_large_beside_the_radius_is_warned_of():
         line.sweep(circle(8, 0.5))
 
 
+def test_sections_far_from_where_they_belong_are_warned_of():
+    """The tolerance of a sweep is a share of the largest arm, which is not the radius of a section off the line."""
+    line = straight(5.0)
+    assert line.sweep(ellipse(8, 0.5, 0.2), twist=300.0).deviation.sweep < 5e-3 * 0.55
+    with pytest.warns(UserWarning, match="sections along the line: their largest deviation is"):
+        rod = line.sweep(ellipse(8, 0.5, 0.2), twist=90.0, tolerance=0.05)
+    assert rod.deviation.relative == pytest.approx(rod.deviation.sweep / 0.5)
+    assert 0.01 < rod.deviation.relative < 0.055
+    with pytest.warns(UserWarning, match="a section about its own middle"):
+        line.sweep(circle(8, 0.1) + np.array([2.0, 0.0]), twist=90.0)
+
+
 # Fillets
 
 CORNERS = {
@@ -270,7 +282,7 @@ def test_a_run_says_how_far_its_rods_are_from_what_was_written(tmp_path, capsys)
     assert main(["run", str(tmp_path / "frame.toml")]) == 0
     said = capsys.readouterr()
     assert "deviation           5 at most, 5 of the radius: centre line" in said.out
-    assert said.err.startswith("isorod: warning: centre line: its largest deviation is 5, ")
+    assert said.err.startswith("isorod: warning: rod.frame: centre line: its largest deviation is 5, ")
     (tmp_path / "frame.toml").write_text(text.replace("tolerance = 0.0", "fillet = 3.0"))
     assert main(["run", str(tmp_path / "frame.toml")]) == 0
     said = capsys.readouterr()

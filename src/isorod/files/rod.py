@@ -1,5 +1,6 @@
 """A rod of a scene file: curve, section, laws and space."""
 
+import warnings
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -83,11 +84,15 @@ class RodPlan:
         return [choice(place / k, schema.LAWS, one) for k, one in enumerate(said)]
 
     def rod(self) -> "Rod":
-        """Return the rod as first built, having made sure that it does not fold."""
-        line, outline = self.curve.make(), self.section.make()
-        with self.place.told():
-            rod: Rod = self._sweep.make(self=line, section=outline)
-            rod.check()
+        """Return the rod as first built, having made sure that it does not fold; what is warned of says which it is."""
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            line, outline = self.curve.make(), self.section.make()
+            with self.place.told():
+                rod: Rod = self._sweep.make(self=line, section=outline)
+                rod.check()
+        for one in said:
+            warnings.warn(f"{self.place}: {one.message}", one.category, stacklevel=2)
         return rod if self._rings is None else self._rings.make(self=rod)
 
     def _jumps(self, rod: "Rod") -> dict[str, Any]:

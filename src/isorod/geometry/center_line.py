@@ -167,7 +167,7 @@ def helix(
         return _frenet(*_around(angle / count * parameters, phase, left), np.arctan2(rise, radius))[:, :, :2]
 
     off = _off_helix(axis, centers, radius, rise)
-    return CenterLine(axis, centers, frames=frames, deviation=off, cure="take another pitch")
+    return CenterLine(axis, centers, frames=frames, deviation=off)
 
 
 def _off_helix(axis: Axis, centers: Array, radius: float, rise: float) -> float:
@@ -282,16 +282,14 @@ def polyline(
 def _filleted(points: Array, fillet: float, normal: ArrayLike | None, closed: bool) -> CenterLine:
     """Return the line that is straight from point to point, and an arc at each."""
     axis, centers, pieces, stations = fillets.path(points, fillet, closed)
-    line = _framed(axis, centers, normal, closed, stations)
+    frames = Frames(axis, centers, None if normal is None else _points("normal", normal, (3,)), closed)
     tangent = centers[1:2] - centers[:1]
-    assert line.frames is not None
-    across = line.frames(axis.breaks[:1])[0]
-    first = np.concatenate([across, tangent.T / np.linalg.norm(tangent)], axis=1)
+    first = np.concatenate([frames(axis.breaks[:1])[0], tangent.T / np.linalg.norm(tangent)], axis=1)
     rotations, stretches = fillets.tensors(pieces, first)
     if closed and np.abs(rotations[-1] - first).max() > 1e-9:
         # Carried round a line that is not plane, the frame has to be turned back evenly.
-        return line
-    return replace(line, rotations=rotations, stretches=stretches, frames=None)
+        return CenterLine(axis, centers, frames=frames, closed=True, stations=stations)
+    return CenterLine(axis, centers, rotations, stretches, closed=closed, stations=stations)
 
 
 def _off_points(places: Array, points: Array, closed: bool) -> tuple[float, str]:

@@ -145,7 +145,14 @@ class CenterLine:
                 f"{self.cure}",
                 stacklevel=3,
             )
-        relative = max(line, *shares, sweep / (max(radii) * sizes.max()))
+        placed = sweep / (max(radii) * sizes.max())
+        if placed >= LARGE:
+            warnings.warn(
+                f"sections along the line: their largest deviation is {sweep:.3g}, {placed:.2g} of the radius; take a "
+                "smaller tolerance of the sweep (section_tolerance), or a section about its own middle",
+                stacklevel=3,
+            )
+        relative = max(line, *shares, placed)
         return Deviation(self.deviation, float(off * sizes.max()), sweep, float(relative))
 
     def _frames(self, u: Array) -> Array:
