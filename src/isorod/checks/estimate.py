@@ -28,6 +28,9 @@ _STEPS, _QUICK, _DONE = 4, 0.1, 1e-3
 # A sum that is a smaller share of its terms is rounding.
 _CANCELS = 1e-9
 
+# Work of supports that is not so many times what rounding makes of it is none.
+_ROUNDS = 100.0
+
 _PREFIX = "estimate_"
 
 
@@ -112,28 +115,54 @@ def _equilibrium(
         found = assembler.displacement(x, 1.0)
         given = finer.model.prescribed(1.0)[finer.model.bound]
         carried = assembler.reactions(x, 1.0) if given.any() else given
+        noise = assembler.reaction_noise(x, 1.0) if given.any() else given
     finally:
         ksp.destroy()
         matrix.destroy()
     if not np.isfinite(size):
         # Too far for straight steps: the first alone, of moved supports its energy; without one nothing is right.
-        found, given = first, given * 0.0
+        found, given, noise = first, given * 0.0, given * 0.0
         if not np.isfinite(found).all():
             return 1.0
         if not finer.model.external.any() and work:
             return gained / (abs(work) + gained)
     # What moved supports do and what loads do, or where neither do, how far it goes.
-    pairs = [(carried * given, work)]
-    for weights in (finer.model.external, state * (not finer.model.external.any() and not pairs[0][0].any())):
-        pairs.append((weights * found, float(weights @ state)))
-    changes = [abs(before / terms.sum() - 1.0) for terms, before in pairs if _counts(terms)]
-    error = max(changes, default=np.nan)
+    loads = finer.model.external
+    changes = [_change(carried * given, work, _ROUNDS * float(noise @ np.abs(given)))]
+    changes.append(_change(loads * found, float(loads @ state), 0.0, float(loads @ _carried_along(finer.model, given))))
+    known = [one for one in changes if one is not None]
+    if not known:
+        known = [one for one in [_change(state * found, float(state @ state))] if one is not None]
+    error = max(known, default=np.nan)
     return float(error) if np.isfinite(error) else None
 
 
-def _counts(terms: Array) -> bool:
-    """Return whether a sum is more than what is left of terms that cancel."""
-    return abs(terms.sum()) > _CANCELS * float(np.abs(terms).sum())
+def _change(terms: Array, before: float, noise: float = 0.0, along: float = 0.0) -> float | None:
+    """Return the change of a sum relative to it, or to what it is without a part; None where it is rounding.
+
+    Parameters
+    ----------
+    terms, before
+        Of the sum, and what it was.
+    noise
+        What rounding makes of it.
+    along
+        The part that is the same in a frame that moves along, and may cancel the rest.
+    """
+    total = float(terms.sum())
+    if not abs(total) > max(noise, _CANCELS * float(np.abs(terms).sum())) and not along:
+        return None
+    return abs(before - total) / max(abs(total), abs(total - along))
+
+
+def _carried_along(model: Model, given: Array) -> Array:
+    """Return all degrees of freedom where everything moves as supports do on average, given how their nodes move."""
+    moved = np.zeros((model.dofs // 3, 3))
+    carriers = model.is_carrier[model.bound // 3]
+    for a in range(3):
+        own = given[carriers & (model.bound % 3 == a)]
+        moved[model.is_carrier, a] = own.mean() if own.size else 0.0
+    return moved.ravel()
 
 
 def of_modes(
