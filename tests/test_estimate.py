@@ -158,6 +158,21 @@ def test_far_beyond_straight_steps_the_first_one_tells():
     assert 0.2 < solution.estimate() < 1.8
 
 
+def test_a_rigid_motion_has_no_error_and_a_load_that_it_takes_along_is_no_false_alarm():
+    """A bar that is moved alone, and one whose loaded end bends back to where it was."""
+    space = Space(straight(10.0).sweep(section.circle(8)), section_degree=3, elements=2, degree=4)
+
+    def held(way, force):
+        load = SectionLoad.end(space, "end", (0.0, force, 0.0))
+        end = Support.end(space, "start", displacement=(0.1, way, 0.0))
+        return statics.solve(Model([Body(space, NeoHookean(100.0, 0.3))], [end], loads=[load] if force else []))
+
+    assert held(0.3, 0.0).estimate() < 1e-9
+    still = held(0.0, -0.001)
+    sag = float(still.model.external @ still.displacement) / -0.001
+    assert held(-sag, -0.001).estimate() == pytest.approx(still.estimate(), rel=0.01)
+
+
 def test_there_is_none_where_supports_are_within_the_rod_or_something_touches():
     space = Space.paper(straight(4.0).sweep(section.circle(8)), elements=4, order=2)
     load = SectionLoad.end(space, "end", (0.0, 1e-3, 0.0))

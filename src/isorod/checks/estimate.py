@@ -33,6 +33,9 @@ _STEPS, _QUICK, _DONE = 8, 0.1, 1e-3
 # A sum that is a smaller share of its terms is rounding.
 _CANCELS = 1e-9
 
+# Work of supports that is not so many times what rounding makes of it is none.
+_ROUNDS = 100.0
+
 _PREFIX = "estimate_"
 
 
@@ -117,22 +120,27 @@ def _equilibrium(
         found, corrected = assembler.displacement(x, 1.0), assembler.pressures(x)
         given = finer.model.driven[finer.model.bound]
         carried = assembler.reactions(x, 1.0) if given.any() else given
+        noise = assembler.reaction_noise(x, 1.0) if given.any() else given
     finally:
         ksp.destroy()
         matrix.destroy()
     if not np.isfinite(sizes[-1]):
         # Too far for straight steps: the first alone, of moved supports its energy; without one nothing is right.
-        found, given = first, given * 0.0
+        found, given, noise = first, given * 0.0, given * 0.0
         if not np.isfinite(found).all():
             return np.ones(2)
         if not finer.model.external.any() and work:
             return np.array([gained / (abs(work) + gained), np.nan])
     # What moved supports do and what loads do, or where neither do, how far it goes.
-    pairs = [(carried * given, work)]
-    for weights in (finer.model.external, state * (not finer.model.external.any() and not pairs[0][0].any())):
-        pairs.append((weights * found, float(weights @ state)))
-    changes = [abs(before / terms.sum() - 1.0) for terms, before in pairs if _counts(terms)]
-    return np.array([max(changes, default=np.nan), stresses.change(finer, displacement, found, pressures, corrected)])
+    loads, moved = finer.model.external, finer.model.prescribed(1.0)[finer.model.bound]
+    along = float(loads @ _carried_along(finer.model, moved))
+    changes = [_change(carried * given, work, _ROUNDS * float(noise @ np.abs(given)))]
+    changes.append(_change(loads * found, float(loads @ state), 0.0, along))
+    known = [one for one in changes if one is not None]
+    if not known:
+        known = [one for one in [_change(state * found, float(state @ state))] if one is not None]
+    error = max(known, default=np.nan)
+    return np.array([error, stresses.change(finer, displacement, found, pressures, corrected)])
 
 
 def _corrected(
@@ -164,9 +172,32 @@ def _corrected(
     return sizes, gained, first
 
 
-def _counts(terms: Array) -> bool:
-    """Return whether a sum is more than what is left of terms that cancel."""
-    return abs(terms.sum()) > _CANCELS * float(np.abs(terms).sum())
+def _change(terms: Array, before: float, noise: float = 0.0, along: float = 0.0) -> float | None:
+    """Return the change of a sum relative to it, or to what it is without a part; None where it is rounding.
+
+    Parameters
+    ----------
+    terms, before
+        Of the sum, and what it was.
+    noise
+        What rounding makes of it.
+    along
+        The part that is the same in a frame that moves along, and may cancel the rest.
+    """
+    total = float(terms.sum())
+    if not abs(total) > max(noise, _CANCELS * float(np.abs(terms).sum())) and not along:
+        return None
+    return abs(before - total) / max(abs(total), abs(total - along))
+
+
+def _carried_along(model: Model, given: Array) -> Array:
+    """Return all degrees of freedom where everything moves as supports do on average, given how their nodes move."""
+    moved = np.zeros((model.dofs // 3, 3))
+    carriers = model.is_carrier[model.bound // 3]
+    for a in range(3):
+        own = given[carriers & (model.bound % 3 == a)]
+        moved[model.is_carrier, a] = own.mean() if own.size else 0.0
+    return moved.ravel()
 
 
 def of_modes(
