@@ -72,9 +72,10 @@ _MANY, _LOOKS = 1000, 7
 
 
 # What a held, loaded or welded end does to stresses decays within a diameter.  Elements that resolve it: the first a
-# radius long, each next one this many times as long, over so many radii at least; a knot is left out where another one is as
-# near as these shares of its element's length, before and after it.  Measured on bars in tension and shear, length over
-# radius 8 to 200: stresses from a diameter off the ends on err by 0.8 % at the most, where even elements err by 55 %.
+# radius long, each next one this many times as long, over so many radii at least; a knot is left out where another one
+# is as near as these shares of its element's length, before and after it.  Measured on bars in tension and shear,
+# length over radius 8 to 200: stresses from a diameter off the ends on err by 0.8 % at the most, where even elements
+# err by 55 %.
 _FIRST, _RISE, _REACH = 1.0, 1.7, 2.5
 _BEFORE, _AFTER = 0.6, 0.4
 
