@@ -20,6 +20,7 @@ from isorod import (
 from isorod.checks.turning import LONGEST, Turning
 from isorod.command import run
 from isorod.files.scene import FileScene
+from isorod.material.linear_elastic import LinearElastic
 from isorod.material.neo_hookean import NeoHookean
 from isorod.statics import continuation
 
@@ -195,6 +196,13 @@ def test_twist_at_which_a_rod_buckles():
     assert np.diff(angles).max() < LONGEST + 1e-9
     assert angles[~unstable].max() < 8.9868 * (1.0 + NU) * 1.01
     assert 8.9868 * (1.0 + NU) * 0.99 < angles[unstable].min() < 13.5
+
+
+def test_a_law_of_small_strains_is_not_turned_far():
+    model = rod((0.0, 0.0, TURN))
+    bodies = [Body(model.bodies[0].space, LinearElastic(E, NU))]
+    with pytest.raises(InputError, match=r"support 1: it turns by 360 degrees, and LinearElastic is for small"):
+        statics.solve(Model(bodies, model.supports))
 
 
 def write(folder, turn, analysis="statics"):

@@ -12,6 +12,7 @@ from isorod.arrays import Array
 from isorod.assembly.formulation import assembler_for
 from isorod.checks import hourglass, overlap, rigid_motions
 from isorod.checks.reactions import by_support, check_balance, support_displacements, support_forces, support_moments
+from isorod.checks.turning import refuse_small
 from isorod.errors import SolveError, expect, whole_number
 from isorod.model.model import Model
 from isorod.output.state import Animated, Deformation, State
@@ -227,7 +228,8 @@ def solve(
     Raises
     ------
     InputError
-        If it is not a model, or the number of steps none, or an option is refused.
+        If it is not a model, or the number of steps none, an option is refused, or a body whose law is of small strains
+        is turned by more than a quarter of a turn.
     SolveError
         If a rigid motion is free, or a step was halved ten times in vain: the message names element, axis position and
         ``det F``, or the bodies; or penetration does not fall to what the contact asks for.
@@ -241,6 +243,7 @@ def solve(
 def _solve(model: Model, load_steps: int, comm: PETSc.Comm | None, start_at: Array | None, keep: bool) -> Equilibrium:
     """Return what `solve` does, as the options in force say."""
     start = perf_counter()
+    refuse_small(model)
     loose = rigid_motions.left_to_contact(model)
     overlapped = overlap.warn_at_rest(model)
     assembler = assembler_for(model, comm)
