@@ -1,4 +1,4 @@
-"""Warnings of a command: kept until there is a result, as an error is said alone; words that files will lose are not."""
+"""Warnings of a command: kept until there is a result, as an error is said alone; words that go from files are not."""
 
 import sys
 import warnings
