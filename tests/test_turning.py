@@ -18,8 +18,9 @@ from isorod import (
     straight,
 )
 from isorod.checks.turning import LONGEST, Turning
-from isorod.command import run
+from isorod.command import cli, run
 from isorod.files.scene import FileScene
+from isorod.material.linear_elastic import LinearElastic
 from isorod.material.neo_hookean import NeoHookean
 from isorod.statics import continuation
 
@@ -197,6 +198,13 @@ def test_twist_at_which_a_rod_buckles():
     assert 8.9868 * (1.0 + NU) * 0.99 < angles[unstable].min() < 13.5
 
 
+def test_a_law_of_small_strains_is_not_turned_far():
+    model = rod((0.0, 0.0, TURN))
+    bodies = [Body(model.bodies[0].space, LinearElastic(E, NU))]
+    with pytest.raises(InputError, match=r"support 1: it turns by 360 degrees, and LinearElastic is for small"):
+        statics.solve(Model(bodies, model.supports))
+
+
 def write(folder, turn, analysis="statics"):
     path = folder / "bar.toml"
     path.write_text(FILE.replace("{turn}", turn).replace("{analysis}", analysis))
@@ -212,11 +220,23 @@ def test_a_file_says_degrees(tmp_path):
 
 
 def test_radians_of_a_file_are_taken_with_a_word_on_what_to_write(tmp_path):
-    with pytest.warns(UserWarning, match=r"bar\.toml:11: support\.head\.turn: .* rotation = \[0, 0, 90\], in degrees$"):
+    with pytest.warns(
+        FutureWarning, match=r"bar\.toml:11: support\.head\.turn: .* rotation = \[0, 0, 90\], in degrees$"
+    ):
         support = write(tmp_path, f"turn = [0, 0, {np.pi / 2.0!r}]").model().supports[1]
     assert support.turn == pytest.approx([0.0, 0.0, np.pi / 2.0])
-    with pytest.warns(UserWarning, match=r"if degrees were meant, write rotation = \[0, 0, 30\]"):
+    with pytest.warns(FutureWarning, match=r"if degrees were meant, write rotation = \[0, 0, 30\]"):
         write(tmp_path, "turn = [0, 0, 30]")
+
+
+def test_degrees_in_the_old_key_are_told_where_the_run_fails_too(tmp_path, capsys):
+    with pytest.warns(FutureWarning):
+        write(tmp_path, "turn = [0, 0, 30]")
+    path = str(tmp_path / "bar.toml")
+    assert cli.main(["run", path, "--load-steps", "0"]) == 2
+    first, last = capsys.readouterr().err.splitlines()
+    assert "if degrees were meant, write rotation = [0, 0, 30]" in first
+    assert "load" in last
 
 
 def test_an_angle_that_is_given_twice_is_refused(tmp_path):

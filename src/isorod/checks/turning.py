@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from isorod.arrays import Array, Index
+from isorod.errors import InputError
 from isorod.model.model import Model
 from isorod.model.support import rotation
 from isorod.space.space import Space
@@ -128,6 +129,18 @@ class Turning:
         about = last - first if np.linalg.norm(last - first) > 0.0 else last
         angles = [_followed(path, about / np.linalg.norm(about)) for path in (turned, wanted)]
         return abs(angles[0] - angles[1]) < _APART
+
+
+def refuse_small(model: Model) -> None:
+    """Raise `InputError` if a body whose law is of small strains is turned by more than a quarter of a turn."""
+    for k, (support, motion) in enumerate(zip(model.supports, model.motions, strict=True)):
+        angle = float(np.linalg.norm(motion.turn))
+        small = next((law for law in model.bodies[support.body].laws if not law.objective), None)
+        if small is not None and angle > LONGEST:
+            raise InputError(
+                f"support {k}: it turns by {np.degrees(angle):.4g} degrees, and {type(small).__name__} is for small "
+                "strains and turns; take a law for large rotations, as StVenantKirchhoff"
+            )
 
 
 def _turned(model: Model) -> set[int]:

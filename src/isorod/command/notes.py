@@ -1,4 +1,4 @@
-"""Warnings of a command: kept until there is a result, as an error is said alone."""
+"""Warnings of a command: kept until there is a result, as an error is said alone; words that go from files are not."""
 
 import sys
 import warnings
@@ -18,5 +18,9 @@ def show() -> None:
         print(f"isorod: warning: {text}", file=sys.stderr)
 
 
-def _keep(message: Warning | str, *_: object, **__: object) -> None:
+def _keep(message: Warning | str, category: type[Warning], *_: object, **__: object) -> None:
     _NOTES.append(" ".join(str(message).split()))
+    if issubclass(category, FutureWarning):
+        # What was misread may be why there is no result.
+        show()
+        _NOTES.clear()

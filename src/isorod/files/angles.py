@@ -23,6 +23,7 @@ def radians(place: Place, value: Any) -> tuple[float, ...]:
         doubt = f"; this is more than a whole turn: if degrees were meant, write rotation = [{typed}]"
     warnings.warn(
         str(place.error(f"radians, taken for the last time: write rotation = [{said}], in degrees{doubt}")),
+        FutureWarning,
         stacklevel=2,
     )
     return vector

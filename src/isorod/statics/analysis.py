@@ -12,6 +12,7 @@ from isorod.arrays import Array
 from isorod.assembly.formulation import assembler_for
 from isorod.checks import hourglass, overlap, rigid_motions, small
 from isorod.checks.reactions import by_support, check_balance, support_displacements, support_forces, support_moments
+from isorod.checks.turning import refuse_small
 from isorod.errors import expect, whole_number
 from isorod.model.model import Model
 from isorod.output.state import Animated, Deformation, State
@@ -235,8 +236,8 @@ def solve(
     Raises
     ------
     InputError
-        If it is not a model, or the number of steps none, or an option is refused, or what is to be stable has no
-        stability (`isorod.statics.stability`).
+        If it is not a model, the number of steps none, an option is refused, a body whose law is of small strains is
+        turned by more than a quarter of a turn, or what is to be stable has no stability (`isorod.statics.stability`).
     SolveError
         If a rigid motion is free, or a step was halved ten times in vain: the message names element, axis position and
         ``det F``, or the bodies; or penetration does not fall to what the contact asks for; or no stable equilibrium is
@@ -253,6 +254,7 @@ def _solve(
 ) -> Equilibrium:
     """Return what `solve` does, as the options in force say."""
     start = perf_counter()
+    refuse_small(model)
     loose = rigid_motions.left_to_contact(model)
     overlapped = overlap.warn_at_rest(model)
     assembler = assembler_for(model, comm)
