@@ -27,6 +27,9 @@ from isorod.output.state import State
 # Steps of Newton's method; with one tangent as long as each is this much smaller than the one before, and enough.
 _STEPS, _QUICK, _DONE = 4, 0.1, 1e-3
 
+# Changes of a smaller share of a state are rounding.
+_SETTLED = 1e-8
+
 # A sum that is a smaller share of its terms is rounding.
 _CANCELS = 1e-9
 
@@ -200,7 +203,7 @@ def _modes(
                 finer.displacement(about.displacement), finer.pressures(about.pressures) if about.pressures else ()
             )
             sizes, *_ = _corrected(assembler, x, matrix, ksp)
-            if not sizes[-1] <= _QUICK * sizes[0] and sizes[-1]:
+            if not sizes[-1] <= max(_QUICK * sizes[0], _SETTLED * x.norm()):
                 # There is none nearby.
                 return 1.0
             assembler.tangent(x, 1.0, matrix)
