@@ -13,6 +13,7 @@ from test_modal_loaded import ROD, solved
 
 from isorod import files, modal, statics
 from isorod.command.cli import main
+from isorod.errors import InputError
 from isorod.geometry.center_line import straight
 from isorod.geometry.section import circle
 from isorod.material import NeoHookean
@@ -169,6 +170,18 @@ def test_a_shaft_whirls_as_timoshenko_says(share, scene):
     assert whirl(0.0)[0][0] - (found - spin) == pytest.approx(whirl(0.0)[0][0] - backward[0], rel=0.05)
 
 
+@pytest.mark.parametrize("share", [0.5, 1.5])
+def test_a_slender_shaft_is_told_as_exactly(share, scene):
+    """A thousand radii long: Euler and Bernoulli's ``omega``, less and more the spin, whatever rounding there is."""
+    rod = SHAFT | {"radius": 1e-3}
+    omega = np.array([4.730041, 7.853205, 10.995608]) ** 2 * 0.5e-3
+    spin = share * omega[0]
+    modes = solved(scene(ROD + HELD + SPIN, z=spin, **rod))
+    exact = np.sort([*np.abs(omega - spin), *(omega + spin)])[:4]
+    assert 2.0 * np.pi * modes.frequencies == pytest.approx(exact, rel=1e-3)
+    assert modes.residuals.max() < 1e-6
+
+
 def test_a_flat_shaft_is_unstable_between_its_critical_speeds(scene):
     """Of slender ones ``s^4 + (a^2 + b^2 + 2 w^2) s^2 + (a^2 - w^2) (b^2 - w^2) = 0`` with the frequencies at rest."""
     text = (ROD + HELD + SPIN).replace("circle = {{radius = {radius}}}", "ellipse = {{a = 0.02, b = 0.016}}")
@@ -182,6 +195,25 @@ def test_a_flat_shaft_is_unstable_between_its_critical_speeds(scene):
         assert modes.eigenvalues[0] == pytest.approx(squares[0], rel=0.02, abs=2e-3 * a**2)
         assert (modes.eigenvalues[0] < 0.0) == (squares[0] < 0.0) == (falling == 1)
         assert modes.falling == falling
+
+
+def test_a_whirl_is_shown_as_one(scene):
+    """The middle of the shaft goes round: in frames of an animation its place is that of the time."""
+    mode = solved(scene(ROD + HELD + SPIN, z=0.2, modes=1, **SHAFT))[0]
+    moments = mode._moments()
+    places = np.array([one.state.at(0, 0.5) for one in moments])
+    assert len(moments) == 24 and {one.share for one in moments} == {1.0}
+    sizes = np.linalg.norm(places, axis=1)
+    assert sizes == pytest.approx(sizes[0], rel=1e-6)
+    turned = np.unwrap(np.arctan2(places[:, 1], places[:, 0]))
+    # The slower one whirls forward, as the spin does.
+    assert turned == pytest.approx(turned[0] + 2.0 * np.pi * np.arange(24) / 24, abs=1e-6)
+
+
+def test_half_a_matrix_is_refused(scene):
+    one = scene(ROD + HELD + SPIN, z=0.2, **SHAFT)
+    with pytest.raises(InputError, match="sbaij: Coriolis forces are antisymmetric; take aij"):
+        modal.solve(one.model(), 2, petsc={"mat_type": "sbaij"})
 
 
 def test_the_printout_says_how_it_stands(scene, capsys):

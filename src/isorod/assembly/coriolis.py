@@ -7,6 +7,7 @@ from isorod.arrays import Array, Index
 from isorod.assembly.assembler import Assembler
 from isorod.assembly.part import Part
 from isorod.assembly.pattern import Pattern, add, joined
+from isorod.errors import InputError
 from isorod.petsc.matrix import create_matrix, set_values
 
 # Pairs of components that they couple.
@@ -16,6 +17,8 @@ _PAIRS = [(a, b) for a in range(3) for b in range(3) if a != b]
 def coriolis(assembler: Assembler, lumped: bool = False) -> PETSc.Mat:
     """Return the antisymmetric matrix ``G`` of a model with a spin at load factor 1."""
     model = assembler.model
+    if "sbaij" in PETSc.Options().getString("mat_type", ""):
+        raise InputError("-mat_type sbaij: Coriolis forces are antisymmetric; take aij, the default")
     assert model.spin is not None
     x, y, z = model.spin.velocity
     across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])

@@ -30,6 +30,9 @@ from isorod.output.state import State
 # this share of the longest are enough.
 _STEPS, _QUICK, _DONE = 8, 0.1, 1e-3
 
+# Changes of a smaller share of a state are rounding.
+_SETTLED = 1e-8
+
 # A sum that is a smaller share of its terms is rounding.
 _CANCELS = 1e-9
 
@@ -268,7 +271,7 @@ def _modes(
                 finer.displacement(about.displacement), finer.pressures(about.pressures) if about.pressures else ()
             )
             sizes, *_ = _corrected(assembler, x, matrix, ksp)
-            if not sizes[-1] <= _QUICK * sizes[0] and sizes[-1]:
+            if not sizes[-1] <= max(_QUICK * sizes[0], _SETTLED * x.norm()):
                 # There is none nearby.
                 return 1.0
             assembler.extrapolate()

@@ -115,6 +115,9 @@ def _frames(
         what = "load factor" if result.analysis == "statics" else "time"
         told = animation.written([step.time for step in result.steps])
         words = [f"{result.name}\n{what} {step.time:{told}}" for step in steps]
+    if found.gif is not None and any(motion.replace("mode", "quarter") in mesh.point_data for mesh in meshes[-1]):
+        meshes = [[_whirled(mesh, motion, *shares) for mesh in meshes[-1]] for shares in animation.quarters()]
+        words = words[-1:] * len(meshes)
     colour = _colour(meshes[-1], motion, found.colour, result.name)
     for mesh in (mesh for frame in meshes for mesh in frame):
         _prepare(mesh, motion, colour)
@@ -154,6 +157,14 @@ def _colour(meshes: Sequence[Any], motion: str, given: str | None, name: str) ->
     if given is None:
         raise InputError(f"{name}: its files have no fields")
     return given
+
+
+def _whirled(mesh: Any, motion: str, now: float, later: float) -> Any:
+    """Return a mesh with shares of a mode's shape and of that a quarter of a period later in the place of its shape."""
+    found = mesh.copy()
+    parts = [np.asarray(mesh.point_data[name]) for name in (motion, motion.replace("mode", "quarter"))]
+    found.point_data[motion] = now * parts[0] + later * parts[1]
+    return found
 
 
 def _prepare(mesh: Any, motion: str, colour: str) -> None:

@@ -102,7 +102,8 @@ class Modes:
     def __getitem__(self, number: int) -> Mode:
         """Return a mode, the first (of a free body a rigid one) by 0, the last by -1; raises `InputError`."""
         k = whole_number("mode", number, -len(self), len(self) - 1) % len(self)
-        return Mode(self.model, self.vectors[k], k, float(self.frequencies[k]), self.state)
+        later = None if self.quarter is None else self.quarter[k]
+        return Mode(self.model, self.vectors[k], k, float(self.frequencies[k]), self.state, later)
 
     def __iter__(self) -> Iterator[Mode]:
         return (self[k] for k in range(len(self)))

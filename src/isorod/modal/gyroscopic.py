@@ -26,6 +26,12 @@ from isorod.petsc.rows import local_rows
 # The count is taken this far (relative) above the last frequency returned.
 _ABOVE = 1e-6
 
+# A change of a vector from which on a flutter is none.
+_KNOWN = 1e-4
+
+# Steps of inverse iteration that purify vectors.
+_PURIFIED = 2
+
 # Attempts, each for more eigenpairs, until none is missing; the residual above which a mode is refused.
 _ROUNDS = 3
 _BAD_RESIDUAL = 1e-5
@@ -65,12 +71,13 @@ class Found(NamedTuple):
 
 
 class _Pair(NamedTuple):
-    """An eigenpair: ``omega^2``, real and imaginary part of its vector, and whether it counts up or down."""
+    """An eigenpair: ``omega^2``, real and imaginary part of its vector, whether it counts up or down, what is wrong."""
 
     square: float
     real: PETSc.Vec
     imaginary: PETSc.Vec
     sign: int
+    wrong: str = ""
 
 
 @dataclass
@@ -108,6 +115,9 @@ class Quadratic:
                 raise SolveError(
                     f"modes: SLEPc found {len(pairs)} of {wanted}; raise -pep_max_it or -pep_ncv, or loosen -eps_tol"
                 )
+            wrong = next((pair.wrong for pair in pairs[:wanted] if pair.wrong), "")
+            if wrong:
+                raise SolveError(f"modes: {wrong}")
             last = pairs[wanted - 1].square
             counted = self._count(last)
             known = sum(pair.sign for pair in pairs if 0.0 < pair.square <= _just_above(last))
@@ -147,6 +157,9 @@ class Quadratic:
         pep.getST().setType(SLEPc.ST.Type.SINVERT)
         with defaults({"pep_type": "toar", "st_type": "sinvert", "st_ksp_type": "preonly", **self.pencil.factors}):
             pep.setFromOptions()
+            # What is factorised is the stiffness.
+            pep.setTarget(0.0)
+            pep.getST().setShift(0.0)
             pep.solve()
         pairs = self._collect(pep)
         st = pep.getST()
@@ -157,35 +170,62 @@ class Quadratic:
         return pairs, iterations, types
 
     def _collect(self, pep: SLEPc.PEP) -> list[_Pair]:
-        """Return of each pair of eigenvalues one, with ``x^* M x = 1``; refuse a flutter."""
+        """Return of each pair of eigenvalues one, with ``x^* M x = 1``."""
         pairs = []
-        image = self.pencil.stiffness.createVecRight()
+        image, solver = self.pencil.stiffness.createVecRight(), pep.getST().getKSP()
         for k in range(pep.getConverged()):
             real, imaginary = self.pencil.stiffness.createVecRight(), self.pencil.stiffness.createVecRight()
             value = complex(pep.getEigenpair(k, real, imaginary))
+            for _ in range(_PURIFIED):
+                value, change = self._purify(solver, value, real, imaginary)
             rate, swing = value.real, value.imag
             if abs(swing) > _ROUNDING * abs(value) and abs(rate) > _ROUNDING * abs(value):
-                raise SolveError(
-                    f"modes: the equilibrium flutters: a motion of {abs(swing) / (2.0 * np.pi):.6g} cycles per time "
-                    f"grows at the rate {abs(rate):.3g}"
-                )
+                pairs.append(_Pair(abs(value) ** 2, real, imaginary, 0, _told(value, change)))
+                continue
             grows = abs(rate) > abs(swing)
             if (rate if grows else swing) < 0.0:
                 real.destroy()
                 imaginary.destroy()
                 continue
-            size = 0.0
-            for part in (real, imaginary):
-                self.pencil.mass.mult(part, image)
-                size += part.dot(image)
-            for part in (real, imaginary):
-                part.scale(1.0 / np.sqrt(size))
             self.coriolis.mult(imaginary, image)
             # x^* (2 omega M - i G) x = 2 omega + 2 x_r^T G x_i.
             sign = 1 if swing + real.dot(image) > 0.0 else -1
             pairs.append(_Pair(-(rate**2) if grows else swing**2, real, imaginary, sign))
         image.destroy()
         return sorted(pairs, key=lambda pair: pair.square)
+
+    def _purify(
+        self, solver: PETSc.KSP, value: complex, real: PETSc.Vec, imaginary: PETSc.Vec
+    ) -> tuple[complex, float]:
+        """Take a vector to ``-K^-1 (s G x + s^2 M x)``, ``x^* M x = 1``, in place; return ``s`` of it, and its change.
+
+        That leaves nothing of high frequencies, which rounding adds; ``s`` is the root of ``s^2 + s x^* G x + x^* K x``
+        that is nearest.
+        """
+        square = value * value
+        twisted, heavy = ([matrix * one for one in (real, imaginary)] for matrix in (self.coriolis, self.pencil.mass))
+        forces = [self.pencil.stiffness.createVecRight() for _ in range(2)]
+        for force, (own, other), sign in zip(forces, ((0, 1), (1, 0)), (-1.0, 1.0), strict=True):
+            force.axpy(-value.real, twisted[own])
+            force.axpy(-sign * value.imag, twisted[other])
+            force.axpy(-square.real, heavy[own])
+            force.axpy(-sign * square.imag, heavy[other])
+        before = sum(part.dot(image) for part, image in zip((real, imaginary), heavy, strict=True))
+        size = work = across = 0.0
+        for part, force, image in zip((real, imaginary), forces, heavy, strict=True):
+            solver.solve(force, part)
+            across += part.dot(image)
+            self.pencil.mass.mult(part, image)
+            size += part.dot(image)
+            work += part.dot(force)
+        for part in (real, imaginary):
+            part.scale(1.0 / np.sqrt(size))
+        self.coriolis.mult(imaginary, heavy[0])
+        roots = np.roots([1.0, 2j * real.dot(heavy[0]), work / size])
+        for one in (*twisted, *heavy, *forces):
+            one.destroy()
+        change = np.sqrt(max(0.0, size - 2.0 * across + before) / before)
+        return complex(roots[np.argmin(np.abs(roots - value))]), float(change)
 
     def _residual(self, pair: _Pair, scales: Array) -> float:
         """Return the residual of a pair that swings; of one that grows that of ``K x + s G x + s^2 M x``."""
@@ -241,6 +281,14 @@ class Quadratic:
         shifted = self.pencil.stiffness.copy()
         shifted.axpy(-(omega**2), self.pencil.mass, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
         return shifted
+
+
+def _told(value: complex, change: float) -> str:
+    """Return what is wrong with an eigenvalue that neither swings nor grows alone, of a vector of such a change."""
+    swing, rate = abs(value.imag) / (2.0 * np.pi), abs(value.real)
+    if change < _KNOWN:
+        return f"the equilibrium flutters: a motion of {swing:.6g} cycles per time grows at the rate {rate:.3g}"
+    return f"those about {swing:.6g} cycles per time are not told apart, as far beyond critical speeds; spin slower"
 
 
 def _whole_rows(matrix: PETSc.Mat) -> csr_array:

@@ -1,6 +1,6 @@
 """One vibration mode, which answers for any point of it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from numpy.typing import ArrayLike
@@ -25,11 +25,14 @@ class Mode(Deformation, Animated):
     state
         Displacement about which it is, shape ``(dofs,)``: positions, centre lines and pictures are of the rods deformed
         so, and more by the shape; None for the state of rest.
+    quarter
+        Of a body that spins the shape a quarter of a period later, shape ``(dofs,)``, else None: it whirls.
     """
 
     number: int
     frequency: float
     state: Array | None = None
+    quarter: Array | None = None
 
     def __repr__(self) -> str:
         return f"Mode {self.number} of {self.model!r}\n  frequency {self.frequency:.6g}"
@@ -40,9 +43,13 @@ class Mode(Deformation, Animated):
         return found if self.state is None else found + Deformation(self.model, self.state).at(body, u, xi)
 
     def _moments(self) -> list[Moment]:
-        from isorod.output.animation import shares
+        from isorod.output.animation import quarters, shares
 
-        return [Moment(self, f"mode {self.number}, frequency {self.frequency:.5g}", one) for one in shares()]
+        words = f"mode {self.number}, frequency {self.frequency:.5g}"
+        if self.quarter is None:
+            return [Moment(self, words, one) for one in shares()]
+        places = [now * self.displacement + later * self.quarter for now, later in quarters()]
+        return [Moment(replace(self, displacement=place, quarter=None), words) for place in places]
 
     def _scale(self, largest: float) -> float:
         return _EXAGGERATION * self.model.size / largest

@@ -23,6 +23,11 @@ def shares() -> list[float]:
     return [float(one) for one in np.sin(2.0 * np.pi * np.arange(SWING) / SWING)]
 
 
+def quarters() -> list[tuple[float, float]]:
+    """Return the shares of a whirl's shape, and of that a quarter of a period later, in the frames of one period."""
+    return [(float(np.cos(one)), float(np.sin(one))) for one in 2.0 * np.pi * np.arange(SWING) / SWING]
+
+
 def written(times: ArrayLike) -> str:
     """Return the format in which times are written, the same for all of them."""
     steps = np.diff(np.asarray(times, dtype=float))
