@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from isorod.material.ogden import Ogden as Ogden
     from isorod.material.orthotropic import Orthotropic as Orthotropic
     from isorod.material.orthotropic import TransverselyIsotropic as TransverselyIsotropic
+    from isorod.material.orthotropic_kirchhoff import OrthotropicKirchhoff as OrthotropicKirchhoff
     from isorod.material.st_venant_kirchhoff import StVenantKirchhoff as StVenantKirchhoff
     from isorod.material.yeoh import Yeoh as Yeoh
     from isorod.modal import Modes as Modes
@@ -100,6 +101,7 @@ _OFFERED = {
     "Muscle": "isorod.material.muscle",
     "NeoHookean": "isorod.material",
     "Orthotropic": "isorod.material.orthotropic",
+    "OrthotropicKirchhoff": "isorod.material.orthotropic_kirchhoff",
     "Ogden": "isorod.material.ogden",
     "Plane": "isorod.model",
     "Pressure": "isorod.model",

@@ -36,6 +36,6 @@ def warn_of_large(model: Model, displacements: Array) -> None:
         if largest > LARGE:
             warnings.warn(
                 f"body {b} is turned or strained by {largest:.2g}, where {type(small).__name__} is for less "
-                f"than {LARGE:g}; take a law for large rotations, as StVenantKirchhoff",
+                f"than {LARGE:g}; take a law for large rotations, as StVenantKirchhoff or OrthotropicKirchhoff",
                 stacklevel=3,
             )

@@ -30,6 +30,7 @@ LAWS = {
     "NeoHookean": Form("isorod.material.neo_hookean:NeoHookean"),
     "StVenantKirchhoff": Form("isorod.material.st_venant_kirchhoff:StVenantKirchhoff"),
     "Orthotropic": Form("isorod.material.orthotropic:Orthotropic", kinds={"axes": FIBRE}),
+    "OrthotropicKirchhoff": Form("isorod.material.orthotropic_kirchhoff:OrthotropicKirchhoff", kinds={"axes": FIBRE}),
     "TransverselyIsotropic": Form("isorod.material.orthotropic:TransverselyIsotropic", kinds={"fibre": FIBRE}),
     "MooneyRivlin": Form("isorod.material.mooney_rivlin:MooneyRivlin", kinds={"bulk": BULK}),
     "Yeoh": Form("isorod.material.yeoh:Yeoh", kinds={"bulk": BULK}),

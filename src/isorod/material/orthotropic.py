@@ -4,7 +4,7 @@ from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
@@ -189,18 +189,26 @@ class Directed(Checked, Material):
         import sympy as sp
 
         from isorod.material import symbols
-        from isorod.material.energy import Energy
 
-        strain = (symbols.F + symbols.F.T) / 2 - sp.eye(3)
-        first, second = sp.Matrix(symbols.a), sp.Matrix(symbols.b)
-        axes = first, second, first.cross(second)
-        along = [(axes[i].T * strain * axes[j])[0] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
-        c = sp.symbols("c11 c12 c13 c22 c23 c33 g12 g13 g23", real=True)
-        pairs = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
-        whole = sum(
-            one * along[i] * along[j] / (2 if i == j else 1) for one, (i, j) in zip(c[:6], pairs, strict=True)
-        ) + sum(2 * one * e**2 for one, e in zip(c[6:], along[3:], strict=True))
-        return Energy(whole, c)
+        return quadratic((symbols.F + symbols.F.T) / 2 - sp.eye(3))
+
+
+def quadratic(strain: Any) -> "Energy":
+    """Return the energy ``e:C e / 2`` of a strain, a symmetric matrix of expressions ``(3, 3)``."""
+    import sympy as sp
+
+    from isorod.material import symbols
+    from isorod.material.energy import Energy
+
+    first, second = sp.Matrix(symbols.a), sp.Matrix(symbols.b)
+    axes = first, second, first.cross(second)
+    along = [(axes[i].T * strain * axes[j])[0] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
+    c = sp.symbols("c11 c12 c13 c22 c23 c33 g12 g13 g23", real=True)
+    pairs = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+    whole = sum(
+        one * along[i] * along[j] / (2 if i == j else 1) for one, (i, j) in zip(c[:6], pairs, strict=True)
+    ) + sum(2 * one * e**2 for one, e in zip(c[6:], along[3:], strict=True))
+    return Energy(whole, c)
 
 
 @dataclass(frozen=True, eq=False)
