@@ -121,6 +121,23 @@ def test_an_airfoil_with_a_sharp_edge_passes(tmp_path):
     assert naca("0012").deviation < 3e-3
 
 
+@pytest.mark.usefixtures("silent")
+def test_the_deviation_of_a_section_is_that_of_the_largest():
+    found = from_points(SQUARE)
+    rod = straight(5.0).sweep(found, scale=[0.5, 3.0], end=ellipse(len(found), 1.0, 0.9))
+    assert rod.deviation.section == pytest.approx(3.0 * np.sqrt(2.0) * found.deviation, rel=0.02)
+    assert rod.deviation.relative == found.deviation
+    assert straight(5.0).sweep(2.0 * found).deviation.relative == found.deviation
+
+
+def test_places_begin_at_the_first_point():
+    for start in range(len(SQUARE)):
+        points = np.roll(SQUARE, start, axis=0)
+        places, where = reading.between(points, reading.corners(points, True), True)
+        np.testing.assert_allclose(places[where], points, atol=1e-15)
+        assert np.array_equal(places[0], places[-1]) and where[0] == 0 and (np.diff(where) > 0).all()
+
+
 BENT = np.array([[0, 0], [1, 0], [2, 0], [3, 0.1], [4, 0.2], [5, 0.3]])
 
 
