@@ -105,7 +105,7 @@ def test_samples_of_a_smooth_outline_pass(count, a, b):
 def test_few_points_are_told_to_be_few():
     with pytest.warns(UserWarning, match=r"straight sides between them hold 9.9 % less area than the smooth outline"):
         from_points(around(8))
-    with pytest.warns(UserWarning, match=r"the turn of 77 degrees at point 0 is taken for a sharp corner, but"):
+    with pytest.warns(UserWarning, match=r"the turn of 31 degrees at point 1 is taken for a sharp corner, but"):
         from_points(around(16, 4.0, 1.0))
 
 
@@ -119,6 +119,68 @@ def test_an_airfoil_with_a_sharp_edge_passes(tmp_path):
     assert found.deviation < 0.01
     assert reading.moments(ring(found))[0] == pytest.approx(9.0 * reading.moments(around)[0], rel=3e-3)
     assert naca("0012").deviation < 3e-3
+
+
+@pytest.mark.usefixtures("silent")
+def test_the_deviation_of_a_section_is_that_of_the_largest():
+    found = from_points(SQUARE)
+    rod = straight(5.0).sweep(found, scale=[0.5, 3.0], end=ellipse(len(found), 1.0, 0.9))
+    assert rod.deviation.section == pytest.approx(3.0 * np.sqrt(2.0) * found.deviation, rel=0.02)
+    assert rod.deviation.relative == found.deviation
+    assert straight(5.0).sweep(2.0 * found).deviation.relative == found.deviation
+
+
+def test_places_begin_at_the_first_point():
+    for start in range(len(SQUARE)):
+        points = np.roll(SQUARE, start, axis=0)
+        places, where = reading.between(points, reading.corners(points, True), True)
+        np.testing.assert_allclose(places[where], points, atol=1e-15)
+        assert np.array_equal(places[0], places[-1]) and where[0] == 0 and (np.diff(where) > 0).all()
+
+
+BENT = np.array([[0, 0], [1, 0], [2, 0], [3, 0.1], [4, 0.2], [5, 0.3]])
+
+
+@pytest.mark.parametrize(
+    ("points", "closed", "corners", "coarse"),
+    [
+        (SQUARE, True, [1, 2, 3, 4], [1, 2, 3, 4]),
+        # Straight sides that meet at a small angle, and a bend of the same angle at each point.
+        (BENT, False, [2], [2]),
+        (around(63)[:6], False, [], []),
+        (around(13), True, [], []),
+        # Ten points round a circle may be a decagon, six are a hexagon.
+        (around(10), True, [], range(10)),
+        (around(6), True, range(6), range(6)),
+        (around(16, 2.0, 1.0), True, [], [0, 1, 7, 8, 9, 15]),
+        # The blunt edge of an airfoil.
+        ([[5, 0.01], [3, 0.4], [1, 0.5], [-0.5, 0.0], [1, -0.5], [3, -0.4], [5, -0.01]], True, [0, 3, 6], [0, 3, 6]),
+    ],
+)
+def test_corners_are_told_from_samples(points, closed, corners, coarse):
+    points = np.array(points, dtype=float)
+    assert reading.corners(points, closed).tolist() == list(corners)
+    assert reading.coarse(points, closed).tolist() == list(coarse)
+
+
+def test_a_chamfer_is_straight_beyond_doubt_where_its_sides_have_points():
+    vertices = np.array([[0.0, 0.0], [2.0, 0.0], [3.0, 1.0], [3.0, 3.0], [0.0, 3.0]])
+    with pytest.warns(UserWarning, match="turn of 45 degrees at point 1 is taken for a sharp corner"):
+        found = from_points(vertices)
+    assert reading.moments(ring(found))[0] == pytest.approx(8.5, rel=1e-3)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        sides = np.stack([vertices, 0.5 * (vertices + np.roll(vertices, -1, axis=0))], axis=1).reshape(-1, 2)
+        assert reading.moments(ring(from_points(sides)))[0] == pytest.approx(8.5, rel=1e-3)
+
+
+@pytest.mark.usefixtures("silent")
+def test_noise_is_no_crowd_of_corners():
+    """Noise larger than the distance of points makes many of them corners, none of which matter."""
+    random = np.random.default_rng(1)
+    points = around(5000) * (1.0 + 1e-3 * random.standard_normal((5000, 1)))
+    found = from_points(points)
+    assert reading.moments(ring(found))[0] == pytest.approx(np.pi, rel=2e-3)
 
 
 def test_moments_are_those_of_a_triangle():

@@ -73,7 +73,10 @@ def crowded(ring: Array, sharp: Index, extent: Array, n: int, share: float = 1.0
     way = np.concatenate([[0.0], np.cumsum(np.hypot(*(np.diff(ring, axis=0) / extent).T))])
     way /= way[-1]
     u = np.linspace(0.0, 1.0, 2 * _DENSE + 1)
-    apart = np.abs((u[:, None] - way[sharp] + 0.5) % 1.0 - 0.5).min(axis=1)
+    places = np.unique(way[sharp])
+    places = np.concatenate([places[-1:] - 1.0, places, places[:1] + 1.0])
+    after = np.clip(np.searchsorted(places, u), 1, places.size - 1)
+    apart = np.minimum(np.abs(u - places[after - 1]), np.abs(places[after] - u))
     density = 1.0 + share * _CLOSER * np.exp(-((apart * n / _AROUND) ** 2))
     angle = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]))])
     turned = np.arange(_SAMPLES * n) / (_SAMPLES * n)

@@ -69,14 +69,26 @@ def corners(points: Array, closed: bool) -> Index:
     return found
 
 
-def doubtful(points: Array, sharp: Index) -> Index:
-    """Return which of the corners of an outline may be samples of a smooth one, whose neighbours turn as well."""
-    turn = turns(points, closed=True)
-    turn[sharp] += 360.0
+def outline_corners(points: Array) -> tuple[Index, Index]:
+    """Return which points of an outline are sharp corners, and which of these are in doubt.
+
+    Beside a corner another point that turns by more than 30 degrees is one as well; in doubt are these, and corners
+    whose neighbours turn by more than a quarter as far but are none, if it matters by a hundredth of half the width.
+    """
+    sure, turn = corners(points, closed=True), turns(points, closed=True)
+    sharp = np.zeros(len(points), dtype=bool)
+    sharp[sure] = True
+    far, count = turn > _TURNED, 0
+    while count < sharp.sum():
+        count = int(sharp.sum())
+        sharp |= far & (np.roll(sharp, 1) | np.roll(sharp, -1))
     before, after = np.roll(turn, 1), np.roll(turn, -1)
-    least, most = np.minimum(before, after)[sharp], np.maximum(before, after)[sharp]
-    found: Index = sharp[(least > 0.25 * (turn[sharp] - 360.0)) & (most < 360.0)]
-    return found
+    alone = ~(np.roll(sharp, 1) | np.roll(sharp, -1))
+    doubt = sharp & alone & (np.minimum(before, after) > 0.25 * turn)
+    doubt |= sharp & ~np.isin(np.arange(len(points)), sure)
+    chords = np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1)
+    sagitta = 0.5 * np.minimum(chords, np.roll(chords, 1)) * np.tan(0.25 * np.radians(turn))
+    return np.flatnonzero(sharp), np.flatnonzero(doubt & (sagitta > 0.5 * LARGE * np.ptp(points, axis=0).min()))
 
 
 def coarse(points: Array, closed: bool) -> Index:
@@ -110,13 +122,13 @@ def between(points: Array, sharp: Index, closed: bool) -> tuple[Array, Index]:
     parts = np.maximum(1, np.ceil(_DENSE * lengths / way[-1])).astype(int)
     ends = np.unique(np.concatenate([[0], sharp - start, [len(ring) - 1]]))
     smooth = "periodic" if closed and not sharp.size else "not-a-knot"
-    pieces = []
-    for a, b in pairwise(ends):
-        spline = CubicSpline(way[a : b + 1], ring[a : b + 1], bc_type=smooth)
-        steps = [np.linspace(way[k], way[k + 1], parts[k], endpoint=False) for k in range(a, b)]
-        pieces.append(spline(np.concatenate(steps)))
-    places = np.concatenate(pieces)
     which = np.concatenate([[0], np.cumsum(parts)])
+    along = np.interp(np.arange(which[-1]), which, way)
+    places = np.stack([np.interp(along, way, column) for column in ring.T], axis=1)
+    for a, b in pairwise(ends):
+        if b > a + 1:
+            spline = CubicSpline(way[a : b + 1], ring[a : b + 1], bc_type=smooth)
+            places[which[a] : which[b]] = spline(along[which[a] : which[b]])
     if not closed:
         return np.concatenate([places, ring[-1:]]), which
     places = np.roll(places, which[-1] - which[len(points) - start], axis=0)

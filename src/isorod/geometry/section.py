@@ -200,9 +200,10 @@ def from_points(points: ArrayLike, n: int | None = None, near: ArrayLike | None 
     """Return the ``(n, 2)`` control points of an outline through points: smooth, straight between sharp corners.
 
     A corner is where the polyline turns by more than 60 degrees, by more than 30 and more than twice as far as at one
-    of its neighbours, or more than four times as far as at both.  Without any the outline fits the points in the
-    least-squares sense; with some the cubic splines and straight sides between them, control points standing closer
-    about those that turn by no more than 136 degrees (`isorod.geometry.reading`).
+    of its neighbours, or more than four times as far as at both; beside a corner any turn of more than 30 degrees is
+    one, and is warned of.  Without any the outline fits the points in the least-squares sense; with some the cubic
+    splines and straight sides between them, control points standing closer about those that turn by no more than 136
+    degrees (`isorod.geometry.reading`).
 
     Parameters
     ----------
@@ -240,14 +241,13 @@ def _through(points: Array, n: int | None, near: ArrayLike | None, closer: float
         raise InputError(f"section point {np.argmax(lengths == 0.0)} coincides with the next one")
     if np.sum(points[:, 0] * edges[:, 1] - points[:, 1] * edges[:, 0]) <= 0.0:
         raise InputError("section points run clockwise; give them counter-clockwise")
-    sharp = reading.corners(points, closed=True)
+    sharp, doubt = reading.outline_corners(points)
     wanted, where = reading.between(points, sharp, closed=True)
-    doubt = reading.doubtful(points, sharp)
     if doubt.size:
         warnings.warn(
             f"section points: the turn of {reading.turns(points, True)[doubt[0]]:.0f} degrees at point {doubt[0]} is "
             "taken for a sharp corner, but points beside it turn too; give more points there of a smooth outline, "
-            "points on its sides of a straight one",
+            "points on the sides of a straight one",
             stacklevel=3,
         )
     blunt = sharp[reading.turns(points, closed=True)[sharp] <= _THIN]
