@@ -5,6 +5,7 @@ from math import comb, factorial
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from isorod.arrays import Array, Index
 
@@ -23,11 +24,17 @@ class Shape(NamedTuple):
     powers
         Index of each polynomial by the corners of a triangle, or the directions of a quadrilateral, ``(m, 2)``.
     samples, checks
-        Reference points ``(s, 2)`` from which polynomials are found, and others up to the edges.
+        Reference points ``(s, 2)`` from which polynomials are found, and others ``(c, 2)`` up to the edges.
     fit
         Coefficients by values at the samples, ``(m, s)``.
     check
         Polynomials at the other points, ``(c, m)``.
+    approximation
+        Coefficients by values at the other points, ``(m, c)``.
+    near
+        Which of the other points are next to where each polynomial is largest, ``(m, c)``.
+    corners
+        Polynomials that are one at a corner, and which of the other points are there, both ``(corners,)``.
     """
 
     degrees: tuple[int, ...]
@@ -36,6 +43,9 @@ class Shape(NamedTuple):
     checks: Array
     fit: Array
     check: Array
+    approximation: Array
+    near: NDArray[np.bool_]
+    corners: tuple[Index, Index]
 
 
 def bernstein(degree: int, t: Array) -> Array:
@@ -68,7 +78,7 @@ def shape_of(q: int, triangle: bool) -> Shape:
             for m, shift in ((2 * q, 1.0 / 3.0), (2 * q + 1, 0.0))
         )
         values, check = (triangular(q, powers, points) for points in (inner, edge))
-        return Shape((q,), powers, inner, edge, np.linalg.pinv(values), check)
+        return _shape((q,), powers, inner, edge, values, check)
     across = min(q, _ROOM // (q + 1) - 1)
     powers = np.array([(i, j) for j in range(q + 1) for i in range(across + 1)])
 
@@ -79,7 +89,28 @@ def shape_of(q: int, triangle: bool) -> Shape:
 
     inner, values = tensor((_chebyshev(across + 4), _chebyshev(q + 4)))
     edge, check = tensor((np.linspace(0.0, 1.0, 2 * across + 2), np.linspace(0.0, 1.0, 2 * q + 2)))
-    return Shape((across, q), powers, inner, edge, np.linalg.pinv(values), check)
+    return _shape((across, q), powers, inner, edge, values, check)
+
+
+def _shape(
+    degrees: tuple[int, ...], powers: Index, samples: Array, checks: Array, values: Array, check: Array
+) -> Shape:
+    whole, at = [degrees[0], degrees[-1]], [powers, checks]
+    if len(degrees) == 1:
+        # A triangle has a third direction.
+        whole, at = (
+            whole[:1] * 3,
+            [np.column_stack([one, total - one.sum(axis=1)]) for one, total in zip(at, (degrees[0], 1), strict=True)],
+        )
+    middle = at[0] / whole
+    near = np.ones((len(powers), len(checks)), dtype=bool)
+    for k, degree in enumerate(whole):
+        near &= np.abs(middle[:, None, k] - at[1][:, k]) <= 1.0 / degree + 1e-9
+    (corners,) = np.nonzero(np.isin(middle, (0.0, 1.0)).all(axis=1))
+    there = np.abs(middle[corners, None] - at[1]).sum(axis=2).argmin(axis=1)
+    return Shape(
+        degrees, powers, samples, checks, np.linalg.pinv(values), check, np.linalg.pinv(check), near, (corners, there)
+    )
 
 
 def _chebyshev(count: int) -> Array:

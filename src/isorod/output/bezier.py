@@ -3,10 +3,10 @@
 Along the axis the cells are its elements, as Bezier extraction gives them (M. J. Borden, M. A. Scott, J. A. Evans &
 T. J. R. Hughes, Isogeometric finite element data structures based on Bezier extraction of NURBS, Int. J. Numer. Meth.
 Engng 87 (2011) 15-47); across it the patches of `isorod.output.patches`.  Stress is no such function: it is
-approximated by one of the same degree.
+approximated without going beyond it (`isorod.output.limited`), and elements are cut until that shows it.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
@@ -16,6 +16,7 @@ from isorod.arrays import Array, Index
 from isorod.model.body import Body
 from isorod.output import stress
 from isorod.output.bernstein import Shape, bernstein, shape_of, triangular
+from isorod.output.limited import Limited
 from isorod.output.patches import Patches, cover
 from isorod.output.vtk import require
 
@@ -28,8 +29,19 @@ _OTHERS = "pressure", "contact_pressure"
 # Points at which stress is evaluated at a time.
 _CHUNK = 50_000
 
+# Pieces of an element that are tried, until stresses are shown to this share of the largest but for so many places.
+_PARTS, _TOLERANCE, _USUAL = (1, 2, 4), 0.02, 0.99
+
+# Patches of the section beyond which Bezier cells are more than linear ones: where they are wanted all the same,
+# elements are not cut.
+MOST = 64
+
+# Elements that are looked at for that.
+_LOOKED = 12
+
 # The six components of a symmetric tensor in VTK's order.
 _FIRST, _SECOND = np.array([0, 1, 2, 0, 1, 0]), np.array([0, 1, 2, 1, 2, 2])
+_VON_MISES = 6
 
 
 class Cells:
@@ -52,11 +64,41 @@ class Cells:
         for fields in frames:
             columns += [_scaled(nodal.reshape(space.layers, -1, 3)) for nodal in _nodal(fields).values()]
         self.patches: Patches = cover(space, np.concatenate(columns, axis=1))
+        self._limited = Limited(self.patches, space.axis.degree)
+        moved = [fields for fields in frames if "displacement" in fields][-1:]
+        for parts in _PARTS if len(self.patches.patches) <= MOST else _PARTS[:1]:
+            self._cut(parts)
+            if all(self._error(fields) <= _TOLERANCE for fields in moved):
+                break
+
+    @property
+    def breaks(self) -> Array:
+        """Axis parameters between which the cells are, shape ``(pieces + 1,)``."""
+        return self._axis.breaks
+
+    def _cut(self, parts: int) -> None:
+        """Let each element of the rod be so many pieces."""
+        axis = self.body.space.axis
         # Of degree one and more, knots of the geometry's own continuity and of the space's are all cut.
-        self._axis = space.axis.refine(1, space.axis.degree, 0)
-        steps = np.arange(space.axis.elements)[:, None] * space.axis.degree + np.arange(space.axis.degree + 1)
+        self._axis = axis.refine(parts, axis.degree, 0)
+        self._parts = parts
+        steps = np.arange(self._axis.elements)[:, None] * axis.degree + np.arange(axis.degree + 1)
         self._steps = steps % self._axis.count
         self._weights = self._axis.weights[self._steps]
+
+    def _error(self, fields: Mapping[str, Array]) -> float:
+        """Return how far stresses that the cells show are from the body's, but for one of a hundred places.
+
+        Relative to the largest von Mises stress; of long rods some pieces are looked at.
+        """
+        largest, gaps = 0.0, []
+        count = self._axis.elements
+        for some, values in self._values(fields, 1.0, max(1, count // (_LOOKED * self._parts))):
+            found = self._limited.controls(values, self._weights[some])
+            gaps.append(np.abs(self._limited.shown(found, self._weights[some]) - values).max(axis=3))
+            largest = max(largest, float(values[..., _VON_MISES].max()))
+        typical = np.quantile(np.concatenate([gap.ravel() for gap in gaps]), _USUAL)
+        return float(typical) / largest if largest > 0.0 else 0.0
 
     def grid(self, fields: Mapping[str, Array], factor: float = 1.0) -> "pyvista.UnstructuredGrid":
         """Return the body at rest as cells with fields at their control points.
@@ -99,31 +141,27 @@ class Cells:
 
     def _stress(self, fields: Mapping[str, Array], factor: float) -> dict[str, Array]:
         """Return stresses at the control points."""
-        space, p = self.body.space, self.body.space.axis.degree
-        gauss, _ = np.polynomial.legendre.leggauss(p + 2)
-        t = 0.5 + 0.5 * gauss
-        along = bernstein(p, t)
-        fit = np.linalg.pinv(along)
-        lengths = np.diff(space.axis.breaks)
-        xi = self.patches.samples
+        found = np.concatenate(
+            [
+                self._limited.controls(values, self._weights[some]).reshape(-1, values.shape[-1])
+                for some, values in self._values(fields, factor)
+            ]
+        )
+        named = {"cauchy": found[:, :_VON_MISES], "von_mises": found[:, _VON_MISES]}
+        return named | ({"mean_stress": found[:, _VON_MISES + 1]} if "pressure" in fields else {})
+
+    def _values(self, fields: Mapping[str, Array], factor: float, step: int = 1) -> Iterator[tuple[slice, Array]]:
+        """Yield pieces, every so many, and stresses at their samples along and across: six, von Mises', the mean."""
+        lengths, xi, t = np.diff(self.breaks), self.patches.samples, self._limited.samples
         at_once = max(1, _CHUNK // (t.size * len(xi)))
-        parts = []
-        for first in range(0, lengths.size, at_once):
-            last = min(first + at_once, lengths.size)
-            u = space.axis.breaks[first:last, None] + lengths[first:last, None] * t
-            given = fields["displacement"], xi, u.ravel(), factor, fields.get("pressure")
-            cauchy = stress.cauchy(self.body, *given)
+        for first in range(0, lengths.size, step * at_once):
+            some = slice(first, min(first + step * at_once, lengths.size), step)
+            u = self.breaks[:-1][some, None] + lengths[some, None] * t
+            cauchy = stress.cauchy(self.body, fields["displacement"], xi, u.ravel(), factor, fields.get("pressure"))
             six = [cauchy[..., _FIRST, _SECOND], stress.von_mises(cauchy)[..., None]]
             if "pressure" in fields:
                 six.append(np.trace(cauchy, axis1=-2, axis2=-1)[..., None] / 3.0)
-            values = np.concatenate(six, axis=-1).reshape(last - first, t.size, len(xi), -1)
-            own = self._weights[first:last]
-            numerators = np.einsum("kt,et,etqc->ekcq", fit, own @ along.T, values, optimize=True)
-            found = self.patches.fit(numerators) / (own[:, :, None, None] * self.patches.weights)
-            parts.append(found.swapaxes(2, 3).reshape(-1, values.shape[-1]))
-        found = np.concatenate(parts)
-        named = {"cauchy": found[:, :6], "von_mises": found[:, 6]}
-        return named | ({"mean_stress": found[:, 7]} if "pressure" in fields else {})
+            yield some, np.concatenate(six, axis=-1).reshape(*u.shape, len(xi), -1)
 
     @cached_property
     def _topology(self) -> tuple[Index, Index, Array, Index]:
@@ -137,7 +175,7 @@ class Cells:
             degrees.append((*(shape.degrees * 2)[:2], p))
         starts = np.arange(len(self._steps)) * (p + 1) * across
         connectivity = [np.concatenate([[cell.size], cell + start]) for start in starts for cell in one]
-        elements = np.repeat(np.arange(starts.size), len(one))
+        elements = np.repeat(np.arange(starts.size) // self._parts, len(one))
         return (
             np.tile(np.array(kinds, dtype=np.uint8), starts.size),
             np.concatenate(connectivity),

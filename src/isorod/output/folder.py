@@ -16,9 +16,6 @@ if TYPE_CHECKING:
 
 RECORDS = "results.jsonl"
 
-# Patches of a section beyond which Bezier cells are more than linear ones.
-_MOST = 64
-
 
 class Frame(NamedTuple):
     """A state that is kept.
@@ -146,7 +143,7 @@ def _contents(body: Body, states: Sequence[Frame], number: int, cells: str) -> I
 
 def _bezier(body: Body, fields: Sequence[Mapping[str, Array]], cells: str) -> "Cells | None":
     """Return the Bezier cells of a body with all its fields, None where linear ones are asked for or suit better."""
-    from isorod.output.bezier import Cells
+    from isorod.output.bezier import MOST, Cells
     from isorod.space.polynomial import Polynomials
 
     if cells != "auto":
@@ -156,7 +153,7 @@ def _bezier(body: Body, fields: Sequence[Mapping[str, Array]], cells: str) -> "C
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         found = Cells(body, fields)
-    return found if len(found.patches.patches) <= _MOST else None
+    return found if len(found.patches.patches) <= MOST else None
 
 
 def _collection(entries: Sequence[tuple[float, int, str]]) -> bytes:

@@ -40,6 +40,9 @@ _SAME = 1e-7
 # Errors no larger are rounding.
 _EXACT = 1e-11
 
+# Fields are looked at so far inside of patches.
+_SIDE = 1e-9
+
 _NEWTON = 30
 
 
@@ -70,8 +73,9 @@ class Patches:
         Each section function's coefficient at the control points, times its weight, ``(m, count)``.
     error
         The largest error of a column, relative to what `cover` was given.
-    samples
-        Disk points ``(s, 2)`` of all patches in turn, at which other fields are evaluated for `fit`.
+    samples, sample_weights
+        Disk points ``(s, 2)`` of all patches in turn, those of `Shape.checks`, at which other fields are evaluated, and
+        weights of functions there.
     """
 
     patches: list[Patch]
@@ -81,27 +85,22 @@ class Patches:
     coefficients: Array
     error: float
     samples: Array
-    _sample_weights: Array
+    sample_weights: Array
     _plane: "_Plane"
 
     def disk(self, number: int, reference: Array) -> Array:
         """Return the disk points ``(s, 2)`` of a patch's reference points, as of `Shape.samples`."""
         return self._plane.disk(self.patches[number], reference)
 
-    def fit(self, values: Array) -> Array:
-        """Return coefficients ``(..., m)``, times the weights, of a field of values ``(..., s)`` at the samples."""
-        found = np.zeros((*values.shape[:-1], self.weights.size))
-        weighted, start = values * self._sample_weights, 0
-        for shape, nodes in zip(self.shapes, self.nodes, strict=True):
-            own = weighted[..., start : start + len(shape.samples)] @ shape.fit.T
-            start += len(shape.samples)
-            found[..., nodes] += own
-        return found / self._shared
-
     @cached_property
-    def _shared(self) -> Array:
+    def shared(self) -> Array:
         """How many patches have a control point, shape ``(m,)``."""
         return np.bincount(np.concatenate(self.nodes), minlength=self.weights.size).astype(float)
+
+
+def within(reference: Array) -> Array:
+    """Return parameters a little inside of a patch or a piece: at its borders others may be meant."""
+    return np.clip(reference, _SIDE, 1.0 - _SIDE)
 
 
 def cover(space: Space, columns: Array) -> Patches:
@@ -307,8 +306,10 @@ def _joined(plane: _Plane, found: Sequence[tuple[Patch, Shape, Array]], error: f
         # Half a step aside: round numbers are what most points have.
         keys.append(np.round(np.column_stack([points, own]) / _SAME + 0.25))
         weights.append(own)
-        samples.append(plane.disk(patch, shape.samples))
-        sample_weights.append(weight**half)
+        # Of triangles both parameters are less than what is left.
+        inside = within((1.0 - 3.0 * _SIDE) * shape.checks + (_SIDE if patch.inner == 0.0 else 0.0))
+        samples.append(plane.disk(patch, inside))
+        sample_weights.append(plane.places(patch, inside)[1] ** half)
     # Coefficients of what is met but nearly differ by more than the functions do.
     own = np.arange(len(found)) if error > _EXACT else np.zeros(len(found))
     # Where rings meet, fields may jump.
@@ -333,6 +334,6 @@ def _joined(plane: _Plane, found: Sequence[tuple[Patch, Shape, Array]], error: f
         coefficients=numerators[first],
         error=error,
         samples=np.concatenate(samples),
-        _sample_weights=np.concatenate(sample_weights),
+        sample_weights=np.concatenate(sample_weights),
         _plane=plane,
     )
