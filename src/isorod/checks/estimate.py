@@ -8,6 +8,7 @@ projection.  What a finer space sees it says: nothing of the geometry, and nothi
 """
 
 from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from petsc4py import PETSc
@@ -21,6 +22,10 @@ from isorod.checks.finer import DIRECTIONS, Finer
 from isorod.errors import InputError
 from isorod.model.model import Model
 from isorod.options import defaults
+
+if TYPE_CHECKING:
+    from isorod.contact.frozen import Frozen
+    from isorod.contact.result import ContactResult
 
 # Steps of Newton's method; with one tangent as long as each is this much smaller than the one before, and enough.
 _STEPS, _QUICK, _DONE = 4, 0.1, 1e-3
@@ -41,10 +46,12 @@ def of_equilibrium(
     pressures: Sequence[Array | None] = (),
     directions: Sequence[str] = DIRECTIONS,
     ranks: int = 1,
+    contacts: "Sequence[ContactResult]" = (),
 ) -> float | None:
-    """Return the relative change of the work that moved supports or loads do, the larger; None where there is none.
+    """Return the relative change of the work that supports, loads or obstacles do, the largest; None if there is none.
 
-    Where neither are, that of the displacements' size.
+    Where none of them do any, that of the displacements' size.  Contact is as it was, on finer spaces linear about that
+    (`isorod.contact.frozen`): with friction there is none.
 
     Parameters
     ----------
@@ -60,8 +67,14 @@ def of_equilibrium(
         Which of `isorod.checks.finer.DIRECTIONS` count.
     ranks
         Number of those that solved it: this one alone, or all, which then call this together.
+    contacts
+        Their outcome.
     """
-    return _total(model, directions, ranks, lambda *fine: _equilibrium(*fine, displacement, work, pressures))
+    if any(one.friction for one in model.contacts):
+        return None
+    return _total(
+        model, directions, ranks, lambda finer, comm: _equilibrium(finer, comm, displacement, work, pressures, contacts)
+    )
 
 
 def _total(
@@ -85,11 +98,18 @@ def _total(
 
 
 def _equilibrium(
-    finer: Finer, comm: PETSc.Comm, displacement: Array, work: float, pressures: Sequence[Array | None]
+    finer: Finer,
+    comm: PETSc.Comm,
+    displacement: Array,
+    work: float,
+    pressures: Sequence[Array | None],
+    contacts: "Sequence[ContactResult]",
 ) -> float | None:
     """Return the change on finer spaces."""
     state = finer.displacement(displacement)
     assembler = assembler_for(finer.model, comm)
+    touching = _touching(finer, contacts, state, comm)
+    assembler.contact = touching  # type: ignore[assignment]
     x = assembler.state(state, finer.pressures(pressures) if pressures else ())
     matrix, force, change = assembler.matrix(), assembler.vector(), assembler.vector()
     ksp = _solver(assembler, matrix)
@@ -130,11 +150,22 @@ def _equilibrium(
     loads = finer.model.external
     changes = [_change(carried * given, work, _ROUNDS * float(noise @ np.abs(given)))]
     changes.append(_change(loads * found, float(loads @ state), 0.0, float(loads @ _carried_along(finer.model, given))))
+    if touching is not None:
+        changes.append(_change(touching.work(found), float(touching.work(state).sum())))
     known = [one for one in changes if one is not None]
     if not known:
         known = [one for one in [_change(state * found, float(state @ state))] if one is not None]
     error = max(known, default=np.nan)
     return float(error) if np.isfinite(error) else None
+
+
+def _touching(finer: Finer, contacts: "Sequence[ContactResult]", state: Array, comm: PETSc.Comm) -> "Frozen | None":
+    """Return contact as it is on finer spaces, if there is any."""
+    if not contacts:
+        return None
+    from isorod.contact.frozen import Frozen
+
+    return Frozen(finer.model, finer.coarse.contacts, contacts, state, comm)
 
 
 def _change(terms: Array, before: float, noise: float = 0.0, along: float = 0.0) -> float | None:
@@ -189,7 +220,7 @@ def of_modes(
     """
     if not eigenvalues.size:
         return None
-    return _total(model, directions, ranks, lambda *fine: _modes(*fine, eigenvalues, vectors, free, lumped))
+    return _total(model, directions, ranks, lambda finer, comm: _modes(finer, comm, eigenvalues, vectors, free, lumped))
 
 
 def _modes(

@@ -83,7 +83,9 @@ def _answer(record: Mapping[str, Any], units: Mapping[str, str]) -> Iterator[tup
         yield "contact", _contact(one)
     if touching[_FEW:]:
         yield "contacts", f"{len(touching) - _FEW} more"
-    if "error_estimate" in record and not record.get("changes"):
+    if "estimate_seconds" in record and "error_estimate" not in record:
+        yield "error", "no estimate: with friction, supports within a rod, or no finer space that can be had"
+    elif "error_estimate" in record and not record.get("changes"):
         yield "error", f"about {record['error_estimate']:.1g}, relative, as estimated by a step on a finer space"
     elif "error_estimate" in record:
         changes = ", ".join(f"{name.replace('_', ' ')} {change:.2g}" for name, change in record["changes"].items())

@@ -111,20 +111,21 @@ def _start(solution: Any, model: Any) -> Any:
 
 
 def estimate(solution: Any) -> dict[str, Any]:
-    """Return what a record says of a solution's error, where that can be told; warn of a large one."""
+    """Return what a record says of a solution's error, the time alone if it cannot be told; warn of a large one."""
     if not hasattr(solution, "estimate"):
         return {}
     start = perf_counter()
     error = solution.estimate()
+    seconds = {"estimate_seconds": perf_counter() - start}
     if error is None:
-        return {}
+        return seconds
     if error > LARGE:
         warnings.warn(
             f"the error is about {100.0 * error:.2g} %, as estimated on a finer space: --tolerance 5e-3 finds one that "
             "is fine enough",
             stacklevel=2,
         )
-    return {"error_estimate": error, "estimate_seconds": perf_counter() - start}
+    return {"error_estimate": error} | seconds
 
 
 def geometry(scene: Any) -> dict[str, Any]:

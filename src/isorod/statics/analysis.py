@@ -113,7 +113,7 @@ class Equilibrium(State, Animated):
         )
 
     def estimate(self, *directions: str) -> float | None:
-        """Return an estimate of the relative error (`isorod.checks.estimate`); None where there is none, as in contact.
+        """Return an estimate of the relative error (`isorod.checks.estimate`); None where there is none.
 
         It takes about as long as the solution.  It is the sum of those of the approximation across the ``"section"``
         and along the ``"axis"``, unless one of them is asked for.
@@ -121,7 +121,9 @@ class Equilibrium(State, Animated):
         from isorod.checks import estimate
 
         asked = directions or estimate.DIRECTIONS
-        return estimate.of_equilibrium(self.model, self.displacement, self.work, self.pressures, asked, self.ranks)
+        return estimate.of_equilibrium(
+            self.model, self.displacement, self.work, self.pressures, asked, self.ranks, self.contacts
+        )
 
     def matrices(self, lumped: bool = False) -> "Matrices":
         """Return the tangent stiffness and the mass about it (`isorod.output.matrices.matrices`)."""
