@@ -86,7 +86,7 @@ def _answer(record: Mapping[str, Any], units: Mapping[str, str]) -> Iterator[tup
     if "estimate_seconds" in record and "error_estimate" not in record:
         yield "error", "no estimate: with friction, supports within a rod, or no finer space that can be had"
     elif "error_estimate" in record and not record.get("changes"):
-        yield "error", f"about {record['error_estimate']:.1g}, relative, as estimated by a step on a finer space"
+        yield "error", f"about {record['error_estimate']:.1g}, relative, estimated by a step on a finer space"
     elif "error_estimate" in record:
         changes = ", ".join(f"{name.replace('_', ' ')} {change:.2g}" for name, change in record["changes"].items())
         yield "error", f"{record['error_estimate']:.2g}, relative, as estimated from finer spaces ({changes})"
@@ -172,4 +172,4 @@ def _origin(record: Mapping[str, Any], scene: Any) -> Iterator[tuple[str, str]]:
         yield "PETSc options", record["petsc_options"]
     yield "versions", ", ".join(f"{name} {version}" for name, version in record["versions"].items())
     histories = ", histories" if "times" in record else ""
-    yield "more", f"--json prints all there is on one line{histories}; --output DIR keeps it with the fields"
+    yield "more", f"--json prints all{histories}; --output DIR keeps it with the fields"
