@@ -4,21 +4,27 @@ import json
 
 import numpy as np
 import pytest
+from petsc4py import PETSc
 from reference import BLADE_FREQUENCIES, SPRING_FORCE
+from scipy.sparse import csr_matrix
+from test_contact_statics import crossing
 
 from comparisons.stability import cost, estimates
 from isorod import modal, statics
+from isorod.assembly.formulation import assembler_for
 from isorod.checks import adapt, estimate
 from isorod.checks.finer import Finer
 from isorod.command import cli, refine, run
+from isorod.contact.frozen import Frozen
 from isorod.errors import InputError
 from isorod.geometry import axis, section
 from isorod.geometry.center_line import straight
 from isorod.material import LinearElastic, NeoHookean
-from isorod.model import Body, Contact, Model, Plane, SectionLoad, Support
+from isorod.model import Body, Contact, Cylinder, Model, Plane, SectionLoad, Support
 from isorod.scenes.blade import Blade
 from isorod.scenes.spring import Spring
 from isorod.space import Space
+from isorod.space.closer import Patch, closer
 
 
 @pytest.mark.parametrize(
@@ -173,14 +179,60 @@ def test_a_rigid_motion_has_no_error_and_a_load_that_it_takes_along_is_no_false_
     assert held(-sag, -0.001).estimate() == pytest.approx(still.estimate(), rel=0.01)
 
 
-def test_there_is_none_where_supports_are_within_the_rod_or_something_touches():
+def bent_over(elements, **contact):
+    """A bar whose end is pressed down, over a cylinder half way."""
+    space = Space(straight(10.0).sweep(section.circle(8, 0.5)), elements, 3, 1, order=2)
+    over = Contact(0, Cylinder((0.0, -1.2, 5.0), (1.0, 0.0, 0.0), 0.7), 300.0, points=(3, 6), **contact)
+    ends = Support.end(space, "start"), Support.end(space, "end", displacement=(0.0, -0.6, 0.0))
+    return statics.solve(Model([Body(space, NeoHookean(100.0, 0.3))], ends, contacts=[over]))
+
+
+def test_error_of_a_bar_in_contact():
+    """With the penalty and the points of the finer one."""
+    found, fine = bent_over(3), bent_over(12)
+    error = abs(found.work / fine.work - 1.0)
+    print(error, found.estimate("axis"))
+    assert error > 0.02
+    assert error / 3.0 < found.estimate() < 3.0 * error
+    assert bent_over(3, friction=0.2).estimate() is None
+
+
+def test_frozen_contact_is_that_of_the_equilibrium():
+    """Two bars that cross, on their own spaces: forces are in balance, and the tangent is their derivative."""
+    model = crossing()
+    solution = statics.solve(model, load_steps=2)
+    frozen = Frozen(model, model.contacts, solution.contacts, solution.displacement, PETSc.COMM_SELF)
+    assembler = assembler_for(model)
+    x, out = assembler.state(solution.displacement), assembler.vector()
+    assembler.contact = frozen
+    assembler.residual(x, 1.0, out)
+    forces = frozen.forces(solution.displacement)[0]
+    assert out.norm() < 1e-5 * np.linalg.norm(forces)
+    assert np.abs(forces.reshape(-1, 3)[model.is_carrier].sum(axis=0)).max() < 1e-9 * np.abs(forces).sum()
+    way = np.random.default_rng(0).normal(size=model.dofs)
+    change = forces - frozen.forces(solution.displacement + way)[0]
+    tangent = csr_matrix((frozen.tangent(way), (frozen.rows, frozen.columns)), shape=(model.dofs, model.dofs))
+    np.testing.assert_allclose(tangent @ way, change, atol=1e-9 * np.abs(change).max())
+
+
+def test_graded_functions_get_an_order_more():
+    model = bar(closer(straight(4.0).sweep(section.circle(8)), [Patch(0.5, 0.0, 0.2, 0.2, 0.2)]))
+    own, fine = (one.bodies[0].space.section_basis for one in (model, Finer.of(model, "section").model))
+    assert (fine.arcs, fine.order) == (own.arcs, own.order + 1)
+    xi = np.array([[0.3, -0.5], [0.0, 1.0]])
+    across = Finer.of(model, "section").across[0]
+    np.testing.assert_allclose(fine.functions(xi)[0] @ across, own.functions(xi)[0], atol=1e-8)
+
+
+def test_there_is_none_where_supports_are_within_the_rod():
     space = Space.paper(straight(4.0).sweep(section.circle(8)), elements=4, order=2)
     load = SectionLoad.end(space, "end", (0.0, 1e-3, 0.0))
     inside = Support(2 * space.layer_nodes + np.arange(3), "z")
     assert statics.solve(bar(space, inside, loads=[load])).estimate() is None
-    touching = bar(space, contacts=[Contact(0, Plane((0.0, -3.0, 0.0), (0.0, 1.0, 0.0)), 1.0)], loads=[load])
-    assert statics.solve(touching).estimate() is None
-    assert statics.solve(bar(space, loads=[load])).estimate() > 0.0
+    free = statics.solve(bar(space, loads=[load])).estimate()
+    assert free > 0.0
+    apart = bar(space, contacts=[Contact(0, Plane((0.0, -3.0, 0.0), (0.0, 1.0, 0.0)), 1.0)], loads=[load])
+    assert statics.solve(apart).estimate() == pytest.approx(free, rel=1e-6)
 
 
 def test_there_is_none_where_no_finer_space_can_be_had(monkeypatch):
@@ -206,7 +258,7 @@ def test_a_large_error_is_warned_of_and_a_small_one_said(capsys):
     assert cli.main("run spring --coils 1".split()) == 0
     out, err = capsys.readouterr()
     assert err == ""
-    assert "relative, as estimated by a step on a finer" in " ".join(out.split())
+    assert "relative, estimated by a step on a finer" in " ".join(out.split())
     assert cli.main("run spring --coils 1 --no-estimate --json".split()) == 0
     assert "error_estimate" not in capsys.readouterr().out
 

@@ -171,11 +171,12 @@ def checkpoints(folder):
 
 
 def estimates(_):
-    """Those of an error of statics, with pressures too, and of modes, of a free body too."""
+    """Those of an error of statics, with pressures and with contact too, and of modes, of a free body too."""
     space = Space.paper(straight(4, height=4.0), elements=3, degree=2, order=1, quadrature="auto")
     ends = Support.end(space, "start"), Support.end(space, "end", displacement=(0.1, 0.0, 0.2))
     bodies = [Body(space, NeoHookean(100.0, nu), 1.0, form) for nu, form in ((0.3, "displacement"), (0.499, "mixed"))]
     found = [statics.solve(Model([body], ends), petsc=TIGHT) for body in bodies]
+    found.append(statics.solve(crossing(), load_steps=2, petsc=TIGHT))
     found += [modal.solve(Model(bodies[:1], held), 4, petsc={"eps_tol": 1e-12}) for held in (ends[:1], ())]
     return {"all": {"errors": np.array([one.estimate() for one in found])}}
 

@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Protocol, TypeVar
 
+from isorod.checks.finer import DIRECTIONS
 from isorod.errors import InputError, SolveError
 from isorod.geometry.axis import MAX_DEGREE
 from isorod.geometry.disk import MAX_COUNT
@@ -38,6 +39,9 @@ class Solution(Protocol):
     def estimate(self, *directions: str) -> float | None:
         """Return an estimate of its error, or of that in one of `isorod.checks.finer.DIRECTIONS`."""
 
+    def errors(self, *directions: str) -> "tuple[float | None, float | None]":
+        """Return that, and an estimate of the error of stresses."""
+
 
 Found = TypeVar("Found", bound=Solution)
 
@@ -51,7 +55,7 @@ class Step:
 
 
 def reach(
-    solve: Callable[[Sequence[Space]], Found], spaces: Sequence[Space], tolerance: float
+    solve: Callable[[Sequence[Space]], Found], spaces: Sequence[Space], tolerance: float, stresses: bool = False
 ) -> tuple[Found, Sequence[Space], list[Step]]:
     """Return the first solution whose estimated relative error is within the tolerance, its spaces, and all steps.
 
@@ -63,11 +67,13 @@ def reach(
         To start with.
     tolerance
         Relative error, between 1e-10 and 1.
+    stresses
+        Whether the error of stresses counts too.
 
     Raises
     ------
     InputError
-        If the tolerance is out of range, or the solution has no estimate (contact, supports within the rod).
+        If the tolerance is out of range, or the solution has no estimate (friction, supports within the rod).
     SolveError
         If it is not reached within 24 refinements or 400,000 unknowns.
     """
@@ -76,7 +82,7 @@ def reach(
     steps: list[Step] = []
     while True:
         solution = solve(spaces)
-        across, along = solution.estimate("section"), solution.estimate("axis")
+        across, along = (_error(solution, direction, stresses) for direction in DIRECTIONS)
         if across is None or along is None:
             raise InputError("tolerance: this result has no estimate of its error")
         error = across + along
@@ -91,6 +97,12 @@ def reach(
                 "refinements"
             )
         spaces = [refined(*one) for one in zip(spaces, changes, strict=True)]
+
+
+def _error(solution: Solution, direction: str, stresses: bool) -> float | None:
+    if not stresses:
+        return solution.estimate(direction)
+    return max((one for one in solution.errors(direction) if one is not None), default=None)
 
 
 def check(tolerance: float) -> None:

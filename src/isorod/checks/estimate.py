@@ -8,7 +8,7 @@ projection.  What a finer space sees it says: nothing of the geometry, and nothi
 """
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from petsc4py import PETSc
@@ -25,6 +25,10 @@ from isorod.errors import InputError
 from isorod.model.model import Model
 from isorod.options import defaults
 from isorod.output.state import State
+
+if TYPE_CHECKING:
+    from isorod.contact.frozen import Frozen
+    from isorod.contact.result import ContactResult
 
 # Steps of Newton's method at most, with one tangent as long as each is this much smaller than the one before; steps of
 # this share of the longest are enough.
@@ -48,7 +52,7 @@ class Error(NamedTuple):
     Attributes
     ----------
     work
-        Of the work that moved supports or loads do, the larger; where neither are, of the displacements' size.
+        Of the work that supports, loads or obstacles do, the largest; where none do any, of the displacements' size.
     stress
         Of stresses away from edges (`isorod.checks.stresses`), relative to the largest.
     """
@@ -64,8 +68,11 @@ def of_equilibrium(
     pressures: Sequence[Array | None] = (),
     directions: Sequence[str] = DIRECTIONS,
     ranks: int = 1,
+    contacts: "Sequence[ContactResult]" = (),
 ) -> Error:
     """Return estimates of the errors of an equilibrium.
+
+    Contact is as it was, on finer spaces linear about that (`isorod.contact.frozen`): with friction there are none.
 
     Parameters
     ----------
@@ -81,10 +88,14 @@ def of_equilibrium(
         Which of `isorod.checks.finer.DIRECTIONS` count.
     ranks
         Number of those that solved it: this one alone, or all, which then call this together.
+    contacts
+        Their outcome.
     """
+    if any(one.friction for one in model.contacts):
+        return Error(None, None)
 
     def change(finer: Finer, comm: PETSc.Comm) -> Array:
-        return _equilibrium(finer, comm, displacement, work, pressures)
+        return _equilibrium(finer, comm, displacement, work, pressures, contacts)
 
     return Error(*_total(model, directions, ranks, change, 2))
 
@@ -110,11 +121,18 @@ def _total(
 
 
 def _equilibrium(
-    finer: Finer, comm: PETSc.Comm, displacement: Array, work: float, pressures: Sequence[Array | None]
+    finer: Finer,
+    comm: PETSc.Comm,
+    displacement: Array,
+    work: float,
+    pressures: Sequence[Array | None],
+    contacts: "Sequence[ContactResult]",
 ) -> Array:
     """Return the changes of work and stress on finer spaces, NaN where there is none."""
     state = finer.displacement(displacement)
     assembler = assembler_for(finer.model, comm)
+    touching = _touching(finer, contacts, state, comm)
+    assembler.contact = touching  # type: ignore[assignment]
     x = assembler.state(state, finer.pressures(pressures) if pressures else ())
     matrix = assembler.matrix()
     ksp = _solver(assembler, matrix)
@@ -139,6 +157,8 @@ def _equilibrium(
     along = float(loads @ _carried_along(finer.model, moved))
     changes = [_change(carried * given, work, _ROUNDS * float(noise @ np.abs(given)))]
     changes.append(_change(loads * found, float(loads @ state), 0.0, along))
+    if touching is not None:
+        changes.append(_change(touching.work(found), float(touching.work(state).sum())))
     known = [one for one in changes if one is not None]
     if not known:
         known = [one for one in [_change(state * found, float(state @ state))] if one is not None]
@@ -173,6 +193,15 @@ def _corrected(
         if not size > _DONE * max(sizes):
             break
     return sizes, gained, first
+
+
+def _touching(finer: Finer, contacts: "Sequence[ContactResult]", state: Array, comm: PETSc.Comm) -> "Frozen | None":
+    """Return contact as it is on finer spaces, if there is any."""
+    if not contacts:
+        return None
+    from isorod.contact.frozen import Frozen
+
+    return Frozen(finer.model, finer.coarse.contacts, contacts, state, comm)
 
 
 def _change(terms: Array, before: float, noise: float = 0.0, along: float = 0.0) -> float | None:

@@ -22,6 +22,8 @@ from isorod.model.body import Body
 from isorod.model.model import Model
 from isorod.model.support import Support
 from isorod.space import choice
+from isorod.space.graded import Graded
+from isorod.space.polyharmonic import MAX_ORDER
 from isorod.space.polynomial import MAX_DEGREE as MAX_SECTION_DEGREE
 from isorod.space.pressure import Pressures
 from isorod.space.space import Space
@@ -36,6 +38,9 @@ _POWER = 4
 
 # Degree of a square's warping in torsion.
 _SQUARE = 4
+
+# Entries of the matrices of all elements of a body beyond which its control points are not doubled: a gigabyte.
+_MOST = 2**27
 
 # What of a section function another basis may miss.
 _EXACT = 1e-6
@@ -64,9 +69,7 @@ class Finer:
 
     @classmethod
     def of(cls, model: Model, direction: str) -> "Finer | None":
-        """Return the model on spaces finer in one of `DIRECTIONS`; None where a contact or a support does not fit."""
-        if model.contacts:
-            return None
+        """Return the model on spaces finer in one of `DIRECTIONS`, without contacts; None if a support does not fit."""
         spaces = [_finer(body, direction) for body in model.bodies]
         across = [_across(body.space, fine) for body, fine in zip(model.bodies, spaces, strict=True)]
         supports = []
@@ -145,12 +148,16 @@ def _more_across(body: Body) -> dict[str, Any]:
         two = space.rod.rings == WHOLE and _turns_onto_itself(space.rod)
         wanted = degree + 1 + two if degree > 1 else _SQUARE
         return {"section_degree": min(wanted, getattr(space.basis, "most", degree))}
+    if isinstance(space.section_basis, Graded):
+        # Whether its arcs see a patch is for contact to say (`isorod.contact.quality`).
+        return {"section_basis": replace(space.section_basis, order=space.section_basis.order + 1)}
     if space.order is None:
         return {}
     # Beyond biharmonic functions waves round the section are what is missing.
-    if space.order > 1 and 2 * space.points_around <= MAX_COUNT:
+    entries = space.axis.elements * (6 * space.element_nodes.shape[1]) ** 2
+    if space.order > 1 and 2 * space.points_around <= MAX_COUNT and entries <= _MOST:
         return {"section_points": 2 * space.points_around}
-    return {"order": max(space.order, 2)}
+    return {"order": space.order + 1 if space.order < MAX_ORDER else space.order}
 
 
 def _left(space: Space, fine: Space) -> float:

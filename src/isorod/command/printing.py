@@ -96,9 +96,11 @@ def _answer(record: Mapping[str, Any], units: Mapping[str, str], stresses: Seque
         yield "contact", _contact(one)
     if touching[_FEW:]:
         yield "contacts", f"{len(touching) - _FEW} more"
-    if "error_estimate" in record and not record.get("changes"):
+    if "estimate_seconds" in record and not {"error_estimate", "stress_error_estimate"} & record.keys():
+        yield "error", "no estimate: with friction, supports within a rod, or no finer space that can be had"
+    elif "error_estimate" in record and not record.get("changes"):
         also = _stress_error(record, stresses)
-        yield "error", f"about {record['error_estimate']:.1g}, relative, as estimated by a step on a finer space{also}"
+        yield "error", f"about {record['error_estimate']:.1g}, relative, estimated by a step on a finer space{also}"
     elif "error_estimate" in record:
         changes = ", ".join(f"{name.replace('_', ' ')} {change:.2g}" for name, change in record["changes"].items())
         yield "error", f"{record['error_estimate']:.2g}, relative, as estimated from finer spaces ({changes})"
@@ -220,4 +222,4 @@ def _origin(record: Mapping[str, Any], scene: Any) -> Iterator[tuple[str, str]]:
         yield "PETSc options", record["petsc_options"]
     yield "versions", ", ".join(f"{name} {version}" for name, version in record["versions"].items())
     histories = ", histories" if "times" in record else ""
-    yield "more", f"--json prints all there is on one line{histories}; --output DIR keeps it with the fields"
+    yield "more", f"--json prints all{histories}; --output DIR keeps it with the fields"

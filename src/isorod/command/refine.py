@@ -90,7 +90,7 @@ class Estimate:
 def estimate(scene: Any, settings: Mapping[str, Any], tolerance: float | None = None) -> Estimate:
     """Estimate a scene's error by refining its space in each direction, or refine until it is below a tolerance.
 
-    To a tolerance the estimate of `isorod.checks.estimate` leads (`isorod.checks.adapt`); with contact, which has none,
+    To a tolerance the estimate of `isorod.checks.estimate` leads (`isorod.checks.adapt`); with contact
     the changes do: each step refines in the direction with the largest for its cost (work of a banded factorisation).
 
     Parameters
@@ -188,7 +188,7 @@ def _reach(scene: Any, settings: Mapping[str, Any], spaces: Sequence[Space], tol
         tried[id(solution)] = one, seconds
         return solution
 
-    solution, _, steps = adapt.reach(solve, spaces, tolerance)
+    solution, _, steps = adapt.reach(solve, spaces, tolerance, bool(getattr(scene, "stresses", ())))
     history = [
         (name if hasattr(scene, name) else "elements_per_turn", value, before.error)
         for before, step in pairwise(steps)

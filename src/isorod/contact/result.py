@@ -58,6 +58,9 @@ class ContactResult:
         Pressure at the points, force per reference area, zero out of contact, shape ``(q,)``.
     areas
         Reference areas of the points; where both bodies have points, each half counted, shape ``(q,)``.
+    normals, partners, feet
+        Of the points under pressure the direction of the force on them, the body that presses on them, -1 an obstacle,
+        and the axis parameter and angle of their foot on it, shapes ``(q, 3)``, ``(q,)`` and ``(q, 2)``.
     friction
         Resultant of friction on the first side, shape ``(3,)``; zero where there are no two sides.
     sticking, slipping
@@ -81,6 +84,9 @@ class ContactResult:
     positions: Array
     pressure: Array
     areas: Array
+    normals: Array
+    partners: Index
+    feet: Array
     friction: Array = field(default_factory=lambda: np.zeros(3))
     sticking: int = 0
     slipping: int = 0
@@ -155,6 +161,8 @@ def measure(
     active = np.flatnonzero(pressures > 0.0)
     pushes = np.empty((active.size, 3))
     normals(packed, positions, active, pushes)
+    directions, (partners, feet) = np.zeros((bodies.size, 3)), _feet(model, packed, active)
+    directions[active] = pushes
     pushes *= (packed.areas * pressures)[active, None]
     for (contact, chosen), (_, passes), other in zip(
         slave_points(model, packed), sides_of(model), others or [None] * len(model.contacts), strict=True
@@ -188,9 +196,31 @@ def measure(
                 positions=packed.points[chosen].copy(),
                 pressure=pressure.copy(),
                 areas=areas.copy(),
+                normals=directions[chosen],
+                partners=partners[chosen],
+                feet=feet[chosen],
             )
         )
     return results
+
+
+def _feet(model: Model, packed: Packed, active: Index) -> tuple[Index, Array]:
+    """Return, of all points, body of the foot, -1 where it is an obstacle or there is none, and its place on it."""
+    partners, feet = np.full(packed.areas.size, -1), np.zeros((packed.areas.size, 2))
+    sides = [side for contact in model.contacts for side in contact.sides]
+    firsts = packed.passes["first_point"]
+    masters = packed.passes["master"][np.searchsorted(firsts, active, side="right") - 1]
+    touching = active[masters >= 0]
+    starts = packed.starts[touching]
+    surfaces = packed.elements["surface"][starts["element"]]
+    for k in np.unique(surfaces):
+        body, some = sides[k]
+        here, breaks = surfaces == k, model.bodies[body].space.axis.breaks
+        chosen = np.arange(breaks.size - 1) if some is None else np.unique(np.asarray(some, dtype=np.int64))
+        e = chosen[starts["element"][here] - packed.surfaces["first_element"][k]]
+        u = 0.5 * (breaks[e] + breaks[e + 1] + starts["s"][here] * (breaks[e + 1] - breaks[e]))
+        partners[touching[here]], feet[touching[here]] = body, np.stack([u, starts["theta"][here]], axis=1)
+    return partners, feet
 
 
 def _resultant(contact: Contact, bodies: Index, pushes: Array, own: Array) -> Array:

@@ -112,7 +112,7 @@ class Equilibrium(State, Animated):
         return self.errors(*directions).work
 
     def errors(self, *directions: str) -> "Error":
-        """Return estimates of relative errors (`isorod.checks.estimate`), None where there are none, as in contact.
+        """Return estimates of relative errors (`isorod.checks.estimate`), None where there are none.
 
         It takes about as long as the solution.  They are sums of those of the approximation across the ``"section"``
         and along the ``"axis"``, unless one of them is asked for.
@@ -120,7 +120,9 @@ class Equilibrium(State, Animated):
         from isorod.checks import estimate
 
         asked = directions or estimate.DIRECTIONS
-        return estimate.of_equilibrium(self.model, self.displacement, self.work, self.pressures, asked, self.ranks)
+        return estimate.of_equilibrium(
+            self.model, self.displacement, self.work, self.pressures, asked, self.ranks, self.contacts
+        )
 
     def matrices(self, lumped: bool = False) -> "Matrices":
         """Return the tangent stiffness and the mass about it (`isorod.output.matrices.matrices`)."""
