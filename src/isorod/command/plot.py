@@ -115,7 +115,7 @@ def _frames(
         what = "load factor" if result.analysis == "statics" else "time"
         told = animation.written([step.time for step in result.steps])
         words = [f"{result.name}\n{what} {step.time:{told}}" for step in steps]
-    if found.gif is not None and any(motion.replace("mode", "quarter") in mesh.point_data for mesh in meshes[-1]):
+    if modes and found.gif and motion.replace("mode", "quarter") in meshes[-1][0].point_data:
         meshes = [[_whirled(mesh, motion, *shares) for mesh in meshes[-1]] for shares in animation.quarters()]
         words = words[-1:] * len(meshes)
     colour = _colour(meshes[-1], motion, found.colour, result.name)
