@@ -104,8 +104,9 @@ def stress(
     from isorod.files import peaks
 
     found = _each(solution, lambda state: peaks.stress(state, rod, component, u, xi, away))
-    moves = not hasattr(solution, "at")
-    peaks.warn(solution[-1] if moves else solution, rod, component, u, xi, away, found[-1] if moves else found)
+    # Of a motion the end is looked at.
+    state, last = (solution, found) if hasattr(solution, "at") else (solution[-1], found[-1])
+    peaks.warn(state, rod, component, u, xi, away, last)
     return found
 
 
