@@ -131,4 +131,5 @@ def _disk(polar: Array) -> Array:
 
 
 def _polar(xi: Sequence[float]) -> list[float]:
-    return [float(np.hypot(xi[0], xi[1])), float(np.arctan2(xi[1], xi[0]))]
+    x, y = xi
+    return [float(np.hypot(x, y)), float(np.arctan2(y, x))]

@@ -75,7 +75,7 @@ class Limited:
             corner, at = shape.corners
             for k in (0, -1):
                 own[:, k][:, :, corner] = values[:, k][:, samples[:, at]]
-            np.add.at(found, (slice(None), slice(None), nodes), own)  # type: ignore[arg-type]
+            np.add.at(found.transpose(2, 0, 1, 3), nodes, own.transpose(2, 3, 0, 1, 4))
         return np.asarray(found / patches.shared[:, None])
 
     def shown(self, controls: Array, weights: Array) -> Array:
