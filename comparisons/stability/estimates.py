@@ -3,7 +3,9 @@
 ``python -m comparisons.stability.estimates 200`` prints a line a rod, and in the end the shares (``100 200`` those of
 seeds from 100 on).  Errors are against the finer of two references; how far these are apart says how sure that is.
 Shares are told of errors to which they are within a tenth, and within a half.  Without an estimate an error above half
-a percent is infinitely far from it.
+a percent is infinitely far from it.  Of statics stresses are compared too, at 20 places of the surface farther from
+ends and jumps of laws than the section is wide, relative to the largest of these; and it is told which of the spaces
+that were chosen are off by more than half a percent, or 3 percent of stress, without a warning.
 """
 
 import sys
@@ -22,11 +24,14 @@ from isorod.geometry import center_line, section
 from isorod.geometry.rod import Rod
 from isorod.material import LinearElastic, NeoHookean
 from isorod.model import Body, Model, Pressure, SectionLoad, Support
-from isorod.output import results
+from isorod.output import held, results
 from isorod.space import Space, choice
 
-# Errors below are those of the reference, and larger than that those that need an estimate.
-SMALLEST, LARGE = 1e-6, 5e-3
+# Errors below are those of the reference, and larger than that those that need an estimate; of stress.
+SMALLEST, LARGE, LARGE_STRESS = 1e-6, 5e-3, 0.03
+
+# Places at which stresses are compared.
+PLACES = 20
 
 # What two references may differ by, as a share of the error.
 APART = (0.1, 0.5)
@@ -130,28 +135,60 @@ def compare(seed: int) -> dict[str, Any]:
     """Return true error and estimate of one random rod, and how far two references are apart."""
     on, solved, told = problem(seed)
     found, solution = solved(on)
-    estimate = solution.estimate()
+    estimate, stress = solution.errors() if hasattr(solution, "errors") else (solution.estimate(), None)
     made = on.rod
     least, across = max(cast(int, on.elements), cast(int, Space(made).elements)), max(on.section_degree or 4, 3)
     # Those of rods with rings have functions enough.
     whole = len(made.rings) == 2 and made.rings[0] == 0.0
-    references = []
+    references, stresses = [], [_stresses(seed, solution)]
     for more, parts in ((1 + whole, 1), (2 + whole, 1 + (on.axis.degree > 4 or on.elements == least))):
-        fine = Space(made, parts * least, 6 if whole else 5, 0, section_degree=min(across + more, 8))
+        elements, even = parts * least, made.axis.refine(parts * least // made.axis.elements, 6, 0).breaks
+        laws = getattr(solution.model.bodies[0], "material", None)
+        jumps = made.axis.breaks[1:-1].tolist() if isinstance(laws, list) and len(made.rings) == 2 else []
+        knots = [u for u in choice.boundary_layers(made, None, jumps) if np.abs(even - u).min() > 1e-6 * even[-1]]
+        fine = Space(made, elements, 6 if whole else 5, 0, section_degree=min(across + more, 8), knots=tuple(knots))
         fine = replace(fine, quadrature=str(choice.rule(fine)))
-        references.append(solved(fine)[0])
+        number, better = solved(fine)
+        references.append(number)
+        stresses.append(_stresses(seed, better))
     rough, exact = references
     error, apart = (float(np.abs(one / exact - 1.0).max()) for one in (found, rough))
-    return {"seed": seed, **told, "error": error, "estimate": estimate, "apart": apart}
+    record = {"seed": seed, **told, "error": error, "estimate": estimate, "apart": apart}
+    record["chosen"] = "elements" in on.chosen and "section_degree" in on.chosen
+    there, near, best = stresses
+    if best is not None and there is not None and near is not None and best.size:
+        largest = np.linalg.norm(best, axis=(1, 2)).max()
+        off, beside = (float(np.linalg.norm(one - best, axis=(1, 2)).max() / largest) for one in (there, near))
+        record |= {"stress error": off, "stress estimate": stress, "stress apart": beside}
+    return record
 
 
-def ratio(record: Mapping[str, Any], apart: float) -> float | None:
-    """Return error over estimate; None where it is not counted, the references being further apart than a share."""
-    error, estimate = record["error"], record["estimate"]
-    if not error > SMALLEST or record["apart"] > apart * error:
+def _stresses(seed: int, solution: Any) -> Array | None:
+    """Return Cauchy's stress at random places of the surface, ``(places, 3, 3)``; None of modes."""
+    if not hasattr(solution, "errors"):
+        return None
+    rng, model = np.random.default_rng([seed, PLACES]), solution.model
+    body, axis = model.bodies[0], model.bodies[0].space.rod.axis
+    u = rng.uniform(axis.breaks[0], axis.breaks[-1], 50 * PLACES)
+    jumps = axis.breaks if len(set(map(id, body.laws))) > 1 else axis.breaks[[0, -1]]
+    u = u[held.distance(model, 0, u, jumps) > held.width(model, 0)][:PLACES]
+    angle = rng.uniform(0.0, 2.0 * np.pi, u.size)
+    found = [solution.stress(0, u[k], (np.cos(angle[k]), np.sin(angle[k]))) for k in range(u.size)]
+    return np.array(found).reshape(-1, 3, 3)
+
+
+def ratio(record: Mapping[str, Any], apart: float, of: str = "") -> float | None:
+    """Return error over estimate; None where it is not counted, the references being further apart than a share.
+
+    ``of`` is ``"stress "`` for that of stresses.
+    """
+    if f"{of}error" not in record:
+        return None
+    error, estimate = record[f"{of}error"], record[f"{of}estimate"]
+    if not error > SMALLEST or record[f"{of}apart"] > apart * error:
         return None
     if not estimate:
-        return inf if error > LARGE else None
+        return inf if error > (LARGE_STRESS if of else LARGE) else None
     return float(error / estimate)
 
 
@@ -171,6 +208,17 @@ def shares(ratios: Sequence[float | None]) -> dict[str, Any]:
     }
 
 
+def silent(records: Sequence[Mapping[str, Any]]) -> list[Any]:
+    """Return the seeds of those on chosen spaces that are off by too much, for sure, without a warning."""
+    found = []
+    for record in (one for one in records if one["chosen"]):
+        for of, large in (("", LARGE), ("stress ", LARGE_STRESS)):
+            error, estimate = record.get(f"{of}error", 0.0), record.get(f"{of}estimate") or 0.0
+            if error - record.get(f"{of}apart", 0.0) > large >= estimate:
+                found.append(record["seed"])
+    return found
+
+
 def main(arguments: Sequence[str]) -> int:
     """Run as many as are asked for."""
     options.initialize([])
@@ -185,7 +233,11 @@ def main(arguments: Sequence[str]) -> int:
             continue
         print(results.line(records[-1]), flush=True)
     for apart in APART:
-        print(results.line({"apart": apart} | shares([ratio(one, apart) for one in records])))
+        for of in ("", "stress "):
+            told = shares([ratio(one, apart, of) for one in records])
+            chosen = shares([ratio(one, apart, of) for one in records if one["chosen"]])
+            print(results.line({"of": of or "work, frequencies", "apart": apart, "all": told, "chosen": chosen}))
+    print(results.line({"chosen": sum(one["chosen"] for one in records), "silent": silent(records)}))
     return 0
 
 
