@@ -124,10 +124,10 @@ def test_both_sides_run_and_the_answer_is_on_page_and_screen(both, capsys):
     assert work[0]["field"]["displacement"] == pytest.approx((0.04 - far) / (1.0 + far), rel=1e-6)
     assert 0.0 < ours[0]["error_estimate"] < 0.1
     said = capsys.readouterr().out
-    assert "my bar: default within 0.5 %: yes; error of force 0 %; finite elements tell to 0.44 %; isorod's own" in said
+    assert "my bar: default within 0.5 %: yes, stress within 3 %: yes; error of force 0 %; finite elements" in said
     text = (folder / "report.html").read_text()
     for piece in (
-        "within 0.5 %: <strong>yes</strong>",
+        "within 0.5 %: <strong>yes</strong>, stress within 3 %: <strong>yes</strong>",
         "<h2 id=my-bar>my bar</h2>",
         "a.png",
         "isorod compare",

@@ -220,7 +220,7 @@ def test_coarser_and_finer_about_what_is_chosen(tmp_path):
     assert {one.label for one in found} == {"N−1, e/2", "N+1, 2e", "N−1", "N+1", "N+2", "e/2", "2e"}
     finer = next(one for one in found if one.label == "2e").arguments
     told = dict(zip(finer[::2], finer[1::2], strict=True))
-    assert told == {"--section-degree": "3", "--elements": "8", "--degree": "5", "--continuity": "0"}
+    assert told == {"--section-degree": "3", "--elements": "10", "--degree": "5", "--continuity": "2"}
 
 
 def test_meshes_that_do_not_nest_have_no_field_error(bar):

@@ -179,7 +179,7 @@ def test_a_record_has_the_sums_of_its_data(written, capsys):
     sums = [record_of(capsys, path)["data"] for _ in range(2)]
     assert sums[0] == sums[1]
     assert list(sums[0]) == ["outline.csv"]
-    Path(path).with_name("outline.csv").write_text(OUTLINE.replace("1.0", "1.1"))
+    Path(path).with_name("outline.csv").write_text(OUTLINE.replace("1.0", "1.01"))
     assert record_of(capsys, path)["data"] != sums[0]
 
 

@@ -174,7 +174,8 @@ def test_energy_falls_in_spaces_that_nest(sequence, prism):
 @pytest.mark.parametrize("sequence", SEQUENCES)
 def test_frequencies_fall_in_spaces_that_nest(sequence, prism):
     found = [
-        modal.solve(clamped(prism, change, LinearElastic(1.0, 0.3)), 6).frequencies for change in SEQUENCES[sequence]
+        modal.solve(clamped(prism, change, LinearElastic(1.0, 0.3)), 6, at_rest=True).frequencies
+        for change in SEQUENCES[sequence]
     ]
     for coarse, fine in pairwise(found):
         assert np.all(fine < coarse * (1.0 - 1e-9))

@@ -41,8 +41,10 @@ def variants(scene: Any, model: Any, known: Sequence[Mapping[str, Any]]) -> list
     least, lowest = (max(getattr(axis, name) for axis in axes) for name in ("elements", "degree"))
     section, degree, elements = (base.get(name) for name in ("section_degree", "degree", "elements"))
     along: list[dict[str, int]] = [{}, {}]
-    if elements is not None and elements % 2 == 0 and (elements // 2) % least == 0:
-        along[0] = {"elements": elements // 2}
+    # About half as many, a multiple of the rod's own.
+    half = least * -(-elements // (2 * least)) if elements is not None else 0
+    if elements is not None and half < elements:
+        along[0] = {"elements": half}
     elif degree is not None and degree > lowest + 1:
         along[0] = {"degree": degree - 1}
     if elements is not None:

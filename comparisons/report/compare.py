@@ -17,13 +17,16 @@ from comparisons.report.html import commands, figure, fold, heading, millisecond
 
 # What a default is to be within, and the errors at which run times are compared.
 WANTED = 5e-3
+# The same of von Mises stress away from held places, in L2 and of its peak.
+WANTED_STRESS = 0.03
 TARGETS = (1e-2, 5e-3, 1e-3, 1e-4)
 
 
 def summary(records: list[Record]) -> list[str]:
     """Return the main findings, one line each."""
     name, default = _scene(records)["name"], _default(records)
-    lines = [f"{name}: default within {100 * WANTED:g} %: {verdict(records)}; {_of_default(records)}"]
+    within = f"{verdict(records)}{_stress_verdict(default)}"
+    lines = [f"{name}: default within {100 * WANTED:g} %: {within}; {_of_default(records)}"]
     lines += [f"{name}: {text}" for text in (_beside(records), _fields_told(default)) if text]
     for target, ours, theirs in _pairs(records):
         fast, slow = ours["seconds"]["total"], theirs["seconds"]["total"]
@@ -39,7 +42,8 @@ def answer(records: list[Record]) -> list[str]:
     name, default = _scene(records)["name"], _default(records)
     lines = [
         f"<p class=big><strong>{html.escape(name)}:</strong> {_by(default)} isorod is "
-        f"{_share(default['error'])} off: within {100 * WANTED:g} %: <strong>{verdict(records)}</strong>. "
+        f"{_share(default['error'])} off: within {100 * WANTED:g} %: <strong>{verdict(records)}</strong>"
+        f"{_stress_verdict(default, '<strong>{}</strong>')}. "
         f"{_sentence(_beside(records))}</p>"
         f"<p>{_sentence(_of_default(records))} {_sentence(_fields_told(default))}</p>"
     ]
@@ -93,6 +97,14 @@ def verdict(records: list[Record]) -> str:
     if abs(error - WANTED) < doubt:
         word += f", but finite elements tell to {_share(doubt)} only"
     return word
+
+
+def _stress_verdict(default: Record, style: str = "{}") -> str:
+    """Return whether von Mises stress is as near to the finest mesh's as is wanted; nothing where there is none."""
+    errors = [default["field"][name] for name in ("von_mises", "peak_error") if name in default["field"]]
+    if not errors:
+        return ""
+    return f", stress within {100 * WANTED_STRESS:g} %: {style.format('yes' if max(errors) <= WANTED_STRESS else 'no')}"
 
 
 def told(records: list[Record]) -> float:

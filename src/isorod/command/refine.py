@@ -160,7 +160,7 @@ def on(scene: Any, spaces: Sequence[Space]) -> Any:
         return scene.on(spaces)
     space = spaces[0]
     names = {field.name for field in dataclasses.fields(scene)}
-    kept = ("order", "section_degree", "degree", "continuity", "knots", "quadrature")
+    kept = ("order", "section_degree", "degree", "continuity", "quadrature")
     fields = {name: getattr(space, name) for name in kept if name in names}
     if space.section_degree is None:
         fields["section_points"] = space.points_around

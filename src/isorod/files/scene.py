@@ -30,7 +30,7 @@ RESERVED = frozenset(
     "residuals rigid below shift iterations frequencies times reactions contact_force kinetic stored contact_energy "
     "added_kinetic muscle_work load_work dissipated energy_error momentum_error steps time_step critical_step "
     "microseconds_a_step resumed integrator added_kinetic_share smallest_jacobian volume control_points stabilisation "
-    "stabilisation_rounds about falling places stress_error_estimate negative_eigenvalues deviation".split()
+    "stabilisation_rounds about falling places stress_error_estimate negative_eigenvalues deviation time_error".split()
 )
 
 # Of each analysis the class of its solutions.

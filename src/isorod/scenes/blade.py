@@ -50,8 +50,6 @@ class Blade(Preset):
     quadrature: str | None = option(
         None, "quadrature rule: auto, full, paper, RxS or RxSxT such as 2x1x4 (one that goes with the element)"
     )
-    # Of a space that was chosen, where the scene is refined.
-    knots: tuple[float, ...] | None = None
     preset: str | None = preset("order 1 (K = 1), degree 2, 20 elements, quadrature auto")
 
     PAPER: ClassVar[Mapping[str, Any]] = {"order": 1, "degree": 2, "elements": 20, "quadrature": "auto"}
@@ -100,7 +98,6 @@ class Blade(Preset):
             elements=self.elements,
             degree=self.degree,
             continuity=self.continuity,
-            knots=self.knots,
             quadrature=self.quadrature,
             order=self.order,
             section_degree=self.section_degree,

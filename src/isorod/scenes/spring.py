@@ -52,8 +52,6 @@ class Spring(Preset):
     quadrature: str | None = option(
         None, "quadrature rule: auto, full, paper, RxS or RxSxT such as 2x1x4 (one that goes with the element)"
     )
-    # Of a space that was chosen, where the scene is refined.
-    knots: tuple[float, ...] | None = None
     preset: str | None = preset("order 1 (K = 1), degree 3, 8 elements a turn, displacements alone, quadrature auto")
 
     PAPER: ClassVar[Mapping[str, Any]] = {
@@ -103,7 +101,6 @@ class Spring(Preset):
             elements=None if each is None else self.coils * each,
             degree=self.degree,
             continuity=self.continuity,
-            knots=self.knots,
             quadrature=self.quadrature,
             order=self.order,
             section_degree=self.section_degree,

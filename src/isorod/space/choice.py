@@ -1,8 +1,8 @@
 """How a rod is discretised where nothing is given: what suits its shape, by rules that were measured.
 
 Across the section polynomials of the lowest degree whose torsion constant is right, or functions of control points
-where polynomials do not suit; along the axis elements of degree 5, as many as the rod turns or is long, with as many
-points as their degree, so that slender ones do not lock, and shorter ones towards the ends (`boundary_layers`).
+where polynomials do not suit; along the axis elements of degree 5, as many as the rod turns or is long, so smooth
+that slender ones do not lock, and shorter ones towards the ends (`boundary_layers`).
 """
 
 from collections.abc import Sequence
@@ -262,14 +262,14 @@ def section(rod: Rod, missed: float = WARPING) -> dict[str, int]:
 
 
 def rule(space: "Space") -> Rule:
-    """Return the quadrature rule: ``auto``, but as many points as the degree along elements that are joined loosely.
+    """Return the quadrature rule: ``auto``, but as many points as the degree along elements joined without slopes.
 
-    These are less smooth than they can be; the short ones of boundary layers do not count.
+    The short elements of boundary layers take part in that, smooth as they are.
     """
     axis, degree = space.axis, space.axis.degree
     found, even = space.basis.auto(degree), ~np.isin(axis.breaks[1:-1], space.knots or ())
-    loose = degree > 1 and (axis.multiplicities[1:-1][even] > 1).all()
-    return Rule(found.radial, found.angular, degree) if loose else found
+    sharp = degree > 1 and (axis.multiplicities[1:-1][even] >= degree).all()
+    return Rule(found.radial, found.angular, degree) if sharp else found
 
 
 @lru_cache(maxsize=32)
