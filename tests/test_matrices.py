@@ -57,7 +57,7 @@ def written(tmp_path_factory, isorod):
     folder = tmp_path_factory.mktemp("matrices") / "blade"
     done = isorod("matrices", "blade", "--output", str(folder))
     assert done.returncode == 0, done.stderr
-    assert done.stdout.startswith("720 unknowns (756 degrees of freedom), about the state of rest; stiffness of ")
+    assert done.stdout.startswith("756 unknowns (792 degrees of freedom), about the state of rest; stiffness of ")
     told = isorod("run", "blade", "--json", "--no-estimate")
     return folder, np.array(json.loads(told.stdout)["frequencies"])
 
@@ -106,7 +106,7 @@ def test_the_folder_says_what_is_in_it(written):
     said = json.loads((folder / "README.json").read_text())
     stiffness, mass = (load_npz(folder / f"{name}.npz") for name in ("stiffness", "mass"))
     assert (said["scene"], said["analysis"], said["about"]) == ("blade", "modal", "the state of rest")
-    assert (said["unknowns"], said["degrees_of_freedom"], said["symmetric"]) == (720, 756, True)
+    assert (said["unknowns"], said["degrees_of_freedom"], said["symmetric"]) == (756, 792, True)
     assert said["entries"] == {"stiffness": stiffness.nnz, "mass": mass.nnz}
     stems = {file.name.split(".")[0] for file in folder.iterdir()} - {"README"}
     assert {name.split(".")[0] for name in said["files"]} == stems
@@ -331,7 +331,7 @@ def test_ranks_write_the_same_files(written, tmp_path, mpirun):
     folder, _ = written
     done = mpirun(2, "matrices", "blade", "--output", str(tmp_path / "two"))
     assert done.returncode == 0, done.stderr
-    assert done.stdout.count("720 unknowns") == 1
+    assert done.stdout.count("756 unknowns") == 1
     for file in folder.iterdir():
         if file.name != "README.json":
             assert (tmp_path / "two" / file.name).read_bytes() == file.read_bytes(), file.name

@@ -73,6 +73,7 @@ def climb(monkeypatch, outcome, contact=None, settle=lambda solver, factor: 0):
 
     model = SimpleNamespace(stages=[1.0])
     solver = SimpleNamespace(
+        turning=SimpleNamespace(longest_step=lambda factor: 1.0),
         assembler=SimpleNamespace(contact=contact, model=model, displacement=lambda x, factor: x),
         x=x,
         advance=advance,
@@ -153,6 +154,7 @@ def test_with_friction_no_step_is_longer_than_asked_for(monkeypatch):
     path = []
     monkeypatch.setattr(climbing, "settle", lambda solver, factor: 0)
     solver = SimpleNamespace(
+        turning=SimpleNamespace(longest_step=lambda factor: 1.0),
         assembler=SimpleNamespace(
             contact=contact, model=SimpleNamespace(stages=[1.0]), displacement=lambda x, factor: x
         ),

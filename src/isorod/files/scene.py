@@ -253,7 +253,8 @@ class FileScene:
         rest: dict[str, Any] = dict.fromkeys(keys)
         for name, space in zip(self.plans, spaces, strict=True):
             told[name] = {key: getattr(space, key) for key in keys if getattr(space, key) is not None}
-            told[name]["knots"] = space.knots
+            if space.knots:
+                told[name]["knots"] = list(space.knots)
             if space.section_degree is None:
                 told[name]["section_points"] = space.points_around
         return replace(self, spaces=told, **rest)

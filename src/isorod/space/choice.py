@@ -8,7 +8,7 @@ that slender ones do not lock, and shorter ones towards the ends (`boundary_laye
 from collections.abc import Sequence
 from functools import lru_cache
 from math import ceil, pi
-from typing import TYPE_CHECKING, NamedTuple, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -22,9 +22,6 @@ from isorod.space.basis import SectionBasis
 from isorod.space.polyharmonic import Polyharmonic
 from isorod.space.polynomial import MAX_DEGREE as MAX_SECTION_DEGREE
 from isorod.space.polynomial import polynomials
-
-if TYPE_CHECKING:
-    from isorod.space.space import Space
 
 DEGREE = 5
 
@@ -186,7 +183,7 @@ def _boundary_layers(rod: Rod, parts: int, shape: Shape, places: Sequence[float]
     return tuple(np.sort(np.interp(found, shape.way, shape.u)).tolist())
 
 
-def halved(space: "Space") -> dict[str, object]:
+def halved(space: Any) -> dict[str, object]:
     """Return elements and knots, as keyword arguments of `Space`, that cut each element of a space in two or more."""
     breaks, elements = space.axis.breaks, 2 * cast(int, space.elements)
     even = space.rod.axis.refine(elements // space.rod.axis.elements, space.degree, space.continuity).breaks
@@ -261,7 +258,7 @@ def section(rod: Rod, missed: float = WARPING) -> dict[str, int]:
     return points if harmonic * (1.0 + missed) < constant else {"section_degree": MOST}
 
 
-def rule(space: "Space") -> Rule:
+def rule(space: Any) -> Rule:
     """Return the quadrature rule: ``auto``, but as many points as the degree along elements joined without slopes.
 
     The short elements of boundary layers take part in that, smooth as they are.
