@@ -33,7 +33,7 @@ def rod_of(radius=1.0):
 
 def test_displacements_are_taken_to_other_spaces_of_a_rod():
     rod = rod_of()
-    old, rng = Space(rod, elements=2, degree=2, order=2), np.random.default_rng(5)
+    old, rng = Space(rod, elements=2, degree=2, continuity=1, order=2), np.random.default_rng(5)
     new = closer(rod, [Patch(0.5, 0.3, 0.2, 0.2, 0.1)])
     xi, u = 0.7 * rng.standard_normal((9, 2)) / 3.0, rng.uniform(size=7)
     bent = np.where(old.is_carrier[:, None], np.sin(old.positions @ rng.standard_normal((3, 3))), 0.0)

@@ -11,7 +11,7 @@ GRAVITY, DENSITY = (0.0, 2.0, -9.81), 3.0
 def bar(loads, supports=(), law=None):
     """A bar along z with loads made for its space."""
     rod = isorod.straight(1.0).sweep(isorod.circle(4, 0.1))
-    space = isorod.Space(rod, elements=2, degree=2, section_degree=2)
+    space = isorod.Space(rod, elements=2, degree=2, continuity=1, section_degree=2)
     body = isorod.Body(space, law or isorod.NeoHookean(E=100.0, nu=0.3), density=DENSITY)
     return isorod.Model([body], [one(space) for one in supports], loads=[one(space) for one in loads])
 

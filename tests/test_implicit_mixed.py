@@ -28,7 +28,9 @@ FIBRES = {"sigma_max": 20.0, "m1": 35.0, "m2": 0.5, "activation": 1.0, "fibre": 
 def bar(nu=0.5, held="xyz", law=None, elements=1, degree=2, across=2, length=LENGTH, **more):
     """A cylinder along z, one end of which may be held: 42 unknowns, 6 of which are pressures."""
     rod = center_line.straight(length).sweep(section.circle(8, RADIUS))
-    space = Space(rod, section_degree=across, degree=degree, elements=elements, quadrature="auto")
+    space = Space(
+        rod, section_degree=across, degree=degree, elements=elements, continuity=degree - 1, quadrature="auto"
+    )
     supports = [Support.end(space, "start", held)] if held else []
     return Model([Body(space, law or NeoHookean(E, nu), DENSITY, "mixed")], supports, **more)
 

@@ -70,7 +70,7 @@ def test_what_was_used_before_counts_anew(model):
     given = {"snes_max_it": 20}
     statics.solve(model, petsc=given)
     with pytest.warns(UserWarning, match="snes_max_it"):
-        modal.solve(model, 1, petsc=given)
+        modal.solve(model, 1, petsc=given, at_rest=True)
 
 
 BAD = {

@@ -99,7 +99,13 @@ def test_a_bent_pipe_carries_the_thrust_of_its_openings():
 
 def test_modes_of_a_held_pipe_fall_under_pressure():
     """Modes about a state know of the pressure that follows: within a straight held tube, it softens bending."""
-    space = Space(straight(40.0).sweep(circle(8, 1.0)).with_rings((0.8, 1.0)), elements=2, degree=4, section_degree=3)
+    space = Space(
+        straight(40.0).sweep(circle(8, 1.0)).with_rings((0.8, 1.0)),
+        elements=2,
+        degree=4,
+        continuity=3,
+        section_degree=3,
+    )
     body, found = Body(space, NeoHookean(100.0, 0.3), 1.0), []
     for p in (0.0, 0.1):
         model = Model([body], clamped(space), loads=[Pressure(p, "inner", follows=True)])
