@@ -67,10 +67,9 @@ def test_stresses_a_diameter_off_the_ends_are_those_of_saint_venant(length, load
     u = np.linspace(2.0, length - 2.0, 101) / length
     wanted, found = exact(solution, load, length, u), solution.stress(0, u, RING)
     assert np.abs(found - wanted).max() < 0.01 * np.abs(wanted).max()
-    estimate = solution.errors().stress
-    assert (
-        np.linalg.norm(found - wanted, axis=(2, 3)).max() < 3.0 * estimate * np.linalg.norm(wanted, axis=(2, 3)).max()
-    )
+    error = np.linalg.norm(found - wanted, axis=(2, 3)).max() / np.linalg.norm(wanted, axis=(2, 3)).max()
+    # Where it is next to nothing, the small rotation's square is in it.
+    assert error < 3.0 * max(solution.errors().stress, 5e-5)
 
 
 def test_even_elements_ring_and_the_estimate_tells():
@@ -98,14 +97,16 @@ def test_a_tube_under_pressure_is_lames_a_diameter_off_its_held_end():
 
 def test_knots_are_near_ends_and_nowhere_else():
     space = Space(straight(60.0).sweep(section.circle(8)))
-    assert 60.0 * np.array(space.knots) == pytest.approx([1.0, 2.7, 57.3, 59.0])
-    assert space.axis.elements == space.elements + 4
+    assert 60.0 * np.array(space.knots) == pytest.approx([0.4, 2.0, 8.4, 51.6, 58.0, 59.6])
+    assert space.axis.elements == space.elements + 6
+    # The stiffness of short elements in a rod like that would be lost in rounding.
+    assert Space(straight(3e4).sweep(section.circle(8))).knots == ()
     # Elements as short as that need none; nor have closed rods ends.
-    assert Space(straight(4.0).sweep(section.circle(8))).knots == ()
+    assert Space(straight(1.5).sweep(section.circle(8))).knots == ()
     assert Space(straight(60.0).sweep(section.circle(8)), elements=5).knots == ()
     around = Space(helix(20.0, 5.0, 1).sweep(section.circle(8)))
     length = np.hypot(2.0 * np.pi * 20.0, 5.0)
-    assert length * np.array(around.knots[:2]) / around.axis.breaks[-1] == pytest.approx([1.0, 2.7], rel=0.02)
+    assert length * np.array(around.knots[:2]) / around.axis.breaks[-1] == pytest.approx([0.4, 2.0], rel=0.02)
 
 
 def test_halved_elements_nest():
@@ -151,7 +152,7 @@ def test_bars_in_series_have_short_elements_where_laws_differ(tmp_path):
         warnings.simplefilter("error")
         model = FileScene(str(path)).model()
     space = model.bodies[0].space
-    assert 40.0 * np.array(space.knots) == pytest.approx([1.0, 2.7, 17.3, 19.0, 21.0, 22.7, 37.3, 39.0])
+    assert 40.0 * np.array(space.knots) == pytest.approx([0.4, 2.0, 18.0, 19.6, 20.4, 22.0, 38.0, 39.6])
     solution = statics.solve(model)
     place = np.linspace(2.0, 38.0, 101)
     u = place[np.abs(place - 20.0) > 2.0] / 40.0

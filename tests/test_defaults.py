@@ -43,12 +43,13 @@ def test_the_estimate_of_a_stiffness_that_is_exact_vanishes(monkeypatch):
     assert max(found["error"], found["estimate"]) < 1e-9
 
 
-def test_a_jump_of_stiffness_without_a_knot_is_none(monkeypatch):
+def test_a_jump_of_stiffness_without_a_knot_is_told_of(monkeypatch):
     monkeypatch.setattr(contrast, "run", lambda level: contrast_points())
     monkeypatch.setattr(defaults, "CASES", (contrast,))
     found = list(defaults.run("quick"))
     assert [record["value"] for record in found] == [100.0]
-    assert found[0]["outcome"] == "right"
+    assert found[0]["outcome"] == "told of"
+    assert "take continuity 0" in found[0]["warned"]
 
 
 def contrast_points():

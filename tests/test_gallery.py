@@ -89,7 +89,7 @@ def compare(printed, page):
     said, expected = rows(printed), rows(page)
     assert expected
     for label, numbers in expected.items():
-        # An estimate is told to one digit, and what is nothing is so beside what is not.
+        # An estimate, of results and maybe of stresses, is told to one digit; what is nothing is so beside what is not.
         relative = 0.6 if label == "error" else 3e-4
         scale = np.abs(numbers).max()
         np.testing.assert_allclose(said[label], numbers, rtol=relative, atol=1e-4 * scale, err_msg=label)

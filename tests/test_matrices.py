@@ -114,9 +114,9 @@ def test_the_folder_says_what_is_in_it(written):
     expansion = load_npz(folder / "expansion.npz")
     with open(folder / "unknowns.csv") as file:
         rows = list(csv.DictReader(file))
-    assert [int(row["unknown"]) for row in rows] == list(range(720))
+    assert [int(row["unknown"]) for row in rows] == list(range(756))
     dofs = [3 * int(row["node"]) + "xyz".index(row["component"]) for row in rows]
-    assert np.array_equal(expansion[dofs].toarray(), np.eye(720))
+    assert np.array_equal(expansion[dofs].toarray(), np.eye(756))
     with open(folder / "nodes.csv") as file:
         nodes = list(csv.DictReader(file))
     space = Blade().model().bodies[0].space

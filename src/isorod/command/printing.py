@@ -100,21 +100,24 @@ def _answer(record: Mapping[str, Any], units: Mapping[str, str], stresses: Seque
         yield "error", "no estimate: with friction, supports within a rod, or no finer space that can be had"
     elif "error_estimate" in record and not record.get("changes"):
         also = _stress_error(record, stresses)
-        yield "error", f"about {record['error_estimate']:.1g}, relative, estimated by a step on a finer space{also}"
+        yield "error", f"about {_percent(record['error_estimate'])}{also}, by one step on a finer space"
     elif "error_estimate" in record:
         changes = ", ".join(f"{name.replace('_', ' ')} {change:.2g}" for name, change in record["changes"].items())
-        yield "error", f"{record['error_estimate']:.2g}, relative, as estimated from finer spaces ({changes})"
+        yield "error", f"about {_percent(record['error_estimate'])}, from finer spaces ({changes})"
 
     if record.get("time_error") is not None:
         yield "error in time", f"about {record['time_error']:.1g} of the largest displacement, of steps so long"
 
 
 def _stress_error(record: Mapping[str, Any], stresses: Sequence[str]) -> str:
-    """Return how far stresses are off, or that nobody knows though they were asked for."""
+    """Return how far stresses away from edges are off, or that nobody knows though they were asked for."""
     if "stress_error_estimate" in record:
-        error = record["stress_error_estimate"]
-        return f"; of stresses about {error:.1g} of the largest, farther from edges than the section is wide"
-    return f"; of stresses ({', '.join(stresses)}) none is told, --refine does" if stresses else ""
+        return f", of stresses {_percent(record['stress_error_estimate'])}"
+    return f" (of stresses, {', '.join(stresses)}, not known: --refine tells)" if stresses else ""
+
+
+def _percent(error: float) -> str:
+    return f"{100.0 * error:.1g} %"
 
 
 def _state(record: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
@@ -143,7 +146,9 @@ def _contact(one: Mapping[str, Any]) -> str:
 
 def _shape(record: Mapping[str, Any], scene: Any) -> Iterator[tuple[str, str]]:
     """Return how far rods are from what was written, where it is more than rounding."""
-    found = record["deviation"]
+    found = record.get("deviation", ())
+    if not found:
+        return
     worst = max(found, key=lambda one: one["relative"])
     if worst["relative"] > _ROUNDING:
         what = {"line": "centre line", "section": "outline", "sweep": "sections along the line"}

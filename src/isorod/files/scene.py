@@ -116,7 +116,7 @@ class FileScene:
             raise top.error("no rod is in it: [rod.NAME]")
         for plan, patches in ((list(self.plans.values())[k], found) for k, found in self.patches.items()):
             plan.patches = patches
-        self._give_surfaces()
+        self._suit_spaces()
         self._supports = self._choices("support", schema.SUPPORTS)
         self._loads = self._choices("load", schema.LOADS)
         self._obstacles = self._choices("obstacle", schema.OBSTACLES)
@@ -145,8 +145,8 @@ class FileScene:
             said = [space.get(name) for space in spaces if isinstance(space, dict)]
             setattr(self, name, said[0] if said and all(one == said[0] for one in said) else None)
 
-    def _give_surfaces(self) -> None:
-        """Take control points on the surface where contacts and patches need them, if nothing else is told."""
+    def _suit_spaces(self) -> None:
+        """Let spaces of which nothing else is told suit the scene: surfaces that touch or are held, explicit steps."""
         touching = [table.get(key) for _, _, table in self._named("contact") for key in ("first", "second")]
         only = next(iter(self.plans))
         held = [table.get("rod", only) for _, _, table in self._named("support") if "patch" in table]
@@ -156,6 +156,15 @@ class FileScene:
                 plan.touch()
             elif name in touching or name in held:
                 plan.take_surface_points()
+            if self._is_explicit():
+                # The shortest element sets the time step.
+                plan.space.arguments.setdefault("knots", ())
+
+    def _is_explicit(self) -> bool:
+        """Return whether the analysis is of explicit steps; what it is told is checked when it is read (`settings`)."""
+        said = self.content["analysis"]
+        told = said.get("dynamics") if isinstance(said, dict) else None
+        return self.analysis == "dynamics" and not (isinstance(told, dict) and told.get("integrator") == "implicit")
 
     def _analysis(self) -> str:
         """Return the word of the analysis; what it is told is read when it is there (`settings`)."""
