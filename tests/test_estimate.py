@@ -260,7 +260,7 @@ def test_a_large_error_is_warned_of_and_a_small_one_said(capsys):
     assert cli.main("run spring --coils 1".split()) == 0
     out, err = capsys.readouterr()
     assert err == ""
-    assert " %, by one step on a finer space" in " ".join(out.split())
+    assert " %, by a finer space" in " ".join(out.split())
     assert cli.main("run spring --coils 1 --no-estimate --json".split()) == 0
     assert "error_estimate" not in capsys.readouterr().out
 

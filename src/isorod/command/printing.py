@@ -100,7 +100,7 @@ def _answer(record: Mapping[str, Any], units: Mapping[str, str], stresses: Seque
         yield "error", "no estimate: with friction, supports within a rod, or no finer space that can be had"
     elif "error_estimate" in record and not record.get("changes"):
         also = _stress_error(record, stresses)
-        yield "error", f"about {_percent(record['error_estimate'])}{also}, by one step on a finer space"
+        yield "error", f"about {_percent(record['error_estimate'])}{also}, by a finer space"
     elif "error_estimate" in record:
         changes = ", ".join(f"{name.replace('_', ' ')} {change:.2g}" for name, change in record["changes"].items())
         yield "error", f"about {_percent(record['error_estimate'])}, from finer spaces ({changes})"
@@ -117,7 +117,7 @@ def _stress_error(record: Mapping[str, Any], stresses: Sequence[str]) -> str:
 
 
 def _percent(error: float) -> str:
-    return f"{100.0 * error:.1g} %"
+    return f"{float(f'{100.0 * error:.1g}'):g} %"
 
 
 def _state(record: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
