@@ -140,7 +140,7 @@ def compare(seed: int) -> dict[str, Any]:
     least, across = max(cast(int, on.elements), cast(int, Space(made).elements)), max(on.section_degree or 4, 3)
     # Those of rods with rings have functions enough.
     whole = len(made.rings) == 2 and made.rings[0] == 0.0
-    references, stresses = [], [_stresses(seed, solution)]
+    references, stresses = [], [stresses_at(seed, solution)]
     for more, parts in ((1 + whole, 1), (2 + whole, 1 + (on.axis.degree > 4 or on.elements == least))):
         elements, even = parts * least, made.axis.refine(parts * least // made.axis.elements, 6, 0).breaks
         laws = getattr(solution.model.bodies[0], "material", None)
@@ -150,7 +150,7 @@ def compare(seed: int) -> dict[str, Any]:
         fine = replace(fine, quadrature=str(choice.rule(fine)))
         number, better = solved(fine)
         references.append(number)
-        stresses.append(_stresses(seed, better))
+        stresses.append(stresses_at(seed, better))
     rough, exact = references
     error, apart = (float(np.abs(one / exact - 1.0).max()) for one in (found, rough))
     record = {"seed": seed, **told, "error": error, "estimate": estimate, "apart": apart}
@@ -163,7 +163,7 @@ def compare(seed: int) -> dict[str, Any]:
     return record
 
 
-def _stresses(seed: int, solution: Any) -> Array | None:
+def stresses_at(seed: int, solution: Any) -> Array | None:
     """Return Cauchy's stress at random places of the surface, ``(places, 3, 3)``; None of modes."""
     if not hasattr(solution, "errors"):
         return None
