@@ -53,7 +53,9 @@ def draw(seed: int) -> tuple[str, str]:
     section, thin = _section(rng, radius, kind == "pressed")
     lines = ["[rod.rod]", f"curve = {curve}", f"section = {section}", "density = 2.0"]
     if rng.random() < 0.25 and kind != "pressed":
-        lines.append(f"scale = [1.0, {rng.uniform(0.5, 1.0):.3g}]")
+        # One number for each point of a polyline.
+        taper = np.linspace(1.0, rng.uniform(0.5, 1.0), 9 if "points" in curve else 2)
+        lines.append(f"scale = {_numbers(taper)}")
     if rng.random() < 0.25 and kind != "pressed":
         lines.append(f"twist = {rng.uniform(-60.0, 60.0):.3g}")
     walls = rng.choice(3, p=(0.8, 0.1, 0.1)) if kind != "pressed" else 0
@@ -223,7 +225,8 @@ def _works(solution: Any) -> Array:
         nodal = getattr(load, "nodal", None)
         if nodal is not None and not getattr(load, "follows", False):
             found.append(float(nodal(model.bodies[0].space).ravel() @ solution.displacement))
-    return np.array(found)
+    # Of a spin, and of what follows, in proportion to it.
+    return np.array(found if np.any(found) else [solution.energy(0)])
 
 
 def _answers(solution: Any) -> list[tuple[Array, float]]:
