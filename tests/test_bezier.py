@@ -106,7 +106,9 @@ def of(body, fields, tmp_path, python):
         yield xi, [low + at[2] * (high - low)], place, found
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize(
+    "case", [pytest.param(one, marks=pytest.mark.slow) if one == "order 2" else one for one in CASES]
+)
 def test_vtk_reads_the_geometry_and_the_displacement(case, tmp_path, python):
     solution = CASES[case]()
     (body,), fields = solution.model.bodies, solution.fields(0)

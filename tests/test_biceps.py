@@ -152,6 +152,7 @@ def test_pressing_on_each_other_is_pressing_on_the_plane_between():
     assert one.reactions == pytest.approx(both.reactions[2:], abs=2e-3 * np.abs(both.reactions).max())
 
 
+@pytest.mark.slow
 def test_equilibrium_is_the_converged_one():
     """Reference: --statics --order 2 --degree 3 --elements 20 --end-elements 2 gives 105.81 N, 0.2321 cm, 11.72 N."""
     scene = Biceps(statics=True, order=2, end_elements=2)

@@ -230,6 +230,7 @@ def test_a_record_says_what_was_chosen(capsys):
     )
 
 
+@pytest.mark.slow
 def test_functions_of_control_points_carry_a_flower():
     """Against an order and a degree more: petals are where polynomials err by 4 % in torsion."""
     rod = dataclasses.replace(Flower(length=8.0), depth=0.3).rod()

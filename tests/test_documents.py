@@ -16,6 +16,13 @@ PAGES = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").r
 # Its commands have a test file of their own.
 GALLERY = ROOT / "docs" / "gallery.md"
 # What a page marks so takes minutes.
+# Commands that take ten seconds and more.
+LONG = (
+    "isorod run biceps --statics",
+    "isorod sweep spring --pull 0:10:21",
+    "isorod plot seen/blade --mode 2 --gif blade.gif --size 400x500",
+)
+
 MINUTES = re.compile(r"\bmin(utes)?\b")
 # What docker/opponents installs; tests/test_opponents.py runs them where they are.
 OPPONENTS = ("python -m comparisons.ngsolve", "python -m comparisons.calculix")
@@ -61,7 +68,7 @@ def ends_late(command, comment):
     """Return whether a command is for a person's patience, or for another machine than a test's."""
     return command.startswith(
         ("git clone", "source", "make", "docker", "pip", "conda", "GROUND=", "python -m comparisons ", *OPPONENTS)
-    ) or MINUTES.search(comment)
+    ) or (MINUTES.search(comment) or command in LONG)
 
 
 @pytest.fixture(scope="module")

@@ -165,7 +165,7 @@ def test_order_1_does_not_hold_the_warping_of_flexure(n):
 
 
 @pytest.mark.parametrize("section", SECTIONS)
-@pytest.mark.parametrize("field", [bending, flexure])
+@pytest.mark.parametrize("field", [bending, pytest.param(flexure, marks=pytest.mark.slow)])
 def test_order_2_converges_with_the_arcs_as_theory_says(field, section):
     found = []
     for n in (24, 48):
@@ -229,7 +229,7 @@ def test_torsion_constant_of_a_circle_is_exact(n, order):
     assert torsion_constant(space) == pytest.approx(np.pi * radius**4 / 2, rel=1e-12)
 
 
-@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("order", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_torsion_constant_of_an_ellipse_converges_from_above(order):
     """The warping x y is harmonic in the disk as well: one order is as good as the other."""
     a, b = 1.0, 0.5

@@ -334,7 +334,7 @@ def test_run_sweep_and_refine_tell_stresses(tmp_path, capsys):
     assert cli.main(["run", str(path)]) == 0
     out = " ".join(capsys.readouterr().out.split())
     assert "peak 0.05 MPa, the largest: at u = " in out
-    assert "of stresses about" in out
+    assert "of stresses" in out
     assert cli.main(["run", str(path), "--refine", "--json"]) == 0
     record = json.loads(capsys.readouterr().out)
     assert record["error_estimate"] < 1e-6 and set(record["places"]["peak"]) == {"u", "angle", "radius"}

@@ -243,6 +243,7 @@ def test_muscle_work_is_kinetic_stored_and_dissipated_energy(cylinder):
     assert history.dissipated[-1] > 0.05 * history.muscle_work[-1]
 
 
+@pytest.mark.slow
 def test_bouncing_off_a_plane(cylinder):
     """Both momenta to rounding; the energy, which contact keeps to second order only, better in smaller steps."""
     wall = Contact(0, Plane((1.05, 0.0, 0.0), (-1.0, 0.0, 0.0)), 2000.0)

@@ -319,7 +319,7 @@ def on_one_rank(tmp_path_factory):
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("ranks", [2, 3, pytest.param(5, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("ranks", [2, *(pytest.param(one, marks=pytest.mark.slow) for one in (3, 5))])
 def test_modes_do_not_depend_on_the_number_of_ranks(ranks, on_one_rank, mpirun, tmp_path):
     """Five ranks are more than the elements."""
     path = tmp_path / "ranks.npz"

@@ -82,6 +82,7 @@ def test_lame_tube_with_free_ends():
     assert along == pytest.approx(np.full(RADII.size, -2 * NU * mean / E * LENGTH / 2), rel=1e-8)
 
 
+@pytest.mark.slow
 def test_a_tube_that_is_not_round_converges_with_the_degree():
     """No function is the solution; the potential falls towards its minimum, the work of the pressure grows."""
     works = []

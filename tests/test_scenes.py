@@ -84,7 +84,10 @@ def test_statics_builds_the_tangent_and_nothing_else(name, capsys):
     assert json.loads(capsys.readouterr().out)["built"] == ["tangent"]
 
 
-@pytest.mark.parametrize("name", SOLVED)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(one, marks=pytest.mark.slow) if one in ("strand", "biceps", "rope") else one for one in SOLVED],
+)
 def test_solved_scene_loads_no_foreign_package(name, python):
     foreign = set(FOREIGN) - ({"slepc4py"} if scenes.find(name)().analysis == "modal" else set())
     words = ["run", name, *short(name), "--json"]

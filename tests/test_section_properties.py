@@ -274,6 +274,7 @@ def test_layers_of_several_densities():
     assert found.mass[5, 5] == pytest.approx(area / 4 * (0.0625 * 1.0 + 0.9375 * 5.0), rel=1e-12)
 
 
+@pytest.mark.slow
 def test_a_hollow_airfoil_is_right_without_a_warning(recwarn):
     found = section_properties(bar(airfoil(), [0.6, 1]), material=LAW)
     assert "waves" in found.functions
@@ -281,6 +282,7 @@ def test_a_hollow_airfoil_is_right_without_a_warning(recwarn):
     assert not recwarn.list
 
 
+@pytest.mark.slow
 def test_many_layers_are_left_to_ring_functions():
     """Waves in seven rings would be too many."""
     laws = [LinearElastic(one, NU) for one in (1.0, 2.0, 3.0, 2.0, 1.0, 2.0, 3.0)]

@@ -153,6 +153,7 @@ def test_longitudinal_modes_of_one_material_are_those_of_the_uniform_bar():
     assert contrast.longitudinal((2.0, 2.0), (3.0, 3.0), (4.0, 6.0), 4) == pytest.approx(exact, rel=1e-13)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("solver", ["banded LU (default)", "Cholesky, MUMPS", "CG + ICC"])
 def test_stretched_rod_holds_to_a_contrast_of_1e8(solver, points):
     curve = points(contrast)[contrast.STRETCHED][solver]
@@ -244,6 +245,7 @@ def test_laws_given_one_by_one_are_linear_elastic_too():
 # --- sections
 
 
+@pytest.mark.slow
 def test_polynomials_hold_on_every_ellipse(points):
     for kind in ("torsion constant", "bending the thin way", "bending the wide way"):
         curve = points(sections)[f"ellipse 1 : x, {kind}"]["polynomials N = 2"]

@@ -325,6 +325,7 @@ def test_a_cubic_path_is_met_and_a_corner_is_not_followed():
     assert near(lambda x: np.array([abs(x - 0.6)])) is None
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 def test_two_ranks_fill_the_same_table(mpirun, whole, tmp_path):
     path = tmp_path / "force.csv"
