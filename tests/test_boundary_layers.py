@@ -125,10 +125,50 @@ def test_halved_elements_nest():
     assert values(finer.axis, moved) == pytest.approx(values(space.axis, nodal), abs=1e-11)
 
 
-@pytest.mark.parametrize("knots", [(0.5,), (0.0,), (0.1, 0.1), (1.5,)])
+@pytest.mark.parametrize("knots", [(0.5,), (0.0,), (0.1, 0.1, 0.1), (1.5,), (0.0, 0.0)])
 def test_knots_that_cannot_be(knots):
-    with pytest.raises(InputError, match=r"knots: got .*, need others than there are, once each, between 0 and 1"):
+    with pytest.raises(
+        InputError, match=r"knots: got .*, need others than there are, once each \(twice: a kink\), between"
+    ):
         Space(straight(60.0).sweep(section.circle(8)), elements=2, knots=knots)
+
+
+PUSHED = """
+analysis = "statics"
+[rod.bar]
+curve.straight = 40.0
+section.circle = 1.0
+law = {LinearElastic = {E = 200.0, nu = 0.3}}
+[support.foot]
+end = "start"
+[load.push]
+section = 0.37
+force = [0.0, 0.0, 0.01]
+"""
+
+
+@pytest.mark.parametrize("more", [{}, {"elements": 4}])
+def test_a_load_on_a_section_has_a_kink_if_elements_are_chosen(more, tmp_path):
+    """Strains jump there: a diameter off, stresses before it are force over area, beyond it nothing."""
+    path = tmp_path / "pushed.toml"
+    path.write_text(PUSHED)
+    model = FileScene(str(path), **more).model()
+    u = np.append(np.linspace(2.0, 12.8, 31), np.linspace(16.8, 38.0, 31)) / 40.0
+    stress = statics.solve(model).stress(0, u, RING)[..., 2, 2]
+    off = np.abs(stress - np.where(u < 0.37, 0.01 / np.pi, 0.0)[:, None]).max() / (0.01 / np.pi)
+    if more:
+        assert off > 0.1
+    else:
+        knots = model.bodies[0].space.knots
+        assert knots.count(0.37) == 2
+        assert off < 0.01
+
+
+def test_a_kink_may_be_at_a_knot():
+    rod = straight(10.0).sweep(section.circle(8))
+    axis = Space(rod, elements=4, degree=5, knots=(0.3, 0.5, 0.5)).axis
+    assert np.count_nonzero(axis.knots == 0.5) == 5
+    assert np.count_nonzero(axis.knots == 0.3) == 2
 
 
 TWO = """

@@ -273,10 +273,10 @@ def compare(seed: int) -> dict[str, Any]:
     answers = [_answers(one) for one in found]
     record |= {"estimate": errors[0], "error": off, "apart": apart, "chosen": True}
     record |= {"answers": _off(answers[0], answers[2]), "answers apart": _off(answers[1], answers[2])}
-    places = [estimates.stresses_at(seed, one) for one in found]
-    if places[2] is not None and len(places[2]):
-        largest = np.linalg.norm(places[2], axis=(1, 2)).max()
-        beyond, near = (float(np.linalg.norm(one - places[2], axis=(1, 2)).max() / largest) for one in places[:2])
+    places = [one for one in (estimates.stresses_at(seed, solved) for solved in found) if one is not None]
+    if places and len(places[-1]):
+        largest = np.linalg.norm(places[-1], axis=(1, 2)).max()
+        beyond, near = (float(np.linalg.norm(one - places[-1], axis=(1, 2)).max() / largest) for one in places[:2])
         record |= {"stress error": beyond, "stress estimate": errors[1], "stress apart": near}
     return record
 

@@ -29,6 +29,8 @@ class RodPlan:
     def __init__(self, place: Place, table: Mapping[str, Any]) -> None:
         self.place, self._touches = place, False
         self.patches: Sequence[Patch] = ()
+        # Axis parameters of sections on which loads act.
+        self.loaded: list[float] = []
         sweep = {key: one for key, one in table.items() if key in schema.SWEEP.parameters}
         self._sweep = call(place, schema.SWEEP, sweep)
         rings = {key: one for key, one in table.items() if key in schema.RINGS.parameters}
@@ -95,13 +97,21 @@ class RodPlan:
             warnings.warn(f"{self.place}: {one.message}", one.category, stacklevel=2)
         return rod if self._rings is None else self._rings.make(self=rod)
 
-    def _jumps(self, rod: "Rod") -> dict[str, Any]:
-        """Return continuity and knots where laws differ between elements of the curve: slopes jump there."""
+    def _jumps(self, rod: "Rod", laws: int) -> dict[str, Any]:
+        """Return continuity and knots where slopes jump: where loads act on sections, and laws of elements differ."""
         from isorod.space import choice as chosen
 
         given = self.space.arguments
-        knots = chosen.boundary_layers(rod, given.get("degree"), rod.axis.breaks[1:-1].tolist())
-        return {name: value for name, value in (("continuity", 0), ("knots", knots)) if name not in given}
+        differ = laws > 1 and len(rod.rings) == 2
+        first, last = rod.axis.breaks[[0, -1]]
+        places = [u for u in self.loaded if first < u < last and not rod.closed]
+        if not (differ or places) or "elements" in given:
+            return {}
+        places += rod.axis.breaks[1:-1].tolist() if differ else []
+        more: dict[str, Any] = {"knots": chosen.boundary_layers(rod, given.get("degree"), places)}
+        if differ:
+            more["continuity"] = 0
+        return {name: value for name, value in more.items() if name not in given}
 
     def body(self) -> "Body":
         """Return the body."""
@@ -123,8 +133,8 @@ class RodPlan:
             given = self.space.arguments
             more = chosen.touching(rod, *(given.get(key) for key in ("elements", "degree", "continuity")))
             more = {name: value for name, value in more.items() if name not in given}
-        elif len(laws) > 1 and rings == 1 and "elements" not in self.space.arguments:
-            more = self._jumps(rod)
+        else:
+            more = self._jumps(rod, len(laws))
         space = closer(rod, self.patches) if self.patches else self.space.make(rod=rod, **more)
         material = laws[0] if len(laws) == 1 else laws
         told = self._body or call(self.place, schema.BODY, {})

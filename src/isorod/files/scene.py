@@ -125,6 +125,10 @@ class FileScene:
         if "spin" in self.content:
             self._spin = call(top / "spin", schema.SPIN, (top / "spin").table(self.content["spin"]))
         self._check_names()
+        plans = list(self.plans.values())
+        for one in self._loads.values():
+            if isinstance(u := one.arguments.get("u"), float | int):
+                plans[self._names(one).get("body", 0)].loaded.append(float(u))
         self.units: dict[str, str] = {}
         self.stresses: list[str] = []
         self._measures = dict(self._asked())

@@ -174,21 +174,24 @@ class Axis(Checked):
     def with_knots(self, places: ArrayLike, continuity: int) -> "Axis":
         """Return the axis with knots at more places ``(k,)``, at which functions are that often differentiable.
 
+        At a place that is named twice they are continuous alone; it may be a knot already.
+
         Raises
         ------
         InputError
-            If a place is not inside the axis, is there twice or a knot already.
+            If a place is not inside the axis, is there three times, or a knot already and named once.
         """
-        places = np.sort(np.asarray(places, dtype=float).ravel())
-        inside = (places > self.breaks[0]) & (places < self.breaks[-1])
-        alone = ~np.isin(places, self.breaks) & np.append(True, np.diff(places) > 0.0)[: places.size]
-        if not (inside & alone).all():
-            u = places[np.argmin(inside & alone)]
+        u, times = np.unique(np.asarray(places, dtype=float), return_counts=True)
+        inside = (u > self.breaks[0]) & (u < self.breaks[-1])
+        right = inside & (times <= 2) & (~np.isin(u, self.breaks) | (times == 2))
+        if not right.all():
             raise InputError(
-                f"knots: got {u:g}, need others than there are, once each, between {self.breaks[0]:g} and "
-                f"{self.breaks[-1]:g}"
+                f"knots: got {u[np.argmin(right)]:g}, need others than there are, once each (twice: a kink), "
+                f"between {self.breaks[0]:g} and {self.breaks[-1]:g}"
             )
-        more = np.repeat(places, self.degree - min(continuity, self.degree - 1))
+        there = np.searchsorted(self.knots, u, "right") - np.searchsorted(self.knots, u)
+        smooth = self.degree - min(continuity, self.degree - 1)
+        more = np.repeat(u, np.where(times == 2, np.maximum(self.degree - there, 0), smooth))
         return self._on_knots(self.degree, np.sort(np.concatenate([self.knots, more])))
 
     def _on_knots(self, degree: int, knots: Array) -> "Axis":

@@ -160,10 +160,12 @@ def boundary_layers(rod: Rod, degree: int | None, places: Sequence[float]) -> tu
     degree
         Of the space along the axis, None if it is chosen.
     places
-        Axis parameters, such as those of knots at which laws differ, or of loads on sections.
+        Axis parameters, such as those of knots at which laws differ, or of loads on sections.  Those that are no knots
+        of the rod are among the knots, twice: functions have kinks there.
     """
     parts = axis(rod, None, degree, None, ()).elements // rod.axis.elements
-    return _boundary_layers(rod, parts, _shape(rod), places)
+    kinks = [u for u in set(places) if not np.isin(u, rod.axis.breaks)]
+    return tuple(sorted([*_boundary_layers(rod, parts, _shape(rod), places), *2 * kinks]))
 
 
 def _boundary_layers(rod: Rod, parts: int, shape: Shape, places: Sequence[float] = ()) -> tuple[float, ...]:

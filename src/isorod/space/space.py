@@ -63,8 +63,9 @@ class Space(Checked):
     section_basis
         Any other functions in the place of both (`isorod.space.basis`).
     knots
-        Places along the axis at which elements are cut once more, as smoothly as C3; where elements are chosen those
-        that resolve the boundary layers at both ends (`isorod.space.choice.boundary_layers`), else none.
+        Places along the axis at which elements are cut once more, as smoothly as C3, or C0 at places named twice, as
+        where a load acts on a section; where elements are chosen those that resolve the boundary layers at both ends
+        (`isorod.space.choice.boundary_layers`), else none.
 
     Attributes
     ----------
@@ -156,7 +157,7 @@ class Space(Checked):
         if self.section_basis is not None:
             kind = type(self.section_basis).__name__
         smooth = f"C{self.continuity}" if self.axis.elements != 1 else "alone"
-        short = f", {len(self.knots)} of them short" if self.knots else ""
+        short = f", {len(set(self.knots))} of them short" if self.knots else ""
         return f"{kind}; {self.axis.elements} elements of degree {self.degree}, {smooth}{short}; quadrature {self.rule}"
 
     def matches(self, other: "Space") -> bool:
