@@ -5,8 +5,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from comparisons.measure.records import Record, part
-from comparisons.report.precision import named, pairs, ratio, targets, version, versions
+from comparisons.measure.records import Record, part, version
+from comparisons.report.precision import named, pairs, ratio, targets, versions
 from isorod.output.results import write_beside
 
 # Okabe and Ito's colours, told apart by colour-blind readers too: cold ones are ours, warm ones and black theirs.
