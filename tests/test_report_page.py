@@ -234,7 +234,7 @@ def test_the_story_has_few_curves_and_no_two_look_alike(written):
     assert len({look["color"] for look in crowd.values()}) == len({look["marker"] for look in crowd.values()}) == 7
 
 
-def test_the_curves_between_which_gaps_are_marked_are_drawn(monkeypatch):
+def test_the_fastest_within_the_largest_and_the_smallest_error_are_drawn(monkeypatch):
     runs = [
         [run_of("spring", m, str(k), 0, 1.0, 1.0) | {"part": "work"} for k in range(5)] for m in ("cylindrical", "fem")
     ]
