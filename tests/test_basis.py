@@ -22,6 +22,7 @@ class Almansi:
     """``T_i`` and ``(1 - |xi|^2) T_i``: they span what polyharmonic functions of order 2 do (Almansi's theorem)."""
 
     n: int
+    family = "Almansi's"
     on_surface = False
 
     @property

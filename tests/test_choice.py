@@ -166,7 +166,7 @@ def test_what_is_given_wins_and_the_rest_is_named():
     assert Space(rod, elements=6, degree=3).continuity == 0
     assert str(Space(rod, elements=bare.elements, knots=bare.knots)) == str(bare)
     assert Space(rod, section_points=32).order == 2
-    assert "section degree 4; 7 elements of degree 5, C2, 2 of them short; quadrature 4x2x6" in repr(bare)
+    assert "polynomials, section degree 4; 7 elements of degree 5, C2, 2 of them short; quadrature 4x2x6" in repr(bare)
 
 
 def test_the_papers_element_is_that_of_the_rods_own_functions():
@@ -225,8 +225,8 @@ def test_a_record_says_what_was_chosen(capsys):
     assert cli.main(["run", "blade", "--modes", "3"]) == 0
     text = " ".join(capsys.readouterr().out.split())
     assert (
-        "element section degree 4; 7 elements of degree 5, C2, 2 of them short; quadrature 4x2x6 (chosen: section"
-        in text
+        "element polynomials, section degree 4; 7 elements of degree 5, C2, 2 of them short; quadrature 4x2x6 (chosen: "
+        "section" in text
     )
 
 

@@ -1,9 +1,11 @@
 """Comparing a scene of anyone's: the course of it, what it refuses, its page, and the command."""
 
 import contextlib
+import html
 import io
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -24,6 +26,7 @@ from isorod.command import beside, cli
 from isorod.command import compare as command
 from isorod.files.scene import FileScene
 from isorod.scenes.blade import Blade
+from isorod.space.basis import FAMILIES
 from meshes import rods
 from tests.test_compare_numbers import FILE
 
@@ -124,7 +127,7 @@ def test_both_sides_run_and_the_answer_is_on_page_and_screen(both, capsys):
     assert work[0]["field"]["displacement"] == pytest.approx((0.04 - far) / (1.0 + far), rel=1e-6)
     assert 0.0 < ours[0]["error_estimate"] < 0.1
     said = capsys.readouterr().out
-    assert "my bar: default within 0.5 %: yes, stress within 3 %: yes; error of force 0 %; finite elements" in said
+    assert "my bar: default (polynomials) within 0.5 %: yes, stress within 3 %: yes; error of force 0 %; finite" in said
     text = (folder / "report.html").read_text()
     for piece in (
         "within 0.5 %: <strong>yes</strong>, stress within 3 %: <strong>yes</strong>",
@@ -135,7 +138,9 @@ def test_both_sides_run_and_the_answer_is_on_page_and_screen(both, capsys):
     ):
         assert piece in text
     assert (folder / "compare-my-bar-errors.png").stat().st_size > 10_000
-    assert "with nothing chosen by hand isorod is" in text
+    assert "with nothing chosen by hand isorod (polynomials) is" in text
+    assert "has it: polynomials, section degree " in text
+    assert set(FAMILIES) <= set(re.findall("<dt>(.*?)</dt>", html.unescape(text)))
     chosen, silent = {"discretisation": [{"chosen": ["quadrature"]}]}, {"rod": {"beam": {"curve": {}}}}
     told = {"rod": {"beam": {"space": {"elements": 4}}}}
     assert report._by(chosen | {"options": told}) == "on the space that its file gives it"
@@ -212,7 +217,12 @@ def test_refusals_are_one_line(words, said, capsys, tmp_path, monkeypatch):
 
 def run_of(method, label, total, error, dofs=100):
     named = {"method": method, "label": label, "curve": "isorod" if method == "cylindrical" else "Q2 bricks"}
-    return named | {"seconds": {"total": total}, "error": error, "dofs": dofs}
+    return named | {
+        "discretisation": [{"family": "polynomials"}],
+        "seconds": {"total": total},
+        "error": error,
+        "dofs": dofs,
+    }
 
 
 def test_run_time_to_an_error_is_interpolated_between_meshes():
@@ -317,7 +327,7 @@ def test_a_file_from_end_to_end(tmp_path):
     program = [sys.executable, "-m", "isorod", "compare", "bar.toml"]
     done = subprocess.run(program, cwd=tmp_path, capture_output=True, text=True, timeout=900)
     assert done.returncode == 0, done.stderr
-    assert "bar: default within 0.5 %: " in done.stdout and "report: results/report.html" in done.stdout
+    assert "bar: default (polynomials) within 0.5 %: " in done.stdout and "report: results/report.html" in done.stdout
     for name in ("report.html", "compare-bar-picture.png", "compare-bar-errors.png"):
         assert (tmp_path / "results" / name).stat().st_size > 5_000
     # The page again, from the records alone.

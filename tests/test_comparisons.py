@@ -14,6 +14,7 @@ from comparisons.report import precision
 from isorod import modal
 from isorod.errors import InputError, SolveError
 from isorod.scenes.blade import Blade
+from isorod.space.basis import POLYNOMIALS
 
 
 @pytest.mark.parametrize("order", [1.0, 2.0, 3.7])
@@ -106,6 +107,7 @@ def measured(forces, times, monkeypatch, tmp_path, target=1e-2, finer=FINER, slo
             "force": forces(elements, points),
             "dofs": elements * points,
             "peak_memory": 2**20,
+            "discretisation": [{"family": POLYNOMIALS}],
             "versions": {"dolfinx": (others or {}).get(interpreter, "0.9")} if method == "fem" else {},
             "seconds": {"total": times(elements, points) * factors.get(method, 1.0) * factors.get(interpreter, 1.0)},
         }
@@ -246,8 +248,8 @@ def test_the_table_of_the_fastest_says_our_share_of_their_time(ours, share, monk
     )
     head, cylindrical, fem = rows(precision.reach(found))
     assert cylindrical == [
-        "1 %", "isorod", f"{16 * ours:.1f}", share.removesuffix(" times"), "16", "curve of cylindrical", "0 %",
-        "0 %, 0 %", "", "1",
+        "1 %", "isorod, polynomials", f"{16 * ours:.1f}", share.removesuffix(" times"), "16", "curve of cylindrical",
+        "0 %", "0 %, 0 %", "", "1",
     ]  # fmt: skip
     assert fem == ["1 %", "dolfinx 0.9", "16.0", "", "16", "curve of fem", "0 %", "0 %, 0 %", "", "1"]
     assert head[3] == "our share"
@@ -309,12 +311,17 @@ def test_the_table_of_every_run_says_its_parts_and_its_solver():
     fem = one | {"petsc_options": {"ksp_type": "cg", "empty": ""}, "newton_iterations": 7}
     fem |= {"method": "fem", "versions": {"dolfinx": "0.9"}}
     modes = one | {"petsc_options": "", "solver": {"eps": "krylovschur"}, "iterations": 3}
-    modes |= {"method": "cylindrical", "versions": {}, "seconds": seconds | {"check": 0.03, "total": 0.237}}
+    modes |= {
+        "method": "cylindrical",
+        "versions": {},
+        "discretisation": [{"family": POLYNOMIALS}],
+        "seconds": seconds | {"check": 0.03, "total": 0.237},
+    }
     head, first, second = rows(precision.runs([fem, modes]))
-    assert head[1:3] == ["error", "total ms"]
+    assert head[1:4] == ["element", "error", "total ms"]
     parts = ["1,234", "3.0", "4.0", "200"]
-    assert first == ["dolfinx 0.9: c", "1.2 %", "207", *parts, "", "7", "--a 1", "-ksp_type cg"]
-    assert second == ["isorod: c", "1.2 %", "237", *parts, "30.0", "3", "--a 1", "eps krylovschur"]
+    assert first == ["dolfinx 0.9: c", "", "1.2 %", "207", *parts, "", "7", "--a 1", "-ksp_type cg"]
+    assert second == ["isorod: c", "polynomials", "1.2 %", "237", *parts, "30.0", "3", "--a 1", "eps krylovschur"]
 
 
 def test_mac_of_modes_with_themselves_is_the_identity_on_the_diagonal():

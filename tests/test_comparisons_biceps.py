@@ -1,5 +1,7 @@
 """What the biceps' study reports: errors, deviations of courses, times by the step, its part of the page."""
 
+import html
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,7 @@ from comparisons.measure import records
 from comparisons.measure.convergence import extrapolate
 from comparisons.measure.study import Run
 from comparisons.report import biceps as report_biceps
+from isorod.space.basis import PAPER
 
 TIMES = [0.0, 0.1, 0.2]
 REST = {"end_force": [100.0, 98.0, 100.0, 98.0], "belly_bulge": 0.2, "contact_force": 10.0, "contact_area": 3.0}
@@ -33,6 +36,8 @@ def motion(scale=1.0):
     force = scale * np.array(TIMES)
     return {
         "label": "K = 1",
+        "method": "cylindrical",
+        "discretisation": [{"family": PAPER}],
         "times": TIMES,
         "belly_bulge_history": (0.1 * force).tolist(),
         "end_force_history": np.outer(force, REST["end_force"]).tolist(),
@@ -90,6 +95,7 @@ def test_page_says_what_holds_and_what_does_not(tmp_path):
     for method, scale in (("cylindrical", 1.03), ("fem", 1.0)):
         found = REST | {"end_force": [scale * force for force in REST["end_force"]]}
         found |= {"error": biceps.errors(found, REST), "curve": "a", "arguments": "--b", "method": method, "dofs": 9}
+        found["versions"], found["discretisation"] = {"dolfinx": "1"}, [{"family": PAPER}]
         run.record("work", found | {"seconds": {"total": 1.0}})
     run.record("motion", motion())
     run.record("fem motion", fem_motion())
@@ -104,4 +110,6 @@ def test_page_says_what_holds_and_what_does_not(tmp_path):
     assert (tmp_path / "biceps-work.png").stat().st_size > 10_000
     assert "3 %" in page
     assert "<td>3.2 %</td>" in page
+    assert f"isorod ({PAPER}), K = 1, 2.0 s" in report_biceps.summary(found)[1]
     assert "1/125 of the time" in report_biceps.summary(found)[1]
+    assert page.count(f"isorod, {html.escape(PAPER)}") == 2

@@ -56,6 +56,15 @@ def test_the_only_run_is_cold_and_its_time_counts(clocked):
     assert found["warm"] is False
 
 
+def test_as_isorod_run_has_it_the_estimate_counts_as_run_time(clocked, monkeypatch):
+    clocked(9.0, 1.0, 2.0, 3.0)
+    told = iter((50.0, 10.0, 20.0, 30.0))
+    monkeypatch.setattr(rod.run, "estimate", lambda solution: {"estimate_seconds": next(told)})
+    scene = rod.find("spring", SMALL)
+    found = rod.record(scene, *rod.solve(scene, {}, 4, whole=True), {})
+    assert (found["seconds"]["estimate"], found["seconds"]["total"]) == (20.0, 22.0)
+
+
 def test_the_checks_of_a_result_count_as_run_time_and_stay_a_part_of_their_own(monkeypatch):
     """A clock that ticks at the start, when the model is built and at the end; the analysis says what it took."""
     ticks = iter((100.0, 101.0, 109.0))

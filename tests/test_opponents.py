@@ -12,15 +12,17 @@ pytest.importorskip("dolfinx")
 
 from test_fem_blade import CONVERGED
 
-from comparisons import bench
 from comparisons.bench import biceps, rods
 from comparisons.calculix import deck, run
 from comparisons.fem import blade as fem_blade
 from comparisons.fem import spring as fem_spring
-from comparisons.measure import opponents, timing
-from comparisons.measure.work import MODULES
+from comparisons.measure import opponents, timing, work
+from comparisons.measure.study import Run
+from comparisons.measure.work import AS_RUN, MODULES
 from comparisons.report import bench as report
+from isorod import scenes
 from isorod.errors import InputError, SolveError
+from isorod.space.basis import PAPER, POLYHARMONIC, POLYNOMIALS
 from meshes import blade, spring
 
 # No test needs them: docker/opponents brings them.
@@ -150,13 +152,32 @@ def test_what_is_missing_is_named(monkeypatch):
 
 
 @pytest.mark.parametrize("level", ["quick", "full"])
-def test_every_program_has_curves_and_the_goals_are_among_the_errors(level):
+def test_every_program_has_curves_and_isorod_one_with_nothing_chosen(level):
     for scene in (rods.Spring, rods.Blade):
         made = scene(level, ["ngsolve", "calculix"], [])
         assert {curve.method for curve in made.curves} == set(MODULES)
-        assert {target for name, target in bench.GOALS if name == scene.name} <= set(made.targets[level])
+        assert AS_RUN in made.curves and set(AS_RUN.arguments) <= set(biceps.OURS)
         best = {one for side in made.best.values() for target in made.targets[level] for one in side[target]}
         assert best <= {arguments for curve in made.curves for arguments in curve.arguments}
+
+
+def test_what_is_chosen_is_held_against_finer_spaces_of_the_same_kind(monkeypatch, tmp_path):
+    """Nothing is written down that a step could be added to: the record says what was chosen."""
+    asked = []
+
+    def run(module, words, interpreter):
+        asked.append(" ".join(words))
+        (found,) = [body.discretisation for body in scenes.find("spring")().model().bodies]
+        return {"method": "cylindrical", "discretisation": [found], "seconds": {"total": 1.0}}
+
+    monkeypatch.setattr(work.timing, "run", run)
+    study = Run("made-up", "quick", tmp_path)
+    with study.progress(9) as steps:
+        finer = rods.Spring.finer
+        work.WorkPrecision(study, steps, "spring", finer, lambda _: 0.0).run([AS_RUN], [1e-2], {1e-2: ()})
+    chosen = "--section-degree {} --elements-per-turn {} --degree 5 --continuity 2"
+    near = [f"spring {chosen.format(*one)} --repeat 1" for one in ((3, 8), (4, 4))]
+    assert asked == ["spring --whole --repeat 6", *near, *3 * ["spring --whole --repeat 6"]]
 
 
 def test_the_time_at_an_error_lies_on_the_line_between_two_meshes():
@@ -182,35 +203,47 @@ def made_up(method, seconds, check=None, holds=True, target=1e-3, **more):
         "holds": holds,
         "error": 0.5 * target,
         "dofs": 100,
+        "discretisation": [{"family": PAPER}],
     } | more
 
 
 def test_the_share_is_that_of_the_best_of_all_programs_with_and_without_checks():
+    plain = {"arguments": AS_RUN.arguments[0], "discretisation": [{"family": POLYNOMIALS}]}
     records = [
         made_up("cylindrical", 0.01, check=0.005),
+        made_up("cylindrical", 0.2, check=0.02, **plain),
         made_up("fem", 1.0, check=0.5),
         made_up("ngsolve", 0.8),
         made_up("calculix", 0.1, holds=False),
         made_up("calculix", 2.0),
     ]
-    assert [one["method"] for one in report.fastest(records, 1e-3)] == ["cylindrical", "ngsolve", "fem", "calculix"]
-    assert report.ratios(records, 1e-3) == pytest.approx((80.0, 100.0))
-    assert [row[1] for row in report.rows(records)] == ["isorod", "NGSolve 1", "dolfinx 3", "CalculiX 2"]
-    assert report.ratios(records[1:], 1e-3) is None
+    records[1]["seconds"]["estimate"] = 0.08
+    names = [f"isorod, {PAPER}, chosen by hand", f"isorod, {POLYNOMIALS}, as isorod run has it"]
+    rows = report.rows(records)
+    assert [row[1] for row in rows] == [*names, "NGSolve 1", "dolfinx 3", "CalculiX 2"]
+    tuned, default = report.ratios(records, 1e-3)
+    assert tuned == (records[0], pytest.approx(80.0), pytest.approx(100.0))
+    # Without its check and its estimate 0.1 s.
+    assert default == (records[1], pytest.approx(4.0), pytest.approx(5.0))
+    assert [row[-4:] for row in rows[:3]] == [("",) * 4, ("",) * 4, ("1/80", "1/160", "1/80", "1/4")]
+    assert report.ratios(records[2:], 1e-3) == []
 
 
-def test_the_summary_names_goals_and_what_is_missing():
-    setup = {"part": "opponents", "here": [], "absent": {"ngsolve": "not here"}, "goals": [["spring", 1e-3, 60]]}
+def test_the_summary_says_how_isorods_elements_were_chosen_and_what_is_missing():
+    setup = {"part": "opponents", "here": [], "absent": {"ngsolve": "not here"}, "load": 0.0}
+    ours = {"part": "motion", "scene": "biceps", "method": "cylindrical", "curve": "isorod", "error": 5e-3}
+    ours |= {"seconds_motion": 2.0, "seconds_steps": 1.6, "discretisation": [{"family": POLYHARMONIC}] * 2}
     motions = [
         {"part": "motion", "scene": "biceps", "method": "fem", "curve": "Q2", "error": 5e-3, "seconds_motion": 100.0},
-        {"part": "motion", "scene": "biceps", "method": "cylindrical", "curve": "isorod", "error": 5e-3}
-        | {"seconds_motion": 2.0, "seconds_steps": 1.6},
+        ours | {"arguments": "--order 2"},
+        ours | {"arguments": AS_RUN.arguments[0], "seconds_motion": 200.0},
     ]
     records = [setup, made_up("cylindrical", 0.01), made_up("fem", 1.0), *motions]
+    of, all_of = "the time of the best of all programs", "end forces of the motion to rest within 1 %: isorod, poly"
     assert report.summary(records) == [
-        "bench, spring, force within 0.1 %: 1/100 of the time of the best of all programs, 1/100 without checks "
-        "(goal 1/60)",
-        "bench, biceps, end forces of the motion to rest within 1 %: 1/50 of the time of the best of all programs, "
-        "1/62 without checks",
+        f"bench, spring, force within 0.1 %: isorod, {PAPER}, chosen by hand: 1/100 of {of}, 1/100 of it without "
+        "checks",
+        f"bench, biceps, {all_of}harmonic, chosen by hand: 1/50 of {of}, 1/62 of it without checks",
+        f"bench, biceps, {all_of}harmonic, as isorod run has it: 2.0 times {of}, 1/62 of it without checks",
         "bench: not measured, ngsolve: not here",
     ]

@@ -16,6 +16,7 @@ from isorod.command import run as running
 from isorod.dynamics.explicit import run as explicit
 from isorod.output import progress
 from isorod.output.words import duration
+from isorod.space.basis import PAPER, POLYNOMIALS
 
 SPRING = {"preset": "paper", "coils": 1, "elements_per_turn": 4, "section_points": 4}
 BICEPS = {"elements": 5, "end_elements": 0, "order": 1, "section_points": 4, "end_time": 2e-3, "outputs": 4}
@@ -67,6 +68,8 @@ def test_the_answer_comes_first_and_all_is_on_one_screen(words, first, capsys):
     labels = [line[:19].strip() for line in lines if not line.startswith(" ")]
     assert labels[-1] == "more"
     if "ring" not in words.split() and "flower" not in words:
+        family = PAPER if "--order 1" in words else POLYNOMIALS
+        assert [line[20:].startswith(family) for line in lines if line.startswith("element ")] == [True]
         places = [labels.index(label) for label in ("size", "time", "convergence", "scene", "method", "versions")]
         assert places == sorted(places)
 

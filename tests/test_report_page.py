@@ -1,5 +1,6 @@
 """The report page, for strangers: the answer, contents, words, links, plots, and one time for each configuration."""
 
+import html
 import re
 from html.parser import HTMLParser
 
@@ -13,6 +14,7 @@ from comparisons import blade, spring
 from comparisons.measure import records as result_files
 from comparisons.measure.study import Run
 from comparisons.report import page, plots, precision, words
+from isorod.space.basis import FAMILIES, PAPER
 
 REFERENCE = np.linspace(0.2, 7.0, 10).tolist()
 SCENES = {
@@ -49,6 +51,7 @@ def run_of(study, method, curve, k, milliseconds, error, version="0.5.2"):
         "peak_memory": 2**27,
         "petsc_options": "",
         "iterations": 4,
+        "discretisation": [{"family": PAPER}],
         "options": SCENES[study],
         "versions": {"isorod": "1"} | ({"dolfinx": version} if method == "fem" else {}),
     }
@@ -166,6 +169,16 @@ def test_the_answer_comes_first_then_what_it_is_about_then_the_contents(written)
     assert "takes 1/10 of the time and 1/20 of the unknowns" in text
 
 
+def test_each_result_names_its_family_of_elements_and_all_are_explained(written):
+    text = written[1]
+    (spring_answer,) = re.findall("<div class=answer>.*?</div>", text[: text.index("<nav")], re.DOTALL)[:1]
+    assert spring_answer.count(f"unknowns<br>{html.escape(PAPER)}</td>") == 2
+    assert text.count(f"<td class=text>isorod, {html.escape(PAPER)}</td>") == 4
+    assert set(FAMILIES) <= set(Page(text).explained)
+    # By no other name.
+    assert "cylindrical element takes" not in text and "<th>cylindrical element</th>" not in text
+
+
 def test_the_page_fits_narrow_screens(written):
     found = Page(written[1])
     assert found.meta["viewport"].startswith("width=device-width")
@@ -221,7 +234,7 @@ def test_the_story_has_few_curves_and_no_two_look_alike(written):
     assert len({look["color"] for look in crowd.values()}) == len({look["marker"] for look in crowd.values()}) == 7
 
 
-def test_the_curves_between_which_gaps_are_marked_are_drawn(monkeypatch):
+def test_the_fastest_within_the_largest_and_the_smallest_error_are_drawn(monkeypatch):
     runs = [
         [run_of("spring", m, str(k), 0, 1.0, 1.0) | {"part": "work"} for k in range(5)] for m in ("cylindrical", "fem")
     ]
@@ -244,7 +257,7 @@ def test_a_configuration_has_one_time_everywhere(written):
     part = text[text.index("<h2 id=spring>") : text.index("<h2 id=blade>")]
     paper = [row for row in re.findall("<tr>.*?</tr>", part) if "isorod: paper" in row]
     assert ["<td>10.0</td>" in paper[0], "<td>14.0</td>" in paper[1], "<td>32.0</td>" in paper[2]] == [True] * 3
-    assert "cylindrical element 14 ms (200 unknowns), best dolfinx 140 ms" in page.summary(folder)[0]
+    assert "isorod (the paper's element) 14 ms (200 unknowns), best dolfinx 140 ms" in page.summary(folder)[0]
 
 
 def test_the_story_is_drawn_for_wide_and_for_narrow_screens(tmp_path):
@@ -272,7 +285,7 @@ def test_versions_of_dolfinx_stand_beside_each_other_and_the_fastest_counts(tmp_
     settled = precision.settled(found)
     best = precision.fastest(settled, "fem", 1e-2)
     assert best is not None
-    assert (precision.version(best), best["seconds"]["total"]) == ("0.11", pytest.approx(0.07))
+    assert (result_files.version(best), best["seconds"]["total"]) == ("0.11", pytest.approx(0.07))
     old = precision.fastest(settled, "fem", 1e-2, of="0.5.2")
     assert old is not None
     assert old["seconds"]["total"] == pytest.approx(0.14)
@@ -287,7 +300,7 @@ def test_versions_of_dolfinx_stand_beside_each_other_and_the_fastest_counts(tmp_
         "dolfinx 0.11: Q2 bricks",
     ]
     mixed = [
-        one for one in found if one["part"] != "confirm" or (one["target"], precision.version(one)) != (1e-3, "0.11")
+        one for one in found if one["part"] != "confirm" or (one["target"], result_files.version(one)) != (1e-3, "0.11")
     ]
     assert list(plots.looks(plots.told(mixed, (), ("Q2 bricks",))))[1:] == [
         "dolfinx 0.5.2: S3 bricks",

@@ -9,6 +9,7 @@ from comparisons.scaling import cost, roofline, wire
 from isorod.assembly.assembler import Assembler
 from isorod.errors import InputError
 from isorod.scenes.spring import Spring
+from isorod.space.basis import PAPER
 
 
 def test_the_wire_has_as_many_unknowns_for_each_coil():
@@ -66,7 +67,7 @@ def test_page_tells_what_was_measured(tmp_path):
         return {
             "part": "wire",
             "analysis": analysis,
-            "family": "order-1",
+            "family": PAPER,
             "coils": coils,
             "ranks": ranks,
             "unknowns": 360 * coils,

@@ -19,6 +19,8 @@ from isorod.scenes.blade import Blade
 from isorod.scenes.ring import Ring
 from isorod.scenes.spring import Spring
 from isorod.space import Space
+from isorod.space.basis import FAMILIES, PAPER, POLYHARMONIC, POLYNOMIALS
+from isorod.space.graded import Graded
 
 RODS = {
     "blade": Blade().rod(),
@@ -326,3 +328,25 @@ def test_more_points_than_memory_holds_are_refused_before_they_are_made(cylinder
         InputError, match=r"10485760000 quadrature points need 2.5e\+03 GiB and more, there are .*fewer"
     ):
         space.tabulate(0, 10_000)
+
+
+def test_a_space_and_its_record_begin_with_the_family_of_its_functions():
+    """What makes the family is the functions: a preset of the paper's with another order is not the paper's element."""
+    rod = RODS["ring"]
+    tube, n = rod.with_rings([0.5, 1]), rod.section_points
+    made = {
+        PAPER: [
+            Space.paper(rod),
+            Space(rod, order=1),
+            Space(rod, section_basis=Graded(n, (1,) * 8, 1)),
+        ],
+        POLYHARMONIC: [Space.paper(rod, order=2), Space(rod, section_basis=Graded(n, (1,) * 8))],
+        POLYNOMIALS: [Space(rod), Space.paper(rod, section_degree=2), Space(tube)],
+    }
+    assert tuple(made) == FAMILIES
+    for family, spaces in made.items():
+        for space in spaces:
+            assert space.basis.family == family
+            assert str(space).startswith(f"{family}, ")
+            record = Body(space, LinearElastic(1.0, 0.3)).discretisation
+            assert record["family"] == family and record["element"] == str(space)

@@ -13,7 +13,7 @@ from comparisons.measure import timing
 from comparisons.measure.convergence import extrapolate, richardson
 from comparisons.measure.records import Record
 from comparisons.measure.study import Run, Steps
-from comparisons.measure.work import Curve, WorkPrecision, fem_curves, steps_of, with_others
+from comparisons.measure.work import AS_RUN, Curve, WorkPrecision, fem_curves, steps_of, with_others
 from comparisons.ngsolve import presets as ngsolve
 
 # What CalculiX' elastic law becomes with large displacements; its neo-Hookean law is none of ours.
@@ -51,7 +51,7 @@ class _Scene:
         own = [curve for curve in self.ours[self.level] if curve.method == "cylindrical"]
         fem = fem_curves(self.families["fem"][self.level])
         more = [one for name in self.here for one in fem_curves(self.families[name][self.level], name)]
-        return (*self._whole("cylindrical", own), *with_others(self._whole("fem", fem), self.others), *more)
+        return (*self._whole("cylindrical", own), AS_RUN, *with_others(self._whole("fem", fem), self.others), *more)
 
     def _whole(self, method: str, curves: Sequence[Curve]) -> list[Curve]:
         """Return the curves of a side, and one of what else is known to be fastest: every level measures that."""
@@ -79,7 +79,10 @@ class _Scene:
         work.run(
             self.curves,
             targets,
-            {target: [one for side in self.best.values() for one in side[target]] for target in targets},
+            {
+                target: [*AS_RUN.arguments, *(one for side in self.best.values() for one in side[target])]
+                for target in targets
+            },
         )
 
     def converged(self, study: Run, steps: Steps) -> Mapping[str, Sequence[float]]:

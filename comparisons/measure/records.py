@@ -48,6 +48,21 @@ def _refuse(name: str) -> float:
     raise ValueError(f"{name} is no result")
 
 
+def family(record: Record) -> str:
+    """Return which family of elements a run of isorod was made with (`isorod.space.basis.FAMILIES`)."""
+    return " and ".join(dict.fromkeys(one["family"] for one in record["discretisation"]))
+
+
+def side(record: Record) -> str:
+    """Return what a run was made with: isorod and its family of elements, or dolfinx and its version."""
+    return f"isorod, {family(record)}" if record["method"] == "cylindrical" else f"dolfinx {version(record)}"
+
+
+def version(record: Record) -> str:
+    """Return the version of dolfinx that a run was made with; empty if it has none."""
+    return str(record["versions"].get("dolfinx", "")).partition(".post")[0]
+
+
 def part(records: list[Record], name: str) -> list[Record]:
     """Return the records of one part."""
     return [record for record in records if record["part"] == name]

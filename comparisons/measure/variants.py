@@ -35,8 +35,7 @@ def variants(scene: Any, model: Any, known: Sequence[Mapping[str, Any]]) -> list
     known
         Of each body what was chosen, as records tell it (`isorod.model.body.Body.discretisation`).
     """
-    same = (name for name in _KEPT if len({one.get(name) for one in known}) == 1)
-    base: dict[str, int] = {name: known[0][name] for name in same if name in known[0]}
+    base = _common(known)
     axes = [body.space.rod.axis for body in model.bodies]
     least, lowest = (max(getattr(axis, name) for axis in axes) for name in ("elements", "degree"))
     section, degree, elements = (base.get(name) for name in ("section_degree", "degree", "elements"))
@@ -63,6 +62,16 @@ def variants(scene: Any, model: Any, known: Sequence[Mapping[str, Any]]) -> list
         if changed and changed not in [one for one, _ in found]:
             found.append((changed, changed in both))
     return [Variant(_label(base, one), _words(scene, base | one), sequence) for one, sequence in found]
+
+
+def written(scene: Any, known: Sequence[Mapping[str, Any]]) -> str:
+    """Return the options that say what was chosen, but for short elements near ends."""
+    return " ".join(_words(scene, _common(known)))
+
+
+def _common(known: Sequence[Mapping[str, Any]]) -> dict[str, int]:
+    same = (name for name in _KEPT if len({one.get(name) for one in known}) == 1)
+    return {name: known[0][name] for name in same if name in known[0]}
 
 
 def _label(base: Mapping[str, int], changed: Mapping[str, int]) -> str:

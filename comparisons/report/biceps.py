@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from comparisons.biceps import AT_REST, BALANCE, END_TIME, QUANTITIES, SPEED, errors
-from comparisons.measure.records import Record, part
+from comparisons.measure.records import Record, family, part, side
 from comparisons.report import biceps_plots
 from comparisons.report.html import figure, heading, percent, table
 from comparisons.report.precision import ratio, rerun
@@ -96,7 +96,7 @@ def summary(records: list[Record]) -> list[str]:
     fem = whole(part(records, "fem motion")[0])
     for record in motions:
         lines.append(
-            f"biceps, {1e3 * END_TIME:g} ms of motion: cylindrical element {record['label']} "
+            f"biceps, {1e3 * END_TIME:g} ms of motion: isorod ({family(record)}), {record['label']}, "
             f"{record['seconds']['loop']:.1f} s ({record['microseconds_a_step']:.0f} us a step), dolfinx on the "
             f"paper's mesh {fem:.0f} s (from {1e3 * _end(part(records, 'fem motion')[0]):g} ms): "
             f"{ratio(record['seconds']['loop'], fem)} the time"
@@ -188,7 +188,7 @@ def _speed(motions: list[Record], theirs: list[Record]) -> str:
         seconds = record["seconds"]["loop"]
         rows.append(
             (
-                f"cylindrical, {record['label']}",
+                f"{side(record)}, {record['label']}",
                 f"{record['dofs']:,}",
                 f"{1e6 * record['time_step']:.3g}",
                 f"{record['steps']:,}",
@@ -235,7 +235,7 @@ def _equilibria(records: list[Record], limit: Record) -> str:
     for record in part(records, "work"):
         rows.append(
             (
-                record["curve"] + " (dolfinx)" if record["method"] == "fem" else "cylindrical",
+                record["curve"] + " (dolfinx)" if record["method"] == "fem" else side(record),
                 # Said by the curve's name.
                 record["arguments"].removeprefix("--cells bricks --degree 2 "),
                 f"{record['dofs']:,}",

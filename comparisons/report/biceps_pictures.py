@@ -28,7 +28,6 @@ _MIDDLE = (0.0, 10.6, 0.0)
 _HALF_HEIGHT = 11.8
 _CIRCLE = 2.0 * np.pi * np.arange(49) / 48
 _FRAME = (540, 520)
-_NAMES = ("cylindrical element", "Q2 bricks (dolfinx)")
 
 
 @dataclass(frozen=True)
@@ -139,7 +138,7 @@ def _picture(ours: _Ours, moving: _Theirs, still: _Theirs, path: Path) -> None:
     dofs = ours.model.dofs, 3 * len(still.arrays["points"])
     rest = ours.mesh(ours.equilibrium), still.at(0.0)
     sides: tuple[_Ours | _Theirs, ...] = (ours, moving)
-    for row, (side, name) in enumerate(zip(sides, _NAMES, strict=True)):
+    for row, (side, name) in enumerate(zip(sides, _names(ours.model), strict=True)):
         plotter.subplot(row, 0)
         # Undeformed, as its displacement is not asked for.
         plotter.add_mesh(
@@ -164,6 +163,10 @@ def _picture(ours: _Ours, moving: _Theirs, still: _Theirs, path: Path) -> None:
     plotter.close()
 
 
+def _names(model: Model) -> tuple[str, str]:
+    return f"isorod ({model.bodies[0].space.basis.family})", "Q2 bricks (dolfinx)"
+
+
 def _scale(plotter: Any, bar: dict[str, Any]) -> None:
     """Draw the scale alone into a panel."""
     import pyvista
@@ -184,7 +187,7 @@ def _animation(ours: _Ours, moving: _Theirs, path: Path) -> None:
     for time in [0.0, *moving.times]:
         plotter = pyvista.Plotter(shape=(1, 2), off_screen=True, window_size=_FRAME, border=False)
         plotter.set_background("white")
-        for column, (side, name) in enumerate(zip(sides, _NAMES, strict=True)):
+        for column, (side, name) in enumerate(zip(sides, _names(ours.model), strict=True)):
             plotter.subplot(0, column)
             mesh = side.at(time)
             if time == 0.0:

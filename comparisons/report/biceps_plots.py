@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from comparisons.measure.records import Record
+from comparisons.measure.records import Record, side
 from comparisons.report.plots import COLOURS, FEM_COLOURS, MARKERS
 from isorod.output.results import write_beside
 
@@ -36,7 +36,7 @@ def courses(motions: Sequence[Record], theirs: Sequence[Record], path: Path) -> 
         len(COURSES), 2, figsize=(12.5, 11.0), sharex="col", sharey="row", width_ratios=(1.4, 1.0), layout="constrained"
     )
     end = max(record["history"]["time"][-1] for record in theirs)
-    every = [(record, COLOURS[k], f"cylindrical, {record['label']}") for k, record in enumerate(motions)]
+    every = [(record, COLOURS[k], f"{side(record)}, {record['label']}") for k, record in enumerate(motions)]
     every += [(record, FEM_COLOURS[k], f"{record['label']} (dolfinx)") for k, record in enumerate(theirs)]
     for row, (own, fem, rest, label) in enumerate(COURSES):
         for record, colour, name in every:

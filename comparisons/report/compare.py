@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from comparisons.measure.quantities import FREQUENCIES, Converged
-from comparisons.measure.records import Record, part
+from comparisons.measure.records import Record, family, part
 from comparisons.measure.variants import DEFAULT
 from comparisons.measure.work import MODULES
 from comparisons.report import plots, precision
@@ -26,12 +26,13 @@ def summary(records: list[Record]) -> list[str]:
     """Return the main findings, one line each."""
     name, default = _scene(records)["name"], _default(records)
     within = f"{verdict(records)}{_stress_verdict(default)}"
-    lines = [f"{name}: default within {100 * WANTED:g} %: {within}; {_of_default(records)}"]
+    lines = [f"{name}: default ({family(default)}) within {100 * WANTED:g} %: {within}; {_of_default(records)}"]
     lines += [f"{name}: {text}" for text in (_beside(records), _fields_told(default)) if text]
     for target, ours, theirs in _pairs(records):
         fast, slow = ours["seconds"]["total"], theirs["seconds"]["total"]
         lines.append(
-            f"{name} within {100 * target:g} %: isorod {milliseconds(fast)} ms ({ours['dofs']:,} unknowns), dolfinx "
+            f"{name} within {100 * target:g} %: isorod ({family(ours)}) {milliseconds(fast)} ms ({ours['dofs']:,} "
+            f"unknowns), dolfinx "
             f"{milliseconds(slow)} ms ({theirs['dofs']:,}): {precision.ratio(fast, slow)} the time"
         )
     return lines
@@ -41,7 +42,7 @@ def answer(records: list[Record]) -> list[str]:
     """Return the main findings as HTML."""
     name, default = _scene(records)["name"], _default(records)
     lines = [
-        f"<p class=big><strong>{html.escape(name)}:</strong> {_by(default)} isorod is "
+        f"<p class=big><strong>{html.escape(name)}:</strong> {_by(default)} isorod ({family(default)}) is "
         f"{_share(default['error'])} off: within {100 * WANTED:g} %: <strong>{verdict(records)}</strong>"
         f"{_stress_verdict(default, '<strong>{}</strong>')}. "
         f"{_sentence(_beside(records))}</p>"
@@ -72,10 +73,11 @@ def section(records: list[Record], folder: Path) -> list[str]:
             files[0],
             f"{name}: errors against run time, both axes logarithmic",
             "Lower is more accurate, further left is faster. Each point is a run: of isorod <em>default</em>, and what "
-            "is changed of it: N, the degree of polynomials across the section, p, the degree along the axis, e, the "
-            "number of elements; of dolfinx how many times as many cells as in the coarsest mesh there are in each "
-            "direction. Lines join runs that are refined in all directions. Left, the largest error of what the scene "
-            "measures, against the limit of three meshes; right, that of the field, against the finest mesh.",
+            "is changed of it: N, the degree of polynomials across the section, K and n, order and number of control "
+            "points of the other families, p, the degree along the axis, e, the number of elements; of dolfinx how "
+            "many times as many cells as in the coarsest mesh there are in each direction. Lines join runs that are "
+            "refined in all directions. Left, the largest error of what the scene measures, against the limit of three "
+            "meshes; right, that of the field, against the finest mesh.",
             narrow=files[1],
         ),
         heading(3, f"{name}: what it measures"),
@@ -329,7 +331,8 @@ def _named(record: Record) -> str:
 
 
 def _cost(record: Record) -> str:
-    return f"{milliseconds(record['seconds']['total'])} ms\n{record['dofs']:,} unknowns\n{record['label']}"
+    named = f", {family(record)}" if record["method"] == "cylindrical" else ""
+    return f"{milliseconds(record['seconds']['total'])} ms\n{record['dofs']:,} unknowns\n{record['label']}{named}"
 
 
 def _share(value: Any) -> str:

@@ -32,7 +32,7 @@ BAR: dict[str, Any] = {
 
 
 def spring(study: Run) -> None:
-    """Render Fig. 8: von Mises stress on the deformed spring, cylindrical element and finite elements on one scale."""
+    """Render Fig. 8: von Mises stress on the deformed spring, the paper's element and finite elements on one scale."""
     without_display()
     import pyvista
 
@@ -49,7 +49,7 @@ def spring(study: Run) -> None:
             theirs.point_data["displacement"] = arrays["displacement"]
             theirs.point_data["von_mises"] = arrays["von_mises"]
     panels = (
-        (ours, f"cylindrical element, {model.dofs:,} unknowns"),
+        (ours, f"isorod ({model.bodies[0].space.basis.family}), {model.dofs:,} unknowns"),
         (theirs, f"Q2 bricks (dolfinx), {record['dofs']:,} unknowns"),
     )
     wide, narrow = (study.folder / name for name in ("spring-von-mises.png", "spring-von-mises-narrow.png"))

@@ -5,8 +5,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from comparisons.measure.records import Record, part
-from comparisons.report.precision import named, pairs, ratio, targets, version, versions
+from comparisons.measure.records import Record, part, version
+from comparisons.report.precision import named, pairs, targets, versions
 from isorod.output.results import write_beside
 
 # Okabe and Ito's colours, told apart by colour-blind readers too: cold ones are ours, warm ones and black theirs.
@@ -48,7 +48,7 @@ def told(records: list[Record], ours: Sequence[str], theirs: Sequence[str]) -> l
             for one in work
             if (one["method"], one["curve"]) == (method, curve) and version(one) in of
         ]
-        # Room for one of the named ones at least; the winners at the ends are those between which gaps are marked.
+        # Room for one of the named ones at least; of the winners those at the ends are drawn.
         room, first = len(colours) - 1, list(winners)
         if len(first) > room:
             first = [*first[: room - 1], first[-1]]
@@ -90,8 +90,6 @@ def story(records: list[Record], curves: Sequence[Record], quantity: str, wide: 
             axes[0].loglog([one["seconds"]["total"] for one in points], errors, label=label, markersize=6, **look)
             axes[1].loglog([one["dofs"] for one in points], errors, markersize=6, **look)
         best = pairs(records)
-        for target, ours, theirs in (best[0], best[-1]) if best else ():
-            _gap(axes[0], target, *(one["seconds"]["total"] for one in (ours, theirs)))
         ringed = [one for _, *both in best for one in both]
         errors = [one["error"] for one in ringed]
         rings = {"color": "black", "marker": "o", "markersize": 14, "markerfacecolor": "none", "linestyle": ""}
@@ -111,14 +109,6 @@ def story(records: list[Record], curves: Sequence[Record], quantity: str, wide: 
         figure.legend(loc="outside lower center", ncols=3 if columns == 2 else 1, frameon=False, fontsize=11)
         write_beside(path, partial(figure.savefig, dpi=130))
         pyplot.close(figure)
-
-
-def _gap(axis: Any, target: float, ours: float, theirs: float) -> None:
-    """Mark how far apart the run times are at an error, by our share of theirs."""
-    axis.annotate("", (ours, target), (theirs, target), arrowprops={"arrowstyle": "<->", "shrinkA": 0, "shrinkB": 0})
-    text = ratio(ours, theirs).removesuffix(" of")
-    white = {"facecolor": "white", "edgecolor": "none", "pad": 1.5}
-    axis.text((ours * theirs) ** 0.5, target, text, ha="center", va="center", fontsize=12, weight="bold", bbox=white)
 
 
 def _percent(value: float, _: int) -> str:

@@ -3,7 +3,7 @@
 import html
 from collections.abc import Sequence
 
-from comparisons.measure.records import Record, part
+from comparisons.measure.records import Record, family, part, side, version
 from comparisons.measure.work import MODULES, REPEAT
 from comparisons.report.html import commands, milliseconds, percent, table
 
@@ -13,11 +13,6 @@ LUCK = (
     "fastest of both sides were measured again, in turn. Each configuration has one time on this page, the least of "
     "all its medians.</p>"
 )
-
-
-def version(record: Record) -> str:
-    """Return the version of dolfinx that a run was made with; empty if it has none."""
-    return str(record["versions"].get("dolfinx", "")).partition(".post")[0]
 
 
 def versions(records: list[Record]) -> list[str]:
@@ -96,7 +91,7 @@ def answer(study: str, quantity: str, records: list[Record]) -> list[str]:
         return [f"<p class=big>{study}: no error is reached by both sides.</p>"]
     known = versions(records)
     lines = [
-        f"<p class=big><strong>{study}, {quantity}:</strong> to the same error, the cylindrical element takes "
+        f"<p class=big><strong>{study}, {quantity}:</strong> to the same error, isorod takes "
         f"{shares(records, 'time')} and {shares(records, 'unknowns')} of the fastest finite elements found.</p>"
     ]
     rows = []
@@ -104,12 +99,13 @@ def answer(study: str, quantity: str, records: list[Record]) -> list[str]:
         best = (fastest(records, "fem", target, of=one) for one in known)
         share = ratio(ours["seconds"]["total"], theirs["seconds"]["total"])
         rows.append((percent(target), _bare(share), _cost(ours), *(_cost(one) if one else "none" for one in best)))
-    head = ("error within", "share of the time", "cylindrical element", *(f"dolfinx {one}" for one in known))
+    head = ("error within", "share of the time", "isorod", *(f"dolfinx {one}" for one in known))
     return [*lines, f"<div class=answer>{table(head, rows)}</div>"]
 
 
 def _cost(record: Record) -> str:
-    return f"{milliseconds(record['seconds']['total'])} ms\n{record['dofs']:,} unknowns"
+    named = f"\n{family(record)}" if record["method"] == "cylindrical" else ""
+    return f"{milliseconds(record['seconds']['total'])} ms\n{record['dofs']:,} unknowns{named}"
 
 
 def _bare(share: str) -> str:
@@ -134,7 +130,7 @@ def reach(records: list[Record]) -> str:
                 rows.append(
                     (
                         percent(target),
-                        _side(record),
+                        side(record),
                         milliseconds(seconds["total"]),
                         _bare(share) if holds else "errors cancel",
                         f"{record['dofs']:,}",
@@ -175,6 +171,7 @@ def runs(work: Sequence[Record]) -> str:
         rows.append(
             (
                 named(record),
+                family(record) if record["method"] == "cylindrical" else "",
                 percent(record["error"]),
                 milliseconds(seconds["total"]),
                 f"{record['dofs']:,}",
@@ -189,6 +186,7 @@ def runs(work: Sequence[Record]) -> str:
         )
     head = (
         "curve",
+        "element",
         "error",
         "total ms",
         "unknowns",
@@ -200,16 +198,12 @@ def runs(work: Sequence[Record]) -> str:
         "arguments",
         "solver",
     )
-    return table(head, rows, text=(0, 9, 10))
+    return table(head, rows, text=(0, 1, 10, 11))
 
 
 def named(record: Record) -> str:
     """Return the name of a run's curve with its side, of dolfinx with the version."""
-    return f"{_side(record)}: {record['curve']}"
-
-
-def _side(record: Record) -> str:
-    return "isorod" if record["method"] == "cylindrical" else f"dolfinx {version(record)}"
+    return f"{'isorod' if record['method'] == 'cylindrical' else side(record)}: {record['curve']}"
 
 
 def rerun(study: str, records: list[Record]) -> str:
@@ -248,7 +242,7 @@ def summary(study: str, quantity: str, records: list[Record]) -> list[str]:
         others = [fastest(records, "fem", target, of=one) for one in known if one != version(theirs)]
         beside = "".join(f"; {version(one)} {1e3 * one['seconds']['total']:.0f} ms" for one in others if one)
         lines.append(
-            f"{study}, {quantity} within {100 * target:g} %: cylindrical element {1e3 * fast:.0f} ms "
+            f"{study}, {quantity} within {100 * target:g} %: isorod ({family(ours)}) {1e3 * fast:.0f} ms "
             f"({ours['dofs']:,} unknowns), best dolfinx{f' ({version(theirs)})' if len(known) > 1 else ''} "
             f"{1e3 * slow:.0f} ms ({theirs['dofs']:,}{beside}): {ratio(fast, slow)} the time"
         )

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from comparisons.measure import sampled
-from comparisons.measure.records import Record
+from comparisons.measure.records import Record, family
 from comparisons.measure.sampled import GAUSS, Sample
 from comparisons.measure.study import Run
 from isorod.arrays import Array, Index
@@ -65,7 +65,8 @@ def write(study: Run, solution: Any, records: Sequence[Record], sample: Sample) 
     # Stresses at held edges have no limit: what nearly all of the rods have fills the scale.
     scale = (0.0, 1.0 if modal else min(peak, 1.02 * max(_most(mesh) for mesh in rows[0])))
     lines = [_at_rest(body) for body in solution.model.bodies] if modal else []
-    labels = [f"{name}, {one['dofs']:,} unknowns" for name, one in zip(("isorod", "dolfinx"), records, strict=True)]
+    names = f"isorod ({family(records[0])})", "dolfinx"
+    labels = [f"{name}, {one['dofs']:,} unknowns" for name, one in zip(names, records, strict=True)]
     files = [f"{study.study}-{which}.png" for which in ("picture", "picture-narrow")]
     for file, stacked in zip(files, (False, True), strict=True):
         draw = partial(_draw, rows, lines, _captions(rows, labels, records), scale, modal, stacked)

@@ -11,6 +11,7 @@ from comparisons.report.precision import rerun
 from comparisons.scaling.cost import CORES, LARGE, NODE, Cost, fitted
 from comparisons.stability.figure import COLOURS, MARKERS
 from isorod.output.results import write_beside
+from isorod.space.basis import PAPER
 
 
 def section(records: list[Record], folder: Path) -> list[str]:
@@ -46,7 +47,7 @@ def answer(records: list[Record]) -> list[str]:
 
 def summary(records: list[Record]) -> list[str]:
     """Return the study's main findings, a line each."""
-    found = _wires(records, "statics", "order-1")
+    found = _wires(records, "statics", PAPER)
     costs = [_microseconds(one) for one in found]
     lines = [
         f"scaling: statics of {found[0]['unknowns']:,} to {found[-1]['unknowns']:,} unknowns take {min(costs):.1f} to "
@@ -170,7 +171,7 @@ def _strands(records: list[Record]) -> str:
 
 
 def _cluster(records: list[Record]) -> list[str]:
-    cost = fitted(_wires(records, "statics", "order-1")[-1])
+    cost = fitted(_wires(records, "statics", PAPER)[-1])
     best = cost.best(LARGE)
     counts = sorted({1, CORES, 16 * CORES, best})
     rows = [

@@ -4,15 +4,23 @@ import html
 from collections.abc import Iterable
 
 from comparisons import STUDIES
+from isorod.space.basis import FAMILIES, PAPER, POLYHARMONIC, POLYNOMIALS
 
-TITLE = "Rods by their surface alone, beside finite elements"
+TITLE = "Rods as solids of few unknowns, beside finite elements"
+
+# What isorod has, and which of it ran.
+_FAMILIES = (
+    f"across a section it has three families of functions. <em>{PAPER.capitalize()}</em>, the cylindrical element of "
+    'J. Lu and X. Zhou (2011, <a href="https://doi.org/10.1016/j.cma.2010.08.007">doi</a>), has harmonic functions of '
+    f"control points on the surface; <em>{POLYHARMONIC}</em> ones extend it to orders of 2 and more; and "
+    f"<em>{POLYNOMIALS}</em> of the section's coordinates, which know no control points, are what is chosen for most "
+    "rods without contact. Which of them ran stands beside each result."
+)
 
 INTRODUCTION = (
     "<p>A spring's wire, a blade, a muscle with its tendons: a rod is a solid that is long and slender. Finite "
-    "elements fill it with thousands of small bricks or tetrahedra. The <em>cylindrical element</em> of J. Lu and X. "
-    "Zhou (2011, "
-    '<a href="https://doi.org/10.1016/j.cma.2010.08.007">doi</a>) computes the same solid, with all its stresses, from '
-    "control points on its surface. <code>isorod</code> implements it, and refines it further than the paper does.</p>"
+    "elements fill it with thousands of small bricks or tetrahedra. <code>isorod</code> computes the same solid, with "
+    f"all its stresses, from functions of a section times splines along an axis; {_FAMILIES}</p>"
     "<p>Each scene below is solved both ways, by isorod and by <code>dolfinx</code> (FEniCSx), a widely used finite "
     "element library, on the same geometry and machine, with one thread. The finite elements are the fastest that a "
     "search over elements, meshes, quadrature rules and solvers found, not a straw man. What is compared is the run "
@@ -21,15 +29,28 @@ INTRODUCTION = (
 )
 
 COMPARED = (
-    "<p>Each scene below is solved both ways, by <code>isorod</code>, whose <em>cylindrical element</em> (J. Lu and X. "
-    'Zhou 2011, <a href="https://doi.org/10.1016/j.cma.2010.08.007">doi</a>) describes a rod by its surface and its '
-    "axis, and by <code>dolfinx</code> (FEniCSx), a widely used finite element library, with bricks that are curved "
-    "with the same rods; on the same machine, with one thread. What is compared is how far each is from what the "
-    "finite elements converge to, and the run time that it takes.</p>"
+    "<p>Each scene below is solved both ways, by <code>isorod</code>, and by <code>dolfinx</code> (FEniCSx), a widely "
+    "used finite element library, with bricks that are curved with the same rods; on the same machine, with one "
+    "thread. What is compared is how far each is from what the finite elements converge to, and the run time that it "
+    "takes. isorod's elements are functions of a section times splines along an axis; "
+    f"{_FAMILIES}</p>"
 )
 
 # Of those below, what pages about scenes of anyone's have.
-_OF_COMPARED = ("error", "run time", "check", "unknowns", "K", "N", "p", "C0 to C3", "2x1x2", "Q1 to Q4, S2 to S4")
+_OF_COMPARED = (
+    "error",
+    "run time",
+    "check",
+    "unknowns",
+    *FAMILIES,
+    "n",
+    "K",
+    "N",
+    "p",
+    "C0 to C3",
+    "2x1x2",
+    "Q1 to Q4, S2 to S4",
+)
 
 MEANINGS = {
     "error": "Distance from the converged solution, relative. That solution is extrapolated from dolfinx on three "
@@ -39,11 +60,15 @@ MEANINGS = {
     "check": "What proves a result and is part of its run time: of modes a Sturm count, one more factorisation, which "
     "shows that none of the lowest frequencies was missed; of few quadrature points, that no motion escaped them.",
     "unknowns": "Displacement components of all control points, or nodes, those held by supports included.",
+    PAPER: "Harmonic functions of n control points round a section (K = 1); curves that are called paper have its "
+    "degree, continuity and quadrature rule as well.",
+    POLYHARMONIC: "Functions of n control points round a section of order K = 2 and more, which bending and twisting "
+    "of thick and thin sections need.",
+    POLYNOMIALS: "Polynomials of degree N in a section's coordinates, where all sections have one shape; no control "
+    "points.",
     "n": "Control points round a section.",
-    "K": "Order of the functions across a section: K = 1 are the paper's, harmonic; K = 2 and 3 add functions that "
-    "bending and twisting of thick and thin sections need.",
-    "N": "Degree of polynomials across a section, taken in place of n and K where all sections have one shape. Thin "
-    "directions take half of it.",
+    "K": f"Order of the functions of control points across a section: {PAPER} has K = 1, {POLYHARMONIC} ones more.",
+    "N": "Degree of the polynomials across a section. Thin directions take half of it.",
     "p": "Degree of the B-splines along the axis.",
     "C0 to C3": "How many derivatives are continuous from one element of the axis to the next; p - 1 if not said, 0 in "
     "the paper's spring.",

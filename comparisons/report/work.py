@@ -29,7 +29,7 @@ def errors(
             f"error of the {quantity} against run time and against unknowns, both axes logarithmic",
             "Lower is more accurate, further left is faster, or smaller. Solid lines in blue and green are isorod, "
             "dashed ones in warm colours and black dolfinx. Rings mark the fastest within each error (dotted lines) "
-            "that stays there on finer meshes; arrows, our share of the run time.",
+            "that stays there on finer meshes.",
             narrow=files[1],
         ),
         fold(

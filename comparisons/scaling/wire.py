@@ -108,7 +108,7 @@ def measure(analysis: str, family: str, coils: int) -> dict[str, Any]:
         gc.collect()
     return {
         "analysis": analysis,
-        "family": family,
+        "family": wire.bodies[0].space.basis.family,
         "coils": coils,
         "ranks": comm.size,
         "unknowns": wire.unknowns,

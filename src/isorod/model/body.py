@@ -139,7 +139,8 @@ class Body(Checked):
         space = self.space
         kept = {name: getattr(space, name) for name in CHOICES if getattr(space, name) is not None}
         chosen = [*space.chosen, *(["formulation"] if self.chosen and self.formulation == "mixed" else [])]
-        return {"element": str(space), **kept, "formulation": self.formulation, "chosen": chosen}
+        named = {"family": space.basis.family, "element": str(space)}
+        return {**named, **kept, "formulation": self.formulation, "chosen": chosen}
 
     @cached_property
     def pressures(self) -> "Pressures | None":

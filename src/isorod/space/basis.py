@@ -8,6 +8,15 @@ from numpy.typing import ArrayLike, NDArray
 from isorod.arrays import Array, Index
 from isorod.geometry.quadrature import Rule
 
+# The families of elements, each by the one name that prints, records, pages and documents have for it: harmonic
+# functions of control points, those of a higher order, and polynomials across the section.
+PAPER, POLYHARMONIC, POLYNOMIALS = FAMILIES = "the paper's element", "polyharmonic", "polynomials"
+
+
+def family_of(order: int) -> str:
+    """Return the family of functions of control points, by their polyharmonic order."""
+    return PAPER if order == 1 else POLYHARMONIC
+
 
 class Functions(Protocol):
     """Functions on the unit disk: some of them, the carriers (`isorod.space.Space.is_carrier`), add up to one."""
@@ -28,7 +37,7 @@ class Functions(Protocol):
 
 
 class SectionBasis(Functions, Protocol):
-    """Functions that a space can have.
+    """Functions that a space can have; as text they are what a run prints of them, the family first.
 
     Attributes
     ----------
@@ -37,6 +46,10 @@ class SectionBasis(Functions, Protocol):
     """
 
     on_surface: ClassVar[bool]
+
+    @property
+    def family(self) -> str:
+        """The family of elements that they make: one of `FAMILIES`, or a name of their own."""
 
     def auto(self, degree: int) -> Rule:
         """Return the cheapest rule whose error stays below that of the space, of a degree along the axis."""

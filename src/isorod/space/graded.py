@@ -18,6 +18,7 @@ from isorod.errors import Checked, InputError
 from isorod.geometry.disk import check_count, control_points, harmonic_functions
 from isorod.geometry.quadrature import Rule, graded_points
 from isorod.geometry.section import refine, refinement_turn
+from isorod.space.basis import family_of
 from isorod.space.polyharmonic import zernike
 
 # Polyharmonic order.  Under a small patch what is long round the section is short along the axis, and dies out as fast
@@ -59,6 +60,14 @@ class Graded(Checked):
             raise InputError(f"arcs: got {fine} fine ones, need a multiple of the {self.n} arcs of the rod itself")
         if not np.isin(np.arange(1, self.n + 1) * (fine // self.n), ends).all():
             raise InputError(f"arcs: one crosses the end of one of the {self.n} arcs of the rod itself")
+
+    def __str__(self) -> str:
+        return f"{self.family}, order {self.order} of {len(self.arcs)} control points, closer at a patch"
+
+    @property
+    def family(self) -> str:
+        """The family of elements that they make."""
+        return family_of(self.order)
 
     @property
     def fine(self) -> int:

@@ -23,6 +23,7 @@ from isorod.errors import InputError, whole_number
 from isorod.geometry.disk import harmonic_functions
 from isorod.geometry.quadrature import Rule
 from isorod.geometry.section import refine
+from isorod.space.basis import family_of
 
 MAX_ORDER = 6
 
@@ -94,6 +95,14 @@ class Polyharmonic:
 
     def __post_init__(self) -> None:
         whole_number("polyharmonic order", self.order, 1, MAX_ORDER)
+
+    def __str__(self) -> str:
+        return f"{self.family}, order {self.order} of {self.n} control points"
+
+    @property
+    def family(self) -> str:
+        """The family of elements that they make."""
+        return family_of(self.order)
 
     @property
     def count(self) -> int:

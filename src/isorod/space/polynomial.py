@@ -19,7 +19,7 @@ from isorod.errors import InputError, representable, whole_number
 from isorod.geometry.disk import harmonic_functions
 from isorod.geometry.quadrature import WHOLE, Rule, section_points
 from isorod.geometry.rod import Rod
-from isorod.space.basis import monomials
+from isorod.space.basis import POLYNOMIALS, monomials
 
 MAX_DEGREE = 8
 
@@ -59,6 +59,7 @@ class Polynomials:
         If the degree is out of range, or the rod's sections are not affine images of each other.
     """
 
+    family: ClassVar[str] = POLYNOMIALS
     on_surface: ClassVar[bool] = False
     most: ClassVar[int] = MAX_DEGREE
 
@@ -89,6 +90,9 @@ class Polynomials:
             across = max(2, ceil(degree * max(0.5, extents.min() / extents.max()) - 1e-9))
         self._powers = monomials(degree, across)
         self._mix = _orthogonalised(self._values(values)[0] * np.sqrt(share))
+
+    def __str__(self) -> str:
+        return f"{self.family}, section degree {self.degree}"
 
     @property
     def count(self) -> int:

@@ -150,15 +150,11 @@ class Space(Checked):
         )
 
     def __str__(self) -> str:
-        """Return what it is in words."""
-        kind = f"section degree {self.section_degree}"
-        if self.section_degree is None:
-            kind = f"order {self.order} of {self.points_around} control points"
-        if self.section_basis is not None:
-            kind = type(self.section_basis).__name__
+        """Return what it is in words, the family of elements first (`isorod.space.basis.FAMILIES`)."""
         smooth = f"C{self.continuity}" if self.axis.elements != 1 else "alone"
         short = f", {len(set(self.knots))} of them short" if self.knots else ""
-        return f"{kind}; {self.axis.elements} elements of degree {self.degree}, {smooth}{short}; quadrature {self.rule}"
+        along = f"{self.axis.elements} elements of degree {self.degree}, {smooth}{short}"
+        return f"{self.basis}; {along}; quadrature {self.rule}"
 
     def matches(self, other: "Space") -> bool:
         """Whether the nodes of another space are those of this one."""
