@@ -4,6 +4,8 @@ import warnings
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from isorod.files import schema
 from isorod.files.data import Points
 from isorod.files.document import Place
@@ -13,6 +15,9 @@ if TYPE_CHECKING:
     from isorod.geometry.rod import Rod
     from isorod.model.body import Body
     from isorod.space.closer import Patch
+
+# Elements of a curve at which stiffness along it is asked for, at most, and the point of the section there.
+_LOOKS, _OFF_CENTRE = 16, np.array([[0.5, 0.0]])
 
 
 class RodPlan:
@@ -27,7 +32,7 @@ class RodPlan:
     KEYS = ("curve", "section", "law", "space")
 
     def __init__(self, place: Place, table: Mapping[str, Any]) -> None:
-        self.place, self._touches = place, False
+        self.place, self._touches, self._carries = place, False, False
         self.patches: Sequence[Patch] = ()
         sweep = {key: one for key, one in table.items() if key in schema.SWEEP.parameters}
         self._sweep = call(place, schema.SWEEP, sweep)
@@ -69,6 +74,10 @@ class RodPlan:
         self.take_surface_points()
         self._touches = True
 
+    def carry(self) -> None:
+        """Let the section functions be such that stresses are right, if nothing is told of them."""
+        self._carries = not {"order", "section_points", "section_degree"} & set(self.space.arguments)
+
     def _section(self, table: Mapping[str, Any], scaled: bool) -> Call:
         """Return the section: of a curve with radii the unit circle where it is not given."""
         if "section" in table or scaled:
@@ -103,6 +112,17 @@ class RodPlan:
         knots = chosen.boundary_layers(rod, given.get("degree"), rod.axis.breaks[1:-1].tolist())
         return {name: value for name, value in (("continuity", 0), ("knots", knots)) if name not in given}
 
+    def _stressed(self, rod: "Rod", laws: Sequence[Any]) -> dict[str, int]:
+        """Return section functions with which stresses are right, if these are others than a space chooses."""
+        from isorod.material.law import reach
+        from isorod.material.places import Places
+        from isorod.space import choice as chosen
+
+        breaks = rod.axis.breaks[:: -(-rod.axis.elements // _LOOKS)]
+        places = Places(rod, 0.5 * (breaks[:-1] + breaks[1:])[:, None], _OFF_CENTRE)
+        found = chosen.stressed(rod, max((reach(law, places) for law in laws if law.families), default=0.0))
+        return {} if found == chosen.section(rod) else found
+
     def body(self) -> "Body":
         """Return the body."""
         if not self.laws:
@@ -125,6 +145,8 @@ class RodPlan:
             more = {name: value for name, value in more.items() if name not in given}
         elif len(laws) > 1 and rings == 1 and "elements" not in self.space.arguments:
             more = self._jumps(rod)
+        if self._carries and not self._touches:
+            more |= self._stressed(rod, laws)
         space = closer(rod, self.patches) if self.patches else self.space.make(rod=rod, **more)
         material = laws[0] if len(laws) == 1 else laws
         told = self._body or call(self.place, schema.BODY, {})
