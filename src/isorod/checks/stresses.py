@@ -17,6 +17,9 @@ from isorod.output.stress import cauchy
 # Sections looked at in an element, elements looked at, and points round each section.
 _SECTIONS, _MOST, _AROUND = 4, 256, 8
 
+# At the radius where rings meet the outer one is meant; next to it is the inner one.
+_INSIDE = 1.0 - 1e-9
+
 
 def change(
     finer: Finer,
@@ -25,7 +28,7 @@ def change(
     pressures: Sequence[Array | None] = (),
     corrected: Sequence[Array | None] = (),
 ) -> float:
-    """Return the largest change of Cauchy stress at surfaces, relative to the largest stress there.
+    """Return the largest change of Cauchy stress at surfaces and in the middle, relative to the largest stress there.
 
     Stresses are measured by their Frobenius norm; the answer is NaN where no place is far enough from edges.
 
@@ -43,7 +46,10 @@ def change(
             continue
         angle = 2.0 * np.pi / _AROUND * (np.arange(_AROUND) + 0.5)
         ring = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        xi = np.concatenate([radius * ring for radius in body.space.rod.rings if radius > 0.0])
+        # The middle of what has no hole, and both sides where rings meet.
+        rings = body.space.rod.rings
+        sides = [radius * _INSIDE for radius in rings[1:-1]]
+        xi = np.concatenate([radius * (ring if radius else ring[:1]) for radius in (*rings, *sides)])
         there = _stress(body, finer.coarse.nodal(before, b), xi, u, pressures[b] if pressures else None)
         better = _stress(fine, finer.model.nodal(after, b), xi, u, corrected[b] if corrected else None)
         largest = max(largest, float(np.linalg.norm(better, axis=(2, 3)).max()))

@@ -4,6 +4,8 @@ import warnings
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from isorod.files import schema
 from isorod.files.data import Points
 from isorod.files.document import Place
@@ -13,6 +15,9 @@ if TYPE_CHECKING:
     from isorod.geometry.rod import Rod
     from isorod.model.body import Body
     from isorod.space.closer import Patch
+
+# Elements of a curve at which stiffness along it is asked for, at most, and the point of the section there.
+_LOOKS, _OFF_CENTRE = 16, np.array([[0.5, 0.0]])
 
 
 class RodPlan:
@@ -27,7 +32,7 @@ class RodPlan:
     KEYS = ("curve", "section", "law", "space")
 
     def __init__(self, place: Place, table: Mapping[str, Any]) -> None:
-        self.place, self._touches = place, False
+        self.place, self._touches, self._carries = place, False, False
         self.patches: Sequence[Patch] = ()
         # Axis parameters of sections on which loads act.
         self.loaded: list[float] = []
@@ -71,6 +76,10 @@ class RodPlan:
         self.take_surface_points()
         self._touches = True
 
+    def carry(self) -> None:
+        """Let the section functions be such that stresses are right, if nothing is told of them."""
+        self._carries = not {"order", "section_points", "section_degree"} & set(self.space.arguments)
+
     def _section(self, table: Mapping[str, Any], scaled: bool) -> Call:
         """Return the section: of a curve with radii the unit circle where it is not given."""
         if "section" in table or scaled:
@@ -113,6 +122,17 @@ class RodPlan:
             more["continuity"] = 0
         return {name: value for name, value in more.items() if name not in given}
 
+    def _stressed(self, rod: "Rod", laws: Sequence[Any]) -> dict[str, int]:
+        """Return section functions with which stresses are right, if these are others than a space chooses."""
+        from isorod.material.law import reach
+        from isorod.material.places import Places
+        from isorod.space import choice as chosen
+
+        breaks = rod.axis.breaks[:: -(-rod.axis.elements // _LOOKS)]
+        places = Places(rod, 0.5 * (breaks[:-1] + breaks[1:])[:, None], _OFF_CENTRE)
+        found = chosen.stressed(rod, max((reach(law, places) for law in laws if law.families), default=0.0))
+        return {} if found == chosen.section(rod) else found
+
     def body(self) -> "Body":
         """Return the body."""
         if not self.laws:
@@ -135,6 +155,8 @@ class RodPlan:
             more = {name: value for name, value in more.items() if name not in given}
         else:
             more = self._jumps(rod, len(laws))
+        if self._carries and not self._touches:
+            more |= self._stressed(rod, laws)
         space = closer(rod, self.patches) if self.patches else self.space.make(rod=rod, **more)
         material = laws[0] if len(laws) == 1 else laws
         told = self._body or call(self.place, schema.BODY, {})

@@ -160,6 +160,8 @@ class FileScene:
                 plan.touch()
             elif name in touching or name in held:
                 plan.take_surface_points()
+            elif self.analysis == "statics":
+                plan.carry()
             if self._is_explicit():
                 # The shortest element sets the time step.
                 plan.space.arguments.setdefault("knots", ())

@@ -6,7 +6,6 @@ that slender ones do not lock, and shorter ones towards the ends (`boundary_laye
 """
 
 from collections.abc import Sequence
-from functools import lru_cache
 from math import ceil, pi
 from typing import Any, NamedTuple, cast
 
@@ -15,13 +14,13 @@ import numpy as np
 from isorod.arrays import Array
 from isorod.errors import InputError
 from isorod.geometry.axis import MAX_DEGREE
-from isorod.geometry.quadrature import WHOLE, Rule, section_points
+from isorod.geometry.quadrature import WHOLE, Rule
 from isorod.geometry.rod import Rod
 from isorod.geometry.section import refinement_turn
-from isorod.space.basis import SectionBasis
 from isorod.space.polyharmonic import Polyharmonic
 from isorod.space.polynomial import MAX_DEGREE as MAX_SECTION_DEGREE
 from isorod.space.polynomial import polynomials
+from isorod.space.torsion import of_polynomials, torsion
 
 DEGREE = 5
 
@@ -41,6 +40,12 @@ LONG = 3.0
 # Share of the torsion constant that a section degree may miss; the least degree, that of a short rod, and the most.
 WARPING = 2e-3
 LEAST, LEAST_SHORT, MOST = 3, 5, 6
+
+# Share of the largest stress in torsion that it may miss in statics.
+TWISTED = 0.02
+
+# What is left of a series in the radius times the curvature that ends with the section degree, in statics.
+CURVED = 0.005
 
 # Rods with a hole or in layers: exact for round ones under pressure from 2 on, in layers that bend from 5; a hollow
 # airfoil wants 6 to 8.  The torsion constant is that of the degree two above the most.
@@ -71,11 +76,10 @@ _MANY, _LOOKS = 1000, 7
 # What a held, loaded or welded end does to stresses decays within a diameter where the law is isotropic, later where
 # fibres are stiff; the layer in which a cable bends at its ends is longer still.  Elements that resolve all of these:
 # the first 0.4 radii long, each next one this many times as long until they are as long as the others; a knot is
-# left out where another one is as near as these shares of its element's length, before and after it.  Measured on bars
-# in tension, torsion, bending and shear, length over radius 5 to 200: stresses from a diameter off the ends on err by
-# 0.5 % at the most, where even elements err by 55 %; on strings, frequencies by 0.06 % where they err by 0.23 %
-# without those beyond three radii.
-_FIRST, _RISE = 0.4, 4.0
+# left out where another one is as near as these shares of its element's length, before and after it.  Measured
+# (`comparisons.stability.stresses`): stresses of round bars from a diameter off the ends on err by 0.5 % at the most,
+# where even elements err by 55 %.
+_FIRST, _RISE = 0.4, 3.0
 
 # Rods that are longer, in widths, have none: with some, Newton's method loses to rounding from 5e4 widths on, without
 # from 5e5.
@@ -95,6 +99,8 @@ class Shape(NamedTuple):
         The largest angle by which an element turns, bent or twisted, radians.
     slenderness
         Length over width.
+    bend
+        The largest curvature, or twist over length, of an element times the radius.
     walls
         Elements of a tube.
     radius
@@ -105,6 +111,7 @@ class Shape(NamedTuple):
 
     angle: float
     slenderness: float
+    bend: float
     walls: float
     radius: float
     u: Array
@@ -250,24 +257,48 @@ def section(rod: Rod, missed: float = WARPING) -> dict[str, int]:
     if rod.rings != WHOLE:
         from isorod.space.ringed import Ringed
 
-        best = _torsion_constant(rod, Ringed(rod, MOST_RINGED + 1))
+        best, _ = torsion(rod, Ringed(rod, MOST_RINGED + 1))
         for degree in range(RINGED, MOST_RINGED):
-            if _torsion_constant(rod, Ringed(rod, degree)) <= (1.0 + missed) * best:
+            if torsion(rod, Ringed(rod, degree))[0] <= (1.0 + missed) * best:
                 return {"section_degree": degree}
         return {"section_degree": MOST_RINGED}
     multiple = ceil(POINTS / rod.section_points)
     points = {"order": ORDER, "section_points": multiple * rod.section_points}
     try:
-        best = _of_polynomials(rod, MAX_SECTION_DEGREE)
+        best, _ = of_polynomials(rod, MAX_SECTION_DEGREE)
     except InputError:
         return points
     for degree in range(LEAST if _shape(rod).slenderness > LONG else LEAST_SHORT, MOST + 1):
-        constant = _of_polynomials(rod, degree)
+        constant, _ = of_polynomials(rod, degree)
         if constant <= (1.0 + missed) * best:
             return {"section_degree": degree}
     turn = refinement_turn(rod.section_points, multiple)
-    harmonic = _torsion_constant(rod, Polyharmonic(points["section_points"], ORDER, turn))
+    harmonic = torsion(rod, Polyharmonic(points["section_points"], ORDER, turn))[0]
     return points if harmonic * (1.0 + missed) < constant else {"section_degree": MOST}
+
+
+def stressed(rod: Rod, reach: float) -> dict[str, int]:
+    """Return the section functions, as `section` does, with which stresses are right too, not works alone.
+
+    ``reach`` is that of the laws (`isorod.material.law.reach`).
+    """
+    found = section(rod)
+    if rod.rings != WHOLE or "section_degree" not in found:
+        return found
+    best = of_polynomials(rod, MAX_SECTION_DEGREE)[1]
+    # Stresses of a curved bar are a power series in the radius over that of its axis.
+    series = ceil(np.log(CURVED) / np.log(np.clip(_shape(rod).bend, CURVED, 0.5)))
+    degree = min(max(found["section_degree"], ceil(2.0 + 0.5 * reach), series), MOST)
+    while degree < MOST and not _carries(rod, degree, best):
+        degree += 1
+    return {"section_degree": degree}
+
+
+def _carries(rod: Rod, degree: int, best: Array) -> bool:
+    """Return whether stresses in torsion are near the best, and shear may warp the thickness cubically."""
+    missed = np.linalg.norm(of_polynomials(rod, degree)[1] - best, axis=1).max()
+    near = missed <= TWISTED * np.linalg.norm(best, axis=1).max()
+    return bool(near and polynomials(rod, degree).across >= LEAST)
 
 
 def rule(space: Any) -> Rule:
@@ -279,47 +310,6 @@ def rule(space: Any) -> Rule:
     found, even = space.basis.auto(degree), ~np.isin(axis.breaks[1:-1], space.knots or ())
     sharp = degree > 1 and (axis.multiplicities[1:-1][even] >= degree).all()
     return Rule(found.radial, found.angular, degree) if sharp else found
-
-
-@lru_cache(maxsize=32)
-def _of_polynomials(rod: Rod, degree: int) -> float:
-    """Return the torsion constant of polynomials, kept for who asks again of the same rod."""
-    return _torsion_constant(rod, polynomials(rod, degree))
-
-
-def _torsion_constant(rod: Rod, basis: SectionBasis) -> float:
-    """Return the torsion constant that section functions give the section half way along, its polar moment being 1.
-
-    The warping function makes ``integral of |grad w + (-y, x)|^2`` least (Saint-Venant).
-    """
-    place, slopes, weights = _section(rod)
-    gradients = basis.functions(_points(rod.section_points, rod.rings)[0])[1] @ slopes
-    turning = np.stack([-place[:, 1], place[:, 0]], axis=1)
-    rows = gradients.swapaxes(1, 2).reshape(-1, basis.count)
-    heavy = np.repeat(weights, 2)[:, None] * rows
-    pushed = turning.ravel() @ heavy
-    moved = np.linalg.lstsq(heavy.T @ rows, pushed, rcond=1e-12)[0]
-    polar = float(weights @ (turning**2).sum(axis=1))
-    return 1.0 - float(pushed @ moved) / polar
-
-
-@lru_cache(maxsize=8)
-def _points(n: int, rings: tuple[float, ...]) -> tuple[Array, Array]:
-    """Return points and weights on the disk that see products of the highest degree."""
-    degree = MAX_SECTION_DEGREE if rings == WHOLE else MOST_RINGED + 4
-    return section_points(n, Rule(degree, 1 + ceil(2.0 * pi * degree / n), 1), rings=rings)
-
-
-def _section(rod: Rod) -> tuple[Array, Array, Array]:
-    """Return, of the section half way along, places about its centroid, ``dxi/dX`` and weights at `_points`."""
-    xi, area = _points(rod.section_points, rod.rings)
-    middle = 0.5 * (rod.axis.breaks[:-1] + rod.axis.breaks[1:])[rod.axis.elements // 2]
-    position, jacobian = (found[0] for found in rod.grid(xi, [middle]))
-    plane = np.linalg.svd(position - position.mean(axis=0), full_matrices=False)[2][:2]
-    slopes = plane @ jacobian[:, :, :2]
-    weights = area * np.abs(np.linalg.det(slopes))
-    place = position @ plane.T
-    return place - weights @ place / weights.sum(), np.linalg.inv(slopes), weights
 
 
 def _shape(rod: Rod) -> Shape:
@@ -337,6 +327,7 @@ def _shape(rod: Rod) -> Shape:
     traces = np.einsum("etab,etab->et", frames[:, 1:], frames[:, :-1])
     angles = np.arccos(np.clip(0.5 * (traces - 1.0), -1.0, 1.0)).sum(axis=1) * _LOOKS / (_LOOKS - 1)
     length = np.linalg.norm(np.diff(position[:, 0], axis=0), axis=1).sum() * _LOOKS * count / (_LOOKS * count - 1)
+    long = np.linalg.norm(np.diff(position[:, 0].reshape(count, _LOOKS, 3), axis=1), axis=2).mean(axis=1) * _LOOKS
     scale = rod.axis.elements / count
     length *= scale
     radii = np.linalg.norm(position[:, 1:] - position[:, :1], axis=2)
@@ -351,7 +342,8 @@ def _shape(rod: Rod) -> Shape:
         way = np.concatenate([[0.0], way + steps_[0], [way[-1] + steps_[0][0] + steps_[1][0]]])
         u = np.concatenate([breaks[:1], u, breaks[-1:]])
     walls = _walls(rod, float(length), radii)
-    return Shape(float(angles.max()), float(0.5 * length / radius), walls, radius, u, way)
+    bend = float((angles / long).max() * radius)
+    return Shape(float(angles.max()), float(0.5 * length / radius), bend, walls, radius, u, way)
 
 
 def _walls(rod: Rod, length: float, radii: Array) -> float:

@@ -53,6 +53,11 @@ class Polynomials:
     degree
         Total degree ``N``, 1 to 8.
 
+    Attributes
+    ----------
+    across
+        Degree in the thinner direction.
+
     Raises
     ------
     InputError
@@ -84,11 +89,11 @@ class Polynomials:
             )
         area, values, first, second = _points(rod.section_points, degree, rod.rings)
         self._polygon, extents, share = _principal_frame(self._polygon, area, values, first, second)
-        across = degree
+        self.across = degree
         # Round a hole a wall is bent all ways.
         if rod.rings == WHOLE:
-            across = max(2, ceil(degree * max(0.5, extents.min() / extents.max()) - 1e-9))
-        self._powers = monomials(degree, across)
+            self.across = max(2, ceil(degree * max(0.5, extents.min() / extents.max()) - 1e-9))
+        self._powers = monomials(degree, self.across)
         self._mix = _orthogonalised(self._values(values)[0] * np.sqrt(share))
 
     def __str__(self) -> str:

@@ -1,0 +1,57 @@
+"""The hardest bars of the study of stresses: right by the space that is chosen, wrong on even elements of degree 3."""
+
+import numpy as np
+import pytest
+
+from comparisons.stability import stresses
+from comparisons.stability.stresses import Bar, finer, off, places
+from isorod import statics
+from isorod.files.scene import FileScene
+from isorod.material import LinearElastic
+from isorod.material.holzapfel_gasser_ogden import HolzapfelGasserOgden
+from isorod.material.law import reach
+from isorod.material.orthotropic import TransverselyIsotropic
+from isorod.material.places import alone
+
+BARS = [
+    Bar("ellipse", "isotropic", "shear", 10.0),
+    Bar("ellipse", "fibred 20", "torsion", 20.0),
+    Bar("circle", "isotropic", "pressure", 50.0),
+]
+
+
+@pytest.mark.parametrize("bar", BARS, ids=str)
+def test_stresses_are_right_by_default_and_wrong_on_even_elements(bar, tmp_path):
+    scene = stresses.scene(bar, tmp_path)
+    model = scene.model()
+    space, at = model.bodies[0].space, places(model)
+    exact = statics.solve(scene.on([finer(space)]).model()).stress(0, *at)
+    solution = statics.solve(model)
+    error = off(solution.stress(0, *at), exact)
+    assert error < stresses.TOLERANCE
+    assert error / 3.0 < solution.errors().stress < 5.0 * error
+    even = FileScene(scene.path, elements=space.elements, section_degree=3)
+    assert off(statics.solve(even.model()).stress(0, *at), exact) > stresses.TOLERANCE
+
+
+def test_places_are_on_all_surfaces_and_far_from_ends(tmp_path):
+    model = stresses.scene(Bar("layers", "isotropic", "tension", 10.0), tmp_path).model()
+    u, xi = places(model)
+    assert 10.0 * u[[0, -1]] == pytest.approx([2.0, 8.0])
+    assert np.unique(np.hypot(*xi.T).round(6)) == pytest.approx([0.0, 0.6, 1.0])
+
+
+def test_outcomes():
+    assert [stresses.outcome(*one) for one in ((0.009, 0.1), (0.02, 0.04), (0.02, 0.01), (0.04, None))] == [
+        *stresses.OUTCOMES
+    ]
+
+
+def test_reach_along_fibres():
+    """An incompressible matrix has E = 3 c, G = c, and with fibres E = 3 c + 4 k1; laws that split count as such."""
+    assert reach(LinearElastic(7.0, 0.3), alone()) == pytest.approx(np.sqrt(3.0), rel=2e-3)
+    fibred = TransverselyIsotropic(200.0, 10.0, 0.3, 0.3, 4.0)
+    assert reach(fibred, alone()) == pytest.approx(np.sqrt(50.0))
+    across = TransverselyIsotropic(200.0, 10.0, 0.3, 0.3, 4.0, "normal")
+    assert reach(across, alone()) < 2.0
+    assert reach(HolzapfelGasserOgden(2.0, 10.0, 1.0, np.inf), alone()) == pytest.approx(np.sqrt(23.0), rel=5e-3)
