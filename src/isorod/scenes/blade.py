@@ -46,7 +46,7 @@ class Blade(Preset):
     )
     section_degree: int | None = option(None, "polynomials of this degree across the section, 1 to 8 (chosen)")
     degree: int | None = option(None, "degree along the axis, 2 to 6 (5)")
-    continuity: int | None = option(None, "continuity at inserted knots, below the degree (degree - 3; paper: degree - 1)")
+    continuity: int | None = option(None, "continuity at inserted knots, below degree (degree - 3; paper: degree - 1)")
     quadrature: str | None = option(
         None, "quadrature rule: auto, full, paper, RxS or RxSxT such as 2x1x4 (one that goes with the element)"
     )

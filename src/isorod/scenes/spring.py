@@ -45,7 +45,7 @@ class Spring(Preset):
     )
     section_degree: int | None = option(None, "polynomials of this degree across the section, 1 to 8 (chosen)")
     degree: int | None = option(None, "degree along the axis, 2 to 6 (5)")
-    continuity: int | None = option(None, "continuity at inserted knots, below the degree (degree - 3; paper: degree - 1)")
+    continuity: int | None = option(None, "continuity at inserted knots, below degree (degree - 3; paper: degree - 1)")
     formulation: str | None = option(
         None, "displacement, or mixed: displacement and pressure (mixed from nu = 0.49 on)"
     )
