@@ -1,10 +1,12 @@
 """Study ``compare``: a scene of anyone's, solved both ways: errors against run time, fields, pictures.
 
 What is compared with is the finite elements' own limit: of each number that the scene measures three meshes are
-extrapolated.  Fields are compared with those of the finest mesh, at its nodes.
+extrapolated.  Fields are compared with those of the finest mesh, at its nodes, and stresses that nothing measures at
+surfaces, away from edges (`isorod.checks.stresses`); the default's also with those of isorod's own finest space.
 """
 
 import re
+import shlex
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,6 +24,7 @@ from comparisons.measure.study import Run, Steps
 from comparisons.measure.variants import DEFAULT, Variant, variants
 from comparisons.report import rod_pictures
 from isorod import options, scenes
+from isorod.arrays import Array
 from isorod.errors import InputError, SolveError
 from isorod.output import results
 from isorod.output.words import duration
@@ -114,6 +117,13 @@ class _Solved:
     sample: Sample
 
 
+class _Ours(NamedTuple):
+    """A run of isorod: its record, and stresses at surfaces."""
+
+    record: Record
+    von_mises: Array | None
+
+
 @dataclass(frozen=True)
 class Comparison:
     """One comparison: where its records go, what shows its progress, what is compared, a folder for its fields."""
@@ -130,10 +140,11 @@ class Comparison:
         finest = meshes[-1]
         found = [quantities.values(one.record, names) for one in meshes]
         reference = quantities.converged([1.0 / one.level for one in meshes], found)
-        judge = distance.Judge(self.what.model, reference, finest.sample, names)
         scene = self.what.scene
+        stresses = list(getattr(scene, "stresses", ()))
+        judge = distance.Judge(reference, finest.sample, names, stresses)
         said = {"word": self.what.word, "title": getattr(scene, "title", ""), "units": scene.units}
-        self._record("scene", said | {"name": scene_name(self.what), "analysis": scene.analysis})
+        self._record("scene", said | {"name": scene_name(self.what), "analysis": scene.analysis, "stresses": stresses})
         self._record("converged", {"quantities": [vars(one) for one in reference], "degree": DEGREE})
         for one in meshes:
             own = judge.of_mesh(one.record, one.sample)
@@ -207,18 +218,23 @@ class Comparison:
     def _ours(self, judge: distance.Judge) -> Record:
         """Record isorod's runs and return that with nothing chosen."""
         judge.places.write(self.folder / "places.npz")
-        default = self._variant(judge, Variant(DEFAULT, (), True))
-        assert default is not None
-        for one in variants(self.what.scene, self.what.model, default["discretisation"]):
-            self._variant(judge, one)
+        first = self._variant(judge, Variant(DEFAULT, (), True))
+        assert first is not None
+        default = first.record
+        ways = variants(self.what.scene, self.what.model, default["discretisation"])
+        runs = [found for one in ways if (found := self._variant(judge, one)) is not None]
+        best = max(runs, key=lambda one: one.record["dofs"], default=first)
+        if "stress" in default and best.record["dofs"] > default["dofs"]:
+            own = judge.between(first.record, first.von_mises, best.record, best.von_mises)
+            self._record("finer", {"label": best.record["label"], "dofs": best.record["dofs"], "stress": own})
         return default
 
-    def _variant(self, judge: distance.Judge, one: Variant) -> Record | None:
+    def _variant(self, judge: distance.Judge, one: Variant) -> _Ours | None:
         file = self.folder / "ours.npz"
-        fields = ["--at", str(self.folder / "places.npz"), "--fields", str(file)]
+        asked = ["--at", str(self.folder / "places.npz"), "--fields", str(file)]
         with self.steps.step(f"isorod, {one.label}"):
             try:
-                words = [self.what.word, *one.arguments, "--repeat", str(REPEAT), "--estimate", *fields]
+                words = [self.what.word, *one.arguments, "--repeat", str(REPEAT), "--estimate", *asked]
                 record = timing.run("comparisons.measure.rod", words)
             except timing.Failed as problem:
                 if one.label == DEFAULT:
@@ -226,9 +242,10 @@ class Comparison:
                 self._refuse("cylindrical", one.arguments, problem.said)
                 return None
             with np.load(file) as arrays:
-                own = judge.of_ours(record, dict(arrays))
-        named = {"curve": "isorod", "label": one.label, "arguments": " ".join(one.arguments), "sequence": one.sequence}
-        return self._record("work", record | named | own)
+                fields = dict(arrays)
+        named = {"curve": "isorod", "label": one.label, "arguments": shlex.join(one.arguments)}
+        own = judge.of_ours(record, fields)
+        return _Ours(self._record("work", record | named | {"sequence": one.sequence} | own), fields.get("von_mises"))
 
     def _record(self, part: str, values: dict[str, Any]) -> Record:
         """Append a record to a folder that is made now, when no mesh and no wrong scene can refuse any more."""
@@ -237,7 +254,7 @@ class Comparison:
 
     def _refuse(self, method: str, arguments: Sequence[str], message: str) -> None:
         curve = "isorod" if method == "cylindrical" else "finite elements"
-        self._record("refused", {"curve": curve, "arguments": " ".join(arguments), "message": message})
+        self._record("refused", {"curve": curve, "arguments": shlex.join(arguments), "message": message})
 
 
 def scene_name(what: Subject) -> str:

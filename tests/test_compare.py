@@ -21,7 +21,8 @@ from comparisons import compare
 from comparisons.measure import rod, sampled, timing
 from comparisons.measure.records import part
 from comparisons.report import compare as report
-from comparisons.report import page, rod_pictures
+from comparisons.report import page, plots, rod_pictures
+from isorod.checks import stresses
 from isorod.command import beside, cli
 from isorod.command import compare as command
 from isorod.files.scene import FileScene
@@ -55,14 +56,18 @@ def fem(arguments):
     where, numbers = mesh.parameters, np.zeros(len(mesh.points), dtype=np.int64)
     arrays = {"points": mesh.points, "parameters": where, "node_rod": numbers, "cells": mesh.cells}
     arrays |= {"weights": mesh.node_volumes(), "order": np.array(mesh.order)}
-    gauss = where[mesh.cells].mean(axis=1).repeat(8, axis=0)
-    places = sampled.Places(numbers, where[:, :2], where[:, 2], np.zeros(len(gauss), int), gauss[:, :2], gauss[:, 2])
+    u, xi = np.array([]), np.zeros((0, 2))
+    if scene.analysis == "statics":
+        u, xi = stresses.away(solution.model, 0), stresses.around([1.0])
+    rows = np.zeros(u.size * len(xi), dtype=np.int64), np.tile(xi, (u.size, 1)), u.repeat(len(xi))
+    places = sampled.Places(numbers, where[:, :2], where[:, 2], *rows)
     found = {name: off * values for name, values in sampled.fields(solution, places).items()}
     if scene.analysis == "modal":
         found = {"modes": np.concatenate([np.ones((solution.rigid, len(numbers), 3)), found["modes"]])}
         found["frequencies"] = off * solution.frequencies
     else:
-        arrays |= {"stress_parameters": gauss, "stress_rod": places.stress_rod}
+        arrays |= {"surface_parameters": np.column_stack(rows[1:]), "surface_rod": rows[0]}
+        found["surface_von_mises"] = found.pop("von_mises")
     np.savez(file, **arrays, **found)
     record = rod.record(scene, solution, runs, settings)
     measured = {name: off * np.asarray(record[name]) for name in scene.units}
@@ -121,13 +126,21 @@ def test_both_sides_run_and_the_answer_is_on_page_and_screen(both, capsys):
     # On the finest mesh fields are so much larger.
     far = 0.04 / 9.0
     field = ours[0]["field"]
-    assert [field[name] for name in ("displacement", "von_mises", "peak_error")] == pytest.approx(
-        [far / (1.0 + far)] * 3, rel=1e-3
-    )
-    assert work[0]["field"]["displacement"] == pytest.approx((0.04 - far) / (1.0 + far), rel=1e-6)
+    assert [field["displacement"], ours[0]["stress"]] == pytest.approx([far / (1.0 + far)] * 2, rel=1e-6)
+    for name in ("displacement", "stress"):
+        off = [one["field"][name] for one in work[:3]]
+        assert off == pytest.approx([(0.04 - far) / (1.0 + far), (0.01 - far) / (1.0 + far), 0.0], rel=1e-6)
+    assert field["peak"] == pytest.approx(work[2]["field"]["peak"] / (1.0 + far), rel=1e-6)
     assert 0.0 < ours[0]["error_estimate"] < 0.1
+    # Every run has its error of stress; the default's is told against isorod's finest space too.
+    (finer,) = part(records, "finer")
+    assert finer["label"] == "N+1, 2e" and finer["dofs"] == max(one["dofs"] for one in ours)
+    assert all("stress" in one for one in work) and 0.0 < finer["stress"] < ours[1]["stress"]
     said = capsys.readouterr().out
     assert "my bar: default (polynomials) within 0.5 %: yes, stress within 3 %: yes; error of force 0 %; finite" in said
+    assert "my bar: von Mises stress at surfaces, a diameter and more from edges, 0.44 % from dolfinx' finest" in said
+    assert "which tells to 0.55 %, and" in said and "from isorod's finest space (N+1, 2e); isorod's own" in said
+    assert "my bar stress within 1 %: isorod (" in said
     text = (folder / "report.html").read_text()
     for piece in (
         "within 0.5 %: <strong>yes</strong>, stress within 3 %: <strong>yes</strong>",
@@ -251,6 +264,54 @@ def canned(error, doubt):
 )
 def test_the_verdict_says_how_far_finite_elements_tell(error, doubt, said):
     assert report.verdict(canned(error, doubt)) == said
+
+
+def canned_stress(error, finer, before, measured=()):
+    """Return records of a default, and of meshes of which the last one stands for the limit of stresses."""
+    records = canned(1e-4, 1e-5)
+    records[0]["stress"] = error
+    meshes = [(0.1, 1.0), (before, 10.0), (0.0, 100.0)]
+    for k, (stress, seconds) in enumerate(meshes):
+        own = {"part": "work", "sequence": True, "stress": stress}
+        records.append(run_of("fem", f"mesh {k}", seconds, 1e-3, 10 * k) | own)
+    peak = {"name": "peak", "values": [2.0], "uncertainties": [0.002], "orders": [2.0], "spread": 0.1}
+    records[1]["quantities"].append(peak)
+    named = [{"part": "scene", "stresses": list(measured)}]
+    return records + named + [{"part": "finer", "label": "2e", "stress": finer}]
+
+
+@pytest.mark.parametrize(
+    ("error", "finer", "before", "said"),
+    [
+        (0.01, 0.004, 5e-3, "yes"),
+        # Nearer to dolfinx than to what is finer here.
+        (0.01, 0.06, 5e-3, "no"),
+        (0.02, 0.004, 0.025, "yes, but finite elements tell to 2.5 % only"),
+    ],
+)
+def test_the_verdict_on_stress_is_against_both_references(error, finer, before, said):
+    records = canned_stress(error, finer, before)
+    assert report.verdict(records, "stress") == said and report.told(records, "stress") == before
+    assert report.verdict(records) == "yes"
+    # What a file measures is judged by the limit of the meshes, and is no part of the other error.
+    measured = canned_stress(error, finer, before, ["peak"])
+    assert (report.told(measured, "stress"), report.told(measured)) == pytest.approx((1e-3, 1e-5))
+
+
+def test_run_times_to_an_error_of_stress_leave_the_reference_out():
+    """The finest mesh is nought from itself."""
+    said = report._beside(canned_stress(0.01, 0.004, 0.02), "stress")
+    assert said.endswith("the 10,000 ms of dolfinx to 2 % of stress, which is as far as finite elements tell")
+
+
+def test_stress_has_a_curve_of_its_own(tmp_path):
+    """A third panel: what was two panels high 5.4 inches is two rows."""
+    image = pytest.importorskip("PIL.Image")
+    runs = [run_of("fem", "mesh 1", 1.0, 1e-2), run_of("cylindrical", "default", 0.01, 1e-3)]
+    runs = [one | {"sequence": True, "field": {"displacement": 1e-3}, "stress": 0.02} for one in runs]
+    files = [tmp_path / f"{which}.png" for which in ("wide", "narrow")]
+    plots.labelled(runs, {"error": 1e-4, "stress": 1e-3}, *files)
+    assert [image.open(file).size for file in files] == [(1560, 1274), (598, 1833)]
 
 
 def test_the_command_becomes_the_comparison_of_the_checkout(monkeypatch, tmp_path):

@@ -1,5 +1,6 @@
 """What a comparison is made of: limits of three meshes, fields at the same points, pairs of modes."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +12,7 @@ from comparisons.measure.quantities import Converged
 from comparisons.measure.sampled import Places, Sample
 from comparisons.measure.variants import variants
 from isorod import modal, statics
+from isorod.checks import stresses
 from isorod.files.scene import FileScene
 from isorod.material import LinearElastic, NeoHookean
 from isorod.model import Body, Model, Support
@@ -132,26 +134,41 @@ def test_places_come_back_from_their_file(tmp_path):
     np.testing.assert_array_equal(Places.read(tmp_path / "places.npz").xi, places.xi)
 
 
-def test_stresses_count_away_from_held_ends(bar):
-    u = np.linspace(0.0, 1.0, 81)
-    inside = sampled.away(bar.model, np.zeros(81, dtype=np.int64), u)
+def test_stresses_are_compared_farther_from_ends_than_the_section_is_wide(bar):
+    u = stresses.away(bar.model, 0)
     # As far as the section is wide, 2, from both ends of 8.
-    np.testing.assert_array_equal(inside, (u >= 0.25 - 1e-9) & (u <= 0.75 + 1e-9))
+    assert u.size > 4 and u.min() > 0.25 and u.max() < 0.75
 
 
-def test_a_free_end_counts(bar):
-    model = Model(bar.model.bodies, bar.model.supports[:1])
-    assert sampled.away(model, np.zeros(2, dtype=np.int64), np.array([0.2, 1.0])).tolist() == [False, True]
+def test_stresses_are_compared_away_from_a_patch_on_both_sides():
+    space = Space(straight(n=4, height=16.0), elements=16, degree=2, order=1)
+    patch = Support.patch(space, along=(7.9, 8.1), around=(-10.0, 10.0))
+    u = stresses.away(Model([Body(space, NeoHookean(1.0, 0.3))], [patch]), 0)
+    assert u.size and np.abs(u - 0.5).min() > 2.0 / 16.0 and np.abs(u - 0.5).max() < 0.5 - 2.0 / 16.0
 
 
-def test_a_patch_is_away_from_on_both_sides():
-    rod = straight(n=4, height=8.0)
-    space = Space(rod, elements=8, degree=2, order=1)
-    patch = Support.patch(space, along=(3.9, 4.1), around=(-10.0, 10.0))
-    inside = sampled.away(
-        Model([Body(space, NeoHookean(1.0, 0.3))], [patch]), np.zeros(3, dtype=np.int64), np.array([0.0, 0.5, 1.0])
-    )
-    assert inside.tolist() == [True, False, True]
+def judged(stress=(), off=1.1, peak=90.0):
+    """Return the errors of a run whose force is 1 % off, whose stress at surfaces is 10 %, and whose peak is 50 %."""
+    none = np.zeros(0)
+    places = Places(*[none.astype(np.int64), np.zeros((0, 2)), none] * 2)
+    best = np.array([1.0, 3.0, 10.0])
+    finest = Sample(places, none, none, none, 2, np.zeros((0, 3)), None, best)
+    reference = [Converged("force", [2.0], [1e-3], [2.0]), Converged("peak", [60.0], [0.3], [2.0])]
+    judge = Judge(reference, finest, ["force", "peak"], stress)
+    record = {"force": 2.02, "peak": peak}
+    run = judge.of_ours(record, {"displacement": np.zeros((0, 3)), "von_mises": off * best})
+    return judge, run
+
+
+def test_stress_has_an_error_of_its_own_the_measured_one_where_there_is_one():
+    judge, run = judged(["peak"])
+    assert (run["error"], run["stress"]) == pytest.approx((0.01, 0.5))
+    # Relative to the largest stress, where the difference is largest.
+    assert (run["field"]["stress"], run["field"]["peak"]) == pytest.approx((0.1, 11.0))
+    assert judge.between(run, None, judged(["peak"], peak=100.0)[1], None) == pytest.approx(0.1)
+    judge, run = judged()
+    assert (run["error"], run["stress"]) == pytest.approx((0.5, 0.1))
+    assert judge.between(run, np.array([0.0, 9.0]), run, np.array([1.0, 10.0])) == pytest.approx(0.1)
 
 
 def test_modes_of_one_frequency_are_compared_as_what_they_span():
@@ -185,14 +202,6 @@ def test_modes_of_isorod_are_sampled_without_rigid_ones():
     assert modes[0, 1] == pytest.approx(found[found.rigid].at(0, 0.7, (0.5, 0.0)))
 
 
-def test_gauss_points_have_the_volume_of_the_mesh(tmp_path):
-    mesh = rods.build([straight(n=4, height=3.0)], 1)
-    places = places_of(mesh)[0]
-    sample = Sample(places, mesh.node_volumes(), mesh.points, mesh.cells, mesh.order)
-    assert sample.stress_weights.size == 8 * len(mesh.cells)
-    assert sample.stress_weights.sum() == pytest.approx(mesh.volume(), rel=1e-4)
-
-
 FILE = """
 [rod.bar]
 curve = {straight = 8.0}
@@ -219,8 +228,16 @@ def test_coarser_and_finer_about_what_is_chosen(tmp_path):
     assert [one.label for one in found if one.sequence] == ["N−1, e/2", "N+1, 2e"]
     assert {one.label for one in found} == {"N−1, e/2", "N+1, 2e", "N−1", "N+1", "N+2", "e/2", "2e"}
     finer = next(one for one in found if one.label == "2e").arguments
-    told = dict(zip(finer[::2], finer[1::2], strict=True))
-    assert told == {"--section-degree": "3", "--elements": "10", "--degree": "5", "--continuity": "2"}
+    own = model.bodies[0].space
+    assert finer[0] == "--spaces" and own.knots
+    told = json.loads(finer[1])["bar"]
+    assert [told[name] for name in ("elements", "degree", "continuity", "section_degree")] == [10, 5, 2, 3]
+    # Short elements at the ends stay, and all are cut in two.
+    (axis,) = (body.space.axis for body in replace(scene, spaces=json.loads(finer[1])).model().bodies)
+    assert axis.elements == 2 * own.axis.elements
+    assert set(own.axis.breaks.round(9)) < set(axis.breaks.round(9))
+    wider = next(one for one in found if one.label == "N+1").arguments
+    assert json.loads(wider[1])["bar"]["knots"] == pytest.approx(own.knots)
 
 
 def test_meshes_that_do_not_nest_have_no_field_error(bar):
@@ -229,7 +246,7 @@ def test_meshes_that_do_not_nest_have_no_field_error(bar):
     for mesh in (rods.build([rod], 1), rods.build([rod], 2)):
         places = places_of(mesh)[0]
         samples.append(Sample(places, mesh.node_volumes(), mesh.points, mesh.cells, mesh.order, mesh.points))
-    judge = Judge(bar.model, [], samples[1], [])
+    judge = Judge([], samples[1], [])
     assert judge.of_mesh({}, samples[0])["field"] == {"displacement": 0.0}
     moved = replace(samples[0].places, xi=0.9 * samples[0].places.xi, u=0.93 * samples[0].places.u)
     assert judge.of_mesh({}, replace(samples[0], places=moved))["field"] == {}
@@ -241,4 +258,5 @@ def test_sections_by_control_points_take_twice_as_many(tmp_path):
     model = scene.model()
     found = variants(scene, model, [body.discretisation for body in model.bodies])
     assert [one.label for one in found] == ["e/2", "2n, 2e", "2n", "2e"]
-    assert {"--order", "2", "--section-points", "16"} <= set(found[1].arguments)
+    told = json.loads(found[1].arguments[1])["bar"]
+    assert (told["order"], told["section_points"]) == (2, 16) and "section_degree" not in told

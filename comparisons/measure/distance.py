@@ -23,20 +23,20 @@ class Judge:
 
     Parameters
     ----------
-    model
-        The scene's model, whose supports are where stresses have no limit.
     reference
         What finite elements converge to.
     finest
         Fields on their finest mesh.
     names
         What the scene measures.
+    stresses
+        Those of them that are stresses, which have an error of their own.
     """
 
-    model: Any
     reference: Sequence[Converged]
     finest: Sample
     names: Sequence[str]
+    stresses: Sequence[str] = ()
 
     @property
     def places(self) -> Places:
@@ -50,16 +50,14 @@ class Judge:
         if here.size >= ENOUGH * len(sample.weights):
             own, best = (one.fields(rows) for one, rows in ((sample, here), (self.finest, there)))
             field = self._fields(record, own, best, sample.weights[here])
-        if sample.von_mises is not None:
-            field |= self._peaks(sample.places, sample.von_mises)
+        field |= self._surface(sample.surface_von_mises)
         return self._errors(record, field)
 
     def of_ours(self, record: Record, arrays: Mapping[str, Array]) -> dict[str, Any]:
         """Return errors of a run of isorod; ``arrays`` are its fields at the `places`."""
         everywhere = slice(None)
         field = self._fields(record, arrays, self.finest.fields(everywhere), self.finest.weights)
-        if self.finest.von_mises is not None:
-            field |= self._peaks(self.places, arrays["von_mises"]) | self._stress(arrays["von_mises"])
+        field |= self._surface(arrays.get("von_mises"))
         return self._errors(record, field)
 
     def _fields(
@@ -75,35 +73,41 @@ class Judge:
         whole = left[wanted < (1.0 - sampled.CLOSE) * wanted[-1]]
         return {"partner": partner.tolist(), "shapes": left.tolist(), "shape": float(max(whole, default=0.0))}
 
-    def _peaks(self, places: Places, von_mises: Array) -> dict[str, float]:
-        """Return the largest stress away from held places, and how far it is from that of the finest mesh."""
-        best = self.finest
-        assert best.von_mises is not None
-        found = []
-        for where, values in ((places, von_mises), (best.places, best.von_mises)):
-            inside = sampled.away(self.model, where.stress_rod, where.stress_u)
-            if not inside.any():
-                return {}
-            found.append(float(values[inside].max()))
-        return {"peak": found[0], "peak_error": abs(found[0] / found[1] - 1.0)}
+    def between(self, one: Record, own: Array | None, other: Record, better: Array | None) -> float:
+        """Return how far stresses of a run of isorod are from a better one's: measured ones, or those at surfaces."""
+        known = [name for name in self.stresses if name in one["errors"]]
+        if known:
+            return max(_relative(one["values"][name], other["values"][name]) for name in known)
+        assert own is not None and better is not None
+        return apart(own, better)
 
-    def _stress(self, von_mises: Array) -> dict[str, float]:
-        """Return how far stresses are from those of the finest mesh, away from held places."""
-        best = self.finest
-        assert best.von_mises is not None
-        inside = sampled.away(self.model, best.places.stress_rod, best.places.stress_u)
-        if not inside.any():
+    def _surface(self, von_mises: Array | None) -> dict[str, float]:
+        """Return the largest stress at surfaces, and how far stresses there are from those of the finest mesh."""
+        best = self.finest.surface_von_mises
+        if von_mises is None or best is None or not best.size:
             return {}
-        wanted = best.von_mises[inside]
-        return {"von_mises": sampled.relative(von_mises[inside], wanted, best.stress_weights[inside])}
+        return {"peak": float(von_mises.max()), "stress": apart(von_mises, best)}
 
     def _errors(self, record: Record, field: dict[str, Any]) -> dict[str, Any]:
         found = quantities.values(record, self.names)
         if "partner" in field:
             found[FREQUENCIES] = [found[FREQUENCIES][k] for k in field["partner"]]
         errors = quantities.errors(self.reference, found)
-        error = max(errors.values(), default=0.0)
-        if all(one.given for one in self.reference if one.name in errors):
+        stresses = [error for name, error in errors.items() if name in self.stresses]
+        error = max((one for name, one in errors.items() if name not in self.stresses), default=0.0)
+        if all(one.given for one in self.reference if one.name in {*errors} - {*self.stresses}):
             # Nothing measured tells of the discretisation.
             error = max(error, field.get("displacement", 0.0))
-        return {"values": found, "errors": errors, "error": error, "field": field}
+        own = {"values": found, "errors": errors, "error": error, "field": field}
+        stress = max(stresses, default=field.get("stress"))
+        return own if stress is None else own | {"stress": stress}
+
+
+def apart(found: Array, wanted: Array) -> float:
+    """Return the largest difference of von Mises stresses ``(m,)``, relative to the largest of those wanted."""
+    return float(np.abs(found - wanted).max() / wanted.max()) if wanted.max() > 0.0 else 0.0
+
+
+def _relative(found: Sequence[float], wanted: Sequence[float]) -> float:
+    size = float(np.linalg.norm(wanted))
+    return float(np.linalg.norm(np.subtract(found, wanted))) / size if size else 0.0

@@ -6,6 +6,7 @@ Prints one JSON line.  The first run is cold; the others, in the same process, a
 """
 
 import dataclasses
+import json
 import statistics
 import sys
 from collections.abc import Mapping, Sequence
@@ -109,12 +110,13 @@ def _main(arguments: Sequence[str]) -> int:
     parser = Parser(prog=f"python -m comparisons.measure.rod {name}")
     add_fields(parser, known)
     parser.add_argument("--repeat", type=int, default=6, help="runs in this process, the first one cold (6)")
+    parser.add_argument("--spaces", type=json.loads, help="of a file, what the spaces of its rods are, as JSON")
     parser.add_argument("--estimate", action="store_true", help="estimate the error too, apart from the time")
     parser.add_argument(WHOLE, action="store_true", help="the estimate is a part of the time, as in isorod run")
     parser.add_argument("--at", metavar="NPZ", help="where fields are wanted (comparisons.measure.sampled.Places)")
     parser.add_argument("--fields", metavar="NPZ", help="write them to this file")
     found = parser.known(ours[1:])
-    scene = find(name, field_values(found, known))
+    scene = find(name, field_values(found, known) | {"spaces": found.spaces})
     options.initialize(theirs)
     settings = settings_of(scene)
     solution, runs = solve(scene, settings, found.repeat, found.whole)

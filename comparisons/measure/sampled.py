@@ -9,8 +9,6 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from isorod.arrays import Array, Index
-from isorod.output import held
-from meshes.mesh import gradients, lexicographic
 
 # Parameters that differ by less are the same point.
 _SAME = 1e-6
@@ -32,7 +30,7 @@ class Places:
     rod, xi, u
         Of each point, the number of its rod ``(n,)`` and its parameters ``(n, 2)``, ``(n,)``.
     stress_rod, stress_xi, stress_u
-        The same of the points where stresses are compared; none in modes.
+        The same of the points of surfaces where stresses are compared (`isorod.checks.stresses`); none in modes.
     """
 
     rod: Index
@@ -68,7 +66,9 @@ class Sample:
     displacement
         ``(n, 3)``; None of modes.
     von_mises
-        Stresses ``(m,)``; None of modes.
+        Stresses at Gauss points ``(8 bricks,)``, as pictures show them; None of modes.
+    surface_von_mises
+        Stresses at the places for these ``(m,)``; None of modes.
     modes, frequencies
         Shapes ``(modes, n, 3)`` and frequencies of flexible modes; None in statics.
     """
@@ -80,6 +80,7 @@ class Sample:
     order: int
     displacement: Array | None = None
     von_mises: Array | None = None
+    surface_von_mises: Array | None = None
     modes: Array | None = None
     frequencies: Array | None = None
 
@@ -88,12 +89,12 @@ class Sample:
         """Return what ``python -m comparisons.fem rods ... --fields`` wrote, without the ``rigid`` modes."""
         with np.load(path) as arrays:
             given = dict(arrays)
-        stress = given.get("stress_parameters", np.zeros((0, 3)))
+        stress = given.get("surface_parameters", np.zeros((0, 3)))
         places = Places(
             given["node_rod"],
             given["parameters"][:, :2],
             given["parameters"][:, 2],
-            given.get("stress_rod", np.zeros(0, dtype=np.int64)),
+            given.get("surface_rod", np.zeros(0, dtype=np.int64)),
             stress[:, :2],
             stress[:, 2],
         )
@@ -108,12 +109,6 @@ class Sample:
             return {"modes": self.modes[:, rows]}
         assert self.displacement is not None
         return {"displacement": self.displacement[rows]}
-
-    @property
-    def stress_weights(self) -> Array:
-        """Shares of the volume of the points where stresses are, ``(m,)``."""
-        slopes = gradients("hexahedron", self.order, lexicographic(self.order, 3), GAUSS)
-        return np.abs(np.linalg.det(np.einsum("qnb,cna->cqab", slopes, self.points[self.cells]))).ravel() / len(GAUSS)
 
 
 def fields(solution: Any, places: Places) -> dict[str, Array]:
@@ -168,25 +163,6 @@ def relative(found: Array, wanted: Array, weights: Array) -> float:
 
 def _squares(field: Array) -> Array:
     return np.asarray(np.sum(field.reshape(len(field), -1) ** 2, axis=1))
-
-
-def away(model: Any, rods: Index, u: Array) -> Array:
-    """Return which points are farther from all held places of their rod than its section is wide.
-
-    Where a face is held, or a patch, its edge makes stresses that are infinite, or as large as a mesh is fine.
-
-    Parameters
-    ----------
-    model
-        Whose supports hold.
-    rods, u
-        Of each point, its rod and axis parameter, shape ``(n,)``.
-    """
-    result = np.ones(u.size, dtype=bool)
-    for number in range(len(model.bodies)):
-        here = rods == number
-        result[here] = held.distance(model, number, u[here]) >= (1.0 - _SAME) * held.width(model, number)
-    return result
 
 
 def pairs(ours: Array, theirs: Array, weights: Array, frequencies: Sequence[Array]) -> tuple[Index, Array]:

@@ -1,10 +1,12 @@
 """Coarser and finer discretisations of a scene, about the one that is taken where nothing is given."""
 
 import dataclasses
+import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from isorod.geometry.axis import MAX_DEGREE
+from isorod.space import choice
 from isorod.space.polynomial import MAX_DEGREE as MAX_SECTION_DEGREE
 
 DEFAULT = "default"
@@ -61,7 +63,7 @@ def variants(scene: Any, model: Any, known: Sequence[Mapping[str, Any]]) -> list
     for changed in (*both, *across, *along):
         if changed and changed not in [one for one, _ in found]:
             found.append((changed, changed in both))
-    return [Variant(_label(base, one), _words(scene, base | one), sequence) for one, sequence in found]
+    return [Variant(_label(base, one), _words(scene, model, base, one), sequence) for one, sequence in found]
 
 
 def written(scene: Any, known: Sequence[Mapping[str, Any]]) -> str:
@@ -88,14 +90,27 @@ def _label(base: Mapping[str, int], changed: Mapping[str, int]) -> str:
     return ", ".join(words)
 
 
-def _words(scene: Any, values: Mapping[str, int]) -> tuple[str, ...]:
-    """Return options of the command line; a spring counts its elements by the turn."""
+def _words(scene: Any, model: Any, base: Mapping[str, int], changed: Mapping[str, int]) -> tuple[str, ...]:
+    """Return options of the command line: of a file the spaces of its rods, with the short elements that they have."""
+    if hasattr(scene, "content"):
+        spaces = [_changed(body.space, changed, base.get("elements")) for body in model.bodies]
+        return "--spaces", json.dumps(scene.on(spaces).spaces)
     names = {field.name for field in dataclasses.fields(scene)}
     found = []
-    for name, value in values.items():
+    for name, value in (base | changed).items():
+        # A spring counts its elements by the turn.
         if name == "elements" and name not in names:
             name, value = "elements_per_turn", value // scene.coils
         # The functions of control points of a section that are its rod's own.
         if name in names:
             found += [f"--{name.replace('_', '-')}", str(value)]
     return tuple(found)
+
+
+def _changed(space: Any, changed: Mapping[str, int], elements: int | None) -> Any:
+    """Return a space with other numbers: twice as many elements are all of its own, cut in two."""
+    more: dict[str, Any] = dict(changed)
+    if elements is not None and more.get("elements", 0) > elements:
+        more |= choice.halved(space)
+    rule = "auto" if "quadrature" in space.chosen else space.quadrature
+    return dataclasses.replace(space, quadrature=rule, **more)

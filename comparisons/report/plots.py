@@ -1,6 +1,6 @@
 """Plots made from result records alone."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -157,31 +157,45 @@ def every(work: Sequence[Record], quantity: str, path: Path) -> None:
     pyplot.close(figure)
 
 
-def labelled(work: Sequence[Record], told: float, wide: Path, narrow: Path) -> None:
-    """Draw error against run time of a comparison, each run with its label: of what is measured, and of the field.
+def labelled(work: Sequence[Record], told: Mapping[str, float], wide: Path, narrow: Path) -> None:
+    """Draw error against run time of a comparison, each run with its label: measured, of stress, and of the field.
 
     Parameters
     ----------
     work
         Its runs: those of a ``sequence`` are joined, the others stand alone.
     told
-        Error below which finite elements do not tell one.
+        Errors below which finite elements do not tell one: ``error`` of what is measured, and ``stress``.
     wide, narrow
         Files of the plot, and of that for narrow screens, one panel below the other.
     """
     pyplot = _pyplot()
     field = "shape" if any("shape" in one["field"] for one in work) else "displacement"
-    for path, rows, columns, size in ((wide, 1, 2, (12.0, 5.4)), (narrow, 2, 1, (4.6, 9.4))):
-        figure, axes = pyplot.subplots(rows, columns, figsize=size, layout="constrained")
-        _points(axes[0], [(one, one["error"]) for one in work], "error of what is measured")
-        _points(axes[1], [(one, one["field"].get(field, 0.0)) for one in work], f"error of the {FIELDS[field]}")
-        if told > 0.0:
-            low, high = axes[0].get_ylim()
-            axes[0].axhspan(low, told, color="black", alpha=0.06, label="less than finite elements tell")
-            axes[0].set_ylim(low, max(high, 1.5 * told))
-        handles = axes[0].get_legend_handles_labels()
-        place = {"loc": "outside lower center", "ncols": 3 if columns == 2 else 1}
-        figure.legend(*handles, **place, frameon=False, fontsize=11)
+    panels = [("error", "error of what is measured", [one["error"] for one in work])]
+    if any("stress" in one for one in work):
+        panels.append(("stress", "error of stress", [one.get("stress", 0.0) for one in work]))
+    panels.append((field, f"error of the {FIELDS[field]}", [one["field"].get(field, 0.0) for one in work]))
+    count = len(panels)
+    for path, columns, size in ((wide, 2, (12.0, 5.4 if count < 3 else 9.8)), (narrow, 1, (4.6, 4.7 * count))):
+        figure, grid = pyplot.subplots(-(-count // columns), columns, figsize=size, layout="constrained")
+        axes = grid.ravel()
+        for axis, (name, what, errors) in zip(axes, panels, strict=False):
+            _points(axis, list(zip(work, errors, strict=True)), what)
+            axis.tick_params(axis="x", labelsize=11 if columns == 2 else 9)
+            if told.get(name, 0.0) > 0.0:
+                low, high = axis.get_ylim()
+                low = min(low, 0.6 * told[name])
+                axis.axhspan(low, told[name], color="black", alpha=0.06, label="less than finite elements tell")
+                axis.set_ylim(low, max(high, 1.5 * told[name]))
+        found = {label: one for axis in axes for one, label in zip(*axis.get_legend_handles_labels(), strict=True)}
+        look: dict[str, Any] = {"frameon": False, "fontsize": 11}
+        if len(axes) > count:
+            # In the place that is left.
+            axes[-1].axis("off")
+            axes[-1].legend(found.values(), found.keys(), loc="center", **look)
+        else:
+            place = {"loc": "outside lower center", "ncols": 3 if columns == 2 else 1}
+            figure.legend(found.values(), found.keys(), **place, **look)
         write_beside(path, partial(figure.savefig, dpi=130))
         pyplot.close(figure)
 
@@ -208,10 +222,10 @@ def _points(axis: Any, runs: Sequence[tuple[Record, float]], what: str) -> None:
             linestyle="-" if ours else "--",
             linewidth=1.2,
         )
-        for k, (_, time, error, one) in enumerate(points):
+        # Neighbours' labels above and below.
+        for k, (_, time, error, one) in enumerate(sorted(points, key=lambda point: point[1])):
             label = (name if ours else f"{name}, dolfinx") if k == 0 else None
             axis.loglog([time], [error], color=colour, marker=marker, linestyle="", label=label)
-            # Neighbours' labels above and below.
             look = {"textcoords": "offset points", "fontsize": 9, "color": colour}
             axis.annotate(one["label"], (time, error), (4, (5, -12)[k % 2]), **look)
     axis.set_xlabel("run time, one thread", fontsize=12)

@@ -15,6 +15,7 @@ from comparisons.measure.study import Run
 from isorod.arrays import Array, Index
 from isorod.output import picture, vtk
 from isorod.output.results import write_beside
+from isorod.output.words import STRESS_ERROR, stress_error
 from meshes.mesh import lexicographic
 
 # Width and height of a panel, pixels; beside each other, and for narrow screens one below the other.
@@ -67,6 +68,8 @@ def write(study: Run, solution: Any, records: Sequence[Record], sample: Sample) 
     lines = [_at_rest(body) for body in solution.model.bodies] if modal else []
     names = f"isorod ({family(records[0])})", "dolfinx"
     labels = [f"{name}, {one['dofs']:,} unknowns" for name, one in zip(names, records, strict=True)]
+    if not modal:
+        labels[0] += f"\n{stress_error(records[0].get(STRESS_ERROR))}"
     files = [f"{study.study}-{which}.png" for which in ("picture", "picture-narrow")]
     for file, stacked in zip(files, (False, True), strict=True):
         draw = partial(_draw, rows, lines, _captions(rows, labels, records), scale, modal, stacked)

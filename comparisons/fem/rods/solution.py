@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from comparisons.fem.rods.places import Places, lagrange, on_rod
+from isorod.checks import stresses
 from isorod.errors import InputError
 from isorod.geometry.quadrature import Rule, section_points
 from isorod.model.model import Model
@@ -19,6 +20,9 @@ from meshes.mesh import Array, Index, Mesh, gradients
 
 # Points of cells at which gradients are wanted: the same of all, or one of each.
 _ALL, _EACH = "qnb,cna->cqab", "cnb,cna->cab"
+
+# Points round a surface at which stresses are compared, wherever cells meet.
+_AROUND = 24
 
 # Points of a section, in each of its slices, at which its stresses are summed up.
 _SECTION = Rule(6, 4, 1)
@@ -198,8 +202,9 @@ class Solution:
         ``cells``, ``weights`` ``(nodes,)`` (volumes) and ``order`` of the mesh; ``displacement`` ``(nodes, 3)`` and, at
         the ``2 x 2 x 2`` Gauss points of every cell, ``stress_parameters`` ``(m, 3)``, ``stress_rod`` ``(m,)``,
         ``stress_points`` ``(m, 3)`` (at rest) and ``von_mises`` ``(m,)``, of the Cauchy stress ``P F^T / det F`` (as
-        `isorod.output.stress` has it for linear elastic bodies, too); or ``modes`` ``(modes, nodes, 3)`` with
-        ``x^T M x = 1`` and ``frequencies``.
+        `isorod.output.stress` has it for linear elastic bodies, too); ``surface_parameters``, ``surface_rod`` and
+        ``surface_von_mises``, the same at surfaces (`isorod.checks.stresses`); or ``modes`` ``(modes, nodes, 3)``
+        with ``x^T M x = 1`` and ``frequencies``.
         """
         mesh = self.mesh
         assert mesh.parameters is not None
@@ -216,7 +221,7 @@ class Solution:
         }
         if self.displacement is None:
             return found | {"modes": self.shapes, "frequencies": self.frequencies}
-        return found | {"displacement": self.displacement} | self._stress()
+        return found | {"displacement": self.displacement} | self._stress() | self._surface()
 
     def _stress(self) -> dict[str, Array]:
         """Return the von Mises stress at Gauss points, and where these are."""
@@ -241,6 +246,20 @@ class Solution:
             "stress_rod": np.repeat(rods, len(where)),
             "stress_points": np.einsum("qn,cna->cqa", values, mesh.points[mesh.cells]).reshape(-1, 3),
             "von_mises": von_mises(_cauchy(stress, F)).ravel(),
+        }
+
+    def _surface(self) -> dict[str, Array]:
+        """Return the von Mises stress at surfaces, where stresses of both sides are compared."""
+        rods, parameters, found = [], [], []
+        for b, body in enumerate(self.model.bodies):
+            u, xi = stresses.away(self.model, b), stresses.around([body.space.rod.rings[k] for k in (0, -1)], _AROUND)
+            rods.append(np.full(u.size * len(xi), b))
+            parameters.append(np.column_stack([np.tile(xi, (u.size, 1)), np.repeat(u, len(xi))]))
+            found.append(von_mises(self.stress(b, u, xi)).ravel() if u.size else np.empty(0))
+        return {
+            "surface_rod": np.concatenate(rods),
+            "surface_parameters": np.concatenate(parameters),
+            "surface_von_mises": np.concatenate(found),
         }
 
 

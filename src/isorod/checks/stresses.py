@@ -11,6 +11,7 @@ import numpy as np
 from isorod.arrays import Array
 from isorod.checks.finer import Finer
 from isorod.model.body import Body
+from isorod.model.model import Model
 from isorod.output import held
 from isorod.output.stress import cauchy
 
@@ -41,15 +42,12 @@ def change(
     """
     largest = changed = 0.0
     for b, (body, fine) in enumerate(zip(finer.coarse.bodies, finer.model.bodies, strict=True)):
-        u = _away(finer, b)
+        u, rings = away(finer.coarse, b), body.space.rod.rings
         if not u.size:
             continue
-        angle = 2.0 * np.pi / _AROUND * (np.arange(_AROUND) + 0.5)
-        ring = np.stack([np.cos(angle), np.sin(angle)], axis=1)
         # The middle of what has no hole, and both sides where rings meet.
-        rings = body.space.rod.rings
         sides = [radius * _INSIDE for radius in rings[1:-1]]
-        xi = np.concatenate([radius * (ring if radius else ring[:1]) for radius in (*rings, *sides)])
+        xi = np.concatenate([around((*rings, *sides)), np.zeros((rings[0] == 0.0, 2))])
         there = _stress(body, finer.coarse.nodal(before, b), xi, u, pressures[b] if pressures else None)
         better = _stress(fine, finer.model.nodal(after, b), xi, u, corrected[b] if corrected else None)
         largest = max(largest, float(np.linalg.norm(better, axis=(2, 3)).max()))
@@ -61,9 +59,16 @@ def _stress(body: Body, nodal: Array, xi: Array, u: Array, pressure: Array | Non
     return cauchy(body, nodal, xi, u, 1.0, pressure)
 
 
-def _away(finer: Finer, number: int) -> Array:
+def around(radii: Sequence[float], count: int = _AROUND) -> Array:
+    """Return so many disk points round the section at each of some radii but the centre, shape ``(n, 2)``."""
+    angle = 2.0 * np.pi / count * (np.arange(count) + 0.5)
+    ring = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return np.concatenate([radius * ring for radius in radii if radius > 0.0])
+
+
+def away(model: Model, number: int) -> Array:
     """Return axis parameters inside the elements of a body that are farther from edges than its section is wide."""
-    model, body = finer.coarse, finer.coarse.bodies[number]
+    body = model.bodies[number]
     axis, rings = body.space.axis, len(body.space.rod.rings) - 1
     count = min(axis.elements, _MOST)
     first = np.arange(count) * axis.elements // count

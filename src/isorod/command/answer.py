@@ -103,6 +103,7 @@ def _analysis(scene: Any, theirs: Sequence[str], found: argparse.Namespace) -> t
 
     imported = perf_counter() - begin
     refined: dict[str, Any] = {}
+    shown = bool(getattr(scene, "stresses", ())) or found.output is not None
     if getattr(found, "refine", False) or getattr(found, "tolerance", None) is not None:
         if scene.analysis == "dynamics":
             raise InputError("--refine and --tolerance: not for dynamics; compare runs with other elements and orders")
@@ -111,10 +112,11 @@ def _analysis(scene: Any, theirs: Sequence[str], found: argparse.Namespace) -> t
         reached = estimate(scene, settings, found.tolerance)
         scene, solution, seconds = reached.scene, reached.solution, reached.seconds
         refined = {"error_estimate": reached.error, "changes": reached.changes, "refinements": reached.history}
+        refined |= run.stress_estimate(solution) if shown else {}
     else:
         solution, seconds = run.solve(scene, settings)
         if not getattr(found, "no_estimate", True):
-            refined = run.estimate(solution, bool(getattr(scene, "stresses", ())) or found.output is not None)
+            refined = run.estimate(solution, shown)
     record = run.record(scene, solution, {"import": imported} | seconds, settings, theirs) | refined
     left = unused_options()
     if left:

@@ -11,6 +11,7 @@ from isorod.command import drawing
 from isorod.command.parser import Parser
 from isorod.errors import InputError
 from isorod.output import animation, picture, reading
+from isorod.output.words import STRESS_ERROR, stress_error
 
 # What a field is called, and in which unit it is.
 _TITLES = {
@@ -20,6 +21,9 @@ _TITLES = {
     "displacement": "displacement\n(length)",
     "velocity": "velocity\n(length/time)",
 }
+
+# Fields that are stresses, with whose pictures their error stands.
+_STRESSES = frozenset({"von_mises", "mean_stress", "cauchy"})
 
 # What cells are made of, and no field.
 _INTERNAL = frozenset({"RationalWeights", "HigherOrderDegrees"})
@@ -119,12 +123,13 @@ def _frames(
         meshes = [[_whirled(mesh, motion, *shares) for mesh in meshes[-1]] for shares in animation.quarters()]
         words = words[-1:] * len(meshes)
     colour = _colour(meshes[-1], motion, found.colour, result.name)
+    notes = [_note(one) if colour in _STRESSES else "" for one in meshes]
     for mesh in (mesh for frame in meshes for mesh in frame):
         _prepare(mesh, motion, colour)
     scale = _scale(found.scale, meshes, bool(modes))
     if scale != 1.0 and not modes:
         words = [f"{one}\ndisplacements x {scale:.3g}" for one in words]
-    frames = [picture.Frame(one, said) for one, said in zip(meshes, words, strict=True)]
+    frames = [picture.Frame(one, said, note=note) for one, said, note in zip(meshes, words, notes, strict=True)]
     if found.gif is not None and len(frames) == 1:
         if not modes:
             raise InputError(f"--gif: {result.name} has one state alone, which does not move; take --png")
@@ -157,6 +162,12 @@ def _colour(meshes: Sequence[Any], motion: str, given: str | None, name: str) ->
     if given is None:
         raise InputError(f"{name}: its files have no fields")
     return given
+
+
+def _note(meshes: Sequence[Any]) -> str:
+    """Return what stands with a state's stresses, as its files say."""
+    known = [float(mesh.field_data[STRESS_ERROR][0]) for mesh in meshes if STRESS_ERROR in mesh.field_data]
+    return stress_error(max(known, default=None))
 
 
 def _whirled(mesh: Any, motion: str, now: float, later: float) -> Any:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from isorod.output.words import duration
+from isorod.output.words import duration, percent
 
 _WIDTH, _INDENT = 80, 20
 
@@ -100,10 +100,11 @@ def _answer(record: Mapping[str, Any], units: Mapping[str, str], stresses: Seque
         yield "error", "no estimate: with friction, supports within a rod, or no finer space that can be had"
     elif "error_estimate" in record and not record.get("changes"):
         also = _stress_error(record, stresses)
-        yield "error", f"about {_percent(record['error_estimate'])}{also}, by a finer space"
+        yield "error", f"about {percent(record['error_estimate'])}{also}, by a finer space"
     elif "error_estimate" in record:
         changes = ", ".join(f"{name.replace('_', ' ')} {change:.2g}" for name, change in record["changes"].items())
-        yield "error", f"about {_percent(record['error_estimate'])}, from finer spaces ({changes})"
+        also = _stress_error(record, ())
+        yield "error", f"about {percent(record['error_estimate'])}{also}, from finer spaces ({changes})"
 
     if record.get("time_error") is not None:
         yield "error in time", f"about {record['time_error']:.1g} of the largest displacement, of steps so long"
@@ -112,12 +113,8 @@ def _answer(record: Mapping[str, Any], units: Mapping[str, str], stresses: Seque
 def _stress_error(record: Mapping[str, Any], stresses: Sequence[str]) -> str:
     """Return how far stresses away from edges are off, or that nobody knows though they were asked for."""
     if "stress_error_estimate" in record:
-        return f", of stresses {_percent(record['stress_error_estimate'])}"
+        return f", of stresses {percent(record['stress_error_estimate'])}"
     return f" (of stresses, {', '.join(stresses)}, not known: --refine tells)" if stresses else ""
-
-
-def _percent(error: float) -> str:
-    return f"{float(f'{100.0 * error:.1g}'):g} %"
 
 
 def _state(record: Mapping[str, Any]) -> Iterator[tuple[str, str]]:

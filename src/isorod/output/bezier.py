@@ -250,6 +250,8 @@ def in_small_cells(mesh: "pyvista.UnstructuredGrid", parts: int = 4) -> "pyvista
     for name in names:
         found.point_data[name] = np.concatenate(fields[name])
     found.cell_data["element"] = np.concatenate(elements)
+    for name, values in mesh.field_data.items():
+        found.field_data[name] = values
     return found
 
 

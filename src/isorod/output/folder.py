@@ -10,6 +10,7 @@ import numpy as np
 from isorod.arrays import Array
 from isorod.model.body import Body
 from isorod.output import results, vtk
+from isorod.output.words import STRESS_ERROR
 
 if TYPE_CHECKING:
     from isorod.output.bezier import Cells
@@ -56,7 +57,8 @@ def add(
 
     A single state is a file ``SCENE-BODY.vtu`` a body; several are in a folder ``SCENE-frames``.  Where there are
     several files ``SCENE.pvd`` names them all, with times and bodies.  Curves are columns of ``SCENE.csv``.  No file is
-    overwritten, whatever else runs and writes there: in the place of ``SCENE`` a later run has ``SCENE-runN``.
+    overwritten, whatever else runs and writes there: in the place of ``SCENE`` a later run has ``SCENE-runN``.  An
+    estimate of the error of stresses is field data of the last state, whose it is.
 
     Parameters
     ----------
@@ -92,7 +94,7 @@ def add(
             run = _free_name(folder, file.readall(), str(record["scene"]), len(bodies))
             entries = []
             for b, body in enumerate(bodies):
-                grids = _contents(body, states, b, cells)
+                grids = _contents(body, states, b, cells, record.get(STRESS_ERROR))
                 for k, (state, content) in enumerate(zip(states, grids, strict=True)):
                     name = f"{run}-{b}.vtu" if len(states) == 1 else f"{run}-frames/{b}-{k:04d}.vtu"
                     made.write(name, content)
@@ -132,12 +134,16 @@ class _Written:
             folder.rmdir()
 
 
-def _contents(body: Body, states: Sequence[Frame], number: int, cells: str) -> Iterator[bytes]:
+def _contents(
+    body: Body, states: Sequence[Frame], number: int, cells: str, stress_error: float | None
+) -> Iterator[bytes]:
     """Yield the ``.vtu`` file of a body in each state."""
     fields = [state.fields[number] for state in states]
     bezier = _bezier(body, fields, cells)
     for state, one in zip(states, fields, strict=True):
         mesh = vtk.grid(body, one, factor=state.factor) if bezier is None else bezier.grid(one, state.factor)
+        if stress_error is not None and state is states[-1]:
+            mesh.field_data[STRESS_ERROR] = [stress_error]
         yield vtk.content(mesh)
 
 

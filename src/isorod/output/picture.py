@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from ctypes.util import find_library
 from pathlib import Path
+from textwrap import fill
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -29,6 +30,9 @@ SIZE = (1000, 700)
 _BAR = {"vertical": True, "position_y": 0.15, "height": 0.7, "color": "black", "fmt": "%.3g", "title_font_size": 16}
 _ROOM = 150
 
+# Letters in a line of what is below it.
+_NARROW = 14
+
 # Height of a line of words, pixels.
 _LINE = 20
 
@@ -42,12 +46,13 @@ _ANGLE = 12.0
 class Frame(NamedTuple):
     """Bodies at rest, as meshes with ``motion`` and ``colour`` at their points, and what is written above them.
 
-    ``share`` is that of the motion that they have made.
+    ``share`` is that of the motion that they have made, ``note`` what is written below the scale of colours.
     """
 
     meshes: Sequence[Any]
     words: str = ""
     share: float = 1.0
+    note: str = ""
 
 
 def check(view: Sequence[float], size: Sequence[int], what: str = "plot") -> None:
@@ -119,6 +124,8 @@ def draw(
                 add_lines(plotter, [line], "grey", 1.5)
             if frame.words:
                 write(plotter, frame.words, (10, 8))
+            if frame.note:
+                write(plotter, fill(frame.note, _NARROW), (size[0] - _ROOM + 10, -6))
             look(plotter.camera, everything, np.asarray(view, dtype=float), size, words=frames[0].words)
             if not window:
                 yield taken(plotter)

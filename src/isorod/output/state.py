@@ -257,7 +257,7 @@ def _pictures(
     size: tuple[int, int],
 ) -> "Iterator[Image]":
     """Yield a picture of each moment (`Deformation.plot`)."""
-    from isorod.output import picture
+    from isorod.output import picture, words
 
     one = moments[0].state
     shown = one._colours[0] if colour is None else colour
@@ -273,7 +273,9 @@ def _pictures(
     moved = np.concatenate([mesh.point_data["motion"] for own in meshes.values() for mesh in own])
     largest = float(np.linalg.norm(moved, axis=1).max())
     lines = [one.centre_line(b, 50 * body.space.axis.elements, 0.0) for b, body in enumerate(bodies)]
-    frames = [picture.Frame(meshes[id(moment.state)], moment.words, moment.share) for moment in moments]
+    known = [getattr(moment.state, "stress_error", None) for moment in moments]
+    notes = [words.stress_error(error) if shown == "von Mises" else "" for error in known]
+    frames = [picture.Frame(meshes[id(one.state)], *one[1:], note) for one, note in zip(moments, notes, strict=True)]
     yield from picture.draw(frames, shown, one._scale(largest) if scale is None else scale, view, size, lines)
 
 

@@ -10,6 +10,20 @@ CELLS = "auto", "bezier", "linear"
 Component = Literal["von_mises", "max_principal", "min_principal", "xx", "yy", "zz", "xy", "yz", "xz", "along", "shear"]
 
 
+# Where files keep the estimate, as records do.
+STRESS_ERROR = "stress_error_estimate"
+
+
+def percent(error: float) -> str:
+    """Return an estimate of an error, to one digit."""
+    return f"{float(f'{100.0 * error:.1g}'):g} %"
+
+
+def stress_error(error: float | None) -> str:
+    """Return what stands with pictures of stresses: their error (`isorod.checks.stresses`), or that none is known."""
+    return f"stress error {'not estimated' if error is None else f'about {percent(error)}'}"
+
+
 def duration(seconds: float) -> str:
     """Return a time in words: milliseconds, seconds, minutes or hours."""
     if seconds < 1.0:
