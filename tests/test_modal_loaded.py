@@ -159,12 +159,6 @@ def test_the_estimate_sees_the_state(scene):
     [
         ("", "LinearElastic", "rod wire is linear elastic, whose tangent knows no stress; take NeoHookean, or take"),
         (
-            "[obstacle.floor]\nPlane = {{point = [0.0, -2.0, 0.0], normal = [0.0, 1.0, 0.0]}}\n"
-            "[contact.on]\nfirst = 'wire'\nsecond = 'floor'\n",
-            "NeoHookean",
-            "no modes about one with contact so far",
-        ),
-        (
             "[load.blow]\npressure = {{pressure = 0.1, follows = true}}\n",
             "NeoHookean",
             "follows rod wire adds .*; hold both",

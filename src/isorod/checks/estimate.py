@@ -195,13 +195,15 @@ def _corrected(
     return sizes, gained, first
 
 
-def _touching(finer: Finer, contacts: "Sequence[ContactResult]", state: Array, comm: PETSc.Comm) -> "Frozen | None":
+def _touching(
+    finer: Finer, contacts: "Sequence[ContactResult]", state: Array, comm: PETSc.Comm, tight: bool = False
+) -> "Frozen | None":
     """Return contact as it is on finer spaces, if there is any."""
     if not contacts:
         return None
     from isorod.contact.frozen import Frozen
 
-    return Frozen(finer.model, finer.coarse.contacts, contacts, state, comm)
+    return Frozen(finer.model, finer.coarse.contacts, contacts, state, comm, tight)
 
 
 def _change(terms: Array, before: float, noise: float = 0.0, along: float = 0.0) -> float | None:
@@ -284,6 +286,9 @@ def _modes(
 ) -> float | None:
     """Return the change on finer spaces."""
     assembler = assembler_for(finer.model, comm)
+    if about is not None:
+        state = finer.displacement(about.displacement)
+        assembler.contact = _touching(finer, getattr(about, "contacts", ()), state, comm, True)  # type: ignore[assignment]
     matrix, mass = assembler.matrix(), assembler.mass(lumped) if free else assembler.mass_operator(lumped)
     if about is None:
         assembler.tangent(assembler.vector(), 0.0, matrix)
@@ -296,9 +301,7 @@ def _modes(
     ksp = _solver(assembler, matrix)
     try:
         if about is not None:
-            x = assembler.state(
-                finer.displacement(about.displacement), finer.pressures(about.pressures) if about.pressures else ()
-            )
+            x = assembler.state(state, finer.pressures(about.pressures) if about.pressures else ())
             sizes, *_ = _corrected(assembler, x, matrix, ksp)
             if not sizes[-1] <= max(_QUICK * sizes[0], _SETTLED * x.norm()):
                 # There is none nearby.

@@ -19,12 +19,13 @@ _TOLERANCE = 1e-8
 _FACE = 1e-4
 
 
-def motions(space: Space) -> Array:
+def motions(space: Space, moved: Array | float = 0.0) -> Array:
     """Return the six infinitesimal rigid motions of a space's nodes, orthonormal, shape ``(3 nodes, 6)``.
 
-    A rod reproduces them exactly, since its functions reproduce its own map.
+    A rod reproduces them exactly, since its functions reproduce its own map.  They are those of the rod where it has
+    ``moved`` to, by ``(nodes, 3)``.
     """
-    arm = _arms(space)
+    arm = _arms(space, moved)
     columns = np.zeros((*arm.shape, 6))
     for a in range(3):
         columns[space.is_carrier, a, a] = 1.0
@@ -33,10 +34,10 @@ def motions(space: Space) -> Array:
     return np.linalg.qr(columns.reshape(-1, 6))[0]
 
 
-def _arms(space: Space) -> Array:
+def _arms(space: Space, moved: Array | float = 0.0) -> Array:
     """Return the coefficients of the position from a point near the middle."""
-    mean = space.positions[space.is_carrier].mean(axis=0)
-    return space.positions - mean * space.is_carrier[:, None]
+    places = space.positions + moved
+    return np.asarray(places - places[space.is_carrier].mean(axis=0) * space.is_carrier[:, None])
 
 
 def _clamped(space: Space, free: Index) -> bool:
@@ -56,14 +57,17 @@ def _clamped(space: Space, free: Index) -> bool:
     return False
 
 
-def free_motions(model: Model) -> list[tuple[int, Array]]:
-    """Return the rigid motions that the supports leave free: body, and displacements of its nodes ``(nodes, 3)``."""
+def free_motions(model: Model, displacement: Array | None = None) -> list[tuple[int, Array]]:
+    """Return the rigid motions that the supports leave free: body, and displacements of its nodes ``(nodes, 3)``.
+
+    They are those about a ``displacement`` ``(dofs,)``, or at rest.
+    """
     found = []
     for b, body in enumerate(model.bodies):
         free = model.free[3 * model.first_node[b] : 3 * model.first_node[b + 1]]
         if _clamped(body.space, free):
             continue
-        basis = motions(body.space)
+        basis = motions(body.space, 0.0 if displacement is None else model.nodal(displacement, b))
         held = free < 0
         kept = basis[held]
         if model.bound.size > model.held.size:

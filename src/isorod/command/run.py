@@ -79,7 +79,7 @@ def _solve_closer(scene: Any, model: Any, analyse: Callable[..., Any], settings:
             if closer is None:
                 break
             model = closer.model()
-            start = _start(solution, model)
+            start = _start(getattr(solution, "equilibrium", solution), model)
             solution, said = _heard(analyse, model, {**settings, "start": start})
         except (InputError, SolveError) as problem:
             warnings.warn(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from isorod.arrays import Array
+from isorod.arrays import Array, Index
 from isorod.contact.packed import Packed
 
 if TYPE_CHECKING:
@@ -38,15 +38,31 @@ def spaces(model: "Model") -> list["Space"]:
     return [model.bodies[body].space for contact in model.contacts for body, _ in contact.sides]
 
 
+def _parts(space: "Space", along: int) -> tuple[Index, int]:
+    """Return the part of an element that each of so many points along it is in, and how many parts there are."""
+    parts = min(functions(space), along)
+    return np.arange(along) * parts // along, parts
+
+
+def numbers(model: "Model", packed: Packed) -> Index:
+    """Return the number of the cell of each point, ``(Q,)``."""
+    found, count = np.zeros(packed.areas.size, dtype=np.int64), 0
+    for space, number in zip(spaces(model), grids(packed, found), strict=True):
+        elements, along, arcs, _ = number.shape
+        part, parts = _parts(space, along)
+        places = (np.arange(elements)[:, None] * parts + part)[..., None] * arcs + np.arange(arcs)
+        number[:] = count + places[..., None]
+        count += elements * parts * arcs
+    return found
+
+
 def means(model: "Model", packed: Packed, values: Array) -> Array:
     """Return, at points under pressure, the mean of values over those of the cell; zero at others, ``(Q,)``."""
     found = np.zeros(packed.areas.size)
     touching = packed.states["pressure"] > 0.0
     grid = (grids(packed, one) for one in (values, packed.areas * touching, found))
     for space, value, area, mean in zip(spaces(model), *grid, strict=True):
-        along = value.shape[1]
-        parts = min(functions(space), along)
-        part = np.arange(along) * parts // along
+        part, parts = _parts(space, value.shape[1])
         starts = np.searchsorted(part, np.arange(parts))
         loads, areas = (
             np.add.reduceat(one.sum(axis=3), starts, axis=1)[:, part, :, None] for one in (value * area, area)

@@ -158,6 +158,8 @@ class FrictionOperator:
                 replace(
                     result,
                     friction=(sides * result.areas) @ friction.tractions[points],
+                    tractions=friction.tractions[points],
+                    slips=slips.copy(),
                     slipping=int(slips.sum()),
                     sticking=int(((result.pressure > 0.0) & ~slips).sum()) if contact.friction else 0,
                 )

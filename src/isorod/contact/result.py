@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from isorod.arrays import Array, Index
 from isorod.contact import cells, quality
@@ -61,6 +62,10 @@ class ContactResult:
     normals, partners, feet
         Of the points under pressure the direction of the force on them, the body that presses on them, -1 an obstacle,
         and the axis parameter and angle of their foot on it, shapes ``(q, 3)``, ``(q,)`` and ``(q, 2)``.
+    cells
+        Numbers of the cells of the points (`isorod.contact.cells`), shape ``(q,)``.
+    tractions, slips
+        Friction at the points, force per reference area, and which of those under pressure slip, ``(q, 3)``, ``(q,)``.
     friction
         Resultant of friction on the first side, shape ``(3,)``; zero where there are no two sides.
     sticking, slipping
@@ -87,6 +92,9 @@ class ContactResult:
     normals: Array
     partners: Index
     feet: Array
+    cells: Index
+    tractions: Array
+    slips: NDArray[np.bool_]
     friction: Array = field(default_factory=lambda: np.zeros(3))
     sticking: int = 0
     slipping: int = 0
@@ -158,6 +166,7 @@ def measure(
     bodies = np.repeat(sides, np.diff([*packed.passes["first_point"], packed.areas.size]))
     parameters = cells.parameters(model, packed)
     means = cells.means(model, packed, pressures)
+    numbers = cells.numbers(model, packed)
     active = np.flatnonzero(pressures > 0.0)
     pushes = np.empty((active.size, 3))
     normals(packed, positions, active, pushes)
@@ -199,6 +208,9 @@ def measure(
                 normals=directions[chosen],
                 partners=partners[chosen],
                 feet=feet[chosen],
+                cells=numbers[chosen],
+                tractions=np.zeros((chosen.size, 3)),
+                slips=np.zeros(chosen.size, dtype=bool),
             )
         )
     return results

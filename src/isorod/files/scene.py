@@ -156,7 +156,7 @@ class FileScene:
         held = [table.get("rod", only) for _, _, table in self._named("support") if "patch" in table]
         for name, plan in self.plans.items():
             # A motion seeks contact at each of many steps, the shorter the smaller the elements are.
-            if name in touching and self.analysis == "statics":
+            if name in touching and self.analysis in ("statics", "modal"):
                 plan.touch()
             elif name in touching or name in held:
                 plan.take_surface_points()

@@ -23,6 +23,7 @@ from isorod.petsc.options import in_force
 from isorod.statics.analysis import Equilibrium
 
 if TYPE_CHECKING:
+    from isorod.contact.result import ContactResult
     from isorod.modal.gyroscopic import Found as Whirling
     from isorod.output.matrices import Matrices
 
@@ -96,6 +97,11 @@ class Modes:
         """Displacement about which they are, shape ``(dofs,)``, or None for the state of rest."""
         return None if self.equilibrium is None else self.equilibrium.displacement
 
+    @property
+    def contacts(self) -> "Sequence[ContactResult]":
+        """Outcome of each contact in the equilibrium about which they are."""
+        return () if self.equilibrium is None else self.equilibrium.contacts
+
     def __len__(self) -> int:
         return self.frequencies.size
 
@@ -121,14 +127,20 @@ class Modes:
         """Return an estimate of the frequencies' largest relative error (`isorod.checks.estimate`).
 
         None where there is none.  It takes about as long as the modes.  It is the sum of those of the approximation
-        across the ``"section"`` and along the ``"axis"``, unless one of them is asked for.
+        across the ``"section"`` and along the ``"axis"``, unless one of them is asked for, and of how much patches of
+        contact give way.
         """
         from isorod.checks import estimate
 
         above, asked = slice(self.rigid, None), directions or estimate.DIRECTIONS
         values, shapes = self.eigenvalues[above], self.vectors[above]
         rest = self.equilibrium, self.quarter, self.ranks
-        return estimate.of_modes(self.model, values, shapes, self.rigid > 0, self.lumped, asked, *rest)
+        found = estimate.of_modes(self.model, values, shapes, self.rigid > 0, self.lumped, asked, *rest)
+        if found is None or self.equilibrium is None or not self.contacts:
+            return found
+        from isorod.modal import touching
+
+        return found + touching.doubt(self.model, self.equilibrium, values, shapes)
 
     def matrices(self) -> "Matrices":
         """Return the stiffness and the mass whose modes they are (`isorod.output.matrices.matrices`)."""
@@ -171,6 +183,7 @@ def solve(
     petsc: Mapping[str, object] | None = None,
     load_steps: int = 1,
     at_rest: bool = False,
+    start: Array | None = None,
 ) -> Modes:
     """Return the lowest vibration modes about the equilibrium under loads, moved supports and spin, or about rest.
 
@@ -193,7 +206,9 @@ def solve(
     load_steps
         Number of equal steps to the equilibrium to start with.
     at_rest
-        Leave out loads, motions of supports, spin and contact that begins: modes about the state of rest.
+        Leave out loads, motions of supports, spin and contact: modes about the state of rest.
+    start
+        Displacement ``(dofs,)`` near the equilibrium, as for `isorod.statics.solve`.
 
     Raises
     ------
@@ -220,7 +235,7 @@ def solve(
             if state.model is not model:
                 raise InputError("modes: the state is of another model; take its own")
         elif not at_rest:
-            found = loaded.find(model, load_steps, comm)
+            found = loaded.find(model, load_steps, comm, start)
         taken = {"equilibrium": perf_counter() - began} if found is not state else {}
         return _solve(model, modes, lumped, found, comm, taken)
 
@@ -238,6 +253,12 @@ def _solve(
     loose = rigid_motions.free_motions(model) if state is None else []
     assembler = assembler_for(model, comm)
     turns = state is not None and loaded.spins(model)
+    if state is None:
+        assembler.contact = None
+    elif model.contacts:
+        from isorod.modal import touching
+
+        loose = touching.hold(assembler, state)
     pencil = _pencil(assembler, lumped, loose, turns)
     wanted = _wanted(pencil, modes)
     x = assembler.vector() if state is None else assembler.state(state.displacement, state.pressures)

@@ -5,6 +5,7 @@ import warnings
 import numpy as np
 from petsc4py import PETSc
 
+from isorod.arrays import Array
 from isorod.errors import InputError
 from isorod.model.load import Pressure
 from isorod.model.model import Model
@@ -42,14 +43,18 @@ def told(model: Model, state: Equilibrium | None) -> str:
         return "the state of rest" + (f", without {under}" if under else "")
     if not under:
         return "an equilibrium without loads"
-    return f"the equilibrium under {under}" + (", in the frame that turns" if spins(model) else "")
+    pressed = sum(one.active for one in state.contacts)
+    touching = f" with {_count(pressed, 'point') or 'no point'} in contact" if model.contacts else ""
+    return f"the equilibrium under {under}{touching}" + (", in the frame that turns" if spins(model) else "")
 
 
 def _count(number: int, what: str) -> str:
     return f"{number} {what}{'' if number == 1 else 's'}" if number else ""
 
 
-def find(model: Model, load_steps: int, comm: PETSc.Comm | None = None) -> Equilibrium | None:
+def find(
+    model: Model, load_steps: int, comm: PETSc.Comm | None = None, start: Array | None = None
+) -> Equilibrium | None:
     """Return the equilibrium under what a model is under, None where that is nothing.
 
     PETSc's options act on it as on `isorod.statics.solve`.
@@ -65,14 +70,14 @@ def find(model: Model, load_steps: int, comm: PETSc.Comm | None = None) -> Equil
     with warnings.catch_warnings():
         # Nobody asks for them.
         warnings.filterwarnings("ignore", "support forces are no more than rounding")
-        return analysis.solve(model, load_steps, comm)
+        return analysis.solve(model, load_steps, comm, start=start)
 
 
 def refuse(model: Model) -> None:
     """Raise `InputError` where the tangent about an equilibrium is not that of small vibrations.
 
-    It knows no stress of a linear elastic body, nothing of what presses in contact, and of a pressure that follows it
-    is made symmetric, which it is but for the edges of the surface at ends that are free.
+    It knows no stress of a linear elastic body, and of a pressure that follows it is made symmetric, which it is but
+    for the edges of the surface at ends that are free.
     """
     advice = "or take modes at rest (at_rest), which know no loads"
     for b, body in enumerate(model.bodies):
@@ -80,8 +85,6 @@ def refuse(model: Model) -> None:
             raise InputError(
                 f"equilibrium: body {b} is linear elastic, whose tangent knows no stress; take NeoHookean, {advice}"
             )
-    if model.contacts:
-        raise InputError(f"equilibrium: there are no modes about one with contact so far; leave contacts out, {advice}")
     for load in model.following:
         if not _edges_held(model, load):
             raise InputError(

@@ -1,0 +1,125 @@
+"""Contact in small vibrations about an equilibrium: what is pressed stays so, and what else does not touch.
+
+Surfaces keep the mean gaps of their cells and slide along each other, with what their curvature adds
+(`isorod.contact.frozen`); points that stick do not slide.  Penalties give way within cells alone, where surfaces cannot
+follow any more: as springs of all points they would be far too soft (of a cylinder that lies on a plane, with half as
+much again for the patch itself), and much stiffer ones would hold surfaces beyond the patch.
+"""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from petsc4py import PETSc
+
+from isorod.arrays import Array
+from isorod.assembly.assembler import Assembler
+from isorod.checks import rigid_motions
+from isorod.contact.frozen import Frozen
+from isorod.errors import InputError
+from isorod.model.model import Model
+from isorod.statics.analysis import Equilibrium
+
+if TYPE_CHECKING:
+    from isorod.contact.result import ContactResult
+
+# A rigid motion slides if gaps change by less than this share of it, root mean squares of both, and is held if by more
+# than that one: between them patches hold it by their width, as what rolls or tips.
+_SLIDES, _HELD = 1e-6, 0.25
+
+# Stiffness, relative to the sum of its parts, of a rigid motion that meets none.
+_NONE = 1e-9
+
+
+def hold(assembler: Assembler, state: Equilibrium) -> list[tuple[int, Array]]:
+    """Let contact be as it is in an equilibrium; return the rigid motions that nothing resists: body, and its nodes'.
+
+    Raises
+    ------
+    InputError
+        If points slip, or a body is held by the width of patches alone.
+    """
+    model = assembler.model
+    for k, one in enumerate(state.contacts):
+        if one.slipping:
+            raise InputError(
+                f"contact {k}: {one.slipping} of {one.active} points slip; modes are of points that stick or slide "
+                "without friction: raise the friction, or leave it out"
+            )
+    contact = Frozen(model, model.contacts, state.contacts, state.displacement, assembler.comm, tight=True)
+    assembler.contact = contact  # type: ignore[assignment]
+    slides = _sliding(model, state.displacement, contact, state.contacts)
+    if not slides:
+        return []
+    matrix = assembler.matrix()
+    assembler.tangent(assembler.state(state.displacement, state.pressures), 1.0, matrix)
+    vectors = list(rigid_motions.on_unknowns(assembler, slides))
+    sizes = matrix.getDiagonal()
+    found = []
+    for slide, vector in zip(slides, vectors, strict=True):
+        weight = sizes.duplicate()
+        weight.pointwiseMult(vector, vector)
+        if abs((matrix * vector).dot(vector)) <= _NONE * abs(sizes.dot(weight)):
+            found.append(slide)
+    matrix.destroy()
+    return found
+
+
+def doubt(model: Model, state: Equilibrium, eigenvalues: Array, vectors: Array) -> float:
+    """Return how far frequencies may be off by what is not known of how much patches give way, relative, the largest.
+
+    What is known lies between springs of all points, which are too soft, and points that are all held.
+
+    Parameters
+    ----------
+    eigenvalues, vectors
+        ``omega^2`` ``(m,)`` and shapes ``(m, dofs)`` of modes that are not rigid.
+    """
+    contact = Frozen(model, model.contacts, state.contacts, state.displacement, PETSc.COMM_SELF, tight=True)
+    within, besides = contact.give(vectors)
+    return 0.5 * float(np.max((within + besides) / np.abs(eigenvalues), initial=0.0))
+
+
+def _sliding(
+    model: Model, displacement: Array, contact: Frozen, results: "Sequence[ContactResult]"
+) -> list[tuple[int, Array]]:
+    """Return rigid motions that supports and contact leave free; raises `InputError` for one that patches hold."""
+    free = rigid_motions.free_motions(model, displacement)
+    weights = np.sqrt(contact.springs / max(float(contact.springs.sum()), 1e-300))
+    normals = np.concatenate([np.zeros((0, 3)), *(one.normals[one.pressure > 0.0] for one in results)])
+    found, everywhere = [], []
+    for b in sorted({b for b, _ in free}):
+        moved = np.stack([motion.ravel() for body, motion in free if body == b], axis=1)
+        moved = np.linalg.qr(moved)[0] * np.sqrt(model.bodies[b].space.is_carrier.sum())
+        whole = np.zeros((model.dofs, moved.shape[1]))
+        for column, one in zip(whole.T, moved.T, strict=True):
+            model.nodal(column, b)[:] = one.reshape(-1, 3)
+        rows = weights[:, None] * (contact.gaps @ whole)
+        everywhere.append(rows)
+        _, sizes, turns = np.linalg.svd(np.concatenate([rows, np.zeros((moved.shape[1], moved.shape[1]))]))
+        for size, turn in zip(sizes, turns, strict=True):
+            motion = (moved @ turn).reshape(-1, 3)
+            if size < _HELD and (size > _SLIDES or _tilts(model, displacement, b, motion, normals) > _SLIDES):
+                how = rigid_motions.describe(model.bodies[b].space, motion)
+                raise InputError(
+                    f"equilibrium: body {b} may {how}, which the width of patches alone holds, as what rolls or tips: "
+                    "there are no modes of that; hold it by a support"
+                )
+            if size <= _SLIDES:
+                found.append((b, motion))
+    together = np.concatenate(everywhere, axis=1) if everywhere else np.zeros((1, 0))
+    least = np.linalg.svd(together.T @ together, compute_uv=False) if together.size else np.empty(0)
+    if int((least <= _SLIDES**2).sum()) > len(found):
+        raise InputError("equilibrium: bodies may move together, which neither supports nor contact hold; hold one")
+    return found
+
+
+def _tilts(model: Model, displacement: Array, body: int, motion: Array, normals: Array) -> float:
+    """Return how much a rigid motion of a body's nodes ``(nodes, 3)`` tilts what presses, in sizes of the body."""
+    space = model.bodies[body].space
+    places = (space.positions + model.nodal(displacement, body))[space.is_carrier]
+    arms = places - places.mean(axis=0)
+    rows = np.concatenate([np.cross(axis, arms).reshape(-1, 1) for axis in np.eye(3)], axis=1)
+    moved = motion[space.is_carrier]
+    turn = np.linalg.lstsq(rows, (moved - moved.mean(axis=0)).ravel(), rcond=None)[0]
+    return float(np.abs(np.cross(turn, normals)).max(initial=0.0) * np.abs(arms).max())
