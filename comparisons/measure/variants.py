@@ -67,8 +67,8 @@ def variants(scene: Any, model: Any, known: Sequence[Mapping[str, Any]]) -> list
 
 
 def written(scene: Any, known: Sequence[Mapping[str, Any]]) -> str:
-    """Return the options that say what was chosen, but for short elements near ends."""
-    return " ".join(_words(scene, _common(known)))
+    """Return the options of a published scene that say what was chosen, but for short elements near ends."""
+    return " ".join(_words(scene, None, _common(known), {}))
 
 
 def _common(known: Sequence[Mapping[str, Any]]) -> dict[str, int]:
@@ -97,7 +97,7 @@ def _words(scene: Any, model: Any, base: Mapping[str, int], changed: Mapping[str
         return "--spaces", json.dumps(scene.on(spaces).spaces)
     names = {field.name for field in dataclasses.fields(scene)}
     found = []
-    for name, value in (base | changed).items():
+    for name, value in (dict(base) | dict(changed)).items():
         # A spring counts its elements by the turn.
         if name == "elements" and name not in names:
             name, value = "elements_per_turn", value // scene.coils

@@ -239,7 +239,10 @@ def _answers(solution: Any) -> list[tuple[Array, float]]:
     force, moment, most = (
         float(np.linalg.norm(one, axis=1).max()) for one in (solution.reactions, solution.moments, moved)
     )
-    # Of a moment that is less than the force at the surface, no one asks.
+    # Of forces that are next to nothing beside the loads, and moments beside them at the surface, no one asks.
+    space = solution.model.bodies[0].space
+    loads = [np.abs(load.nodal(space)).sum() for load in solution.model.loads if hasattr(load, "nodal")]
+    force = max(force, 1e-3 * float(sum(loads)))
     least = force * float(held.width(solution.model, 0))
     return [(solution.reactions, force), (solution.moments, max(moment, least)), (moved, most)]
 
