@@ -47,7 +47,7 @@ def change(
             continue
         # The middle of what has no hole, and both sides where rings meet.
         sides = [radius * _INSIDE for radius in rings[1:-1]]
-        xi = np.concatenate([around((*rings, *sides)), np.zeros((rings[0] == 0.0, 2))])
+        xi = np.concatenate([around((*rings, *sides)), np.zeros((int(rings[0] == 0.0), 2))])
         there = _stress(body, finer.coarse.nodal(before, b), xi, u, pressures[b] if pressures else None)
         better = _stress(fine, finer.model.nodal(after, b), xi, u, corrected[b] if corrected else None)
         largest = max(largest, float(np.linalg.norm(better, axis=(2, 3)).max()))
