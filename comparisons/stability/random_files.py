@@ -35,7 +35,7 @@ MODES = ("modes", "modes, pulled", "modes, spun", "modes, rotated")
 SHARES = (0.14, 0.1, 0.14, 0.08, 0.08, 0.06, 0.06, 0.06, 0.12, 0.06, 0.05, 0.05)
 
 # Points of a rod at which displacements are compared.
-_ALONG, _ACROSS = (0.17, 0.5, 0.83, 1.0), ((0.0, 0.0), (0.7, 0.0), (0.0, 1.0))
+_ALONG, _ACROSS = (0.17, 0.5, 0.83, 1.0), ((0.9, 0.0), (-1.0, 0.0), (0.0, 1.0))
 
 # Spaces of fewer functions take twice the elements: others would take minutes.
 _FEW = 1200
