@@ -241,12 +241,10 @@ def elements(name: str, levels: Sequence[int] = MESHES) -> dict[str, Any]:
         solution = statics.solve(FileScene(str(RODS[name])).model())
         model = solution.model
         breaks = model.bodies[0].space.rod.axis.breaks
-        u = np.linspace(*breaks[[0, -1]], 203)
+        u = np.linspace(breaks[0], breaks[-1], 203)
         at = u[held.distance(model, 0, u, breaks[[0, -1]]) > held.width(model, 0)], _ring(12)
-        found, *meshes = (
-            von_mises(one.stress(0, *at))
-            for one in (solution, *(solve(model, mesh_of(model, level), "statics") for level in levels))
-        )
+        both: list[Any] = [solution, *(solve(model, mesh_of(model, level), "statics") for level in levels)]
+        found, *meshes = (von_mises(one.stress(0, *at)) for one in both)
         *_, before, exact = meshes
         error, apart = (float(np.abs(one - exact).max() / exact.max()) for one in (found, before))
         return {
