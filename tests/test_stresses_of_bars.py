@@ -15,7 +15,7 @@ from isorod.material.places import alone
 
 BARS = [
     Bar("ellipse", "isotropic", "shear", 10.0),
-    Bar("ellipse", "fibred 20", "torsion", 20.0),
+    pytest.param(Bar("ellipse", "fibred 20", "torsion", 20.0), marks=pytest.mark.slow),
     Bar("circle", "isotropic", "pressure", 50.0),
 ]
 

@@ -6,6 +6,9 @@ the largest difference of Cauchy's stress, by its Frobenius norm, over the large
 the inner one, on both sides of an interface and in the middle, farther from ends than the section is wide.  Exact is a
 finer space: of degree 6, with twice the degree across up to 8 and three times the elements; of rings one degree more
 and twice the elements.  Closed forms say the same of the bars that have one (`tests/test_boundary_layers.py`).
+
+Two rods more are beside finite elements at full level (``starter`` and ``hook`` as words): von Mises stresses, farther
+from ends than the section is wide, over the largest; ``apart`` is how much those of the two finest meshes differ.
 """
 
 import sys
@@ -24,10 +27,12 @@ from comparisons.stability import figure
 from comparisons.stability.point import measure
 from isorod import options, statics
 from isorod.arrays import Array
+from isorod.command import new
 from isorod.command.run import LARGE_STRESS
 from isorod.files.scene import FileScene
 from isorod.geometry.quadrature import WHOLE
 from isorod.output import held, results
+from isorod.output.stress import von_mises
 from isorod.space import Space
 
 NAME = "stresses"
@@ -59,6 +64,14 @@ OUTCOMES = ("right", "warned of", "within 3 %", "wrong in silence")
 _SECTIONS, _AROUND = 61, 15
 # On the inner side of an interface.
 _INSIDE = 1.0 - 1e-9
+
+
+# Files of rods that are compared with finite elements, and the levels of the meshes.
+RODS = {
+    "starter": Path(new.__file__).parents[1] / "files" / "examples" / "starter.toml",
+    "hook": Path(__file__).with_name("hook.toml"),
+}
+MESHES = (2, 3)
 
 
 def _fibred(ratio: float, size: float) -> str:
@@ -145,8 +158,7 @@ def places(model: Any) -> tuple[Array, Array]:
     # Straight, from 0 to 1.
     length = float(np.ptp(rod.grid([[0.0, 0.0]], [0.0, 1.0])[0][..., 2]))
     off = held.width(model, 0) / length
-    angle = 2.0 * np.pi * np.arange(_AROUND) / _AROUND
-    ring = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    ring = _ring(_AROUND)
     sides = [radius * _INSIDE for radius in rod.rings[1:-1]]
     xi = [radius * (ring if radius else ring[:1]) for radius in (*rod.rings, *sides)]
     return np.linspace(off, 1.0 - off, _SECTIONS), np.concatenate(xi)
@@ -214,6 +226,42 @@ def point(bar: Bar) -> dict[str, Any]:
 def run(level: str) -> Iterator[dict[str, Any]]:
     """Yield the points."""
     yield from map(point, every(level))
+    if level == "full":
+        yield from map(elements, RODS)
+
+
+def elements(name: str, levels: Sequence[int] = MESHES) -> dict[str, Any]:
+    """Return the record of one of `RODS` beside finite elements on meshes of these levels, at least two."""
+
+    def compare() -> dict[str, Any]:
+        # dolfinx alone needs these.
+        from comparisons.fem.rods import solve
+        from comparisons.fem.rods.run import mesh_of
+
+        solution = statics.solve(FileScene(str(RODS[name])).model())
+        model = solution.model
+        breaks = model.bodies[0].space.rod.axis.breaks
+        u = np.linspace(breaks[0], breaks[-1], 203)
+        at = u[held.distance(model, 0, u, breaks[[0, -1]]) > held.width(model, 0)], _ring(12)
+        both: list[Any] = [solution, *(solve(model, mesh_of(model, level), "statics") for level in levels)]
+        found, *meshes = (von_mises(one.stress(0, *at)) for one in both)
+        *_, before, exact = meshes
+        error, apart = (float(np.abs(one - exact).max() / exact.max()) for one in (found, before))
+        return {
+            "error": error,
+            "apart": apart,
+            "estimate": solution.errors().stress,
+            "unknowns": model.unknowns,
+            "space": str(model.bodies[0].space),
+        }
+
+    more = {"series": name, "tolerance": LARGE_STRESS, "reference": "finite elements, the finest mesh"}
+    return measure("beside finite elements: level of the mesh", levels[-1], compare, bar=f"{name}, , ", **more)
+
+
+def _ring(count: int) -> Array:
+    angle = 2.0 * np.pi * np.arange(count) / count
+    return np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 
 def LIMITS(records: list[Record]) -> list[str]:
@@ -231,6 +279,11 @@ def LIMITS(records: list[Record]) -> list[str]:
                 f"{section}, {law}: {len(own)} bars, {told}; "
                 f"the worst {100.0 * worst['error']:.2g} % ({worst['bar']}), {worst['unknowns']} unknowns."
             )
+    for one in (one for one in records if one["series"] in RODS and "error" in one):
+        lines.append(
+            f"{one['series']}: {100.0 * one['error']:.2g} % from the von Mises stresses of finite elements, those of "
+            f"whose two finest meshes are {100.0 * one['apart']:.2g} % apart."
+        )
     return lines
 
 
@@ -247,6 +300,9 @@ def main(words: Sequence[str]) -> int:
         if {*words} <= {bar.section, bar.law, bar.load, f"{bar.length:g}"}:
             records.append(point(bar))
             print(results.line(records[-1]), flush=True)
+    for name in {*words} & {*RODS}:
+        records.append(elements(name))
+        print(results.line(records[-1]), flush=True)
     print("\n".join(LIMITS(records)))
     return 0
 

@@ -185,7 +185,7 @@ def plane_waves(law: Material, swollen: float = 1.0) -> Array:
 
 
 def reach(law: Material, places: Places) -> float:
-    """Return ``sqrt(E / G)`` along a rod at rest, the largest at some of its places; 1.6 to 1.7 if isotropic.
+    """Return ``sqrt(E / G)`` along a rod at rest, the largest at some of its places; 0 if none is stable at rest.
 
     What is done to an end reaches about so many radii with stiff fibres (C. O. Horgan, Saint-Venant end effects in
     composites, J. Composite Materials 16 (1982) 411-422).
@@ -210,11 +210,16 @@ def reach(law: Material, places: Places) -> float:
     strains = np.array([np.eye(3)[[a]].T * np.eye(3)[b] for a in range(3) for b in range(a, 3)])
     strains = strains + np.swapaxes(strains, 1, 2)
     strains = strains / np.linalg.norm(strains, axis=(1, 2))[:, None, None]
-    soft = np.linalg.inv(np.einsum("iaA,...aAbB,jbB->...ij", strains, moduli, strains))
+    if not np.isfinite(moduli).all():
+        return 0.0
+    # Laws of one's own may have a direction without stiffness.
+    soft = np.linalg.pinv(np.einsum("iaA,...aAbB,jbB->...ij", strains, moduli, strains))
     along = np.einsum("iaA,...a,...A->...i", strains, n, n)
-    young = 1.0 / np.einsum("...i,...ij,...j->...", along, soft, along)
+    softness = np.einsum("...i,...ij,...j->...", along, soft, along)
     shear = np.linalg.eigvalsh(np.einsum("...aAbB,...A,...B->...ab", moduli, n, n))[..., 0]
-    return float(np.sqrt((young / shear).max()))
+    # Where it is not stable at rest there is no such length.
+    stable = (softness > 0.0) & (shear > 0.0)
+    return float(np.sqrt(np.where(stable, 1.0 / np.where(stable, softness * shear, 1.0), 0.0).max()))
 
 
 def _directions() -> Array:
