@@ -29,6 +29,8 @@ class RodPlan:
     def __init__(self, place: Place, table: Mapping[str, Any]) -> None:
         self.place, self._touches = place, False
         self.patches: Sequence[Patch] = ()
+        # By which supports turn it in all, radians.
+        self.angle = 0.0
         sweep = {key: one for key, one in table.items() if key in schema.SWEEP.parameters}
         self._sweep = call(place, schema.SWEEP, sweep)
         rings = {key: one for key, one in table.items() if key in schema.RINGS.parameters}
@@ -95,13 +97,25 @@ class RodPlan:
             warnings.warn(f"{self.place}: {one.message}", one.category, stacklevel=2)
         return rod if self._rings is None else self._rings.make(self=rod)
 
-    def _jumps(self, rod: "Rod") -> dict[str, Any]:
-        """Return continuity and knots where laws differ between elements of the curve: slopes jump there."""
+    def _along(self, rod: "Rod") -> dict[str, Any]:
+        """Return what a space is told of the axis where that is not given and more is known than the rod's shape.
+
+        It touches others, laws differ between elements of the curve, so that slopes jump there, or supports turn it.
+        """
         from isorod.space import choice as chosen
 
         given = self.space.arguments
-        knots = chosen.boundary_layers(rod, given.get("degree"), rod.axis.breaks[1:-1].tolist())
-        return {name: value for name, value in (("continuity", 0), ("knots", knots)) if name not in given}
+        elements, degree, continuity = (given.get(key) for key in ("elements", "degree", "continuity"))
+        found: dict[str, Any] = {}
+        if self._touches:
+            found = chosen.touching(rod, elements, degree, continuity, self.angle)
+        elif elements is None:
+            if self.angle:
+                found = chosen.turned(rod, self.angle, degree, continuity)
+            if len(self.laws) > 1 and len(rod.rings) == 2:
+                places = rod.axis.breaks[1:-1].tolist()
+                found |= {"continuity": 0, "knots": chosen.boundary_layers(rod, degree, places, self.angle)}
+        return {name: value for name, value in found.items() if name not in given}
 
     def body(self) -> "Body":
         """Return the body."""
@@ -114,18 +128,9 @@ class RodPlan:
         if len(laws) not in (1, places):
             each = f"the {own} elements of the curve" if rings == 1 else f"the {rings} rings of the section"
             raise (self.place / "law").error(f"got {len(laws)} laws for {each}, need one, or one for each")
-        more = {}
         if self.patches:
             from isorod.space.closer import closer
-        if self._touches:
-            from isorod.space import choice as chosen
-
-            given = self.space.arguments
-            more = chosen.touching(rod, *(given.get(key) for key in ("elements", "degree", "continuity")))
-            more = {name: value for name, value in more.items() if name not in given}
-        elif len(laws) > 1 and rings == 1 and "elements" not in self.space.arguments:
-            more = self._jumps(rod)
-        space = closer(rod, self.patches) if self.patches else self.space.make(rod=rod, **more)
+        space = closer(rod, self.patches) if self.patches else self.space.make(rod=rod, **self._along(rod))
         material = laws[0] if len(laws) == 1 else laws
         told = self._body or call(self.place, schema.BODY, {})
         body: Body = told.make(space=space, material=material)

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
+from math import dist
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -125,6 +126,7 @@ class FileScene:
         if "spin" in self.content:
             self._spin = call(top / "spin", schema.SPIN, (top / "spin").table(self.content["spin"]))
         self._check_names()
+        self._turn_rods()
         self.units: dict[str, str] = {}
         self.stresses: list[str] = []
         self._measures = dict(self._asked())
@@ -159,6 +161,13 @@ class FileScene:
             if self._is_explicit():
                 # The shortest element sets the time step.
                 plan.space.arguments.setdefault("knots", ())
+
+    def _turn_rods(self) -> None:
+        """Tell rods by how much their supports turn, one against another."""
+        for k, plan in enumerate(self.plans.values()):
+            own = [one for one in self._supports.values() if self._names(one).get("body", 0) == k]
+            turns = [one.arguments.get("turn", (0.0, 0.0, 0.0)) for one in own]
+            plan.angle = max(dist(one, other) for one in turns for other in turns) if turns else 0.0
 
     def _is_explicit(self) -> bool:
         """Return whether the analysis is of explicit steps; what it is told is checked when it is read (`settings`)."""
