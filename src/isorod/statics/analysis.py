@@ -115,14 +115,20 @@ class Equilibrium(State, Animated):
         """Return estimates of relative errors (`isorod.checks.estimate`), None where there are none.
 
         It takes about as long as the solution.  They are sums of those of the approximation across the ``"section"``
-        and along the ``"axis"``, unless one of them is asked for.
+        and along the ``"axis"``, unless one of them is asked for, and of what springs give way that
+        points stick by.
         """
         from isorod.checks import estimate
 
         asked = directions or estimate.DIRECTIONS
-        return estimate.of_equilibrium(
+        found = estimate.of_equilibrium(
             self.model, self.displacement, self.work, self.pressures, asked, self.ranks, self.contacts
         )
+        stretched = sum(one.stretched for one in self.contacts)
+        if found.work is None or not stretched:
+            return found
+        stored = sum(self.energy(b) for b in range(len(self.model.bodies)))
+        return found._replace(work=found.work + stretched / max(2.0 * stored, abs(self.work)))
 
     def matrices(self, lumped: bool = False) -> "Matrices":
         """Return the tangent stiffness and the mass about it (`isorod.output.matrices.matrices`)."""
