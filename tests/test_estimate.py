@@ -189,14 +189,42 @@ def bent_over(elements, **contact):
     return statics.solve(Model([Body(space, NeoHookean(100.0, 0.3))], ends, contacts=[over]))
 
 
-def test_error_of_a_bar_in_contact():
+@pytest.mark.parametrize("friction", [0.0, 0.2, 5.0], ids=["smooth", "slips", "sticks"])
+def test_error_of_a_bar_in_contact(friction):
     """With the penalty and the points of the finer one."""
-    found, fine = bent_over(3), bent_over(12)
+    found, fine = bent_over(3, friction=friction), bent_over(12, friction=friction)
+    (contact,) = found.contacts
+    assert bool(contact.slipping) is (friction == 0.2) and bool(contact.sticking) is (friction == 5.0)
     error = abs(found.work / fine.work - 1.0)
     print(error, found.estimate("axis"))
     assert error > 0.02
     assert error / 3.0 < found.estimate() < 3.0 * error
-    assert bent_over(3, friction=0.2).estimate() is None
+
+
+def test_springs_of_what_sticks_count_in_the_error():
+    """A bar is drawn at, which two planes grip: the softer their springs, the larger their part."""
+    found = []
+    for penalty in (1e3, 4e3):
+        space = Space(straight(6.0).sweep(section.circle(8, 0.5)), 4, 3, 1, order=2)
+        planes = [Plane((0.0, -0.48 * way, 0.0), (0.0, way, 0.0)) for way in (1.0, -1.0)]
+        grip = [Contact(0, one, penalty, first_elements=[0, 1], points=(6, 6), friction=2.0) for one in planes]
+        end = Support.end(space, "end", displacement=(0.0, 0.0, 0.02))
+        found.append(statics.solve(Model([Body(space, NeoHookean(100.0, 0.3))], [end], contacts=grip), load_steps=2))
+    softer, stiffer = found
+    assert all(one.slipping == 0 < one.sticking for each in found for one in each.contacts)
+    stretched = [sum(contact.stretched for contact in one.contacts) / (2.0 * one.energy(0)) for one in found]
+    assert stretched[0] > 2.0 * stretched[1] > abs(softer.work / stiffer.work - 1.0)
+    assert softer.estimate("axis") > stretched[0]
+
+
+def test_an_error_that_nobody_knows_with_friction_is_warned_of():
+    space = Space(straight(4.0).sweep(section.circle(8)), elements=4, order=2)
+    inside = Support(2 * space.layer_nodes + np.arange(3), "xyz")
+    floor = Contact(0, Plane((0.0, -3.0, 0.0), (0.0, 1.0, 0.0)), 1.0, friction=0.3)
+    load = SectionLoad.end(space, "end", (0.0, 1e-3, 0.0))
+    with pytest.warns(UserWarning, match="the error is not known: with friction"):
+        found = run.estimate(statics.solve(bar(space, inside, contacts=[floor], loads=[load])))
+    assert found.keys() == {"estimate_seconds"}
 
 
 def test_frozen_contact_is_that_of_the_equilibrium():

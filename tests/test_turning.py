@@ -219,6 +219,39 @@ def test_a_file_says_degrees(tmp_path):
     assert found.moments[1, 2] == pytest.approx(torsion(np.pi, 1.0), rel=5e-3)
 
 
+def chosen(folder, law="nu = 0.3", **rotations):
+    """Write a bar whose ends turn about z by so many turns, and whose space is chosen."""
+    path = folder / "bar.toml"
+    text = FILE.replace("space = {elements = 4, degree = 4, section_degree = 2}", "").replace("nu = 0.3", law)
+    text = text.replace('"start"', f'"start"\nrotation = [0, 0, {360 * rotations["start"]}]')
+    turn = f"rotation = [0, 0, {360 * rotations['end']}]"
+    path.write_text(text.replace("{turn}", turn).replace("{analysis}", "statics"))
+    return FileScene(str(path))
+
+
+def test_a_rod_of_a_file_has_elements_for_what_its_supports_turn_it_by(tmp_path):
+    """Of degree 5 one for each 120 degrees, and no less than five; what both ends turn by alike twists nothing."""
+    found = {}
+    for turns in ((0, 0), (3, 3), (0, 5), (-5, 5), (0, 1)):
+        (body,) = chosen(tmp_path, start=turns[0], end=turns[1]).model().bodies
+        found[turns] = body.space.elements
+        assert body.space.knots[0] * LENGTH == pytest.approx(0.4)
+    assert found == {(0, 0): 5, (3, 3): 5, (0, 5): 15, (-5, 5): 30, (0, 1): 5}
+    (body,) = write(tmp_path, "rotation = [0, 0, 1800]").model().bodies
+    assert body.space.elements == 4
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:the equilibrium is unstable")
+def test_a_bar_of_a_file_that_is_twisted_five_times_is_right_by_default(tmp_path):
+    """Incompressible, with its length held: R. S. Rivlin, Phil. Trans. R. Soc. A 242 (1949) 173: G J k."""
+    scene = chosen(tmp_path, "nu = 0.5", start=0, end=5)
+    found, _ = run.solve(scene, scene.settings())
+    exact = E / 3.0 * 0.5 * np.pi * 5.0 * TURN / LENGTH
+    assert found.moments[1, 2] == pytest.approx(exact, rel=1e-3)
+    assert found.estimate() < 5e-3
+
+
 def test_radians_of_a_file_are_taken_with_a_word_on_what_to_write(tmp_path):
     with pytest.warns(
         FutureWarning, match=r"bar\.toml:11: support\.head\.turn: .* rotation = \[0, 0, 90\], in degrees$"

@@ -73,7 +73,7 @@ def reach(
     Raises
     ------
     InputError
-        If the tolerance is out of range, or the solution has no estimate (friction, supports within the rod).
+        If the tolerance is out of range, or the solution has no estimate (supports within the rod).
     SolveError
         If it is not reached within 24 refinements or 400,000 unknowns.
     """

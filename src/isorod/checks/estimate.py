@@ -72,7 +72,7 @@ def of_equilibrium(
 ) -> Error:
     """Return estimates of the errors of an equilibrium.
 
-    Contact is as it was, on finer spaces linear about that (`isorod.contact.frozen`): with friction there are none.
+    Contact is as it was, on finer spaces linear about that (`isorod.contact.frozen`): what sticks and slips goes on to.
 
     Parameters
     ----------
@@ -91,8 +91,6 @@ def of_equilibrium(
     contacts
         Their outcome.
     """
-    if any(one.friction for one in model.contacts):
-        return Error(None, None)
 
     def change(finer: Finer, comm: PETSc.Comm) -> Array:
         return _equilibrium(finer, comm, displacement, work, pressures, contacts)

@@ -97,7 +97,7 @@ def _answer(record: Mapping[str, Any], units: Mapping[str, str], stresses: Seque
     if touching[_FEW:]:
         yield "contacts", f"{len(touching) - _FEW} more"
     if "estimate_seconds" in record and not {"error_estimate", "stress_error_estimate"} & record.keys():
-        yield "error", "no estimate: with friction, supports within a rod, or no finer space that can be had"
+        yield "error", "no estimate: with supports within a rod, or no finer space that can be had"
     elif "error_estimate" in record and not record.get("changes"):
         also = _stress_error(record, stresses)
         yield "error", f"about {percent(record['error_estimate'])}{also}, by a finer space"

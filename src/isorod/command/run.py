@@ -130,6 +130,12 @@ def estimate(solution: Any, stresses: bool = False) -> dict[str, Any]:
     error, stress = solution.errors() if hasattr(solution, "errors") else (solution.estimate(), None)
     found = {"error_estimate": error, STRESS_ERROR: stress}
     found = {name: value for name, value in found.items() if value is not None}
+    if error is None and any(one.friction for one in solution.model.contacts):
+        warnings.warn(
+            "the error is not known: with friction, and no finer space that can be had, as with supports within a rod; "
+            "look whether more elements change the answer",
+            stacklevel=2,
+        )
     if stresses and stress is not None and stress > LARGE_STRESS:
         warnings.warn(
             f"stresses err by about {100.0 * stress:.2g} % of the largest, farther from edges than the section is "

@@ -6,9 +6,10 @@ follow, and pressures that do make it no flatter.
 """
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from isorod.arrays import Array, Index
 from isorod.contact.packed import Packed
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from isorod.space.space import Space
 
 
-def grids(packed: Packed, values: Array) -> Iterator[Array]:
+def grids(packed: Packed, values: NDArray[Any]) -> Iterator[NDArray[Any]]:
     """Yield what points have, ``(Q,)``, pass by pass: views ``(elements, along, arcs, across)``."""
     for one in packed.passes:
         surface = packed.surfaces[one["slave"]]

@@ -217,14 +217,14 @@ def _bent(
     second = np.stack([_slope_change(model, bodies, feet, k, places) for k in range(2)], axis=1)
     bend = np.einsum("mabi,mi->mab", 0.5 * (second + second.swapaxes(1, 2)), normals)
     dual = np.einsum("mab,mbi->mai", np.linalg.inv(np.einsum("mai,mbi->mab", y, y)), y)
-    ways = [_along(sliding, dual[:, k]) for k in range(2)]
+    moves = [_along(sliding, dual[:, k]) for k in range(2)]
     tilts = [_along(slope, normals) for slope in slopes]
     total = csr_matrix((model.dofs, model.dofs))
     for k in range(2):
-        mixed = ways[k].T @ tilts[k].multiply(loads[:, None])
+        mixed = moves[k].T @ tilts[k].multiply(loads[:, None])
         total = total + mixed + mixed.T
         for j in range(2):
-            total = total + ways[k].T @ ways[j].multiply((loads * bend[:, k, j])[:, None])
+            total = total + moves[k].T @ moves[j].multiply((loads * bend[:, k, j])[:, None])
     return csr_matrix(total)
 
 
@@ -294,5 +294,5 @@ def _functions(model: Model, bodies: Index, places: Array, slope: int | None = N
         values.append(entries[kept])
         rows.append(np.broadcast_to(here[:, None, None], entries.shape)[kept])
         columns.append(nodes[kept])
-    entries = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
-    return csr_matrix(entries, shape=(bodies.size, model.dofs // 3))
+    every = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
+    return csr_matrix(every, shape=(bodies.size, model.dofs // 3))

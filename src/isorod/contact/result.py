@@ -94,10 +94,16 @@ class ContactResult:
     feet: Array
     cells: Index
     tractions: Array
-    slips: NDArray[np.bool_]
+    slips: Array
     friction: Array = field(default_factory=lambda: np.zeros(3))
     sticking: int = 0
     slipping: int = 0
+
+    @property
+    def stretched(self) -> float:
+        """Work of friction on the way that springs give by which points stick."""
+        sticks = (self.pressure > 0.0) & ~self.slips
+        return float(self.areas[sticks] @ np.sum(self.tractions[sticks] ** 2, axis=1) / self.penalty)
 
     def record(self) -> dict[str, Any]:
         """Return what a record keeps of it."""

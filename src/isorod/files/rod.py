@@ -34,8 +34,9 @@ class RodPlan:
     def __init__(self, place: Place, table: Mapping[str, Any]) -> None:
         self.place, self._touches, self._carries = place, False, False
         self.patches: Sequence[Patch] = ()
-        # Axis parameters of sections on which loads act.
+        # Axis parameters of sections on which loads act; by which angle supports turn it in all, radians.
         self.loaded: list[float] = []
+        self.angle = 0.0
         sweep = {key: one for key, one in table.items() if key in schema.SWEEP.parameters}
         self._sweep = call(place, schema.SWEEP, sweep)
         rings = {key: one for key, one in table.items() if key in schema.RINGS.parameters}
@@ -106,28 +107,39 @@ class RodPlan:
             warnings.warn(f"{self.place}: {one.message}", one.category, stacklevel=2)
         return rod if self._rings is None else self._rings.make(self=rod)
 
-    def _jumps(self, rod: "Rod", laws: int) -> dict[str, Any]:
-        """Return continuity and knots where slopes jump: where loads act on sections, and laws of elements differ."""
+    def _along(self, rod: "Rod") -> dict[str, Any]:
+        """Return what a space is told of the axis where that is not given and more is known than the rod's shape.
+
+        It touches others, supports turn it, loads act on sections, or laws differ between elements of the curve, so
+        that slopes jump there.
+        """
         from isorod.space import choice as chosen
 
         given = self.space.arguments
-        differ = laws > 1 and len(rod.rings) == 2
-        first, last = rod.axis.breaks[[0, -1]]
-        places = [u for u in self.loaded if first < u < last and not rod.closed]
-        if not (differ or places) or "elements" in given:
-            return {}
-        places += rod.axis.breaks[1:-1].tolist() if differ else []
-        more: dict[str, Any] = {"knots": chosen.boundary_layers(rod, given.get("degree"), places)}
-        if differ:
-            more["continuity"] = 0
-        return {name: value for name, value in more.items() if name not in given}
+        elements, degree, continuity = (given.get(key) for key in ("elements", "degree", "continuity"))
+        found: dict[str, Any] = {}
+        if self._touches:
+            found = chosen.touching(rod, elements, degree, continuity, self.angle)
+        elif elements is None:
+            if self.angle:
+                found = chosen.turned(rod, self.angle, degree, continuity)
+            first, last = rod.axis.breaks[[0, -1]]
+            places = [u for u in self.loaded if first < u < last and not rod.closed]
+            if len(self.laws) > 1 and len(rod.rings) == 2:
+                places += rod.axis.breaks[1:-1].tolist()
+                found["continuity"] = 0
+            if places:
+                found["knots"] = chosen.boundary_layers(rod, degree, places, self.angle)
+        return {name: value for name, value in found.items() if name not in given}
 
-    def _stressed(self, rod: "Rod", laws: Sequence[Any]) -> dict[str, int]:
+    def _across(self, rod: "Rod", laws: Sequence[Any]) -> dict[str, int]:
         """Return section functions with which stresses are right, if these are others than a space chooses."""
         from isorod.material.law import reach
         from isorod.material.places import Places
         from isorod.space import choice as chosen
 
+        if self._touches or not self._carries:
+            return {}
         breaks = rod.axis.breaks[:: -(-rod.axis.elements // _LOOKS)]
         places = Places(rod, 0.5 * (breaks[:-1] + breaks[1:])[:, None], _OFF_CENTRE)
         found = chosen.stressed(rod, max((reach(law, places) for law in laws if law.families), default=0.0))
@@ -144,20 +156,12 @@ class RodPlan:
         if len(laws) not in (1, places):
             each = f"the {own} elements of the curve" if rings == 1 else f"the {rings} rings of the section"
             raise (self.place / "law").error(f"got {len(laws)} laws for {each}, need one, or one for each")
-        more = {}
         if self.patches:
             from isorod.space.closer import closer
-        if self._touches:
-            from isorod.space import choice as chosen
-
-            given = self.space.arguments
-            more = chosen.touching(rod, *(given.get(key) for key in ("elements", "degree", "continuity")))
-            more = {name: value for name, value in more.items() if name not in given}
+        if self.patches:
+            space = closer(rod, self.patches)
         else:
-            more = self._jumps(rod, len(laws))
-        if self._carries and not self._touches:
-            more |= self._stressed(rod, laws)
-        space = closer(rod, self.patches) if self.patches else self.space.make(rod=rod, **more)
+            space = self.space.make(rod=rod, **self._along(rod), **self._across(rod, laws))
         material = laws[0] if len(laws) == 1 else laws
         told = self._body or call(self.place, schema.BODY, {})
         body: Body = told.make(space=space, material=material)

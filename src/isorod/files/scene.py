@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
+from math import dist
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -125,10 +126,7 @@ class FileScene:
         if "spin" in self.content:
             self._spin = call(top / "spin", schema.SPIN, (top / "spin").table(self.content["spin"]))
         self._check_names()
-        plans = list(self.plans.values())
-        for one in self._loads.values():
-            if isinstance(u := one.arguments.get("u"), float | int):
-                plans[self._names(one).get("body", 0)].loaded.append(float(u))
+        self._burden_rods()
         self.units: dict[str, str] = {}
         self.stresses: list[str] = []
         self._measures = dict(self._asked())
@@ -165,6 +163,17 @@ class FileScene:
             if self._is_explicit():
                 # The shortest element sets the time step.
                 plan.space.arguments.setdefault("knots", ())
+
+    def _burden_rods(self) -> None:
+        """Tell rods where loads act on their sections, and by how much their supports turn, one against another."""
+        for k, plan in enumerate(self.plans.values()):
+            loads, own = (
+                [one.arguments for one in group.values() if self._names(one).get("body", 0) == k]
+                for group in (self._loads, self._supports)
+            )
+            plan.loaded = [float(one["u"]) for one in loads if isinstance(one.get("u"), float | int)]
+            turns = [one.get("turn", (0.0, 0.0, 0.0)) for one in own]
+            plan.angle = max(dist(one, other) for one in turns for other in turns) if turns else 0.0
 
     def _is_explicit(self) -> bool:
         """Return whether the analysis is of explicit steps; what it is told is checked when it is read (`settings`)."""

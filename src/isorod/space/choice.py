@@ -34,6 +34,10 @@ _OWN = 3
 ANGLES = {1: 5.0, 2: 11.25, 3: 30.0, 4: 45.0, 5: 60.0, 6: 60.0}
 ELEMENTS = {1: 64, 2: 32, 3: 12, 4: 7, 5: 5, 6: 4}
 
+# Elements that supports turn may turn by so many times as much: of straight bars twisted by up to ten turns and rolled
+# up twice moments then err by 1e-3 at the most.
+_TURNED = 2.0
+
 # A rod this many times as long as wide is not short: what happens at its ends does not make up most of it.
 LONG = 3.0
 
@@ -133,10 +137,12 @@ def axis(
     degree: int | None,
     continuity: int | None,
     knots: tuple[float, ...] | None = None,
+    angle: float = 0.0,
 ) -> Along:
     """Return elements, degree, continuity and further knots, those that are None chosen.
 
-    To elements that are chosen come knots near the ends (`boundary_layers`).
+    To elements that are chosen come knots near the ends (`boundary_layers`).  There are more where supports turn the
+    rod by an ``angle``, radians, in all.
     """
     own = rod.axis.elements
     if degree is None:
@@ -152,14 +158,15 @@ def axis(
     functions = degree - smooth
     # At the rod's own knots an element has more of its own, if they are less smooth.
     rough = max(0, smooth - rod.axis.degree + int(rod.axis.multiplicities[1:-1].min(initial=degree))) if own > 1 else 0
-    turning = ceil(np.degrees(shape.angle) / ANGLES[known] - 0.1 - rough / functions)
+    turns = np.degrees(shape.angle + angle / (_TURNED * own)) / ANGLES[known]
+    turning = ceil(turns - 0.1 - rough / functions)
     parts = max(turning, ceil(least / own - rough / functions), 1)
     if knots is None:
         knots = () if rod.closed else _boundary_layers(rod, parts, shape)
     return Along(parts * own, degree, continuity, knots)
 
 
-def boundary_layers(rod: Rod, degree: int | None, places: Sequence[float]) -> tuple[float, ...]:
+def boundary_layers(rod: Rod, degree: int | None, places: Sequence[float], angle: float = 0.0) -> tuple[float, ...]:
     """Return the ``knots`` of a space that resolve boundary layers at both ends and on both sides of more places.
 
     Parameters
@@ -169,8 +176,10 @@ def boundary_layers(rod: Rod, degree: int | None, places: Sequence[float]) -> tu
     places
         Axis parameters, such as those of knots at which laws differ, or of loads on sections.  Those that are no knots
         of the rod are among the knots, twice: functions have kinks there.
+    angle
+        As for `axis`.
     """
-    parts = axis(rod, None, degree, None, ()).elements // rod.axis.elements
+    parts = axis(rod, None, degree, None, (), angle).elements // rod.axis.elements
     kinks = [u for u in set(places) if not np.isin(u, rod.axis.breaks)]
     return tuple(sorted([*_boundary_layers(rod, parts, _shape(rod), places), *2 * kinks]))
 
@@ -211,15 +220,25 @@ def halved(space: Any) -> dict[str, object]:
     return {"elements": elements, "knots": tuple(map(float, more[apart]))}
 
 
+def turned(rod: Rod, angle: float, degree: int | None, continuity: int | None) -> dict[str, Any]:
+    """Return elements and knots, as keyword arguments of `isorod.space.Space`, of a rod that supports turn (`axis`)."""
+    chosen = axis(rod, None, degree, continuity, None, angle)
+    return {"elements": chosen.elements, "knots": chosen.knots}
+
+
 def touching(
-    rod: Rod, elements: int | None = None, degree: int | None = None, continuity: int | None = None
+    rod: Rod,
+    elements: int | None = None,
+    degree: int | None = None,
+    continuity: int | None = None,
+    angle: float = 0.0,
 ) -> dict[str, int]:
     """Return elements, degree and continuity, as keyword arguments of `isorod.space.Space`, of a rod in contact.
 
     Its surface has no kinks, on which closest points would jump, but its curvature may, as it does under a force at a
     point; and elements are shorter (`TOUCHING`).
     """
-    chosen, degree, *_ = axis(rod, None, degree, None, ())
+    chosen, degree, *_ = axis(rod, None, degree, None, (), angle)
     own = rod.axis.elements
     return {
         "elements": own * ceil(TOUCHING * chosen / own - 1e-9) if elements is None else elements,
