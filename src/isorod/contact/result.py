@@ -94,7 +94,7 @@ class ContactResult:
     feet: Array
     cells: Index
     tractions: Array
-    slips: Array
+    slips: NDArray[Any]
     friction: Array = field(default_factory=lambda: np.zeros(3))
     sticking: int = 0
     slipping: int = 0
