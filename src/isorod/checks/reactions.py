@@ -8,6 +8,7 @@ from petsc4py import PETSc
 from isorod.arrays import Array
 from isorod.assembly.assembler import Assembler
 from isorod.errors import SolveError
+from isorod.material.along_rod import Laws
 from isorod.model.model import Model
 
 # The forces of an equilibrium balance to this share of the largest support force (or moment over size), or there is no
@@ -120,14 +121,16 @@ def support_moments(model: Model, displacement: Array, forces: Array) -> Array:
     """Return the moment of each support about the mean of its nodes' present positions, shape ``(supports, 3)``.
 
     It is the work of the nodal forces, those on the degrees of freedom `Model.bound`, on a rotation, in which
-    coefficients turn like positions.
+    coefficients turn like positions.  The stress of a linear elastic law balances in the positions at rest, which are
+    taken where a body has one.
     """
     nodal = np.zeros((model.dofs // 3, 3))
     nodal.ravel()[model.bound] = forces
     owner = np.full((model.dofs // 3, 3), -1)
     owner.ravel()[model.bound] = model.support_of
     is_carrier = model.is_carrier
-    places = np.concatenate([body.space.positions for body in model.bodies]) + displacement.reshape(-1, 3)
+    moved = (Laws.of(body.laws).objective * model.nodal(displacement, b) for b, body in enumerate(model.bodies))
+    places = np.concatenate([body.space.positions + change for body, change in zip(model.bodies, moved, strict=True)])
     result = np.zeros((max(len(model.supports), 1), 3))
     for k in range(len(model.supports)):
         mine = (owner == k).any(axis=1)
