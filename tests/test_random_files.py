@@ -8,7 +8,7 @@ from isorod.files.scene import FileScene
 
 def test_what_is_drawn_is_read(tmp_path):
     kinds = set()
-    for seed in range(60):
+    for seed in range(120):
         kind, text = random_files.draw(seed)
         assert random_files.draw(seed) == (kind, text)
         path = tmp_path / f"{seed}.toml"
@@ -16,7 +16,7 @@ def test_what_is_drawn_is_read(tmp_path):
         scene = FileScene(str(path))
         assert scene.analysis == ("modal" if kind.startswith("modes") else "statics")
         kinds.add(kind)
-    assert len(kinds) >= 10
+    assert kinds == {*random_files.STATICS, *random_files.MODES}
 
 
 def test_one_is_as_right_as_its_estimate_says():
