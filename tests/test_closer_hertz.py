@@ -67,6 +67,9 @@ def test_equilibria_are_found_from_where_somebody_says():
     assert near.load_steps == 1 < plain.load_steps
     assert near.newton_iterations <= 3 < plain.newton_iterations
     np.testing.assert_allclose(near.displacement, plain.displacement, atol=1e-9)
+    # One that is the answer takes no iteration, and is known to be stable all the same.
+    again = statics.solve(model, load_steps=4, start=statics.solve(model, start=near.displacement).displacement)
+    assert (again.newton_iterations, again.negative_eigenvalues) == (0, 0)
     # From where there is nothing to be found it begins at rest; friction depends on the path.
     far = 50.0 * np.random.default_rng(1).standard_normal(model.dofs)
     rubs = on_plane(friction=0.3)

@@ -229,7 +229,7 @@ WRITERS = """
 import os, sys
 from pathlib import Path
 from isorod.output import folder
-folder._contents = lambda body, states, number, cells: [one.fields[number]["content"] * 1000 for one in states]
+folder._contents = lambda body, states, number, *_: [one.fields[number]["content"] * 1000 for one in states]
 who = [os.fork() == 0 for _ in range(2)]
 for k in range(5):
     content = repr((who, k))

@@ -132,8 +132,8 @@ def estimate(solution: Any, stresses: bool = False) -> dict[str, Any]:
     found = {name: value for name, value in found.items() if value is not None}
     if error is None and any(one.friction for one in solution.model.contacts):
         warnings.warn(
-            "the error is not known: with friction, and no finer space that can be had, as with supports within a rod; "
-            "look whether more elements change the answer",
+            "the error is not known, as there is no finer space to tell it on; look whether more elements change the "
+            "answer",
             stacklevel=2,
         )
     if stresses and stress is not None and stress > LARGE_STRESS:

@@ -68,8 +68,10 @@ def negative_eigenvalues(solver: Newton) -> int | None:
     """
     if not is_told(solver):
         return None
+    # Who begins at the equilibrium has no factors yet.
+    begun = solver.snes.getKSP().getOperators()[1].isAssembled()
     # In this order: where the tangent was filled since, solving brings the factors up to date.
-    if _holds(solver) and inertia.of_factors(solver.snes.getKSP().getPC()) == _pressures(solver):
+    if begun and _holds(solver) and inertia.of_factors(solver.snes.getKSP().getPC()) == _pressures(solver):
         return 0
     return at_the_end(solver)
 
