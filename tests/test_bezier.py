@@ -107,7 +107,11 @@ def of(body, fields, tmp_path, python):
 
 
 @pytest.mark.parametrize(
-    "case", [pytest.param(one, marks=pytest.mark.slow) if one == "order 2" else one for one in CASES]
+    "case",
+    [
+        pytest.param(one, marks=pytest.mark.slow) if one in ("order 2", "control points", "layers") else one
+        for one in CASES
+    ],
 )
 def test_vtk_reads_the_geometry_and_the_displacement(case, tmp_path, python):
     solution = CASES[case]()
@@ -260,6 +264,7 @@ def test_elements_are_cut_until_the_stress_is_shown():
     assert len(bezier.Cells(body, [{"motion": fields["displacement"]}]).breaks) == elements + 1
 
 
+@pytest.mark.slow
 def test_small_cells_have_the_same_points_and_fields():
     for case in ("spring", "layers"):
         solution = CASES[case]()
@@ -280,6 +285,7 @@ def test_small_cells_have_the_same_points_and_fields():
         assert bezier.in_small_cells(small) is small
 
 
+@pytest.mark.slow
 def test_a_folder_takes_the_cells_that_suit(tmp_path):
     import pyvista
 

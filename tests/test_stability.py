@@ -167,6 +167,7 @@ def test_stretched_rod_holds_to_a_contrast_of_1e8(solver, points):
             assert record["soft_end"] < 1e-12
 
 
+@pytest.mark.slow
 def test_multigrid_holds_or_says_that_it_does_not(points):
     """How far depends on PETSc: with 3.18 it fails from some contrast on, with 3.25 it does not."""
     curve = points(contrast)[contrast.STRETCHED]["CG + GAMG"]
