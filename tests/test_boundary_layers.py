@@ -220,3 +220,16 @@ def test_the_estimate_sees_what_large_strains_do():
     error = np.linalg.norm(there - better, axis=(2, 3)).max() / np.linalg.norm(better, axis=(2, 3)).max()
     assert error / 3.0 < found.errors().stress < 5.0 * error
     assert found.errors().stress < 0.03
+
+
+@pytest.mark.parametrize(("integrator", "short"), [("explicit", 0), ("implicit", 6)])
+def test_explicit_steps_have_no_short_elements(integrator, short, tmp_path):
+    """The shortest one would set the time step."""
+    path = tmp_path / "moves.toml"
+    _, rest = TWO.split("[rod.bar]")
+    text = rest.replace(", breaks = [0, 0.5, 1], continuity = 0", "").replace(
+        "law = [{LinearElastic = {E = 200.0, nu = 0.3}}, {LinearElastic = {E = 50.0, nu = 0.3}}]",
+        "law = {NeoHookean = {E = 200.0, nu = 0.3}}\ndensity = 1e-3",
+    )
+    path.write_text(f'[rod.bar]{text}[analysis.dynamics]\nend_time = 1.0\nintegrator = "{integrator}"\n')
+    assert len(FileScene(str(path)).model().bodies[0].space.knots) == short
