@@ -2,10 +2,10 @@
 
 ``python -m comparisons.stability.random_files 100`` draws seeds 0 to 99, ``100 200`` those from 100 on: curves,
 sections, tapers and twists, holes and layers, laws, supports, loads, rotations, spin, contact; statics, and modes at
-rest and about what is loaded.  It prints a line a file, and a table in the end.  Compared are the works or frequencies
-that the estimate is of, the answers (reactions, moments and displacements, or frequencies) and stresses at 20 places
-farther from ends than the section is wide.  A file is silent if an answer is off by more than half a percent, or a
-stress by more than three, and neither its estimate nor a warning says so.
+rest and about what is loaded.  It prints a line a file, and a table in the end.  Compared are what the estimate is of
+(works, forces and moments of supports, frequencies), the answers (reactions, moments and displacements, or
+frequencies) and stresses at 20 places farther from ends than the section is wide.  A file is silent if an answer is
+off by more than half a percent, or a stress by more than three, and neither its estimate nor a warning says so.
 """
 
 import sys
@@ -230,6 +230,18 @@ def _works(solution: Any) -> Array:
     return np.array(found if np.any(found) else [solution.energy(0)])
 
 
+def _carried(solution: Any) -> list[tuple[Array, float]]:
+    """Return forces and moments of supports, and of what sizes errors of them are shares; none of modes."""
+    if not hasattr(solution, "reactions"):
+        return []
+    space, width = solution.model.bodies[0].space, float(held.width(solution.model, 0))
+    force, moment = (float(np.linalg.norm(one, axis=1).max()) for one in (solution.reactions, solution.moments))
+    # Of forces that are next to nothing beside the loads or moments, and moments beside forces, no one asks.
+    loads = [np.abs(load.nodal(space)).sum() for load in solution.model.loads if hasattr(load, "nodal")]
+    least = max(force, 1e-3 * float(sum(loads)), 1e-3 * moment / width)
+    return [(solution.reactions, least), (solution.moments, max(moment, force * width))]
+
+
 def _answers(solution: Any) -> list[tuple[Array, float]]:
     """Return what a person asks for, each kind by itself, and of what size an error of it is a share."""
     if not hasattr(solution, "reactions"):
@@ -237,20 +249,13 @@ def _answers(solution: Any) -> list[tuple[Array, float]]:
     rod = solution.model.bodies[0].space.rod
     u = rod.axis.breaks[0] + np.array(_ALONG) * (rod.axis.breaks[-1] - rod.axis.breaks[0])
     moved = solution.at(0, u, np.array(_ACROSS)).reshape(-1, 3)
-    force, moment, most = (
-        float(np.linalg.norm(one, axis=1).max()) for one in (solution.reactions, solution.moments, moved)
-    )
-    # Of forces that are next to nothing beside the loads, and moments beside them at the surface, no one asks.
-    space = solution.model.bodies[0].space
-    loads = [np.abs(load.nodal(space)).sum() for load in solution.model.loads if hasattr(load, "nodal")]
-    force = max(force, 1e-3 * float(sum(loads)))
-    least = force * float(held.width(solution.model, 0))
-    return [(solution.reactions, force), (solution.moments, max(moment, least)), (moved, most)]
+    return [*_carried(solution), (moved, float(np.linalg.norm(moved, axis=1).max()))]
 
 
 def _off(one: Sequence[tuple[Array, float]], other: Sequence[tuple[Array, float]]) -> float:
     """Return by how much answers differ, at the most."""
-    return max(float(np.linalg.norm(a - b, axis=1).max() / size) for (a, _), (b, size) in zip(one, other, strict=True))
+    pairs = zip(one, other, strict=True)
+    return max((float(np.linalg.norm(a - b, axis=1).max() / size) for (a, _), (b, size) in pairs if size), default=0.0)
 
 
 def _stress_off(one: Array, exact: Array) -> float:
@@ -281,6 +286,8 @@ def compare(seed: int) -> dict[str, Any]:
     works = [_works(one) for one in found]
     large = np.abs(works[2]) > _NOTHING * np.abs(works[2]).max()
     off, apart = (float(np.abs(one[large] / works[2][large] - 1.0).max()) for one in works[:2])
+    carried = [_carried(one) for one in found]
+    off, apart = (max(one, _off(those, carried[2])) for one, those in zip((off, apart), carried[:2], strict=True))
     answers = [_answers(one) for one in found]
     record |= {"estimate": errors[0], "error": off, "apart": apart, "chosen": True}
     record |= {"answers": _off(answers[0], answers[2]), "answers apart": _off(answers[1], answers[2])}

@@ -21,9 +21,11 @@ from isorod.assembly.factorisation import factorisation
 from isorod.assembly.formulation import assembler_for
 from isorod.checks import stresses
 from isorod.checks.finer import DIRECTIONS, Finer
+from isorod.checks.reactions import support_forces, support_moments
 from isorod.errors import InputError
 from isorod.model.model import Model
 from isorod.options import defaults
+from isorod.output import held
 from isorod.output.state import State
 
 if TYPE_CHECKING:
@@ -40,6 +42,9 @@ _SETTLED = 1e-8
 # A sum that is a smaller share of its terms is rounding.
 _CANCELS = 1e-9
 
+# Forces that are a smaller share of loads, or of moments over the width, are none.
+_LITTLE = 1e-3
+
 # Work of supports that is not so many times what rounding makes of it is none.
 _ROUNDS = 100.0
 
@@ -52,7 +57,8 @@ class Error(NamedTuple):
     Attributes
     ----------
     work
-        Of the work that supports, loads or obstacles do, the largest; where none do any, of the displacements' size.
+        Of the work that supports, loads or obstacles do and of the supports' forces and moments, the largest; where
+        none do any work, of the displacements' size in its place.
     stress
         Of stresses away from edges (`isorod.checks.stresses`), relative to the largest.
     """
@@ -69,6 +75,7 @@ def of_equilibrium(
     directions: Sequence[str] = DIRECTIONS,
     ranks: int = 1,
     contacts: "Sequence[ContactResult]" = (),
+    carried: tuple[Array, Array] | None = None,
 ) -> Error:
     """Return estimates of the errors of an equilibrium.
 
@@ -90,10 +97,12 @@ def of_equilibrium(
         Number of those that solved it: this one alone, or all, which then call this together.
     contacts
         Their outcome.
+    carried
+        Force and moment of each support, shape ``(supports, 3)`` each; None if they do not count.
     """
 
     def change(finer: Finer, comm: PETSc.Comm) -> Array:
-        return _equilibrium(finer, comm, displacement, work, pressures, contacts)
+        return _equilibrium(finer, comm, displacement, work, pressures, contacts, carried)
 
     return Error(*_total(model, directions, ranks, change, 2))
 
@@ -114,7 +123,7 @@ def _total(
             return none
         if finer is None or not model.unknowns:
             return none
-        total += change(finer, comm) / (1.0 - finer.left)
+        total += change(finer, comm)
     return [float(one) if np.isfinite(one) else None for one in total]
 
 
@@ -125,8 +134,9 @@ def _equilibrium(
     work: float,
     pressures: Sequence[Array | None],
     contacts: "Sequence[ContactResult]",
+    supported: tuple[Array, Array] | None,
 ) -> Array:
-    """Return the changes of work and stress on finer spaces, NaN where there is none."""
+    """Return the errors of work and stress that a finer space sees, NaN where there is none."""
     state = finer.displacement(displacement)
     assembler = assembler_for(finer.model, comm)
     touching = _touching(finer, contacts, state, comm)
@@ -138,7 +148,7 @@ def _equilibrium(
         sizes, gained, first = _corrected(assembler, x, matrix, ksp)
         found, corrected = assembler.displacement(x, 1.0), assembler.pressures(x)
         given = finer.model.driven[finer.model.bound]
-        carried = assembler.reactions(x, 1.0) if given.any() else given
+        carried = assembler.reactions(x, 1.0)
         noise = assembler.reaction_noise(x, 1.0) if given.any() else given
     finally:
         ksp.destroy()
@@ -160,8 +170,36 @@ def _equilibrium(
     known = [one for one in changes if one is not None]
     if not known:
         known = [one for one in [_change(state * found, float(state @ state))] if one is not None]
-    error = max(known, default=np.nan)
+    if supported is not None:
+        known.append(_held(finer.model, supported, found, carried, float(np.abs(loads).sum())))
+    error = max(known, default=np.nan) / (1.0 - finer.left)
+    # Stresses away from edges converge faster than works, of which edges have a part.
     return np.array([error, stresses.change(finer, displacement, found, pressures, corrected)])
+
+
+def _held(model: Model, before: tuple[Array, Array], displacement: Array, carried: Array, loads: float) -> float:
+    """Return the change of the supports' forces and moments, relative to the largest of each.
+
+    Forces that are next to nothing beside loads or moments do not count, nor moments that are beside forces.
+
+    Parameters
+    ----------
+    before
+        Force and moment of each support, as they were.
+    displacement, carried
+        All degrees of freedom, and forces on those that are `Model.bound`, as they are on a finer space.
+    loads
+        Sum of the loads' sizes.
+    """
+    after = support_forces(model, carried), support_moments(model, displacement, carried)
+    force, moment = (float(np.linalg.norm(one, axis=1).max()) for one in after)
+    width = max(held.width(model, b) for b in range(len(model.bodies)))
+    sizes = max(force, _LITTLE * loads, _LITTLE * moment / width), max(moment, force * width)
+    return max(
+        float(np.linalg.norm(new - old, axis=1).max()) / size
+        for new, old, size in zip(after, before, sizes, strict=True)
+        if size
+    )
 
 
 def _corrected(
@@ -339,7 +377,7 @@ def _modes(
         for one in (ksp, matrix, mass, whirl):
             if one is not None:
                 one.destroy()
-    error = float(np.abs(frequencies / better - 1.0).max())
+    error = float(np.abs(frequencies / better - 1.0).max()) / (1.0 - finer.left)
     return error if np.isfinite(error) else None
 
 

@@ -130,7 +130,14 @@ class Equilibrium(State, Animated):
 
         asked = directions or estimate.DIRECTIONS
         found = estimate.of_equilibrium(
-            self.model, self.displacement, self.work, self.pressures, asked, self.ranks, self.contacts
+            self.model,
+            self.displacement,
+            self.work,
+            self.pressures,
+            asked,
+            self.ranks,
+            self.contacts,
+            (self.reactions, self.moments),
         )
         stretched = sum(one.stretched for one in self.contacts)
         if found.work is None or not stretched:
@@ -158,7 +165,6 @@ class Equilibrium(State, Animated):
             "load_steps",
             "cuts",
             "residual_norms",
-            "negative_eigenvalues",
         )
         found = {name: getattr(self, name) for name in (*kept, "negative_eigenvalues")}
         if self.pressures:
