@@ -32,8 +32,10 @@ from isorod.space.closer import Patch, closer
     [{"preset": "paper"}, {"section_degree": 1}, {"section_degree": 2}, {"degree": 2, "elements_per_turn": 8}],
 )
 def test_error_of_the_spring(changes):
-    solution = statics.solve(Spring(**changes).model())
-    error = abs(solution.reactions[1, 2] / SPRING_FORCE - 1.0)
+    """The estimate is of forces and moments in all directions; those across the axis err by more than the stiffness."""
+    solution, exact = (statics.solve(Spring(**more).model()) for more in (changes, {"section_degree": 5, "degree": 6}))
+    error = estimates.off(estimates.carried(solution), estimates.carried(exact))
+    assert exact.reactions[1, 2] == pytest.approx(SPRING_FORCE, rel=2e-5)
     assert 0.5 * error < solution.estimate() < 2.0 * error
 
 
@@ -297,7 +299,7 @@ def test_a_tolerance_chooses_all_directions():
     reached = refine.estimate(Blade(), {}, 5e-3)
     assert reached.solution.frequencies == pytest.approx(np.array(BLADE_FREQUENCIES), rel=5e-3)
     assert (reached.scene.section_degree, reached.scene.degree) == (4, 5)
-    assert [one[:2] for one in reached.history] == [("section_degree", 4)]
+    assert not reached.history
     finer = refine.estimate(Blade(), {}, 2e-4)
     assert finer.error <= 2e-4
     assert finer.solution.frequencies == pytest.approx(np.array(BLADE_FREQUENCIES), rel=4e-4)

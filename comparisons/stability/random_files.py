@@ -27,7 +27,7 @@ from isorod.command import run
 from isorod.errors import InputError, SolveError
 from isorod.files.scene import FileScene
 from isorod.geometry.quadrature import WHOLE
-from isorod.output import held, results
+from isorod.output import results
 from isorod.space import Space, choice
 
 # Of all but pressing: what happens, and how often.
@@ -230,18 +230,6 @@ def _works(solution: Any) -> Array:
     return np.array(found if np.any(found) else [solution.energy(0)])
 
 
-def _carried(solution: Any) -> list[tuple[Array, float]]:
-    """Return forces and moments of supports, and of what sizes errors of them are shares; none of modes."""
-    if not hasattr(solution, "reactions"):
-        return []
-    space, width = solution.model.bodies[0].space, float(held.width(solution.model, 0))
-    force, moment = (float(np.linalg.norm(one, axis=1).max()) for one in (solution.reactions, solution.moments))
-    # Of forces that are next to nothing beside the loads or moments, and moments beside forces, no one asks.
-    loads = [np.abs(load.nodal(space)).sum() for load in solution.model.loads if hasattr(load, "nodal")]
-    least = max(force, 1e-3 * float(sum(loads)), 1e-3 * moment / width)
-    return [(solution.reactions, least), (solution.moments, max(moment, force * width))]
-
-
 def _answers(solution: Any) -> list[tuple[Array, float]]:
     """Return what a person asks for, each kind by itself, and of what size an error of it is a share."""
     if not hasattr(solution, "reactions"):
@@ -249,13 +237,7 @@ def _answers(solution: Any) -> list[tuple[Array, float]]:
     rod = solution.model.bodies[0].space.rod
     u = rod.axis.breaks[0] + np.array(_ALONG) * (rod.axis.breaks[-1] - rod.axis.breaks[0])
     moved = solution.at(0, u, np.array(_ACROSS)).reshape(-1, 3)
-    return [*_carried(solution), (moved, float(np.linalg.norm(moved, axis=1).max()))]
-
-
-def _off(one: Sequence[tuple[Array, float]], other: Sequence[tuple[Array, float]]) -> float:
-    """Return by how much answers differ, at the most."""
-    pairs = zip(one, other, strict=True)
-    return max((float(np.linalg.norm(a - b, axis=1).max() / size) for (a, _), (b, size) in pairs if size), default=0.0)
+    return [*estimates.carried(solution), (moved, float(np.linalg.norm(moved, axis=1).max()))]
 
 
 def _stress_off(one: Array, exact: Array) -> float:
@@ -286,11 +268,13 @@ def compare(seed: int) -> dict[str, Any]:
     works = [_works(one) for one in found]
     large = np.abs(works[2]) > _NOTHING * np.abs(works[2]).max()
     off, apart = (float(np.abs(one[large] / works[2][large] - 1.0).max()) for one in works[:2])
-    carried = [_carried(one) for one in found]
-    off, apart = (max(one, _off(those, carried[2])) for one, those in zip((off, apart), carried[:2], strict=True))
+    carried = [estimates.carried(one) for one in found]
+    off, apart = (
+        max(one, estimates.off(those, carried[2])) for one, those in zip((off, apart), carried[:2], strict=True)
+    )
     answers = [_answers(one) for one in found]
     record |= {"estimate": errors[0], "error": off, "apart": apart, "chosen": True}
-    record |= {"answers": _off(answers[0], answers[2]), "answers apart": _off(answers[1], answers[2])}
+    record |= {"answers": estimates.off(answers[0], answers[2]), "answers apart": estimates.off(answers[1], answers[2])}
     if hasattr(solution, "reactions"):
         # Those that the estimate is of, and those of a person who looks somewhere.
         rings = solution.model.bodies[0].space.rod.rings
@@ -311,7 +295,9 @@ def silent(record: Mapping[str, Any]) -> bool:
     if record["answers"] - record["answers apart"] > estimates.LARGE:
         return True
     off, apart = record.get("stress at places", 0.0), record.get("stress at places apart", 0.0)
-    return bool(off - apart > estimates.LARGE_STRESS >= (record.get("stress estimate") or 0.0))
+    return bool(
+        off - apart > estimates.LARGE_STRESS and (record.get("stress estimate") or 0.0) <= estimates.WARNED_STRESS
+    )
 
 
 def table(records: Sequence[Mapping[str, Any]], refused: Mapping[str, int]) -> list[dict[str, Any]]:

@@ -149,7 +149,7 @@ def _equilibrium(
         found, corrected = assembler.displacement(x, 1.0), assembler.pressures(x)
         given = finer.model.driven[finer.model.bound]
         carried = assembler.reactions(x, 1.0)
-        noise = assembler.reaction_noise(x, 1.0) if given.any() else given
+        noise = assembler.reaction_noise(x, 1.0)
     finally:
         ksp.destroy()
         matrix.destroy()
@@ -171,13 +171,15 @@ def _equilibrium(
     if not known:
         known = [one for one in [_change(state * found, float(state @ state))] if one is not None]
     if supported is not None:
-        known.append(_held(finer.model, supported, found, carried, float(np.abs(loads).sum())))
+        known.append(_supported(finer.model, supported, found, carried, _ROUNDS * float(np.abs(noise).sum())))
     error = max(known, default=np.nan) / (1.0 - finer.left)
     # Stresses away from edges converge faster than works, of which edges have a part.
     return np.array([error, stresses.change(finer, displacement, found, pressures, corrected)])
 
 
-def _held(model: Model, before: tuple[Array, Array], displacement: Array, carried: Array, loads: float) -> float:
+def _supported(
+    model: Model, before: tuple[Array, Array], displacement: Array, carried: Array, rounding: float
+) -> float:
     """Return the change of the supports' forces and moments, relative to the largest of each.
 
     Forces that are next to nothing beside loads or moments do not count, nor moments that are beside forces.
@@ -188,18 +190,17 @@ def _held(model: Model, before: tuple[Array, Array], displacement: Array, carrie
         Force and moment of each support, as they were.
     displacement, carried
         All degrees of freedom, and forces on those that are `Model.bound`, as they are on a finer space.
-    loads
-        Sum of the loads' sizes.
+    rounding
+        Changes of force of less are none.
     """
     after = support_forces(model, carried), support_moments(model, displacement, carried)
     force, moment = (float(np.linalg.norm(one, axis=1).max()) for one in after)
     width = max(held.width(model, b) for b in range(len(model.bodies)))
-    sizes = max(force, _LITTLE * loads, _LITTLE * moment / width), max(moment, force * width)
-    return max(
-        float(np.linalg.norm(new - old, axis=1).max()) / size
-        for new, old, size in zip(after, before, sizes, strict=True)
-        if size
-    )
+    force = max(force, rounding, _LITTLE * max(float(np.abs(model.external).sum()), moment / width))
+    changes = (float(np.linalg.norm(new - old, axis=1).max()) for new, old in zip(after, before, strict=True))
+    sizes = (force, rounding), (max(moment, force * width), rounding * width)
+    counted = [change / size for change, (size, none) in zip(changes, sizes, strict=True) if change > none]
+    return max(counted, default=0.0)
 
 
 def _corrected(
