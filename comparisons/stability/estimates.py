@@ -31,7 +31,7 @@ from isorod.space import Space, choice
 # Errors below are those of the reference, and larger than that those that need an estimate; of stress.
 SMALLEST, LARGE, LARGE_STRESS = 1e-6, 5e-3, 0.03
 
-# Estimates of stresses that are warned of; the others are within a factor of two.
+# Estimates of stresses that are warned of.
 WARNED_STRESS = run.LARGE_STRESS
 
 # Places at which stresses are compared.

@@ -15,9 +15,8 @@ from isorod.output.words import STRESS_ERROR
 # Error above which a result is warned of: what nobody chose is right to that, or says that it is not.
 LARGE = 0.005
 
-# The same of stresses, where these are asked for: those that are not warned of err by 3 % at the most, as estimates are
-# within a factor of two (`comparisons.stability.random_files`).
-LARGE_STRESS = 0.015
+# The same of stresses, where these are asked for.
+LARGE_STRESS = 0.01
 
 # How often spaces are made finer where patches of contact are too small to be seen.
 CLOSER = 3
