@@ -93,7 +93,12 @@ def story(records: list[Record], curves: Sequence[Record], quantity: str, wide: 
         ringed = [one for _, *both in best for one in both]
         errors = [one["error"] for one in ringed]
         rings = {"color": "black", "marker": "o", "markersize": 14, "markerfacecolor": "none", "linestyle": ""}
-        axes[0].plot([one["seconds"]["total"] for one in ringed], errors, label="fastest within an error", **rings)
+        axes[0].plot(
+            [one["seconds"]["total"] for one in ringed],
+            errors,
+            label="fastest that stays within an error, refined",
+            **rings,
+        )
         axes[1].plot([one["dofs"] for one in ringed], errors, **rings)
         for axis, what in zip(axes, ("run time, one thread", "unknowns"), strict=True):
             axis.set_xlabel(what, fontsize=12)

@@ -172,15 +172,15 @@ def helix(
 
 def _off_helix(axis: Axis, centers: Array, radius: float, rise: float) -> float:
     """Return the largest distance between a curve and the helix that rises by so much a radian, to first order."""
-    where = _places(axis, centers)
+    where = _places(axis, centers, 0)
     angle = np.unwrap(np.arctan2(where[:, 1], where[:, 0]))
     low = where[:, 2] - where[0, 2] - rise * np.abs(angle - angle[0])
     return float(np.hypot(np.hypot(*where[:, :2].T) - radius, low * np.cos(np.arctan2(rise, radius))).max())
 
 
-def _places(axis: Axis, centers: Array) -> Array:
-    """Return many places of a curve ``(t, 3)``."""
-    u = np.append(inside(axis, max(_FEWEST, _PLACES // axis.elements)).ravel(), axis.breaks)
+def _places(axis: Axis, centers: Array, least: int = _PLACES) -> Array:
+    """Return so many places of a curve at least, and so many of each element, ``(t, 3)``."""
+    u = np.append(inside(axis, max(_FEWEST, least // axis.elements)).ravel(), axis.breaks)
     return evaluate(axis, centers, np.sort(u))[0]
 
 

@@ -141,9 +141,10 @@ def fitted(name: str, make: Callable[[int], Array], wanted: Array, n: int | None
 
 
 def radius(polygon: Array) -> float:
-    """Return half the diameter of the outline of a control polygon ``(n, 2)``, from 128 of its places."""
-    return _half_diameter(boundary_functions(len(polygon), np.pi * np.arange(128) / 64.0) @ polygon)
+    """Return half the diameter of the outline of a control polygon ``(n, 2)``, from 64 of its places."""
+    return _half_diameter(boundary_functions(len(polygon), np.pi * np.arange(64) / 32.0) @ polygon)
 
 
 def _half_diameter(points: Array) -> float:
-    return 0.5 * float(np.linalg.norm(points[:, None] - points, axis=2).max())
+    squares = (points * points).sum(axis=1)
+    return 0.5 * float(np.sqrt((squares[:, None] + squares - 2.0 * points @ points.T).max()))
