@@ -243,3 +243,18 @@ def test_functions_of_control_points_carry_a_flower():
 
     fine = Space(rod, order=3, section_points=48, degree=5, elements=4, continuity=0, quadrature="auto")
     assert twisted(Space(rod)) == pytest.approx(twisted(fine), rel=WITHIN)
+
+
+@pytest.mark.parametrize("widths", [3.5, 5.0, 8.0])
+@pytest.mark.parametrize("nu", [0.45, 0.49])
+def test_short_bars_are_sheared_right_to_half_a_percent(widths, nu):
+    def force(space):
+        body, start = Body(space, NeoHookean(1.0, nu)), Support.end(space, "start")
+        return statics.solve(
+            Model([body], [start, Support.end(space, "end", displacement=(1e-3, 0.0, 0.0))])
+        ).reactions[1, 0]
+
+    rod = straight(2.0 * widths).sweep(section.circle(8))
+    space = Space(rod)
+    fine = Space(rod, section_degree=7, degree=6, elements=space.elements, continuity=3, knots=space.knots)
+    assert force(space) == pytest.approx(force(fine), rel=5e-3)

@@ -310,7 +310,7 @@ class FileScene:
 
         def contact(one: Call) -> Any:
             names = self._names(one)
-            if isinstance(names["second"], Call):
+            if isinstance(names.get("second"), Call):
                 names["second"] = names["second"].make()
             return one.make(**names)
 
