@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from comparisons.measure.records import Record, part, version
+from comparisons.measure.variants import DEFAULT
 from comparisons.report.precision import named, pairs, targets, versions
 from isorod.output.results import write_beside
 
@@ -183,9 +184,9 @@ def labelled(work: Sequence[Record], told: Mapping[str, float], wide: Path, narr
     count = len(panels)
     for path, columns, size in ((wide, 2, (12.0, 5.4 if count < 3 else 9.8)), (narrow, 1, (4.6, 4.7 * count))):
         figure, grid = pyplot.subplots(-(-count // columns), columns, figsize=size, layout="constrained")
-        axes = grid.ravel()
+        axes, labels = grid.ravel(), []
         for axis, (name, what, errors) in zip(axes, panels, strict=False):
-            _points(axis, list(zip(work, errors, strict=True)), what)
+            labels.append(_points(axis, list(zip(work, errors, strict=True)), what))
             axis.tick_params(axis="x", labelsize=11 if columns == 2 else 9)
             if told.get(name, 0.0) > 0.0:
                 low, high = axis.get_ylim()
@@ -201,15 +202,35 @@ def labelled(work: Sequence[Record], told: Mapping[str, float], wide: Path, narr
         else:
             place = {"loc": "outside lower center", "ncols": 3 if columns == 2 else 1}
             figure.legend(found.values(), found.keys(), **place, **look)
+        # Panels have their sizes then.
+        figure.draw_without_rendering()
+        for axis, those in zip(axes, labels, strict=False):
+            _label(axis, those)
         write_beside(path, partial(figure.savefig, dpi=130))
         pyplot.close(figure)
 
 
-def _points(axis: Any, runs: Sequence[tuple[Record, float]], what: str) -> None:
-    """Draw runs with their labels, and lines through those of a ``sequence``."""
+def _label(axis: Any, labels: Sequence[tuple[str, tuple[float, float], str]]) -> None:
+    """Write labels of places, each in its colour, above or below, where they meet no other; else they are left out."""
+    size = 9.0
+    taken: list[tuple[float, float, float, float]] = []
+    for text, place, colour in labels:
+        x, y = axis.transData.transform(place) * 72.0 / axis.get_figure().dpi
+        for offset in (5.0, -12.0, 15.0, -22.0):
+            # Letters are about 0.6 times as wide as high.
+            box = x + 4.0, x + 4.0 + 0.6 * size * len(text), y + offset, y + offset + size
+            if all(box[1] < a or b < box[0] or box[3] < c or d < box[2] for a, b, c, d in taken):
+                taken.append(box)
+                axis.annotate(text, place, (4.0, offset), textcoords="offset points", fontsize=size, color=colour)
+                break
+
+
+def _points(axis: Any, runs: Sequence[tuple[Record, float]], what: str) -> list[tuple[str, tuple[float, float], str]]:
+    """Draw runs, and lines through those of a ``sequence``; return labels, places and colours, the default's first."""
     from matplotlib.ticker import LogLocator, NullFormatter
 
     theirs = iter(zip(FEM_COLOURS, FEM_MARKERS, strict=True))
+    labels = []
     for name in dict.fromkeys(one["curve"] for one, _ in runs):
         ours = name == "isorod"
         colour, marker = (COLOURS[0], MARKERS[0]) if ours else next(theirs)
@@ -227,12 +248,10 @@ def _points(axis: Any, runs: Sequence[tuple[Record, float]], what: str) -> None:
             linestyle="-" if ours else "--",
             linewidth=1.2,
         )
-        # Neighbours' labels above and below.
         for k, (_, time, error, one) in enumerate(sorted(points, key=lambda point: point[1])):
             label = (name if ours else f"{name}, dolfinx") if k == 0 else None
             axis.loglog([time], [error], color=colour, marker=marker, linestyle="", label=label)
-            look = {"textcoords": "offset points", "fontsize": 9, "color": colour}
-            axis.annotate(one["label"], (time, error), (4, (5, -12)[k % 2]), **look)
+            labels.append((one["label"], (time, error), colour))
     axis.set_xlabel("run time, one thread", fontsize=12)
     axis.set_ylabel(what, fontsize=12)
     axis.tick_params(labelsize=11)
@@ -246,6 +265,7 @@ def _points(axis: Any, runs: Sequence[tuple[Record, float]], what: str) -> None:
         if high < 100.0 * low:
             scale.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
             scale.set_minor_formatter(NullFormatter())
+    return sorted(labels, key=lambda one: one[0] != DEFAULT)
 
 
 def convergence(entries: Sequence[Record], path: Path) -> float:
