@@ -129,6 +129,8 @@ def test_energies_are_read(text, expected):
         ("9**9**9**9", "energy: column 4: an exponent of 387420489, need at most 32"),
         ("mu*(I1 - 3)/(1 - 1)", "energy: got 'mu*(I1 - 3)/(1 - 1)', which divides by zero or is not finite"),
         ("1e999*mu", "energy: column 1: need numbers"),
+        ("sqrt(-1)*(I1 - 3)", "energy: got 'sqrt(-1)*(I1 - 3)', which is not real"),
+        ("*".join(f"(I1 - {k})" for k in range(50)), "energy: its second derivatives take about"),
         ("(" * 70 + "mu" + ")" * 70, None),
         ("-" * 70 + "mu", "energy: brackets within brackets deeper than 60"),
         ("I1 + " * 500 + "mu", "energy: got 2502 characters, need at most 2000"),
@@ -151,6 +153,20 @@ def test_constants_have_names_of_their_own():
         parsed("I1", ("I1",))
     with pytest.raises(InputError, match="constants: got the name 'a b', need one"):
         parsed("I1", ("a b",))
+    for own in ("activation", "bulk", "a0", "b2"):
+        with pytest.raises(InputError, match=f"constants: got the name '{own}', need one"):
+            parsed(f"{own}*I1", (own,))
+
+
+def test_many_terms_are_no_brackets():
+    assert parsed(" + ".join(["I1"] * 300), ()) == 300 * s.I1
+    assert parsed("I1" + "/2" * 70, ()) == s.I1 / 2**70
+    assert parsed("8 - 3 - 2", ()) == 3
+
+
+def test_an_energy_without_a_slope_at_rest_gets_one_line(law):
+    with pytest.raises(InputError, match="energy: it or its slope is not finite, or not real, at rest"):
+        law("{Hyperelastic = {energy = 'mu/(I1bar - 3)', constants = {mu = 1.0}, bulk = 2.0}}")
 
 
 @pytest.mark.slow

@@ -14,6 +14,11 @@ if TYPE_CHECKING:
 # Long enough for any energy that somebody writes by hand, and whole exponents that are multiplied out at once.
 _LONGEST, _DEEPEST, _HIGHEST = 2000, 60, 32
 
+# Operations in second derivatives beyond which these are not found, nor compiled, within some ten seconds.
+_MOST = 5000
+
+_CHAINED = ast.Add | ast.Sub | ast.Mult | ast.Div
+
 _FUNCTIONS = ("log", "exp", "sqrt", "sin", "cos", "tanh", "Max", "Min")
 
 
@@ -33,15 +38,39 @@ def parsed(text: str, constants: Collection[str]) -> "sp.Expr":
         column = f", column {problem.offset}" if isinstance(problem, SyntaxError) and problem.offset else ""
         raise InputError(f"energy: got {text!r:.60}, which is no expression{column}") from None
     names = _names()
+    taken = {*names, *_FUNCTIONS, *_own_names()}
     for one in constants:
-        if one in names or one in _FUNCTIONS or not one.isidentifier():
+        if one in taken or not one.isidentifier():
             raise InputError(f"constants: got the name {one!r}, need one that is not taken, of letters and digits")
     found = _Reader(names | _constants(constants)).read(tree, 0)
     import sympy as sp
 
     if found.has(sp.zoo, sp.nan, sp.oo):
         raise InputError(f"energy: got {text!r:.60}, which divides by zero or is not finite")
+    if found.has(sp.I):
+        raise InputError(f"energy: got {text!r:.60}, which is not real")
+    _, _, operations = _operations(found)
+    if operations > _MOST:
+        raise InputError(
+            f"energy: its second derivatives take about {operations:,} operations, need at most {_MOST:,}: products of "
+            "many factors, as powers of one where they are alike, take fewer"
+        )
     return found
+
+
+def _operations(expression: "sp.Expr") -> tuple[int, int, int]:
+    """Return how many operations an expression takes, its first and its second derivatives, about."""
+    if not expression.args:
+        return 1, int(expression.is_Symbol), 0
+    own, first, second = zip(*map(_operations, expression.args), strict=True)
+    size = sum(own) + len(own)
+    if expression.is_Add:
+        return size, sum(first) + len(own), sum(second) + len(own)
+    if expression.is_Mul:
+        # By the product rule each factor in turn, and each pair of them, stand beside all others.
+        vary = sum(1 for one in first if one)
+        return size, sum(first) + vary * size, sum(second) + vary * size + vary * (vary - 1) * size
+    return size, size + sum(first), 2 * size + 2 * sum(first) + sum(second)
 
 
 def _names() -> dict[str, Any]:
@@ -51,6 +80,13 @@ def _names() -> dict[str, Any]:
     found = {str(one): one for one in known}
     found |= {f"C{A}{B}": s.C[A, B] for A in range(3) for B in range(3)}
     return found | {"I1bar": s.I1bar, "I2bar": s.I2bar}
+
+
+def _own_names() -> set[str]:
+    """Return the names of symbols that laws add themselves."""
+    from isorod.material import symbols as s
+
+    return {str(one) for one in (s.activation, s.bulk, *s.a, *s.b)}
 
 
 def _constants(names: Collection[str]) -> dict[str, Any]:
@@ -84,7 +120,14 @@ class _Reader:
             value = self.read(node.operand, depth + 1)
             return -value if isinstance(node.op, ast.USub) else value
         elif isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add | ast.Sub | ast.Mult | ast.Div | ast.Pow):
-            return self._combined(node, self.read(node.left, depth + 1), self.read(node.right, depth + 1))
+            # Terms of a sum, or factors, are no brackets: the grammar has each on the left of the next.
+            chain = [node]
+            while isinstance(left := chain[-1].left, ast.BinOp) and isinstance(left.op, _CHAINED):
+                chain.append(left)
+            found = self.read(chain[-1].left, depth + 1)
+            for one in reversed(chain):
+                found = self._combined(one, found, self.read(one.right, depth + 1))
+            return found
         elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and not node.keywords:
             if node.func.id not in _FUNCTIONS:
                 raise self._unknown(node, node.func.id, _FUNCTIONS)

@@ -99,7 +99,10 @@ def pressure_at_rest(given: sp.Expr) -> sp.Expr:
     """Return the pressure (positive in tension) of an energy of invariants, stretches and fibres at rest."""
     rest = {s.I1: 3, s.I2: 3, s.J: 1, s.I4a: 1, s.I4b: 1} | dict.fromkeys(s.stretches, 1)
     weights = {s.I1: 2, s.I2: 4, s.J: 1, s.stretches[0]: 1}
-    return sp.simplify(sum(w * sp.diff(given, one).subs(rest) for one, w in weights.items()))
+    found = sp.simplify(sum(w * sp.diff(given, one).subs(rest) for one, w in weights.items()))
+    if found.has(sp.zoo, sp.nan, sp.oo, sp.I):
+        raise InputError("energy: it or its slope is not finite, or not real, at rest")
+    return found
 
 
 def _checked(given: sp.Expr, constants: Sequence[sp.Symbol]) -> sp.Expr:
