@@ -76,3 +76,26 @@ def test_a_process_by_itself_tells_mpi_so_and_no_child(python):
     assert python(script, env=own).stdout == "['OMPI_MCA_ess_singleton_isolated']\nTrue\n"
     for launched in ("OMPI_COMM_WORLD_SIZE", "PMI_RANK"):
         assert python(script, env=alone | {launched: "1"}).stdout == "[]\nTrue\n"
+
+
+READ = "from isorod import options; options.initialize({}); from petsc4py import PETSc; print(PETSc.Options().getAll())"
+
+
+def test_a_folder_gives_no_options(python, tmp_path):
+    """Options run code and write files: those of a folder that came from somebody else are not the user's."""
+    home, here = tmp_path / "home", tmp_path / "here"
+    for folder, word in ((home, "mine"), (here, "theirs")):
+        folder.mkdir()
+        (folder / ".petscrc").write_text(f"-of {word}\n")
+    (here / "petscrc").write_text("-of theirs\n")
+    (here / "named").write_text("-of named\n")
+    own = os.environ | {"HOME": str(home)}
+    done = python(READ.format([]), cwd=here, env=own)
+    assert "'of': 'mine'" in done.stdout
+    assert done.stderr == f"isorod: PETSc options of {home}/.petscrc\n"
+    done = python(READ.format(["-options_file", "named"]), cwd=here, env=own)
+    assert "'of': 'named'" in done.stdout
+    assert done.stderr == f"isorod: PETSc options of {home}/.petscrc, named\n"
+    done = python(READ.format([]), cwd=here, env=own | {"HOME": str(tmp_path)})
+    assert "'of'" not in done.stdout
+    assert done.stderr == ""

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib import import_module
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 from isorod.errors import InputError
@@ -22,11 +23,19 @@ AT_THE_START = re.compile(
 _LAUNCHED = ("OMPI_COMM_WORLD_SIZE", "PMIX_RANK", "PMI_RANK", "PMI_FD")
 _ALONE = {"OMPI_MCA_ess_singleton_isolated": "1", "OMPI_MCA_pml": "ob1"}
 
+# What tells a process which of several it is.
+_RANKS = ("OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK")
+
+# PETSc's options for all of a person's programs.  Of a folder that somebody else may have filled it reads none: options
+# name code that PETSc runs, and files that it writes.
+_OWN = Path("~/.petscrc")
+
 
 def initialize(arguments: Sequence[str]) -> None:
     """Give PETSc its part of the command line, and start it if it does not run yet.
 
-    Nothing needs this to be called but options: importing what uses PETSc starts it.
+    Files of options are those that are named, and ``~/.petscrc``; a line on stderr says which.  Nothing needs this to
+    be called but options: importing what uses PETSc starts it.
 
     Raises
     ------
@@ -54,10 +63,26 @@ def initialize(arguments: Sequence[str]) -> None:
         start: Any = import_module("slepc4py")
     else:
         start = petsc4py
+    own = _own_file()
+    named = [value for option, value in pairwise(arguments) if option == "-options_file"]
+    files = [*([str(own)] if own else []), *named]
+    if files and next((os.environ[one] for one in _RANKS if one in os.environ), "0") == "0":
+        print(f"isorod: PETSc options of {', '.join(files)}", file=sys.stderr)
     # A fixed name: PETSc takes the program's for an option if it looks like one.
     # Its signal handler would answer a closed pipe with a page of text.
+    first = ["isorod", "-no_signal_handler", "-skip_petscrc", *(["-options_file", str(own)] if own else [])]
     with _alone():
-        start.init(["isorod", "-no_signal_handler", *arguments])
+        start.init([*first, *arguments])
+
+
+def _own_file() -> Path | None:
+    """Return the file of a person's own options, if there is one."""
+    try:
+        found = _OWN.expanduser()
+    except RuntimeError:
+        # There is no home.
+        return None
+    return found if found.is_file() and os.access(found, os.R_OK) else None
 
 
 @contextmanager
