@@ -1,5 +1,7 @@
 """The law with axes for large rotations: small strains, rotations, and an isotropic one beside St. Venant-Kirchhoff."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -69,3 +71,17 @@ def test_stiffer_along_the_rod_than_across():
     # Shear adds a little.
     assert known < tip < 1.06 * known
     assert across == pytest.approx(bent(StVenantKirchhoff(0.1 * E, NU), 0.01).at(0, 1.0)[1], rel=0.01)
+
+
+@pytest.mark.parametrize("law", [OrthotropicKirchhoff, Orthotropic])
+def test_a_layer_without_a_place_is_not_asked(law):
+    rod = replace(center_line.straight(LENGTH).sweep(ellipse(8, 1.0, 1.0)), rings=(0.0, 0.6, 1.0))
+    space = Space(rod, section_degree=3, elements=2, degree=3)
+    body = Body(space, [law(*WOOD, ("tangent", "normal")), StVenantKirchhoff(E, NU)])
+    solution = statics.solve(
+        Model([body], [Support.end(space, "start"), Support.end(space, "end", displacement=(0.0, 0.0, 0.02))])
+    )
+    at = [[0.0, 0.3], [0.9, 0.0]]
+    both = solution.stress(0, 0.5, at)
+    for k, one in enumerate(at):
+        np.testing.assert_allclose(solution.stress(0, 0.5, [one])[0], both[k], rtol=1e-9, atol=1e-12)

@@ -376,6 +376,6 @@ def _second(first: Array, second: Array) -> Array:
     """Return the unit vectors of what of the second axes is at right angles to the first, which are unit vectors."""
     across = second - np.sum(first * second, axis=-1, keepdims=True) * first
     size = np.linalg.norm(across, axis=-1, keepdims=True)
-    if not size.min() > _PARALLEL:
+    if not size.min(initial=np.inf) > _PARALLEL:
         raise InputError("axes: axis 2 runs along axis 1; take another")
     return np.asarray(across / size)
