@@ -3,6 +3,7 @@
 import json
 import re
 import sys
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -205,3 +206,11 @@ def test_load_factor_is_the_muscle_s_activation():
         stresses = vtk.grid(body, rest, rings=1, around=4, slices=1, factor=factor).point_data["von_mises"]
         # Active fibres alone pull in an undeformed muscle, with up to 30 N/cm^2.
         assert stresses.max() == pytest.approx(0.5 * factor * 30.0, abs=1e-9)
+
+
+def test_names_are_escaped_in_collections_and_tables():
+    name = 'a&"<b-frames/0-0000.vtu'
+    found = ElementTree.fromstring(folder._collection([(0.5, 0, name)]))
+    assert [one.get("file") for one in found.iter("DataSet")] == [name]
+    table = folder._table({"time": np.array([0.0, 1.0]), "force of =a, b": np.array([2.0, -3.0])})
+    assert table == b'time,"force of =a, b"\n0.0,2.0\n1.0,-3.0\n'

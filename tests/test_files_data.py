@@ -1,11 +1,13 @@
 """Centre lines from files beside a scene: CSV, and polylines of VTK with their radii."""
 
 import locale
+import os
 
 import numpy as np
 import pytest
 
 from isorod.errors import InputError
+from isorod.files import document
 from isorod.files.scene import FileScene
 from isorod.geometry import center_line, section
 
@@ -148,3 +150,36 @@ def test_control_points_of_nurbs_may_come_from_a_file(tmp_path):
     path.write_text(path.read_text().replace("degree = 2", "degree = 9"))
     with pytest.raises(InputError, match=r"my.toml:3: rod.a.curve.degree: nurbs: degree: got 9"):
         FileScene(str(path)).rods()
+
+
+def test_data_lie_beside_the_scene_or_where_the_user_allows(tmp_path, monkeypatch):
+    here, other = tmp_path / "here", tmp_path / "other"
+    (here / "below").mkdir(parents=True)
+    other.mkdir()
+    for folder in (here / "below", other):
+        (folder / "line.csv").write_text(rows(LINE))
+    (here / "link.csv").symlink_to(other / "line.csv")
+    (here / "own.csv").symlink_to(here / "below" / "line.csv")
+    os.mkfifo(here / "pipe.csv")
+    outline = "section = {circle = 0.3}"
+    assert scene(here, "below/line.csv", outline).rods() and scene(here, "own.csv", outline).rods()
+    for name, said in (
+        ("../other/line.csv", "is neither beside the scene nor below; ISOROD_DATA=FOLDER allows others"),
+        ("link.csv", "is neither beside the scene nor below"),
+        (str(other / "line.csv"), "is neither beside the scene nor below"),
+        ("/dev/zero", "is neither beside the scene nor below"),
+        ("pipe.csv", "is no plain file"),
+        ("below", "is no plain file"),
+        ("none.csv", "cannot be read"),
+    ):
+        with pytest.raises(InputError, match=rf"my.toml:3: rod.a.curve.polyline: {name}: {said}"):
+            scene(here, name)
+    monkeypatch.setenv("ISOROD_DATA", f"{tmp_path / 'none'}{os.pathsep}{other}")
+    assert scene(here, "../other/line.csv", outline).rods() and scene(here, str(other / "line.csv"), outline).rods()
+
+
+def test_data_are_bounded_in_size(tmp_path, monkeypatch):
+    monkeypatch.setattr(document, "_LARGEST", 100)
+    (tmp_path / "line.csv").write_text(rows(LINE))
+    with pytest.raises(InputError, match="longer than 100 bytes"):
+        scene(tmp_path, "line.csv")

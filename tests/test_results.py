@@ -334,3 +334,9 @@ def test_writers_killed_and_restarted_lose_and_tear_no_line(tmp_path):
     words = (tmp_path / "words").read_text()
     assert "the last line is torn" in words
     assert "Traceback" not in words
+
+
+def test_rows_of_values_have_no_formulas():
+    """Programs that calculate take words that begin so for formulas; numbers stay numbers, and names names."""
+    line = results.row(["a, b", '=HYPERLINK("x")', "-1.5e3", "+cmd", "@sum", "-inf", ""])
+    assert line == b'"a, b","\'=HYPERLINK(""x"")",-1.5e3,\'+cmd,\'@sum,-inf,\n'

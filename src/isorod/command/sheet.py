@@ -1,8 +1,6 @@
 """The files of a sweep: a table of its points as CSV, and beside it their records, of which the table is made."""
 
-import csv
 import fcntl
-import io
 import json
 import math
 import os
@@ -163,7 +161,7 @@ class Sheet:
         row = columns(record)
         if not row.keys() <= {*self._columns}:
             return None
-        return _line([row.get(name, "") for name in self._columns])
+        return results.row([row.get(name, "") for name in self._columns])
 
     def _table(self) -> bytes:
         """Return the whole table."""
@@ -171,9 +169,8 @@ class Sheet:
         # Points have answers of their own where lists are as long as something that is varied.
         self._columns = list(rows[max(range(len(rows)), key=lambda k: len(rows[k]))])
         head = "".join(f"# {one}\n" for one in self._notes).encode()
-        return (
-            head + _line(self._columns) + b"".join(_line([row.get(name, "") for name in self._columns]) for row in rows)
-        )
+        lines = ([row.get(name, "") for name in self._columns] for row in rows)
+        return head + results.row(self._columns) + b"".join(map(results.row, lines))
 
     def _resume(self, path: Path) -> None:
         """Read the points that are there, and make the table one of these."""
@@ -217,12 +214,6 @@ class Sheet:
     @staticmethod
     def _other(what: str) -> InputError:
         return InputError(f"{what}; name another, or begin anew with --overwrite")
-
-
-def _line(values: Sequence[str]) -> bytes:
-    text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerow(values)
-    return text.getvalue().encode()
 
 
 def _record(line: bytes) -> dict[str, Any] | None:

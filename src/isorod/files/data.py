@@ -86,9 +86,9 @@ def _csv(place: Place, name: str, content: bytes) -> Points:
         if not rows and columns is None and not any(map(_is_number, words)):
             columns = [word.strip("\"'").lower() for word in words]
             continue
-        wrong = next((word for word in words if not _is_number(word) or not math.isfinite(float(word))), None)
-        if wrong is not None:
-            raise place.error(f"{name}:{number}: got {wrong:.40}, need a finite number")
+        wrong = [k for k, word in enumerate(words, 1) if not _is_number(word) or not math.isfinite(float(word))]
+        if wrong:
+            raise place.error(f"{name}:{number}: value {wrong[0]} is no finite number")
         if rows and len(words) != len(rows[0]):
             raise place.error(f"{name}:{number}: {len(words)} numbers where the lines above have {len(rows[0])}")
         rows.append([float(word) for word in words])
@@ -118,7 +118,7 @@ def _named(place: Place, name: str, table: Array, columns: list[str]) -> Points:
         raise place.error(f"{name}: {len(columns)} names of columns for {table.shape[1]} numbers a line")
     axes = [columns.index(axis) for axis in _AXES if axis in columns]
     if len(axes) < 2 or [columns[k] for k in axes] != list(_AXES[: len(axes)]):
-        raise place.error(f"{name}: got columns {', '.join(columns)}, need x, y[, z][, radius]")
+        raise place.error(f"{name}: its first line names other columns, need x, y[, z][, radius]")
     radius = next((table[:, columns.index(one)] for one in _RADIUS if one in columns), None)
     return Points(table[:, axes], radius)
 

@@ -2,6 +2,7 @@
 
 import difflib
 import hashlib
+import os
 import re
 import tomllib
 from collections.abc import Collection, Iterator, Mapping
@@ -15,8 +16,11 @@ from isorod.files import lines
 # What a scene's file has at its top; what may be there several times has names.
 KEYS = ("title", "analysis", "rod", "support", "load", "spin", "obstacle", "contact", "measure")
 
-# A scene is written by hand; what is longer are data, which go beside it.
-_LONGEST = 1_000_000
+# A scene is written by hand; what is longer are data, which go beside it; and bytes of those at the most.
+_LONGEST, _LARGEST = 1_000_000, 100_000_000
+
+# Folders in which data files may be besides that of the scene, as in PATH.
+ALLOWED = "ISOROD_DATA"
 
 
 class Document:
@@ -108,11 +112,33 @@ class Place:
         return value
 
     def data(self, name: str) -> bytes:
-        """Return the content of a file beside the scene's, and note its sum; raises `InputError` if there is none."""
+        """Return the content of a file beside the scene's or below, and note its sum.
+
+        A scene may come from somebody else: it reads nothing that is not lying with it, unless the user allows folders
+        (`ALLOWED`).
+
+        Raises
+        ------
+        InputError
+            If there is no such file, it is elsewhere, no plain file, or too large.
+        """
+        folder, content = self.document.folder, None
         try:
-            content = (self.document.folder / name).read_bytes()
-        except (OSError, ValueError) as problem:
+            path = (folder / name).resolve(strict=True)
+            allowed = [folder, *(Path(one) for one in os.environ.get(ALLOWED, "").split(os.pathsep) if one)]
+            near, plain = any(path.is_relative_to(one.resolve()) for one in allowed), path.is_file()
+            if near and plain:
+                with path.open("rb") as file:
+                    content = file.read(_LARGEST + 1)
+        except (OSError, ValueError, RuntimeError) as problem:
             raise self.error(f"{name}: cannot be read ({getattr(problem, 'strerror', None) or problem})") from None
+        if content is None:
+            what = (
+                "is no plain file" if near else f"is neither beside the scene nor below; {ALLOWED}=FOLDER allows others"
+            )
+            raise self.error(f"{name}: {what}")
+        if len(content) > _LARGEST:
+            raise self.error(f"{name}: longer than {_LARGEST:,} bytes")
         self.document.read[name] = hashlib.sha256(content).hexdigest()
         return content
 

@@ -1,5 +1,6 @@
 """Curves of runs - forces, energies, frequencies - from their files of comma-separated values."""
 
+import csv
 import re
 from pathlib import Path
 from typing import NamedTuple
@@ -42,7 +43,7 @@ def read(path: Path) -> dict[str, Array]:
         raise InputError(f"{path}: there is no such file") from None
     except (OSError, UnicodeDecodeError) as problem:
         raise InputError(f"{path}: cannot be read ({problem})") from None
-    names = [word.strip() for word in lines[0].split(",")] if lines else []
+    names = [word.strip() for word in next(csv.reader(lines[:1]), [])]
     rows = []
     for number, line in enumerate(lines[1:], 2):
         try:

@@ -4,6 +4,7 @@ import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
+from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
@@ -164,7 +165,9 @@ def _bezier(body: Body, fields: Sequence[Mapping[str, Array]], cells: str) -> "C
 
 def _collection(entries: Sequence[tuple[float, int, str]]) -> bytes:
     """Return what a ``.pvd`` file of ``.vtu`` files holds, each of a time and a body."""
-    lines = [f'    <DataSet timestep="{time!r}" group="" part="{b}" file="{name}"/>' for time, b, name in entries]
+    lines = [
+        f'    <DataSet timestep="{time!r}" group="" part="{b}" file={quoteattr(name)}/>' for time, b, name in entries
+    ]
     return "\n".join(
         [
             '<?xml version="1.0"?>',
@@ -180,7 +183,7 @@ def _collection(entries: Sequence[tuple[float, int, str]]) -> bytes:
 def _table(curves: Mapping[str, Array]) -> bytes:
     """Return what a file of comma-separated values holds: a line of names, then a line a row, all digits."""
     rows = np.column_stack(list(curves.values())).tolist()
-    return "\n".join([",".join(curves), *(",".join(map(repr, row)) for row in rows), ""]).encode()
+    return b"".join([results.row(list(curves)), *(results.row([repr(one) for one in row]) for row in rows)])
 
 
 def _free_name(folder: Path, records: bytes, scene: str, bodies: int) -> str:

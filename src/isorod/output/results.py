@@ -1,5 +1,6 @@
 """Results as records, one JSON line a run, and writing that leaves nothing half-done."""
 
+import csv
 import errno
 import fcntl
 import io
@@ -11,7 +12,7 @@ import subprocess
 import sys
 import tempfile
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from functools import cache
@@ -265,3 +266,21 @@ def _processor() -> str:
     except OSError:
         pass
     return platform.processor() or platform.machine()
+
+
+def row(values: Sequence[str]) -> bytes:
+    """Return a line of comma-separated values, in which no name is a formula for programs that calculate."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerow([_no_formula(one) for one in values])
+    return text.getvalue().encode()
+
+
+def _no_formula(value: str) -> str:
+    """Return a value that begins as a formula does, but is no number, with an apostrophe before it."""
+    if value[:1] not in ("=", "+", "-", "@", "\t", "\r") or not value:
+        return value
+    try:
+        float(value)
+    except ValueError:
+        return f"'{value}"
+    return value
