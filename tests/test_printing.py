@@ -10,12 +10,16 @@ import numpy as np
 import pytest
 from test_motion_steps import MUSCLE, bar
 
-from isorod import dynamics, scenes
+from isorod import dynamics, scenes, statics
 from isorod.command import cli, printing
 from isorod.command import run as running
 from isorod.dynamics.explicit import run as explicit
+from isorod.geometry import center_line, section
+from isorod.material import NeoHookean
+from isorod.model import Body, Contact, Model, Plane, Support
 from isorod.output import progress
 from isorod.output.words import duration
+from isorod.space import Space
 from isorod.space.basis import PAPER, POLYNOMIALS
 
 SPRING = {"preset": "paper", "coils": 1, "elements_per_turn": 4, "section_points": 4}
@@ -138,8 +142,24 @@ def test_progress_is_a_line_now_and_then_also_within_an_interval(settings, talka
     assert [int(one[2]) for one in found] == pytest.approx([100 * time for time in times], abs=0.51)
 
 
+def test_statics_say_how_far_they_are(talkative, capsys):
+    space = Space(center_line.straight(10.0).sweep(section.circle(8)), order=1, elements=4, degree=3)
+    below = Contact(0, Plane((0.0, -1.05, 0.0), (0.0, 1.0, 0.0)), penalty=10.0)
+    held = Support.end(space, "start"), Support.end(space, "end", displacement=(0.0, -0.06, 0.0))
+    statics.solve(Model([Body(space, NeoHookean(1.0, 0.3))], held, contacts=[below]), load_steps=2, progress=True)
+    lines = capsys.readouterr().err.splitlines()
+    number = r"-?[\d.]+(?:e[+-]\d+)?"
+    told = (
+        rf"isorod: load factor ({number}), iteration (\d+), force out of balance {number}, ([\d,]+) points in contact"
+    )
+    found = [re.fullmatch(rf"{told}(, \d+ steps cut)?", line) for line in lines]
+    assert found and all(found), lines
+    assert {float(one[1]) for one in found} >= {0.5, 1.0}
+    assert int(found[-1][3]) > 0
+
+
 def test_the_time_to_go_is_that_of_the_way_left(talkative, monkeypatch, capsys):
-    clock = iter([100.0, 110.0, 130.0])
+    clock = iter([100.0, 110.0, 110.0, 130.0, 130.0])
     monkeypatch.setattr(progress, "perf_counter", lambda: next(clock))
     shown = progress.Progress(2.0, 10.0)
     shown(4.0)
@@ -168,7 +188,7 @@ def test_a_terminal_gets_a_bar_whose_line_is_ended(monkeypatch):
     stream = io.StringIO()
     monkeypatch.setattr(stream, "isatty", lambda: True)
     monkeypatch.setattr(sys, "stderr", stream)
-    for name in ("_FIRST_OF_BAR", "_BETWEEN_BARS"):
+    for name in ("_FIRST_SHOWN", "_BETWEEN_SHOWN"):
         monkeypatch.setattr(progress, name, 0.0)
     monkeypatch.setattr(explicit, "_BLOCK", 1e9)
     dynamics.solve(bar(), 1.0, outputs=4, progress=True)

@@ -80,11 +80,12 @@ def climb(monkeypatch, outcome, contact=None, settle=lambda solver, factor: 0):
         forget_path=lambda: None,
         settle=lambda: None,
         stabilisation=None,
+        cuts=0,
     )
     monkeypatch.setattr(climbing, "settle", settle)
     steps = []
-    cuts, _ = climbing.climb(solver, 1, SimpleNamespace(reached=lambda x, factor: steps.append(factor)))
-    return len(steps), cuts, taken
+    climbing.climb(solver, 1, SimpleNamespace(reached=lambda x, factor: steps.append(factor)))
+    return len(steps), solver.cuts, taken
 
 
 def test_a_step_that_fails_is_tried_with_lower_penalties_before_it_is_cut(monkeypatch):
@@ -163,6 +164,7 @@ def test_with_friction_no_step_is_longer_than_asked_for(monkeypatch):
         forget_path=lambda: None,
         settle=lambda: None,
         stabilisation=None,
+        cuts=0,
     )
     climbing.climb(solver, 8, SimpleNamespace(reached=lambda x, factor: path.append(factor)))
     assert path == pytest.approx(0.125 * np.arange(1, 9))

@@ -331,6 +331,10 @@ def main(arguments: Sequence[str]) -> int:
             refused[kind] = refused.get(kind, 0) + 1
             print(results.line({"seed": seed, "kind": kind, "refused": str(problem)}), flush=True)
             continue
+        except Exception as problem:
+            # One that fails in another way is a finding, and no reason to stop.
+            print(results.line({"seed": seed, "kind": draw(seed)[0], "failed": repr(problem)}), flush=True)
+            continue
         print(results.line(records[-1] | {"silent": silent(records[-1])}), flush=True)
     for row in table(records, refused):
         print(results.line(row), flush=True)

@@ -203,7 +203,7 @@ def record(
         "solver": solution.solver,
         "ranks": solution.ranks,
         **results.provenance(),
-        "settings": dict(settings),
+        "settings": {name: value for name, value in settings.items() if name != "progress"},
         "petsc_options": " ".join(petsc),
     }
 

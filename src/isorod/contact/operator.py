@@ -212,6 +212,11 @@ class ContactOperator:
             forces.append(self.forces(displacement)[0])
         return step / _DELTA * (forces[0] - forces[1])
 
+    @property
+    def touching(self) -> int:
+        """Number of points that press, as the last forces left them."""
+        return int((self.packed.states["pressure"] > 0.0).sum())
+
     def push(self) -> float:
         """Return the normal forces of all obstacles that move, as the last forces left them: what drives a model."""
         firsts, loads = self.packed.passes["first_point"], self.packed.areas * self.packed.states["pressure"]

@@ -16,6 +16,7 @@ from isorod.checks.reactions import by_support, check_balance, support_displacem
 from isorod.checks.turning import refuse_small
 from isorod.errors import expect, whole_number
 from isorod.model.model import Model
+from isorod.output.progress import Teller
 from isorod.output.state import Animated, Deformation, State
 from isorod.petsc.library import solver_types
 from isorod.petsc.options import in_force
@@ -231,6 +232,7 @@ def solve(
     start: Array | None = None,
     keep: bool = False,
     stable: bool = False,
+    progress: bool = False,
 ) -> Equilibrium:
     """Bring supports and loads to their full values and return the equilibrium.
 
@@ -260,6 +262,8 @@ def solve(
         Keep the state of each load step (`Equilibrium.path`).
     stable
         Go on from an equilibrium that is not stable to one that is, the way that the model would go.
+    progress
+        Show on standard error how far it is (`isorod.output.progress`).
 
     Raises
     ------
@@ -274,11 +278,17 @@ def solve(
     expect("model", model, Model)
     load_steps = whole_number("load steps", load_steps, 1, 1_000_000)
     with in_force(petsc):
-        return _solve(model, load_steps, comm, start, keep, stable)
+        return _solve(model, load_steps, comm, start, keep, stable, progress)
 
 
 def _solve(
-    model: Model, load_steps: int, comm: PETSc.Comm | None, start_at: Array | None, keep: bool, stable: bool
+    model: Model,
+    load_steps: int,
+    comm: PETSc.Comm | None,
+    start_at: Array | None,
+    keep: bool,
+    stable: bool,
+    progress: bool,
 ) -> Equilibrium:
     """Return what `solve` does, as the options in force say."""
     start = perf_counter()
@@ -286,7 +296,9 @@ def _solve(
     loose = rigid_motions.left_to_contact(model)
     overlapped = overlap.warn_at_rest(model)
     assembler = assembler_for(model, comm)
-    solver = Newton(assembler, loose)
+    solver, told = Newton(assembler, loose), Teller()
+    if progress and assembler.comm.getRank() == 0:
+        solver.tell = told
     try:
         if stable:
             stability.refuse_untold(solver)
@@ -296,7 +308,7 @@ def _solve(
         assembler.seconds = 0.0
         path = Path(assembler, keep)
         found = begin(solver, start_at, path)
-        cuts, augmentations = climb(solver, load_steps, path) if found is None else (0, found)
+        augmentations = climb(solver, load_steps, path) if found is None else found
         held = solver.settle()
         if stable:
             augmentations += descend(solver, path)
@@ -324,7 +336,7 @@ def _solve(
             moments=moments,
             work=float(forces @ model.driven[model.bound]),
             load_steps=len(path.steps),
-            cuts=cuts,
+            cuts=solver.cuts,
             newton_iterations=solver.iterations,
             linear_iterations=solver.linear_iterations,
             residual_norms=solver.norms,
@@ -340,4 +352,5 @@ def _solve(
             negative_eigenvalues=negative,
         )
     finally:
+        told.close()
         solver.destroy()

@@ -48,12 +48,12 @@ def descend(solver: Newton, path: Path) -> int:
     return updates
 
 
-def climb(solver: Newton, load_steps: int, path: Path) -> tuple[int, int]:
-    """Go to the full load; return how many steps were cut, and how often multipliers were updated; fill the path."""
+def climb(solver: Newton, load_steps: int, path: Path) -> int:
+    """Go to the full load; return how often multipliers were updated; fill the path."""
     contact = solver.assembler.contact
     rubs = contact is not None and contact.friction is not None
     stages = solver.assembler.model.stages
-    factor, step, cuts, augmentations, quick = 0.0, 1.0 / load_steps, 0, 0, 0
+    factor, step, augmentations, quick = 0.0, 1.0 / load_steps, 0, 0
     while factor < 1.0:
         end = next(stage for stage in stages if stage > factor)
         longest = solver.turning.longest_step(factor)
@@ -69,7 +69,7 @@ def climb(solver: Newton, load_steps: int, path: Path) -> tuple[int, int]:
                 continue
             if contact is not None and deep and contact.is_soft:
                 contact.stiffen(1.0 / SOFTER)
-            cuts += 1
+            solver.cuts += 1
             step = 0.5 * (target - factor)
             if step < min(1.0 / load_steps, longest) / 2**HALVINGS:
                 raise SolveError(f"load factor {target:.6g}: {problem}") from None
@@ -86,12 +86,12 @@ def climb(solver: Newton, load_steps: int, path: Path) -> tuple[int, int]:
         quick = quick + 1 if solves <= (_QUICK if contact is None else _QUICK_TOUCHING) else 0
         if factor == end:
             step, quick = 1.0 / load_steps, 0
-        elif quick > (0 if contact is None else min(cuts, _WARY)):
+        elif quick > (0 if contact is None else min(solver.cuts, _WARY)):
             step, quick = 2.0 * step, 0
             if rubs:
                 # Whoever asks for more steps, since friction depends on the path, gets them.
                 step = min(step, 1.0 / load_steps)
-    return cuts, augmentations
+    return augmentations
 
 
 def _rub(solver: Newton, factor: float, target: float) -> tuple[int, int]:

@@ -1,6 +1,6 @@
 """SNES on an assembler, at one load factor after the other."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -79,6 +79,10 @@ class Newton:
         What holds bodies that contact is yet to hold, or None.
     turning
         What supports that turn ask of steps and states.
+    cuts
+        Load steps that were cut so far.
+    tell
+        Called in each iteration with what says how far it is.
     """
 
     def __init__(self, assembler: Assembler, loose: Sequence[tuple[int, Array]] = ()) -> None:
@@ -87,6 +91,8 @@ class Newton:
         self.iterations = 0
         self.linear_iterations = 0
         self.norms: list[float] = []
+        self.cuts = 0
+        self.tell: Callable[[Callable[[], str]], None] = lambda line: None
         self._trial = assembler.vector()
         self._force = assembler.vector()
         self._change = assembler.vector()
@@ -119,7 +125,7 @@ class Newton:
         self._line_search: LineSearch | None = None
         if own and not typed.hasName("snes_linesearch_type"):
             self._line_search = LineSearch(self.snes, self._residual, self._signs())
-        self.snes.setMonitor(lambda snes, k, norm: self.norms.append(norm))
+        self.snes.setMonitor(self._monitor)
         if self.snes.getKSP().getPC().getType() in MULTIGRID:
             self._matrix.setNearNullSpace(rigid_motions.near_null_space(assembler))
         if loose:
@@ -144,6 +150,17 @@ class Newton:
         self._line_search = None
         for one in (self.snes, self._matrix, self._trial, self._force, self._change):
             one.destroy()
+
+    def _monitor(self, snes: PETSc.SNES, iteration: int, norm: float) -> None:
+        self.norms.append(norm)
+        self.tell(lambda: self._line(iteration, norm))
+
+    def _line(self, iteration: int, norm: float) -> str:
+        """Return how far it is, in words."""
+        contact = self.assembler.contact
+        touching = "" if contact is None else f", {contact.touching:,} points in contact"
+        cuts = f", {self.cuts} steps cut" if self.cuts else ""
+        return f"load factor {self._factor:.4g}, iteration {iteration}, force out of balance {norm:.2g}{touching}{cuts}"
 
     def _test(self, snes: PETSc.SNES, iteration: int, norms: tuple[float, float, float]) -> PETSc.SNES.ConvergedReason:
         """Return SNES's reason to stop; where lower penalties are left to try, hardly moving is one."""
