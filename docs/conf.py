@@ -64,7 +64,12 @@ def formula(self: HTML5Translator, node: nodes.math) -> None:
 
 
 # Pages link to files as they lie in the repository; those that are pages here too are these.
-PAGES = {"../README.md": "index.md", "../CHANGELOG.md": "changelog.md", "../CONTRIBUTING.md": "contributing.md"}
+PAGES = {
+    "../README.md": "index.md",
+    "../CHANGELOG.md": "changelog.md",
+    "../CONTRIBUTING.md": "contributing.md",
+    "../SECURITY.md": "security.md",
+}
 
 
 def within(app: Sphinx, name: str, source: list[str]) -> None:
