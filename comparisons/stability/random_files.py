@@ -1,13 +1,15 @@
 """What `isorod run` says of random scene files, by default, against much finer spaces.
 
-``python -m comparisons.stability.random_files 100`` draws seeds 0 to 99, ``100 200`` those from 100 on: curves,
-sections, tapers and twists, holes and layers, laws, supports, loads, rotations, spin, contact; statics, and modes at
-rest and about what is loaded.  It prints a line a file, and a table in the end.  Compared are what the estimate is of
-(works, forces and moments of supports, frequencies), the answers (reactions, moments and displacements, or
-frequencies) and stresses at 20 places farther from ends than the section is wide.  A file is silent if an answer is
-off by more than half a percent, or a stress by more than three, and neither its estimate nor a warning says so.
+``python -m comparisons.stability.random_files 100`` draws seeds 0 to 99, ``100 200`` those from 100 on; ``100 200 60``
+leaves out those that take more than a minute with what they are compared with.  Drawn are curves, sections, tapers and
+twists, holes and layers, laws, supports, loads, rotations, spin and contact; statics, and modes at rest and about what
+is loaded.  It prints a line a file, and a table in the end.  Compared are what the estimate is of (works, forces and
+moments of supports, frequencies), the answers (reactions, moments and displacements, or frequencies) and stresses at
+20 places farther from ends than the section is wide.  A file is silent if an answer is off by more than half a
+percent, or a stress by more than three, and neither its estimate nor a warning says so.
 """
 
+import signal
 import sys
 import tempfile
 import warnings
@@ -318,13 +320,21 @@ def table(records: Sequence[Mapping[str, Any]], refused: Mapping[str, int]) -> l
     return rows
 
 
+def _too_long(*_: Any) -> None:
+    raise TimeoutError("takes too long")
+
+
 def main(arguments: Sequence[str]) -> int:
     """Run as many as are asked for."""
     options.initialize([])
     records: list[dict[str, Any]] = []
     refused: dict[str, int] = {}
-    for seed in range(*map(int, arguments or ["100"])):
+    first, *last = map(int, arguments[:2] or ["100"])
+    seconds = int(arguments[2]) if len(arguments) > 2 else 0
+    signal.signal(signal.SIGALRM, _too_long)
+    for seed in range(first, *last):
         try:
+            signal.alarm(seconds)
             records.append(compare(seed))
         except (InputError, SolveError) as problem:
             kind = draw(seed)[0]
@@ -335,6 +345,8 @@ def main(arguments: Sequence[str]) -> int:
             # One that fails in another way is a finding, and no reason to stop.
             print(results.line({"seed": seed, "kind": draw(seed)[0], "failed": repr(problem)}), flush=True)
             continue
+        finally:
+            signal.alarm(0)
         print(results.line(records[-1] | {"silent": silent(records[-1])}), flush=True)
     for row in table(records, refused):
         print(results.line(row), flush=True)
