@@ -281,6 +281,8 @@ def compare(seed: int) -> dict[str, Any]:
         # Those that the estimate is of, and those of a person who looks somewhere.
         rings = solution.model.bodies[0].space.rod.rings
         u, xi = stresses.away(solution.model, 0), stresses.around(rings)
+        if not u.size:
+            return record
         everywhere = [one.stress(0, u, xi).reshape(-1, 3, 3) for one in found]
         beyond, near = (_stress_off(one, everywhere[2]) for one in everywhere[:2])
         record |= {"stress error": beyond, "stress estimate": errors[1] or 0.0, "stress apart": near}
