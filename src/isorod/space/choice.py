@@ -47,10 +47,10 @@ MOST = 6
 # err by 0.4 % at the most from 3.5 widths on, and by 0.7 % at 2.
 LEAST = {4.0: 5, 10.0: 4, inf: 3}
 
-# Share of the largest stress in torsion that it may miss in statics.
-TWISTED = 0.02
+# Share of the largest stress in torsion that it may miss in statics, if one up to the most there can do with less.
+TWISTED, MOST_TWISTED = 0.01, 7
 
-# Shear warps a section by cubic functions of its thickness.
+# Degree of the functions of the thickness by which shear warps a section.
 CUBIC = 3
 
 # What is left of a series in the radius times the curvature that ends with the section degree, in statics.
@@ -315,16 +315,19 @@ def stressed(rod: Rod, reach: float) -> dict[str, int]:
     # Stresses of a curved bar are a power series in the radius over that of its axis.
     series = ceil(np.log(CURVED) / np.log(np.clip(_shape(rod).bend, CURVED, 0.5)))
     degree = min(max(found["section_degree"], ceil(2.0 + 0.5 * reach), series), MOST)
-    while degree < MOST and not _carries(rod, degree, best):
+    # Shear warps a section by cubic functions of its thickness.
+    while degree < MOST and polynomials(rod, degree).across < CUBIC:
         degree += 1
-    return {"section_degree": degree}
+    missed = [_missed(rod, one, best) for one in range(degree, MOST_TWISTED + 1)]
+    return {
+        "section_degree": degree + next(k for k, one in enumerate(missed) if one <= max(TWISTED, 1.01 * missed[-1]))
+    }
 
 
-def _carries(rod: Rod, degree: int, best: Array) -> bool:
-    """Return whether stresses in torsion are near the best, and shear may warp the thickness cubically."""
-    missed = np.linalg.norm(of_polynomials(rod, degree)[1] - best, axis=1).max()
-    near = missed <= TWISTED * np.linalg.norm(best, axis=1).max()
-    return bool(near and polynomials(rod, degree).across >= CUBIC)
+def _missed(rod: Rod, degree: int, best: Array) -> float:
+    """Return by how much stresses in torsion are off, as a share of the largest."""
+    off = np.linalg.norm(of_polynomials(rod, degree)[1] - best, axis=1).max()
+    return float(off / np.linalg.norm(best, axis=1).max())
 
 
 def rule(space: Any) -> Rule:
