@@ -238,3 +238,10 @@ def test_an_error_of_the_solver_names_the_file(refused):
     table = copy.deepcopy(BEAM)
     table["support"]["tip"]["displacement"] = [0.0, 0.0, -1e6]
     assert re.match(r"2: analysis: .*load factor .* of rod beam", refused(text(table)))
+
+
+def test_options_of_petsc_are_not_for_files(refused):
+    """They name code that is run, and a file may come from somebody else."""
+    table = copy.deepcopy(BEAM)
+    table["analysis"] = {"statics": {"petsc": {"pc_type": "python"}}}
+    assert re.match(r"\d+: analysis.statics: 'petsc' is not known", found := refused(text(table))), found

@@ -87,7 +87,8 @@ OBSTACLES = {
 }
 CONTACTS = Form("isorod.model.contact:Contact", kinds={"first": ROD, "second": PARTNER})
 
-_RUN = tuple("model comm state displacement velocity checkpoint every resume progress start keep".split())
+# What a file does not say: PETSc's options, too, are for the command line alone, as they name code that is run.
+_RUN = tuple("model comm petsc state displacement velocity checkpoint every resume progress start keep".split())
 ANALYSES = {
     "statics": Form("isorod.statics:solve", left=_RUN),
     "modal": Form("isorod.modal:solve", left=_RUN),
