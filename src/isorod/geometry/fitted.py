@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -142,7 +143,13 @@ def fitted(name: str, make: Callable[[int], Array], wanted: Array, n: int | None
 
 def radius(polygon: Array) -> float:
     """Return half the diameter of the outline of a control polygon ``(n, 2)``, from 64 of its places."""
-    return _half_diameter(boundary_functions(len(polygon), np.pi * np.arange(64) / 32.0) @ polygon)
+    return _half_diameter(_round(len(polygon)) @ polygon)
+
+
+@cache
+def _round(n: int) -> Array:
+    """Return the boundary functions of ``n`` control points at 64 places."""
+    return boundary_functions(n, np.pi * np.arange(64) / 32.0)
 
 
 def _half_diameter(points: Array) -> float:

@@ -9,10 +9,12 @@ by a difference of forces; where they count some, cannot tell, or were wrong, th
 """
 
 import warnings
+from functools import lru_cache
 
 import numpy as np
 from petsc4py import PETSc
 
+from isorod.arrays import Array
 from isorod.assembly.assembler import Assembler
 from isorod.assembly.extrapolation import radius
 from isorod.errors import InputError
@@ -99,8 +101,14 @@ def stiffness(solver: Newton) -> PETSc.Vec:
 def noise(assembler: Assembler) -> PETSc.Vec:
     """Return random unknowns, the same on any number of ranks."""
     found = assembler.vector()
-    found.array_w[:] = np.random.default_rng(0).normal(size=found.getSize())[slice(*found.getOwnershipRange())]
+    found.array_w[:] = _normal(found.getSize())[slice(*found.getOwnershipRange())]
     return found
+
+
+@lru_cache(maxsize=1)
+def _normal(size: int) -> Array:
+    """Return so many random numbers; of models of a sweep the same."""
+    return np.random.default_rng(0).normal(size=size)
 
 
 def _pressures(solver: Newton) -> int:
