@@ -270,7 +270,8 @@ def test_record_of_the_equilibrium(capsys):
     out, err = capsys.readouterr()
     record = json.loads(out)
     # Forces are 1 %, that of the contact 3 % off.
-    assert err.startswith("isorod: warning: the error is about 4.")
+    # On a machine that is slow it is told how far it is, too.
+    assert re.search("^isorod: warning: the error is about 4[.]", err, re.MULTILINE)
     assert record["analysis"] == "statics"
     assert record["built"] == ["contact", "tangent"]
     assert 20 < record["end_force"][0] < 90

@@ -246,7 +246,9 @@ def test_json_line_of_the_papers_model(capsys):
     options = "--section-points 4 --elements-per-turn 24 --degree 2 --continuity 0 --quadrature paper --order 1 --json"
     assert cli.main(["run", "spring", *options.split()]) == 0
     out, err = capsys.readouterr()
-    assert (out.count("\n"), err) == (1, "")
+    # Its stiffness is 0.4 % off, and its force across the axis more.
+    assert (out.count("\n"), err.count("\n")) == (1, 1)
+    assert err.startswith("isorod: warning: the error is about 1 %")
     record = json.loads(out)
     assert record["scene"] == "spring"
     assert record["dofs"] == 1740

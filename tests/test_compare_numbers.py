@@ -231,7 +231,7 @@ def test_coarser_and_finer_about_what_is_chosen(tmp_path):
     own = model.bodies[0].space
     assert finer[0] == "--spaces" and own.knots
     told = json.loads(finer[1])["bar"]
-    assert [told[name] for name in ("elements", "degree", "continuity", "section_degree")] == [10, 5, 2, 3]
+    assert [told[name] for name in ("elements", "degree", "continuity", "section_degree")] == [10, 5, 2, 5]
     # Short elements at the ends stay, and all are cut in two at least.
     (axis,) = (body.space.axis for body in replace(scene, spaces=json.loads(finer[1])).model().bodies)
     assert axis.elements >= 2 * own.axis.elements

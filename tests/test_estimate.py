@@ -12,7 +12,7 @@ from test_contact_statics import crossing
 from comparisons.stability import cost, estimates
 from isorod import modal, statics
 from isorod.assembly.formulation import assembler_for
-from isorod.checks import adapt, estimate
+from isorod.checks import adapt, estimate_of_modes
 from isorod.checks.finer import Finer
 from isorod.command import cli, refine, run
 from isorod.contact.frozen import Frozen
@@ -278,8 +278,8 @@ def test_there_is_none_where_shapes_depend_on_each_other():
     """As those of all modes of few unknowns may on the finer space; one of them alone has one."""
     found = modal.solve(Blade(preset="paper").model(), 1)
     twice = np.repeat(found.eigenvalues, 2), np.repeat(found.vectors, 2, axis=0)
-    assert estimate.of_modes(found.model, *twice, directions=["axis"]) is None
-    assert estimate.of_modes(found.model, found.eigenvalues, found.vectors, directions=["axis"]) > 0.0
+    assert estimate_of_modes.of_modes(found.model, *twice, directions=["axis"]) is None
+    assert estimate_of_modes.of_modes(found.model, found.eigenvalues, found.vectors, directions=["axis"]) > 0.0
 
 
 def test_a_large_error_is_warned_of_and_a_small_one_said(capsys):

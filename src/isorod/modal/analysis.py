@@ -124,18 +124,19 @@ class Modes:
         )
 
     def estimate(self, *directions: str) -> float | None:
-        """Return an estimate of the frequencies' largest relative error (`isorod.checks.estimate`).
+        """Return an estimate of the frequencies' largest relative error (`isorod.checks.estimate_of_modes`).
 
         None where there is none.  It takes about as long as the modes.  It is the sum of those of the approximation
         across the ``"section"`` and along the ``"axis"``, unless one of them is asked for, and of how much patches of
         contact give way.
         """
-        from isorod.checks import estimate
+        from isorod.checks import estimate_of_modes
+        from isorod.checks.finer import DIRECTIONS
 
-        above, asked = slice(self.rigid, None), directions or estimate.DIRECTIONS
+        above, asked = slice(self.rigid, None), directions or DIRECTIONS
         values, shapes = self.eigenvalues[above], self.vectors[above]
         rest = self.equilibrium, self.quarter, self.ranks
-        found = estimate.of_modes(self.model, values, shapes, self.rigid > 0, self.lumped, asked, *rest)
+        found = estimate_of_modes.of_modes(self.model, values, shapes, self.rigid > 0, self.lumped, asked, *rest)
         if found is None or self.equilibrium is None or not self.contacts:
             return found
         from isorod.modal import touching

@@ -1,0 +1,95 @@
+"""One tangent on finer spaces, at a result: what it takes the result to, and what of that is an error."""
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from petsc4py import PETSc
+
+from isorod.arrays import Array
+from isorod.assembly.assembler import Assembler
+from isorod.assembly.factorisation import factorisation
+from isorod.checks.finer import Finer
+from isorod.errors import InputError
+from isorod.model.model import Model
+from isorod.options import defaults
+
+if TYPE_CHECKING:
+    from isorod.contact.frozen import Frozen
+    from isorod.contact.result import ContactResult
+
+# Steps of Newton's method at most, with one tangent as long as each is this much smaller than the one before; steps of
+# this share of the longest are enough.
+_STEPS, QUICK, _DONE = 8, 0.1, 1e-3
+
+_PREFIX = "estimate_"
+
+
+def total(
+    model: Model, directions: Sequence[str], ranks: int, change: Callable[[Finer, PETSc.Comm], Array], count: int
+) -> list[float | None]:
+    """Return sums ``(count,)`` of what finer spaces change; None where there is none, as on some ranks of many."""
+    total, comm = np.zeros(count), PETSc.COMM_SELF if ranks == 1 else PETSc.COMM_WORLD
+    none: list[float | None] = [None] * count
+    if ranks != comm.getSize():
+        return none
+    for direction in directions:
+        try:
+            finer = Finer.of(model, direction)
+        except InputError:
+            # No finer one can be had: too many elements, or points, or what they take.
+            return none
+        if finer is None or not model.unknowns:
+            return none
+        total += change(finer, comm)
+    return [float(one) if np.isfinite(one) else None for one in total]
+
+
+def corrected(
+    assembler: Assembler, x: PETSc.Vec, matrix: PETSc.Mat, ksp: PETSc.KSP
+) -> tuple[list[float], float, Array]:
+    """Take a state to the equilibrium nearby; return the steps' sizes, and of the first its work and where it leads."""
+    force, change = assembler.vector(), assembler.vector()
+    sizes: list[float] = []
+    # What is rolled up turns by straight steps.
+    assembler.extrapolate()
+    for _ in range(_STEPS):
+        assembler.residual(x, 1.0, force)
+        size = np.inf
+        if sizes:
+            ksp.solve(force, change)
+            size = change.norm()
+        # One tangent does, unless what slender rods turn by a straight step stretches them.
+        if not sizes or not size < QUICK * sizes[-1]:
+            assembler.tangent(x, 1.0, matrix)
+            ksp.setOperators(matrix)
+            ksp.solve(force, change)
+            size = change.norm()
+        x.axpy(-1.0, change)
+        sizes.append(size)
+        if len(sizes) == 1:
+            gained, first = abs(force.dot(change)), assembler.displacement(x, 1.0)
+        if not size > _DONE * max(sizes):
+            break
+    return sizes, gained, first
+
+
+def touching(
+    finer: Finer, contacts: "Sequence[ContactResult]", state: Array, comm: PETSc.Comm, tight: bool = False
+) -> "Frozen | None":
+    """Return contact as it is on finer spaces, if there is any."""
+    if not contacts:
+        return None
+    from isorod.contact.frozen import Frozen
+
+    return Frozen(finer.model, finer.coarse.contacts, contacts, state, comm, tight)
+
+
+def solver(assembler: Assembler, matrix: PETSc.Mat) -> PETSc.KSP:
+    """Return a direct solver, of which `-estimate_...` options say more."""
+    ksp = PETSc.KSP().create(assembler.comm)
+    ksp.setOptionsPrefix(_PREFIX)
+    ksp.setOperators(matrix)
+    with defaults({f"{_PREFIX}ksp_type": "preonly"} | factorisation(assembler, _PREFIX)):
+        ksp.setFromOptions()
+    return ksp

@@ -1,0 +1,175 @@
+"""An estimate of the error of frequencies: inverse iteration and a Rayleigh-Ritz projection on finer spaces."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from petsc4py import PETSc
+from scipy.linalg import eigh, eigvals
+
+from isorod.arrays import Array
+from isorod.assembly.assembler import Assembler
+from isorod.assembly.coriolis import coriolis
+from isorod.assembly.formulation import assembler_for
+from isorod.checks import correction
+from isorod.checks.finer import DIRECTIONS, Finer
+from isorod.model.model import Model
+from isorod.output.state import State
+
+# Changes of a smaller share of a state are rounding.
+_SETTLED = 1e-8
+
+
+def of_modes(
+    model: Model,
+    eigenvalues: Array,
+    vectors: Array,
+    free: bool = False,
+    lumped: bool = False,
+    directions: Sequence[str] = DIRECTIONS,
+    about: State | None = None,
+    quarter: Array | None = None,
+    ranks: int = 1,
+) -> float | None:
+    """Return the largest relative change of the frequencies of flexible modes; None where there is none.
+
+    About an equilibrium its own change is in it: on finer spaces that is corrected first.
+
+    Parameters
+    ----------
+    eigenvalues, vectors
+        ``omega^2`` ``(m,)`` and shapes ``(m, dofs)`` of the modes above the rigid ones.
+    free
+        Whether there are rigid ones.
+    lumped
+        Whether with the lumped mass matrix.
+    directions, ranks
+        As for `isorod.checks.estimate.of_equilibrium`.
+    about
+        The equilibrium about which they are; None for the state of rest.
+    quarter
+        Of a body that spins the shapes a quarter of a period later.
+    """
+    if not eigenvalues.size:
+        return None
+
+    def change(finer: Finer, comm: PETSc.Comm) -> Array:
+        found = _modes(finer, comm, eigenvalues, vectors, free, lumped, about, quarter)
+        return np.array([np.nan if found is None else found])
+
+    return correction.total(model, directions, ranks, change, 1)[0]
+
+
+def _modes(
+    finer: Finer,
+    comm: PETSc.Comm,
+    eigenvalues: Array,
+    vectors: Array,
+    free: bool,
+    lumped: bool,
+    about: State | None,
+    quarter: Array | None,
+) -> float | None:
+    """Return the change on finer spaces."""
+    assembler = assembler_for(finer.model, comm)
+    if about is not None:
+        state = finer.displacement(about.displacement)
+        assembler.contact = correction.touching(finer, getattr(about, "contacts", ()), state, comm, True)  # type: ignore[assignment]
+    matrix, mass = assembler.matrix(), assembler.mass(lumped) if free else assembler.mass_operator(lumped)
+    if about is None:
+        assembler.tangent(assembler.vector(), 0.0, matrix)
+    # Definite, of a free body too, but for pressures.
+    shift = float(eigenvalues[0]) if free else 0.0
+    shapes = [finer.displacement(vector) for vector in vectors]
+    whirl = None if quarter is None else coriolis(assembler, lumped)
+    if free:
+        matrix.axpy(shift, mass, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
+    ksp = correction.solver(assembler, matrix)
+    try:
+        if about is not None:
+            x = assembler.state(state, finer.pressures(about.pressures) if about.pressures else ())
+            sizes, *_ = correction.corrected(assembler, x, matrix, ksp)
+            if not sizes[-1] <= max(correction.QUICK * sizes[0], _SETTLED * x.norm()):
+                # There is none nearby.
+                return 1.0
+            assembler.extrapolate()
+            assembler.tangent(x, 1.0, matrix)
+            ksp.setOperators(matrix)
+        if whirl is None or quarter is None:
+            pushed = [mass * assembler.state(shape) for shape in shapes]
+        else:
+            later = [finer.displacement(vector) for vector in quarter]
+            pushed = _whirled(assembler, mass, whirl, eigenvalues, shapes, later)
+        if finer.wider and not free:
+            pushed += [mass * assembler.state(shape) for shape in _turns(finer.model)]
+        found, heavy = ([assembler.vector() for _ in pushed] for _ in range(2))
+        for force, better, image in zip(pushed, found, heavy, strict=True):
+            ksp.solve(force, better)
+            mass.mult(better, image)
+        # The shifted stiffness times a shape is the force.
+        above, below = (np.array([[a.dot(b) for b in found] for a in images]) for images in (pushed, heavy))
+        scale = 1.0 / np.sqrt(np.diag(below))
+        above, below = (0.5 * (one + one.T) * scale * scale[:, None] for one in (above, below))
+        # Of many modes on few unknowns the shapes may depend on each other, but for rounding.
+        sizes, basis = eigh(below)
+        kept = sizes > sizes.size * np.finfo(float).eps * sizes[-1]
+        basis = basis[:, kept] / np.sqrt(sizes[kept])
+        if basis.shape[1] < eigenvalues.size:
+            return None
+        above = basis.T @ above @ basis
+        if whirl is None:
+            values = eigh(above, eigvals_only=True)[: eigenvalues.size] - shift
+        else:
+            turned = np.array([[(whirl * a).dot(b) for a in found] for b in found])
+            values = _squares(above, basis.T @ (turned * scale * scale[:, None]) @ basis)[: eigenvalues.size]
+        frequencies, better = (np.sign(one) * np.sqrt(np.abs(one)) for one in (eigenvalues, values))
+    finally:
+        for one in (ksp, matrix, mass, whirl):
+            if one is not None:
+                one.destroy()
+    error = float(np.abs(frequencies / better - 1.0).max()) / (1.0 - finer.left)
+    return error if np.isfinite(error) else None
+
+
+def _whirled(
+    assembler: Assembler, mass: PETSc.Mat, whirl: PETSc.Mat, eigenvalues: Array, first: list[Array], later: list[Array]
+) -> list[PETSc.Vec]:
+    """Return what the stiffness has to hold in modes ``x cos(omega t) + y sin(omega t)`` with Coriolis forces."""
+    pushed = []
+    for value, *pair in zip(eigenvalues, first, later, strict=True):
+        x, y = (assembler.state(one) for one in pair)
+        if value <= 0.0:
+            pushed.append(mass * x)
+            continue
+        for own, other, rate in ((x, y, -np.sqrt(value)), (y, x, np.sqrt(value))):
+            force = mass * own
+            force.scale(value)
+            force.axpy(rate, whirl * other)
+            pushed.append(force)
+    return pushed
+
+
+def _squares(stiffness: Array, whirl: Array) -> Array:
+    """Return ``omega^2``, ascending, of ``x'' + G x' + K x = 0``: negative of motions that grow."""
+    size = len(stiffness)
+    rates = eigvals(np.block([[np.zeros((size, size)), np.eye(size)], [-stiffness, -whirl]]))
+    swings = np.abs(rates.imag) > np.abs(rates.real)
+    squares = np.where(swings, rates.imag**2, -(rates.real**2))
+    return np.sort(squares[np.where(swings, rates.imag, rates.real) > 0.0])
+
+
+def _turns(model: Model) -> list[Array]:
+    """Return motions of all degrees of freedom that turn the sections the more the farther along they are.
+
+    They find modes of torsion that are lower on the finer space than those which come first on the model's.
+    """
+    found = []
+    for turn in np.eye(3):
+        moved = []
+        for body in model.bodies:
+            space = body.space
+            carriers = space.is_carrier[:, None]
+            arms = space.positions - carriers * space.positions[carriers[:, 0]].mean(axis=0)
+            way = np.repeat(np.arange(space.layers) / space.layers, space.layer_nodes)
+            moved.append((way[:, None] * np.cross(turn, arms)).ravel())
+        found.append(np.concatenate(moved))
+    return found
