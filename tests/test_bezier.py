@@ -108,10 +108,7 @@ def of(body, fields, tmp_path, python):
 
 @pytest.mark.parametrize(
     "case",
-    [
-        pytest.param(one, marks=pytest.mark.slow) if one in ("order 2", "control points", "layers") else one
-        for one in CASES
-    ],
+    [one if one in ("spring", "incompressible") else pytest.param(one, marks=pytest.mark.slow) for one in CASES],
 )
 def test_vtk_reads_the_geometry_and_the_displacement(case, tmp_path, python):
     solution = CASES[case]()
@@ -199,7 +196,9 @@ def pulled_bar():
     return statics.solve(Model([Body(space, LinearElastic(2e5, 0.3))], ends))
 
 
-@pytest.mark.parametrize("solved", [pulled_bar, spring, layered], ids=lambda one: one.__name__)
+@pytest.mark.parametrize(
+    "solved", [pulled_bar, spring, pytest.param(layered, marks=pytest.mark.slow)], ids=lambda one: one.__name__
+)
 def test_values_at_points_are_within_the_stress_and_reach_its_largest(solved, tmp_path, python):
     """Whoever takes the largest of a file's points has the largest stress: coefficients do not go beyond it."""
     solution = solved()

@@ -167,6 +167,7 @@ def test_equilibrium_is_the_converged_one():
     assert found["belly_bulge"] == pytest.approx(0.2321, rel=0.01)
 
 
+@pytest.mark.slow
 def test_the_default_is_within_two_per_cent_of_finite_elements():
     """Of 27-node bricks in dolfinx, extrapolated (`python -m comparisons biceps`); contact within five."""
     scene = Biceps(statics=True)

@@ -211,6 +211,7 @@ def errors(result, modulus=MODULUS):
     return np.sqrt(result.area / np.pi) / exact.long - 1.0, result.peak / exact.peak - 1.0
 
 
+@pytest.mark.slow
 def test_a_bar_on_a_pin_is_seen_roughly_at_the_second_look(tmp_path, monkeypatch):
     """At the first the radius is 40 % too small, and the largest pressure several times Hertz'."""
     monkeypatch.setattr(run, "CLOSER", 1)

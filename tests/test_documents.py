@@ -21,6 +21,10 @@ LONG = (
     "isorod run biceps --statics",
     "isorod sweep spring --pull 0:10:21",
     "isorod plot seen/blade --mode 2 --gif blade.gif --size 400x500",
+    "isorod run coil",
+    "isorod plot seen/spring --gif spring.gif --size 600x450",
+    "mpirun -n 2 python -m comparisons.fem spring --degree 2 --around 8 --layers 48",
+    "python -m comparisons.fem rods src/isorod/files/examples/starter.toml --level 1 --fields fields.npz",
 )
 
 MINUTES = re.compile(r"\bmin(utes)?\b")
@@ -106,7 +110,11 @@ def test_a_command_runs_as_printed(clone, command, comment):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("command", "comment"),
-    [one for one in commands() if ends_late(*one.values) and one.values[0].startswith("isorod ")],
+    [
+        one
+        for one in commands()
+        if one.values[0] in LONG or (ends_late(*one.values) and one.values[0].startswith("isorod "))
+    ],
 )
 def test_a_command_of_minutes_runs_as_printed(clone, command, comment):
     done = clone(command, 1800)

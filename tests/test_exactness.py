@@ -197,6 +197,7 @@ def test_bending_of_a_round_bar_converges_in_order_1_as_in_order_2():
     assert one == pytest.approx(two, rel=0.02)
 
 
+@pytest.mark.slow
 def test_degree_3_is_exact_along_the_axis():
     """What is left is the section's error: neither elements nor degree change it; with degree 2 they would."""
     errors = {
@@ -248,6 +249,7 @@ def test_torsion_constant_of_an_ellipse_converges_from_above(order):
 AIRFOIL = {(2, 16): 0.008, (2, 32): 0.005, (3, 16): 0.003, (3, 32): 0.0003, (4, 32): 0.0001}
 
 
+@pytest.mark.slow
 def test_torsion_constant_of_the_airfoil_converges_to_a_solution_in_the_plane():
     pytest.importorskip("dolfinx")
     from comparisons.fem import torsion

@@ -184,7 +184,7 @@ def test_fine_cubic_bricks_extrapolate_to_the_converged_force():
     [
         {"ksp_type": "preonly", "pc_type": "lu", "pc_factor_mat_solver_type": "mumps"},
         {"ksp_type": "preonly", "pc_type": "lu", "pc_factor_mat_solver_type": "petsc"},
-        {"ksp_type": "cg", "ksp_rtol": 1e-10, "pc_type": "gamg"},
+        pytest.param({"ksp_type": "cg", "ksp_rtol": 1e-10, "pc_type": "gamg"}, marks=pytest.mark.slow),
     ],
     ids=["lu", "petsc", "gamg"],
 )

@@ -44,6 +44,7 @@ def test_accurate_preset_is_accurate():
     assert run(configuration(presets.PRESETS["accurate"]))["frequencies"] == pytest.approx(CONVERGED, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_quadratic_bricks_extrapolate_to_the_converged_values():
     found = [run(configuration(arguments)) for arguments in presets.CONVERGED["quick"].arguments[:2]]
     fine, finer = (np.array(record["frequencies"]) for record in found)

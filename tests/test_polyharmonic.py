@@ -235,7 +235,7 @@ def test_refuses_an_order_that_cannot_be(order, cylinder):
         _ = Space.paper(cylinder(4), order=order).nodes
 
 
-@pytest.mark.parametrize("order, n", [(1, 48), (2, 48), (2, 64), (2, 96), (1, 128)])
+@pytest.mark.parametrize("order, n", [(1, 48), (2, 48), (2, 64), pytest.param(2, 96, marks=pytest.mark.slow), (1, 128)])
 def test_rules_see_functions_that_live_near_the_circle(order, n):
     """Of the energy of one of 48 functions five radial points miss a ninth, of one of 96 six a quarter."""
     basis = Polyharmonic(n, order)

@@ -178,6 +178,7 @@ def test_multigrid_holds_or_says_that_it_does_not(points):
     assert all("linear solver failed" in text for text in failures)
 
 
+@pytest.mark.slow
 def test_bent_rod_tends_to_the_muscle_held_by_a_wall(points):
     (curve,) = points(contrast)[contrast.BENT].values()
     assert point.reach(curve) >= 1e8
