@@ -112,6 +112,7 @@ def test_mass_is_added_for_the_step_taken_not_for_the_one_allowed(cylinder):
     assert history.added_kinetic_share == 0.0
 
 
+@pytest.mark.slow
 def test_added_mass_is_an_error_of_second_order_in_the_step(cylinder):
     """A bar that swings, with steps beyond the critical one of sections of order 2."""
     space = Space.paper(cylinder(8, radius=0.3, height=LENGTH), elements=8, order=2, quadrature="auto")

@@ -67,6 +67,7 @@ def test_three_meshes_extrapolate_to_the_converged_values(level):
         assert limit == pytest.approx(exact, rel=2e-4)
 
 
+@pytest.mark.slow
 def test_elements_on_the_mesh_of_the_papers_counts():
     found = {name: run(configuration(arguments)) for name, arguments in presets.PAPER.items()}
     trilinear, enhanced, quadratic = (np.array(record["frequencies"]) for record in found.values())

@@ -271,6 +271,7 @@ def crossed_ropes():
     return Rod(low, "pinned", "pinned"), Rod(across, "pinned", "pinned", normal=(1.0, 0.0, 0.0))
 
 
+@pytest.mark.slow
 def test_a_rope_comes_to_rest_on_another():
     """In the middle, a diameter above it but for what both give way; pins hold the means of sections."""
     asked = scenario(*crossed_ropes(), gravity=(0.0, 0.0, -9.81))

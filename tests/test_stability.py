@@ -255,6 +255,7 @@ def test_polynomials_hold_on_every_ellipse(points):
         assert max(record["scaled"] for record in curve) < 1e6
 
 
+@pytest.mark.slow
 def test_control_points_converge_on_thin_ellipses(points):
     torsion = points(sections)["ellipse 1 : x, torsion constant"]
     thin = {series: one(curve, 20.0)["error"] for series, curve in torsion.items()}
