@@ -122,7 +122,7 @@ def _equilibrium(
         if not np.isfinite(found).all():
             return np.ones(2)
         if not finer.model.external.any() and work:
-            return np.array([gained / (abs(work) + gained), np.nan])
+            return np.array([gained / (abs(work) + gained) / (1.0 - finer.left), np.nan])
     # What moved supports do and what loads do, or where neither do, how far it goes.
     loads, moved = finer.model.external, finer.model.prescribed(1.0)[finer.model.bound]
     along = float(loads @ _carried_along(finer.model, moved))
