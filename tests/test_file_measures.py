@@ -5,12 +5,13 @@ import csv
 import json
 import math
 import warnings
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from isorod import dynamics, statics
-from isorod.command import cli
+from isorod.command import cli, run
 from isorod.errors import InputError
 from isorod.files.measures import stiffness
 from isorod.files.scene import FileScene
@@ -352,3 +353,12 @@ def test_the_tangent_with_contact_is_refused(measured):
     object.__setattr__(solution.model, "contacts", (None,))
     with pytest.raises(InputError, match="with contact there is no slope 'tangent', take 'secant'"):
         stiffness(solution, 1, "tangent")
+
+
+@pytest.mark.parametrize(("stress", "warned"), [(0.009, False), (0.011, True), (None, False)])
+def test_stresses_are_warned_of_from_a_percent_on(stress, warned):
+    solution = SimpleNamespace(estimate=None, errors=lambda: (1e-4, stress), model=SimpleNamespace(contacts=()))
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        run.estimate(solution, True)
+    assert [str(one.message).startswith("stresses err by about 1.1 %") for one in said] == [True] * warned

@@ -17,6 +17,7 @@ BARS = [
     Bar("ellipse", "isotropic", "shear", 10.0),
     pytest.param(Bar("ellipse", "fibred 20", "torsion", 20.0), marks=pytest.mark.slow),
     Bar("circle", "isotropic", "pressure", 50.0),
+    Bar("airfoil", "isotropic", "torsion", 20.0),
 ]
 
 
