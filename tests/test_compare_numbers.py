@@ -11,6 +11,7 @@ from comparisons.measure.distance import Judge
 from comparisons.measure.quantities import Converged
 from comparisons.measure.sampled import Places, Sample
 from comparisons.measure.variants import variants
+from comparisons.report import plots
 from isorod import modal, statics
 from isorod.checks import stresses
 from isorod.files.scene import FileScene
@@ -260,3 +261,16 @@ def test_sections_by_control_points_take_twice_as_many(tmp_path):
     assert [one.label for one in found] == ["e/2", "2n, 2e", "2n", "2e"]
     told = json.loads(found[1].arguments[1])["bar"]
     assert (told["order"], told["section_points"]) == (2, 16) and "section_degree" not in told
+
+
+def test_labels_of_near_points_do_not_meet():
+    pyplot = pytest.importorskip("matplotlib.pyplot")
+    figure, axis = pyplot.subplots()
+    axis.loglog([1.0, 10.0], [1.0, 10.0])
+    near = [(f"run {k}", (3.0 * (1.0 + 1e-3 * k), 3.0), "black") for k in range(9)]
+    plots._label(axis, [("default", (3.0, 3.0), "black"), *near])
+    boxes = [one.get_window_extent() for one in axis.texts]
+    pyplot.close(figure)
+    assert axis.texts[0].get_text() == "default"
+    assert 1 < len(boxes) < 10
+    assert not any(one.overlaps(other) for k, one in enumerate(boxes) for other in boxes[:k])
