@@ -4,20 +4,20 @@ from collections.abc import Sequence
 from types import SimpleNamespace
 
 import numpy as np
-from numpy.typing import ArrayLike
 
+from isorod.arrays import Numbers
 from isorod.errors import InputError, whole_number
 from isorod.geometry import center_line
 from isorod.geometry.axis import MAX_DEGREE
 
 
 def nurbs(
-    points: ArrayLike,
+    points: Numbers,
     degree: int = 3,
     knots: Sequence[float] | None = None,
     weights: Sequence[float] | None = None,
     closed: bool = False,
-    normal: ArrayLike | None = None,
+    normal: Numbers | None = None,
 ) -> center_line.CenterLine:
     """Return the line of a NURBS curve, with frames as those of a polyline.
 

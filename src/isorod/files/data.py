@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from isorod.arrays import Array
+from isorod.arrays import Array, Numbers
 from isorod.errors import InputError
 from isorod.files import values
 from isorod.files.document import Place
@@ -56,7 +56,7 @@ def points(place: Place, value: Any) -> Points:
         With the line of the data file, if it cannot be read, or a value is missing, not finite or no number.
     """
     if not isinstance(value, str):
-        return Points(values.value_of(place, value, values.ArrayLike))
+        return Points(values.value_of(place, value, Numbers))
     content, path = place.data(value), place.document.folder / value
     if path.suffix.lower() in _VTK:
         found = _vtk(place, value, path)

@@ -8,9 +8,8 @@ from pathlib import Path
 from typing import Any, Literal, Union, get_args, get_origin
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from isorod.arrays import Array
+from isorod.arrays import Array, Numbers
 from isorod.files.document import Place, shown
 
 _UNIT = re.compile(r"\s*[-+]?[\d.]+([eE][-+]?\d+)?\s*[^\d\s].*")
@@ -71,15 +70,15 @@ def _parts(kind: Any) -> tuple[Any, ...]:
     """Return what a kind may be one of, None left out: that is to write nothing."""
     if _is_array(kind) or get_origin(kind) not in (Union, types.UnionType):
         return (kind,)
-    if set(get_args(ArrayLike)) <= set(get_args(kind)):
-        return (ArrayLike,)
+    if Numbers in get_args(kind):
+        return (Numbers,)
     parts = tuple(part for part in get_args(kind) if part is not type(None))
     # The name of a file may also be given as a text in Python.
     return tuple(part for part in parts if part is not str) if Path in parts else parts
 
 
 def _is_array(kind: Any) -> bool:
-    return kind in (ArrayLike, Array, Any, object) or get_origin(kind) is np.ndarray
+    return kind in (Numbers, Array, Any, object)
 
 
 def _is(value: Any, kind: Any) -> bool:

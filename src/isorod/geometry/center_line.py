@@ -5,9 +5,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from isorod.arrays import Array
+from isorod.arrays import Array, Numbers
 from isorod.errors import InputError, expect, numbers, whole_number
 from isorod.geometry import bspline, fillets, reading
 from isorod.geometry import polyline as near_points
@@ -33,8 +32,8 @@ def straight(
     degree: int = 2,
     continuity: int | None = None,
     *,
-    start: ArrayLike = (0.0, 0.0, 0.0),
-    end: ArrayLike | None = None,
+    start: Numbers = (0.0, 0.0, 0.0),
+    end: Numbers | None = None,
 ) -> CenterLine:
     """Return a straight line, along z or to a point, on which one comes forward linearly with the axis parameter.
 
@@ -220,11 +219,11 @@ def _arcs(
 
 
 def polyline(
-    points: ArrayLike,
+    points: Numbers,
     tolerance: float | None = None,
     closed: bool = False,
     *,
-    normal: ArrayLike | None = None,
+    normal: Numbers | None = None,
     fillet: float | None = None,
 ) -> CenterLine:
     """Return a smooth line (cubic, C2) from which no point is farther than a tolerance, or one with fillets at corners.
@@ -279,7 +278,7 @@ def polyline(
     return replace(line, deviation=off, cure=cure)
 
 
-def _filleted(points: Array, fillet: float, normal: ArrayLike | None, closed: bool) -> CenterLine:
+def _filleted(points: Array, fillet: float, normal: Numbers | None, closed: bool) -> CenterLine:
     """Return the line that is straight from point to point, and an arc at each."""
     axis, centers, pieces, stations = fillets.path(points, fillet, closed)
     frames = Frames(axis, centers, None if normal is None else _points("normal", normal, (3,)), closed)
@@ -310,7 +309,7 @@ def _off_points(places: Array, points: Array, closed: bool) -> tuple[float, str]
     return off, "take a smaller tolerance"
 
 
-def nurbs(curve: Any, closed: bool = False, *, normal: ArrayLike | None = None) -> CenterLine:
+def nurbs(curve: Any, closed: bool = False, *, normal: Numbers | None = None) -> CenterLine:
     """Return the line of a curve object of splinepy or geomdl, with frames as those of `polyline`.
 
     Parameters
@@ -344,7 +343,7 @@ def nurbs(curve: Any, closed: bool = False, *, normal: ArrayLike | None = None) 
     return _framed(axis, centers, normal, closed, None)
 
 
-def _framed(axis: Axis, centers: Array, normal: ArrayLike | None, closed: bool, stations: Array | None) -> CenterLine:
+def _framed(axis: Axis, centers: Array, normal: Numbers | None, closed: bool, stations: Array | None) -> CenterLine:
     """Return the line with frames that turn as little as can be, refused where it has a corner."""
     towards = None if normal is None else _points("normal", normal, (3,))
     frames = Frames(axis, centers, towards, closed)
@@ -357,7 +356,7 @@ def _positive(name: str, value: float) -> None:
         raise InputError(f"{name}: got {value:g}, need a positive length")
 
 
-def _points(name: str, values: ArrayLike, shape: tuple[int | None, ...]) -> Array:
+def _points(name: str, values: Numbers, shape: tuple[int | None, ...]) -> Array:
     """Return finite numbers of a shape, in which None stands for any number."""
     found = numbers(name, values)
     wanted = (

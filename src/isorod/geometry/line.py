@@ -6,9 +6,8 @@ from dataclasses import dataclass, replace
 from numbers import Real
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from isorod.arrays import Array
+from isorod.arrays import Array, Numbers
 from isorod.errors import InputError, expect, numbers
 from isorod.geometry.axis import Axis
 from isorod.geometry.fitted import radius
@@ -17,7 +16,7 @@ from isorod.geometry.frames import Share
 from isorod.geometry.reading import LARGE, Deviation
 from isorod.geometry.rod import Rod, closing
 
-Scale = float | ArrayLike | Callable[[Array], ArrayLike]
+Scale = float | Numbers | Callable[[Array], Numbers]
 
 # Sections are this near to where they belong, as a share of their size. Most of it is tilt, 0.3 degrees, which matters
 # with its square; sizes are right to 1e-3. A fifth of it takes twice the elements along a cubic spline, whose tangents
@@ -59,12 +58,12 @@ class CenterLine:
 
     def sweep(
         self,
-        section: ArrayLike,
+        section: Numbers,
         closed: bool | None = None,
         *,
         scale: Scale = 1.0,
         twist: float = 0.0,
-        end: ArrayLike | None = None,
+        end: Numbers | None = None,
         tolerance: float = TOLERANCE,
     ) -> Rod:
         """Return the rod whose section is the control polygon ``(n, 2)``.
@@ -130,7 +129,7 @@ class CenterLine:
         deviation = self._deviation([section] if end is None else [section, end], sizes, off)
         return Rod(axis, closing(points) if closed else points, closed, fitted=True, deviation=deviation)
 
-    def _deviation(self, sections: Sequence[ArrayLike], sizes: Array, sweep: float) -> Deviation:
+    def _deviation(self, sections: Sequence[Numbers], sizes: Array, sweep: float) -> Deviation:
         """Return how far a rod of these sections and sizes is from what was written; warn of a line that is far off.
 
         What there is to warn of sections was said when they were made.
@@ -217,7 +216,7 @@ class CenterLine:
         return PchipInterpolator(places, np.concatenate([given[-2:-1], given, given[1:2]]))
 
 
-def _polygon(name: str, points: ArrayLike) -> Array:
+def _polygon(name: str, points: Numbers) -> Array:
     polygon = numbers(name, points)
     if polygon.ndim != 2 or polygon.shape[1] != 2:
         raise InputError(f"{name}: got shape {polygon.shape}, need (n, 2)")

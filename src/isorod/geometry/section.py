@@ -4,9 +4,8 @@ import warnings
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from isorod.arrays import Array
+from isorod.arrays import Array, Numbers
 from isorod.errors import InputError, whole_number
 from isorod.geometry import fitted, reading
 from isorod.geometry.disk import MAX_COUNT, boundary_functions, check_count, control_points
@@ -162,7 +161,7 @@ def rounded_rectangle(n: int | None, width: float, height: float, corner_radius:
 
 
 def from_file(
-    path: str | Path, n: int | None = None, scale: float = 1.0, near: ArrayLike | None = None, closer: float = 2.0
+    path: str | Path, n: int | None = None, scale: float = 1.0, near: Numbers | None = None, closer: float = 2.0
 ) -> Array:
     """Return the ``(n, 2)`` control points of an outline in a file, times ``scale``.
 
@@ -196,7 +195,7 @@ def from_file(
         raise InputError(f"{path}: {problem}") from None
 
 
-def from_points(points: ArrayLike, n: int | None = None, near: ArrayLike | None = None, closer: float = 2.0) -> Array:
+def from_points(points: Numbers, n: int | None = None, near: Numbers | None = None, closer: float = 2.0) -> Array:
     """Return the ``(n, 2)`` control points of an outline through points: smooth, straight between sharp corners.
 
     A corner is where the polyline turns by more than 60 degrees, by more than 30 and more than twice as far as at one
@@ -227,7 +226,7 @@ def from_points(points: ArrayLike, n: int | None = None, near: ArrayLike | None 
     return _through(np.asarray(points, dtype=float), n, near, closer)
 
 
-def _through(points: Array, n: int | None, near: ArrayLike | None, closer: float, extent: Array | None = None) -> Array:
+def _through(points: Array, n: int | None, near: Numbers | None, closer: float, extent: Array | None = None) -> Array:
     """Return what `from_points` does; lengths along the outline are those of points divided by the extent."""
     if points.ndim != 2 or points.shape[1] != 2 or points.shape[0] < 3:
         raise InputError(f"section points: got an array of shape {points.shape}, need (m, 2) with m >= 3")
@@ -293,7 +292,7 @@ def _angles(count: int) -> Array:
     return angles
 
 
-def _crowded(theta: Array, points: Array, near: ArrayLike, closer: float) -> Array:
+def _crowded(theta: Array, points: Array, near: Numbers, closer: float) -> Array:
     """Return the angles of points after the Moebius map that stretches them about a place."""
     place = np.asarray(near, dtype=float)
     if place.shape != (2,) or not np.isfinite(place).all():
@@ -311,7 +310,7 @@ def refinement_turn(n: int, multiple: int) -> float:
     return -np.pi / n * (1.0 - 1.0 / multiple)
 
 
-def refine(points: ArrayLike, multiple: int) -> Array:
+def refine(points: Numbers, multiple: int) -> Array:
     """Return the control points of the same outline with every arc cut in ``multiple``.
 
     The spaces nest, so the outline and the map of the whole disk stay as they are.  The new points' first angle is

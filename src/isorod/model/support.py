@@ -4,9 +4,9 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from isorod.arrays import Array, Index
+from isorod.arrays import Array, Index, Numbers
 from isorod.errors import Checked, InputError
 from isorod.model.patch import patch_nodes
 from isorod.space.space import Space
@@ -44,10 +44,10 @@ class Support(Checked):
 
     nodes: Index
     components: str = "xyz"
-    displacement: ArrayLike = (0.0, 0.0, 0.0)
+    displacement: Numbers = (0.0, 0.0, 0.0)
     body: int = 0
-    turn: ArrayLike = (0.0, 0.0, 0.0)
-    arms: ArrayLike | None = None
+    turn: Numbers = (0.0, 0.0, 0.0)
+    arms: Numbers | None = None
     tied: str = ""
     space: Space | None = field(default=None, repr=False)
     during: tuple[float, float] = (0.0, 1.0)
@@ -258,7 +258,7 @@ class SupportMotion(NamedTuple):
         return result
 
 
-def rotation(vector: ArrayLike) -> Array:
+def rotation(vector: Numbers) -> Array:
     """Return the matrix ``(3, 3)`` of the rotation about ``vector`` by its length, radians (Rodrigues).
 
     Its entries for directions in the axis are exact: a rotation about ``y`` leaves ``y`` components as they are.
@@ -266,7 +266,7 @@ def rotation(vector: ArrayLike) -> Array:
     return np.eye(3) + turning(vector)
 
 
-def turning(vector: ArrayLike) -> Array:
+def turning(vector: Numbers) -> Array:
     """Return `rotation` less the identity, accurate for small angles too."""
     x, y, z = np.asarray(vector, dtype=float)
     angle = float(np.sqrt(x * x + y * y + z * z))
