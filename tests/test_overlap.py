@@ -11,6 +11,7 @@ from pushed import ACROSS, LAW, ROD, rods
 
 from isorod import statics
 from isorod.checks import overlap
+from isorod.errors import InputError
 from isorod.geometry import boxes
 from isorod.geometry.center_line import helix
 from isorod.geometry.section import circle
@@ -103,6 +104,18 @@ def test_wires_that_overlap_at_rest_are_warned_of():
     with pytest.warns(UserWarning, match=r"overlap at rest: body 0 .* 0\.1 deep in body 1 .* before there is any load"):
         solution = statics.solve(replace(model, supports=ends))
     assert solution.contacts[0].force > 1.0
+
+
+@pytest.mark.parametrize("offset", [(0.0, 0.0, 0.0), (0.0, 0.5, 0.0), (0.3, 0.9, 0.2)])
+@pytest.mark.parametrize("turn", [None, ACROSS], ids=["parallel", "crossing"])
+def test_contact_cannot_part_what_is_in_each_other_beyond_the_middle(offset, turn):
+    contacts = [Contact((0, 1), penalty=100.0)]
+    with pytest.raises(
+        InputError, match=r"overlap at rest: body 0 .* deep in body 1 .*: too deep for contact to part them"
+    ):
+        overlap.warn_at_rest(rods(offset, turn=turn, contacts=contacts))
+    with pytest.warns(UserWarning, match="overlap at rest"):
+        overlap.warn_at_rest(rods((0.0, 1.1, 0.0), turn=turn, contacts=contacts))
 
 
 def test_pairs_of_boxes_are_those_that_overlap():

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from petsc4py import PETSc
 
+from isorod import memory
 from isorod.arrays import Array, Index
 from isorod.assembly.extrapolation import pays
 from isorod.assembly.mass import consistent_mass, lumped_mass
@@ -25,6 +26,9 @@ if TYPE_CHECKING:
 
 # Attribute of a tangent: the pattern of the parts' entries.
 _PATTERN = "isorod_pattern"
+
+# Bytes that an entry of the tangent takes at least: number, column, what is added up on the way, and the factor.
+_TO_AN_ENTRY = 40.0
 
 
 class Assembler(Unknowns):
@@ -56,6 +60,7 @@ class Assembler(Unknowns):
         self._everywhere: Array = np.empty(0)
         with self._timed():
             super().__init__(model, comm)
+            memory.ask(_TO_AN_ENTRY * sum(one.couplings for one in self.shares), "the tangent with its factor")
             self.parts = [self.part(share, self._exchange) for share in self.shares]
             self.contact = self._contact()
             self._pressing = self._followers()

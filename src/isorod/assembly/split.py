@@ -35,6 +35,12 @@ class Share(NamedTuple):
         dofs = self.first_dof + self.width * self.layers[:, :, None] + np.arange(self.width)
         return dofs.reshape(dofs.shape[0], -1)
 
+    @property
+    def couplings(self) -> int:
+        """About how many pairs of degrees of freedom share an element."""
+        layers = np.unique(self.layers).size
+        return int(layers * min(2 * self.layers.shape[1] - 1, layers) * self.width**2)
+
 
 class Split:
     """The elements of a model over ranks.

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from isorod.arrays import Array, Index
+from isorod.errors import InputError
 from isorod.geometry import boxes
 from isorod.model.model import Model
 from isorod.space.space import Space
@@ -59,6 +60,8 @@ class Overlap(NamedTuple):
         How deep a point of the one is in the other: length, and in radii of the thinner one.
     declared
         Whether a contact of the model is between the two places.
+    middle
+        Whether the centre line of one is in the other.
     """
 
     bodies: tuple[int, int]
@@ -66,6 +69,7 @@ class Overlap(NamedTuple):
     depth: float
     relative: float
     declared: bool
+    middle: bool
 
 
 class _Sections(NamedTuple):
@@ -88,10 +92,18 @@ def warn_at_rest(model: Model, displacement: Array | None = None) -> float:
     ----------
     displacement
         That of the start, all degrees of freedom, shape ``(dofs,)``, if it is not zero.
+
+    Raises
+    ------
+    InputError
+        If contact is to press apart two bodies one of whose centre lines is in the other, or which coincide: no side is
+        the nearer one.
     """
     found = deepest(model, displacement) if model.contacts else None
     if found is None:
         return 0.0
+    if found.declared and found.middle:
+        raise InputError(f"overlap at rest: {_said(found)}: too deep for contact to part them; move one of them")
     what = "contact presses them apart before there is any load" if found.declared else _UNDECLARED
     warnings.warn(f"overlap at rest: {_said(found)}: {what}", stacklevel=3)
     return found.depth
@@ -304,19 +316,20 @@ def _declared(model: Model, sections: _Sections, first: Index, second: Index) ->
 
 def _measure(model: Model, places: list[Array], sections: _Sections, first: int, second: int) -> Overlap:
     """Return how deep the surfaces about two sections are in each other."""
-    best, at = 0.0, (float(sections.u[first]), float(sections.u[second]))
+    best, middle, at = 0.0, False, (float(sections.u[first]), float(sections.u[second]))
     numbers = int(sections.body[first]), int(sections.body[second])
     own = [
         _Patch.of(model.bodies[b].space, places[b], sections, k) for b, k in zip(numbers, (first, second), strict=True)
     ]
     for slave, master in ((0, 1), (1, 0)):
-        depth, u, v = own[master].deepest(own[slave])
+        depth, u, v, inside = own[master].deepest(own[slave])
+        middle = middle or inside
         if depth > best:
             best, at = depth, (u, v) if slave == 0 else (v, u)
     smaller = float(min(sections.radius[first], sections.radius[second]))
     if numbers[0] > numbers[1]:
         numbers, at = numbers[::-1], at[::-1]
-    return Overlap(numbers, at, best, best / smaller, False)
+    return Overlap(numbers, at, best, best / smaller, False, middle)
 
 
 class _Patch(NamedTuple):
@@ -343,8 +356,11 @@ class _Patch(NamedTuple):
         outward = np.einsum("tqa,tqa->", normals, points - centre[:, None])
         return cls(u, points, normals * np.sign(outward), centre, space.rod.rings[0])
 
-    def deepest(self, other: "_Patch") -> tuple[float, float, float]:
-        """Return how deep points of another patch are in this one's body, and where: its ``u`` and this one's."""
+    def deepest(self, other: "_Patch") -> tuple[float, float, float, bool]:
+        """Return how deep points of another patch are in this one's body, and where: its ``u`` and this one's.
+
+        The last is whether its centres are.
+        """
         from scipy.spatial import cKDTree
 
         probes, u = other.points.reshape(-1, 3), np.repeat(other.u, other.points.shape[1])
@@ -362,4 +378,5 @@ class _Patch(NamedTuple):
         # Beyond the patch, or the rod, is what is nearest to its rim.
         depth = np.where((station == 0) | (station == self.u.size - 1), 0.0, depth)
         k = int(np.argmax(depth))
-        return float(depth[k]), float(u[k]), float(self.u[station[k]])
+        middle = bool((depth[other.points.shape[0] * other.points.shape[1] :] > 0.0).any())
+        return float(depth[k]), float(u[k]), float(self.u[station[k]]), middle

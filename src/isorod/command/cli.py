@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from importlib import import_module
 from typing import NamedTuple
 
-from isorod import __version__, scenes
+from isorod import __version__, memory, scenes
 from isorod.command import chosen, ending, notes
 from isorod.command.parser import Parser, split
 from isorod.errors import InputError
@@ -51,6 +51,7 @@ def command(arguments: Sequence[str]) -> int:
     if behind and ours[0].startswith("--"):
         raise InputError(f"option {ours[0]}: it goes behind the command: isorod {behind} SCENE {ours[0]}")
     if meant:
+        memory.refuse_little()
         done: int = import_module(f"isorod.command.{meant.module}").main(ours[1:], theirs)
         return done
     parser = _parser()

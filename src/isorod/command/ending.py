@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
 
+from isorod import memory
 from isorod.errors import InputError, SolveError
 
 # What launchers of MPI programs tell each rank before MPI is there to be asked: its number, and how many there are.
@@ -68,9 +69,7 @@ def _refuse(program: str, problem: BaseException) -> int:
         case InputError() | SolveError():
             return fail(program, str(problem))
         case MemoryError():
-            return fail(
-                program, "there is not enough memory for this; take fewer elements, section or quadrature points"
-            )
+            return fail(program, str(problem) or memory.SHORT)
         case BrokenPipeError():
             _discard_output()
             return 1

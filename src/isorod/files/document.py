@@ -19,6 +19,9 @@ KEYS = ("title", "analysis", "rod", "support", "load", "spin", "obstacle", "cont
 # A scene is written by hand; what is longer are data, which go beside it; and bytes of those at the most.
 _LONGEST, _LARGEST = 1_000_000, 100_000_000
 
+# Names in a dotted key, at most: no scene has more than six.
+_DEEPEST = 20
+
 # Folders in which data files may be besides that of the scene, as in PATH.
 ALLOWED = "ISOROD_DATA"
 
@@ -50,6 +53,10 @@ class Document:
         self.name, self.folder = path, Path(path).parent
         self.read: dict[str, str] = {}
         text = _text(path)
+        # `tomllib` takes the square of a key's names in memory.
+        names, line = lines.longest_key(text)
+        if names > _DEEPEST:
+            raise InputError(f"{path}:{line}: a key of {names:,} names; at most {_DEEPEST}")
         try:
             self.content: dict[str, Any] = tomllib.loads(text)
         except (ValueError, RecursionError) as problem:

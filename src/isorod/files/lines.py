@@ -13,6 +13,16 @@ _TOKEN = re.compile(
 )
 
 
+def longest_key(text: str) -> tuple[int, int]:
+    """Return how many names a key of a text has at most, dotted ones together, and the line of the longest."""
+    longest, names, at = 0, 0, 1
+    for kind, word, line in _tokens(text):
+        names = 0 if kind == "mark" else names + (1 if kind == "text" else len(word.replace(".", " ").split()))
+        longest, at = max((longest, -at), (names, -line))
+        at = -at
+    return longest, at
+
+
 def lines(text: str) -> dict[Path, int]:
     """Return the line, counted from 1, of each table and key of a valid TOML text, by what leads to it."""
     return _Scanner(text).found

@@ -11,7 +11,7 @@ from isorod.errors import Checked, InputError, whole_number
 from isorod.geometry import bspline
 
 MAX_DEGREE = 6
-MAX_ELEMENTS = 1_000_000
+MAX_ELEMENTS = 100_000
 
 # Tables up to this many values are kept: runs meet the same knots and parameters again and again.
 _KEPT_SIZE = 2**14

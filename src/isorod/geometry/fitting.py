@@ -73,7 +73,7 @@ def resolve(axis: Axis, field: Field, tolerance: float) -> tuple[Axis, Array, fl
             return axis, coefficients, float(errors.max())
         # The error falls with that power of the element's length.
         parts = np.clip(np.ceil(1.05 * (errors / tolerance) ** power), 1, 4).astype(int)
-        if parts.sum() > MAX_ELEMENTS // 100:
+        if parts.sum() > MAX_ELEMENTS // 10:
             break
         axis = axis.cut(parts)
     worst = int(np.argmax(errors))

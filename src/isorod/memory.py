@@ -1,0 +1,42 @@
+"""How much memory there is, asked before it is taken: the system ends a program that takes more, without a word."""
+
+import resource
+from pathlib import Path
+
+_GIGABYTE = 1e9
+
+_CURE = "take fewer elements, section or quadrature points"
+SHORT = f"not enough memory for this; {_CURE}"
+
+# Address space without which the libraries do not load: some end in a traceback then, OpenBLAS tries for ever.
+_LEAST = 1e9
+
+
+def refuse_little() -> None:
+    """Raise `MemoryError`, with a line for the user, if the user's limit leaves no room for the libraries."""
+    soft, _ = resource.getrlimit(resource.RLIMIT_AS)
+    if soft != resource.RLIM_INFINITY and soft < _LEAST:
+        raise MemoryError(f"memory is limited to {soft / _GIGABYTE:.3g} GB ('ulimit -v'); isorod needs 1 GB at least")
+
+
+def available() -> float:
+    """Return how many bytes this process may still take: what the system has free, and what the user's limit leaves."""
+    left = float("inf")
+    try:
+        known = dict(line.split(":", 1) for line in Path("/proc/meminfo").read_text().splitlines())
+        left = 1024.0 * float(known["MemAvailable"].split()[0])
+        soft, _ = resource.getrlimit(resource.RLIMIT_AS)
+        if soft != resource.RLIM_INFINITY:
+            used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+            left = min(left, soft - used)
+    except (OSError, KeyError, ValueError):
+        # A system that does not tell.
+        pass
+    return left
+
+
+def ask(size: float, what: str) -> None:
+    """Raise `MemoryError`, with a line for the user, if there are not so many bytes for something."""
+    left = available()
+    if size > left:
+        raise MemoryError(f"{what} needs about {size / _GIGABYTE:.3g} GB, {left / _GIGABYTE:.3g} GB are free; {_CURE}")
