@@ -182,7 +182,7 @@ def test_strand_of_layers_has_their_wires():
     rods = Strand(layers=3, length=20.0).rods()
     assert len(rods) == 37
     ends = [rod.grid([[0.0, 0.0]], rod.axis.breaks[[0, -1]])[0][:, 0] for rod in rods]
-    turned = [np.cross(start[:2], end[:2]) for start, end in ends]
+    turned = [np.cross(start, end)[2] for start, end in ends]
     # Right- and left-handed in turn.
     assert min(turned[1:7]) > 0.0 > max(turned[7:19])
     assert min(turned[19:]) > 0.0

@@ -115,9 +115,9 @@ def test_what_rounding_leaves_of_a_very_slender_bars_residuals_is_no_reason_to_r
     """Nor is what it makes of the frequencies; where that may be more than 1e-4, the modes are refused."""
     modes = modal.solve(bar(1000.0, clamped, nu=0.0, degree=3, elements=60), 6)
     found = 1000.0**2 * rates(modes) / (SPEED * 0.5) / np.repeat(CANTILEVER[:3], 2) ** 2 - 1.0
-    print(found, modes.residuals)
     assert modes.residuals.max() > 2e-5
-    assert np.abs(found).max() < 3e-5
+    # Rounding may take 2e-4 of an eigenvalue, half of that of a frequency (`pencil._LOST`).
+    assert np.abs(found).max() < 1e-4
     with pytest.raises(SolveError, match="than double precision bears"):
         modal.solve(bar(10_000.0, clamped, nu=0.0, degree=3, elements=60), 6)
 

@@ -53,6 +53,24 @@ def negative(dense):
     return int(np.count_nonzero(np.linalg.eigvalsh(dense) < 0.0))
 
 
+def rounding(whole, gone):
+    """Return the largest error of a Schur complement for want of digits.
+
+    Elimination without pivots finds the factors of a matrix that is within ``gone`` times the unit round-off of
+    ``|L| |D| |L^T|`` (Higham, Accuracy and Stability of Numerical Algorithms, Theorems 9.3 and 10.3); what that changes
+    of ``C - B A^-1 B^T`` is ``W`` times it times ``W^T``, ``W = B A^-1``, beside the rounding of the products.
+    """
+    left, under, corner = whole[:gone, :gone].copy(), whole[gone:, :gone], whole[gone:, gone:]
+    size = np.zeros_like(left)
+    for k in range(gone):
+        column = left[:, k] / left[k, k]
+        size += np.abs(np.outer(column, column) * left[k, k])
+        left -= np.outer(column, column) * left[k, k]
+        left[k] = left[:, k] = 0.0
+    W = np.abs(under @ np.linalg.inv(whole[:gone, :gone]))
+    return gone * 2.0**-53 * (W @ size @ W.T + W @ np.abs(under.T) + np.abs(corner)).max()
+
+
 @pytest.mark.parametrize("shift", [0.0, 0.9, 1.1])
 @pytest.mark.parametrize("backward", [False, True])
 @pytest.mark.parametrize("keep", [True, False])
@@ -72,7 +90,8 @@ def test_what_is_left_is_the_schur_complement(make, keep, backward, shift):
     whole = np.block([[ordered, beside], [beside.T, corner]])
     expected = whole[gone:, gone:] - whole[gone:, :gone] @ np.linalg.solve(whole[:gone, :gone], whole[:gone, gone:])
     found = np.block([[factors.schur, factors.border], [factors.border.T, factors.corner]])
-    assert np.abs(found - expected).max() < 1e-12 * np.abs(whole).max()
+    bound = rounding(whole, gone)
+    assert np.abs(found - expected).max() < bound < 1e-6 * np.abs(whole).max()
     assert factors.negative == negative(ordered[:gone, :gone])
 
 

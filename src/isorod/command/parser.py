@@ -7,9 +7,12 @@ import re
 import types
 import typing
 from collections.abc import Sequence
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from isorod.errors import InputError
+
+if TYPE_CHECKING:
+    from _typeshed import SupportsWrite
 
 _NUMBER = r"(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?"
 
@@ -25,6 +28,10 @@ class Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Raise `InputError`."""
         raise InputError(f"{message} (see {self.prog} --help)")
+
+    def print_help(self, file: "SupportsWrite[str] | None" = None) -> None:
+        """Print the help; a full disk is an error, which argparse since Python 3.12 keeps to itself."""
+        print(self.format_help(), end="", file=file)
 
     def known(self, arguments: Sequence[str]) -> argparse.Namespace:
         """Parse, and name what is not known together with the nearest option there is."""

@@ -54,9 +54,9 @@ class Document:
         self.read: dict[str, str] = {}
         text = _text(path)
         # `tomllib` takes the square of a key's names in memory.
-        names, line = lines.longest_key(text)
+        names, where = lines.longest_key(text)
         if names > _DEEPEST:
-            raise InputError(f"{path}:{line}: a key of {names:,} names; at most {_DEEPEST}")
+            raise InputError(f"{path}:{where}: a key of {names:,} names; at most {_DEEPEST}")
         try:
             self.content: dict[str, Any] = tomllib.loads(text)
         except (ValueError, RecursionError) as problem:

@@ -42,13 +42,14 @@ class TriangleMesh:
                 raise InputError(f"triangle mesh: {name}: got shape {table.shape}, need (m, 3)")
         bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
         if bad.size:
-            raise InputError(f"triangle mesh: vertex {bad[0]}: got {tuple(vertices[bad[0]])}, need finite numbers")
+            raise InputError(
+                f"triangle mesh: vertex {bad[0]}: got {tuple(vertices[bad[0]].tolist())}, need finite numbers"
+            )
         wrong = ~((found >= 0) & (found < vertices.shape[0]) & (found == np.floor(found)))
         if wrong.any():
             k = int(np.argwhere(wrong)[0][0])
-            raise InputError(
-                f"triangle mesh: triangle {k}: got {tuple(found[k])}, need numbers of the {vertices.shape[0]} vertices"
-            )
+            given, count = tuple(found[k].tolist()), vertices.shape[0]
+            raise InputError(f"triangle mesh: triangle {k}: got {given}, need numbers of the {count} vertices")
         triangles = _closed(found.astype(np.int64))
         corners = vertices[triangles]
         sides = corners - np.roll(corners, 1, axis=1)

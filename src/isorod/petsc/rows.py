@@ -38,14 +38,11 @@ class LocalRows(NamedTuple):
         The other entries, at places of ``columns``; no rows on one rank.
     columns
         Columns of the matrix, ascending, that the others are at.
-    matrix
-        Keeps them alive.
     """
 
     own: Compressed
     others: Compressed
     columns: NDArray[Any]
-    matrix: PETSc.Mat
 
 
 def local_rows(matrix: PETSc.Mat) -> LocalRows:
@@ -68,29 +65,32 @@ def _local_rows(handle: int | None, rows: int, matrix: PETSc.Mat) -> LocalRows:
     """Return the rows of an AIJ matrix given by its handle, which another one keeps alive."""
     if matrix.getType().startswith("seq"):
         nothing = Compressed(np.zeros(rows + 1, dtype=PETSc.IntType), np.empty(0, dtype=PETSc.IntType), np.empty(0))
-        return LocalRows(_arrays(handle, rows), nothing, nothing.column, matrix)
+        return LocalRows(_arrays(handle, rows, matrix), nothing, nothing.column)
     own, others, columns = POINTER(), POINTER(), POINTER()
     where = ctypes.POINTER(POINTER)
     call = function("MatMPIAIJGetSeqAIJ", POINTER, where, where, where)
     call(handle, ctypes.byref(own), ctypes.byref(others), ctypes.byref(columns))
-    found = _arrays(others.value, rows)
+    found = _arrays(others.value, rows, matrix)
     count = int(found.column.max(initial=-1)) + 1
-    return LocalRows(_arrays(own.value, rows), found, _array(columns.value, count, INTEGER), matrix)
+    return LocalRows(_arrays(own.value, rows, matrix), found, _array(columns.value, count, INTEGER, matrix))
 
 
-def _arrays(handle: int | None, rows: int) -> Compressed:
+def _arrays(handle: int | None, rows: int, matrix: PETSc.Mat) -> Compressed:
     """Return the arrays of a matrix on one rank."""
     start, column, values = POINTER(), POINTER(), POINTER()
     where = ctypes.POINTER(POINTER)
     call = function("MatSeqAIJGetCSRAndMemType", POINTER, where, where, where, POINTER)
     call(handle, ctypes.byref(start), ctypes.byref(column), ctypes.byref(values), None)
-    first = _array(start.value, rows + 1, INTEGER)
+    first = _array(start.value, rows + 1, INTEGER, matrix)
     count = int(first[-1]) if rows else 0
-    return Compressed(first, _array(column.value, count, INTEGER), _array(values.value, count, ctypes.c_double))
+    kinds = (column, INTEGER), (values, ctypes.c_double)
+    return Compressed(first, *(_array(place.value, count, kind, matrix) for place, kind in kinds))
 
 
-def _array(address: int | None, count: int, kind: Any) -> NDArray[Any]:
-    """Return an array that PETSc has."""
+def _array(address: int | None, count: int, kind: Any, matrix: PETSc.Mat) -> NDArray[Any]:
+    """Return an array that a matrix has, and keeps alive with it."""
     if not count or not address:
         return np.zeros(count, dtype=np.dtype(kind))
-    return np.ctypeslib.as_array((kind * count).from_address(address))
+    buffer = (kind * count).from_address(address)
+    buffer.matrix = matrix
+    return np.ctypeslib.as_array(buffer)
