@@ -351,7 +351,8 @@ def test_bad_input_is_one_line_and_exit_code_two(words, message, capsys):
     assert cli.main(["run", "biceps", "--statics", *words]) == 2
     out, err = capsys.readouterr()
     assert out == ""
-    assert err.count("\n") == 1
+    # Of a long run also how far it is.
+    assert len([line for line in err.splitlines() if not line.startswith("isorod: load factor")]) == 1
     assert any(part in err for part in message.split("|"))
 
 

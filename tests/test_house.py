@@ -14,7 +14,7 @@ ROOMS = [
     *"geometry material petsc space model contact assembly output checks dynamics statics modal".split(),
     *"scenes files command".split(),
 ]
-GROUND = ["errors", "arrays", "tensors", "keeping", "compiling", "compiled", "options"]
+GROUND = ["errors", "arrays", "tensors", "keeping", "compiling", "compiled", "options", "memory"]
 # What ``python -m isorod`` runs, and what ``import isorod`` offers: they stand on the ground and lead to the top.
 DOORS = ("__init__", "__main__")
 FOREIGN = {"dolfinx", "ufl", "basix", "ffcx", "gmsh", "pyvista", "vtk", "cosseratbench", "comparisons", "meshes"}

@@ -55,7 +55,8 @@ class Assembler(Unknowns):
         # petsc4py keeps what Python has let go until it is told to destroy it, on all ranks together.
         PETSc.garbage_cleanup()
         self._stage = PETSc.Log.Stage("assembly")
-        self._linear: Array | None = None
+        # What the elements had in the last tangent, kept where there is contact.
+        self._elements: Array | None = None
         # The displacement of the whole model that the last local state is of, where there is contact.
         self._everywhere: Array = np.empty(0)
         with self._timed():
@@ -126,8 +127,12 @@ class Assembler(Unknowns):
     @cached_property
     def _constant(self) -> bool:
         """Whether no state changes the tangent; on all ranks alike, since to have a state takes them all."""
-        plain = self.contact is None and not self.model.following
-        return plain and all(body.linear for body in self.model.bodies)
+        return self.contact is None and not self.model.following and self._linear
+
+    @cached_property
+    def _linear(self) -> bool:
+        """Whether all laws are linear."""
+        return all(body.linear for body in self.model.bodies)
 
     @cached_property
     def _external(self) -> Array:
@@ -254,14 +259,18 @@ class Assembler(Unknowns):
                 lost = np.maximum(lost, np.abs(self._bound(self._internal(local, factor) - before)))
             return lost
 
-    def tangent(self, x: PETSc.Vec, factor: float, out: PETSc.Mat) -> None:
-        """Fill ``out`` with the tangent stiffness."""
+    def tangent(self, x: PETSc.Vec, factor: float, out: PETSc.Mat, lags: bool = False) -> None:
+        """Fill ``out`` with the tangent stiffness; where it lags, with the elements' last one and the contact's own."""
         with self._timed():
             local = np.zeros(self._exchange.size) if self._constant else self._state(x, factor)
             pattern: Pattern = out.getAttr(_PATTERN)
-            entries = zeros(out, pattern.total)
-            self._add_stiffness(pattern, local, factor, entries)
+            # Contact changes all the time.
+            lags = lags or (self._linear and self.model.spin is None and not self.model.following)
+            entries = self._elements if lags and self._elements is not None else zeros(out, pattern.total)
+            if entries is not self._elements:
+                self._add_stiffness(pattern, local, factor, entries)
             if self.contact is not None:
+                self._elements = entries
                 entries = np.concatenate([entries, self.contact.tangent(self._everywhere)])
                 # Of any rank's entries.
                 if self.comm.tompi4py().allreduce(out.getAttr("contact_version") != self.contact.version):
@@ -272,18 +281,8 @@ class Assembler(Unknowns):
     def _add_stiffness(self, pattern: Pattern, local: Array, factor: float, entries: Array) -> None:
         """Add the parts' tangents to the entries of a pattern."""
         loaded = self.model.spin is not None or bool(self._pressing)
-        # With contact, which changes all the time, those of linear bodies are kept.
-        keeps = self.contact is not None and not loaded
-        kept = [k for k, part in enumerate(self.parts) if keeps and part.body.linear]
-        if kept:
-            if self._linear is None:
-                self._linear = np.zeros(pattern.total)
-                for k in kept:
-                    self.parts[k].add_entries(local, factor, pattern.blocks[k], self._linear)
-            entries += self._linear
         for k, (part, blocks) in enumerate(zip(self.parts, pattern.blocks, strict=True)):
-            if k not in kept:
-                part.add_entries(local, factor, blocks, entries)
+            part.add_entries(local, factor, blocks, entries)
             if loaded:
                 add(self._load_stiffness(k, local, factor, np.arange(part.layers.shape[0])), blocks, entries)
 
@@ -396,10 +395,5 @@ class Assembler(Unknowns):
     def smallest_jacobian(self, x: PETSc.Vec, factor: float) -> tuple[float, int, int, float]:
         """Return the smallest ``det F`` over all ranks, with its body, element and axis parameter ``u``."""
         local = self._state(x, factor)
-        found = [(np.inf, -1, -1, np.nan)]
-        for part in self.parts:
-            det = part.jacobians(local)
-            e, t, _ = np.unravel_index(int(np.argmin(det)), det.shape)
-            table = part.table
-            found.append((float(det.min()), part.which, int(table.first + e), float(table.u[e, t])))
-        return min(self.comm.tompi4py().allgather(min(found)))
+        found = min((part.smallest_jacobian(local) for part in self.parts), default=(np.inf, -1, -1, np.nan))
+        return min(self.comm.tompi4py().allgather(found))

@@ -140,6 +140,12 @@ class Part:
             region.set_jacobians(local, self.starts, found)
         return found
 
+    def smallest_jacobian(self, local: Array) -> tuple[float, int, int, float]:
+        """Return the smallest ``det F``, with body, element and axis parameter."""
+        det = self.jacobians(local)
+        e, t, _ = np.unravel_index(int(np.argmin(det)), det.shape)
+        return float(det.min()), self.which, int(self.table.first + e), float(self.table.u[e, t])
+
     def energy(self, local: Array, factor: float) -> float:
         """Return the stored energy."""
         nothing = np.empty(0)

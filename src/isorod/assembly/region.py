@@ -25,9 +25,12 @@ _NO_FIBRES = np.empty((0, 0, 0, 0))
 _POINTS = 4096
 _NUMBERS = 200_000
 
+# Places along the axis that are taken together at least: BLAS is slow at products with fewer rows.
+_PLACES = 48
+
 # Numbers that products of section functions may take; where there are more, some of the section's points are taken at a
 # time.
-_PRODUCTS = 500_000
+_PRODUCTS = 8_000_000
 
 
 class Region:
@@ -171,7 +174,7 @@ class Region:
         there = Blocks(self.own(blocks.start), self.own(blocks.width), blocks.total)
         squared = self.table.section.shape[2] ** 2
         tile = min(points, max(16, _PRODUCTS // (10 * squared)))
-        count = min(elements, max(1, _NUMBERS // ((45 * tile + 21 * squared) * along)))
+        count = min(elements, max(-(-_PLACES // along), _NUMBERS // ((45 * tile + 21 * squared) * along)))
         # Made once: memory that the system gives anew is slow.
         pulled = _Four((3, 4), (3, 3), (9, 2), (6, 1), size=count * along * tile)
         products = _Four((4, 1), (3, 1), (2, 1), (1, 1), size=tile * squared)

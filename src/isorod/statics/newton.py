@@ -44,6 +44,10 @@ UNSCALED = {"mat_mumps_icntl_8": 0}
 _STUCK = 3
 
 
+# While contact settles, the elements' part of the tangent is kept as long as each iteration leaves less than this share
+# of the force out of balance.
+_LAGS = 0.2
+
 # With contact, the path is taken for smooth after a step of at most so many linear solves.
 _SMOOTH = 8
 
@@ -99,7 +103,7 @@ class Newton:
         self._matrix = assembler.matrix()
         self._factor = 0.0
         self._solves = 0
-        self._filled = self._fresh = False
+        self._filled = self._fresh = self._settles = False
         self._convergence = Convergence(assembler)
         self._history: _Past | None = None
         self.turning = Turning(assembler.model)
@@ -185,11 +189,12 @@ class Newton:
         if own and fresh:
             return
         if not (own and len(self.norms) > 1 and self._convergence.reuses_tangent(self.norms[-2], self.norms[-1], snes)):
-            self._fill(x, self._factor, out)
+            converges = len(self.norms) < 2 or self.norms[-1] < _LAGS * self.norms[-2]
+            self._fill(x, self._factor, out, own and self._settles and converges)
 
-    def _fill(self, x: PETSc.Vec, factor: float, out: PETSc.Mat) -> None:
-        """Fill ``out`` with the tangent."""
-        self.assembler.tangent(x, factor, out)
+    def _fill(self, x: PETSc.Vec, factor: float, out: PETSc.Mat, lags: bool = False) -> None:
+        """Fill ``out`` with the tangent, its elements' part maybe of an iteration before."""
+        self.assembler.tangent(x, factor, out, lags)
         forget_factors(out, self.snes.getKSP())
         if self.stabilisation is not None:
             self.stabilisation.add_stiffness(out)
@@ -212,6 +217,8 @@ class Newton:
             before = self.assembler.jacobians(self.x, factor)
             definite = self.assembler.contact is not None and not is_mixed(self.assembler.model)
             with defaults(TELLING | (UNSCALED if definite else {})):
+                # At one load factor contact has changed alone.
+                self._settles = self.assembler.contact is not None and target == factor
                 scale, rate = self._predict(factor, target - factor)
                 self._factor = target
                 self._refuse_squeezed(before)

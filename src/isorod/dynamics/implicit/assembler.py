@@ -148,6 +148,8 @@ class StepAssembler(Assembler):
         self._velocity = self.local(velocity)
         self._rates = 2.0 / step**2 + damping / step, 2.0 / step
         self.rounding = 0.0
+        # Inertia is in the elements' tangent, and the next step may be another one.
+        self._elements = None
         for part in self.parts:
             part.begin(self.local(displacement))
             part.inertia = self._rates[0]
@@ -192,9 +194,9 @@ class StepAssembler(Assembler):
         """Return the consistent mass matrix times a vector, both of all degrees of freedom."""
         return self._whole(self._momenta(self.local(velocity)))
 
-    def tangent(self, x: PETSc.Vec, factor: float, out: PETSc.Mat) -> None:
+    def tangent(self, x: PETSc.Vec, factor: float, out: PETSc.Mat, lags: bool = False) -> None:
         """Fill ``out`` with the derivative of the residual."""
-        super().tangent(x, factor, out)
+        super().tangent(x, factor, out, lags)
         if self.rounding == 0.0:
             sizes = [(part.largest, part.inertia * float(np.abs(part.mass).sum(axis=2).max())) for part in self.parts]
             everywhere = [one for own in self.comm.tompi4py().allgather(sizes) for one in own]
