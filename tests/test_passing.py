@@ -4,15 +4,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from conftest import straight
 from push_pairs import BAD, judged
 from pushed import ACROSS, LAW, outcome, rods
 
+from comparisons.contact.capstan import Capstan
 from isorod import dynamics, statics
 from isorod.contact.passing import Passing
 from isorod.errors import SolveError
 from isorod.geometry.center_line import helix
+from isorod.geometry.rod import Rod
 from isorod.geometry.section import circle
-from isorod.model import Body, Contact, Cylinder, Model, Sphere, Support
+from isorod.material import NeoHookean
+from isorod.model import Body, Contact, Cylinder, Model, SectionLoad, Sphere, Support
 from isorod.space import Space
 
 
@@ -137,3 +141,38 @@ def test_coils_that_change_places_are_seen_and_their_own_bends_are_not():
     squeeze = rest - np.where(space.is_carrier, space.positions[:, 2], 0.0)[:, None] * [0.0, 0.0, 1.0]
     assert passing.passed(rest.ravel(), 0.2 * squeeze.ravel()) is None
     assert "body 0 at u" in passing.passed(rest.ravel(), 2.0 * squeeze.ravel())
+
+
+def test_a_way_is_free_until_rods_are_deeper_in_each_other_than_half_a_radius():
+    model = rods((0.0, 2.1, 0.0), turn=ACROSS, contacts=[Contact(0, 1, 100.0)])
+    start, way = np.zeros(model.dofs), np.zeros((model.dofs // 3, 3))
+    way[model.first_node[1] :, 1] = -4.0 * model.is_carrier[model.first_node[1] :]
+    watch = Passing(model)
+    # Of a way of four radii 0.6 are free: the gap and half a radius.
+    assert watch.free(start, way.ravel()) == 0.125
+    assert watch.free(start, 0.14 * way.ravel()) == 1.0
+    assert watch.free(start, -way.ravel()) == 1.0
+    # What is deeper already may come out, and go no deeper.
+    deep = 0.2 * way.ravel()
+    assert watch.free(deep, start) == 1.0
+    assert watch.free(deep, 0.4 * way.ravel()) < 0.1
+
+
+def test_a_rod_over_a_cylinder_that_nothing_but_contact_holds_is_pulled_down_in_one_step():
+    """By symmetry its right half; a first step, before anything is touched, goes through the cylinder."""
+    E, force, length, radius = 1000.0, 10.0, 40.0, 10.0
+    rod = straight(8, breaks=np.linspace(0.0, 1.0, 9), height=length)
+    space = Space.paper(Rod(rod.axis, rod.control_points @ ACROSS.T), degree=3, order=2, quadrature="auto")
+    model = Model(
+        [Body(space, NeoHookean(E, 0.0))],
+        [Support.end(space, "start", "xz")],
+        contacts=[Contact(0, Cylinder((0.0, -radius - 1.0, 0.0), (0.0, 0.0, 1.0), radius))],
+        loads=[SectionLoad.end(space, "end", (0.0, -force, 0.0))],
+    )
+    solution = statics.solve(model)
+    tip = solution.at(0, [1.0])[0] + [length, 0.0, 0.0]
+    elastica = Capstan(E * np.pi / 4.0, radius + 1.0, np.pi, force, length)
+    # The elastica does not stretch: this rod does, by up to 0.13.
+    expected = elastica.positions(np.array([length]))[0] - [0.0, radius + 1.0]
+    np.testing.assert_allclose(tip[:2], expected, atol=0.2)
+    np.testing.assert_allclose(solution.contacts[0].force, 2.0 * force, rtol=0.5)

@@ -8,7 +8,7 @@ import pytest
 from isorod.errors import SolveError
 from isorod.statics import climb as climbing
 from isorod.statics import multipliers
-from isorod.statics.newton import Diverged, TooDeep
+from isorod.statics.steps import Diverged, TooDeep
 
 
 class Springs:
@@ -73,7 +73,7 @@ def climb(monkeypatch, outcome, contact=None, settle=lambda solver, factor: 0):
 
     model = SimpleNamespace(stages=[1.0])
     solver = SimpleNamespace(
-        turning=SimpleNamespace(longest_step=lambda factor: 1.0),
+        steps=SimpleNamespace(turning=SimpleNamespace(longest_step=lambda factor: 1.0), careful=False),
         assembler=SimpleNamespace(contact=contact, model=model, displacement=lambda x, factor: x),
         x=x,
         advance=advance,
@@ -103,6 +103,12 @@ def test_penalties_that_are_too_low_rise_and_the_step_is_cut(monkeypatch):
     steps, cuts, taken = climb(monkeypatch, outcome)
     assert (steps, cuts) == (2, 1)
     assert taken == [(1.0, 1.0), (0.03, 1.0), (1.0, 0.5), (1.0, 0.5)]
+
+
+def test_a_step_on_which_bodies_pass_is_tried_again_with_care_before_it_is_cut(monkeypatch):
+    problems = [TooDeep, None]
+    steps, cuts, taken = climb(monkeypatch, lambda stiffness, length: problems.pop(0))
+    assert (steps, cuts, taken) == (1, 0, [(1.0, 1.0), (1.0, 1.0)])
 
 
 @pytest.mark.parametrize("problem", [Diverged, TooDeep])
@@ -155,7 +161,7 @@ def test_with_friction_no_step_is_longer_than_asked_for(monkeypatch):
     path = []
     monkeypatch.setattr(climbing, "settle", lambda solver, factor: 0)
     solver = SimpleNamespace(
-        turning=SimpleNamespace(longest_step=lambda factor: 1.0),
+        steps=SimpleNamespace(turning=SimpleNamespace(longest_step=lambda factor: 1.0), careful=False),
         assembler=SimpleNamespace(
             contact=contact, model=SimpleNamespace(stages=[1.0]), displacement=lambda x, factor: x
         ),

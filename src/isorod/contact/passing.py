@@ -30,6 +30,9 @@ DEEPEST = 0.5
 _NEAREST = 0.5
 _APPROACH = 0.1
 
+# Share of their distance to which what is in each other already may come, and the least share of a way.
+_STILL, _LEAST = 0.98, 1e-3
+
 # Pieces of an element's centre line.
 _PIECES = 4
 
@@ -99,14 +102,24 @@ class Passing:
             return None
         return self._each_other(start, way) or self._obstacle(start, way)
 
+    def free(self, before: Array, after: Array) -> float:
+        """Return the share of the way between two displacements ``(dofs,)`` that goes no deeper than `DEEPEST`."""
+        start = self._ends(before)
+        way, share = self._ends(after) - start, 1.0
+        while share > _LEAST and (
+            self._each_other(start, share * way, True) or self._obstacle(start, share * way, True)
+        ):
+            share *= 0.5
+        return share
+
     def _ends(self, displacement: Array) -> Array:
         """Return where the ends of the pieces are, ``(m, 2, 3)``."""
         line = self._lines @ (self._reference + displacement.reshape(-1, 3))
         return np.stack([line[self._at], line[self._at + 1]], axis=1)
 
-    def _each_other(self, start: Array, way: Array) -> str | None:
-        """Return in words which two pieces go through each other."""
-        reach = _NEAREST * self._radius[:, None]
+    def _each_other(self, start: Array, way: Array, enters: bool = False) -> str | None:
+        """Return in words which two pieces go through each other, or enter each other deeper than `DEEPEST`."""
+        reach = (1.0 if enters else _NEAREST) * self._radius[:, None]
         end = start + way
         low, high = np.minimum(start, end).min(axis=1) - reach, np.maximum(start, end).max(axis=1) + reach
         first, second = self._partners(*boxes.pairs(low, high))
@@ -114,14 +127,14 @@ class Passing:
         relative = np.linalg.norm(np.abs(way[first][:, :, None] - way[second][:, None]).max(axis=(1, 2)), axis=1)
         rest = _distance(self._rest[first], self._rest[second])
         sizes = self._radius[first], self._radius[second]
-        k = _nearer(rest, (start[first], start[second]), (way[first], way[second]), *sizes, relative)
+        k = _nearer(rest, (start[first], start[second]), (way[first], way[second]), *sizes, relative, enters)
         if k is None:
             return None
         one, other = sorted((int(first[k]), int(second[k])))
         return f"{self._said(one)} would go through {self._said(other)}"
 
-    def _obstacle(self, start: Array, way: Array) -> str | None:
-        """Return in words which piece goes through a rigid cylinder or sphere."""
+    def _obstacle(self, start: Array, way: Array, enters: bool = False) -> str | None:
+        """Return in words which piece goes through a rigid cylinder or sphere, or enters it deeper than `DEEPEST`."""
         for k, contact in enumerate(self._model.contacts):
             other = contact.obstacle
             if not isinstance(other, Cylinder | Sphere):
@@ -136,7 +149,7 @@ class Passing:
             size, still = np.full(mine.size, float(other.radius)), np.zeros_like(ends)
             relative = np.linalg.norm(ways, axis=2).max(axis=1)
             apart = _distance(rest, still)
-            found = _nearer(apart, (ends, still), (ways, still), self._radius[mine], size, relative)
+            found = _nearer(apart, (ends, still), (ways, still), self._radius[mine], size, relative, enters)
             if found is not None:
                 return f"{self._said(int(mine[found]))} would go through the obstacle of contact {k}"
         return None
@@ -192,7 +205,13 @@ def limits(model: "Model") -> list[float]:
 
 
 def _nearer(
-    rest: Array, start: tuple[Array, Array], way: tuple[Array, Array], one: Array, other: Array, relative: Array
+    rest: Array,
+    start: tuple[Array, Array],
+    way: tuple[Array, Array],
+    one: Array,
+    other: Array,
+    relative: Array,
+    enters: bool,
 ) -> int | None:
     """Return which pair of pieces comes too near on the way, if one does.
 
@@ -204,8 +223,12 @@ def _nearer(
         Ends of both pieces of each pair, and their way, ``(m, 2, 3)``.
     one, other, relative
         Radii of both, and how far they move relative to each other at most, ``(m,)``.
+    enters
+        Whether it is too near where one is deeper in the other than `DEEPEST`, and deeper than at the start.
     """
     limit, approach = _NEAREST * (one + other), _APPROACH * np.minimum(one, other)
+    if enters:
+        limit = np.minimum(one + other - DEEPEST * np.minimum(one, other), _STILL * _distance(*start))
     pair, time, shortest = np.arange(relative.size), np.zeros(relative.size), 0.5 * limit
     while pair.size:
         now = time[pair, None, None]

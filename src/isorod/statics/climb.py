@@ -4,8 +4,9 @@ from isorod.arrays import Array
 from isorod.errors import SolveError
 from isorod.statics import stability
 from isorod.statics.multipliers import settle
-from isorod.statics.newton import Diverged, Newton, TooDeep
+from isorod.statics.newton import Newton
 from isorod.statics.path import Path
+from isorod.statics.steps import Diverged, TooDeep
 
 # A load step is halved at most this many times.
 HALVINGS = 10
@@ -56,7 +57,7 @@ def climb(solver: Newton, load_steps: int, path: Path) -> int:
     factor, step, augmentations, quick = 0.0, 1.0 / load_steps, 0, 0
     while factor < 1.0:
         end = next(stage for stage in stages if stage > factor)
-        longest = solver.turning.longest_step(factor)
+        longest = solver.steps.turning.longest_step(factor)
         reached = factor + min(step, longest)
         target = end if reached > end - 1e-12 else reached
         try:
@@ -69,6 +70,10 @@ def climb(solver: Newton, load_steps: int, path: Path) -> int:
                 continue
             if contact is not None and deep and contact.is_soft:
                 contact.stiffen(1.0 / SOFTER)
+            elif deep and not solver.steps.careful:
+                # A body that nothing holds yet flies as far as it is pushed.
+                solver.steps.careful = True
+                continue
             solver.cuts += 1
             step = 0.5 * (target - factor)
             if step < min(1.0 / load_steps, longest) / 2**HALVINGS:

@@ -64,6 +64,8 @@ class LineSearch:
         Of each unknown 1, or -1 where equilibrium is the functional's maximum by it, as by the pressures of the mixed
         formulation: what falls along a step to a saddle is the work with these signs, and the tangent with them is
         definite.  None: 1 everywhere.
+    free
+        Returns the share of the way between two states on which bodies do not go through each other.
 
     Attributes
     ----------
@@ -74,9 +76,13 @@ class LineSearch:
     """
 
     def __init__(
-        self, snes: PETSc.SNES, residual: Callable[[PETSc.Vec, PETSc.Vec], object], signs: PETSc.Vec | None = None
+        self,
+        snes: PETSc.SNES,
+        residual: Callable[[PETSc.Vec, PETSc.Vec], object],
+        signs: PETSc.Vec | None,
+        free: Callable[[PETSc.Vec, PETSc.Vec], float],
     ) -> None:
-        self.short, self.share = 0, 1.0
+        self.short, self.share, self._free = 0, 1.0, free
         self._snes, self._residual, self._signs = snes, residual, signs
         snes.setLineSearchPreCheck(self._shorten)
 
@@ -92,9 +98,14 @@ class LineSearch:
             self._residual(trial, force)
             return float(force.dot(way))
 
-        share = self.share = step_length(work, float(start.dot(way)))
+        trial.waxpy(-1.0, y, x)
+        free = self._free(x, trial)
+        y.scale(free)
+        way.scale(free)
+        share = step_length(work, float(start.dot(way)))
         self.short += share < _SHORT
+        self.share = share * free
         y.scale(share)
         for one in (force, trial, way):
             one.destroy()
-        return share < 1.0
+        return self.share < 1.0

@@ -15,7 +15,8 @@ import numpy as np
 
 from isorod.arrays import Array
 from isorod.errors import SolveError
-from isorod.statics.newton import Diverged, Newton
+from isorod.statics.newton import Newton
+from isorod.statics.steps import Diverged
 
 if TYPE_CHECKING:
     from isorod.contact.operator import ContactOperator

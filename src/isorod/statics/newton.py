@@ -10,17 +10,16 @@ from isorod.arrays import Array
 from isorod.assembly.assembler import Assembler
 from isorod.assembly.factorisation import SPARSE, factorisation, is_mixed
 from isorod.checks import hourglass, rigid_motions
-from isorod.checks.turning import Turning
 from isorod.errors import SolveError
 from isorod.options import defaults
 from isorod.petsc.inertia import TELLING
 from isorod.petsc.matrix import forget_factors
 from isorod.petsc.snes import create_snes
-from isorod.statics.convergence import Convergence, squeezed, worst_place
+from isorod.statics.convergence import Convergence, worst_place
 from isorod.statics.line_search import LineSearch
+from isorod.statics.steps import Diverged, Steps
 
 if TYPE_CHECKING:
-    from isorod.contact.passing import Passing
     from isorod.statics.proximal import Proximal
 
 # Preconditioners that ask for the rigid motions.
@@ -52,14 +51,6 @@ _LAGS = 0.2
 _SMOOTH = 8
 
 
-class Diverged(Exception):
-    """A load step did not converge."""
-
-
-class TooDeep(Diverged):
-    """A load step converged, but bodies went through each other, or nearly."""
-
-
 class _Past(NamedTuple):
     """The equilibrium before the last: how much lower its load factor was, its state, and the path's slope there."""
 
@@ -81,8 +72,8 @@ class Newton:
         Of the out-of-balance force in the last step: before the predictor, then at each iteration.
     stabilisation
         What holds bodies that contact is yet to hold, or None.
-    turning
-        What supports that turn ask of steps and states.
+    steps
+        What is asked of load steps.
     cuts
         Load steps that were cut so far.
     tell
@@ -106,13 +97,8 @@ class Newton:
         self._filled = self._fresh = self._settles = False
         self._convergence = Convergence(assembler)
         self._history: _Past | None = None
-        self.turning = Turning(assembler.model)
+        self.steps = Steps(assembler)
         self.stabilisation: Proximal | None = None
-        self._passing: Passing | None = None
-        if assembler.contact is not None:
-            from isorod.contact import passing
-
-            self._passing = passing.Passing(assembler.model)
         self._stage = PETSc.Log.Stage("solve")
         typed = PETSc.Options()
         self._own_tolerance = not typed.hasName("snes_atol")
@@ -128,7 +114,7 @@ class Newton:
         )
         self._line_search: LineSearch | None = None
         if own and not typed.hasName("snes_linesearch_type"):
-            self._line_search = LineSearch(self.snes, self._residual, self._signs())
+            self._line_search = LineSearch(self.snes, self._residual, self._signs(), self._free)
         self.snes.setMonitor(self._monitor)
         if self.snes.getKSP().getPC().getType() in MULTIGRID:
             self._matrix.setNearNullSpace(rigid_motions.near_null_space(assembler))
@@ -221,11 +207,12 @@ class Newton:
                 self._settles = self.assembler.contact is not None and target == factor
                 scale, rate = self._predict(factor, target - factor)
                 self._factor = target
-                self._refuse_squeezed(before)
+                share = self.steps.free(self.x, self._trial, factor, target)
+                self._trial.axpby(1.0 - share, share, self.x)
+                self.steps.refuse_squeezed(before, self._trial, target)
                 solves = self._correct(scale)
-            self._refuse_squeezed(before)
-            self._refuse_lost(factor)
-            self._refuse_passed(factor)
+            self.steps.refuse_squeezed(before, self._trial, target)
+            self.steps.refuse(self.x, factor, self._trial, target)
         finally:
             self._stage.pop()
         self._solves = solves
@@ -250,8 +237,8 @@ class Newton:
                 self.advance(1.0, 1.0)
             except Diverged:
                 found = False
-        if found and self.turning.watches:
-            found = self.turning.follows(self.assembler.displacement(self.x, 1.0))
+        if found and self.steps.turning.watches:
+            found = self.steps.turning.follows(self.assembler.displacement(self.x, 1.0))
         if not found:
             self.x.zeroEntries()
             if self.stabilisation is not None:
@@ -375,26 +362,5 @@ class Newton:
             raise Diverged(worst_place(self.assembler, self._trial, self._factor, why))
         return int(iterations) + 1
 
-    def _refuse_squeezed(self, before: list[Array]) -> None:
-        problem = squeezed(self.assembler, before, self._trial, self._factor)
-        if problem is not None:
-            raise Diverged(problem)
-
-    def _refuse_lost(self, factor: float) -> None:
-        """Raise `Diverged` if a body that supports turn has turned too far in the step from a load factor."""
-        if not self.turning.watches:
-            return
-        states = self.assembler.displacement(self.x, factor), self.assembler.displacement(self._trial, self._factor)
-        problem = self.turning.lost(*states)
-        if problem is not None:
-            raise Diverged(problem)
-
-    def _refuse_passed(self, factor: float) -> None:
-        """Raise `Diverged` if bodies in contact went through each other in the step from a load factor."""
-        assembler = self.assembler
-        if self._passing is None or assembler.contact is None:
-            return
-        states = assembler.displacement(self.x, factor), assembler.displacement(self._trial, self._factor)
-        problem = self._passing.deep(assembler.contact.packed) or self._passing.passed(*states)
-        if problem is not None:
-            raise TooDeep(f"{problem} however small the step; raise the penalty, or let supports keep them apart")
+    def _free(self, x: PETSc.Vec, end: PETSc.Vec) -> float:
+        return self.steps.free(x, end, self._factor, self._factor)

@@ -1,0 +1,70 @@
+"""What a load step must not do, and how much of a way bodies may go."""
+
+from typing import TYPE_CHECKING
+
+from petsc4py import PETSc
+
+from isorod.arrays import Array
+from isorod.assembly.assembler import Assembler
+from isorod.checks.turning import Turning
+from isorod.statics.convergence import squeezed
+
+if TYPE_CHECKING:
+    from isorod.contact.passing import Passing
+
+
+class Diverged(Exception):
+    """A load step did not converge."""
+
+
+class TooDeep(Diverged):
+    """A load step converged, but bodies went through each other, or nearly."""
+
+
+class Steps:
+    """Looks at the steps of a model from one load factor to the next.
+
+    Attributes
+    ----------
+    turning
+        What supports that turn ask of steps and states.
+    careful
+        Whether steps are made so short that bodies do not go through each other on the way.
+    """
+
+    def __init__(self, assembler: Assembler) -> None:
+        self._assembler = assembler
+        self.turning = Turning(assembler.model)
+        self.careful = False
+        self._passing: Passing | None = None
+        if assembler.contact is not None:
+            from isorod.contact import passing
+
+            self._passing = passing.Passing(assembler.model)
+
+    def free(self, start: PETSc.Vec, end: PETSc.Vec, before: float, factor: float) -> float:
+        """Return the share of a way on which no bodies go through each other: all of it where nobody is careful."""
+        if self._passing is None or not self.careful:
+            return 1.0
+        state = self._assembler.displacement
+        return self._passing.free(state(start, before), state(end, factor))
+
+    def refuse_squeezed(self, before: list[Array], trial: PETSc.Vec, factor: float) -> None:
+        """Raise `Diverged` if an element has lost most of its volume."""
+        problem = squeezed(self._assembler, before, trial, factor)
+        if problem is not None:
+            raise Diverged(problem)
+
+    def refuse(self, start: PETSc.Vec, before: float, end: PETSc.Vec, factor: float) -> None:
+        """Raise `Diverged` if a body that supports turn went too far to be followed, or bodies in contact passed."""
+        watches, contact = self.turning.watches, self._assembler.contact
+        if not watches and self._passing is None:
+            return
+        states = self._assembler.displacement(start, before), self._assembler.displacement(end, factor)
+        problem = self.turning.lost(*states) if watches else None
+        if problem is not None:
+            raise Diverged(problem)
+        if self._passing is not None and contact is not None:
+            problem = self._passing.deep(contact.packed) or self._passing.passed(*states)
+            if problem is not None:
+                raise TooDeep(f"{problem} however small the step; raise the penalty, or let supports keep them apart")
