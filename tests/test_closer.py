@@ -192,7 +192,7 @@ def test_patches_are_where_contact_presses_and_as_wide():
     moved = -0.03 * np.tile([0.0, 1.0, 0.0], model.dofs // 3) * model.is_carrier.repeat(3)
     operator = ContactOperator(model)
     operator.space_evenly()
-    operator.see_better(moved)
+    operator.see_better(moved, between=True)
     results = operator.results(moved)
     ((patch,),) = patches(model, results).values()
     assert patch.u == pytest.approx(0.5, abs=1e-6)

@@ -143,14 +143,14 @@ def test_coils_that_change_places_are_seen_and_their_own_bends_are_not():
     assert "body 0 at u" in passing.passed(rest.ravel(), 2.0 * squeeze.ravel())
 
 
-def test_a_way_is_free_until_rods_are_deeper_in_each_other_than_half_a_radius():
+def test_a_way_is_free_until_rods_enter_each_other_by_a_fifth_of_a_radius():
     model = rods((0.0, 2.1, 0.0), turn=ACROSS, contacts=[Contact(0, 1, 100.0)])
     start, way = np.zeros(model.dofs), np.zeros((model.dofs // 3, 3))
     way[model.first_node[1] :, 1] = -4.0 * model.is_carrier[model.first_node[1] :]
     watch = Passing(model)
-    # Of a way of four radii 0.6 are free: the gap and half a radius.
-    assert watch.free(start, way.ravel()) == 0.125
-    assert watch.free(start, 0.14 * way.ravel()) == 1.0
+    # Of a way of four radii 0.3 are free: the gap and a fifth of a radius.
+    assert watch.free(start, way.ravel()) == 0.0625
+    assert watch.free(start, 0.07 * way.ravel()) == 1.0
     assert watch.free(start, -way.ravel()) == 1.0
     # What is deeper already may come out, and go no deeper.
     deep = 0.2 * way.ravel()

@@ -58,7 +58,7 @@ class Place:
         return other
 
 
-def climb(monkeypatch, outcome, contact=None, settle=lambda solver, factor: 0):
+def climb(monkeypatch, outcome, contact=None, settle=lambda solver, factor: 0, watched=False):
     """Climb by steps whose outcome ``(stiffness, length) -> error or None`` is told; return steps, cuts, all tried."""
     contact, taken, x = Springs() if contact is None else contact, [], Place()
 
@@ -73,7 +73,7 @@ def climb(monkeypatch, outcome, contact=None, settle=lambda solver, factor: 0):
 
     model = SimpleNamespace(stages=[1.0])
     solver = SimpleNamespace(
-        steps=SimpleNamespace(turning=SimpleNamespace(longest_step=lambda factor: 1.0), careful=False),
+        steps=SimpleNamespace(turning=SimpleNamespace(longest_step=lambda factor: 1.0), watched=watched, careful=False),
         assembler=SimpleNamespace(contact=contact, model=model, displacement=lambda x, factor: x),
         x=x,
         advance=advance,
@@ -107,7 +107,7 @@ def test_penalties_that_are_too_low_rise_and_the_step_is_cut(monkeypatch):
 
 def test_a_step_on_which_bodies_pass_is_tried_again_with_care_before_it_is_cut(monkeypatch):
     problems = [TooDeep, None]
-    steps, cuts, taken = climb(monkeypatch, lambda stiffness, length: problems.pop(0))
+    steps, cuts, taken = climb(monkeypatch, lambda stiffness, length: problems.pop(0), watched=True)
     assert (steps, cuts, taken) == (1, 0, [(1.0, 1.0), (1.0, 1.0)])
 
 
@@ -161,7 +161,7 @@ def test_with_friction_no_step_is_longer_than_asked_for(monkeypatch):
     path = []
     monkeypatch.setattr(climbing, "settle", lambda solver, factor: 0)
     solver = SimpleNamespace(
-        steps=SimpleNamespace(turning=SimpleNamespace(longest_step=lambda factor: 1.0), careful=False),
+        steps=SimpleNamespace(turning=SimpleNamespace(longest_step=lambda factor: 1.0), watched=False, careful=False),
         assembler=SimpleNamespace(
             contact=contact, model=SimpleNamespace(stages=[1.0]), displacement=lambda x, factor: x
         ),

@@ -226,9 +226,9 @@ def test_the_last_iteration_takes_the_tangent_of_the_one_before(bar, monkeypatch
     built = []
     tangent = Assembler.tangent
 
-    def counted(self, x, factor, out):
+    def counted(self, x, factor, out, lags=False):
         built.append(factor)
-        tangent(self, x, factor, out)
+        tangent(self, x, factor, out, lags)
 
     monkeypatch.setattr(Assembler, "tangent", counted)
     found = statics.solve(bar((1.0, 1.0, 1.0)))

@@ -273,8 +273,11 @@ class ContactOperator:
         self.points = [self.points[k] if body in graded else even[k] for k, body in enumerate(sides)]
         self._take(self._fresh())
 
-    def see_better(self, displacement: Array) -> bool:
-        """Take more points, where nobody gave them, if too few are across a patch; return whether there are more."""
+    def see_better(self, displacement: Array, between: bool) -> bool:
+        """Take more points, where nobody gave them, if too few are across a patch; return whether there are more.
+
+        Where nothing touches but might ``between`` points, more are taken too, if that is asked for.
+        """
         self.forces(displacement)
         if not self.packed.states["pressure"].any():
             # How near what does not touch is has not been looked at.
@@ -283,7 +286,7 @@ class ContactOperator:
         points = list(self.points)
         for contact, passes in sides_of(self.model):
             if contact.points is None:
-                for k, pair in quality.more(self.packed, passes, self.points).items():
+                for k, pair in quality.more(self.packed, passes, self.points, between).items():
                     points[k] = pair
         if points == self.points:
             return False

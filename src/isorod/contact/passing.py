@@ -30,8 +30,8 @@ DEEPEST = 0.5
 _NEAREST = 0.5
 _APPROACH = 0.1
 
-# Share of their distance to which what is in each other already may come, and the least share of a way.
-_STILL, _LEAST = 0.98, 1e-3
+# Depth, in smaller radii, to which bodies may enter each other on a way, or enter farther; the least share of a way.
+_ENTERS, _STILL, _LEAST = 0.2, 0.02, 1e-9
 
 # Pieces of an element's centre line.
 _PIECES = 4
@@ -103,13 +103,13 @@ class Passing:
         return self._each_other(start, way) or self._obstacle(start, way)
 
     def free(self, before: Array, after: Array) -> float:
-        """Return the share of the way between two displacements ``(dofs,)`` that goes no deeper than `DEEPEST`."""
+        """Return the share of the way between two displacements ``(dofs,)`` on which none enter each other."""
         start = self._ends(before)
         way, share = self._ends(after) - start, 1.0
-        while share > _LEAST and (
-            self._each_other(start, share * way, True) or self._obstacle(start, share * way, True)
-        ):
+        while self._each_other(start, share * way, True) or self._obstacle(start, share * way, True):
             share *= 0.5
+            if share < _LEAST:
+                return 0.0
         return share
 
     def _ends(self, displacement: Array) -> Array:
@@ -118,7 +118,7 @@ class Passing:
         return np.stack([line[self._at], line[self._at + 1]], axis=1)
 
     def _each_other(self, start: Array, way: Array, enters: bool = False) -> str | None:
-        """Return in words which two pieces go through each other, or enter each other deeper than `DEEPEST`."""
+        """Return in words which two pieces go through each other, or enter each other."""
         reach = (1.0 if enters else _NEAREST) * self._radius[:, None]
         end = start + way
         low, high = np.minimum(start, end).min(axis=1) - reach, np.maximum(start, end).max(axis=1) + reach
@@ -134,7 +134,7 @@ class Passing:
         return f"{self._said(one)} would go through {self._said(other)}"
 
     def _obstacle(self, start: Array, way: Array, enters: bool = False) -> str | None:
-        """Return in words which piece goes through a rigid cylinder or sphere, or enters it deeper than `DEEPEST`."""
+        """Return in words which piece goes through a rigid cylinder or sphere, or enters it."""
         for k, contact in enumerate(self._model.contacts):
             other = contact.obstacle
             if not isinstance(other, Cylinder | Sphere):
@@ -224,16 +224,17 @@ def _nearer(
     one, other, relative
         Radii of both, and how far they move relative to each other at most, ``(m,)``.
     enters
-        Whether it is too near where one is deeper in the other than `DEEPEST`, and deeper than at the start.
+        Whether it is too near where one is deeper in the other than `_ENTERS`, and deeper than at the start.
     """
     limit, approach = _NEAREST * (one + other), _APPROACH * np.minimum(one, other)
     if enters:
-        limit = np.minimum(one + other - DEEPEST * np.minimum(one, other), _STILL * _distance(*start))
+        depth = np.minimum(one, other)
+        limit = np.minimum(one + other - _ENTERS * depth, _distance(*start) - _STILL * depth)
     pair, time, shortest = np.arange(relative.size), np.zeros(relative.size), 0.5 * limit
     while pair.size:
         now = time[pair, None, None]
         there = _distance(*(at[pair] + now * along[pair] for at, along in zip(start, way, strict=True)))
-        through = (there < np.minimum(limit, rest - approach)[pair]) & (time[pair] > 0.0)
+        through = (there < (limit if enters else np.minimum(limit, rest - approach))[pair]) & (time[pair] > 0.0)
         if through.any():
             return int(pair[np.argmax(through)])
         # Before they have gone so far they cannot be nearer than the limit.

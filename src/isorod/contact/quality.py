@@ -104,14 +104,16 @@ def across(packed: Packed, spaces: Sequence["Space"], chosen: Sequence[int]) -> 
     return (points, min(cells)) if np.isfinite(points) else (0.0, 0.0)
 
 
-def more(packed: Packed, chosen: Sequence[int], points: Sequence[tuple[int, int]]) -> dict[int, tuple[int, int]]:
+def more(
+    packed: Packed, chosen: Sequence[int], points: Sequence[tuple[int, int]], between: bool
+) -> dict[int, tuple[int, int]]:
     """Return points of passes whose patch has too few, those of an arc and of an element; none where it has enough.
 
-    Where nothing touches, but might between two points, they are twice as many.
+    Where nothing touches, but might ``between`` two points, they are twice as many, if that is asked for.
     """
     found, changed = widths(packed), {}
     own = [chosen[k] for k in carrying([found[k] for k in chosen])]
-    for k in own or [k for k in chosen if _is_near(packed, k)]:
+    for k in own or [k for k in chosen if between and _is_near(packed, k)]:
         old = points[k]
         seen = (found[k].around, found[k].along) if own else (WANTED / 2, WANTED / 2)
         new = [

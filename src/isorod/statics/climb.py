@@ -64,16 +64,15 @@ def climb(solver: Newton, load_steps: int, path: Path) -> int:
             solves, updates = _rub(solver, factor, target) if rubs else (solver.advance(factor, target), 0)
         except Diverged as problem:
             deep = isinstance(problem, TooDeep)
+            if solver.steps.watched and not solver.steps.careful:
+                solver.steps.careful = True
+                continue
             # Springs of friction are as stiff as penalties: what rubs would slide farther on the way than it has to.
             if contact is not None and not rubs and not deep and contact.may_soften:
                 contact.stiffen(SOFTER)
                 continue
             if contact is not None and deep and contact.is_soft:
                 contact.stiffen(1.0 / SOFTER)
-            elif deep and not solver.steps.careful:
-                # A body that nothing holds yet flies as far as it is pushed.
-                solver.steps.careful = True
-                continue
             solver.cuts += 1
             step = 0.5 * (target - factor)
             if step < min(1.0 / load_steps, longest) / 2**HALVINGS:

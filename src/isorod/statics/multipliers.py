@@ -48,7 +48,7 @@ def settle(solver: Newton, factor: float) -> int:
     assert contact is not None
     _harden(solver, factor, contact)
     for _ in range(_RAISES):
-        if not contact.see_better(_displacement(solver, factor)):
+        if not contact.see_better(_displacement(solver, factor), between=factor == 1.0):
             break
         _advance(solver, factor, "more points of contact")
     return _at_points(solver, factor, contact, _in_cells(solver, factor, contact, 0))

@@ -114,6 +114,7 @@ class Newton:
         )
         self._line_search: LineSearch | None = None
         if own and not typed.hasName("snes_linesearch_type"):
+            self.steps.watched = True
             self._line_search = LineSearch(self.snes, self._residual, self._signs(), self._free)
         self.snes.setMonitor(self._monitor)
         if self.snes.getKSP().getPC().getType() in MULTIGRID:
@@ -123,6 +124,8 @@ class Newton:
 
             assembler.tangent(self.x, 0.0, self._matrix)
             self.stabilisation = stabilisation.Stabilisation(assembler, self._matrix, loose)
+            # What nothing holds yet flies as far as it is pushed.
+            self.steps.careful = self.steps.watched
 
     def _signs(self) -> PETSc.Vec | None:
         """Return 1 for each unknown that is a displacement and -1 for pressures, None without these."""

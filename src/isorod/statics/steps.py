@@ -28,14 +28,16 @@ class Steps:
     ----------
     turning
         What supports that turn ask of steps and states.
+    watched
+        Whether Newton's steps ask how much of them is free.
     careful
-        Whether steps are made so short that bodies do not go through each other on the way.
+        Whether they are made so short that bodies do not go through each other on the way.
     """
 
     def __init__(self, assembler: Assembler) -> None:
         self._assembler = assembler
         self.turning = Turning(assembler.model)
-        self.careful = False
+        self.watched = self.careful = False
         self._passing: Passing | None = None
         if assembler.contact is not None:
             from isorod.contact import passing
@@ -65,6 +67,8 @@ class Steps:
         if problem is not None:
             raise Diverged(problem)
         if self._passing is not None and contact is not None:
-            problem = self._passing.deep(contact.packed) or self._passing.passed(*states)
+            # Whoever is careful has looked at each piece of the way, which need not be straight.
+            passed = None if self.careful else self._passing.passed(*states)
+            problem = self._passing.deep(contact.packed) or passed
             if problem is not None:
                 raise TooDeep(f"{problem} however small the step; raise the penalty, or let supports keep them apart")
