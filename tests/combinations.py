@@ -1,17 +1,10 @@
-"""What can be combined: each analysis with each feature and each option, as a small scene in a file.
-
-``python -m tests.combinations`` runs all of them and prints the table into ``docs/combinations.md``.
-"""
+"""What can be combined: each analysis with each feature and each option, as a small scene in a file."""
 
 import os
 import shutil
 import subprocess
 import sys
 from pathlib import Path
-from tempfile import TemporaryDirectory
-
-PAGE = Path(__file__).parents[1] / "docs" / "combinations.md"
-BEGIN, END = "<!-- the table -->", "<!-- end of the table -->"
 
 ANALYSES = {
     "statics": "[analysis.statics]",
@@ -100,30 +93,3 @@ def refusal(code: int, out: str, err: str) -> str:
     assert code == 2, f"exit code {code}: {err}"
     assert lines and not out.strip(), f"an answer beside a refusal: {out}"
     return lines[-1].removeprefix("isorod: ")
-
-
-def table(folder: Path) -> str:
-    """Return the table as Markdown, with the lines of what is refused behind it."""
-    rows, notes = [], dict[str, int]()
-    for analysis in ANALYSES:
-        rows.append(f"\n| {analysis} | " + " | ".join(OPTIONS) + " |\n|---" * 1 + "|---" * len(OPTIONS) + "|")
-        for feature in FEATURES:
-            cells = []
-            for option in OPTIONS:
-                said = refusal(*outcome(analysis, feature, option, folder / "cell"))
-                if said:
-                    cells.append(f"no ({notes.setdefault(said, len(notes) + 1)})")
-                else:
-                    cells.append("yes")
-                print(f"{analysis:9} {feature:13} {option:13} {said or 'yes'}", flush=True)
-            rows.append(f"| {feature} | " + " | ".join(cells) + " |")
-    listed = "\n".join(f"{number}. {said}" for said, number in notes.items())
-    return "\n".join(rows) + f"\n\n{listed}\n"
-
-
-if __name__ == "__main__":
-    with TemporaryDirectory() as place:
-        found = table(Path(place))
-    text = PAGE.read_text()
-    head, _, rest = text.partition(BEGIN)
-    PAGE.write_text(head + BEGIN + "\n" + found + END + rest.partition(END)[2])

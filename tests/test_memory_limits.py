@@ -49,7 +49,7 @@ def test_a_tangent_that_does_not_fit_is_refused_before_it_is_made(tmp_path):
 
 
 def test_more_than_is_free_is_an_error_that_says_both():
-    with pytest.raises(MemoryError, match=r"a table needs about 1e\+09 GB, .* GB are free; take fewer elements"):
+    with pytest.raises(InputError, match=r"a table needs about 1e\+09 GB, .* GB are free; take fewer elements"):
         memory.ask(1e18, "a table")
     memory.ask(1.0, "a byte")
 

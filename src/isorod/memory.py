@@ -3,6 +3,8 @@
 import resource
 from pathlib import Path
 
+from isorod.errors import InputError
+
 _GIGABYTE = 1e9
 
 _CURE = "take fewer elements, section or quadrature points"
@@ -13,10 +15,10 @@ _LEAST = 1e9
 
 
 def refuse_little() -> None:
-    """Raise `MemoryError`, with a line for the user, if the user's limit leaves no room for the libraries."""
+    """Raise `InputError` if the user's limit leaves no room for the libraries."""
     soft, _ = resource.getrlimit(resource.RLIMIT_AS)
     if soft != resource.RLIM_INFINITY and soft < _LEAST:
-        raise MemoryError(f"memory is limited to {soft / _GIGABYTE:.3g} GB ('ulimit -v'); isorod needs 1 GB at least")
+        raise InputError(f"memory is limited to {soft / _GIGABYTE:.3g} GB ('ulimit -v'); isorod needs 1 GB at least")
 
 
 def available() -> float:
@@ -36,7 +38,7 @@ def available() -> float:
 
 
 def ask(size: float, what: str) -> None:
-    """Raise `MemoryError`, with a line for the user, if there are not so many bytes for something."""
+    """Raise `InputError` if there are not so many bytes for something."""
     left = available()
     if size > left:
-        raise MemoryError(f"{what} needs about {size / _GIGABYTE:.3g} GB, {left / _GIGABYTE:.3g} GB are free; {_CURE}")
+        raise InputError(f"{what} needs about {size / _GIGABYTE:.3g} GB, {left / _GIGABYTE:.3g} GB are free; {_CURE}")

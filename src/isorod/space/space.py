@@ -1,6 +1,5 @@
 """The displacement space on a rod, and everything about it that does not change during an analysis."""
 
-import os
 from dataclasses import dataclass, field
 from functools import cached_property
 from numbers import Real
@@ -9,6 +8,7 @@ from typing import NamedTuple, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from isorod import memory
 from isorod.arrays import Array, Index
 from isorod.errors import Checked, FoldedRodError, InputError
 from isorod.geometry.axis import Axis
@@ -295,7 +295,8 @@ class Space(Checked):
         """
         rule = self.rule if rule is None else rule
         in_section = self.points_around * rule.radial * rule.angular * (len(self.rod.rings) - 1)
-        _refuse_beyond_memory((last - first) * rule.axial * in_section)
+        count = (last - first) * rule.axial * in_section
+        memory.ask(_BYTES_A_POINT * count, f"the geometry at {count:,} quadrature points")
         xi, area = self.section_rule(rule)
         u, length = (points[first:last] for points in axis_points(self.axis, rule.axial))
         values, gradients = self.basis.functions(xi)
@@ -344,16 +345,6 @@ class Space(Checked):
         gradient = section_gradient(values, gradients, section, along)
         _, jacobian = self.rod.grid(xi, u)
         return values @ section, np.eye(3) + gradient @ inverse(jacobian)[0]
-
-
-def _refuse_beyond_memory(points: int) -> None:
-    """Raise `InputError` if not even the geometry at that many quadrature points fits into memory."""
-    there, needed = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"), _BYTES_A_POINT * points
-    if needed > there:
-        raise InputError(
-            f"{points} quadrature points need {needed / 2**30:.3g} GiB and more, there are {there / 2**30:.3g}; take "
-            "fewer elements, section or quadrature points"
-        )
 
 
 class Table(NamedTuple):

@@ -76,7 +76,8 @@ def climb(solver: Newton, load_steps: int, path: Path) -> int:
             solver.cuts += 1
             step = 0.5 * (target - factor)
             if step < min(1.0 / load_steps, longest) / 2**HALVINGS:
-                raise SolveError(f"load factor {target:.6g}: {problem}") from None
+                cure = "; without friction there may be an equilibrium" if rubs else ""
+                raise SolveError(f"load factor {target:.6g}: {problem}{cure}") from None
             continue
         factor = target
         if factor == end:
