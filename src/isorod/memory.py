@@ -1,6 +1,8 @@
 """How much memory there is, asked before it is taken: the system ends a program that takes more, without a word."""
 
+import os
 import resource
+from contextlib import suppress
 from pathlib import Path
 
 from isorod.errors import InputError
@@ -23,18 +25,15 @@ def refuse_little() -> None:
 
 def available() -> float:
     """Return how many bytes this process may still take: what the system has free, and what the user's limit leaves."""
-    left = float("inf")
-    try:
+    left = float(os.sysconf("SC_PHYS_PAGES") * resource.getpagesize())
+    used = 1024.0 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    # Not every system has these, nor every container.
+    with suppress(OSError, KeyError, ValueError):
         known = dict(line.split(":", 1) for line in Path("/proc/meminfo").read_text().splitlines())
         left = 1024.0 * float(known["MemAvailable"].split()[0])
-        soft, _ = resource.getrlimit(resource.RLIMIT_AS)
-        if soft != resource.RLIM_INFINITY:
-            used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
-            left = min(left, soft - used)
-    except (OSError, KeyError, ValueError):
-        # A system that does not tell.
-        pass
-    return left
+        used = float(int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize())
+    soft, _ = resource.getrlimit(resource.RLIMIT_AS)
+    return left if soft == resource.RLIM_INFINITY else min(left, soft - used)
 
 
 def ask(size: float, what: str) -> None:
