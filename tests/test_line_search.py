@@ -75,7 +75,8 @@ def test_a_step_that_was_made_short_is_no_sign_of_equilibrium(length, share, end
     assert reason == (reasons.CONVERGED_SNORM_RELATIVE if ends else reasons.CONVERGED_ITERATING)
 
 
-def test_how_much_of_a_step_was_taken_is_kept():
+@pytest.mark.parametrize("free", [1.0, 0.25])
+def test_how_much_of_a_step_was_taken_is_kept(free):
     start, way, x = (PETSc.Vec().createSeq(1) for _ in range(3))
     start.set(kinked(0.0))
     way.set(1.0)
@@ -88,7 +89,7 @@ def test_how_much_of_a_step_was_taken_is_kept():
             return (start,)
 
     solver = Solver()
-    search = LineSearch(solver, lambda trial, out: out.set(kinked(-trial.array_r[0])))
+    search = LineSearch(solver, lambda trial, out: out.set(kinked(-trial.array_r[0])), None, lambda x, end: free)
     assert solver.check(x, way)
     assert search.share == way.array_r[0] == pytest.approx(ZERO, rel=0.2)
     assert search.short == 1
