@@ -262,3 +262,17 @@ def test_hertz_converges():
     assert max(edges[1:]) < 0.03
     depths = [run["penetration"] for run in runs]
     assert depths[0] > 1.8 * depths[1] > 1.8 * depths[2]
+
+
+def test_while_contact_settles_the_elements_tangent_is_kept_and_the_answer_is_the_same(monkeypatch):
+    built, add = [], Assembler._add_stiffness
+    monkeypatch.setattr(Assembler, "_add_stiffness", lambda *given: (built.append(1), add(*given))[1])
+    found, counts = [], []
+    for lags in (0.2, 0.0):
+        monkeypatch.setattr("isorod.statics.newton._LAGS", lags)
+        found.append(statics.solve(crossing(penetration=1e-6), load_steps=4))
+        counts.append(len(built))
+        built.clear()
+    assert counts[0] < counts[1]
+    assert found[0].contacts[0].force == pytest.approx(found[1].contacts[0].force, rel=1e-7)
+    assert found[0].displacement == pytest.approx(found[1].displacement, abs=1e-7)

@@ -1,5 +1,7 @@
 """Factors of bands and their Schur complements, on one rank and shared by several: against dense matrices."""
 
+import gc
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +14,7 @@ from isorod.material import NeoHookean
 from isorod.model import Body, Model, Support
 from isorod.petsc import banded, inertia
 from isorod.petsc.band import Factors, Ordered
-from isorod.petsc.rows import Compressed
+from isorod.petsc.rows import Compressed, local_rows
 from isorod.petsc.shared_band import SharedFactors
 from isorod.scenes.blade import Blade
 from isorod.scenes.spring import Spring
@@ -275,3 +277,15 @@ def test_critical_loads_take_the_band_and_agree_with_mumps(petsc_options):
     other = continuation.follow(model, 0.1, 4, bounds=(0.0, 0.4))
     assert path.negative.tolist() == other.negative.tolist()
     assert path.factors == pytest.approx(other.factors, rel=1e-8)
+
+
+def test_rows_keep_their_matrix_alive():
+    """They are read where PETSc has them, also when nobody else holds the matrix any more."""
+    matrix = PETSc.Mat().createAIJ((2, 2), csr=([0, 1, 2], [0, 1], [3.0, 4.0]), comm=PETSc.COMM_SELF)
+    held = sys.getrefcount(matrix)
+    values = local_rows(matrix).own.values
+    assert sys.getrefcount(matrix) > held
+    np.testing.assert_array_equal(values, [3.0, 4.0])
+    del values
+    gc.collect()
+    assert sys.getrefcount(matrix) == held

@@ -196,15 +196,16 @@ def catch(packed: Packed, friction: Friction, moved: Array, before: Array, ahead
         Anchors that points were given so far, rows of `ANCHOR`: those on the same master are good again.
     """
     foot, x, y = new_foot(), np.empty(3), np.empty(3)
-    own, states, anchors = packed.own, packed.states, friction.anchors
     for k in range(packed.passes.size):
         one = packed.passes[k]
         if friction.coefficients[k] == 0.0:
             continue
         for point in range(one.first_point, end_of(one, packed.surfaces[one.slave])):
-            if not own[point] or anchors[point].element >= 0 or not states[point].pressure > 0.0:
+            if not packed.own[point]:
                 continue
-            anchor = anchors[point]
+            anchor = friction.anchors[point]
+            if anchor.element >= 0 or not packed.states[point].pressure > 0.0:
+                continue
             known = caught[point].element
             if known >= 0 and (one.master < 0 or _same_surface(packed, known, packed.starts[point].element)):
                 friction.anchors[point] = caught[point]
@@ -307,19 +308,20 @@ def add_friction(
     energy = dissipated = 0.0
     foot, there = new_foot(), new_foot()
     s, t, mean = np.empty(3), np.empty(3), np.empty(3)
-    # Most points are clear, and references to the tables would take most of the time.
-    own, states, anchors = packed.own, packed.states, friction.anchors
-    friction.slipping[:] = False
-    friction.tractions[:] = 0.0
     for k in range(packed.passes.size):
         mu, one = friction.coefficients[k], packed.passes[k]
         if mu == 0.0:
             continue
         for point in range(one.first_point, end_of(one, packed.surfaces[one.slave])):
-            hangs, pressure = anchors[point].element >= 0, states[point].pressure
-            if not own[point] or not (hangs or pressure > 0.0):
+            if not packed.own[point]:
                 continue
-            anchor, weight = anchors[point], packed.areas[point]
+            anchor, pressure, weight = friction.anchors[point], packed.states[point].pressure, packed.areas[point]
+            friction.slipping[point] = False
+            for a in range(3):
+                friction.tractions[point, a] = 0.0
+            hangs = anchor.element >= 0
+            if not (hangs or pressure > 0.0):
+                continue
             if hangs:
                 place_of(packed, one, anchor, positions, there)
             if not pressure > 0.0:
