@@ -1,5 +1,6 @@
 """docker/install on a stage: a checkout of its own, every tool it may call a link or a stand-in, no network."""
 
+import os
 import re
 import shutil
 import subprocess
@@ -328,8 +329,10 @@ def test_what_the_project_asks_of_the_index_is_pinned():
 
 
 def make(*arguments):
+    # a make that runs the tests hands its own arguments on, PYTHON=... among them
+    env = {name: value for name, value in os.environ.items() if not name.startswith(("MAKE", "MFLAGS"))}
     command = ["make", "--no-print-directory", "-n", *arguments]
-    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout.splitlines()
+    return subprocess.run(command, cwd=ROOT, env=env, capture_output=True, text=True, check=True).stdout.splitlines()
 
 
 @pytest.mark.parametrize("task", ["verify", "test", "test-all", "mutants", "lint"])
