@@ -329,8 +329,9 @@ def test_what_the_project_asks_of_the_index_is_pinned():
 
 
 def make(*arguments):
-    # a make that runs the tests hands its own arguments on, PYTHON=... among them
-    env = {name: value for name, value in os.environ.items() if not name.startswith(("MAKE", "MFLAGS"))}
+    # a make that runs the tests hands its own arguments on, PYTHON=... in two ways
+    inherited = ("MAKEFLAGS", "MAKEOVERRIDES", "MFLAGS", "PYTHON", "GROUND")
+    env = {name: value for name, value in os.environ.items() if name not in inherited}
     command = ["make", "--no-print-directory", "-n", *arguments]
     return subprocess.run(command, cwd=ROOT, env=env, capture_output=True, text=True, check=True).stdout.splitlines()
 
