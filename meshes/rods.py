@@ -14,6 +14,7 @@ which has 195,000 unknowns.
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from isorod.errors import InputError, whole_number
 from isorod.geometry.rod import Rod
 from meshes.bricks import tensored
 from meshes.mesh import Array, Index, Mesh, join
-from meshes.sections import Maker, parts, sections
+from meshes.sections import Maker, counted, parts, sections
 from meshes.template import Template
 
 # Cells of a rod on level 1 from which longer ones are tried; of order 2 level 4 then has about 200,000 unknowns.
@@ -52,7 +53,15 @@ _FEWEST = 4
 _PLACES = 9
 
 
-def build(rods: Sequence[Rod], level: int = 1, order: int = 2) -> Mesh:
+class Cells(NamedTuple):
+    """Numbers of cells on level 1: round a section, across each of its rings, and along the rod."""
+
+    around: int
+    across: int
+    layers: int
+
+
+def build(rods: Sequence[Rod], level: int = 1, order: int = 2, cells: Cells | None = None) -> Mesh:
     """Return one mesh of hexahedra of all rods, which share no node.
 
     Regions are named ``rod 0``, ``rod 1`` ...; faces ``rod 0 start`` and ``rod 0 end`` of a rod that is not closed,
@@ -68,6 +77,8 @@ def build(rods: Sequence[Rod], level: int = 1, order: int = 2) -> Mesh:
     order
         Polynomial order of the geometry, 1 to 3.  Cells of order 1 are half as long in each direction as those of
         order 2: their nodes are as many.
+    cells
+        Numbers of cells in the place of those that are chosen here, of rods with a hole or layers.
 
     Raises
     ------
@@ -78,7 +89,7 @@ def build(rods: Sequence[Rod], level: int = 1, order: int = 2) -> Mesh:
         raise InputError("mesh: no rod is given, need at least one")
     whole_number("mesh: level", level, 1, MOST)
     whole_number("mesh: order of the cells", order, 1, 3)
-    return join(*(named(_mesh(rod, f"rod {k}", level, order), f"rod {k}") for k, rod in enumerate(rods)))
+    return join(*(named(_mesh(rod, f"rod {k}", level, order, cells), f"rod {k}") for k, rod in enumerate(rods)))
 
 
 def places(mesh: Mesh, rods: Sequence[Rod]) -> Index:
@@ -112,15 +123,27 @@ def owners(mesh: Mesh) -> Index:
     return found
 
 
-def _mesh(rod: Rod, name: str, level: int, order: int) -> Mesh:
+def _mesh(rod: Rod, name: str, level: int, order: int, cells: Cells | None) -> Mesh:
     """Return the mesh of one rod."""
     try:
-        make, layers = _chosen(rod, order)
-        mesh = tensored(rod, make(level, order), _positions(rod, parts(level, order) * layers, order))
+        if cells is None:
+            make, layers = _chosen(rod, order)
+            layers = parts(level, order) * layers
+        else:
+            make, layers = counted(rod, cells.around, cells.across), level * _evenly(rod, cells.layers)
+        mesh = tensored(rod, make(level, order), _positions(rod, layers, order))
         mesh.check()
     except InputError as problem:
         raise type(problem)(f"mesh: {name}: {str(problem).removeprefix('mesh: ')}") from None
     return mesh
+
+
+def _evenly(rod: Rod, layers: int) -> Index:
+    """Return as many layers in each element of the axis, so many in all."""
+    elements = rod.axis.elements
+    if layers < elements or layers % elements:
+        raise InputError(f"layers: got {layers}, need a multiple of the {elements} elements of the axis")
+    return np.full(elements, layers // elements)
 
 
 @lru_cache(maxsize=16)

@@ -115,6 +115,32 @@ def sections(rod: Rod, order: int) -> Iterator[Section]:
     yield from sorted(rest, key=lambda one: 10.0 * max(0.0, one.off - _OFF) - one.quality)
 
 
+def counted(rod: Rod, around: int, across: int) -> Maker:
+    """Return the section of a rod with a hole or layers, of so many cells round it and across each ring.
+
+    A core has one ring of cells less round the square in its middle.
+
+    Raises
+    ------
+    InputError
+        If the section has neither.
+    """
+    if len(rod.rings) == 2 and not rod.rings[0]:
+        raise InputError("mesh: numbers of cells are for sections with a hole or layers")
+    rings = [across] * (len(rod.rings) - 1)
+    if not rod.rings[0]:
+        return lambda level, order: wrapped(
+            o_grid(level * around, level * across - 1, order), rod.rings[1:], [level * one for one in rings[1:]]
+        )
+    turn = _tip(rod, _stations(rod))
+    return lambda level, order: annulus(level * around, rod.rings, [level * one for one in rings], order, turn)
+
+
+def _tip(rod: Rod, u: Array) -> float:
+    """Return the angle of a section's tip, degrees."""
+    return float(np.degrees(tips(plane(rod, float(u[u.size // 2])))[0][0]))
+
+
 def _stations(rod: Rod) -> Array:
     """Return axis parameters at which sections are looked at, off the knots, where rods may have kinks."""
     inside = np.array([1e-6, 0.5, 1.0 - 1e-6])
@@ -183,7 +209,7 @@ def _ratio(rod: Rod, u: Array) -> float:
 
 def _rings_round(rod: Rod, u: Array) -> Iterator[tuple[str, Maker]]:
     """Yield ways to mesh a section with a hole, a mesh line at its tip."""
-    turn = float(np.degrees(tips(plane(rod, float(u[u.size // 2])))[0][0]))
+    turn = _tip(rod, u)
     for around in _AROUND if _ratio(rod, u) < _FLAT else _AROUND_FLAT:
         yield f"annulus of {around} cells", partial(_annulus, around, rod.rings, turn)
 

@@ -16,7 +16,7 @@ from comparisons.fem.rods.laws import Laws
 from comparisons.fem.rods.loads import centrifugal, dead, following
 from comparisons.fem.rods.solution import Solution
 from comparisons.fem.rods.supports import Supports
-from comparisons.fem.statics import DIRECT, NEWTON, Element
+from comparisons.fem.statics import DIRECT, NEWTON
 from comparisons.measure.timing import Clock, peak_memory
 from isorod.checks.rigid_motions import refuse_free
 from isorod.errors import SolveError
@@ -105,6 +105,7 @@ class _Loaded(Pressed):
 def solve(
     model: Model,
     mesh: Mesh,
+    rule: int,
     load_steps: int,
     options: Mapping[str, object] | None,
     flags: Sequence[str],
@@ -112,8 +113,6 @@ def solve(
     """Return the equilibrium at full load, see `comparisons.fem.rods.solve`."""
     clock = Clock()
     elements = Elements(mesh, [body.space.rod for body in model.bodies])
-    rule = Element(mesh.order).rule(mesh.shape)
-    assert isinstance(rule, int)
     laws = Laws(elements, model, rule)
     supports = Supports(elements, model)
     refuse_free(model)

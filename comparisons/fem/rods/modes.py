@@ -11,14 +11,15 @@ from comparisons.fem.rods.elements import Elements
 from comparisons.fem.rods.laws import Laws
 from comparisons.fem.rods.solution import Solution
 from comparisons.fem.rods.supports import Supports
-from comparisons.fem.statics import Element
 from isorod.checks.rigid_motions import free_motions
 from isorod.errors import InputError
 from isorod.model.model import Model
 from meshes.mesh import Array, Mesh
 
 
-def solve(model: Model, mesh: Mesh, modes: int, options: Mapping[str, object] | None, flags: Sequence[str]) -> Solution:
+def solve(
+    model: Model, mesh: Mesh, rule: int, modes: int, options: Mapping[str, object] | None, flags: Sequence[str]
+) -> Solution:
     """Return the lowest modes, see `comparisons.fem.rods.solve`; loads, spin and contacts have no part in them."""
     for b, body in enumerate(model.bodies):
         if not body.densities.min() > 0.0:
@@ -27,8 +28,6 @@ def solve(model: Model, mesh: Mesh, modes: int, options: Mapping[str, object] | 
             )
     begin = perf_counter()
     elements = Elements(mesh, [body.space.rod for body in model.bodies])
-    rule = Element(mesh.order).rule(mesh.shape)
-    assert isinstance(rule, int)
     laws, supports = Laws(elements, model, rule), Supports(elements, model)
     settings = modal.Settings(modal.DIRECT if options is None else options, flags)
     found = modal.lowest(

@@ -39,6 +39,10 @@ class Configuration:
         Of a scene, or of a file that ends in ``.toml``.
     level, degree
         Of the mesh, see `meshes.rods.build`; the degree is that of displacement and geometry.
+    around, across, layers
+        Numbers of cells (`meshes.rods.Cells`): all three, or none for those that the mesh chooses.
+    quadrature
+        Degree of the rule in every form, twice the degree if None.
     flags
         C compiler flags of the forms.
     """
@@ -46,15 +50,29 @@ class Configuration:
     name: str
     level: int = 1
     degree: int = 2
+    around: int | None = None
+    across: int | None = None
+    layers: int | None = None
+    quadrature: int | None = None
     flags: tuple[str, ...] = FAST
 
     def __post_init__(self) -> None:
-        runs.check_element(True, self.degree, "Lagrange", None, self.degree)
+        runs.check_element(True, self.degree, "Lagrange", self.quadrature, self.degree)
+        given = [one is not None for one in (self.around, self.across, self.layers)]
+        if any(given) and not all(given):
+            raise InputError("cells: around, across and layers go together")
+
+    @property
+    def counted(self) -> rods.Cells | None:
+        """Numbers of cells that are given."""
+        if self.around is None or self.across is None or self.layers is None:
+            return None
+        return rods.Cells(self.around, self.across, self.layers)
 
 
-def mesh_of(model: Model, level: int = 1, degree: int = 2) -> Mesh:
+def mesh_of(model: Model, level: int = 1, degree: int = 2, cells: rods.Cells | None = None) -> Mesh:
     """Return the mesh of a model's rods, with a plane wherever laws may change, or a section is loaded."""
-    return rods.build([_cut(model, b) for b in range(len(model.bodies))], level, degree)
+    return rods.build([_cut(model, b) for b in range(len(model.bodies))], level, degree, cells)
 
 
 def _cut(model: Model, b: int) -> Rod:
@@ -120,11 +138,14 @@ def run(
             # Modes know no pressures.
             model = model.in_displacements()
         start = perf_counter()
-        mesh = mesh_of(model, configuration.level, configuration.degree)
+        mesh = mesh_of(model, configuration.level, configuration.degree, configuration.counted)
         meshing = perf_counter() - start
+        rule = Element(configuration.degree, configuration.quadrature).rule(mesh.shape)
 
         def once() -> Any:
-            return solve(model, mesh, scene.analysis, flags=configuration.flags, **settings)
+            return solve(
+                model, mesh, scene.analysis, flags=configuration.flags, quadrature=configuration.quadrature, **settings
+            )
 
         solution, record = runs.measured(once, repeat, comm, meshing)
     if fields is not None:
@@ -142,7 +163,7 @@ def run(
         **solution.iterations,
         "formulation": "displacement",
         "units": scene.units,
-        "options": asdict(configuration) | {"quadrature": Element(configuration.degree).rule(mesh.shape)},
+        "options": asdict(configuration) | {"quadrature": rule},
         "scene_options": scene.content if hasattr(scene, "content") else asdict(scene),
         "settings": settings,
         "petsc_options": solution.options,

@@ -6,6 +6,7 @@ from comparisons.fem.flags import FAST
 from comparisons.fem.rods import equilibrium
 from comparisons.fem.rods import modes as modes_of_rods
 from comparisons.fem.rods.solution import Solution
+from comparisons.fem.statics import Element
 from isorod.errors import InputError
 from isorod.model.model import Model
 from meshes.mesh import Mesh
@@ -20,6 +21,7 @@ def solve(
     options: Mapping[str, object] | None = None,
     flags: Sequence[str] = FAST,
     load_steps: int = 1,
+    quadrature: int | None = None,
 ) -> Solution:
     """Solve a model with displacement elements whose nodes are those of the mesh.
 
@@ -42,6 +44,8 @@ def solve(
         C compiler flags for the forms.
     load_steps
         Equal steps to start with (statics).
+    quadrature
+        Degree of the rule in every form, twice the mesh's order if None.
 
     Raises
     ------
@@ -52,8 +56,10 @@ def solve(
     """
     if degree not in (None, mesh.order):
         raise InputError(f"degree: got {degree}, need the mesh's order {mesh.order}")
+    rule = Element(mesh.order, quadrature).rule(mesh.shape)
+    assert isinstance(rule, int)
     if analysis == "statics":
-        return equilibrium.solve(model, mesh, load_steps, options, flags)
+        return equilibrium.solve(model, mesh, rule, load_steps, options, flags)
     if analysis == "modal":
-        return modes_of_rods.solve(model, mesh, modes, options, flags)
+        return modes_of_rods.solve(model, mesh, rule, modes, options, flags)
     raise InputError(f"analysis {analysis}: the finite element side has statics and modes only")

@@ -5,7 +5,6 @@ held against the one that would be chosen, which evaluates the energy of the res
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import astuple
 
 import numpy as np
 
@@ -38,9 +37,12 @@ def _better(body: Body) -> Rule | None:
     # better rule sees the very energy that locks.
     multiplicity = space.axis.multiplicities
     least = good.axial - 1 if (multiplicity[1:-1] >= space.axis.degree).all() else good.axial
-    if given.radial >= good.radial and given.angular >= good.angular and given.axial >= least:
-        return None
-    return Rule(*(max(pair) for pair in zip(astuple(good), astuple(given), strict=True)))
+    better = Rule(
+        max(good.radial, given.radial),
+        max(good.angular, given.angular),
+        given.axial if given.axial >= least else good.axial,
+    )
+    return None if better == given else better
 
 
 def check_modes(

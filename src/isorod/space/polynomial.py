@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from isorod.arrays import Array, Index
 from isorod.errors import InputError, representable, whole_number
 from isorod.geometry.disk import harmonic_functions
-from isorod.geometry.quadrature import WHOLE, Rule, section_points
+from isorod.geometry.quadrature import Rule, section_points
 from isorod.geometry.rod import Rod
 from isorod.space.basis import POLYNOMIALS, monomials
 
@@ -88,11 +88,8 @@ class Polynomials:
                 "polynomials need sections of one shape"
             )
         area, values, first, second = _points(rod.section_points, degree, rod.rings)
-        self._polygon, extents, share = _principal_frame(self._polygon, area, values, first, second)
-        self.across = degree
-        # Round a hole a wall is bent all ways.
-        if rod.rings == WHOLE:
-            self.across = max(2, ceil(degree * max(0.5, extents.min() / extents.max()) - 1e-9))
+        self._polygon, share = _principal_frame(self._polygon, area, values, first, second)
+        self.across = max(2, ceil(degree * max(0.5, _roundness(arms)) - 1e-9))
         self._powers = monomials(degree, self.across)
         self._mix = _orthogonalised(self._values(values)[0] * np.sqrt(share))
 
@@ -227,8 +224,8 @@ def _points(n: int, degree: int, rings: tuple[float, ...]) -> tuple[Array, Array
 
 def _principal_frame(
     polygon: Array, area: Array, values: Array, first: Array, second: Array
-) -> tuple[Array, Array, Array]:
-    """Return a section's polygon in its principal coordinates, each over half its extent; extents; shares of the area.
+) -> tuple[Array, Array]:
+    """Return a section's polygon in its principal coordinates, each over half its extent, and shares of the area.
 
     Parameters
     ----------
@@ -255,7 +252,16 @@ def _principal_frame(
         x, y = found[:, 1] * np.copysign(1.0, arm @ found[:, 1])
     axes = np.array([[x, -y], [y, x]])
     extents = np.ptp(place @ axes, axis=0)
-    return (polygon - centroid) @ axes / (0.5 * extents), extents, share
+    return (polygon - centroid) @ axes / (0.5 * extents), share
+
+
+def _roundness(arms: Array) -> float:
+    """Return how thick a section is beside its width, of the layer of control points ``(layers, n, 3)`` with the most.
+
+    Where an axis is bent, layers off its curve are wider than its sections.
+    """
+    sizes = np.linalg.svd(arms, compute_uv=False)
+    return float((sizes[:, 1] / np.maximum(sizes[:, 0], np.finfo(float).tiny)).max())
 
 
 def _orthogonalised(weighted: Array) -> Array:
