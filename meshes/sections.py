@@ -130,7 +130,7 @@ def counted(rod: Rod, around: int, across: int) -> Maker:
     rings = [across] * (len(rod.rings) - 1)
     if not rod.rings[0]:
         return lambda level, order: wrapped(
-            o_grid(level * around, level * across - 1, order), rod.rings[1:], [level * one for one in rings[1:]]
+            o_grid(level * around, level * (across - 1), order), rod.rings[1:], [level * one for one in rings[1:]]
         )
     turn = _tip(rod, _stations(rod))
     return lambda level, order: annulus(level * around, rod.rings, [level * one for one in rings], order, turn)

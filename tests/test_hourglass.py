@@ -169,3 +169,11 @@ def test_negative_eigenvalues_are_counted_where_pivots_are_blocks(dense, monkeyp
 def test_a_failure_names_the_rule_where_it_may_be_the_cause():
     assert hourglass.hint(with_rule("3x1x3", degree=2)) == "; quadrature 3x1x3 has fewer points than 'auto'"
     assert hourglass.hint(with_rule(chosen(degree=2), degree=2)) == ""
+
+
+def test_what_a_better_rule_adds_is_what_is_missing_alone():
+    """More points along C0 elements would see energy that locks, which no rule is suspected for."""
+    keywords = SPACES["polynomials"]
+    good, degree = chosen(**keywords), keywords["degree"]
+    model = with_rule(replace(good, axial=degree, radial=good.radial - 1), continuity=0, **keywords)
+    assert hourglass.better_rules(model) == {0: replace(good, axial=degree)}

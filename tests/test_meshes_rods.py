@@ -282,3 +282,16 @@ def test_bad_input_is_refused_in_one_line():
         assert "\n" not in str(problem.value)
     with pytest.raises(FoldedRodError, match=r"mesh: rod 1: the rod folds in element 0 .*concave|outline|fold"):
         rods.build([rod, LINE.sweep(section.flower(16, 4, 1.0, 0.6))])
+
+
+@pytest.mark.parametrize(("rings", "quads"), [((0.5, 1.0), 12 * 2), ((0.0, 0.4, 0.7, 1.0), 9 + 12 + 2 * 12 * 2)])
+def test_cells_are_as_many_as_are_asked_for(rings, quads):
+    rod = center_line.helix(5.0, 2.0, 1).sweep(section.circle(8)).with_rings(rings)
+    layers = 3 * rod.axis.elements
+    mesh = rods.build([rod], 1, 3, rods.Cells(12, 2, layers))
+    assert len(mesh.cells) == quads * layers
+    assert len(rods.build([rod], 2, 3, rods.Cells(12, 2, layers)).cells) == 8 * quads * layers
+    with pytest.raises(InputError, match=rf"layers: got 1, need a multiple of the {rod.axis.elements} elements"):
+        rods.build([rod], 1, 2, rods.Cells(12, 1, 1))
+    with pytest.raises(InputError, match="sections with a hole or layers"):
+        rods.build([center_line.straight(1.0).sweep(section.circle(8))], 1, 2, rods.Cells(12, 1, 4))

@@ -1,14 +1,15 @@
-"""Study ``bench``: spring, blade and biceps against the fastest of every program that is here, at the same errors.
+"""Study ``bench``: rods and biceps against the fastest of every program that is here, at the same errors.
 
 Spring and blade: dolfinx, of this Python and of others that are named, NGSolve and CalculiX, each along families of
 meshes that were tuned for it; the fastest of each within an error, which keeps it on finer meshes, is measured again in
-turn with isorod.  Biceps: explicit dynamics of dolfinx alone; CalculiX and NGSolve have no contracting fibres.
+turn with isorod.  Rods with a hole or in layers: dolfinx alone.  Biceps: explicit dynamics of dolfinx alone; CalculiX
+and NGSolve have no contracting fibres.
 """
 
 import os
 from collections.abc import Sequence
 
-from comparisons.bench import biceps, rods
+from comparisons.bench import biceps, hollow, rods
 from comparisons.measure import opponents
 from comparisons.measure.study import Run
 from isorod import options
@@ -20,7 +21,8 @@ def run(study: Run, others: Sequence[str] = ()) -> None:
     here, absent = opponents.here()
     # What else the machine does: times are worth little beside it.
     study.record("opponents", {"here": here, "absent": absent, "load": os.getloadavg()[0]})
-    scenes = [rods.Spring(study.level, here, others), rods.Blade(study.level, here, others)]
+    scenes: list[rods.Scene] = [rods.Spring(study.level, here, others), rods.Blade(study.level, here, others)]
+    scenes += [scene(study.level, (), others) for scene in hollow.SCENES]
     with study.progress(sum(scene.steps for scene in scenes) + biceps.steps(study.level)) as steps:
         for scene in scenes:
             scene.run(study, steps)

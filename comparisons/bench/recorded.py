@@ -57,7 +57,7 @@ def short(records: list[Record]) -> Record:
     """Return what is kept of the records of a run: each program's fastest within each error."""
     (setup,) = part(records, "opponents")
     rows = []
-    for scene in _DRAWN:
+    for scene in report.scenes(records):
         mine = report.of_scene(records, scene)
         for target in precision.targets(mine):
             runs = [_one(one, one["seconds"]["total"], report.bare(one)) for one in report.fastest(mine, target)]

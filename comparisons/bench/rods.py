@@ -13,7 +13,7 @@ from comparisons.measure import timing
 from comparisons.measure.convergence import extrapolate, richardson
 from comparisons.measure.records import Record
 from comparisons.measure.study import Run, Steps
-from comparisons.measure.work import AS_RUN, Curve, WorkPrecision, fem_curves, steps_of, with_others
+from comparisons.measure.work import AS_RUN, Curve, WorkPrecision, fem_curves, named, steps_of, with_others
 from comparisons.ngsolve import presets as ngsolve
 
 # What CalculiX' elastic law becomes with large displacements; its neo-Hookean law is none of ours.
@@ -21,7 +21,7 @@ _LAWS = {"calculix": "st-venant-kirchhoff"}
 _OURS = "neo-hookean"
 
 
-class _Scene:
+class Scene:
     """A scene with its curves.
 
     Parameters
@@ -35,6 +35,7 @@ class _Scene:
     """
 
     name: ClassVar[str]
+    file: ClassVar[str] = ""
     targets: ClassVar[Mapping[str, Sequence[float]]]
     families: ClassVar[Mapping[str, Mapping[str, Sequence[Family]]]]
     best: ClassVar[Mapping[str, Mapping[float, Sequence[str]]]]
@@ -74,7 +75,7 @@ class _Scene:
         """Record converged values and the work of every program."""
         limits = self.converged(study, steps)
         finer = {name: self.finer["fem"] for name in self.here} | dict(self.finer)
-        work = WorkPrecision(study, steps, self.name, finer, lambda found: self.error(found, limits))
+        work = WorkPrecision(study, steps, self.name, finer, lambda found: self.error(found, limits), self.file)
         targets = self.targets[self.level]
         work.run(
             self.curves,
@@ -98,12 +99,12 @@ class _Scene:
         records = []
         for arguments in self.reference[self.level].arguments:
             with steps.step(f"{self.name}, converged value: {arguments} {extra}".rstrip()):
-                words = [self.name, *arguments.split(), *extra.split()]
+                words = [*named("fem", self.name, self.file), *arguments.split(), *extra.split()]
                 records.append(study.record("convergence", timing.run("comparisons.fem", words)))
         return [1.0 / record["options"]["layers"] for record in records], records
 
 
-class Spring(_Scene):
+class Spring(Scene):
     """The pulled spring: the force, against that of the law that a program has."""
 
     name = "spring"
@@ -148,7 +149,7 @@ class Spring(_Scene):
         return abs(float(found["force"]) / force - 1.0)
 
 
-class Blade(_Scene):
+class Blade(Scene):
     """The blade's ten lowest frequencies."""
 
     name = "blade"

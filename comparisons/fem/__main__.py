@@ -83,7 +83,6 @@ def _parser() -> argparse.ArgumentParser:
     it.add_argument("--degree", type=_positive, default=2, metavar="P", help="degree of displacement and geometry")
     for name, what in (("around", "round a hole or core"), ("across", "across each ring"), ("layers", "along the rod")):
         it.add_argument(f"--{name}", type=_positive, metavar="N", help=f"cells {what}, in the place of the mesh's own")
-    it.add_argument("--quadrature", type=_positive, metavar="Q", help="degree of the quadrature rule")
     it.add_argument("--fields", metavar="FILE", help="write nodes, displacements or modes, stress to this .npz file")
     _add_run(it)
     return parser

@@ -67,7 +67,7 @@ def variants(scene: Any, model: Any, known: Sequence[Mapping[str, Any]]) -> list
 
 
 def written(scene: Any, known: Sequence[Mapping[str, Any]]) -> str:
-    """Return the options of a published scene that say what was chosen, but for short elements near ends."""
+    """Return the options of a scene that say what was chosen, but for short elements near ends."""
     return " ".join(_words(scene, None, _common(known), {}))
 
 
@@ -92,7 +92,7 @@ def _label(base: Mapping[str, int], changed: Mapping[str, int]) -> str:
 
 def _words(scene: Any, model: Any, base: Mapping[str, int], changed: Mapping[str, int]) -> tuple[str, ...]:
     """Return options of the command line: of a file the spaces of its rods, with the short elements that they have."""
-    if hasattr(scene, "content"):
+    if model is not None and hasattr(scene, "content"):
         spaces = [_changed(body.space, changed, base.get("elements")) for body in model.bodies]
         return "--spaces", json.dumps(scene.on(spaces).spaces)
     names = {field.name for field in dataclasses.fields(scene)}

@@ -87,6 +87,8 @@ class WorkPrecision:
         a run does not have are passed over.
     error
         Error of a record.
+    file
+        The scene's file, where it is none of the package.
     """
 
     study: Run
@@ -94,12 +96,14 @@ class WorkPrecision:
     scene: str
     finer: Mapping[str, Sequence[tuple[str, int]]]
     error: Callable[[Record], float]
+    file: str = ""
 
     def _measure(self, side: tuple[str, str], arguments: str, repeat: int) -> Record:
         method, interpreter = side
-        words = [self.scene, *arguments.split(), "--repeat", str(repeat)]
+        words = [*named(method, self.scene, self.file), *arguments.split(), "--repeat", str(repeat)]
         found = timing.run(MODULES[method], words, interpreter=interpreter)
-        return found | {"arguments": arguments, "error": self.error(found), "interpreter": interpreter}
+        measured = {"scene": self.scene, "arguments": arguments, "error": self.error(found)}
+        return found | measured | {"interpreter": interpreter}
 
     def run(self, curves: Sequence[Curve], targets: Sequence[float], known: Mapping[float, Sequence[str]]) -> None:
         """Record error and warm run time along each curve, or the refusal, then the fastest runs within each target.
@@ -161,7 +165,7 @@ class WorkPrecision:
             finer: list[Record] = []
             given = found["arguments"]
             if given in AS_RUN.arguments:
-                given = written(find(self.scene, {}), found["discretisation"])
+                given = written(find(self.file or self.scene, {}), found["discretisation"])
             for option, step in self.finer[found["method"]]:
                 count = re.search(rf"{option} (\d+)", given)
                 if count is None:
@@ -182,6 +186,13 @@ class WorkPrecision:
             else:
                 self.study.record("confirm", confirmed)
         return held
+
+
+def named(method: str, scene: str, file: str = "") -> list[str]:
+    """Return the words that name a scene to a program: its name, or its file."""
+    if not file:
+        return [scene]
+    return ["rods", file] if method == "fem" else [file]
 
 
 def _side(record: Record) -> tuple[str, str]:

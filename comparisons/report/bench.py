@@ -12,7 +12,16 @@ from isorod.output.results import write_beside
 
 TABLE = "bench.md"
 
-QUANTITIES = {"spring": "force", "blade": "ten frequencies", "biceps": "end forces of the motion to rest"}
+RODS = {
+    "spring": "force",
+    "blade": "ten frequencies",
+    "tube": "force",
+    "tube's stresses": "von Mises stress at three places",
+    "core and sheath": "force",
+    "core and sheath's stresses": "von Mises stress at three places",
+    "hollow blade": "six frequencies",
+}
+QUANTITIES = RODS | {"biceps": "end forces of the motion to rest"}
 
 _PROGRAMS = {"ngsolve": "NGSolve", "calculix": "CalculiX"}
 
@@ -22,6 +31,9 @@ PROOFS = {
     "blade": "residuals and a Sturm count in isorod, there hourglass modes too, and in dolfinx; residuals alone in "
     "NGSolve, nothing in CalculiX",
 }
+# Of rods with a hole or in layers the same as of those without.
+PROOFS |= dict.fromkeys(("tube", "tube's stresses", "core and sheath", "core and sheath's stresses"), PROOFS["spring"])
+PROOFS["hollow blade"] = PROOFS["blade"]
 _ESTIMATE = f"Isorod {AS_RUN.label} has nothing chosen by hand, and the estimate of its error is a part of its time."
 
 # Isorod's side: a preset that was searched for, or nothing chosen.
@@ -61,6 +73,11 @@ def bare(record: Record) -> float:
 def of_scene(records: list[Record], scene: str) -> list[Record]:
     """Return the records of one scene, each configuration with one time."""
     return precision.settled([record for record in records if record.get("scene") == scene])
+
+
+def scenes(records: list[Record]) -> list[str]:
+    """Return the scenes of rods that a run has measured."""
+    return [scene for scene in RODS if of_scene(records, scene)]
 
 
 def fastest(records: list[Record], target: float) -> list[Record]:
@@ -160,7 +177,7 @@ def motion(records: list[Record]) -> tuple[list[Record], str, float] | None:
 def reached(records: list[Record]) -> list[tuple[str, float, Record, float, float | None]]:
     """Return scene, error, isorod's run, and the time of the best of all others over its, with and without checks."""
     found: list[tuple[str, float, Record, float, float | None]] = []
-    for scene in ("spring", "blade"):
+    for scene in scenes(records):
         mine = of_scene(records, scene)
         for target in precision.targets(mine):
             found += [(scene, target, *one) for one in ratios(mine, target)]
@@ -189,7 +206,7 @@ def summary(records: list[Record]) -> list[str]:
 def markdown(records: list[Record]) -> str:
     """Return the tables as Markdown."""
     lines = []
-    for scene in ("spring", "blade"):
+    for scene in scenes(records):
         lines += [
             f"{scene}: {QUANTITIES[scene]}. Checks: {PROOFS[scene]}. {_ESTIMATE}",
             "",
@@ -224,7 +241,7 @@ def section(records: list[Record], folder: Path) -> list[str]:
         "<p>The fastest of each program within an error, of many meshes and elements of the very same geometry, "
         f"measured in turn in one run. {_ESTIMATE} {precision.LUCK.removeprefix('<p>')}",
     ]
-    for scene in ("spring", "blade"):
+    for scene in scenes(records):
         mine = of_scene(records, scene)
         lines += [
             heading(3, f"Programs: {scene}, {QUANTITIES[scene]}"),

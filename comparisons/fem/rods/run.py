@@ -41,8 +41,6 @@ class Configuration:
         Of the mesh, see `meshes.rods.build`; the degree is that of displacement and geometry.
     around, across, layers
         Numbers of cells (`meshes.rods.Cells`): all three, or none for those that the mesh chooses.
-    quadrature
-        Degree of the rule in every form, twice the degree if None.
     flags
         C compiler flags of the forms.
     """
@@ -53,11 +51,10 @@ class Configuration:
     around: int | None = None
     across: int | None = None
     layers: int | None = None
-    quadrature: int | None = None
     flags: tuple[str, ...] = FAST
 
     def __post_init__(self) -> None:
-        runs.check_element(True, self.degree, "Lagrange", self.quadrature, self.degree)
+        runs.check_element(True, self.degree, "Lagrange", None, self.degree)
         given = [one is not None for one in (self.around, self.across, self.layers)]
         if any(given) and not all(given):
             raise InputError("cells: around, across and layers go together")
@@ -140,12 +137,9 @@ def run(
         start = perf_counter()
         mesh = mesh_of(model, configuration.level, configuration.degree, configuration.counted)
         meshing = perf_counter() - start
-        rule = Element(configuration.degree, configuration.quadrature).rule(mesh.shape)
 
         def once() -> Any:
-            return solve(
-                model, mesh, scene.analysis, flags=configuration.flags, quadrature=configuration.quadrature, **settings
-            )
+            return solve(model, mesh, scene.analysis, flags=configuration.flags, **settings)
 
         solution, record = runs.measured(once, repeat, comm, meshing)
     if fields is not None:
@@ -163,7 +157,7 @@ def run(
         **solution.iterations,
         "formulation": "displacement",
         "units": scene.units,
-        "options": asdict(configuration) | {"quadrature": rule},
+        "options": asdict(configuration) | {"quadrature": Element(configuration.degree).rule(mesh.shape)},
         "scene_options": scene.content if hasattr(scene, "content") else asdict(scene),
         "settings": settings,
         "petsc_options": solution.options,

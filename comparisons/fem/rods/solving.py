@@ -21,7 +21,6 @@ def solve(
     options: Mapping[str, object] | None = None,
     flags: Sequence[str] = FAST,
     load_steps: int = 1,
-    quadrature: int | None = None,
 ) -> Solution:
     """Solve a model with displacement elements whose nodes are those of the mesh.
 
@@ -44,8 +43,6 @@ def solve(
         C compiler flags for the forms.
     load_steps
         Equal steps to start with (statics).
-    quadrature
-        Degree of the rule in every form, twice the mesh's order if None.
 
     Raises
     ------
@@ -56,7 +53,7 @@ def solve(
     """
     if degree not in (None, mesh.order):
         raise InputError(f"degree: got {degree}, need the mesh's order {mesh.order}")
-    rule = Element(mesh.order, quadrature).rule(mesh.shape)
+    rule = Element(mesh.order).rule(mesh.shape)
     assert isinstance(rule, int)
     if analysis == "statics":
         return equilibrium.solve(model, mesh, rule, load_steps, options, flags)

@@ -222,9 +222,7 @@ def _points(n: int, degree: int, rings: tuple[float, ...]) -> tuple[Array, Array
     )
 
 
-def _principal_frame(
-    polygon: Array, area: Array, values: Array, first: Array, second: Array
-) -> tuple[Array, Array]:
+def _principal_frame(polygon: Array, area: Array, values: Array, first: Array, second: Array) -> tuple[Array, Array]:
     """Return a section's polygon in its principal coordinates, each over half its extent, and shares of the area.
 
     Parameters
