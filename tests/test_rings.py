@@ -387,7 +387,7 @@ def test_same_volume_for_any_rings():
     [*(prism((hole, 1.0)) for hole in (0.3, 0.6, 0.85)), prism((0.6, 1.0), naca("2412")), prism((0.0, 0.6, 1.0))],
 )
 def test_the_cheap_rule_sees_every_function(rod, section_degree):
-    """It has most of the energy of gradients that a fine one has, whatever the function; with two radial points less not.
+    """It has most of the energy of gradients that a fine one has, whatever the function; two points less have not.
 
     What varies most across a ring has none then, and stresses are off by 4 %.
     """

@@ -62,7 +62,7 @@ class Tube(_File):
 
     name = "tube"
     file = str(_FILES / "tube.toml")
-    measured = ("force",)
+    measured: ClassVar[Sequence[str]] = ("force",)
     targets: ClassVar[Mapping[str, Sequence[float]]] = dict.fromkeys(_LEVELS, (5e-3, 1e-3))
     families: ClassVar[Mapping[str, Mapping[str, Sequence[Family]]]] = {"fem": dict.fromkeys(_LEVELS, presets.WIRE)}
     best: ClassVar[Mapping[str, Mapping[float, Sequence[str]]]] = {

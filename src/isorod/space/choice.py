@@ -56,8 +56,9 @@ CUBIC = 3
 # What is left of a series in the radius times the curvature that ends with the section degree, in statics.
 CURVED = 0.005
 
-# Rods with a hole or in layers, at least: springs of tube, holes of 0.6, 0.8 and 0.93, err by 0.02, 0.12 and 0.19 % with
-# 4, a core in its sheath by less; in statics, with 5, their stresses by 2 %, for 4 %.  Hollow airfoils want 8 to 10.
+# Rods with a hole or in layers, at least: springs of tube, holes of 0.6, 0.8 and 0.93, err by 0.02, 0.12 and 0.19 %
+# with 4, a core in its sheath by less; in statics, with 5, their stresses by 2 %, for 4 %.  Hollow airfoils want 8 to
+# 10.
 RINGED, RINGED_STRESSED, MOST_RINGED = 4, 5, 10
 
 # A tube's wall bends where it is held or ends, over a few times sqrt(radius times thickness): elements of that many

@@ -68,7 +68,7 @@ class Ringed(Polynomials):
             for j, edge in enumerate(self._rings[:-1])
             if edge > 0.0
             for of, total in enumerate((degree, degree + 1))
-            # Round a hole polynomials in r^-2 do: with those in r^2 there are a third more functions, as right as others.
+            # Round a hole polynomials in r^-2 do: those in r^2 too are a third more functions, no better than others.
             if of or j
             for k in range(1, min(total, self.across + 1) // 2 + 1)
             for m in range(total - 2 * k + 1)
