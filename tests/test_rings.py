@@ -2,13 +2,12 @@
 
 import numpy as np
 import pytest
-from scipy.linalg import eigh
 
 from isorod import dynamics, modal, statics
 from isorod.errors import InputError
 from isorod.geometry.center_line import helix, straight
 from isorod.geometry.rod import Rod
-from isorod.geometry.section import airfoil, circle, ellipse, naca
+from isorod.geometry.section import airfoil, circle, ellipse
 from isorod.material import LinearElastic, NeoHookean
 from isorod.material.muscle import Muscle
 from isorod.material.places import Places
@@ -379,29 +378,3 @@ def test_same_volume_for_any_rings():
     rod = prism((0.0, 1.0))
     assert prism((0.0, 0.3, 1.0)).volume() == pytest.approx(rod.volume(), rel=1e-12)
     assert isinstance(rod, Rod) and repr(prism((0.5, 1))).count("rings 0.5 1") == 1
-
-
-@pytest.mark.parametrize("section_degree", [3, 6, 8])
-@pytest.mark.parametrize(
-    "rod",
-    [*(prism((hole, 1.0)) for hole in (0.3, 0.6, 0.85)), prism((0.6, 1.0), naca("2412")), prism((0.0, 0.6, 1.0))],
-)
-def test_the_cheap_rule_sees_every_function(rod, section_degree):
-    """It has most of the energy of gradients that a fine one has, whatever the function; two points less have not.
-
-    What varies most across a ring has none then, and stresses are off by 4 %.
-    """
-    space = Space(rod, section_degree=section_degree, elements=1)
-
-    def energies(rule):
-        xi, area = space.section_rule(rule)
-        _, jacobian = rod.grid(xi, [0.5])
-        slopes = np.linalg.inv(jacobian[0][:, :2, :2])
-        gradients = space.basis.functions(xi)[1] @ slopes
-        rows = np.sqrt(area * np.abs(np.linalg.det(jacobian[0][:, :2, :2])))[:, None, None] * gradients
-        rows = rows.swapaxes(1, 2).reshape(-1, space.basis.count)[:, 1:]
-        return rows.T @ rows
-
-    cheap, fine = space.basis.auto(3), space.basis.full(3)
-    seen = eigh(energies(cheap), energies(fine), eigvals_only=True)
-    assert 0.7 < seen.min() and seen.max() < 1.1

@@ -3,11 +3,12 @@
 On the disk a section is cut in rings at radii ``r_j`` (`isorod.geometry.rod.Rod.rings`).  Beside the polynomials of the
 section's coordinates ``X`` (`isorod.space.polynomial`) stand, for each inner edge of a ring, ``f_k(r) Re Z^m`` and
 ``f_k(r) Im Z^m``, ``Z = X_1 + i X_2``, where ``f_k`` is zero inside of the edge and outside of it a polynomial of
-degree ``k``, in ``r^2`` or in ``r^-2``, that starts from zero.  So a displacement may have a kink where two layers
-meet; and round a hole, about whose centre the plane elastic states ``r^(-m) exp(i m theta)`` and
-``r^(2 - m) exp(i m theta)`` (J. H. Michell, On the direct determination of stress in an elastic solid, Proc. London
-Math. Soc. 31 (1899) 100-124) have no Taylor series, each of them is such a product: Lame's tube is exact.  A section
-with a hole and one in layers differ in nothing else than whether there is a ring inside of the innermost edge.
+degree ``k``, in ``r^-2`` or, where there is a ring inside, in ``r^2`` too, that starts from zero.  So a displacement
+may have a kink where two layers meet; and round a hole, about whose centre the plane elastic states
+``r^(-m) exp(i m theta)`` and ``r^(2 - m) exp(i m theta)`` (J. H. Michell, On the direct determination of stress in an
+elastic solid, Proc. London Math. Soc. 31 (1899) 100-124) have no Taylor series, each of them is such a product: Lame's
+tube is exact.  A section with a hole and one in layers differ in nothing else than whether there is a ring inside of
+the innermost edge.
 
 The ``Re Z^m`` and ``Im Z^m`` are complete on every closed curve round the centre (J. L. Walsh, The approximation of
 harmonic functions by harmonic polynomials and by harmonic rational functions, Bull. Amer. Math. Soc. 35 (1929)
@@ -31,17 +32,19 @@ from isorod.geometry.quadrature import Rule, ring_of, section_points
 from isorod.geometry.rod import Rod
 from isorod.space.polynomial import Polynomials, fine_rule
 
-# What is left of a function of size one, orthogonal to all others, if it is to count as one more: in a round section
-# the square of the radius is a polynomial of the coordinates already.
-_NEW = 1e-6
+# What is left of a function's gradients of size one, orthogonal to those of all others, if it is to count as one more:
+# in a round section the square of the radius is a polynomial of the coordinates already.  An energy errs by the square
+# of what is left out.
+_NEW = 1e-5
 
 
 class Ringed(Polynomials):
     """Polynomials of total degree ``N`` in a section's principal coordinates, and ring functions.
 
     Of the latter those in ``r^2`` have ``2 k + m <= N``, those in ``r^-2`` one more.  The first functions are 1 and the
-    two coordinates, and all are orthogonal over the section.  Round a hole a round section has ``(N + 1)^2``, as many
-    as there are polynomials in both coordinates and the radius; what is there already is left out.
+    two coordinates, and the gradients of all are orthogonal over the section.  Round a hole a round section has
+    ``(N + 1)^2``, as many as there are polynomials in both coordinates and the radius; what is there already is left
+    out.
 
     Parameters
     ----------
@@ -78,11 +81,8 @@ class Ringed(Polynomials):
         n = rod.section_points
         rule = Rule(self._radial_points(1e-8), fine_rule(n, degree).angular, 1)
         xi, area = section_points(n, rule, rings=rod.rings)
-        gradients = harmonic_functions(n, xi)[1]
-        first, second = gradients[:, :, 0] @ self._polygon, gradients[:, :, 1] @ self._polygon
-        area = area * np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
-        candidates = self._candidates(xi)[0] * np.sqrt(area / area.sum())[:, None]
-        self._mix, self._taken = orthogonalised(candidates)
+        turn = np.einsum("qib,ic->qbc", harmonic_functions(n, xi)[1], self._polygon)
+        self._mix, self._taken = orthogonalised(*self._candidates(xi), turn, area)
 
     @property
     def count(self) -> int:
@@ -199,28 +199,38 @@ class Ringed(Polynomials):
         return np.empty((np.asarray(xi).reshape(-1, 2).shape[0], self.pressure_count))
 
 
-def orthogonalised(candidates: Array) -> tuple[Array, NDArray[np.intp]]:
-    """Return the matrix that makes functions, weighted at points ``(q, c)``, orthonormal, and which were taken.
+def orthogonalised(values: Array, gradients: Array, turn: Array, area: Array) -> tuple[Array, NDArray[np.intp]]:
+    """Return the matrix that makes functions of a section of orthonormal gradients, and which of them were taken.
 
-    The first three stay first; of the others those are left out that are sums of what is there.
+    The first three, 1 and the coordinates, stay first, the others have no mean; of them those are left out whose
+    gradients are sums of those that are there.  Orthonormal values would not do: in a thin ring what hardly differs may
+    have other gradients.  Gradients are times the section's radius of gyration.
+
+    Parameters
+    ----------
+    values, gradients
+        At points of the disk, by its coordinates, shapes ``(q, c)`` and ``(q, c, 2)``.
+    turn
+        Derivatives ``(q, 2, 2)`` of the section's coordinates (last) by the disk's.
+    area
+        Weights of the points on the disk, shape ``(q,)``.
     """
-    frame, head = np.linalg.qr(candidates[:, :3])
-    scale = np.linalg.norm(candidates[:, 3:], axis=0)
-    rest = candidates[:, 3:] / scale
-    share = np.zeros((3, rest.shape[1]))
+    weight = area * np.abs(np.linalg.det(turn))
+    weight /= weight.sum()
+    means = weight @ values
+    radius = np.sqrt(weight @ np.square(values[:, 1:3] - means[1:3]).mean(axis=1))
+    slopes = gradients[:, 1:] @ (np.swapaxes(np.linalg.inv(turn), 1, 2) * (radius * np.sqrt(weight))[:, None, None])
+    slopes = np.vstack([*np.moveaxis(slopes, 2, 0)])
+    frame = np.linalg.qr(slopes[:, :2])[0]
+    rest = slopes[:, 2:] / np.linalg.norm(slopes[:, 2:], axis=0)
     # Twice is enough.
     for _ in range(2):
-        more = frame.T @ rest
-        rest = rest - frame @ more
-        share += more
+        rest = rest - frame @ (frame.T @ rest)
     _, triangle, order = qr(rest, mode="economic", pivoting=True)
-    size = np.abs(np.diag(triangle))
-    rank = int(np.count_nonzero(size > _NEW))
-    kept = order[:rank]
-    # candidates = orthonormal @ whole
-    whole = np.zeros((3 + rank, 3 + rank))
-    whole[:3, :3] = head
-    whole[:3, 3:] = share[:, kept] * scale[kept]
-    whole[3:, 3:] = triangle[:rank, :rank] * scale[kept]
+    taken = np.concatenate([[0, 1, 2], 3 + order[np.abs(np.diag(triangle)) > _NEW]])
+    # candidates = own functions @ whole
+    whole = np.zeros((taken.size, taken.size))
+    whole[0] = means[taken]
+    whole[1:, 1:] = np.linalg.qr(slopes[:, taken[1:] - 1])[1]
     whole *= np.where(np.diag(whole) < 0.0, -1.0, 1.0)[:, None]
-    return np.linalg.inv(whole), np.concatenate([np.arange(3), 3 + kept])
+    return np.linalg.inv(whole), taken

@@ -23,7 +23,7 @@ class Waves:
     Of these each edge of a ring has one that falls to zero linearly up to the next edges, and each ring integrals of
     Legendre polynomials that are zero at its edges (the hierarchic functions of B. Szabo & I. Babuska, Finite Element
     Analysis, 1991); at the centre of a section without a hole all are zero.  The first functions are 1 and the two
-    coordinates, and all are orthogonal over the section.
+    coordinates, and the gradients of all are orthogonal over the section.
 
     Parameters
     ----------
@@ -40,10 +40,8 @@ class Waves:
     def __init__(self, outline: Array, rings: tuple[float, ...], waves: int, degree: int) -> None:
         self._outline, self._rings, self._waves, self._degree = outline, rings, waves, degree
         xi, area = section_points(len(outline), self.rule, rings=rings)
-        jacobian = np.einsum("qib,ia->qab", harmonic_functions(len(outline), xi)[1], outline)
-        share = area * np.linalg.det(jacobian)
-        candidates = self._candidates(xi)[0]
-        self._mix, self._taken = orthogonalised(candidates * np.sqrt(share / share.sum())[:, None])
+        turn = np.einsum("qib,ia->qba", harmonic_functions(len(outline), xi)[1], outline)
+        self._mix, self._taken = orthogonalised(*self._candidates(xi), turn, area)
 
     @property
     def rule(self) -> Rule:
