@@ -79,7 +79,7 @@ class Ringed(Polynomials):
         ]
         self._kinds: Index = np.array(kinds, dtype=np.int64)
         n = rod.section_points
-        rule = Rule(self._radial_points(1e-8), fine_rule(n, degree).angular, 1)
+        rule = Rule(self._radial_points(1e-12), fine_rule(n, degree).angular, 1)
         xi, area = section_points(n, rule, rings=rod.rings)
         turn = np.einsum("qib,ic->qbc", harmonic_functions(n, xi)[1], self._polygon)
         self._mix, self._taken = orthogonalised(*self._candidates(xi), turn, area)
@@ -204,7 +204,8 @@ def orthogonalised(values: Array, gradients: Array, turn: Array, area: Array) ->
 
     The first three, 1 and the coordinates, stay first, the others have no mean; of them those are left out whose
     gradients are sums of those that are there.  Orthonormal values would not do: in a thin ring what hardly differs may
-    have other gradients.  Gradients are times the section's radius of gyration.
+    have other gradients.  Gradients are by the section's coordinates, times its
+    radius of gyration in them.
 
     Parameters
     ----------
