@@ -46,7 +46,7 @@ def test_the_cheap_rule_sees_every_function(rod, section_degree):
 
 @pytest.mark.parametrize("rod", RODS)
 def test_gradients_are_orthonormal_and_the_first_functions_linear(rod):
-    """By another rule than the one that made them so, which errs by 1e-12, times 1e5 a factor where functions hardly differ."""
+    """By another rule than the one that made them so, 1e-12 off, times 1e5 a factor where functions hardly differ."""
     space = Space(rod, section_degree=6, elements=1)
     found = energies(space, space.basis.full(3))
     assert found == pytest.approx(found[0, 0] * np.eye(len(found)), abs=1e-2 * found[0, 0])
