@@ -8,13 +8,15 @@ from isorod import dynamics
 from isorod.dynamics.explicit import mesh
 from isorod.dynamics.explicit.mass import Mass
 from isorod.dynamics.implicit.assembler import StepAssembler
+from isorod.dynamics.implicit.contraction import Contraction
 from isorod.dynamics.implicit.newton import Newton
+from isorod.errors import SolveError
 from isorod.geometry.axis import Axis
 from isorod.geometry.rod import Rod
 from isorod.geometry.section import ellipse
 from isorod.material import NeoHookean
 from isorod.material.muscle import Muscle
-from isorod.model import Body, Contact, Model, Plane, Support
+from isorod.model import Body, Contact, Cylinder, Model, Plane, Support
 from isorod.space import Space
 
 MUSCLE = Muscle(100.0, 0.3, sigma_max=40.0, m1=35.0, m2=0.5, activation=1.0, fibre=(0.0, 0.6, 0.8))
@@ -71,6 +73,47 @@ def test_halved_steps_are_those_of_a_run_with_shorter_ones(parts, refuse_longer)
     np.testing.assert_allclose(halved.velocity, short.velocity, atol=1e-11 * np.abs(short.velocity).max())
     np.testing.assert_allclose(halved.muscle_work, short.muscle_work, rtol=1e-10)
     np.testing.assert_allclose(halved.dissipated, short.dissipated, rtol=1e-10)
+
+
+def test_a_step_that_would_be_cut_for_ever_ends_with_a_step_that_would_do(refuse_longer):
+    limit, _ = refuse_longer
+    limit[0] = 0.1 / 128 * (1.0 + 1e-9)
+    with pytest.raises(SolveError, match=r"step \d+, time 0.0\d+: SNES .* cut 64 times: try one of 0.00078; smallest"):
+        dynamics.solve(bar(), 0.2, 0.1, outputs=2, integrator="implicit")
+
+
+def test_bodies_that_are_deep_in_each_other_are_no_matter_of_shorter_steps(refuse_longer):
+    """Also says that it is the jump of a support that put them there."""
+    limit, _ = refuse_longer
+    limit[0] = 0.0
+    space = Space.paper(straight(4, height=4.0), elements=2, degree=2, quadrature="auto")
+    supports = [Support.end(space, "start"), Support.end(space, "end", displacement=(0.0, -1.2, 0.0))]
+    rod = Body(space, NeoHookean(100.0, 0.3), 2.0)
+    contact = Contact(0, Cylinder(point=(0.0, -2.1, 4.0), axis=(1.0, 0.0, 0.0), radius=1.0))
+    model = Model([rod], supports, contacts=[contact])
+    with pytest.raises(
+        SolveError, match=r"step 1, time 0: contact 0: a point is 0.7\d of .* before the step; supports"
+    ):
+        dynamics.solve(model, 0.2, 0.1, outputs=2, integrator="implicit")
+
+
+def test_the_tangent_is_the_sum_over_points_of_moduli_that_are_not_symmetric():
+    """Section by section as function by function; forces and gradients too."""
+    part = StepAssembler(bar(held="")).parts[0]
+    t, sums = part.table, Contraction(part.table)
+    plane = np.einsum("etj,qdi->etqdji", t.axial, t.section[:, :2])
+    axis = np.einsum("etj,qi->etqji", t.slopes, t.section[:, 2])[:, :, :, None]
+    functions = np.concatenate([plane, axis], axis=3).reshape(*t.weights.shape, 3, -1)
+    gradient = np.einsum("etqIA,etqIn->etqAn", t.inverse, functions)
+    random = np.random.default_rng(4)
+    moduli = random.standard_normal((*t.weights.shape, 3, 3, 3, 3))
+    expected = np.einsum("etq,etqAm,etqaAbB,etqBn->emanb", t.weights, gradient, moduli, gradient, optimize=True)
+    np.testing.assert_allclose(sums.matrices(moduli), expected, atol=1e-13 * np.abs(expected).max())
+    nodal = random.standard_normal((t.elements, gradient.shape[-1], 3))
+    expected = np.einsum("etqAn,ena->etqaA", gradient, nodal)
+    np.testing.assert_allclose(sums.gradients(nodal), expected, atol=1e-13 * np.abs(expected).max())
+    expected = np.einsum("etq,etqAn,etqaA->ena", t.weights, gradient, moduli[..., 0, 0])
+    np.testing.assert_allclose(sums.forces(moduli[..., 0, 0]), expected, atol=1e-13 * np.abs(expected).max())
 
 
 # Explicit steps

@@ -23,7 +23,7 @@ from isorod.assembly.part import ROUNDING, Part
 from isorod.assembly.pattern import add
 from isorod.assembly.pattern_kernel import Blocks
 from isorod.assembly.split import Share
-from isorod.dynamics.implicit.contract_kernel import contract
+from isorod.dynamics.implicit.contraction import Contraction
 from isorod.model.model import Model
 
 if TYPE_CHECKING:
@@ -36,12 +36,7 @@ class StepPart(Part):
     def __init__(self, share: Share, exchange: Exchange) -> None:
         super().__init__(share, exchange)
         t = self.table
-        # Derivatives along and across of all functions of an element, then by place: (E, t q, 3, l n).
-        plane = np.einsum("etj,qdi->etqdji", t.axial, t.section[:, :2])
-        axis = np.einsum("etj,qi->etqji", t.slopes, t.section[:, 2])[:, :, :, None]
-        derivatives = np.concatenate([plane, axis], axis=3).reshape(*t.weights.shape, 3, -1)
-        gradient = np.swapaxes(t.inverse, -1, -2) @ derivatives
-        self._gradient = gradient.reshape(t.elements, -1, *gradient.shape[-2:])
+        self._contraction = Contraction(t)
         self._start = np.empty((*t.weights.shape, 3, 3))
         self.inertia = self.largest = 0.0
 
@@ -52,9 +47,7 @@ class StepPart(Part):
 
     def _changes(self, local: Array) -> Array:
         """Return the displacement gradients, shape ``(E, t, q, 3, 3)``."""
-        elements, _, _, functions = self._gradient.shape
-        changes = self._gradient.reshape(elements, -1, functions) @ self.nodal(local).reshape(elements, functions, 3)
-        return np.ascontiguousarray(np.swapaxes(changes.reshape(self._start.shape), -1, -2))
+        return self._contraction.gradients(self.nodal(local))
 
     def add_forces(self, local: Array, factor: float, forces: Array) -> None:
         """Add the internal forces of the change ``local`` of the displacement."""
@@ -62,10 +55,7 @@ class StepPart(Part):
 
     def _add_stress(self, stress: Array, forces: Array) -> None:
         """Add the forces of a stress at the points."""
-        elements, _, _, functions = self._gradient.shape
-        stress = np.swapaxes(self.table.weights[..., None, None] * stress, -1, -2).reshape(elements, -1, 3)
-        rows = self._gradient.reshape(elements, -1, functions)
-        self.add(self._padded(np.swapaxes(rows, -1, -2) @ stress), forces)
+        self.add(self._padded(self._contraction.forces(stress)), forces)
 
     def add_entries(self, local: Array, factor: float, blocks: Blocks, entries: Array) -> None:
         """Add the derivatives of internal and inertial forces to entries of a pattern; they are not symmetric."""
@@ -79,18 +69,10 @@ class StepPart(Part):
 
     def _contracted(self, moduli: Array) -> Array:
         """Return the element matrices of moduli at the points, and of inertia, shape ``(E, l n 3, l n 3)``."""
-        # The memory's order is NumPy's choice, and another one in its later versions.
-        moduli = np.ascontiguousarray(moduli)
-        elements, points, _, functions = self._gradient.shape
-        result = np.empty((elements, functions, 3, functions, 3))
-        right = np.empty((points, 3, 9, functions))
-        for e in range(elements):
-            contract(self.table.weights[e].ravel(), moduli[e].reshape(-1, 3, 3, 3, 3), self._gradient[e], right)
-            block = self._gradient[e].reshape(-1, functions).T @ right.reshape(3 * points, -1)
-            result[e] = block.reshape(functions, 3, 3, functions).swapaxes(2, 3)
+        result = self._contraction.matrices(moduli)
         for a in range(3):
             result[:, :, a, :, a] += self.inertia * self.mass
-        return result.reshape(elements, 3 * functions, -1)
+        return result.reshape(len(result), 3 * result.shape[1], -1)
 
     @property
     def start(self) -> Array:

@@ -1,31 +1,87 @@
-"""The sums over points of an implicit step's tangent."""
+"""What an implicit step does at each point: from disk x axis to space and back, in the order sums over points take."""
 
 from numba import void
 
 from isorod.arrays import Array
-from isorod.compiled import F1, F3, F4, F5, FAST, njit
+from isorod.compiled import F2, F3, F4, F5, FAST, njit
 
 
-@njit(void(F1, F5, F3, F4), **FAST)
-def contract(weights: Array, moduli: Array, gradient: Array, out: Array) -> None:
-    """Fill ``out`` ``(points, 3, 9, n)``, index ``A, (a, b), k``, with weighted moduli times gradients.
+@njit(void(F2, F5, F4, F4, F4, F4), **FAST)
+def pull_back(inverse: Array, moduli: Array, across: Array, mixed: Array, turned: Array, along: Array) -> None:
+    """Fill in weighted moduli pulled back to disk x axis, of the pairs of directions ``I K`` and components ``a b``.
 
     Parameters
     ----------
-    weights, moduli
-        Shapes ``(points,)`` and ``(points, 3, 3, 3, 3)``.
-    gradient
-        Gradients of the functions by place, shape ``(points, 3, n)``.
+    inverse
+        Inverse Jacobian of each point times the root of its weight, shape ``(places points, 9)``.
+    moduli
+        Shape ``(places points, 3, 3, 3, 3)``, index ``a, A, b, B``.
+    across, mixed, turned, along
+        Of ``I`` and ``K`` both across (00, 01, 10, 11), the first alone, the second alone, none; shapes ``(places, 9,
+        pairs, points)``.
     """
-    points, _, functions = gradient.shape
-    for m in range(points):
-        for A in range(3):
+    places, _, _, points = along.shape
+    for p in range(places):
+        for q in range(points):
+            m = p * points + q
             for a in range(3):
                 for b in range(3):
-                    x, y, z = (
-                        weights[m] * moduli[m, a, A, b, 0],
-                        weights[m] * moduli[m, a, A, b, 1],
-                        weights[m] * moduli[m, a, A, b, 2],
-                    )
-                    for k in range(functions):
-                        out[m, A, 3 * a + b, k] = x * gradient[m, 0, k] + y * gradient[m, 1, k] + z * gradient[m, 2, k]
+                    c = 3 * a + b
+                    for i in range(3):
+                        # Half of it: both indices of the first function's derivative.
+                        x, y, z = 0.0, 0.0, 0.0
+                        for A in range(3):
+                            f = inverse[m, 3 * i + A]
+                            x += f * moduli[m, a, A, b, 0]
+                            y += f * moduli[m, a, A, b, 1]
+                            z += f * moduli[m, a, A, b, 2]
+                        for k in range(3):
+                            value = x * inverse[m, 3 * k] + y * inverse[m, 3 * k + 1] + z * inverse[m, 3 * k + 2]
+                            if i < 2 and k < 2:
+                                across[p, c, 2 * i + k, q] = value
+                            elif i < 2:
+                                mixed[p, c, i, q] = value
+                            elif k < 2:
+                                turned[p, c, k, q] = value
+                            else:
+                                along[p, c, 0, q] = value
+
+
+@njit(void(F2, F3, F3, F3), **FAST)
+def push_forward(inverse: Array, across: Array, along: Array, out: Array) -> None:
+    """Fill in gradients in space, ``out`` ``(points of all places, 3, 3)``, from those on disk x axis.
+
+    Parameters
+    ----------
+    inverse
+        Inverse Jacobian of each point, shape ``(places points, 9)``.
+    across, along
+        Derivatives by both coordinates of the disk and by the axis': shapes ``(places, 3, 2 points)``, one coordinate
+        behind the other, and ``(places, 3, points)``.
+    """
+    places, _, points = along.shape
+    for p in range(places):
+        for a in range(3):
+            for q in range(points):
+                m = p * points + q
+                x, y, z = across[p, a, q], across[p, a, points + q], along[p, a, q]
+                for A in range(3):
+                    out[m, a, A] = inverse[m, A] * x + inverse[m, 3 + A] * y + inverse[m, 6 + A] * z
+
+
+@njit(void(F2, F2, F3, F3, F3), **FAST)
+def pull_stress(weights: Array, inverse: Array, stress: Array, across: Array, along: Array) -> None:
+    """Fill in weighted stresses on disk x axis, in the order of `push_forward`; ``weights`` is ``(places, points)``."""
+    places, _, points = along.shape
+    for p in range(places):
+        for a in range(3):
+            for q in range(points):
+                m = p * points + q
+                x, y, z = (
+                    weights[p, q] * stress[m, a, 0],
+                    weights[p, q] * stress[m, a, 1],
+                    weights[p, q] * stress[m, a, 2],
+                )
+                across[p, a, q] = inverse[m, 0] * x + inverse[m, 1] * y + inverse[m, 2] * z
+                across[p, a, points + q] = inverse[m, 3] * x + inverse[m, 4] * y + inverse[m, 5] * z
+                along[p, a, q] = inverse[m, 6] * x + inverse[m, 7] * y + inverse[m, 8] * z

@@ -10,7 +10,17 @@ from isorod.petsc.matrix import forget_factors
 from isorod.petsc.snes import create_snes
 
 # What a user's option overrides.
-OPTIONS = {"snes_linesearch_type": "bt", "snes_rtol": 1e-10, "snes_max_it": 25, "ksp_type": "preonly"}
+OPTIONS = {
+    "snes_linesearch_type": "bt",
+    "snes_linesearch_max_it": 10,
+    "snes_rtol": 1e-10,
+    "snes_max_it": 25,
+    "ksp_type": "preonly",
+}
+
+# After so many iterations the out-of-balance force is less than this share of what it was, or they lead nowhere: half
+# the step will do better than more of them.
+_LOOKED, _LESS = 8, 0.9
 
 # Where Newton's iterations no longer reduce the out-of-balance force by this factor, so many times its rounding is
 # accepted.
@@ -34,7 +44,7 @@ class Newton:
         self.matrix = assembler.matrix()
         self.x = assembler.vector()
         self._factor = 0.0
-        self._last = np.inf
+        self._first = self._last = np.inf
         self.snes = create_snes(
             assembler.vector(),
             self.matrix,
@@ -81,10 +91,14 @@ class Newton:
         force = norms[2]
         if not np.isfinite(force):
             return reasons.DIVERGED_FNORM_NAN
+        if iteration == 0:
+            self._first = force
         stalled = iteration > 0 and force > _STALLED * self._last
         self._last = force
         if force <= snes.getTolerances()[0] * self.assembler.amount:
             return reasons.CONVERGED_FNORM_RELATIVE
         if stalled and force <= _NOISE * self.assembler.rounding:
             return reasons.CONVERGED_FNORM_ABS
+        if iteration == _LOOKED and force > _LESS * self._first:
+            return reasons.DIVERGED_MAX_IT
         return reasons.CONVERGED_ITERATING

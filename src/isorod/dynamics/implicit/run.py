@@ -21,8 +21,9 @@ from isorod.petsc.library import solver_types
 if TYPE_CHECKING:
     from isorod.contact.passing import Passing
 
-# A step is halved at most so often.
-_HALVINGS = 10
+# A step is halved at most so often, and cut into at most so many pieces more: where all of them are as short, the next
+# steps would be too, and a shorter step is what to ask for.
+_HALVINGS, _CUTS = 10, 64
 
 
 class Run(run.Run):
@@ -45,6 +46,8 @@ class Run(run.Run):
             # Outputs and checkpoints know the same history.
             self.assembler.contact.share(system.friction)
         self.newton = Newton(self.assembler)
+        # Cuts in this step and before, at most, and the shortest piece of it that could be taken.
+        self._allowed, self._shortest = _CUTS, np.inf
         self._passing: Passing | None = None
         if self.assembler.contact is not None:
             from isorod.contact import passing
@@ -91,6 +94,7 @@ class Run(run.Run):
         """Take the steps to the next output and record it; return the wall time of the steps."""
         start = perf_counter()
         for k in range(self.count):
+            self._allowed, self._shortest = self.cuts + _CUTS, self.step
             self._step(self.time + k * self.step, self.step, 0)
             self._phase.add(self.system.state.displacement[self.system.order])
             self.tell(self.time + (k + 1) * self.step)
@@ -125,16 +129,38 @@ class Run(run.Run):
             )
             change, problem = (change, problem) if through is None else (None, f"{through}; raise the penalty:")
         if change is not None:
+            self._shortest = min(self._shortest, dt)
             self._move(dt, level, change)
             return
+        self._refuse_deep(time)
         self.cuts += 1
-        if halvings == _HALVINGS:
-            raise SolveError(
-                f"step {self.taken + 1}, time {time:.6g}: {problem} in a time step of {self.step:.4g} however often it "
-                f"was halved; {self.system.worst(state.displacement)}"
-            )
+        if halvings == _HALVINGS or self.cuts > self._allowed:
+            raise SolveError(self._given_up(problem, time, halvings))
         self._step(time, 0.5 * dt, halvings + 1)
         self._step(time + 0.5 * dt, 0.5 * dt, halvings + 1)
+
+    def _refuse_deep(self, time: float) -> None:
+        """Raise `SolveError` if bodies are as deep in each other where a step starts: no shorter one helps."""
+        if self._passing is None or self.assembler.contact is None:
+            return
+        self.assembler.contact.forces(np.zeros(self.system.model.dofs))
+        deep = self._passing.deep(self.assembler.contact.packed)
+        if deep is not None:
+            raise SolveError(f"step {self.taken + 1}, time {time:.6g}: {deep} before the step{self._jumped()}")
+
+    def _jumped(self) -> str:
+        """Return, at the start of the motion, what supports that are displaced do."""
+        if self.taken > 0 or not np.any(self.rows["displacement"][0][self.system.model.held]):
+            return ""
+        return "; supports that are displaced jump at time 0, in one element: displace them less, or use loads"
+
+    def _given_up(self, problem: str, time: float, halvings: int) -> str:
+        """Return why a step could not be taken, and what would be right."""
+        place = f"step {self.taken + 1}, time {time:.6g}: {problem} in a time step of {self.step:.4g}"
+        how = " however often it was halved"
+        if halvings < _HALVINGS:
+            how = f", cut {_CUTS} times: try one of {self._shortest:.2g}"
+        return f"{place}{how}; {self.system.worst(self.system.state.displacement)}{self._jumped()}"
 
     def _move(self, dt: float, level: float, change: Array) -> None:
         """Add a step's change of the displacement to the state, and its sums."""
