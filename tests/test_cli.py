@@ -386,6 +386,11 @@ def test_output_that_nobody_reads_is_no_traceback():
             ["run", "flower", "--petals=851173383449305907028419411968"],
             "flower petals: got 851173383449305907028419411968",
         ),
+        (["run", "spring", f"--coils={10**310}"], "Spring: coils: got 10000000000000000000..., an integer of too many"),
+        (
+            ["run", "spring", "--coils=10000000000000000"],
+            "arcs are too many; at most 100000",
+        ),
         (["run", "blade", "--section-points=1000000000"], "section control points: got 1000000000"),
     ],
 )

@@ -3,15 +3,17 @@
 import os
 import re
 import signal
+import stat
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 from test_resume import SETTINGS, assert_same, model, run
 
-from isorod import dynamics
-from isorod.command import ending
+from isorod import dynamics, files
+from isorod.command import cli, ending
 from isorod.dynamics.explicit import run as explicit
 from isorod.dynamics.explicit.system import System
 from isorod.dynamics.implicit.newton import Newton
@@ -302,3 +304,35 @@ def test_errors_of_the_program_are_not_hidden():
         ending.run("isorod", lambda: 1 // 0)
     with pytest.raises(FileNotFoundError):
         ending.run("isorod", lambda: len(open("/no/such/file").read()))
+
+
+@pytest.fixture
+def pipes(tmp_path):
+    """Return the name, without its ending, of pipes that nobody writes to or reads."""
+    for one in ("toml", "csv", "pvd", "vtu", "png"):
+        os.mkfifo(tmp_path / f"pipe.{one}")
+    yield tmp_path / "pipe"
+    assert all(stat.S_ISFIFO(os.stat(one).st_mode) for one in tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "run {pipe}.toml",
+        "plot {pipe}.csv --png a.png",
+        "plot {pipe}.pvd --png a.png",
+        "plot {pipe}.vtu --png a.png",
+        "show ring --png {pipe}.png",
+        "section {bar} --output {pipe}.csv",
+    ],
+)
+def test_a_pipe_is_neither_waited_for_nor_overwritten(words, pipes, capsys):
+    bar = Path(files.__file__).parent / "examples" / "bar.toml"
+    assert cli.main(words.format(pipe=pipes, bar=bar).split()) == 2
+    out, err = capsys.readouterr()
+    assert (out, err.count("\n"), "is no plain file" in err) == ("", 1, True)
+
+
+def test_a_picture_where_nothing_can_be_written_is_refused_before_it_is_drawn(capsys):
+    assert cli.main(["show", "ring", "--png", "/proc/a.png"]) == 2
+    assert re.fullmatch(r"isorod: /proc/a.png: cannot be written \(.*\); name another\n", capsys.readouterr().err)

@@ -183,3 +183,21 @@ def test_data_are_bounded_in_size(tmp_path, monkeypatch):
     (tmp_path / "line.csv").write_text(rows(LINE))
     with pytest.raises(InputError, match="longer than 100 bytes"):
         scene(tmp_path, "line.csv")
+
+
+@pytest.mark.parametrize(
+    ("cells", "said"),
+    [
+        ("2 0 1\n2 1 7\n", "a line has point 7, there are points 0 to 2"),
+        ("2 0 1\n2 1 -2\n", "a line has point -2, there are points 0 to 2"),
+        ("2 0 1\n2 1 2147483647\n", "a line has point 2147483647, there are points 0 to 2"),
+        ("0\n0\n", "no polyline is in it"),
+    ],
+)
+def test_numbers_of_points_that_are_not_there_are_refused(cells, said, tmp_path, capfd):
+    size = len(cells.split())
+    head = "# vtk DataFile Version 3.0\nx\nASCII\nDATASET POLYDATA\nPOINTS 3 float\n0 0 0 0 0 1 0 0 2\n"
+    (tmp_path / "line.vtk").write_text(f"{head}LINES 2 {size}\n{cells}")
+    with pytest.raises(InputError, match=f"rod.a.curve.polyline: line.vtk: {said}$"):
+        scene(tmp_path, "line.vtk").rods()
+    assert capfd.readouterr().err == ""

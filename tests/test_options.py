@@ -1,6 +1,7 @@
 """PETSc's options from Python: before PETSc has started, after, and not at all."""
 
 import os
+import re
 from importlib.util import find_spec
 
 import pytest
@@ -99,3 +100,66 @@ def test_a_folder_gives_no_options(python, tmp_path):
     done = python(READ.format([]), cwd=here, env=own | {"HOME": str(tmp_path)})
     assert "'of'" not in done.stdout
     assert done.stderr == ""
+
+
+BAD = {
+    "words": ("snes_rtol 1\n", ["-options_file", "{file}"], "Unknown first token in options file .* line 1: snes_rtol"),
+    "bytes": (
+        "\udcff\udcfe \udc80\n",
+        ["-options_file", "{file}"],
+        "Unknown first token in options file .* line 1: .*",
+    ),
+    "no name": ("", ["-options_file"], "Missing filename for -options_file filename option"),
+    "yaml": ("", ["-options_string_yaml", "{{{{{{"], ".*YAML.*"),
+    "popped": ("", ["-prefix_pop"], "Object is in wrong state More prefixes popped than pushed"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_options_that_petsc_cannot_read_are_one_line(case, isorod, tmp_path):
+    content, words, said = BAD[case]
+    file = tmp_path / "options"
+    file.write_text(content, errors="surrogateescape")
+    done = isorod("run", "spring", *(word.format(file=file) for word in words))
+    note = f"(isorod: PETSc options of {file}\n)?"
+    assert (done.returncode, done.stdout) == (2, "")
+    assert re.fullmatch(f"{note}isorod: PETSc options: ([A-Z][a-z ]+ )?{said}\n", done.stderr), done.stderr
+
+
+def test_a_prefix_is_ended():
+    with pytest.raises(
+        InputError, match=r"^PETSc option -prefix_push: it stays for all others; end it with -prefix_pop$"
+    ):
+        options.initialize(["-prefix_push", "mine_"])
+
+
+def test_what_petsc_prints_while_it_starts_is_kept(tmp_path, python):
+    file = tmp_path / "options"
+    file.write_text("-snes_rtol 1e-3\n")
+    script = (
+        "import os, petsc4py; from isorod import options; true = petsc4py.init\n"
+        "def start(words): true(words); os.write(2, b'a word\\n')\n"
+        f"petsc4py.init = start; options.initialize(['-options_file', {str(file)!r}])\n"
+        "from petsc4py import PETSc; print(PETSc.Options().getReal('snes_rtol'))"
+    )
+    done = python(script)
+    assert (done.stdout, done.stderr) == ("0.001\n", f"isorod: PETSc options of {file}\na word\n")
+
+
+def test_a_folder_for_temporary_files_that_is_none_is_done_without(isorod, tmp_path, monkeypatch):
+    """Open MPI ends programs with a page of text, and exit code 1, where it cannot make its folder there."""
+    place = tmp_path / "a file"
+    place.touch()
+    monkeypatch.setenv("TMPDIR", str(place / "below"))
+    done = isorod("run", "spring", "--preset", "paper", "--coils", "1", "--no-estimate")
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_no_folder_for_temporary_files_at_all_is_one_line(monkeypatch):
+    def none():
+        raise FileNotFoundError
+
+    monkeypatch.setenv("TMPDIR", "/nowhere")
+    monkeypatch.setattr(options.tempfile, "gettempdir", none)
+    with pytest.raises(InputError, match=r"^TMPDIR /nowhere: cannot be written to; name a folder that can be$"):
+        options._temporary()

@@ -196,3 +196,17 @@ def test_a_terminal_gets_a_bar_whose_line_is_ended(monkeypatch):
     assert first == "" and len(bars) >= 4
     assert re.match(r"\[={30}\] time 1 of 1, 100%, about 0 ms to go", bars[-1])
     assert bars[-1].endswith("\n")
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ([0.0, -2.0, -0.5], "-0.5 in the end, largest -2 length"),
+        ([0.0, 3.0, -0.5], "-0.5 in the end, largest 3 length"),
+        ([0.0, -0.5], "-0.5 length"),
+        ([0.0, 0.5], "0.5 length"),
+    ],
+)
+def test_the_largest_of_a_motion_is_that_in_size(values, words):
+    record = {"times": list(range(len(values))), "sag": values}
+    assert list(printing._answer(record, {"sag": "length"}, ())) == [("sag", words)]

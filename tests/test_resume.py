@@ -284,3 +284,35 @@ def test_a_full_disk_leaves_the_last_checkpoint(tmp_path, monkeypatch, whole):
     assert [path.name for path in tmp_path.iterdir()] == ["state"]
     assert int(checkpoint._load(file)[1]["counts"][0]) == 8
     assert_same(run(file, True), whole)
+
+
+def test_two_runs_do_not_keep_their_state_in_one_file(tmp_path):
+    file = tmp_path / "state"
+    claim = checkpoint.Claim(file)
+    for resume in (False, True):
+        with pytest.raises(
+            InputError, match=f"^checkpoint {file}: another run keeps its state there; name another file$"
+        ):
+            run(file, resume, **SHORT)
+    claim.release()
+    # A lock that a killed run has left is none.
+    (tmp_path / ".state.lock").touch()
+    run(file, False, **SHORT)
+    assert [one.name for one in tmp_path.iterdir()] == ["state"]
+
+
+def test_who_waits_for_a_lock_that_is_taken_away_has_the_next(tmp_path, monkeypatch):
+    true, calls = checkpoint.fcntl.flock, []
+
+    def late(file, kind):
+        if not calls:
+            (tmp_path / ".state.lock").unlink()
+        calls.append(file)
+        return true(file, kind)
+
+    monkeypatch.setattr(checkpoint.fcntl, "flock", late)
+    claim = checkpoint.Claim(tmp_path / "state")
+    assert len(calls) == 2
+    with pytest.raises(InputError, match="another run"):
+        checkpoint.Claim(tmp_path / "state")
+    claim.release()

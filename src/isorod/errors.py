@@ -15,6 +15,10 @@ if TYPE_CHECKING:
     from isorod.arrays import Array
 
 
+# Integers beyond it are no floats.
+_LONGEST = 10**300
+
+
 class InputError(ValueError):
     """A value given by the user cannot be used."""
 
@@ -34,6 +38,8 @@ class Checked:
         owner: Any = type(self)
         for name, kind, plain in _kinds(owner):
             value = getattr(self, name)
+            if type(value) is int and abs(value) > _LONGEST:
+                raise InputError(f"{owner.__name__}: {name}: got {value!r:.20}..., an integer of too many digits")
             if type(value) in plain:
                 continue
             expect(f"{owner.__name__}: {name}", value, kind)
@@ -70,7 +76,7 @@ def whole_number(name: str, value: float, low: int, high: int) -> int:
     """Return ``value`` as an integer, or raise `InputError` if it is not one from ``low`` to ``high``."""
     # NaN and infinity fail the comparison, before int() sees them.
     if not _fits(value, float) or not low <= value <= high or int(value) != value:
-        raise InputError(f"{name}: got {value}, need an integer from {low} to {high}")
+        raise InputError(f"{name}: got {value!s:.40}, need an integer from {low} to {high}")
     return int(value)
 
 

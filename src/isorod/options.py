@@ -3,12 +3,13 @@
 import os
 import re
 import sys
+import tempfile
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from importlib import import_module
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from isorod.errors import InputError
 
@@ -25,6 +26,9 @@ _ALONE = {"OMPI_MCA_ess_singleton_isolated": "1", "OMPI_MCA_pml": "ob1"}
 
 # What tells a process which of several it is.
 _RANKS = ("OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK")
+
+# Options that PETSc reads further options from, or puts before the names of others.
+_READ = re.compile(r"-(options_(file|string)\w*|prefix_(push|pop))$")
 
 # PETSc's options for all of a person's programs.  Of a folder that somebody else may have filled it reads none: options
 # name code that PETSc runs, and files that it writes.
@@ -47,8 +51,10 @@ def initialize(arguments: Sequence[str]) -> None:
 
     for option, value in pairwise(arguments):
         # PETSc itself prints a page about this.
-        if option == "-options_file" and not os.access(value, os.R_OK):
+        if option == "-options_file" and not (os.path.isfile(value) and os.access(value, os.R_OK)):
             raise InputError(f"PETSc options file {value}: cannot be read")
+    if arguments.count("-prefix_push") > arguments.count("-prefix_pop"):
+        raise InputError("PETSc option -prefix_push: it stays for all others; end it with -prefix_pop")
     running: Any = sys.modules.get("petsc4py.PETSc")
     if running is not None and running.Sys.isInitialized():
         late = next((word for word in arguments if AT_THE_START.match(word)), None)
@@ -71,8 +77,42 @@ def initialize(arguments: Sequence[str]) -> None:
     # A fixed name: PETSc takes the program's for an option if it looks like one.
     # Its signal handler would answer a closed pipe with a page of text.
     first = ["isorod", "-no_signal_handler", "-skip_petscrc", *(["-options_file", str(own)] if own else [])]
-    with _alone():
+    with _alone(), _page_read() if own or any(map(_READ.match, arguments)) else nullcontext():
         start.init([*first, *arguments])
+
+
+@contextmanager
+def _page_read() -> Iterator[None]:
+    """Make one line of the page that PETSc prints where it cannot read its options, for which it raises a number."""
+    place, kept = tempfile.TemporaryFile(), os.dup(2)
+    os.dup2(place.fileno(), 2)
+    failed = True
+    try:
+        yield
+        failed = False
+    except Exception:
+        os.dup2(kept, 2)
+        raise InputError(f"PETSc options: {_first_said(_text(place))}") from None
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        if not failed:
+            print(_text(place), end="", file=sys.stderr)
+        place.close()
+
+
+def _text(file: IO[bytes]) -> str:
+    file.seek(0)
+    return file.read().decode(errors="replace")
+
+
+def _first_said(page: str) -> str:
+    """Return what a page of PETSc's says before it speaks of versions and options."""
+    lines = [re.sub(r"^\[\d+\]PETSC ERROR: ", "", one).strip() for one in page.splitlines()]
+    said = [one for one in lines if one and not one.startswith("---")]
+    upto = next((k for k, one in enumerate(said) if re.match(r"WARNING!|Option left|See http", one)), len(said))
+    plain = "".join(letter if letter.isprintable() else "?" for letter in " ".join(said[:upto]))
+    return f"{plain:.300}" or "they cannot be read"
 
 
 def _own_file() -> Path | None:
@@ -91,13 +131,27 @@ def _alone() -> Iterator[None]:
 
     It takes 0.3 s.  What is already said in the environment stays, and what is said here is not there for children.
     """
-    said = () if any(name in os.environ for name in _LAUNCHED) else [one for one in _ALONE if one not in os.environ]
-    os.environ.update((name, _ALONE[name]) for name in said)
+    launched = any(name in os.environ for name in _LAUNCHED)
+    # In TMPDIR it makes a folder for itself, and ends the program with a page where it cannot.
+    wanted = {} if launched else _ALONE | os.environ | {"TMPDIR": _temporary()}
+    before = {name: os.environ.get(name) for name in (*_ALONE, "TMPDIR") if name in wanted}
+    os.environ.update((name, wanted[name]) for name in before)
     try:
         yield
     finally:
-        for name in said:
-            del os.environ[name]
+        for name, value in before.items():
+            os.environ.pop(name)
+            if value is not None:
+                os.environ[name] = value
+
+
+def _temporary() -> str:
+    """Return a folder for temporary files that can be written to: ``TMPDIR``'s if it is one."""
+    try:
+        return tempfile.gettempdir()
+    except OSError:
+        named = os.environ.get("TMPDIR", "/tmp")
+        raise InputError(f"TMPDIR {named}: cannot be written to; name a folder that can be") from None
 
 
 @contextmanager

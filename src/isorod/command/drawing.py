@@ -1,11 +1,13 @@
 """What the commands that draw have in common: the options of a picture, and where it goes."""
 
 import argparse
+import os
 from pathlib import Path
 
 from isorod.command.parser import Parser
 from isorod.errors import InputError
 from isorod.output import picture
+from isorod.output.results import check_folder
 
 
 def add_options(parser: Parser) -> None:
@@ -29,9 +31,10 @@ def prepare(command: str, found: argparse.Namespace, files: tuple[str, ...] = ("
     wanted = [name for name in files if getattr(found, name) is not None]
     for name in wanted:
         path = Path(getattr(found, name))
-        if not path.absolute().parent.is_dir() or path.is_dir():
-            reason = "it is a folder" if path.is_dir() else "there is no such folder"
+        if not os.path.isdir(path.absolute().parent) or (os.path.exists(path) and not os.path.isfile(path)):
+            reason = "it is no plain file" if os.path.exists(path) else "there is no such folder"
             raise InputError(f"{path}: cannot be written ({reason}); name another")
+        check_folder(str(path.absolute().parent), f"{path}: cannot be written")
     if curves:
         picture.check_size(found.size, command)
     else:

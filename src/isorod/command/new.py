@@ -1,5 +1,6 @@
 """``isorod new``: a scene file to begin with."""
 
+import os
 from pathlib import Path
 
 from isorod import files
@@ -28,7 +29,7 @@ def main(name: str, origin: str) -> int:
         raise InputError(f"{name}: need a name that ends in .toml")
     wanted = {path: _FOLDER / f"{origin}.toml"}
     wanted |= {path.parent / file.name: file for file in _FOLDER.glob(f"{origin}.*") if file.suffix != ".toml"}
-    there = next((one for one in wanted if one.exists()), None)
+    there = next((one for one in wanted if os.path.lexists(one)), None)
     if there is not None:
         raise InputError(f"{there}: is there already, and is not overwritten; name another")
     written: list[Path] = []

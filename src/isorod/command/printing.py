@@ -84,8 +84,10 @@ def _answer(record: Mapping[str, Any], units: Mapping[str, str], stresses: Seque
         text = ", ".join(f"{item:.6g}" for item in np.ravel(value[-1] if moving else value)[:_MOST])
         if value.size > _MOST and not moving:
             text += f" and {value.size - _MOST} more"
-        if moving and value.ndim == 1 and value.max() > value[-1]:
-            text += f" in the end, largest {value.max():.6g}"
+        if moving and value.ndim == 1:
+            # What swings to the other side has its largest there.
+            peak = value[np.argmax(np.abs(value))]
+            text += f" in the end, largest {peak:.6g}" if abs(peak) > abs(value[-1]) else ""
         place = places.get(name)
         where = _place(place[-1] if isinstance(place, list) else place) if place else ""
         yield name.replace("_", " "), f"{text} {unit}".rstrip() + where

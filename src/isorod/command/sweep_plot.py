@@ -10,6 +10,7 @@ from typing import Any
 from isorod.command import sheet
 from isorod.errors import InputError
 from isorod.output import results
+from isorod.output.picture import quiet
 
 # Combinations that a legend can tell apart, and entries of a list of which each is a line.
 _LINES, _ENTRIES = 12, 12
@@ -34,6 +35,7 @@ def ready(path: str, of: str | None, scene: Any) -> Callable[[Sequence[Record]],
     InputError
         If there is no such answer, or matplotlib is not there or does not write such files.
     """
+    quiet()
     try:
         from matplotlib.figure import Figure
     except ImportError:

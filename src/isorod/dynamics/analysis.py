@@ -109,25 +109,28 @@ def solve(
         ranks = run.system.ranks
         initial = _nodal(model, "displacement", displacement), _nodal(model, "velocity", velocity)
         file = _Checkpoint(run, None if checkpoint is None else Path(checkpoint), initial)
-        file.begin(resume)
-        overlapped = overlap.warn_at_rest(model, initial[0])
-        resumed, first = run.time, run.taken
-        setup, loop, saved = perf_counter() - start, 0.0, perf_counter()
-        shown = Progress(run.time, end_time)
-        run.tell = shown if progress and ranks.rank == 0 else run.tell
         try:
-            while run.index < run.outputs:
-                loop += run.advance()
-                if ranks.first(perf_counter() - saved >= every) or run.index == run.outputs:
-                    file.write()
-                    saved = perf_counter()
-            solver = run.solver()
-        except KeyboardInterrupt as stop:
-            stop.add_note(file.keep())
-            raise
+            file.begin(resume)
+            overlapped = overlap.warn_at_rest(model, initial[0])
+            resumed, first = run.time, run.taken
+            setup, loop, saved = perf_counter() - start, 0.0, perf_counter()
+            shown = Progress(run.time, end_time)
+            run.tell = shown if progress and ranks.rank == 0 else run.tell
+            try:
+                while run.index < run.outputs:
+                    loop += run.advance()
+                    if ranks.first(perf_counter() - saved >= every) or run.index == run.outputs:
+                        file.write()
+                        saved = perf_counter()
+                solver = run.solver()
+            except KeyboardInterrupt as stop:
+                stop.add_note(file.keep())
+                raise
+            finally:
+                shown.close()
+                run.end()
         finally:
-            shown.close()
-            run.end()
+            file.close()
         overlap.warn_in_the_end(model, run.rows["displacement"][-1], overlapped)
         _warn_of_steps(run)
         small.warn_of_large(model, np.array(run.rows["displacement"]))
@@ -175,9 +178,12 @@ class _Checkpoint:
     def __init__(self, run: Run, path: Path | None, initial: tuple[Array, Array]) -> None:
         self._run, self._path, self._initial = run, path, initial
         self._identity = {} if path is None else run.identity(*initial)
+        self._claim: files.Claim | None = None
 
     def begin(self, resume: bool) -> None:
-        """Begin the run, from the file if it is to be resumed."""
+        """Begin the run, from the file if it is to be resumed; none other may have the file until `close`."""
+        if self._path is not None:
+            self._on_first(self._take)
         if self._path is not None and resume:
             kept = self._on_first(files.read, self._path, self._identity)
             try:
@@ -189,6 +195,15 @@ class _Checkpoint:
             self._on_first(files.refuse_overwriting, self._path)
         self._run.begin(*self._initial)
         self.write()
+
+    def _take(self) -> None:
+        assert self._path is not None
+        self._claim = files.Claim(self._path)
+
+    def close(self) -> None:
+        """Let other runs have the file."""
+        if self._claim is not None:
+            self._claim.release()
 
     def write(self) -> None:
         """Keep the state."""

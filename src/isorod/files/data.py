@@ -135,7 +135,14 @@ def _vtk(place: Place, name: str, path: Path) -> Points:
         raise place.error(f"{name}: no polyline is in it")
     ends = vtk_to_numpy(lines.GetOffsetsArray())
     numbers = vtk_to_numpy(lines.GetConnectivityArray())
-    pieces = [list(numbers[first:last]) for first, last in pairwise(ends)]
+    if np.diff(ends, prepend=0, append=len(numbers)).min() < 0:
+        raise place.error(f"{name}: its lines are damaged")
+    if numbers.size and not 0 <= numbers.min() <= numbers.max() < mesh.GetNumberOfPoints():
+        wrong = numbers.min() if numbers.min() < 0 else numbers.max()
+        raise place.error(f"{name}: a line has point {wrong}, there are points 0 to {mesh.GetNumberOfPoints() - 1}")
+    pieces = [list(numbers[first:last]) for first, last in pairwise(ends) if last > first]
+    if not pieces:
+        raise place.error(f"{name}: no polyline is in it")
     try:
         order = _joined(pieces)
     except InputError as problem:

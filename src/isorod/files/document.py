@@ -1,6 +1,7 @@
 """A TOML file as read, and its places: errors name file, line and key."""
 
 import difflib
+import errno
 import hashlib
 import os
 import re
@@ -196,6 +197,9 @@ def _unknown(word: str, known: Collection[str]) -> str:
 def _text(path: str) -> str:
     """Return the text of a scene's file; raises `InputError`."""
     try:
+        # A pipe that nobody writes to would be waited for.
+        if os.path.exists(path) and not os.path.isfile(path) and not os.path.isdir(path):
+            raise OSError(errno.EINVAL, "it is no plain file")
         with open(path, "rb") as file:
             content = file.read(_LONGEST + 1)
     except (OSError, ValueError) as problem:

@@ -143,13 +143,13 @@ def helix(
         raise InputError(f"pitch: got {pitch}, need a finite length")
     expect("helix: turns", turns, float)
     expect("helix: arcs a turn", arcs_per_turn, int | None)
-    if not (np.isfinite(turns) and turns > 0.0):
+    if not 0.0 < turns < np.inf:
         raise InputError(f"helix: got {turns:g} turns, need a positive number")
     if arcs_per_turn is not None and arcs_per_turn < 3:
         raise InputError(f"helix: got {arcs_per_turn} arcs a turn, need at least 3")
     each = HELIX_ELEMENTS if arcs_per_turn is None else int(arcs_per_turn)
     if turns * each > MAX_ELEMENTS:
-        raise InputError(f"helix: {turns * each:.0f} arcs are too many; at most {MAX_ELEMENTS}")
+        raise InputError(f"helix: {int(turns * each)!s:.20} arcs are too many; at most {MAX_ELEMENTS}")
     count, angle = max(1, int(np.ceil(turns * each - 1e-9))), 2.0 * np.pi * turns
     if arcs_per_turn is not None:
         return _arcs(radius, pitch, angle, count, phase, left)

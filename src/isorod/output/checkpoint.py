@@ -1,5 +1,6 @@
 """Checkpoints: the state of a run in one file, from which it continues to the last bit."""
 
+import fcntl
 import hashlib
 import io
 import json
@@ -70,6 +71,40 @@ def read(path: Path, identity: Mapping[str, Any]) -> dict[str, Array]:
                 f"checkpoint {path}: belongs to another run: {what} {found.get(name)} there, {wanted[name]} here"
             )
     return arrays
+
+
+class Claim:
+    """A checkpoint's name, held by one run at a time: a lock on a file beside it, which ends with its process."""
+
+    def __init__(self, path: Path) -> None:
+        self._lock = path.with_name(f".{path.name}.lock")
+        self._file: int | None = None
+        while self._file is None:
+            try:
+                file = os.open(self._lock, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+            except (OSError, ValueError):
+                # What cannot be written to is refused when it is.
+                return
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                os.close(file)
+                raise InputError(f"checkpoint {path}: another run keeps its state there; name another file") from None
+            except OSError:
+                # Not every file system has locks.
+                pass
+            # Who had the lock before may have taken the file away.
+            if self._lock.exists() and os.path.samestat(os.stat(self._lock), os.fstat(file)):
+                self._file = file
+            else:
+                os.close(file)
+
+    def release(self) -> None:
+        """Let other runs have it."""
+        if self._file is not None:
+            self._lock.unlink(missing_ok=True)
+            os.close(self._file)
+            self._file = None
 
 
 def refuse_overwriting(path: Path) -> None:

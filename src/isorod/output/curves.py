@@ -9,6 +9,7 @@ import numpy as np
 
 from isorod.arrays import Array
 from isorod.errors import InputError
+from isorod.output.picture import quiet
 
 # Share of the largest of a quantity below which a column is but rounding.
 _ROUNDING = 1e-9
@@ -105,6 +106,7 @@ def draw(path: Path, title: str, size: tuple[int, int], png: Path | None) -> Non
         If the file cannot be used, matplotlib is not installed, or the picture cannot be written.
     """
     columns = read(path)
+    quiet()
     try:
         import matplotlib
     except ImportError:

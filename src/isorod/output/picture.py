@@ -1,6 +1,7 @@
 """Pictures of deformed rods, drawn without a display or in a window."""
 
 import ctypes
+import logging
 import os
 import signal
 import sys
@@ -225,9 +226,15 @@ def look(
 
 
 def without_display() -> None:
-    """Let VTK draw off screen; must come before pyvista is imported."""
+    """Let VTK draw off screen, and Matplotlib not speak of folders; must come before pyvista is imported."""
+    quiet()
     if not os.environ.get("DISPLAY"):
         os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
+
+
+def quiet() -> None:
+    """Let Matplotlib not tell where it keeps its list of fonts if it cannot where it wants."""
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)
 
 
 def need_display(instead: str) -> None:

@@ -2,6 +2,7 @@
 
 import json
 import locale
+import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -67,9 +68,11 @@ def find(place: str, run: int | None = None) -> Result:
         If there is no such folder, file or run.
     """
     path = Path(place)
-    if path.is_dir():
+    if os.path.isdir(path):
         return _run(path, run)
-    if not path.exists():
+    if os.path.exists(path) and not os.path.isfile(path):
+        raise InputError(f"{place}: is no plain file; need a results folder, or a .vtu, .pvd or .csv file")
+    if not os.path.exists(path):
         raise InputError(f"{place}: there is no such folder or file; isorod run SCENE --output DIR makes one")
     if run is not None:
         raise InputError(f"--run goes with a results folder, and {place} is a file")
@@ -154,7 +157,7 @@ def mesh(path: Path) -> Any:
     """
     import pyvista
 
-    if not path.is_file():
+    if not os.path.isfile(path):
         raise InputError(f"{path}: there is no such file, though the run's record names it")
     from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridReader
 

@@ -141,8 +141,8 @@ def mend(file: FileIO, path: Path) -> int:
     return size
 
 
-def check_folder(path: str) -> None:
-    """Raise `InputError` if a results folder of that name cannot be made or written to; makes nothing."""
+def check_folder(path: str, told: str = "") -> None:
+    """Raise `InputError`, as it is ``told``, if a folder of that name cannot be made or written to; makes nothing."""
     if not path:
         raise InputError("results folder: got an empty name")
     place = Path(path).absolute()
@@ -153,7 +153,7 @@ def check_folder(path: str) -> None:
         with tempfile.TemporaryFile(dir=place, buffering=0) as file:
             file.write(bytes(_PAGE))
     except OSError as problem:
-        raise refusal(f"results folder {path}: cannot write there", problem) from None
+        raise refusal(told or f"results folder {path}: cannot write there", problem) from None
 
 
 def make_folder(path: str) -> Path:
@@ -176,6 +176,9 @@ def write_beside(path: Path, write: Callable[[Path], object]) -> None:
     """
     name = ""
     try:
+        # A device or a pipe would be no more.
+        if os.path.exists(path) and not os.path.isfile(path):
+            raise OSError(errno.EINVAL, "it is no plain file")
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix)
         os.close(handle)
         write(Path(name))
