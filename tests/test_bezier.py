@@ -171,6 +171,18 @@ def test_patches_are_cut_until_functions_are_met_and_it_is_said_where_they_are_n
     assert coarse.error > 10 * found.error
 
 
+def test_sections_of_more_patches_than_are_wanted_are_not_covered(monkeypatch):
+    """Cells are chosen by how many there would be, of hollow rods hundreds: one more than are wanted says so."""
+    space = Space(straight(4.0).sweep(section.circle(8)).with_rings([0.6, 1.0]), section_degree=4, elements=2, degree=3)
+    body = Body(space, LinearElastic(1.0, 0.3))
+    count, evaluated = [], monkeypatch.setattr(stress, "cauchy", lambda *given: pytest.fail("stresses of no cells"))
+    cover = patches.cover
+    monkeypatch.setattr(bezier, "cover", lambda *given: count.append(len((found := cover(*given)).patches)) or found)
+    nodal = np.random.default_rng(2).standard_normal((space.nodes, 3))
+    assert evaluated is None and folder._bezier(body, [{"displacement": nodal}], "auto") is None
+    assert bezier.MOST < count[0] <= bezier.MOST + 8
+
+
 RANGES = """
 import json, sys
 import vtk

@@ -14,6 +14,7 @@ from vibrations import stretching, turning
 from isorod import files, modal, statics
 from isorod.assembly.assembler import Assembler
 from isorod.assembly.mixed import MixedAssembler
+from isorod.command.cli import main
 from isorod.errors import InputError
 from isorod.material import LinearElastic, NeoHookean
 from isorod.model import Body, Model, Support
@@ -270,3 +271,20 @@ def test_an_unknown_state_has_no_pressure():
     assert assembler.pressures(x)[0] == pytest.approx(pressures[0], rel=1e-14)
     assert np.array_equal(assembler.displacement(x, 0.0), np.where(model.free >= 0, shape, 0.0))
     assert not np.any(assembler.pressures(assembler.state(shape))[0])
+
+
+def test_modes_about_an_equilibrium_show_its_stresses(tmp_path):
+    """Those of a mixed body have its pressures."""
+    pyvista = pytest.importorskip("pyvista")
+    (tmp_path / "bar.toml").write_text(
+        '[rod.a]\ncurve = {straight = 12.0}\nsection = {circle = 1.0}\ndensity = 1.0\nformulation = "mixed"\n'
+        "law = {NeoHookean = {E = 100.0, nu = 0.4999}}\nspace = {elements = 3, degree = 3, section_degree = 3}\n"
+        '[support.foot]\nend = "start"\n[support.hand]\nend = "end"\ndisplacement = [0.0, 0.0, 0.12]\n'
+        "[analysis.modal]\nmodes = 2\n"
+    )
+    assert main(["run", str(tmp_path / "bar.toml"), "--output", str(tmp_path / "out")]) == 0
+    shown = pyvista.read(tmp_path / "out" / "bar-0.vtu")
+    assert {"displacement", "mode_2", "mean_stress"} <= set(shown.point_data)
+    # Away from the ends, which make it a little stiffer, a stretched bar has a third of its tension as the mean.
+    middle = np.abs(shown.points[:, 2] - 6.0) < 1.0
+    assert shown.point_data["mean_stress"][middle].mean() == pytest.approx(1.0 / 3.0, rel=0.12)

@@ -4,14 +4,17 @@ import json
 
 import numpy as np
 import pytest
+from petsc4py import PETSc
 from scipy.optimize import brentq
 
 from isorod import modal
 from isorod.command.cli import main
+from isorod.contact.frozen import Frozen
 from isorod.errors import InputError
 from isorod.geometry import section
 from isorod.geometry.center_line import straight
 from isorod.material import NeoHookean
+from isorod.modal import touching
 from isorod.model import Body, BodyForce, Contact, Cylinder, Model, Plane, Support
 from isorod.space import Space
 
@@ -172,3 +175,22 @@ def test_what_is_not_known_of_a_patch_counts_in_the_estimate():
     ends = [Support.end(space, end) for end in ("start", "end")]
     modes = modal.solve(Model([Body(space, LAW, 1.0)], ends, contacts=[Contact(0, post, points=(6, 12))]), 3)
     assert 0.02 < modes.estimate("axis") < 1.0
+
+
+@pytest.mark.filterwarnings(UNSEEN)
+@pytest.mark.filterwarnings("ignore:the error is")
+def test_cells_whose_reactions_cancel_are_no_doubt(monkeypatch):
+    """A soft wall: reactions of cells alone would tell of errors of hundreds of per cent; the bound is a solution."""
+    space = bar(6.0, 4, 3)
+    wall = Cylinder((0.0, 6.1, 4.5), (1.0, 0.0, 0.0), 5.0)
+    supports = [Support.end(space, "start"), Support.end(space, "end", displacement=(0.05, 0.3, 0.0))]
+    model = Model([Body(space, LAW, 1.0)], supports, contacts=[Contact(0, wall, penalty=300.0)])
+    modes = modal.solve(model, 3)
+    contact = Frozen(model, model.contacts, modes.contacts, modes.state, PETSc.COMM_SELF, tight=True)
+    within, reactions = contact.give(modes.vectors)
+    found = touching.doubt(model, modes.equilibrium, modes.eigenvalues, modes.vectors)
+    monkeypatch.setattr(touching, "Frozen", lambda *given, **how: Frozen(*given, **how | {"tight": False}))
+    springs = modal.solve(model, 3, state=modes.equilibrium)
+    expected = 1.0 - springs.frequencies / modes.frequencies
+    assert (reactions / modes.eigenvalues).max() > 2.0 > 1.0 > 3.0 * expected.max()
+    assert found == pytest.approx((expected + 0.5 * within / modes.eigenvalues).max(), rel=1e-2)

@@ -141,7 +141,8 @@ class Modes:
             return found
         from isorod.modal import touching
 
-        return found + touching.doubt(self.model, self.equilibrium, values, shapes)
+        how = self.rigid > 0, self.lumped, self.quarter is not None
+        return found + touching.doubt(self.model, self.equilibrium, values, shapes, *how)
 
     def matrices(self) -> "Matrices":
         """Return the stiffness and the mass whose modes they are (`isorod.output.matrices.matrices`)."""
@@ -167,8 +168,8 @@ class Modes:
         return {"mode": numbers, "frequency": self.frequencies, "residual": self.residuals}
 
     def fields(self, body: int) -> dict[str, Array]:
-        """Return a body's part of each mode shape, ``(nodes, 3)``, and the displacement that they are about, if any."""
-        found = {} if self.state is None else {"displacement": self.model.nodal(self.state, body)}
+        """Return a body's part of each mode shape, ``(nodes, 3)``, and the fields of what they are about, if any."""
+        found = {} if self.equilibrium is None else self.equilibrium.fields(body)
         later = () if self.quarter is None else self.quarter
         for name, vectors in (("mode", self.vectors), ("quarter", later)):
             found |= {f"{name}_{k + 1}": self.model.nodal(vector, body) for k, vector in enumerate(vectors)}

@@ -11,10 +11,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from petsc4py import PETSc
+from scipy.linalg import eigh
 
 from isorod.arrays import Array
 from isorod.assembly.assembler import Assembler
-from isorod.checks import rigid_motions
+from isorod.assembly.formulation import assembler_for
+from isorod.checks import correction, rigid_motions
 from isorod.contact.frozen import Frozen
 from isorod.errors import InputError
 from isorod.model.model import Model
@@ -26,6 +28,9 @@ if TYPE_CHECKING:
 # A rigid motion slides if gaps change by less than this share of it, root mean squares of both, and is held if by more
 # than that one: between them patches hold it by their width, as what rolls or tips.
 _SLIDES, _HELD = 1e-6, 0.25
+
+# Changes that are told by reactions alone; iterations to the frequencies of softer contact.
+_SURE, _ITERATIONS = 0.01, 3
 
 # Stiffness, relative to the sum of its parts, of a rigid motion that meets none.
 _NONE = 1e-9
@@ -65,19 +70,65 @@ def hold(assembler: Assembler, state: Equilibrium) -> list[tuple[int, Array]]:
     return found
 
 
-def doubt(model: Model, state: Equilibrium, eigenvalues: Array, vectors: Array) -> float:
+def doubt(
+    model: Model,
+    state: Equilibrium,
+    eigenvalues: Array,
+    vectors: Array,
+    free: bool = False,
+    lumped: bool = False,
+    whirls: bool = False,
+) -> float:
     """Return how far frequencies may be off by what is not known of how much patches give way, relative, the largest.
 
-    What is known lies between springs of all points, which are too soft, and points that are all held.
+    What is known lies between springs of all points, which are too soft, and points that are all held.  Of the former
+    there are frequencies by inverse iteration from these modes.  Reactions of cells, squared over their springs, tell
+    them where they change little alone: those of cells side by side may be large and cancel.
 
     Parameters
     ----------
     eigenvalues, vectors
         ``omega^2`` ``(m,)`` and shapes ``(m, dofs)`` of modes that are not rigid.
+    free, lumped
+        Whether there are rigid ones, and whether with the lumped mass matrix.
+    whirls
+        Whether there are Coriolis forces: then springs in series with the body say how much softer it is.
     """
     contact = Frozen(model, model.contacts, state.contacts, state.displacement, PETSc.COMM_SELF, tight=True)
-    within, besides = contact.give(vectors)
-    return 0.5 * float(np.max((within + besides) / np.abs(eigenvalues), initial=0.0))
+    within, besides = (one / np.abs(eigenvalues) for one in contact.give(vectors))
+    softer = 1.0 - 1.0 / np.sqrt(1.0 + besides)
+    # Where little changes there is no need of another factorisation.
+    if not whirls and softer.max(initial=0.0) > _SURE:
+        softer = _softer(model, state, eigenvalues, vectors, free, lumped)
+    return float(np.max(0.5 * within + softer, initial=0.0))
+
+
+def _softer(model: Model, state: Equilibrium, eigenvalues: Array, vectors: Array, free: bool, lumped: bool) -> Array:
+    """Return by how much springs of all points make frequencies lower, relative, shape ``(m,)``."""
+    assembler = assembler_for(model, PETSc.COMM_SELF)
+    contact = Frozen(model, model.contacts, state.contacts, state.displacement, PETSc.COMM_SELF)
+    assembler.contact = contact  # type: ignore[assignment]
+    matrix, mass = assembler.matrix(), assembler.mass(lumped) if free else assembler.mass_operator(lumped)
+    assembler.tangent(assembler.state(state.displacement, state.pressures), 1.0, matrix)
+    shift = float(np.abs(eigenvalues[0])) if free else 0.0
+    if free:
+        matrix.axpy(shift, mass, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
+    ksp = correction.solver(assembler, matrix)
+    found = [assembler.state(vector) for vector in vectors]
+    try:
+        for _ in range(_ITERATIONS):
+            pushed = [mass * one for one in found]
+            for force, one in zip(pushed, found, strict=True):
+                ksp.solve(force, one)
+        heavy = [mass * one for one in found]
+        # The shifted stiffness times a shape is the force.
+        above, below = (np.array([[a.dot(b) for b in found] for a in images]) for images in (pushed, heavy))
+        values = eigh(0.5 * (above + above.T), 0.5 * (below + below.T), eigvals_only=True) - shift
+    finally:
+        for held in (ksp, matrix, mass):
+            held.destroy()
+    ratio = np.sort(values) / np.sort(eigenvalues)
+    return np.asarray(1.0 - np.sqrt(np.clip(ratio, 0.0, 1.0)))
 
 
 def _sliding(

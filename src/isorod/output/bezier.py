@@ -53,9 +53,11 @@ class Cells:
         The body.
     frames
         Fields by name of each state that is to be shown (`grid`); patches are cut so that all of them are met.
+    most
+        So many patches of the section at the most (`isorod.output.patches.cover`).
     """
 
-    def __init__(self, body: Body, frames: Sequence[Mapping[str, Array]]) -> None:
+    def __init__(self, body: Body, frames: Sequence[Mapping[str, Array]], most: int | None = None) -> None:
         require()
         self.body = body
         space = body.space
@@ -63,12 +65,14 @@ class Cells:
         columns = [_scaled(rest.reshape(space.layers, -1, 3))]
         for fields in frames:
             columns += [_scaled(nodal.reshape(space.layers, -1, 3)) for nodal in _nodal(fields).values()]
-        self.patches: Patches = cover(space, np.concatenate(columns, axis=1))
+        self.patches: Patches = cover(space, np.concatenate(columns, axis=1), most)
         self._limited = Limited(self.patches, space.axis.degree)
         moved = [fields for fields in frames if "displacement" in fields][-1:]
-        for parts in _PARTS if len(self.patches.patches) <= MOST else _PARTS[:1]:
+        tried = _PARTS if len(self.patches.patches) <= MOST else _PARTS[:1]
+        for parts in tried:
             self._cut(parts)
-            if all(self._error(fields) <= _TOLERANCE for fields in moved):
+            # Of the last to be tried the error changes nothing, and stresses at all samples take long.
+            if parts == tried[-1] or all(self._error(fields) <= _TOLERANCE for fields in moved):
                 break
 
     @property

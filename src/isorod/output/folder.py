@@ -159,7 +159,8 @@ def _bezier(body: Body, fields: Sequence[Mapping[str, Array]], cells: str) -> "C
         return None
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        found = Cells(body, fields)
+        # One more than are wanted says that there are too many.
+        found = Cells(body, fields, MOST + 1)
     return found if len(found.patches.patches) <= MOST else None
 
 

@@ -103,26 +103,29 @@ def within(reference: Array) -> Array:
     return np.clip(reference, _SIDE, 1.0 - _SIDE)
 
 
-def cover(space: Space, columns: Array) -> Patches:
+def cover(space: Space, columns: Array, most: int | None = None) -> Patches:
     """Return patches on which all columns of coefficients of the section's functions are met.
 
-    Warns where they are not, to `TOLERANCE`, with `MOST` patches.
+    Warns where they are not, to `TOLERANCE`, with as many patches as there may be.
 
     Parameters
     ----------
     columns
         Shape ``(count, columns)``, each of a size for which an error of `TOLERANCE` is small.
+    most
+        So many patches at the most, but for the last cut; `MOST` where not given.
     """
     # As many as there are functions say all; an error is no larger than what they say.
     directions, sizes, _ = np.linalg.svd(columns, full_matrices=False)
     plane = _plane(space)
+    most = MOST if most is None else most
     try:
-        return _cover(plane, directions * sizes)
+        return _cover(plane, directions * sizes, most)
     except (ArithmeticError, np.linalg.LinAlgError):
-        return _cover(_Plane(space, None, None), directions * sizes)
+        return _cover(_Plane(space, None, None), directions * sizes, most)
 
 
-def _cover(plane: "_Plane", columns: Array) -> Patches:
+def _cover(plane: "_Plane", columns: Array, most: int) -> Patches:
     """Return what `cover` does, on a plane; raises `ArithmeticError` where that is not good enough."""
     whole = plane.degree is not None
     q = _USUAL if plane.degree is None else min(2 * plane.degree, HIGHEST)
@@ -139,7 +142,7 @@ def _cover(plane: "_Plane", columns: Array) -> Patches:
 
     for patch in _begin(plane):
         add(patch)
-    while -heap[0][0] > TOLERANCE and len(heap) < MOST:
+    while -heap[0][0] > TOLERANCE and len(heap) < most:
         for patch in _cut(heappop(heap)[2], whole):
             add(patch)
     worst = -heap[0][0]
