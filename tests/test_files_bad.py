@@ -245,3 +245,29 @@ def test_options_of_petsc_are_not_for_files(refused):
     table = copy.deepcopy(BEAM)
     table["analysis"] = {"statics": {"petsc": {"pc_type": "python"}}}
     assert re.match(r"\d+: analysis.statics: 'petsc' is not known", found := refused(text(table))), found
+
+
+@pytest.mark.parametrize("space", ["", "space = {elements = 4, degree = 3, order = 2}\n"])
+def test_contact_of_a_hollow_rod_is_refused_with_what_to_leave_out(space, refused):
+    touching = (
+        "[obstacle.floor]\nPlane = {point = [0.0, -0.2, 0.0]}\n[contact.floor]\nsecond = 'floor'\nfirst = 'bar'\n"
+    )
+    said = refused(f"analysis = 'statics'\n{ROD}rings = [0.5, 1.0]\n{space}{ENDS}{touching}")
+    assert re.search(r"\d+: contact.floor.first: rod bar has a hole or layers, .* leave out its rings, or this", said)
+
+
+@pytest.mark.parametrize(
+    ("analysis", "option", "why"),
+    [
+        ("statics", "--checkpoint=state", r"motions alone \(\[analysis.dynamics\]\) have a state to go on from"),
+        ("modal", "--resume", "motions alone"),
+        ("dynamics", "--refine", "of a motion nothing estimates the error of the space; compare runs"),
+        ("dynamics", "--tolerance=0.1", "of a motion nothing"),
+    ],
+)
+def test_options_of_other_analyses_say_whose_they_are(analysis, option, why, tmp_path, capsys):
+    path = tmp_path / "bar.toml"
+    told = "end_time = 1.0\noutputs = 1\n" if analysis == "dynamics" else ""
+    path.write_text(f"{ROD}density = 1.0\n{ENDS}[analysis.{analysis}]\n{told}")
+    assert cli.main(["run", str(path), option]) == 2
+    assert re.match(f"isorod: option {option.split('=')[0]}: {why}", capsys.readouterr().err)

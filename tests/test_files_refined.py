@@ -1,6 +1,7 @@
 """Scene files and the error of their results: told, warned of, and refined until it is small enough."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -111,6 +112,17 @@ def test_each_direction_of_refinement_is_told(run, space):
     assert record["error_estimate"] == pytest.approx(sum(record["changes"].values()))
     # A vector's small components count by its size.
     assert np.isfinite(record["error_estimate"]) and record["error_estimate"] < 2.0
+
+
+def test_what_is_as_good_as_zero_has_no_relative_error(run, tmp_path, capsys):
+    """The support carries nothing across the pull but rounding, another amount on each space."""
+    turned = '[support.hand]\nend = "end"\nrotation = [0.0, 0.0, 10.0]\n'
+    asked = '[measure.push]\nreaction = "hand"\ncomponent = "y"\n[measure.twist]\nmoment = "hand"\ncomponent = "z"\n'
+    record, _ = run(bar("degree = 3, elements = 2", more=turned + asked), "--refine")
+    assert 0.0 <= record["nothing"]["push"] < 1e-9 * abs(record["twist"]) and set(record["nothing"]) == {"push"}
+    assert 0.0 < record["error_estimate"] < 0.1
+    assert cli.main(["run", str(tmp_path / "bar.toml"), "--refine"]) == 0
+    assert re.search(r"error +none of push, which is as good as zero: it changes by \d", capsys.readouterr().out)
 
 
 def test_in_contact_a_tolerance_goes_by_the_directions(run):

@@ -41,6 +41,12 @@ def _more(parser: Parser, scene: Any) -> None:
     """Add options of the scene's analyses, and of what becomes of the result."""
     chosen.with_analysis(parser, scene)
     analyses = scenes.analyses(scene)
+    if "dynamics" not in analyses:
+        motions = "motions alone ([analysis.dynamics]) have a state to go on from"
+        parser.elsewhere |= dict.fromkeys(("--checkpoint", "--checkpoint-every", "--resume"), motions)
+    if analyses == ("dynamics",):
+        error = "of a motion nothing estimates the error of the space; compare runs with other elements and orders"
+        parser.elsewhere |= dict.fromkeys(("--refine", "--tolerance", "--no-estimate"), error)
     if "dynamics" in analyses:
         parser.add_argument("--checkpoint", metavar="FILE", help="keep the state of the run in this file")
         parser.add_argument(
@@ -113,6 +119,7 @@ def _analysis(scene: Any, theirs: Sequence[str], found: argparse.Namespace) -> t
         reached = estimate(scene, settings, found.tolerance)
         scene, solution, seconds = reached.scene, reached.solution, reached.seconds
         refined = {"error_estimate": reached.error, "changes": reached.changes, "refinements": reached.history}
+        refined |= {"nothing": dict(reached.nothing)} if reached.nothing else {}
         refined |= run.stress_estimate(solution) if shown else {}
     else:
         solution, seconds = run.solve(scene, settings)

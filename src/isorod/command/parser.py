@@ -18,10 +18,17 @@ _NUMBER = r"(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?"
 
 
 class Parser(argparse.ArgumentParser):
-    """An argument parser whose errors are one line (`InputError`)."""
+    """An argument parser whose errors are one line (`InputError`).
+
+    Attributes
+    ----------
+    elsewhere
+        Options that other scenes have, and why they are none of this one.
+    """
 
     def __init__(self, *arguments: Any, **keywords: Any) -> None:
         super().__init__(*arguments, **keywords)
+        self.elsewhere: dict[str, str] = {}
         # argparse itself takes -1e-3, and -1,0,0, for an option.
         self._negative_number_matcher = re.compile(rf"-{_NUMBER}(,-?{_NUMBER})*$")
 
@@ -45,6 +52,8 @@ class Parser(argparse.ArgumentParser):
         found, unknown = parse(arguments)
         if unknown:
             word = unknown[0].split("=")[0]
+            if word in self.elsewhere:
+                self.error(f"option {word}: {self.elsewhere[word]}")
             names = [name for action in self._actions for name in action.option_strings]
             near = difflib.get_close_matches(word, names, 1)
             self.error(f"option {word} is not known" + (f"; did you mean {near[0]}?" if near else ""))

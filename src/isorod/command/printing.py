@@ -103,10 +103,12 @@ def _answer(record: Mapping[str, Any], units: Mapping[str, str], stresses: Seque
     elif "error_estimate" in record and not record.get("changes"):
         also = _stress_error(record, stresses)
         yield "error", f"about {percent(record['error_estimate'])}{also}, by a finer space"
-    elif "error_estimate" in record:
+    elif "error_estimate" in record and ("nothing" not in record or record["error_estimate"] > 0.0):
         changes = ", ".join(f"{name.replace('_', ' ')} {change:.2g}" for name, change in record["changes"].items())
         also = _stress_error(record, ())
         yield "error", f"about {percent(record['error_estimate'])}{also}, from finer spaces ({changes})"
+    for name, change in record.get("nothing", {}).items():
+        yield "error", f"none of {name.replace('_', ' ')}, which is as good as zero: it changes by {change:.1g}"
 
     if record.get("time_error") is not None:
         yield "error in time", f"about {record['time_error']:.1g} of the largest displacement, of steps so long"

@@ -24,6 +24,9 @@ from isorod.space.polyharmonic import MAX_ORDER
 from isorod.space.polynomial import MAX_DEGREE as MAX_SECTION_DEGREE
 from isorod.space.space import Space
 
+# What is so small a share of the largest force or displacement is none, if it changes by more than so much of itself.
+_NOTHING, _WHOLE = 1e-9, 0.1
+
 
 def finer(scene: Any) -> dict[str, Any]:
     """Return the scene on the next finer space in each direction, by the name of its option.
@@ -77,6 +80,8 @@ class Estimate:
         was reached, by the error's own estimate.
     history
         Options changed so far, with the error before: ``(option, value, error before)``.
+    nothing
+        What is as good as zero, by its name: the largest change of it, in its own unit.  It has no relative error.
     """
 
     scene: Any
@@ -85,6 +90,7 @@ class Estimate:
     error: float
     changes: dict[str, float]
     history: list[tuple[str, int, float]]
+    nothing: Mapping[str, float] = dataclasses.field(default_factory=dict)
 
 
 def estimate(scene: Any, settings: Mapping[str, Any], tolerance: float | None = None) -> Estimate:
@@ -136,14 +142,14 @@ def estimate(scene: Any, settings: Mapping[str, Any], tolerance: float | None = 
         solution, seconds = solve(scene)
         here = scene.measure(solution)
         ahead = finer(scene)
-        changes, gains = {}, {}
+        changes, gains, nothing = {}, {}, dict[str, float]()
         for name, one in ahead.items():
             other, _ = solve(one)
-            changes[name] = _change(scene, here, one.measure(other))
+            changes[name] = _change(scene, here, one.measure(other), _NOTHING * _scale(solution), nothing)
             gains[name] = changes[name] / (_work(other) - _work(solution))
         error = sum(changes.values())
         if tolerance is None or error <= tolerance:
-            return Estimate(scene, solution, seconds, error, changes, history)
+            return Estimate(scene, solution, seconds, error, changes, history, nothing)
         best = max(gains, key=lambda name: gains[name])
         if solved[ahead[best]][0].model.dofs > MAX_UNKNOWNS:
             break
@@ -198,19 +204,35 @@ def _reach(scene: Any, settings: Mapping[str, Any], spaces: Sequence[Space], tol
     return Estimate(one, solution, seconds, steps[-1].error, {}, history)
 
 
-def _change(scene: Any, here: Mapping[str, Any], there: Mapping[str, Any]) -> float:
-    """Return the largest relative change of what is measured: of each frequency, or of a vector's size."""
+def _change(
+    scene: Any, here: Mapping[str, Any], there: Mapping[str, Any], little: float, nothing: dict[str, float]
+) -> float:
+    """Return the largest relative change of what is measured: of each frequency, or of a vector's size.
+
+    What is no more than a ``little``, and changes by as much as it is, is ``nothing``: its change is noted there.
+    """
     changes = [0.0]
     for name, value in here.items():
         # Where a largest value is may be another place.
         if name not in scene.units:
             continue
         a, b = (np.atleast_1d(np.asarray(one, float)) for one in (value, there[name]))
+        size, other, change = (float(np.linalg.norm(one)) for one in (a, b, b - a))
         if scene.analysis == "modal":
             changes.append(float(np.abs(b / a - 1.0).max()))
-        elif a.any():
-            changes.append(float(np.linalg.norm(b - a) / np.linalg.norm(a)))
+        elif max(size, other) <= little and change > _WHOLE * size:
+            nothing[name] = max(change, nothing.get(name, 0.0))
+        elif size > 0.0:
+            changes.append(change / size)
     return max(changes)
+
+
+def _scale(solution: Any) -> float:
+    """Return what is large in an equilibrium: the largest force there is, or displacement; 0 of others."""
+    model = solution.model
+    given = [np.abs(np.asarray(getattr(solution, name, 0.0))) for name in ("reactions", "displacement")]
+    moments = np.abs(np.asarray(getattr(solution, "moments", 0.0))) / model.size
+    return max(float(one.max(initial=0.0)) for one in (*given, moments, np.abs(model.external)))
 
 
 def _told(scene: Any, name: str) -> Any:

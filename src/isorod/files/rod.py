@@ -63,6 +63,7 @@ class RodPlan:
         self.laws = self._laws(table)
         self.space = call(place / "space", schema.SPACE, (place / "space").table(table.get("space", {})))
         # Whether its space may be another where something small presses on it (`isorod.space.closer`).
+        self.ringed = self._rings is not None
         self.free = not self.space.arguments and len(self.laws) == 1 and self._rings is None
 
     def take_surface_points(self) -> None:

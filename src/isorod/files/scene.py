@@ -149,7 +149,18 @@ class FileScene:
 
     def _suit_spaces(self) -> None:
         """Let spaces of which nothing else is told suit the scene: surfaces that touch or are held, explicit steps."""
-        touching = [table.get(key) for _, _, table in self._named("contact") for key in ("first", "second")]
+        touching: list[Any] = []
+        for _, place, table in self._named("contact"):
+            for key in ("first", "second"):
+                said = table.get(key)
+                names = said if isinstance(said, list) else [said]
+                touching += names
+                ringed = next((one for one in self.plans if one in names and self.plans[one].ringed), None)
+                if ringed is not None:
+                    raise (place / key).error(
+                        f"rod {ringed} has a hole or layers, and contact is on the functions of solid rods of one law: "
+                        "leave out its rings, or this contact"
+                    )
         only = next(iter(self.plans))
         held = [table.get("rod", only) for _, _, table in self._named("support") if "patch" in table]
         for name, plan in self.plans.items():

@@ -205,7 +205,8 @@ class Contact(Checked):
                 raise InputError(f"{where}: body {body!r} is not one of the {len(spaces)} bodies")
             if not spaces[body].basis.on_surface:
                 raise InputError(
-                    f"{where}: body {body} has section functions without control points, which contact needs"
+                    f"{where}: body {body} has section functions without control points, which contact needs: give its "
+                    "space order and section_points, not section_degree; a rod with a hole or layers has none"
                 )
             count = spaces[body].axis.elements
             if elements is None:
