@@ -168,7 +168,9 @@ class Comparison:
                     found.append(self._mesh(fitting, dofs))
                 except timing.Failed as problem:
                     if len(found) < 2:
-                        raise InputError(f"{self.what.word}: finite elements: {problem.said}") from None
+                        mine = problem.said.startswith(f"{self.what.word}:")
+                        where = "" if mine else f"{self.what.word}: finite elements: "
+                        raise InputError(where + problem.said) from None
                     self._refuse("fem", _words(fitting, DEGREE), problem.said)
         if len(found) < 2:
             raise InputError(

@@ -51,7 +51,7 @@ FEATURES = {
 OPTIONS = {
     "alone": [],
     "--refine": ["--refine"],
-    "--tolerance": ["--tolerance", "0.02"],
+    "--tolerance": ["--tolerance", "0.05"],
     "--output": ["--output", "out"],
     "--set": ["--set", "rod.a.density=1.2"],
     "--checkpoint": ["--checkpoint", "state"],
@@ -93,11 +93,11 @@ def refusal(code: int, out: str, err: str) -> str:
 
     Warnings are lines of their own; a refusal has one line that is no warning, and no answer beside it.
     """
-    lines = [line for line in err.splitlines() if line.startswith("isorod: ")]
+    lines = [line for line in err.splitlines() if line.startswith(("isorod: ", "comparisons: "))]
     assert "Traceback" not in err, err
     if code == 0:
         assert out.strip(), "no answer"
         return ""
     assert code == 2, f"exit code {code}: {err}"
     assert lines and not out.strip(), f"an answer beside a refusal: {out}"
-    return lines[-1].removeprefix("isorod: ")
+    return lines[-1].partition(": ")[2]

@@ -5,12 +5,15 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from petsc4py import PETSc
 from touching import ACROSS, LAW, RADIUS, RING, add_forces, forces_at, moved, pair, reference, shaken
 
 from isorod.contact.operator import ContactOperator
 from isorod.contact.packed import START
 from isorod.contact.surface_kernel import EDGE, END, FREE, closest, new_foot, surface_gap
 from isorod.contact.tables import pack
+from isorod.geometry.center_line import helix
+from isorod.geometry.section import circle
 from isorod.model import Body, Contact, Cylinder, Model, Plane
 from isorod.space import Space
 
@@ -241,3 +244,26 @@ def test_numbers_that_are_not_finite_are_not_passed_over():
             forces[:] = 0.0
             assert add_forces(packed, reference(both) + shaken(both).reshape(-1, 3), forces) == fresh[1]
             assert np.array_equal(forces, fresh[2])
+
+
+def test_what_is_known_to_be_far_changes_no_force_of_a_coil_that_is_shaken_hard():
+    """Searches that begin outside of what can touch, as where points were near before, end at the far side or nowhere.
+
+    Stretched by half and more, sections are farther apart than they were made.
+    """
+    rod = helix(3.0, 2.2, turns=1.5).sweep(circle(8, 1.0))
+    space = Space(rod, elements=12, degree=4, order=2, section_points=8)
+    model = Model([Body(space, LAW, 1.0)], contacts=[Contact(0, penalty=30.0)])
+    known, fresh = (ContactOperator(model, PETSc.COMM_SELF) for _ in range(2))
+    rng, pressed = np.random.default_rng(0), 0
+    places = (space.positions - space.positions[space.is_carrier].mean(axis=0)) * space.is_carrier[:, None]
+    for _ in range(60):
+        turn, bend = 0.3 * rng.standard_normal((3, 3)), 0.06 * rng.standard_normal((3, 3))
+        motion = (places @ turn.T + places * np.roll(places, 1, axis=1) @ bend.T).ravel()
+        for one in (known, fresh):
+            one.packed.forget()
+        fresh.packed.look_everywhere()
+        forces, expected = (one.forces(motion)[0] for one in (known, fresh))
+        np.testing.assert_allclose(forces, expected, atol=1e-12 * max(np.abs(expected).max(), 1.0))
+        pressed += int((fresh.packed.states["pressure"] > 0.0).sum())
+    assert pressed > 500

@@ -27,6 +27,9 @@ from isorod.space.space import Space
 # What is so small a share of the largest force or displacement is none, if it changes by more than so much of itself.
 _NOTHING, _WHOLE = 1e-9, 0.1
 
+# Share of a change to which refinement of its direction makes it fall, or is trusted less, so much each time.
+_FALLS, _DOUBTED = 0.7, 0.1
+
 
 def finer(scene: Any) -> dict[str, Any]:
     """Return the scene on the next finer space in each direction, by the name of its option.
@@ -132,6 +135,9 @@ def estimate(scene: Any, settings: Mapping[str, Any], tolerance: float | None = 
         scene = on(scene, follows)
     solved: dict[Any, tuple[Any, dict[str, float]]] = {}
     history: list[tuple[str, int, float]] = []
+    # Of directions that were refined: the change before, and the share of a gain that is believed.
+    before: dict[str, float] = {}
+    trust: dict[str, float] = {}
 
     def solve(one: Any) -> tuple[Any, dict[str, float]]:
         if one not in solved:
@@ -146,11 +152,16 @@ def estimate(scene: Any, settings: Mapping[str, Any], tolerance: float | None = 
         for name, one in ahead.items():
             other, _ = solve(one)
             changes[name] = _change(scene, here, one.measure(other), _NOTHING * _scale(solution), nothing)
-            gains[name] = changes[name] / (_work(other) - _work(solution))
+            gains[name] = trust.get(name, 1.0) * changes[name] / (_work(other) - _work(solution))
         error = sum(changes.values())
         if tolerance is None or error <= tolerance:
             return Estimate(scene, solution, seconds, error, changes, history, nothing)
+        if history and changes.get(last := history[-1][0], 0.0) > _FALLS * before[last]:
+            # What does not fall where it is refined is due to another direction, as with few points in a patch.
+            trust[last] = _DOUBTED * trust.get(last, 1.0)
+            gains[last] *= _DOUBTED
         best = max(gains, key=lambda name: gains[name])
+        before[best] = changes[best]
         if solved[ahead[best]][0].model.dofs > MAX_UNKNOWNS:
             break
         history.append((best, _told(ahead[best], best), error))

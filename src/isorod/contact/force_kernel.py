@@ -49,14 +49,19 @@ def rigid_gap(one: Row, x: Array, normal: Array) -> float:
 
 
 class Work(NamedTuple):
-    """Work space of searches: places to start from, squares of distances, and boxes of a mesh that are left."""
+    """Work space of searches.
+
+    Places to start from, squares of distances, boxes of a mesh that are left, and how far from the ball of its start a
+    point is.
+    """
 
     places: Array
     squares: Array
     stack: Index
+    away: Array
 
 
-_WORK = types.NamedTuple((F2, F1, I1), Work)
+_WORK = types.NamedTuple((F2, F1, I1, F1), Work)
 
 
 @njit(_WORK(PACKED), **FAST)
@@ -65,7 +70,7 @@ def _new_work(packed: Packed) -> Work:
     most = 0
     for k in range(packed.surfaces.size):
         most = max(most, packed.surfaces[k].around)
-    return Work(np.empty((_PIECES, 3)), np.empty(most), np.empty(LEVELS, dtype=np.int64))
+    return Work(np.empty((_PIECES, 3)), np.empty(most), np.empty(LEVELS, dtype=np.int64), np.empty(1))
 
 
 @njit(b1(PACKED, i8, F2, _WORK, i8), **FAST)
@@ -80,6 +85,7 @@ def _start(packed: Packed, point: int, positions: Array, work: Work, count: int)
     start.element, start.s = int(places[best, 0]), 2.0 * places[best, 1] - 1.0
     x = packed.points[point]
     start.theta = angle_at(packed, start.element, places[best, 1], x, positions, work.squares)
+    work.away[0] = places[best, 2]
     for a in range(3):
         places[best, a] = places[count - 1, a]
     return True
@@ -117,7 +123,9 @@ def _gap(packed: Packed, one: Row, point: int, positions: Array, foot: Foot, wor
             count -= 1
         master = packed.surfaces[packed.elements[start.element].surface]
         outcome = closest(master, packed.elements, x, start, positions, foot)
-        if outcome == LOST and count >= 0:
+        # What the ball does not hold is not in contact; a search that ends deep inside has gone to the far side.
+        outside = count >= 0 and work.away[0] > limit
+        if outcome == LOST and count >= 0 and not outside:
             return np.nan
         gap = np.inf
         if outcome != END and outcome != LOST:
@@ -125,6 +133,8 @@ def _gap(packed: Packed, one: Row, point: int, positions: Array, foot: Foot, wor
             share, there = packed.shares[at.along], 0.5 * (start.s + 1.0)
             if may_touch(packed, at.element, share, start.element, there):
                 gap = surface_gap(foot, outcome == EDGE)
+        if outside and (gap < limit or outcome == LOST):
+            gap = work.away[0]
         if gap < limit:
             packed.states[point].edge = outcome == EDGE
             return gap

@@ -12,9 +12,10 @@ between these as well, and from boxes about the balls of an element; after a sea
 zero pressure, the feet found taken for the nearest.  The same lemma keeps the lists of elements near an element: those
 made with a margin ``M`` between boxes leave out no element nearer than ``M - 2 w``.
 
-A search starts at sections whose balls hold the point, one in each piece of a rod that is near: others are not in
-contact.  Of the pieces, nearest first, the first that presses the point counts, and what is found depends on present
-positions alone.  A point that is pressed goes on from where it was, and is searched for anew when it leaves.
+A search starts at sections whose balls hold the point, one in each piece of a rod that comes near and goes away again:
+others are not in contact, whatever searches from there end at.  Of the pieces, nearest first, the first that presses
+the point counts, and what is found depends on present positions alone.  A point that is pressed goes on from where it
+was, and is searched for anew when it leaves.
 """
 
 from typing import NamedTuple
@@ -24,7 +25,7 @@ from numba import b1, f8, i8, types, void
 
 from isorod.arrays import Array
 from isorod.compiled import F1, F2, FAST, njit
-from isorod.contact.packed import FUNCTIONS, PACKED, PASS_ROW, SURFACE_ROW, Packed, Row
+from isorod.contact.packed import ELEMENT_ROW, FUNCTIONS, PACKED, PASS_ROW, SURFACE_ROW, Packed, Row
 
 
 class Site(NamedTuple):
@@ -92,6 +93,21 @@ def _place_points(packed: Packed, one: Row, slave: Row, positions: Array) -> Non
                 point += 1
 
 
+@njit(void(PACKED, ELEMENT_ROW), **FAST)
+def _widen(packed: Packed, element: Row) -> None:
+    """Let balls about sections hold what is between these as well, where the rod is stretched too."""
+    first, end = element.first_rung, element.first_rung + element.rungs
+    last = 0.0
+    for rung in range(first, end):
+        following = 0.0
+        if rung + 1 < end:
+            for a in range(3):
+                following += (packed.rings[rung + 1, a] - packed.rings[rung, a]) ** 2
+        wide = max(element.reach**2, last, following)
+        packed.rings[rung, 3] = np.sqrt(packed.rings[rung, 3] ** 2 + wide)
+        last = following
+
+
 @njit(void(PACKED, SURFACE_ROW, i8, F2, F2), **FAST)
 def _surround(packed: Packed, surface: Row, row: int, positions: Array, layers: Array) -> None:
     """Fill ``rings`` of an element and the box round them; ``layers`` is work space.
@@ -119,7 +135,7 @@ def _surround(packed: Packed, surface: Row, row: int, positions: Array, layers: 
             for j in range(surface.functions):
                 value += packed.rungs[rung, j] * layers[j, a]
             packed.rings[rung, a] = value
-        packed.rings[rung, 3] = np.sqrt(packed.rings[rung, 3] ** 2 + element.reach**2)
+    _widen(packed, element)
     for a in range(3):
         box[0, a], box[1, a] = np.inf, -np.inf
         for rung in range(element.first_rung, element.first_rung + element.rungs):
@@ -233,7 +249,8 @@ def angle_at(packed: Packed, row: int, share: float, x: Array, positions: Array,
 def find_places(packed: Packed, one: Row, point: int, reach: float, places: Array) -> tuple[int, float]:
     """Find where searches for what is nearest to a point start.
 
-    Of all sections whose balls hold the point those one after the other along a rod are one piece of it, and one start.
+    Of sections one after the other along a rod, whose balls hold the point, the one that is nearer than those beside it
+    is a start.  So what starts there are with a smaller reach, are among those with a larger one.
 
     Parameters
     ----------
@@ -257,6 +274,7 @@ def find_places(packed: Packed, one: Row, point: int, reach: float, places: Arra
     looked_at = packed.counts[at.element] if listed else _last_row(packed, one) - first
     free = max(packed.listed[0] - 2.0 * (packed.travel[0] - packed.listed[1]), reach)
     count, last, surface = 0, -2, -1
+    before, leaves = np.inf, False
     for k in range(looked_at):
         row = packed.near[at.element, k] if listed else first + k
         distance = _beside(x, packed.boxes[row])
@@ -277,8 +295,9 @@ def find_places(packed: Packed, one: Row, point: int, reach: float, places: Arra
             if beside > reach:
                 free = min(free, beside)
                 continue
-            begins = element.first_rung + t != last + 1 or element.surface != surface
-            last, surface = element.first_rung + t, element.surface
+            begins = element.first_rung + t != last + 1 or element.surface != surface or (leaves and beside < before)
+            leaves = not begins and beside > before
+            last, surface, before = element.first_rung + t, element.surface, beside
             if (begins or count == 0) and count < places.shape[0]:
                 places[count, 2] = np.inf
                 count += 1
