@@ -1,14 +1,17 @@
 """Error estimates by refinement in each direction, and refinement until a tolerance holds."""
 
 import json
+import re
 
 import numpy as np
 import pytest
 from reference import BLADE_FREQUENCIES as BLADE
 from reference import SPRING_FORCE as SPRING
 
+from isorod import memory
 from isorod.checks import adapt
-from isorod.command import refine
+from isorod.command import cli, refine
+from isorod.command import run as running
 from isorod.errors import InputError, SolveError
 from isorod.scenes.blade import Blade
 from isorod.scenes.spring import Spring
@@ -68,9 +71,62 @@ def test_a_rule_that_does_not_follow_is_refused():
         refine.estimate(Spring(preset="paper", quadrature="paper"), {})
 
 
-def test_what_is_not_reached_is_said(monkeypatch):
+def test_what_is_not_reached_is_said_and_the_best_is_kept(monkeypatch):
     monkeypatch.setattr(adapt, "MAX_UNKNOWNS", 1000)
-    with pytest.raises(SolveError, match=r"tolerance 1e-09 is not reached: the estimate is .* after .* refinements"):
+    reached = refine.estimate(Spring(preset="paper", coils=1, elements_per_turn=4), {}, 1e-9)
+    assert re.fullmatch(
+        f"tolerance 1e-09 is not reached: the estimate is {reached.error:.2g} after . refinements", reached.short
+    )
+    assert 1e-9 < reached.error < min(error for *_, error in reached.history)
+
+
+def _failing(at, problem, monkeypatch):
+    """Let the solution so many of a run fail."""
+    true, calls = running.solve, []
+
+    def solve(*given, **named):
+        calls.append(given)
+        if len(calls) == at:
+            raise problem
+        return true(*given, **named)
+
+    monkeypatch.setattr(running, "solve", solve)
+
+
+LONG = [
+    "run",
+    "spring",
+    "--preset",
+    "paper",
+    "--coils",
+    "1",
+    "--elements-per-turn",
+    "4",
+    "--tolerance",
+    "1e-9",
+    "--json",
+]
+
+
+@pytest.mark.parametrize(
+    ("problem", "why"),
+    [(SolveError("no way"), "no way"), (InputError("too much"), "too much"), (MemoryError(), memory.SHORT)],
+)
+def test_a_refinement_that_fails_leaves_the_result_there_was(problem, why, monkeypatch, capsys, tmp_path):
+    _failing(3, problem, monkeypatch)
+    assert cli.main([*LONG, "--output", str(tmp_path)]) == 2
+    out, err = capsys.readouterr()
+    record = json.loads(out)
+    assert len({error for *_, error in record["refinements"]}) == 1
+    said = f"tolerance 1e-09 is not reached: the estimate is {record['error_estimate']:.2g} after 1 refinements"
+    assert err == f"isorod: {said}; finer it fails: {why}\n"
+    assert record["short"] == f"{said}; finer it fails: {why}"
+    assert json.loads((tmp_path / "results.jsonl").read_text())["force"] == record["force"]
+
+
+def test_where_nothing_is_known_the_error_is_that_of_the_solution(monkeypatch):
+    _failing(1, SolveError("no way"), monkeypatch)
+    with pytest.raises(SolveError, match="no way"):
         refine.estimate(Spring(preset="paper", coils=1, elements_per_turn=4), {}, 1e-9)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from conftest import straight
 
-from isorod import statics
+from isorod import memory, statics
 from isorod.command import cli
 from isorod.errors import InputError, SolveError
 from isorod.material import LinearElastic
@@ -154,8 +154,11 @@ def test_the_command_says_that_the_disk_is_full_and_leaves_the_folder_as_it_was(
     with room(20_000):
         assert cli.main(words) == 2
     out, err = capsys.readouterr()
-    assert out == ""
-    assert re.fullmatch(r"isorod: \S*spring-run2-0.vtu: cannot be written \(File too large\); make room .*\n", err)
+    # The result itself is not lost.
+    assert out.startswith("force ")
+    said = err.splitlines()[-1]
+    assert re.fullmatch(r"isorod: \S*spring-run2-0.vtu: cannot be written \(File too large\); make room .*", said)
+    assert all(one.startswith("isorod: warning: ") for one in err.splitlines()[:-1])
     assert {file.name: file.read_bytes() for file in tmp_path.iterdir()} == before
 
 
@@ -214,3 +217,31 @@ def test_names_are_escaped_in_collections_and_tables():
     assert [one.get("file") for one in found.iter("DataSet")] == [name]
     table = folder._table({"time": np.array([0.0, 1.0]), "force of =a, b": np.array([2.0, -3.0])})
     assert table == b'time,"force of =a, b"\n0.0,2.0\n1.0,-3.0\n'
+
+
+def test_a_file_that_does_not_fit_into_memory_is_refused_before_it_is_made(solved, monkeypatch):
+    monkeypatch.setattr(memory, "available", lambda: 1e6)
+    with pytest.raises(
+        InputError, match=r"^a \.vtu file of 3,612 points needs about 0.0033\d* GB, 0.001 GB are free; "
+    ):
+        vtk.grid(*solved)
+    monkeypatch.setattr(memory, "available", lambda: 4e6)
+    assert vtk.grid(*solved).n_points == 3612
+
+
+@pytest.mark.parametrize(
+    ("problem", "said"), [(InputError("no room"), "no room"), (MemoryError(), memory.SHORT)], ids=["disk", "memory"]
+)
+def test_a_folder_that_nothing_came_into_is_not_there(problem, said, capsys, tmp_path, monkeypatch):
+    def fail(*_):
+        raise problem
+
+    monkeypatch.setattr(folder, "_table", fail)
+    words = ["run", "spring", *COARSE, "--no-estimate", "--json", "--output"]
+    assert cli.main([*words, str(tmp_path / "new")]) == 2
+    out, err = capsys.readouterr()
+    assert (json.loads(out)["scene"], err) == ("spring", f"isorod: {said}\n")
+    assert [*tmp_path.iterdir()] == []
+    # One that was there stays.
+    assert cli.main([*words, str(tmp_path)]) == 2
+    assert [*tmp_path.iterdir()] == []

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from isorod.command import cli
+from isorod.command import run as running
+from isorod.errors import SolveError
 
 BAR = """
 title = "a bar with a force at its end"
@@ -125,8 +127,7 @@ def test_what_is_as_good_as_zero_has_no_relative_error(run, tmp_path, capsys):
     assert re.search(r"error +none of push, which is as good as zero: it changes by \d", capsys.readouterr().out)
 
 
-def test_in_contact_a_tolerance_goes_by_the_directions(run):
-    touching = """
+TOUCHING = """
 [obstacle.floor]
 Plane = {point = [0.0, -1.0, 0.0], normal = [0.0, 1.0, 0.0]}
 
@@ -135,9 +136,37 @@ first = "bar"
 second = "floor"
 penalty = 1.0
 """
-    text = bar("order = 2, degree = 3, elements = 2", more=LOAD.format(place="{component = 'y'}") + touching)
+
+
+def test_in_contact_a_tolerance_goes_by_the_directions(run):
+    text = bar("order = 2, degree = 3, elements = 2", more=LOAD.format(place="{component = 'y'}") + TOUCHING)
     record, _ = run(text, "--tolerance", "0.05")
     assert record["error_estimate"] <= 0.05 and set(record["changes"]) >= {"order", "degree", "elements"}
+
+
+@pytest.mark.parametrize("at", [3, 8])
+def test_in_contact_too_a_refinement_that_fails_leaves_the_result_there_was(at, tmp_path, monkeypatch, capsys):
+    true, calls = running.solve, []
+
+    def solve(*given, **named):
+        calls.append(given)
+        if len(calls) == at:
+            raise SolveError("no way")
+        return true(*given, **named)
+
+    monkeypatch.setattr(running, "solve", solve)
+    path = tmp_path / "bar.toml"
+    path.write_text(bar("order = 1, degree = 2, elements = 2", more=LOAD.format(place="{component = 'y'}") + TOUCHING))
+    assert cli.main(["run", str(path), "--tolerance", "1e-9", "--json"]) == 2
+    out, err = capsys.readouterr()
+    if at == 3:
+        # The error of the first is not known.
+        assert (out, err) == ("", "isorod: no way\n")
+        return
+    record = json.loads(out)
+    said = f"the estimate is {record['error_estimate']:.2g} after 0 refinements; finer it fails: no way"
+    assert err.endswith(f"isorod: tolerance 1e-09 is not reached: {said}\n")
+    assert record["error_estimate"] == pytest.approx(sum(record["changes"].values()))
 
 
 def test_a_rule_of_the_file_that_does_not_follow_is_refused(tmp_path, capsys):

@@ -3,14 +3,16 @@
 import dataclasses
 import re
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from comparisons.stability.point import petsc
 from comparisons.stability.rods import stiffness
-from isorod import modal, statics
+from isorod import files, modal, statics
 from isorod.checks import hourglass
+from isorod.command import cli
 from isorod.errors import FoldedRodError, InputError, SolveError
 from isorod.geometry.center_line import straight
 from isorod.geometry.section import circle
@@ -19,6 +21,8 @@ from isorod.model import Body, Model, Support
 from isorod.scenes.blade import Blade
 from isorod.scenes.spring import Spring
 from isorod.space import Space
+
+BAR = Path(files.__file__).parent / "examples" / "bar.toml"
 
 
 @pytest.mark.parametrize(
@@ -117,3 +121,26 @@ def test_the_command_fails_with_one_line(line, message, isorod):
 
 def test_a_fold_between_layers_is_an_input_error():
     assert issubclass(FoldedRodError, InputError)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["run", "knot", "--radius=1e-98"], "radius: got 1e-98, need 1e-50 to 1e+50"),
+        (["run", "knot", "--loop=1e9"], "loop: got 1e+09, need 6 rod radii and more, at most 1e5"),
+        (["run", "knot", "--tail=1e9"], "tail: got 1e+09, need 0 to 100000"),
+        (["run", "rope", "--radius=1e99"], "radius: got 1e+99, need 1e-50 to 1e+50"),
+        (["run", "strand", "--pitch=1e-98"], "length over pitch: got 5.75e+99, need 0 to 12500"),
+        (["run", "coil", "--coil-radius=1e300"], "centre line radius: got 1e+300, need 1e-100 to 1e100"),
+        (
+            ["show", "spring", "--coil-radius=1e-300", "--png=a.png"],
+            "centre line radius: got 1e-300, need 1e-100 to 1e",
+        ),
+        (["run", str(BAR), "--set", "a" * 5000], "need a path in the file"),
+    ],
+)
+def test_sizes_that_cannot_be_computed_with_are_one_line(words, said, capsys):
+    assert cli.main(words) == 2
+    out, err = capsys.readouterr()
+    assert (out, err.count("\n"), said in err) == ("", 1, True)
+    assert len(err) < 500

@@ -86,6 +86,12 @@ def representable(name: str, value: float) -> None:
         raise InputError(f"{name}: got {value:g}, need 1e-100 to 1e100; choose other units")
 
 
+def within(name: str, value: float, low: float, high: float) -> None:
+    """Raise `InputError` if a number is not from ``low`` to ``high``."""
+    if not low <= value <= high:
+        raise InputError(f"{name}: got {value:.4g}, need {low:g} to {high:g}")
+
+
 @cache
 def _kinds(owner: Any) -> tuple[tuple[str, Any, tuple[Any, ...]], ...]:
     """Return of each field that is given the name, the kind, and types whose values are of that kind for certain."""

@@ -7,13 +7,14 @@ degree more along the axis, then twice the elements.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Protocol, TypeVar
+from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 
 from isorod.checks.finer import DIRECTIONS
 from isorod.errors import InputError, SolveError
 from isorod.geometry.axis import MAX_DEGREE
 from isorod.geometry.disk import MAX_COUNT
 from isorod.geometry.rod import Rod
+from isorod.memory import SHORT
 from isorod.model.model import Model
 from isorod.space import choice
 from isorod.space.polynomial import MAX_DEGREE as MAX_SECTION_DEGREE
@@ -54,10 +55,19 @@ class Step:
     error: float
 
 
+class Reached(NamedTuple, Generic[Found]):
+    """A solution, its spaces, the steps to it, and in words why it is not within the tolerance, empty if it is."""
+
+    solution: Found
+    spaces: Sequence[Space]
+    steps: Sequence[Step]
+    short: str = ""
+
+
 def reach(
     solve: Callable[[Sequence[Space]], Found], spaces: Sequence[Space], tolerance: float, stresses: bool = False
-) -> tuple[Found, Sequence[Space], list[Step]]:
-    """Return the first solution whose estimated relative error is within the tolerance, its spaces, and all steps.
+) -> Reached[Found]:
+    """Return the first solution whose estimated relative error is within the tolerance, else the best there was.
 
     Parameters
     ----------
@@ -75,28 +85,46 @@ def reach(
     InputError
         If the tolerance is out of range, or the solution has no estimate (supports within the rod).
     SolveError
-        If it is not reached within 24 refinements or 400,000 unknowns.
+        If the first solution is not found.
     """
     check(tolerance)
     changed: dict[str, Any] = {}
     steps: list[Step] = []
+    kept: list[tuple[Found, Sequence[Space]]] = []
     while True:
-        solution = solve(spaces)
-        across, along = (_error(solution, direction, stresses) for direction in DIRECTIONS)
-        if across is None or along is None:
-            raise InputError("tolerance: this result has no estimate of its error")
-        error = across + along
-        steps.append(Step(changed, error))
-        if error <= tolerance:
-            return solution, spaces, steps
+        try:
+            solution = solve(spaces)
+            across, along = (_error(solution, direction, stresses) for direction in DIRECTIONS)
+            if across is None or along is None:
+                raise InputError("tolerance: this result has no estimate of its error")
+        except (InputError, SolveError, MemoryError) as problem:
+            if not steps:
+                raise
+            return _best(kept, steps, tolerance, f"; finer it fails: {str(problem) or SHORT}")
+        steps.append(Step(changed, across + along))
+        # All but the best would be memory for nothing.
+        if steps[-1].error <= min(one.error for one in steps):
+            kept = [(solution, spaces)]
+        if steps[-1].error <= tolerance:
+            return Reached(solution, spaces, steps)
         changes = _changes(spaces, across >= 0.5 * tolerance, along >= 0.5 * tolerance)
         changed = next((one for one in changes if one), {})
         if len(steps) > MAX_STEPS or not changed or solution.model.unknowns > MAX_UNKNOWNS:
-            raise SolveError(
-                f"tolerance {tolerance:g} is not reached: the estimate is {error:.2g} after {len(steps) - 1} "
-                "refinements"
-            )
+            return _best(kept, steps, tolerance)
         spaces = [refined(*one) for one in zip(spaces, changes, strict=True)]
+
+
+def _best(
+    kept: Sequence[tuple[Found, Sequence[Space]]], steps: Sequence[Step], tolerance: float, why: str = ""
+) -> Reached[Found]:
+    """Return what came nearest to a tolerance that is not reached."""
+    k = min(range(len(steps)), key=lambda k: (steps[k].error, -k))
+    return Reached(*kept[0], steps[: k + 1], short(tolerance, steps[k].error, len(steps) - 1, why))
+
+
+def short(tolerance: float, error: float, refinements: int, why: str = "") -> str:
+    """Return in words that a tolerance is not reached, and how near a result is."""
+    return f"tolerance {tolerance:g} is not reached: the estimate is {error:.2g} after {refinements} refinements{why}"
 
 
 def _error(solution: Solution, direction: str, stresses: bool) -> float | None:

@@ -6,7 +6,7 @@ from contextlib import nullcontext
 from time import perf_counter
 from typing import Any
 
-from isorod import options, scenes
+from isorod import memory, options, scenes
 from isorod.command import chosen, ending, notes
 from isorod.command.parser import Parser
 from isorod.errors import InputError
@@ -32,9 +32,13 @@ def main(ours: Sequence[str], theirs: Sequence[str]) -> int:
     # What overflows ends as a number that is not finite, and no such number is reported.
     with printing.apart() if found.json else nullcontext(), np.errstate(all="ignore"), options.petsc_errors():
         record, solution = solve(scene, theirs, found)
+    problems = [record["short"]] if "short" in record else []
     if ending.rank() == 0:
-        print(_report(record, solution, found, scene))
-    return 0
+        text, lost = _report(record, solution, found, scene)
+        problems += [lost] if lost else []
+        print(text, flush=bool(problems))
+    # What took hours is printed, whatever else failed.
+    return ending.fail("isorod", "; ".join(problems)) if problems else 0
 
 
 def _more(parser: Parser, scene: Any) -> None:
@@ -120,6 +124,7 @@ def _analysis(scene: Any, theirs: Sequence[str], found: argparse.Namespace) -> t
         scene, solution, seconds = reached.scene, reached.solution, reached.seconds
         refined = {"error_estimate": reached.error, "changes": reached.changes, "refinements": reached.history}
         refined |= {"nothing": dict(reached.nothing)} if reached.nothing else {}
+        refined |= {"short": reached.short} if reached.short else {}
         refined |= run.stress_estimate(solution) if shown else {}
     else:
         solution, seconds = run.solve(scene, settings)
@@ -132,24 +137,34 @@ def _analysis(scene: Any, theirs: Sequence[str], found: argparse.Namespace) -> t
     return record, solution
 
 
-def _report(record: dict[str, Any], solution: Any, found: argparse.Namespace, scene: Any) -> str:
-    """Write the record, fields and curves where they are wanted; return the record as JSON or in words."""
+def _report(record: dict[str, Any], solution: Any, found: argparse.Namespace, scene: Any) -> tuple[str, str]:
+    """Write the record, fields and curves where they are wanted; return the record as JSON or in words.
+
+    Beside it stands why nothing could be written, if so: empty if all is.
+    """
     from isorod.command import printing
     from isorod.output import results
 
     # Before anything is written: a record that cannot be one is an error.
-    text = results.line(record)
+    text, lost = results.line(record), ""
     if found.output is not None:
-        from isorod.output import folder
-
-        place = results.make_folder(found.output)
-        if solution is None:
-            record = folder.add(place, record, [], [])
-        else:
-            # The scene of a file has names for supports.
-            named = getattr(scene, "named", str)
-            curves = {named(name): values for name, values in solution.curves().items()}
-            record = folder.add(place, record, solution.model.bodies, folder.frames(solution), curves, found.cells)
+        try:
+            record = _kept(record, solution, found, scene)
+        except (InputError, MemoryError) as problem:
+            lost = str(problem) or memory.SHORT
         text = results.line(record)
     notes.show()
-    return text if found.json else printing.summary(record, scene)
+    return text if found.json else printing.summary(record, scene), lost
+
+
+def _kept(record: dict[str, Any], solution: Any, found: argparse.Namespace, scene: Any) -> dict[str, Any]:
+    """Write the record, fields and curves into the results folder; return the record with the names of the files."""
+    from isorod.output import folder, results
+
+    with results.folder(found.output) as place:
+        if solution is None:
+            return folder.add(place, record, [], [])
+        # The scene of a file has names for supports.
+        named = getattr(scene, "named", str)
+        curves = {named(name): values for name, values in solution.curves().items()}
+        return folder.add(place, record, solution.model.bodies, folder.frames(solution), curves, found.cells)

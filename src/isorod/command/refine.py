@@ -20,6 +20,7 @@ from isorod.command import run
 from isorod.errors import InputError, SolveError
 from isorod.geometry.axis import MAX_DEGREE
 from isorod.geometry.disk import MAX_COUNT
+from isorod.memory import SHORT
 from isorod.space.polyharmonic import MAX_ORDER
 from isorod.space.polynomial import MAX_DEGREE as MAX_SECTION_DEGREE
 from isorod.space.space import Space
@@ -85,6 +86,8 @@ class Estimate:
         Options changed so far, with the error before: ``(option, value, error before)``.
     nothing
         What is as good as zero, by its name: the largest change of it, in its own unit.  It has no relative error.
+    short
+        In words why it is not within a tolerance; empty if it is, or none was given.
     """
 
     scene: Any
@@ -94,6 +97,7 @@ class Estimate:
     changes: dict[str, float]
     history: list[tuple[str, int, float]]
     nothing: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    short: str = ""
 
 
 def estimate(scene: Any, settings: Mapping[str, Any], tolerance: float | None = None) -> Estimate:
@@ -117,7 +121,7 @@ def estimate(scene: Any, settings: Mapping[str, Any], tolerance: float | None = 
     InputError
         If the tolerance is out of range, or the quadrature does not follow the space.
     SolveError
-        If the tolerance is not reached within 24 refinements or 400,000 unknowns.
+        If the scene as it is cannot be solved.
     """
     if tolerance is not None:
         adapt.check(tolerance)
@@ -144,18 +148,26 @@ def estimate(scene: Any, settings: Mapping[str, Any], tolerance: float | None = 
             solved[one] = run.solve(one, settings)
         return solved[one]
 
+    found: Estimate | None = None
     for _ in range(MAX_STEPS + 1):
         solution, seconds = solve(scene)
         here = scene.measure(solution)
         ahead = finer(scene)
         changes, gains, nothing = {}, {}, dict[str, float]()
-        for name, one in ahead.items():
-            other, _ = solve(one)
-            changes[name] = _change(scene, here, one.measure(other), _NOTHING * _scale(solution), nothing)
-            gains[name] = trust.get(name, 1.0) * changes[name] / (_work(other) - _work(solution))
+        try:
+            for name, one in ahead.items():
+                other, _ = solve(one)
+                changes[name] = _change(scene, here, one.measure(other), _NOTHING * _scale(solution), nothing)
+                gains[name] = trust.get(name, 1.0) * changes[name] / (_work(other) - _work(solution))
+        except (InputError, SolveError, MemoryError) as problem:
+            if found is None:
+                raise
+            return replace(found, short=f"{found.short}; finer it fails: {str(problem) or SHORT}")
         error = sum(changes.values())
         if tolerance is None or error <= tolerance:
             return Estimate(scene, solution, seconds, error, changes, history, nothing)
+        said = adapt.short(tolerance, error, len(history))
+        found = Estimate(scene, solution, seconds, error, changes, [*history], nothing, said)
         if history and changes.get(last := history[-1][0], 0.0) > _FALLS * before[last]:
             # What does not fall where it is refined is due to another direction, as with few points in a patch.
             trust[last] = _DOUBTED * trust.get(last, 1.0)
@@ -166,9 +178,8 @@ def estimate(scene: Any, settings: Mapping[str, Any], tolerance: float | None = 
             break
         history.append((best, _told(ahead[best], best), error))
         scene = ahead[best]
-    raise SolveError(
-        f"tolerance {tolerance:g} is not reached: the estimate is {error:.2g} after {len(history)} refinements"
-    )
+    assert found is not None
+    return found
 
 
 def on(scene: Any, spaces: Sequence[Space]) -> Any:
@@ -205,14 +216,14 @@ def _reach(scene: Any, settings: Mapping[str, Any], spaces: Sequence[Space], tol
         tried[id(solution)] = one, seconds
         return solution
 
-    solution, _, steps = adapt.reach(solve, spaces, tolerance, bool(getattr(scene, "stresses", ())))
+    solution, _, steps, short = adapt.reach(solve, spaces, tolerance, bool(getattr(scene, "stresses", ())))
     history = [
         (name if hasattr(scene, name) else "elements_per_turn", value, before.error)
         for before, step in pairwise(steps)
         for name, value in step.changed.items()
     ]
     one, seconds = tried[id(solution)]
-    return Estimate(one, solution, seconds, steps[-1].error, {}, history)
+    return Estimate(one, solution, seconds, steps[-1].error, {}, history, short=short)
 
 
 def _change(

@@ -29,7 +29,7 @@ def put(document: Document, changes: Sequence[str]) -> None:
         keys = _keys(path) if value.strip() else []
         if not keys:
             raise InputError(
-                f"--set {one}: need a path in the file and a value, such as rod.NAME.law.NeoHookean.nu=0.3"
+                f"--set {one:.80}: need a path in the file and a value, such as rod.NAME.law.NeoHookean.nu=0.3"
             )
         if keys[0] == "analysis" and (len(keys) < 3 or keys[1] not in _table(document.content["analysis"])):
             raise (document.top / "analysis").error(f"--set {one}: which analysis it is the file alone says")

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from isorod.arrays import Array, Numbers
-from isorod.errors import InputError, expect, numbers, whole_number
+from isorod.errors import InputError, expect, numbers, representable, whole_number
 from isorod.geometry import bspline, fillets, reading
 from isorod.geometry import polyline as near_points
 from isorod.geometry.axis import MAX_ELEMENTS, Axis
@@ -354,6 +354,7 @@ def _framed(axis: Axis, centers: Array, normal: Numbers | None, closed: bool, st
 def _positive(name: str, value: float) -> None:
     if not (np.isfinite(value) and value > 0.0):
         raise InputError(f"{name}: got {value:g}, need a positive length")
+    representable(name, value)
 
 
 def _points(name: str, values: Numbers, shape: tuple[int | None, ...]) -> Array:

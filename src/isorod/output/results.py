@@ -166,6 +166,20 @@ def make_folder(path: str) -> Path:
     return folder
 
 
+@contextmanager
+def folder(path: str) -> Iterator[Path]:
+    """Yield the results folder, made if need be, and taken away again if nothing comes into it; raises `InputError`."""
+    there = os.path.isdir(path)
+    place = make_folder(path)
+    try:
+        yield place
+    except BaseException:
+        if not there:
+            with suppress(OSError):
+                place.rmdir()
+        raise
+
+
 def write_beside(path: Path, write: Callable[[Path], object]) -> None:
     """Let ``write`` make a file beside ``path``, then rename it: the name never shows a half-written file.
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from isorod import memory
 from isorod.arrays import Array
 from isorod.errors import InputError
 from isorod.model.body import Body
@@ -20,6 +21,9 @@ if TYPE_CHECKING:
 
 # Lines that contact may add round the section, and along an element, at most.
 _MOST = 100
+
+# Memory for a point with its stress, bytes.
+_BYTES = 900.0
 
 # Share of their range by which lines are apart.
 _CLOSE = 1e-6
@@ -73,6 +77,7 @@ def grid(
         line[-1] -= 1e-9 * (high - low)
         lines.append(line)
     u = np.concatenate(lines)
+    memory.ask((_BYTES + 24.0 * len(fields)) * u.size * len(xi), f"a .vtu file of {u.size * len(xi):,} points")
     points, _ = body.space.rod.grid(xi, u)
 
     below = np.delete(np.arange(u.size), np.cumsum([line.size for line in lines]) - 1)

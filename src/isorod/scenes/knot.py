@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from isorod.arrays import Array
-from isorod.errors import Checked, InputError, whole_number
+from isorod.errors import Checked, InputError, whole_number, within
 from isorod.geometry import bspline, section
 from isorod.geometry.center_line import straight
 from isorod.geometry.fitting import nearest
@@ -32,6 +32,9 @@ _DENSE = 8
 # Rate of damping, over the frequency of the loop's bending: with more, what is slow (how far strands have come round
 # each other) is slower still, with less, what is fast takes as long as it.
 _DAMPING = 0.6
+
+# Longest loop and tail: of more radii the line has too many points.
+_LONG = 1e5
 
 # Points of that line for each element of the rod.
 _POINTS = 8
@@ -84,13 +87,15 @@ class Knot(Checked):
 
     def settings(self) -> dict[str, Any]:
         """Return the keyword arguments of `isorod.dynamics.solve`."""
+        # First, as it refuses what cannot be computed with.
+        laid = self.laid.ravel()
         time = (self.loop * self.radius) ** 2 * np.sqrt(self.density * np.pi * self.radius**2 / self.bending)
         return {
             "end_time": self.settling * time,
             "time_step": self.time_step * self.radius * float(np.sqrt(self.density / self.E)),
             "outputs": self.outputs,
             "damping": _DAMPING / time,
-            "displacement": self.laid.ravel(),
+            "displacement": laid,
         }
 
     @cached_property
@@ -103,8 +108,13 @@ class Knot(Checked):
             value = getattr(self, name)
             if not (np.isfinite(value) and value > 0.0):
                 raise InputError(f"{name.replace('_', ' ')}: got {value:g}, need a positive number")
-        if not (np.isfinite(self.loop) and self.loop >= 6.0):
-            raise InputError(f"loop: got {self.loop:g}, need 6 rod radii and more, for strands to clear each other")
+        # Squares of squares of it are computed.
+        within("radius", self.radius, 1e-50, 1e50)
+        within("tail", self.tail, 0.0, _LONG)
+        if not 6.0 <= self.loop <= _LONG:
+            raise InputError(
+                f"loop: got {self.loop:g}, need 6 rod radii and more, at most 1e5, for strands to clear each other"
+            )
         half = _BRAID * float(np.sqrt(self.loop))
         s = np.linspace(-half, half, 2 * int(half * _DENSE) + 1)
         both = (

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from isorod.arrays import Array
-from isorod.errors import Checked, InputError, whole_number
+from isorod.errors import Checked, InputError, whole_number, within
 from isorod.geometry import section
 from isorod.geometry.center_line import straight
 from isorod.geometry.rod import Rod
@@ -101,6 +101,9 @@ class Rope(Checked):
             value = getattr(self, name)
             if not (np.isfinite(value) and value > 0.0):
                 raise InputError(f"{name}: got {value:g}, need a positive number")
+        # Fourth powers of it are computed.
+        within("radius", self.radius, 1e-50, 1e50)
+        within("ratio", self.ratio, 0.0, 1e6)
         if not self.ratio > 1.0:
             raise InputError(f"ratio: got {self.ratio:g}, need more than 1, for a cylinder to be there")
         if not 0.0 < self.wrap <= 180.0:

@@ -5,8 +5,9 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from isorod.errors import Checked, InputError, whole_number
+from isorod.errors import Checked, InputError, whole_number, within
 from isorod.geometry import section
+from isorod.geometry.axis import MAX_ELEMENTS
 from isorod.geometry.center_line import HELIX_ELEMENTS, helix, straight
 from isorod.geometry.rod import Rod
 from isorod.scenes import option
@@ -86,6 +87,7 @@ class Strand(Checked):
         if points % SIX:
             raise InputError(f"section points: got {points}, need a multiple of {SIX}")
         turns = self.length / self.pitch
+        within("length over pitch", turns, 0.0, MAX_ELEMENTS / HELIX_ELEMENTS)
         breaks = np.linspace(0.0, 1.0, int(np.ceil(HELIX_ELEMENTS * turns - 1e-9)) + 1)
         core = straight(self.length, tuple(breaks), degree=4)
         rods = [core.sweep(section.circle(points, self.core_radius), twist=360.0 * turns)]
