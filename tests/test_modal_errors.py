@@ -9,8 +9,11 @@ from vibrations import FREE, bars, clamped, matrices
 
 from isorod import modal, options, statics
 from isorod.errors import InputError, SolveError
+from isorod.geometry import center_line, section
+from isorod.material import NeoHookean
 from isorod.modal.pencil import Pencil
-from isorod.model import Model, Support
+from isorod.model import Body, Model, Support
+from isorod.space import Space
 
 
 @pytest.fixture
@@ -174,3 +177,12 @@ def test_an_error_of_petsc_within_a_system_error_is_one_line():
         raise SystemError("returned a result with an exception set") from PETSc.Error(62)
     with pytest.raises(SystemError, match="bad call"), options.petsc_errors():
         raise SystemError("bad call") from ValueError("of another")
+
+
+def test_a_free_rod_too_thin_for_double_precision_is_refused_at_once():
+    """The eigensolver looked for its first bending mode for minutes, deaf to signals."""
+    line = center_line.straight(1e8)
+    space = Space(line.sweep(section.circle(8)), order=1, elements=4, degree=3)
+    model = Model([Body(space, NeoHookean(1.0, 0.3), 1.0)], [])
+    with pytest.raises(InputError, match="modes: body 0 is free and its section 2e-08 of its length, below 1e-07: "):
+        modal.solve(model, 4)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from test_motion_steps import MUSCLE, bar
 
-from isorod import dynamics, scenes, statics
+from isorod import dynamics, modal, scenes, statics
 from isorod.command import cli, printing
 from isorod.command import run as running
 from isorod.dynamics.explicit import run as explicit
@@ -18,6 +18,7 @@ from isorod.geometry import center_line, section
 from isorod.material import NeoHookean
 from isorod.model import Body, Contact, Model, Plane, Support
 from isorod.output import progress
+from isorod.output.section_properties import section_properties
 from isorod.output.words import duration
 from isorod.space import Space
 from isorod.space.basis import PAPER, POLYNOMIALS
@@ -156,6 +157,29 @@ def test_statics_say_how_far_they_are(talkative, capsys):
     assert found and all(found), lines
     assert {float(one[1]) for one in found} >= {0.5, 1.0}
     assert int(found[-1][3]) > 0
+
+
+def test_modes_say_how_far_they_are(talkative, capsys):
+    space = Space(center_line.straight(10.0).sweep(section.circle(8)), order=1, elements=4, degree=3)
+    model = Model([Body(space, NeoHookean(1.0, 0.3), 1.0)], [Support.end(space, "start")])
+    modal.solve(model, 4, progress=True)
+    first, *lines = capsys.readouterr().err.splitlines()
+    assert first == f"isorod: modes: {model.unknowns} unknowns, assembled"
+    found = [re.fullmatch(r"isorod: modes: \d+ unknowns, restart (\d+), (\d+) of 5 found", line) for line in lines]
+    assert found and all(found), lines
+    assert int(found[-1][2]) >= 4
+    modal.solve(model, 4)
+    assert capsys.readouterr().err == ""
+
+
+def test_sections_say_how_far_they_are(talkative, capsys):
+    rod = center_line.straight(10.0).sweep(section.circle(8))
+    section_properties(rod, material=NeoHookean(1.0, 0.3), progress=True)
+    first, second, *_ = capsys.readouterr().err.splitlines()
+    assert re.fullmatch(r"isorod: section on polynomials of degree \d", first)
+    assert re.match(r"isorod: section on polynomials of degree \d", second)
+    section_properties(rod, material=NeoHookean(1.0, 0.3))
+    assert capsys.readouterr().err == ""
 
 
 def test_the_time_to_go_is_that_of_the_way_left(talkative, monkeypatch, capsys):

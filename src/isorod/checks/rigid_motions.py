@@ -1,13 +1,13 @@
 """Rigid motions of a model: which the supports leave free, and the near-null space they make."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 from petsc4py import PETSc
 
 from isorod.arrays import Array, Index
 from isorod.assembly.assembler import Assembler
-from isorod.errors import SolveError
+from isorod.errors import InputError, SolveError
 from isorod.model.model import Model
 from isorod.petsc.matrix import orthonormalise
 from isorod.space.space import Space
@@ -17,6 +17,10 @@ _TOLERANCE = 1e-8
 
 # A face of this share of the rod's size holds all of its motions, without a closer look.
 _FACE = 1e-4
+
+# Width of a section over the size of its rod below which a free one has no bending modes in double precision: a hundred
+# times thicker ones have none any more either.
+_THIN = 1e-7
 
 
 def motions(space: Space, moved: Array | float = 0.0) -> Array:
@@ -147,3 +151,19 @@ def describe(space: Space, motion: Array) -> str:
     axis = axis / np.linalg.norm(axis)
     words = ", ".join(f"{value + 0.0:.3g}" for value in np.where(np.abs(axis) < 1e-9, 0.0, axis))
     return f"turn about ({words})" if turns else f"move along ({words})"
+
+
+def refuse_thin(model: Model, loose: Sequence[tuple[int, Array]]) -> None:
+    """Raise `InputError` for a body with rigid motions so thin that rounding of stretching is all of its bending.
+
+    Eigensolvers would look for its first bending mode for ever.
+    """
+    for b in {body for body, _ in loose}:
+        space = model.bodies[b].space
+        places = space.positions.reshape(space.layers, -1, 3)[:, space.basis.is_carrier]
+        thin = float(np.ptp(places, axis=1).max() / np.ptp(places, axis=(0, 1)).max())
+        if thin < _THIN:
+            raise InputError(
+                f"modes: body {b} is free and its section {thin:.1g} of its length, below {_THIN:g}: what bends it "
+                "is lost in rounding; hold it, or take a thicker one"
+            )

@@ -105,8 +105,7 @@ def _analysis(scene: Any, theirs: Sequence[str], found: argparse.Namespace) -> t
     settings = chosen.settings(scene, found)
     if scene.analysis == "dynamics":
         settings |= {"checkpoint": found.checkpoint, "every": found.checkpoint_every, "resume": found.resume}
-    if scene.analysis in ("statics", "dynamics"):
-        settings |= {"progress": True}
+    settings |= {"progress": True}
     if scene.analysis == "statics" and found.output is not None:
         settings |= {"keep": True}
     from isorod.command import run

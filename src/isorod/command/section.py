@@ -38,7 +38,7 @@ def main(ours: Sequence[str], theirs: Sequence[str]) -> int:
     from isorod.output.section_properties import FORCES, section_properties
 
     name, body = _rod(scene, found.rod)
-    properties = section_properties(body, _parameter(found.u))
+    properties = section_properties(body, _parameter(found.u), progress=ending.rank() == 0)
     record: dict[str, Any] = {
         "scene": getattr(scene, "name", type(scene).__name__.lower()),
         "rod": name,

@@ -1,6 +1,7 @@
 """Vibration modes: ``K x = omega^2 M x`` on the unknowns, by SLEPc."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
@@ -19,6 +20,7 @@ from isorod.modal.eigensolvers import only_multiplies
 from isorod.modal.mode import Mode
 from isorod.modal.pencil import Pencil
 from isorod.model.model import Model
+from isorod.output.progress import Teller
 from isorod.petsc.options import in_force
 from isorod.statics.analysis import Equilibrium
 
@@ -186,6 +188,7 @@ def solve(
     load_steps: int = 1,
     at_rest: bool = False,
     start: Array | None = None,
+    progress: bool = False,
 ) -> Modes:
     """Return the lowest vibration modes about the equilibrium under loads, moved supports and spin, or about rest.
 
@@ -211,6 +214,8 @@ def solve(
         Leave out loads, motions of supports, spin and contact: modes about the state of rest.
     start
         Displacement ``(dofs,)`` near the equilibrium, as for `isorod.statics.solve`.
+    progress
+        Show how far it is on standard error (`isorod.output.progress`).
 
     Raises
     ------
@@ -239,7 +244,8 @@ def solve(
         elif not at_rest:
             found = loaded.find(model, load_steps, comm, start)
         taken = {"equilibrium": perf_counter() - began} if found is not state else {}
-        return _solve(model, modes, lumped, found, comm, taken)
+        with closing(Teller()) as told:
+            return _solve(model, modes, lumped, found, comm, taken, told if progress else None)
 
 
 def _solve(
@@ -249,6 +255,7 @@ def _solve(
     state: Equilibrium | None,
     comm: PETSc.Comm | None,
     taken: Mapping[str, float],
+    told: Teller | None,
 ) -> Modes:
     """Return the modes about a state, as the options in force say; some time was ``taken`` to find that."""
     start = perf_counter()
@@ -262,6 +269,7 @@ def _solve(
 
         loose = touching.hold(assembler, state)
     pencil = _pencil(assembler, lumped, loose, turns)
+    pencil.tell = told if assembler.comm.getRank() == 0 else None
     wanted = _wanted(pencil, modes)
     x = assembler.vector() if state is None else assembler.state(state.displacement, state.pressures)
     setup = perf_counter() - start
@@ -334,9 +342,7 @@ def _refuse_massless(model: Model) -> None:
 
 def _wanted(pencil: Pencil, modes: int) -> int:
     """Return the number of modes to solve for, the rigid ones included."""
-    typed = PETSc.Options()
-    if typed.hasName("eps_nev"):
-        modes = typed.getInt("eps_nev")
+    modes = PETSc.Options().getInt("eps_nev", modes)
     most = pencil.size - pencil.rigid
     if not 1 <= modes <= most:
         less = ", less the pressures" if pencil.pressures else ""
@@ -363,6 +369,7 @@ def _pencil(assembler: Assembler, lumped: bool, loose: Sequence[tuple[int, Array
 
 def _shift(pencil: Pencil, model: Model, loose: Sequence[tuple[int, Array]]) -> float:
     """Return the shift to solve with; refuse a model for whose rigid motions none is found."""
+    rigid_motions.refuse_thin(model, loose)
     shift = pencil.shift()
     if shift is None:
         body, motion = loose[0]

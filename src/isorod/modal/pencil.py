@@ -104,6 +104,8 @@ class Pencil:
         How the entries of the mass lie in those of the stiffness.
     check_seconds
         Wall time of Sturm counts so far.
+    tell
+        Called at each restart with what says how far it is, if it is not None.
     """
 
     stiffness: PETSc.Mat
@@ -115,6 +117,7 @@ class Pencil:
     entries: Callable[[], PETSc.Mat] | None = None
     structure: Any = PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN
     check_seconds: float = field(default=0.0, init=False)
+    tell: Callable[[Callable[[], str]], None] | None = field(default=None, init=False)
 
     @property
     def size(self) -> int:
@@ -135,6 +138,8 @@ class Pencil:
         eps.setTarget(shift)
         eps.getST().setShift(shift)
         eps.getST().setMatStructure(self.structure)
+        if self.tell is not None:
+            eps.setMonitor(lambda eps, restart, found, *_: self._said(f"restart {restart}, {found} of {count} found"))
         return eps
 
     def shift(self) -> float | None:
@@ -198,6 +203,7 @@ class Pencil:
         InputError
             If an eigensolver is typed that takes no mass that is singular, and there are pressures.
         """
+        self._said("assembled")
         found = self._find(wanted, shift, count)
         limit = max(_BAD_RESIDUAL, 100.0 * found.tolerance)
         if not self._excess(found, limit)[1] <= limit:
@@ -232,6 +238,11 @@ class Pencil:
             image.destroy()
         worst = int(np.argmax(residuals))
         return worst, float(residuals[worst])
+
+    def _said(self, said: str) -> None:
+        """Say how far it is."""
+        if self.tell is not None:
+            self.tell(lambda: f"modes: {self.size:,} unknowns, {said}")
 
     def _find(self, wanted: int, shift: float, count: bool, *, purify: int = 0, aside: float = 0.0) -> Found:
         """Solve once; the shift in force is moved ``aside`` by this share of it."""

@@ -1,8 +1,10 @@
 """Stiffness and mass per length of a rod's section, 6 x 6, as beam codes take them."""
 
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,6 +17,7 @@ from isorod.geometry.section import refinement_turn
 from isorod.material.law import Material
 from isorod.model.body import Body
 from isorod.output.prism import Prism
+from isorod.output.progress import Teller
 from isorod.output.section_forces import centroids, frames, normals
 from isorod.output.state import parameters
 from isorod.space.basis import Functions
@@ -190,6 +193,7 @@ def section_properties(
     u: ArrayLike = "start",
     material: Material | Sequence[Material] | None = None,
     density: float | Sequence[float] = 0.0,
+    progress: bool = False,
 ) -> SectionProperties:
     """Return stiffness and mass per length of a rod's section at an axis parameter.
 
@@ -206,6 +210,8 @@ def section_properties(
         Axis parameter, or ``"start"`` or ``"end"``; at a knot the element above it is meant.
     material, density
         Of a rod, as `isorod.model.body.Body` takes them.
+    progress
+        Show how far it is on standard error, if it is long (`isorod.output.progress`).
 
     Raises
     ------
@@ -219,7 +225,8 @@ def section_properties(
         raise InputError(f"axis parameter u: got {where.size} of them, need one")
     where = where.reshape(1)
     prism, centroid, frame = _prism(body, where)
-    stiffness, error, functions = _stiffness(prism)
+    with closing(Teller()) as told:
+        stiffness, error, functions = _stiffness(prism, told if progress else lambda line: None)
     if not error <= _WARN:
         warnings.warn(
             f"section at u = {where[0]:.4g}: the stiffness is uncertain by {100.0 * error:.2g} %, by which the energy "
@@ -297,7 +304,7 @@ def _samples(rings: Sequence[float]) -> Array:
     return np.asarray((radius * np.stack([np.cos(angles), np.sin(angles)], axis=1)).reshape(-1, 2))
 
 
-def _stiffness(prism: Prism) -> tuple[Array, float, str]:
+def _stiffness(prism: Prism, tell: Callable[[Callable[[], str]], None]) -> tuple[Array, float, str]:
     """Return the stiffness, its estimated error, and the section functions it is from in words.
 
     Of each kind of functions finer and finer ones are taken until they agree; the best of all if none do.
@@ -306,6 +313,7 @@ def _stiffness(prism: Prism) -> tuple[Array, float, str]:
     for kind in (_polynomials, _of_points) if prism.rings == WHOLE else (_ringed, _waves):
         before = None
         for basis, name in kind(prism):
+            tell(partial(_line, name, np.inf if best is None else best[1]))
             found = prism.stiffness(basis)
             error = np.inf if before is None else apart(before, found)
             if best is None or error < best[1]:
@@ -315,6 +323,11 @@ def _stiffness(prism: Prism) -> tuple[Array, float, str]:
             before = found
     assert best is not None
     return best
+
+
+def _line(name: str, error: float) -> str:
+    """Return what is said of how far it is."""
+    return f"section on {name}" + (f", so far uncertain by {100.0 * error:.2g} %" if error < np.inf else "")
 
 
 def _polynomials(prism: Prism) -> Iterator[tuple[Functions, str]]:
