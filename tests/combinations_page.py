@@ -97,7 +97,7 @@ def page(record: dict[str, Any]) -> str:
     open_ = sum("unfinished" in cell for cell in cells)
     if yes + no + open_ < len(cells):
         raise SystemExit("combinations: a cell is broken: see the record, mend it and run it again")
-    rest = f"; {open_} had no end in the time that was given them (`?`)" if open_ else ""
+    rest = f"; of {open_} nobody waited for the end (`?`, or not run)" if open_ else ""
     parts = [HEAD.format(long=LONG, all=len(cells), yes=yes, no=no, rest=rest)]
     parts += [_table(analysis, features) for analysis, features in record.items()]
     return "\n".join(parts)
@@ -121,7 +121,7 @@ def _table(analysis: str, features: dict[str, Any]) -> str:
 
 def _cell(cell: dict[str, Any], lines: list[str]) -> str:
     if "unfinished" in cell:
-        return f"? {cell['unfinished']:.0f} s"
+        return f"? {cell['unfinished']:.0f} s" if cell["unfinished"] else "not run"
     if not cell["refused"]:
         return "yes" if cell["seconds"] <= LONG else f"yes, {cell['seconds']:.0f} s"
     if cell["refused"] not in lines:

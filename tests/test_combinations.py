@@ -1,12 +1,71 @@
-"""Each analysis with each feature and each option has an answer, or one line that says why not."""
+"""Each analysis with each feature and each option has an answer, or one line that says why not; so says the page."""
 
 import combinations
 import pytest
 
+from tests import combinations_page
 
-@pytest.mark.slow
-@pytest.mark.parametrize("option", combinations.OPTIONS)
-@pytest.mark.parametrize("feature", combinations.FEATURES)
-@pytest.mark.parametrize("analysis", combinations.ANALYSES)
-def test_a_combination_is_answered_or_refused_in_one_line(analysis, feature, option, tmp_path):
-    print(combinations.refusal(*combinations.outcome(analysis, feature, option, tmp_path / "cell", 600.0)))
+# Cells of different paths that take a second or two; the others are slow.
+QUICK = [
+    ("statics", "hollow", "--tolerance"),
+    ("statics", "friction", "--refine"),
+    ("modes", "contact", "alone"),
+    ("modes", "spin", "--set"),
+    ("implicit", "fibres", "--output"),
+    ("implicit", "self-contact", "alone"),
+    ("explicit", "turned ends", "--checkpoint"),
+    ("explicit", "plain", "--tolerance"),
+]
+CELLS = [
+    (analysis, feature, option)
+    for analysis in combinations.ANALYSES
+    for feature in combinations.FEATURES
+    for option in combinations.OPTIONS
+]
+
+
+@pytest.mark.parametrize(
+    ("analysis", "feature", "option"),
+    [pytest.param(*cell, marks=() if cell in QUICK else pytest.mark.slow) for cell in CELLS],
+)
+def test_a_combination_is_answered_or_refused_in_one_line_as_it_was_recorded(analysis, feature, option, tmp_path):
+    """Whether, not in which words: these may be of other numbers."""
+    refused = combinations.refusal(*combinations.outcome(analysis, feature, option, tmp_path / "cell", 600.0))
+    before = combinations_page.read()[analysis][feature][option]
+    assert "unfinished" in before or bool(refused) == bool(before["refused"]), refused
+
+
+def test_the_page_is_what_the_record_makes():
+    assert combinations_page.PAGE.read_text() == combinations_page.page(combinations_page.read())
+
+
+def test_the_record_has_every_cell_which_is_an_answer_or_a_line_or_marked_as_not_finished():
+    record = combinations_page.read()
+    assert list(record) == list(combinations.ANALYSES)
+    for analysis, features in record.items():
+        assert list(features) == list(combinations.FEATURES)
+        for feature, row in features.items():
+            assert list(row) == list(combinations.OPTIONS)
+            for option, cell in row.items():
+                where = analysis, feature, option
+                if "unfinished" in cell:
+                    assert set(cell) == {"unfinished"} and (cell["unfinished"] == 0.0 or cell["unfinished"] >= 60.0), (
+                        where
+                    )
+                    continue
+                assert set(cell) == {"refused", "seconds"} and cell["seconds"] > 0.0, where
+                assert "\n" not in cell["refused"] and "Error" not in cell["refused"], where
+
+
+def test_a_page_tells_answers_lines_and_what_is_open():
+    """A line that several cells have stands once; what is broken is no page."""
+    cells = {option: {"refused": "", "seconds": 1.0} for option in combinations.OPTIONS}
+    cells |= {"--refine": {"refused": "no: such", "seconds": 1.0}, "--set": {"refused": "no: such", "seconds": 2.0}}
+    cells |= {"--output": {"refused": "", "seconds": 33.3}, "compare": {"unfinished": 90.0}}
+    text = combinations_page.page({"statics": {"plain": cells}})
+    assert "Of 8 combinations 5 are answered and 2 are refused; of 1 nobody waited" in text
+    assert "| plain | yes | no (1) | yes | yes, 33 s | no (1) | yes | yes | ? 90 s |" in text
+    assert text.count("no: such") == 1
+    cells["alone"] = {"broken": "Traceback"}
+    with pytest.raises(SystemExit, match="broken"):
+        combinations_page.page({"statics": {"plain": cells}})

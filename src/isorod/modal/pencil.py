@@ -320,6 +320,8 @@ class Pencil:
                     "more along the model than double precision bears"
                 )
             before = len(pairs)
+            if before >= self.size:
+                break
             eps.setDeflationSpace([vector for _, vector in pairs])
             # All three: SLEPc 3.22 keeps from the first solve what is not given, and it need not fit the new count.
             count = max(1, min(missing + 2, self.size - before - 1))
