@@ -129,6 +129,7 @@ def test_a_fold_between_layers_is_an_input_error():
         (["run", "knot", "--radius=1e-98"], "radius: got 1e-98, need 1e-50 to 1e+50"),
         (["run", "knot", "--loop=1e9"], "loop: got 1e+09, need 6 rod radii and more, at most 1e5"),
         (["run", "knot", "--tail=1e9"], "tail: got 1e+09, need 0 to 100000"),
+        (["run", "rope", "--E=0"], "E: got 0, need a positive number"),
         (["run", "rope", "--radius=1e99"], "radius: got 1e+99, need 1e-50 to 1e+50"),
         (["run", "strand", "--pitch=1e-98"], "length over pitch: got 5.75e+99, need 0 to 12500"),
         (["run", "coil", "--coil-radius=1e300"], "centre line radius: got 1e+300, need 1e-100 to 1e100"),

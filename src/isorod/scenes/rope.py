@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from isorod.model.model import Model
     from isorod.statics.analysis import Equilibrium
 
-POSITIVE = "radius", "ratio", "tension", "tail"
+POSITIVE = "radius", "ratio", "tension", "tail", "E"
 
 
 @dataclass(frozen=True)
