@@ -24,6 +24,6 @@ WIRE_CONVERGED = _family("Q3 bricks", _Q3, (8, 1, 24), (12, 1, 36), (16, 1, 48))
 # Of the hollow blade.
 BLADE = (
     _family("Q2 bricks", _Q2, (32, 1, 8), (32, 2, 8), (48, 2, 8)),
-    _family("Q3 bricks", _Q3, (16, 1, 4), (24, 1, 4), (24, 1, 6), (32, 1, 6), (32, 2, 6)),
+    _family("Q3 bricks", _Q3, (16, 1, 4), (16, 1, 6), (20, 1, 5), (24, 1, 6), (20, 2, 6), (24, 2, 6)),
 )
-BLADE_CONVERGED = _family("Q3 bricks", _Q3, (24, 1, 6), (32, 2, 8), (40, 2, 12))
+BLADE_CONVERGED = _family("Q3 bricks", _Q3, (16, 2, 8), (24, 2, 12), (32, 2, 16))
