@@ -63,15 +63,16 @@ class Lift:
         if version != self._version:
             # Of positive numbers none is lost.
             there = csr_matrix((np.ones(rows.size), (rows, columns)), (size, size))
-            pattern = (abs(self._back) @ there @ abs(self._forth)).tocoo()
-            order = np.lexsort((pattern.col, pattern.row))
-            self.rows, self.columns = (one[order].astype(np.int64) for one in (pattern.row, pattern.col))
+            found = csr_matrix(abs(self._back) @ there @ abs(self._forth))
+            found.sort_indices()
+            pattern = found.tocoo()
+            self.rows, self.columns = pattern.row.astype(np.int64), pattern.col.astype(np.int64)
             self._version = version
         count = self._forth.shape[1]
-        found = (self._back @ csr_matrix((values, (rows, columns)), (size, size)) @ self._forth).tocoo()
+        own = (self._back @ csr_matrix((values, (rows, columns)), (size, size)) @ self._forth).tocoo()
         entries = np.zeros(self.rows.size)
         keys = self.rows * count + self.columns
-        entries[np.searchsorted(keys, found.row.astype(np.int64) * count + found.col)] = found.data
+        entries[np.searchsorted(keys, own.row.astype(np.int64) * count + own.col)] = own.data
         return entries
 
     def seen(self, result: ContactResult) -> ContactResult:

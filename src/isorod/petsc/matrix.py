@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from isorod.compiled import F1, FAST, I1, STRICT, njit
-from isorod.petsc.layout import Arrays, Layout, Rows, rows_alone
+from isorod.petsc.layout import Arrays, Layout
 from isorod.petsc.library import POINTER, function
 from isorod.petsc.placement import Placement
 from isorod.petsc.rows import P1, component_rows, local_rows
@@ -56,8 +56,6 @@ def create_matrix(
             arrays = Arrays(comm, layout, total)
         elif comm.getSize() > 1:
             arrays = Placement(comm, sizes[0], *indices())
-        else:
-            arrays = _alone(comm, sizes[1], *indices())
     made = PETSc.Mat().create(comm) if arrays is None else arrays.matrix(sizes)
     if arrays is None:
         made.setSizes((sizes, sizes))
@@ -76,52 +74,6 @@ def keep_symmetric(matrix: PETSc.Mat) -> PETSc.Mat:
     for option in (PETSc.Mat.Option.SYMMETRIC, PETSc.Mat.Option.SYMMETRY_ETERNAL):
         matrix.setOption(option, True)
     return matrix
-
-
-def _alone(comm: PETSc.Comm, size: int, rows: NDArray[Any], columns: NDArray[Any]) -> Arrays | None:
-    """Return arrays on one rank, or None if two entries are at one place."""
-    found = _compressed_rows(size, rows, columns)
-    return None if found is None else Arrays(comm, rows_alone(found), rows.size)
-
-
-def _compressed_rows(size: int, rows: NDArray[Any], columns: NDArray[Any]) -> Rows | None:
-    """Return the compressed rows of entries, or None if two are at one place."""
-    if rows.size > np.iinfo(PETSc.IntType).max:
-        return None
-    rows, columns = np.ascontiguousarray(rows, dtype=np.int64), np.ascontiguousarray(columns, dtype=np.int64)
-    start = np.zeros(size + 1, dtype=PETSc.IntType)
-    entries, column = np.empty(rows.size, dtype=np.int64), np.empty(rows.size, dtype=PETSc.IntType)
-    total = _compress(rows, columns, start, entries, column)
-    if total < 0:
-        order = np.lexsort((columns, rows))
-        total = _compress(rows[order], columns[order], start, entries, column)
-        if total < 0:
-            return None
-        entries = order[entries[:total]]
-    return Rows(entries[:total], start, column[:total])
-
-
-@njit(i8(I1, I1, P1, I1, P1), **STRICT)
-def _compress(rows: Any, columns: Any, start: Any, entries: Any, column: Any) -> int:
-    """Fill compressed rows with the entries that have no negative index; return their number, -1 if they descend."""
-    total = 0
-    last_row, last_column = -1, -1
-    for k in range(rows.size):
-        i, j = rows[k], columns[k]
-        if i < 0 or j < 0:
-            continue
-        if i < last_row or (i == last_row and j <= last_column):
-            return -1
-        while last_row < i:
-            last_row += 1
-            start[last_row] = total
-        last_column = j
-        entries[total] = k
-        column[total] = j
-        total += 1
-    for i in range(last_row + 1, start.size):
-        start[i] = total
-    return total
 
 
 def preallocate(matrix: PETSc.Mat, rows: NDArray[Any], columns: NDArray[Any]) -> None:
