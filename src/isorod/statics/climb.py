@@ -54,20 +54,22 @@ def climb(solver: Newton, load_steps: int, path: Path) -> int:
     contact = solver.assembler.contact
     rubs = contact is not None and contact.friction is not None
     stages = solver.assembler.model.stages
-    factor, step, augmentations, quick = 0.0, 1.0 / load_steps, 0, 0
+    factor, step, augmentations, quick, softer = 0.0, 1.0 / load_steps, 0, 0, 1.0
     while factor < 1.0:
         end = next(stage for stage in stages if stage > factor)
         longest = solver.steps.turning.longest_step(factor)
         reached = factor + min(step, longest)
         target = end if reached > end - 1e-12 else reached
         try:
-            solves, updates = _rub(solver, factor, target) if rubs else (solver.advance(factor, target), 0)
+            if rubs:
+                solves, updates, softer = _rub(solver, factor, target, softer)
+            else:
+                solves, updates = solver.advance(factor, target), 0
         except Diverged as problem:
             deep = isinstance(problem, TooDeep)
             if solver.steps.watched and not solver.steps.careful:
                 solver.steps.careful = True
                 continue
-            # Springs of friction are as stiff as penalties: what rubs would slide farther on the way than it has to.
             if contact is not None and not rubs and not deep and contact.may_soften:
                 contact.stiffen(SOFTER)
                 continue
@@ -99,25 +101,36 @@ def climb(solver: Newton, load_steps: int, path: Path) -> int:
     return augmentations
 
 
-def _rub(solver: Newton, factor: float, target: float) -> tuple[int, int]:
-    """Take a load step with friction; return how many linear solves it took, and updates of multipliers.
+def _rub(solver: Newton, factor: float, target: float, softer: float) -> tuple[int, int, float]:
+    """Take a load step with friction; return how many linear solves and updates of multipliers it took, and how softly.
 
-    Friction depends on the path, so multipliers are right at the end of each step.
+    Friction depends on the path, so penalties and multipliers are right at the end of each step.  Springs of friction
+    are as stiff as penalties: where these fall within a step, points hang on what they hung on when it began.
+    ``softer`` is the factor on penalties that the step begins with.
     """
     contact = solver.assembler.contact
     assert contact is not None
     contact.place(factor)
     contact.accept(solver.assembler.displacement(solver.x, factor))
     start, undo = solver.x.copy(), contact.keep()
-    solves = solver.advance(factor, target)
-    try:
-        return solves, settle(solver, target)
-    except Diverged:
-        # Shorter steps, whose points stick where they have touched, bring it nearer.
-        start.copy(solver.x)
-        undo()
-        solver.forget_path()
-        raise
+    contact.stiffen(softer)
+    while True:
+        try:
+            solves = solver.advance(factor, target)
+            updates = settle(solver, target)
+            if contact.is_soft:
+                raise Diverged("there is no equilibrium with penalties as high as they have to be")
+            return solves, updates, softer
+        except Diverged as problem:
+            # Shorter steps, whose points stick where they have touched, bring it nearer.
+            start.copy(solver.x)
+            may_soften = contact.may_soften
+            undo()
+            solver.forget_path()
+            if isinstance(problem, TooDeep) or not solver.steps.careful or not may_soften:
+                raise
+            softer *= SOFTER
+            contact.stiffen(softer)
 
 
 def settle_in_the_end(solver: Newton) -> int:

@@ -31,8 +31,9 @@ _DELTA = 1e-6
 # What a user's option overrides.
 OPTIONS = {"snes_linesearch_type": "basic", "snes_rtol": 1e-9, "snes_max_it": 15, "ksp_type": "preonly"}
 
-# With contact, where steps are shortened (`isorod.statics.line_search`).
-TOUCHING = {"snes_max_it": 20}
+# With contact, where steps are shortened (`isorod.statics.line_search`); with friction, where points stick and slip in
+# turn, more of them.
+TOUCHING, RUBBING = {"snes_max_it": 20}, {"snes_max_it": 40}
 
 # With contact, whose tangent is definite but for friction and pressures: MUMPS's scaling, an iteration over all
 # entries, takes a third of the time of a factorisation, and changes no pivot of a definite matrix.  It is read when
@@ -103,7 +104,8 @@ class Newton:
         typed = PETSc.Options()
         self._own_tolerance = not typed.hasName("snes_atol")
         self._may_reuse = self._own_tolerance and not typed.hasName("snes_test_jacobian")
-        own = {} if assembler.contact is None else TOUCHING
+        contact = assembler.contact
+        own = {} if contact is None else TOUCHING if contact.friction is None else RUBBING
         self.snes = create_snes(
             assembler.vector(),
             self._matrix,
