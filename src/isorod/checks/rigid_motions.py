@@ -159,8 +159,7 @@ def refuse_thin(model: Model, loose: Sequence[tuple[int, Array]]) -> None:
     Eigensolvers would look for its first bending mode for ever.
     """
     for b in {body for body, _ in loose}:
-        space = model.bodies[b].space
-        places = space.positions.reshape(space.layers, -1, 3)[:, space.basis.is_carrier]
+        places = model.bodies[b].space.rod.control_points
         thin = float(np.ptp(places, axis=1).max() / np.ptp(places, axis=(0, 1)).max())
         if thin < _THIN:
             raise InputError(

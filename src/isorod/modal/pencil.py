@@ -307,6 +307,7 @@ class Pencil:
         of eigenvalues shows that some are missing, those found are deflated and the rest is solved for.
         """
         iterations = 0
+        there = self.size + (self.pressures > 0)
         for _ in range(_ROUNDS):
             last = pairs[wanted - 1][0]
             below = self.count_below(last)
@@ -320,12 +321,12 @@ class Pencil:
                     "more along the model than double precision bears"
                 )
             before = len(pairs)
-            if before >= self.size:
+            if before >= there:
                 break
             eps.setDeflationSpace([vector for _, vector in pairs])
             # All three: SLEPc 3.22 keeps from the first solve what is not given, and it need not fit the new count.
-            count = max(1, min(missing + 2, self.size - before - 1))
-            room = min(max(2 * count, count + 15), self.size - before)
+            count = max(1, min(missing + 2, there - before - 1))
+            room = max(count + 1, min(max(2 * count, count + 15), there - before))
             eps.setDimensions(count, room, room)
             _solve(eps)
             iterations += eps.getIterationNumber()
