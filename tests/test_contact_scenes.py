@@ -106,6 +106,21 @@ def test_closed_coil_is_held_by_its_plates():
     assert 1.0 < reference / found["force"] < 2.5
 
 
+def test_friction_holds_a_closed_coil_between_plates():
+    """Every point bears friction within Coulomb's bound, plates' forces balance, and penalties end as they began."""
+    solution, found = solved(Coil(ends="closed", coils=1, push=0.5, friction=0.15))
+    itself, below, above = solution.contacts
+    assert below.force == pytest.approx(above.force, rel=1e-2)
+    assert below.resultant[2] == pytest.approx(-above.resultant[2], rel=1e-6)
+    for one in (itself, below, above):
+        bound = 0.15 * one.pressure
+        assert (np.linalg.norm(one.tractions, axis=1) <= bound * (1.0 + 1e-9)).all()
+    assert found["relative_penetration"] < 1e-3
+    smooth, without = solved(Coil(ends="closed", coils=1, push=0.5))
+    assert min(one.penalty for one in solution.contacts) >= 0.99 * min(one.penalty for one in smooth.contacts)
+    assert found["force"] == pytest.approx(without["force"], rel=0.1)
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [

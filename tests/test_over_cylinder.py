@@ -5,6 +5,8 @@ import pytest
 
 from comparisons.contact import over_cylinder
 from comparisons.contact.capstan import Capstan, friction_ratio
+from isorod.command import run
+from isorod.files.scene import FileScene
 
 pytestmark = pytest.mark.filterwarnings("ignore:contact 0")
 
@@ -58,3 +60,61 @@ def test_heavy_rope_has_to_be_pulled_below_the_bound_and_held_back_above():
 def test_heavy_rope_let_go_holds_below_the_bound_and_slides_above(share, slowest, fastest):
     """Let go at both ends it swings, which dies out, and, above the bound, goes on as fast as its damping lets it."""
     assert slowest < over_cylinder.released(10.0, share, size=2.0, lasting=1.5) < fastest
+
+
+ROPE = """
+[rod.rope]
+curve = {{polyline = {points}, fillet = {around}}}
+section = {{circle = {radius}}}
+law = {{NeoHookean = {{E = {modulus}, nu = 0.3}}}}
+[obstacle.drum]
+Cylinder = {{point = [0.0, 0.0, 0.0], axis = [0.0, 0.0, 1.0], radius = 10.0}}
+[contact.drum]
+first = "rope"
+second = "drum"
+friction = 0.2
+[support.pull]
+end = "end"
+components = "{along}"
+displacement = {pull}
+[support.in_plane]
+end = "end"
+components = "z"
+[support.slack]
+end = "start"
+components = "z"
+[load.slack]
+end = "start"
+force = [0.0, -10.0, 0.0]
+[analysis.statics]
+[measure.pull]
+reaction = "pull"
+component = "{along}"
+"""
+
+
+def pull_of(path, radius, wrap):
+    """Force that makes a rope of a file slide on a drum of radius 10, its slack end pulled by 10."""
+    c = 10.0 + radius
+    quarter = wrap == 90
+    path.write_text(
+        ROPE.format(
+            points=[[-c, -6.0, 0.0], [-c, c, 0.0], *([[6.0, c, 0.0]] if quarter else [[c, c, 0.0], [c, -6.0, 0.0]])],
+            around=c,
+            radius=radius,
+            # As stiff along whatever the radius.
+            modulus=1e4 / radius**2,
+            along="x" if quarter else "y",
+            pull=[0.05, 0.0, 0.0] if quarter else [0.0, -0.05, 0.0],
+        )
+    )
+    scene = FileScene(str(path))
+    return abs(scene.measure(run.solve(scene, scene.settings())[0])["pull"])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("wrap", [90, 180])
+def test_a_rope_of_a_file_slides_round_a_drum_as_a_thin_one_does(wrap, tmp_path):
+    """Nobody chose a space, a penalty or a load step; what its thickness adds goes with it."""
+    thick, thin = (pull_of(tmp_path / "rope.toml", radius, wrap) for radius in (0.5, 0.25))
+    assert 2.0 * thin - thick == pytest.approx(10.0 * friction_ratio(0.2, np.radians(wrap)), rel=0.02)
