@@ -154,11 +154,12 @@ def describe(space: Space, motion: Array) -> str:
 
 
 def refuse_thin(model: Model, loose: Sequence[tuple[int, Array]]) -> None:
-    """Raise `InputError` for a body with rigid motions so thin that rounding of stretching is all of its bending.
+    """Raise `InputError` for a body that nothing holds, so thin that rounding of stretching is all of its bending.
 
     Eigensolvers would look for its first bending mode for ever.
     """
-    for b in {body for body, _ in loose}:
+    bodies = [body for body, _ in loose]
+    for b in {body for body in bodies if bodies.count(body) == 6}:
         places = model.bodies[b].space.rod.control_points
         thin = float(np.ptp(places, axis=1).max() / np.ptp(places, axis=(0, 1)).max())
         if thin < _THIN:
