@@ -137,7 +137,7 @@ def test_what_petsc_prints_while_it_starts_is_kept(tmp_path, python):
     file = tmp_path / "options"
     file.write_text("-snes_rtol 1e-3\n")
     script = (
-        "import os, petsc4py; from isorod import options; true = petsc4py.init\n"
+        "import os; from isorod import options; import petsc4py; true = petsc4py.init\n"
         "def start(words): true(words); os.write(2, b'a word\\n')\n"
         f"petsc4py.init = start; options.initialize(['-options_file', {str(file)!r}])\n"
         "from petsc4py import PETSc; print(PETSc.Options().getReal('snes_rtol'))"
