@@ -15,15 +15,20 @@ from comparisons.measure.study import Run
 from isorod import options
 
 
-def run(study: Run, others: Sequence[str] = ()) -> None:
-    """Run the study and append its records; ``others`` are interpreters whose dolfinx is measured too."""
+def run(study: Run, others: Sequence[str] = (), only: Sequence[str] = ()) -> None:
+    """Run the study and append its records.
+
+    ``others`` are interpreters whose dolfinx is measured too, ``only`` are scenes of rods to measure alone.
+    """
     options.initialize([])
     here, absent = opponents.here()
     # What else the machine does: times are worth little beside it.
     study.record("opponents", {"here": here, "absent": absent, "load": os.getloadavg()[0]})
     scenes: list[rods.Scene] = [rods.Spring(study.level, here, others), rods.Blade(study.level, here, others)]
     scenes += [scene(study.level, (), others) for scene in hollow.SCENES]
-    with study.progress(sum(scene.steps for scene in scenes) + biceps.steps(study.level)) as steps:
+    scenes = [scene for scene in scenes if scene.name in only or not only]
+    with study.progress(sum(scene.steps for scene in scenes) + (0 if only else biceps.steps(study.level))) as steps:
         for scene in scenes:
             scene.run(study, steps)
-        biceps.run(study, steps)
+        if not only:
+            biceps.run(study, steps)

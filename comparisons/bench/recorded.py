@@ -70,7 +70,8 @@ def short(records: list[Record]) -> Record:
         runs.append({"program": report.program(theirs), "unknowns": theirs["dofs"], "seconds": time})
         rows.append({"scene": "biceps", "target": biceps.TARGET, "runs": runs})
     head = {name: records[0][name] for name in ("time", "commit", "machine", "level")}
-    return head | {"command": "`make bench`", "load": setup["load"], "rows": rows}
+    command = "`make bench`" if last is not None else "`make bench`, these scenes alone"
+    return head | {"command": command, "load": setup["load"], "rows": rows}
 
 
 def _one(record: Record, seconds: float, bare: float) -> Record:
@@ -201,6 +202,8 @@ def draw(records: list[Record], folder: Path) -> None:
     """Draw error against run time of spring and blade into the gallery, for narrow screens into a folder."""
     for scene, (quantity, module) in _DRAWN.items():
         mine = report.of_scene(records, scene)
+        if not mine:
+            continue
         curves = plots.told(mine, (AS_RUN.label, *module.OURS), module.THEIRS)
         name = f"{scene}-work-precision"
         plots.story(mine, curves, quantity, _GALLERY / f"{name}.png", folder / f"{name}-narrow.png")
