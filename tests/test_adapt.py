@@ -8,7 +8,7 @@ import pytest
 from reference import BLADE_FREQUENCIES as BLADE
 from reference import SPRING_FORCE as SPRING
 
-from isorod import memory
+from isorod import memory, scenes
 from isorod.checks import adapt
 from isorod.command import cli, refine
 from isorod.command import run as running
@@ -24,6 +24,18 @@ def test_directions_of_control_points_and_of_polynomials():
     assert set(refine.finer(scene)) == {"section_degree", "elements"}
     assert refine.finer(scene)["section_degree"].section_degree == 4
     assert set(refine.finer(Blade(preset="paper", section_degree=8, degree=2))) == {"degree", "elements"}
+
+
+@pytest.mark.parametrize("name", [name for name in scenes.SCENES if scenes.find(name).analysis in ("statics", "modal")])
+def test_every_scene_has_a_finer_one_in_each_direction(name):
+    """Whatever the scene calls its numbers of elements and of control points."""
+    chosen = {"spring": {"preset": "paper"}, "blade": {"preset": "paper", "section_degree": 3, "degree": 6}}
+    scene = scenes.find(name)(**chosen.get(name, {}))
+    finer = refine.finer(scene)
+    (along,) = {"elements", "elements_per_turn", "parts"} & set(finer)
+    assert set(finer) - {along, "degree"} <= {"order", "section_points", "section_degree"}
+    for direction, one in finer.items():
+        assert getattr(one, direction) > getattr(scene, direction)
 
 
 def test_a_higher_degree_keeps_the_continuity_so_that_spaces_nest():

@@ -290,14 +290,23 @@ def test_runs_are_repeated_six_times_and_checks_run_once_and_every_step_is_shown
     curves = [work.Curve("c", method, ("--elements 4 --points 4",)) for method in SIDES]
     total = work.steps_of(curves, [1e-2, 1e-3])
     capsys.readouterr()
+    finer = dict.fromkeys(work.MODULES, FINER)
     with study.progress(total) as steps:
-        work.WorkPrecision(study, steps, "x", dict.fromkeys(work.MODULES, FINER), lambda found: 0.0).run(
-            curves, [1e-2, 1e-3], {1e-2: (), 1e-3: ()}
-        )
-    # Two along the curves; for each target two finer ones of either side, then both again in turn.
-    assert repeats == [6, 6, *2 * [1, 1, 1, 1, *6 * [6]]]
+        first = work.WorkPrecision(study, steps, "x", finer, lambda found: 0.0)
+        first.run(curves, [1e-2, 1e-3], {1e-2: (), 1e-3: ()})
+    # Two along the curves, and two finer ones of either side; for each target both again in turn.
+    assert repeats == [6, 6, 1, 1, 1, 1, *2 * 6 * [6]]
     shown = re.findall(r"\[(\d+)/(\d+)\]", capsys.readouterr().err)
     assert shown == [(str(k), str(total)) for k in range(1, total + 1)]
+    # A scene that asks something else of the same rods measures anew what stands side by side, and nothing else.
+    repeats.clear()
+    with study.progress(total) as steps:
+        other = work.WorkPrecision(study, steps, "y", finer, lambda found: 1e-3, kept=first.kept)
+        other.run(curves, [1e-2], {1e-2: ()})
+    assert repeats == 6 * [6]
+    of_other = [line for line in map(json.loads, study.path.read_text().splitlines()) if line.get("scene") == "y"]
+    assert len(of_other) == 4
+    assert {line["error"] for line in of_other} == {1e-3}
     again = [json.loads(line) for line in study.path.read_text().splitlines()]
     assert precision.targets(again) == [1e-2, 1e-3]
     for record in again:

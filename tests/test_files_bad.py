@@ -180,7 +180,22 @@ ENDS = "[support.low]\nend = 'start'\n[support.high]\nend = 'end'\n"
             f"analysis = 'statics'\n{ROD.replace('0.3', '0.5')}formulation = 'displacement'\n{ENDS}",
             "6: rod.bar.formulation: material of element 0: incompressible",
         ),
-        ("analysis = 'geometry'\n[rod.bar]\ncurve = {straight = 1" + "0" * 400 + "}\n", "3: rod.bar.curve.straight: "),
+        (
+            f"analysis = 'geometry'\n[rod.bar]\ncurve = {{straight = 1{'0' * 400}}}\n",
+            "3: rod.bar.curve.straight: got 10000000000000000000..., an integer of too many digits, need a",
+        ),
+        (
+            f"analysis = 'geometry'\n[rod.bar]\ncurve = {{helix = {{turns = 3, arcs_per_turn = 1{'0' * 400}}}}}\n",
+            "3: rod.bar.curve.helix.arcs_per_turn: got 10000000000000000000..., an integer of too many digits",
+        ),
+        (
+            f"analysis = 'statics'\n{ROD}{ENDS}[measure.f]\nreaction = '{'a' * 3000}'\n",
+            r"11: measure.f.reaction: 'a{499}... is not known; known: low, high$",
+        ),
+        (
+            f"analysis = 'statics'\n{ROD}{ENDS}rotation = [0, 0, 36001]\n",
+            "1: analysis: support: turned by 100 whole turns, need at most 100: a load step takes a quarter of one",
+        ),
         (
             "analysis = 'geometry'\n[rod.ring]\ncurve = {helix = {radius = 1.0, pitch = 0.0, turns = 1}}\n"
             "section = {circle = 2.0}\n",

@@ -154,7 +154,7 @@ def test_what_is_missing_is_named(monkeypatch):
 @pytest.mark.parametrize("level", ["quick", "full"])
 def test_every_program_has_curves_and_isorod_one_with_nothing_chosen(level):
     for scene in (rods.Spring, rods.Blade):
-        made = scene(level, ["ngsolve", "calculix"], [])
+        made = scene(level, ["ngsolve", "calculix"], [], {})
         assert {curve.method for curve in made.curves} == set(MODULES)
         assert AS_RUN in made.curves and set(AS_RUN.arguments) <= set(biceps.OURS)
         best = {one for side in made.best.values() for target in made.targets[level] for one in side[target]}

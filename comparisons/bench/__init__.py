@@ -7,10 +7,12 @@ and NGSolve have no contracting fibres.
 """
 
 import os
+from collections import defaultdict
 from collections.abc import Sequence
 
 from comparisons.bench import biceps, hollow, rods
 from comparisons.measure import opponents
+from comparisons.measure.records import Record
 from comparisons.measure.study import Run
 from isorod import options
 
@@ -24,8 +26,9 @@ def run(study: Run, others: Sequence[str] = (), only: Sequence[str] = ()) -> Non
     here, absent = opponents.here()
     # What else the machine does: times are worth little beside it.
     study.record("opponents", {"here": here, "absent": absent, "load": os.getloadavg()[0]})
-    scenes: list[rods.Scene] = [rods.Spring(study.level, here, others), rods.Blade(study.level, here, others)]
-    scenes += [scene(study.level, (), others) for scene in hollow.SCENES]
+    scenes: list[rods.Scene] = [scene(study.level, here, others, {}) for scene in (rods.Spring, rods.Blade)]
+    kept: defaultdict[str, dict[tuple[str, ...], Record]] = defaultdict(dict)
+    scenes += [scene(study.level, (), others, kept[scene.file]) for scene in hollow.SCENES]
     scenes = [scene for scene in scenes if scene.name in only or not only]
     with study.progress(sum(scene.steps for scene in scenes) + (0 if only else biceps.steps(study.level))) as steps:
         for scene in scenes:

@@ -3,7 +3,7 @@
 import re
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 from comparisons.measure import timing
@@ -89,6 +89,9 @@ class WorkPrecision:
         Error of a record.
     file
         The scene's file, where it is none of the package.
+    kept
+        Runs by program, interpreter, arguments and repetitions: scenes that ask something else of the same rods share
+        them.  What is measured side by side is measured anew.
     """
 
     study: Run
@@ -97,11 +100,15 @@ class WorkPrecision:
     finer: Mapping[str, Sequence[tuple[str, int]]]
     error: Callable[[Record], float]
     file: str = ""
+    kept: dict[tuple[str, ...], Record] = field(default_factory=dict)
 
-    def _measure(self, side: tuple[str, str], arguments: str, repeat: int) -> Record:
+    def _measure(self, side: tuple[str, str], arguments: str, repeat: int, again: bool = False) -> Record:
         method, interpreter = side
-        words = [*named(method, self.scene, self.file), *arguments.split(), "--repeat", str(repeat)]
-        found = timing.run(MODULES[method], words, interpreter=interpreter)
+        key = (method, interpreter, arguments, str(repeat))
+        if again or key not in self.kept:
+            words = [*named(method, self.scene, self.file), *arguments.split(), "--repeat", str(repeat)]
+            self.kept[key] = timing.run(MODULES[method], words, interpreter=interpreter)
+        found = self.kept[key]
         measured = {"scene": self.scene, "arguments": arguments, "error": self.error(found)}
         return found | measured | {"interpreter": interpreter}
 
@@ -144,7 +151,7 @@ class WorkPrecision:
         again: list[list[dict[str, float]]] = [[] for _ in fastest]
         for _ in range(TURNS):
             for found, seconds in zip(fastest, again, strict=True):
-                seconds.append(self._measure(_side(found), found["arguments"], REPEAT)["seconds"])
+                seconds.append(self._measure(_side(found), found["arguments"], REPEAT, again=True)["seconds"])
         for found, seconds in zip(fastest, again, strict=True):
             totals = [one["total"] for one in seconds]
             best = seconds[totals.index(min(totals))]

@@ -18,6 +18,9 @@ from isorod.space.space import Space
 # Largest turn in a load step, radians, of a support, or of one against another of its body.
 LONGEST = 0.5 * np.pi
 
+# Most whole turns of a support: a load step has a quarter of one.
+_MOST = 100
+
 # A section that turns by more than this in a step, or by a quarter of a turn more than its neighbour, may have turned
 # the other way.
 _LOST, _APART = 0.75 * np.pi, 0.5 * np.pi
@@ -52,12 +55,22 @@ class Turning:
     ----------
     watches
         Whether any does.
+
+    Raises
+    ------
+    InputError
+        If one turns by more whole turns than load steps can take.
     """
 
     def __init__(self, model: Model) -> None:
         self._model = model
         self._sections = [_sections(model, b) for b in sorted(_turned(model))]
         self.watches = bool(self._sections)
+        turns = max((float(np.linalg.norm(one.turn)) for one in model.motions), default=0.0) / (2.0 * np.pi)
+        if turns > _MOST:
+            raise InputError(
+                f"support: turned by {turns:.4g} whole turns, need at most {_MOST}: a load step takes a quarter of one"
+            )
 
     def longest_step(self, factor: float) -> float:
         """Return the longest load step from a load factor, infinity where nothing turns.

@@ -25,6 +25,9 @@ _WORDS = {signal.SIGINT: "interrupted", signal.SIGTERM: "ended by SIGTERM"}
 # A file that takes no more: full, over its quota or the largest size, or its device fails.
 _FULL = errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO
 
+# Longer words of an error are cut: nothing but input that is wrong has them.
+_LONGEST = 1000
+
 
 class Terminated(KeyboardInterrupt):
     """SIGTERM: unwinds as Ctrl-C does."""
@@ -157,9 +160,10 @@ def _watch(program: str, kept: str) -> int:
 
 
 def _say(program: str, message: str) -> None:
-    # What is quoted of the input may have line ends; and nobody may listen.
+    # What is quoted of the input may have line ends, or be of any length; and nobody may listen.
+    said = " ".join(one if len(one) <= _LONGEST else f"{one[: _LONGEST // 2]}..." for one in message.split())
     with suppress(OSError):
-        print(f"{program}: {' '.join(message.split())}", file=sys.stderr, flush=True)
+        print(f"{program}: {said}", file=sys.stderr, flush=True)
 
 
 def _discard_output() -> None:

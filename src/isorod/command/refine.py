@@ -28,6 +28,9 @@ from isorod.space.space import Space
 # What is so small a share of the largest force or displacement is none, if it changes by more than so much of itself.
 _NOTHING, _WHOLE = 1e-9, 0.1
 
+# What scenes and spaces call the number of elements.
+_ALONG = "elements", "elements_per_turn", "parts"
+
 # Share of a change to which refinement of its direction makes it fall, or is trusted less, so much each time.
 _FALLS, _DOUBTED = 0.7, 0.1
 
@@ -46,7 +49,7 @@ def finer(scene: Any) -> dict[str, Any]:
 def _finer_file(scene: Any) -> dict[str, Any]:
     found: dict[str, dict[str, dict[str, Any]]] = {}
     for rod, space in scene.spaces.items():
-        for name, value in _ahead(SimpleNamespace(**{"section_degree": None} | space)).items():
+        for name, value in _ahead(SimpleNamespace(**space)).items():
             found.setdefault(name, {})[rod] = space | {name: value}
     return {name: replace(scene, spaces=scene.spaces | rods) for name, rods in found.items()}
 
@@ -54,9 +57,9 @@ def _finer_file(scene: Any) -> dict[str, Any]:
 def _ahead(one: Any) -> dict[str, int]:
     """Return the next finer number in each direction of a scene, or of a space."""
     found: dict[str, int] = {}
-    if one.section_degree is not None:
-        if one.section_degree < MAX_SECTION_DEGREE:
-            found["section_degree"] = one.section_degree + 1
+    if (section_degree := getattr(one, "section_degree", None)) is not None:
+        if section_degree < MAX_SECTION_DEGREE:
+            found["section_degree"] = section_degree + 1
     else:
         if one.order < MAX_ORDER:
             found["order"] = one.order + 1
@@ -64,7 +67,7 @@ def _ahead(one: Any) -> dict[str, int]:
             found["section_points"] = 2 * one.section_points
     if one.degree < MAX_DEGREE:
         found["degree"] = one.degree + 1
-    name = "elements" if hasattr(one, "elements") else "elements_per_turn"
+    name = next(name for name in _ALONG if hasattr(one, name))
     found[name] = 2 * getattr(one, name)
     return found
 

@@ -1,6 +1,5 @@
 """Values of a scene file, held to what the annotation of a parameter says."""
 
-import math
 import re
 import types
 from collections.abc import Sequence
@@ -86,7 +85,7 @@ def _is(value: Any, kind: Any) -> bool:
     if kind is float:
         return isinstance(value, int | float) and not isinstance(value, bool)
     if kind is int:
-        return _is(value, float) and math.isfinite(value) and int(value) == value
+        return value.is_integer() if isinstance(value, float) else _is(value, float)
     if kind in (str, Path):
         return isinstance(value, str)
     if kind is bool:
@@ -115,7 +114,8 @@ def _refuse_infinite(place: Place, value: Any) -> None:
             _refuse_infinite(place / k, one)
     # An integer may be too long for any other number.
     elif isinstance(value, int | float) and not abs(value) <= 1.7e308:
-        raise place.error(f"got {value:.40}, need a finite number" if isinstance(value, float) else "too large")
+        said = f"{value:.40}" if isinstance(value, float) else f"{value!s:.20}..., an integer of too many digits"
+        raise place.error(f"got {said}, need a finite number")
 
 
 def _made(place: Place, value: Any, kind: Any) -> Any:
