@@ -3,9 +3,10 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import b1, f8, i8, njit, types, void
+from numba import b1, f8, i8, types, void
 
 from isorod.compiled import F1, F2, I1, I2, STRICT
+from isorod.compiling import njit
 from meshes.mesh import Array, Index
 
 # Off the facet's interior, where a surface has kinks or ends, only points about as deep as they are far count as

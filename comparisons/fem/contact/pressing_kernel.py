@@ -8,7 +8,7 @@ and the energy of a point is ``penalty weight phi``.
 from typing import NamedTuple
 
 import numpy as np
-from numba import b1, f8, i8, njit, types, void
+from numba import b1, f8, i8, types, void
 
 from comparisons.fem.contact.closest_kernel import (
     CLOSEST,
@@ -21,6 +21,7 @@ from comparisons.fem.contact.closest_kernel import (
     surface_at,
 )
 from isorod.compiled import F1, F2, F3, I2, STRICT
+from isorod.compiling import njit
 from meshes.mesh import Array, Index
 
 
