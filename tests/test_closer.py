@@ -218,7 +218,7 @@ def test_patches_are_where_contact_presses_and_as_wide():
 
 def rounds(monkeypatch, analyse, scenes, first=0):
     """Solve a scene whose models are their own solutions, each closer than the one before."""
-    monkeypatch.setattr(run, "_start", lambda solution, model: (solution, model))
+    monkeypatch.setattr(run, "start_at", lambda solution, model: (solution, model))
     scene = SimpleNamespace(closer=lambda solution: SimpleNamespace(model=lambda: scenes(solution + 1)))
     return run._solve_closer(scene, first, analyse, {"load_steps": 5})
 

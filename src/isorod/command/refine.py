@@ -8,6 +8,7 @@ its error.  The estimate is the sum of the changes.
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 from types import SimpleNamespace
 from typing import Any, cast
@@ -146,9 +147,11 @@ def estimate(scene: Any, settings: Mapping[str, Any], tolerance: float | None = 
     before: dict[str, float] = {}
     trust: dict[str, float] = {}
 
-    def solve(one: Any) -> tuple[Any, dict[str, float]]:
+    def solve(one: Any, near: Any = None) -> tuple[Any, dict[str, float]]:
         if one not in solved:
-            solved[one] = run.solve(one, settings)
+            # A finer space begins where the coarser one ended: from rest it takes several times as long.
+            begin = None if near is None else partial(run.start_at, near)
+            solved[one] = run.solve(one, settings, begin)
         return solved[one]
 
     found: Estimate | None = None
@@ -159,7 +162,7 @@ def estimate(scene: Any, settings: Mapping[str, Any], tolerance: float | None = 
         changes, gains, nothing = {}, {}, dict[str, float]()
         try:
             for name, one in ahead.items():
-                other, _ = solve(one)
+                other, _ = solve(one, solution)
                 changes[name] = _change(scene, here, one.measure(other), _NOTHING * _scale(solution), nothing)
                 gains[name] = trust.get(name, 1.0) * changes[name] / (_work(other) - _work(solution))
         except (InputError, SolveError, MemoryError) as problem:

@@ -36,7 +36,7 @@ def solve(
     settings
         Keyword arguments of the analysis (`solve` of `isorod.statics`, `isorod.modal`, `isorod.dynamics`).
     begin
-        Returns, of a model of statics, a displacement to begin at, or None.
+        Returns, of a model of statics or modes, a displacement to begin at, or None.
     """
     from isorod import compiling
     from isorod.compiled import cofactors
@@ -79,7 +79,7 @@ def _solve_closer(scene: Any, model: Any, analyse: Callable[..., Any], settings:
             if closer is None:
                 break
             model = closer.model()
-            start = _start(getattr(solution, "equilibrium", solution), model)
+            start = start_at(solution, model)
             solution, said = _heard(analyse, model, {**settings, "start": start})
         except (InputError, SolveError) as problem:
             warnings.warn(
@@ -99,16 +99,22 @@ def _heard(analyse: Callable[..., Any], model: Any, settings: Mapping[str, Any])
         return analyse(model, **settings), said
 
 
-def _start(solution: Any, model: Any) -> Any:
-    """Return the displacement of a solution, on the spaces of another model of the same rods."""
+def start_at(solution: Any, model: Any) -> Any:
+    """Return the displacement ``(dofs,)`` of an equilibrium, or of that which modes are about, as on another model.
+
+    The model is of the same rods on other spaces.  None where modes are about rest.
+    """
     from numpy import concatenate
 
     from isorod.space.transfer import transfer
 
-    old = solution.model
+    state = getattr(solution, "equilibrium", solution)
+    if state is None:
+        return None
+    old = state.model
     return concatenate(
         [
-            transfer(old.nodal(solution.displacement, b), one.space, other.space).ravel()
+            transfer(old.nodal(state.displacement, b), one.space, other.space).ravel()
             for b, (one, other) in enumerate(zip(old.bodies, model.bodies, strict=True))
         ]
     )
