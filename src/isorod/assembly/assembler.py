@@ -18,7 +18,7 @@ from isorod.assembly.pattern import Pattern, add
 from isorod.assembly.unknowns import Unknowns
 from isorod.geometry.quadrature import Rule
 from isorod.model.model import Model
-from isorod.petsc.matrix import componentwise, create_matrix, keep_symmetric, preallocate, set_values, zeros
+from isorod.petsc.matrix import componentwise, create_matrix, fits, keep_symmetric, preallocate, set_values, zeros
 
 if TYPE_CHECKING:
     from isorod.assembly.pressing import Pressing
@@ -165,13 +165,13 @@ class Assembler(Unknowns):
             self.note("tangent")
         return made
 
-    def _indices(self, pattern: Pattern) -> tuple[Index, Index]:
-        """Return row and column of each entry of the tangent, those of held degrees of freedom negative."""
-        rows, columns = pattern.indices()
-        if self.contact is None:
-            return rows, columns
-        more = self.unknown_of[self.contact.rows], self.unknown_of[self.contact.columns]
-        return np.concatenate([rows, more[0]]), np.concatenate([columns, more[1]])
+    def _indices(self, pattern: Pattern | None) -> tuple[Index, Index]:
+        """Return row and column of each entry, or of contact's alone, those of held degrees of freedom negative."""
+        found = [] if pattern is None else [pattern.indices()]
+        if self.contact is not None:
+            found.append((self.unknown_of[self.contact.rows], self.unknown_of[self.contact.columns]))
+        rows, columns = zip(*found, strict=True)
+        return (rows[0], columns[0]) if len(found) == 1 else (np.concatenate(rows), np.concatenate(columns))
 
     def _sums(self, shares: Iterable[Array]) -> Array:
         """Return the sums over this rank's degrees of freedom of what its parts have, shape of `Part.dofs` each."""
@@ -274,7 +274,8 @@ class Assembler(Unknowns):
                 entries = np.concatenate([entries, self.contact.tangent(self._everywhere)])
                 # Of any rank's entries.
                 if self.comm.tompi4py().allreduce(out.getAttr("contact_version") != self.contact.version):
-                    preallocate(out, *self._indices(pattern))
+                    if not fits(out, pattern.total, *self._indices(None)):
+                        preallocate(out, *self._indices(pattern))
                     out.setAttr("contact_version", self.contact.version)
             set_values(out, entries)
 

@@ -32,6 +32,9 @@ _PLACES = 48
 # time.
 _PRODUCTS = 8_000_000
 
+# Geometry that differs by a smaller share from place to place is the same.
+_SAME = 1e-12
+
 
 class Region:
     """Elements ``first .. last - 1`` of a part, and points of their sections, that obey one law.
@@ -73,6 +76,19 @@ class Region:
         """Derivatives of the section functions, first by one direction, ``(n, 2 q)``, and these ``(n, q)``."""
         across = np.ascontiguousarray(self.table.section[:, :2].transpose(2, 1, 0)).reshape(-1, 2 * self.shape[2])
         return across, np.ascontiguousarray(self.table.section[:, 2].T)
+
+    @cached_property
+    def _volumes(self) -> Array | None:
+        """Weights of places along the axis over those of the first, ``(E t,)``, if moduli differ by that alone.
+
+        They do in straight rods of one section whose law knows neither state nor fibres.
+        """
+        law, inverse, weights = self.piece.law, self.table.inverse, self.table.weights
+        if law.objective or law.families or np.abs(inverse - inverse[0, 0]).max() > _SAME * np.abs(inverse).max():
+            return None
+        volumes = weights.sum(axis=2) / weights[0, 0].sum()
+        same = np.abs(weights - volumes[:, :, None] * weights[0, 0]).max() <= _SAME * weights.max()
+        return volumes.ravel() if same else None
 
     def _law(
         self, factor: float, pressed: bool, wanted: bool = False, extrapolates: bool = False
@@ -175,11 +191,12 @@ class Region:
         squared = self.table.section.shape[2] ** 2
         tile = min(points, max(16, _PRODUCTS // (10 * squared)))
         count = min(elements, max(-(-_PLACES // along), _NUMBERS // ((45 * tile + 21 * squared) * along)))
+        volumes = self._volumes
         # Made once: memory that the system gives anew is slow.
         pulled = _Four((3, 4), (3, 3), (9, 2), (6, 1), size=count * along * tile)
         products = _Four((4, 1), (3, 1), (2, 1), (1, 1), size=tile * squared)
         sums, more = (_Four((3, 1), (3, 1), (9, 1), (6, 1), size=count * along * squared) for _ in range(2))
-        for k, some in enumerate(self._some(count)):
+        for k, some in enumerate(self._some(count) if volumes is None else [(0, 1)]):
             places = (some[1] - some[0]) * along
             found = self._gradients(local, starts, *some)
             old = found if last is None else self._gradients(last.local, starts, *some)
@@ -195,7 +212,12 @@ class Region:
                     for total, one in zip(sums.of(places, squared), more.of(places, squared), strict=True):
                         total += one
             rows = tuple(one.reshape(places, -1) for one in sums.of(places, squared))
-            add_blocks(self.table, *some, rows, there, entries)
+            if volumes is None:
+                add_blocks(self.table, *some, rows, there, entries)
+                continue
+            for first, end in self._some(count):
+                many = tuple(volumes[first * along : end * along, None] * one[0] for one in rows)
+                add_blocks(self.table, first, end, many, there, entries)
 
 
 class _Four:

@@ -8,7 +8,7 @@ from petsc4py import PETSc
 
 from isorod.arrays import Array
 from isorod.assembly.assembler import Assembler
-from isorod.assembly.factorisation import factorisation
+from isorod.assembly.factorisation import factorisation, unscaled
 from isorod.checks.finer import Finer
 from isorod.errors import InputError
 from isorod.model.model import Model
@@ -63,7 +63,8 @@ def corrected(
         if not sizes or not size < QUICK * sizes[-1]:
             assembler.tangent(x, 1.0, matrix)
             ksp.setOperators(matrix)
-            ksp.solve(force, change)
+            with defaults(unscaled(assembler, _PREFIX)):
+                ksp.solve(force, change)
             size = change.norm()
         x.axpy(-1.0, change)
         sizes.append(size)

@@ -107,6 +107,42 @@ def forget_factors(matrix: PETSc.Mat, ksp: PETSc.KSP) -> None:
         matrix.setAttr(_RENEWED, None)
 
 
+def fits(matrix: PETSc.Mat, count: int, rows: NDArray[Any], columns: NDArray[Any]) -> bool:
+    """Let other entries follow the first ``count`` of a matrix if there is room for them; return whether there is.
+
+    The pattern stays as it is then, and what was analysed of it.  Only of a matrix on one rank it is known.
+    """
+    known = matrix.getAttr(_PLACES)
+    if known is None:
+        return False
+    start, column = local_rows(matrix).own[:2]
+    places = np.empty(rows.size, dtype=PETSc.IntType)
+    if not _find(np.ascontiguousarray(rows), np.ascontiguousarray(columns), start, column, places):
+        return False
+    matrix.setAttr(_PLACES, (np.concatenate([known[0][:count], places]), known[1]))
+    return True
+
+
+@njit(b1(I1, I1, P1, P1, P1), **STRICT)
+def _find(rows: Any, columns: Any, start: Any, column: Any, places: Any) -> bool:
+    """Fill in where entries are in compressed rows, -1 if an index is negative; return whether all are there."""
+    for k in range(rows.size):
+        places[k] = -1
+        if rows[k] < 0 or columns[k] < 0:
+            continue
+        low, high = start[rows[k]], start[rows[k] + 1]
+        while low < high:
+            middle = (low + high) // 2
+            if column[middle] < columns[k]:
+                low = middle + 1
+            else:
+                high = middle
+        if low == start[rows[k] + 1] or column[low] != columns[k]:
+            return False
+        places[k] = low
+    return True
+
+
 @njit(i8(I1, I1, P1, P1, P1), **STRICT)
 def _gather(rows: Any, columns: Any, start: Any, column: Any, places: Any) -> int:
     """Fill compressed rows, each entry once, and where each of those given comes, -1 if an index is negative.

@@ -296,14 +296,17 @@ def _solve(
     loose = rigid_motions.left_to_contact(model)
     overlapped = overlap.warn_at_rest(model)
     assembler = assembler_for(model, comm)
+    if assembler.contact is not None:
+        assembler.contact.space_evenly()
+        if start_at is not None:
+            # The matrix is made with room for what touches there.
+            assembler.contact.tangent(start_at)
     solver, told = Newton(assembler, loose), Teller()
     if progress and assembler.comm.getRank() == 0:
         solver.tell = told
     try:
         if stable:
             stability.refuse_untold(solver)
-        if assembler.contact is not None:
-            assembler.contact.space_evenly()
         setup = perf_counter() - start
         assembler.seconds = 0.0
         path = Path(assembler, keep)

@@ -8,7 +8,7 @@ from petsc4py import PETSc
 
 from isorod.arrays import Array
 from isorod.assembly.assembler import Assembler
-from isorod.assembly.factorisation import SPARSE, factorisation, is_mixed
+from isorod.assembly.factorisation import SPARSE, factorisation, is_mixed, unscaled
 from isorod.checks import hourglass, rigid_motions
 from isorod.errors import SolveError
 from isorod.options import defaults
@@ -34,11 +34,6 @@ OPTIONS = {"snes_linesearch_type": "basic", "snes_rtol": 1e-9, "snes_max_it": 15
 # With contact, where steps are shortened (`isorod.statics.line_search`); with friction, where points stick and slip in
 # turn, more of them.
 TOUCHING, RUBBING = {"snes_max_it": 20}, {"snes_max_it": 40}
-
-# With contact, whose tangent is definite but for friction and pressures: MUMPS's scaling, an iteration over all
-# entries, takes a third of the time of a factorisation, and changes no pivot of a definite matrix.  It is read when
-# MUMPS begins.
-UNSCALED = {"mat_mumps_icntl_8": 0}
 
 # Steps of nearly no length in a solution that is given up, as long as there are other ways to try.
 _STUCK = 3
@@ -206,8 +201,7 @@ class Newton:
         self._convergence.guarded = self.stabilisation is None
         try:
             before = self.assembler.jacobians(self.x, factor)
-            definite = self.assembler.contact is not None and not is_mixed(self.assembler.model)
-            with defaults(TELLING | (UNSCALED if definite else {})):
+            with defaults(TELLING | unscaled(self.assembler)):
                 # At one load factor contact has changed alone.
                 self._settles = self.assembler.contact is not None and target == factor
                 scale, rate = self._predict(factor, target - factor)
