@@ -6,10 +6,12 @@ from scipy.optimize import brentq
 
 from isorod import statics
 from isorod.assembly.assembler import Assembler
+from isorod.assembly.region import Region
 from isorod.geometry.axis import Axis
 from isorod.geometry.rod import Rod
 from isorod.geometry.section import ellipse
 from isorod.material import LinearElastic, NeoHookean
+from isorod.material.st_venant_kirchhoff import StVenantKirchhoff
 from isorod.model import Body, Model, Support
 from isorod.scenes.spring import Spring
 from isorod.space import Space
@@ -136,6 +138,20 @@ def test_patch_on_a_rational_axis_is_as_good_as_the_rule_along_it(petsc_options)
 def stiffness(space, law):
     (part,) = Assembler(Model([Body(space, law)])).parts
     return part.matrices(np.zeros(space.nodes * 3), 0.0)
+
+
+@pytest.mark.parametrize("law", [LinearElastic(2.0, 0.3), StVenantKirchhoff(2.0, 0.3)], ids=["linear", "at rest"])
+def test_section_sums_of_one_place_serve_a_straight_rod_of_a_linear_law(law, cylinder, monkeypatch):
+    """Elements of several lengths, against one place after the other; a law that knows the state has no such sums."""
+    rod = cylinder(6).refine(4, 3, 2).insert(0.1)
+    space = Space(rod, order=2, degree=3)
+    (part,) = Assembler(Model([Body(space, law)])).parts
+    (one,) = part.regions
+    assert (one._volumes is None) == law.objective
+    found = stiffness(space, law)
+    monkeypatch.setattr(Region, "_volumes", None)
+    expected = stiffness(space, law)
+    assert np.abs(found - expected).max() < 1e-14 * np.abs(expected).max()
 
 
 def single_elements(n, cylinder):

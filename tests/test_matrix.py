@@ -8,7 +8,7 @@ from petsc4py import PETSc
 from scipy.sparse import coo_matrix, csr_matrix
 
 from isorod.petsc.inertia import negative_of_rows
-from isorod.petsc.matrix import componentwise, create_matrix, preallocate, set_values
+from isorod.petsc.matrix import componentwise, create_matrix, fits, preallocate, set_values
 from isorod.petsc.products import products
 from isorod.petsc.rows import local_rows
 from isorod.petsc.shifted import upper_rows
@@ -39,6 +39,25 @@ def test_entries_add_up_in_a_matrix_that_gets_other_ones():
             np.testing.assert_array_equal(start, expected.indptr)
             np.testing.assert_array_equal(column, expected.indices)
             np.testing.assert_allclose(found, expected.data, atol=1e-14)
+
+
+def test_other_entries_that_fit_keep_the_pattern():
+    """Behind the first hundred come fewer of those there were, in another order; one that is nowhere is refused."""
+    rows, columns, values = drawn(0)
+    matrix = create_matrix(PETSc.COMM_SELF, (30, 30), 1, lambda: (rows[:100], columns[:100]))
+    preallocate(matrix, rows, columns)
+    before = [one.copy() for one in local_rows(matrix).own[:2]]
+    chosen = np.append(np.arange(100), np.random.default_rng(2).permutation(np.arange(100, 400))[:200])
+    rows, columns, values = rows[chosen], columns[chosen], values[chosen]
+    assert fits(matrix, 100, rows[100:], columns[100:])
+    set_values(matrix, values)
+    *pattern, found = local_rows(matrix).own
+    for one, other in zip(before, pattern, strict=True):
+        np.testing.assert_array_equal(one, other)
+    dense = csr_matrix((found, pattern[1], pattern[0]), shape=(30, 30)).toarray()
+    np.testing.assert_allclose(dense, summed(rows, columns, values).toarray(), atol=1e-14)
+    free = np.argwhere(summed(*drawn(0)[:2], np.ones(400)).toarray() == 0.0)[0]
+    assert not fits(matrix, 100, free[:1], free[1:])
 
 
 @pytest.mark.parametrize("solver", ["petsc", "mumps"])

@@ -1,11 +1,14 @@
 """The way to an equilibrium at the full load: in steps from rest, from a state that is near, or on to a stable one."""
 
+import warnings
+
 from isorod.arrays import Array
 from isorod.errors import SolveError
 from isorod.statics import stability
 from isorod.statics.multipliers import settle
 from isorod.statics.newton import Newton
 from isorod.statics.path import Path
+from isorod.statics.proximal import NEARLY
 from isorod.statics.steps import Diverged, TooDeep
 
 # A load step is halved at most this many times.
@@ -54,7 +57,7 @@ def climb(solver: Newton, load_steps: int, path: Path) -> int:
     contact = solver.assembler.contact
     rubs = contact is not None and contact.friction is not None
     stages = solver.assembler.model.stages
-    factor, step, augmentations, quick, softer = 0.0, 1.0 / load_steps, 0, 0, 1.0
+    factor, step, augmentations, quick, softer, loose = 0.0, 1.0 / load_steps, 0, 0, 1.0, 0.0
     while factor < 1.0:
         end = next(stage for stage in stages if stage > factor)
         longest = solver.steps.turning.longest_step(factor)
@@ -89,7 +92,7 @@ def climb(solver: Newton, load_steps: int, path: Path) -> int:
             if contact is not None and (not rubs or solver.stabilisation is not None):
                 updates += settle_in_the_end(solver)
         augmentations += updates
-        path.reached(solver.x, factor)
+        loose = loose if _note(solver, path, factor) else factor
         quick = quick + 1 if solves <= (_QUICK if contact is None else _QUICK_TOUCHING) else 0
         if factor == end:
             step, quick = 1.0 / load_steps, 0
@@ -98,7 +101,32 @@ def climb(solver: Newton, load_steps: int, path: Path) -> int:
             if rubs:
                 # Whoever asks for more steps, since friction depends on the path, gets them.
                 step = min(step, 1.0 / load_steps)
+    if loose:
+        warnings.warn(
+            f"up to load factor {loose:.4g} contact does not hold what supports leave free: forces that hold it "
+            "meanwhile are among those of load steps on the way, not of the last",
+            stacklevel=5,
+        )
     return augmentations
+
+
+def _note(solver: Newton, path: Path, factor: float) -> bool:
+    """Note where a load step has ended; return whether contact holds bodies there.
+
+    On the way forces that hold them meanwhile bear a part of the load, some per cent: of what is noted they are none.
+    """
+    held = solver.stabilisation
+    if held is not None and factor < 1.0 and held.left > NEARLY:
+        try:
+            with solver.let_go(factor):
+                settle(solver, factor)
+                path.reached(solver.x, factor)
+        except (Diverged, SolveError):
+            path.reached(solver.x, factor)
+            return False
+        return True
+    path.reached(solver.x, factor)
+    return True
 
 
 def _rub(solver: Newton, factor: float, target: float, softer: float) -> tuple[int, int, float]:

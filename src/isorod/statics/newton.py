@@ -1,6 +1,7 @@
 """SNES on an assembler, at one load factor after the other."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -17,6 +18,7 @@ from isorod.petsc.matrix import forget_factors
 from isorod.petsc.snes import create_snes
 from isorod.statics.convergence import Convergence, worst_place
 from isorod.statics.line_search import LineSearch
+from isorod.statics.proximal import FEW, NEARLY
 from isorod.statics.steps import Diverged, Steps
 
 if TYPE_CHECKING:
@@ -267,10 +269,31 @@ class Newton:
             self.stabilisation.vanish(self.again, self.x)
         return self.stabilisation
 
-    def again(self) -> bool:
-        """Seek the equilibrium at the full load once more; return whether it is found."""
+    @contextmanager
+    def let_go(self, factor: float) -> Iterator[None]:
+        """Let what holds bodies vanish, nearly, for a look at the state at a load factor; then all is as before.
+
+        Raises
+        ------
+        SolveError
+            If contact does not hold them there.
+        """
+        held, contact = self.stabilisation, self.assembler.contact
+        assert held is not None and contact is not None
+        start, path, undo = self.x.copy(), (self._history, self._solves), (contact.keep(), held.keep())
         try:
-            self.advance(1.0, 1.0)
+            held.vanish(lambda: self.again(factor), self.x, NEARLY, FEW)
+            yield
+        finally:
+            start.copy(self.x)
+            self._history, self._solves = path
+            for back in undo:
+                back()
+
+    def again(self, factor: float = 1.0) -> bool:
+        """Seek the equilibrium at a load factor once more; return whether it is found."""
+        try:
+            self.advance(factor, factor)
         except Diverged:
             return False
         return True

@@ -15,9 +15,9 @@ class Step(NamedTuple):
     """Where a load step ended.
 
     Its load factor, the forces of the supports on the model ``(supports, 3)``, and the sum of the normal forces of
-    obstacles that move.  Without friction multipliers are added at the full load alone, and what is before it is as the
-    penalty says.  Displacement and pressures, as those of an `isorod.statics.Equilibrium`, are there where they are to
-    be kept.
+    obstacles that move.  Without friction, and where supports hold all bodies, multipliers are added at the full load
+    alone, and what is before it is as the penalty says.  Displacement and pressures, as those of an
+    `isorod.statics.Equilibrium`, are there where they are to be kept.
     """
 
     factor: float

@@ -22,6 +22,9 @@ LEAST = 1e-10
 LEFT = 1e-6
 ROUNDS = 60
 
+# The same of what is told of load steps on the way.
+NEARLY, FEW = 1e-3, 8
+
 # A body that has gone so many times the model's size is held by nothing.
 _AWAY = 10.0
 
@@ -90,23 +93,35 @@ class Proximal:
             self.left = np.inf
         return found
 
-    def vanish(self, again: Callable[[], bool], x: PETSc.Vec) -> None:
+    def keep(self) -> Callable[[], None]:
+        """Return what takes these forces back to what they are now."""
+        start, share, left, rounds = self._start.copy(), self.share, self.left, self.rounds
+
+        def back() -> None:
+            start.copy(self._start)
+            self.share, self.left, self.rounds = share, left, rounds
+
+        return back
+
+    def vanish(self, again: Callable[[], bool], x: PETSc.Vec, left: float = LEFT, rounds: int = ROUNDS) -> None:
         """Let the forces vanish.
 
         Parameters
         ----------
         again
-            Seeks the equilibrium at the full load once more; returns whether it was found.
+            Seeks the equilibrium at the same load once more; returns whether it was found.
         x
             Where the last equilibrium is.
+        left, rounds
+            What may be left, and how many solutions there may be.
 
         Raises
         ------
         SolveError
             If they do not: nothing holds a body.
         """
-        while self.left > LEFT:
-            if self.rounds == ROUNDS:
+        while self.left > left:
+            if self.rounds >= rounds:
                 raise SolveError(self.why(x))
             share = self.share
             self.share = max(FEWER * share, LEAST)
