@@ -1,15 +1,16 @@
-"""Sweeps: the numbers of single runs to the last digit, begun near the points before, kept and gone on with."""
+"""Sweeps: the numbers of single runs, kept point by point and gone on with."""
 
 import csv
 import json
 import re
+import subprocess
+import sys
 
-import numpy as np
 import pytest
 from petsc4py import PETSc
 
-from isorod.command import cli, points, sheet, warm
-from isorod.command.points import Points
+from isorod.command import cli, sheet
+from isorod.command import sweep as sweeping
 from isorod.errors import SolveError
 
 COARSE = "--preset paper --coils 1 --elements-per-turn 4 --section-points 3 --degree 2".split()
@@ -50,7 +51,6 @@ def whole(tmp_path_factory):
 
 
 def test_a_table_has_the_digits_of_single_runs(whole, capsys):
-    """Those begun near others are not the same to the last bit; what stands in the table is."""
     table = rows(whole)
     assert [row["pull"] for row in table[:3]] == ["0", "0.25", "0.5"] and len(table) == 21
     for row in table:
@@ -62,21 +62,11 @@ def test_a_table_has_the_digits_of_single_runs(whole, capsys):
         assert len(row["force"].replace(".", "")) <= 7
 
 
-def test_points_are_begun_near_those_before_and_checked_from_rest(whole):
-    kept = records(whole.with_suffix(".jsonl").read_text())
-    starts = [one["sweep"]["start"] for one in kept]
-    assert starts[:3] == ["rest"] * 3
-    assert starts[3] == starts[-1] == "rest, as a check"
-    near = [one for one in kept if one["sweep"]["start"] == "near"]
-    # A point at which a number would have to be rounded by what Newton's iterations leave open is done from rest.
-    assert len(near) >= 14
-    assert max(one["newton_iterations"] for one in near) <= 2 < kept[2]["newton_iterations"]
-
-
-def test_from_rest_alone_the_table_is_the_same(whole, sweep, tmp_path):
-    code, out, _ = sweep("spring", *PULLED, "--cold", "--output", tmp_path / "cold.csv")
-    assert code == 0
-    assert "21 points" in out and "begun near" not in out
+def test_what_began_points_from_rest_is_taken_for_another_release(whole, sweep, tmp_path):
+    """Every point does, now."""
+    code, out, err = sweep("spring", *PULLED, "--cold", "--output", tmp_path / "cold.csv")
+    assert (code, err) == (0, "isorod: warning: --cold: every point begins from rest; leave it out\n")
+    assert "21 points" in out
     assert (tmp_path / "cold.csv").read_bytes() == whole.read_bytes()
 
 
@@ -84,23 +74,23 @@ KILLED = """
 import os, signal, sys
 from isorod.command import cli, sheet
 
-def killed(self, record, own=sheet.Sheet._row):
+def killed(self, record, own=sheet.Sheet.add):
+    own(self, record)
     if len(self.records) == 12:
         os.kill(os.getpid(), signal.SIGKILL)
-    return own(self, record)
 
-sheet.Sheet._row = killed
+sheet.Sheet.add = killed
 cli.main(sys.argv[1:])
 """
 
 
 def test_a_sweep_that_was_killed_goes_on_and_ends_with_the_same_bytes(whole, sweep, python, tmp_path):
-    """It is killed between a record and its row; and then half a record is torn off the end."""
+    """And half a record is torn off the end."""
     path = tmp_path / "force.csv"
     done = python(KILLED, "sweep", "spring", *PULLED, "--output", str(path))
     assert done.returncode == -9
     lines = path.with_suffix(".jsonl")
-    assert len(rows(path)) == 11 and len(records(lines.read_text())) == 12
+    assert not path.exists() and len(records(lines.read_text())) == 12
     lines.write_bytes(lines.read_bytes()[:-100])
     code, out, _ = sweep("spring", *PULLED, "--output", path)
     assert code == 0
@@ -114,18 +104,19 @@ def test_a_sweep_that_was_killed_goes_on_and_ends_with_the_same_bytes(whole, swe
 
 
 def test_ctrl_c_says_how_to_go_on(whole, sweep, tmp_path, monkeypatch):
-    own = Points.solve
+    own = sweeping._solve
 
-    def solve(self, number):
+    def solve(number, *others):
         if number == 5:
             raise KeyboardInterrupt
-        return own(self, number)
+        return own(number, *others)
 
     path = tmp_path / "force.csv"
-    monkeypatch.setattr(Points, "solve", solve)
+    monkeypatch.setattr(sweeping, "_solve", solve)
     code, out, err = sweep("spring", *PULLED, "--output", path)
     assert (code, out) == (130, "")
     assert err == f"isorod: interrupted; 5 of 21 points are in {path}; the same command goes on\n"
+    assert len(rows(path)) == 5
     monkeypatch.undo()
     assert sweep("spring", *PULLED, "--output", path)[0] == 0
     assert path.read_bytes() == whole.read_bytes()
@@ -137,7 +128,6 @@ def test_ctrl_c_says_how_to_go_on(whole, sweep, tmp_path, monkeypatch):
         (["--nu", "0.2"], None, r"force.jsonl is of another sweep \(command: isorod sweep spring .*--nu 0.2\)"),
         (["-ksp_type", "preonly"], None, r"another sweep \(petsc_options: ; here -ksp_type preonly\)"),
         ([], lambda path: path.with_suffix(".jsonl").unlink(), "is there, without the records of a sweep"),
-        ([], lambda path: path.write_text("pull,force\n0,1\n"), "is not the table of its records"),
         ([], lambda path: path.with_suffix(".jsonl").write_text('{"force": 1}\n'), "jsonl:1 is no record of a sweep"),
     ],
 )
@@ -162,13 +152,14 @@ def test_overwrite_begins_anew(sweep, tmp_path):
     assert [row["pull"] for row in rows(path)] == ["1", "2"]
 
 
-def test_two_sweeps_do_not_write_into_one_file(sweep, tmp_path):
-    words = "spring", *COARSE, "--no-estimate", "--pull", "1,2", "--output", tmp_path / "force.csv"
-    assert sweep(*words)[0] == 0
-    with open(tmp_path / "force.jsonl", "rb") as file:
-        sheet.fcntl.flock(file, sheet.fcntl.LOCK_EX)
-        code, _, err = sweep(*words)
-    assert code == 2 and "another sweep is writing there" in err
+def test_two_sweeps_at_once_fill_one_table(whole, python, tmp_path):
+    """Each solves all points; records of a point are the same, and none is lost."""
+    path = tmp_path / "force.csv"
+    words = [sys.executable, "-m", "isorod", "sweep", "spring", *PULLED, "--output", str(path)]
+    both = [subprocess.Popen(words, stdout=subprocess.DEVNULL) for _ in range(2)]
+    assert [one.wait() for one in both] == [0, 0]
+    assert {one["sweep"]["point"] for one in records(path.with_suffix(".jsonl").read_text())} == {*range(21)}
+    assert path.read_bytes() == whole.read_bytes()
 
 
 def test_a_point_that_cannot_be_solved_is_a_row(sweep, tmp_path):
@@ -247,7 +238,7 @@ def test_every_point_is_a_line_of_json_and_a_table_for_people(sweep, capsys):
     lines = sweep(*words)[1].splitlines()
     assert lines[0].split() == ["nu", "pull", "force", "Newton"]
     assert [float(line.split()[2]) for line in lines[1:5]] == pytest.approx([one["force"] for one in found], rel=1e-5)
-    assert re.fullmatch(r"4 points in .*; 4 from rest, .* Newton iterations each", lines[5])
+    assert re.fullmatch(r"4 points in .*; .* Newton iterations each", lines[5])
 
 
 def test_modes_have_a_column_each(sweep, tmp_path):
@@ -261,68 +252,10 @@ def test_modes_have_a_column_each(sweep, tmp_path):
     assert (tmp_path / "modes.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_where_a_check_finds_another_equilibrium_the_rest_begins_from_rest(sweep, monkeypatch):
-    monkeypatch.setattr(points, "_alike", lambda near, rest: False)
-    code, out, err = sweep("spring", *PULLED, "--json")
-    assert (code, err) == (0, "")
-    assert [one["sweep"]["start"] for one in records(out)] == ["rest"] * 3 + ["rest, as a check"] + ["rest"] * 17
-
-
-def test_what_rounding_would_decide_is_solved_from_rest(whole, sweep, monkeypatch):
-    monkeypatch.setattr(points, "_is_clear", lambda record: float(record["sweep"]["values"]["pull"]) < 2.0)
-    starts = [one["sweep"]["start"] for one in records(sweep("spring", *PULLED, "--json")[1])]
-    assert starts[8:] == ["rest, as a check"] * 13 and starts[4:8] == ["near"] * 4
-
-
-def test_points_in_doubt_are_an_error(sweep, monkeypatch):
-    seen = []
-    monkeypatch.setattr(points, "_alike", lambda near, rest: not seen and not seen.append(near))
-    monkeypatch.setattr(points, "_is_clear", lambda record: True)
-    code, _, err = sweep("spring", *PULLED, "--json")
-    assert code == 2
-    assert re.fullmatch(
-        r"isorod: at pull \S+ the equilibrium found from rest is another one than that found near the points before, "
-        r"of which 15 may be wrong; --cold --overwrite begins each from rest\n",
-        err,
-    )
-
-
-def test_petsc_options_that_end_newtons_iterations_elsewhere_begin_from_rest(isorod):
-    found = records(isorod("sweep", "spring", *PULLED, "-snes_rtol", "1e-6", "--json").stdout)
-    assert {one["sweep"]["start"] for one in found} == {"rest"}
-
-
 def test_numbers_of_a_list_have_the_places_of_the_largest():
     assert sheet.cells([1234.56789, -1.23456789, 1e-9, 0.0]) == ["1234.568", "-1.235", "0", "0"]
     assert sheet.cells([-6.0990517424]) == ["-6.099052"]
     assert sheet.cells([9.99999996]) == ["10"]
-    assert not sheet.are_clear([1.23456750000001])
-    assert sheet.are_clear([1.2345671])
-
-
-def test_a_cubic_path_is_met_and_a_corner_is_not_followed():
-    place = np.linspace(0.0, 1.0, 5)
-
-    class Model:
-        contacts = ()
-        bodies = ()
-
-    class Solution:
-        model = Model
-
-    def near(path):
-        known = warm.Warm([["a", "b"], [f"{x:g}" for x in place]])
-        for k, x in enumerate(place[:-1]):
-            Solution.displacement = path(x)
-            known.keep((1, k), Solution)
-        assert known.near((0, 4), Model) is None
-        return known.near((1, 4), Model)
-
-    def cubic(x):
-        return np.array([1.0, x, 0.3 * x**2 - x, 0.1 * x**3])
-
-    assert near(cubic) == pytest.approx(cubic(1.0), abs=1e-13)
-    assert near(lambda x: np.array([abs(x - 0.6)])) is None
 
 
 @pytest.mark.slow
@@ -350,24 +283,3 @@ def test_a_failure_within_a_sweep_is_not_the_next_points(sweep, monkeypatch):
     found = records(out)
     assert code == 2 and "1 of 21 points" in err
     assert [one["sweep"]["status"] for one in found if one["sweep"]["status"] != "solved"] == ["failed: no luck"]
-    starts = [one["sweep"].get("start") for one in found]
-    # Nothing is extrapolated over a gap.
-    assert starts[:8] == ["rest", "rest", "rest", "rest, as a check", None, "rest", "rest", "rest"]
-    assert "near" in starts[8:]
-
-
-def test_what_fails_near_others_is_solved_from_rest(whole, sweep, monkeypatch, tmp_path):
-    from isorod.command import run
-
-    own = run.solve
-
-    def solve(scene, settings, begin=None):
-        solution, seconds = own(scene, settings, begin)
-        if begin is not None and scene.pull > 2.0:
-            raise SolveError("no luck")
-        return solution, seconds
-
-    monkeypatch.setattr(run, "solve", solve)
-    code, out, _ = sweep("spring", *PULLED, "--output", tmp_path / "new" / "force.csv")
-    assert code == 0 and "begun near those before" in out
-    assert (tmp_path / "new" / "force.csv").read_bytes() == whole.read_bytes()

@@ -3,7 +3,9 @@
 import argparse
 import hashlib
 import json
+import shlex
 import sys
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from time import perf_counter
@@ -12,7 +14,7 @@ from typing import Any
 from isorod import options, scenes
 from isorod.command import chosen, ending, grid
 from isorod.command.parser import Parser
-from isorod.errors import InputError
+from isorod.errors import InputError, SolveError
 from isorod.output.words import duration
 
 _HOW = (
@@ -21,7 +23,7 @@ _HOW = (
 )
 
 # Options that change nothing of the numbers: with a value, and without.
-_VALUED, _PLAIN = ("--output", "--png", "--of"), ("--json", "--overwrite", "--cold")
+_VALUED, _PLAIN = ("--output", "--png", "--of"), ("--json", "--overwrite")
 
 # Entries of a list that are printed, and warnings.
 _ENTRIES, _WARNINGS = 4, 3
@@ -36,7 +38,9 @@ def main(ours: Sequence[str], theirs: Sequence[str]) -> int:
     if {"-h", "--help"} & {*ours}:
         chosen.find("sweep", ours, theirs, _more)[2].print_help()
         return 0
-    points = grid.read(ours, _VALUED)
+    if "--cold" in ours:
+        warnings.warn("--cold: every point begins from rest; leave it out", FutureWarning, stacklevel=2)
+    points = grid.read([word for word in ours if word != "--cold"], _VALUED)
     scene, found = _understood(points, theirs)
     if scenes.analyses(scene) == ("geometry",):
         raise InputError("sweep: this scene is geometry only, and has no numbers to solve for")
@@ -54,7 +58,6 @@ def _more(parser: Parser, scene: Any) -> None:
         parser.add_argument(
             "--no-estimate", action="store_true", help="leave out the estimates of errors, which take as long again"
         )
-    parser.add_argument("--cold", action="store_true", help="begin each point from rest, not near those before")
     parser.add_argument("--json", action="store_true", help="print each point as one line of JSON")
     parser.add_argument(
         "--output", metavar="FILE.csv", help="write the table into this file, and go on with one that is not complete"
@@ -77,19 +80,21 @@ def _understood(points: grid.Grid, theirs: Sequence[str]) -> tuple[Any, argparse
 
 
 def _run(points: grid.Grid, scene: Any, found: argparse.Namespace, theirs: Sequence[str], plot: Any) -> int:
-    """Solve all points that are not there yet, and tell of all."""
+    """Solve all points whose records are not there yet, and print all."""
+    from petsc4py import PETSc
+
     from isorod.command import printing, sheet
-    from isorod.command.points import Points, command
     from isorod.output.progress import Progress
 
-    begin, first = perf_counter(), ending.rank() == 0
-    solver = Points(points, theirs, _more, found.cold)
-    said = command(points.words, _VALUED, _PLAIN)
+    start, first = perf_counter(), ending.rank() == 0
+    command = _command(points.words)
     kept = sheet.Sheet(
-        found.output if first else None, _identity(said, scene, theirs), _heads(said, scene), found.overwrite
+        found.output if first else None, _identity(command, scene, theirs), _heads(command, scene), found.overwrite
     )
-    ready = solver.together({*kept.records})
-    total = len(solver.indices)
+    # Of several ranks the first has the files.
+    known = PETSc.COMM_WORLD.tompi4py().bcast({*kept.records})
+    indices = points.indices()
+    total = len(indices)
 
     def add(record: Mapping[str, Any]) -> None:
         kept.add(record)
@@ -98,14 +103,18 @@ def _run(points: grid.Grid, scene: Any, found: argparse.Namespace, theirs: Seque
 
     for record in kept.records.values() if found.json and first else ():
         print(json.dumps(record), flush=True)
-    progress = Progress(len(ready), total, "point")
+    progress = Progress(len(known), total, "point")
     refused: list[dict[str, Any]] = []
+    tried = False
     try:
-        for number in range(total):
-            if number in ready:
+        for number, index in enumerate(indices):
+            if number in known:
                 continue
             with printing.apart() if found.json else nullcontext():
-                record = solver.solve(number)
+                record = _solve(number, points, index, theirs)
+            if not tried and record["sweep"]["status"] == sheet.SOLVED:
+                tried = True
+                _refuse_unused()
             refused.append(record)
             # Where no point can be solved nothing is written.
             if kept.records or not record["sweep"]["status"].startswith("refused: "):
@@ -120,27 +129,72 @@ def _run(points: grid.Grid, scene: Any, found: argparse.Namespace, theirs: Seque
         raise
     finally:
         progress.close()
+        kept.write()
     if refused:
         message = refused[0]["sweep"]["status"].removeprefix("refused: ")
         raise InputError(message if total == 1 else f"none of {total} points can be solved; the first: {message}")
     if first:
-        _tell(kept.records, found, perf_counter() - begin, len(ready))
+        _print(kept.records, found, perf_counter() - start, len(known))
         if plot is not None:
             plot([kept.records[k] for k in sorted(kept.records)])
     failed = sum(one["sweep"]["status"] != sheet.SOLVED for one in kept.records.values())
-    problems = [f"{failed} of {total} points could not be solved; the table says why"] if failed else []
-    problems += [solver.doubt] if solver.doubt else []
-    return ending.fail("isorod", "; ".join(problems)) if problems else 0
+    return ending.fail("isorod", f"{failed} of {total} points could not be solved; the table says why") if failed else 0
 
 
-def _identity(said: str, scene: Any, theirs: Sequence[str]) -> dict[str, Any]:
+def _solve(number: int, points: grid.Grid, index: Sequence[int], theirs: Sequence[str]) -> dict[str, Any]:
+    """Run a point as `isorod run` does; return its record, which says of one that cannot be solved why."""
+    from isorod.command import run, sheet
+    from isorod.output import results
+
+    about: dict[str, Any] = {"point": number, "values": points.values(index)}
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        try:
+            with options.petsc_errors():
+                scene, found, _ = chosen.choose("sweep", points.at(index), theirs, _more)
+                estimated = scene.analysis != "dynamics" and not found.no_estimate
+                about |= {"units": dict(scene.units), "estimated": estimated, "status": sheet.SOLVED}
+                settings = chosen.settings(scene, found)
+                solution, seconds = run.solve(scene, settings)
+                record = run.record(scene, solution, seconds, settings, theirs)
+                if estimated:
+                    record |= run.estimate(solution, bool(getattr(scene, "stresses", ())))
+        except (InputError, SolveError) as problem:
+            kind = "refused" if isinstance(problem, InputError) else "failed"
+            about["status"] = f"{kind}: {' '.join(str(problem).split())}"
+            record = {**results.provenance(), "petsc_options": " ".join(theirs)}
+    about["warnings"] = list(dict.fromkeys(" ".join(str(one.message).split()) for one in said))
+    return record | {"sweep": about}
+
+
+def _refuse_unused() -> None:
+    """Raise `InputError` if a solved point has not used one of PETSc's options."""
+    from isorod.petsc.library import unused_options
+
+    left = unused_options()
+    if left:
+        raise InputError(f"PETSc option {', '.join(left)}: nothing used it; check its spelling with -help")
+
+
+def _command(words: Sequence[str]) -> str:
+    """Return the words of a sweep as typed, without the options that change none of its numbers."""
+    kept, skip = [], False
+    for word in words:
+        if skip or word in _PLAIN or word.partition("=")[0] in _VALUED:
+            skip = not skip and word in _VALUED
+            continue
+        kept.append(word)
+    return shlex.join(["isorod", "sweep", *kept])
+
+
+def _identity(command: str, scene: Any, theirs: Sequence[str]) -> dict[str, Any]:
     """Return by what a sweep is known again: nothing that numbers depend on may differ."""
     from isorod.output import results
 
     origin = results.provenance()
     content = json.dumps(scene.content, default=str) if hasattr(scene, "content") else ""
     return {
-        "command": said,
+        "command": command,
         "petsc_options": " ".join(theirs),
         "file": hashlib.sha256(content.encode()).hexdigest() if content else None,
         "versions": origin["versions"],
@@ -148,12 +202,12 @@ def _identity(said: str, scene: Any, theirs: Sequence[str]) -> dict[str, Any]:
     }
 
 
-def _heads(said: str, scene: Any) -> list[str]:
+def _heads(command: str, scene: Any) -> list[str]:
     """Return the lines at the head of the table: how it came about, and units."""
-    return [said, *(f"{name}: {unit}" for name, unit in scene.units.items() if unit)]
+    return [command, *(f"{name}: {unit}" for name, unit in scene.units.items() if unit)]
 
 
-def _tell(records: Mapping[int, Mapping[str, Any]], found: argparse.Namespace, seconds: float, before: int) -> None:
+def _print(records: Mapping[int, Mapping[str, Any]], found: argparse.Namespace, seconds: float, before: int) -> None:
     """Print the table, unless JSON was asked for, and say what is to be said beside it."""
     if not found.json:
         for line in _table([records[k] for k in sorted(records)]):
@@ -197,16 +251,10 @@ def _table(records: Sequence[Mapping[str, Any]]) -> Iterator[str]:
 
 
 def _summary(records: Mapping[int, Mapping[str, Any]], seconds: float, before: int) -> str:
-    """Return in a line how many points there are, and how they were begun."""
+    """Return in a line how many points there are, how long they took, and Newton's iterations."""
     parts = [f"{len(records)} points in {duration(seconds)}" + (f", {before} of them there before" if before else "")]
-    for start, words in {"near": "begun near those before", "rest": "from rest"}.items():
-        counts = [
-            one["newton_iterations"]
-            for one in records.values()
-            if one["sweep"].get("start", "").startswith(start) and one.get("newton_iterations")
-        ]
-        if counts:
-            parts.append(f"{len(counts)} {words}, {sum(counts) / len(counts):.2g} Newton iterations each")
+    counts = [one["newton_iterations"] for one in records.values() if one.get("newton_iterations")]
+    parts += [f"{sum(counts) / len(counts):.2g} Newton iterations each"] if counts else []
     return "; ".join(parts)
 
 
