@@ -91,7 +91,8 @@ def _environment() -> dict[str, str]:
 def refusal(code: int, out: str, err: str) -> str:
     """Return the line of a run that was refused, empty if it has an answer; raises `AssertionError` if it did neither.
 
-    Warnings are lines of their own; a refusal has one line that is no warning, and no answer beside it.
+    Warnings are lines of their own; a refusal has one line that is no warning, and no answer beside it, but for the
+    best there is where a tolerance is not reached.
     """
     lines = [line for line in err.splitlines() if line.startswith(("isorod: ", "comparisons: "))]
     assert "Traceback" not in err, err
@@ -99,5 +100,7 @@ def refusal(code: int, out: str, err: str) -> str:
         assert out.strip(), "no answer"
         return ""
     assert code == 2, f"exit code {code}: {err}"
-    assert lines and not out.strip(), f"an answer beside a refusal: {out}"
-    return lines[-1].partition(": ")[2]
+    line = lines[-1].partition(": ")[2] if lines else ""
+    assert line and ("is not reached" in line or not out.strip()), f"an answer beside a refusal: {out}"
+    # What is short then, memory or time, is another machine's.
+    return line.partition("; finer it fails")[0]

@@ -2,6 +2,8 @@
 
 import json
 import re
+from dataclasses import dataclass
+from types import MappingProxyType, SimpleNamespace
 
 import numpy as np
 import pytest
@@ -90,6 +92,39 @@ def test_what_is_not_reached_is_said_and_the_best_is_kept(monkeypatch):
         f"tolerance 1e-09 is not reached: the estimate is {reached.error:.2g} after . refinements", reached.short
     )
     assert 1e-9 < reached.error < min(error for *_, error in reached.history)
+
+
+@dataclass(frozen=True)
+class _Touching:
+    """A scene with contact whose force errs by the number of control points most, and by the cheap degree a little."""
+
+    order: int = 6
+    section_points: int = 8
+    degree: int = 3
+    elements: int = 4
+    analysis = "statics"
+    units = MappingProxyType({"force": ""})
+
+    def model(self):
+        space = SimpleNamespace(chosen=(), quadrature="auto")
+        return SimpleNamespace(contacts=[None], bodies=[SimpleNamespace(space=space)], dofs=1)
+
+    def measure(self, solution):
+        return {"force": 1.0 + 0.2 * 8 / self.section_points + 0.02 * 3 / self.degree + 0.002 * 4 / self.elements}
+
+
+def test_with_contact_directions_of_the_largest_changes_are_refined_and_no_cheap_one_before(monkeypatch):
+    def work(scene):
+        return scene.section_points**3 * scene.elements * (1.0 + 0.01 * scene.degree)
+
+    monkeypatch.setattr(
+        running, "solve", lambda one, settings, begin=None: (SimpleNamespace(model=one.model(), scene=one), {})
+    )
+    monkeypatch.setattr(refine, "_work", lambda solution: work(solution.scene))
+    monkeypatch.setattr(refine, "_scale", lambda solution: 1.0)
+    reached = refine.estimate(_Touching(), {}, 0.06)
+    assert [name for name, *_ in reached.history] == ["section_points"]
+    assert reached.error < 0.06 and not reached.short
 
 
 def _failing(at, problem, monkeypatch):

@@ -162,6 +162,24 @@ def test_a_bar_that_lies_on_a_plane_slides_and_turns_on_it_but_does_not_roll():
         modal.solve(lying(section.circle(8), FLOOR), 2)
 
 
+@pytest.mark.filterwarnings("ignore:contact 0")
+def test_a_bar_that_slides_is_softer_on_springs_of_all_points(monkeypatch):
+    """Rigid modes are left out: inverse iteration is shifted."""
+    model = lying(section.rounded_rectangle(16, 2.0, 1.0, 0.2), Plane((0.0, -0.5, 0.0), (0.0, 1.0, 0.0)))
+    modes = modal.solve(model, 3)
+    free = slice(modes.rigid, None)
+    elastic = modes.eigenvalues[free], modes.vectors[free]
+    contact = Frozen(model, model.contacts, modes.contacts, modes.state, PETSc.COMM_SELF, tight=True)
+    within = contact.give(modes.vectors[free])[0] / modes.eigenvalues[free]
+    monkeypatch.setattr(touching, "_SURE", 0.0)
+    found = touching.doubt(model, modes.equilibrium, *elastic, free=True)
+    monkeypatch.setattr(touching, "Frozen", lambda *given, **how: Frozen(*given, **how | {"tight": False}))
+    springs = modal.solve(model, 3, state=modes.equilibrium)
+    expected = 1.0 - springs.frequencies[free] / modes.frequencies[free]
+    assert expected.max() > 1e-3
+    assert found == pytest.approx((expected + 0.5 * within).max(), rel=1e-2)
+
+
 def test_what_touches_at_rest_is_left_out_of_modes_at_rest():
     model = lying(section.circle(8), Plane((0.0, -0.9, 0.0), (0.0, 1.0, 0.0)))
     assert modal.solve(model, 2, at_rest=True).rigid == 6

@@ -32,6 +32,10 @@ _NOTHING, _WHOLE = 1e-9, 0.1
 # What scenes and spaces call the number of elements.
 _ALONG = "elements", "elements_per_turn", "parts"
 
+# Directions whose change is at least this share of the largest are refined, the one with most for its cost first: an
+# order or a degree is cheap, and where a patch has too few points no other direction helps.
+_MARKED = 0.5
+
 # Share of a change to which refinement of its direction makes it fall, or is trusted less, so much each time.
 _FALLS, _DOUBTED = 0.7, 0.1
 
@@ -141,6 +145,7 @@ def estimate(scene: Any, settings: Mapping[str, Any], tolerance: float | None = 
     if hasattr(scene, "content") or {"degree", "elements"} & {*spaces[0].chosen}:
         follows = [replace(one, quadrature="auto") if "quadrature" in one.chosen else one for one in spaces]
         scene = on(scene, follows)
+    # Of this step alone: solutions of all would be memory for nothing.
     solved: dict[Any, tuple[Any, dict[str, float]]] = {}
     history: list[tuple[str, int, float]] = []
     # Of directions that were refined: the change before, and the share of a gain that is believed.
@@ -178,12 +183,15 @@ def estimate(scene: Any, settings: Mapping[str, Any], tolerance: float | None = 
             # What does not fall where it is refined is due to another direction, as with few points in a patch.
             trust[last] = _DOUBTED * trust.get(last, 1.0)
             gains[last] *= _DOUBTED
-        best = max(gains, key=lambda name: gains[name])
+        believed = {name: trust.get(name, 1.0) * changes[name] for name in gains}
+        marked = [name for name in gains if believed[name] >= _MARKED * max(believed.values())]
+        best = max(marked, key=lambda name: gains[name])
         before[best] = changes[best]
         if solved[ahead[best]][0].model.dofs > MAX_UNKNOWNS:
             break
         history.append((best, _told(ahead[best], best), error))
         scene = ahead[best]
+        solved = {scene: solved[scene]}
     assert found is not None
     return found
 
