@@ -113,6 +113,15 @@ class _Touching:
         return {"force": 1.0 + 0.2 * 8 / self.section_points + 0.02 * 3 / self.degree + 0.002 * 4 / self.elements}
 
 
+def test_what_is_large_counts_moments_by_the_size_of_the_model():
+    """A twisted bar has no force but of rounding, which is nothing beside its moment."""
+    model = SimpleNamespace(size=2.0, external=np.zeros(3))
+    found = SimpleNamespace(model=model, reactions=np.zeros((2, 3)), displacement=np.full(3, 0.1))
+    assert refine._scale(found) == 0.1
+    found.moments = np.array([[0.0, 0.0, -6.0]])
+    assert refine._scale(found) == 3.0
+
+
 def test_with_contact_directions_of_the_largest_changes_are_refined_and_no_cheap_one_before(monkeypatch):
     def work(scene):
         return scene.section_points**3 * scene.elements * (1.0 + 0.01 * scene.degree)

@@ -51,6 +51,14 @@ def test_the_rod_is_laid_into_a_trefoil_and_clear_of_itself(loop):
 
 
 @pytest.mark.slow
+def test_both_end_faces_are_held_and_nothing_else():
+    scene = Knot()
+    model = scene.model()
+    held = [np.sort(one.nodes) for one in model.supports]
+    layer = scene.space.layer_nodes
+    assert [list(one) for one in held] == [[*range(layer)], [*range(scene.space.nodes - layer, scene.space.nodes)]]
+
+
 def test_the_knots_tension_is_what_the_bending_of_its_loop_says():
     """Of a thin rod without friction tension + moment^2 / (2 B) is the same everywhere, in tails, braid and loop."""
     scene = Knot()
