@@ -11,6 +11,7 @@ from comparisons.measure.convergence import newton_orders
 from isorod.assembly.assembler import Assembler
 from isorod.assembly.mixed import MixedAssembler
 from isorod.errors import InputError
+from isorod.material import symbols
 from isorod.material.fibre import helix
 from isorod.material.gent import Gent
 from isorod.material.holzapfel_gasser_ogden import HolzapfelGasserOgden
@@ -60,6 +61,27 @@ def differences(f, F, step=1e-5):
             near, far = f(F + move) - f(F - move), f(F + 2 * move) - f(F - 2 * move)
             found.append((8.0 * near - far) / (12.0 * step))
     return np.stack(found, axis=-1).reshape(*found[0].shape, 3, 3)
+
+
+@pytest.mark.parametrize(
+    ("name", "stored"),
+    [
+        ("MooneyRivlin", lambda first, second: 0.3 * (first - 3.0) + 0.2 * (second - 3.0)),
+        ("Yeoh", lambda first, second: 0.5 * (first - 3.0) - 0.1 * (first - 3.0) ** 2 + 0.03 * (first - 3.0) ** 3),
+        ("Gent", lambda first, second: -5.0 * np.log(1.0 - (first - 3.0) / 10.0)),
+    ],
+)
+def test_energies_are_those_of_the_literature(name, stored):
+    """By invariants of the isochoric part, and ``bulk/2 (ln J)^2``; nothing is compiled."""
+    law, (a, b, c) = LAWS[name], (1.3, 0.9, 0.8)
+    J = a * b * c
+    first, second = (
+        J ** (-2.0 / 3.0) * (a * a + b * b + c * c),
+        J ** (-4.0 / 3.0) * (a * a * b * b + b * b * c * c + c * c * a * a),
+    )
+    constants = dict(zip(law.stored.constants, law.constants, strict=True))
+    told = law.stored.expression.subs({symbols.I1bar: first, symbols.I2bar: second, symbols.J: J}).subs(constants)
+    assert float(told) == pytest.approx(stored(first, second) + 10.0 * np.log(J) ** 2, rel=1e-12)
 
 
 @pytest.mark.parametrize("name", each(LAWS))
