@@ -125,6 +125,7 @@ def test_friction_holds_a_closed_coil_between_plates():
     ("options", "message"),
     [
         ({"ends": "free"}, "ends: got 'free', need laid or clamped or closed"),
+        ({"lead": 1.0}, "lead: got 1 degrees, a pitch of 1.1; coils that do not lie in each other need 2"),
         ({"ends": "closed", "lead": 1.0}, "lead: got 1 degrees, a pitch of 1.1; closed ends need 2.1"),
         ({"push": 400.0}, "push: got 400, the wire is not as long"),
         ({"lead": 90.0}, "lead: got 90 degrees, need an angle between 0 and 90"),

@@ -101,6 +101,11 @@ class Coil(Checked):
         pitch, room = self.height / max(self.coils, 1), 2.0 * (1.0 + _CLEAR) * self.wire_radius
         if self.ends == "closed" and not pitch > room:
             raise InputError(f"lead: got {self.lead:g} degrees, a pitch of {pitch:.3g}; closed ends need {room:.3g}")
+        if (self.coils > 1 or self.ends == "laid") and not pitch > 2.0 * self.wire_radius:
+            raise InputError(
+                f"lead: got {self.lead:g} degrees, a pitch of {pitch:.3g}; coils that do not lie in each other need "
+                f"{2.0 * self.wire_radius:g}"
+            )
         turns = self.coils + (0 if self.ends == "clamped" else 2)
         line = self._closed(pitch) if self.ends == "closed" else helix(self.coil_radius, pitch, turns)
         return line.sweep(section.circle(self.section_points, self.wire_radius))
