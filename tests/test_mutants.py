@@ -158,6 +158,14 @@ def test_tests_run_quickest_first_within_the_budget():
     order = [test for test, _ in trial.order(known, set(seconds), 10.0, "")]
     assert order == ["quick", "one", "two", "slow"]
     assert [test for test, _ in trial.order(known, set(seconds), 60.0, "late")] == ["late", *order]
+    assert [test for test, _ in trial.order(known, {"one", "two"}, 1.3, "two")] == ["two"]
+
+
+def test_a_slow_fixture_of_all_tests_makes_no_group_of_them():
+    seconds = {"slow": 9.0, "quick": 0.1, "one": 5.0}
+    fixtures = dict.fromkeys(seconds, ("compiled",)) | {"one": ("compiled", "solved")}
+    known = covered.Covered(seconds, fixtures, {"compiled": 1.0, "solved": 1.0}, {}, [])
+    assert [test for test, _ in trial.order(known, set(seconds), 12.0, "")] == ["quick", "one"]
 
 
 IT = "def f(x):\n    while x > 0:\n        x -= 1\n    return x\n"
