@@ -235,6 +235,14 @@ def test_polynomial_sections_have_no_control_points_to_touch(cylinder):
         Model([body], contacts=[Contact(0, Plane((0.0, -1.0, 0.0), (0.0, 1.0, 0.0)), 1.0)])
 
 
+def test_rods_too_slender_for_double_precision_are_not_in_contact(cylinder):
+    plane = Contact(0, Plane((0.0, -1.0, 0.0), (0.0, 1.0, 0.0)), 1.0)
+    slender, more = (Body(Space.paper(cylinder(8, radius=0.5, height=height)), LAW) for height in (4.9e4, 6e4))
+    Model([slender], contacts=[plane])
+    with pytest.raises(InputError, match=r"contact 0: body 0 is 1.* radii long, rods in contact may be 100000"):
+        Model([more], contacts=[plane])
+
+
 def test_a_time_loop_refuses_multipliers():
     both = pair()
     model = replace(both, contacts=[replace(both.contacts[0], penetration=1e-3)])

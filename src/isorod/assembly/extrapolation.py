@@ -12,8 +12,6 @@ With ``P = F S`` and ``S' = S0 + F0^-1 (A0 : D - D S0)`` of the last state ``F0`
 
 from typing import NamedTuple
 
-import numpy as np
-
 from isorod.arrays import Array
 from isorod.geometry.rod import Rod
 
@@ -24,15 +22,7 @@ SLENDER = 20.0
 
 def pays(rod: Rod) -> bool:
     """Whether a rod is slender: `SLENDER` times as long as its largest section is wide from its centre, or longer."""
-    centers = rod.control_points.mean(axis=1)
-    length = np.linalg.norm(np.diff(centers, axis=0), axis=1).sum()
-    return bool(length >= SLENDER * radius(rod))
-
-
-def radius(rod: Rod) -> float:
-    """Return how far the largest section of a rod reaches from its centre."""
-    centers = rod.control_points.mean(axis=1)
-    return float(np.linalg.norm(rod.control_points - centers[:, None], axis=2).max())
+    return rod.slenderness >= SLENDER
 
 
 class Last(NamedTuple):

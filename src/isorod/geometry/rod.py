@@ -98,6 +98,18 @@ class Rod(Checked):
         return self.control_points.shape[1]
 
     @property
+    def radius(self) -> float:
+        """How far the largest section's control points are from their centre, units of length."""
+        centers = self.control_points.mean(axis=1)
+        return float(np.linalg.norm(self.control_points - centers[:, None], axis=2).max())
+
+    @property
+    def slenderness(self) -> float:
+        """Length of the polygon of the sections' centres over `radius`."""
+        centers = self.control_points.mean(axis=1)
+        return float(np.linalg.norm(np.diff(centers, axis=0), axis=1).sum()) / self.radius
+
+    @property
     def distinct_control_points(self) -> int:
         """Number of control points, the shared layer of a closed rod counted once."""
         return (self.axis.count - self.closed) * self.section_points

@@ -10,7 +10,6 @@ import numpy as np
 from petsc4py import PETSc
 
 from isorod.assembly.assembler import Assembler
-from isorod.assembly.extrapolation import radius
 from isorod.errors import SolveError
 from isorod.statics import stability
 from isorod.statics.newton import Newton
@@ -89,7 +88,7 @@ def _leave(solver: Newton) -> None:
     """Go from a saddle to another equilibrium."""
     weight = stability.stiffness(solver)
     lowest, way = _lowest(solver, weight)
-    least = min(radius(body.space.rod) for body in solver.assembler.model.bodies)
+    least = min(body.space.rod.radius for body in solver.assembler.model.bodies)
     way.scale(_ASIDE * least / way.norm(PETSc.NormType.NORM_INFINITY))
     solver.forget_path()
     solver.x.axpy(1.0, way)

@@ -16,7 +16,6 @@ from petsc4py import PETSc
 
 from isorod.arrays import Array
 from isorod.assembly.assembler import Assembler
-from isorod.assembly.extrapolation import radius
 from isorod.errors import InputError
 from isorod.model.model import Model
 from isorod.petsc import inertia
@@ -158,7 +157,7 @@ def _holds(solver: Newton) -> bool:
         push.normalize()
         solver.snes.getKSP().solve(push, way)
     moves.pointwiseMult(way, moves)
-    least = min(radius(body.space.rod) for body in assembler.model.bodies)
+    least = min(body.space.rod.radius for body in assembler.model.bodies)
     length = _STEP * least / moves.norm(PETSc.NormType.NORM_INFINITY)
     way.scale(length)
     return bool(solver.resistance(way).dot(way) >= _FALLEN * length * push.dot(way))
