@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from PIL.Image import Image
 
 # From where one looks, and width and height of a picture in pixels, where nothing else is said.
-VIEW = (1.0, -1.4, 0.55)
-SIZE = (1000, 700)
+VIEW: tuple[float, float, float] = (1.0, -1.4, 0.55)
+SIZE: tuple[int, int] = (1000, 700)
 
 # The scale of colours, at the right of a picture, and how many pixels of its width are for that.
 _BAR = {"vertical": True, "position_y": 0.15, "height": 0.7, "color": "black", "fmt": "%.3g", "title_font_size": 16}

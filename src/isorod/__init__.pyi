@@ -1,0 +1,64 @@
+# The names that isorod offers and where they are: read by type checkers and, when one is asked for, by __init__.py.
+from isorod import dynamics as dynamics
+from isorod import errors as errors
+from isorod import modal as modal
+from isorod import options as options
+from isorod import scenes as scenes
+from isorod import statics as statics
+from isorod.dynamics import History as History
+from isorod.errors import FoldedRodError as FoldedRodError
+from isorod.errors import InputError as InputError
+from isorod.errors import SolveError as SolveError
+from isorod.geometry.axis import Axis as Axis
+from isorod.geometry.center_line import arc as arc
+from isorod.geometry.center_line import helix as helix
+from isorod.geometry.center_line import nurbs as nurbs
+from isorod.geometry.center_line import polyline as polyline
+from isorod.geometry.center_line import straight as straight
+from isorod.geometry.line import CenterLine as CenterLine
+from isorod.geometry.rod import Rod as Rod
+from isorod.geometry.section import airfoil as airfoil
+from isorod.geometry.section import circle as circle
+from isorod.geometry.section import ellipse as ellipse
+from isorod.geometry.section import flower as flower
+from isorod.geometry.section import from_file as section_from_file  # noqa: F401
+from isorod.geometry.section import from_points as section_from_points  # noqa: F401
+from isorod.geometry.section import naca as naca
+from isorod.geometry.section import rounded_rectangle as rounded_rectangle
+from isorod.material import LinearElastic as LinearElastic
+from isorod.material import Material as Material
+from isorod.material import NeoHookean as NeoHookean
+from isorod.material.active_muscle import ActiveMuscle as ActiveMuscle
+from isorod.material.gent import Gent as Gent
+from isorod.material.holzapfel_gasser_ogden import HolzapfelGasserOgden as HolzapfelGasserOgden
+from isorod.material.hyperelastic import Hyperelastic as Hyperelastic
+from isorod.material.mooney_rivlin import MooneyRivlin as MooneyRivlin
+from isorod.material.muscle import Muscle as Muscle
+from isorod.material.ogden import Ogden as Ogden
+from isorod.material.orthotropic import Orthotropic as Orthotropic
+from isorod.material.orthotropic import TransverselyIsotropic as TransverselyIsotropic
+from isorod.material.orthotropic_kirchhoff import OrthotropicKirchhoff as OrthotropicKirchhoff
+from isorod.material.st_venant_kirchhoff import StVenantKirchhoff as StVenantKirchhoff
+from isorod.material.yeoh import Yeoh as Yeoh
+from isorod.modal import Modes as Modes
+from isorod.model import Body as Body
+from isorod.model import BodyForce as BodyForce
+from isorod.model import Contact as Contact
+from isorod.model import Cylinder as Cylinder
+from isorod.model import Model as Model
+from isorod.model import Plane as Plane
+from isorod.model import Pressure as Pressure
+from isorod.model import SectionLoad as SectionLoad
+from isorod.model import Sphere as Sphere
+from isorod.model import Spin as Spin
+from isorod.model import Support as Support
+from isorod.model import TriangleMesh as TriangleMesh
+from isorod.output.matrices import Matrices as Matrices
+from isorod.output.matrices import matrices as matrices
+from isorod.output.section_properties import SectionProperties as SectionProperties
+from isorod.output.section_properties import section_properties as section_properties
+from isorod.output.shape import show as show
+from isorod.space import Space as Space
+from isorod.statics import Equilibrium as Equilibrium
+
+__version__: str
