@@ -12,7 +12,7 @@ from comparisons.measure.records import Record
 from comparisons.measure.study import Run, Steps
 from comparisons.report import biceps_pictures
 from isorod import options
-from isorod.command import run as runs
+from isorod.command import solving
 from isorod.dynamics import History
 from isorod.output.results import write_arrays
 from isorod.scenes.biceps import Biceps
@@ -150,10 +150,10 @@ def _motions(study: Run, steps: Steps) -> None:
         with steps.step(f"motion to {END_TIME:g} s, {label}"):
             scene = Biceps(**values, end_time=END_TIME, outputs=INTERVALS)
             settings = scene.settings()
-            history, seconds = runs.solve(scene, settings)
-            still, _ = runs.solve(Biceps(**values, statics=True), {})
+            history, seconds = solving.solve(scene, settings)
+            still, _ = solving.solve(Biceps(**values, statics=True), {})
             rest = scene.measure(still)
-            record = runs.record(scene, history, seconds, settings) | {"label": label, "equilibrium": rest}
+            record = solving.record(scene, history, seconds, settings) | {"label": label, "equilibrium": rest}
             record["equilibrium"]["contact_area"] = still.contacts[0].area
             record["from_equilibrium"] = errors(record | {"contact_force": float(history.contact_force[-1])}, rest)
             # Forces of supports by their size, as the equilibrium has them.

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from isorod import Body, LinearElastic, Model, Space, files
-from isorod.command import run
+from isorod.command import solving
 
 FOLDER = Path(__file__).parent / "gallery"
 EXAMPLES = Path(files.__file__).parent / "examples"
@@ -39,7 +39,7 @@ def draw(name: str, folder: Path) -> Path:
     if scene.analysis == "geometry":
         picture = _shape(scene.rods(), **VIEWS[name])
     else:
-        solution, _ = run.solve(scene, scene.settings())
+        solution, _ = solving.solve(scene, scene.settings())
         shown = solution[-1] if scene.analysis == "modal" else solution
         picture = shown.plot(**{"size": SIZE} | VIEWS[name])
     file = folder / f"{name}.png"

@@ -12,8 +12,7 @@ from reference import SPRING_FORCE as SPRING
 
 from isorod import memory, scenes
 from isorod.checks import adapt
-from isorod.command import cli, refine
-from isorod.command import run as running
+from isorod.command import cli, refine, solving
 from isorod.errors import InputError, SolveError
 from isorod.scenes.blade import Blade
 from isorod.scenes.spring import Spring
@@ -127,7 +126,7 @@ def test_with_contact_directions_of_the_largest_changes_are_refined_and_no_cheap
         return scene.section_points**3 * scene.elements * (1.0 + 0.01 * scene.degree)
 
     monkeypatch.setattr(
-        running, "solve", lambda one, settings, begin=None: (SimpleNamespace(model=one.model(), scene=one), {})
+        solving, "solve", lambda one, settings, begin=None: (SimpleNamespace(model=one.model(), scene=one), {})
     )
     monkeypatch.setattr(refine, "_work", lambda solution: work(solution.scene))
     monkeypatch.setattr(refine, "_scale", lambda solution: 1.0)
@@ -138,7 +137,7 @@ def test_with_contact_directions_of_the_largest_changes_are_refined_and_no_cheap
 
 def _failing(at, problem, monkeypatch):
     """Let the solution so many of a run fail."""
-    true, calls = running.solve, []
+    true, calls = solving.solve, []
 
     def solve(*given, **named):
         calls.append(given)
@@ -146,7 +145,7 @@ def _failing(at, problem, monkeypatch):
             raise problem
         return true(*given, **named)
 
-    monkeypatch.setattr(running, "solve", solve)
+    monkeypatch.setattr(solving, "solve", solve)
 
 
 LONG = [

@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial import KDTree
 
 from isorod import dynamics, statics
-from isorod.command import cli, run
+from isorod.command import cli, solving
 from isorod.errors import InputError
 from isorod.material import NeoHookean
 from isorod.material.muscle import Muscle
@@ -128,7 +128,7 @@ def test_bellies_would_overlap_without_contact_and_hardly_do_with_it(free):
     u = np.linspace(4, 16, 97)
     moved = surface(right.rod, u) + right.displacement(free.model.nodal(free.displacement, 1), CIRCLE, u)[0]
     assert moved[:, :, 0].min() < -0.3
-    solution, _ = run.solve(scene, {"load_steps": 4})
+    solution, _ = solving.solve(scene, {"load_steps": 4})
     held = surface(right.rod, u) + right.displacement(solution.model.nodal(solution.displacement, 1), CIRCLE, u)[0]
     assert -0.02 < held[:, :, 0].min() < 0.0
     found = scene.measure(solution)
@@ -142,7 +142,7 @@ def test_bellies_would_overlap_without_contact_and_hardly_do_with_it(free):
 def test_pressing_on_each_other_is_pressing_on_the_plane_between():
     """A branch and its mirror image touch in the plane x = 0; half the gap there, so twice the penalty."""
     scene = Biceps(statics=True, penalty=2000.0)
-    both, _ = run.solve(scene, {"load_steps": 4})
+    both, _ = solving.solve(scene, {"load_steps": 4})
     model = both.model
     body, chosen = model.bodies[1], model.contacts[0].second_elements
     supports = [Support(s.nodes, s.components, s.displacement) for s in model.supports[2:]]
@@ -156,13 +156,13 @@ def test_pressing_on_each_other_is_pressing_on_the_plane_between():
 def test_equilibrium_is_the_converged_one():
     """Reference: --statics --order 2 --degree 3 --elements 20 --end-elements 2 gives 105.81 N, 0.2321 cm, 11.72 N."""
     scene = Biceps(statics=True, order=2, end_elements=2)
-    found = scene.measure(run.solve(scene, {"load_steps": 4})[0])
+    found = scene.measure(solving.solve(scene, {"load_steps": 4})[0])
     assert found["end_force"][[0, 2]] == pytest.approx([105.81] * 2, rel=0.01)
     assert found["belly_bulge"] == pytest.approx(0.2321, rel=0.01)
     assert found["contact_force"] == pytest.approx(11.72, rel=0.02)
     # with harmonic functions alone
     scene = Biceps(statics=True, order=1)
-    found = scene.measure(run.solve(scene, {"load_steps": 4})[0])
+    found = scene.measure(solving.solve(scene, {"load_steps": 4})[0])
     assert found["end_force"][[0, 2]] == pytest.approx([105.81] * 2, rel=0.03)
     assert found["belly_bulge"] == pytest.approx(0.2321, rel=0.01)
 
@@ -171,7 +171,7 @@ def test_equilibrium_is_the_converged_one():
 def test_the_default_is_within_two_per_cent_of_finite_elements():
     """Of 27-node bricks in dolfinx, extrapolated (`python -m comparisons biceps`); contact within five."""
     scene = Biceps(statics=True)
-    found = scene.measure(run.solve(scene, {"load_steps": 4})[0])
+    found = scene.measure(solving.solve(scene, {"load_steps": 4})[0])
     assert found["end_force"] == pytest.approx([105.74, 104.72, 105.74, 104.72], rel=0.02)
     assert found["belly_bulge"] == pytest.approx(0.2323, rel=0.02)
     assert found["contact_force"] == pytest.approx(11.23, rel=0.05)
@@ -222,7 +222,7 @@ def test_near_incompressibility_locks_the_ends_not_the_sections():
 
 def test_resting_muscle_pulls_nothing():
     scene = Biceps(statics=True, activation=0.0)
-    found = scene.measure(run.solve(scene, {})[0])
+    found = scene.measure(solving.solve(scene, {})[0])
     assert not found["end_force"].any()
     assert (found["belly_bulge"], found["contact_force"]) == (0.0, 0.0)
 
@@ -319,7 +319,7 @@ def test_damped_motion_ends_in_the_equilibrium():
     scene = Biceps()
     end = scene.measure(dynamics.solve(scene.model(), **scene.settings()))
     still = dataclasses.replace(scene, statics=True)
-    expected = still.measure(run.solve(still, {"load_steps": 4})[0])
+    expected = still.measure(solving.solve(still, {"load_steps": 4})[0])
     assert end["end_force"] == pytest.approx(expected["end_force"], rel=1e-5)
     assert end["belly_bulge"] == pytest.approx(expected["belly_bulge"], rel=1e-5)
     # the bellies overshoot on their way

@@ -11,7 +11,7 @@ from touching import crossing
 
 from comparisons.contact import hertz
 from isorod import statics
-from isorod.command import run
+from isorod.command import solving
 from isorod.contact.operator import ContactOperator
 from isorod.contact.patches import ENOUGH, patches
 from isorod.errors import InputError, SolveError
@@ -218,9 +218,9 @@ def test_patches_are_where_contact_presses_and_as_wide():
 
 def rounds(monkeypatch, analyse, scenes, first=0):
     """Solve a scene whose models are their own solutions, each closer than the one before."""
-    monkeypatch.setattr(run, "start_at", lambda solution, model: (solution, model))
+    monkeypatch.setattr(solving, "start_at", lambda solution, model: (solution, model))
     scene = SimpleNamespace(closer=lambda solution: SimpleNamespace(model=lambda: scenes(solution + 1)))
-    return run._solve_closer(scene, first, analyse, {"load_steps": 5})
+    return solving._solve_closer(scene, first, analyse, {"load_steps": 5})
 
 
 def test_a_scene_is_solved_again_where_its_patches_are_not_seen_and_says_what_the_last_solution_says(monkeypatch):
@@ -231,12 +231,12 @@ def test_a_scene_is_solved_again_where_its_patches_are_not_seen_and_says_what_th
         warnings.warn(f"of {model}, {load_steps}", stacklevel=1)
         return model
 
-    with pytest.warns(UserWarning, match=f"of {run.CLOSER}, 5") as said:
-        assert rounds(monkeypatch, analyse, lambda k: k) == run.CLOSER
+    with pytest.warns(UserWarning, match=f"of {solving.CLOSER}, 5") as said:
+        assert rounds(monkeypatch, analyse, lambda k: k) == solving.CLOSER
     assert len(said) == 1
-    assert begun == [None, *((k, k + 1) for k in range(run.CLOSER))]
+    assert begun == [None, *((k, k + 1) for k in range(solving.CLOSER))]
     with pytest.warns(UserWarning, match="of 0, 5"):
-        assert run._solve_closer(SimpleNamespace(), 0, analyse, {"load_steps": 5}) == 0
+        assert solving._solve_closer(SimpleNamespace(), 0, analyse, {"load_steps": 5}) == 0
 
 
 @pytest.mark.parametrize("where", ["model", "analysis"])

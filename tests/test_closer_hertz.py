@@ -10,7 +10,7 @@ from touching import crossing
 
 from comparisons.contact import hertz
 from isorod import statics
-from isorod.command import run
+from isorod.command import solving
 from isorod.contact.hertz import extents
 from isorod.contact.operator import ContactOperator
 from isorod.files.scene import FileScene
@@ -201,7 +201,7 @@ def of_file(path, text, told="error"):
     scene = FileScene(str(path))
     with warnings.catch_warnings():
         warnings.simplefilter(told)
-        solution, _ = run.solve(scene, scene.settings())
+        solution, _ = solving.solve(scene, scene.settings())
     return solution.contacts[0]
 
 
@@ -214,7 +214,7 @@ def errors(result, modulus=MODULUS):
 @pytest.mark.slow
 def test_a_bar_on_a_pin_is_seen_roughly_at_the_second_look(tmp_path, monkeypatch):
     """At the first the radius is 40 % too small, and the largest pressure several times Hertz'."""
-    monkeypatch.setattr(run, "CLOSER", 1)
+    monkeypatch.setattr(solving, "CLOSER", 1)
     result = of_file(tmp_path / "bar.toml", ON_PIN, "ignore")
     assert result.cells_across > 1.5
     assert errors(result, hertz.modulus(1000.0, 0.3)) == pytest.approx((0.0, 0.0), abs=0.1)

@@ -14,7 +14,7 @@ from isorod import modal, statics
 from isorod.assembly.formulation import assembler_for
 from isorod.checks import adapt, estimate_of_modes
 from isorod.checks.finer import Finer
-from isorod.command import cli, refine, run
+from isorod.command import cli, refine, solving
 from isorod.contact.frozen import Frozen
 from isorod.errors import InputError
 from isorod.geometry import axis, section
@@ -151,7 +151,7 @@ def test_what_estimates_cost_is_told():
     assert set(found) == {*(f"estimate of the {one}" for one in ("bar", "spring", "blade")), "tolerance on the blade"}
     # Within the machine's noise on one turn; it is measured on twenty.
     assert all(0.0 < one < 20.0 for one in found.values())
-    solution, _ = run.solve(cost.best(), {})
+    solution, _ = solving.solve(cost.best(), {})
     assert solution.frequencies == pytest.approx(np.array(BLADE_FREQUENCIES), rel=cost.TOLERANCE)
 
 
@@ -225,7 +225,7 @@ def test_an_error_that_nobody_knows_with_friction_is_warned_of():
     floor = Contact(0, Plane((0.0, -3.0, 0.0), (0.0, 1.0, 0.0)), 1.0, friction=0.3)
     load = SectionLoad.end(space, "end", (0.0, 1e-3, 0.0))
     with pytest.warns(UserWarning, match="the error is not known, as there is no finer space"):
-        found = run.estimate(statics.solve(bar(space, inside, contacts=[floor], loads=[load])))
+        found = solving.estimate(statics.solve(bar(space, inside, contacts=[floor], loads=[load])))
     assert found.keys() == {"estimate_seconds"}
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from isorod import dynamics, statics
-from isorod.command import cli, run
+from isorod.command import cli, solving
 from isorod.errors import InputError
 from isorod.files.measures import stiffness
 from isorod.files.scene import FileScene
@@ -360,5 +360,5 @@ def test_stresses_are_warned_of_from_a_percent_on(stress, warned):
     solution = SimpleNamespace(estimate=None, errors=lambda: (1e-4, stress), model=SimpleNamespace(contacts=()))
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
-        run.estimate(solution, True)
+        solving.estimate(solution, True)
     assert [str(one.message).startswith("stresses err by about 1.1 %") for one in said] == [True] * warned

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from isorod import files, modal, statics
-from isorod.command import cli, new, run
+from isorod.command import cli, new, solving
 from isorod.errors import InputError
 from isorod.files import schema
 from isorod.files.form import Form
@@ -56,7 +56,7 @@ def test_the_spring_of_a_file_is_the_scene():
 
 @pytest.mark.parametrize(("name", "scene"), [("ring", Ring()), ("flower", Flower())])
 def test_geometry_of_a_file_is_the_scene(name, scene):
-    own, found = run.geometry(scene), run.geometry(FileScene(str(EXAMPLES / f"{name}.toml")))
+    own, found = solving.geometry(scene), solving.geometry(FileScene(str(EXAMPLES / f"{name}.toml")))
     for key in ("volume", "smallest_jacobian", "control_points"):
         assert found[key] == pytest.approx(own[key], rel=1e-12)
 
@@ -127,7 +127,7 @@ FINE = {
 def test_what_is_chosen_for_an_example_is_within_half_a_percent(name):
     def measured(**space):
         scene = FileScene(str(EXAMPLES / f"{name}.toml"), **space)
-        solution, _ = run.solve(scene, scene.settings())
+        solution, _ = solving.solve(scene, scene.settings())
         found = scene.measure(solution)
         if "frequencies" in found:
             return {"frequencies": solution.frequencies[solution.rigid :]}

@@ -6,8 +6,7 @@ import re
 import numpy as np
 import pytest
 
-from isorod.command import cli
-from isorod.command import run as running
+from isorod.command import cli, solving
 from isorod.errors import SolveError
 
 BAR = """
@@ -146,7 +145,7 @@ def test_in_contact_a_tolerance_goes_by_the_directions(run):
 
 @pytest.mark.parametrize("at", [3, 8])
 def test_in_contact_too_a_refinement_that_fails_leaves_the_result_there_was(at, tmp_path, monkeypatch, capsys):
-    true, calls = running.solve, []
+    true, calls = solving.solve, []
 
     def solve(*given, **named):
         calls.append(given)
@@ -154,7 +153,7 @@ def test_in_contact_too_a_refinement_that_fails_leaves_the_result_there_was(at, 
             raise SolveError("no way")
         return true(*given, **named)
 
-    monkeypatch.setattr(running, "solve", solve)
+    monkeypatch.setattr(solving, "solve", solve)
     path = tmp_path / "bar.toml"
     path.write_text(bar("order = 1, degree = 2, elements = 2", more=LOAD.format(place="{component = 'y'}") + TOUCHING))
     assert cli.main(["run", str(path), "--tolerance", "1e-9", "--json"]) == 2

@@ -11,7 +11,7 @@ import pytest
 
 from comparisons.__main__ import main
 from comparisons.measure import rod, timing
-from isorod.command import run
+from isorod.command import solving
 from isorod.errors import SolveError
 from isorod.scenes.biceps import Biceps
 
@@ -21,7 +21,7 @@ SMALL = {"coils": 1, "elements_per_turn": 4, "section_points": 4}
 @pytest.fixture
 def clocked(monkeypatch):
     """Let `comparisons.measure.rod` measure runs of given times; return a function that says which, run by run."""
-    true = run.solve
+    true = solving.solve
 
     def say(*totals):
         left = list(totals)
@@ -30,7 +30,7 @@ def clocked(monkeypatch):
             solution, seconds = true(scene, settings)
             return solution, dict.fromkeys(seconds, 0.0) | {"total": left.pop(0)}
 
-        monkeypatch.setattr(rod.run, "solve", solve)
+        monkeypatch.setattr(rod.solving, "solve", solve)
 
     return say
 
@@ -59,7 +59,7 @@ def test_the_only_run_is_cold_and_its_time_counts(clocked):
 def test_as_isorod_run_has_it_the_estimate_counts_as_run_time(clocked, monkeypatch):
     clocked(9.0, 1.0, 2.0, 3.0)
     told = iter((50.0, 10.0, 20.0, 30.0))
-    monkeypatch.setattr(rod.run, "estimate", lambda solution: {"estimate_seconds": next(told)})
+    monkeypatch.setattr(rod.solving, "estimate", lambda solution: {"estimate_seconds": next(told)})
     scene = rod.find("spring", SMALL)
     found = rod.record(scene, *rod.solve(scene, {}, 4, whole=True), {})
     assert (found["seconds"]["estimate"], found["seconds"]["total"]) == (20.0, 22.0)
@@ -68,12 +68,12 @@ def test_as_isorod_run_has_it_the_estimate_counts_as_run_time(clocked, monkeypat
 def test_the_checks_of_a_result_count_as_run_time_and_stay_a_part_of_their_own(monkeypatch):
     """A clock that ticks at the start, when the model is built and at the end; the analysis says what it took."""
     ticks = iter((100.0, 101.0, 109.0))
-    monkeypatch.setattr(run, "perf_counter", lambda: next(ticks))
+    monkeypatch.setattr(solving, "perf_counter", lambda: next(ticks))
     parts = {"setup": 1.0, "assembly": 2.0, "solve": 1.5, "check": 3.5}
-    monkeypatch.setattr(run, "import_module", lambda name: SimpleNamespace(solve=lambda model: solution))
+    monkeypatch.setattr(solving, "import_module", lambda name: SimpleNamespace(solve=lambda model: solution))
     solution = SimpleNamespace(seconds=parts)
     scene = SimpleNamespace(analysis="modal", model=lambda: None)
-    assert run.solve(scene, {}) == (solution, parts | {"setup": 2.0, "total": 9.0})
+    assert solving.solve(scene, {}) == (solution, parts | {"setup": 2.0, "total": 9.0})
 
 
 def test_a_record_says_what_was_measured():

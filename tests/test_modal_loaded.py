@@ -8,7 +8,7 @@ import pytest
 from scipy.optimize import brentq
 
 from isorod import files, modal, statics
-from isorod.command import run
+from isorod.command import solving
 from isorod.command.cli import main
 from isorod.errors import InputError
 
@@ -44,7 +44,7 @@ def scene(tmp_path):
 
 
 def solved(scene):
-    return run.solve(scene, scene.settings())[0]
+    return solving.solve(scene, scene.settings())[0]
 
 
 def tensioned(force, length, radius, E, density, n, **_):

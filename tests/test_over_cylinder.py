@@ -5,7 +5,7 @@ import pytest
 
 from comparisons.contact import over_cylinder
 from comparisons.contact.capstan import Capstan, friction_ratio
-from isorod.command import run
+from isorod.command import solving
 from isorod.files.scene import FileScene
 
 pytestmark = pytest.mark.filterwarnings("ignore:contact 0")
@@ -109,7 +109,7 @@ def pull_of(path, radius, wrap):
         )
     )
     scene = FileScene(str(path))
-    return abs(scene.measure(run.solve(scene, scene.settings())[0])["pull"])
+    return abs(scene.measure(solving.solve(scene, scene.settings())[0])["pull"])
 
 
 @pytest.mark.slow

@@ -11,8 +11,7 @@ import pytest
 from test_motion_steps import MUSCLE, bar
 
 from isorod import dynamics, modal, scenes, statics
-from isorod.command import cli, printing
-from isorod.command import run as running
+from isorod.command import cli, printing, solving
 from isorod.dynamics.explicit import run as explicit
 from isorod.geometry import center_line, section
 from isorod.material import NeoHookean
@@ -50,7 +49,7 @@ def test_every_number_a_scene_measures_has_its_unit():
     for name, options in SOLVED:
         scene = scenes.find(name)(**options)
         settings = scene.settings() if scene.analysis == "dynamics" else {}
-        solution, _ = running.solve(scene, settings)
+        solution, _ = solving.solve(scene, settings)
         assert scene.measure(solution).keys() <= scene.units.keys()
 
 

@@ -269,16 +269,16 @@ def test_two_ranks_fill_the_same_table(mpirun, whole, tmp_path):
 
 
 def test_a_failure_within_a_sweep_is_not_the_next_points(sweep, monkeypatch):
-    from isorod.command import run
+    from isorod.command import solving
 
-    own = run.solve
+    own = solving.solve
 
     def solve(scene, settings, begin=None):
         if scene.pull == 1.0:
             raise SolveError("no\nluck")
         return own(scene, settings, begin)
 
-    monkeypatch.setattr(run, "solve", solve)
+    monkeypatch.setattr(solving, "solve", solve)
     code, out, err = sweep("spring", *PULLED, "--json")
     found = records(out)
     assert code == 2 and "1 of 21 points" in err

@@ -18,7 +18,7 @@ from isorod import (
     straight,
 )
 from isorod.checks.turning import LONGEST, Turning
-from isorod.command import cli, run
+from isorod.command import cli, solving
 from isorod.files.scene import FileScene
 from isorod.material.linear_elastic import LinearElastic
 from isorod.material.neo_hookean import NeoHookean
@@ -215,7 +215,7 @@ def test_a_file_says_degrees(tmp_path):
     support = write(tmp_path, "rotation = [0, 30, -720.0]").model().supports[1]
     assert support.turn == pytest.approx([0.0, np.pi / 6.0, -4.0 * np.pi], rel=1e-15)
     scene = write(tmp_path, "rotation = [0, 0, 180]")
-    found, _ = run.solve(scene, scene.settings())
+    found, _ = solving.solve(scene, scene.settings())
     assert found.moments[1, 2] == pytest.approx(torsion(np.pi, 1.0), rel=5e-3)
 
 
@@ -246,7 +246,7 @@ def test_a_rod_of_a_file_has_elements_for_what_its_supports_turn_it_by(tmp_path)
 def test_a_bar_of_a_file_that_is_twisted_five_times_is_right_by_default(tmp_path):
     """Incompressible, with its length held: R. S. Rivlin, Phil. Trans. R. Soc. A 242 (1949) 173: G J k."""
     scene = chosen(tmp_path, "nu = 0.5", start=0, end=5)
-    found, _ = run.solve(scene, scene.settings())
+    found, _ = solving.solve(scene, scene.settings())
     exact = E / 3.0 * 0.5 * np.pi * 5.0 * TURN / LENGTH
     assert found.moments[1, 2] == pytest.approx(exact, rel=1e-3)
     assert found.estimate() < 5e-3

@@ -16,7 +16,7 @@ from typing import Any
 
 from comparisons.measure import sampled, timing
 from isorod import files, options
-from isorod.command import ending, run
+from isorod.command import ending, solving
 from isorod.command.parser import Parser, add_fields, field_values, split
 from isorod.output import results
 
@@ -54,9 +54,9 @@ def solve(
         solution = None
         PETSc.garbage_cleanup()
         start = process_time()
-        solution, seconds = run.solve(scene, settings)
+        solution, seconds = solving.solve(scene, settings)
         if whole:
-            told = run.estimate(solution).get("estimate_seconds", 0.0)
+            told = solving.estimate(solution).get("estimate_seconds", 0.0)
             seconds |= {"estimate": told, "total": seconds["total"] + told}
         runs.append(seconds | {"processor": process_time() - start})
     return solution, runs
@@ -74,7 +74,7 @@ def record(
     median = {key: statistics.median(one[key] for one in warm) for key in runs[0]}
     return {
         "method": "cylindrical",
-        **run.record(scene, solution, median, settings, petsc),
+        **solving.record(scene, solution, median, settings, petsc),
         "warm": len(runs) > 1,
         "runs": list(runs),
         "peak_memory": timing.peak_memory(),
@@ -122,7 +122,7 @@ def _main(arguments: Sequence[str]) -> int:
     solution, runs = solve(scene, settings, found.repeat, found.whole)
     values = record(scene, solution, runs, settings, theirs)
     if found.estimate:
-        values |= run.estimate(solution)
+        values |= solving.estimate(solution)
     if found.fields:
         results.write_arrays(Path(found.fields), **sampled.fields(solution, sampled.Places.read(Path(found.at))))
     print(results.line(values))

@@ -13,7 +13,7 @@ from typing import Any
 
 from comparisons.blade import BEST
 from isorod import options, statics
-from isorod.command import refine, run
+from isorod.command import refine, solving
 from isorod.command.parser import Parser, add_fields, field_values
 from isorod.geometry import section
 from isorod.geometry.center_line import straight
@@ -45,12 +45,12 @@ def measure(turns: int) -> dict[str, float]:
     """Return the ratios, of the least times in so many turns."""
     solves: dict[str, Callable[[], Any]] = {
         "bar": bar,
-        "spring": lambda: run.solve(Spring(), {})[0],
-        "blade": lambda: run.solve(Blade(), {})[0],
+        "spring": lambda: solving.solve(Spring(), {})[0],
+        "blade": lambda: solving.solve(Blade(), {})[0],
     }
     hand = best()
     found = {name: _least([solve, _estimates(solve)], turns) for name, solve in solves.items()}
-    pair: list[Callable[[], Any]] = [partial(run.solve, hand, {}), partial(refine.estimate, Blade(), {}, TOLERANCE)]
+    pair: list[Callable[[], Any]] = [partial(solving.solve, hand, {}), partial(refine.estimate, Blade(), {}, TOLERANCE)]
     # The estimate is what comes after the solution.
     ratios = {f"estimate of the {name}": both / alone - 1.0 for name, (alone, both) in found.items()}
     by_hand, by_itself = _least(pair, turns)

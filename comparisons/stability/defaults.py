@@ -15,7 +15,7 @@ from unittest.mock import patch
 from comparisons.measure.records import Record
 from comparisons.stability import contrast, figure, incompressible, large, point, sections, slender
 from isorod import modal, statics
-from isorod.command.run import LARGE
+from isorod.command.solving import LARGE
 from isorod.geometry.rod import Rod
 from isorod.model import Body
 from isorod.scenes.spring import Spring

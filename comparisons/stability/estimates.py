@@ -19,7 +19,7 @@ import numpy as np
 
 from isorod import modal, options, statics
 from isorod.arrays import Array
-from isorod.command import run
+from isorod.command import solving
 from isorod.errors import InputError, SolveError
 from isorod.geometry import center_line, section
 from isorod.geometry.rod import Rod
@@ -32,7 +32,7 @@ from isorod.space import Space, choice
 SMALLEST, LARGE, LARGE_STRESS = 1e-6, 5e-3, 0.03
 
 # Estimates of stresses that are warned of.
-WARNED_STRESS = run.LARGE_STRESS
+WARNED_STRESS = solving.LARGE_STRESS
 
 # Places at which stresses are compared.
 PLACES = 20

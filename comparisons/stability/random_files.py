@@ -25,7 +25,7 @@ from comparisons.stability import estimates
 from isorod import options
 from isorod.arrays import Array
 from isorod.checks import stresses
-from isorod.command import run
+from isorod.command import solving
 from isorod.errors import InputError, SolveError
 from isorod.files.scene import FileScene
 from isorod.geometry.quadrature import WHOLE
@@ -258,7 +258,7 @@ def compare(seed: int) -> dict[str, Any]:
         path = Path(folder) / "random.toml"
         path.write_text(text)
         scene = FileScene(str(path))
-        solution, seconds = run.solve(scene, scene.settings())
+        solution, seconds = solving.solve(scene, scene.settings())
         errors = solution.errors() if hasattr(solution, "errors") else (solution.estimate(), None)
         record |= {"space": str(solution.model.bodies[0].space), "seconds": seconds["total"]}
         record["warned"] = [str(one.message) for one in said]
@@ -266,7 +266,7 @@ def compare(seed: int) -> dict[str, Any]:
         found = [solution]
         for level in (1, 2):
             better = scene.on([finer(space, level) for space in spaces])
-            found.append(run.solve(better, better.settings())[0])
+            found.append(solving.solve(better, better.settings())[0])
     works = [_works(one) for one in found]
     large = np.abs(works[2]) > _NOTHING * np.abs(works[2]).max()
     off, apart = (float(np.abs(one[large] / works[2][large] - 1.0).max()) for one in works[:2])

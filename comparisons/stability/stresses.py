@@ -28,7 +28,7 @@ from comparisons.stability.point import measure
 from isorod import options, statics
 from isorod.arrays import Array
 from isorod.command import new
-from isorod.command.run import LARGE_STRESS
+from isorod.command.solving import LARGE_STRESS
 from isorod.files.scene import FileScene
 from isorod.geometry.quadrature import WHOLE
 from isorod.output import held, results

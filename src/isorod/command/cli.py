@@ -12,26 +12,25 @@ from isorod.errors import InputError
 
 
 class Command(NamedTuple):
-    """A command with words of its own: its module here, whose ``main(ours, theirs)`` it is.
+    """A command with options of its own: ``main(ours, theirs)`` of the module of its name.
 
     It takes our options and PETSc's, and returns the exit code.
     """
 
-    module: str
     help: str
     petsc: bool = False
 
 
 # What takes a scene, and its options, after its own name.
 COMMANDS = {
-    "run": Command("answer", "run a scene, or a file that describes one", petsc=True),
-    "show": Command("show", "show the rods of a scene with their control points, in a window or as a picture"),
-    "plot": Command("plot", "draw what a run has left: deformed and coloured, moving, or as curves"),
-    "sweep": Command("sweep", "run a scene with every combination of values of options, into a table", petsc=True),
-    "matrices": Command("matrices", "write the matrices of a scene or a file for other programs", petsc=True),
-    "mesh": Command("mesh", "write hexahedra of the rods of a scene or a file: .msh, .inp, .vtu"),
-    "section": Command("section", "tell stiffness and mass per length of a rod's section, 6 x 6, for beam codes"),
-    "compare": Command("compare", "solve a scene by finite elements too, and tell errors and times"),
+    "run": Command("run a scene, or a file that describes one", petsc=True),
+    "show": Command("show the rods of a scene with their control points, in a window or as a picture"),
+    "plot": Command("draw what a run has left: deformed and coloured, moving, or as curves"),
+    "sweep": Command("run a scene with every combination of values of options, into a table", petsc=True),
+    "matrices": Command("write the matrices of a scene or a file for other programs", petsc=True),
+    "mesh": Command("write hexahedra of the rods of a scene or a file: .msh, .inp, .vtu"),
+    "section": Command("tell stiffness and mass per length of a rod's section, 6 x 6, for beam codes"),
+    "compare": Command("solve a scene by finite elements too, and tell errors and times"),
 }
 
 
@@ -52,7 +51,7 @@ def command(arguments: Sequence[str]) -> int:
         raise InputError(f"option {ours[0]}: it goes behind the command: isorod {behind} SCENE {ours[0]}")
     if meant:
         memory.refuse_little()
-        done: int = import_module(f"isorod.command.{meant.module}").main(ours[1:], theirs)
+        done: int = import_module(f"isorod.command.{ours[0]}").main(ours[1:], theirs)
         return done
     parser = _parser()
     found = parser.known(ours)

@@ -31,7 +31,7 @@ def main(ours: Sequence[str], theirs: Sequence[str]) -> int:
         if left:
             raise InputError(f"PETSc option {', '.join(left)}: nothing used it; check its spelling with -help")
         if ending.rank() == 0:
-            from isorod.command.run import origin
+            from isorod.command.solving import origin
 
             said = matrix_files.write(matrices, found.output, origin(scene))
             notes.show()
@@ -57,7 +57,7 @@ def _more(parser: Parser, scene: Any) -> None:
 
 def _matrices(scene: Any, found: argparse.Namespace) -> Any:
     """Return the matrices that are asked for."""
-    from isorod.command import run
+    from isorod.command import solving
     from isorod.output.matrices import matrices
 
     # What a file says of its analysis is read before anything is solved.
@@ -78,7 +78,7 @@ def _matrices(scene: Any, found: argparse.Namespace) -> Any:
                 "matrices about a solution with contact: it does not keep what presses; --at-rest takes the bodies "
                 "before they touch"
             )
-    solution, _ = run.solve(scene, chosen.settings(scene, found))
+    solution, _ = solving.solve(scene, chosen.settings(scene, found))
     return solution.matrices(lumped)
 
 

@@ -51,7 +51,7 @@ def summary(record: Mapping[str, Any], scene: Any) -> str:
     Parameters
     ----------
     record
-        From `isorod.command.run`.
+        From `isorod.command.solving`.
     scene
         Whose ``units`` say which of its numbers are the answer, in which order and in which unit.
     """

@@ -17,7 +17,7 @@ import numpy as np
 
 from isorod.checks import adapt
 from isorod.checks.adapt import MAX_STEPS, MAX_UNKNOWNS
-from isorod.command import run
+from isorod.command import solving
 from isorod.errors import InputError, SolveError
 from isorod.geometry.axis import MAX_DEGREE
 from isorod.geometry.disk import MAX_COUNT
@@ -155,8 +155,8 @@ def estimate(scene: Any, settings: Mapping[str, Any], tolerance: float | None = 
     def solve(one: Any, near: Any = None) -> tuple[Any, dict[str, float]]:
         if one not in solved:
             # A finer space begins where the coarser one ended: from rest it takes several times as long.
-            begin = None if near is None else partial(run.start_at, near)
-            solved[one] = run.solve(one, settings, begin)
+            begin = None if near is None else partial(solving.start_at, near)
+            solved[one] = solving.solve(one, settings, begin)
         return solved[one]
 
     found: Estimate | None = None
@@ -226,7 +226,7 @@ def _reach(scene: Any, settings: Mapping[str, Any], spaces: Sequence[Space], tol
 
     def solve(spaces: Sequence[Space]) -> Any:
         one = on(scene, spaces)
-        solution, seconds = run.solve(one, settings)
+        solution, seconds = solving.solve(one, settings)
         tried[id(solution)] = one, seconds
         return solution
 

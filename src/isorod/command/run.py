@@ -1,237 +1,169 @@
-"""Running a scene: from its parameters to a solution and a record of it."""
+"""``isorod run``: a scene is solved, its record printed and kept."""
 
-import dataclasses
-import warnings
-from collections.abc import Callable, Mapping, Sequence
+import argparse
+from collections.abc import Sequence
 from contextlib import nullcontext
-from importlib import import_module
 from time import perf_counter
 from typing import Any
 
-from isorod.errors import InputError, SolveError
-from isorod.output import results
-from isorod.output.words import STRESS_ERROR
-
-# Error above which a result is warned of: what nobody chose is right to that, or says that it is not.
-LARGE = 0.005
-
-# The same of stresses, where these are asked for.
-LARGE_STRESS = 0.01
-
-# How often spaces are made finer where patches of contact are too small to be seen.
-CLOSER = 3
+from isorod import memory, options, scenes
+from isorod.command import chosen, ending, notes
+from isorod.command.parser import Parser
+from isorod.errors import InputError
+from isorod.output.words import CELLS
 
 
-def solve(
-    scene: Any, settings: Mapping[str, Any], begin: Callable[[Any], Any] | None = None
-) -> tuple[Any, dict[str, float]]:
-    """Build a scene's model and solve it with its analysis; return the solution and the wall times.
+def main(ours: Sequence[str], theirs: Sequence[str]) -> int:
+    """Run a scene with our options and PETSc's; return the exit code."""
+    import numpy as np
 
-    PETSc must be running.
+    from isorod.command import printing
 
-    Parameters
-    ----------
-    scene
-        The scene.
-    settings
-        Keyword arguments of the analysis (`solve` of `isorod.statics`, `isorod.modal`, `isorod.dynamics`).
-    begin
-        Returns, of a model of statics or modes, a displacement to begin at, or None.
-    """
-    from isorod import compiling
-    from isorod.compiled import cofactors
+    if chosen.usage("run", ours, theirs):
+        return 0
+    scene, found, _ = chosen.choose("run", ours, theirs, _more)
+    if found.output is not None:
+        from isorod.output import results, vtk
 
-    try:
-        analysis = import_module(f"isorod.{scene.analysis}")
-    except ImportError as problem:
-        raise InputError(
-            f"{scene.analysis} analysis: module {problem.name} is not installed (see 'isorod doctor')"
-        ) from None
-    compiling.NOTICE.shares = True
-    # Numba takes half a second before the first function, whichever that is.
-    cofactors.ready()
-    # The scene of a file says where in it errors come from.
-    with getattr(scene, "told", nullcontext)():
-        started = perf_counter()
-        model = scene.model()
-        built = perf_counter()
-        start = None if begin is None else begin(model)
-        if start is not None:
-            settings = {**settings, "start": start}
-        solution = _solve_closer(scene, model, analysis.solve, settings)
-    seconds = dict(solution.seconds)
-    seconds["setup"] += built - started
-    # With ``check``: what proves a result is a part of getting it.
-    seconds["total"] = perf_counter() - started
-    return solution, seconds
+        results.check_folder(found.output)
+        if scenes.analyses(scene) != ("geometry",):
+            vtk.require()
+    solve = _geometry if scene.analysis == "geometry" else _analysis
+    # What overflows ends as a number that is not finite, and no such number is reported.
+    with printing.apart() if found.json else nullcontext(), np.errstate(all="ignore"), options.petsc_errors():
+        record, solution = solve(scene, theirs, found)
+    problems = [record["short"]] if "short" in record else []
+    if ending.rank() == 0:
+        text, lost = _report(record, solution, found, scene)
+        problems += [lost] if lost else []
+        print(text, flush=bool(problems))
+    # What took hours is printed, whatever else failed.
+    return ending.fail("isorod", "; ".join(problems)) if problems else 0
 
 
-def _solve_closer(scene: Any, model: Any, analyse: Callable[..., Any], settings: Mapping[str, Any]) -> Any:
-    """Return the solution of a model, or of its scene on spaces that see where small patches of contact press.
-
-    Each begins where the one before ended.  Warnings are those of the solution that is returned: of the last but one,
-    and one more, where the last fails.
-    """
-    solution, said = _heard(analyse, model, settings)
-    for _ in range(CLOSER if hasattr(scene, "closer") else 0):
-        try:
-            closer = scene.closer(solution)
-            if closer is None:
-                break
-            model = closer.model()
-            start = start_at(solution, model)
-            solution, said = _heard(analyse, model, {**settings, "start": start})
-        except (InputError, SolveError) as problem:
-            warnings.warn(
-                f"small patches were looked at closer in vain, and are as seen before: {problem}",
-                stacklevel=3,
-            )
-            break
-    for one in said:
-        warnings.warn(str(one.message), one.category, stacklevel=3)
-    return solution
-
-
-def _heard(analyse: Callable[..., Any], model: Any, settings: Mapping[str, Any]) -> tuple[Any, list[Any]]:
-    """Return a solution and what it warns of."""
-    with warnings.catch_warnings(record=True) as said:
-        warnings.simplefilter("always")
-        return analyse(model, **settings), said
-
-
-def start_at(solution: Any, model: Any) -> Any:
-    """Return the displacement ``(dofs,)`` of an equilibrium, or of that which modes are about, as on another model.
-
-    The model is of the same rods on other spaces.  None where modes are about rest.
-    """
-    from numpy import concatenate
-
-    from isorod.space.transfer import transfer
-
-    state = getattr(solution, "equilibrium", solution)
-    if state is None:
-        return None
-    old = state.model
-    return concatenate(
-        [
-            transfer(old.nodal(state.displacement, b), one.space, other.space).ravel()
-            for b, (one, other) in enumerate(zip(old.bodies, model.bodies, strict=True))
-        ]
+def _more(parser: Parser, scene: Any) -> None:
+    """Add options of the scene's analyses, and of what becomes of the result."""
+    chosen.with_analysis(parser, scene)
+    analyses = scenes.analyses(scene)
+    if "dynamics" not in analyses:
+        motions = "motions alone ([analysis.dynamics]) have a state to go on from"
+        parser.elsewhere |= dict.fromkeys(("--checkpoint", "--checkpoint-every", "--resume"), motions)
+    if analyses == ("dynamics",):
+        error = "of a motion nothing estimates the error of the space; compare runs with other elements and orders"
+        parser.elsewhere |= dict.fromkeys(("--refine", "--tolerance", "--no-estimate"), error)
+    if "dynamics" in analyses:
+        parser.add_argument("--checkpoint", metavar="FILE", help="keep the state of the run in this file")
+        parser.add_argument(
+            "--checkpoint-every",
+            type=float,
+            default=30.0,
+            metavar="float",
+            help="seconds of run time between checkpoints (30)",
+        )
+        parser.add_argument(
+            "--resume",
+            action="store_true",
+            help="continue the run whose state is in the checkpoint, to a later end time too with more outputs",
+        )
+    if "statics" in analyses or "modal" in analyses:
+        parser.add_argument("--refine", action="store_true", help="solve on finer spaces too and estimate the error")
+        parser.add_argument(
+            "--tolerance",
+            type=float,
+            metavar="float",
+            help="refine until the relative error is estimated to be below this",
+        )
+        parser.add_argument(
+            "--no-estimate", action="store_true", help="leave out the estimate of the error, which takes as long again"
+        )
+    parser.add_argument("--json", action="store_true", help="print the result as one line of JSON")
+    parser.add_argument(
+        "--output", metavar="DIR", help="write the result, fields as .vtu and curves as .csv into this folder"
     )
+    if analyses != ("geometry",):
+        parser.add_argument(
+            "--cells",
+            choices=CELLS,
+            default="auto",
+            help="of these fields: rational Bezier cells, small linear ones, or what suits each body (auto)",
+        )
 
 
-def estimate(solution: Any, stresses: bool = False) -> dict[str, Any]:
-    """Return what a record says of a solution's errors, the time alone where none can be told; warn of large ones.
+def _geometry(scene: Any, theirs: Sequence[str], found: argparse.Namespace) -> tuple[dict[str, Any], None]:
+    if theirs:
+        raise InputError(f"option {theirs[0]}: this scene is geometry only and uses no PETSc")
+    from isorod.command import solving
 
-    Parameters
-    ----------
-    solution
-        The solution.
-    stresses
-        Whether stresses are a part of the answer.
+    return solving.geometry(scene), None
+
+
+def _analysis(scene: Any, theirs: Sequence[str], found: argparse.Namespace) -> tuple[dict[str, Any], Any]:
+    """Solve a scene; return its record, and the solution."""
+    begin = perf_counter()
+    options.initialize(theirs)
+    # Those of a file are held to the analysis, which starts PETSc.
+    settings = chosen.settings(scene, found)
+    if scene.analysis == "dynamics":
+        settings |= {"checkpoint": found.checkpoint, "every": found.checkpoint_every, "resume": found.resume}
+    settings |= {"progress": True}
+    if scene.analysis == "statics" and found.output is not None:
+        settings |= {"keep": True}
+    from isorod.command import solving
+    from isorod.petsc.library import unused_options
+
+    imported = perf_counter() - begin
+    refined: dict[str, Any] = {}
+    shown = bool(getattr(scene, "stresses", ())) or found.output is not None
+    if getattr(found, "refine", False) or getattr(found, "tolerance", None) is not None:
+        if scene.analysis == "dynamics":
+            raise InputError("--refine and --tolerance: not for dynamics; compare runs with other elements and orders")
+        from isorod.command.refine import estimate
+
+        reached = estimate(scene, settings, found.tolerance)
+        scene, solution, seconds = reached.scene, reached.solution, reached.seconds
+        refined = {"error_estimate": reached.error, "changes": reached.changes, "refinements": reached.history}
+        refined |= {"nothing": dict(reached.nothing)} if reached.nothing else {}
+        refined |= {"short": reached.short} if reached.short else {}
+        refined |= solving.stress_estimate(solution) if shown else {}
+    else:
+        solution, seconds = solving.solve(scene, settings)
+        if not getattr(found, "no_estimate", True):
+            refined = solving.estimate(solution, shown)
+    record = solving.record(scene, solution, {"import": imported} | seconds, settings, theirs) | refined
+    left = unused_options()
+    if left:
+        raise InputError(f"PETSc option {', '.join(left)}: nothing used it; check its spelling with -help")
+    return record, solution
+
+
+def _report(record: dict[str, Any], solution: Any, found: argparse.Namespace, scene: Any) -> tuple[str, str]:
+    """Write the record, fields and curves where they are wanted; return the record as JSON or in words.
+
+    Beside it stands why nothing could be written, if so: empty if all is.
     """
-    if not hasattr(solution, "estimate"):
-        return {}
-    start = perf_counter()
-    error, stress = solution.errors() if hasattr(solution, "errors") else (solution.estimate(), None)
-    found = {"error_estimate": error, STRESS_ERROR: stress}
-    found = {name: value for name, value in found.items() if value is not None}
-    if error is None and any(one.friction for one in solution.model.contacts):
-        warnings.warn(
-            "the error is not known, as there is no finer space to tell it on; look whether more elements change the "
-            "answer",
-            stacklevel=2,
-        )
-    if stresses and stress is not None and stress > LARGE_STRESS:
-        warnings.warn(
-            f"stresses err by about {100.0 * stress:.2g} % of the largest, farther from edges than the section is "
-            f"wide, as estimated on a finer space: --tolerance {LARGE_STRESS} finds one that is fine enough where a "
-            "file measures stresses",
-            stacklevel=2,
-        )
-    if error is not None and error > LARGE:
-        warnings.warn(
-            f"the error is about {100.0 * error:.2g} %, as estimated on a finer space: --tolerance 5e-3 finds one that "
-            "is fine enough",
-            stacklevel=2,
-        )
-    return found | {"estimate_seconds": perf_counter() - start}
+    from isorod.command import printing
+    from isorod.output import results
+
+    # Before anything is written: a record that cannot be one is an error.
+    text, lost = results.line(record), ""
+    if found.output is not None:
+        try:
+            record = _kept(record, solution, found, scene)
+        except (InputError, MemoryError) as problem:
+            lost = str(problem) or memory.SHORT
+        text = results.line(record)
+    notes.show()
+    return text if found.json else printing.summary(record, scene), lost
 
 
-def stress_estimate(solution: Any) -> dict[str, float]:
-    """Return what a record says of the error of a solution's stresses, whose error itself is estimated otherwise."""
-    stress = solution.errors().stress if hasattr(solution, "errors") else None
-    return {} if stress is None else {STRESS_ERROR: stress}
+def _kept(record: dict[str, Any], solution: Any, found: argparse.Namespace, scene: Any) -> dict[str, Any]:
+    """Write the record, fields and curves into the results folder; return the record with the names of the files."""
+    from isorod.output import folder, results
 
-
-def geometry(scene: Any) -> dict[str, Any]:
-    """Return the record of a scene that is geometry only."""
-    rods = scene.rods() if hasattr(scene, "rods") else [scene.rod()]
-    return _scene(scene) | {
-        "smallest_jacobian": min(rod.check() for rod in rods),
-        "volume": sum(rod.volume() for rod in rods),
-        "control_points": sum(rod.distinct_control_points for rod in rods),
-        "deviation": _deviation(rods),
-    }
-
-
-def _deviation(rods: Sequence[Any]) -> list[dict[str, float]]:
-    """Return how far each rod is from what was written."""
-    return [rod.deviation._asdict() for rod in rods]
-
-
-def record(
-    scene: Any, solution: Any, seconds: Mapping[str, float], settings: Mapping[str, Any], petsc: Sequence[str] = ()
-) -> dict[str, Any]:
-    """Return the record of a solution.
-
-    Parameters
-    ----------
-    scene, solution, seconds
-        The scene, its solution and the wall times of the run, as `solve` returns them.
-    settings
-        Keyword arguments the analysis was given.
-    petsc
-        What PETSc was started with.
-    """
-    model = solution.model
-    return {
-        **_scene(scene),
-        **scene.measure(solution),
-        "dofs": model.dofs,
-        "unknowns": model.unknowns,
-        **solution.record(),
-        "quadrature": [str(body.space.rule) for body in model.bodies],
-        "deviation": _deviation([body.space.rod for body in model.bodies]),
-        "discretisation": [body.discretisation for body in model.bodies],
-        "built": solution.built,
-        "seconds": dict(seconds),
-        "solver": solution.solver,
-        "ranks": solution.ranks,
-        **results.provenance(),
-        "settings": {name: value for name, value in settings.items() if name != "progress"},
-        "petsc_options": " ".join(petsc),
-    }
-
-
-def origin(scene: Any) -> dict[str, Any]:
-    """Return what a scene is, and by which versions, when and on which machine something is made of it."""
-    return {**_scene(scene), **results.provenance()}
-
-
-def _scene(scene: Any) -> dict[str, Any]:
-    """Return what a scene is; of one from a file all that the file says, and sums of the data beside it."""
-    if hasattr(scene, "content"):
-        options = _written(scene.content)
-        return {"scene": scene.name, "options": options, "data": scene.data, "analysis": scene.analysis}
-    name = type(scene).__name__.lower()
-    return {"scene": name, "options": dataclasses.asdict(scene), "analysis": scene.analysis}
-
-
-def _written(value: Any) -> Any:
-    """Return a value of TOML as JSON takes it: a stiffness without bound is a word."""
-    if isinstance(value, dict):
-        return {key: _written(one) for key, one in value.items()}
-    if isinstance(value, list):
-        return [_written(one) for one in value]
-    return "inf" if value == float("inf") else value
+    with results.folder(found.output) as place:
+        if solution is None:
+            return folder.add(place, record, [], [])
+        # The scene of a file has names for supports.
+        named = getattr(scene, "named", str)
+        curves = {named(name): values for name, values in solution.curves().items()}
+        return folder.add(place, record, solution.model.bodies, folder.frames(solution), curves, found.cells)

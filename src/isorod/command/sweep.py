@@ -143,7 +143,7 @@ def _run(points: grid.Grid, scene: Any, found: argparse.Namespace, theirs: Seque
 
 def _solve(number: int, points: grid.Grid, index: Sequence[int], theirs: Sequence[str]) -> dict[str, Any]:
     """Run a point as `isorod run` does; return its record, which says of one that cannot be solved why."""
-    from isorod.command import run, sheet
+    from isorod.command import sheet, solving
     from isorod.output import results
 
     about: dict[str, Any] = {"point": number, "values": points.values(index)}
@@ -155,10 +155,10 @@ def _solve(number: int, points: grid.Grid, index: Sequence[int], theirs: Sequenc
                 estimated = scene.analysis != "dynamics" and not found.no_estimate
                 about |= {"units": dict(scene.units), "estimated": estimated, "status": sheet.SOLVED}
                 settings = chosen.settings(scene, found)
-                solution, seconds = run.solve(scene, settings)
-                record = run.record(scene, solution, seconds, settings, theirs)
+                solution, seconds = solving.solve(scene, settings)
+                record = solving.record(scene, solution, seconds, settings, theirs)
                 if estimated:
-                    record |= run.estimate(solution, bool(getattr(scene, "stresses", ())))
+                    record |= solving.estimate(solution, bool(getattr(scene, "stresses", ())))
         except (InputError, SolveError) as problem:
             kind = "refused" if isinstance(problem, InputError) else "failed"
             about["status"] = f"{kind}: {' '.join(str(problem).split())}"

@@ -66,7 +66,7 @@ def add(
     folder
         The results folder; records go to ``results.jsonl`` there.
     record
-        What `isorod.command.run.record` returns.
+        What `isorod.command.solving.record` returns.
     bodies, states
         Bodies, and the fields of each in each state.
     curves

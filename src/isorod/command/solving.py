@@ -1,0 +1,237 @@
+"""Running a scene: from its parameters to a solution and a record of it."""
+
+import dataclasses
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
+from importlib import import_module
+from time import perf_counter
+from typing import Any
+
+from isorod.errors import InputError, SolveError
+from isorod.output import results
+from isorod.output.words import STRESS_ERROR
+
+# Error above which a result is warned of: what nobody chose is right to that, or says that it is not.
+LARGE = 0.005
+
+# The same of stresses, where these are asked for.
+LARGE_STRESS = 0.01
+
+# How often spaces are made finer where patches of contact are too small to be seen.
+CLOSER = 3
+
+
+def solve(
+    scene: Any, settings: Mapping[str, Any], begin: Callable[[Any], Any] | None = None
+) -> tuple[Any, dict[str, float]]:
+    """Build a scene's model and solve it with its analysis; return the solution and the wall times.
+
+    PETSc must be running.
+
+    Parameters
+    ----------
+    scene
+        The scene.
+    settings
+        Keyword arguments of the analysis (`solve` of `isorod.statics`, `isorod.modal`, `isorod.dynamics`).
+    begin
+        Returns, of a model of statics or modes, a displacement to begin at, or None.
+    """
+    from isorod import compiling
+    from isorod.compiled import cofactors
+
+    try:
+        analysis = import_module(f"isorod.{scene.analysis}")
+    except ImportError as problem:
+        raise InputError(
+            f"{scene.analysis} analysis: module {problem.name} is not installed (see 'isorod doctor')"
+        ) from None
+    compiling.NOTICE.shares = True
+    # Numba takes half a second before the first function, whichever that is.
+    cofactors.ready()
+    # The scene of a file says where in it errors come from.
+    with getattr(scene, "told", nullcontext)():
+        started = perf_counter()
+        model = scene.model()
+        built = perf_counter()
+        start = None if begin is None else begin(model)
+        if start is not None:
+            settings = {**settings, "start": start}
+        solution = _solve_closer(scene, model, analysis.solve, settings)
+    seconds = dict(solution.seconds)
+    seconds["setup"] += built - started
+    # With ``check``: what proves a result is a part of getting it.
+    seconds["total"] = perf_counter() - started
+    return solution, seconds
+
+
+def _solve_closer(scene: Any, model: Any, analyse: Callable[..., Any], settings: Mapping[str, Any]) -> Any:
+    """Return the solution of a model, or of its scene on spaces that see where small patches of contact press.
+
+    Each begins where the one before ended.  Warnings are those of the solution that is returned: of the last but one,
+    and one more, where the last fails.
+    """
+    solution, said = _heard(analyse, model, settings)
+    for _ in range(CLOSER if hasattr(scene, "closer") else 0):
+        try:
+            closer = scene.closer(solution)
+            if closer is None:
+                break
+            model = closer.model()
+            start = start_at(solution, model)
+            solution, said = _heard(analyse, model, {**settings, "start": start})
+        except (InputError, SolveError) as problem:
+            warnings.warn(
+                f"small patches were looked at closer in vain, and are as seen before: {problem}",
+                stacklevel=3,
+            )
+            break
+    for one in said:
+        warnings.warn(str(one.message), one.category, stacklevel=3)
+    return solution
+
+
+def _heard(analyse: Callable[..., Any], model: Any, settings: Mapping[str, Any]) -> tuple[Any, list[Any]]:
+    """Return a solution and what it warns of."""
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        return analyse(model, **settings), said
+
+
+def start_at(solution: Any, model: Any) -> Any:
+    """Return the displacement ``(dofs,)`` of an equilibrium, or of that which modes are about, as on another model.
+
+    The model is of the same rods on other spaces.  None where modes are about rest.
+    """
+    from numpy import concatenate
+
+    from isorod.space.transfer import transfer
+
+    state = getattr(solution, "equilibrium", solution)
+    if state is None:
+        return None
+    old = state.model
+    return concatenate(
+        [
+            transfer(old.nodal(state.displacement, b), one.space, other.space).ravel()
+            for b, (one, other) in enumerate(zip(old.bodies, model.bodies, strict=True))
+        ]
+    )
+
+
+def estimate(solution: Any, stresses: bool = False) -> dict[str, Any]:
+    """Return what a record says of a solution's errors, the time alone where none can be told; warn of large ones.
+
+    Parameters
+    ----------
+    solution
+        The solution.
+    stresses
+        Whether stresses are a part of the answer.
+    """
+    if not hasattr(solution, "estimate"):
+        return {}
+    start = perf_counter()
+    error, stress = solution.errors() if hasattr(solution, "errors") else (solution.estimate(), None)
+    found = {"error_estimate": error, STRESS_ERROR: stress}
+    found = {name: value for name, value in found.items() if value is not None}
+    if error is None and any(one.friction for one in solution.model.contacts):
+        warnings.warn(
+            "the error is not known, as there is no finer space to tell it on; look whether more elements change the "
+            "answer",
+            stacklevel=2,
+        )
+    if stresses and stress is not None and stress > LARGE_STRESS:
+        warnings.warn(
+            f"stresses err by about {100.0 * stress:.2g} % of the largest, farther from edges than the section is "
+            f"wide, as estimated on a finer space: --tolerance {LARGE_STRESS} finds one that is fine enough where a "
+            "file measures stresses",
+            stacklevel=2,
+        )
+    if error is not None and error > LARGE:
+        warnings.warn(
+            f"the error is about {100.0 * error:.2g} %, as estimated on a finer space: --tolerance 5e-3 finds one that "
+            "is fine enough",
+            stacklevel=2,
+        )
+    return found | {"estimate_seconds": perf_counter() - start}
+
+
+def stress_estimate(solution: Any) -> dict[str, float]:
+    """Return what a record says of the error of a solution's stresses, whose error itself is estimated otherwise."""
+    stress = solution.errors().stress if hasattr(solution, "errors") else None
+    return {} if stress is None else {STRESS_ERROR: stress}
+
+
+def geometry(scene: Any) -> dict[str, Any]:
+    """Return the record of a scene that is geometry only."""
+    rods = scene.rods() if hasattr(scene, "rods") else [scene.rod()]
+    return _scene(scene) | {
+        "smallest_jacobian": min(rod.check() for rod in rods),
+        "volume": sum(rod.volume() for rod in rods),
+        "control_points": sum(rod.distinct_control_points for rod in rods),
+        "deviation": _deviation(rods),
+    }
+
+
+def _deviation(rods: Sequence[Any]) -> list[dict[str, float]]:
+    """Return how far each rod is from what was written."""
+    return [rod.deviation._asdict() for rod in rods]
+
+
+def record(
+    scene: Any, solution: Any, seconds: Mapping[str, float], settings: Mapping[str, Any], petsc: Sequence[str] = ()
+) -> dict[str, Any]:
+    """Return the record of a solution.
+
+    Parameters
+    ----------
+    scene, solution, seconds
+        The scene, its solution and the wall times of the run, as `solve` returns them.
+    settings
+        Keyword arguments the analysis was given.
+    petsc
+        What PETSc was started with.
+    """
+    model = solution.model
+    return {
+        **_scene(scene),
+        **scene.measure(solution),
+        "dofs": model.dofs,
+        "unknowns": model.unknowns,
+        **solution.record(),
+        "quadrature": [str(body.space.rule) for body in model.bodies],
+        "deviation": _deviation([body.space.rod for body in model.bodies]),
+        "discretisation": [body.discretisation for body in model.bodies],
+        "built": solution.built,
+        "seconds": dict(seconds),
+        "solver": solution.solver,
+        "ranks": solution.ranks,
+        **results.provenance(),
+        "settings": {name: value for name, value in settings.items() if name != "progress"},
+        "petsc_options": " ".join(petsc),
+    }
+
+
+def origin(scene: Any) -> dict[str, Any]:
+    """Return what a scene is, and by which versions, when and on which machine something is made of it."""
+    return {**_scene(scene), **results.provenance()}
+
+
+def _scene(scene: Any) -> dict[str, Any]:
+    """Return what a scene is; of one from a file all that the file says, and sums of the data beside it."""
+    if hasattr(scene, "content"):
+        options = _written(scene.content)
+        return {"scene": scene.name, "options": options, "data": scene.data, "analysis": scene.analysis}
+    name = type(scene).__name__.lower()
+    return {"scene": name, "options": dataclasses.asdict(scene), "analysis": scene.analysis}
+
+
+def _written(value: Any) -> Any:
+    """Return a value of TOML as JSON takes it: a stiffness without bound is a word."""
+    if isinstance(value, dict):
+        return {key: _written(one) for key, one in value.items()}
+    if isinstance(value, list):
+        return [_written(one) for one in value]
+    return "inf" if value == float("inf") else value
