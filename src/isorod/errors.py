@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from functools import cache
 from numbers import Real
-from typing import TYPE_CHECKING, Any, Union, get_args, get_origin
+from typing import TYPE_CHECKING, Any, Literal, Union, get_args, get_origin
 
 if TYPE_CHECKING:
     from isorod.arrays import Array
@@ -43,7 +43,7 @@ class Checked:
             if type(value) in plain:
                 continue
             expect(f"{owner.__name__}: {name}", value, kind)
-            if type(value) is not int and _fits(value, float) and not _fits(0.5, kind):
+            if type(value) is not int and fits(value, float) and not fits(0.5, kind):
                 object.__setattr__(self, name, int(value))
 
 
@@ -52,13 +52,14 @@ def expect(name: str, value: object, kind: Any) -> None:
 
     Numbers may be of any type that is real, sequences arrays; nothing is asked of kinds that cannot be told apart.
     """
-    if _fits(value, kind):
+    if fits(value, kind):
         return
-    plain = value is None or isinstance(value, str | Real)
+    entries: Sequence[object] = value if isinstance(value, list | tuple) else [value]
+    plain = all(one is None or isinstance(one, str | Real) for one in entries)
     own = getattr(value, getattr(kind, "__name__", "").lower() or "_", None)
     hint = f" (its {kind.__name__.lower()}() is one)" if callable(own) else ""
     shown = f"{value!r:.40}" if plain else f"{type(value).__name__}"
-    raise InputError(f"{name}: got {shown}, need {_words(kind)}{hint}")
+    raise InputError(f"{name}: got {shown}, need {described(alternatives(kind))}{hint}")
 
 
 def numbers(name: str, values: Any) -> "Array":
@@ -75,7 +76,7 @@ def numbers(name: str, values: Any) -> "Array":
 def whole_number(name: str, value: float, low: int, high: int) -> int:
     """Return ``value`` as an integer, or raise `InputError` if it is not one from ``low`` to ``high``."""
     # NaN and infinity fail the comparison, before int() sees them.
-    if not _fits(value, float) or not low <= value <= high or int(value) != value:
+    if not fits(value, float) or not low <= value <= high or int(value) != value:
         raise InputError(f"{name}: got {value!s:.40}, need an integer from {low} to {high}")
     return int(value)
 
@@ -101,8 +102,7 @@ def _kinds(owner: Any) -> tuple[tuple[str, Any, tuple[Any, ...]], ...]:
             # The annotation is one of the class that has it, which may be a base in another file.
             base = next(base for base in owner.__mro__ if one.name in vars(base).get("__annotations__", ()))
             kind = evaluated(one.type, vars(sys.modules[base.__module__]))
-            union = get_origin(kind) in (Union, types.UnionType)
-            found.append((one.name, kind, get_args(kind) if union else (kind,)))
+            found.append((one.name, kind, alternatives(kind)))
     return tuple(found)
 
 
@@ -117,27 +117,38 @@ def evaluated(kind: Any, module: Mapping[str, Any]) -> Any:
 
 
 @cache
-def _made_of(kind: Any) -> tuple[Any, tuple[Any, ...]]:
+def made_of(kind: Any) -> tuple[Any, tuple[Any, ...]]:
     """Return what an annotation is made of: what stands before its brackets, and what within."""
     return get_origin(kind), get_args(kind)
 
 
-def _fits(value: Any, kind: Any) -> bool:
+@cache
+def alternatives(kind: Any) -> tuple[Any, ...]:
+    """Return the kinds of which an annotation asks for one."""
+    origin, parts = made_of(kind)
+    return parts if origin in (Union, types.UnionType) else (kind,)
+
+
+def fits(value: Any, kind: Any) -> bool:
     """Return whether a value is of a kind, or the kind is none that can be asked."""
     if type(value) is kind or kind is Any:
         return True
-    origin, parts = _made_of(kind)
+    origin, parts = made_of(kind)
     if origin in (Union, types.UnionType):
-        return any(_fits(value, part) for part in parts)
+        return any(fits(value, part) for part in parts)
     if kind is float:
         return isinstance(value, Real) and not isinstance(value, bool)
     if kind is int:
-        return _fits(value, float) and float(value).is_integer()
+        return fits(value, float) and (isinstance(value, int) or float(value).is_integer())
     if kind is bool:
         return isinstance(value, bool) or getattr(getattr(value, "dtype", None), "kind", "") == "b"
+    if origin is Literal:
+        return isinstance(value, str) and value in parts
     if origin in (Sequence, tuple):
         several = (isinstance(value, Sequence) and not isinstance(value, str)) or getattr(value, "ndim", 0) > 0
-        return several and all(_fits(one, parts[0]) for one in value)
+        if origin is tuple and Ellipsis not in parts:
+            return several and len(value) == len(parts) and all(map(fits, value, parts))
+        return several and all(fits(one, parts[0]) for one in value)
     if getattr(kind, "_is_protocol", False):
         return all(hasattr(value, name) for name in _asked(kind))
     return not isinstance(kind, type) or isinstance(value, kind)
@@ -150,12 +161,34 @@ def _asked(protocol: Any) -> tuple[str, ...]:
     return tuple(name for name in names if not name.startswith("_"))
 
 
-def _words(kind: Any) -> str:
-    """Return what a kind is in words."""
-    parts = get_args(kind)
-    if get_origin(kind) in (Union, types.UnionType):
-        return " or ".join(_words(part) for part in parts)
-    if get_origin(kind) in (Sequence, tuple):
-        return f"a sequence, each {_words(parts[0])}"
-    plain = {int: "an integer", float: "a number", str: "a text", bool: "True or False", type(None): "None"}
-    return plain.get(kind) or f"a {kind.__name__}"
+PLAIN = {
+    int: "an integer",
+    float: "a number",
+    str: "a text",
+    bool: "True or False",
+    type(None): "None",
+}
+
+
+def described(kinds: Sequence[Any], plain: Mapping[Any, str] = PLAIN) -> str:
+    """Return in words of which kinds a value may be; ``plain`` has those of kinds that have no parts."""
+    texts = []
+    for kind in kinds:
+        origin, parts = made_of(kind)
+        if kind in plain:
+            texts.append(plain[kind])
+        elif origin is Literal:
+            texts += parts
+        elif origin is tuple and Ellipsis not in parts:
+            texts.append(f"{len(parts)} {_several(parts[0])}")
+        elif origin in (tuple, Sequence):
+            texts.append(f"a list of {_several(parts[0])}")
+        else:
+            texts.append(f"a {getattr(kind, '__name__', 'value')}")
+    return " or ".join(dict.fromkeys(texts))
+
+
+def _several(kind: Any) -> str:
+    if isinstance(kind, type):
+        return {int: "integers", float: "numbers", str: "texts"}.get(kind, f"{kind.__name__} objects")
+    return "lists" if made_of(kind)[0] in (tuple, Sequence) else "values"

@@ -1,16 +1,21 @@
 """Values of a scene file, held to what the annotation of a parameter says."""
 
 import re
-import types
-from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Literal, Union, get_args, get_origin
+from typing import Any, Literal, get_args, get_origin
 
 import numpy as np
 
 from isorod.arrays import Array, Numbers
+from isorod.errors import PLAIN, alternatives, described, fits
 from isorod.files.document import Place, shown
 
+_ARRAYS = (Numbers, Array, Any, object)
+_PLAIN = PLAIN | {
+    bool: "true or false",
+    Path: "the name of a file beside this one",
+    **dict.fromkeys(_ARRAYS, "numbers in lists"),
+}
 _UNIT = re.compile(r"\s*[-+]?[\d.]+([eE][-+]?\d+)?\s*[^\d\s].*")
 
 
@@ -40,63 +45,28 @@ def value_of(place: Place, value: Any, kind: Any) -> Any:
 
 def words(kind: Any) -> str:
     """Return what a kind is in words."""
-    plain = {
-        int: "an integer",
-        float: "a number",
-        str: "a text",
-        bool: "true or false",
-        Path: "the name of a file beside this one",
-    }
-    told = []
-    for one in _parts(kind):
-        origin, parts = get_origin(one), get_args(one)
-        if origin is Literal:
-            told.append(" or ".join(parts))
-        elif origin is tuple and Ellipsis not in parts:
-            told.append(f"{len(parts)} {_several(parts[0])}")
-        elif origin is tuple or origin is Sequence:
-            told.append(f"a list of {_several(parts[0])}")
-        else:
-            told.append(plain.get(one, "numbers in lists" if _is_array(one) else "a value"))
-    return " or ".join(dict.fromkeys(told))
-
-
-def _several(kind: Any) -> str:
-    return {int: "integers", float: "numbers", str: "texts"}.get(kind, "values")
+    return described(_parts(kind), _PLAIN)
 
 
 def _parts(kind: Any) -> tuple[Any, ...]:
     """Return what a kind may be one of, None left out: that is to write nothing."""
-    if _is_array(kind) or get_origin(kind) not in (Union, types.UnionType):
-        return (kind,)
-    if Numbers in get_args(kind):
+    parts = tuple(part for part in alternatives(kind) if part is not type(None))
+    if Numbers in parts:
         return (Numbers,)
-    parts = tuple(part for part in get_args(kind) if part is not type(None))
     # The name of a file may also be given as a text in Python.
     return tuple(part for part in parts if part is not str) if Path in parts else parts
 
 
 def _is_array(kind: Any) -> bool:
-    return kind in (Numbers, Array, Any, object)
+    return kind in _ARRAYS
 
 
 def _is(value: Any, kind: Any) -> bool:
-    origin, parts = get_origin(kind), get_args(kind)
-    if kind is float:
-        return isinstance(value, int | float) and not isinstance(value, bool)
-    if kind is int:
-        return value.is_integer() if isinstance(value, float) else _is(value, float)
-    if kind in (str, Path):
+    if kind is Path:
         return isinstance(value, str)
-    if kind is bool:
-        return isinstance(value, bool)
-    if origin is Literal:
-        return value in parts
-    if origin is tuple and Ellipsis not in parts:
-        return isinstance(value, list) and len(value) == len(parts) and all(map(_is, value, parts))
-    if origin in (tuple, Sequence):
-        return isinstance(value, list) and all(any(_is(one, part) for part in _parts(parts[0])) for one in value)
-    return _is_array(kind) and (isinstance(value, str) or _depth(value) is not None)
+    if _is_array(kind):
+        return isinstance(value, str) or _depth(value) is not None
+    return fits(value, kind)
 
 
 def _depth(value: Any) -> tuple[int, ...] | None:

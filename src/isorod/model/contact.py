@@ -132,8 +132,6 @@ class Contact(Checked):
         if self.penalty is not None and not (np.isfinite(self.penalty) and self.penalty > 0.0):
             raise InputError(f"contact: got penalty {self.penalty:g}, need a positive pressure per length")
         if self.points is not None:
-            if len(self.points) != 2:
-                raise InputError(f"contact: got points {self.points}, need two numbers: round an arc, along an element")
             for name, count in zip(("round an arc", "along an element"), self.points, strict=True):
                 whole_number(f"contact: points {name}", count, 1, MAX_POINTS)
         if self.penetration is not None and not (np.isfinite(self.penetration) and self.penetration > 0.0):
@@ -247,7 +245,7 @@ def _is_index(value: object, count: int) -> bool:
 
 def _check_vector(name: str, vector: Vector, direction: bool) -> None:
     values = np.asarray(vector, dtype=float)
-    if values.shape != (3,) or not np.isfinite(values).all():
-        raise InputError(f"{name}: got {vector}, need three finite numbers")
+    if not np.isfinite(values).all():
+        raise InputError(f"{name}: got {vector}, need finite numbers")
     if direction and not values.any():
         raise InputError(f"{name}: got {vector}, need a direction")
