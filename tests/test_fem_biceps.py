@@ -379,6 +379,16 @@ def test_presets_are_arguments_that_parse():
         Configuration(**given, scene=scene)
 
 
+@pytest.mark.parametrize("option", ["--degree", "--quadrature", "--repeat"])
+def test_counts_on_the_command_line_are_whole_and_positive(option):
+    from comparisons.fem.__main__ import _parser
+
+    assert vars(_parser().parse_args(["biceps", option, "3"]))[option[2:]] == 3
+    for text in ("0", "2.5", "x"):
+        with pytest.raises(InputError, match=f"argument {option}"):
+            _parser().parse_args(["biceps", option, text])
+
+
 @pytest.mark.slow
 def test_command_line():
     options = "--analysis dynamics --degree 1 --size 1.2 --end-time 4e-4 --outputs 2".split()

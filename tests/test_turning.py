@@ -22,6 +22,7 @@ from isorod.command import cli, solving
 from isorod.files.scene import FileScene
 from isorod.material.linear_elastic import LinearElastic
 from isorod.material.neo_hookean import NeoHookean
+from isorod.model.support import rotation
 from isorod.statics import continuation
 
 E, NU, LENGTH = 2.1e5, 0.3, 50.0
@@ -196,6 +197,16 @@ def test_twist_at_which_a_rod_buckles():
     assert np.diff(angles).max() < LONGEST + 1e-9
     assert angles[~unstable].max() < 8.9868 * (1.0 + NU) * 1.01
     assert 8.9868 * (1.0 + NU) * 0.99 < angles[unstable].min() < 13.5
+
+
+@pytest.mark.parametrize(
+    ("degrees", "lost"), [(0.0, False), (100.0, False), (134.0, False), (136.0, True), (180.0, True)]
+)
+def test_a_step_is_lost_where_sections_turn_by_more_than_three_quarters_of_a_half_turn(degrees, lost):
+    model = rod((0.0, 0.0, 1.0))
+    positions = model.bodies[0].space.positions
+    turned = positions @ rotation((0.0, 0.0, np.radians(degrees))).T - positions
+    assert bool(Turning(model).lost(np.zeros(model.dofs), turned.ravel())) is lost
 
 
 def test_a_law_of_small_strains_is_not_turned_far():
