@@ -44,6 +44,20 @@ def test_the_cheap_rule_sees_every_function(rod, section_degree):
     assert 0.7 < seen.min() and seen.max() < 1.1
 
 
+@pytest.mark.parametrize(("hole", "degree", "lowest"), [(0.9, 2, -4), (0.5, 3, -8), (0.2, 4, -8), (0.05, 1, -4)])
+def test_the_fine_rule_has_the_radial_points_that_products_of_powers_need(hole, degree, lowest):
+    """Of the radius: the highest and the lowest there are, integrated to 1e-12; no more than one point apart."""
+
+    def error(count, power):
+        place, weight = np.polynomial.legendre.leggauss(count)
+        exact = (1.0 - hole ** (power + 1)) / (power + 1)
+        return abs(0.5 * (1.0 - hole) * weight @ (0.5 * (1.0 + hole + (1.0 - hole) * place)) ** power / exact - 1.0)
+
+    space = Space(prism((hole, 1.0)), section_degree=degree, elements=1)
+    needed = next(n for n in range(1, 65) if max(error(n, 2 * degree), error(n, lowest)) < 1e-12)
+    assert abs(space.basis.full(3).radial - needed) <= 1
+
+
 @pytest.mark.parametrize("rod", RODS)
 def test_gradients_are_orthonormal_and_the_first_functions_linear(rod):
     """By another rule than the one that made them so, 1e-12 off, times 1e5 a factor where functions hardly differ."""
