@@ -91,6 +91,14 @@ def test_laid_seats_are_warned_of_near_incompressibility():
         Coil(coils=1, push=5.0, nu=0.499, ends="clamped").model()
 
 
+def test_forces_on_the_way_are_those_of_a_run_that_ends_there():
+    """Seats that moved straight to where they lie were off the helix on the way: 3 % at a tenth of it."""
+    scenes = Coil(coils=1, push=5.0), Coil(coils=1, push=0.5)
+    far, near = (scene.measure(statics.solve(scene.model(), scene.load_steps)) for scene in scenes)
+    assert far["travels"][0] == pytest.approx(near["travels"][-1])
+    assert far["forces"][0] == pytest.approx(near["force"], rel=1e-4)
+
+
 def test_closed_coil_is_held_by_its_plates():
     scene = Coil(ends="closed", coils=1, push=0.5)
     solution, found = solved(scene)

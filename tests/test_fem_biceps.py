@@ -18,6 +18,7 @@ from mpi4py import MPI
 from scipy.integrate import trapezoid
 
 from comparisons.fem import compat
+from comparisons.fem.__main__ import BICEPS, _parser
 from comparisons.fem.biceps import dynamics, statics
 from comparisons.fem.biceps.branches import Branches
 from comparisons.fem.biceps.run import Configuration, belly_bulge, run
@@ -368,8 +369,6 @@ def test_bad_configurations(given, said):
 
 
 def test_presets_are_arguments_that_parse():
-    from comparisons.fem.__main__ import BICEPS, _parser
-
     for text in (*biceps_presets.PRESETS.values(), *biceps_presets.CONVERGED.arguments):
         given = vars(_parser().parse_args(["biceps", *text.split()]))
         for name in ("scene", "repeat", "preset", "fields", "flags"):
@@ -381,8 +380,6 @@ def test_presets_are_arguments_that_parse():
 
 @pytest.mark.parametrize("option", ["--degree", "--quadrature", "--repeat"])
 def test_counts_on_the_command_line_are_whole_and_positive(option):
-    from comparisons.fem.__main__ import _parser
-
     assert vars(_parser().parse_args(["biceps", option, "3"]))[option[2:]] == 3
     for text in ("0", "2.5", "x"):
         with pytest.raises(InputError, match=f"argument {option}"):

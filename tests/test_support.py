@@ -50,6 +50,25 @@ def test_rotation_is_orthogonal_and_turns_by_its_length():
         assert np.trace(R) == pytest.approx(1.0 + 2.0 * np.cos(np.linalg.norm(vector)))
 
 
+def test_waypoints_are_passed_at_equal_shares_of_the_way():
+    """A turn in four straight legs: on the turn at each waypoint, on the chord between; the last leg tells the rate."""
+    space = prism(6.0, elements=2, degree=2)
+    end = Support.end(space, "end", turn=(0.4, 0.0, 0.0), during=(0.5, 1.0))
+    arms = np.asarray(end.arms)
+    legs = [arms @ (rotation((0.1 * k, 0.0, 0.0)) - np.eye(3)).T for k in range(5)]
+    legged = Support(end.nodes, displacement=legs[4], waypoints=legs[1:4], during=(0.5, 1.0), space=space)
+    turned, moved = (Model([Body(space, LAW)], [Support.end(space, "start"), one]) for one in (end, legged))
+    for factor in (0.25, 0.5, 0.625, 0.75, 0.875, 1.0):
+        assert moved.prescribed(factor) == pytest.approx(turned.prescribed(factor), abs=1e-15)
+    between = 0.5 * (turned.prescribed(0.625) + turned.prescribed(0.75))
+    assert moved.prescribed(0.6875) == pytest.approx(between, abs=1e-15)
+    last = 4.0 * (turned.prescribed(1.0) - turned.prescribed(0.875))
+    assert moved.driven[moved.held] == pytest.approx(last[moved.held], abs=1e-14)
+    for waypoints in (legs[1], np.full((1, *arms.shape), np.nan), [legs[1][:2]]):
+        with pytest.raises(InputError, match=r"^support 0: got waypoints of shape .*, need \(count, \d+, 3\) finite"):
+            Model([Body(space, LAW)], [Support(end.nodes, waypoints=waypoints)])
+
+
 @pytest.mark.parametrize("name", SPACES)
 @pytest.mark.parametrize("turns", [0.3, 1.7])
 def test_both_ends_turned_alike_turn_the_rod_as_a_rigid_body(name, turns):

@@ -52,7 +52,7 @@ def tangent(solution: Any, support: int) -> float:
     rate = np.cross(motion.turn, turned)
     first, second = np.zeros((2, model.dofs))
     k = np.arange(motion.dofs.size)
-    first[motion.dofs] = motion.rates + rate[k, motion.dofs % 3]
+    first[motion.dofs] = motion.path[-1] + rate[k, motion.dofs % 3]
     second[motion.dofs] = np.cross(motion.turn, rate)[k, motion.dofs % 3]
     restricted = _mean(whole.expansion)
     v = restricted @ first

@@ -17,7 +17,7 @@ def burdens(model: Model) -> str:
     """Return in words what takes a model away from its state of rest; empty where nothing does."""
     following = [load for load in model.following if load.pressure]
     loads = len(model.loads) if following or model.external.any() else 0
-    moved = sum(bool(one.rates.any() or (one.turn.any() and one.arms.any())) for one in model.motions)
+    moved = sum(bool(one.path.any() or (one.turn.any() and one.arms.any())) for one in model.motions)
     laws = [law for body in model.bodies for law in body.laws]
     muscles = any(law.at(0.5) is not law and np.any(getattr(law, "activation", 1.0)) for law in laws)
     found = [

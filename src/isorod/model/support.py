@@ -40,6 +40,9 @@ class Support(Checked):
     during
         Load factors between which it moves, ``0 <= begin < end <= 1``: ``f`` above is the share of that way, 0 before
         and 1 after.
+    waypoints
+        Displacements at ``f`` = 1/s, 2/s, ..., (s - 1)/s, shape ``(s - 1, m, 3)``, between which the nodes move
+        straight; the whole of ``displacement`` is one straight line where not given.
     """
 
     nodes: Index
@@ -51,6 +54,7 @@ class Support(Checked):
     tied: str = ""
     space: Space | None = field(default=None, repr=False)
     during: tuple[float, float] = (0.0, 1.0)
+    waypoints: Numbers | None = field(default=None, repr=False)
 
     @classmethod
     def end(
@@ -197,8 +201,16 @@ class Support(Checked):
         during = self._period()
         dofs = 3 * (first_node + nodes)[:, None] + columns
         arms = self._turned(space, nodes, tied)
-        rates = np.where(tied, 0.0, rates).ravel()
-        return SupportMotion(dofs.ravel(), rates, arms.reshape(-1, 3), turn, tied.ravel(), during)
+        path = self._path(rates, columns)
+        path = np.where(tied, 0.0, path).reshape(len(path), -1)
+        return SupportMotion(dofs.ravel(), path, arms.reshape(-1, 3), turn, tied.ravel(), during)
+
+    def _path(self, last: Array, columns: Index) -> Array:
+        """Return the displacements of all components at equal shares of the way, none at first, ``(s + 1, m, c)``."""
+        between = np.zeros((0, len(last), 3)) if self.waypoints is None else np.asarray(self.waypoints, dtype=float)
+        if between.ndim != 3 or between.shape[1:] != (len(last), 3) or not np.isfinite(between).all():
+            raise InputError(f"got waypoints of shape {between.shape}, need (count, {len(last)}, 3) finite numbers")
+        return np.stack([np.zeros_like(last), *between[:, :, columns], last])
 
     def _period(self) -> tuple[float, float]:
         given = np.asarray(self.during, dtype=float)
@@ -224,12 +236,13 @@ class SupportMotion(NamedTuple):
     """What one support does with degrees of freedom ``dofs`` ``(m,)``.
 
     At load factor ``f``, or as ``f`` that share of the load factors ``during`` which it moves, component ``a`` of
-    ``f rate + (R(f turn) - 1) arm`` is the displacement of those that are held, and what those that are ``tied`` have
-    more than the unknown they share (one a component).
+    ``path(f) + (R(f turn) - 1) arm`` is the displacement of those that are held, and what those that are ``tied`` have
+    more than the unknown they share (one a component).  ``path`` ``(s + 1, m)`` has what is displaced at shares
+    ``0, 1/s, ..., 1``, straight between them.
     """
 
     dofs: Index
-    rates: Array
+    path: Array
     arms: Array
     turn: Array
     tied: NDArray[np.bool_]
@@ -240,18 +253,21 @@ class SupportMotion(NamedTuple):
 
         Nodal forces times this are forces times displacements and moments times turns.
         """
+        rates = (len(self.path) - 1) * (self.path[-1] - self.path[-2])
         if not self.turn.any():
-            return self.rates
+            return rates
         x, y, z = self.turn
         spin = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]) @ rotation(self.turn)
-        return np.asarray(self.rates + np.einsum("ma,ma->m", spin[self.dofs % 3], self.arms))
+        return np.asarray(rates + np.einsum("ma,ma->m", spin[self.dofs % 3], self.arms))
 
     def at(self, factor: float) -> Array:
         """Return the prescribed part of the displacements at a load factor, shape ``(m,)``."""
         begin, end = self.during
         if (begin, end) != (0.0, 1.0):
             factor = min(1.0, max(0.0, (factor - begin) / (end - begin)))
-        result = factor * self.rates
+        legs = len(self.path) - 1
+        leg = min(int(factor * legs), legs - 1)
+        result = self.path[leg] + (factor * legs - leg) * (self.path[leg + 1] - self.path[leg])
         if self.turn.any():
             rows = turning(factor * self.turn)[self.dofs % 3]
             result = result + np.einsum("ma,ma->m", rows, self.arms)
