@@ -378,12 +378,12 @@ def test_presets_are_arguments_that_parse():
         Configuration(**given, scene=scene)
 
 
-@pytest.mark.parametrize("option", ["--degree", "--quadrature", "--repeat"])
-def test_counts_on_the_command_line_are_whole_and_positive(option):
-    assert vars(_parser().parse_args(["biceps", option, "3"]))[option[2:]] == 3
-    for text in ("0", "2.5", "x"):
-        with pytest.raises(InputError, match=f"argument {option}"):
-            _parser().parse_args(["biceps", option, text])
+@pytest.mark.parametrize("option", ["degree", "quadrature", "repeat", "around", "layers", "rings", "cuts", "parts"])
+def test_counts_on_the_command_line_are_whole(option):
+    assert vars(_parser().parse_args(["biceps", f"--{option}", "3"]))[option] == 3
+    for text in ("2.5", "x", *["0"] * (option in ("degree", "quadrature", "repeat"))):
+        with pytest.raises(InputError, match=f"argument --{option}"):
+            _parser().parse_args(["biceps", f"--{option}", text])
 
 
 @pytest.mark.slow
