@@ -1,6 +1,7 @@
 """Scenes whose rods touch, against closed forms and other theories; sources stand beside the numbers."""
 
 import warnings
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -46,7 +47,7 @@ def test_coil_goes_to_solid_and_its_turns_stay_above_each_other():
     # Pressure begins and ends within an element, which is aside: 1.5, 0.7 and 0.35 % with 8, 16 and 32 of them a turn.
     solution, found = solved(Coil(coils=1, push=push, elements_per_turn=16), load_steps=4)
     assert found["travels"] == pytest.approx(push * np.array([0.25, 0.5, 0.75, 1.0]))
-    # On the way the ends are moved along a straight line, aside from Love's by 0.3 % of the radius at most.
+    # Love's force is not quite linear.
     np.testing.assert_allclose(found["forces"][:3], free * np.array([0.25, 0.5, 0.75]), rtol=0.03)
     assert found["forces"][3] == found["force"] > 100.0 * free
     # Both turns that it touches pass the force on.
@@ -97,6 +98,22 @@ def test_forces_on_the_way_are_those_of_a_run_that_ends_there():
     far, near = (scene.measure(statics.solve(scene.model(), scene.load_steps)) for scene in scenes)
     assert far["travels"][0] == pytest.approx(near["travels"][-1])
     assert far["forces"][0] == pytest.approx(near["force"], rel=1e-4)
+
+
+def test_torque_of_a_strand_is_about_its_axis():
+    """Two wires at the ends of a lever, pulled across it and along the axis."""
+    places, forces = [(2.0, 0.0, 50.0), (0.0, -3.0, 50.0)], [(7.0, 5.0, 11.0), (4.0, 9.0, 13.0)]
+    ends = [((0.0, 0.0, 0.0), force) for force in forces]
+    solution = SimpleNamespace(
+        model=SimpleNamespace(bodies=[None, None]),
+        reactions=np.array(ends).reshape(4, 3),
+        moments=np.array([(0.0, 0.0, 0.0), (1.0, 1.0, 0.5)] * 2),
+        position=lambda body, end: places[body],
+        contacts=[SimpleNamespace(force=1.0, relative_penetration=2.0)],
+    )
+    found = Strand().measure(solution)
+    assert found["force"] == 24.0
+    assert found["torque"] == 2 * 0.5 + 2.0 * 5.0 + 3.0 * 4.0
 
 
 def test_closed_coil_is_held_by_its_plates():
