@@ -79,6 +79,19 @@ def test_equilibria_are_found_from_where_somebody_says():
         np.testing.assert_allclose(found.displacement, rest.displacement, atol=1e-9)
 
 
+def test_one_step_with_friction_is_found_from_where_somebody_says():
+    """Where points stick and slip depends on the path, which is one step whatever Newton's method begins at."""
+    rubs = on_plane(friction=0.3)
+    rest = statics.solve(rubs)
+    near = statics.solve(rubs, start=rest.displacement)
+    assert near.load_steps == rest.load_steps == 1
+    assert near.newton_iterations < rest.newton_iterations
+    np.testing.assert_allclose(near.displacement, rest.displacement, atol=1e-8)
+    np.testing.assert_allclose(near.reactions, rest.reactions, rtol=1e-6, atol=1e-6)
+    far = statics.solve(rubs, start=50.0 * np.random.default_rng(1).standard_normal(rubs.dofs))
+    np.testing.assert_allclose(far.reactions, rest.reactions, rtol=0.02, atol=0.02)
+
+
 def result_at(force, bodies):
     """A contact's result of which bodies see little: points about the origin, on a cylinder along z, or along x."""
     angle, along = (one.ravel() for one in np.meshgrid(np.linspace(-0.3, 0.3, 5), np.linspace(-0.3, 0.3, 5)))

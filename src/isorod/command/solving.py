@@ -102,14 +102,15 @@ def _heard(analyse: Callable[..., Any], model: Any, settings: Mapping[str, Any])
 def start_at(solution: Any, model: Any) -> Any:
     """Return the displacement ``(dofs,)`` of an equilibrium, or of that which modes are about, as on another model.
 
-    The model is of the same rods on other spaces.  None where modes are about rest.
+    The model is of the same rods on other spaces.  None where modes are about rest, and where friction has taken more
+    than one load step, which are taken anew.
     """
     from numpy import concatenate
 
     from isorod.space.transfer import transfer
 
     state = getattr(solution, "equilibrium", solution)
-    if state is None:
+    if state is None or (state.load_steps > 1 and any(one.friction for one in model.contacts)):
         return None
     old = state.model
     return concatenate(

@@ -257,7 +257,8 @@ def solve(
     start
         Displacement ``(dofs,)`` near that at the full load, such as that on another space
         (`isorod.space.transfer`): the equilibrium is looked for there and, where it is not found, or not seen to be
-        wound as often as supports turn, from rest.  Friction, which depends on the path, makes nothing of it.
+        wound as often as supports turn, from rest.  With friction, which depends on the path, it is where the first
+        step looks for its equilibrium if ``load_steps`` is 1.
     keep
         Keep the state of each load step (`Equilibrium.path`).
     stable
@@ -311,7 +312,7 @@ def _solve(
         assembler.seconds = 0.0
         path = Path(assembler, keep)
         found = begin(solver, start_at, path)
-        augmentations = climb(solver, load_steps, path) if found is None else found
+        augmentations = climb(solver, load_steps, path, start_at) if found is None else found
         held = solver.settle()
         if stable:
             augmentations += descend(solver, path)

@@ -52,11 +52,16 @@ def descend(solver: Newton, path: Path) -> int:
     return updates
 
 
-def climb(solver: Newton, load_steps: int, path: Path) -> int:
-    """Go to the full load; return how often multipliers were updated; fill the path."""
+def climb(solver: Newton, load_steps: int, path: Path, start: Array | None = None) -> int:
+    """Go to the full load; return how often multipliers were updated; fill the path.
+
+    With friction ``start``, a displacement near the end, is the first guess of a path of one load step.
+    """
     contact = solver.assembler.contact
     rubs = contact is not None and contact.friction is not None
     stages = solver.assembler.model.stages
+    if rubs and start is not None and load_steps == 1:
+        solver.guess = solver.assembler.state(start)
     factor, step, augmentations, quick, softer, loose = 0.0, 1.0 / load_steps, 0, 0, 1.0, 0.0
     while factor < 1.0:
         end = next(stage for stage in stages if stage > factor)

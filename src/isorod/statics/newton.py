@@ -76,6 +76,8 @@ class Newton:
         Load steps that were cut so far.
     tell
         Called in each iteration with what says how far it is.
+    guess
+        State that the next load step begins at in the place of its predictor, or None.
     """
 
     def __init__(self, assembler: Assembler, loose: Sequence[tuple[int, Array]] = ()) -> None:
@@ -86,6 +88,7 @@ class Newton:
         self.norms: list[float] = []
         self.cuts = 0
         self.tell: Callable[[Callable[[], str]], None] = lambda line: None
+        self.guess: PETSc.Vec | None = None
         self._trial = assembler.vector()
         self._force = assembler.vector()
         self._change = assembler.vector()
@@ -326,6 +329,9 @@ class Newton:
             assembler.extrapolate()
         if assembler.contact is not None and step:
             assembler.contact.foresee(assembler.displacement(self._trial, factor + step))
+        if self.guess is not None:
+            self.guess.copy(self._trial)
+            self.guess = None
         return self._force.norm(), rate
 
     def _solve_linear(self, factor: float) -> None:
