@@ -140,7 +140,8 @@ def test_bad_input(cylinder):
     nan = float("nan")
     cases = [
         (lambda: SectionLoad((1.0, nan, 0.0)), "section load"),
-        (lambda: BodyForce((1.0, 0.0)), "body force"),
+        (lambda: BodyForce((1.0, 0.0)), "need 3 numbers"),
+        (lambda: BodyForce((1.0, nan, 0.0)), "body force"),
         (lambda: SectionLoad.end(space, "top", (1.0, 0.0, 0.0)), "'start' or 'end'"),
         (lambda: SectionLoad((1.0, 0.0, 0.0), u=1.5).nodal(space), "axis parameter"),
         (lambda: Model([body], [start], loads=[BodyForce((1.0, 0.0, 0.0), body=1)]), "load 0: body 1"),

@@ -292,7 +292,7 @@ BAD = {
     "G23: got 0, need a positive stress": {"G": (1.0, 1.0, 0.0)},
     "nu12: got 2.1, need less than sqrt(E1 / E2) = 2 in size": {"nu": (2.1, 0.0, 0.0)},
     "nu12 nu21 - nu13 nu31 - nu23 nu32 - 2 nu21 nu32 nu13 is -": {"nu": (1.5, 1.9, 0.9)},
-    "E: got 2 numbers, need three": {"E": (1.0, 2.0)},
+    "E: got (1.0, 2.0), need 3 numbers": {"E": (1.0, 2.0)},
     "axes: got 1 directions, need two": {"axes": ("tangent",)},
     "axis 2: got 'up', need a vector": {"axes": ("tangent", "up")},
     "axis 2 runs along axis 1": {"axes": ((0, 0, 1), (0, 0, -2))},

@@ -243,10 +243,7 @@ class Orthotropic(Directed):
     def __post_init__(self) -> None:
         super().__post_init__()
         for name in ("E", "nu", "G"):
-            values = tuple(float(one) for one in getattr(self, name))
-            if len(values) != 3:
-                raise InputError(f"{type(self).__name__}: {name}: got {len(values)} numbers, need three")
-            object.__setattr__(self, name, values)
+            object.__setattr__(self, name, tuple(float(one) for one in getattr(self, name)))
         _check(self.E, self.nu, self.G)
         if len(self.axes) != 2:
             raise InputError(f"{type(self).__name__}: axes: got {len(self.axes)} directions, need two")

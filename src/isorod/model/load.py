@@ -168,9 +168,8 @@ class BodyForce(Checked):
 
 
 def _check(name: str, vector: tuple[float, float, float]) -> None:
-    given = np.asarray(vector, dtype=float)
-    if given.shape != (3,) or not np.isfinite(given).all():
-        raise InputError(f"{name}: got {vector}, need three finite components")
+    if not np.isfinite(np.asarray(vector, dtype=float)).all():
+        raise InputError(f"{name}: got {vector}, need finite components")
 
 
 @dataclass(frozen=True)
