@@ -68,6 +68,7 @@ def climb(solver: Newton, load_steps: int, path: Path, start: Array | None = Non
         longest = solver.steps.turning.longest_step(factor)
         reached = factor + min(step, longest)
         target = end if reached > end - 1e-12 else reached
+        guessed = solver.guess is not None
         try:
             if rubs:
                 solves, updates, softer = _rub(solver, factor, target, softer)
@@ -75,6 +76,9 @@ def climb(solver: Newton, load_steps: int, path: Path, start: Array | None = Non
                 solves, updates = solver.advance(factor, target), 0
         except Diverged as problem:
             deep = isinstance(problem, TooDeep)
+            if guessed:
+                # It looks from where it would have without.
+                continue
             if solver.steps.watched and not solver.steps.careful:
                 solver.steps.careful = True
                 continue
