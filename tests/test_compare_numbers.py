@@ -248,7 +248,8 @@ def test_meshes_that_do_not_nest_have_no_field_error(bar):
         places = places_of(mesh)[0]
         samples.append(Sample(places, mesh.node_volumes(), mesh.points, mesh.cells, mesh.order, mesh.points))
     judge = Judge([], samples[1], [])
-    assert judge.of_mesh({}, samples[0])["field"] == {"displacement": 0.0}
+    # The same but for a rounding of where the nodes are.
+    assert judge.of_mesh({}, samples[0])["field"] == pytest.approx({"displacement": 0.0}, abs=1e-14)
     moved = replace(samples[0].places, xi=0.9 * samples[0].places.xi, u=0.93 * samples[0].places.u)
     assert judge.of_mesh({}, replace(samples[0], places=moved))["field"] == {}
 

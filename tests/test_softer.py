@@ -80,6 +80,7 @@ def climb(monkeypatch, outcome, contact=None, settle=lambda solver, factor: 0, w
         forget_path=lambda: None,
         settle=lambda: None,
         stabilisation=None,
+        guess=None,
         cuts=0,
     )
     monkeypatch.setattr(climbing, "settle", settle)
@@ -170,6 +171,7 @@ def test_with_friction_no_step_is_longer_than_asked_for(monkeypatch):
         forget_path=lambda: None,
         settle=lambda: None,
         stabilisation=None,
+        guess=None,
         cuts=0,
     )
     climbing.climb(solver, 8, SimpleNamespace(reached=lambda x, factor: path.append(factor)))
