@@ -176,3 +176,28 @@ def test_with_friction_no_step_is_longer_than_asked_for(monkeypatch):
     )
     climbing.climb(solver, 8, SimpleNamespace(reached=lambda x, factor: path.append(factor)))
     assert path == pytest.approx(0.125 * np.arange(1, 9))
+
+
+def test_a_first_guess_that_fails_is_dropped_and_no_step_cut():
+    targets, reached = [], []
+
+    def advance(factor, target):
+        targets.append(target)
+        if solver.guess is not None:
+            solver.guess = None
+            raise Diverged("from there is no way")
+        return 1
+
+    solver = SimpleNamespace(
+        steps=SimpleNamespace(turning=SimpleNamespace(longest_step=lambda factor: 1.0), watched=False, careful=False),
+        assembler=SimpleNamespace(contact=None, model=SimpleNamespace(stages=[1.0])),
+        x=None,
+        advance=advance,
+        forget_path=lambda: None,
+        settle=lambda: None,
+        stabilisation=None,
+        guess="somewhere",
+        cuts=0,
+    )
+    climbing.climb(solver, 1, SimpleNamespace(reached=lambda x, factor: reached.append(factor)))
+    assert (targets, reached, solver.cuts) == ([1.0, 1.0], [1.0], 0)
