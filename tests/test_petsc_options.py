@@ -49,6 +49,26 @@ def test_options_win_over_those_typed_and_these_come_back(model, petsc_options):
     assert statics.solve(model).solver["ksp"] == "gmres"
 
 
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"pc_type": "cholesky", "pc_factor_mat_solver_type": "mumps"},
+        {"ksp_type": "cg", "pc_type": "gamg"},
+        {"snes_type": "newtontr"},
+        {"snes_type": "qn", "snes_qn_scale_type": "jacobian", "snes_max_it": 200},
+    ],
+)
+def test_other_solvers_agree_with_the_default(model, given):
+    forces = [statics.solve(model, petsc=options).reactions[1] for options in (None, given)]
+    assert abs(forces[1] / forces[0] - 1.0)[[0, 2]].max() < 1e-6
+
+
+@pytest.mark.parametrize("given", [{"eps_type": "lobpcg"}, {"eps_type": "lanczos", "eps_lanczos_reorthog": "full"}])
+def test_other_eigensolvers_agree_with_the_default(model, given):
+    found = [modal.solve(model, 3, petsc=options).frequencies for options in (None, given)]
+    assert abs(found[1] / found[0] - 1.0).max() < 1e-6
+
+
 def test_modes_and_implicit_steps_take_them_too(model):
     modes = modal.solve(model, 2, petsc={"eps_nev": 4, "st_type": "sinvert"})
     assert len(modes) == 4

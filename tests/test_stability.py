@@ -107,8 +107,8 @@ def test_the_page_shows_limits_tables_and_failures(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["spring", "--case", "tuning"], "--case tuning: only the stability study has cases"),
-        (["stability", "--case", "tunings"], "invalid choice: 'tunings' (choose from"),
+        (["spring", "--case", "large"], "--case large: only the stability study has cases"),
+        (["stability", "--case", "larger"], "invalid choice: 'larger' (choose from"),
     ],
 )
 def test_a_case_that_is_not_there_is_one_line(arguments, said, capsys, tmp_path):

@@ -18,7 +18,7 @@ from comparisons.measure.records import Record
 from comparisons.measure.study import Run
 from isorod import options
 
-CASES = ("incompressible", "slender", "large", "contrast", "sections", "stepping", "tuning", "defaults", "stresses")
+CASES = ("incompressible", "slender", "large", "contrast", "sections", "stepping", "defaults", "stresses")
 
 
 def find(name: str) -> Any:
