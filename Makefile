@@ -24,7 +24,7 @@ export OMPI_MCA_btl ?= ^uct,openib,ofi,tcp
 
 help:
 	@echo "make verify    the main job: spring and blade against finite elements, quick level, and the report page"
-	@echo "make bench     isorod beside every program: dolfinx of two versions, NGSolve, CalculiX; LEVEL=full takes hours"
+	@echo "make bench     isorod beside every program: dolfinx of two versions, and NGSolve; LEVEL=full takes hours"
 	@echo "make test      the tests but the slow ones         make test-all   all tests"
 	@echo "make mutants   share of 200 small wrong changes that the tests catch: an hour; MUTANTS='--seed 2 --jobs 2' to choose"
 	@echo "make docs      these pages in build/docs/html: theory, gallery, names; warnings are errors"

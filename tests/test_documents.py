@@ -28,8 +28,8 @@ LONG = (
 )
 
 MINUTES = re.compile(r"\bmin(utes)?\b")
-# What docker/opponents installs; tests/test_opponents.py runs them where they are.
-OPPONENTS = ("python -m comparisons.ngsolve", "python -m comparisons.calculix")
+# What docker/opponents installs; tests/test_opponents.py runs it where it is.
+OPPONENTS = ("python -m comparisons.ngsolve",)
 
 
 def blocks(page, language):

@@ -22,7 +22,7 @@ from meshes import abaqus, files, rods
 from meshes.__main__ import main
 from meshes.mesh import Mesh, match
 
-calculix = pytest.mark.skipif(shutil.which("ccx") is None, reason="no CalculiX on PATH (docker/opponents)")
+calculix = pytest.mark.skipif(shutil.which("ccx") is None, reason="no CalculiX on PATH (apt: calculix-ccx)")
 
 # A tube that is closed, of two layers, and a bar.
 FILE = """analysis = "geometry"

@@ -1,7 +1,5 @@
-"""NGSolve and CalculiX beside dolfinx: the same numbers on the same meshes; and what a comparison makes of records."""
+"""NGSolve beside dolfinx: the same numbers on the same meshes; and what a comparison makes of records."""
 
-import re
-import shutil
 from importlib import util
 
 import numpy as np
@@ -10,24 +8,19 @@ import pytest
 pytest.importorskip("rich")
 pytest.importorskip("dolfinx")
 
-from test_fem_blade import CONVERGED
-
+from comparisons import bench
 from comparisons.bench import biceps, rods
-from comparisons.calculix import deck, run
 from comparisons.fem import blade as fem_blade
 from comparisons.fem import spring as fem_spring
-from comparisons.measure import opponents, timing, work
+from comparisons.measure import timing, work
 from comparisons.measure.study import Run
 from comparisons.measure.work import AS_RUN, MODULES
 from comparisons.report import bench as report
 from isorod import scenes
-from isorod.errors import InputError, SolveError
 from isorod.space.basis import PAPER, POLYHARMONIC, POLYNOMIALS
-from meshes import blade, spring
 
-# No test needs them: docker/opponents brings them.
+# No test needs it: docker/opponents brings it.
 ngsolve = pytest.mark.skipif(util.find_spec("ngsolve") is None, reason="no NGSolve in this Python (docker/opponents)")
-calculix = pytest.mark.skipif(shutil.which(run.PROGRAM) is None, reason="no CalculiX on PATH (docker/opponents)")
 
 
 def ngsolved(words):
@@ -80,81 +73,19 @@ def test_what_is_inside_of_cells_alone_is_left_out_of_hollow_ones():
     assert all(np.array(hollow["frequencies"]) > np.array(whole["frequencies"]))
 
 
-# CalculiX
-
-
-def test_the_input_file_keeps_positions_whole_in_twenty_characters():
-    """CalculiX reads no more of a number, and would lose the end of an exponent."""
-    mesh = spring.build("bricks", 8, 24, 2, 0)
-    text, count = deck.body(mesh, "C3D20R", ["*ELASTIC", "1.,0.3"])
-    lines = text[: text.index("*ELEMENT")].splitlines()[1:]
-    rows = [line.split(",") for line in lines]
-    assert len(rows) == count and max(len(word) for row in rows for word in row) <= 20
-    assert any("e-" in word for row in rows for word in row)
-    written = np.array([[float(word) for word in row[1:]] for row in rows])
-    assert all(np.abs(mesh.points - x).sum(axis=1).min() < 1e-10 for x in written[::17])
-
-
-@pytest.mark.parametrize(("element", "nodes"), [("C3D20R", 20), ("C3D8I", 8), ("C3D10", 10)])
-def test_the_input_file_has_the_nodes_of_each_element_and_no_other(element, nodes):
-    mesh = blade.build("tetrahedra" if element == "C3D10" else "bricks", 4, 1, 4, deck.ELEMENTS[element])
-    text, count = deck.body(mesh, element, ["*ELASTIC", "1.,0.3"])
-    block = re.search(r"\*ELEMENT[^\n]*\n(.*?)\n\*", text, re.DOTALL)[1]
-    numbers = [int(word) for word in block.replace(",\n", ",").replace("\n", ",").split(",")]
-    cells = np.array(numbers).reshape(-1, nodes + 1)
-    assert len(cells) == len(mesh.cells)
-    assert set(cells[:, 1:].ravel()) == set(range(1, count + 1))
-
-
-def test_a_mesh_of_another_order_is_refused():
-    with pytest.raises(InputError, match="element C3D20R: got a mesh of order 1, need 2"):
-        deck.body(blade.build("bricks", 4, 1, 4, 1), "C3D20R", [])
-
-
-@calculix
-def test_calculix_finds_the_force_of_the_same_law():
-    """Its bricks have straight middles of faces: near dolfinx' on the same mesh, and nearer on a finer one."""
-    errors = []
-    for around, layers in ((4, 24), (8, 48)):
-        configuration = fem_spring.Configuration(around=around, layers=layers, rings=1, law="st-venant-kirchhoff")
-        wanted = fem_spring.equilibrium(fem_spring.domain(configuration), configuration).reactions
-        words = f"spring --element C3D20 --rings 1 --around {around} --layers {layers}"
-        found = timing.run("comparisons.calculix", words.split())
-        np.testing.assert_allclose(np.sum(found["reactions"], axis=0), 0.0, atol=1e-4)
-        errors.append(abs(found["force"] / wanted[1, 2] - 1.0))
-    assert errors[1] < 2e-3 and errors[1] < 0.3 * errors[0]
-
-
-@calculix
-def test_calculix_finds_the_frequencies():
-    found = timing.run("comparisons.calculix", "blade --along 6 --across 2 --layers 16".split())
-    np.testing.assert_allclose(found["frequencies"], CONVERGED, rtol=3e-3)
-    assert 0.0 < found["seconds"]["total"] < found["seconds"]["process"]
-
-
-@calculix
-def test_an_error_of_calculix_is_told():
-    body, _ = deck.body(blade.build("bricks", 4, 1, 4, 2), "C3D20R", ["*ELASTIC", "1.,0.3"])
-    with pytest.raises(SolveError, match=r"CalculiX: \*ERROR"):
-        run.solve(body, deck.vibrating(5, "SPOOLES"))  # no density
-
-
 # The comparison
 
 
 def test_what_is_missing_is_named(monkeypatch):
-    monkeypatch.setenv("PATH", "")
-    monkeypatch.setattr(opponents.util, "find_spec", lambda name: None)
-    here, absent = opponents.here()
+    monkeypatch.setattr(bench.util, "find_spec", lambda name: None)
+    here, absent = bench.opponents()
     assert here == [] and set(absent) == set(MODULES) - {"cylindrical", "fem"}
-    with pytest.raises(InputError, match="no program ccx on PATH; docker/opponents installs it"):
-        run.version()
 
 
 @pytest.mark.parametrize("level", ["quick", "full"])
 def test_every_program_has_curves_and_isorod_one_with_nothing_chosen(level):
     for scene in (rods.Spring, rods.Blade):
-        made = scene(level, ["ngsolve", "calculix"], [], {})
+        made = scene(level, ["ngsolve"], [], {})
         assert {curve.method for curve in made.curves} == set(MODULES)
         assert AS_RUN in made.curves and set(AS_RUN.arguments) <= set(biceps.OURS)
         best = {one for side in made.best.values() for target in made.targets[level] for one in side[target]}
@@ -191,7 +122,7 @@ def test_the_time_at_an_error_lies_on_the_line_between_two_meshes():
 
 def made_up(method, seconds, check=None, holds=True, target=1e-3, **more):
     parts = {"total": seconds, "processor": seconds, "setup": 0.0, "assembly": 0.0, "solve": seconds}
-    versions = {"ngsolve": "1", "calculix": "2"} | ({"dolfinx": "3"} if method == "fem" else {})
+    versions = {"ngsolve": "1"} | ({"dolfinx": "3"} if method == "fem" else {})
     return {
         "part": "confirm",
         "scene": "spring",
@@ -214,13 +145,12 @@ def test_the_share_is_that_of_the_best_of_all_programs_with_and_without_checks()
         made_up("cylindrical", 0.2, check=0.02, **plain),
         made_up("fem", 1.0, check=0.5),
         made_up("ngsolve", 0.8),
-        made_up("calculix", 0.1, holds=False),
-        made_up("calculix", 2.0),
+        made_up("ngsolve", 0.1, holds=False),
     ]
     records[1]["seconds"]["estimate"] = 0.08
     names = [f"isorod, {PAPER}, chosen by hand", f"isorod, {POLYNOMIALS}, as isorod run has it"]
     rows = report.rows(records)
-    assert [row[1] for row in rows] == [*names, "NGSolve 1", "dolfinx 3", "CalculiX 2"]
+    assert [row[1] for row in rows] == [*names, "NGSolve 1", "dolfinx 3"]
     tuned, default = report.ratios(records, 1e-3)
     assert tuned == (records[0], pytest.approx(80.0), pytest.approx(100.0))
     # Without its check and its estimate 0.1 s.

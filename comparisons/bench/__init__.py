@@ -1,20 +1,30 @@
 """Study ``bench``: rods and biceps against the fastest of every program that is here, at the same errors.
 
-Spring and blade: dolfinx, of this Python and of others that are named, NGSolve and CalculiX, each along families of
-meshes that were tuned for it; the fastest of each within an error, which keeps it on finer meshes, is measured again in
-turn with isorod.  Rods with a hole or in layers: dolfinx alone.  Biceps: explicit dynamics of dolfinx alone; CalculiX
-and NGSolve have no contracting fibres.
+Spring and blade: dolfinx, of this Python and of others that are named, and NGSolve, each along families of meshes that
+were tuned for it; the fastest of each within an error, which keeps it on finer meshes, is measured again in turn with
+isorod.  Rods with a hole or in layers: dolfinx alone.  Biceps: explicit dynamics of dolfinx alone; NGSolve has no
+contracting fibres.
 """
 
 import os
 from collections import defaultdict
 from collections.abc import Sequence
+from importlib import util
 
 from comparisons.bench import biceps, hollow, rods
-from comparisons.measure import opponents
 from comparisons.measure.records import Record
 from comparisons.measure.study import Run
 from isorod import options
+
+
+def opponents() -> tuple[list[str], dict[str, str]]:
+    """Return the programs beside dolfinx that are here (keys of `comparisons.measure.work.MODULES`).
+
+    And of each other one what is missing.
+    """
+    if util.find_spec("ngsolve") is None:
+        return [], {"ngsolve": "this Python has no ngsolve; docker/opponents installs it"}
+    return ["ngsolve"], {}
 
 
 def run(study: Run, others: Sequence[str] = (), only: Sequence[str] = ()) -> None:
@@ -23,7 +33,7 @@ def run(study: Run, others: Sequence[str] = (), only: Sequence[str] = ()) -> Non
     ``others`` are interpreters whose dolfinx is measured too, ``only`` are scenes of rods to measure alone.
     """
     options.initialize([])
-    here, absent = opponents.here()
+    here, absent = opponents()
     # What else the machine does: times are worth little beside it.
     study.record("opponents", {"here": here, "absent": absent, "load": os.getloadavg()[0]})
     scenes: list[rods.Scene] = [scene(study.level, here, others, {}) for scene in (rods.Spring, rods.Blade)]

@@ -5,7 +5,6 @@ from functools import cached_property
 from typing import ClassVar
 
 from comparisons import blade, spring
-from comparisons.calculix import presets as calculix
 from comparisons.fem.presets import blade as fem_blade
 from comparisons.fem.presets import spring as fem_spring
 from comparisons.fem.presets.family import Family
@@ -15,10 +14,6 @@ from comparisons.measure.records import Record
 from comparisons.measure.study import Run, Steps
 from comparisons.measure.work import AS_RUN, Curve, WorkPrecision, fem_curves, named, steps_of, with_others
 from comparisons.ngsolve import presets as ngsolve
-
-# What CalculiX' elastic law becomes with large displacements; its neo-Hookean law is none of ours.
-_LAWS = {"calculix": "st-venant-kirchhoff"}
-_OURS = "neo-hookean"
 
 
 class Scene:
@@ -93,19 +88,19 @@ class Scene:
         )
 
     def converged(self, study: Run, steps: Steps) -> Mapping[str, Sequence[float]]:
-        """Record what finite elements converge to, by law, and return it."""
+        """Record what finite elements converge to, by name, and return it."""
         raise NotImplementedError
 
     def error(self, found: Record, limits: Mapping[str, Sequence[float]]) -> float:
-        """Return the error of a run against the limit of its law."""
+        """Return the error of a run against the limits."""
         raise NotImplementedError
 
-    def _family(self, study: Run, steps: Steps, extra: str = "") -> tuple[list[float], list[Record]]:
+    def _family(self, study: Run, steps: Steps) -> tuple[list[float], list[Record]]:
         """Return sizes and records of the meshes that are extrapolated."""
         records = []
         for arguments in self.reference[self.level].arguments:
-            with steps.step(f"{self.name}, converged value: {arguments} {extra}".rstrip()):
-                words = (*named("fem", self.name, self.file), *arguments.split(), *extra.split())
+            with steps.step(f"{self.name}, converged value: {arguments}"):
+                words = (*named("fem", self.name, self.file), *arguments.split())
                 if words not in self.kept:
                     self.kept[words] = timing.run("comparisons.fem", words)
                 records.append(study.record("convergence", self.kept[words]))
@@ -113,7 +108,7 @@ class Scene:
 
 
 class Spring(Scene):
-    """The pulled spring: the force, against that of the law that a program has."""
+    """The pulled spring: the force."""
 
     name = "spring"
     targets: ClassVar[Mapping[str, Sequence[float]]] = {"quick": (1e-2, 1e-3), "full": (1e-2, 1e-3, 1e-4)}
@@ -124,37 +119,23 @@ class Spring(Scene):
             "full": fem_spring.FULL,
         },
         "ngsolve": ngsolve.SPRING,
-        "calculix": calculix.SPRING,
     }
     best: ClassVar[Mapping[str, Mapping[float, Sequence[str]]]] = {"cylindrical": spring.BEST, "fem": fem_spring.BEST}
     finer = spring.FINER
     ours = spring.CURVES
     reference: ClassVar[Mapping[str, Family]] = fem_spring.CONVERGED
 
-    @property
-    def _laws(self) -> list[str]:
-        return list(dict.fromkeys([_OURS, *(_LAWS[name] for name in self.here if name in _LAWS)]))
-
-    @property
-    def meshes(self) -> int:
-        """Number of runs that tell the converged values, of every law."""
-        return super().meshes * len(self._laws)
-
     def converged(self, study: Run, steps: Steps) -> Mapping[str, Sequence[float]]:
-        """Record the extrapolated forces, and return each by its law."""
-        limits = {}
-        for law in self._laws:
-            sizes, records = self._family(study, steps, "" if law == _OURS else f"--law {law}")
-            limit = richardson(sizes, [record["force"] for record in records])
-            values = {"force": limit.value, "order": limit.order, "uncertainty": limit.distance, "law": law}
-            study.record("converged", {"scene": self.name} | values)
-            limits[law] = [limit.value]
-        return limits
+        """Record the extrapolated force and return it."""
+        sizes, records = self._family(study, steps)
+        limit = richardson(sizes, [record["force"] for record in records])
+        values = {"force": limit.value, "order": limit.order, "uncertainty": limit.distance}
+        study.record("converged", {"scene": self.name} | values)
+        return {"force": [limit.value]}
 
     def error(self, found: Record, limits: Mapping[str, Sequence[float]]) -> float:
         """Return the relative error of the force."""
-        (force,) = limits[_LAWS.get(found["method"], _OURS)]
-        return abs(float(found["force"]) / force - 1.0)
+        return abs(float(found["force"]) / limits["force"][0] - 1.0)
 
 
 class Blade(Scene):
@@ -168,7 +149,6 @@ class Blade(Scene):
             "full": fem_blade.FULL,
         },
         "ngsolve": ngsolve.BLADE,
-        "calculix": calculix.BLADE,
     }
     best: ClassVar[Mapping[str, Mapping[float, Sequence[str]]]] = {"cylindrical": blade.BEST, "fem": fem_blade.BEST}
     finer = blade.FINER
@@ -183,8 +163,8 @@ class Blade(Scene):
         values = [limit.value for limit in found]
         told = max(limit.distance / limit.value for limit in found)
         study.record("converged", {"scene": self.name, "frequencies": values, "uncertainty": told})
-        return {_OURS: values}
+        return {"frequencies": values}
 
     def error(self, found: Record, limits: Mapping[str, Sequence[float]]) -> float:
         """Return the largest relative error of the frequencies."""
-        return blade.largest_error(found["frequencies"], limits[_OURS])
+        return blade.largest_error(found["frequencies"], limits["frequencies"])

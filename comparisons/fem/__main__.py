@@ -22,9 +22,6 @@ from meshes import biceps, blade, spring
 
 PRESETS = {name: import_module(f"{presets.__name__}.{name}").PRESETS for name in ("spring", "blade", "biceps")}
 
-# Of the spring (`comparisons.fem.spring.LAWS`).
-LAWS = ("neo-hookean", "st-venant-kirchhoff")
-
 # Where each scene's Configuration and run() are.
 RUNS = {"spring": "spring", "blade": "blade", "biceps": "biceps.run", "rods": "rods.run"}
 
@@ -62,7 +59,6 @@ def _parser() -> argparse.ArgumentParser:
     it.add_argument("--layers", type=int, default=48, metavar="N", help="cells along the wire, a multiple of 12")
     it.add_argument("--rings", type=int, default=1, metavar="N", help="bricks: rings round the core")
     it.add_argument("--core", type=float, metavar="R", help="bricks: radius of the core's corners")
-    it.add_argument("--law", choices=LAWS, default=LAWS[0], help="of the wire's material")
     it.add_argument("--fields", metavar="FILE", help="write displacement and von Mises stress to this .npz file")
     _add_common(it, "spring", spring.CELLS)
     it = scenes.add_parser("blade", help="the blade's vibration modes")

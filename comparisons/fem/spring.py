@@ -13,14 +13,9 @@ from comparisons.fem.fields import save
 from comparisons.fem.statics import DIRECT, Equilibrium, Held, solve
 from comparisons.fem.stored import energy_of
 from isorod.material import NeoHookean
-from isorod.material.law import Isotropic
-from isorod.material.st_venant_kirchhoff import StVenantKirchhoff
 from isorod.scenes.spring import Spring
 from meshes import spring
 from meshes.mesh import Mesh
-
-# The scene's own law, and that of programs that have no law for finite strain but a linear one in Green's.
-LAWS: dict[str, type[Isotropic]] = {"neo-hookean": NeoHookean, "st-venant-kirchhoff": StVenantKirchhoff}
 
 
 @dataclass(frozen=True)
@@ -31,8 +26,6 @@ class Configuration(runs.Configuration):
     ----------
     around, layers, rings, core
         See `meshes.spring.build`.
-    law
-        One of `LAWS`.
 
     Others see `comparisons.fem.runs.Configuration`.
     """
@@ -41,7 +34,6 @@ class Configuration(runs.Configuration):
     layers: int = 48
     rings: int = 1
     core: float | None = None
-    law: str = "neo-hookean"
 
     def mesh(self) -> Mesh:
         """Return the mesh."""
@@ -58,7 +50,7 @@ def equilibrium(where: Domain, configuration: Configuration) -> Equilibrium:
     scene = Spring()
     return solve(
         where,
-        energy_of(LAWS[configuration.law](scene.E, scene.nu)),
+        energy_of(NeoHookean(scene.E, scene.nu)),
         [Held("start"), Held("end", (0.0, 0.0, scene.pull))],
         configuration.element,
         DIRECT if configuration.solver is None else configuration.solver,

@@ -23,7 +23,6 @@ MODULES = {
     "cylindrical": "comparisons.measure.rod",
     "fem": "comparisons.fem",
     "ngsolve": "comparisons.ngsolve",
-    "calculix": "comparisons.calculix",
 }
 
 

@@ -23,13 +23,11 @@ RODS = {
 }
 QUANTITIES = RODS | {"biceps": "end forces of the motion to rest"}
 
-_PROGRAMS = {"ngsolve": "NGSolve", "calculix": "CalculiX"}
-
 # What each side proves of its own result within the time with checks.
 PROOFS = {
     "spring": "balance of forces and hourglass modes in isorod; reactions elsewhere, within the solve",
     "blade": "residuals and a Sturm count in isorod, there hourglass modes too, and in dolfinx; residuals alone in "
-    "NGSolve, nothing in CalculiX",
+    "NGSolve",
 }
 # Of rods with a hole or in layers the same as of those without.
 PROOFS |= dict.fromkeys(("tube", "tube's stresses", "core and sheath", "core and sheath's stresses"), PROOFS["spring"])
@@ -61,7 +59,7 @@ def program(record: Record) -> str:
         return f"isorod, {family(record)}, {how(record)}"
     if record["method"] == "fem":
         return f"dolfinx {version(record)}".strip()
-    return f"{_PROGRAMS[record['method']]} {record['versions'].get(record['method'], '')}".strip()
+    return f"NGSolve {record['versions'].get('ngsolve', '')}".strip()
 
 
 def bare(record: Record) -> float:
@@ -257,8 +255,7 @@ def section(records: list[Record], folder: Path) -> list[str]:
         *lines,
         heading(3, f"Programs: biceps, {QUANTITIES['biceps']}"),
         "<p>Explicit dynamics to rest. The errors are those of the equilibrium that each mesh comes to; the finite "
-        "elements' time is that of a measured step by the number of steps. CalculiX and NGSolve have no contracting "
-        "fibres.</p>",
+        "elements' time is that of a measured step by the number of steps. NGSolve has no contracting fibres.</p>",
         table(_MOTION, motions(of_scene(records, "biceps")), text=(0, 1)),
         '<p>Every run is a line of JSON in <a href="bench.jsonl">bench.jsonl</a>; the same tables stand in '
         f'<a href="{TABLE}">{TABLE}</a>. Again: <code>make bench</code>.</p>',

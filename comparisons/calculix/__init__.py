@@ -1,1 +1,0 @@
-"""Finite element solutions with CalculiX, a program of its own, on the nodes of the meshes of `comparisons.fem`."""
