@@ -4,8 +4,7 @@ import warnings
 
 import pytest
 
-from comparisons.stability import contrast, defaults, sections, slender
-from comparisons.stability.point import measure
+from comparisons.stability import contrast, defaults, point, sections, slender
 from isorod.space import Space
 
 
@@ -55,7 +54,7 @@ def test_a_jump_of_stiffness_without_a_knot_is_told_of(monkeypatch):
 def contrast_points():
     """Yield one point twice: it is measured once."""
     for series in ("one", "other"):
-        yield contrast.measure(contrast.KNOT, 100.0, lambda: contrast._smooth(100.0), series=series)
+        yield from contrast.KNOT.over([100.0], contrast._smooth, series=series)
 
 
 def test_outcomes():
@@ -73,11 +72,12 @@ def test_outcomes():
 def test_what_a_case_chooses_is_its_own_again_afterwards(monkeypatch):
     monkeypatch.setattr(slender, "run", lambda level: iter(()))
     monkeypatch.setattr(defaults, "CASES", (slender,))
+    measure = point.measure
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert list(defaults.run("quick")) == []
     assert slender.Space is Space
-    assert slender.measure is measure
+    assert point.measure is measure
 
 
 @pytest.mark.parametrize(("given", "kept"), [({"elements": 6}, False), ({"elements": 6, "degree": 5}, True)])

@@ -83,8 +83,6 @@ def test_the_page_shows_limits_tables_and_failures(tmp_path, monkeypatch):
             yield {"sweep": "s", "value": 2.0, "error": 0.5, "newton": 5, "tolerance": 0.1, "seconds": 0.1}
             yield {"sweep": "s", "value": 3.0, "failure": "a < b", "tolerance": 0.1, "seconds": 0.1}
 
-        plot = staticmethod(contrast.plot)
-
     monkeypatch.setattr(stability, "find", lambda name: Made)
     study = Run("stability", "quick", tmp_path)
     stability.run(study, ["contrast"])
@@ -123,7 +121,6 @@ def test_every_case_there_is_has_what_the_study_needs():
         assert case.NAME == name
         assert case.TITLE
         assert callable(case.run)
-        assert callable(case.plot)
         assert hasattr(case, "LIMITS")
 
 
@@ -156,7 +153,7 @@ def test_longitudinal_modes_of_one_material_are_those_of_the_uniform_bar():
 @pytest.mark.slow
 @pytest.mark.parametrize("solver", ["banded LU (default)", "Cholesky, MUMPS", "CG + ICC"])
 def test_stretched_rod_holds_to_a_contrast_of_1e8(solver, points):
-    curve = points(contrast)[contrast.STRETCHED][solver]
+    curve = points(contrast)[contrast.STRETCHED.name][solver]
     assert point.reach(curve) >= 1e8
     # Double precision gives up at contrast * 1e-15, never silently.
     for record in curve:
@@ -170,7 +167,7 @@ def test_stretched_rod_holds_to_a_contrast_of_1e8(solver, points):
 @pytest.mark.slow
 def test_multigrid_holds_or_says_that_it_does_not(points):
     """How far depends on PETSc: with 3.18 it fails from some contrast on, with 3.25 it does not."""
-    curve = points(contrast)[contrast.STRETCHED]["CG + GAMG"]
+    curve = points(contrast)[contrast.STRETCHED.name]["CG + GAMG"]
     assert point.reach(curve) >= 1e2
     assert max(record["error"] for record in curve if "error" in record) < 1e-6
     failures = [record["failure"] for record in curve if "failure" in record]
@@ -180,7 +177,7 @@ def test_multigrid_holds_or_says_that_it_does_not(points):
 
 @pytest.mark.slow
 def test_bent_rod_tends_to_the_muscle_held_by_a_wall(points):
-    (curve,) = points(contrast)[contrast.BENT].values()
+    (curve,) = points(contrast)[contrast.BENT.name].values()
     assert point.reach(curve) >= 1e8
     for value in (1e4, 1e6):
         assert one(curve, value)["rigid_limit"] < 10.0 / value
@@ -188,7 +185,7 @@ def test_bent_rod_tends_to_the_muscle_held_by_a_wall(points):
 
 
 def test_modes_follow_the_transcendental_equation(points):
-    curves = points(contrast)[contrast.MODES]
+    curves = points(contrast)[contrast.MODES.name]
     for series in ("stiff half fixed", "heavy half fixed", "heavy half free"):
         assert point.reach(curves[series]) >= 1e16
     assert point.reach(curves["stiff half free"]) >= 1e8
@@ -202,7 +199,7 @@ def test_modes_follow_the_transcendental_equation(points):
 
 @pytest.mark.parametrize("integrator", ["explicit", "implicit"])
 def test_motion_errs_by_its_steps_and_its_mass_not_by_the_contrast(integrator, points):
-    curves = points(contrast)[contrast.MOTION[integrator]]
+    curves = points(contrast)[contrast.MOTION[integrator].name]
     assert len(curves) == 4
     for curve in curves.values():
         assert point.reach(curve) == 1e4
@@ -274,7 +271,7 @@ def test_stiffness_of_a_circle_is_exact_in_all_three_ways():
 
 
 def test_thinned_blade_converges_without_spurious_modes(points):
-    curves = points(sections)[sections.THINNED]
+    curves = points(sections)[sections.THINNED.name]
     symmetric = next(curve for series, curve in curves.items() if series.startswith("symmetric"))
     assert point.reach(symmetric) == 100.0
     for record in symmetric:
@@ -286,7 +283,7 @@ def test_thinned_blade_converges_without_spurious_modes(points):
     assert all("folds" in record["failure"] for record in papers[1:])
 
 
-@pytest.mark.parametrize("sweep", [sections.DEPTH, sections.OFFSET])
+@pytest.mark.parametrize("sweep", [sections.DEPTH.name, sections.OFFSET.name])
 def test_folds_are_found_within_a_thousandth(sweep, points):
     (curve,) = points(sections)[sweep].values()
     for record in curve:
@@ -303,7 +300,7 @@ def test_folds_are_found_within_a_thousandth(sweep, points):
 )
 def test_twist_is_right_then_warned_of_then_refused(series, silent, warned, points):
     """The error goes with the angle squared."""
-    curve = points(sections)[sections.TWIST][series]
+    curve = points(sections)[sections.TWIST.name][series]
     for record in curve:
         assert ("failure" in record) == (record["value"] > warned)
         assert ("warned" in record) == (silent < record["value"] <= warned)
@@ -316,7 +313,7 @@ def test_twist_is_right_then_warned_of_then_refused(series, silent, warned, poin
 
 def test_the_size_that_twisted_sections_shrink_to_is_told_right(points):
     """Half-way between the layers of a quadratic element, whose middle one turns by half: (1 + cos(angle / 2)) / 2."""
-    curve = points(sections)[sections.TWIST]["quadratic"]
+    curve = points(sections)[sections.TWIST.name]["quadratic"]
     for angle in (90.0, 120.0, 180.0):
         told = one(curve, angle).get("warned") or one(curve, angle)["failure"]
         assert f"shrinks to {50.0 * (1.0 + np.cos(np.radians(angle / 2.0))):.0f} %" in told
@@ -332,7 +329,7 @@ def test_twist_warns_only_where_sections_shrink():
 
 
 def test_short_elements_do_not_matter(points):
-    for curve in points(sections)[sections.LENGTHS].values():
+    for curve in points(sections)[sections.LENGTHS.name].values():
         assert point.reach(curve) == 1e10
         assert max(record["error"] for record in curve) < 1e-10
         assert max(record["scaled"] for record in curve) < 2.0 * curve[0]["scaled"]

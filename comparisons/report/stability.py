@@ -8,6 +8,7 @@ from comparisons import stability
 from comparisons.measure.records import Record, part
 from comparisons.report.html import figure, fold, heading, table
 from comparisons.report.precision import rerun
+from comparisons.stability import figure as figures
 from comparisons.stability.point import holds, sweeps
 
 
@@ -24,7 +25,7 @@ def section(records: list[Record], folder: Path) -> list[str]:
         points = _points(records, ended["case"])
         picture = f"stability-{ended['case']}.png"
         case = stability.find(ended["case"])
-        case.plot(points, folder / picture)
+        figures.draw(points, folder / picture)
         lines.append(heading(3, f"Stability: {ended['title']}"))
         lines.append("<ul>" + "".join(f"<li>{html.escape(text)}</li>" for text in ended["limits"]) + "</ul>")
         lines.append(

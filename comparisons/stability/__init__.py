@@ -5,8 +5,6 @@ A case is a module of this package, listed in `CASES`, with
 - ``NAME`` and ``TITLE``, one line;
 - ``LIMITS``, sentences that state the limits in numbers, or a function that makes them from the case's records;
 - ``run(level)``, an iterator of records, one a point of a sweep (`comparisons.stability.point`);
-- ``plot(records, path)``, which draws the case's figure from its records (`comparisons.stability.figure` has one for
-sweeps);
 - ``COLUMNS`` where its tables show more than a point has at least: heading by key of the records.
 """
 

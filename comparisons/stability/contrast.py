@@ -2,16 +2,13 @@
 
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq
 
 from comparisons.measure.records import Record
-from comparisons.stability import figure
-from comparisons.stability.point import measure, petsc, reach, sweeps
+from comparisons.stability.point import Sweep, petsc, reached, sweeps
 from isorod import dynamics, modal, statics
 from isorod.geometry.center_line import straight
 from isorod.geometry.section import circle
@@ -42,11 +39,23 @@ SOLVERS: dict[str, dict[str, Any]] = {
     "CG + GAMG": {"ksp_type": "cg", "pc_type": "gamg", "ksp_max_it": 2000},
 }
 
-STRETCHED = "stiffness contrast, stretched"
-BENT = "stiffness contrast, bent"
-MODES = "contrast, longitudinal modes"
-MOTION = {one: f"contrast, a quarter of a longitudinal swing, {one} steps" for one in ("explicit", "implicit")}
-KNOT = "stiffness contrast, no knot at the joint"
+BARS = "exact: bars in series, neo-Hookean, nu = 0"
+STRETCHED = Sweep("stiffness contrast, stretched", BARS, 1e-6)
+KNOT = Sweep("stiffness contrast, no knot at the joint", BARS, 1e-2)
+BENT = Sweep("stiffness contrast, bent", "the same on twice the elements, degree 5, polynomials of degree 4", 1e-2)
+MODES = Sweep(
+    "contrast, longitudinal modes",
+    "exact: longitudinal modes of a bar of two materials, nu = 0, fixed - free, first four",
+    1e-6,
+)
+MOTION = {
+    one: Sweep(
+        f"contrast, a quarter of a longitudinal swing, {one} steps",
+        "exact: period of the slowest longitudinal mode, nu = 0, fixed - free",
+        1e-3,
+    )
+    for one in ("explicit", "implicit")
+}
 
 
 def LIMITS(records: list[Record]) -> list[str]:
@@ -55,12 +64,8 @@ def LIMITS(records: list[Record]) -> list[str]:
     lines = []
     for sweep, curves in found.items():
         tolerance = next(iter(curves.values()))[0]["tolerance"]
-        reached = ", ".join(
-            f"{series} {'nowhere' if reach(curve) is None else f'up to {reach(curve):.0e}'}"
-            for series, curve in curves.items()
-        )
-        lines.append(f"{sweep}, error within {tolerance:g}: {reached}.")
-    stretched = [one for one in found[STRETCHED]["banded LU (default)"] if "failure" not in one]
+        lines.append(f"{sweep}, error within {tolerance:g}: {reached(curves, '.0e')}.")
+    stretched = [one for one in found[STRETCHED.name]["banded LU (default)"] if "failure" not in one]
     lost = max(one["error"] / one["value"] for one in stretched if one["value"] >= 1e6)
     soft = max(one["soft_end"] for one in stretched)
     lines.append(
@@ -76,60 +81,19 @@ def run(level: str) -> Iterator[dict[str, Any]]:
     contrasts = [float(f"1e{k}") for k in range(0, 17, every)]
     for series, options in SOLVERS.items():
         iterative = "ksp_type" in options
-        for contrast in contrasts[:5] if iterative and level == "quick" else contrasts:
-            with petsc(options):
-                yield measure(
-                    STRETCHED,
-                    contrast,
-                    partial(_stretched, contrast, True),
-                    series=series,
-                    reference="exact: bars in series, neo-Hookean, nu = 0",
-                    tolerance=1e-6,
-                )
-    for contrast in (1.0, 3.0, 10.0, 30.0, 100.0, 1e4, 1e8):
-        yield measure(
-            KNOT,
-            contrast,
-            partial(_smooth, contrast),
-            series="C2 across the joint",
-            reference="exact: bars in series, neo-Hookean, nu = 0",
-            tolerance=1e-2,
-        )
-    for contrast in contrasts[: 5 if level == "quick" else 13]:
-        yield measure(
-            BENT,
-            contrast,
-            partial(_bent, contrast),
-            series="tendon clamped, muscle's end moved sideways",
-            reference="the same on twice the elements, degree 5, polynomials of degree 4",
-            tolerance=1e-2,
-        )
+        with petsc(options):
+            chosen = contrasts[:5] if iterative and level == "quick" else contrasts
+            yield from STRETCHED.over(chosen, _stretched, True, series=series)
+    yield from KNOT.over((1.0, 3.0, 10.0, 30.0, 100.0, 1e4, 1e8), _smooth, series="C2 across the joint")
+    chosen = contrasts[: 5 if level == "quick" else 13]
+    yield from BENT.over(chosen, _bent, series="tendon clamped, muscle's end moved sideways")
     for series, direction in MODE_SERIES.items():
-        for contrast in contrasts:
-            yield measure(
-                MODES,
-                contrast,
-                partial(_modes, contrast, *direction),
-                series=series,
-                reference="exact: longitudinal modes of a bar of two materials, nu = 0, fixed - free, first four",
-                tolerance=1e-6,
-            )
+        yield from MODES.over(contrasts, _modes, *direction, series=series)
     for integrator, sweep in MOTION.items():
         for series, direction in MODE_SERIES.items():
-            for contrast in contrasts[: 3 if level == "quick" else 9]:
-                yield measure(
-                    sweep,
-                    contrast,
-                    partial(_motion, contrast, integrator, *direction),
-                    series=series,
-                    reference="exact: period of the slowest longitudinal mode, nu = 0, fixed - free",
-                    tolerance=1e-3,
-                )
-
-
-def plot(records: list[Record], path: Path) -> None:
-    """Draw the case's figure."""
-    figure.draw(records, path)
+            yield from sweep.over(
+                contrasts[: 3 if level == "quick" else 9], _motion, integrator, *direction, series=series
+            )
 
 
 def _space(joint: bool, elements: int = 4, degree: int = 3, order: int | None = None) -> Space:

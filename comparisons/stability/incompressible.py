@@ -4,15 +4,13 @@ The spring, a bent cantilever, a pinched section, and Rivlin's twisted cylinder.
 """
 
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.interpolate import BSpline
 
 from comparisons.measure.records import Record
-from comparisons.stability import figure
-from comparisons.stability.point import measure, reach, sweeps
+from comparisons.stability.point import Sweep, reach, sweeps
 from isorod import statics
 from isorod.geometry.center_line import straight
 from isorod.geometry.section import circle
@@ -38,7 +36,7 @@ TOLERANCE = 5e-3
 SPRING = "1/2 - nu, force of the spring"
 BENT = "1/2 - nu, deflection of a bent cantilever"
 PINCHED = "1/2 - nu, work to pinch a section"
-TWISTED = "twist of Rivlin's cylinder, nu = 0.499999 [rad]"
+TWISTED = Sweep("twist of Rivlin's cylinder, nu = 0.499999 [rad]", "Rivlin, exact", 1e-4)
 
 # Dead force sideways on the end of a bar of radius 1 and shear modulus 1: a third of its length.
 LENGTH, FORCE = 10.0, 0.03
@@ -155,14 +153,12 @@ def run(level: str) -> Iterator[dict[str, Any]]:
                     yield _point(case, nu, target, formulation, section, solve)
     for angle in (0.5, 2.0, 6.0) if full else (0.5, 2.0):
         for order in (1, 2):
+            yield from TWISTED.over((angle,), _twist, order, series=f"mixed, K = {order}")
 
-            def twist(angle: float = angle, order: int = order) -> dict[str, Any]:
-                error, solution = twisted(angle, order=order)
-                return {"error": error, "nu": RATIOS[-1]} | _effort(solution)
 
-            yield measure(
-                TWISTED, angle, twist, series=f"mixed, K = {order}", reference="Rivlin, exact", tolerance=1e-4
-            )
+def _twist(angle: float, order: int) -> dict[str, Any]:
+    error, solution = twisted(angle, order=order)
+    return {"error": error, "nu": RATIOS[-1]} | _effort(solution)
 
 
 def _point(
@@ -180,8 +176,8 @@ def _point(
     name = f"K = {section['order']}" if "order" in section else f"N = {section['section_degree']}"
     # Rounded: the difference of two decimals.
     value = float(f"{0.5 - nu:.6g}")
-    known = {"nu": nu, "target": target, "reference": "Taylor-Hood, dolfinx", "tolerance": TOLERANCE}
-    return measure(case, value, one, series=f"{formulation}, {name}", **known)
+    sweep = Sweep(case, "Taylor-Hood, dolfinx", TOLERANCE)
+    return sweep.point(value, one, series=f"{formulation}, {name}", nu=nu, target=target)
 
 
 def _effort(solution: statics.Equilibrium) -> dict[str, int]:
@@ -193,7 +189,7 @@ def LIMITS(records: list[Record]) -> list[str]:
     """Return the limits, from the records."""
     lines = []
     for sweep, curves in sweeps(records).items():
-        if sweep == TWISTED:
+        if sweep == TWISTED.name:
             worst = max(record.get("error", np.inf) for curve in curves.values() for record in curve)
             lines.append(
                 "Rivlin's twisted cylinder, torque and thrust of the mixed formulation: largest relative error "
@@ -212,8 +208,3 @@ def LIMITS(records: list[Record]) -> list[str]:
         )
     lines.append("The mixed formulation takes nu = 0.5 itself; statics without contact and modes have it.")
     return lines
-
-
-def plot(records: list[Record], path: Path) -> None:
-    """Draw error against distance from incompressibility."""
-    figure.draw(records, path)

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from functools import cache, partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,8 +9,7 @@ from scipy.optimize import brentq
 from scipy.special import ellipe, ellipk
 
 from comparisons.measure.records import Record
-from comparisons.stability import figure
-from comparisons.stability.point import holds, measure, sweeps
+from comparisons.stability.point import Sweep, holds, sweeps
 from comparisons.stability.rods import arch
 from isorod import statics
 from isorod.arrays import Index
@@ -33,12 +31,20 @@ COLUMNS = {
     "limit": "limit load",
 }
 
-ROLL = "roll-up, times round"
-STRETCH = "stretch of a bar"
-TWIST = "twist, turns over a length of 20 R"
-EULER = "Euler's load, length over radius"
-BRANCH = "post-buckling branch, load over Euler's"
-ARCH = "snap-through of a shallow arch, elements"
+ROLL = Sweep("roll-up, times round", "circle of the elastica; moment EI 2 pi turns / L", 1e-3)
+STRETCH = Sweep("stretch of a bar", "exact: homogeneous uniaxial stress, neo-Hookean, nu = 0.3; force", 1e-8)
+TWIST = Sweep(
+    "twist, turns over a length of 20 R",
+    "Rivlin: pi mu tau R^4 / 2, mixed form, nu = 0.499999, centre line held straight; torque",
+    1e-3,
+)
+EULER = Sweep("Euler's load, length over radius", "pi^2 EI / (4 L^2)", 5e-3)
+LONG = 200.0
+BRANCH = Sweep(
+    "post-buckling branch, load over Euler's",
+    f"elastica, elliptic integrals; L/r = {LONG:g}, part of the length",
+    5e-3,
+)
 
 # A bar may be pressed to nothing and pulled as far as it likes: the study goes on to where it fails.
 LAW = NeoHookean(1.0, 0.3)
@@ -59,7 +65,7 @@ def LIMITS(records: list[Record]) -> list[str]:
             if held and lost:
                 where += f", not at {', '.join(lost)}"
             lines.append(f"{sweep}{f', {series}' if series else ''}: error within {tolerance:g} {where}.")
-    loads = [record for record in sweeps(records).get(EULER, {}).get("", []) if "signed" in record]
+    loads = [record for record in sweeps(records).get(EULER.name, {}).get("", []) if "signed" in record]
     if len(loads) >= 2:
         a, b = loads[-2:]
         x, y = a["value"] ** -2.0, b["value"] ** -2.0
@@ -67,7 +73,7 @@ def LIMITS(records: list[Record]) -> list[str]:
             f"Euler's load extrapolated to no thickness: {(a['signed'] * y - b['signed'] * x) / (y - x):.0e} from the "
             "exact one."
         )
-    twisted = [record for record in sweeps(records).get(TWIST, {}).get("", []) if "failure" not in record]
+    twisted = [record for record in sweeps(records).get(TWIST.name, {}).get("", []) if "failure" not in record]
     if twisted:
         most = max(twisted, key=lambda record: record["value"])
         lines.append(
@@ -80,54 +86,17 @@ def run(level: str) -> Iterator[dict[str, Any]]:
     """Yield the points."""
     full = level != "quick"
     for length in (100.0, 1000.0):
-        for turns in (0.5, 1.0, 2.0, 3.0) if full else (1.0, 2.0) if length < 1000.0 else (1.0,):
-            yield measure(
-                ROLL,
-                turns,
-                partial(_roll, turns, length),
-                series=f"L/r = {length:g}",
-                reference="circle of the elastica; moment EI 2 pi turns / L",
-                tolerance=1e-3,
-            )
-    for stretch in (0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 2.0, 5.0, 10.0, 20.0, 50.0) if full else (0.1, 0.3, 2.0, 10.0):
-        yield measure(
-            STRETCH,
-            stretch,
-            partial(_stretch, stretch),
-            reference="exact: homogeneous uniaxial stress, neo-Hookean, nu = 0.3; force",
-            tolerance=1e-8,
-        )
-    for turns in (1, 2, 5, 10) if full else (2,):
-        yield measure(
-            TWIST,
-            turns,
-            partial(_twist, turns),
-            reference="Rivlin: pi mu tau R^4 / 2, mixed form, nu = 0.499999, centre line held straight; torque",
-            tolerance=1e-3,
-        )
-    for length in (10.0, 20.0, 50.0, 100.0, 200.0, 500.0) if full else (20.0, 50.0):
-        yield measure(
-            EULER,
-            length,
-            partial(_euler, length),
-            reference="pi^2 EI / (4 L^2)",
-            tolerance=5e-3,
-        )
-    yield from _branch(200.0)
+        turns = (0.5, 1.0, 2.0, 3.0) if full else (1.0, 2.0) if length < 1000.0 else (1.0,)
+        yield from ROLL.over(turns, _roll, length, series=f"L/r = {length:g}")
+    stretches = (0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 2.0, 5.0, 10.0, 20.0, 50.0) if full else (0.1, 0.3, 2.0, 10.0)
+    yield from STRETCH.over(stretches, _stretch)
+    yield from TWIST.over((1, 2, 5, 10) if full else (2,), _twist)
+    yield from EULER.over((10.0, 20.0, 50.0, 100.0, 200.0, 500.0) if full else (20.0, 50.0), _euler)
+    yield from _branch(LONG)
     finest = (16, 5) if full else (8, 5)
-    for elements in (2, 4, 8, 12) if full else (2, 4):
-        yield measure(
-            ARCH,
-            elements,
-            partial(_arch, elements, *finest),
-            reference=f"the same with {finest[0]} elements of degree {finest[1]}; first limit load",
-            tolerance=5e-3,
-        )
-
-
-def plot(records: list[Record], path: Path) -> None:
-    """Draw the case's figure."""
-    figure.draw(records, path)
+    finer = f"the same with {finest[0]} elements of degree {finest[1]}; first limit load"
+    arch = Sweep("snap-through of a shallow arch, elements", finer, 5e-3)
+    yield from arch.over((2, 4, 8, 12) if full else (2, 4), _arch, *finest)
 
 
 def _space(rod: Rod, elements: int, degree: int = 4) -> Space:
@@ -216,13 +185,8 @@ def _branch(length: float) -> Iterator[dict[str, Any]]:
         if factor > 1.0 + 20.0 / length**2:
             m = brentq(lambda m, factor=factor: (2.0 / np.pi * ellipk(m)) ** 2 - factor, 1e-14, 1.0 - 1e-12)
             gaps = w - 2.0 * np.sqrt(m) / ellipk(m), z - (2.0 * ellipe(m) / ellipk(m) - 1.0)
-            yield measure(
-                BRANCH,
-                float(factor),
-                partial(dict, error=float(np.abs(gaps).max()), negative=int(negative)),
-                reference=f"elastica, elliptic integrals; L/r = {length:g}, part of the length",
-                tolerance=5e-3,
-            )
+            found = {"error": float(np.abs(gaps).max()), "negative": int(negative)}
+            yield BRANCH.point(float(factor), partial(dict, found))
 
 
 @cache

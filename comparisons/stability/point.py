@@ -1,9 +1,10 @@
-"""One point of a sweep: a value, PETSc options, what came out, and the one-line failure where nothing did."""
+"""Sweeps and their points: a value, PETSc options, what came out, and the one-line failure where nothing did."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import partial
 from time import perf_counter
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -33,6 +34,25 @@ def measure(sweep: str, value: float | str, solve: Callable[[], Mapping[str, Any
     except (InputError, SolveError) as problem:
         found = {"failure": str(problem)}
     return {"sweep": sweep, "value": value, **more, **found, "seconds": perf_counter() - start}
+
+
+class Sweep(NamedTuple):
+    """A swept number: its name, what results are compared with, and the largest error at which a point holds."""
+
+    name: str
+    reference: str
+    tolerance: float
+
+    def point(self, value: float, solve: Callable[[], Mapping[str, Any]], **more: Any) -> dict[str, Any]:
+        """Return the record of a point (`measure`)."""
+        return measure(self.name, value, solve, reference=self.reference, tolerance=self.tolerance, **more)
+
+    def over(
+        self, values: Iterable[float], solve: Callable[..., Mapping[str, Any]], *given: Any, **more: Any
+    ) -> Iterator[dict[str, Any]]:
+        """Yield the records of ``solve(value, *given)`` at each value."""
+        for value in values:
+            yield self.point(value, partial(solve, value, *given), **more)
 
 
 @contextmanager
@@ -66,6 +86,15 @@ def reach(records: list[dict[str, Any]]) -> float | None:
             break
         last = record["value"]
     return last
+
+
+def reached(curves: Mapping[str, list[dict[str, Any]]], form: str, single: str = "") -> str:
+    """Return in words up to where each series holds; a nameless one is called ``single``."""
+    words = []
+    for series, curve in curves.items():
+        last = reach(curve)
+        words.append(f"{series or single} {'nowhere' if last is None else f'up to {last:{form}}'}")
+    return ", ".join(words)
 
 
 def sweeps(records: list[dict[str, Any]]) -> dict[str, dict[str, list[dict[str, Any]]]]:

@@ -3,16 +3,13 @@
 import warnings
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq
 
 from comparisons.measure.records import Record
-from comparisons.stability import figure
-from comparisons.stability.point import holds, measure, reach, sweeps
+from comparisons.stability.point import Sweep, holds, reached, sweeps
 from comparisons.stability.rods import STIFFNESSES, condition, stiffness
 from isorod import modal
 from isorod.geometry import section
@@ -44,17 +41,22 @@ ELEMENTS: dict[str, dict[str, Any]] = {
     "K = 2, n = 16": {"section_points": 16, "order": 2},
     "polynomials N = 2": {"section_degree": 2},
 }
-THINNED = "trailing edge thinner by"
 BLADES: dict[str, dict[str, Any]] = {
     "K = 2, p = 3, n = 32, 16 elements": {"section_points": 32, "order": 2, "degree": 3, "elements": 16},
     "polynomials N = 4, p = 4, 12 elements": {"section_degree": 4, "degree": 4, "elements": 12},
 }
 SHAPES = {"symmetric": True, "paper's": False}
 FINE: dict[str, Any] = {"section_degree": 6, "degree": 5, "elements": 16}
-DEPTH = "petal depth of the flower"
-OFFSET = "section off the ring's centre line, inwards"
-TWIST = "twist over one element [degrees]"
-LENGTHS = "ratio of element lengths"
+THINNED = Sweep(
+    "trailing edge thinner by",
+    f"the same blade, polynomials N = {FINE['section_degree']}, p = {FINE['degree']}, 16 elements, full rule; ten "
+    "modes",
+    2e-2,
+)
+DEPTH = Sweep("petal depth of the flower", "area of the outline", 1e-3)
+OFFSET = Sweep("section off the ring's centre line, inwards", "Pappus' volume of the torus", 1e-6)
+TWIST = Sweep("twist over one element [degrees]", "exact volume of the twisted prism", 0.1)
+LENGTHS = Sweep("ratio of element lengths", "exact (Saint-Venant), one element of three short", 1e-6)
 
 
 def LIMITS(records: list[Record]) -> list[str]:
@@ -62,15 +64,10 @@ def LIMITS(records: list[Record]) -> list[str]:
     found = sweeps(records)
     lines = []
     for sweep, curves in found.items():
-        if sweep in (DEPTH, OFFSET):
-            continue
-        tolerance = next(iter(curves.values()))[0]["tolerance"]
-        reached = ", ".join(
-            f"{series or 'holds'} {'nowhere' if reach(curve) is None else f'up to {reach(curve):g}'}"
-            for series, curve in curves.items()
-        )
-        lines.append(f"{sweep}, error within {tolerance:g}: {reached}.")
-    for sweep in (DEPTH, OFFSET):
+        if sweep not in (DEPTH.name, OFFSET.name):
+            tolerance = next(iter(curves.values()))[0]["tolerance"]
+            lines.append(f"{sweep}, error within {tolerance:g}: {reached(curves, 'g', 'holds')}.")
+    for sweep in (DEPTH.name, OFFSET.name):
         (curve,) = found[sweep].values()
         refused = [one["value"] for one in curve if "failure" in one]
         good = [one["value"] for one in curve if holds(one)]
@@ -89,55 +86,20 @@ def run(level: str) -> Iterator[dict[str, Any]]:
     """Yield the points."""
     quick = level == "quick"
     for kind, name in STIFFNESSES.items():
+        ellipse = Sweep(f"ellipse 1 : x, {name}", "exact (Saint-Venant)", 1e-3)
         for series, element in ELEMENTS.items():
-            for ratio in RATIOS:
-                yield measure(
-                    f"ellipse 1 : x, {name}",
-                    ratio,
-                    partial(_ellipse, ratio, element, kind),
-                    series=series,
-                    reference="exact (Saint-Venant)",
-                    tolerance=1e-3,
-                )
+            yield from ellipse.over(RATIOS, _ellipse, element, kind, series=series)
     for name, symmetric in SHAPES.items():
         for series, element in list(BLADES.items())[1 if quick else 0 :]:
-            for ratio in (1.0, 10.0, 100.0) if quick else (1.0, 1.5, 2.0, 2.5, 3.0, 10.0, 30.0, 100.0, 1000.0):
-                yield measure(
-                    THINNED,
-                    ratio,
-                    partial(_blade, ratio, element, symmetric),
-                    series=f"{name}, {series}",
-                    reference=f"the same blade, polynomials N = {FINE['section_degree']}, p = {FINE['degree']}, 16 "
-                    "elements, full rule; ten modes",
-                    tolerance=2e-2,
-                )
+            ratios = (1.0, 10.0, 100.0) if quick else (1.0, 1.5, 2.0, 2.5, 3.0, 10.0, 30.0, 100.0, 1000.0)
+            yield from THINNED.over(ratios, _blade, element, symmetric, series=f"{name}, {series}")
     yield from _flowers()
     yield from _rings()
     for series, (degree, parts) in {"quadratic": (2, 1), "cubic": (3, 1), "quadratic, twice as many": (2, 2)}.items():
-        for degrees in (15.0, 30.0, 45.0, 90.0, 120.0, 180.0, 270.0, 360.0, 540.0):
-            yield measure(
-                TWIST,
-                degrees,
-                partial(_twisted, degrees, degree, parts),
-                series=series,
-                reference="exact volume of the twisted prism",
-                tolerance=0.1,
-            )
+        turns = (15.0, 30.0, 45.0, 90.0, 120.0, 180.0, 270.0, 360.0, 540.0)
+        yield from TWIST.over(turns, _twisted, degree, parts, series=series)
     for kind in ("torsion", "weak"):
-        for ratio in (1.0, 1e2, 1e4, 1e6, 1e8, 1e10):
-            yield measure(
-                LENGTHS,
-                ratio,
-                partial(_short, ratio, kind),
-                series=STIFFNESSES[kind],
-                reference="exact (Saint-Venant), one element of three short",
-                tolerance=1e-6,
-            )
-
-
-def plot(records: list[Record], path: Path) -> None:
-    """Draw the case's figure."""
-    figure.draw(records, path)
+        yield from LENGTHS.over((1.0, 1e2, 1e4, 1e6, 1e8, 1e10), _short, kind, series=STIFFNESSES[kind])
 
 
 def _ellipse(ratio: float, element: dict[str, Any], kind: str) -> dict[str, Any]:
@@ -226,8 +188,8 @@ def _flowers() -> Iterator[dict[str, Any]]:
             return {"error": 1.0, "jacobian": smallest}
         return {"error": abs(rod.volume() / exact - 1.0), "jacobian": smallest}
 
-    for depth in (0.0, 0.1, 0.2, 0.3, *(fold * (1.0 + gap) for gap in (-1e-2, -1e-3, 1e-3, 1e-2)), 0.6, 0.8, 0.95):
-        yield measure(DEPTH, depth, partial(solve, depth), reference="area of the outline", tolerance=1e-3, fold=fold)
+    near = (fold * (1.0 + gap) for gap in (-1e-2, -1e-3, 1e-3, 1e-2))
+    yield from DEPTH.over((0.0, 0.1, 0.2, 0.3, *near, 0.6, 0.8, 0.95), solve, fold=fold)
 
 
 def _rings() -> Iterator[dict[str, Any]]:
@@ -243,11 +205,7 @@ def _rings() -> Iterator[dict[str, Any]]:
         exact = 2.0 * np.pi * (radius - offset) * np.pi * wire**2
         return {"error": abs(rod.volume() / exact - 1.0), "jacobian": smallest}
 
-    fold = radius - wire
-    for offset in (0.0, 0.5, 1.0, 1.4, 1.49, 1.499, 1.501, 1.51, 1.6, 2.0):
-        yield measure(
-            OFFSET, offset, partial(solve, offset), reference="Pappus' volume of the torus", tolerance=1e-6, fold=fold
-        )
+    yield from OFFSET.over((0.0, 0.5, 1.0, 1.4, 1.49, 1.499, 1.501, 1.51, 1.6, 2.0), solve, fold=radius - wire)
 
 
 def _twisted(degrees: float, degree: int, parts: int) -> dict[str, Any]:

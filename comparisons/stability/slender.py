@@ -5,16 +5,14 @@ Locking, conditioning, rounding, Newton's iterations.
 
 from collections.abc import Iterator
 from contextlib import nullcontext
-from functools import cache, partial
-from pathlib import Path
+from functools import cache
 from typing import Any
 from unittest.mock import patch
 
 import numpy as np
 
 from comparisons.measure.records import Record
-from comparisons.stability import figure
-from comparisons.stability.point import measure, reach, sweeps
+from comparisons.stability.point import Sweep, reach, sweeps
 from comparisons.stability.rods import condition
 from isorod import statics
 from isorod.assembly.assembler import Assembler
@@ -55,6 +53,7 @@ SERIES: dict[str, dict[str, Any]] = {
 }
 PLAIN_NEWTON = "polynomials, C0, p points, Newton without extrapolated stress"
 TOLERANCE = 1e-4
+EXACT = "up to 1e3 the same with 16 elements of degree 5, else the inextensible elastica"
 
 
 def LIMITS(records: list[Record]) -> list[str]:
@@ -82,21 +81,9 @@ def run(level: str) -> Iterator[dict[str, Any]]:
     loads = (1.0,) if level == "quick" else (1.0, 10.0)
     lengths = [10.0, 1e3, 1e5] if level == "quick" else [10.0 ** (k / 2) for k in range(2, 13)]
     for load in loads:
+        sweep = Sweep(f"length over radius, P L^2 / EI = {load:g}", EXACT, TOLERANCE)
         for series, space in (SERIES | {PLAIN_NEWTON: REDUCED}).items():
-            for length in lengths:
-                yield measure(
-                    f"length over radius, P L^2 / EI = {load:g}",
-                    length,
-                    partial(_cantilever, length, load, space, series == PLAIN_NEWTON),
-                    series=series,
-                    reference="up to 1e3 the same with 16 elements of degree 5, else the inextensible elastica",
-                    tolerance=TOLERANCE,
-                )
-
-
-def plot(records: list[Record], path: Path) -> None:
-    """Draw the case's figure."""
-    figure.draw(records, path)
+            yield from sweep.over(lengths, _cantilever, load, space, series == PLAIN_NEWTON, series=series)
 
 
 def _solve(length: float, load: float, space: dict[str, Any]) -> tuple[float, statics.Equilibrium]:

@@ -1,15 +1,13 @@
 """Steps in time: explicit ones about the critical length and by the million, implicit ones, and where these pay."""
 
 from collections.abc import Callable, Iterator
-from functools import cache, partial
-from pathlib import Path
+from functools import cache
 from typing import Any
 
 import numpy as np
 
 from comparisons.measure.records import Record
-from comparisons.stability import figure
-from comparisons.stability.point import measure, reach, sweeps
+from comparisons.stability.point import Sweep, reach, sweeps
 from isorod import dynamics, modal
 from isorod.arrays import Array
 from isorod.dynamics.explicit.run import Run
@@ -47,26 +45,27 @@ MOST = 4096
 # Of the runs in different shares of the critical step, in critical steps.
 DURATION = 400
 
-SHARE = "time step / critical one"
-LONG = "explicit steps taken, undamped"
-LARGE = "implicit time step / critical one"
-CONTRAST = "stiffness ratio of tendon and muscle"
+BALANCE = "energy at the start"
+SHARE = Sweep("time step / critical one", BALANCE, TOLERANCE)
+LONG = Sweep("explicit steps taken, undamped", BALANCE, TOLERANCE)
+LARGE = Sweep("implicit time step / critical one", BALANCE, TOLERANCE)
+CONTRAST = Sweep("stiffness ratio of tendon and muscle", "the same in steps of half the length", TOLERANCE)
 
 
 def LIMITS(records: list[Record]) -> list[str]:
     """Return the limits, from the records."""
     found = sweeps(records)
     lines = []
-    for series, curve in found[SHARE].items():
+    for series, curve in found[SHARE.name].items():
         reached = reach(curve)
         until = "nowhere" if reached is None else f"up to {reached:g} critical steps"
         lines.append(f"{series}, {DURATION} critical steps long: energy kept to {TOLERANCE:g} {until}.")
-    over = [one["value"] for one in records if one["sweep"] == SHARE and "failure" in one and one["value"] > 1.0]
+    over = [one["value"] for one in records if one["sweep"] == SHARE.name and "failure" in one and one["value"] > 1.0]
     lines.append(
         f"Of the {len(over)} runs in steps longer than the critical one, without mass added for them, each blows up "
         "and says so with the critical step; users' steps of that length get mass added at the start, or are refused."
     )
-    for series, curve in found[LONG].items():
+    for series, curve in found[LONG.name].items():
         last = curve[-1]
         if "failure" in last:
             lines.append(f"{series}: {last['failure']}.")
@@ -74,13 +73,13 @@ def LIMITS(records: list[Record]) -> list[str]:
         lines.append(
             f"{series}, {last['value']:.0e} steps: energy within {last['error']:.1e}, drift {last['drift']:.1e}."
         )
-    for series, curve in found[LARGE].items():
+    for series, curve in found[LARGE.name].items():
         done = [one for one in curve if "failure" not in one]
         lines.append(
             f"{series}: energy kept to {max(one['error'] for one in done):.0e} in steps of up to "
             f"{max(one['value'] for one in done):g} critical ones."
         )
-    curve = [one for one in found[CONTRAST][SERIES] if "failure" not in one]
+    curve = [one for one in found[CONTRAST.name][SERIES] if "failure" not in one]
     pays = [one["value"] for one in curve if one["implicit_seconds"] < one["explicit_seconds"]]
     ratio = curve[-1]["explicit_steps"] / curve[-1]["implicit_steps"]
     lines.append(
@@ -98,37 +97,13 @@ def run(level: str) -> Iterator[dict[str, Any]]:
     """Yield the points."""
     full = level != "quick"
     shares = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99, 1.01, 1.05, 1.1)
-    balance = "energy at the start"
     for series, size in (("explicit, all modes, small", GENTLE), ("explicit, all modes, violent", VIOLENT)):
-        for share in shares:
-            yield measure(
-                SHARE, share, partial(_share, share, size), series=series, reference=balance, tolerance=TOLERANCE
-            )
+        yield from SHARE.over(shares, _share, size, series=series)
     yield from _long(1_000_000 if full else 100_000)
     for series, size in (("implicit, all modes, small", GENTLE), ("implicit, all modes, violent", VIOLENT)):
-        for steps in (1.0, 10.0, 100.0, 1000.0):
-            yield measure(
-                LARGE,
-                steps,
-                partial(_large, steps, size, 100 if full else 30),
-                series=series,
-                reference=balance,
-                tolerance=TOLERANCE,
-            )
-    for ratio in (1.0, 10.0, 1e2, 1e3, 1e4, 1e5, 1e6) if full else (1.0, 1e3, 1e6):
-        yield measure(
-            CONTRAST,
-            ratio,
-            partial(_contrast, ratio),
-            series=SERIES,
-            reference="the same in steps of half the length",
-            tolerance=TOLERANCE,
-        )
-
-
-def plot(records: list[Record], path: Path) -> None:
-    """Draw the case's figure."""
-    figure.draw(records, path)
+        yield from LARGE.over((1.0, 10.0, 100.0, 1000.0), _large, size, 100 if full else 30, series=series)
+    ratios = (1.0, 10.0, 1e2, 1e3, 1e4, 1e5, 1e6) if full else (1.0, 1e3, 1e6)
+    yield from CONTRAST.over(ratios, _contrast, series=SERIES)
 
 
 def _model(ratio: float = 1.0, elements: int = 4) -> Model:
@@ -202,21 +177,14 @@ def _long(steps: int) -> Iterator[dict[str, Any]]:
             step = share * critical
             return dynamics.solve(model, steps * step, step, outputs=1000, velocity=velocity).energy_error
 
-        def point(count: int, errors: Callable[[], Array] = errors) -> dict[str, Any]:
-            here = errors()[: 1 + 1000 * count // steps]
+        def point(count: float, errors: Callable[[], Array] = errors) -> dict[str, Any]:
+            here = errors()[: 1 + 1000 * int(count) // steps]
             tenth = max(1, here.size // 10)
             drift = float(abs(here[-tenth:].mean() - here[1 : tenth + 1].mean()))
             return {"error": float(np.abs(here).max()), "drift": drift}
 
-        for count in [10**k for k in range(3, 7) if 10**k <= steps]:
-            yield measure(
-                LONG,
-                float(count),
-                partial(point, count),
-                series=f"{name} swing, {share} critical steps",
-                reference="energy at the start",
-                tolerance=TOLERANCE,
-            )
+        counts = [float(10**k) for k in range(3, 7) if 10**k <= steps]
+        yield from LONG.over(counts, point, series=f"{name} swing, {share} critical steps")
 
 
 def _large(steps: float, size: float, count: int) -> dict[str, Any]:

@@ -23,8 +23,7 @@ from typing import Any, cast
 import numpy as np
 
 from comparisons.measure.records import Record
-from comparisons.stability import figure
-from comparisons.stability.point import measure
+from comparisons.stability.point import Sweep
 from isorod import options, statics
 from isorod.arrays import Array
 from isorod.command import new
@@ -219,9 +218,8 @@ def outcome(error: float, estimate: float | None) -> str:
 def point(bar: Bar) -> dict[str, Any]:
     """Return the record of a bar."""
     with tempfile.TemporaryDirectory() as folder:
-        sweep, series = f"{bar.section}, {bar.load}: length over radius", bar.law
-        more = {"series": series, "tolerance": TOLERANCE, "reference": "a finer space"}
-        return measure(sweep, bar.length, partial(compare, bar, Path(folder)), bar=str(bar), **more)
+        sweep = Sweep(f"{bar.section}, {bar.load}: length over radius", "a finer space", TOLERANCE)
+        return sweep.point(bar.length, partial(compare, bar, Path(folder)), bar=str(bar), series=bar.law)
 
 
 def run(level: str) -> Iterator[dict[str, Any]]:
@@ -256,8 +254,8 @@ def elements(name: str, levels: Sequence[int] = MESHES) -> dict[str, Any]:
             "space": str(model.bodies[0].space),
         }
 
-    more = {"series": name, "tolerance": LARGE, "reference": "finite elements, the finest mesh"}
-    return measure("beside finite elements: level of the mesh", levels[-1], compare, bar=f"{name}, , ", **more)
+    sweep = Sweep("beside finite elements: level of the mesh", "finite elements, the finest mesh", LARGE)
+    return sweep.point(levels[-1], compare, bar=f"{name}, , ", series=name)
 
 
 def _ring(count: int) -> Array:
@@ -286,11 +284,6 @@ def LIMITS(records: list[Record]) -> list[str]:
             f"whose two finest meshes are {100.0 * one['apart']:.2g} % apart."
         )
     return lines
-
-
-def plot(records: list[Record], path: Path) -> None:
-    """Draw the case's figure."""
-    figure.draw(records, path)
 
 
 def main(words: Sequence[str]) -> int:
