@@ -7,7 +7,7 @@ import numpy as np
 
 from comparisons.fem.presets import biceps as presets
 from comparisons.measure import timing
-from comparisons.measure.convergence import extrapolate
+from comparisons.measure.convergence import limits
 from comparisons.measure.records import Record
 from comparisons.measure.study import Run, Steps
 from comparisons.report import biceps_pictures
@@ -100,17 +100,14 @@ def _converged(study: Run, steps: Steps) -> Record:
     """Record equilibria on finer and finer meshes, and what they tend to; return that."""
     label = presets.CONVERGED.label
     found = [_fem(study, steps, "convergence", label, arguments) for arguments in CONVERGED[study.level]]
-    sizes = [1.0 / record["options"]["layers"] for record in found]
-    values: Record = {"end_force": []}
-    limits: dict[str, Any] = {}
-    for name in QUANTITIES:
-        courses = np.atleast_2d(np.array([record[name] for record in found]).T)
-        every = [extrapolate(sizes, course) for course in courses]
+    values: Record = {}
+    told: dict[str, Any] = {}
+    for name, every in limits(found, QUANTITIES).items():
         value = [limit.value for limit in every]
         values[name] = value if name == "end_force" else value[0]
         worst = max(every, key=lambda limit: limit.distance / abs(limit.value))
-        limits[name] = {"order": worst.order, "uncertainty": worst.distance / abs(worst.value)}
-    study.record("converged", values | {"limits": limits, "element": label})
+        told[name] = {"order": worst.order, "uncertainty": worst.distance / abs(worst.value)}
+    study.record("converged", values | {"limits": told, "element": label})
     for record in found:
         _work(study, record, values)
     return values

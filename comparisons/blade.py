@@ -9,10 +9,9 @@ import numpy as np
 
 from comparisons.fem.presets import blade as presets
 from comparisons.measure import mac, published, rod, timing
-from comparisons.measure.convergence import extrapolate
-from comparisons.measure.records import Record
-from comparisons.measure.study import Run, Steps
-from comparisons.measure.work import Curve, WorkPrecision, fem_curves, steps_of, with_others
+from comparisons.measure.scene import Scene
+from comparisons.measure.study import Run
+from comparisons.measure.work import Curve, fem_curves, with_others
 from comparisons.report import pictures
 from isorod import modal, options, scenes
 
@@ -112,16 +111,12 @@ BEST = {
 def run(study: Run, others: Sequence[str] = ()) -> None:
     """Run the study and append its records; ``others`` are interpreters whose dolfinx is measured too."""
     options.initialize([])
-    curves, family, targets = (
-        with_others(CURVES[study.level], others),
-        presets.CONVERGED[study.level],
-        TARGETS[study.level],
-    )
-    total = 1 + len(family.arguments) + len(PAPER) + len(ELEMENTS) + steps_of(curves, targets) + 2
-    with study.progress(total) as steps:
+    known = {target: (*BEST[target], *presets.BEST[target]) for target in TARGETS[study.level]}
+    curves, family = with_others(CURVES[study.level], others), presets.CONVERGED[study.level]
+    measured = Scene("blade", ("frequencies",), family, curves, known, FINER)
+    with study.progress(1 + len(PAPER) + len(ELEMENTS) + measured.steps + 2) as steps:
         with steps.step("Table 2"):
             _table(study)
-        reference = _converged(study, steps, family.arguments, family.label)
         for name, arguments in PAPER.items():
             with steps.step(f"the paper's mesh, {name}"):
                 found = timing.run("comparisons.fem", ["blade", *arguments.split()])
@@ -130,19 +125,13 @@ def run(study: Run, others: Sequence[str] = ()) -> None:
             with steps.step(f"element {label}"):
                 found = rod.measure("blade", values | {"preset": "paper"}, repeat=1)
                 study.record("element", found | {"label": label})
-        work = WorkPrecision(study, steps, "blade", FINER, lambda found: largest_error(found["frequencies"], reference))
-        work.run(curves, targets, {target: (*BEST[target], *presets.BEST[target]) for target in targets})
+        measured.run(study, steps)
         scene = scenes.find("blade")(preset="paper", section_points=32, elements=16, degree=3, order=2)
         shapes = modal.solve(scene.model())
         with steps.step("modal assurance criterion"):
             _assurance(study, shapes, family.arguments[-2])
         with steps.step("mode shapes"):
             pictures.modes(study, shapes)
-
-
-def largest_error(frequencies: Sequence[float], reference: Sequence[float]) -> float:
-    """Return the largest relative error of the frequencies, in their order."""
-    return float(np.max(np.abs(np.array(frequencies) / np.array(reference) - 1.0)))
 
 
 def _table(study: Run) -> None:
@@ -159,24 +148,6 @@ def _table(study: Run) -> None:
         }
         found = rod.measure("blade", values, repeat=1)
         study.record("table 2", found | {"published": frequencies, "elements": elements})
-
-
-def _converged(study: Run, steps: Steps, meshes: Sequence[str], label: str) -> list[float]:
-    """Record the extrapolated frequencies and return them.
-
-    Where a frequency does not approach its limit monotonically, or slower than with first order, the finest value
-    stands for it.
-    """
-    records: list[Record] = []
-    for arguments in meshes:
-        with steps.step(f"converged values: {label} {arguments}"):
-            record = timing.run("comparisons.fem", ["blade", *arguments.split()])
-            records.append(study.record("convergence", record | {"arguments": arguments}))
-    sizes = [1.0 / record["options"]["layers"] for record in records]
-    found = [extrapolate(sizes, values) for values in zip(*(record["frequencies"] for record in records), strict=True)]
-    limits, orders = [limit.value for limit in found], [limit.order for limit in found]
-    study.record("converged", {"frequencies": limits, "orders": orders, "element": label})
-    return limits
 
 
 def _assurance(study: Run, found: modal.Modes, arguments: str) -> None:

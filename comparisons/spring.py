@@ -4,11 +4,10 @@ from collections.abc import Sequence
 from typing import Any
 
 from comparisons.fem.presets import spring as presets
-from comparisons.fem.presets.family import Family
 from comparisons.measure import published, rod, timing
-from comparisons.measure.convergence import richardson
-from comparisons.measure.study import Run, Steps
-from comparisons.measure.work import Curve, WorkPrecision, fem_curves, steps_of, with_others
+from comparisons.measure.scene import Scene
+from comparisons.measure.study import Run
+from comparisons.measure.work import Curve, fem_curves, with_others
 from comparisons.report import pictures
 from isorod import options
 
@@ -71,21 +70,19 @@ PAPER_MESH = {"quick": ("paper-q1", "paper-enhanced"), "full": ("paper-q1", "pap
 def run(study: Run, others: Sequence[str] = ()) -> None:
     """Run the study and append its records; ``others`` are interpreters whose dolfinx is measured too."""
     options.initialize([])
-    curves, family = with_others(CURVES[study.level], others), presets.CONVERGED[study.level]
-    targets = TARGETS[study.level]
-    total = len(published.SPRING_GAUSS_POINTS) + len(family.meshes) + len(PAPER_MESH[study.level]) + 1
-    total += steps_of(curves, targets)
+    known = {target: (*BEST[target], *presets.BEST[target]) for target in TARGETS[study.level]}
+    curves = with_others(CURVES[study.level], others)
+    scene = Scene("spring", ("force",), presets.CONVERGED[study.level], curves, known, FINER)
+    total = len(published.SPRING_GAUSS_POINTS) + len(PAPER_MESH[study.level]) + scene.steps + 1
     with study.progress(total) as steps:
         for extra in published.SPRING_GAUSS_POINTS:
             with steps.step(f"Table 1, {extra} more Gauss points than the degree"):
                 _table(study, extra)
-        reference = _converged(study, steps, family)
         for name in PAPER_MESH[study.level]:
             with steps.step(f"the paper's mesh, {name}"):
                 found = timing.run("comparisons.fem", ["spring", "--preset", name])
                 study.record("paper mesh", found | {"element": name.removeprefix("paper-")})
-        work = WorkPrecision(study, steps, "spring", FINER, lambda found: abs(found["force"] / reference - 1.0))
-        work.run(curves, targets, {target: (*BEST[target], *presets.BEST[target]) for target in targets})
+        scene.run(study, steps)
         with steps.step("von Mises stress"):
             pictures.spring(study)
 
@@ -106,17 +103,3 @@ def _table(study: Run, extra: int) -> None:
             }
             found = rod.measure("spring", values, repeat=1)
             study.record(f"table 1, t = p + {extra}", found | {"published": force})
-
-
-def _converged(study: Run, steps: Steps, family: Family) -> float:
-    """Record the extrapolated finite element value and return it."""
-    forces, sizes = [], []
-    for arguments in family.arguments:
-        with steps.step(f"converged value: {family.label} {arguments}"):
-            found = study.record("convergence", timing.run("comparisons.fem", ["spring", *arguments.split()]))
-        forces.append(found["force"])
-        sizes.append(1.0 / found["options"]["layers"])
-    limit = richardson(sizes, forces)
-    values = {"force": limit.value, "order": limit.order, "uncertainty": limit.distance, "element": family.label}
-    study.record("converged", values)
-    return limit.value

@@ -16,6 +16,7 @@ from comparisons.measure import timing, work
 from comparisons.measure.study import Run
 from comparisons.measure.work import AS_RUN, MODULES
 from comparisons.report import bench as report
+from comparisons.spring import FINER
 from isorod import scenes
 from isorod.space.basis import PAPER, POLYHARMONIC, POLYNOMIALS
 
@@ -84,11 +85,10 @@ def test_what_is_missing_is_named(monkeypatch):
 
 @pytest.mark.parametrize("level", ["quick", "full"])
 def test_every_program_has_curves_and_isorod_one_with_nothing_chosen(level):
-    for scene in (rods.Spring, rods.Blade):
-        made = scene(level, ["ngsolve"], [], {})
+    for made in rods.scenes(level, ["ngsolve"], []):
         assert {curve.method for curve in made.curves} == set(MODULES)
         assert AS_RUN in made.curves and set(AS_RUN.arguments) <= set(biceps.OURS)
-        best = {one for side in made.best.values() for target in made.targets[level] for one in side[target]}
+        best = {one for known in made.known.values() for one in known}
         assert best <= {arguments for curve in made.curves for arguments in curve.arguments}
 
 
@@ -104,8 +104,7 @@ def test_what_is_chosen_is_held_against_finer_spaces_of_the_same_kind(monkeypatc
     monkeypatch.setattr(work.timing, "run", run)
     study = Run("made-up", "quick", tmp_path)
     with study.progress(9) as steps:
-        finer = rods.Spring.finer
-        work.WorkPrecision(study, steps, "spring", finer, lambda _: 0.0).run([AS_RUN], [1e-2], {1e-2: ()})
+        work.WorkPrecision(study, steps, "spring", FINER, lambda _: 0.0).run([AS_RUN], [1e-2], {1e-2: ()})
     chosen = "--section-degree {} --elements-per-turn {} --degree 5 --continuity 2"
     near = [f"spring {chosen.format(*one)} --repeat 1" for one in ((3, 8), (4, 4))]
     assert asked == ["spring --whole --repeat 6", *near, *3 * ["spring --whole --repeat 6"]]

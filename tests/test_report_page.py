@@ -84,7 +84,7 @@ def made(study, folder, versions=("0.5.2",)):
         (folder / name).write_bytes(b"")
     extra = run_of(study, "fem", "", 0, 1.0, 0.0)
     if study == "spring":
-        run.record("converged", {"force": 6.1, "element": "Q3", "order": 3.0, "uncertainty": 1e-3})
+        run.record("converged", {"force": [6.1], "element": "Q3", "orders": {"force": [3.0]}, "uncertainty": 1e-3})
         run.record("convergence", extra | {"force": 6.1})
         run.record("paper mesh", extra | {"force": 6.1, "element": "q1"})
         for t in (1, 2, 4):

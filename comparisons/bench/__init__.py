@@ -7,12 +7,10 @@ contracting fibres.
 """
 
 import os
-from collections import defaultdict
 from collections.abc import Sequence
 from importlib import util
 
 from comparisons.bench import biceps, hollow, rods
-from comparisons.measure.records import Record
 from comparisons.measure.study import Run
 from isorod import options
 
@@ -36,9 +34,7 @@ def run(study: Run, others: Sequence[str] = (), only: Sequence[str] = ()) -> Non
     here, absent = opponents()
     # What else the machine does: times are worth little beside it.
     study.record("opponents", {"here": here, "absent": absent, "load": os.getloadavg()[0]})
-    scenes: list[rods.Scene] = [scene(study.level, here, others, {}) for scene in (rods.Spring, rods.Blade)]
-    kept: defaultdict[str, dict[tuple[str, ...], Record]] = defaultdict(dict)
-    scenes += [scene(study.level, (), others, kept[scene.file]) for scene in hollow.SCENES]
+    scenes = [*rods.scenes(study.level, here, others), *hollow.scenes(others)]
     scenes = [scene for scene in scenes if scene.name in only or not only]
     with study.progress(sum(scene.steps for scene in scenes) + (0 if only else biceps.steps(study.level))) as steps:
         for scene in scenes:

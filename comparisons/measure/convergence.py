@@ -1,12 +1,13 @@
 """Extrapolation of a quantity computed on three meshes, and orders of convergence of Newton's method."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 from scipy.optimize import brentq
 
+from comparisons.measure.records import Record
 from isorod.errors import SolveError
 
 
@@ -66,6 +67,13 @@ def extrapolate(sizes: Sequence[float], values: Sequence[float]) -> Limit:
     if limit is None or limit.order is None or limit.order < 1.0:
         return Limit(float(values[-1]), None, abs(float(values[-1] - values[-2])) if len(values) > 1 else 0.0)
     return limit
+
+
+def limits(records: Sequence[Record], names: Iterable[str]) -> dict[str, list[Limit]]:
+    """Return, by name, the extrapolated limit of each number of some quantities of records, one a mesh, fine last."""
+    sizes = [1.0 / record["options"]["layers"] for record in records]
+    found = {name: [np.ravel(record[name]).tolist() for record in records] for name in names}
+    return {name: [extrapolate(sizes, one) for one in zip(*each, strict=True)] for name, each in found.items()}
 
 
 def newton_orders(norms: Sequence[float]) -> list[float]:

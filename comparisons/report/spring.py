@@ -31,6 +31,7 @@ def section(records: list[Record], folder: Path) -> list[str]:
     """Write the plots of a run of the study and return its HTML."""
     records = precision.settled(records)
     (limit,), (picture,) = part(records, "converged"), part(records, "picture")
+    (force,) = limit["force"]
     scene = next(one for one in part(records, "work") if one["method"] == "cylindrical")["options"]
     lines = [heading(2, "Spring")]
     lines.append(
@@ -38,9 +39,9 @@ def section(records: list[Record], folder: Path) -> list[str]:
         f"{scene['coil_radius']:g} that rise {scene['pitch']:g} a turn, clamped at its lower end. The upper end, kept "
         f"from turning, is pulled {scene['pull']:g} along the axis: how large is the force? The material is "
         f"neo-Hookean, E = {scene['E']:g}, ν = {scene['nu']:g}. Units are consistent ones: with mm and MPa the force "
-        f"is in N. Converged force: {limit['force']:.5f}, extrapolated from three uniformly refined meshes of curved "
-        f"bricks (<code>{html.escape(limit['element'])}</code>, observed order {limit['order']:.1f}, finest mesh "
-        f"{limit['uncertainty']:.1g} away).</p>"
+        f"is in N. Converged force: {force:.5f}, extrapolated from three uniformly refined meshes of curved "
+        f"bricks (<code>{html.escape(limit['element'])}</code>, observed order {_order(limit)}, finest mesh "
+        f"{limit['uncertainty'] * force:.1g} away).</p>"
     )
     lines += work.errors("spring", "spring's force", records, folder, OURS, THEIRS)
     lines.append(heading(3, "Spring: von Mises stress"))
@@ -89,6 +90,11 @@ def _published(records: list[Record], extra: int) -> str:
     return table(head, rows, text=(0, 1))
 
 
+def _order(limit: Record) -> str:
+    (order,) = limit["orders"]["force"]
+    return "none shown" if order is None else f"{order:.1f}"
+
+
 def _reference(records: list[Record]) -> str:
     rows = []
     for record in part(records, "convergence"):
@@ -96,7 +102,7 @@ def _reference(records: list[Record]) -> str:
         name = f"Q{options['degree']} curved bricks, {options['around']} round, {options['layers']} layers"
         rows.append((name, f"{record['dofs']:,}", f"{record['force']:.5f}"))
     (limit,) = part(records, "converged")
-    rows.append((f"extrapolated, order {limit['order']:.1f}", "", f"{limit['force']:.5f}"))
+    rows.append((f"extrapolated, order {_order(limit)}", "", f"{limit['force'][0]:.5f}"))
     for record in part(records, "paper mesh"):
         name = f"{PAPER_ELEMENTS[record['element']]} on the paper's mesh (O-grid, 72 layers, straight sides)"
         rows.append((name, f"{record['dofs']:,}", f"{record['force']:.5f}"))
