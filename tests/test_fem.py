@@ -19,7 +19,8 @@ from comparisons.fem import quadrature
 from comparisons.fem.__main__ import _parser
 from comparisons.fem.domain import Domain
 from comparisons.fem.presets import spring as presets
-from comparisons.fem.spring import Configuration, domain, equilibrium, run
+from comparisons.fem.published import Spring as Configuration
+from comparisons.fem.runs import distribute, run
 from comparisons.fem.statics import Element, Held, solve
 from comparisons.fem.stored import energy_of
 from isorod.command import parser
@@ -189,18 +190,17 @@ def test_fine_cubic_bricks_extrapolate_to_the_converged_force():
     ids=["lu", "petsc", "gamg"],
 )
 def test_solvers_agree(solver):
-    where = domain(Configuration(**SMALL), MPI.COMM_WORLD)
-    direct = equilibrium(where, Configuration(**SMALL)).reactions
-    other = equilibrium(where, Configuration(**SMALL, solver=solver)).reactions
+    where, _ = distribute(Configuration(**SMALL).mesh, MPI.COMM_WORLD)
+    direct = Configuration(**SMALL).solve(where).reactions
+    other = Configuration(**SMALL, solver=solver).solve(where).reactions
     assert np.abs(other - direct).max() < 1e-7 * np.abs(direct).max()
 
 
 def test_reactions_balance():
-    where = domain(Configuration(**SMALL), MPI.COMM_WORLD)
+    where, _ = distribute(Configuration(**SMALL).mesh, MPI.COMM_WORLD)
     for change in ({}, {"degree": 3, "family": "S", "quadrature": 5}):
-        reactions = equilibrium(
-            where, Configuration(**SMALL, order=2) if not change else Configuration(**SMALL, **change)
-        ).reactions
+        chosen = Configuration(**SMALL, **change) if change else Configuration(**SMALL, order=2)
+        reactions = chosen.solve(where).reactions
         assert np.abs(reactions.sum(axis=0)).max() < 1e-6
         assert reactions[1, 2] > 1.0
 

@@ -12,10 +12,11 @@ from reference import BLADE_FREQUENCIES as CONVERGED
 
 pytest.importorskip("dolfinx")
 
-from comparisons.fem.blade import Configuration, run, vibrations
 from comparisons.fem.domain import Domain
 from comparisons.fem.mode_shapes import nodal
 from comparisons.fem.presets import blade as presets
+from comparisons.fem.published import Blade as Configuration
+from comparisons.fem.runs import run
 from comparisons.measure import published
 from isorod.errors import SolveError
 from meshes import blade
@@ -27,7 +28,7 @@ def configuration(arguments: str) -> Configuration:
     from comparisons.fem.__main__ import _parser
 
     given = vars(_parser().parse_args(["blade", *arguments.split()]))
-    for name in ("scene", "repeat", "preset", "modes_file"):
+    for name in ("scene", "repeat", "preset", "fields"):
         given.pop(name)
     return Configuration(**given | {"flags": tuple(given["flags"].split())})
 
@@ -81,7 +82,7 @@ def test_elements_on_the_mesh_of_the_papers_counts():
 
 def test_modes_file(tmp_path):
     file = tmp_path / "modes.npz"
-    record = run(configuration("--along 4 --layers 6 --modes 3"), modes_file=file)
+    record = run(configuration("--along 4 --layers 6 --modes 3"), file=file)
     mesh = blade.build("bricks", 4, 1, 6)
     with np.load(file) as arrays:
         assert arrays["frequencies"] == pytest.approx(record["frequencies"])
@@ -100,7 +101,7 @@ def test_shapes_at_nodes_are_those_of_the_function(arguments):
 
     chosen = configuration(arguments)
     mesh = chosen.mesh()
-    found = vibrations(Domain.distribute(mesh), chosen)
+    found = chosen.solve(Domain.distribute(mesh))
     values = nodal(found)
     assert values is not None and values.shape == (10, len(mesh.points), 3)
     # Against the degrees of freedom where those stand at the mesh's nodes: corners do for every degree.
@@ -126,7 +127,7 @@ def test_two_ranks_give_the_serial_modes(mpirun, tmp_path, arguments):
     parallel = json.loads(line)
     other = tmp_path / "serial.npz"
     chosen = presets.PRESETS["paper-enhanced"] if "paper" in arguments else arguments
-    serial = run(configuration(chosen), modes_file=other)
+    serial = run(configuration(chosen), file=other)
     assert parallel["ranks"] == 2 and parallel["sturm_count"] == serial["sturm_count"] == 10
     assert parallel["dofs"] == serial["dofs"] and parallel["unknowns"] == serial["unknowns"]
     # A frequency is known to half its residual: that of the enhanced bricks' first mode is rounding, 4e-8, which MUMPS

@@ -10,14 +10,15 @@ pytest.importorskip("dolfinx")
 from mpi4py import MPI
 
 from comparisons.fem import compat, runs
+from comparisons.measure import timing
 from isorod.errors import InputError
 
 
 def clocked(monkeypatch, *lengths):
     """Return a made-up solve whose runs take so long, a quarter of it assembly, a quarter the check of the result."""
     ticks = itertools.chain.from_iterable((100.0 * k, 100.0 * k + length) for k, length in enumerate(lengths))
-    monkeypatch.setattr(runs, "perf_counter", lambda: next(ticks))
-    monkeypatch.setattr(runs, "process_time", lambda: 0.0)
+    monkeypatch.setattr(timing, "perf_counter", lambda: next(ticks))
+    monkeypatch.setattr(timing, "process_time", lambda: 0.0)
     left = iter(lengths)
     calls = []
 

@@ -8,10 +8,11 @@ import pytest
 pytest.importorskip("rich")
 pytest.importorskip("dolfinx")
 
+from mpi4py import MPI
+
 from comparisons import bench
 from comparisons.bench import biceps, rods
-from comparisons.fem import blade as fem_blade
-from comparisons.fem import spring as fem_spring
+from comparisons.fem import published, runs
 from comparisons.measure import timing, work
 from comparisons.measure.study import Run
 from comparisons.measure.work import AS_RUN, MODULES
@@ -44,8 +45,8 @@ def ngsolved(words):
 )
 def test_ngsolve_finds_the_force_of_dolfinx_on_the_same_mesh(words, more):
     layers = 24
-    configuration = fem_spring.Configuration(around=4, layers=layers, rings=0, **more)
-    wanted = fem_spring.equilibrium(fem_spring.domain(configuration), configuration)
+    configuration = published.Spring(around=4, layers=layers, rings=0, **more)
+    wanted = configuration.solve(runs.distribute(configuration.mesh, MPI.COMM_WORLD)[0])
     found = ngsolved(f"spring --around 4 --layers {layers} {words}")
     assert found["dofs"] == wanted.dofs
     np.testing.assert_allclose(found["reactions"], wanted.reactions, atol=1e-7 * np.abs(wanted.reactions).max())
@@ -57,7 +58,7 @@ def test_ngsolve_finds_the_force_of_dolfinx_on_the_same_mesh(words, more):
     [("--degree 2", {}), ("--quadrature irons14 --refinements 2", {"quadrature": "irons14"})],
 )
 def test_ngsolve_finds_the_frequencies_of_dolfinx_on_the_same_mesh(words, more):
-    wanted = fem_blade.run(fem_blade.Configuration(along=4, layers=8, **more))
+    wanted = runs.run(published.Blade(along=4, layers=8, **more))
     found = ngsolved(f"blade --along 4 --layers 8 {words}")
     assert found["dofs"] == wanted["dofs"]
     np.testing.assert_allclose(found["frequencies"], wanted["frequencies"], rtol=1e-7)

@@ -22,8 +22,13 @@ from meshes import biceps, blade, spring
 
 PRESETS = {name: import_module(f"{presets.__name__}.{name}").PRESETS for name in ("spring", "blade", "biceps")}
 
-# Where each scene's Configuration and run() are.
-RUNS = {"spring": "spring", "blade": "blade", "biceps": "biceps.run", "rods": "rods.run"}
+# What configures each scene, in the module that has its run().
+RUNS = {
+    "spring": "published.Spring",
+    "blade": "published.Blade",
+    "biceps": "biceps.run.Configuration",
+    "rods": "rods.run.Configuration",
+}
 
 # Parameters of the biceps that are options here too.
 BICEPS = ("activation", "nu", "penalty", "fibre", "ramp", "damping", "end_time", "outputs")
@@ -70,7 +75,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     it.add_argument("--clustering", type=float, default=1.0, metavar="C", help="0: cells equally long along the chord")
     it.add_argument("--modes", type=int, default=10, metavar="N", help="number of modes")
-    it.add_argument("--modes-file", metavar="FILE", help="write the mode shapes to this .npz file")
+    it.add_argument("--modes-file", dest="fields", metavar="FILE", help="write the mode shapes to this .npz file")
     _add_common(it, "blade", blade.CELLS)
     _add_biceps(scenes.add_parser("biceps", help="the biceps' equilibrium, or its motion"))
     it = scenes.add_parser("rods", help="any scene of isorod's: its name, or that of a .toml file")
@@ -160,15 +165,14 @@ def _run(given: dict[str, Any]) -> dict[str, Any]:
     from isorod.petsc.library import unused_options
 
     name = given.pop("scene")
-    scene = import_module(f"comparisons.fem.{RUNS[name]}")
-    repeat = given.pop("repeat")
-    file = given.pop("fields", None) or given.pop("modes_file", None)
-    given.pop("modes_file", None)
+    place, _, kind = RUNS[name].rpartition(".")
+    scene = import_module(f"comparisons.fem.{place}")
+    repeat, file = given.pop("repeat"), given.pop("fields")
     given["flags"] = tuple(given["flags"].split())
     if name == "biceps":
         given["scene"] = Biceps(**{name: given.pop(name) for name in BICEPS})
     with options.petsc_errors():
-        record: dict[str, Any] = scene.run(scene.Configuration(**given), repeat, file and Path(file))
+        record: dict[str, Any] = scene.run(getattr(scene, kind)(**given), repeat, file and Path(file))
     unknown = unused_options()
     if unknown:
         raise InputError(f"PETSc option {', '.join(unknown)}: nothing used it; check its spelling with -help")

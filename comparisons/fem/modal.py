@@ -24,7 +24,7 @@ from isorod.modal.pencil import Pencil
 from isorod.petsc.matrix import componentwise
 from meshes.mesh import Array, Index
 
-# What a user's option overrides.  Measured on the blade (see comparisons.fem.blade): MUMPS' own choice of ordering and
+# What a user's option overrides.  Measured on the blade (comparisons.fem.published): MUMPS' own choice of ordering and
 # one Krylov space without restart are fastest.
 DIRECT = {
     "eps_tol": 1e-10,

@@ -1,10 +1,10 @@
 """What finite element runs share: options that fit together, meshes on all ranks, repeated timing, the record."""
 
-import statistics
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from time import perf_counter, process_time
-from typing import Any, TypeVar
+from pathlib import Path
+from time import perf_counter
+from typing import Any, ClassVar, TypeVar
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -13,16 +13,17 @@ from comparisons.fem import compat
 from comparisons.fem.domain import Domain
 from comparisons.fem.flags import FAST
 from comparisons.fem.statics import Element
+from comparisons.measure import timing
 from isorod.errors import InputError
 from isorod.output import results
 from meshes.mesh import Mesh
 
-Found = TypeVar("Found")
+Found = TypeVar("Found", bound=timing.Timed)
 
 
 @dataclass(frozen=True)
 class Configuration:
-    """A mesh of a scene, an element on it, and how the equations are solved.
+    """A mesh of a scene, an element on it, and how the equations are solved; a scene adds its mesh and what it asks.
 
     Parameters
     ----------
@@ -39,6 +40,9 @@ class Configuration:
     flags
         C compiler flags of the forms.
     """
+
+    scene: ClassVar[str]
+    analysis: ClassVar[str]
 
     cells: str = "bricks"
     order: int | None = None
@@ -72,6 +76,22 @@ class Configuration:
         found = {"order": self.geometry_order, "quadrature": self.element.rule(shape), "flags": list(self.flags)}
         return asdict(self) | found
 
+    def mesh(self) -> Mesh:
+        """Return the mesh."""
+        raise NotImplementedError
+
+    def solve(self, where: Domain) -> Any:
+        """Return the solution on a mesh."""
+        raise NotImplementedError
+
+    def measure(self, found: Any) -> dict[str, Any]:
+        """Return what the record of a run has of a solution."""
+        raise NotImplementedError
+
+    def save(self, found: Any, mesh: Mesh | None, path: Path) -> None:
+        """Write the fields of a solution to a file; every rank must call, the mesh is rank 0's."""
+        raise NotImplementedError
+
 
 def check_element(bricks: bool, degree: int, family: str, quadrature: int | str | None, order: int) -> None:
     """Raise `InputError` if element, quadrature and order of the geometry do not go together."""
@@ -101,30 +121,46 @@ def distribute(build: Callable[[], Mesh], comm: MPI.Comm) -> tuple[Domain, Mesh 
     return Domain.distribute(mesh, comm), mesh
 
 
+def run(
+    configuration: Configuration, repeat: int = 1, file: Path | None = None, comm: MPI.Comm = MPI.COMM_WORLD
+) -> dict[str, Any]:
+    """Solve ``repeat`` times in this process and return the record, the same on every rank.
+
+    The last solution's fields go to the file if one is named.  ``seconds`` is as in `measured`.
+    """
+    start = perf_counter()
+    where, mesh = distribute(configuration.mesh, comm)
+    meshing = perf_counter() - start
+    found, record = measured(lambda: configuration.solve(where), repeat, comm, meshing)
+    if file is not None:
+        configuration.save(found, mesh, file)
+    return {
+        "scene": configuration.scene,
+        "analysis": configuration.analysis,
+        **configuration.measure(found),
+        "dofs": found.dofs,
+        "cells": where.cells,
+        "options": configuration.options(where.shape),
+        "petsc_options": found.options,
+        **record,
+    }
+
+
 def timed(
     solve: Callable[[], Found], repeat: int, comm: MPI.Comm
 ) -> tuple[Found, list[dict[str, float]], dict[str, float]]:
     """Solve ``repeat`` times in this process.
 
-    Returns what the last run found, the seconds of each run by part, each the slowest rank's, and their medians over
-    the warm runs (all but the first), or the only run.  ``total`` is all of a run, checks of its result included, and
-    ``processor`` its processor time.
+    Returns what `comparisons.measure.timing.repeated` does, the seconds of each part being those of the slowest rank.
     """
-    runs: list[dict[str, float]] = []
-    found: Found | None = None
-    for _ in range(repeat):
-        # What the last run left does not count as the next one's.
-        found = None
+
+    def begin() -> None:
         PETSc.garbage_cleanup()
         comm.Barrier()
-        start, worked = perf_counter(), process_time()
-        found = solve()
-        parts: dict[str, float] = dict(found.seconds)  # type: ignore[attr-defined]
-        parts |= {"total": perf_counter() - start, "processor": process_time() - worked}
-        runs.append({name: comm.allreduce(value, op=MPI.MAX) for name, value in parts.items()})
-    assert found is not None
-    warm = runs[1:] or runs
-    return found, runs, {name: statistics.median(one[name] for one in warm) for name in runs[0]}
+
+    found, own = timing.repeated(solve, repeat, begin)
+    runs = [{name: comm.allreduce(value, op=MPI.MAX) for name, value in one.items()} for one in own]
+    return found, runs, timing.median(runs)
 
 
 def measured(solve: Callable[[], Found], repeat: int, comm: MPI.Comm, meshing: float) -> tuple[Found, dict[str, Any]]:

@@ -7,7 +7,6 @@ Prints one JSON line.  The first run is cold; the others, in the same process, a
 
 import dataclasses
 import json
-import statistics
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -70,11 +69,9 @@ def record(
     petsc: Sequence[str] = (),
 ) -> dict[str, Any]:
     """Return the record of what `solve` returned: ``seconds`` are the median of the warm runs, or the only run."""
-    warm = runs[1:] or runs
-    median = {key: statistics.median(one[key] for one in warm) for key in runs[0]}
     return {
         "method": "cylindrical",
-        **solving.record(scene, solution, median, settings, petsc),
+        **solving.record(scene, solution, timing.median(runs), settings, petsc),
         "warm": len(runs) > 1,
         "runs": list(runs),
         "peak_memory": timing.peak_memory(),

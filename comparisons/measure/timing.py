@@ -69,7 +69,7 @@ def find_dolfinx(program: str) -> tuple[str, str]:
         raise InputError(f"--dolfinx {program}: no such program; name the Python of an environment that has dolfinx")
     # Not what links lead to: a virtual environment is known by the name it is started with.
     interpreter = os.path.abspath(interpreter)
-    script = "import comparisons.fem.spring, comparisons.fem.blade; print(comparisons.fem.compat.version)"
+    script = "import comparisons.fem.published; print(comparisons.fem.compat.version)"
     done = subprocess.run(
         [interpreter, "-c", script], capture_output=True, text=True, env=environment(interpreter), check=False
     )
@@ -110,26 +110,32 @@ def run(
     return record
 
 
-def repeated(solve: Callable[[], Found], repeat: int) -> tuple[Found, dict[str, float], list[dict[str, float]]]:
+def repeated(
+    solve: Callable[[], Found], repeat: int, begin: Callable[[], object] = gc.collect
+) -> tuple[Found, list[dict[str, float]]]:
     """Solve ``repeat`` times in this process.
 
-    Returns what the last run found, the seconds by part, medians over the warm runs (all but the first) or the only
-    run, and those of each run.  ``total`` is all of a run, checks of its result included, ``processor`` its processor
-    time.
+    Returns what the last run found, and the seconds of each run by part.  ``total`` is all of a run, checks of its
+    result included, ``processor`` its processor time; what comes before it, ``begin``, does not count.
     """
     runs: list[dict[str, float]] = []
     found: Found | None = None
     for _ in range(repeat):
         # What the last run left does not count as the next one's.
         found = None
-        gc.collect()
+        begin()
         start, worked = perf_counter(), process_time()
         found = solve()
-        whole = {"total": perf_counter() - start, "processor": process_time() - worked}
-        runs.append(found.seconds | whole)
+        parts = dict(found.seconds)
+        runs.append(parts | {"total": perf_counter() - start, "processor": process_time() - worked})
     assert found is not None
+    return found, runs
+
+
+def median(runs: Sequence[dict[str, float]]) -> dict[str, float]:
+    """Return the medians, by part, over the warm runs (all but the first), or the only run."""
     warm = runs[1:] or runs
-    return found, {name: statistics.median(one[name] for one in warm) for name in runs[0]}, runs
+    return {name: statistics.median(one[name] for one in warm) for name in runs[0]}
 
 
 class Clock:

@@ -1,0 +1,126 @@
+"""Spring and blade of Lu & Zhou (2011), sections 4.2 and 4.3, in dolfinx, on meshes of their own."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+from comparisons.fem import fields, modal, mode_shapes, runs, statics
+from comparisons.fem.domain import Domain
+from comparisons.fem.statics import Equilibrium, Held
+from comparisons.fem.stored import energy_of
+from isorod.errors import InputError
+from isorod.material import NeoHookean
+from isorod.scenes import blade as scene_of_blade
+from isorod.scenes import spring as scene_of_spring
+from meshes import blade, spring
+from meshes.mesh import Mesh
+
+
+@dataclass(frozen=True)
+class Spring(runs.Configuration):
+    """A mesh of the spring, an element on it, and how the equations are solved.
+
+    Parameters
+    ----------
+    around, layers, rings, core
+        See `meshes.spring.build`.
+
+    Others see `comparisons.fem.runs.Configuration`.
+    """
+
+    scene: ClassVar[str] = "spring"
+    analysis: ClassVar[str] = "statics"
+
+    around: int = 8
+    layers: int = 48
+    rings: int = 1
+    core: float | None = None
+
+    def mesh(self) -> Mesh:
+        """Return the mesh."""
+        return spring.build(self.cells, self.around, self.layers, self.geometry_order, self.rings, self.core)
+
+    def solve(self, where: Domain) -> Equilibrium:
+        """Return the equilibrium: lower end clamped, upper end displaced along the axis."""
+        scene = scene_of_spring.Spring()
+        held = [Held("start"), Held("end", (0.0, 0.0, scene.pull))]
+        law = energy_of(NeoHookean(scene.E, scene.nu))
+        options = statics.DIRECT if self.solver is None else self.solver
+        return statics.solve(where, law, held, self.element, options, self.flags, self.matrix)
+
+    def measure(self, found: Equilibrium) -> dict[str, Any]:
+        """Return what the record of a run has of its solution."""
+        return {
+            "force": float(found.reactions[1, 2]),
+            "newton_iterations": found.newton_iterations,
+            "linear_iterations": found.linear_iterations,
+            "residual_norms": found.residual_norms,
+        }
+
+    def save(self, found: Equilibrium, mesh: Mesh | None, path: Path) -> None:
+        """Write displacement and stress to a file (`comparisons.fem.fields.save`)."""
+        fields.save(found, path)
+
+
+@dataclass(frozen=True)
+class Blade(runs.Configuration):
+    """A mesh of the blade, an element on it, and how the equations are solved.
+
+    Parameters
+    ----------
+    along, across, layers, grading, clustering
+        See `meshes.blade.build`.
+    modes
+        Number of modes.
+
+    Others see `comparisons.fem.runs.Configuration`.
+    """
+
+    scene: ClassVar[str] = "blade"
+    analysis: ClassVar[str] = "modal"
+
+    along: int = 6
+    across: int = 1
+    layers: int = 12
+    grading: float = 1.0
+    clustering: float = 1.0
+    modes: int = 10
+
+    def __post_init__(self) -> None:
+        if self.modes < 1:
+            raise InputError(f"modes: got {self.modes}, need at least 1")
+        super().__post_init__()
+
+    @property
+    def geometry_order(self) -> int:
+        """As of all scenes, but 2 on all tetrahedra."""
+        return 2 if self.cells == "tetrahedra" and self.order is None else super().geometry_order
+
+    def mesh(self) -> Mesh:
+        """Return the mesh."""
+        counts = self.along, self.across, self.layers
+        return blade.build(self.cells, *counts, self.geometry_order, self.grading, clustering=self.clustering)
+
+    def solve(self, where: Domain) -> modal.Modes:
+        """Return the modes, the root clamped."""
+        scene = scene_of_blade.Blade()
+        settings = modal.Settings(modal.DIRECT if self.solver is None else self.solver, self.flags, self.matrix)
+        solid = modal.Solid(scene.E, scene.nu, scene.density)
+        return modal.solve(where, solid, ["start"], self.modes, self.element, settings)
+
+    def measure(self, found: modal.Modes) -> dict[str, Any]:
+        """Return what the record of a run has of its modes; ``check`` of its ``seconds`` is the Sturm count."""
+        return {
+            "frequencies": found.frequencies,
+            "residuals": found.residuals,
+            "sturm_count": found.below,
+            "unknowns": found.unknowns,
+            "iterations": found.iterations,
+        }
+
+    def save(self, found: modal.Modes, mesh: Mesh | None, path: Path) -> None:
+        """Write the mode shapes to a file (`comparisons.fem.mode_shapes.save`)."""
+        mode_shapes.save(found, mesh, path)
+
+
+run = runs.run
