@@ -3,7 +3,7 @@
 import io
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import redirect_stdout
 from pathlib import Path
 from time import perf_counter
@@ -15,6 +15,7 @@ from comparisons.measure.records import newest, part
 from comparisons.measure.study import Run
 from comparisons.measure.variants import DEFAULT
 from comparisons.report import compare as compared
+from comparisons.report.html import markdown
 from isorod.command import new
 from isorod.errors import InputError, SolveError
 from isorod.output.results import write_beside
@@ -25,6 +26,7 @@ EXAMPLES = ("arc", "coil", "taper", "wing", "trefoil", "press", "crossing", "cab
 PUBLISHED = ("spring", "blade")
 
 FOLDER, TABLE = "newcomer", "newcomer.md"
+HEAD = ("example", "lines of file", "error at default settings", "seconds of isorod run")
 
 
 def run(study: Run) -> None:
@@ -37,18 +39,12 @@ def run(study: Run) -> None:
         counted = None if name in PUBLISHED else lines(Path(word))
         row = {"name": name, "lines": counted, "seconds_run": _seconds(word)} | _compared(study, word)
         rows.append(study.record("example", row))
-    write_beside(study.folder / TABLE, lambda where: where.write_text(markdown(rows)))
+    write_beside(study.folder / TABLE, lambda where: where.write_text(markdown(HEAD, map(cells, rows)) + "\n"))
 
 
 def lines(path: Path) -> int:
     """Return how many lines of a file are neither empty nor comments."""
     return sum(bool(line.split("#")[0].strip()) for line in path.read_text().splitlines())
-
-
-def markdown(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Return the table of records of examples."""
-    head = "| example | lines of file | error at default settings | seconds of `isorod run` |\n|---|---|---|---|\n"
-    return head + "".join(f"| {' | '.join(cells(row))} |\n" for row in rows)
 
 
 def cells(row: Mapping[str, Any]) -> tuple[str, ...]:

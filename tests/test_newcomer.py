@@ -38,7 +38,7 @@ def study(tmp_path, monkeypatch):
 
 def test_a_row_has_lines_error_and_seconds_or_why_there_is_none(study):
     head, _, *rows = (study / "newcomer.md").read_text().splitlines()
-    assert head == "| example | lines of file | error at default settings | seconds of `isorod run` |"
+    assert head == "| example | lines of file | error at default settings | seconds of isorod run |"
     assert rows == [
         "| arc | 19 | 0.1 % (finite elements tell to 0.2 %) | 1.2 |",
         "| trefoil | 8 | no mesh | 1.2 |",

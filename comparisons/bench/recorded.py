@@ -14,7 +14,8 @@ from comparisons.bench import biceps
 from comparisons.measure.records import Record, family, newest, part
 from comparisons.measure.work import AS_RUN
 from comparisons.report import bench as report
-from comparisons.report import blade, plots, precision, spring
+from comparisons.report import blade, precision, spring
+from comparisons.report.html import markdown
 from isorod.command import ending
 from isorod.command.parser import Parser
 from isorod.errors import InputError
@@ -31,9 +32,6 @@ BEGIN, END = "<!-- run times: made by python -m comparisons.bench.recorded -->",
 # The machine does other things from this load on, before the bench begins: times of such a run stand in the table only
 # where there are no others.
 BUSY = 0.5
-
-# Pieces of what is drawn of a scene: what the error is of, and the curves beside the fastest.
-_DRAWN = {"spring": ("spring's force", spring), "blade": ("blade's frequencies", blade)}
 
 HEAD = (
     *("scene, error within", "isorod", "its element", "ms, unknowns", "fastest dolfinx", "share of its time"),
@@ -92,9 +90,8 @@ def table(runs: Sequence[Record]) -> str:
         for target in targets:
             for how in (report.BY_HAND, AS_RUN.label):
                 found += _row(runs, f"{scene}, {quantity}", (scene, target, how))
-    lines = [f"| {' | '.join(line)} |" for line in (HEAD, ["---"] * len(HEAD), *found)]
     numbered = [f"{k}. {_told(run)}" for k, run in enumerate(runs, 1)]
-    return "\n".join([*lines, "", _NOTES, "", *numbered])
+    return "\n".join([markdown(HEAD, found), "", _NOTES, "", *numbered])
 
 
 def _row(runs: Sequence[Record], title: str, key: tuple[str, float, str]) -> list[tuple[str, ...]]:
@@ -200,13 +197,10 @@ def write(page: Path, runs: Sequence[Record]) -> None:
 
 def draw(records: list[Record], folder: Path) -> None:
     """Draw error against run time of spring and blade into the gallery, for narrow screens into a folder."""
-    for scene, (quantity, module) in _DRAWN.items():
-        mine = report.of_scene(records, scene)
-        if not mine:
-            continue
-        curves = plots.told(mine, (AS_RUN.label, *module.OURS), module.THEIRS)
-        name = f"{scene}-work-precision"
-        plots.story(mine, curves, quantity, _GALLERY / f"{name}.png", folder / f"{name}-narrow.png")
+    for drawn in (spring.PART, blade.PART):
+        mine, name = report.of_scene(records, drawn.study), f"{drawn.study}-work-precision"
+        if mine:
+            drawn.story(mine, _GALLERY / f"{name}.png", folder / f"{name}-narrow.png", AS_RUN.label)
 
 
 def main(arguments: Sequence[str]) -> int:

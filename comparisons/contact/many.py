@@ -11,7 +11,6 @@ compared with those of thin rods that lie on each other without friction (`compa
 
 import sys
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 from time import perf_counter, process_time
 from typing import Any
@@ -20,6 +19,8 @@ import numpy as np
 
 from comparisons.contact import strand
 from comparisons.measure import timing
+from comparisons.report.html import markdown
+from comparisons.report.plots import pyplot, save
 from isorod import options, statics
 from isorod.arrays import Array
 from isorod.contact import operator
@@ -112,7 +113,7 @@ def table(records: Sequence[dict[str, Any]]) -> str:
         "to the finest",
         "to thin rods",
     )
-    lines = [f"| {' | '.join(head)} |", f"|{'---|' * len(head)}"]
+    rows = []
     for one in records:
         alike = [other for other in records if other["wires"] == one["wires"]]
         finest = max(alike, key=lambda other: int(other["dofs"]))
@@ -130,18 +131,13 @@ def table(records: Sequence[dict[str, Any]]) -> str:
             off,
             f"{100.0 * (one['force'] / one['thin'] - 1.0):+.2f} %",
         )
-        lines.append(f"| {' | '.join(cells)} |")
-    return "\n".join(lines) + "\n"
+        rows.append(cells)
+    return markdown(head, rows) + "\n"
 
 
 def draw(records: Sequence[dict[str, Any]], path: Path) -> None:
     """Draw time and memory a wire by the number of wires."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
-
-    figure, (left, right) = pyplot.subplots(1, 2, figsize=(10.0, 4.2), layout="constrained")
+    figure, (left, right) = pyplot().subplots(1, 2, figsize=(10.0, 4.2), layout="constrained")
     for space in sorted({(one["section_points"], one["parts"]) for one in records}):
         runs = [one for one in records if (one["section_points"], one["parts"]) == space]
         wires = [one["wires"] for one in runs]
@@ -153,8 +149,7 @@ def draw(records: Sequence[dict[str, Any]], path: Path) -> None:
         axes.set(xlabel="wires", ylabel=what, ylim=(0.0, None), xticks=list(PUBLISHED))
         axes.grid(True, alpha=0.3)
     figure.legend(*left.get_legend_handles_labels(), loc="outside upper center", ncols=2, frameon=False)
-    results.write_beside(path, partial(figure.savefig, dpi=130))
-    pyplot.close(figure)
+    save(figure, path, 130)
 
 
 def study(folder: Path, chosen: Sequence[int]) -> str:

@@ -6,6 +6,7 @@ from typing import Any
 from comparisons.measure import convergence
 from comparisons.measure.study import Run
 from comparisons.measure.timing import Clock
+from comparisons.report.html import markdown
 from isorod import options
 from isorod.errors import InputError, SolveError
 from isorod.output.results import write_beside
@@ -70,9 +71,8 @@ def run(study: Run, laws: Sequence[str] = (), scenes: Sequence[str] = ()) -> Non
         for law, scene in pairs:
             with steps.step(f"{law}, {scene}"):
                 found.append(study.record("pair", pair(law, scene, MESHES[study.level])))
-    lines = [HEAD, ("---",) * len(HEAD), *(row for record in found for row in rows(record))]
-    text = "".join(f"| {' | '.join(line)} |\n" for line in lines)
-    write_beside(study.folder / TABLE, lambda where: where.write_text(text))
+    text = markdown(HEAD, [row for record in found for row in rows(record)])
+    write_beside(study.folder / TABLE, lambda where: where.write_text(text + "\n"))
 
 
 def pair(law: str, scene: str, levels: Sequence[int]) -> dict[str, Any]:

@@ -13,6 +13,7 @@ import numpy as np
 from comparisons.laws.scenes import CURVE
 from comparisons.measure.study import LEVELS, Run
 from comparisons.measure.timing import Clock
+from comparisons.report.html import markdown
 from isorod import dynamics, options
 from isorod.arrays import Array
 from isorod.command import ending
@@ -101,9 +102,8 @@ def run(study: Run, laws: Sequence[str] = ()) -> None:
         for law, kind in wanted:
             with steps.step(f"{law}, {kind}"):
                 found.append(study.record("motion", moved(law, kind, STEPS[study.level])))
-    lines = [HEAD, ("---",) * len(HEAD), *(row(record) for record in found)]
-    text = "".join(f"| {' | '.join(line)} |\n" for line in lines)
-    write_beside(study.folder / TABLE, lambda where: where.write_text(text))
+    text = markdown(HEAD, map(row, found))
+    write_beside(study.folder / TABLE, lambda where: where.write_text(text + "\n"))
 
 
 def cylinder(law: Material, formulation: str) -> Model:

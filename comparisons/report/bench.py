@@ -1,6 +1,5 @@
 """Isorod beside the fastest of every program: one table of ratios a scene, from records alone."""
 
-from collections.abc import Sequence
 from pathlib import Path
 
 from comparisons.bench import biceps
@@ -8,6 +7,7 @@ from comparisons.measure.records import Record, family, part, version
 from comparisons.measure.work import AS_RUN
 from comparisons.report import precision
 from comparisons.report.html import fold, heading, table
+from comparisons.report.html import markdown as markdown_table
 from isorod.output.results import write_beside
 
 TABLE = "bench.md"
@@ -208,27 +208,18 @@ def markdown(records: list[Record]) -> str:
         lines += [
             f"{scene}: {QUANTITIES[scene]}. Checks: {PROOFS[scene]}. {_ESTIMATE}",
             "",
-            *_marked(HEAD, rows(of_scene(records, scene))),
+            markdown_table(HEAD, rows(of_scene(records, scene))),
             "",
         ]
     lines += [
         f"biceps: {QUANTITIES['biceps']}, explicit dynamics.",
         "",
-        *_marked(_MOTION, motions(of_scene(records, "biceps"))),
+        markdown_table(_MOTION, motions(of_scene(records, "biceps"))),
     ]
     return "\n".join([*lines, "", *(f"- {line}" for line in summary(records)), ""])
 
 
 _MOTION = ("curve", "arguments", "unknowns", "error", "s")
-
-
-def _marked(head: Sequence[str], lines: Sequence[Sequence[str]]) -> list[str]:
-    return [f"| {' | '.join(line)} |" for line in (head, ["---"] * len(head), *lines)]
-
-
-def answer(records: list[Record]) -> list[str]:
-    """Return the ratios as HTML."""
-    return [f"<p>{line.capitalize()}.</p>" for line in summary(records)]
 
 
 def section(records: list[Record], folder: Path) -> list[str]:

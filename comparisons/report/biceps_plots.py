@@ -4,8 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from comparisons.measure.records import Record, side
-from comparisons.report.plots import COLOURS, FEM_COLOURS, MARKERS
-from isorod.output.results import write_beside
+from comparisons.report.plots import COLOURS, FEM_COLOURS, MARKERS, pyplot, save
 
 # Records' key of ours and of the finite elements' history, the equilibrium's key, and the axis label.
 COURSES = (
@@ -26,13 +25,9 @@ def courses(motions: Sequence[Record], theirs: Sequence[Record], path: Path) -> 
     theirs
         Those of the finite elements, with ``history``.
     """
-    import matplotlib
-
-    matplotlib.use("Agg")
     import numpy as np
-    from matplotlib import pyplot
 
-    figure, axes = pyplot.subplots(
+    figure, axes = pyplot().subplots(
         len(COURSES), 2, figsize=(12.5, 11.0), sharex="col", sharey="row", width_ratios=(1.4, 1.0), layout="constrained"
     )
     end = max(record["history"]["time"][-1] for record in theirs)
@@ -64,8 +59,7 @@ def courses(motions: Sequence[Record], theirs: Sequence[Record], path: Path) -> 
         axis.set_xlabel("time [ms]")
     handles, labels = axes[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=len(labels), frameon=False)
-    write_beside(path, lambda where: figure.savefig(where, dpi=110))
-    pyplot.close(figure)
+    save(figure, path, 110)
 
 
 def work(records: Sequence[Record], quantities: dict[str, float], path: Path) -> None:
@@ -78,12 +72,7 @@ def work(records: Sequence[Record], quantities: dict[str, float], path: Path) ->
     quantities
         Error marked by a line, by quantity.
     """
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
-
-    figure, axes = pyplot.subplots(1, len(quantities), figsize=(13.5, 4.6), layout="constrained")
+    figure, axes = pyplot().subplots(1, len(quantities), figsize=(13.5, 4.6), layout="constrained")
     curves = list(dict.fromkeys((record["curve"], record["method"]) for record in records))
     for method, colours in (("cylindrical", COLOURS), ("fem", FEM_COLOURS)):
         for k, curve in enumerate(curve for curve, made in curves if made == method):
@@ -107,5 +96,4 @@ def work(records: Sequence[Record], quantities: dict[str, float], path: Path) ->
     axes[0].set_ylabel("relative error at the equilibrium")
     handles, labels = axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside right center", frameon=False, fontsize=9)
-    write_beside(path, lambda where: figure.savefig(where, dpi=110))
-    pyplot.close(figure)
+    save(figure, path, 110)

@@ -8,23 +8,20 @@ import numpy as np
 
 from comparisons.measure import published
 from comparisons.measure.records import Record, part
-from comparisons.report import plots, precision, work
+from comparisons.report import plots, precision
 from comparisons.report.html import figure, heading, percent, table
+from comparisons.report.work import Part
 
 MODES = tuple(f"mode {k}" for k in range(1, 11))
-# Curves shown beside the fastest ones.
-OURS = ("paper", "K = 2, p = 3, n = 16")
-THEIRS = ("P2 tetrahedra", "enhanced bricks", "Q3 bricks", "Q2 bricks")
-
-
-def summary(records: list[Record]) -> list[str]:
-    """Return the study's main findings, one line each."""
-    return precision.summary("blade", "ten frequencies", records)
-
-
-def answer(records: list[Record]) -> list[str]:
-    """Return the study's main findings as HTML."""
-    return precision.answer("Blade", "its ten lowest frequencies", records)
+PART = Part(
+    "blade",
+    "ten frequencies",
+    "its ten lowest frequencies",
+    "blade's frequencies",
+    ("paper", "K = 2, p = 3, n = 16"),
+    ("P2 tetrahedra", "enhanced bricks", "Q3 bricks", "Q2 bricks"),
+)
+summary, answer = PART.summary, PART.answer
 
 
 def section(records: list[Record], folder: Path) -> list[str]:
@@ -43,7 +40,7 @@ def section(records: list[Record], folder: Path) -> list[str]:
         "of the ten. Converged frequencies: three uniformly refined meshes of dolfinx "
         f"(<code>{html.escape(limit['element'])}</code>), extrapolated mode by mode.</p>"
     )
-    lines += work.errors("blade", "blade's frequencies", records, folder, OURS, THEIRS)
+    lines += PART.errors(records, folder)
     lines.append(heading(3, "Blade: how far the element is from the 3-D solution"))
     lines.append(_elements(records, limit["frequencies"]))
     lines.append(
@@ -83,7 +80,7 @@ def section(records: list[Record], folder: Path) -> list[str]:
         f"{mac['dofs'][0]:,} unknowns of isorod, {mac['dofs'][1]:,} of dolfinx.</p>"
     )
     lines.append(_assurance(mac["matrix"]))
-    return lines + work.closing("blade", records)
+    return lines + PART.closing(records)
 
 
 def _row(values: Sequence[float]) -> tuple[str, ...]:

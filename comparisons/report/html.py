@@ -1,4 +1,4 @@
-"""Pieces of the report page."""
+"""Pieces of the report page, and tables in Markdown."""
 
 import html
 import re
@@ -22,6 +22,11 @@ def table(head: Sequence[str], rows: Iterable[Sequence[object]], text: Sequence[
 
     lines = [f"<tr>{cells('td', row)}</tr>" for row in rows]
     return f"<div class=wide><table><tr>{cells('th', head)}</tr>\n" + "\n".join(lines) + "\n</table></div>"
+
+
+def markdown(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Return a table in Markdown, without a line break at its end."""
+    return "\n".join(f"| {' | '.join(line)} |" for line in (head, ["---"] * len(head), *rows))
 
 
 def heading(level: int, text: str) -> str:

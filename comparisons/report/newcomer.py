@@ -11,20 +11,14 @@ from comparisons.report.precision import rerun
 
 def section(records: list[Record], folder: Path) -> list[str]:
     """Return the study's HTML; each comparison has a part of the page of its own."""
-    head = ("example", "lines of file", "error at default settings", "seconds of isorod run")
     return [
         heading(2, "A newcomer's ten examples"),
         "<p>Scenes as <code>isorod new</code> writes them, run with nothing chosen, and compared with finite elements; "
         "the published spring and blade below them. Lines are those without comments; seconds those of the whole "
         "command. The biceps has a study of its own.</p>",
-        table(head, [newcomer.cells(row) for row in part(records, "example")]),
+        table(newcomer.HEAD, [newcomer.cells(row) for row in part(records, "example")]),
         rerun("newcomer", records),
     ]
-
-
-def answer(records: list[Record]) -> list[str]:
-    """Return the main finding as HTML."""
-    return [f"<p>{line.capitalize()}.</p>" for line in summary(records)]
 
 
 def summary(records: list[Record]) -> list[str]:

@@ -32,7 +32,7 @@ def write(folder: Path) -> Path:
     parts = [heading(2, "Words and letters"), words.words(found)]
     for study, records in found.items():
         with _read(folder, study):
-            answers += ["<div>", *_part(study).answer(records), "</div>"]
+            answers += ["<div>", *_answer(study, records), "</div>"]
             parts.extend(_part(study).section(records, folder))
     with _read(folder, *found):
         parts += [heading(2, "Where these numbers come from"), _provenance(found)]
@@ -65,10 +65,18 @@ def summary(folder: Path, only: str | None = None) -> list[str]:
 def _part(study: str) -> Any:
     """Return the study's module of the report.
 
-    ``summary(records)``, its main findings as text, ``answer(records)``, the same as HTML, and ``section(records,
-    folder)``.
+    ``summary(records)``, its main findings as text, ``section(records, folder)``, and where it does not just repeat the
+    findings ``answer(records)``, both HTML.
     """
     return import_module(f"comparisons.report.{study.partition('-')[0]}")
+
+
+def _answer(study: str, records: list[Record]) -> list[str]:
+    """Return the main findings of a study as HTML."""
+    own = _part(study)
+    if hasattr(own, "answer"):
+        return list(own.answer(records))
+    return [f"<p>{html.escape(line[0].upper() + line[1:])}.</p>" for line in own.summary(records)]
 
 
 @contextmanager

@@ -22,13 +22,20 @@ FIELDS = {"displacement": "displacement field", "shape": "mode shapes"}
 MANY = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#000000")
 
 
-def _pyplot() -> Any:
+def pyplot() -> Any:
+    """Return Matplotlib's pyplot, which draws without a display."""
     import matplotlib
 
     matplotlib.use("Agg")
-    from matplotlib import pyplot
+    from matplotlib import pyplot as found
 
-    return pyplot
+    return found
+
+
+def save(figure: Any, path: Path, dpi: int) -> None:
+    """Write a figure to a file, and forget it."""
+    write_beside(path, partial(figure.savefig, dpi=dpi))
+    pyplot().close(figure)
 
 
 def told(records: list[Record], ours: Sequence[str], theirs: Sequence[str]) -> list[Record]:
@@ -82,9 +89,8 @@ def story(records: list[Record], curves: Sequence[Record], quantity: str, wide: 
     quantity
         What the error is of.
     """
-    pyplot = _pyplot()
     for path, rows, columns, size in ((wide, 1, 2, (12.0, 5.4)), (narrow, 2, 1, (4.6, 9.4))):
-        figure, axes = pyplot.subplots(rows, columns, figsize=size, sharey=True, layout="constrained")
+        figure, axes = pyplot().subplots(rows, columns, figsize=size, sharey=True, layout="constrained")
         for label, look in looks(curves).items():
             points = [one for one in curves if named(one) == label]
             errors = [one["error"] for one in points]
@@ -113,8 +119,7 @@ def story(records: list[Record], curves: Sequence[Record], quantity: str, wide: 
         for axis in axes[:1] if columns == 2 else axes:
             axis.set_ylabel(f"error of the {quantity}", fontsize=12)
         figure.legend(loc="outside lower center", ncols=3 if columns == 2 else 1, frameon=False, fontsize=11)
-        write_beside(path, partial(figure.savefig, dpi=130))
-        pyplot.close(figure)
+        save(figure, path, 130)
 
 
 def _percent(value: float, _: int) -> str:
@@ -131,7 +136,6 @@ def _time(value: float, _: int) -> str:
 
 def every(work: Sequence[Record], quantity: str, path: Path) -> None:
     """Draw error against run time of all curves, ours left, theirs right, each with its number as its marker."""
-    pyplot = _pyplot()
     curves: dict[str, list[Record]] = {}
     for record in work:
         curves.setdefault(named(record), []).append(record)
@@ -140,7 +144,7 @@ def every(work: Sequence[Record], quantity: str, path: Path) -> None:
         for method in ("cylindrical", "fem")
     ]
     height = 5.5 + 0.27 * max(map(len, sides))
-    figure, axes = pyplot.subplots(1, 2, figsize=(13.0, height), sharex=True, sharey=True, layout="constrained")
+    figure, axes = pyplot().subplots(1, 2, figsize=(13.0, height), sharex=True, sharey=True, layout="constrained")
     for axis, side in zip(axes, sides, strict=True):
         for k, (name, runs) in enumerate(side.items()):
             axis.loglog(
@@ -159,8 +163,7 @@ def every(work: Sequence[Record], quantity: str, path: Path) -> None:
         axis.yaxis.set_major_formatter(_percent)
         axis.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), frameon=False, fontsize=11, ncols=1)
     axes[0].set_ylabel(f"error of the {quantity}", fontsize=12)
-    write_beside(path, lambda where: figure.savefig(where, dpi=110))
-    pyplot.close(figure)
+    save(figure, path, 110)
 
 
 def labelled(work: Sequence[Record], told: Mapping[str, float], wide: Path, narrow: Path) -> None:
@@ -175,7 +178,6 @@ def labelled(work: Sequence[Record], told: Mapping[str, float], wide: Path, narr
     wide, narrow
         Files of the plot, and of that for narrow screens, one panel below the other.
     """
-    pyplot = _pyplot()
     field = "shape" if any("shape" in one["field"] for one in work) else "displacement"
     panels = [("error", "error of what is measured", [one["error"] for one in work])]
     if any("stress" in one for one in work):
@@ -183,7 +185,7 @@ def labelled(work: Sequence[Record], told: Mapping[str, float], wide: Path, narr
     panels.append((field, f"error of the {FIELDS[field]}", [one["field"].get(field, 0.0) for one in work]))
     count = len(panels)
     for path, columns, size in ((wide, 2, (12.0, 5.4 if count < 3 else 9.8)), (narrow, 1, (4.6, 4.7 * count))):
-        figure, grid = pyplot.subplots(-(-count // columns), columns, figsize=size, layout="constrained")
+        figure, grid = pyplot().subplots(-(-count // columns), columns, figsize=size, layout="constrained")
         axes, labels = grid.ravel(), []
         for axis, (name, what, errors) in zip(axes, panels, strict=False):
             labels.append(_points(axis, list(zip(work, errors, strict=True)), what))
@@ -206,8 +208,7 @@ def labelled(work: Sequence[Record], told: Mapping[str, float], wide: Path, narr
         figure.draw_without_rendering()
         for axis, those in zip(axes, labels, strict=False):
             _label(axis, those)
-        write_beside(path, partial(figure.savefig, dpi=130))
-        pyplot.close(figure)
+        save(figure, path, 130)
 
 
 def _label(axis: Any, labels: Sequence[tuple[str, tuple[float, float], str]]) -> None:
@@ -278,12 +279,11 @@ def convergence(entries: Sequence[Record], path: Path) -> float:
     """
     import numpy as np
 
-    pyplot = _pyplot()
     elements = np.array([record["elements"] for record in entries[:-1]], dtype=float)
     reference = np.array(entries[-1]["frequencies"][:3])
     errors = np.array([record["frequencies"][:3] for record in entries[:-1]]) / reference - 1.0
     slopes = -np.polyfit(np.log(elements), np.log(errors), 1)[0]
-    figure, axis = pyplot.subplots(figsize=(4.8, 3.9), layout="constrained")
+    figure, axis = pyplot().subplots(figsize=(4.8, 3.9), layout="constrained")
     for k in range(3):
         label = f"mode {k + 1}, slope {slopes[k]:.2f}"
         axis.loglog(elements, errors[:, k], color=COLOURS[k], marker=MARKERS[k], label=label)
@@ -296,6 +296,5 @@ def convergence(entries: Sequence[Record], path: Path) -> float:
     axis.minorticks_off()
     axis.grid(True, alpha=0.25)
     axis.legend(frameon=False)
-    write_beside(path, lambda where: figure.savefig(where, dpi=120))
-    pyplot.close(figure)
+    save(figure, path, 120)
     return float(slopes.mean())

@@ -1,16 +1,14 @@
 """The scaling study's part of the report page."""
 
-import html
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 from comparisons.measure.records import Record, part
 from comparisons.report.html import figure, heading, table
+from comparisons.report.plots import pyplot, save
 from comparisons.report.precision import rerun
 from comparisons.scaling.cost import CORES, LARGE, NODE, Cost, fitted
 from comparisons.stability.figure import COLOURS, MARKERS
-from isorod.output.results import write_beside
 from isorod.space.basis import PAPER
 
 
@@ -38,11 +36,6 @@ def section(records: list[Record], folder: Path) -> list[str]:
     lines += [heading(3, "Scaling: a cluster, on paper"), *_cluster(records)]
     lines += [heading(3, "Scaling: raw data, running it again"), rerun("scaling", records)]
     return lines
-
-
-def answer(records: list[Record]) -> list[str]:
-    """Return the study's main findings as HTML."""
-    return [f"<p>{html.escape(line[0].upper() + line[1:])}.</p>" for line in summary(records)]
 
 
 def summary(records: list[Record]) -> list[str]:
@@ -201,12 +194,9 @@ def _operations(cost: Cost) -> str:
 
 
 def _draw(records: list[Record], path: Path) -> None:
-    import matplotlib
+    from matplotlib import ticker
 
-    matplotlib.use("Agg")
-    from matplotlib import pyplot, ticker
-
-    chart, (left, right) = pyplot.subplots(1, 2, figsize=(10.0, 4.4), layout="constrained")
+    chart, (left, right) = pyplot().subplots(1, 2, figsize=(10.0, 4.4), layout="constrained")
     curves = list(dict.fromkeys((one["analysis"], one["family"]) for one in part(records, "wire") if one["ranks"] == 1))
     for k, (analysis, family) in enumerate(curves):
         runs = _wires(records, analysis, family)
@@ -227,8 +217,7 @@ def _draw(records: list[Record], path: Path) -> None:
     _scales(right, "memory above the start [kB an unknown]")
     right.set_ylim(0.0, None)
     chart.legend(*left.get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False)
-    write_beside(path, partial(chart.savefig, dpi=130))
-    pyplot.close(chart)
+    save(chart, path, 130)
 
 
 def _scales(axes: Any, what: str) -> None:

@@ -5,26 +5,24 @@ from pathlib import Path
 
 from comparisons.measure import published
 from comparisons.measure.records import Record, part
-from comparisons.report import precision, work
+from comparisons.report import precision
 from comparisons.report.html import figure, fold, heading, table
+from comparisons.report.work import Part
 
 PAPER_ELEMENTS = {
     "q1": "8-node bricks, displacements only,",
     "q2": "27-node bricks (Q2 displacement)",
     "enhanced": "8-node enhanced-strain bricks (9 modes)",
 }
-# Curves shown beside the fastest ones.
-OURS, THEIRS = ("paper, n = 4", "polynomials N = 3, p = 4"), ("P2 tetrahedra", "Q2 bricks")
-
-
-def summary(records: list[Record]) -> list[str]:
-    """Return the study's main findings, one line each."""
-    return precision.summary("spring", "force", records)
-
-
-def answer(records: list[Record]) -> list[str]:
-    """Return the study's main findings as HTML."""
-    return precision.answer("Spring", "the force that pulls it", records)
+PART = Part(
+    "spring",
+    "force",
+    "the force that pulls it",
+    "spring's force",
+    ("paper, n = 4", "polynomials N = 3, p = 4"),
+    ("P2 tetrahedra", "Q2 bricks"),
+)
+summary, answer = PART.summary, PART.answer
 
 
 def section(records: list[Record], folder: Path) -> list[str]:
@@ -43,7 +41,7 @@ def section(records: list[Record], folder: Path) -> list[str]:
         f"bricks (<code>{html.escape(limit['element'])}</code>, observed order {_order(limit)}, finest mesh "
         f"{limit['uncertainty'] * force:.1g} away).</p>"
     )
-    lines += work.errors("spring", "spring's force", records, folder, OURS, THEIRS)
+    lines += PART.errors(records, folder)
     lines.append(heading(3, "Spring: von Mises stress"))
     peaks = " and ".join(f"{peak:.1f}" for peak in picture["largest_von_mises"])
     lines.append(
@@ -72,7 +70,7 @@ def section(records: list[Record], folder: Path) -> list[str]:
     )
     lines.append(heading(3, "Spring: the converged force"))
     lines.append(_reference(records))
-    return lines + work.closing("spring", records)
+    return lines + PART.closing(records)
 
 
 def _published(records: list[Record], extra: int) -> str:

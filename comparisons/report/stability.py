@@ -41,11 +41,6 @@ def section(records: list[Record], folder: Path) -> list[str]:
     return lines
 
 
-def answer(records: list[Record]) -> list[str]:
-    """Return the study's main finding as HTML."""
-    return [f"<p>{html.escape(line.capitalize())}.</p>" for line in summary(records)]
-
-
 def summary(records: list[Record]) -> list[str]:
     """Return the study's main finding, one line."""
     points = part(records, "point")

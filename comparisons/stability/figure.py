@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from comparisons.measure.records import Record
+from comparisons.report.plots import pyplot, save
 from comparisons.stability.point import sweeps
-from isorod.output.results import write_beside
 
 # Okabe and Ito's colours: told apart by colour-blind readers too.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
@@ -26,15 +26,10 @@ def draw(records: list[Record], path: Path) -> None:
     records
         Points (`comparisons.stability.point.measure`); the largest tolerance of a sweep is marked by a line.
     """
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
-
     groups = sweeps(records)
     rows = ceil(len(groups) / ACROSS)
     across = min(ACROSS, len(groups))
-    figure, axes = pyplot.subplots(
+    figure, axes = pyplot().subplots(
         rows, across, figsize=(5.6 * across, 4.4 * rows), layout="constrained", squeeze=False
     )
     for axis in axes.flat[len(groups) :]:
@@ -77,5 +72,4 @@ def draw(records: list[Record], path: Path) -> None:
         axis.grid(True, which="both", alpha=0.25)
         if any(curves):
             axis.legend(frameon=False, fontsize="small")
-    write_beside(path, lambda where: figure.savefig(where, dpi=110))
-    pyplot.close(figure)
+    save(figure, path, 110)
