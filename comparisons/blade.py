@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from comparisons.fem.presets import blade as presets
-from comparisons.measure import mac, published, rod, timing
+from comparisons.measure import mac, published, rod, sampled, timing
 from comparisons.measure.scene import Scene
 from comparisons.measure.study import Run
 from comparisons.measure.work import Curve, fem_curves, with_others
@@ -157,6 +157,6 @@ def _assurance(study: Run, found: modal.Modes, arguments: str) -> None:
         record = timing.run("comparisons.fem", ["blade", *arguments.split(), "--modes-file", str(file)])
         with np.load(file) as arrays:
             theirs = arrays["modes"]
-            ours = mac.shapes_at(found, arrays["xi"], arrays["u"])
+            ours = sampled.fields(found, sampled.Places.of_shapes(arrays["xi"], arrays["u"]))["modes"]
     matrix = mac.matrix(ours, theirs)
     study.record("mac", {"matrix": matrix.tolist(), "dofs": [found.model.dofs, record["dofs"]], "arguments": arguments})

@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 
-from comparisons.measure import mac, records, work
+from comparisons.measure import mac, records, sampled, work
 from comparisons.measure.convergence import richardson
 from comparisons.measure.study import Run
 from comparisons.report import precision
@@ -339,7 +339,7 @@ def test_mac_of_modes_with_themselves_is_the_identity_on_the_diagonal():
     radius, angle = np.sqrt(rng.random(60)), 2.0 * np.pi * rng.random(60)
     xi = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
     u = np.repeat(np.linspace(0.0, 1.0, 12), 5)
-    shapes = mac.shapes_at(found, xi, u)
+    shapes = sampled.fields(found, sampled.Places.of_shapes(xi, u))["modes"]
     matrix = mac.matrix(shapes, -3.0 * shapes)
     assert np.diag(matrix) == pytest.approx(1.0)
     assert (matrix <= 1.0 + 1e-12).all()

@@ -14,7 +14,7 @@ from petsc4py import PETSc
 from comparisons.fem import compat, enhanced, quadrature
 from comparisons.fem.domain import Domain
 from comparisons.fem.flags import FAST
-from comparisons.fem.statics import Element
+from comparisons.fem.statics import ALGEBRAIC, Element, rigid_motions
 from comparisons.fem.stored import energy_of
 from comparisons.measure.timing import peak_memory
 from isorod.errors import InputError, SolveError
@@ -37,8 +37,6 @@ DIRECT = {
 }
 
 RIGID = 6
-
-_ALGEBRAIC = ("gamg", "ml", "hypre")
 
 
 @dataclass(frozen=True)
@@ -299,8 +297,9 @@ class Body:
         # A shift adds the mass to the stiffness: it then needs the same sparsity.
         multiplies = self.plain and not rigid and only_multiplies()
         mass = self._mass() if multiplies else self._mass_by_blocks()
-        if PETSc.Options().getAll().get("st_pc_type", options.get("st_pc_type")) in _ALGEBRAIC and self.plain:
-            self._set_near_null_space(stiffness)
+        if PETSc.Options().getAll().get("st_pc_type", options.get("st_pc_type")) in ALGEBRAIC and self.plain:
+            own = self.space.tabulate_dof_coordinates()[self.free]
+            stiffness.setNearNullSpace(rigid_motions(stiffness.createVecRight(), own))
         return Pencil(
             stiffness,
             mass,
@@ -338,13 +337,6 @@ class Body:
         compat.assemble_matrix(matrix, form, [])
         _declare(matrix, definite=False)
         return _declare(self._reduced(matrix, self.blocks, self.final), definite=False)
-
-    def _set_near_null_space(self, stiffness: PETSc.Mat) -> None:
-        """Tell algebraic multigrid the rigid motions."""
-        positions = stiffness.createVecRight()
-        positions.setBlockSize(3)
-        positions.array[:] = self.space.tabulate_dof_coordinates()[self.free].ravel()
-        stiffness.setNearNullSpace(PETSc.NullSpace().createRigidBody(positions))
 
     def carry(self, shape: PETSc.Vec) -> None:
         """Make a vector of the free unknowns the state."""

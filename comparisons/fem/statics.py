@@ -31,7 +31,7 @@ DIRECT = {
 NEWTON = {"snes_linesearch_type": "basic", "snes_rtol": 1e-9, "snes_max_it": 15}
 
 # Preconditioners that want to know the rigid motions.
-_ALGEBRAIC = ("gamg", "ml", "hypre")
+ALGEBRAIC = ("gamg", "ml", "hypre")
 
 
 @dataclass(frozen=True, eq=False)
@@ -266,8 +266,10 @@ class Newton:
         self.snes.setJacobian(self._tangent, self.matrix)
         self.snes.setMonitor(lambda snes, k, norm: self.norms.append(norm))
         self.snes.setFromOptions()
-        if self.snes.getKSP().getPC().getType() in _ALGEBRAIC and u.function_space.dofmap.index_map_bs == 3:
-            self.matrix.setNearNullSpace(_rigid_motions(u.function_space, self.state))
+        space = u.function_space
+        if self.snes.getKSP().getPC().getType() in ALGEBRAIC and space.dofmap.index_map_bs == 3:
+            own = space.tabulate_dof_coordinates()[: space.dofmap.index_map.size_local]
+            self.matrix.setNearNullSpace(rigid_motions(self.matrix.createVecRight(), own))
 
     def _copy(self, x: PETSc.Vec) -> None:
         x.copy(self.state)
@@ -334,23 +336,16 @@ class Newton:
             thing.destroy()
 
 
-def _rigid_motions(space: Any, like: PETSc.Vec) -> PETSc.NullSpace:
-    """Return the six rigid motions, orthonormal."""
-    own = space.dofmap.index_map.size_local
-    x = space.tabulate_dof_coordinates()[:own]
-    motions = []
-    for a in range(6):
-        vector = like.duplicate()
-        nodal = np.zeros((own, 3))
-        if a < 3:
-            nodal[:, a] = 1.0
-        else:
-            b, c = (a - 2) % 3, (a - 1) % 3
-            nodal[:, b], nodal[:, c] = -x[:, c], x[:, b]
-        vector.array[:] = nodal.ravel()
-        motions.append(vector)
-    for k, vector in enumerate(motions):
-        for other in motions[:k]:
-            vector.axpy(-vector.dot(other), other)
-        vector.normalize()
-    return PETSc.NullSpace().create(vectors=motions, comm=like.getComm())
+def rigid_motions(positions: PETSc.Vec, x: Array) -> PETSc.NullSpace:
+    """Return the six rigid motions, which algebraic multigrid asks for.
+
+    Parameters
+    ----------
+    positions
+        A vector of the displacements, overwritten.
+    x
+        Where this rank's own of them are, shape ``(nodes, 3)``.
+    """
+    positions.setBlockSize(3)
+    positions.array[:] = x.ravel()
+    return PETSc.NullSpace().createRigidBody(positions)

@@ -1,7 +1,6 @@
 """Incompressible laws on the scenes: finite elements of displacement and pressure (Taylor-Hood) in dolfinx."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,27 +17,7 @@ from isorod.space import Space
 from meshes.mesh import Array, Mesh
 
 
-@dataclass(frozen=True, eq=False)
-class Solution:
-    """What scenes measure, and what it took.
-
-    Attributes
-    ----------
-    reactions, moments
-        Of the start and the end, shape ``(2, 3)``.
-    dofs
-        Number of degrees of freedom.
-    seconds
-        Wall time.
-    """
-
-    reactions: Array
-    moments: Array
-    dofs: int
-    seconds: dict[str, float]
-
-
-def solve(model: Model, mesh: Mesh) -> Solution:
+def solve(model: Model, mesh: Mesh) -> mixed.Equilibrium:
     """Return the equilibrium of a round rod's model, whose supports are those of its start and its end, on a mesh."""
     body = model.bodies[0]
     law: Any = body.laws[0]
@@ -51,8 +30,7 @@ def solve(model: Model, mesh: Mesh) -> Solution:
         for name, end, motion in zip(("start", "end"), ends, model.motions, strict=True)
     ]
     fibres = (_tangent(domain, model),) if law.families else ()
-    found = mixed.solve(domain, law, held, steps=STEPS, fibres=fibres)
-    return Solution(found.reactions, found.moments, found.dofs, {"all": found.seconds})
+    return mixed.solve(domain, law, held, steps=STEPS, fibres=fibres)
 
 
 def _displacement(space: Space, u: float, coefficients: Array) -> Callable[[Array], Array]:

@@ -1,22 +1,8 @@
-"""Modal assurance criterion between isorod's modes and modes given at points of the rod."""
+"""Modal assurance criterion."""
 
 import numpy as np
 
 from isorod.arrays import Array
-from isorod.modal import Modes
-
-
-def shapes_at(found: Modes, xi: Array, u: Array) -> Array:
-    """Return mode shapes of the first body at parameters ``xi`` ``(m, 2)``, ``u`` ``(m,)``, shape ``(modes, m, 3)``."""
-    space = found.model.bodies[0].space
-    result = np.empty((len(found.vectors), len(u), 3))
-    # Points come in layers of equal u; a layer is one evaluation.
-    for height in np.unique(u):
-        here = u == height
-        for k, vector in enumerate(found.vectors):
-            values, _ = space.displacement(found.model.nodal(vector), xi[here], [height])
-            result[k, here] = values[0]
-    return result
 
 
 def matrix(first: Array, second: Array) -> Array:
