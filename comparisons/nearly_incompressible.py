@@ -1,25 +1,24 @@
-"""``python -m comparisons.nearly_incompressible hertz|biceps``: contact of mixed bodies beside Hertz and Taylor-Hood.
+"""``python -m comparisons.nearly_incompressible biceps``: the biceps' equilibrium beside Taylor-Hood elements.
 
-``hertz``: two crossing cylinders (`comparisons.contact.crossed`) at nu = 0.499999, pushed by Hertz' approach, of both
-formulations.  ``biceps``: its equilibrium at nu = 0.4999 (`isorod.scenes.biceps`) in both formulations, beside bricks
-of degree 2 with pressures of degree 1 (`comparisons.fem.biceps`), of which the finest mesh asked for is the reference;
-``--meshes 3`` takes some minutes.
+At nu = 0.4999 (`isorod.scenes.biceps`), in both formulations, beside bricks of degree 2 with pressures of degree 1
+(`comparisons.fem.biceps`), of which the finest mesh asked for is the reference; ``--meshes 3`` takes some minutes.
+Crossing cylinders at nu = 0.499999 beside Hertz: `comparisons.contact.crossed`.
 """
 
 import argparse
 import sys
 import warnings
 from collections.abc import Iterator, Sequence
+from itertools import chain
 from time import process_time
 from typing import Any
 
 import numpy as np
 
-from comparisons.contact.crossed import Cylinders, solve
 from isorod import options, statics
 from isorod.scenes.biceps import Biceps
 
-HERTZ, BICEPS = 0.499999, 0.4999
+BICEPS = 0.4999
 
 # Displacements alone, then with pressures, coarse to fine: the last is what is chosen.
 SPACES: tuple[dict[str, Any], ...] = (
@@ -32,14 +31,6 @@ SPACES: tuple[dict[str, Any], ...] = (
 MESHES = (4, 2), (8, 4), (12, 6)
 
 Found = dict[str, float]
-
-
-def hertzian(across: float) -> Iterator[tuple[str, Found]]:
-    """Yield errors of the cylinders' patches against Hertz at their own force."""
-    for formulation in ("displacement", "mixed"):
-        pair = Cylinders(HERTZ, formulation, across)
-        result = solve(pair.by_push())
-        yield formulation, pair.errors(result) | {"force over Hertz'": result.force - 1.0}
 
 
 def finite_elements(count: int) -> Iterator[tuple[str, Found]]:
@@ -72,28 +63,18 @@ def _quantities(found: dict[str, Any]) -> Found:
 def main(arguments: Sequence[str]) -> None:
     """Print a line a run as soon as it is known, with deviations from the reference in per cent."""
     parser = argparse.ArgumentParser(prog="comparisons.nearly_incompressible")
-    parser.add_argument("case", choices=("hertz", "biceps"))
-    parser.add_argument("--across", type=float, default=3.0, help="hertz: control points across the patch (3)")
-    parser.add_argument("--meshes", type=int, choices=range(1, len(MESHES) + 1), default=2, help="biceps: how many (2)")
+    parser.add_argument("case", choices=("biceps",))
+    parser.add_argument("--meshes", type=int, choices=range(1, len(MESHES) + 1), default=2, help="how many (2)")
     given = parser.parse_args(arguments)
     options.initialize([])
     start = process_time()
     reference: Found = {}
-    every = hertzian(given.across) if given.case == "hertz" else _both(given.meshes)
-    for name, found in every:
-        if given.case == "hertz":
-            told = [f"{what} {100.0 * error:+.1f} %" for what, error in found.items()]
-        else:
-            reference = found if name.startswith("Taylor") else reference
-            off = {what: 100.0 * (value / reference[what] - 1.0) for what, value in found.items()}
-            told = [f"{what} {value:.5g} ({off[what]:+.2f} %)" for what, value in found.items()]
+    for name, found in chain(finite_elements(given.meshes), rods()):
+        reference = found if name.startswith("Taylor") else reference
+        off = {what: 100.0 * (value / reference[what] - 1.0) for what, value in found.items()}
+        told = [f"{what} {value:.5g} ({off[what]:+.2f} %)" for what, value in found.items()]
         print(f"{name}: {', '.join(told)}; {process_time() - start:.0f} s", flush=True)
         start = process_time()
-
-
-def _both(meshes: int) -> Iterator[tuple[str, Found]]:
-    yield from finite_elements(meshes)
-    yield from rods()
 
 
 if __name__ == "__main__":

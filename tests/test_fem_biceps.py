@@ -65,7 +65,7 @@ def test_law_is_that_of_isorod():
     )
     fibre = np.array([0.36, 0.48, 0.8])
     law = Muscle(30.0, 0.49, 30.0, 35.0, 0.5, 0.7, fibre)
-    u = dolfinx.fem.Function(compat.function_space(mesh, compat.block_element(mesh, "Lagrange", 1, 3)))
+    u = dolfinx.fem.Function(compat.function_space(mesh, compat.element(mesh, "Lagrange", 1, 3)))
     F = ufl.variable(ufl.Identity(3) + ufl.grad(u))
     whole = replace(law, activation=1.0)
     energy = energy_of(whole, dolfinx.fem.Constant(mesh, 0.7), (ufl.as_vector(fibre.tolist()),))

@@ -32,7 +32,7 @@ class Sample:
     def __init__(self):
         self.mesh = dolfinx.mesh.create_unit_cube(MPI.COMM_SELF, 1, 1, 1, dolfinx.mesh.CellType.hexahedron)
         self.whole = dolfinx.fem.Function(
-            compat.function_space(self.mesh, compat.block_element(self.mesh, "DQ", 0, 9)),
+            compat.function_space(self.mesh, compat.element(self.mesh, "DQ", 0, 9)),
         )
         self.F = ufl.variable(ufl.as_matrix([[self.whole[3 * i + j] for j in range(3)] for i in range(3)]))
         self.fibres = ufl.as_vector(A.tolist()), ufl.as_vector(B.tolist())

@@ -26,11 +26,11 @@ __all__ = [
     "assemble_array",
     "assemble_matrix",
     "assemble_vector",
-    "block_element",
     "cell_dofs",
     "collapsed",
     "create_matrix",
     "create_mesh",
+    "element",
     "expression",
     "form",
     "function_space",
@@ -38,11 +38,9 @@ __all__ = [
     "interpolation_points",
     "lift",
     "mixed_element",
-    "nodal_element",
     "original_cells",
     "petsc_vector",
     "reference_nodes",
-    "scalar_element",
     "version",
 ]
 
@@ -79,33 +77,16 @@ def create_mesh(comm: MPI.Comm, cells: Index, points: Array, shape: str, order: 
     return dolfinx.mesh.create_mesh(comm, cells, domain, points)
 
 
-def block_element(mesh: Any, family: str, degree: int, size: int) -> Any:
-    """Return the element of ``size`` copies of a scalar element."""
+def element(mesh: Any, family: str, degree: int, size: int | None = None, equispaced: bool = False) -> Any:
+    """Return a scalar element, or that of ``size`` copies of it; perhaps with the nodes of the geometry."""
     if _UFL_ELEMENTS:
-        return ufl.VectorElement(family, mesh.ufl_cell(), degree, dim=size)
+        more = {"variant": "equispaced"} if equispaced else {}
+        scalar = ufl.FiniteElement(family, mesh.ufl_cell(), degree, **more)
+        return scalar if size is None else ufl.VectorElement(scalar, dim=size)
     import basix.ufl
 
-    return basix.ufl.element(family, mesh.basix_cell(), degree, shape=(size,))
-
-
-def nodal_element(mesh: Any, degree: int, size: int) -> Any:
-    """Return the element of ``size`` copies of that whose nodes are those of the geometry, equally spaced."""
-    if _UFL_ELEMENTS:
-        scalar = ufl.FiniteElement("Lagrange", mesh.ufl_cell(), degree, variant="equispaced")
-        return ufl.VectorElement(scalar, dim=size)
-    import basix.ufl
-
-    variant = basix.LagrangeVariant.equispaced
-    return basix.ufl.element("Lagrange", mesh.basix_cell(), degree, lagrange_variant=variant, shape=(size,))
-
-
-def scalar_element(mesh: Any, family: str, degree: int) -> Any:
-    """Return a scalar element."""
-    if _UFL_ELEMENTS:
-        return ufl.FiniteElement(family, mesh.ufl_cell(), degree)
-    import basix.ufl
-
-    return basix.ufl.element(family, mesh.basix_cell(), degree)
+    own = {"lagrange_variant": basix.LagrangeVariant.equispaced} if equispaced else {}
+    return basix.ufl.element(family, mesh.basix_cell(), degree, shape=None if size is None else (size,), **own)
 
 
 def mixed_element(parts: Sequence[Any]) -> Any:

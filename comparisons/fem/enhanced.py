@@ -20,15 +20,15 @@ from meshes.mesh import Array, gradients
 
 def space(mesh: Any) -> Any:
     """Return the mixed space of displacement (first) and modes."""
-    displacement = compat.block_element(mesh, "Lagrange", 1, 3)
-    return compat.function_space(mesh, compat.mixed_element([displacement, compat.block_element(mesh, "DQ", 0, 9)]))
+    displacement = compat.element(mesh, "Lagrange", 1, 3)
+    return compat.function_space(mesh, compat.mixed_element([displacement, compat.element(mesh, "DQ", 0, 9)]))
 
 
 def deformation_gradient(state: Any) -> Any:
     """Return ``F`` of a function of that space, in UFL."""
     mesh = state.function_space.mesh
     u, modes = ufl.split(state)
-    constants = compat.function_space(mesh, compat.block_element(mesh, "DQ", 0, 9))
+    constants = compat.function_space(mesh, compat.element(mesh, "DQ", 0, 9))
     center = dolfinx.fem.Function(constants)
     center.x.array[:] = _center_jacobians(mesh, len(center.x.array) // 9).ravel()
     jacobian = ufl.as_matrix([[center[3 * a + b] for b in range(3)] for a in range(3)])
@@ -40,7 +40,7 @@ def deformation_gradient(state: Any) -> Any:
 
 def _reference_coordinates(mesh: Any) -> Any:
     """Return the function whose value is the position in the reference cube [-1, 1]^3."""
-    corners = compat.function_space(mesh, compat.block_element(mesh, "DQ", 1, 3))
+    corners = compat.function_space(mesh, compat.element(mesh, "DQ", 1, 3))
     xi = dolfinx.fem.Function(corners)
     nodal = xi.x.array.reshape(-1, 3)
     for cell in range(len(nodal) // 8):

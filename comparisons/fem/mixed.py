@@ -171,7 +171,7 @@ def _moments(newton: Newton) -> Array:
 
 def element(mesh: Any, degree: int) -> Any:
     """Return the element of displacements of a degree, and of pressures of one less."""
-    parts = [compat.block_element(mesh, "Lagrange", degree, 3), compat.scalar_element(mesh, "Lagrange", degree - 1)]
+    parts = [compat.element(mesh, "Lagrange", degree, 3), compat.element(mesh, "Lagrange", degree - 1)]
     return compat.mixed_element(parts)
 
 

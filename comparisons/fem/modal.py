@@ -363,8 +363,8 @@ def _body(domain: Domain, solid: Solid, held: Sequence[str], element: Element, s
     """Return a homogeneous body, held on named faces."""
     mesh, plain, scalar = domain.mesh, element.family != "enhanced", None
     if plain:
-        space = compat.function_space(mesh, compat.block_element(mesh, element.family, element.degree, 3))
-        scalar = compat.function_space(mesh, compat.block_element(mesh, element.family, element.degree, 1))
+        space = compat.function_space(mesh, compat.element(mesh, element.family, element.degree, 3))
+        scalar = compat.function_space(mesh, compat.element(mesh, element.family, element.degree, 1))
     else:
         space = enhanced.space(mesh)
     state = dolfinx.fem.Function(space)

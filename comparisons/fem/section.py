@@ -125,7 +125,7 @@ class _States:
         nodes = compat.reference_nodes("quadrilateral", degree)
         quads = template.quads[:, match(lexicographic(degree, 2), nodes)]
         self.mesh = compat.create_mesh(MPI.COMM_WORLD, quads, points, "quadrilateral", degree)
-        self.space = compat.function_space(self.mesh, compat.block_element(self.mesh, "Lagrange", degree, 3))
+        self.space = compat.function_space(self.mesh, compat.element(self.mesh, "Lagrange", degree, 3))
         middles = np.linalg.norm(template.points[template.quads], axis=2).mean(axis=1)
         ring = ring_of(rod.rings, np.stack([middles, np.zeros(len(middles))], axis=1))[compat.original_cells(self.mesh)]
         element = int(np.searchsorted(body.space.axis.breaks[1:-1], u, side="right"))

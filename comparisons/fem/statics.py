@@ -189,7 +189,7 @@ def _space(mesh: Any, element: Element) -> tuple[Any, Any]:
     if element.family == "enhanced":
         state = dolfinx.fem.Function(enhanced.space(mesh))
         return state, enhanced.deformation_gradient(state)
-    lagrange = compat.block_element(mesh, element.family, element.degree, 3)
+    lagrange = compat.element(mesh, element.family, element.degree, 3)
     state = dolfinx.fem.Function(compat.function_space(mesh, lagrange))
     return state, ufl.Identity(3) + ufl.grad(state)
 

@@ -8,12 +8,12 @@ import os
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
+from comparisons.measure import timing
 from isorod.assembly.assembler import Assembler
 from isorod.command import ending
 from isorod.dynamics.explicit.system import System
@@ -71,13 +71,8 @@ def forces(model: Model) -> Callable[[], object]:
 
 def ratio(one: Callable[[], object], other: Callable[[], object]) -> float:
     """Return the least processor time of one call by that of the other, called in turn."""
-    least = [np.inf, np.inf]
-    for _ in range(ROUNDS):
-        for k, call in enumerate((one, other)):
-            start = time.process_time()
-            call()
-            least[k] = min(least[k], time.process_time() - start)
-    return least[0] / least[1]
+    mine, its = timing.least([one, other], ROUNDS)
+    return mine / its
 
 
 def seconds(name: str, folder: str) -> float:

@@ -2,11 +2,11 @@
 
 import sys
 from collections.abc import Callable, Sequence
-from time import process_time
 from typing import Any
 
 import numpy as np
 
+from comparisons.measure import timing
 from comparisons.scaling import wire
 from isorod import options
 from isorod.assembly.assembler import Assembler
@@ -38,12 +38,7 @@ def operations(part: Part) -> int:
 
 def least(work: Callable[[], object]) -> float:
     """Return the least processor time of several runs, seconds."""
-    found = []
-    for _ in range(REPEAT):
-        start = process_time()
-        work()
-        found.append(process_time() - start)
-    return min(found)
+    return timing.least([work], REPEAT)[0]
 
 
 def measure(name: str, fields: dict[str, int], peak: float) -> dict[str, Any]:

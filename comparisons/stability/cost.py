@@ -8,10 +8,10 @@ measured in turn, the least of each.
 import sys
 from collections.abc import Callable, Sequence
 from functools import partial
-from time import process_time
 from typing import Any
 
 from comparisons.blade import BEST
+from comparisons.measure import timing
 from isorod import options, statics
 from isorod.command import refine, solving
 from isorod.command.parser import Parser, add_fields, field_values
@@ -42,34 +42,23 @@ def best() -> Blade:
 
 
 def measure(turns: int) -> dict[str, float]:
-    """Return the ratios, of the least times in so many turns."""
+    """Return the ratios, of the least times in so many turns after a first one."""
     solves: dict[str, Callable[[], Any]] = {
         "bar": bar,
         "spring": lambda: solving.solve(Spring(), {})[0],
         "blade": lambda: solving.solve(Blade(), {})[0],
     }
     hand = best()
-    found = {name: _least([solve, _estimates(solve)], turns) for name, solve in solves.items()}
+    found = {name: timing.least([solve, _estimates(solve)], 1 + turns) for name, solve in solves.items()}
     pair: list[Callable[[], Any]] = [partial(solving.solve, hand, {}), partial(refine.estimate, Blade(), {}, TOLERANCE)]
     # The estimate is what comes after the solution.
     ratios = {f"estimate of the {name}": both / alone - 1.0 for name, (alone, both) in found.items()}
-    by_hand, by_itself = _least(pair, turns)
+    by_hand, by_itself = timing.least(pair, 1 + turns)
     return ratios | {"tolerance on the blade": by_itself / by_hand}
 
 
 def _estimates(solve: Callable[[], Any]) -> Callable[[], Any]:
     return lambda: solve().estimate()
-
-
-def _least(works: Sequence[Callable[[], Any]], turns: int) -> list[float]:
-    """Return the least time of each piece of work, after one run that does not count."""
-    times: list[list[float]] = [[] for _ in works]
-    for _ in range(turns + 1):
-        for work, found in zip(works, times, strict=True):
-            start = process_time()
-            work()
-            found.append(process_time() - start)
-    return [min(found[1:]) for found in times]
 
 
 def main(arguments: Sequence[str]) -> int:

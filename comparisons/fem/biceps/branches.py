@@ -67,10 +67,10 @@ class Branches(Numbered):
         self.scene, self.source, self.rule, self.flags, self.mixed = scene, mesh, rule, flags, mixed
         order = match(mesh.reference, compat.reference_nodes(mesh.shape, mesh.order))
         self.mesh = compat.create_mesh(MPI.COMM_SELF, mesh.cells[:, order], mesh.points, mesh.shape, mesh.order)
-        element = compat.block_element(self.mesh, "Lagrange", mesh.order, 3)
+        element = compat.element(self.mesh, "Lagrange", mesh.order, 3)
         self.space = compat.function_space(self.mesh, element)
         if mixed:
-            pressure = compat.scalar_element(self.mesh, "Lagrange", mesh.order - 1)
+            pressure = compat.element(self.mesh, "Lagrange", mesh.order - 1)
             whole = compat.function_space(self.mesh, compat.mixed_element([element, pressure]))
             self.space, self._among = whole.sub(0).collapse()
             self.state = dolfinx.fem.Function(whole)

@@ -50,7 +50,9 @@ class Elements(Numbered):
         self.source, self.rods = mesh, rods
         order = match(mesh.reference, compat.reference_nodes(mesh.shape, mesh.order))
         self.mesh = compat.create_mesh(MPI.COMM_SELF, mesh.cells[:, order], mesh.points, mesh.shape, mesh.order)
-        self.space = compat.function_space(self.mesh, compat.nodal_element(self.mesh, mesh.order, 3))
+        self.space = compat.function_space(
+            self.mesh, compat.element(self.mesh, "Lagrange", mesh.order, 3, equispaced=True)
+        )
         self.state = dolfinx.fem.Function(self.space)
         self.rows = compat.original_cells(self.mesh)
         self.node_dofs: Index = np.empty(len(mesh.points), dtype=np.int64)
@@ -94,7 +96,7 @@ class Elements(Numbered):
 
     def constants(self, values: Array) -> Any:
         """Return the dolfinx function with these values ``(cells, m)``, in the source's order, constant on each."""
-        space = compat.function_space(self.mesh, compat.block_element(self.mesh, "DQ", 0, values.shape[1]))
+        space = compat.function_space(self.mesh, compat.element(self.mesh, "DQ", 0, values.shape[1]))
         found = dolfinx.fem.Function(space)
         where = compat.cell_dofs(space, len(self.rows))[:, 0]
         found.x.array.reshape(-1, values.shape[1])[where] = values[self.rows]

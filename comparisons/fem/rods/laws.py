@@ -93,7 +93,7 @@ class Laws:
         families = max(law.families for law in self.laws)
         if not families:
             return ()
-        space = compat.function_space(elements.mesh, compat.block_element(elements.mesh, "DQ", degree, 3))
+        space = compat.function_space(elements.mesh, compat.element(elements.mesh, "DQ", degree, 3))
         where = compat.interpolation_points(space)
         parameters = np.einsum("qn,cnp->cqp", lagrange(degree, mesh.reference, where), elements.parameters)
         fibres = np.zeros((*parameters.shape[:2], 3 * families))

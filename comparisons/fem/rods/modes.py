@@ -59,7 +59,7 @@ def _body(elements: Elements, laws: Laws, supports: Supports, settings: modal.Se
     if supports.whole:
         free = free[::3] // 3
     order = elements.source.order
-    scalar = compat.function_space(elements.mesh, compat.nodal_element(elements.mesh, order, 1))
+    scalar = compat.function_space(elements.mesh, compat.element(elements.mesh, "Lagrange", order, 1, equispaced=True))
     state = elements.state
     return modal.Body(state, state, laws.at_rest(state), laws.density, scalar, free, order, settings, supports.whole)
 
