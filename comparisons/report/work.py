@@ -46,8 +46,9 @@ class Part(NamedTuple):
         """Write the plots and return the HTML: the story, all curves, the fastest within each error."""
         work = part(records, "work")
         files = [f"{self.study}-{name}.png" for name in ("work-precision", "work-precision-narrow", "every-curve")]
-        self.story(records, *(folder / file for file in files[:2]))
-        plots.every(work, self.drawn, folder / files[2])
+        wide, narrow, every = (folder / file for file in files)
+        self.story(records, wide, narrow)
+        plots.every(work, self.drawn, every)
         count = len({named(one) for one in work})
         return [
             heading(3, f"{self.study.title()}: error against run time"),
