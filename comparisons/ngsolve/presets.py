@@ -6,7 +6,7 @@ points leave the quadratic ones of the blade so soft inside that Cholesky factor
 them back.
 """
 
-from comparisons.fem.presets.family import Family
+from comparisons.fem.presets.family import blades, wires
 
 _S2 = "--family S --degree 2 --quadrature irons14"
 _S3 = "--family S --degree 3 --quadrature 5"
@@ -16,45 +16,35 @@ _H3 = "--family hollow --degree 3"
 _H4 = "--family hollow --degree 4"
 
 
-def _spring(label: str, common: str, *meshes: tuple[int, int]) -> Family:
-    return Family(label, common, tuple(f"--around {around} --layers {layers}" for around, layers in meshes))
-
-
-def _blade(label: str, common: str, *meshes: tuple[int, int, int], grading: float = 1.0) -> Family:
-    graded = "" if grading == 1.0 else f" --grading {grading:g}"
-    texts = (f"--along {along} --across {across} --layers {layers}{graded}" for along, across, layers in meshes)
-    return Family(label, common, tuple(texts))
-
-
 SPRING = {
     "quick": (
-        _spring("S2 bricks", _S2, (4, 24), (8, 48), (12, 48), (12, 60)),
-        _spring("S3 bricks", _S3, (4, 12), (4, 24), (8, 24)),
-        _spring("S4 bricks", _S4, (4, 24), (8, 24)),
+        wires("S2 bricks", _S2, (4, 24), (8, 48), (12, 48), (12, 60)),
+        wires("S3 bricks", _S3, (4, 12), (4, 24), (8, 24)),
+        wires("S4 bricks", _S4, (4, 24), (8, 24)),
     ),
     "full": (
-        _spring("S2 bricks", _S2, (4, 24), (8, 48), (12, 48), (12, 60), (16, 84)),
-        _spring("S3 bricks", _S3, (4, 12), (4, 24), (8, 24), (12, 24), (16, 36)),
-        _spring("S4 bricks", _S4, (4, 12), (4, 24), (8, 24), (12, 36)),
-        _spring("Q2 bricks", "--degree 2", (4, 24), (8, 48), (12, 60)),
-        _spring("Q3 bricks", "--degree 3", (4, 12), (8, 24), (12, 24)),
-        _spring("P2 tetrahedra", "--cells tetrahedra --degree 2", (8, 48), (12, 60)),
+        wires("S2 bricks", _S2, (4, 24), (8, 48), (12, 48), (12, 60), (16, 84)),
+        wires("S3 bricks", _S3, (4, 12), (4, 24), (8, 24), (12, 24), (16, 36)),
+        wires("S4 bricks", _S4, (4, 12), (4, 24), (8, 24), (12, 36)),
+        wires("Q2 bricks", "--degree 2", (4, 24), (8, 48), (12, 60)),
+        wires("Q3 bricks", "--degree 3", (4, 12), (8, 24), (12, 24)),
+        wires("P2 tetrahedra", "--cells tetrahedra --degree 2", (8, 48), (12, 60)),
     ),
 }
 BLADE = {
     "quick": (
-        _blade("Q2 bricks, 14 points", _Q2, (4, 1, 16), (4, 1, 18), (4, 1, 20), (6, 1, 24)),
-        _blade("hollow Q3 bricks", _H3, (3, 1, 6), (3, 1, 9), (4, 1, 12), (5, 1, 16), grading=1.25),
-        _blade("hollow Q3 bricks, graded", _H3, (6, 1, 20), (5, 2, 20), (6, 2, 20), grading=1.5),
+        blades("Q2 bricks, 14 points", _Q2, (4, 1, 16), (4, 1, 18), (4, 1, 20), (6, 1, 24)),
+        blades("hollow Q3 bricks", _H3, (3, 1, 6), (3, 1, 9), (4, 1, 12), (5, 1, 16), grading=1.25),
+        blades("hollow Q3 bricks, graded", _H3, (6, 1, 20), (5, 2, 20), (6, 2, 20), grading=1.5),
     ),
     "full": (
-        _blade("Q2 bricks, 14 points", _Q2, (4, 1, 12), (4, 1, 16), (4, 1, 18), (4, 1, 20), (6, 1, 24), (8, 1, 28)),
-        _blade("hollow Q3 bricks", _H3, (3, 1, 6), (3, 1, 9), (4, 1, 12), (5, 1, 16), (6, 1, 20), grading=1.25),
-        _blade(
+        blades("Q2 bricks, 14 points", _Q2, (4, 1, 12), (4, 1, 16), (4, 1, 18), (4, 1, 20), (6, 1, 24), (8, 1, 28)),
+        blades("hollow Q3 bricks", _H3, (3, 1, 6), (3, 1, 9), (4, 1, 12), (5, 1, 16), (6, 1, 20), grading=1.25),
+        blades(
             "hollow Q3 bricks, graded", _H3, (5, 1, 14), (6, 1, 20), (5, 2, 20), (6, 2, 16), (6, 2, 20), grading=1.5
         ),
-        _blade("hollow Q4 bricks", _H4, (3, 1, 5), (4, 1, 8), (5, 1, 12), grading=1.5),
-        _blade("Q3 bricks", "--degree 3", (3, 1, 9), (5, 1, 16), grading=1.25),
-        _blade("P2 tetrahedra", "--cells tetrahedra --degree 2", (4, 1, 16), (8, 2, 32)),
+        blades("hollow Q4 bricks", _H4, (3, 1, 5), (4, 1, 8), (5, 1, 12), grading=1.5),
+        blades("Q3 bricks", "--degree 3", (3, 1, 9), (5, 1, 16), grading=1.25),
+        blades("P2 tetrahedra", "--cells tetrahedra --degree 2", (4, 1, 16), (8, 2, 32)),
     ),
 }

@@ -15,7 +15,7 @@ takes 500 times
   slender and its cells are flat.
 """
 
-from comparisons.fem.presets.family import Family
+from comparisons.fem.presets.family import blades
 
 _Q2 = "--degree 2 --quadrature irons14"
 _P = "--cells tetrahedra --degree"
@@ -45,24 +45,18 @@ PAPER = {
 FINER = (("--layers", 4), ("--along", 2))
 
 
-def _family(label: str, common: str, *meshes: tuple[int, int, int], grading: float = 1.0) -> Family:
-    graded = "" if grading == 1.0 else f" --grading {grading:g}"
-    texts = (f"--along {along} --across {across} --layers {layers}{graded}" for along, across, layers in meshes)
-    return Family(label, common, tuple(texts))
-
-
 FULL = (
-    _family("Q2 bricks, 14 points", _Q2, (4, 1, 12), (4, 1, 16), (4, 1, 18), (4, 1, 20), (6, 1, 24), (8, 1, 28)),
-    _family(
+    blades("Q2 bricks, 14 points", _Q2, (4, 1, 12), (4, 1, 16), (4, 1, 18), (4, 1, 20), (6, 1, 24), (8, 1, 28)),
+    blades(
         "Q3 bricks", "--degree 3", (3, 1, 6), (3, 1, 9), (4, 1, 12), (5, 1, 16), (6, 1, 20), (8, 2, 20), grading=1.25
     ),
-    _family("Q3 bricks, graded", "--degree 3", (5, 1, 14), (6, 1, 20), (6, 2, 16), (5, 2, 20), (6, 2, 20), grading=1.5),
-    _family("Q4 bricks", "--degree 4", (2, 1, 4), (3, 1, 5), (4, 1, 8)),
-    _family("Q2 bricks", "--degree 2", (4, 1, 16), (6, 1, 24), (8, 2, 32), (12, 2, 48)),
-    _family("Q1 bricks", "--degree 1", (8, 1, 32), (16, 2, 64), (24, 4, 128)),
-    _family("enhanced bricks", "--degree 1 --family enhanced", (6, 1, 20), (8, 1, 32), (12, 2, 48)),
-    _family("P2 tetrahedra", f"{_P} 2", (4, 1, 16), (8, 2, 32), (12, 2, 48)),
-    _family("P3 tetrahedra", f"{_P} 3", (4, 1, 10), (6, 1, 12), (8, 1, 16)),
+    blades("Q3 bricks, graded", "--degree 3", (5, 1, 14), (6, 1, 20), (6, 2, 16), (5, 2, 20), (6, 2, 20), grading=1.5),
+    blades("Q4 bricks", "--degree 4", (2, 1, 4), (3, 1, 5), (4, 1, 8)),
+    blades("Q2 bricks", "--degree 2", (4, 1, 16), (6, 1, 24), (8, 2, 32), (12, 2, 48)),
+    blades("Q1 bricks", "--degree 1", (8, 1, 32), (16, 2, 64), (24, 4, 128)),
+    blades("enhanced bricks", "--degree 1 --family enhanced", (6, 1, 20), (8, 1, 32), (12, 2, 48)),
+    blades("P2 tetrahedra", f"{_P} 2", (4, 1, 16), (8, 2, 32), (12, 2, 48)),
+    blades("P3 tetrahedra", f"{_P} 3", (4, 1, 10), (6, 1, 12), (8, 1, 16)),
 )
 # What was fastest within each error at full level.  Every level measures those of its targets, so that a quick answer
 # is not better for us than the full one.
@@ -74,13 +68,13 @@ BEST = {
     5e-4: tuple(f"--degree 3 --along {along} --across 2 --layers 20 --grading 1.5" for along in (5, 6)),
 }
 QUICK = (
-    _family("Q2 bricks, 14 points", _Q2, (4, 1, 16), (4, 1, 18), (4, 1, 20), (6, 1, 24)),
-    _family("Q3 bricks", "--degree 3", (3, 1, 6), (3, 1, 9), (4, 1, 12), grading=1.25),
-    _family("P2 tetrahedra", f"{_P} 2", (4, 1, 16), (8, 2, 32)),
+    blades("Q2 bricks, 14 points", _Q2, (4, 1, 16), (4, 1, 18), (4, 1, 20), (6, 1, 24)),
+    blades("Q3 bricks", "--degree 3", (3, 1, 6), (3, 1, 9), (4, 1, 12), grading=1.25),
+    blades("P2 tetrahedra", f"{_P} 2", (4, 1, 16), (8, 2, 32)),
 )
 
 # Uniform refinement of one element for Richardson's extrapolation; the grading is for the singular clamped edge.
 CONVERGED = {
-    "quick": _family("Q2 bricks", "--degree 2", (8, 2, 24), (12, 3, 36), (16, 4, 48), grading=1.5),
-    "full": _family("Q3 bricks", "--degree 3", (8, 2, 16), (12, 3, 24), (16, 4, 32), grading=1.5),
+    "quick": blades("Q2 bricks", "--degree 2", (8, 2, 24), (12, 3, 36), (16, 4, 48), grading=1.5),
+    "full": blades("Q3 bricks", "--degree 3", (8, 2, 16), (12, 3, 24), (16, 4, 32), grading=1.5),
 }

@@ -1,5 +1,6 @@
 """A family of configurations."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 
@@ -15,3 +16,21 @@ class Family:
     def arguments(self) -> tuple[str, ...]:
         """Arguments of each run."""
         return tuple(f"{self.common} {mesh}" for mesh in self.meshes)
+
+
+def families(*options: str) -> Callable[..., Family]:
+    """Return what makes a family: of a label, what all have in common, and meshes, numbers for these options each.
+
+    ``grading`` is that of all its meshes.
+    """
+
+    def family(label: str, common: str, *meshes: tuple[int, ...], grading: float = 1.0) -> Family:
+        graded = "" if grading == 1.0 else f" --grading {grading:g}"
+        texts = (" ".join(f"--{name} {n}" for name, n in zip(options, mesh, strict=True)) for mesh in meshes)
+        return Family(label, common, tuple(text + graded for text in texts))
+
+    return family
+
+
+wires = families("around", "layers")
+blades = families("along", "across", "layers")

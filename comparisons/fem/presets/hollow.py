@@ -4,14 +4,10 @@ Cells: one across a wall, two where that is better; Q2 and Q3 bricks, since the 
 Found by a search over 6 to 48 cells round the section, 3 to 60 along the rod and 1 to 2 across each ring.
 """
 
-from comparisons.fem.presets.family import Family
+from comparisons.fem.presets.family import families
 
+_family = families("around", "across", "layers")
 _Q2, _Q3 = "--degree 2", "--degree 3"
-
-
-def _family(label: str, common: str, *meshes: tuple[int, int, int]) -> Family:
-    words = (f"--around {around} --across {across} --layers {layers}" for around, across, layers in meshes)
-    return Family(label, common, tuple(words))
 
 
 # Of the spring of tube, and of that of core and sheath.

@@ -5,7 +5,7 @@ Found by a search over elements (Lagrange and serendipity bricks of degree 1 to 
 against the extrapolated force 6.0990.
 """
 
-from comparisons.fem.presets.family import Family
+from comparisons.fem.presets.family import Family, wires
 
 # Twenty-node bricks and Irons' 14 points: half the unknowns and the points of 27-node bricks for the same error.
 _S2 = "--family S --degree 2 --quadrature irons14 --rings 0"
@@ -35,32 +35,28 @@ PRESETS = {
 }
 
 
-def _family(label: str, common: str, *meshes: tuple[int, int]) -> Family:
-    return Family(label, common, tuple(f"--around {around} --layers {layers}" for around, layers in meshes))
-
-
 # Section and axis refined together.
 _AMG = "-ksp_type cg -pc_type gamg -ksp_rtol 1e-8"
 # Fewer tangents, for more iterations.
 _QN = "-snes_type qn -snes_qn_scale_type jacobian -snes_linesearch_type cp -snes_max_it 200"
 FULL = (
-    _family("S2 bricks", _S2, (4, 24), (8, 48), (12, 60), (16, 84)),
-    _family("S3 bricks", _S3, (4, 24), (8, 24), (12, 24), (16, 36)),
-    _family("S4 bricks", _S4, (4, 12), (4, 24), (8, 24), (12, 36)),
-    _family("Q2 bricks", _Q2, (4, 24), (8, 48), (12, 60), (16, 84)),
-    _family("Q3 bricks", _Q3, (4, 12), (8, 24), (12, 24), (12, 36)),
+    wires("S2 bricks", _S2, (4, 24), (8, 48), (12, 60), (16, 84)),
+    wires("S3 bricks", _S3, (4, 24), (8, 24), (12, 24), (16, 36)),
+    wires("S4 bricks", _S4, (4, 12), (4, 24), (8, 24), (12, 36)),
+    wires("Q2 bricks", _Q2, (4, 24), (8, 48), (12, 60), (16, 84)),
+    wires("Q3 bricks", _Q3, (4, 12), (8, 24), (12, 24), (12, 36)),
     Family(
         "Q1 bricks",
         "--degree 1",
         ("--around 8 --layers 72", "--around 12 --layers 144", "--around 16 --rings 2 --layers 216"),
     ),
-    _family("P2 tetrahedra", f"{_P} 2", (8, 48), (12, 60), (16, 96)),
-    _family("P1 tetrahedra", f"{_P} 1", (8, 72), (16, 144), (24, 288)),
-    _family("S2 bricks, quasi-Newton", f"{_S2} {_QN}", (8, 48), (12, 60), (16, 84)),
-    _family("S3 bricks, quasi-Newton", f"{_S3} {_QN}", (4, 24), (12, 24)),
-    _family("S4 bricks, quasi-Newton", f"{_S4} {_QN}", (4, 24), (8, 24)),
-    _family("Q2 bricks, CG + GAMG", f"{_Q2} {_AMG}", (4, 24), (8, 48), (12, 60)),
-    _family("P2 tetrahedra, CG + GAMG", f"{_P} 2 {_AMG}", (8, 48), (12, 60)),
+    wires("P2 tetrahedra", f"{_P} 2", (8, 48), (12, 60), (16, 96)),
+    wires("P1 tetrahedra", f"{_P} 1", (8, 72), (16, 144), (24, 288)),
+    wires("S2 bricks, quasi-Newton", f"{_S2} {_QN}", (8, 48), (12, 60), (16, 84)),
+    wires("S3 bricks, quasi-Newton", f"{_S3} {_QN}", (4, 24), (12, 24)),
+    wires("S4 bricks, quasi-Newton", f"{_S4} {_QN}", (4, 24), (8, 24)),
+    wires("Q2 bricks, CG + GAMG", f"{_Q2} {_AMG}", (4, 24), (8, 48), (12, 60)),
+    wires("P2 tetrahedra, CG + GAMG", f"{_P} 2 {_AMG}", (8, 48), (12, 60)),
 )
 # What was fastest within each error at full level; where two are a noise apart, both.  Every level measures those of
 # its targets, so that a quick answer is not better for us than the full one.
@@ -70,17 +66,17 @@ BEST = {
     1e-4: (f"{_S4} --around 8 --layers 24", f"{_S4} {_QN} --around 8 --layers 24"),
 }
 QUICK = (
-    _family("S2 bricks", _S2, (4, 24), (8, 48), (12, 60)),
-    _family("S2 bricks, quasi-Newton", f"{_S2} {_QN}", (8, 48), (12, 60)),
-    _family("S3 bricks", _S3, (4, 12), (4, 24)),
-    _family("S3 bricks, quasi-Newton", f"{_S3} {_QN}", (4, 24)),
-    _family("S4 bricks", _S4, (4, 24), (8, 24)),
-    _family("Q2 bricks", _Q2, (4, 24), (8, 48)),
-    _family("P2 tetrahedra", f"{_P} 2", (8, 48), (12, 60)),
+    wires("S2 bricks", _S2, (4, 24), (8, 48), (12, 60)),
+    wires("S2 bricks, quasi-Newton", f"{_S2} {_QN}", (8, 48), (12, 60)),
+    wires("S3 bricks", _S3, (4, 12), (4, 24)),
+    wires("S3 bricks, quasi-Newton", f"{_S3} {_QN}", (4, 24)),
+    wires("S4 bricks", _S4, (4, 24), (8, 24)),
+    wires("Q2 bricks", _Q2, (4, 24), (8, 48)),
+    wires("P2 tetrahedra", f"{_P} 2", (8, 48), (12, 60)),
 )
 
 # Uniform refinement of one element for Richardson's extrapolation; with more rings no corner of a brick is flat.
 CONVERGED = {
-    "quick": _family("Q3 bricks", "--degree 3 --rings 1", (4, 12), (8, 24), (12, 36)),
-    "full": _family("Q3 bricks", "--degree 3 --rings 1", (8, 24), (12, 36), (16, 48)),
+    "quick": wires("Q3 bricks", "--degree 3 --rings 1", (4, 12), (8, 24), (12, 36)),
+    "full": wires("Q3 bricks", "--degree 3 --rings 1", (8, 24), (12, 36), (16, 48)),
 }
