@@ -18,7 +18,7 @@ from isorod import options
 def opponents() -> tuple[list[str], dict[str, str]]:
     """Return the programs beside dolfinx that are here (keys of `comparisons.measure.work.MODULES`).
 
-    And of each other one what is missing.
+    And by the name of each that is not, what is missing.
     """
     if util.find_spec("ngsolve") is None:
         return [], {"ngsolve": "this Python has no ngsolve; docker/opponents installs it"}

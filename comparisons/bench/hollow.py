@@ -38,10 +38,10 @@ FINER_BLADE = {
     "fem": (("--layers", 2), ("--around", 8)),
 }
 
-# Nothing is known to have been the fastest before.
+# No arguments that were the fastest in earlier runs.
 _NONE: dict[str, tuple[str, ...]] = {"cylindrical": (), "fem": ()}
 
-# File, name, what is measured, and the errors at which run times are compared: forces, von Mises stresses, frequencies.
+# File, name, measured quantities (forces, von Mises stresses), and target errors.
 _WIRES = (
     ("tube", "tube", ("force",), (5e-3, 1e-3)),
     ("tube", "tube's stresses", ("outside", "inside", "side"), (2e-2,)),
@@ -53,15 +53,15 @@ _WIRES = (
 def scenes(others: Sequence[str]) -> list[Scene]:
     """Return all of them; ``others`` are interpreters whose dolfinx is measured too."""
     kept: dict[str, dict[tuple[str, ...], Record]] = {"tube": {}, "sheath": {}}
-    found = []
+    result = []
     for file, name, measured, targets in _WIRES:
         known = dict.fromkeys(targets, _NONE)
         curves, path = every(WIRE, presets.WIRE, known, others), str(_FILES / f"{file}.toml")
         fast = with_default(known)
-        found.append(Scene(name, measured, presets.WIRE_CONVERGED, curves, fast, FINER_WIRE, path, kept[file]))
+        result.append(Scene(name, measured, presets.WIRE_CONVERGED, curves, fast, FINER_WIRE, path, kept[file]))
     known = dict.fromkeys((2e-2, 1e-2), _NONE)
     curves, path = every(BLADE, presets.BLADE, known, others), str(_FILES / "hollow.toml")
     blade = Scene(
         "hollow blade", ("frequencies",), presets.BLADE_CONVERGED, curves, with_default(known), FINER_BLADE, path
     )
-    return [*found, blade]
+    return [*result, blade]

@@ -1,6 +1,7 @@
 """Spring and blade: error against run time of every program, on meshes of the very same geometry."""
 
 from collections.abc import Mapping, Sequence
+from itertools import chain
 
 from comparisons import blade, spring
 from comparisons.fem.presets import blade as fem_blade
@@ -30,11 +31,11 @@ def scenes(level: str, here: Sequence[str], others: Sequence[str]) -> list[Scene
     others
         Interpreters whose dolfinx is measured too.
     """
-    # Of the quick families of the studies, those that come first somewhere.
+    # At quick level the families of the studies that are the fastest at some error.
     wires = {"quick": _without(fem_spring.QUICK, "Q2 bricks", "P2 tetrahedra"), "full": fem_spring.FULL}
     blades = {"quick": _without(fem_blade.QUICK, "P2 tetrahedra"), "full": fem_blade.FULL}
     more = {"spring": ngsolve.SPRING, "blade": ngsolve.BLADE}
-    found = []
+    result = []
     for name, measured, study, best, families, reference in (
         ("spring", "force", spring, fem_spring.BEST, wires, fem_spring.CONVERGED[level]),
         # An error of 0.05 % takes the full level's.
@@ -45,8 +46,8 @@ def scenes(level: str, here: Sequence[str], others: Sequence[str]) -> list[Scene
         if "ngsolve" in here:
             curves += fem_curves(more[name][level], "ngsolve")
         finer = study.FINER | {"ngsolve": study.FINER["fem"]}
-        found.append(Scene(name, (measured,), reference, curves, with_default(known), finer))
-    return found
+        result.append(Scene(name, (measured,), reference, curves, with_default(known), finer))
+    return result
 
 
 def every(
@@ -56,22 +57,20 @@ def every(
     others: Sequence[str],
 ) -> tuple[Curve, ...]:
     """Return the curves of isorod and dolfinx; every level measures what is known to be fastest of either."""
-    sides = {"cylindrical": [one for one in ours if one.method == "cylindrical"], "fem": [*fem_curves(families)]}
+    sides = {"cylindrical": [curve for curve in ours if curve.method == "cylindrical"], "fem": [*fem_curves(families)]}
     for method, curves in sides.items():
-        there = {one for curve in curves for one in curve.arguments}
-        fast = dict.fromkeys(one for target in known.values() for one in target[method] if one not in there)
-        if fast:
-            curves.append(Curve("known to be fast", method, tuple(fast)))
+        measured = {arguments for curve in curves for arguments in curve.arguments}
+        fast = dict.fromkeys(arguments for target in known.values() for arguments in target[method])
+        missing = tuple(arguments for arguments in fast if arguments not in measured)
+        if missing:
+            curves.append(Curve("known to be fast", method, missing))
     return (*sides["cylindrical"], AS_RUN, *with_others(sides["fem"], others))
 
 
 def with_default(known: Mapping[float, Mapping[str, Sequence[str]]]) -> Known:
     """Return what is known to be fast of all sides, and isorod with nothing chosen."""
-    return {
-        target: (*AS_RUN.arguments, *(one for side in sides.values() for one in side))
-        for target, sides in known.items()
-    }
+    return {target: (*AS_RUN.arguments, *chain.from_iterable(sides.values())) for target, sides in known.items()}
 
 
 def _without(families: Sequence[Family], *labels: str) -> list[Family]:
-    return [one for one in families if one.label not in labels]
+    return [family for family in families if family.label not in labels]

@@ -23,17 +23,17 @@ class Scene:
     name
         Of the scene.
     measured
-        Keys of records: what is measured, a number or several.
+        Keys of the measured quantities in records, scalars or lists.
     reference
-        Finite elements on meshes coarse to fine, whose results are extrapolated.
+        Finite elements on nested meshes, coarse to fine, whose results are extrapolated.
     curves
         Of all programs.
     known
-        By the errors at which run times are compared, arguments that were the fastest within them before.
+        Target errors, each with the arguments that were the fastest within it in earlier runs.
     finer, file
         See `comparisons.measure.work.WorkPrecision`.
     kept
-        Runs of the same rods, which scenes share that measure something else of them.
+        Runs by their arguments, for scenes that measure other quantities of the same rods.
     """
 
     name: str
@@ -54,16 +54,15 @@ class Scene:
         """Record converged values and the work of every program; return the former by name."""
         values = self._converged(study, steps)
         work = WorkPrecision(
-            study, steps, self.name, self.finer, lambda found: self.error(found, values), self.file, self.kept
+            study, steps, self.name, self.finer, lambda record: self.error(record, values), self.file, self.kept
         )
         work.run(self.curves, [*self.known], self.known)
         return values
 
-    def error(self, found: Record, values: Limits) -> float:
+    def error(self, record: Record, values: Limits) -> float:
         """Return the largest relative error of what a run measured."""
-        return max(
-            float(np.max(np.abs(np.ravel(found[name]) / np.array(values[name]) - 1.0))) for name in self.measured
-        )
+        ratios = [np.ravel(record[name]) / np.array(values[name]) for name in self.measured]
+        return max(float(np.abs(ratio - 1.0).max()) for ratio in ratios)
 
     def _converged(self, study: Run, steps: Steps) -> Limits:
         records = []
@@ -73,10 +72,10 @@ class Scene:
                 if words not in self.kept:
                     self.kept[words] = timing.run("comparisons.fem", words)
                 records.append(study.record("convergence", self.kept[words] | {"arguments": arguments}))
-        found = limits(records, self.measured)
-        values = {name: [one.value for one in every] for name, every in found.items()}
-        told = max(abs(one.distance / one.value) for every in found.values() for one in every)
-        orders = {name: [one.order for one in every] for name, every in found.items()}
-        known = {"scene": self.name, "element": self.reference.label, "orders": orders, "uncertainty": told}
-        study.record("converged", known | values)
+        results = limits(records, self.measured)
+        values = {name: [limit.value for limit in numbers] for name, numbers in results.items()}
+        orders = {name: [limit.order for limit in numbers] for name, numbers in results.items()}
+        uncertainty = max(abs(limit.distance / limit.value) for numbers in results.values() for limit in numbers)
+        head = {"scene": self.name, "element": self.reference.label, "orders": orders, "uncertainty": uncertainty}
+        study.record("converged", head | values)
         return values

@@ -89,7 +89,7 @@ def reach(records: list[dict[str, Any]]) -> float | None:
 
 
 def reached(curves: Mapping[str, list[dict[str, Any]]], form: str, single: str = "") -> str:
-    """Return in words up to where each series holds; a nameless one is called ``single``."""
+    """Return in words up to which value each series holds; ``single`` stands for an empty name."""
     words = []
     for series, curve in curves.items():
         last = reach(curve)
