@@ -112,7 +112,7 @@ def test_accurate_preset_is_accurate():
 def configuration(text: str) -> tuple[Configuration, list[str]]:
     """Return what arguments stand for, and those of PETSc."""
     ours, theirs = parser.split(["spring", *text.split()])
-    given = vars(_parser().parse_args(ours))
+    given = vars(_parser("spring").parse_args(ours))
     for name in ("scene", "repeat", "preset", "fields"):
         given.pop(name)
     return Configuration(**given | {"flags": tuple(given["flags"].split())}), list(theirs)

@@ -372,7 +372,7 @@ def test_bad_configurations(given, said):
 
 def test_presets_are_arguments_that_parse():
     for text in (*biceps_presets.PRESETS.values(), *biceps_presets.CONVERGED.arguments):
-        given = vars(_parser().parse_args(["biceps", *text.split()]))
+        given = vars(_parser("biceps").parse_args(["biceps", *text.split()]))
         for name in ("scene", "repeat", "preset", "fields", "flags"):
             given.pop(name)
         scene = Biceps(**{name: given.pop(name) for name in BICEPS})
@@ -382,10 +382,10 @@ def test_presets_are_arguments_that_parse():
 
 @pytest.mark.parametrize("option", ["degree", "quadrature", "repeat", "around", "layers", "rings", "cuts", "parts"])
 def test_counts_on_the_command_line_are_whole(option):
-    assert vars(_parser().parse_args(["biceps", f"--{option}", "3"]))[option] == 3
+    assert vars(_parser("biceps").parse_args(["biceps", f"--{option}", "3"]))[option] == 3
     for text in ("2.5", "x", *["0"] * (option in ("degree", "quadrature", "repeat"))):
         with pytest.raises(InputError, match=f"argument --{option}"):
-            _parser().parse_args(["biceps", f"--{option}", text])
+            _parser("biceps").parse_args(["biceps", f"--{option}", text])
 
 
 @pytest.mark.slow

@@ -27,7 +27,7 @@ FEM = [sys.executable, "-m", "comparisons.fem", "blade"]
 def configuration(arguments: str) -> Configuration:
     from comparisons.fem.__main__ import _parser
 
-    given = vars(_parser().parse_args(["blade", *arguments.split()]))
+    given = vars(_parser("blade").parse_args(["blade", *arguments.split()]))
     for name in ("scene", "repeat", "preset", "fields"):
         given.pop(name)
     return Configuration(**given | {"flags": tuple(given["flags"].split())})

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from comparisons.fem import fields, modal, mode_shapes, runs, statics
+from comparisons.fem.arguments import option
 from comparisons.fem.domain import Domain
 from comparisons.fem.statics import Equilibrium, Held
 from comparisons.fem.stored import energy_of
@@ -14,6 +15,8 @@ from isorod.scenes import blade as scene_of_blade
 from isorod.scenes import spring as scene_of_spring
 from meshes import blade, spring
 from meshes.mesh import Mesh
+
+PAPER = "paper: the mesh whose counts the paper gives"
 
 
 @dataclass(frozen=True)
@@ -31,10 +34,11 @@ class Spring(runs.Configuration):
     scene: ClassVar[str] = "spring"
     analysis: ClassVar[str] = "statics"
 
-    around: int = 8
-    layers: int = 48
-    rings: int = 1
-    core: float | None = None
+    cells: str = option("bricks", PAPER, choices=spring.CELLS)
+    around: int = option(8, "cells round the wire", "N")
+    layers: int = option(48, "cells along the wire, a multiple of 12", "N")
+    rings: int = option(1, "bricks: rings round the core", "N")
+    core: float | None = option(None, "bricks: radius of the core's corners", "R", type=float)
 
     def mesh(self) -> Mesh:
         """Return the mesh."""
@@ -79,12 +83,13 @@ class Blade(runs.Configuration):
     scene: ClassVar[str] = "blade"
     analysis: ClassVar[str] = "modal"
 
-    along: int = 6
-    across: int = 1
-    layers: int = 12
-    grading: float = 1.0
-    clustering: float = 1.0
-    modes: int = 10
+    cells: str = option("bricks", PAPER, choices=blade.CELLS)
+    along: int = option(6, "cells along the chord", "N")
+    across: int = option(1, "cells across the thickness", "N")
+    layers: int = option(12, "cells from root to tip", "N")
+    grading: float = option(1.0, "layer k of N starts at (k / N)^G of the span", "G")
+    clustering: float = option(1.0, "0: cells equally long along the chord", "C")
+    modes: int = option(10, "number of modes", "N")
 
     def __post_init__(self) -> None:
         if self.modes < 1:

@@ -10,6 +10,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from comparisons.fem import compat
+from comparisons.fem.arguments import option, positive, rule
 from comparisons.fem.domain import Domain
 from comparisons.fem.flags import FAST
 from comparisons.fem.statics import Element
@@ -17,6 +18,8 @@ from comparisons.measure import timing
 from isorod.errors import InputError
 from isorod.output import results
 from meshes.mesh import Mesh
+
+FAMILIES = ("Lagrange", "S", "enhanced")
 
 Found = TypeVar("Found", bound=timing.Timed)
 
@@ -45,12 +48,14 @@ class Configuration:
     analysis: ClassVar[str]
 
     cells: str = "bricks"
-    order: int | None = None
-    degree: int = 2
-    quadrature: int | str | None = None
-    family: str = "Lagrange"
+    order: int | None = option(None, "order of the geometry; the degree if not given", "N", type=positive)
+    degree: int = option(2, "degree of the displacement", "P", type=positive)
+    quadrature: int | str | None = option(None, "degree of the quadrature rule, or irons14", "Q", type=rule)
+    family: str = option(
+        "Lagrange", "bricks: S for serendipity, enhanced for 8 nodes with incompatible modes", choices=FAMILIES
+    )
     solver: Mapping[str, object] | None = None
-    matrix: str | None = None
+    matrix: str | None = option(None, "PETSc matrix type, such as baij", "TYPE", type=str)
     flags: Sequence[str] = FAST
 
     def __post_init__(self) -> None:

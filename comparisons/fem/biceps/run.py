@@ -10,6 +10,7 @@ import numpy as np
 from mpi4py import MPI
 
 from comparisons.fem import fields, runs
+from comparisons.fem.arguments import option, positive
 from comparisons.fem.biceps import dynamics, statics
 from comparisons.fem.biceps.branches import Branches
 from comparisons.fem.contact.facets import surface_points
@@ -62,18 +63,18 @@ class Configuration:
         The parameters of the biceps; of dynamics too, but for the time step.
     """
 
-    analysis: str = "statics"
-    cells: str = "tetrahedra"
-    size: float = 0.3325
-    around: int = 8
-    layers: int = 6
-    rings: int = 1
-    cuts: int = 1
-    degree: int = 2
-    formulation: str = "displacement"
-    quadrature: int | None = None
-    parts: int | None = None
-    time_step: float | None = None
+    analysis: str = option("statics", "equilibrium or motion", choices=ANALYSES)
+    cells: str = option("tetrahedra", "kind of the mesh", choices=biceps.CELLS)
+    size: float = option(0.3325, "tetrahedra: length of the edges [cm]", "H")
+    around: int = option(8, "bricks round a branch, a multiple of 4", "N")
+    layers: int = option(6, "bricks along each element of the axis", "N")
+    rings: int = option(1, "bricks: rings round the core", "N")
+    cuts: int = option(1, "bricks: cuts of the axis elements at held ends", "N")
+    degree: int = option(2, "degree of displacement and geometry", "P", type=positive)
+    formulation: str = option("displacement", "statics: mixed, Taylor-Hood", choices=FORMULATIONS)
+    quadrature: int | None = option(None, "degree of the quadrature rule", "Q", type=positive)
+    parts: int | None = option(None, "contact: rules to a facet's edge; 0: points at the nodes", "N", type=int)
+    time_step: float | None = option(None, "dynamics: time step [s] (0.9 of the critical step)", "DT", type=float)
     solver: Mapping[str, object] | None = None
     flags: Sequence[str] = ()
     scene: Biceps = field(default_factory=Biceps)

@@ -11,6 +11,7 @@ import numpy as np
 from mpi4py import MPI
 
 from comparisons.fem import runs
+from comparisons.fem.arguments import option, positive
 from comparisons.fem.flags import FAST
 from comparisons.fem.rods.solving import solve
 from comparisons.fem.statics import Element
@@ -46,11 +47,11 @@ class Configuration:
     """
 
     name: str
-    level: int = 1
-    degree: int = 2
-    around: int | None = None
-    across: int | None = None
-    layers: int | None = None
+    level: int = option(1, "cells in each direction, times level 1's", "L", type=positive)
+    degree: int = option(2, "degree of displacement and geometry", "P", type=positive)
+    around: int | None = option(None, "cells round a hole or core, in the place of the mesh's own", "N", type=positive)
+    across: int | None = option(None, "cells across each ring, in the place of the mesh's own", "N", type=positive)
+    layers: int | None = option(None, "cells along the rod, in the place of the mesh's own", "N", type=positive)
     flags: tuple[str, ...] = FAST
 
     def __post_init__(self) -> None:
