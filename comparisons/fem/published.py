@@ -1,4 +1,9 @@
-"""Spring and blade of Lu & Zhou (2011), sections 4.2 and 4.3, in dolfinx, on meshes of their own."""
+"""Spring and blade of Lu & Zhou (2011), sections 4.2 and 4.3, in dolfinx, on meshes of their own.
+
+Apart from `comparisons.fem.rods`, whose unknowns are the nodes of the mesh: the fastest elements here, serendipity
+bricks on Irons' points, have other unknowns, as have incompatible modes and displacements of a higher degree than the
+cells.
+"""
 
 from dataclasses import dataclass
 from pathlib import Path

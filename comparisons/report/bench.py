@@ -6,7 +6,7 @@ from comparisons.bench import biceps
 from comparisons.measure.records import Record, family, part, version
 from comparisons.measure.work import AS_RUN
 from comparisons.report import precision
-from comparisons.report.html import fold, heading, table
+from comparisons.report.html import fold, heading, milliseconds, table
 from comparisons.report.html import markdown as markdown_table
 from isorod.output.results import write_beside
 
@@ -113,9 +113,9 @@ def rows(records: list[Record]) -> list[tuple[str, ...]]:
                 (
                     f"{100 * target:g} %",
                     program(one),
-                    _milliseconds(one["seconds"]["total"]),
-                    _milliseconds(bare(one)),
-                    _milliseconds(one["seconds"]["processor"]),
+                    milliseconds(one["seconds"]["total"]),
+                    milliseconds(bare(one)),
+                    milliseconds(one["seconds"]["processor"]),
                     f"{one['dofs']:,}",
                     f"{100 * one['error']:.2g} %",
                     _share(one["seconds"]["total"] / tuned["seconds"]["total"]) if theirs and tuned else "",
@@ -125,10 +125,6 @@ def rows(records: list[Record]) -> list[tuple[str, ...]]:
                 )
             )
     return found
-
-
-def _milliseconds(seconds: float) -> str:
-    return f"{1e3 * seconds:,.1f}" if seconds < 0.1 else f"{1e3 * seconds:,.0f}"
 
 
 def _share(ratio: float) -> str:
@@ -260,7 +256,7 @@ def _run(record: Record) -> tuple[str, ...]:
     return (
         program(record),
         record["curve"],
-        _milliseconds(record["seconds"]["total"]),
+        milliseconds(record["seconds"]["total"]),
         f"{100 * record['error']:.2g} %",
         f"{record['dofs']:,}",
         record["arguments"],
