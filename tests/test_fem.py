@@ -1,9 +1,7 @@
 """The finite element side: patch tests, the spring's force, ranks, solvers, and bad input."""
 
-import dataclasses
 import json
 import sys
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -14,16 +12,15 @@ pytest.importorskip("gmsh")
 
 import ufl
 from mpi4py import MPI
+from test_fem_presets import configuration
 
 from comparisons.fem import quadrature
-from comparisons.fem.__main__ import _parser
 from comparisons.fem.domain import Domain
 from comparisons.fem.presets import spring as presets
 from comparisons.fem.published import Spring as Configuration
 from comparisons.fem.runs import distribute, run
 from comparisons.fem.statics import Element, Held, solve
 from comparisons.fem.stored import energy_of
-from isorod.command import parser
 from isorod.errors import InputError, SolveError
 from isorod.material import LinearElastic, NeoHookean
 from meshes.bricks import bricks
@@ -109,49 +106,8 @@ def test_accurate_preset_is_accurate():
     assert record("accurate")["force"] == pytest.approx(CONVERGED, rel=1.5e-4)
 
 
-def configuration(text: str) -> tuple[Configuration, list[str]]:
-    """Return what arguments stand for, and those of PETSc."""
-    ours, theirs = parser.split(["spring", *text.split()])
-    given = vars(_parser("spring").parse_args(ours))
-    for name in ("scene", "repeat", "preset", "fields"):
-        given.pop(name)
-    return Configuration(**given | {"flags": tuple(given["flags"].split())}), list(theirs)
-
-
-FAMILIES = [*presets.FULL, *presets.QUICK, *presets.CONVERGED.values()]
-
-
-@pytest.mark.parametrize("text", [*presets.PRESETS.values(), *(text for one in FAMILIES for text in one.arguments)])
-def test_presets_set_what_they_say_and_nothing_else(text):
-    found, theirs = configuration(text)
-    pairs = list(zip(text.split()[::2], text.split()[1::2], strict=True))
-    said = {name.removeprefix("--"): value for name, value in pairs if name.startswith("--")}
-    assert theirs == [word for pair in pairs if not pair[0].startswith("--") for word in pair]
-    default, _ = configuration("")
-    for field in dataclasses.fields(Configuration):
-        value = getattr(found, field.name)
-        if field.name in said:
-            assert str(value) == said.pop(field.name)
-        else:
-            assert value == getattr(default, field.name)
-    assert not said
-
-
-@pytest.mark.parametrize("family", FAMILIES, ids=lambda family: family.label)
-def test_meshes_of_a_family_go_from_coarse_to_fine(family):
-    meshes = [configuration(text)[0] for text in family.arguments]
-    for coarse, fine in pairwise(meshes):
-        assert fine.around >= coarse.around and fine.layers >= coarse.layers
-        assert fine.around * fine.layers > coarse.around * coarse.layers
-        assert (fine.cells, fine.degree, fine.family) == (coarse.cells, coarse.degree, coarse.family)
-    if family in presets.CONVERGED.values():
-        # Richardson's: refined alike in the section and along it.
-        assert len(meshes) == 3
-        assert len({one.layers / one.around for one in meshes}) == 1
-
-
 def record(preset: str) -> dict:
-    return run(configuration(presets.PRESETS[preset])[0])
+    return run(configuration("spring", presets.PRESETS[preset])[0])
 
 
 def test_trilinear_bricks_on_the_mesh_of_the_paper():

@@ -1,16 +1,17 @@
 """The blade's modes by finite elements: converged values, presets, ranks, bad input."""
 
-import dataclasses
 import json
 import subprocess
 import sys
-from itertools import pairwise
 
 import numpy as np
 import pytest
 from reference import BLADE_FREQUENCIES as CONVERGED
 
 pytest.importorskip("dolfinx")
+pytest.importorskip("gmsh")
+
+from test_fem_presets import configuration as configured
 
 from comparisons.fem.domain import Domain
 from comparisons.fem.mode_shapes import nodal
@@ -25,12 +26,7 @@ FEM = [sys.executable, "-m", "comparisons.fem", "blade"]
 
 
 def configuration(arguments: str) -> Configuration:
-    from comparisons.fem.__main__ import _parser
-
-    given = vars(_parser("blade").parse_args(["blade", *arguments.split()]))
-    for name in ("scene", "repeat", "preset", "fields"):
-        given.pop(name)
-    return Configuration(**given | {"flags": tuple(given["flags"].split())})
+    return configured("blade", arguments)[0]
 
 
 def test_best_preset_is_within_half_a_percent():
@@ -145,35 +141,6 @@ def test_two_ranks_give_the_serial_modes(mpirun, tmp_path, arguments):
 def test_meshes_of_the_presets_are_positive(family):
     for arguments in family.arguments:
         assert configuration(arguments).mesh().check() >= 0.0
-
-
-FAMILIES = [*presets.FULL, *presets.QUICK, *presets.CONVERGED.values()]
-
-
-@pytest.mark.parametrize("text", [*presets.PRESETS.values(), *(text for one in FAMILIES for text in one.arguments)])
-def test_presets_set_what_they_say_and_nothing_else(text):
-    words = text.split()
-    said = {name.removeprefix("--"): value for name, value in zip(words[::2], words[1::2], strict=True)}
-    found, default = configuration(text), configuration("")
-    for field in dataclasses.fields(Configuration):
-        value = getattr(found, field.name)
-        if field.name in said:
-            assert str(value) == said.pop(field.name)
-        else:
-            assert value == getattr(default, field.name)
-    assert not said
-
-
-@pytest.mark.parametrize("family", FAMILIES, ids=lambda family: family.label)
-def test_meshes_of_a_family_go_from_coarse_to_fine(family):
-    meshes = [configuration(text) for text in family.arguments]
-    for coarse, fine in pairwise(meshes):
-        assert fine.along * fine.across * fine.layers > coarse.along * coarse.across * coarse.layers
-        assert (fine.cells, fine.degree, fine.family) == (coarse.cells, coarse.degree, coarse.family)
-    if family in presets.CONVERGED.values():
-        # Richardson's: refined alike in all directions.
-        assert len(meshes) == 3
-        assert len({(one.layers / one.along, one.along / one.across, one.grading) for one in meshes}) == 1
 
 
 @pytest.mark.parametrize(
