@@ -118,6 +118,27 @@ def _alone(path: Path) -> Iterator[FileIO]:
                 return
 
 
+def read(path: Path) -> list[dict[str, Any]]:
+    """Return the records of a file of JSON lines; a last line that is torn is left out.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read, or a line is no record.
+    """
+    try:
+        lines = path.read_bytes().splitlines()
+    except OSError as problem:
+        raise InputError(f"{path}: cannot be read ({problem.strerror})") from None
+    found = []
+    for number, text in enumerate(lines, 1):
+        if not is_torn(text):
+            found.append(json.loads(text))
+        elif number < len(lines):
+            raise InputError(f"{path}:{number}: is no record of a run")
+    return found
+
+
 def is_torn(text: bytes) -> bool:
     """Return whether a last line without its end of line is but the beginning of a record."""
     try:
