@@ -99,7 +99,7 @@ def _run(points: grid.Grid, scene: Any, found: argparse.Namespace, theirs: Seque
     """Solve all points whose records are not there yet, and print all."""
     from petsc4py import PETSc
 
-    from isorod.command import printing, sheet
+    from isorod.command import printing, sheet, solving
     from isorod.output import results
     from isorod.output.progress import Progress
 
@@ -108,9 +108,10 @@ def _run(points: grid.Grid, scene: Any, found: argparse.Namespace, theirs: Seque
     head = [identity["command"], *(f"{name}: {unit}" for name, unit in scene.units.items() if unit)]
     # Of several ranks the first has the files.
     path = found.output if first else None
-    records = {} if path is None else sheet.read(path, identity, found.overwrite)
-    _warn_of_commits(records)
-    known = PETSc.COMM_WORLD.tompi4py().bcast({*records})
+    there = {} if path is None else sheet.read(path, identity, found.overwrite)
+    _warn_of_commits(there)
+    records = PETSc.COMM_WORLD.tompi4py().bcast(there)
+    known = {*records}
     indices = points.indices()
     total = len(indices)
 
@@ -138,7 +139,7 @@ def _run(points: grid.Grid, scene: Any, found: argparse.Namespace, theirs: Seque
             record["sweep"] |= {name: one for name, one in identity.items() if name not in record}
             if not solved and record["sweep"]["status"] == sheet.SOLVED:
                 solved = True
-                _refuse_unused()
+                solving.refuse_unused()
             refused.append(record)
             # Where no point can be solved nothing is written.
             if records or not record["sweep"]["status"].startswith("refused: "):
@@ -195,15 +196,6 @@ def _solve(number: int, points: grid.Grid, index: Sequence[int], theirs: Sequenc
             record = {**results.provenance(), "petsc_options": " ".join(theirs)}
     about["warnings"] = list(dict.fromkeys(" ".join(str(one.message).split()) for one in said))
     return record | {"sweep": about}
-
-
-def _refuse_unused() -> None:
-    """Raise `InputError` if a solved point has not used one of PETSc's options."""
-    from isorod.petsc.library import unused_options
-
-    left = unused_options()
-    if left:
-        raise InputError(f"PETSc option {', '.join(left)}: nothing used it; check its spelling with -help")
 
 
 def _identity(words: Sequence[str], scene: Any, theirs: Sequence[str]) -> dict[str, Any]:
