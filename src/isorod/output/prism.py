@@ -154,7 +154,8 @@ class Prism:
         M, C, E = np.zeros((3, size, size))
         if self.field is not None:
             moduli = self.field(points.xi) / unit * (points.share / self._size**2)[:, None, None, None, None]
-            tables = values, slopes[..., 0], slopes[..., 1]
+            # Strided, products would not be BLAS's.
+            tables = values, *(np.ascontiguousarray(slopes[..., k]) for k in range(2))
             sums = np.zeros((3, 3, 3, basis.count, 3, basis.count))
             for a, i, b, j in product(range(3), repeat=4):
                 # The last direction of ``moduli`` counts for ``b``, which is the transpose where it is less.
