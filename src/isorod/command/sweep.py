@@ -225,7 +225,7 @@ def _warn_of_commits(records: Mapping[int, Mapping[str, Any]]) -> None:
     from isorod.output import results
 
     here = results.provenance()["commit"]
-    others = sorted({str(one["commit"]) for one in records.values() if one["commit"] != here})
+    others = sorted({str(one.get("commit")) for one in records.values() if one.get("commit") != here})
     if others:
         warnings.warn(f"points that are there are of commit {', '.join(others)}; this is {here}", stacklevel=2)
 
