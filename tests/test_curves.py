@@ -68,6 +68,37 @@ def test_axes_say_quantity_and_unit(name, said):
     assert curves.label(name) == said
 
 
+SWEEP = """# isorod sweep spring --pull 1,2 --nu 0.3,0.4
+# varied: {},nu
+{},nu,f[0],f[1],error_estimate,unknowns,status
+{},0.3,3,4,1e-3,36,solved
+{},0.4,5,6,1e-3,36,solved
+{},0.3,,,,,"refused: no, not this one"
+{},0.4,7,8,1e-3,36,solved
+"""
+
+
+@pytest.mark.parametrize("typed", [("1", "2"), ("displacement", "mixed")])
+def test_a_sweep_has_a_curve_for_each_answer_and_combination(typed):
+    """Over what is varied first, numbers or words; points that could not be solved are left out."""
+    first, last = typed
+    text = SWEEP.format("by", "by", first, first, last, last)
+    found = curves.columns(text.splitlines(), "a.csv")
+    assert found.pop("by").tolist() == ([1.0, 2.0] if first == "1" else [*typed])
+    expected = {
+        "f[0], nu 0.3": (3, np.nan),
+        "f[1], nu 0.3": (4, np.nan),
+        "f[0], nu 0.4": (5, 7),
+        "f[1], nu 0.4": (6, 8),
+    }
+    assert [*found] == [*expected]
+    np.testing.assert_array_equal([*found.values()], [*expected.values()])
+    (panel,) = curves.panels({"by": np.arange(2.0), **found})
+    assert (panel.below, panel.beside, len(panel.curves)) == ("by", "f", 4)
+    with pytest.raises(InputError, match=r"^a.csv: is no table of a sweep"):
+        curves.columns(text.replace("by,nu,", "on,nu,").splitlines(), "a.csv")
+
+
 def write(path, table):
     rows = zip(*table.values(), strict=True)
     path.write_text("\n".join([",".join(table), *(",".join(map(repr, row)) for row in rows), ""]))

@@ -2,15 +2,15 @@
 
 import re
 from collections.abc import Sequence
-from decimal import Context, Decimal, InvalidOperation
+from fractions import Fraction
 from itertools import product
+from math import prod
 from typing import NamedTuple
 
 from isorod.errors import InputError
 
-# Points of a sweep, and digits of a value between the ends of a range: what a float holds for certain.
+# Points of a sweep.
 MOST = 100_000
-_DIGITS = Context(prec=15)
 
 _RANGE = re.compile(r"([^:]*):([^:]*):([^:]*)")
 
@@ -96,9 +96,7 @@ def read(words: Sequence[str], left: Sequence[str] = ()) -> Grid:
         raise InputError(
             "nothing is varied; give an option several values: --pull 0:10:21 (from, to, how many) or --nu 0.3,0.4"
         )
-    points = 1
-    for count in grid.shape:
-        points *= count
+    points = prod(grid.shape)
     if points > MOST:
         raise InputError(f"{points:,} points; a sweep has at most {MOST:,}")
     return grid
@@ -122,22 +120,14 @@ def _values(name: str, value: str) -> tuple[str, ...] | None:
 
 
 def _range(name: str, text: str, first: str, last: str, count: str) -> tuple[str, ...]:
-    """Return evenly spaced numbers, both ends included, each the decimal fraction that a run by itself is given."""
+    """Return evenly spaced numbers, both ends included, with the 15 digits that a float holds for certain."""
     try:
-        low, high, number = Decimal(first), Decimal(last), int(count)
-        if not (low.is_finite() and high.is_finite()):
-            raise ValueError
-    except (InvalidOperation, ValueError):
+        low, high, number = Fraction(first), Fraction(last), int(count)
+    except (ValueError, ZeroDivisionError):
         raise InputError(f"{name}: got {text}, need from:to:count, such as 0:10:21") from None
     if not 2 <= number <= MOST:
         raise InputError(f"{name}: got {text}, need a count from 2 to {MOST:,}")
     if low == high:
         raise InputError(f"{name}: got {text}, whose ends are the same")
-    inner = (low + _DIGITS.divide(k * (high - low), Decimal(number - 1)) for k in range(1, number - 1))
-    return first.strip(), *(_plain(_DIGITS.plus(one)) for one in inner), last.strip()
-
-
-def _plain(value: Decimal) -> str:
-    """Return a number as people write it: without zeros behind, with an exponent where it is far from one."""
-    short = value.normalize(_DIGITS)
-    return f"{short:f}" if -5 <= short.adjusted() < 15 else f"{short:e}"
+    inner = (float(low + k * (high - low) / (number - 1)) for k in range(1, number - 1))
+    return first.strip(), *(f"{one:.15g}" for one in inner), last.strip()

@@ -22,17 +22,13 @@ def main(ours: Sequence[str], theirs: Sequence[str]) -> int:
         raise InputError("matrices: this scene is geometry only, which has none; 'isorod list' names others")
     with np.errstate(all="ignore"), options.petsc_errors():
         options.initialize(theirs)
+        from isorod.command.solving import origin, refuse_unused
         from isorod.output import matrix_files
-        from isorod.petsc.library import unused_options
 
         matrix_files.check_folder(found.output)
         matrices = _matrices(scene, found)
-        left = unused_options()
-        if left:
-            raise InputError(f"PETSc option {', '.join(left)}: nothing used it; check its spelling with -help")
+        refuse_unused()
         if ending.rank() == 0:
-            from isorod.command.solving import origin
-
             said = matrix_files.write(matrices, found.output, origin(scene))
             notes.show()
             print(_summary(said, found.output))

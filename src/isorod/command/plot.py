@@ -228,7 +228,7 @@ def _curves(result: reading.Result, found: argparse.Namespace) -> int:
     if path is None:
         raise InputError(f"{found.place}: this run of {result.name} has left no curves (.csv)")
     window = drawing.prepare("plot", found, curves=True)
-    curves.draw(path, result.name, found.size, None if window else Path(found.png))
+    curves.draw(curves.read(path), result.name, found.size, None if window else Path(found.png))
     if not window:
         print(f"{found.png}: {found.size[0]} x {found.size[1]} pixels")
     return 0

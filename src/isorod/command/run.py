@@ -109,7 +109,6 @@ def _analysis(scene: Any, theirs: Sequence[str], found: argparse.Namespace) -> t
     if scene.analysis == "statics" and found.output is not None:
         settings |= {"keep": True}
     from isorod.command import solving
-    from isorod.petsc.library import unused_options
 
     imported = perf_counter() - begin
     refined: dict[str, Any] = {}
@@ -130,9 +129,7 @@ def _analysis(scene: Any, theirs: Sequence[str], found: argparse.Namespace) -> t
         if not getattr(found, "no_estimate", True):
             refined = solving.estimate(solution, shown)
     record = solving.record(scene, solution, {"import": imported} | seconds, settings, theirs) | refined
-    left = unused_options()
-    if left:
-        raise InputError(f"PETSc option {', '.join(left)}: nothing used it; check its spelling with -help")
+    solving.refuse_unused()
     return record, solution
 
 

@@ -215,6 +215,15 @@ def record(
     }
 
 
+def refuse_unused() -> None:
+    """Raise `InputError` if what was solved has not used one of PETSc's options."""
+    from isorod.petsc.library import unused_options
+
+    left = unused_options()
+    if left:
+        raise InputError(f"PETSc option {', '.join(left)}: nothing used it; check its spelling with -help")
+
+
 def origin(scene: Any) -> dict[str, Any]:
     """Return what a scene is, and by which versions, when and on which machine something is made of it."""
     return {**_scene(scene), **results.provenance()}

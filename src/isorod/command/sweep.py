@@ -8,11 +8,12 @@ import sys
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import nullcontext
+from pathlib import Path
 from time import perf_counter
 from typing import Any
 
 from isorod import options, scenes
-from isorod.command import chosen, ending, grid
+from isorod.command import chosen, ending, grid, notes
 from isorod.command.parser import Parser
 from isorod.errors import InputError, SolveError
 from isorod.output.words import duration
@@ -23,7 +24,7 @@ _HOW = (
 )
 
 # Options that change nothing of the numbers: with a value, and without.
-_VALUED, _PLAIN = ("--output", "--png", "--of"), ("--json", "--overwrite")
+_VALUED, _PLAIN = ("--output", "--png"), ("--json", "--overwrite")
 
 # Entries of a list that are printed, and warnings.
 _ENTRIES, _WARNINGS = 4, 3
@@ -38,16 +39,32 @@ def main(ours: Sequence[str], theirs: Sequence[str]) -> int:
     if {"-h", "--help"} & {*ours}:
         chosen.find("sweep", ours, theirs, _more)[2].print_help()
         return 0
-    if "--cold" in ours:
-        warnings.warn("--cold: every point begins from rest; leave it out", FutureWarning, stacklevel=2)
-    points = grid.read([word for word in ours if word != "--cold"], _VALUED)
+    points = grid.read(_without_old(ours), _VALUED)
     scene, found = _understood(points, theirs)
     if scenes.analyses(scene) == ("geometry",):
         raise InputError("sweep: this scene is geometry only, and has no numbers to solve for")
-    plot = _plot(scene, found)
+    if found.png is not None:
+        from isorod.output import curves
+
+        curves.check(Path(found.png))
     options.initialize(theirs)
     with np.errstate(all="ignore"):
-        return _run(points, scene, found, theirs, plot)
+        return _run(points, scene, found, theirs)
+
+
+def _without_old(ours: Sequence[str]) -> list[str]:
+    """Return our words without options that are gone, which have no effect and a warning for one release."""
+    kept, words = [], iter(ours)
+    for word in words:
+        if word == "--cold":
+            warnings.warn("--cold: every point begins from rest; leave it out", FutureWarning, stacklevel=3)
+        elif word.partition("=")[0] == "--of":
+            warnings.warn("--of: the plot has all answers; leave it out", FutureWarning, stacklevel=3)
+            if word == "--of":
+                next(words, None)
+        else:
+            kept.append(word)
+    return kept
 
 
 def _more(parser: Parser, scene: Any) -> None:
@@ -63,8 +80,7 @@ def _more(parser: Parser, scene: Any) -> None:
         "--output", metavar="FILE.csv", help="write the table into this file, and go on with one that is not complete"
     )
     parser.add_argument("--overwrite", action="store_true", help="begin anew, whatever is in the file")
-    parser.add_argument("--png", metavar="FILE", help="plot the answer against what is varied first")
-    parser.add_argument("--of", metavar="NAME", help="which answer is plotted (the first)")
+    parser.add_argument("--png", metavar="FILE", help="plot the table, as isorod plot FILE.csv does")
 
 
 def _understood(points: grid.Grid, theirs: Sequence[str]) -> tuple[Any, argparse.Namespace]:
@@ -79,65 +95,80 @@ def _understood(points: grid.Grid, theirs: Sequence[str]) -> tuple[Any, argparse
     return scene, parser.known([*words[:place], *words[place + 1 :]])
 
 
-def _run(points: grid.Grid, scene: Any, found: argparse.Namespace, theirs: Sequence[str], plot: Any) -> int:
+def _run(points: grid.Grid, scene: Any, found: argparse.Namespace, theirs: Sequence[str]) -> int:
     """Solve all points whose records are not there yet, and print all."""
     from petsc4py import PETSc
 
-    from isorod.command import printing, sheet
+    from isorod.command import printing, sheet, solving
+    from isorod.output import results
     from isorod.output.progress import Progress
 
     start, first = perf_counter(), ending.rank() == 0
-    command = _command(points.words)
-    kept = sheet.Sheet(
-        found.output if first else None, _identity(command, scene, theirs), _heads(command, scene), found.overwrite
-    )
+    identity = _identity(points.words, scene, theirs)
+    head = [identity["command"], *(f"{name}: {unit}" for name, unit in scene.units.items() if unit)]
     # Of several ranks the first has the files.
-    known = PETSc.COMM_WORLD.tompi4py().bcast({*kept.records})
+    path = found.output if first else None
+    there = {} if path is None else sheet.read(path, identity, found.overwrite)
+    _warn_of_commits(there)
+    records = PETSc.COMM_WORLD.tompi4py().bcast(there)
+    known = {*records}
     indices = points.indices()
     total = len(indices)
 
-    def add(record: Mapping[str, Any]) -> None:
-        kept.add(record)
+    def add(record: dict[str, Any]) -> None:
+        line = results.line(record)
+        # As it will be read.
+        records[record["sweep"]["point"]] = json.loads(line)
+        if path is not None:
+            results.make_folder(str(Path(path).parent))
+            results.append(sheet.records_of(path), record)
         if found.json and first:
-            print(json.dumps(kept.records[record["sweep"]["point"]]), flush=True)
+            print(line, flush=True)
 
-    for record in kept.records.values() if found.json and first else ():
-        print(json.dumps(record), flush=True)
+    for record in records.values() if found.json and first else ():
+        print(results.line(record), flush=True)
     progress = Progress(len(known), total, "point")
     refused: list[dict[str, Any]] = []
-    tried = False
+    solved = False
     try:
         for number, index in enumerate(indices):
             if number in known:
                 continue
             with printing.apart() if found.json else nullcontext():
                 record = _solve(number, points, index, theirs)
-            if not tried and record["sweep"]["status"] == sheet.SOLVED:
-                tried = True
-                _refuse_unused()
+            record["sweep"] |= {name: one for name, one in identity.items() if name not in record}
+            if not solved and record["sweep"]["status"] == sheet.SOLVED:
+                solved = True
+                solving.refuse_unused()
             refused.append(record)
             # Where no point can be solved nothing is written.
-            if kept.records or not record["sweep"]["status"].startswith("refused: "):
+            if records or not record["sweep"]["status"].startswith("refused: "):
                 for one in refused:
                     add(one)
                 refused.clear()
             if first:
                 progress(float(number + 1))
     except KeyboardInterrupt as problem:
-        if found.output is not None:
-            problem.add_note(f"{len(kept.records)} of {total} points are in {found.output}; the same command goes on")
+        if path is not None:
+            problem.add_note(f"{len(records)} of {total} points are in {path}; the same command goes on")
         raise
     finally:
         progress.close()
-        kept.write()
+        table = sheet.table(records, head) if records else b""
+        if path is not None and records:
+            results.write_whole(Path(path), table)
     if refused:
         message = refused[0]["sweep"]["status"].removeprefix("refused: ")
         raise InputError(message if total == 1 else f"none of {total} points can be solved; the first: {message}")
     if first:
-        _print(kept.records, found, perf_counter() - start, len(known))
-        if plot is not None:
-            plot([kept.records[k] for k in sorted(kept.records)])
-    failed = sum(one["sweep"]["status"] != sheet.SOLVED for one in kept.records.values())
+        _print(records, found, perf_counter() - start, len(known))
+        if found.png is not None:
+            from isorod.output import curves, picture
+
+            columns = curves.columns(table.decode().splitlines(), "sweep")
+            results.make_folder(str(Path(found.png).parent))
+            curves.draw(columns, "", picture.SIZE, Path(found.png))
+    failed = sum(one["sweep"]["status"] != sheet.SOLVED for one in records.values())
     return ending.fail("isorod", f"{failed} of {total} points could not be solved; the table says why") if failed else 0
 
 
@@ -167,44 +198,36 @@ def _solve(number: int, points: grid.Grid, index: Sequence[int], theirs: Sequenc
     return record | {"sweep": about}
 
 
-def _refuse_unused() -> None:
-    """Raise `InputError` if a solved point has not used one of PETSc's options."""
-    from isorod.petsc.library import unused_options
+def _identity(words: Sequence[str], scene: Any, theirs: Sequence[str]) -> dict[str, Any]:
+    """Return by what a sweep is known again: what is typed but for what changes no number, the file, versions.
 
-    left = unused_options()
-    if left:
-        raise InputError(f"PETSc option {', '.join(left)}: nothing used it; check its spelling with -help")
+    Not the commit: a checkout may be committed to, or be edited, while a sweep runs (`_warn_of_commits`).
+    """
+    from isorod.output import results
 
-
-def _command(words: Sequence[str]) -> str:
-    """Return the words of a sweep as typed, without the options that change none of its numbers."""
     kept, skip = [], False
     for word in words:
         if skip or word in _PLAIN or word.partition("=")[0] in _VALUED:
             skip = not skip and word in _VALUED
             continue
         kept.append(word)
-    return shlex.join(["isorod", "sweep", *kept])
-
-
-def _identity(command: str, scene: Any, theirs: Sequence[str]) -> dict[str, Any]:
-    """Return by what a sweep is known again: nothing that numbers depend on may differ."""
-    from isorod.output import results
-
-    origin = results.provenance()
     content = json.dumps(scene.content, default=str) if hasattr(scene, "content") else ""
     return {
-        "command": command,
+        "command": shlex.join(["isorod", "sweep", *kept]),
         "petsc_options": " ".join(theirs),
         "file": hashlib.sha256(content.encode()).hexdigest() if content else None,
-        "versions": origin["versions"],
-        "commit": origin["commit"],
+        "versions": results.provenance()["versions"],
     }
 
 
-def _heads(command: str, scene: Any) -> list[str]:
-    """Return the lines at the head of the table: how it came about, and units."""
-    return [command, *(f"{name}: {unit}" for name, unit in scene.units.items() if unit)]
+def _warn_of_commits(records: Mapping[int, Mapping[str, Any]]) -> None:
+    """Warn of points that another commit has solved."""
+    from isorod.output import results
+
+    here = results.provenance()["commit"]
+    others = sorted({str(one.get("commit")) for one in records.values() if one.get("commit") != here})
+    if others:
+        warnings.warn(f"points that are there are of commit {', '.join(others)}; this is {here}", stacklevel=2)
 
 
 def _print(records: Mapping[int, Mapping[str, Any]], found: argparse.Namespace, seconds: float, before: int) -> None:
@@ -214,6 +237,7 @@ def _print(records: Mapping[int, Mapping[str, Any]], found: argparse.Namespace, 
             print(line)
         print(_summary(records, seconds, before))
         sys.stdout.flush()
+    notes.show()
     said = [(text, one["sweep"]["values"]) for one in records.values() for text in one["sweep"]["warnings"]]
     for text, values in said[:_WARNINGS]:
         at = ", ".join(f"{name} {value}" for name, value in values.items())
@@ -256,14 +280,3 @@ def _summary(records: Mapping[int, Mapping[str, Any]], seconds: float, before: i
     counts = [one["newton_iterations"] for one in records.values() if one.get("newton_iterations")]
     parts += [f"{sum(counts) / len(counts):.2g} Newton iterations each"] if counts else []
     return "; ".join(parts)
-
-
-def _plot(scene: Any, found: argparse.Namespace) -> Any:
-    """Return what draws the plot that is asked for, None if none is."""
-    if found.png is None:
-        if found.of is not None:
-            raise InputError("--of: it says what is plotted, and goes with --png FILE")
-        return None
-    from isorod.command import sweep_plot
-
-    return sweep_plot.ready(found.png, found.of, scene)

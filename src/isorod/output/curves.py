@@ -2,6 +2,7 @@
 
 import csv
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -10,9 +11,13 @@ import numpy as np
 from isorod.arrays import Array
 from isorod.errors import InputError
 from isorod.output.picture import quiet
+from isorod.output.results import check_folder, write_beside
 
 # Share of the largest of a quantity below which a column is but rounding.
 _ROUNDING = 1e-9
+
+# What says in the table of a sweep what is varied, and columns that are no answers.
+_VARIED, _NO_ANSWERS = "# varied: ", ("error_estimate", "unknowns", "status")
 
 # Of what a column is, by its name, and in which unit; the first that fits.
 _QUANTITIES = (
@@ -25,37 +30,74 @@ _QUANTITIES = (
     (r"penetration", "penetration", "length"),
     (r"\barea\b", "area", "length²"),
     (r"kinetic|stored|energy|work|dissipated", "energy", "unit of E × length³"),
-    (r"frequency", "frequency", "cycles per time"),
+    (r"frequenc", "frequency", "cycles per time"),
     (r"^time$", "time", "unit of time"),
 )
 
 
 def read(path: Path) -> dict[str, Array]:
-    """Return the columns of a file by their names.
-
-    Raises
-    ------
-    InputError
-        If it cannot be read, or is no table of numbers below a line of names.
-    """
+    """Return the columns of a file by their names (`columns`); raises `InputError` also if it cannot be read."""
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
     except FileNotFoundError:
         raise InputError(f"{path}: there is no such file") from None
     except (OSError, UnicodeDecodeError) as problem:
         raise InputError(f"{path}: cannot be read ({problem})") from None
-    names = [word.strip() for word in next(csv.reader(lines[:1]), [])]
-    rows = []
-    for number, line in enumerate(lines[1:], 2):
-        try:
-            rows.append([float(word) for word in line.split(",")])
-        except ValueError:
-            raise InputError(f"{path}:{number}: got {line!r:.40}, need numbers with commas between") from None
-        if len(rows[-1]) != len(names):
-            raise InputError(f"{path}:{number}: {len(rows[-1])} numbers below {len(names)} names")
+    return columns(lines, str(path))
+
+
+def columns(lines: Sequence[str], where: str) -> dict[str, Array]:
+    """Return the columns of a table by their names; of that of a sweep what is varied first, and answers over it.
+
+    Parameters
+    ----------
+    lines
+        Of the table: names, then numbers.  A line ``# varied: a, b`` before them makes it that of a sweep, in which
+        there are a column for each answer and each combination of the values of what is varied besides the first.
+    where
+        Which table it is, for errors.
+
+    Raises
+    ------
+    InputError
+        If it is no table of numbers below a line of names.
+    """
+    notes = [line for line in lines if line.startswith("#")]
+    names, *rows = [*csv.reader(lines[len(notes) :])] or [[]]
+    names = [name.strip() for name in names]
+    varied = next((line.removeprefix(_VARIED) for line in notes if line.startswith(_VARIED)), None)
     if len(names) < 2 or not rows:
-        raise InputError(f"{path}: need two columns or more, names in the first line and numbers below")
-    return dict(zip(names, np.array(rows).T, strict=True))
+        raise InputError(f"{where}: need two columns or more, names in the first line and numbers below")
+    found = []
+    for number, row in enumerate(rows, len(notes) + 2):
+        if len(row) != len(names):
+            raise InputError(f"{where}:{number}: {len(row)} numbers below {len(names)} names")
+        try:
+            found.append(row if varied is not None else [float(word) for word in row])
+        except ValueError:
+            raise InputError(f"{where}:{number}: got {','.join(row)!r:.40}, need numbers with commas between") from None
+    if varied is None:
+        return dict(zip(names, np.array(found).T, strict=True))
+    try:
+        return _answers([dict(zip(names, row, strict=True)) for row in rows], next(csv.reader([varied])))
+    except (ValueError, KeyError, StopIteration):
+        raise InputError(f"{where}: is no table of a sweep, though it names what is varied") from None
+
+
+def _answers(rows: Sequence[dict[str, str]], varied: Sequence[str]) -> dict[str, Array]:
+    """Return what is varied first in a sweep, and answers over it; of points without an answer it is not a number."""
+    first, *others = varied
+    typed = list(dict.fromkeys(row[first] for row in rows))
+    try:
+        found = {first: np.array(typed, dtype=float)}
+    except ValueError:
+        found = {first: np.array(typed)}
+    for row in rows:
+        group = [f"{name} {row[name]}" for name in others]
+        for name in (one for one in row if one not in {*varied, *_NO_ANSWERS}):
+            column = found.setdefault(", ".join([name, *group]), np.full(len(typed), np.nan))
+            column[typed.index(row[first])] = float(row[name] or "nan")
+    return found
 
 
 class Panel(NamedTuple):
@@ -74,10 +116,10 @@ def panels(columns: dict[str, Array]) -> list[Panel]:
     first, *others = columns
     found: dict[tuple[str, str], list[tuple[str, str]]] = {}
     largest: dict[str, float] = {}
-    for name in others:
-        size = float(np.abs(columns[name]).max())
+    sizes = {name: float(np.nan_to_num(np.abs(columns[name])).max()) for name in others}
+    for name, size in sizes.items():
         largest[label(name)] = max(size, largest.get(label(name), 0.0))
-    seen = [name for name in others if np.abs(columns[name]).max() > _ROUNDING * largest[label(name)]]
+    seen = [name for name, size in sizes.items() if size > _ROUNDING * largest[label(name)]]
     for name in seen:
         force = name.replace("displacement", "force")
         if force != name and force in seen and np.ptp(columns[name]) > 0.0 and first != "time":
@@ -94,28 +136,38 @@ def label(name: str) -> str:
     for pattern, quantity, unit in _QUANTITIES:
         if re.search(pattern, name):
             return f"{quantity} ({unit})" if unit else quantity or name
-    return name
+    # Of a sweep there are numbers in brackets, and values of what else is varied.
+    return re.split(r"\[|, ", name)[0]
 
 
-def draw(path: Path, title: str, size: tuple[int, int], png: Path | None) -> None:
-    """Draw the columns of a file over the first one, a panel for each quantity, in a window or a PNG file.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be used, matplotlib is not installed, or the picture cannot be written.
-    """
-    columns = read(path)
+def check(path: Path | None) -> None:
+    """Raise `InputError` if matplotlib is not installed, or writes no files of that name."""
     quiet()
     try:
         import matplotlib
     except ImportError:
         raise InputError("curves need matplotlib, which is not installed: pip install matplotlib") from None
-    if png is not None:
-        matplotlib.use("agg")
-    from matplotlib import pyplot
+    if path is None:
+        return
+    matplotlib.use("agg")
+    from matplotlib.figure import Figure
 
-    from isorod.output.results import write_beside
+    kinds = Figure().canvas.get_supported_filetypes()
+    if path.suffix[1:].lower() not in kinds:
+        raise InputError(f"{path}: need a name that ends in .png, or in one of {', '.join(sorted(kinds))}")
+    check_folder(str(path.parent))
+
+
+def draw(columns: dict[str, Array], title: str, size: tuple[int, int], path: Path | None) -> None:
+    """Draw columns over the first one, a panel for each quantity, in a window or a file of what its name ends in.
+
+    Raises
+    ------
+    InputError
+        If matplotlib is not installed, or the picture cannot be written.
+    """
+    check(path)
+    from matplotlib import pyplot
 
     shown = panels(columns)
     across = 1 if len(shown) == 1 else 2
@@ -142,9 +194,9 @@ def draw(path: Path, title: str, size: tuple[int, int], png: Path | None) -> Non
                 axis.legend(fontsize="x-small", loc="upper left", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2)
         for axis in axes.flat[len(shown) :]:
             axis.set_axis_off()
-        if png is None:
+        if path is None:
             pyplot.show()
         else:
-            write_beside(png, lambda where: figure.savefig(where, format="png"))
+            write_beside(path, lambda where: figure.savefig(where, format=path.suffix[1:].lower()))
     finally:
         pyplot.close(figure)

@@ -6,11 +6,10 @@ A folder is there with all of its files, or not at all.
 import csv
 import json
 import os
-import shutil
-import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -23,17 +22,11 @@ from isorod.errors import InputError
 from isorod.output import results
 from isorod.output.matrices import Matrices
 
-# What PETSc's files of a matrix and of a vector begin with.
-_MATRIX, _VECTOR = 1211216, 1211214
-
 # Matrices of the unknowns.
 _KINDS = ("stiffness", "mass", "gyroscopic")
 
 # Digits after which a double is itself again.
 _DIGITS = 17
-
-# Writes a file of a name.
-Write = Callable[[Path], object]
 
 
 def check_folder(path: str) -> None:
@@ -70,16 +63,18 @@ def write(found: Matrices, folder: str, about: Mapping[str, Any]) -> dict[str, A
     results.make_folder(str(place.parent))
     said = _said(found, about)
     try:
-        beside = Path(tempfile.mkdtemp(dir=place.parent, prefix=f".{place.name}-"))
-        try:
-            for name, save in _files(found, said).items():
-                results.write_beside(beside / name, save)
+        with TemporaryDirectory(dir=place.parent, prefix=f".{place.name}-", ignore_cleanup_errors=True) as name:
+            beside = Path(name)
+            _write(found, beside)
+            (beside / "README.json").write_text(json.dumps(said, indent=2, default=str) + "\n")
+            for path in beside.iterdir():
+                results.settle(path)
             results.open_to_all(beside, 0o777)
             os.replace(beside, place)
-        finally:
-            shutil.rmtree(beside, ignore_errors=True)
     except OSError as problem:
         raise results.refusal(f"folder {folder}: cannot be written", problem) from None
+    except PETSc.Error:
+        raise InputError(f"folder {folder}: PETSc cannot write all of it; make room there, or name another") from None
     return said
 
 
@@ -129,102 +124,54 @@ def _said(found: Matrices, about: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _files(found: Matrices, said: Mapping[str, Any]) -> dict[str, Write]:
-    """Return what writes each file, by its name."""
-    files: dict[str, Write] = {}
-    sparse = {name: getattr(found, name) for name in (*_KINDS, "expansion")}
+def _write(found: Matrices, folder: Path) -> None:
+    """Write all files but ``README.json``; raises `OSError`, or PETSc's error."""
+    # That the components of a node stand together is what PETSc's multigrid wants to know.
     block = 3 if found.model.whole_nodes and found.force.size == found.model.unknowns else 1
-    for name, matrix in sparse.items():
-        if matrix is None:
-            continue
-        symmetric = name == "mass" or (name == "stiffness" and found.symmetric)
-        files[f"{name}.mtx"] = _market(matrix, "symmetric" if symmetric else "general")
-        files[f"{name}.bin"] = _petsc_matrix(matrix)
-        # That the components of a node stand together is what PETSc's multigrid wants to know.
-        files[f"{name}.bin.info"] = _text(f"-matload_block_size {block}\n")
-        files[f"{name}.npz"] = _compressed(matrix)
+    for name in (*_KINDS, "expansion"):
+        matrix = getattr(found, name)
+        if matrix is not None:
+            symmetric = name == "mass" or (name == "stiffness" and found.symmetric)
+            _market(folder / f"{name}.mtx", matrix, "symmetric" if symmetric else "general")
+            with open(folder / f"{name}.npz", "wb") as file:
+                save_npz(file, matrix)
+            rows = matrix.indptr, matrix.indices, matrix.data
+            _petsc(folder / f"{name}.bin", PETSc.Mat().createAIJ(matrix.shape, block, csr=rows, comm=PETSc.COMM_SELF))
     for name, vector in {"offset": found.offset, "force": found.force}.items():
-        files[f"{name}.mtx"] = _market(vector[:, None], "general")
-        files[f"{name}.bin"] = _petsc_vector(vector)
-        files[f"{name}.npy"] = _array(vector)
-    files["nodes.csv"] = _nodes(found)
-    files["unknowns.csv"] = _unknowns(found)
-    files["README.json"] = _text(json.dumps(said, indent=2, default=str) + "\n")
-    return files
-
-
-def _market(matrix: csr_array | Array, symmetry: str) -> Write:
-    def save(path: Path) -> None:
-        with open(path, "wb") as file:
-            mmwrite(file, matrix, field="real", precision=_DIGITS, symmetry=symmetry)
-
-    return save
-
-
-def _petsc_matrix(matrix: csr_array) -> Write:
-    """Return what writes a matrix as ``MatView`` does: header, lengths of the rows, columns, entries, big-endian."""
-
-    def save(path: Path) -> None:
-        with open(path, "wb") as file:
-            _integers([_MATRIX, *matrix.shape, matrix.nnz]).tofile(file)
-            _integers(np.diff(matrix.indptr)).tofile(file)
-            _integers(matrix.indices).tofile(file)
-            matrix.data.astype(">f8").tofile(file)
-
-    return save
-
-
-def _petsc_vector(vector: Array) -> Write:
-    def save(path: Path) -> None:
-        with open(path, "wb") as file:
-            _integers([_VECTOR, vector.size]).tofile(file)
-            vector.astype(">f8").tofile(file)
-
-    return save
-
-
-def _integers(values: Any) -> np.ndarray:
-    return np.asarray(values).astype(np.dtype(PETSc.IntType).newbyteorder(">"))
-
-
-def _compressed(matrix: csr_array) -> Write:
-    def save(path: Path) -> None:
-        with open(path, "wb") as file:
-            save_npz(file, matrix)
-
-    return save
-
-
-def _array(vector: Array) -> Write:
-    def save(path: Path) -> None:
-        with open(path, "wb") as file:
+        _market(folder / f"{name}.mtx", vector[:, None], "general")
+        with open(folder / f"{name}.npy", "wb") as file:
             np.save(file, vector)
-
-    return save
-
-
-def _text(text: str) -> Write:
-    return lambda path: path.write_text(text)
-
-
-def _nodes(found: Matrices) -> Write:
-    def save(path: Path) -> None:
-        with open(path, "w", newline="") as file:
-            table = csv.writer(file)
-            table.writerow(["body", "node", "x", "y", "z", "carrier"])
-            for b, body in enumerate(found.model.bodies):
-                rows = zip(body.space.positions.tolist(), body.space.is_carrier.tolist(), strict=True)
-                table.writerows([b, k, *place, int(carrier)] for k, (place, carrier) in enumerate(rows))
-
-    return save
+        _petsc(folder / f"{name}.bin", PETSc.Vec().createWithArray(vector, comm=PETSc.COMM_SELF))
+    nodes = (
+        [b, k, *place, int(carrier)]
+        for b, body in enumerate(found.model.bodies)
+        for k, (place, carrier) in enumerate(
+            zip(body.space.positions.tolist(), body.space.is_carrier.tolist(), strict=True)
+        )
+    )
+    _table(folder / "nodes.csv", ["body", "node", "x", "y", "z", "carrier"], nodes)
+    places = zip(*(one.tolist() for one in found.places), strict=True)
+    unknowns = (
+        [k, "", "", "pressure"] if body < 0 else [k, body, node, "xyz"[component]]
+        for k, (body, node, component) in enumerate(places)
+    )
+    _table(folder / "unknowns.csv", ["unknown", "body", "node", "component"], unknowns)
 
 
-def _unknowns(found: Matrices) -> Write:
-    def save(path: Path) -> None:
-        with open(path, "w", newline="") as file:
-            table = csv.writer(file)
-            table.writerow(["unknown", "body", "node", "component"])
-            for k, (body, node, component) in enumerate(zip(*(one.tolist() for one in found.places), strict=True)):
-                table.writerow([k, "", "", "pressure"] if body < 0 else [k, body, node, "xyz"[component]])
+def _market(path: Path, matrix: csr_array | Array, symmetry: str) -> None:
+    with open(path, "wb") as file:
+        mmwrite(file, matrix, field="real", precision=_DIGITS, symmetry=symmetry)
 
-    return save
+
+def _petsc(path: Path, what: PETSc.Object) -> None:
+    viewer = PETSc.Viewer().createBinary(str(path), "w", PETSc.COMM_SELF)
+    try:
+        what.view(viewer)
+    finally:
+        viewer.destroy()
+        what.destroy()
+
+
+def _table(path: Path, names: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
+    with open(path, "w", newline="") as file:
+        csv.writer(file).writerows([names, *rows])

@@ -32,23 +32,18 @@ from isorod.arrays import Array, Index
 from isorod.errors import FoldedRodError
 from isorod.geometry.axis import Axis
 from isorod.geometry.disk import harmonic_functions
-from isorod.geometry.quadrature import WHOLE, Rule, ring_of, section_points
+from isorod.geometry.quadrature import Rule, ring_of, section_points
 from isorod.geometry.rod import Rod
-from isorod.geometry.section import refinement_turn
 from isorod.space.basis import Functions
-from isorod.space.polyharmonic import Polyharmonic
 from isorod.space.polynomial import fine_rule
-from isorod.space.ringed import Ringed
 from isorod.space.waves import Waves
 
 # How moments grow along a prism with its forces, both in the order of `Prism.stiffness`: M' = -n x F.
 _GROWTH = np.zeros((6, 6))
 _GROWTH[4, 2], _GROWTH[5, 1] = 1.0, -1.0
 
-# Degree of the polynomials that the quadrature sees products of; radial and angular points in a slice for functions of
-# control points.
+# Degree of the polynomials that the quadrature sees products of.
 _DEGREE = 8
-_HARMONIC = Rule(16, 5, 1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,26 +128,14 @@ class Prism:
 
     @cached_property
     def _fine(self) -> "_Points":
-        """Points for polynomials across the section, round a hole for ``1 / r`` as well."""
-        rule = fine_rule(len(self.outline), _DEGREE)
-        if self.rings != WHOLE:
-            rule = Rule(max(rule.radial, Ringed(self.rod, _DEGREE).full(1).radial), rule.angular, 1)
-        return self._at(*section_points(len(self.outline), self._rule(rule), rings=self.rings))
+        """Points for polynomials across the section."""
+        return self._points(fine_rule(len(self.outline), _DEGREE))
 
-    def _rule(self, rule: Rule) -> Rule:
-        """Return a rule for products of functions, of more points where moduli are one of the factors."""
-        return rule if self.field is None else Rule(rule.radial + 4, 2 * rule.angular, rule.axial)
-
-    def _points(self, basis: Functions) -> "_Points":
-        """Return points for products of section functions."""
-        n = len(self.outline)
-        if isinstance(basis, Polyharmonic):
-            return self._at(*section_points(basis.n, self._rule(_HARMONIC), refinement_turn(n, basis.n // n)))
-        if isinstance(basis, Waves):
-            return self._at(*section_points(n, self._rule(basis.rule), rings=self.rings))
-        return self._fine
-
-    def _at(self, xi: Array, area: Array) -> "_Points":
+    def _points(self, rule: Rule) -> "_Points":
+        """Return points of a rule, of more where moduli are one of the factors."""
+        if self.field is not None:
+            rule = Rule(rule.radial + 4, 2 * rule.angular, rule.axial)
+        xi, area = section_points(len(self.outline), rule, rings=self.rings)
         values, gradients = harmonic_functions(len(self.outline), xi)
         jacobian = np.einsum("qib,ia->qab", gradients, self.outline)
         det = np.linalg.det(jacobian)
@@ -163,7 +146,7 @@ class Prism:
 
     def _matrices(self, basis: Functions, unit: float) -> tuple[Array, Array, Array]:
         """Return ``M``, ``C`` and ``E``, shape ``(3 count, 3 count)``, functions running fastest."""
-        points = self._points(basis)
+        points = self._points(basis.rule) if isinstance(basis, Waves) else self._fine
         values, gradients = basis.functions(points.xi)
         # Of lengths over the size.
         slopes = self._size * np.einsum("qlb,qba->qla", gradients, points.inverse)
@@ -171,7 +154,8 @@ class Prism:
         M, C, E = np.zeros((3, size, size))
         if self.field is not None:
             moduli = self.field(points.xi) / unit * (points.share / self._size**2)[:, None, None, None, None]
-            tables = values, slopes[..., 0], slopes[..., 1]
+            # Strided, products would not be BLAS's.
+            tables = values, *(np.ascontiguousarray(slopes[..., k]) for k in range(2))
             sums = np.zeros((3, 3, 3, basis.count, 3, basis.count))
             for a, i, b, j in product(range(3), repeat=4):
                 # The last direction of ``moduli`` counts for ``b``, which is the transpose where it is less.

@@ -1,6 +1,5 @@
 """What runs have left in a results folder: their records, and the files that these name."""
 
-import json
 import locale
 import os
 from collections.abc import Iterator, Mapping
@@ -12,7 +11,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from isorod.errors import InputError
-from isorod.output import bezier
+from isorod.output import bezier, results
 from isorod.output.folder import RECORDS
 
 # Small cells in which curved ones of a body are shown, about.
@@ -108,25 +107,10 @@ def _only(folder: Path, run: int) -> str:
 
 
 def _records(path: Path) -> list[dict[str, Any]]:
-    """Return the records of a folder; a last line that is torn is left out."""
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except FileNotFoundError:
-        raise InputError(
-            f"{path.parent}: no run has left its results there; isorod run SCENE --output DIR does"
-        ) from None
-    except (OSError, UnicodeDecodeError) as problem:
-        raise InputError(f"{path}: cannot be read ({problem})") from None
-    found = []
-    for number, line in enumerate(lines, 1):
-        try:
-            record = json.loads(line)
-        except ValueError:
-            record = None
-        if isinstance(record, dict):
-            found.append(record)
-        elif line.strip() and number < len(lines):
-            raise InputError(f"{path}:{number}: is no record of a run")
+    """Return the records of a folder."""
+    if not path.exists():
+        raise InputError(f"{path.parent}: no run has left its results there; isorod run SCENE --output DIR does")
+    found = results.read(path)
     if not found:
         raise InputError(f"{path}: there is no run in it")
     return found

@@ -17,6 +17,7 @@ from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from functools import cache
 from io import FileIO
+from mmap import ACCESS_READ, mmap
 from pathlib import Path
 from typing import Any
 
@@ -80,8 +81,10 @@ def locked(path: Path) -> Iterator[FileIO]:
     """
     try:
         with _alone(path) as file:
-            size = mend(file, path)
+            size, whole = _mend(file, path)
             try:
+                if not whole:
+                    add(file, "")
                 yield file
                 os.fsync(file.fileno())
             except BaseException:
@@ -90,16 +93,14 @@ def locked(path: Path) -> Iterator[FileIO]:
                 if size == 0:
                     path.unlink()
                 raise
-        _settle(path.parent)
+        _settle_names(path.parent)
     except OSError as problem:
         raise refusal(f"{path}: cannot be written", problem) from None
 
 
 def add(file: FileIO, text: str) -> None:
     """Add a line to a file that `locked` has opened."""
-    size = file.seek(0, os.SEEK_END)
-    file.seek(max(0, size - 1))
-    data = (b"\n" if file.read(1) not in (b"", b"\n") else b"") + text.encode() + b"\n"
+    data = text.encode() + b"\n"
     while data:
         # A disk takes what there is room for, and refuses the rest.
         data = data[file.write(data) :]
@@ -117,6 +118,27 @@ def _alone(path: Path) -> Iterator[FileIO]:
                 return
 
 
+def read(path: Path) -> list[dict[str, Any]]:
+    """Return the records of a file of JSON lines; a last line that is torn is left out.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read, or a line is no record.
+    """
+    try:
+        lines = path.read_bytes().splitlines()
+    except OSError as problem:
+        raise InputError(f"{path}: cannot be read ({problem.strerror})") from None
+    found = []
+    for number, text in enumerate(lines, 1):
+        if not is_torn(text):
+            found.append(json.loads(text))
+        elif number < len(lines):
+            raise InputError(f"{path}:{number}: is no record of a run")
+    return found
+
+
 def is_torn(text: bytes) -> bool:
     """Return whether a last line without its end of line is but the beginning of a record."""
     try:
@@ -125,20 +147,18 @@ def is_torn(text: bytes) -> bool:
         return True
 
 
-def mend(file: FileIO, path: Path) -> int:
-    """Cut a torn last line off a file of JSON lines that is locked; return the size that is left."""
+def _mend(file: FileIO, path: Path) -> tuple[int, bool]:
+    """Cut a torn last line off a file that is locked; return the size that is left, and whether its last line ends."""
     size = file.seek(0, os.SEEK_END)
-    tail = b""
-    while size > len(tail) and b"\n" not in tail:
-        start = max(0, size - 2 * len(tail) - 4096)
-        file.seek(start)
-        tail = file.read(size - start)
-    tail = tail.rpartition(b"\n")[2]
-    if tail and is_torn(tail):
-        warnings.warn(f"{path}: the last line is torn, as of a run that was killed; it is removed", stacklevel=5)
-        size -= len(tail)
-        file.truncate(size)
-    return size
+    if size == 0:
+        return 0, True
+    with mmap(file.fileno(), 0, access=ACCESS_READ) as text:
+        start = text.rfind(b"\n") + 1
+        if start == size or not is_torn(text[start:]):
+            return size, start == size
+    warnings.warn(f"{path}: the last line is torn, as of a run that was killed; it is removed", stacklevel=5)
+    file.truncate(start)
+    return start, True
 
 
 def check_folder(path: str, told: str = "") -> None:
@@ -197,9 +217,9 @@ def write_beside(path: Path, write: Callable[[Path], object]) -> None:
         os.close(handle)
         write(Path(name))
         open_to_all(Path(name), 0o666)
-        _settle_whole(Path(name))
+        settle(Path(name))
         os.replace(name, path)
-        _settle(path.parent)
+        _settle_names(path.parent)
     except OSError as problem:
         raise refusal(f"{path}: cannot be written", problem) from None
     finally:
@@ -227,7 +247,7 @@ def refusal(what: str, problem: OSError) -> InputError:
     return InputError(f"{what} ({problem.strerror or problem}); {advice}")
 
 
-def _settle(folder: Path) -> None:
+def _settle_names(folder: Path) -> None:
     """Have the disk take the names of files in a folder."""
     handle = os.open(folder, os.O_RDONLY)
     # Not every file system can, and the files themselves are there.
@@ -236,7 +256,7 @@ def _settle(folder: Path) -> None:
     os.close(handle)
 
 
-def _settle_whole(path: Path) -> None:
+def settle(path: Path) -> None:
     """Have the disk take what was written to a file; raises `OSError` if it is full, even if the writer was silent."""
     with open(path, "r+b") as file:
         size = file.seek(0, os.SEEK_END)

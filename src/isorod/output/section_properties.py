@@ -13,7 +13,6 @@ from isorod.arrays import Array
 from isorod.errors import InputError, expect, numbers
 from isorod.geometry.quadrature import WHOLE, section_points
 from isorod.geometry.rod import Rod
-from isorod.geometry.section import refinement_turn
 from isorod.material.law import Material
 from isorod.model.body import Body
 from isorod.output.prism import Prism
@@ -21,9 +20,7 @@ from isorod.output.progress import Teller
 from isorod.output.section_forces import centroids, frames, normals
 from isorod.output.state import parameters
 from isorod.space.basis import Functions
-from isorod.space.polyharmonic import Polyharmonic
 from isorod.space.polynomial import fine_rule, polynomials
-from isorod.space.ringed import Ringed
 from isorod.space.space import Space
 from isorod.space.waves import Waves
 
@@ -34,15 +31,14 @@ FORCES = ("N", "Q1", "Q2", "T", "M1", "M2")
 # even the finest ones differ by more than the other.
 _ENOUGH, _WARN = 1e-3, 5e-3
 
-# Degrees across a section, and where polynomials are not enough orders and numbers of control points, or waves and the
-# degree of the radius.
+# Degrees of polynomials; waves with them where these are not enough, of a degree along the radius that falls with the
+# number of rings, by two a ring, down to the first of these.
 _DEGREES = (6, 8)
-_RINGED = (6, 8)
-_HARMONIC = ((4, 32), (6, 64), (6, 96))
-_WAVES = ((16, 6), (24, 8), (32, 10))
+_WAVES = (4, 8, 16, 24, 32)
+_RADIAL = (4, 12)
 
-# Functions of control points at most, and waves.
-_MOST, _MOST_WAVES = 600, 800
+# Waves times degrees at most, but for the first two.
+_MOST = 1000
 
 # A section has no principal axes of its own where its bending stiffnesses differ by less than this share.
 _ROUND = 1e-9
@@ -307,22 +303,19 @@ def _samples(rings: Sequence[float]) -> Array:
 def _stiffness(prism: Prism, tell: Callable[[Callable[[], str]], None]) -> tuple[Array, float, str]:
     """Return the stiffness, its estimated error, and the section functions it is from in words.
 
-    Of each kind of functions finer and finer ones are taken until they agree; the best of all if none do.
+    Finer and finer functions, each among the next ones, are taken until they agree.
     """
-    best: tuple[Array, float, str] | None = None
-    for kind in (_polynomials, _of_points) if prism.rings == WHOLE else (_ringed, _waves):
-        before = None
-        for basis, name in kind(prism):
-            tell(partial(_line, name, np.inf if best is None else best[1]))
-            found = prism.stiffness(basis)
-            error = np.inf if before is None else apart(before, found)
-            if best is None or error < best[1]:
-                best = found, error, name
-            if error <= _ENOUGH:
-                return best
-            before = found
-    assert best is not None
-    return best
+    before: Array | None = None
+    error = np.inf
+    for basis, name in _finer(prism):
+        tell(partial(_line, name, error))
+        found = prism.stiffness(basis())
+        if before is not None:
+            error = apart(before, found)
+        if error <= _ENOUGH:
+            break
+        before = found
+    return found, error, name
 
 
 def _line(name: str, error: float) -> str:
@@ -330,30 +323,19 @@ def _line(name: str, error: float) -> str:
     return f"section on {name}" + (f", so far uncertain by {100.0 * error:.2g} %" if error < np.inf else "")
 
 
-def _polynomials(prism: Prism) -> Iterator[tuple[Functions, str]]:
-    for degree in _DEGREES:
-        yield polynomials(prism.rod, degree), f"polynomials of degree {degree}"
-
-
-def _ringed(prism: Prism) -> Iterator[tuple[Functions, str]]:
-    for degree in _RINGED:
-        yield Ringed(prism.rod, degree), f"ring functions of degree {degree}"
-
-
-def _waves(prism: Prism) -> Iterator[tuple[Functions, str]]:
-    for waves, degree in _WAVES:
-        if (2 * waves + 1) * degree * (len(prism.rings) - 1) > _MOST_WAVES:
-            return
-        yield Waves(prism.outline, prism.rings, waves, degree), f"{waves} waves times degree {degree} of the radius"
-
-
-def _of_points(prism: Prism) -> Iterator[tuple[Functions, str]]:
-    n = len(prism.outline)
-    for order, least in _HARMONIC:
-        multiple = -(-least // n)
-        if order * multiple * n <= _MOST:
-            basis = Polyharmonic(multiple * n, order, refinement_turn(n, multiple))
-            yield basis, f"order {order} of {multiple * n} control points"
+def _finer(prism: Prism) -> Iterator[tuple[Callable[[], Functions], str]]:
+    """Yield what makes section functions, each finer than the ones before, and what they are in words."""
+    for degree in _DEGREES if prism.rings == WHOLE else ():
+        yield partial(polynomials, prism.rod, degree), f"polynomials of degree {degree}"
+    rings = len(prism.rings) - 1
+    radial = max(_RADIAL[0], _RADIAL[1] - 2 * rings)
+    # Few waves add little to polynomials, and would say that these are right.
+    for waves in _WAVES if prism.rings != WHOLE else _WAVES[1:]:
+        if waves <= _WAVES[1] or (2 * waves + 1) * radial * rings <= _MOST:
+            yield (
+                partial(Waves, prism.rod, waves, radial),
+                f"polynomials of degree {_DEGREES[-1]}, {waves} waves of degree {radial}",
+            )
 
 
 def _motion(point: ArrayLike, angle: float) -> Array:

@@ -169,11 +169,14 @@ def _surface(rod: Rod, body: Body | None = None, nodal: Array | None = None) -> 
     if hole > 0.0:
         found.append(_sheet(grid(_circle(_AROUND, hole), u)))
     if not rod.closed:
-        shares = np.linspace(hole, 1.0, 9)
-        face = (shares[:, None, None] * _circle(_AROUND)).reshape(-1, 2)
-        ends = grid(face, u[[0, -1]]).reshape(2, shares.size, _AROUND + 1, 3)
-        found += [_sheet(one) for one in ends]
+        face = _face(rod)
+        found += [_sheet(one.reshape(*face.shape[:2], 3)) for one in grid(face.reshape(-1, 2), u[[0, -1]])]
     return found
+
+
+def _face(rod: Rod) -> Array:
+    """Return disk points of an end face, from the hole outwards and round, shape ``(9, m, 2)``."""
+    return np.asarray(np.linspace(rod.rings[0], 1.0, 9)[:, None, None] * _circle(_AROUND))
 
 
 def _sheet(points: Array) -> Any:
@@ -209,10 +212,9 @@ def _marks(plotter: Any, model: Model, extent: float) -> Iterator[tuple[str, str
         breaks = space.rod.axis.breaks
         whole = nodes.size == space.layer_nodes and layers.size == 1 and layers[0] in (0, space.layers - 1)
         if whole:
-            end = breaks[[0 if layers[0] == 0 else -1]]
-            hole, shares = space.rod.rings[0], np.linspace(0.0, 1.0, 9)
-            face = ((hole + (1.0 - hole) * shares)[:, None, None] * _circle(_AROUND)).reshape(-1, 2)
-            sheet = space.rod.grid(face, end)[0].reshape(shares.size, _AROUND + 1, 3)
+            face = _face(space.rod)
+            sheet = space.rod.grid(face.reshape(-1, 2), breaks[[0 if layers[0] == 0 else -1]])[0]
+            sheet = sheet.reshape(*face.shape[:2], 3)
             plotter.add_mesh(_sheet(sheet), color=_HELD, lighting=False)
             picture.add_lines(plotter, [sheet[-1]], _HELD, 5.0)
             place = sheet[0].mean(axis=0)
