@@ -114,13 +114,13 @@ penalty = 1.0
 """
 
 
-def test_in_contact_a_tolerance_goes_by_the_directions(run):
+def test_in_contact_a_tolerance_is_reached(run):
     text = bar("order = 2, degree = 3, elements = 2", more=LOAD.format(place="{component = 'y'}") + TOUCHING)
     record, _ = run(text, "--tolerance", "0.05")
     assert record["error_estimate"] <= 0.05
 
 
-@pytest.mark.parametrize("at", [3, 8])
+@pytest.mark.parametrize("at", [1, 2])
 def test_in_contact_too_a_refinement_that_fails_leaves_the_result_there_was(at, tmp_path, monkeypatch, capsys):
     true, calls = solving.solve, []
 
@@ -135,8 +135,7 @@ def test_in_contact_too_a_refinement_that_fails_leaves_the_result_there_was(at, 
     path.write_text(bar("order = 1, degree = 2, elements = 2", more=LOAD.format(place="{component = 'y'}") + TOUCHING))
     assert cli.main(["run", str(path), "--tolerance", "1e-9", "--json"]) == 2
     out, err = capsys.readouterr()
-    if at == 3:
-        # The error of the first is not known.
+    if at == 1:
         assert (out, err) == ("", "isorod: no way\n")
         return
     record = json.loads(out)

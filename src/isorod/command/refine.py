@@ -1,10 +1,10 @@
 """Refinement of a scene's spaces until the error of what it measures is estimated to be within a tolerance."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from functools import partial
 from itertools import pairwise
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 from isorod.checks import adapt
 from isorod.command import solving
@@ -22,7 +22,7 @@ class Refined(NamedTuple):
     error
         Estimate of its relative error (`isorod.checks.estimate`).
     history
-        Options changed so far, with the error before: ``(option, value, error before)``.
+        What was changed so far of the first space refined, with the error before: ``(name, value, error before)``.
     short
         Why the error is not within the tolerance; empty if it is.
     """
@@ -68,7 +68,7 @@ def refine(scene: Any, settings: Mapping[str, Any], tolerance: float) -> Refined
 
     def solve(spaces: Sequence[Space]) -> Any:
         nonlocal begin
-        refined = on(scene, spaces)
+        refined = scene.on(spaces)
         solution, seconds = solving.solve(refined, settings, begin)
         solved[id(solution)] = refined, seconds
         # Contact takes several times as long from the state of rest.
@@ -76,29 +76,10 @@ def refine(scene: Any, settings: Mapping[str, Any], tolerance: float) -> Refined
         return solution
 
     first = [_start(space, tolerance) for space in spaces]
-    solution, _, steps, short = adapt.reach(solve, first, tolerance, bool(getattr(scene, "stresses", ())))
-    history = [
-        (name if hasattr(scene, name) else "elements_per_turn", value, before.error)
-        for before, step in pairwise(steps)
-        for name, value in step.changed.items()
-    ]
+    solution, _, steps, short = adapt.reach(solve, first, tolerance, bool(scene.stresses))
+    history = [(name, value, before.error) for before, step in pairwise(steps) for name, value in step.changed.items()]
     refined, seconds = solved[id(solution)]
     return Refined(refined, solution, seconds, steps[-1].error, history, short)
-
-
-def on(scene: Any, spaces: Sequence[Space]) -> Any:
-    """Return the scene on these spaces of its rods; a scene of a class has the same for all of them."""
-    if hasattr(scene, "content"):
-        return scene.on(spaces)
-    space = spaces[0]
-    names = {field.name for field in fields(scene)}
-    kept = ("order", "section_degree", "degree", "continuity", "quadrature")
-    changed = {name: getattr(space, name) for name in kept if name in names}
-    if space.section_degree is None:
-        changed["section_points"] = space.points_around
-    elements = cast(int, space.elements)
-    changed |= {"elements": elements} if "elements" in names else {"elements_per_turn": elements // scene.coils}
-    return replace(scene, **changed)
 
 
 def _start(space: Space, tolerance: float) -> Space:

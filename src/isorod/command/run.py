@@ -114,7 +114,7 @@ def _analysis(scene: Any, theirs: Sequence[str], found: argparse.Namespace) -> t
 
     imported = perf_counter() - begin
     refined: dict[str, Any] = {}
-    shown = bool(getattr(scene, "stresses", ())) or found.output is not None
+    shown = bool(scene.stresses) or found.output is not None
     if getattr(found, "refine", False):
         warnings.warn("--refine: the error is estimated without it; leave it out", FutureWarning, stacklevel=2)
     if getattr(found, "tolerance", None) is not None:
@@ -164,6 +164,5 @@ def _kept(record: dict[str, Any], solution: Any, found: argparse.Namespace, scen
         if solution is None:
             return folder.add(place, record, [], [])
         # The scene of a file has names for supports.
-        named = getattr(scene, "named", str)
-        curves = {named(name): values for name, values in solution.curves().items()}
+        curves = {scene.named(name): values for name, values in solution.curves().items()}
         return folder.add(place, record, solution.model.bodies, folder.frames(solution), curves, found.cells)

@@ -158,7 +158,7 @@ def _solve(number: int, points: grid.Grid, index: Sequence[int], theirs: Sequenc
                 solution, seconds = solving.solve(scene, settings)
                 record = solving.record(scene, solution, seconds, settings, theirs)
                 if estimated:
-                    record |= solving.estimate(solution, bool(getattr(scene, "stresses", ())))
+                    record |= solving.estimate(solution, bool(scene.stresses))
         except (InputError, SolveError) as problem:
             kind = "refused" if isinstance(problem, InputError) else "failed"
             about["status"] = f"{kind}: {' '.join(str(problem).split())}"
@@ -192,11 +192,11 @@ def _identity(command: str, scene: Any, theirs: Sequence[str]) -> dict[str, Any]
     from isorod.output import results
 
     origin = results.provenance()
-    content = json.dumps(scene.content, default=str) if hasattr(scene, "content") else ""
+    content = json.dumps(scene.options, default=str)
     return {
         "command": command,
         "petsc_options": " ".join(theirs),
-        "file": hashlib.sha256(content.encode()).hexdigest() if content else None,
+        "file": hashlib.sha256(content.encode()).hexdigest(),
         "versions": origin["versions"],
         "commit": origin["commit"],
     }
