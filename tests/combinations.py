@@ -50,7 +50,6 @@ FEATURES = {
 # The words behind ``isorod run FILE``; ``compare`` and ranks are commands of their own.
 OPTIONS = {
     "alone": [],
-    "--refine": ["--refine"],
     "--tolerance": ["--tolerance", "0.05"],
     "--output": ["--output", "out"],
     "--set": ["--set", "rod.a.density=1.2"],

@@ -27,8 +27,8 @@ Each analysis with each feature of a scene and each word of the command, as a sm
 (`tests/combinations.py`): the command answers, or says in one line why not. The lines stand below each table; an answer
 that took more than {long:.0f} seconds says so. Of {all} combinations {yes} are answered and {no} are refused{rest}.
 
-The words are those of [`isorod run FILE`](using.md), and `compare` and two ranks; `alone` is without any. `--refine`
-estimates the error on finer spaces, `--tolerance` refines until it is small enough.
+The words are those of [`isorod run FILE`](using.md), and `compare` and two ranks; `alone` is without any.
+`--tolerance` refines the spaces until the estimated error is small enough.
 """
 
 TITLES = {

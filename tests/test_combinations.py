@@ -8,7 +8,7 @@ from tests import combinations_page
 # Cells of different paths that take a second or two; the others are slow.
 QUICK = [
     ("statics", "hollow", "--tolerance"),
-    ("statics", "friction", "--refine"),
+    ("statics", "friction", "--tolerance"),
     ("modes", "contact", "alone"),
     ("modes", "spin", "--set"),
     ("implicit", "fibres", "--output"),
@@ -60,7 +60,7 @@ def test_the_record_has_every_cell_which_is_an_answer_or_a_line_or_marked_as_not
 def test_a_page_tells_answers_lines_and_what_is_open():
     """A line that several cells have stands once; what is broken is no page."""
     cells = {option: {"refused": "", "seconds": 1.0} for option in combinations.OPTIONS}
-    cells |= {"--refine": {"refused": "no: such", "seconds": 1.0}, "--set": {"refused": "no: such", "seconds": 2.0}}
+    cells |= {"--tolerance": {"refused": "no: such", "seconds": 1.0}, "--set": {"refused": "no: such", "seconds": 2.0}}
     cells |= {"--output": {"refused": "", "seconds": 33.3}, "compare": {"unfinished": 90.0}}
     text = combinations_page.page({"statics": {"plain": cells}})
     assert "Of 8 combinations 5 are answered and 2 are refused; of 1 nobody waited" in text

@@ -296,11 +296,11 @@ def test_a_large_error_is_warned_of_and_a_small_one_said(capsys):
 
 
 def test_a_tolerance_chooses_all_directions():
-    reached = refine.estimate(Blade(), {}, 5e-3)
+    reached = refine.refine(Blade(), {}, 5e-3)
     assert reached.solution.frequencies == pytest.approx(np.array(BLADE_FREQUENCIES), rel=5e-3)
     assert (reached.scene.section_degree, reached.scene.degree) == (4, 5)
     assert not reached.history
-    finer = refine.estimate(Blade(), {}, 2e-4)
+    finer = refine.refine(Blade(), {}, 2e-4)
     assert finer.error <= 2e-4
     assert finer.solution.frequencies == pytest.approx(np.array(BLADE_FREQUENCIES), rel=4e-4)
 

@@ -328,7 +328,7 @@ def test_modes_have_no_stress_and_motions_have_one_an_output(tmp_path, capsys):
     assert capsys.readouterr().err.count("\n") == 1
 
 
-def test_run_sweep_and_refine_tell_stresses(tmp_path, capsys):
+def test_run_and_sweep_tell_stresses(tmp_path, capsys):
     path = tmp_path / "my.toml"
     asked = {"peak": {"stress": "bar", "unit": "MPa", "away": 1.0}, "k": {"stiffness": "head"}}
     path.write_text(text(bar({"displacement": [0.0, 0.0, 1e-3]}, **asked)))
@@ -336,7 +336,7 @@ def test_run_sweep_and_refine_tell_stresses(tmp_path, capsys):
     out = " ".join(capsys.readouterr().out.split())
     assert "peak 0.05 MPa, the largest: at u = " in out
     assert "of stresses" in out
-    assert cli.main(["run", str(path), "--refine", "--json"]) == 0
+    assert cli.main(["run", str(path), "--json"]) == 0
     record = json.loads(capsys.readouterr().out)
     assert record["error_estimate"] < 1e-6 and set(record["places"]["peak"]) == {"u", "angle", "radius"}
     words = [str(path), "--set", "support.head.displacement.2=1e-3,2e-3", "--no-estimate"]

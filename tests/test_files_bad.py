@@ -276,7 +276,7 @@ def test_contact_of_a_hollow_rod_is_refused_with_what_to_leave_out(space, refuse
     [
         ("statics", "--checkpoint=state", r"motions alone \(\[analysis.dynamics\]\) have a state to go on from"),
         ("modal", "--resume", "motions alone"),
-        ("dynamics", "--refine", "of a motion nothing estimates the error of the space; compare runs"),
+        ("dynamics", "--no-estimate", "of a motion nothing estimates the error of the space; compare runs"),
         ("dynamics", "--tolerance=0.1", "of a motion nothing"),
     ],
 )

@@ -1,9 +1,7 @@
 """Scene files and the error of their results: told, warned of, and refined until it is small enough."""
 
 import json
-import re
 
-import numpy as np
 import pytest
 
 from isorod.command import cli, solving
@@ -105,27 +103,6 @@ def test_of_several_rods_the_coarse_ones_are_refined(run):
     assert record["error_estimate"] <= 2e-3
 
 
-@pytest.mark.parametrize("space", [COARSE, "order = 1, degree = 2, elements = 2"])
-def test_each_direction_of_refinement_is_told(run, space):
-    record, _ = run(bar(space), "--refine")
-    names = {"section_degree"} if space is COARSE else {"order", "section_points"}
-    assert set(record["changes"]) == names | {"degree", "elements"}
-    assert record["error_estimate"] == pytest.approx(sum(record["changes"].values()))
-    # A vector's small components count by its size.
-    assert np.isfinite(record["error_estimate"]) and record["error_estimate"] < 2.0
-
-
-def test_what_is_as_good_as_zero_has_no_relative_error(run, tmp_path, capsys):
-    """The support carries nothing across the pull but rounding, another amount on each space."""
-    turned = '[support.hand]\nend = "end"\nrotation = [0.0, 0.0, 10.0]\n'
-    asked = '[measure.push]\nreaction = "hand"\ncomponent = "y"\n[measure.twist]\nmoment = "hand"\ncomponent = "z"\n'
-    record, _ = run(bar("degree = 3, elements = 2", more=turned + asked), "--refine")
-    assert 0.0 <= record["nothing"]["push"] < 1e-9 * abs(record["twist"]) and set(record["nothing"]) == {"push"}
-    assert 0.0 < record["error_estimate"] < 0.1
-    assert cli.main(["run", str(tmp_path / "bar.toml"), "--refine"]) == 0
-    assert re.search(r"error +none of push, which is as good as zero: it changes by \d", capsys.readouterr().out)
-
-
 TOUCHING = """
 [obstacle.floor]
 Plane = {point = [0.0, -1.0, 0.0], normal = [0.0, 1.0, 0.0]}
@@ -137,13 +114,13 @@ penalty = 1.0
 """
 
 
-def test_in_contact_a_tolerance_goes_by_the_directions(run):
+def test_in_contact_a_tolerance_is_reached(run):
     text = bar("order = 2, degree = 3, elements = 2", more=LOAD.format(place="{component = 'y'}") + TOUCHING)
     record, _ = run(text, "--tolerance", "0.05")
-    assert record["error_estimate"] <= 0.05 and set(record["changes"]) >= {"order", "degree", "elements"}
+    assert record["error_estimate"] <= 0.05
 
 
-@pytest.mark.parametrize("at", [3, 8])
+@pytest.mark.parametrize("at", [1, 2])
 def test_in_contact_too_a_refinement_that_fails_leaves_the_result_there_was(at, tmp_path, monkeypatch, capsys):
     true, calls = solving.solve, []
 
@@ -158,14 +135,12 @@ def test_in_contact_too_a_refinement_that_fails_leaves_the_result_there_was(at, 
     path.write_text(bar("order = 1, degree = 2, elements = 2", more=LOAD.format(place="{component = 'y'}") + TOUCHING))
     assert cli.main(["run", str(path), "--tolerance", "1e-9", "--json"]) == 2
     out, err = capsys.readouterr()
-    if at == 3:
-        # The error of the first is not known.
+    if at == 1:
         assert (out, err) == ("", "isorod: no way\n")
         return
     record = json.loads(out)
     said = f"the estimate is {record['error_estimate']:.2g} after 0 refinements; finer it fails: no way"
     assert err.endswith(f"isorod: tolerance 1e-09 is not reached: {said}\n")
-    assert record["error_estimate"] == pytest.approx(sum(record["changes"].values()))
 
 
 def test_a_rule_of_the_file_that_does_not_follow_is_refused(tmp_path, capsys):

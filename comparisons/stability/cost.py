@@ -50,7 +50,7 @@ def measure(turns: int) -> dict[str, float]:
     }
     hand = best()
     found = {name: timing.least([solve, _estimates(solve)], 1 + turns) for name, solve in solves.items()}
-    pair: list[Callable[[], Any]] = [partial(solving.solve, hand, {}), partial(refine.estimate, Blade(), {}, TOLERANCE)]
+    pair: list[Callable[[], Any]] = [partial(solving.solve, hand, {}), partial(refine.refine, Blade(), {}, TOLERANCE)]
     # The estimate is what comes after the solution.
     ratios = {f"estimate of the {name}": both / alone - 1.0 for name, (alone, both) in found.items()}
     by_hand, by_itself = timing.least(pair, 1 + turns)

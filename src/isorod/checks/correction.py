@@ -13,6 +13,7 @@ from isorod.checks.finer import Finer
 from isorod.errors import InputError
 from isorod.model.model import Model
 from isorod.options import defaults
+from isorod.petsc.direct import direct
 
 if TYPE_CHECKING:
     from isorod.contact.frozen import Frozen
@@ -88,9 +89,4 @@ def touching(
 
 def solver(assembler: Assembler, matrix: PETSc.Mat) -> PETSc.KSP:
     """Return a direct solver, of which `-estimate_...` options say more."""
-    ksp = PETSc.KSP().create(assembler.comm)
-    ksp.setOptionsPrefix(_PREFIX)
-    ksp.setOperators(matrix)
-    with defaults({f"{_PREFIX}ksp_type": "preonly"} | factorisation(assembler, _PREFIX)):
-        ksp.setFromOptions()
-    return ksp
+    return direct(matrix, factorisation(assembler, _PREFIX), _PREFIX)

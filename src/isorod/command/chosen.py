@@ -161,8 +161,7 @@ def with_analysis(parser: Parser, scene: Any) -> None:
 
 def settings(scene: Any, found: argparse.Namespace) -> dict[str, Any]:
     """Return the keyword arguments of the scene's analysis: what is typed before what a file says."""
-    told = scene.analysis == "dynamics" or hasattr(scene, "content")
-    own = scene.settings() if told else {}
+    own = scene.settings()
     typed: dict[str, Any]
     if scene.analysis == "modal":
         typed = {"modes": found.modes, "lumped": found.mass and found.mass == "lumped"}

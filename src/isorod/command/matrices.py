@@ -2,7 +2,6 @@
 
 import argparse
 from collections.abc import Sequence
-from contextlib import nullcontext
 from typing import Any
 
 from isorod import options, scenes
@@ -57,16 +56,17 @@ def _matrices(scene: Any, found: argparse.Namespace) -> Any:
     from isorod.output.matrices import matrices
 
     # What a file says of its analysis is read before anything is solved.
-    said = scene.settings() if hasattr(scene, "content") else {}
+    said = scene.settings()
     lumped = found.mass == "lumped" or (found.mass is None and bool(said.get("lumped")))
-    with getattr(scene, "told", nullcontext)():
+    with scene.told():
         model = scene.model()
         if scene.analysis == "dynamics":
-            model = model.in_motion(scene.settings().get("integrator", "explicit"))
-        if scene.analysis == "modal" and hasattr(scene, "content") and not (found.at_rest or said.get("at_rest")):
+            model = model.in_motion(said.get("integrator", "explicit"))
+        if scene.analysis == "modal" and not (found.at_rest or said.get("at_rest")):
             from isorod.modal import loaded
 
-            return matrices(model, loaded.find(model, found.load_steps or said.get("load_steps", 1)), lumped)
+            steps = getattr(found, "load_steps", None) or said.get("load_steps", 1)
+            return matrices(model, loaded.find(model, steps), lumped)
         if scene.analysis != "statics" or found.at_rest:
             return matrices(model, None, lumped)
         if model.contacts:

@@ -1,7 +1,6 @@
 """What `isorod run` prints for people: the answer first, then its size, time and convergence, and how it came about."""
 
 import atexit
-import dataclasses
 import os
 import sys
 import textwrap
@@ -56,7 +55,7 @@ def summary(record: Mapping[str, Any], scene: Any) -> str:
         Whose ``units`` say which of its numbers are the answer, in which order and in which unit.
     """
     rows = [
-        *_answer(record, scene.units, getattr(scene, "stresses", ())),
+        *_answer(record, scene.units, scene.stresses),
         *_shape(record, scene),
         *_effort(record),
         *_origin(record, scene),
@@ -100,16 +99,9 @@ def _answer(record: Mapping[str, Any], units: Mapping[str, str], stresses: Seque
         yield "contacts", f"{len(touching) - _FEW} more"
     if "estimate_seconds" in record and not {"error_estimate", "stress_error_estimate"} & record.keys():
         yield "error", "no estimate: with supports within a rod, or no finer space that can be had"
-    elif "error_estimate" in record and not record.get("changes"):
+    elif "error_estimate" in record:
         also = _stress_error(record, stresses)
         yield "error", f"about {percent(record['error_estimate'])}{also}, by a finer space"
-    elif "error_estimate" in record and ("nothing" not in record or record["error_estimate"] > 0.0):
-        changes = ", ".join(f"{name.replace('_', ' ')} {change:.2g}" for name, change in record["changes"].items())
-        also = _stress_error(record, ())
-        yield "error", f"about {percent(record['error_estimate'])}{also}, from finer spaces ({changes})"
-    for name, change in record.get("nothing", {}).items():
-        yield "error", f"none of {name.replace('_', ' ')}, which is as good as zero: it changes by {change:.1g}"
-
     if record.get("time_error") is not None:
         yield "error in time", f"about {record['time_error']:.1g} of the largest displacement, of steps so long"
 
@@ -118,7 +110,7 @@ def _stress_error(record: Mapping[str, Any], stresses: Sequence[str]) -> str:
     """Return how far stresses away from edges are off, or that nobody knows though they were asked for."""
     if "stress_error_estimate" in record:
         return f", of stresses {percent(record['stress_error_estimate'])}"
-    return f" (of stresses, {', '.join(stresses)}, not known: --refine tells)" if stresses else ""
+    return f" (of stresses, {', '.join(stresses)}, not known: compare with more elements)" if stresses else ""
 
 
 def _state(record: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
@@ -154,7 +146,7 @@ def _shape(record: Mapping[str, Any], scene: Any) -> Iterator[tuple[str, str]]:
     if worst["relative"] > _ROUNDING:
         what = {"line": "centre line", "section": "outline", "sweep": "sections along the line"}
         part = max(what, key=lambda name: worst[name])
-        rods = list(getattr(scene, "plans", ()))
+        rods = scene.rod_names()
         which = f" of {rods[found.index(worst)]}" if len(rods) > 1 else ""
         yield "deviation", f"{worst[part]:.2g} at most, {worst['relative']:.2g} of the radius: {what[part]}{which}"
 
@@ -192,18 +184,6 @@ def _convergence(record: Mapping[str, Any]) -> Iterator[str]:
         yield f"{_count(record['rigid'], 'rigid mode')}" if record["rigid"] else "no mode missed (Sturm count)"
 
 
-def _told(record: Mapping[str, Any], scene: Any) -> str:
-    """Return the options of a scene that are not as by default, or the title of one from a file."""
-    if hasattr(scene, "content"):
-        return str(scene.title)
-    changed = [
-        f"{field.name.replace('_', ' ')} {record['options'][field.name]}"
-        for field in dataclasses.fields(scene)
-        if record["options"][field.name] != field.default
-    ]
-    return ", ".join(changed) or "options as they are by default"
-
-
 def _element(found: Mapping[str, Any]) -> str:
     chosen = [name.replace("_", " ") for name in found["chosen"]]
     mixed = "; mixed formulation" if found["formulation"] == "mixed" else ""
@@ -216,7 +196,7 @@ def _count(number: int, what: str) -> str:
 
 def _origin(record: Mapping[str, Any], scene: Any) -> Iterator[tuple[str, str]]:
     """Return what was solved, how, and by which versions."""
-    yield "scene", f"{record['scene']}, {record['analysis']}; {_told(record, scene)}"
+    yield "scene", f"{record['scene']}, {record['analysis']}; {scene.described}"
     if "solver" not in record:
         yield "more", "--json prints all there is on one line, --output DIR keeps it"
         return

@@ -1,6 +1,7 @@
 """``isorod run``: a scene is solved, its record printed and kept."""
 
 import argparse
+import warnings
 from collections.abc import Sequence
 from contextlib import nullcontext
 from time import perf_counter
@@ -50,7 +51,7 @@ def _more(parser: Parser, scene: Any) -> None:
         parser.elsewhere |= dict.fromkeys(("--checkpoint", "--checkpoint-every", "--resume"), motions)
     if analyses == ("dynamics",):
         error = "of a motion nothing estimates the error of the space; compare runs with other elements and orders"
-        parser.elsewhere |= dict.fromkeys(("--refine", "--tolerance", "--no-estimate"), error)
+        parser.elsewhere |= dict.fromkeys(("--tolerance", "--no-estimate"), error)
     if "dynamics" in analyses:
         parser.add_argument("--checkpoint", metavar="FILE", help="keep the state of the run in this file")
         parser.add_argument(
@@ -66,7 +67,7 @@ def _more(parser: Parser, scene: Any) -> None:
             help="continue the run whose state is in the checkpoint, to a later end time too with more outputs",
         )
     if "statics" in analyses or "modal" in analyses:
-        parser.add_argument("--refine", action="store_true", help="solve on finer spaces too and estimate the error")
+        parser.add_argument("--refine", action="store_true", help=argparse.SUPPRESS)
         parser.add_argument(
             "--tolerance",
             type=float,
@@ -112,17 +113,16 @@ def _analysis(scene: Any, theirs: Sequence[str], found: argparse.Namespace) -> t
 
     imported = perf_counter() - begin
     refined: dict[str, Any] = {}
-    shown = bool(getattr(scene, "stresses", ())) or found.output is not None
-    if getattr(found, "refine", False) or getattr(found, "tolerance", None) is not None:
+    shown = bool(scene.stresses) or found.output is not None
+    if getattr(found, "refine", False):
+        warnings.warn("--refine: the error is estimated without it; leave it out", FutureWarning, stacklevel=2)
+    if getattr(found, "tolerance", None) is not None:
         if scene.analysis == "dynamics":
-            raise InputError("--refine and --tolerance: not for dynamics; compare runs with other elements and orders")
-        from isorod.command.refine import estimate
+            raise InputError("--tolerance: not for dynamics; compare runs with other elements and orders")
+        from isorod.command.refine import refine
 
-        reached = estimate(scene, settings, found.tolerance)
-        scene, solution, seconds = reached.scene, reached.solution, reached.seconds
-        refined = {"error_estimate": reached.error, "changes": reached.changes, "refinements": reached.history}
-        refined |= {"nothing": dict(reached.nothing)} if reached.nothing else {}
-        refined |= {"short": reached.short} if reached.short else {}
+        scene, solution, seconds, error, history, short = refine(scene, settings, found.tolerance)
+        refined = {"error_estimate": error, "refinements": history} | ({"short": short} if short else {})
         refined |= solving.stress_estimate(solution) if shown else {}
     else:
         solution, seconds = solving.solve(scene, settings)
@@ -161,6 +161,5 @@ def _kept(record: dict[str, Any], solution: Any, found: argparse.Namespace, scen
         if solution is None:
             return folder.add(place, record, [], [])
         # The scene of a file has names for supports.
-        named = getattr(scene, "named", str)
-        curves = {named(name): values for name, values in solution.curves().items()}
+        curves = {scene.named(name): values for name, values in solution.curves().items()}
         return folder.add(place, record, solution.model.bodies, folder.frames(solution), curves, found.cells)

@@ -2,7 +2,6 @@
 
 import textwrap
 from collections.abc import Mapping, Sequence
-from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -40,7 +39,7 @@ def main(ours: Sequence[str], theirs: Sequence[str]) -> int:
     name, body = _rod(scene, found.rod)
     properties = section_properties(body, _parameter(found.u), progress=ending.rank() == 0)
     record: dict[str, Any] = {
-        "scene": getattr(scene, "name", type(scene).__name__.lower()),
+        "scene": scene.name,
         "rod": name,
         "order": list(FORCES),
         "range": body.space.axis.breaks[[0, -1]].tolist(),
@@ -76,9 +75,9 @@ def _rod(scene: Any, wanted: str | None) -> "tuple[str, Body]":
     if scene.analysis == "geometry":
         raise InputError("section: this scene is geometry alone, without the laws that a stiffness needs")
     # The scene of a file says where in it errors come from.
-    with getattr(scene, "told", nullcontext)():
+    with scene.told():
         bodies = scene.model().bodies
-    names = list(getattr(scene, "plans", map(str, range(len(bodies)))))
+    names = scene.rod_names() or [str(k) for k in range(len(bodies))]
     if wanted is None:
         return names[0], bodies[0]
     if wanted in names:

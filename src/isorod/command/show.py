@@ -18,7 +18,7 @@ def main(ours: Sequence[str], theirs: Sequence[str] = ()) -> int:
 
     model, start = None, None
     if scene.analysis == "geometry":
-        rods = list(scene.rods()) if hasattr(scene, "rods") else [scene.rod()]
+        rods = [*scene.rods()]
         for rod in rods:
             rod.check()
     else:
@@ -27,7 +27,7 @@ def main(ours: Sequence[str], theirs: Sequence[str] = ()) -> int:
         if scene.analysis == "dynamics":
             start = scene.settings().get("displacement")
     with picture.stage(found.size, window) as plotter:
-        shape.draw(plotter, rods, model, start, _title(scene), found.view, found.size)
+        shape.draw(plotter, rods, model, start, scene.title, found.view, found.size)
         if window:
             picture.wait(plotter)
         else:
@@ -40,8 +40,3 @@ def main(ours: Sequence[str], theirs: Sequence[str] = ()) -> int:
 def _more(parser: Parser, scene: Any) -> None:
     """Add the options of a picture."""
     drawing.add_options(parser)
-
-
-def _title(scene: Any) -> str:
-    """Return what a scene is."""
-    return scene.title if hasattr(scene, "title") else type(scene).__name__.lower()

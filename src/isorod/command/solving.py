@@ -1,9 +1,7 @@
 """Running a scene: from its parameters to a solution and a record of it."""
 
-import dataclasses
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import nullcontext
 from importlib import import_module
 from time import perf_counter
 from typing import Any
@@ -51,7 +49,7 @@ def solve(
     # Numba takes half a second before the first function, whichever that is.
     cofactors.ready()
     # The scene of a file says where in it errors come from.
-    with getattr(scene, "told", nullcontext)():
+    with scene.told():
         started = perf_counter()
         model = scene.model()
         built = perf_counter()
@@ -73,7 +71,7 @@ def _solve_closer(scene: Any, model: Any, analyse: Callable[..., Any], settings:
     and one more, where the last fails.
     """
     solution, said = _heard(analyse, model, settings)
-    for _ in range(CLOSER if hasattr(scene, "closer") else 0):
+    for _ in range(CLOSER):
         try:
             closer = scene.closer(solution)
             if closer is None:
@@ -167,7 +165,7 @@ def stress_estimate(solution: Any) -> dict[str, float]:
 
 def geometry(scene: Any) -> dict[str, Any]:
     """Return the record of a scene that is geometry only."""
-    rods = scene.rods() if hasattr(scene, "rods") else [scene.rod()]
+    rods = scene.rods()
     return _scene(scene) | {
         "smallest_jacobian": min(rod.check() for rod in rods),
         "volume": sum(rod.volume() for rod in rods),
@@ -230,18 +228,5 @@ def origin(scene: Any) -> dict[str, Any]:
 
 
 def _scene(scene: Any) -> dict[str, Any]:
-    """Return what a scene is; of one from a file all that the file says, and sums of the data beside it."""
-    if hasattr(scene, "content"):
-        options = _written(scene.content)
-        return {"scene": scene.name, "options": options, "data": scene.data, "analysis": scene.analysis}
-    name = type(scene).__name__.lower()
-    return {"scene": name, "options": dataclasses.asdict(scene), "analysis": scene.analysis}
-
-
-def _written(value: Any) -> Any:
-    """Return a value of TOML as JSON takes it: a stiffness without bound is a word."""
-    if isinstance(value, dict):
-        return {key: _written(one) for key, one in value.items()}
-    if isinstance(value, list):
-        return [_written(one) for one in value]
-    return "inf" if value == float("inf") else value
+    """Return what a scene is."""
+    return {"scene": scene.name, **scene.options, "analysis": scene.analysis}

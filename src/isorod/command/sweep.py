@@ -189,7 +189,7 @@ def _solve(number: int, points: grid.Grid, index: Sequence[int], theirs: Sequenc
                 solution, seconds = solving.solve(scene, settings)
                 record = solving.record(scene, solution, seconds, settings, theirs)
                 if estimated:
-                    record |= solving.estimate(solution, bool(getattr(scene, "stresses", ())))
+                    record |= solving.estimate(solution, bool(scene.stresses))
         except (InputError, SolveError) as problem:
             kind = "refused" if isinstance(problem, InputError) else "failed"
             about["status"] = f"{kind}: {' '.join(str(problem).split())}"
@@ -211,11 +211,11 @@ def _identity(words: Sequence[str], scene: Any, theirs: Sequence[str]) -> dict[s
             skip = not skip and word in _VALUED
             continue
         kept.append(word)
-    content = json.dumps(scene.content, default=str) if hasattr(scene, "content") else ""
+    content = json.dumps(scene.options, default=str)
     return {
         "command": shlex.join(["isorod", "sweep", *kept]),
         "petsc_options": " ".join(theirs),
-        "file": hashlib.sha256(content.encode()).hexdigest() if content else None,
+        "file": hashlib.sha256(content.encode()).hexdigest(),
         "versions": results.provenance()["versions"],
     }
 

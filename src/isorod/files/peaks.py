@@ -93,7 +93,7 @@ def warn(
     if wrong > LARGE:
         _say(
             f"{_words(name)} at u = {place:.4g}: the stress there is out of balance by {100.0 * wrong:.2g} %, and no "
-            "better than that; take more --elements, or let --refine tell what that changes"
+            "better than that; compare with more elements"
         )
 
 

@@ -15,7 +15,7 @@ from isorod.files import changes, schema
 from isorod.files.document import KEYS, Document, Place, shown
 from isorod.files.form import Call, Form, Name, call, choice
 from isorod.files.rod import RodPlan
-from isorod.scenes import GEOMETRY_UNITS, option
+from isorod.scenes import GEOMETRY_UNITS, Scene, option
 
 if TYPE_CHECKING:
     from isorod.geometry.rod import Rod
@@ -45,7 +45,7 @@ def _space(text: str) -> Any:
 
 
 @dataclass(eq=False)
-class FileScene:
+class FileScene(Scene):
     """The scene of a TOML file.
 
     Parameters
@@ -282,6 +282,20 @@ class FileScene:
         """Return the rods as first built."""
         return [plan.rod() for plan in self.plans.values()]
 
+    def rod_names(self) -> list[str]:
+        """Return the names of the rods."""
+        return [*self.plans]
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """What a record keeps of the scene: all that the file says, and sums of the data beside it."""
+        return {"options": _written(self.content), "data": self.data}
+
+    @property
+    def described(self) -> str:
+        """The title."""
+        return str(self.title)
+
     def on(self, spaces: "Sequence[Space]") -> "FileScene":
         """Return the same scene with its rods on these spaces, one a rod."""
         told, keys = {}, [one.name for one in fields(self) if one.metadata]
@@ -392,3 +406,12 @@ class FileScene:
                 at = place / self.analysis
                 keys = {key: at / key for key in at.table(self.content[kind][self.analysis])}
             raise type(problem)(place.about(said, keys)) from None
+
+
+def _written(value: Any) -> Any:
+    """Return a value of TOML as JSON takes it: a stiffness without bound is a word."""
+    if isinstance(value, dict):
+        return {key: _written(one) for key, one in value.items()}
+    if isinstance(value, list):
+        return [_written(one) for one in value]
+    return "inf" if value == float("inf") else value

@@ -129,8 +129,8 @@ class Modes:
         """Return an estimate of the frequencies' largest relative error (`isorod.checks.estimate_of_modes`).
 
         None where there is none.  It takes about as long as the modes.  It is the sum of those of the approximation
-        across the ``"section"`` and along the ``"axis"``, unless one of them is asked for, and of how much patches of
-        contact give way.
+        across the ``"section"`` and along the ``"axis"``, unless one of them is asked for; without these words it
+        includes the bound on how much patches of contact give way, which refinement of a direction does not lower.
         """
         from isorod.checks import estimate_of_modes
         from isorod.checks.finer import DIRECTIONS
@@ -139,7 +139,7 @@ class Modes:
         values, shapes = self.eigenvalues[above], self.vectors[above]
         rest = self.equilibrium, self.quarter, self.ranks
         found = estimate_of_modes.of_modes(self.model, values, shapes, self.rigid > 0, self.lumped, asked, *rest)
-        if found is None or self.equilibrium is None or not self.contacts:
+        if found is None or directions or self.equilibrium is None or not self.contacts:
             return found
         from isorod.modal import touching
 

@@ -1,21 +1,26 @@
 """Scenes: ready models with parameters, one a file that bears the scene's name.
 
-A scene is a frozen dataclass (`isorod.errors.Checked`) of that name with a capital letter whose fields (made with
-`option`) become command line options. It has a class attribute ``analysis`` (``"statics"``, ``"modal"``,
-``"dynamics"`` or ``"geometry"``), ``rod()``, and for an analysis ``model()`` and ``measure(solution)``; for dynamics
-also ``settings()``, the keyword arguments of `isorod.dynamics.solve`. Its class attribute ``units`` says, in words,
-the unit of each number that is the answer, by its name in `measure` or in the solution's record, the most wanted
-first. A scene whose element can be chosen is a `Preset`. A scene with a choice of analyses lists them in a class
-attribute ``analyses``, the default first, and has ``analysis`` as a property.
+A ready scene is a frozen dataclass (`Scene`) of that name with a capital letter, whose fields (made with `option`)
+become command line options. It has a class attribute ``analysis`` (``"statics"``, ``"modal"``, ``"dynamics"`` or
+``"geometry"``), ``rod()`` or ``rods()``, and for an analysis ``model()`` and ``measure(solution)``; for dynamics
+also ``settings()``. Its class attribute ``units`` says, in words, the unit of each number that is the answer, by its
+name in `measure` or in the solution's record, the most wanted first. A scene whose element can be chosen is a `Preset`.
+A scene with a choice of analyses lists them in a class attribute ``analyses``, the default first, and has ``analysis``
+as a property.  The scene of a file (`isorod.files.scene`) is a `Scene` as well.
 """
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from importlib import import_module
 from pkgutil import iter_modules
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 from isorod.errors import Checked, InputError
+
+if TYPE_CHECKING:
+    from isorod.geometry.rod import Rod
+    from isorod.space.space import Space
 
 # Names on the command line: those of the files here.  Each is imported only when it is asked for.
 SCENES = tuple(sorted(module.name for module in iter_modules(__path__)))
@@ -34,7 +39,91 @@ def option(default: Any, text: str) -> Any:
     return dataclasses.field(default=default, metadata={"help": text})
 
 
-class Preset(Checked):
+class Scene(Checked):
+    """What commands ask of any scene, as far as it is the same for all that are classes.
+
+    Attributes
+    ----------
+    name, title
+        What it is called, and what it is in a line.
+    stresses
+        The names of those that are stresses.
+    """
+
+    name: Any = ""
+    title: Any = ""
+    stresses: Sequence[str] = ()
+
+    def __init_subclass__(cls) -> None:
+        cls.name = cls.title = cls.__name__.lower()
+
+    def settings(self) -> dict[str, Any]:
+        """Return the keyword arguments of the analysis."""
+        return {}
+
+    def rod(self) -> "Rod":
+        """Return the only rod, as first built."""
+        raise NotImplementedError
+
+    def rods(self) -> "Sequence[Rod]":
+        """Return the rods as first built."""
+        return [self.rod()]
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """What a record keeps of the scene."""
+        return {"options": {field.name: getattr(self, field.name) for field in _fields(self)}}
+
+    @property
+    def described(self) -> str:
+        """Which options are not as they are by default, in words."""
+        changed = [
+            f"{field.name.replace('_', ' ')} {getattr(self, field.name)}"
+            for field in _fields(self)
+            if getattr(self, field.name) != field.default
+        ]
+        return ", ".join(changed) or "options as they are by default"
+
+    def rod_names(self) -> list[str]:
+        """Return the names of the rods, where they have names."""
+        return []
+
+    def named(self, text: str) -> str:
+        """Return a text with the scene's own names in the place of numbers."""
+        return text
+
+    def told(self) -> AbstractContextManager[None]:
+        """Let errors of the model and its analysis say where in the scene they come from."""
+        return nullcontext()
+
+    def closer(self, solution: Any) -> Any:
+        """Return the same scene on spaces that resolve the patches of a solution's contacts; None where they do."""
+        return None
+
+    def on(self, spaces: "Sequence[Space]") -> Any:
+        """Return the scene on these spaces of its rods; a scene of a class has the same for all of them."""
+        space = spaces[0]
+        names = {field.name for field in _fields(self)}
+        kept = ("order", "section_degree", "degree", "continuity", "quadrature")
+        changed = {name: getattr(space, name) for name in kept if name in names}
+        if space.section_degree is None:
+            changed["section_points"] = space.points_around
+        scene, elements = cast(Any, self), cast(int, space.elements)
+        (along,) = names & {"elements", "elements_per_turn", "parts"}
+        if along == "elements":
+            changed[along] = elements
+        elif getattr(scene, along) is None:
+            changed[along] = elements // scene.coils
+        else:
+            changed[along] = getattr(scene, along) * elements // scene.model().bodies[0].space.elements
+        return dataclasses.replace(scene, **changed)
+
+
+def _fields(scene: Scene) -> tuple[dataclasses.Field[Any], ...]:
+    return dataclasses.fields(cast(Any, scene))
+
+
+class Preset(Scene):
     """A scene with a field ``preset``, which says what fields of the element are that are not given."""
 
     PAPER: ClassVar[Mapping[str, Any]]

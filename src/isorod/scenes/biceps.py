@@ -137,7 +137,9 @@ class Biceps(Preset):
         return "statics" if self.statics else "dynamics"
 
     def settings(self) -> dict[str, Any]:
-        """Return the keyword arguments of `isorod.dynamics.solve`."""
+        """Return the keyword arguments of `isorod.dynamics.solve`; of statics none."""
+        if self.analysis == "statics":
+            return {}
         if not (np.isfinite(self.time_step) and self.time_step >= 0.0):
             raise InputError(
                 f"time step: got {self.time_step:g}, need a positive time, or 0 for 0.9 of the critical one"

@@ -5,11 +5,11 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from isorod.errors import Checked, InputError, whole_number
+from isorod.errors import InputError, whole_number
 from isorod.geometry import section
 from isorod.geometry.center_line import helix
 from isorod.geometry.rod import Rod
-from isorod.scenes import option
+from isorod.scenes import Scene, option
 
 if TYPE_CHECKING:
     from isorod.model.model import Model
@@ -21,7 +21,7 @@ _LOWER = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 
 
 @dataclass(frozen=True)
-class Clasp(Checked):
+class Clasp(Scene):
     """Two half turns in planes at right angles, each through the other, touching at rest; their ends drawn apart.
 
     The first hangs from its ends in the plane of x and z, the second stands on its ends in that of y and z.  Where they

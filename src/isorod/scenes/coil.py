@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from isorod.arrays import Array
-from isorod.errors import Checked, InputError
+from isorod.errors import InputError
 from isorod.geometry import bspline, section
 from isorod.geometry.center_line import HELIX_ELEMENTS, CenterLine, helix
 from isorod.geometry.fitting import evaluate
 from isorod.geometry.rod import Rod
-from isorod.scenes import option
+from isorod.scenes import Scene, option
 
 if TYPE_CHECKING:
     from isorod.model.model import Model
@@ -41,7 +41,7 @@ _SEAT = 1.0 - 1e-6
 
 
 @dataclass(frozen=True)
-class Coil(Checked):
+class Coil(Scene):
     """Round wire in coils whose ends are kept from turning about the axis and moved together; it touches itself.
 
     Love's wire stays a helix of so many turns, which widens as its coils lie down.  It goes on for a turn at either

@@ -3,15 +3,14 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-from isorod.errors import Checked
 from isorod.geometry import section
 from isorod.geometry.center_line import straight
 from isorod.geometry.rod import Rod
-from isorod.scenes import GEOMETRY_UNITS, option
+from isorod.scenes import GEOMETRY_UNITS, Scene, option
 
 
 @dataclass(frozen=True)
-class Flower(Checked):
+class Flower(Scene):
     """Straight bar along z; its map folds where the petals are too deep."""
 
     analysis: ClassVar[str] = "geometry"

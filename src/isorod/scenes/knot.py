@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from isorod.arrays import Array
-from isorod.errors import Checked, InputError, whole_number, within
+from isorod.errors import InputError, whole_number, within
 from isorod.geometry import bspline, section
 from isorod.geometry.center_line import straight
 from isorod.geometry.fitting import nearest
 from isorod.geometry.frames import Frames
 from isorod.geometry.rod import Rod
-from isorod.scenes import option
+from isorod.scenes import Scene, option
 
 if TYPE_CHECKING:
     from isorod.dynamics.history import History
@@ -41,7 +41,7 @@ _POINTS = 8
 
 
 @dataclass(frozen=True)
-class Knot(Checked):
+class Knot(Scene):
     """Rod without stress when straight, laid into a loose overhand knot, then left to settle between its held ends.
 
     How tight the knot is in the end is said by the length that is in it: ``2 pi`` times ``loop``, about.  A motion

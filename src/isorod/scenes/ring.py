@@ -3,15 +3,14 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-from isorod.errors import Checked
 from isorod.geometry import section
 from isorod.geometry.center_line import helix
 from isorod.geometry.rod import Rod
-from isorod.scenes import GEOMETRY_UNITS, option
+from isorod.scenes import GEOMETRY_UNITS, Scene, option
 
 
 @dataclass(frozen=True)
-class Ring(Checked):
+class Ring(Scene):
     """Ring of elliptical section about the z axis; the first and the last section are one."""
 
     analysis: ClassVar[str] = "geometry"

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from isorod.arrays import Array
-from isorod.errors import Checked, InputError, whole_number, within
+from isorod.errors import InputError, whole_number, within
 from isorod.geometry import section
 from isorod.geometry.center_line import straight
 from isorod.geometry.rod import Rod
-from isorod.scenes import option
+from isorod.scenes import Scene, option
 
 if TYPE_CHECKING:
     from isorod.model.model import Model
@@ -20,7 +20,7 @@ POSITIVE = "radius", "ratio", "tension", "tail", "E"
 
 
 @dataclass(frozen=True)
-class Rope(Checked):
+class Rope(Scene):
     """Rod that is straight at rest, laid over the top of a fixed cylinder and pulled down on either side.
 
     The start is pulled with a force of fixed direction.  The end is moved to where a thin rod without friction has it

@@ -5,12 +5,12 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from isorod.errors import Checked, InputError, whole_number, within
+from isorod.errors import InputError, whole_number, within
 from isorod.geometry import section
 from isorod.geometry.axis import MAX_ELEMENTS
 from isorod.geometry.center_line import HELIX_ELEMENTS, helix, straight
 from isorod.geometry.rod import Rod
-from isorod.scenes import option
+from isorod.scenes import Scene, option
 
 if TYPE_CHECKING:
     from isorod.model.contact import Contact
@@ -28,7 +28,7 @@ SIX = 6
 
 
 @dataclass(frozen=True)
-class Strand(Checked):
+class Strand(Scene):
     """Wires between two rigid planes, which are drawn apart and turned against each other; all may touch all.
 
     Layer k has 6 k wires; each lies on the crests of the one within.  All have the lay angle of the first, in turn

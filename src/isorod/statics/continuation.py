@@ -19,13 +19,10 @@ from isorod.checks import overlap, rigid_motions
 from isorod.checks.turning import Turning
 from isorod.errors import InputError, SolveError
 from isorod.model.model import Model
-from isorod.options import defaults
 from isorod.petsc import inertia
 from isorod.petsc.banded import is_banded
+from isorod.petsc.direct import direct
 from isorod.statics.convergence import Convergence, squeezed, worst_place
-
-# What a user's option overrides.
-OPTIONS = {"ksp_type": "preonly"}
 
 # Share of the carried forces that may stay out of balance, corrections of a step, and how often a step is halved.
 RTOL = 1e-9
@@ -235,13 +232,8 @@ class _Path:
         self.corrections = 0
         # Either of them tells the inertia.
         chosen = factorisation(self.assembler)
-        with defaults(OPTIONS | (BAND if chosen.get("pc_type") == "python" else SPARSE)):
-            self.ksp = PETSc.KSP().create(self.assembler.comm)
-            self.ksp.setOperators(self.matrix)
-            pc = self.ksp.getPC()
-            pc.setType(PETSc.PC.Type.CHOLESKY)
-            pc.setFactorSolverType("mumps")
-            self.ksp.setFromOptions()
+        self.ksp = direct(self.matrix, BAND if chosen.get("pc_type") == "python" else SPARSE)
+        pc = self.ksp.getPC()
         self._counts = pc.getType() == PETSc.PC.Type.CHOLESKY and pc.getFactorSolverType() == "mumps"
         self._set_up = False
 

@@ -13,7 +13,9 @@ from petsc4py import PETSc
 
 from isorod.arrays import Array
 from isorod.assembly.assembler import Assembler
+from isorod.assembly.factorisation import SPARSE
 from isorod.checks import rigid_motions
+from isorod.petsc.direct import direct
 from isorod.statics.proximal import LEAST, Proximal
 
 # The share ``a`` of load steps: what a slender rod of twenty radii resists its bending with, and, where a body is
@@ -21,6 +23,8 @@ from isorod.statics.proximal import LEAST, Proximal
 _SHARE = 1e-4
 _SOFT = 0.01
 _ITERATIONS = 4
+
+_PREFIX = "stabilisation_"
 
 
 class Stabilisation(Proximal):
@@ -55,11 +59,8 @@ class Stabilisation(Proximal):
             rigid.append(motion)
         shifted = matrix.copy()
         shifted.setDiagonal(LEAST * weight, PETSc.InsertMode.ADD_VALUES)
-        ksp = PETSc.KSP().create(assembler.comm)
-        ksp.setType(PETSc.KSP.Type.PREONLY)
-        ksp.getPC().setType(PETSc.PC.Type.CHOLESKY if assembler.symmetric else PETSc.PC.Type.LU)
-        ksp.getPC().setFactorSolverType(PETSc.Mat.SolverType.MUMPS)
-        ksp.setOperators(shifted)
+        kind = SPARSE | {"pc_type": "cholesky" if assembler.symmetric else "lu"}
+        ksp = direct(shifted, {f"{_PREFIX}{name}": value for name, value in kind.items()}, _PREFIX)
         shape, push = assembler.vector(), assembler.vector()
         # The same on any number of ranks.
         shape.array_w[:] = np.random.default_rng(0).normal(size=shape.getSize())[slice(*shape.getOwnershipRange())]

@@ -11,6 +11,7 @@ from isorod.arrays import Array
 from isorod.dynamics.implicit.assembler import StepAssembler
 from isorod.errors import InputError, SolveError
 from isorod.material.along_rod import complementary
+from isorod.petsc.direct import direct
 
 if TYPE_CHECKING:
     from isorod.dynamics.implicit.mixed import MixedStepAssembler, MixedStepPart
@@ -22,6 +23,8 @@ _MOST, _NONE = 20, 1e-12
 # enough.
 _ROOM = (100, 400, 1600)
 
+_PREFIX = "inertia_"
+
 
 class Inertia:
     """Solves with the mass of a model without pressures."""
@@ -29,12 +32,8 @@ class Inertia:
     def __init__(self, assembler: StepAssembler) -> None:
         self.assembler = assembler
         self._matrix = self._made()
-        self._ksp = PETSc.KSP().create(assembler.comm)
-        self._ksp.setOperators(self._matrix)
-        self._ksp.setType("preonly")
-        self._ksp.getPC().setType("lu")
-        if assembler.comm.getSize() > 1:
-            self._ksp.getPC().setFactorSolverType("mumps")
+        several = {f"{_PREFIX}pc_factor_mat_solver_type": "mumps"} if assembler.comm.getSize() > 1 else {}
+        self._ksp = direct(self._matrix, {f"{_PREFIX}pc_type": "lu"} | several, _PREFIX)
 
     def _made(self) -> PETSc.Mat:
         return self.assembler.mass()
