@@ -63,8 +63,8 @@ def test_a_page_tells_answers_lines_and_what_is_open():
     cells |= {"--tolerance": {"refused": "no: such", "seconds": 1.0}, "--set": {"refused": "no: such", "seconds": 2.0}}
     cells |= {"--output": {"refused": "", "seconds": 33.3}, "compare": {"unfinished": 90.0}}
     text = combinations_page.page({"statics": {"plain": cells}})
-    assert "Of 8 combinations 5 are answered and 2 are refused; of 1 nobody waited" in text
-    assert "| plain | yes | no (1) | yes | yes, 33 s | no (1) | yes | yes | ? 90 s |" in text
+    assert "Of 7 combinations 4 are answered and 2 are refused; of 1 nobody waited" in text
+    assert "| plain | yes | no (1) | yes, 33 s | no (1) | yes | yes | ? 90 s |" in text
     assert text.count("no: such") == 1
     cells["alone"] = {"broken": "Traceback"}
     with pytest.raises(SystemExit, match="broken"):

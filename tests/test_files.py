@@ -14,7 +14,8 @@ from isorod.errors import InputError
 from isorod.files import schema
 from isorod.files.form import Form
 from isorod.files.lines import lines
-from isorod.files.scene import RESERVED, FileScene
+from isorod.files.scene import FileScene
+from isorod.files.schema import RESERVED
 from isorod.geometry import center_line, section
 from isorod.model.load import Pressure
 from isorod.scenes.flower import Flower

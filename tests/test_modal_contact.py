@@ -192,7 +192,8 @@ def test_what_is_not_known_of_a_patch_counts_in_the_estimate():
     post = Cylinder((0.0, -1.9, 5.0), (1.0, 0.0, 0.0), 1.0)
     ends = [Support.end(space, end) for end in ("start", "end")]
     modes = modal.solve(Model([Body(space, LAW, 1.0)], ends, contacts=[Contact(0, post, points=(6, 12))]), 3)
-    assert 0.02 < modes.estimate("axis") < 1.0
+    # Of a direction alone it is no part: no refinement lowers it.
+    assert modes.estimate("section") + modes.estimate("axis") + 0.02 < modes.estimate() < 1.0
 
 
 @pytest.mark.filterwarnings(UNSEEN)

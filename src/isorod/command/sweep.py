@@ -211,11 +211,11 @@ def _identity(words: Sequence[str], scene: Any, theirs: Sequence[str]) -> dict[s
             skip = not skip and word in _VALUED
             continue
         kept.append(word)
-    content = json.dumps(scene.options, default=str)
+    content = json.dumps(scene.content, default=str)
     return {
         "command": shlex.join(["isorod", "sweep", *kept]),
         "petsc_options": " ".join(theirs),
-        "file": hashlib.sha256(content.encode()).hexdigest(),
+        "file": hashlib.sha256(content.encode()).hexdigest() if scene.content else None,
         "versions": results.provenance()["versions"],
     }
 

@@ -212,3 +212,12 @@ def _text(path: str) -> str:
     except UnicodeDecodeError as problem:
         line = content.count(b"\n", 0, problem.start) + 1
         raise InputError(f"{path}:{line}: byte {content[problem.start]:#04x} is not UTF-8; save it as UTF-8") from None
+
+
+def as_json(value: Any) -> Any:
+    """Return a value of TOML as JSON takes it: a stiffness without bound is a word."""
+    if isinstance(value, dict):
+        return {key: as_json(one) for key, one in value.items()}
+    if isinstance(value, list):
+        return [as_json(one) for one in value]
+    return "inf" if value == float("inf") else value

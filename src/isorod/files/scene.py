@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from isorod.errors import InputError, SolveError
 from isorod.files import changes, schema
-from isorod.files.document import KEYS, Document, Place, shown
+from isorod.files.document import KEYS, Document, Place, as_json, shown
 from isorod.files.form import Call, Form, Name, call, choice
 from isorod.files.rod import RodPlan
 from isorod.scenes import GEOMETRY_UNITS, Scene, option
@@ -22,17 +22,6 @@ if TYPE_CHECKING:
     from isorod.model.model import Model
     from isorod.space.closer import Patch
     from isorod.space.space import Space
-
-# What a record has besides what is measured.
-RESERVED = frozenset(
-    "scene options data analysis dofs unknowns quadrature discretisation built seconds solver ranks versions commit "
-    "machine time files settings petsc_options error_estimate estimate_seconds changes refinements newton_iterations "
-    "linear_iterations load_steps cuts residual_norms pressures contacts contact_area penetration augmentations "
-    "residuals rigid below shift iterations frequencies times reactions contact_force kinetic stored contact_energy "
-    "added_kinetic muscle_work load_work dissipated energy_error momentum_error steps time_step critical_step "
-    "microseconds_a_step resumed integrator added_kinetic_share smallest_jacobian volume control_points stabilisation "
-    "stabilisation_rounds about falling places stress_error_estimate negative_eigenvalues deviation time_error".split()
-)
 
 # Of each analysis the class of its solutions.
 _SOLUTIONS = {"statics": "Equilibrium", "modal": "Modes", "dynamics": "History"}
@@ -241,7 +230,7 @@ class FileScene(Scene):
         if "measure" in self.content and not fitting:
             raise place.error(f"nothing else is measured in {self.analysis}: its results are told without")
         for name, at, table in self._named("measure"):
-            if name in RESERVED:
+            if name in schema.RESERVED:
                 raise at.error("a result has something else of this name; choose another")
             asked = choice(at, fitting, table)
             self.units[name] = asked.arguments.pop("unit", "")
@@ -289,7 +278,7 @@ class FileScene(Scene):
     @property
     def options(self) -> dict[str, Any]:
         """What a record keeps of the scene: all that the file says, and sums of the data beside it."""
-        return {"options": _written(self.content), "data": self.data}
+        return {"options": as_json(self.content), "data": self.data}
 
     @property
     def described(self) -> str:
@@ -406,12 +395,3 @@ class FileScene(Scene):
                 at = place / self.analysis
                 keys = {key: at / key for key in at.table(self.content[kind][self.analysis])}
             raise type(problem)(place.about(said, keys)) from None
-
-
-def _written(value: Any) -> Any:
-    """Return a value of TOML as JSON takes it: a stiffness without bound is a word."""
-    if isinstance(value, dict):
-        return {key: _written(one) for key, one in value.items()}
-    if isinstance(value, list):
-        return [_written(one) for one in value]
-    return "inf" if value == float("inf") else value

@@ -48,11 +48,14 @@ class Scene(Checked):
         What it is called, and what it is in a line.
     stresses
         The names of those that are stresses.
+    content
+        All that the scene's file says; None where there is none.
     """
 
     name: Any = ""
     title: Any = ""
     stresses: Sequence[str] = ()
+    content: Any = None
 
     def __init_subclass__(cls) -> None:
         cls.name = cls.title = cls.__name__.lower()
