@@ -19,7 +19,7 @@ from isorod.contact.ranks import Ranks
 from isorod.contact.result import ContactResult, measure, sides_of, slave_points
 from isorod.contact.tables import pack, points_of, smallest_radius
 from isorod.contact.tangent_kernel import NODES, PATCH, add_blocks, find_patches, patch_nodes
-from isorod.model.contact import MAX_POINTS, Contact, refuse
+from isorod.model.contact import MAX_POINTS, Contact
 from isorod.model.model import Model
 from isorod.space.graded import Graded
 
@@ -66,7 +66,6 @@ class ContactOperator:
     long_steps = True
 
     def __init__(self, model: Model, comm: PETSc.Comm | None = None) -> None:
-        refuse(model.contacts, faces=True)
         self.ranks = Ranks(comm)
         self._lift = None
         if any(isinstance(body.space.basis, Graded) for body in model.bodies):

@@ -15,7 +15,6 @@ from isorod.dynamics.explicit.contact import (
     TOO_DEEP,
     StepContact,
 )
-from isorod.dynamics.explicit.end_faces import add_forces as add_face_forces
 from isorod.dynamics.explicit.exchange_kernel import (
     ENERGY,
     EXCHANGE,
@@ -56,9 +55,7 @@ def press(contact: StepContact, displacement: Array) -> tuple[float, float, floa
     for d in range(order.size):
         positions[d // 3, d % 3] = contact.reference[d] + displacement[order[d]]
     pushed[:] = 0.0
-    energy, force, area, deepest = add_forces(contact.packed, positions, pushed)
-    more_energy, more_force, more_area, as_deep = add_face_forces(contact.faces, positions, pushed)
-    return energy + more_energy, force + more_force, area + more_area, min(deepest, as_deep)
+    return add_forces(contact.packed, positions, pushed)
 
 
 @njit(b1(STEP_CONTACT, f8), **STRICT)
@@ -115,7 +112,7 @@ def add_up(contact: StepContact, energy: float, force: float, area: float, deepe
 @njit(types.UniTuple(f8, 3)(STEP_CONTACT, F1), **STRICT)
 def take(contact: StepContact, forces: Array) -> tuple[float, float, float]:
     """Subtract a contact's ``forces`` on this rank's nodes from internal forces, a state vector; return their sum."""
-    order, pushed, carries, mine = contact.order, contact.forces, contact.faces.carries, contact.mine
+    order, pushed, carries, mine = contact.order, contact.forces, contact.carries, contact.mine
     x = y = z = 0.0
     for d in range(order.size):
         if mine[d // 3]:

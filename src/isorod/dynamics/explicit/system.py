@@ -111,10 +111,8 @@ class System:
         """What does not change of the contacts."""
         if self.contact is None:
             return ()
-        from isorod.dynamics.explicit import end_faces
-
         rubbing = () if self.friction is None else (self.friction.coefficients,)
-        return (*self.contact.packed.fixed, *end_faces.pack(self.model), *rubbing)
+        return (*self.contact.packed.fixed, *rubbing)
 
     def digest(self) -> str:
         """Return what tells the elements of this model from those of others, whatever the number of ranks."""

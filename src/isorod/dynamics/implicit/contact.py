@@ -6,7 +6,7 @@ from petsc4py import PETSc
 
 from isorod.arrays import Array
 from isorod.contact.operator import ContactOperator
-from isorod.model.contact import refuse
+from isorod.model.contact import refuse_in_motion
 from isorod.model.model import Model
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ class MidpointContact(ContactOperator):
     long_steps = False
 
     def __init__(self, model: Model, comm: PETSc.Comm) -> None:
-        refuse(model.contacts, penetration=True, travel=True)
+        refuse_in_motion(model.contacts)
         super().__init__(model, comm)
         self.start = self._base.ravel() * 0.0
 
