@@ -144,7 +144,6 @@ def implicit(_):
     mixed = {"elements": 3, "formulation": "mixed"}
     whole, flexed = rod(law=NeoHookean(100.0, 0.5), **mixed), rod(law=NEARLY, contacts=(under,), **mixed)
     loaded = Model(model.bodies, model.supports, loads=[BodyForce((0.1, 0.0, 0.0))])
-    rough = Model(rough.bodies, contacts=[rough.contacts[0], rough.contacts[2]])
     given = {"integrator": "implicit", "petsc": {"snes_rtol": 1e-12}}
     return {
         "rod": in_motion(loaded, 1.0, 0.1, 2, damping=0.1, velocity=swing(model), **given),

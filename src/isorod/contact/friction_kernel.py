@@ -306,6 +306,8 @@ def add_friction(
         Energy of the springs, and what is dissipated since anchors were put where they are.
     """
     energy = dissipated = 0.0
+    if not friction.coefficients.any():
+        return energy, dissipated
     foot, there = new_foot(), new_foot()
     s, t, mean = np.empty(3), np.empty(3), np.empty(3)
     for k in range(packed.passes.size):

@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 
 from isorod.arrays import Array, Index
 from isorod.compiled import F1, F2, U1
+from isorod.contact import friction, tables
 from isorod.contact import ranks as dealt
-from isorod.contact import tables
+from isorod.contact.friction_kernel import FRICTION, Friction
 from isorod.contact.packed import PACKED, Packed
 from isorod.contact.passing import limits
 from isorod.dynamics.explicit.ranks import Ranks
@@ -22,8 +23,8 @@ class StepContact(NamedTuple):
 
     Attributes
     ----------
-    packed
-        Contact of lateral surfaces.
+    packed, friction
+        Contact of lateral surfaces, and its friction.
     reference
         Coefficients of the undeformed bodies, numbered as the model's degrees of freedom, ``(dofs,)``.
     order
@@ -42,6 +43,7 @@ class StepContact(NamedTuple):
     """
 
     packed: Packed
+    friction: Friction
     reference: Array
     order: NDArray[np.uint64]
     positions: Array
@@ -58,7 +60,10 @@ class StepContact(NamedTuple):
 # whether a point is too deep.
 CONTACT_ENERGY, FORCE, AREA, TOO_DEEP, NUMBERS = 2, 3, 4, 5, 6
 
-STEP_CONTACT = types.NamedTuple((PACKED, F1, U1, F2, F2, F1, F1, types.Array(b1, 1, "C"), U1, F1, F1), StepContact)
+_STRUCTURES = (PACKED, FRICTION)
+STEP_CONTACT = types.NamedTuple(
+    (*_STRUCTURES, F1, U1, F2, F2, F1, F1, types.Array(b1, 1, "C"), U1, F1, F1), StepContact
+)
 
 
 def pack(model: Model, order: Index, ranks: Ranks | None = None) -> StepContact:
@@ -70,6 +75,7 @@ def pack(model: Model, order: Index, ranks: Ranks | None = None) -> StepContact:
     size = 3 * packed.carriers.size + NUMBERS
     return StepContact(
         packed=packed,
+        friction=friction.pack(model, packed),
         reference=reference.ravel(),
         order=order.astype(np.uint64),
         positions=np.empty_like(reference),

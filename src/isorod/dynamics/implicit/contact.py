@@ -31,8 +31,8 @@ class MidpointContact(ContactOperator):
 
     def share(self, friction: "Friction") -> None:
         """Keep the history of friction there."""
-        assert self.friction is not None
-        self.friction.history = friction.anchors
+        if self.friction is not None:
+            self.friction.history = friction.anchors
 
     def _positions(self, displacement: Array) -> Array:
         return super()._positions(self.start + 0.5 * displacement)
