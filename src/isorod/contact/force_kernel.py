@@ -5,9 +5,9 @@ from typing import NamedTuple
 import numpy as np
 from numba import b1, f8, i8, types, void
 
-from isorod.arrays import Array, Index
-from isorod.compiled import F1, F2, FAST, I1, njit
-from isorod.contact.mesh_kernel import LEVELS, mesh_gap
+from isorod.arrays import Array
+from isorod.compiled import F1, F2, FAST, njit
+from isorod.contact.mesh_kernel import mesh_gap
 from isorod.contact.packed import ELEMENT_ROW, MESH, PACKED, PASS_ROW, PLANE, SURFACE_ROW, Packed, Row
 from isorod.contact.search_kernel import (
     add_travel,
@@ -20,7 +20,19 @@ from isorod.contact.search_kernel import (
     place,
     site,
 )
-from isorod.contact.surface_kernel import EDGE, END, FOOT, LOST, Foot, arc_of, closest, dot, new_foot, surface_gap
+from isorod.contact.surface_kernel import (
+    EDGE,
+    END,
+    FOOT,
+    LOST,
+    Foot,
+    arc_of,
+    closest,
+    dot,
+    evaluate,
+    new_foot,
+    surface_gap,
+)
 
 # Pieces of rods that may be near one point.
 _PIECES = 16
@@ -48,20 +60,37 @@ def rigid_gap(one: Row, x: Array, normal: Array) -> float:
     return distance - one.radius
 
 
+@njit(f8(PACKED, PASS_ROW, i8, F2, FOOT), **FAST)
+def project(packed: Packed, one: Row, point: int, positions: Array, foot: Foot) -> float:
+    """Return the gap of a pressed point, and fill its projection: that which the last forces have found."""
+    x = packed.points[point]
+    if one.master == MESH:
+        return mesh_gap(packed, one, x, foot)
+    if one.master < 0:
+        gap = rigid_gap(one, x, foot.normal)
+        for a in range(3):
+            foot.y[0, a] = x[a] - gap * foot.normal[a]
+        return gap
+    start = packed.starts[point]
+    element = packed.elements[start.element]
+    evaluate(packed.surfaces[element.surface], element, start.theta, start.s, positions, foot)
+    for a in range(3):
+        foot.d[a] = x[a] - foot.y[0, a]
+    return surface_gap(foot, packed.states[point].edge)
+
+
 class Work(NamedTuple):
     """Work space of searches.
 
-    Places to start from, squares of distances, boxes of a mesh that are left, and how far from the ball of its start a
-    point is.
+    Places to start from, squares of distances, and how far from the ball of its start a point is.
     """
 
     places: Array
     squares: Array
-    stack: Index
     away: Array
 
 
-_WORK = types.NamedTuple((F2, F1, I1, F1), Work)
+_WORK = types.NamedTuple((F2, F1, F1), Work)
 
 
 @njit(_WORK(PACKED), **FAST)
@@ -70,7 +99,7 @@ def _new_work(packed: Packed) -> Work:
     most = 0
     for k in range(packed.surfaces.size):
         most = max(most, packed.surfaces[k].around)
-    return Work(np.empty((_PIECES, 3)), np.empty(most), np.empty(LEVELS, dtype=np.int64), np.empty(1))
+    return Work(np.empty((_PIECES, 3)), np.empty(most), np.empty(1))
 
 
 @njit(b1(PACKED, i8, F2, _WORK, i8), **FAST)
@@ -99,7 +128,7 @@ def _gap(packed: Packed, one: Row, point: int, positions: Array, foot: Foot, wor
     """
     x = packed.points[point]
     if one.master == MESH:
-        gap = mesh_gap(packed, one, x, foot, work.stack)
+        gap = mesh_gap(packed, one, x, foot)
         packed.clear[point] = packed.travel[0] + 0.5 * (gap - packed.multipliers[point] / one.penalty)
         return gap
     if one.master < 0:

@@ -22,7 +22,7 @@ from numba import b1, f8, from_dtype, i8, types, void
 
 from isorod.arrays import Array
 from isorod.compiled import F1, F2, FAST, njit
-from isorod.contact.force_kernel import end_of, rigid_gap, site, spread
+from isorod.contact.force_kernel import end_of, project, rigid_gap, site, spread
 from isorod.contact.packed import CYLINDER, PACKED, PASS_ROW, PLANE, STARTS, Packed, Row, Table
 from isorod.contact.surface_kernel import FOOT, LOST, Foot, arc_of, closest, dot, evaluate, new_foot, surface_gap
 
@@ -68,23 +68,6 @@ class Friction(NamedTuple):
 
 
 FRICTION = types.NamedTuple((F1, ANCHORS, F2, types.Array(b1, 1, "C"), STARTS), Friction)
-
-
-@njit(f8(PACKED, PASS_ROW, i8, F2, FOOT), **FAST)
-def foot_of(packed: Packed, one: Row, point: int, positions: Array, foot: Foot) -> float:
-    """Return the gap of a pressed point, and fill its foot: that which the last forces have found."""
-    x = packed.points[point]
-    if one.master < 0:
-        gap = rigid_gap(one, x, foot.normal)
-        for a in range(3):
-            foot.y[0, a] = x[a] - gap * foot.normal[a]
-        return gap
-    start = packed.starts[point]
-    element = packed.elements[start.element]
-    evaluate(packed.surfaces[element.surface], element, start.theta, start.s, positions, foot)
-    for a in range(3):
-        foot.d[a] = x[a] - foot.y[0, a]
-    return surface_gap(foot, packed.states[point].edge)
 
 
 @njit(void(PACKED, PASS_ROW, _ANCHOR_ROW, F2, FOOT), **FAST)
@@ -246,7 +229,7 @@ def hang(packed: Packed, friction: Friction, positions: Array, tractions: Array)
                 continue
             if not (packed.states[point].pressure > 0.0 and np.isfinite(tractions[point, 0])):
                 continue
-            foot_of(packed, one, point, positions, foot)
+            project(packed, one, point, positions, foot)
             along = dot(tractions[point], foot.normal)
             anchor = friction.anchors[point]
             for a in range(3):
@@ -334,7 +317,7 @@ def add_friction(
                 if keep:
                     anchor.element = -1
                 continue
-            gap = foot_of(packed, one, point, positions, foot)
+            gap = project(packed, one, point, positions, foot)
             if not hangs:
                 if keep:
                     _put(packed, one, point, foot.y[0], positions, friction.start, there, anchor)

@@ -5,7 +5,8 @@ from numba import b1, f8, from_dtype, i8, types, void
 
 from isorod.arrays import Array, Index
 from isorod.compiled import F1, F2, I1, STRICT, njit
-from isorod.contact.friction_kernel import FRICTION, Friction, foot_of, place_of, stretch_of
+from isorod.contact.force_kernel import project
+from isorod.contact.friction_kernel import FRICTION, Friction, place_of, stretch_of
 from isorod.contact.packed import CYLINDER, PACKED, PASS_ROW, PLANE, Packed, Row, Table
 from isorod.contact.surface_kernel import FOOT, Foot, arc_of, new_foot
 from isorod.contact.tangent_kernel import PATCH, add_nodes
@@ -127,7 +128,7 @@ def add_friction_blocks(
             continue
         slave = packed.surfaces[one.slave]
         mine, nodes = 3 * slave.functions, 3 * slave.functions
-        gap = foot_of(packed, one, point, positions, foot)
+        gap = project(packed, one, point, positions, foot)
         place_of(packed, one, anchor, positions, there)
         length = stretch_of(packed, point, foot, there, s)
         if one.master >= 0:

@@ -181,6 +181,7 @@ class ContactOperator:
         self._add_forces(positions)
         active = np.flatnonzero(packed.own & (packed.states["pressure"] > 0.0))
         patches = np.empty(active.size, PATCH)
+        patches["number"] = packed.passes_of(active)
         find_patches(packed, active, patches)
         begin = self._blocks.begin(patches, self._nodes)
         blocks = np.zeros(self._blocks.room)

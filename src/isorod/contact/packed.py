@@ -179,6 +179,10 @@ class Packed(NamedTuple):
         tables = self.surfaces, self.elements, self.passes, self.around, self.along, self.shares, self.rungs, self.areas
         return *tables, self.corners, self.normals, self.nodes
 
+    def passes_of(self, points: Index) -> Index:
+        """Return the pass of each of some points."""
+        return np.searchsorted(self.passes["first_point"], points, side="right") - 1
+
     def forget(self) -> None:
         """Make the next call one without history; what is known to be far is still left out."""
         self.starts[:] = NOWHERE
