@@ -34,8 +34,8 @@ from isorod.contact.surface_kernel import (
     surface_gap,
 )
 
-# Pieces of rods that may be near one point.
-_PIECES = 16
+# Segments of rods near one point that there is room for at first.
+_SEGMENTS = 16
 
 
 # What `add_forces` returns, a plain tuple, see `isorod.compiling.njit`.
@@ -99,15 +99,15 @@ def _new_work(packed: Packed) -> Work:
     most = 0
     for k in range(packed.surfaces.size):
         most = max(most, packed.surfaces[k].around)
-    return Work(np.empty((_PIECES, 3)), np.empty(most), np.empty(1))
+    return Work(np.empty((_SEGMENTS, 3)), np.empty(most), np.empty(1))
 
 
-@njit(b1(PACKED, i8, F2, _WORK, i8), **FAST)
-def _start(packed: Packed, point: int, positions: Array, work: Work, count: int) -> bool:
+@njit(b1(PACKED, i8, F2, _WORK, F2, i8), **FAST)
+def _start(packed: Packed, point: int, positions: Array, work: Work, places: Array, count: int) -> bool:
     """Start the search of a point at the nearest of the places left, and leave that out; False if there is none."""
     if count == 0:
         return False
-    places, start, best = work.places, packed.starts[point], 0
+    start, best = packed.starts[point], 0
     for k in range(1, count):
         if places[k, 2] < places[best, 2]:
             best = k
@@ -139,14 +139,17 @@ def _gap(packed: Packed, one: Row, point: int, positions: Array, foot: Foot, wor
     start = packed.starts[point]
     at = site(one, packed.surfaces[one.slave], point)
     limit = packed.multipliers[point] / one.penalty
-    count, free, nearest = -1, 0.0, np.inf
+    count, free, nearest, places = -1, 0.0, np.inf, work.places
     while True:
         if start.element < 0:
             if count < 0:
                 # Balls say cheaply that a point is far, searches how far: worth it where it has been near before.
                 reach = limit + (packed.listed[0] if packed.clear[point] > -np.inf else 0.0)
-                count, free = find_places(packed, one, point, reach, work.places)
-            if not _start(packed, point, positions, work, count):
+                count, free = find_places(packed, one, point, reach, places)
+                if count > places.shape[0]:
+                    places = np.empty((count, 3))
+                    find_places(packed, one, point, reach, places)
+            if not _start(packed, point, positions, work, places, count):
                 packed.clear[point] = packed.travel[0] + 0.5 * max(min(free, nearest) - limit, 0.0)
                 return nearest
             count -= 1

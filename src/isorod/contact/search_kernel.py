@@ -259,7 +259,8 @@ def find_places(packed: Packed, one: Row, point: int, reach: float, places: Arra
     reach
         Balls are larger by it; not less than the gap of zero pressure.
     places
-        Is filled: element, share of it, and how far the point is from the ball's surface (negative), ``(m, 3)``.
+        Is filled, as far as there is room: element, share of it, and how far the point is from the ball's surface
+        (negative), ``(m, 3)``.
 
     Returns
     -------
@@ -298,10 +299,11 @@ def find_places(packed: Packed, one: Row, point: int, reach: float, places: Arra
             begins = element.first_rung + t != last + 1 or element.surface != surface or (leaves and beside < before)
             leaves = not begins and beside > before
             last, surface, before = element.first_rung + t, element.surface, beside
-            if (begins or count == 0) and count < places.shape[0]:
-                places[count, 2] = np.inf
+            if begins or count == 0:
                 count += 1
-            if beside < places[count - 1, 2]:
+                if count <= places.shape[0]:
+                    places[count - 1, 2] = np.inf
+            if count <= places.shape[0] and beside < places[count - 1, 2]:
                 places[count - 1, 0], places[count - 1, 1], places[count - 1, 2] = row, there, beside
     return count, free
 
