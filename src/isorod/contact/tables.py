@@ -213,11 +213,8 @@ def radii(space: "Space", elements: Sequence[int]) -> tuple[float, float]:
     """
     breaks = space.axis.breaks
     middles = 0.5 * (breaks[1:] + breaks[:-1])
-    theta = np.linspace(0.0, 2.0 * np.pi, 8 * space.points_around, endpoint=False)
-    circle = np.stack([np.cos(theta), np.sin(theta)], axis=1)
-    outline, _ = space.rod.grid(circle, middles[list(elements)])
-    spokes = np.linalg.norm(outline - outline.mean(axis=1, keepdims=True), axis=2)
-    return float(spokes.mean(axis=1).min()), float(spokes.max(axis=1).min())
+    mean, largest = space.rod.radii(middles[list(elements)], 8 * space.points_around)
+    return float(mean.min()), float(largest.min())
 
 
 def smallest_radius(model: "Model", contact: Contact) -> float:
