@@ -37,9 +37,6 @@ _DELTA = 1e-6
 # pressure errs by 1 and 2 % so, with twice the penalty by 1 and 3 %, with the default one by 1 and 5 %.
 _CLOSER = 1.8
 
-# Penalties may fall to this share of their defaults, and a little below.
-_SOFTEST = 2e-3
-
 
 class ContactOperator:
     """Forces and tangent of all contacts of a model; closest points are sought anew at each call, without history.
@@ -347,14 +344,9 @@ class ContactOperator:
         self.stiffness *= times
 
     @property
-    def is_soft(self) -> bool:
-        """Whether penalties that nobody gave are lower than their defaults."""
-        return self.stiffness < 0.5
-
-    @property
-    def may_soften(self) -> bool:
-        """Whether penalties that nobody gave may be lower than they are."""
-        return self.stiffness > _SOFTEST and any(contact.penalty is None for contact in self.model.contacts)
+    def has_defaults(self) -> bool:
+        """Whether a contact has a penalty that nobody typed."""
+        return any(contact.penalty is None for contact in self.model.contacts)
 
     def _limit(self, contact: Contact) -> float:
         """Return how deep a point of a contact may be."""

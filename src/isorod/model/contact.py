@@ -97,7 +97,7 @@ class Contact(Checked):
         motions; statics begins with points no farther apart than a 48th of the way round, and takes more until there
         are enough across the patch.
     penetration
-        Statics solves an augmented Lagrangian (`isorod.statics.multipliers`): multipliers are added until no point
+        Statics solves an augmented Lagrangian (`isorod.statics.contact_policy`): multipliers are added until no point
         penetrates deeper than this length; where not given, a thousandth of the smallest radius, and, where a penalty
         is given, any.
     faces
