@@ -34,10 +34,6 @@ from isorod.contact.surface_kernel import (
     surface_gap,
 )
 
-# Segments of rods near one point that there is room for at first.
-_SEGMENTS = 16
-
-
 # What `add_forces` returns, a plain tuple, see `isorod.compiling.njit`.
 PRESSING = types.UniTuple(f8, 4)
 
@@ -82,7 +78,8 @@ def project(packed: Packed, one: Row, point: int, positions: Array, foot: Foot) 
 class Work(NamedTuple):
     """Work space of searches.
 
-    Places to start from, squares of distances, and how far from the ball of its start a point is.
+    Places to start from, at most as many as there are sections to start at, squares of distances, and how far from the
+    ball of its start a point is.
     """
 
     places: Array
@@ -99,15 +96,15 @@ def _new_work(packed: Packed) -> Work:
     most = 0
     for k in range(packed.surfaces.size):
         most = max(most, packed.surfaces[k].around)
-    return Work(np.empty((_SEGMENTS, 3)), np.empty(most), np.empty(1))
+    return Work(np.empty((packed.rings.shape[0], 3)), np.empty(most + 3), np.empty(1))
 
 
-@njit(b1(PACKED, i8, F2, _WORK, F2, i8), **FAST)
-def _start(packed: Packed, point: int, positions: Array, work: Work, places: Array, count: int) -> bool:
+@njit(b1(PACKED, i8, F2, _WORK, i8), **FAST)
+def _start(packed: Packed, point: int, positions: Array, work: Work, count: int) -> bool:
     """Start the search of a point at the nearest of the places left, and leave that out; False if there is none."""
     if count == 0:
         return False
-    start, best = packed.starts[point], 0
+    places, start, best = work.places, packed.starts[point], 0
     for k in range(1, count):
         if places[k, 2] < places[best, 2]:
             best = k
@@ -139,17 +136,14 @@ def _gap(packed: Packed, one: Row, point: int, positions: Array, foot: Foot, wor
     start = packed.starts[point]
     at = site(one, packed.surfaces[one.slave], point)
     limit = packed.multipliers[point] / one.penalty
-    count, free, nearest, places = -1, 0.0, np.inf, work.places
+    count, free, nearest = -1, 0.0, np.inf
     while True:
         if start.element < 0:
             if count < 0:
                 # Balls say cheaply that a point is far, searches how far: worth it where it has been near before.
                 reach = limit + (packed.listed[0] if packed.clear[point] > -np.inf else 0.0)
-                count, free = find_places(packed, one, point, reach, places)
-                if count > places.shape[0]:
-                    places = np.empty((count, 3))
-                    find_places(packed, one, point, reach, places)
-            if not _start(packed, point, positions, work, places, count):
+                count, free = find_places(packed, one, point, reach, work.places)
+            if not _start(packed, point, positions, work, count):
                 packed.clear[point] = packed.travel[0] + 0.5 * max(min(free, nearest) - limit, 0.0)
                 return nearest
             count -= 1

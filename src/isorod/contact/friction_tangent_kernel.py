@@ -8,6 +8,7 @@ from isorod.compiled import F1, F2, I1, STRICT, njit
 from isorod.contact.force_kernel import project
 from isorod.contact.friction_kernel import FRICTION, Friction, place_of, stretch_of
 from isorod.contact.packed import CYLINDER, PACKED, PASS_ROW, PLANE, Packed, Row, Table
+from isorod.contact.search_kernel import site
 from isorod.contact.surface_kernel import FOOT, Foot, arc_of, new_foot
 from isorod.contact.tangent_kernel import PATCH, add_nodes
 
@@ -134,11 +135,9 @@ def add_friction_blocks(
         if one.master >= 0:
             nodes += 3 * packed.surfaces[packed.elements[hanging.master_element].surface].functions
         shares = np.empty(nodes)
-        first_along = packed.passes[hanging.number].first_along
-        place = (point - one.first_point) // one.across // slave.around
-        q = (point - one.first_point) % one.across
+        at = site(one, slave, point)
         for m in range(mine):
-            shares[m] = packed.along[first_along + place, m // 3] * packed.around[one.first_around + q, m % 3]
+            shares[m] = packed.along[at.along, m // 3] * packed.around[at.around, m % 3]
         for m in range(mine, nodes):
             j, i = divmod(m - mine, 3)
             shares[m] = -foot.axial[0, j] * foot.phi[0, i]

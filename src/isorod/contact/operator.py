@@ -46,7 +46,7 @@ class ContactOperator:
     Attributes
     ----------
     model
-        Whose contacts these are; where control points are not evenly spaced, its surfaces (`isorod.contact.lift`).
+        Whose contacts these are.
     packed
         What the compiled loops take and leave (`isorod.contact.packed`).
     points
@@ -64,13 +64,8 @@ class ContactOperator:
 
     def __init__(self, model: Model, comm: PETSc.Comm | None = None) -> None:
         self.ranks = Ranks(comm)
-        self._lift = None
-        if any(isinstance(body.space.basis, Graded) for body in model.bodies):
-            from isorod.contact.lift import Lift
-
-            self._lift = Lift(model)
-            model = self._lift.model
         self.model = model
+        self._graded = {k for k, body in enumerate(model.bodies) if isinstance(body.space.basis, Graded)}
         self.points = points_of(model)
         self.packed = self._fresh()
         self._stage = PETSc.Log.Stage("contact")
@@ -90,20 +85,12 @@ class ContactOperator:
     @property
     def rows(self) -> Index:
         """Rows of the last tangent's entries."""
-        return self._rows if self._lift is None else self._lift.rows
-
-    @property
-    def columns(self) -> Index:
-        """Their columns."""
-        return self._columns if self._lift is None else self._lift.columns
-
-    @property
-    def _rows(self) -> Index:
         rows = self._blocks.rows
         return rows if self.friction is None else np.concatenate([rows, self.friction.blocks.rows])
 
     @property
-    def _columns(self) -> Index:
+    def columns(self) -> Index:
+        """Their columns."""
         columns = self._blocks.columns
         return columns if self.friction is None else np.concatenate([columns, self.friction.blocks.columns])
 
@@ -126,14 +113,12 @@ class ContactOperator:
             self.packed.passes["point"] = now
 
     def _positions(self, displacement: Array) -> Array:
-        moved = displacement if self._lift is None else self._lift.displacement(displacement)
-        return self._base + moved.reshape(-1, 3)
+        return self._base + displacement.reshape(-1, 3)
 
     def forces(self, displacement: Array) -> tuple[Array, float]:
         """Return the forces of contact on all degrees of freedom ``(dofs,)``, and its energy."""
         self.packed.forget()
-        forces, energy = self._add_forces(self._positions(displacement))
-        return forces if self._lift is None else self._lift.forces(forces), energy
+        return self._add_forces(self._positions(displacement))
 
     def _add_forces(self, positions: Array) -> tuple[Array, float]:
         forces = np.zeros_like(self._base)
@@ -189,8 +174,6 @@ class ContactOperator:
             else:
                 others = self.friction.add_blocks(positions, active, patches, begin, blocks)
                 self.values = np.concatenate([self._blocks.merge(blocks), others])
-        if self._lift is not None:
-            self.values = self._lift.values(self._rows, self._columns, self.values, self.version)
         return self.values
 
     def product(self, move: Array) -> Array:
@@ -227,8 +210,6 @@ class ContactOperator:
         self.forces(displacement)
         self.ranks.gather(self.packed, self.packed.points, self.packed.starts)
         results = measure(self.model, self.packed, self._positions(displacement), others)
-        if self._lift is not None:
-            results = [self._lift.seen(one) for one in results]
         return results if self.friction is None else self.friction.tell(results)
 
     def _otherwise(self, displacement: Array) -> list[tuple[float, float] | None]:
@@ -247,9 +228,8 @@ class ContactOperator:
     def _fresh(self) -> Packed:
         """Return tables without history."""
         packed = self.ranks.split(pack(self.model, self.points))
-        graded = set() if self._lift is None else self._lift.graded
         for contact, passes in sides_of(self.model):
-            if contact.penalty is None and graded.intersection(body for body, _ in contact.sides):
+            if contact.penalty is None and self._graded.intersection(body for body, _ in contact.sides):
                 packed.passes["penalty"][passes.start : passes.stop] *= _CLOSER / contact.across
         return packed
 
@@ -263,11 +243,10 @@ class ContactOperator:
 
     def space_evenly(self) -> None:
         """Let points that nobody gave be as close along the axis as round the section."""
-        graded = [] if self._lift is None else self._lift.graded
         sides = [body for contact in self.model.contacts for body, _ in contact.sides]
         even = points_of(self.model, even=True)
         # Where elements are short at patches alone, as many in each are close enough there.
-        self.points = [self.points[k] if body in graded else even[k] for k, body in enumerate(sides)]
+        self.points = [self.points[k] if body in self._graded else even[k] for k, body in enumerate(sides)]
         self._take(self._fresh())
 
     def see_better(self, displacement: Array, between: bool) -> bool:

@@ -35,9 +35,8 @@ from isorod.contact.packed import (
     Table,
 )
 from isorod.contact.tree import tree
-from isorod.errors import InputError
 from isorod.geometry.axis import Axis
-from isorod.geometry.disk import boundary_functions
+from isorod.geometry.disk import MAX_COUNT
 from isorod.model.contact import MAX_POINTS, Contact, Cylinder, Plane, Sphere
 from isorod.model.triangle_mesh import TriangleMesh
 from isorod.space.choice import touching_points
@@ -86,16 +85,15 @@ class _Tables:
         chosen
             Elements of its axis.
         """
-        if isinstance(space.basis, Graded):
-            raise InputError(f"contact: body {body} has arcs of several lengths, which contact knows in statics alone")
-        axis, n = space.axis, space.points_around
+        axis, (arc_of, arcs) = space.axis, _arcs(space)
+        n = len(arcs)
         first = len(self.elements)
         rows = {e: first + k for k, e in enumerate(chosen)}
-        alpha = np.pi / n
         along = np.concatenate([[0.0], np.cumsum(_lengths(space))])
         period = along[-1] if space.rod.closed else np.inf
-        angle = (space.turn, np.cos(alpha), np.sin(alpha))
-        self.surfaces.append((body, n, axis.degree + 1, first, len(rows), len(self.passes), *angle, period))
+        numbers = (body, n, axis.degree + 1, first, len(rows), len(self.passes), len(arc_of))
+        padded = np.pad(arc_of, (0, MAX_COUNT - len(arc_of))), np.pad(arcs, ((0, MAX_COUNT - n), (0, 0)))
+        self.surfaces.append((*numbers, space.turn, period, *padded))
         for e in chosen:
             layers = np.zeros(FUNCTIONS, dtype=np.int64)
             layers[: axis.degree + 1] = first_node + space.element_layers[e] * space.layer_nodes
@@ -163,10 +161,12 @@ class _Rule:
         x, w = np.polynomial.legendre.leggauss(self.across)
         t, v = np.polynomial.legendre.leggauss(self.along)
         self.shares = 0.5 * (1.0 + t)
-        n = space.points_around
-        local = np.pi / n * x
-        self.around = np.roll(boundary_functions(n, local), 1, axis=1)[:, :3]
-        theta = (space.turn + 2.0 * np.pi / n * np.arange(n)[:, None] + local).ravel()
+        angle, cos, flat, steep, before, after, part = _arcs(space)[1].T[:, :, None]
+        local = np.pi * part * x
+        middle, slope = (np.cos(local) - cos) * flat, np.sin(local) * steep
+        left, right = 0.5 * before * (1.0 - middle - slope), 0.5 * after * (1.0 - middle + slope)
+        self.around = np.stack([left, 1.0 - left - right, right], axis=-1).reshape(-1, 3)
+        theta = (angle + local).ravel()
         circle = np.stack([np.cos(theta), np.sin(theta)], axis=1)
         axial: list[Array] = []
         areas = []
@@ -179,9 +179,24 @@ class _Rule:
             _, jacobian = space.rod.grid(circle, u)
             around = jacobian[..., 1] * circle[:, :1] - jacobian[..., 0] * circle[:, 1:]
             area = np.linalg.norm(np.cross(around, jacobian[..., 2]), axis=-1)
-            areas.append(area * np.tile(np.pi / n * w, n) * (half * v)[:, None])
+            areas.append(area * (np.pi * part * w).ravel() * (half * v)[:, None])
         self.axial = axial
         self.areas = np.array(areas)
+
+
+def _arcs(space: "Space") -> tuple[Index, Array]:
+    """Return the arc of each fine arc, and what `isorod.contact.packed.SURFACE` has of each arc."""
+    basis = space.basis
+    parts = np.array(basis.arcs) if isinstance(basis, Graded) else np.ones(space.points_around, dtype=np.int64)
+    ends = np.cumsum(parts)
+    part = parts / ends[-1]
+    half = np.pi * part
+    middle = space.turn + np.pi / ends[-1] * (2.0 * ends - parts - 1.0)
+    lengths = np.tan(half)
+    before, after = (lengths / (lengths + np.roll(lengths, step)) for step in (1, -1))
+    cos, sin = np.cos(half), np.sin(half)
+    arcs = np.stack([middle, cos, cos / sin**2, 1.0 / sin, before, after, part], axis=1)
+    return np.repeat(np.arange(parts.size), parts), arcs
 
 
 def _rungs(space: "Space", e: int, sizes: tuple[float, float, float]) -> tuple[Array, float]:
