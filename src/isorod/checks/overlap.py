@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from isorod.arrays import Array, Index
+from isorod.checks.outlines import outlines
 from isorod.errors import InputError
 from isorod.model.model import Model
 from isorod.model.near import Stretches
@@ -147,23 +148,13 @@ def deepest(model: Model, displacement: Array | None = None, pressed: float = _D
     return best
 
 
-def _outlines(space: Space, places: Array, u: Array, count: int, slope: bool = False) -> Array:
-    """Return points round the sections at ``u``, or their derivatives by it, shape ``(t, count, 3)``."""
-    angle = 2.0 * np.pi * np.arange(count) / count
-    values = space.basis.functions(np.stack([np.cos(angle), np.sin(angle)], axis=1))[0]
-    first, axial, slopes = space.axis.local(u)
-    layers = (first[:, None] + np.arange(space.axis.degree + 1)) % space.layers
-    near = places.reshape(space.layers, space.layer_nodes, 3)[layers]
-    return np.asarray(values @ np.einsum("tj,tjia->tia", slopes if slope else axial, near))
-
-
 def _sections(model: Model, places: list[Array]) -> _Sections:
     """Return sections of all bodies, some to a radius."""
     rows = []
     for b, (body, at) in enumerate(zip(model.bodies, places, strict=True)):
         space, breaks = body.space, body.space.axis.breaks
         ends = np.sort(np.concatenate([breaks, 0.5 * (breaks[1:] + breaks[:-1])]))
-        centre, sizes, _ = _circled(_outlines(space, at, ends, _COARSE))
+        centre, sizes, _ = _circled(outlines(space, at, ends, _COARSE))
         along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(centre, axis=0), axis=1)))[::2]
         thinnest = np.minimum(np.minimum(sizes[:-2:2], sizes[1::2]), sizes[2::2])
         count = np.clip(np.ceil(_TO_A_RADIUS * np.diff(along) / thinnest), 1, _MOST).astype(np.int64)
@@ -171,7 +162,7 @@ def _sections(model: Model, places: list[Array]) -> _Sections:
         share = (np.arange(element.size) - (np.cumsum(count) - count)[element] + 0.5) / count[element]
         u, way = (one[element] + share * np.diff(one)[element] for one in (breaks, along))
         period = np.full(u.size, along[-1] if space.rod.closed else np.inf)
-        centre, radius, reach = _circled(_outlines(space, at, u, _COARSE))
+        centre, radius, reach = _circled(outlines(space, at, u, _COARSE))
         rows.append((np.full(u.size, b), element, u, way, way, period, radius, centre, reach))
     columns = [np.concatenate(one) for one in zip(*rows, strict=True)]
     return _Sections(Stretches(*columns[:7]), *columns[7:])
@@ -203,7 +194,7 @@ def _depths(model: Model, places: list[Array], sections: _Sections, first: Index
     used, number = np.unique(np.concatenate([first, second]), return_inverse=True)
     body = stretches.body[used]
     arms = np.concatenate(
-        [_outlines(model.bodies[b].space, at, stretches.u[used[body == b]], _OUTLINE) for b, at in enumerate(places)]
+        [outlines(model.bodies[b].space, at, stretches.u[used[body == b]], _OUTLINE) for b, at in enumerate(places)]
     )
     arms -= centre[used][:, None]
     line = centre[second] - centre[first]
@@ -248,11 +239,11 @@ class _Patch(NamedTuple):
     def of(cls, space: Space, places: Array, sections: _Sections, k: int) -> "_Patch":
         """Return that of a section, a radius long."""
         at = np.array([sections.stretches.u[k]])
-        speed = float(np.linalg.norm(_outlines(space, places, at, _COARSE, slope=True).mean(axis=1)))
+        speed = float(np.linalg.norm(outlines(space, places, at, _COARSE, slope=True).mean(axis=1)))
         low, high = space.axis.breaks[[0, -1]]
         half = 0.5 * float(sections.stretches.radius[k]) / speed
         u = np.linspace(max(low, at[0] - half), min(high, at[0] + half), _STATIONS)
-        points, along = (_outlines(space, places, u, _FINE, slope) for slope in (False, True))
+        points, along = (outlines(space, places, u, _FINE, slope) for slope in (False, True))
         centre = points.mean(axis=1)
         normals = np.cross(np.roll(points, -1, axis=1) - np.roll(points, 1, axis=1), along)
         normals /= np.linalg.norm(normals, axis=2, keepdims=True)
