@@ -182,19 +182,17 @@ def spread(surface: Row, element: Row, arc: int, phi: Array, axial: Array, push:
                 forces[node, a] += push[a] * axial[j] * phi[c]
 
 
-@njit(void(PACKED, PASS_ROW, i8, FOOT, f8, F2), **FAST)
-def _press(packed: Packed, one: Row, point: int, foot: Foot, force: float, forces: Array) -> None:
-    """Add a normal force at a slave point, and its reaction on the master, to the forces of the nodes."""
-    push = force * foot.normal
+@njit(void(PACKED, PASS_ROW, i8, FOOT, F1, F2), **FAST)
+def press(packed: Packed, one: Row, point: int, foot: Foot, push: Array, forces: Array) -> None:
+    """Add a force ``push`` at a slave point, and its reaction on the master, to the forces of the nodes."""
     slave = packed.surfaces[one.slave]
     at = site(one, slave, point)
-    phi, axial = packed.around[at.around], packed.along[at.along]
-    spread(slave, packed.elements[at.element], at.arc, phi, axial, push, forces)
+    spread(slave, packed.elements[at.element], at.arc, packed.around[at.around], packed.along[at.along], push, forces)
     if one.master >= 0:
         start = packed.starts[point]
-        master = packed.surfaces[packed.elements[start.element].surface]
-        arc = arc_of(master, start.theta)
-        spread(master, packed.elements[start.element], arc, foot.phi[0], foot.axial[0], -push, forces)
+        element = packed.elements[start.element]
+        master = packed.surfaces[element.surface]
+        spread(master, element, arc_of(master, start.theta), foot.phi[0], foot.axial[0], -push, forces)
 
 
 @njit(PRESSING(PACKED, F2, F2), **FAST)
@@ -255,7 +253,7 @@ def add_forces(packed: Packed, positions: Array, forces: Array) -> tuple[float, 
             force += weight * pressure
             area += weight
             deepest = min(deepest, gap)
-            _press(packed, one, point, foot, weight * pressure, forces)
+            press(packed, one, point, foot, weight * pressure * foot.normal, forces)
     if not np.isfinite(energy):
         forces[:] = np.nan
         return np.nan, np.nan, np.nan, np.nan

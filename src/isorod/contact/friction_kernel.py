@@ -22,9 +22,9 @@ from numba import b1, f8, from_dtype, i8, types, void
 
 from isorod.arrays import Array
 from isorod.compiled import F1, F2, FAST, njit
-from isorod.contact.force_kernel import end_of, project, rigid_gap, site, spread
+from isorod.contact.force_kernel import end_of, press, project, rigid_gap, site
 from isorod.contact.packed import CYLINDER, PACKED, PASS_ROW, PLANE, STARTS, Packed, Row, Table
-from isorod.contact.surface_kernel import FOOT, LOST, Foot, arc_of, closest, dot, evaluate, new_foot, surface_gap
+from isorod.contact.surface_kernel import FOOT, LOST, Foot, closest, dot, evaluate, new_foot, surface_gap
 
 # What a point keeps: element (0 of an obstacle, -1: no anchor), angle and ``s`` of its anchor, or the anchor's place on
 # an obstacle, and the traction it had.
@@ -111,19 +111,6 @@ def _put(
         anchor.element, anchor.theta, anchor.s = at.element, at.theta, at.s
         return
     anchor.element, anchor.theta, anchor.s = where.element, where.theta, where.s
-
-
-@njit(void(PACKED, PASS_ROW, i8, FOOT, F1, F2), **FAST)
-def _rub(packed: Packed, one: Row, point: int, foot: Foot, push: Array, forces: Array) -> None:
-    """Add a force at a slave point, and its reaction on the master, to the forces of the nodes."""
-    slave = packed.surfaces[one.slave]
-    at = site(one, slave, point)
-    spread(slave, packed.elements[at.element], at.arc, packed.around[at.around], packed.along[at.along], push, forces)
-    if one.master >= 0:
-        start = packed.starts[point]
-        element = packed.elements[start.element]
-        master = packed.surfaces[element.surface]
-        spread(master, element, arc_of(master, start.theta), foot.phi[0], foot.axial[0], -push, forces)
 
 
 @njit(b1(PACKED, i8, i8), **FAST)
@@ -336,7 +323,7 @@ def add_friction(
             dissipated -= weight * (1.0 - share) * _work(one, foot, gap, packed.states[point].edge, mean, s)
             energy += 0.5 * weight * square / one.penalty
             friction.slipping[point] = slips
-            _rub(packed, one, point, foot, weight * t, forces)
+            press(packed, one, point, foot, weight * t, forces)
             if not keep:
                 continue
             other = one.master >= 0 and not _same_surface(packed, anchor.element, packed.starts[point].element)

@@ -65,7 +65,7 @@ def _of_contact(model: Model, asked: Contact, result: ContactResult) -> dict[int
     found = {}
     for body in np.unique(result.body[result.pressure > 0.0]).tolist():
         space = model.bodies[body].space
-        radius = radii(space, range(space.axis.elements))[1]
+        radius = radii(space)[1]
         here = (result.body == body) & (result.pressure > 0.0)
         alone = (result.body == body).all()
         place, along, around = _seen(space, radius, result, here, 1.0 if alone else 2.0)

@@ -221,21 +221,21 @@ def _rungs(space: "Space", e: int, sizes: tuple[float, float, float]) -> tuple[A
     return values, 2.0 * float(np.linalg.norm(np.diff(centers, axis=0), axis=1).max())
 
 
-def radii(space: "Space", elements: Sequence[int]) -> tuple[float, float]:
+def radii(space: "Space", elements: Sequence[int] | None = None) -> tuple[float, float]:
     """Return mean and largest distance of a section's outline from its centre, of the elements where it is smallest.
 
-    Outlines are those at the middles of elements.
+    Outlines are those at the middles of elements, of all where none are named.
     """
     breaks = space.axis.breaks
     middles = 0.5 * (breaks[1:] + breaks[:-1])
-    mean, largest = space.rod.radii(middles[list(elements)], 8 * space.points_around)
+    chosen = middles if elements is None else middles[list(elements)]
+    mean, largest = space.rod.radii(chosen, 8 * space.points_around)
     return float(mean.min()), float(largest.min())
 
 
 def smallest_radius(model: "Model", contact: Contact) -> float:
     """Return the smallest mean radius of the elements that take part in a contact."""
-    spaces = [(model.bodies[body].space, elements) for body, elements in contact.sides]
-    return min(radii(on, range(on.axis.elements) if elements is None else elements)[0] for on, elements in spaces)
+    return min(radii(model.bodies[body].space, elements)[0] for body, elements in contact.sides)
 
 
 def penalty(model: "Model", contact: Contact) -> float:
@@ -245,7 +245,7 @@ def penalty(model: "Model", contact: Contact) -> float:
     stiffness = []
     for body, elements in contact.sides:
         space = model.bodies[body].space
-        radius, _ = radii(space, range(space.axis.elements) if elements is None else elements)
+        radius, _ = radii(space, elements)
         softest = min(law.surface_modulus for law in model.bodies[body].laws)
         stiffness.append(softest * space.points_around / (2.0 * np.pi * radius))
     return _STIFF * min(stiffness)
