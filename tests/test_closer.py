@@ -199,7 +199,7 @@ def test_patches_are_where_contact_presses_and_as_wide():
     assert np.sin(patch.angle) == pytest.approx(-1.0, abs=1e-6)
     # A gap of (x^2 + z^2) / 2 is closed up to a radius of sqrt(0.06).
     assert patch[2:4] == pytest.approx((1.2 * np.sqrt(0.06), 1.2 * np.sqrt(0.06)), rel=0.25)
-    assert (patch.size, patch.arc) == pytest.approx((2.0 * patch.along / 3.12, 2.0 * patch.around / 3.12))
+    assert (patch.size, patch.arc) == pytest.approx((2.0 * patch.along / 2.04, 2.0 * patch.around / 2.04))
     # Seen roughly, it is as large as it is seen.
     ((seen,),) = patches(model, [replace(results[0], cells_across=2.0, force=1e-3)]).values()
     assert seen[2:4] == pytest.approx((1.2 * np.sqrt(0.06), 1.2 * np.sqrt(0.06)), rel=0.25)

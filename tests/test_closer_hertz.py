@@ -1,7 +1,6 @@
 """Crossed cylinders against Hertz, of a file that says nothing of spaces, points and penalties; what leads there."""
 
 import warnings
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,12 +10,12 @@ from touching import crossing
 from comparisons.contact import hertz
 from isorod import statics
 from isorod.command import solving
-from isorod.contact.hertz import extents
 from isorod.contact.operator import ContactOperator
+from isorod.contact.patches import ENOUGH
 from isorod.files.scene import FileScene
 from isorod.geometry.rod import Rod
 from isorod.material import LinearElastic, NeoHookean
-from isorod.model import Body, Contact, Cylinder, Model, Plane, Sphere, Support
+from isorod.model import Body, Contact, Model, Plane, Support
 from isorod.space.closer import Patch, closer
 from isorod.space.space import Space
 from isorod.space.transfer import transfer
@@ -91,49 +90,6 @@ def test_one_step_with_friction_is_found_from_where_somebody_says():
     far = statics.solve(rubs, start=50.0 * np.random.default_rng(1).standard_normal(rubs.dofs))
     assert far.load_steps == 1
     np.testing.assert_allclose(far.displacement, rest.displacement, atol=1e-8)
-
-
-def result_at(force, bodies):
-    """A contact's result of which bodies see little: points about the origin, on a cylinder along z, or along x."""
-    angle, along = (one.ravel() for one in np.meshgrid(np.linspace(-0.3, 0.3, 5), np.linspace(-0.3, 0.3, 5)))
-    found = []
-    for body in bodies:
-        place = np.stack([np.sin(angle), 1.0 - np.cos(angle), along], axis=1)
-        if body:
-            place = place[:, [2, 1, 0]] * [1.0, -1.0, 1.0]
-        parameters = np.stack([0.5 + along / 4.0, (0.5 if body == 0 else 1.5) * np.pi + angle], axis=1)
-        found.append((np.full(angle.size, body), parameters, place))
-    body, parameters, positions = (np.concatenate(one) for one in zip(*found, strict=True))
-    return SimpleNamespace(force=force, body=body, parameters=parameters, positions=positions)
-
-
-@pytest.mark.parametrize(
-    "contact, curvatures, longer",
-    [
-        (Contact(0, 1), (1.0, 1.0), 0),
-        (Contact(0, Sphere((0.0, 0.0, 0.0), 0.5)), (2.0, 3.0), 0),
-        (Contact(0, Cylinder((0.0, 0.0, 0.0), (2.0, 0.0, 0.0), 0.25)), (1.0, 4.0), 1),
-        (Contact(0, Cylinder((0.0, 0.0, 0.0), (1.0, 0.0, 1.0), 0.5)), None, None),
-    ],
-)
-def test_patches_that_nobody_sees_are_as_large_as_hertz_says(contact, curvatures, longer):
-    law = LinearElastic(1000.0, 0.3)
-    space = Space.paper(rod_of(), degree=2, order=2)
-    model = Model([Body(space, law), Body(space, law)])
-    places = {0: (0.5, 0.5 * np.pi)} | ({1: (0.5, 1.5 * np.pi)} if contact.obstacle is None else {})
-    found = extents(model, contact, result_at(0.7, places), places)
-    assert found.keys() == places.keys()
-    modulus = MODULUS if contact.obstacle is None else hertz.modulus(1000.0, 0.3)
-    if curvatures is None:
-        # The ellipse lies askew.
-        own = hertz.point_contact(0.7, modulus, hertz.gap((1.0, 0.0), (2.0, 0.0), 0.25 * np.pi))
-        assert own.short < min(found[0])
-        assert max(found[0]) < own.long
-        return
-    exact = hertz.point_contact(0.7, modulus, hertz.Gap(*(0.5 * one for one in curvatures)))
-    for along, around in found.values():
-        sizes = (along, around) if not longer else (around, along)
-        np.testing.assert_allclose(sizes, (exact.long, exact.short), rtol=0.03)
 
 
 def test_a_patch_between_points_is_found():
@@ -226,12 +182,12 @@ def errors(result, modulus=MODULUS):
 
 
 @pytest.mark.slow
-def test_a_bar_on_a_pin_is_seen_roughly_at_the_second_look(tmp_path, monkeypatch):
+def test_a_bar_on_a_pin_is_seen_at_the_third_look(tmp_path, monkeypatch):
     """At the first the radius is 40 % too small, and the largest pressure several times Hertz'."""
-    monkeypatch.setattr(solving, "CLOSER", 1)
+    monkeypatch.setattr(solving, "CLOSER", 2)
     result = of_file(tmp_path / "bar.toml", ON_PIN, "ignore")
-    assert result.cells_across > 1.5
-    assert errors(result, hertz.modulus(1000.0, 0.3)) == pytest.approx((0.0, 0.0), abs=0.1)
+    assert result.cells_across > ENOUGH * 5.0
+    assert errors(result, hertz.modulus(1000.0, 0.3)) == pytest.approx((0.0, 0.0), abs=0.05)
 
 
 @pytest.mark.slow

@@ -10,7 +10,7 @@ import pytest
 from conftest import straight
 from touching import LAW, add_forces, assert_tangent, forces_at, moved, reference, shaken
 
-from isorod.contact.mesh_kernel import LEVELS, mesh_gap
+from isorod.contact.mesh_kernel import mesh_gap
 from isorod.contact.operator import ContactOperator
 from isorod.contact.surface_kernel import new_foot
 from isorod.contact.tables import pack
@@ -72,7 +72,7 @@ def on(obstacle, space=None, **more):
 
 def gap(packed, x, number=0):
     foot = new_foot()
-    distance = mesh_gap(packed, packed.passes[number], np.array(x, dtype=float), foot, np.empty(LEVELS, dtype=np.int64))
+    distance = mesh_gap(packed, packed.passes[number], np.array(x, dtype=float), foot)
     return distance, foot.normal.copy()
 
 

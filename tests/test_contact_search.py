@@ -86,3 +86,23 @@ def test_rods_apart_and_far_from_the_origin_have_closest_points(seed):
         x[model.first_node[1] :, 2] += rng.uniform(-0.3, 0.3) * model.is_carrier[model.first_node[1] :]
         x = x @ turn.T + (rng.uniform(-0.3, 0.3, 3) + 200.0) * model.is_carrier[:, None]
         assert add_forces(pack(model), x, np.zeros_like(x))[1] == 0.0
+
+
+def test_of_twenty_wires_round_a_point_none_is_forgotten():
+    """The spheres of nineteen flat wires hold a thin rod, which touches the twentieth alone."""
+    pin, flat = straight(6, radius=0.02, height=0.5), straight(8, height=2.0)
+    beside, pressed = (0.0, -0.15, -0.75), (-0.9, -0.035, -0.75)
+
+    def forces(places):
+        rods = [pin, *(Rod(flat.axis, flat.control_points * [1.0, 0.05, 1.0] + place) for place in places)]
+        bodies = [Body(Space.paper(one), LAW) for one in rods]
+        model = Model(bodies, contacts=[Contact(0, range(1, len(bodies)), 10.0, points=(3, 4))])
+        positions = np.concatenate([body.space.positions for body in bodies])
+        found = np.zeros_like(positions)
+        return add_forces(pack(model), positions, found), found[: model.first_node[1]]
+
+    alone, among = forces([pressed]), forces([beside] * 19 + [pressed])
+    assert alone[0][1] > 0.0
+    assert among[0] == pytest.approx(alone[0], rel=1e-12)
+    np.testing.assert_array_equal(among[1], alone[1])
+    assert forces([beside] * 19)[0][1] == 0.0

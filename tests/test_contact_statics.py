@@ -16,7 +16,7 @@ from isorod.geometry.rod import Rod
 from isorod.material import LinearElastic, NeoHookean
 from isorod.model import Body, Contact, Cylinder, Model, Plane, Support
 from isorod.space import Space
-from isorod.statics import multipliers
+from isorod.statics import contact_policy
 
 LAW = NeoHookean(1000.0, 0.3)
 ACROSS = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])  # z to x
@@ -136,7 +136,7 @@ def test_augmented_lagrangian_takes_penetration_away_and_agrees_with_a_high_pena
 
 
 def test_augmented_lagrangian_that_does_not_get_there_says_so(monkeypatch):
-    monkeypatch.setattr(multipliers, "AUGMENTATIONS", 1)
+    monkeypatch.setattr(contact_policy, "TUNING", contact_policy.Tuning(updates=1))
     with pytest.raises(
         SolveError, match=r"contact 0: penetration .* after 1 updates of the multipliers; raise the penalty"
     ):

@@ -8,7 +8,6 @@ from conftest import as_array
 from scipy.linalg import eigh
 
 from isorod.assembly.assembler import Assembler
-from isorod.dynamics.explicit import end_faces
 from isorod.dynamics.explicit.element_kernel import internal_forces
 from isorod.dynamics.explicit.mesh import order as order_in_state
 from isorod.dynamics.explicit.mesh import pack
@@ -20,7 +19,7 @@ from isorod.geometry.rod import Rod
 from isorod.geometry.section import circle, flower
 from isorod.material import NeoHookean, fibre
 from isorod.material.muscle import Muscle
-from isorod.model import Body, Contact, Model, Plane, Support
+from isorod.model import Body, Model, Support
 from isorod.model.support import rotation
 from isorod.space import Space
 
@@ -190,43 +189,3 @@ def test_too_few_quadrature_points_for_a_mass(cylinder):
     model = Model([Body(Space.paper(cylinder(8), order=3, quadrature="2x1"), ELASTIC, 1.0)])
     with pytest.raises(InputError, match="quadrature: too few points for a positive mass of body 0; take 'auto'"):
         System(model)
-
-
-@pytest.mark.parametrize("which, normal", [("start", (0.0, 0.0, 1.0)), ("end", (0.0, 0.0, -2.0))])
-@pytest.mark.parametrize("order", [1, 2])
-def test_an_end_face_pressed_into_a_plane(which, normal, order, cylinder):
-    """Pushed in by a uniform depth: force and energy of the penalty on the whole face, and minus the energy's
-    derivative.
-    """
-    space = Space.paper(cylinder(6, radius=0.5, height=3.0), order=order, quadrature="full")
-    penalty, depth, area = 7.0, 0.01, 0.25 * np.pi
-    height = depth if which == "start" else 3.0 - depth
-    wall = Contact(0, Plane((0.3, 0.2, height), normal), penalty, faces=(which,), points=(1, 1))
-    model = Model([Body(space, ELASTIC, 1.0)], contacts=[wall])
-    made = System(model)
-    zero = np.zeros(model.dofs)
-    forces, (energy, normal_force, touching, deepest, *total, dissipated) = made.forces(zero, 0.0)
-    assert touching == pytest.approx(area, rel=1e-6)
-    assert normal_force == pytest.approx(penalty * depth * area, rel=1e-6)
-    assert energy == pytest.approx(0.5 * penalty * depth**2 * area, rel=1e-6)
-    assert deepest == pytest.approx(-depth)
-    assert dissipated == 0.0
-    np.testing.assert_allclose(total, [0.0, 0.0, np.sign(normal[2]) * normal_force], atol=1e-15)
-    # Internal forces vanish at rest: what is left is minus contact's.
-    way = 1e-3 * depth * np.random.default_rng(0).standard_normal(model.dofs)
-    ahead, behind = (made.forces(sign * way, 0.0)[1][0] for sign in (1.0, -1.0))
-    assert ahead - behind == pytest.approx(2.0 * forces @ way, rel=1e-6)
-
-
-def test_faces_are_checked(cylinder):
-    plane = Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
-    with pytest.raises(InputError, match=r"got faces \('top',\), need some of 'start' and 'end'"):
-        Contact(0, plane, 1.0, faces=("top",))
-    with pytest.raises(InputError, match="end faces, of one body, meet planes alone"):
-        Contact(0, 1, 1.0, faces=("end",))
-    closed = Model([Body(Space.paper(ring()), ELASTIC, 1.0)], contacts=[Contact(0, plane, 1.0, faces=("end",))])
-    with pytest.raises(InputError, match="contact 0: a closed rod has no end faces"):
-        end_faces.pack(closed)
-    bar = Model([Body(Space.paper(cylinder(4)), ELASTIC, 1.0)], contacts=[Contact(0, plane, 1.0, faces=("end",))])
-    with pytest.raises(InputError, match="contact 0: contact of end faces is for explicit dynamics alone"):
-        Assembler(bar)

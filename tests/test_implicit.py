@@ -335,10 +335,6 @@ def test_bad_input_is_one_line(cylinder):
     ):
         with pytest.raises(InputError, match=message):
             dynamics.solve(model, 1.0, outputs=1, **settings)
-    wall = Plane((0.0, 0.0, -1.0), (0.0, 0.0, 1.0))
-    faced = bar(cylinder, held="", contacts=[Contact(0, wall, 1e3, faces=("start",))])
-    with pytest.raises(InputError, match="contact 0: contact of end faces is for explicit dynamics alone"):
-        run(faced, 1.0, 0.1)
     inside_out = field(model, lambda x: -2.0 * x)
     with pytest.raises(InputError, match="initial state: an element is inverted"):
         run(model, 1.0, 0.1, displacement=inside_out)

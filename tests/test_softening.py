@@ -4,14 +4,14 @@ from types import SimpleNamespace
 
 import pytest
 
-from isorod.statics import climb
+from isorod.statics.contact_policy import TUNING, ContactPolicy
 from isorod.statics.steps import Diverged
 
 
 class Contact:
     """Penalties that may fall to a thousandth."""
 
-    stiffness = 1.0
+    stiffness, friction, has_defaults = 1.0, "some", True
 
     def stiffen(self, times):
         self.stiffness *= times
@@ -25,51 +25,50 @@ class Contact:
 
     accept = place
 
-    @property
-    def is_soft(self):
-        return self.stiffness < 0.5
 
-    @property
-    def may_soften(self):
-        return self.stiffness > 1e-3
+@pytest.fixture
+def contact():
+    return Contact()
 
 
 @pytest.fixture
-def solver():
+def solver(contact):
     """Return a solver that finds an equilibrium with soft penalties alone, and starts at nothing."""
-    contact = Contact()
 
     def advance(factor, target):
-        if not contact.is_soft:
+        if not contact.stiffness < 0.5:
             raise Diverged("SNES diverged")
         return 3
 
     x = SimpleNamespace(copy=lambda other=None: x)
-    assembler = SimpleNamespace(contact=contact, displacement=lambda x, factor: factor)
+    assembler = SimpleNamespace(displacement=lambda x, factor: factor)
     steps = SimpleNamespace(careful=True)
     return SimpleNamespace(assembler=assembler, x=x, steps=steps, advance=advance, forget_path=lambda: None)
 
 
-def test_a_step_that_fails_is_taken_with_softer_penalties(solver, monkeypatch):
-    contact = solver.assembler.contact
+def test_a_step_that_fails_is_taken_with_softer_penalties_and_the_next_begins_with_them(solver, contact):
+    policy, begun = ContactPolicy(solver, contact), []
 
-    def settle(solver, factor):
+    def settle(factor):
+        begun.append(contact.stiffness)
         contact.stiffness = 1.0
         return 2
 
-    monkeypatch.setattr(climb, "settle", settle)
-    assert climb._rub(solver, 0.0, 0.5, 1.0) == (3, 2, climb.SOFTER)
+    policy.settle = settle
+    assert policy.step(0.0, 0.5) == policy.step(0.5, 1.0) == (3, 2)
+    assert contact.stiffness == 1.0
+    assert begun == [TUNING.softer, TUNING.softer]
+
+
+def test_a_step_whose_penalties_stay_soft_is_none(solver, contact):
+    policy = ContactPolicy(solver, contact)
+    policy.settle = lambda factor: 2
+    with pytest.raises(Diverged, match="no equilibrium with penalties as high as they have to be"):
+        policy.step(0.0, 0.5)
     assert contact.stiffness == 1.0
 
 
-def test_a_step_whose_penalties_stay_soft_is_none(solver, monkeypatch):
-    monkeypatch.setattr(climb, "settle", lambda solver, factor: 2)
-    with pytest.raises(Diverged, match="no equilibrium with penalties as high as they have to be"):
-        climb._rub(solver, 0.0, 0.5, 1.0)
-    assert solver.assembler.contact.stiffness == 1.0
-
-
-def test_a_step_that_nobody_is_careful_of_is_not_softened(solver):
+def test_a_step_that_nobody_is_careful_of_is_not_softened(solver, contact):
     solver.steps.careful = False
     with pytest.raises(Diverged, match="SNES diverged"):
-        climb._rub(solver, 0.0, 0.5, 1.0)
+        ContactPolicy(solver, contact).step(0.0, 0.5)

@@ -7,7 +7,7 @@ import pytest
 
 from isorod.errors import SolveError
 from isorod.statics import climb as climbing
-from isorod.statics import multipliers
+from isorod.statics.contact_policy import ContactPolicy
 from isorod.statics.steps import Diverged, TooDeep
 
 
@@ -15,12 +15,10 @@ class Springs:
     """Contact that knows no more than how stiff it is."""
 
     friction = None
+    has_defaults = True
 
     def __init__(self):
         self.stiffness = 1.0
-
-    may_soften = property(lambda self: self.stiffness > 2e-3)
-    is_soft = property(lambda self: self.stiffness < 0.5)
 
     def stiffen(self, times):
         self.stiffness *= times
@@ -58,7 +56,7 @@ class Place:
         return other
 
 
-def climb(monkeypatch, outcome, contact=None, settle=lambda solver, factor: 0, watched=False):
+def climb(outcome, contact=None, settle=lambda factor: 0, watched=False):
     """Climb by steps whose outcome ``(stiffness, length) -> error or None`` is told; return steps, cuts, all tried."""
     contact, taken, x = Springs() if contact is None else contact, [], Place()
 
@@ -83,39 +81,40 @@ def climb(monkeypatch, outcome, contact=None, settle=lambda solver, factor: 0, w
         guess=None,
         cuts=0,
     )
-    monkeypatch.setattr(climbing, "settle", settle)
+    solver.policy = ContactPolicy(solver, contact)
+    solver.policy.settle = settle
     steps = []
     climbing.climb(solver, 1, SimpleNamespace(reached=lambda x, factor: steps.append(factor)))
     return len(steps), solver.cuts, taken
 
 
-def test_a_step_that_fails_is_tried_with_lower_penalties_before_it_is_cut(monkeypatch):
-    steps, cuts, taken = climb(monkeypatch, lambda stiffness, length: Diverged if stiffness > 2e-3 else None)
+def test_a_step_that_fails_is_tried_with_lower_penalties_before_it_is_cut():
+    steps, cuts, taken = climb(lambda stiffness, length: Diverged if stiffness > 2e-3 else None)
     assert (steps, cuts) == (1, 0)
     assert taken == [(1.0, 1.0), (0.03, 1.0), (0.0009, 1.0)]
 
 
-def test_penalties_that_are_too_low_rise_and_the_step_is_cut(monkeypatch):
+def test_penalties_that_are_too_low_rise_and_the_step_is_cut():
     def outcome(stiffness, length):
         if length > 0.5:
             return Diverged if stiffness > 0.5 else TooDeep
         return None
 
-    steps, cuts, taken = climb(monkeypatch, outcome)
+    steps, cuts, taken = climb(outcome)
     assert (steps, cuts) == (2, 1)
     assert taken == [(1.0, 1.0), (0.03, 1.0), (1.0, 0.5), (1.0, 0.5)]
 
 
-def test_a_step_on_which_bodies_pass_is_tried_again_with_care_before_it_is_cut(monkeypatch):
+def test_a_step_on_which_bodies_pass_is_tried_again_with_care_before_it_is_cut():
     problems = [TooDeep, None]
-    steps, cuts, taken = climb(monkeypatch, lambda stiffness, length: problems.pop(0), watched=True)
+    steps, cuts, taken = climb(lambda stiffness, length: problems.pop(0), watched=True)
     assert (steps, cuts, taken) == (1, 0, [(1.0, 1.0), (1.0, 1.0)])
 
 
 @pytest.mark.parametrize("problem", [Diverged, TooDeep])
-def test_what_never_works_ends_in_one_line(monkeypatch, problem):
+def test_what_never_works_ends_in_one_line(problem):
     with pytest.raises(SolveError, match=r"load factor .*: said"):
-        climb(monkeypatch, lambda stiffness, length: problem)
+        climb(lambda stiffness, length: problem)
 
 
 @pytest.mark.parametrize(("breaks", "left"), [(np.inf, 1.0), (0.05, 0.03)])
@@ -129,38 +128,37 @@ def test_in_the_end_they_rise_to_what_they_were_or_as_far_as_there_is_an_equilib
         if contact.stiffness > breaks:
             raise Diverged("said")
 
-    multipliers._harden(SimpleNamespace(advance=advance), 1.0, contact)
+    ContactPolicy(SimpleNamespace(advance=advance), contact)._harden(1.0)
     assert tried == pytest.approx([0.0009 ** (k / 6) for k in range(5, -1, -1)][: len(tried)])
     assert len(tried) == (6 if breaks == np.inf else 4)
     assert contact.stiffness == pytest.approx(left)
 
 
-def test_with_friction_a_step_is_cut_where_it_fails_and_penalties_stay(monkeypatch):
-    steps, cuts, taken = climb(monkeypatch, lambda stiffness, length: Diverged if length > 0.5 else None, Rubbing())
+def test_with_friction_a_step_is_cut_where_it_fails_and_penalties_stay():
+    steps, cuts, taken = climb(lambda stiffness, length: Diverged if length > 0.5 else None, Rubbing())
     assert (steps, cuts) == (2, 1)
     assert taken == [(1.0, 1.0), (1.0, 0.5), (1.0, 0.5)]
 
 
-def test_with_friction_a_step_is_cut_where_its_multipliers_fail(monkeypatch):
+def test_with_friction_a_step_is_cut_where_its_multipliers_fail():
     """It begins again where it began, with what contact was there."""
     contact, settled = Rubbing(), []
 
-    def settle(solver, factor):
+    def settle(factor):
         settled.append(factor)
         if len(settled) == 1:
             raise Diverged("said")
         return 3
 
-    steps, cuts, taken = climb(monkeypatch, lambda stiffness, length: None, contact, settle)
+    steps, cuts, taken = climb(lambda stiffness, length: None, contact, settle)
     assert (steps, cuts, contact.undone) == (2, 1, 1)
     assert settled == [1.0, 0.5, 1.0]
     assert taken == [(1.0, 1.0), (1.0, 0.5), (1.0, 0.5)]
 
 
-def test_with_friction_no_step_is_longer_than_asked_for(monkeypatch):
+def test_with_friction_no_step_is_longer_than_asked_for():
     contact = Rubbing()
     path = []
-    monkeypatch.setattr(climbing, "settle", lambda solver, factor: 0)
     solver = SimpleNamespace(
         steps=SimpleNamespace(turning=SimpleNamespace(longest_step=lambda factor: 1.0), watched=False, careful=False),
         assembler=SimpleNamespace(
@@ -174,6 +172,8 @@ def test_with_friction_no_step_is_longer_than_asked_for(monkeypatch):
         guess=None,
         cuts=0,
     )
+    solver.policy = ContactPolicy(solver, contact)
+    solver.policy.settle = lambda factor: 0
     climbing.climb(solver, 8, SimpleNamespace(reached=lambda x, factor: path.append(factor)))
     assert path == pytest.approx(0.125 * np.arange(1, 9))
 
@@ -197,6 +197,7 @@ def test_a_first_guess_that_fails_is_dropped_and_no_step_cut():
         settle=lambda: None,
         stabilisation=None,
         guess="somewhere",
+        policy=None,
         cuts=0,
     )
     climbing.climb(solver, 1, SimpleNamespace(reached=lambda x, factor: reached.append(factor)))

@@ -5,15 +5,13 @@ rod is wound.  What tells is its path: from one equilibrium to the next no secti
 state that comes without its path, the rotation of the sections is followed from one end of the rod to the other.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
-from isorod.arrays import Array, Index
+from isorod.arrays import Array
+from isorod.checks.outlines import outlines
 from isorod.errors import InputError
 from isorod.model.model import Model
 from isorod.model.support import rotation
-from isorod.space.space import Space
 
 # Largest turn in a load step, radians, of a support, or of one against another of its body.
 LONGEST = 0.5 * np.pi
@@ -32,22 +30,6 @@ _SECTIONS, _AROUND = 8, 8
 _SEEN = 0.2
 
 
-class _Sections(NamedTuple):
-    """Sections of a body: its number and space, functions of places round each, and those along the axis."""
-
-    body: int
-    space: Space
-    across: Array
-    layers: Index
-    along: Array
-
-    def places(self, nodal: Array) -> Array:
-        """Return where the places round the sections are, from the middle of these, shape ``(t, q, 3)``."""
-        moved = (self.space.positions + nodal).reshape(self.space.layers, self.space.layer_nodes, 3)
-        found = self.across @ np.einsum("tj,tjia->tia", self.along, moved[self.layers])
-        return np.asarray(found - found.mean(axis=1, keepdims=True))
-
-
 class Turning:
     """What the supports of a model that turn ask of load steps, and of states.
 
@@ -64,8 +46,8 @@ class Turning:
 
     def __init__(self, model: Model) -> None:
         self._model = model
-        self._sections = [_sections(model, b) for b in sorted(_turned(model))]
-        self.watches = bool(self._sections)
+        self._turned = _turned(model)
+        self.watches = bool(self._turned)
         turns = max((float(np.linalg.norm(one.turn)) for one in model.motions), default=0.0) / (2.0 * np.pi)
         if turns > _MOST:
             raise InputError(
@@ -78,7 +60,7 @@ class Turning:
         It ends where supports begin or cease to move at the latest (`Model.stages`).
         """
         fastest = 0.0
-        for b in (one.body for one in self._sections):
+        for b in self._turned:
             rates = [np.zeros(3)]
             for support, motion in zip(self._model.supports, self._model.motions, strict=True):
                 begin, end = motion.during
@@ -96,11 +78,11 @@ class Turning:
         before, after
             Displacements, shape ``(dofs,)``.
         """
-        for one in self._sections:
-            turned = _rotations(*(one.places(self._model.nodal(state, one.body)) for state in (before, after)))
+        for b in self._turned:
+            turned = _rotations(*(self._arms(b, state) for state in (before, after)))
             if _angles(turned).max() > _LOST or _angles(_steps(turned)).max() > _APART:
                 return (
-                    f"sections of body {one.body} turn by half a turn however small the step: it jumps to another "
+                    f"sections of body {b} turn by half a turn however small the step: it jumps to another "
                     "equilibrium, or a turn between its supports is lost"
                 )
         return None
@@ -111,30 +93,38 @@ class Turning:
         It is where a body is held at the whole of one end or both and nowhere else, and the turn about the axis of the
         one end against the other can be followed along it.
         """
-        return all(self._winds(one, displacement) for one in self._sections)
+        return all(self._winds(b, displacement) for b in self._turned)
 
-    def _winds(self, one: _Sections, displacement: Array) -> bool:
-        model = self._model
+    def _arms(self, body: int, displacement: Array) -> Array:
+        """Return where places round sections of a body are, from the middle of these, shape ``(t, q, 3)``."""
+        space = self._model.bodies[body].space
+        breaks = space.axis.breaks
+        share = np.arange(_SECTIONS) / _SECTIONS
+        u = np.append((breaks[:-1, None] + share * np.diff(breaks)[:, None]).ravel(), breaks[-1])
+        found = outlines(space, space.positions + self._model.nodal(displacement, body), u, _AROUND)
+        return found - found.mean(axis=1, keepdims=True)
+
+    def _winds(self, body: int, displacement: Array) -> bool:
+        model, space = self._model, self._model.bodies[body].space
         held = [
             (support, motion)
             for support, motion in zip(model.supports, model.motions, strict=True)
-            if support.body == one.body
+            if support.body == body
         ]
         if len(held) == 1:
             # Whatever turns, all turns with it.
             return True
         ends: dict[int, Array] = {}
         for support, motion in held:
-            layers, count = np.unique(np.asarray(support.nodes) // one.space.layer_nodes, return_counts=True)
-            whole = layers.size == 1 and count[0] == one.space.layer_nodes and layers[0] in (0, one.space.layers - 1)
-            if not whole or one.space.rod.closed or {*support.components, *support.tied} != {*"xyz"}:
+            layers, count = np.unique(np.asarray(support.nodes) // space.layer_nodes, return_counts=True)
+            whole = layers.size == 1 and count[0] == space.layer_nodes and layers[0] in (0, space.layers - 1)
+            if not whole or space.rod.closed or {*support.components, *support.tied} != {*"xyz"}:
                 return False
             ends[int(layers[0])] = motion.turn
         if len(ends) < len(held) or len(ends) < 2:
             return False
-        first, last = ends[0], ends[one.space.layers - 1]
-        nodal = model.nodal(displacement, one.body)
-        turned = _rotations(one.places(np.zeros_like(nodal)), one.places(nodal))
+        first, last = ends[0], ends[space.layers - 1]
+        turned = _rotations(self._arms(body, np.zeros_like(displacement)), self._arms(body, displacement))
         # As the supports say: from the turn of the one end back to none, and on to that of the other.
         count = 2 + int(max(np.linalg.norm(first), np.linalg.norm(last)) / _APART * 4.0)
         share = np.linspace(0.0, 1.0, count)
@@ -156,21 +146,9 @@ def refuse_small(model: Model) -> None:
             )
 
 
-def _turned(model: Model) -> set[int]:
-    """Return the bodies that supports turn."""
-    return {one.body for one, motion in zip(model.supports, model.motions, strict=True) if motion.turn.any()}
-
-
-def _sections(model: Model, body: int) -> _Sections:
-    space = model.bodies[body].space
-    angle = 2.0 * np.pi / _AROUND * np.arange(_AROUND)
-    across = space.basis.functions(np.stack([np.cos(angle), np.sin(angle)], axis=1))[0]
-    breaks = space.axis.breaks
-    share = np.arange(_SECTIONS) / _SECTIONS
-    u = np.append((breaks[:-1, None] + share * np.diff(breaks)[:, None]).ravel(), breaks[-1])
-    first, along, _ = space.axis.local(u)
-    layers = (first[:, None] + np.arange(space.axis.degree + 1)) % space.layers
-    return _Sections(body, space, across, layers, along)
+def _turned(model: Model) -> list[int]:
+    """Return the bodies that supports turn, in order."""
+    return sorted({one.body for one, motion in zip(model.supports, model.motions, strict=True) if motion.turn.any()})
 
 
 def _rotations(before: Array, after: Array) -> Array:

@@ -92,8 +92,9 @@ def parameters(model: "Model", packed: Packed) -> Array:
         breaks = space.axis.breaks
         here = np.arange(breaks.size - 1) if elements is None else np.unique(np.asarray(elements, dtype=np.int64))
         _, along, n, across = u[k].shape
+        arcs = packed.surfaces["arcs"][packed.passes["slave"][k], :n]
         t, x = (np.polynomial.legendre.leggauss(count)[0] for count in (along, across))
         middles, halves = 0.5 * (breaks[1:] + breaks[:-1])[here], 0.5 * np.diff(breaks)[here]
         u[k][:] = (middles[:, None] + halves[:, None] * t)[:, :, None, None]
-        angle[k][:] = space.turn + np.pi / n * (2.0 * np.arange(n)[:, None] + x)
+        angle[k][:] = arcs[:, :1] + np.pi * arcs[:, 6:] * x
     return found

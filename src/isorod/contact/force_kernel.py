@@ -5,9 +5,9 @@ from typing import NamedTuple
 import numpy as np
 from numba import b1, f8, i8, types, void
 
-from isorod.arrays import Array, Index
-from isorod.compiled import F1, F2, FAST, I1, njit
-from isorod.contact.mesh_kernel import LEVELS, mesh_gap
+from isorod.arrays import Array
+from isorod.compiled import F1, F2, FAST, njit
+from isorod.contact.mesh_kernel import mesh_gap
 from isorod.contact.packed import ELEMENT_ROW, MESH, PACKED, PASS_ROW, PLANE, SURFACE_ROW, Packed, Row
 from isorod.contact.search_kernel import (
     add_travel,
@@ -20,11 +20,19 @@ from isorod.contact.search_kernel import (
     place,
     site,
 )
-from isorod.contact.surface_kernel import EDGE, END, FOOT, LOST, Foot, arc_of, closest, dot, new_foot, surface_gap
-
-# Pieces of rods that may be near one point.
-_PIECES = 16
-
+from isorod.contact.surface_kernel import (
+    EDGE,
+    END,
+    FOOT,
+    LOST,
+    Foot,
+    arc_of,
+    closest,
+    dot,
+    evaluate,
+    new_foot,
+    surface_gap,
+)
 
 # What `add_forces` returns, a plain tuple, see `isorod.compiling.njit`.
 PRESSING = types.UniTuple(f8, 4)
@@ -48,20 +56,38 @@ def rigid_gap(one: Row, x: Array, normal: Array) -> float:
     return distance - one.radius
 
 
+@njit(f8(PACKED, PASS_ROW, i8, F2, FOOT), **FAST)
+def project(packed: Packed, one: Row, point: int, positions: Array, foot: Foot) -> float:
+    """Return the gap of a pressed point, and fill its projection: that which the last forces have found."""
+    x = packed.points[point]
+    if one.master == MESH:
+        return mesh_gap(packed, one, x, foot)
+    if one.master < 0:
+        gap = rigid_gap(one, x, foot.normal)
+        for a in range(3):
+            foot.y[0, a] = x[a] - gap * foot.normal[a]
+        return gap
+    start = packed.starts[point]
+    element = packed.elements[start.element]
+    evaluate(packed.surfaces[element.surface], element, start.theta, start.s, positions, foot)
+    for a in range(3):
+        foot.d[a] = x[a] - foot.y[0, a]
+    return surface_gap(foot, packed.states[point].edge)
+
+
 class Work(NamedTuple):
     """Work space of searches.
 
-    Places to start from, squares of distances, boxes of a mesh that are left, and how far from the ball of its start a
-    point is.
+    Places to start from, at most as many as there are sections to start at, squares of distances, and how far from the
+    ball of its start a point is.
     """
 
     places: Array
     squares: Array
-    stack: Index
     away: Array
 
 
-_WORK = types.NamedTuple((F2, F1, I1, F1), Work)
+_WORK = types.NamedTuple((F2, F1, F1), Work)
 
 
 @njit(_WORK(PACKED), **FAST)
@@ -70,7 +96,7 @@ def _new_work(packed: Packed) -> Work:
     most = 0
     for k in range(packed.surfaces.size):
         most = max(most, packed.surfaces[k].around)
-    return Work(np.empty((_PIECES, 3)), np.empty(most), np.empty(LEVELS, dtype=np.int64), np.empty(1))
+    return Work(np.empty((packed.rings.shape[0], 3)), np.empty(most + 3), np.empty(1))
 
 
 @njit(b1(PACKED, i8, F2, _WORK, i8), **FAST)
@@ -99,7 +125,7 @@ def _gap(packed: Packed, one: Row, point: int, positions: Array, foot: Foot, wor
     """
     x = packed.points[point]
     if one.master == MESH:
-        gap = mesh_gap(packed, one, x, foot, work.stack)
+        gap = mesh_gap(packed, one, x, foot)
         packed.clear[point] = packed.travel[0] + 0.5 * (gap - packed.multipliers[point] / one.penalty)
         return gap
     if one.master < 0:
@@ -156,19 +182,17 @@ def spread(surface: Row, element: Row, arc: int, phi: Array, axial: Array, push:
                 forces[node, a] += push[a] * axial[j] * phi[c]
 
 
-@njit(void(PACKED, PASS_ROW, i8, FOOT, f8, F2), **FAST)
-def _press(packed: Packed, one: Row, point: int, foot: Foot, force: float, forces: Array) -> None:
-    """Add a normal force at a slave point, and its reaction on the master, to the forces of the nodes."""
-    push = force * foot.normal
+@njit(void(PACKED, PASS_ROW, i8, FOOT, F1, F2), **FAST)
+def press(packed: Packed, one: Row, point: int, foot: Foot, push: Array, forces: Array) -> None:
+    """Add a force ``push`` at a slave point, and its reaction on the master, to the forces of the nodes."""
     slave = packed.surfaces[one.slave]
     at = site(one, slave, point)
-    phi, axial = packed.around[at.around], packed.along[at.along]
-    spread(slave, packed.elements[at.element], at.arc, phi, axial, push, forces)
+    spread(slave, packed.elements[at.element], at.arc, packed.around[at.around], packed.along[at.along], push, forces)
     if one.master >= 0:
         start = packed.starts[point]
-        master = packed.surfaces[packed.elements[start.element].surface]
-        arc = arc_of(master, start.theta)
-        spread(master, packed.elements[start.element], arc, foot.phi[0], foot.axial[0], -push, forces)
+        element = packed.elements[start.element]
+        master = packed.surfaces[element.surface]
+        spread(master, element, arc_of(master, start.theta), foot.phi[0], foot.axial[0], -push, forces)
 
 
 @njit(PRESSING(PACKED, F2, F2), **FAST)
@@ -229,7 +253,7 @@ def add_forces(packed: Packed, positions: Array, forces: Array) -> tuple[float, 
             force += weight * pressure
             area += weight
             deepest = min(deepest, gap)
-            _press(packed, one, point, foot, weight * pressure, forces)
+            press(packed, one, point, foot, weight * pressure * foot.normal, forces)
     if not np.isfinite(energy):
         forces[:] = np.nan
         return np.nan, np.nan, np.nan, np.nan

@@ -22,9 +22,9 @@ from numba import b1, f8, from_dtype, i8, types, void
 
 from isorod.arrays import Array
 from isorod.compiled import F1, F2, FAST, njit
-from isorod.contact.force_kernel import end_of, rigid_gap, site, spread
+from isorod.contact.force_kernel import end_of, press, project, rigid_gap, site
 from isorod.contact.packed import CYLINDER, PACKED, PASS_ROW, PLANE, STARTS, Packed, Row, Table
-from isorod.contact.surface_kernel import FOOT, LOST, Foot, arc_of, closest, dot, evaluate, new_foot, surface_gap
+from isorod.contact.surface_kernel import FOOT, LOST, Foot, closest, dot, evaluate, new_foot, surface_gap
 
 # What a point keeps: element (0 of an obstacle, -1: no anchor), angle and ``s`` of its anchor, or the anchor's place on
 # an obstacle, and the traction it had.
@@ -70,23 +70,6 @@ class Friction(NamedTuple):
 FRICTION = types.NamedTuple((F1, ANCHORS, F2, types.Array(b1, 1, "C"), STARTS), Friction)
 
 
-@njit(f8(PACKED, PASS_ROW, i8, F2, FOOT), **FAST)
-def foot_of(packed: Packed, one: Row, point: int, positions: Array, foot: Foot) -> float:
-    """Return the gap of a pressed point, and fill its foot: that which the last forces have found."""
-    x = packed.points[point]
-    if one.master < 0:
-        gap = rigid_gap(one, x, foot.normal)
-        for a in range(3):
-            foot.y[0, a] = x[a] - gap * foot.normal[a]
-        return gap
-    start = packed.starts[point]
-    element = packed.elements[start.element]
-    evaluate(packed.surfaces[element.surface], element, start.theta, start.s, positions, foot)
-    for a in range(3):
-        foot.d[a] = x[a] - foot.y[0, a]
-    return surface_gap(foot, packed.states[point].edge)
-
-
 @njit(void(PACKED, PASS_ROW, _ANCHOR_ROW, F2, FOOT), **FAST)
 def place_of(packed: Packed, one: Row, anchor: Row, positions: Array, foot: Foot) -> None:
     """Fill a foot at an anchor, on an obstacle the first row of its ``y`` alone."""
@@ -128,19 +111,6 @@ def _put(
         anchor.element, anchor.theta, anchor.s = at.element, at.theta, at.s
         return
     anchor.element, anchor.theta, anchor.s = where.element, where.theta, where.s
-
-
-@njit(void(PACKED, PASS_ROW, i8, FOOT, F1, F2), **FAST)
-def _rub(packed: Packed, one: Row, point: int, foot: Foot, push: Array, forces: Array) -> None:
-    """Add a force at a slave point, and its reaction on the master, to the forces of the nodes."""
-    slave = packed.surfaces[one.slave]
-    at = site(one, slave, point)
-    spread(slave, packed.elements[at.element], at.arc, packed.around[at.around], packed.along[at.along], push, forces)
-    if one.master >= 0:
-        start = packed.starts[point]
-        element = packed.elements[start.element]
-        master = packed.surfaces[element.surface]
-        spread(master, element, arc_of(master, start.theta), foot.phi[0], foot.axial[0], -push, forces)
 
 
 @njit(b1(PACKED, i8, i8), **FAST)
@@ -246,7 +216,7 @@ def hang(packed: Packed, friction: Friction, positions: Array, tractions: Array)
                 continue
             if not (packed.states[point].pressure > 0.0 and np.isfinite(tractions[point, 0])):
                 continue
-            foot_of(packed, one, point, positions, foot)
+            project(packed, one, point, positions, foot)
             along = dot(tractions[point], foot.normal)
             anchor = friction.anchors[point]
             for a in range(3):
@@ -306,6 +276,8 @@ def add_friction(
         Energy of the springs, and what is dissipated since anchors were put where they are.
     """
     energy = dissipated = 0.0
+    if not friction.coefficients.any():
+        return energy, dissipated
     foot, there = new_foot(), new_foot()
     s, t, mean = np.empty(3), np.empty(3), np.empty(3)
     for k in range(packed.passes.size):
@@ -332,7 +304,7 @@ def add_friction(
                 if keep:
                     anchor.element = -1
                 continue
-            gap = foot_of(packed, one, point, positions, foot)
+            gap = project(packed, one, point, positions, foot)
             if not hangs:
                 if keep:
                     _put(packed, one, point, foot.y[0], positions, friction.start, there, anchor)
@@ -351,7 +323,7 @@ def add_friction(
             dissipated -= weight * (1.0 - share) * _work(one, foot, gap, packed.states[point].edge, mean, s)
             energy += 0.5 * weight * square / one.penalty
             friction.slipping[point] = slips
-            _rub(packed, one, point, foot, weight * t, forces)
+            press(packed, one, point, foot, weight * t, forces)
             if not keep:
                 continue
             other = one.master >= 0 and not _same_surface(packed, anchor.element, packed.starts[point].element)

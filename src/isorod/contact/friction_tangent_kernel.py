@@ -5,9 +5,11 @@ from numba import b1, f8, from_dtype, i8, types, void
 
 from isorod.arrays import Array, Index
 from isorod.compiled import F1, F2, I1, STRICT, njit
-from isorod.contact.friction_kernel import FRICTION, Friction, foot_of, place_of, stretch_of
+from isorod.contact.force_kernel import project
+from isorod.contact.friction_kernel import FRICTION, Friction, place_of, stretch_of
 from isorod.contact.packed import CYLINDER, PACKED, PASS_ROW, PLANE, Packed, Row, Table
-from isorod.contact.surface_kernel import FOOT, Foot, arc_of, new_foot
+from isorod.contact.search_kernel import site
+from isorod.contact.surface_kernel import FOOT, Foot, arc_of, dot, new_foot
 from isorod.contact.tangent_kernel import PATCH, add_nodes
 
 # A patch with the element and arc of an anchor that is elsewhere on a master (-1 where there is none such).
@@ -44,14 +46,8 @@ def _vary(foot: Foot, gap: float, edge: bool, mine: int, shares: Array, xi: Arra
     ``dn = -y_a a^-1 (k dxi - b)``.  On an edge ``s`` is held, and the normal is ``(x - y) / g``.
     """
     y, normal, phi, axial = foot.y, foot.normal, foot.phi, foot.axial
-    a11 = a12 = a22 = k11 = k12 = k22 = 0.0
-    for a in range(3):
-        a11 += y[1, a] * y[1, a]
-        a12 += y[1, a] * y[2, a]
-        a22 += y[2, a] * y[2, a]
-        k11 += normal[a] * y[3, a]
-        k12 += normal[a] * y[4, a]
-        k22 += normal[a] * y[5, a]
+    a11, a12, a22 = dot(y[1], y[1]), dot(y[1], y[2]), dot(y[2], y[2])
+    k11, k12, k22 = dot(normal, y[3]), dot(normal, y[4]), dot(normal, y[5])
     h11, h12, h22 = a11 - gap * k11, a12 - gap * k12, a22 - gap * k22
     h, metric = h11 * h22 - h12 * h12, a11 * a22 - a12 * a12
     for m in range(shares.size):
@@ -127,17 +123,15 @@ def add_friction_blocks(
             continue
         slave = packed.surfaces[one.slave]
         mine, nodes = 3 * slave.functions, 3 * slave.functions
-        gap = foot_of(packed, one, point, positions, foot)
+        gap = project(packed, one, point, positions, foot)
         place_of(packed, one, anchor, positions, there)
         length = stretch_of(packed, point, foot, there, s)
         if one.master >= 0:
             nodes += 3 * packed.surfaces[packed.elements[hanging.master_element].surface].functions
         shares = np.empty(nodes)
-        first_along = packed.passes[hanging.number].first_along
-        place = (point - one.first_point) // one.across // slave.around
-        q = (point - one.first_point) % one.across
+        at = site(one, slave, point)
         for m in range(mine):
-            shares[m] = packed.along[first_along + place, m // 3] * packed.around[one.first_around + q, m % 3]
+            shares[m] = packed.along[at.along, m // 3] * packed.around[at.around, m % 3]
         for m in range(mine, nodes):
             j, i = divmod(m - mine, 3)
             shares[m] = -foot.axial[0, j] * foot.phi[0, i]

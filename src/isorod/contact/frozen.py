@@ -69,7 +69,7 @@ class Frozen:
     comm
         The ranks, each of which has a share of the tangent.
     tight
-        Let penalties give way within cells alone, as multipliers by cells leave them (`isorod.statics.multipliers`).
+        Let penalties give way within cells alone, as multipliers by cells leave them (`isorod.statics.contact_policy`).
 
     Attributes
     ----------

@@ -8,8 +8,8 @@ normal of the face, the edge or the corner on which it lies, the mean of the fac
 import numpy as np
 from numba import f8, i8, void
 
-from isorod.arrays import Array, Index
-from isorod.compiled import F1, F2, FAST, I1, njit
+from isorod.arrays import Array
+from isorod.compiled import F1, F2, FAST, njit
 from isorod.contact.packed import NODE_ROW, PACKED, PASS_ROW, Packed, Row
 from isorod.contact.surface_kernel import FOOT, Foot, dot
 
@@ -17,7 +17,7 @@ from isorod.contact.surface_kernel import FOOT, Foot, dot
 FACE, EDGES, CORNERS = 0, 1, 4
 
 # Levels of the tree: halves of halves of more triangles than there can be.
-LEVELS = 64
+_LEVELS = 64
 
 
 @njit(f8(NODE_ROW, F1), **FAST)
@@ -85,8 +85,8 @@ def aside(normal: Array, out: Array) -> None:
     out /= np.sqrt(dot(out, out))
 
 
-@njit(f8(PACKED, PASS_ROW, F1, FOOT, I1), **FAST)
-def mesh_gap(packed: Packed, one: Row, x: Array, foot: Foot, stack: Index) -> float:
+@njit(f8(PACKED, PASS_ROW, F1, FOOT), **FAST)
+def mesh_gap(packed: Packed, one: Row, x: Array, foot: Foot) -> float:
     """Return the distance of a point from the mesh of a pass, negative inside, and fill its normal.
 
     Parameters
@@ -98,10 +98,9 @@ def mesh_gap(packed: Packed, one: Row, x: Array, foot: Foot, stack: Index) -> fl
     foot
         Gets ``d`` and ``normal``, and in ``y[1:3]`` the directions in which the normal turns as the point moves, by
         its way over the gap: none, across an edge, or two about a corner.
-    stack
-        Work space, ``(64,)``.
     """
     best, place, found, size = np.inf, FACE, one.masters, 1
+    stack = np.empty(_LEVELS, dtype=np.int64)
     y, d, normal, turning = foot.y[0], foot.d, foot.normal, foot.y
     stack[0] = one.masters
     while size > 0:

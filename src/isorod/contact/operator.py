@@ -19,7 +19,7 @@ from isorod.contact.ranks import Ranks
 from isorod.contact.result import ContactResult, measure, sides_of, slave_points
 from isorod.contact.tables import pack, points_of, smallest_radius
 from isorod.contact.tangent_kernel import NODES, PATCH, add_blocks, find_patches, patch_nodes
-from isorod.model.contact import MAX_POINTS, Contact, refuse
+from isorod.model.contact import MAX_POINTS, Contact
 from isorod.model.model import Model
 from isorod.space.graded import Graded
 
@@ -37,9 +37,6 @@ _DELTA = 1e-6
 # pressure errs by 1 and 2 % so, with twice the penalty by 1 and 3 %, with the default one by 1 and 5 %.
 _CLOSER = 1.8
 
-# Penalties may fall to this share of their defaults, and a little below.
-_SOFTEST = 2e-3
-
 
 class ContactOperator:
     """Forces and tangent of all contacts of a model; closest points are sought anew at each call, without history.
@@ -49,7 +46,7 @@ class ContactOperator:
     Attributes
     ----------
     model
-        Whose contacts these are; where control points are not evenly spaced, its surfaces (`isorod.contact.lift`).
+        Whose contacts these are.
     packed
         What the compiled loops take and leave (`isorod.contact.packed`).
     points
@@ -66,15 +63,9 @@ class ContactOperator:
     long_steps = True
 
     def __init__(self, model: Model, comm: PETSc.Comm | None = None) -> None:
-        refuse(model.contacts, faces=True)
         self.ranks = Ranks(comm)
-        self._lift = None
-        if any(isinstance(body.space.basis, Graded) for body in model.bodies):
-            from isorod.contact.lift import Lift
-
-            self._lift = Lift(model)
-            model = self._lift.model
         self.model = model
+        self._graded = {k for k, body in enumerate(model.bodies) if isinstance(body.space.basis, Graded)}
         self.points = points_of(model)
         self.packed = self._fresh()
         self._stage = PETSc.Log.Stage("contact")
@@ -94,20 +85,12 @@ class ContactOperator:
     @property
     def rows(self) -> Index:
         """Rows of the last tangent's entries."""
-        return self._rows if self._lift is None else self._lift.rows
-
-    @property
-    def columns(self) -> Index:
-        """Their columns."""
-        return self._columns if self._lift is None else self._lift.columns
-
-    @property
-    def _rows(self) -> Index:
         rows = self._blocks.rows
         return rows if self.friction is None else np.concatenate([rows, self.friction.blocks.rows])
 
     @property
-    def _columns(self) -> Index:
+    def columns(self) -> Index:
+        """Their columns."""
         columns = self._blocks.columns
         return columns if self.friction is None else np.concatenate([columns, self.friction.blocks.columns])
 
@@ -130,14 +113,12 @@ class ContactOperator:
             self.packed.passes["point"] = now
 
     def _positions(self, displacement: Array) -> Array:
-        moved = displacement if self._lift is None else self._lift.displacement(displacement)
-        return self._base + moved.reshape(-1, 3)
+        return self._base + displacement.reshape(-1, 3)
 
     def forces(self, displacement: Array) -> tuple[Array, float]:
         """Return the forces of contact on all degrees of freedom ``(dofs,)``, and its energy."""
         self.packed.forget()
-        forces, energy = self._add_forces(self._positions(displacement))
-        return forces if self._lift is None else self._lift.forces(forces), energy
+        return self._add_forces(self._positions(displacement))
 
     def _add_forces(self, positions: Array) -> tuple[Array, float]:
         forces = np.zeros_like(self._base)
@@ -182,6 +163,7 @@ class ContactOperator:
         self._add_forces(positions)
         active = np.flatnonzero(packed.own & (packed.states["pressure"] > 0.0))
         patches = np.empty(active.size, PATCH)
+        patches["number"] = packed.passes_of(active)
         find_patches(packed, active, patches)
         begin = self._blocks.begin(patches, self._nodes)
         blocks = np.zeros(self._blocks.room)
@@ -192,8 +174,6 @@ class ContactOperator:
             else:
                 others = self.friction.add_blocks(positions, active, patches, begin, blocks)
                 self.values = np.concatenate([self._blocks.merge(blocks), others])
-        if self._lift is not None:
-            self.values = self._lift.values(self._rows, self._columns, self.values, self.version)
         return self.values
 
     def product(self, move: Array) -> Array:
@@ -230,8 +210,6 @@ class ContactOperator:
         self.forces(displacement)
         self.ranks.gather(self.packed, self.packed.points, self.packed.starts)
         results = measure(self.model, self.packed, self._positions(displacement), others)
-        if self._lift is not None:
-            results = [self._lift.seen(one) for one in results]
         return results if self.friction is None else self.friction.tell(results)
 
     def _otherwise(self, displacement: Array) -> list[tuple[float, float] | None]:
@@ -250,9 +228,8 @@ class ContactOperator:
     def _fresh(self) -> Packed:
         """Return tables without history."""
         packed = self.ranks.split(pack(self.model, self.points))
-        graded = set() if self._lift is None else self._lift.graded
         for contact, passes in sides_of(self.model):
-            if contact.penalty is None and graded.intersection(body for body, _ in contact.sides):
+            if contact.penalty is None and self._graded.intersection(body for body, _ in contact.sides):
                 packed.passes["penalty"][passes.start : passes.stop] *= _CLOSER / contact.across
         return packed
 
@@ -266,11 +243,10 @@ class ContactOperator:
 
     def space_evenly(self) -> None:
         """Let points that nobody gave be as close along the axis as round the section."""
-        graded = [] if self._lift is None else self._lift.graded
         sides = [body for contact in self.model.contacts for body, _ in contact.sides]
         even = points_of(self.model, even=True)
         # Where elements are short at patches alone, as many in each are close enough there.
-        self.points = [self.points[k] if body in graded else even[k] for k, body in enumerate(sides)]
+        self.points = [self.points[k] if body in self._graded else even[k] for k, body in enumerate(sides)]
         self._take(self._fresh())
 
     def see_better(self, displacement: Array, between: bool) -> bool:
@@ -347,14 +323,9 @@ class ContactOperator:
         self.stiffness *= times
 
     @property
-    def is_soft(self) -> bool:
-        """Whether penalties that nobody gave are lower than their defaults."""
-        return self.stiffness < 0.5
-
-    @property
-    def may_soften(self) -> bool:
-        """Whether penalties that nobody gave may be lower than they are."""
-        return self.stiffness > _SOFTEST and any(contact.penalty is None for contact in self.model.contacts)
+    def has_defaults(self) -> bool:
+        """Whether a contact has a penalty that nobody typed."""
+        return any(contact.penalty is None for contact in self.model.contacts)
 
     def _limit(self, contact: Contact) -> float:
         """Return how deep a point of a contact may be."""

@@ -34,6 +34,7 @@ from numpy.typing import NDArray
 from isorod.arrays import Array, Index
 from isorod.compiled import F1, F2, F3, I1, I2
 from isorod.geometry.axis import MAX_DEGREE
+from isorod.geometry.disk import MAX_COUNT
 
 # What a pass has in the place of a master surface.
 PLANE, CYLINDER, SPHERE, MESH = -1, -2, -3, -4
@@ -49,12 +50,18 @@ Table = NDArray[Any]
 Row = Any
 
 # A surface: its body, control points round its section, axis functions of an element, its elements, the pass in which
-# it is slave (its points start searches for closest points on it), angle of the first control point, half an arc's
-# cosine and sine, and the length of the whole axis where that is closed, else infinity.
+# it is slave (its points start searches for closest points on it), and the number of equal fine arcs round its section,
+# of which each arc has some; the angle of the middle of the first of these, and the length of the whole axis where that
+# is closed, else infinity; of each fine arc the arc; and of each arc its middle angle, of the half of it ``cos``,
+# ``cos / sin^2`` and ``1 / sin``, the shares of the control point before at its beginning and of that after at its end,
+# and its part of the circle.
 SURFACE = np.dtype(
     [
         *((name, np.int64) for name in ("body", "around", "functions", "first_element", "elements", "own_pass")),
-        *((name, np.float64) for name in ("turn", "cos", "sin", "period")),
+        ("fine", np.int64),
+        *((name, np.float64) for name in ("turn", "period")),
+        ("arc_of", np.int64, MAX_COUNT),
+        ("arcs", np.float64, (MAX_COUNT, 7)),
     ]
 )
 
@@ -113,7 +120,8 @@ class Packed(NamedTuple):
     surfaces, elements, passes
         Rows of `SURFACE`, of `ELEMENT` (those of all surfaces), and of `PASS`.
     around, along
-        The three ``Phi`` at the points of an arc ``(., 3)``, and the ``R`` at the points along the elements ``(., l)``.
+        The three ``Phi`` at the points of each arc ``(., 3)``, and the ``R`` at the points along the elements
+        ``(., l)``.
     shares
         Where along its element each row of ``along`` is, 0 to 1.
     rungs
@@ -178,6 +186,10 @@ class Packed(NamedTuple):
         """What no call changes."""
         tables = self.surfaces, self.elements, self.passes, self.around, self.along, self.shares, self.rungs, self.areas
         return *tables, self.corners, self.normals, self.nodes
+
+    def passes_of(self, points: Index) -> Index:
+        """Return the pass of each of some points."""
+        return np.searchsorted(self.passes["first_point"], points, side="right") - 1
 
     def forget(self) -> None:
         """Make the next call one without history; what is known to be far is still left out."""

@@ -16,11 +16,11 @@ from isorod.contact.packed import Packed
 from isorod.contact.result import slave_points
 from isorod.contact.tables import smallest_radius
 from isorod.geometry import boxes
-from isorod.model.contact import Contact, Cylinder, Plane, Sphere
+from isorod.model.contact import Cylinder, Plane, Sphere
+from isorod.model.near import Stretches
 
 if TYPE_CHECKING:
     from isorod.model.model import Model
-    from isorod.space.space import Space
 
 # Depth, in smaller radii, from which a point is about to come out at the far side.
 DEEPEST = 0.5
@@ -33,8 +33,8 @@ _APPROACH = 0.1
 # Depth, in smaller radii, to which bodies may enter each other on a way, or enter farther; the least share of a way.
 _ENTERS, _STILL, _LEAST = 0.2, 0.02, 1e-9
 
-# Pieces of an element's centre line.
-_PIECES = 4
+# Segments of an element's centre line.
+_SEGMENTS = 4
 
 
 class Passing:
@@ -53,12 +53,12 @@ class Passing:
         rows: list[Index] = []
         columns: list[Index] = []
         values: list[Array] = []
-        pieces, count = [], 0
+        stretches, at, count = [], [], 0
         for b in sorted({body for contact in model.contacts for body, _ in contact.sides}):
             space, first = model.bodies[b].space, int(model.first_node[b])
             breaks, degree = space.axis.breaks, space.axis.degree
             centre = space.basis.functions(np.zeros((1, 2)))[0][0, space.basis.is_carrier]
-            shares = np.arange(_PIECES) / _PIECES
+            shares = np.arange(_SEGMENTS) / _SEGMENTS
             u = np.append((breaks[:-1, None] + shares * np.diff(breaks)[:, None]).ravel(), breaks[-1])
             functions, near, _ = space.axis.local(u)
             layers = (functions[:, None] + np.arange(degree + 1)) % space.layers
@@ -68,15 +68,14 @@ class Passing:
             values.append((near[:, :, None] * centre).ravel())
             line = np.linalg.norm(np.diff(space.rod.grid(np.zeros((1, 2)), u)[0][:, 0], axis=0), axis=1)
             along = np.append(0.0, np.cumsum(line))
-            middle, piece = 0.5 * (u[1:] + u[:-1]), np.arange(u.size - 1)
-            period = np.full(piece.size, along[-1] if space.rod.closed else np.inf)
-            owner = np.full(piece.size, b), piece // _PIECES, count + piece
-            pieces.append((*owner, _radius(space, middle), along[:-1], along[1:], period, middle))
+            middle, number = 0.5 * (u[1:] + u[:-1]), np.arange(u.size - 1)
+            period = np.full(number.size, along[-1] if space.rod.closed else np.inf)
+            owner = np.full(number.size, b), number // _SEGMENTS, middle
+            stretches.append((*owner, along[:-1], along[1:], period, space.rod.radii(middle, 16)[0]))
+            at.append(count + number)
             count += u.size
-        self._body, self._element, self._at = (np.concatenate([one[k] for one in pieces]) for k in range(3))
-        self._radius, self._begin, self._end, self._period, self._u = (
-            np.concatenate([one[k] for one in pieces]) for k in range(3, 8)
-        )
+        self._stretches = Stretches(*(np.concatenate(one) for one in zip(*stretches, strict=True)))
+        self._radius, self._at = self._stretches.radius, np.concatenate(at)
         entries = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
         self._lines = csr_matrix(entries, shape=(count, self._reference.shape[0]))
         self._rest = self._ends(np.zeros(self._reference.size))
@@ -113,17 +112,21 @@ class Passing:
         return share
 
     def _ends(self, displacement: Array) -> Array:
-        """Return where the ends of the pieces are, ``(m, 2, 3)``."""
+        """Return where the ends of the segments are, ``(m, 2, 3)``."""
         line = self._lines @ (self._reference + displacement.reshape(-1, 3))
         return np.stack([line[self._at], line[self._at + 1]], axis=1)
 
     def _each_other(self, start: Array, way: Array, enters: bool = False) -> str | None:
-        """Return in words which two pieces go through each other, or enter each other."""
+        """Return in words which two segments go through each other, or enter each other."""
         reach = (1.0 if enters else _NEAREST) * self._radius[:, None]
         end = start + way
         low, high = np.minimum(start, end).min(axis=1) - reach, np.maximum(start, end).max(axis=1) + reach
-        first, second = self._partners(*boxes.pairs(low, high))
-        # What two pieces move by relative to each other, at most.
+        first, second = boxes.pairs(low, high)
+        meet = self._stretches.may_touch(first, second)
+        first, second = first[meet], second[meet]
+        meet, _ = self._stretches.declared(self._model.contacts, first, second)
+        first, second = first[meet], second[meet]
+        # What two segments move by relative to each other, at most.
         relative = np.linalg.norm(np.abs(way[first][:, :, None] - way[second][:, None]).max(axis=(1, 2)), axis=1)
         rest = _distance(self._rest[first], self._rest[second])
         sizes = self._radius[first], self._radius[second]
@@ -134,12 +137,12 @@ class Passing:
         return f"{self._said(one)} would go through {self._said(other)}"
 
     def _obstacle(self, start: Array, way: Array, enters: bool = False) -> str | None:
-        """Return in words which piece goes through a rigid cylinder or sphere, or enters it."""
+        """Return in words which segment goes through a rigid cylinder or sphere, or enters it."""
         for k, contact in enumerate(self._model.contacts):
             other = contact.obstacle
             if not isinstance(other, Cylinder | Sphere):
                 continue
-            mine = np.flatnonzero(self._sides(contact) >= 0)
+            mine = np.flatnonzero(self._stretches.sides(contact)[1])
             middle = np.array(other.center if isinstance(other, Sphere) else other.point)
             rest, ends, ways = self._rest[mine] - middle, start[mine] - middle, way[mine]
             if isinstance(other, Cylinder):
@@ -154,44 +157,8 @@ class Passing:
                 return f"{self._said(int(mine[found]))} would go through the obstacle of contact {k}"
         return None
 
-    def _said(self, piece: int) -> str:
-        return f"body {self._body[piece]} at u = {self._u[piece]:.4g}"
-
-    def _partners(self, first: Index, second: Index) -> tuple[Index, Index]:
-        """Return those pairs of pieces between which there is contact."""
-        far = np.ones(first.size, dtype=bool)
-        same = self._body[first] == self._body[second]
-        one, other = first[same], second[same]
-        way = np.maximum(self._begin[one], self._begin[other]) - np.minimum(self._end[one], self._end[other])
-        back = self._period[one] - np.maximum(self._end[one], self._end[other])
-        back += np.minimum(self._begin[one], self._begin[other])
-        far[same] = np.minimum(way, back) >= np.pi * np.maximum(self._radius[one], self._radius[other])
-        first, second = first[far], second[far]
-        meet = np.zeros(first.size, dtype=bool)
-        for contact in self._model.contacts:
-            if contact.obstacle is None:
-                sides = self._sides(contact)
-                one, other = sides[first], sides[second]
-                meet |= (one >= 0) & (other >= 0) & ((one != other) if len(contact.groups) == 2 else True)
-        return first[meet], second[meet]
-
-    def _sides(self, contact: Contact) -> Index:
-        """Return on which side of a contact each piece is, -1 on none."""
-        result = np.full(self._body.size, -1, dtype=np.int64)
-        groups = contact.groups
-        for body, elements in contact.sides:
-            mine = self._body == body
-            if elements is not None:
-                mine &= np.isin(self._element, np.asarray(elements, dtype=np.int64))
-            result[mine] = next(k for k, group in enumerate(groups) if body in group)
-        return result
-
-
-def _radius(space: "Space", u: Array) -> Array:
-    """Return the mean distance of sections' outlines from their centres at rest, ``(len(u),)``."""
-    angle = 2.0 * np.pi * np.arange(16) / 16.0
-    outline, _ = space.rod.grid(np.stack([np.cos(angle), np.sin(angle)], axis=1), u)
-    return np.asarray(np.linalg.norm(outline - outline.mean(axis=1, keepdims=True), axis=2).mean(axis=1))
+    def _said(self, segment: int) -> str:
+        return f"body {self._stretches.body[segment]} at u = {self._stretches.u[segment]:.4g}"
 
 
 def limits(model: "Model") -> list[float]:
@@ -213,14 +180,14 @@ def _nearer(
     relative: Array,
     enters: bool,
 ) -> int | None:
-    """Return which pair of pieces comes too near on the way, if one does.
+    """Return which pair of segments comes too near on the way, if one does.
 
     Parameters
     ----------
     rest
         Distances at rest, ``(m,)``.
     start, way
-        Ends of both pieces of each pair, and their way, ``(m, 2, 3)``.
+        Ends of both segments of each pair, and their way, ``(m, 2, 3)``.
     one, other, relative
         Radii of both, and how far they move relative to each other at most, ``(m,)``.
     enters

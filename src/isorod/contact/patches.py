@@ -1,15 +1,14 @@
 """Where contacts press on too few control points, and what spaces would see them (`isorod.space.closer`).
 
-How large a patch is that control points do not see is told by the force (`isorod.contact.hertz`), and a space is made
-that sees it roughly; in the end it is as large as it is seen to be.
+A patch is as large as it is seen to be.  Where control points do not see it at all, that is known roughly, and a space
+is made that is fine enough to measure it; the next is made for what that shows.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from isorod.arrays import Array
-from isorod.contact import hertz
 from isorod.contact.result import ContactResult
 from isorod.contact.tables import radii
 from isorod.model.contact import Contact
@@ -23,8 +22,8 @@ from isorod.space.space import Space
 # but once, with 3.6, by 7 %.
 ENOUGH = 0.75
 
-# Fewer than so many know its force alone; as many as are then wanted.
-_BLIND, _ROUGHLY = 1.5, 2.6
+# With fewer than so many the size is known roughly; as many as the next space is to have.
+_BLIND, _ROUGHLY = 1.5, 1.7
 
 # How far control points are as close as in a patch, where pressure ends steeply, in its half extents.
 _RIM = 1.2
@@ -62,47 +61,24 @@ def patches(model: Model, contacts: Sequence[ContactResult]) -> dict[int, list[P
 
 def _of_contact(model: Model, asked: Contact, result: ContactResult) -> dict[int, Patch] | None:
     """Return the patches of a contact by body; None where it is on a line, or on several patches."""
-    places, sizes = {}, {}
-    bodies = np.unique(result.body[result.pressure > 0.0])
-    for body in bodies:
+    requested = min(asked.across, _ROUGHLY) if result.cells_across < _BLIND else asked.across
+    found = {}
+    for body in np.unique(result.body[result.pressure > 0.0]).tolist():
+        space = model.bodies[body].space
+        radius = radii(space)[1]
         here = (result.body == body) & (result.pressure > 0.0)
-        places[int(body)], sizes[int(body)] = _seen(
-            model.bodies[body].space, result, here, 1.0 if (result.body == body).all() else 2.0
-        )
-    if _is_long(model, sizes):
-        return None
-    wanted = asked.across
-    if result.cells_across < _BLIND and len(places) == (1 if asked.obstacle is not None else 2):
-        by_force = hertz.extents(model, asked, result, places)
-        if by_force:
-            sizes, wanted = by_force, min(wanted, _ROUGHLY)
-    if _is_long(model, sizes):
-        return None
-    return {
-        body: Patch(
-            *places[body],
-            _RIM * along,
-            _RIM * around / _radius(model, body),
-            2.0 * along / wanted,
-            2.0 * around / wanted,
-        )
-        for body, (along, around) in sizes.items()
-    }
-
-
-def _is_long(model: Model, sizes: Mapping[int, tuple[float, float]]) -> bool:
-    """Whether a patch is a line, or more than one."""
-    return any(max(size) > _COMPACT * _radius(model, body) for body, size in sizes.items())
-
-
-def _radius(model: Model, body: int) -> float:
-    space = model.bodies[body].space
-    return radii(space, range(space.axis.elements))[1]
+        alone = (result.body == body).all()
+        place, along, around = _seen(space, radius, result, here, 1.0 if alone else 2.0)
+        if max(along, around) > _COMPACT * radius:
+            return None
+        sizes = 2.0 * along / requested, 2.0 * around / requested
+        found[body] = Patch(*place, _RIM * along, _RIM * around / radius, *sizes)
+    return found
 
 
 def _seen(
-    space: Space, result: ContactResult, here: Array, shared: float
-) -> tuple[tuple[float, float], tuple[float, float]]:
+    space: Space, radius: float, result: ContactResult, here: Array, shared: float
+) -> tuple[tuple[float, float], float, float]:
     """Return the middle of the patch of points ``here``, and half its length and half its width.
 
     That is by the second moment of the pressure, of Hertz' a fifth of its square, or by the area, whichever is more:
@@ -113,7 +89,6 @@ def _seen(
     u, angle = result.parameters[here].T
     middle = float(load @ u)
     direction = complex(load @ np.exp(1j * angle))
-    radius = radii(space, range(space.axis.elements))[1]
     _, jacobian = space.rod.grid(np.zeros((1, 2)), [middle])
     stretch = float(np.linalg.norm(jacobian[0, 0, :, 2]))
     turned = np.angle(np.exp(1j * angle) / direction)
@@ -122,4 +97,4 @@ def _seen(
     sizes = np.sqrt(5.0 * np.maximum(moments, _SLIMMEST**2 * moments.max()))
     mean = float(np.sqrt(sizes.prod()))
     along, around = (sizes * max(1.0, widest / mean) if mean > 0.0 else np.full(2, widest)).tolist()
-    return (middle, float(np.angle(direction))), (along, around)
+    return (middle, float(np.angle(direction))), along, around

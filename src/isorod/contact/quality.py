@@ -117,7 +117,8 @@ def more(
         old = points[k]
         seen = (found[k].around, found[k].along) if own else (WANTED / 2, WANTED / 2)
         new = [
-            min(MAX_POINTS, int(np.ceil(count * WANTED / width))) if width < FEWEST else count
+            # Less a little: round-off does not add a point.
+            min(MAX_POINTS, int(np.ceil(count * WANTED / width - 1e-9))) if width < FEWEST else count
             for count, width in zip(old, seen, strict=True)
         ]
         room = np.sqrt(MOST / (packed.surfaces[k]["around"] * new[0] * new[1]))
@@ -134,7 +135,7 @@ def _is_near(packed: Packed, k: int) -> bool:
     elements = packed.elements[slave["first_element"] :][: slave["elements"]]
     radius = float(elements["radius"].max())
     lengths = elements["end"] - elements["begin"]
-    apart = max(float(lengths.max()) / one["along"], 2.0 * np.pi * radius / (slave["around"] * one["across"]))
+    apart = max(float(lengths.max()) / one["along"], 2.0 * np.pi * radius / (slave["fine"] * one["across"]))
     count = slave["elements"] * one["along"] * slave["around"] * one["across"]
     gaps = packed.states["gap"][one["first_point"] :][:count]
     return bool((gaps < 0.5 * apart**2 / radius).any())

@@ -175,7 +175,7 @@ def measure(
     numbers = cells.numbers(model, packed)
     active = np.flatnonzero(pressures > 0.0)
     pushes = np.empty((active.size, 3))
-    normals(packed, positions, active, pushes)
+    normals(packed, positions, active, packed.passes_of(active), pushes)
     directions, (partners, feet) = np.zeros((bodies.size, 3)), _feet(model, packed, active)
     directions[active] = pushes
     pushes *= (packed.areas * pressures)[active, None]
@@ -226,9 +226,7 @@ def _feet(model: Model, packed: Packed, active: Index) -> tuple[Index, Array]:
     """Return, of all points, body of the foot, -1 where it is an obstacle or there is none, and its place on it."""
     partners, feet = np.full(packed.areas.size, -1), np.zeros((packed.areas.size, 2))
     sides = [side for contact in model.contacts for side in contact.sides]
-    firsts = packed.passes["first_point"]
-    masters = packed.passes["master"][np.searchsorted(firsts, active, side="right") - 1]
-    touching = active[masters >= 0]
+    touching = active[packed.passes["master"][packed.passes_of(active)] >= 0]
     starts = packed.starts[touching]
     surfaces = packed.elements["surface"][starts["element"]]
     for k in np.unique(surfaces):

@@ -45,6 +45,7 @@ def site(one: Row, slave: Row, point: int) -> Site:
     """Return where a point of a pass is; points go round the section first, then along the elements."""
     around, q = divmod(point - one.first_point, one.across)
     place, arc = divmod(around, slave.around)
+    q += arc * one.across
     return Site(slave.first_element + place // one.along, arc, one.first_along + place, one.first_around + q)
 
 
@@ -86,7 +87,7 @@ def _place_points(packed: Packed, one: Row, slave: Row, positions: Array) -> Non
         for i in range(n):
             before, after = (i - 1) % n, (i + 1) % n
             for q in range(one.across):
-                f = packed.around[one.first_around + q]
+                f = packed.around[one.first_around + i * one.across + q]
                 for a in range(3):
                     x = f[0] * section[before, a] + f[1] * section[i, a] + f[2] * section[after, a]
                     packed.points[point, a] = x
@@ -112,16 +113,16 @@ def _widen(packed: Packed, element: Row) -> None:
 def _surround(packed: Packed, surface: Row, row: int, positions: Array, layers: Array) -> None:
     """Fill ``rings`` of an element and the box round them; ``layers`` is work space.
 
-    The centre of an outline is the mean of its control points, as their functions are all alike, and it is no farther
-    from any of them than the mean of the layers' distances is, weighted by the axis functions.
+    The centre of an outline is the mean of its control points by the size of their arcs, and it is no farther from any
+    of them than the mean of the layers' distances is, weighted by the axis functions.
     """
-    n, element, box = surface.around, packed.elements[row], packed.boxes[row]
+    n, element, box, arcs = surface.around, packed.elements[row], packed.boxes[row], surface.arcs
     for j in range(surface.functions):
         first = element.layers[j]
         for a in range(3):
             layers[j, a] = 0.0
             for i in range(n):
-                layers[j, a] += positions[first + i, a] / n
+                layers[j, a] += arcs[i, 6] * positions[first + i, a]
         farthest = 0.0
         for i in range(n):
             square = 0.0
@@ -223,26 +224,34 @@ def list_near(packed: Packed) -> None:
 def angle_at(packed: Packed, row: int, share: float, x: Array, positions: Array, squares: Array) -> float:
     """Return the angle of the place nearest to a point on the section at an element's rung; exact if that is a circle.
 
-    Squares of distances from the control points of a circle are a cosine of the angle, which three of them tell.
-    ``squares`` is work space.
+    Squares of distances from places on a circle, where arcs begin, are a cosine of the angle, which three of them tell.
+    ``squares`` is work space, three longer than there are arcs.
     """
     element = packed.elements[row]
     surface = packed.surfaces[element.surface]
     n, rung = surface.around, element.first_rung + int(share * element.rungs)
-    at = 0
-    for i in range(n):
-        squares[i] = 0.0
+    at, arcs = 0, surface.arcs
+    squares[:] = 0.0
+    for k in range(n + 1):
+        i, square = (k - 1) % n, 0.0
         for a in range(3):
-            way = -x[a]
+            here = -x[a]
             for j in range(surface.functions):
-                way += packed.rungs[rung, j] * positions[element.layers[j] + i, a]
-            squares[i] += way * way
-        if squares[i] < squares[at]:
-            at = i
-    before, after = squares[(at - 1) % n], squares[(at + 1) % n]
-    bend = before + after - 2.0 * squares[at]
-    turn = np.arctan(surface.sin / surface.cos * (before - after) / bend) if bend > 0.0 else 0.0
-    return surface.turn + 2.0 * np.pi / n * at + turn
+                here += packed.rungs[rung, j] * positions[element.layers[j] + i, a]
+            square += (arcs[i, 4] * squares[n + a] + (1.0 - arcs[i, 4]) * here) ** 2
+            squares[n + a] = here
+        # The first round is for the control point before the first.
+        if k > 0:
+            squares[i] = square
+            at = i if square < squares[at] else at
+    # Half the sine, and half of what the cosine is less than one, of the arcs before and after.
+    last = (at - 1) % n
+    sin1, sin2 = arcs[last, 1] / arcs[last, 3], arcs[at, 1] / arcs[at, 3]
+    cos1, cos2 = 1.0 / arcs[last, 3] ** 2, 1.0 / arcs[at, 3] ** 2
+    before, after = squares[last] - squares[at], squares[(at + 1) % n] - squares[at]
+    bent = before * sin2 + after * sin1
+    turn = np.arctan((cos2 * before - cos1 * after) / bent) if bent > 0.0 else 0.0
+    return arcs[at, 0] - np.pi * arcs[at, 6] + turn
 
 
 @njit(types.Tuple((i8, f8))(PACKED, PASS_ROW, i8, f8, F2), **FAST)
@@ -259,7 +268,7 @@ def find_places(packed: Packed, one: Row, point: int, reach: float, places: Arra
     reach
         Balls are larger by it; not less than the gap of zero pressure.
     places
-        Is filled: element, share of it, and how far the point is from the ball's surface (negative), ``(m, 3)``.
+        Is filled: element, share of it, and how far the point is from the ball's surface (negative), ``(rungs, 3)``.
 
     Returns
     -------
@@ -298,7 +307,7 @@ def find_places(packed: Packed, one: Row, point: int, reach: float, places: Arra
             begins = element.first_rung + t != last + 1 or element.surface != surface or (leaves and beside < before)
             leaves = not begins and beside > before
             last, surface, before = element.first_rung + t, element.surface, beside
-            if (begins or count == 0) and count < places.shape[0]:
+            if begins or count == 0:
                 places[count, 2] = np.inf
                 count += 1
             if beside < places[count - 1, 2]:

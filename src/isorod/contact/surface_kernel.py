@@ -1,6 +1,7 @@
 """Compiled: the lateral surfaces of rods as contact sees them, and the closest point on one.
 
-A surface is ``x(theta, u) = sum_ij Phi_i(theta) R_j(u) x_ij`` (Lu & Zhou 2011, eqs. 7 and 11, on the circle); ``s`` in
+A surface is ``x(theta, u) = sum_ij Phi_i(theta) R_j(u) x_ij`` (Lu & Zhou 2011, eqs. 7 and 11, on the circle; arcs
+need not be equal, `isorod.space.graded`); ``s`` in
 ``[-1, 1]`` is the parameter along an element of its axis.  Closest points are those of the surface itself.
 """
 
@@ -81,32 +82,42 @@ def dot(a: Array, b: Array) -> float:
 
 @njit(i8(SURFACE_ROW, f8), **FAST)
 def _turns(surface: Row, theta: float) -> int:
-    """Return how many arcs an angle is from the first control point, rounded."""
-    return int(np.floor((theta - surface.turn) * surface.around / (2.0 * np.pi) + 0.5))
+    """Return how many fine arcs an angle is from the first, rounded."""
+    return int(np.floor((theta - surface.turn) * surface.fine / (2.0 * np.pi) + 0.5))
+
+
+@njit(i8(SURFACE_ROW, i8), **FAST)
+def _arc(surface: Row, fine: int) -> int:
+    """Return the arc of a fine arc."""
+    return fine if surface.fine == surface.around else surface.arc_of[fine]
 
 
 @njit(i8(SURFACE_ROW, f8), **FAST)
 def arc_of(surface: Row, theta: float) -> int:
     """Return the arc of an angle: that about control point ``arc``."""
-    return _turns(surface, theta) % surface.around
+    return _arc(surface, _turns(surface, theta) % surface.fine)
 
 
-@njit(void(SURFACE_ROW, f8, F2), **FAST)
-def section_functions(surface: Row, theta: float, phi: Array) -> None:
-    """Fill ``phi`` (see `Foot`)."""
-    angle = theta - surface.turn - 2.0 * np.pi / surface.around * _turns(surface, theta)
+@njit(i8(SURFACE_ROW, f8, F2), **FAST)
+def section_functions(surface: Row, theta: float, phi: Array) -> int:
+    """Fill ``phi`` (see `Foot`), and return the arc."""
+    turns, arcs = _turns(surface, theta), surface.arcs
+    whole = turns // surface.fine
+    number = _arc(surface, turns - whole * surface.fine)
+    angle = theta - 2.0 * np.pi * whole - arcs[number, 0]
     cos, sin = np.cos(angle), np.sin(angle)
-    ca, sa = surface.cos, surface.sin
+    ca, flat, steep, before, after = arcs[number, 1], arcs[number, 2], arcs[number, 3], arcs[number, 4], arcs[number, 5]
     for d in range(3):
         if d == 0:
-            middle, slope, one = (cos - ca) * ca / (sa * sa), sin / sa, 1.0
+            middle, slope, one = (cos - ca) * flat, sin * steep, 1.0
         elif d == 1:
-            middle, slope, one = -sin * ca / (sa * sa), cos / sa, 0.0
+            middle, slope, one = -sin * flat, cos * steep, 0.0
         else:
-            middle, slope, one = -cos * ca / (sa * sa), -sin / sa, 0.0
-        phi[d, 0] = 0.25 * (one - middle - slope)
-        phi[d, 1] = 0.5 * (one + middle)
-        phi[d, 2] = 0.25 * (one - middle + slope)
+            middle, slope, one = -cos * flat, -sin * steep, 0.0
+        phi[d, 0] = 0.5 * before * (one - middle - slope)
+        phi[d, 2] = 0.5 * after * (one - middle + slope)
+        phi[d, 1] = one - phi[d, 0] - phi[d, 2]
+    return number
 
 
 @njit(void(ELEMENT_ROW, i8, f8, F2), **FAST)
@@ -150,9 +161,9 @@ def evaluate(surface: Row, element: Row, theta: float, s: float, positions: Arra
     """
     n, count = surface.around, surface.functions
     phi, axial, y = foot.phi, foot.axial, foot.y
-    section_functions(surface, theta, phi)
+    arc = section_functions(surface, theta, phi)
     axis_functions(element, count, s, axial)
-    arc, layers = arc_of(surface, theta), element.layers
+    layers = element.layers
     y[:] = 0.0
     for i in range(3):
         node = (arc + i - 1) % n

@@ -35,9 +35,8 @@ from isorod.contact.packed import (
     Table,
 )
 from isorod.contact.tree import tree
-from isorod.errors import InputError
 from isorod.geometry.axis import Axis
-from isorod.geometry.disk import boundary_functions
+from isorod.geometry.disk import MAX_COUNT
 from isorod.model.contact import MAX_POINTS, Contact, Cylinder, Plane, Sphere
 from isorod.model.triangle_mesh import TriangleMesh
 from isorod.space.choice import touching_points
@@ -86,16 +85,15 @@ class _Tables:
         chosen
             Elements of its axis.
         """
-        if isinstance(space.basis, Graded):
-            raise InputError(f"contact: body {body} has arcs of several lengths, which contact knows in statics alone")
-        axis, n = space.axis, space.points_around
+        axis, (arc_of, arcs) = space.axis, _arcs(space)
+        n = len(arcs)
         first = len(self.elements)
         rows = {e: first + k for k, e in enumerate(chosen)}
-        alpha = np.pi / n
         along = np.concatenate([[0.0], np.cumsum(_lengths(space))])
         period = along[-1] if space.rod.closed else np.inf
-        angle = (space.turn, np.cos(alpha), np.sin(alpha))
-        self.surfaces.append((body, n, axis.degree + 1, first, len(rows), len(self.passes), *angle, period))
+        numbers = (body, n, axis.degree + 1, first, len(rows), len(self.passes), len(arc_of))
+        padded = np.pad(arc_of, (0, MAX_COUNT - len(arc_of))), np.pad(arcs, ((0, MAX_COUNT - n), (0, 0)))
+        self.surfaces.append((*numbers, space.turn, period, *padded))
         for e in chosen:
             layers = np.zeros(FUNCTIONS, dtype=np.int64)
             layers[: axis.degree + 1] = first_node + space.element_layers[e] * space.layer_nodes
@@ -163,10 +161,12 @@ class _Rule:
         x, w = np.polynomial.legendre.leggauss(self.across)
         t, v = np.polynomial.legendre.leggauss(self.along)
         self.shares = 0.5 * (1.0 + t)
-        n = space.points_around
-        local = np.pi / n * x
-        self.around = np.roll(boundary_functions(n, local), 1, axis=1)[:, :3]
-        theta = (space.turn + 2.0 * np.pi / n * np.arange(n)[:, None] + local).ravel()
+        angle, cos, flat, steep, before, after, part = _arcs(space)[1].T[:, :, None]
+        local = np.pi * part * x
+        middle, slope = (np.cos(local) - cos) * flat, np.sin(local) * steep
+        left, right = 0.5 * before * (1.0 - middle - slope), 0.5 * after * (1.0 - middle + slope)
+        self.around = np.stack([left, 1.0 - left - right, right], axis=-1).reshape(-1, 3)
+        theta = (angle + local).ravel()
         circle = np.stack([np.cos(theta), np.sin(theta)], axis=1)
         axial: list[Array] = []
         areas = []
@@ -179,9 +179,24 @@ class _Rule:
             _, jacobian = space.rod.grid(circle, u)
             around = jacobian[..., 1] * circle[:, :1] - jacobian[..., 0] * circle[:, 1:]
             area = np.linalg.norm(np.cross(around, jacobian[..., 2]), axis=-1)
-            areas.append(area * np.tile(np.pi / n * w, n) * (half * v)[:, None])
+            areas.append(area * (np.pi * part * w).ravel() * (half * v)[:, None])
         self.axial = axial
         self.areas = np.array(areas)
+
+
+def _arcs(space: "Space") -> tuple[Index, Array]:
+    """Return the arc of each fine arc, and what `isorod.contact.packed.SURFACE` has of each arc."""
+    basis = space.basis
+    parts = np.array(basis.arcs) if isinstance(basis, Graded) else np.ones(space.points_around, dtype=np.int64)
+    ends = np.cumsum(parts)
+    part = parts / ends[-1]
+    half = np.pi * part
+    middle = space.turn + np.pi / ends[-1] * (2.0 * ends - parts - 1.0)
+    lengths = np.tan(half)
+    before, after = (lengths / (lengths + np.roll(lengths, step)) for step in (1, -1))
+    cos, sin = np.cos(half), np.sin(half)
+    arcs = np.stack([middle, cos, cos / sin**2, 1.0 / sin, before, after, part], axis=1)
+    return np.repeat(np.arange(parts.size), parts), arcs
 
 
 def _rungs(space: "Space", e: int, sizes: tuple[float, float, float]) -> tuple[Array, float]:
@@ -206,24 +221,21 @@ def _rungs(space: "Space", e: int, sizes: tuple[float, float, float]) -> tuple[A
     return values, 2.0 * float(np.linalg.norm(np.diff(centers, axis=0), axis=1).max())
 
 
-def radii(space: "Space", elements: Sequence[int]) -> tuple[float, float]:
+def radii(space: "Space", elements: Sequence[int] | None = None) -> tuple[float, float]:
     """Return mean and largest distance of a section's outline from its centre, of the elements where it is smallest.
 
-    Outlines are those at the middles of elements.
+    Outlines are those at the middles of elements, of all where none are named.
     """
     breaks = space.axis.breaks
     middles = 0.5 * (breaks[1:] + breaks[:-1])
-    theta = np.linspace(0.0, 2.0 * np.pi, 8 * space.points_around, endpoint=False)
-    circle = np.stack([np.cos(theta), np.sin(theta)], axis=1)
-    outline, _ = space.rod.grid(circle, middles[list(elements)])
-    spokes = np.linalg.norm(outline - outline.mean(axis=1, keepdims=True), axis=2)
-    return float(spokes.mean(axis=1).min()), float(spokes.max(axis=1).min())
+    chosen = middles if elements is None else middles[list(elements)]
+    mean, largest = space.rod.radii(chosen, 8 * space.points_around)
+    return float(mean.min()), float(largest.min())
 
 
 def smallest_radius(model: "Model", contact: Contact) -> float:
     """Return the smallest mean radius of the elements that take part in a contact."""
-    spaces = [(model.bodies[body].space, elements) for body, elements in contact.sides]
-    return min(radii(on, range(on.axis.elements) if elements is None else elements)[0] for on, elements in spaces)
+    return min(radii(model.bodies[body].space, elements)[0] for body, elements in contact.sides)
 
 
 def penalty(model: "Model", contact: Contact) -> float:
@@ -233,7 +245,7 @@ def penalty(model: "Model", contact: Contact) -> float:
     stiffness = []
     for body, elements in contact.sides:
         space = model.bodies[body].space
-        radius, _ = radii(space, range(space.axis.elements) if elements is None else elements)
+        radius, _ = radii(space, elements)
         softest = min(law.surface_modulus for law in model.bodies[body].laws)
         stiffness.append(softest * space.points_around / (2.0 * np.pi * radius))
     return _STIFF * min(stiffness)

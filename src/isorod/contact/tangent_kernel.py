@@ -5,11 +5,11 @@ from numba import b1, f8, from_dtype, i8, types, void
 
 from isorod.arrays import Array, Index
 from isorod.compiled import F1, F2, I1, STRICT, njit
-from isorod.contact.force_kernel import rigid_gap
-from isorod.contact.mesh_kernel import LEVELS, aside, cross, mesh_gap
+from isorod.contact.force_kernel import project
+from isorod.contact.mesh_kernel import aside, cross
 from isorod.contact.packed import FUNCTIONS, MESH, PACKED, PLANE, SPHERE, Packed, Row, Table
 from isorod.contact.search_kernel import site
-from isorod.contact.surface_kernel import FOOT, Foot, arc_of, dot, evaluate, new_foot, surface_gap
+from isorod.contact.surface_kernel import FOOT, Foot, arc_of, dot, new_foot
 
 # A point couples at most this many nodes: three control points round each of two sections.
 NODES = 6 * FUNCTIONS
@@ -22,15 +22,12 @@ _PATCHES = types.Array(_PATCH_ROW, 1, "C")
 
 @njit(void(PACKED, I1, _PATCHES), **STRICT)
 def find_patches(packed: Packed, active: Index, patches: Table) -> None:
-    """Fill ``patches`` with those of active slave points."""
-    k = 0
+    """Fill ``patches``, which know their passes, with those of active slave points."""
     for m in range(active.size):
-        point = active[m]
-        while k + 1 < packed.passes.size and packed.passes[k + 1].first_point <= point:
-            k += 1
-        one, patch = packed.passes[k], patches[m]
+        point, patch = active[m], patches[m]
+        one = packed.passes[patch.number]
         at = site(one, packed.surfaces[one.slave], point)
-        patch.number, patch.element, patch.arc = k, at.element, at.arc
+        patch.element, patch.arc = at.element, at.arc
         patch.master_element = patch.master_arc = -1
         if one.master >= 0:
             patch.master_element = packed.starts[point].element
@@ -107,13 +104,12 @@ def _variations(packed: Packed, positions: Array, patch: Row, point: int, v: Arr
     shares, directions = np.empty(v.shape[1] // 3), np.zeros((3, 3))
     for m in range(mine):
         shares[m] = packed.along[at.along, m // 3] * packed.around[at.around, m % 3]
+    gap = project(packed, one, point, positions, foot)
     if one.master == MESH:
-        gap = mesh_gap(packed, one, packed.points[point], foot, np.empty(LEVELS, dtype=np.int64))
         directions[1:] = foot.y[1:3]
         if gap != 0.0:
             c[1, 1] = c[2, 2] = 1.0 / gap
     elif one.master < 0:
-        gap = rigid_gap(one, packed.points[point], foot.normal)
         if one.master == SPHERE:
             aside(foot.normal, directions[1])
             cross(foot.normal, directions[1], directions[2])
@@ -123,12 +119,7 @@ def _variations(packed: Packed, positions: Array, patch: Row, point: int, v: Arr
         if one.master != PLANE:
             c[1, 1] = 1.0 / (gap + one.radius)
     else:
-        start, edge, phi, axial = packed.starts[point], packed.states[point].edge, foot.phi, foot.axial
-        element = packed.elements[start.element]
-        master = packed.surfaces[element.surface]
-        evaluate(master, element, start.theta, start.s, positions, foot)
-        foot.d[:] = packed.points[point] - foot.y[0]
-        gap = surface_gap(foot, edge)
+        edge, phi, axial = packed.states[point].edge, foot.phi, foot.axial
         _curvature(foot, gap, edge, c)
         directions[1:] = foot.y[1:3]
         if edge:

@@ -109,6 +109,13 @@ class Rod(Checked):
         centers = self.control_points.mean(axis=1)
         return float(np.linalg.norm(np.diff(centers, axis=0), axis=1).sum()) / self.radius
 
+    def radii(self, u: ArrayLike, points: int) -> tuple[Array, Array]:
+        """Return mean and largest distance of so many points of the outline from their centre, ``(t,)`` each."""
+        theta = 2.0 * np.pi * np.arange(points) / points
+        outline = self.grid(np.stack([np.cos(theta), np.sin(theta)], axis=1), u)[0]
+        spokes = np.linalg.norm(outline - outline.mean(axis=1, keepdims=True), axis=2)
+        return spokes.mean(axis=1), spokes.max(axis=1)
+
     @property
     def distinct_control_points(self) -> int:
         """Number of control points, the shared layer of a closed rod counted once."""

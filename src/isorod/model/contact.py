@@ -97,12 +97,11 @@ class Contact(Checked):
         motions; statics begins with points no farther apart than a 48th of the way round, and takes more until there
         are enough across the patch.
     penetration
-        Statics solves an augmented Lagrangian (`isorod.statics.multipliers`): multipliers are added until no point
+        Statics solves an augmented Lagrangian (`isorod.statics.contact_policy`): multipliers are added until no point
         penetrates deeper than this length; where not given, a thousandth of the smallest radius, and, where a penalty
         is given, any.
     faces
-        End faces of the first body, ``"start"`` or ``"end"``, that meet a plane besides its lateral surface (dynamics
-        alone).
+        Removed: contact is that of lateral surfaces.
     friction
         Coulomb's coefficient: points stick up to that many times the pressure, on springs of the penalty's stiffness,
         and slip at it; 0 without friction.
@@ -136,18 +135,14 @@ class Contact(Checked):
                 whole_number(f"contact: points {name}", count, 1, MAX_POINTS)
         if self.penetration is not None and not (np.isfinite(self.penetration) and self.penetration > 0.0):
             raise InputError(f"contact: got penetration {self.penetration:g}, need a positive length")
-        if self.faces and not (isinstance(self.second, Plane) and len(self.groups[0]) == 1):
-            raise InputError("contact: faces are given, but end faces, of one body, meet planes alone")
-        if set(self.faces) - {"start", "end"}:
-            raise InputError(f"contact: got faces {tuple(self.faces)}, need some of 'start' and 'end'")
+        if self.faces:
+            raise InputError("contact: faces are given, but end faces touch nothing; leave faces out and add a support")
         if not (np.isfinite(self.friction) and self.friction >= 0.0):
             raise InputError(f"contact: got friction {self.friction:g}, need a coefficient, not negative")
         if not 2.0 <= self.across <= 12.0:
             raise InputError(f"contact: got {self.across:g} control points across a patch, need 2 to 12")
         if self.friction and isinstance(self.second, TriangleMesh):
             raise InputError("contact: friction is given, but meshes of triangles have none; leave it out")
-        if self.friction and self.faces:
-            raise InputError("contact: friction is given, but end faces have none; leave out one of friction and faces")
         self._check_groups()
 
     def _check_groups(self) -> None:
@@ -226,17 +221,13 @@ class Contact(Checked):
                     raise InputError(f"{where}: element {e!r} is not in body {body}, which has {count}")
 
 
-def refuse(
-    contacts: Sequence[Contact], *, penetration: bool = False, faces: bool = False, travel: bool = False
-) -> None:
-    """Raise `InputError` if a contact asks for what the caller has not: a largest penetration, end faces, a way."""
+def refuse_in_motion(contacts: Sequence[Contact]) -> None:
+    """Raise `InputError` if a contact has what is for statics alone: a largest penetration, or a plane that moves."""
     for index, contact in enumerate(contacts):
-        if travel and contact.travel:
+        if contact.travel:
             raise InputError(f"contact {index}: a plane that moves, by its travel, is for statics alone")
-        if penetration and contact.penetration is not None:
+        if contact.penetration is not None:
             raise InputError(f"contact {index}: a largest penetration (augmented Lagrangian) is for statics alone")
-        if faces and contact.faces:
-            raise InputError(f"contact {index}: contact of end faces is for explicit dynamics alone")
 
 
 def _is_index(value: object, count: int) -> bool:

@@ -82,7 +82,7 @@ def closer(rod: Rod, patches: Sequence[Patch]) -> Space:
 
 def _section(rod: Rod, patches: Sequence[Patch]) -> Graded:
     """Return section functions, whose arcs are as many everywhere along the rod."""
-    n, radius = rod.section_points, _radius(rod)
+    n, radius = rod.section_points, float(rod.radii(rod.axis.breaks, 16)[1].max())
     arcs = [(one.angle, one.around, (one.arc or one.size) / radius) for one in patches]
     whole = 2.0 * np.pi / n
     count = max(_evenly(whole, arcs), ceil(_FEWEST / n))
@@ -92,13 +92,6 @@ def _section(rod: Rod, patches: Sequence[Patch]) -> Graded:
     for k in range(n):
         found += _cut((k - 0.5) * whole, (k + 0.5) * whole, count, arcs, 2.0 * np.pi, 2.0 * np.pi / _FEWEST)
     return Graded(n, tuple(found))
-
-
-def _radius(rod: Rod) -> float:
-    """Return the largest distance of the outline from the centre line, about."""
-    angles = 2.0 * np.pi / 16 * np.arange(16)
-    outline = rod.grid(np.stack([np.cos(angles), np.sin(angles)], axis=1), rod.axis.breaks)[0]
-    return float(np.linalg.norm(outline - outline.mean(axis=1, keepdims=True), axis=2).max())
 
 
 def _evenly(length: float, patches: Sequence[tuple[float, float, float]]) -> int:

@@ -22,7 +22,7 @@ from isorod.petsc.library import solver_types
 from isorod.petsc.options import in_force
 from isorod.statics import stability
 from isorod.statics.climb import begin, climb, descend
-from isorod.statics.multipliers import outcome
+from isorod.statics.contact_policy import outcome
 from isorod.statics.newton import Newton
 from isorod.statics.path import Path, Step
 
@@ -242,8 +242,8 @@ def solve(
     (`isorod.statics.convergence` says when it has converged).  A step in which SNES diverges, an element inverts
     (``det F <= 0``) or loses most of its volume, a section turns too far, or bodies in contact go through each other,
     is halved and tried again; after quick steps the step doubles.  In the end multipliers of contact are added, and
-    points of it, as far as these are wanted (`isorod.statics.multipliers`).  With friction, which depends on the path,
-    that is done in each step, and each goes on from where points stick and slip at the end of the one before.
+    points of it, as far as these are wanted (`isorod.statics.contact_policy`).  With friction, which depends on the
+    path, that is done in each step, and each goes on from where points stick and slip at the end of the one before.
 
     Parameters
     ----------

@@ -5,11 +5,10 @@ import warnings
 from isorod.arrays import Array
 from isorod.errors import SolveError
 from isorod.statics import stability
-from isorod.statics.multipliers import settle
 from isorod.statics.newton import Newton
 from isorod.statics.path import Path
 from isorod.statics.proximal import NEARLY
-from isorod.statics.steps import Diverged, TooDeep
+from isorod.statics.steps import Diverged
 
 # A load step is halved at most this many times.
 HALVINGS = 10
@@ -20,17 +19,14 @@ _QUICK, _QUICK_TOUCHING = 4, 6
 # With contact, where steps that fail cost most, it takes as many of them more as steps were cut, at most so many.
 _WARY = 4
 
-# Before that, penalties of contact are lowered by this factor.
-SOFTER = 0.03
-
 
 def begin(solver: Newton, start: Array | None, path: Path) -> int | None:
     """Look for the equilibrium near a displacement; return how often multipliers were updated, None if it fails."""
-    contact = solver.assembler.contact
-    if start is None or (contact is not None and contact.friction is not None) or not solver.begin(start):
+    policy = solver.policy
+    if start is None or (policy is not None and policy.rubs) or not solver.begin(start):
         return None
     solver.settle()
-    updates = 0 if contact is None else settle_in_the_end(solver)
+    updates = 0 if policy is None else policy.settle_in_the_end()
     path.reached(solver.x, 1.0)
     return updates
 
@@ -43,8 +39,8 @@ def descend(solver: Newton, path: Path) -> int:
 
     descent.descend(solver)
     updates = 0
-    if solver.assembler.contact is not None:
-        updates = settle_in_the_end(solver)
+    if solver.policy is not None:
+        updates = solver.policy.settle_in_the_end()
         if stability.negative_eigenvalues(solver):
             raise SolveError("stable: no stable equilibrium is found: where contact is settled there is none")
     path.steps.pop()
@@ -57,12 +53,12 @@ def climb(solver: Newton, load_steps: int, path: Path, start: Array | None = Non
 
     With friction ``start``, a displacement near the end, is the first guess of a path of one load step.
     """
-    contact = solver.assembler.contact
-    rubs = contact is not None and contact.friction is not None
+    policy = solver.policy
+    rubs = policy is not None and policy.rubs
     stages = solver.assembler.model.stages
     if rubs and start is not None and load_steps == 1:
         solver.guess = solver.assembler.state(start)
-    factor, step, augmentations, quick, softer, loose = 0.0, 1.0 / load_steps, 0, 0, 1.0, 0.0
+    factor, step, augmentations, quick, loose = 0.0, 1.0 / load_steps, 0, 0, 0.0
     while factor < 1.0:
         end = next(stage for stage in stages if stage > factor)
         longest = solver.steps.turning.longest_step(factor)
@@ -70,23 +66,19 @@ def climb(solver: Newton, load_steps: int, path: Path, start: Array | None = Non
         target = end if reached > end - 1e-12 else reached
         guessed = solver.guess is not None
         try:
-            if rubs:
-                solves, updates, softer = _rub(solver, factor, target, softer)
+            if policy is not None and rubs:
+                solves, updates = policy.step(factor, target)
             else:
                 solves, updates = solver.advance(factor, target), 0
         except Diverged as problem:
-            deep = isinstance(problem, TooDeep)
             if guessed:
                 # It looks from where it would have without.
                 continue
             if solver.steps.watched and not solver.steps.careful:
                 solver.steps.careful = True
                 continue
-            if contact is not None and not rubs and not deep and contact.may_soften:
-                contact.stiffen(SOFTER)
+            if policy is not None and policy.failed(problem):
                 continue
-            if contact is not None and deep and contact.is_soft:
-                contact.stiffen(1.0 / SOFTER)
             solver.cuts += 1
             step = 0.5 * (target - factor)
             if step < min(1.0 / load_steps, longest) / 2**HALVINGS:
@@ -98,14 +90,14 @@ def climb(solver: Newton, load_steps: int, path: Path, start: Array | None = Non
             solver.forget_path()
         if factor == 1.0:
             solver.settle()
-            if contact is not None and (not rubs or solver.stabilisation is not None):
-                updates += settle_in_the_end(solver)
+            if policy is not None and (not rubs or solver.stabilisation is not None):
+                updates += policy.settle_in_the_end()
         augmentations += updates
         loose = loose if _note(solver, path, factor) else factor
-        quick = quick + 1 if solves <= (_QUICK if contact is None else _QUICK_TOUCHING) else 0
+        quick = quick + 1 if solves <= (_QUICK if policy is None else _QUICK_TOUCHING) else 0
         if factor == end:
             step, quick = 1.0 / load_steps, 0
-        elif quick > (0 if contact is None else min(solver.cuts, _WARY)):
+        elif quick > (0 if policy is None else min(solver.cuts, _WARY)):
             step, quick = 2.0 * step, 0
             if rubs:
                 # Whoever asks for more steps, since friction depends on the path, gets them.
@@ -128,7 +120,8 @@ def _note(solver: Newton, path: Path, factor: float) -> bool:
     if held is not None and factor < 1.0 and held.left > NEARLY:
         try:
             with solver.let_go(factor):
-                settle(solver, factor)
+                if solver.policy is not None:
+                    solver.policy.settle(factor)
                 path.reached(solver.x, factor)
         except (Diverged, SolveError):
             path.reached(solver.x, factor)
@@ -136,43 +129,3 @@ def _note(solver: Newton, path: Path, factor: float) -> bool:
         return True
     path.reached(solver.x, factor)
     return True
-
-
-def _rub(solver: Newton, factor: float, target: float, softer: float) -> tuple[int, int, float]:
-    """Take a load step with friction; return how many linear solves and updates of multipliers it took, and how softly.
-
-    Friction depends on the path, so penalties and multipliers are right at the end of each step.  Springs of friction
-    are as stiff as penalties: where these fall within a step, points hang on what they hung on when it began.
-    ``softer`` is the factor on penalties that the step begins with.
-    """
-    contact = solver.assembler.contact
-    assert contact is not None
-    contact.place(factor)
-    contact.accept(solver.assembler.displacement(solver.x, factor))
-    start, undo = solver.x.copy(), contact.keep()
-    contact.stiffen(softer)
-    while True:
-        try:
-            solves = solver.advance(factor, target)
-            updates = settle(solver, target)
-            if contact.is_soft:
-                raise Diverged("there is no equilibrium with penalties as high as they have to be")
-            return solves, updates, softer
-        except Diverged as problem:
-            # Shorter steps, whose points stick where they have touched, bring it nearer.
-            start.copy(solver.x)
-            may_soften = contact.may_soften
-            undo()
-            solver.forget_path()
-            if isinstance(problem, TooDeep) or not solver.steps.careful or not may_soften:
-                raise
-            softer *= SOFTER
-            contact.stiffen(softer)
-
-
-def settle_in_the_end(solver: Newton) -> int:
-    """Settle contact at the full load; return how often multipliers were updated."""
-    try:
-        return settle(solver, 1.0)
-    except Diverged as problem:
-        raise SolveError(str(problem)) from None

@@ -16,6 +16,7 @@ from isorod.options import defaults
 from isorod.petsc.inertia import TELLING
 from isorod.petsc.matrix import forget_factors
 from isorod.petsc.snes import create_snes
+from isorod.statics.contact_policy import ContactPolicy
 from isorod.statics.convergence import Convergence, worst_place
 from isorod.statics.line_search import LineSearch
 from isorod.statics.proximal import FEW, NEARLY
@@ -70,6 +71,8 @@ class Newton:
         Of the out-of-balance force in the last step: before the predictor, then at each iteration.
     stabilisation
         What holds bodies that contact is yet to hold, or None.
+    policy
+        Says when penalties, multipliers and points of contact change; None without contact.
     steps
         What is asked of load steps.
     cuts
@@ -100,6 +103,9 @@ class Newton:
         self._history: _Past | None = None
         self.steps = Steps(assembler)
         self.stabilisation: Proximal | None = None
+        self.policy: ContactPolicy | None = None
+        if assembler.contact is not None:
+            self.policy = ContactPolicy(self, assembler.contact)
         self._stage = PETSc.Log.Stage("solve")
         typed = PETSc.Options()
         self._own_tolerance = not typed.hasName("snes_atol")
@@ -142,7 +148,7 @@ class Newton:
 
         SNES or the line search and this object, each holding the other, would keep them for long.
         """
-        self._line_search = None
+        self._line_search = self.policy = None
         for one in (self.snes, self._matrix, self._trial, self._force, self._change):
             one.destroy()
 
@@ -159,8 +165,8 @@ class Newton:
 
     def _test(self, snes: PETSc.SNES, iteration: int, norms: tuple[float, float, float]) -> PETSc.SNES.ConvergedReason:
         """Return SNES's reason to stop; where lower penalties are left to try, hardly moving is one."""
-        search, contact = self._line_search, self.assembler.contact
-        if search is not None and search.short >= _STUCK and contact is not None and contact.may_soften:
+        search, policy = self._line_search, self.policy
+        if search is not None and search.short >= _STUCK and policy is not None and policy.may_soften:
             return PETSc.SNES.ConvergedReason.DIVERGED_LINE_SEARCH
         state, change, force = norms
         if search is not None and search.share < 1.0:

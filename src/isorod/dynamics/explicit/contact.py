@@ -8,14 +8,13 @@ from numpy.typing import NDArray
 
 from isorod.arrays import Array, Index
 from isorod.compiled import F1, F2, U1
+from isorod.contact import friction, tables
 from isorod.contact import ranks as dealt
-from isorod.contact import tables
+from isorod.contact.friction_kernel import FRICTION, Friction
 from isorod.contact.packed import PACKED, Packed
 from isorod.contact.passing import limits
-from isorod.dynamics.explicit import end_faces
-from isorod.dynamics.explicit.end_faces import FACES, Faces
 from isorod.dynamics.explicit.ranks import Ranks
-from isorod.model.contact import refuse
+from isorod.model.contact import refuse_in_motion
 from isorod.model.model import Model
 
 
@@ -24,8 +23,8 @@ class StepContact(NamedTuple):
 
     Attributes
     ----------
-    packed, faces
-        Contact of lateral surfaces, and of end faces.
+    packed, friction
+        Contact of lateral surfaces, and its friction.
     reference
         Coefficients of the undeformed bodies, numbered as the model's degrees of freedom, ``(dofs,)``.
     order
@@ -34,6 +33,8 @@ class StepContact(NamedTuple):
         Work space, ``(nodes, 3)``.
     limits
         How deep points of each pass may be before they come out at the far side (`isorod.contact.passing`).
+    carries
+        1 for the nodes whose functions add up to one, else 0: their forces make the resultant, ``(nodes,)``.
     mine
         Which nodes are this rank's, ``(nodes,)``.
     call, own, all
@@ -42,12 +43,13 @@ class StepContact(NamedTuple):
     """
 
     packed: Packed
-    faces: Faces
+    friction: Friction
     reference: Array
     order: NDArray[np.uint64]
     positions: Array
     forces: Array
     limits: Array
+    carries: Array
     mine: NDArray[np.bool_]
     call: NDArray[np.uint64]
     own: Array
@@ -58,24 +60,28 @@ class StepContact(NamedTuple):
 # whether a point is too deep.
 CONTACT_ENERGY, FORCE, AREA, TOO_DEEP, NUMBERS = 2, 3, 4, 5, 6
 
-STEP_CONTACT = types.NamedTuple((PACKED, FACES, F1, U1, F2, F2, F1, types.Array(b1, 1, "C"), U1, F1, F1), StepContact)
+_STRUCTURES = (PACKED, FRICTION)
+STEP_CONTACT = types.NamedTuple(
+    (*_STRUCTURES, F1, U1, F2, F2, F1, F1, types.Array(b1, 1, "C"), U1, F1, F1), StepContact
+)
 
 
 def pack(model: Model, order: Index, ranks: Ranks | None = None) -> StepContact:
     """Return the contacts of a model whose degrees of freedom are in this order in state vectors, shared by ranks."""
     ranks = Ranks(model, order) if ranks is None else ranks
-    refuse(model.contacts, penetration=True, travel=True)
+    refuse_in_motion(model.contacts)
     reference = np.concatenate([body.space.positions for body in model.bodies])
     packed = dealt.Ranks(ranks.communicator).split(tables.pack(model))
     size = 3 * packed.carriers.size + NUMBERS
     return StepContact(
         packed=packed,
-        faces=end_faces.pack(model, ranks.owned[::3]),
+        friction=friction.pack(model, packed),
         reference=reference.ravel(),
         order=order.astype(np.uint64),
         positions=np.empty_like(reference),
         forces=np.empty_like(reference),
         limits=np.repeat(limits(model), [len(contact.sides) for contact in model.contacts]),
+        carries=model.is_carrier.astype(float),
         mine=ranks.owned[::3].copy(),
         call=ranks.call(),
         own=np.zeros(size),

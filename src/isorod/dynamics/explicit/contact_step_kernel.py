@@ -4,7 +4,8 @@ from numba import b1, f8, i8, types, void
 
 from isorod.arrays import Array
 from isorod.compiled import F1, STRICT, njit
-from isorod.contact.force_kernel import PRESSING, add_forces
+from isorod.contact.force_kernel import add_forces
+from isorod.contact.friction_kernel import add_friction
 from isorod.dynamics.explicit.cholesky import FACTORS, Factors
 from isorod.dynamics.explicit.contact import (
     AREA,
@@ -15,7 +16,6 @@ from isorod.dynamics.explicit.contact import (
     TOO_DEEP,
     StepContact,
 )
-from isorod.dynamics.explicit.end_faces import add_forces as add_face_forces
 from isorod.dynamics.explicit.exchange_kernel import (
     ENERGY,
     EXCHANGE,
@@ -47,18 +47,6 @@ from isorod.dynamics.explicit.step_kernel import (
 # What `subtract` returns, a plain tuple, see `isorod.compiling.njit`.
 STEP_PRESSING = types.UniTuple(f8, 8)
 StepPressing = tuple[float, float, float, float, float, float, float, float]
-
-
-@njit(PRESSING(STEP_CONTACT, F1), **STRICT)
-def press(contact: StepContact, displacement: Array) -> tuple[float, float, float, float]:
-    """Set ``positions`` and ``forces`` of a contact by its pressures."""
-    order, positions, pushed = contact.order, contact.positions, contact.forces
-    for d in range(order.size):
-        positions[d // 3, d % 3] = contact.reference[d] + displacement[order[d]]
-    pushed[:] = 0.0
-    energy, force, area, deepest = add_forces(contact.packed, positions, pushed)
-    more_energy, more_force, more_area, as_deep = add_face_forces(contact.faces, positions, pushed)
-    return energy + more_energy, force + more_force, area + more_area, min(deepest, as_deep)
 
 
 @njit(b1(STEP_CONTACT, f8), **STRICT)
@@ -115,7 +103,7 @@ def add_up(contact: StepContact, energy: float, force: float, area: float, deepe
 @njit(types.UniTuple(f8, 3)(STEP_CONTACT, F1), **STRICT)
 def take(contact: StepContact, forces: Array) -> tuple[float, float, float]:
     """Subtract a contact's ``forces`` on this rank's nodes from internal forces, a state vector; return their sum."""
-    order, pushed, carries, mine = contact.order, contact.forces, contact.faces.carries, contact.mine
+    order, pushed, carries, mine = contact.order, contact.forces, contact.carries, contact.mine
     x = y = z = 0.0
     for d in range(order.size):
         if mine[d // 3]:
@@ -129,44 +117,45 @@ def take(contact: StepContact, forces: Array) -> tuple[float, float, float]:
     return x, y, z
 
 
-@njit(types.UniTuple(f8, 3)(STEP_CONTACT), **STRICT)
-def added(contact: StepContact) -> tuple[float, float, float]:
-    """Return energy, force and area as they were added up."""
-    numbers = contact.all[contact.all.size - NUMBERS :]
-    return numbers[CONTACT_ENERGY], numbers[FORCE], numbers[AREA]
+@njit(STEP_PRESSING(STEP_CONTACT, F1, b1, F1), **STRICT)
+def subtract(contact: StepContact, displacement: Array, keep: bool, forces: Array) -> StepPressing:
+    """Subtract the forces of contact and friction from internal forces.
 
-
-@njit(STEP_PRESSING(STEP_CONTACT, F1, F1), **STRICT)
-def subtract(contact: StepContact, displacement: Array, forces: Array) -> StepPressing:
-    """Subtract the contact forces from internal forces, both state vectors.
+    Parameters
+    ----------
+    contact
+        From `isorod.dynamics.explicit.contact.pack`.
+    displacement, forces
+        State vectors.
+    keep
+        As for `isorod.contact.friction_kernel.add_friction`.
 
     Returns
     -------
     energy, force, area, deepest
-        As of `isorod.contact.force_kernel.add_forces`; with friction, its springs' energy is in the first.  The deepest
-        is that of this rank's points.
+        As of `isorod.contact.force_kernel.add_forces`; the first with the energy of the springs of friction.  The
+        deepest is that of this rank's points.
     x, y, z
         Sum of all forces that rigid obstacles exert on this rank's nodes.
     dissipated
         What friction has dissipated at this rank's points since the last step.
     """
-    energy, force, area, deepest = press(contact, displacement)
+    order, positions, pushed = contact.order, contact.positions, contact.forces
+    for d in range(order.size):
+        positions[d // 3, d % 3] = contact.reference[d] + displacement[order[d]]
+    pushed[:] = 0.0
+    energy, force, area, deepest = add_forces(contact.packed, positions, pushed)
+    dissipated = 0.0
+    if energy >= 0.0:
+        springs, dissipated = add_friction(contact.packed, contact.friction, positions, keep, pushed)
+        energy += springs
     add_up(contact, energy, force, area, deepest)
-    energy, force, area = added(contact)
+    numbers = contact.all[contact.all.size - NUMBERS :]
+    energy, force, area = numbers[CONTACT_ENERGY], numbers[FORCE], numbers[AREA]
     x = y = z = 0.0
     if area > 0.0:
         x, y, z = take(contact, forces)
-    return energy, force, area, deepest, x, y, z, 0.0
-
-
-@njit(void(MESH, STATE, COURSE, STEP_CONTACT, EXCHANGE, i8), **STRICT)
-def prepare(mesh: Mesh, state: State, course: Course, contact: StepContact, exchange: Exchange, k: int) -> None:
-    """Evaluate the internal forces of step ``k``, and place what other ranks move; say what is to be added up."""
-    inverted = evaluate(mesh, state, course, k)
-    meet(contact, state.displacement)
-    first = contact.own.size - NUMBERS
-    contact.own[first + INVERTED_POINTS] = inverted
-    contact.own[first + ENERGY] = exchange.own[exchange.own.size - MASS_NUMBERS + ENERGY]
+    return energy, force, area, deepest, x, y, z, dissipated
 
 
 @njit(i8(MESH, STATE, FACTORS, COURSE, EXCHANGE, STEP_CONTACT, STEP_PRESSING), **STRICT)
@@ -223,9 +212,13 @@ def advance(
         From `isorod.dynamics.explicit.contact.pack`.
     """
     exchange.own[:] = 0.0
+    behind = contact.own.size - NUMBERS
     for k in range(first, last):
-        prepare(mesh, state, course, contact, exchange, k)
-        pressing = subtract(contact, state.displacement, state.forces)
+        inverted = evaluate(mesh, state, course, k)
+        meet(contact, state.displacement)
+        contact.own[behind + INVERTED_POINTS] = inverted
+        contact.own[behind + ENERGY] = exchange.own[exchange.own.size - MASS_NUMBERS + ENERGY]
+        pressing = subtract(contact, state.displacement, True, state.forces)
         outcome = finish(mesh, state, factors, course, exchange, contact, pressing)
         if outcome != DONE:
             return k, outcome

@@ -22,7 +22,6 @@ from isorod.model.model import Model
 from isorod.tensors import determinant
 
 if TYPE_CHECKING:
-    from isorod.contact.friction_kernel import Friction
     from isorod.contact.packed import Packed, Table
     from isorod.dynamics.explicit.contact import StepContact
 
@@ -79,11 +78,6 @@ class System:
             from isorod.dynamics.explicit import contact
 
             self.contact = contact.pack(model, self.order, self.ranks)
-        self.friction: Friction | None = None
-        if self.contact is not None and any(one.friction for one in model.contacts):
-            from isorod.contact import friction
-
-            self.friction = friction.pack(model, self.contact.packed)
 
     @property
     def starts(self) -> Array:
@@ -95,9 +89,9 @@ class System:
     @property
     def anchors(self) -> Array:
         """What friction remembers."""
-        if self.friction is None or self.contact is None:
+        if self.contact is None:
             return np.empty(0)
-        return self._of_all_points(self.contact.packed, self.friction.anchors)
+        return self._of_all_points(self.contact.packed, self.contact.friction.anchors)
 
     def _of_all_points(self, packed: "Packed", table: "Table") -> "Table":
         """Fill in a table what other ranks know of their points, and return it."""
@@ -111,10 +105,7 @@ class System:
         """What does not change of the contacts."""
         if self.contact is None:
             return ()
-        from isorod.dynamics.explicit import end_faces
-
-        rubbing = () if self.friction is None else (self.friction.coefficients,)
-        return (*self.contact.packed.fixed, *end_faces.pack(self.model), *rubbing)
+        return (*self.contact.packed.fixed, self.contact.friction.coefficients)
 
     def digest(self) -> str:
         """Return what tells the elements of this model from those of others, whatever the number of ranks."""
@@ -150,10 +141,6 @@ class System:
         given = self.mesh, self.state, self.factors, course, self.exchange, first, last
         if self.contact is None:
             return step_kernel.advance(*given)
-        if self.friction is not None:
-            from isorod.dynamics.explicit import friction_step_kernel
-
-            return friction_step_kernel.advance(*given, self.contact, self.friction)
         from isorod.dynamics.explicit import contact_step_kernel
 
         return contact_step_kernel.advance(*given, self.contact)
@@ -195,14 +182,9 @@ class System:
             return self.ranks.sums(forces), (0.0,) * 8
         starts = self.contact.packed.starts.copy()
         self.contact.own[:] = 0.0
-        if self.friction is None:
-            from isorod.dynamics.explicit import contact_step_kernel
+        from isorod.dynamics.explicit import contact_step_kernel
 
-            said = contact_step_kernel.subtract(self.contact, displacement, forces)
-        else:
-            from isorod.dynamics.explicit import friction_step_kernel
-
-            said = friction_step_kernel.subtract(self.contact, self.friction, displacement, False, forces)
+        said = contact_step_kernel.subtract(self.contact, displacement, False, forces)
         self.contact.packed.starts[:] = starts
         energy, force, area, deepest, *others = said
         deepest = self.ranks.smallest(deepest)

@@ -6,7 +6,7 @@ from petsc4py import PETSc
 
 from isorod.arrays import Array
 from isorod.contact.operator import ContactOperator
-from isorod.model.contact import refuse
+from isorod.model.contact import refuse_in_motion
 from isorod.model.model import Model
 
 if TYPE_CHECKING:
@@ -25,14 +25,14 @@ class MidpointContact(ContactOperator):
     long_steps = False
 
     def __init__(self, model: Model, comm: PETSc.Comm) -> None:
-        refuse(model.contacts, penetration=True, travel=True)
+        refuse_in_motion(model.contacts)
         super().__init__(model, comm)
         self.start = self._base.ravel() * 0.0
 
     def share(self, friction: "Friction") -> None:
         """Keep the history of friction there."""
-        assert self.friction is not None
-        self.friction.history = friction.anchors
+        if self.friction is not None:
+            self.friction.history = friction.anchors
 
     def _positions(self, displacement: Array) -> Array:
         return super()._positions(self.start + 0.5 * displacement)

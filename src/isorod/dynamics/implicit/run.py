@@ -42,9 +42,9 @@ class Run(run.Run):
         super().__init__(system, settings)
         self._longest = settings.time_step
         self.assembler, self._inertia = _made(system)
-        if system.friction is not None and self.assembler.contact is not None:
+        if system.contact is not None and self.assembler.contact is not None:
             # Outputs and checkpoints know the same history.
-            self.assembler.contact.share(system.friction)
+            self.assembler.contact.share(system.contact.friction)
         self.newton = Newton(self.assembler)
         # Cuts in this step and before, at most, and the shortest piece of it that could be taken.
         self._allowed, self._shortest = _CUTS, np.inf

@@ -1,0 +1,69 @@
+"""Stretches of the centre lines of bodies: which of them may touch, and between which there is a contact.
+
+Self-contact is considered only between points at least pi times the radius apart along the axis: a rod that is bent as
+tightly as it can be, with no radius left inside, has touched itself there (its centre line then turns with the radius
+of its section), and what is nearer is the neighbourhood of the point (compiled in `isorod.contact.search_kernel`).
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from isorod.arrays import Array, Index
+from isorod.model.contact import Contact
+
+Mask = NDArray[np.bool_]
+
+
+class Stretches(NamedTuple):
+    """Stretches of centre lines, ``m`` in all, each field of shape ``(m,)``.
+
+    Attributes
+    ----------
+    body, element, u
+        Numbers of body and element, and the axis parameter in the middle.
+    begin, end, period
+        Arc lengths from the start of the rod to both ends, and of the whole rod where that is closed, else infinity.
+    radius
+        Mean distance of the outline from the centre.
+    """
+
+    body: Index
+    element: Index
+    u: Array
+    begin: Array
+    end: Array
+    period: Array
+    radius: Array
+
+    def may_touch(self, first: Index, second: Index) -> Mask:
+        """Return whether pairs are of two bodies, or far enough apart along the axis of one."""
+        begin, end = self.begin, self.end
+        gap = np.maximum(begin[first], begin[second]) - np.minimum(end[first], end[second])
+        back = self.period[first] - np.maximum(end[first], end[second]) + np.minimum(begin[first], begin[second])
+        far = np.minimum(gap, back) >= np.pi * np.maximum(self.radius[first], self.radius[second])
+        return far | (self.body[first] != self.body[second])
+
+    def sides(self, contact: Contact) -> tuple[Index, Mask]:
+        """Return on which side of a contact the body of each is, -1 on none, and whether its element takes part."""
+        side, part = np.full(self.body.size, -1), np.zeros(self.body.size, dtype=bool)
+        for number, bodies in enumerate(contact.groups):
+            side[np.isin(self.body, bodies)] = number
+        for body, elements in contact.sides:
+            mine = self.body == body
+            part |= mine if elements is None else mine & np.isin(self.element, np.asarray(elements, dtype=np.int64))
+        return side, part
+
+    def declared(self, contacts: Sequence[Contact], first: Index, second: Index) -> tuple[Mask, Mask]:
+        """Return whether a contact is between the two of each pair, or is but leaves their elements out."""
+        there, bodies = np.zeros(first.size, dtype=bool), np.zeros(first.size, dtype=bool)
+        for contact in contacts:
+            if contact.obstacle is None:
+                side, part = self.sides(contact)
+                one, other = side[first], side[second]
+                between = (one >= 0) & (other >= 0) & ((one != other) | (len(contact.groups) == 1))
+                bodies |= between
+                there |= between & part[first] & part[second]
+        return there, bodies & ~there

@@ -1,0 +1,273 @@
+"""Contact on the way to an equilibrium: when its penalties, multipliers and points change, asked by load steps.
+
+- A load step fails: penalties that nobody typed fall, and the step is tried again; where bodies went through each other
+  since they had fallen, they rise (`ContactPolicy.failed`).
+- With friction they fall within the step alone, and those after it begin as low (`ContactPolicy.step`).
+- A state is reached: penalties rise again, points are added until patches are resolved, and multipliers until contact
+  is as tight as asked for (`ContactPolicy.settle`).
+- Updates of multipliers stall: penalties rise above their defaults.
+
+Uzawa's updates make the pressures of a solution the multipliers of the next.  The first ones are those of the plain
+penalty; what is added to them is then the same all over a cell (`isorod.contact.cells`), which leaves the surfaces as
+free as they are able to move: multipliers of points, of which there are more, take away the gap of each and make of the
+pressure the fewer and higher peaks the more often they are updated.  Only where penetration stays too deep, since
+control points are far apart, or more is asked for than such surfaces can do, pressures at points follow, and where
+these stall a stiffer penalty.
+"""
+
+import warnings
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+from petsc4py import PETSc
+
+from isorod.arrays import Array
+from isorod.assembly.assembler import Assembler
+from isorod.errors import SolveError
+from isorod.statics.steps import Diverged, Steps, TooDeep
+
+if TYPE_CHECKING:
+    from isorod.contact.operator import ContactOperator
+    from isorod.contact.result import ContactResult
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """By how much and how often a `ContactPolicy` changes what.
+
+    Attributes
+    ----------
+    softer, softest
+        Factor on penalties after a load step that failed, and the share of their defaults below which they do not fall.
+    stiffer, stiffenings
+        Factor on penalties where updates of multipliers stall, or, at most, where penalties rise again, and how often
+        they rise above their defaults at most.
+    stalled
+        Share of the penetration that updates leave where they stall.
+    updates, halvings
+        Updates of the multipliers at most, and how often one that fails is halved.
+    additions
+        How often points are added at most.
+    """
+
+    softer: float = 0.03
+    softest: float = 2e-3
+    stiffer: float = 4.0
+    stiffenings: int = 3
+    stalled: float = 0.5
+    updates: int = 50
+    halvings: int = 3
+    additions: int = 3
+
+
+TUNING = Tuning()
+
+
+class Solver(Protocol):
+    """What finds equilibria, `isorod.statics.newton.Newton`."""
+
+    assembler: Assembler
+    steps: Steps
+    x: PETSc.Vec
+
+    def advance(self, factor: float, target: float) -> int:
+        """Go from the equilibrium at one load factor to that at another."""
+
+    def forget_path(self) -> None:
+        """Begin a new path."""
+
+
+class ContactPolicy:
+    """Penalties, multipliers and points of the contacts of a model, on its way to an equilibrium.
+
+    Parameters
+    ----------
+    solver
+        Finds equilibria.
+    contact
+        Of its assembler.
+
+    Attributes
+    ----------
+    rubs
+        Whether there is friction.
+    """
+
+    def __init__(self, solver: Solver, contact: "ContactOperator") -> None:
+        self._solver, self._contact = solver, contact
+        self.rubs = contact.friction is not None
+        # What penalties are multiplied by where a step with friction begins.
+        self._begins = 1.0
+
+    @property
+    def is_soft(self) -> bool:
+        """Whether penalties that nobody typed are lower than their defaults."""
+        return self._contact.stiffness < 0.5
+
+    @property
+    def may_soften(self) -> bool:
+        """Whether penalties that nobody typed may be lower than they are."""
+        return self._contact.stiffness > TUNING.softest and self._contact.has_defaults
+
+    def failed(self, problem: Diverged) -> bool:
+        """Change penalties after a load step that failed; return whether the same step is to be tried again."""
+        deep = isinstance(problem, TooDeep)
+        if not self.rubs and not deep and self.may_soften:
+            self._contact.stiffen(TUNING.softer)
+            return True
+        if deep and self.is_soft:
+            self._contact.stiffen(1.0 / TUNING.softer)
+        return False
+
+    def step(self, factor: float, target: float) -> tuple[int, int]:
+        """Take a load step with friction; return how many linear solves and updates of multipliers it took.
+
+        Friction depends on the path, so penalties and multipliers are right at the end of each step.  Springs of
+        friction are as stiff as penalties: where these fall within a step, anchors stay where they were when it began.
+
+        Raises
+        ------
+        Diverged
+            If there is no equilibrium, or none with penalties as high as their defaults; all is then as before.
+        """
+        solver, contact, softer = self._solver, self._contact, self._begins
+        contact.place(factor)
+        contact.accept(self._displacement(factor))
+        start, undo = solver.x.copy(), contact.keep()
+        while True:
+            contact.stiffen(softer)
+            try:
+                solves = solver.advance(factor, target)
+                updates = self.settle(target)
+                if self.is_soft:
+                    raise Diverged("there is no equilibrium with penalties as high as they have to be")
+            except Diverged as problem:
+                # Shorter steps, whose points stick where they have touched, bring it nearer.
+                start.copy(solver.x)
+                again = solver.steps.careful and self.may_soften and not isinstance(problem, TooDeep)
+                undo()
+                solver.forget_path()
+                if not again:
+                    raise
+                softer *= TUNING.softer
+            else:
+                self._begins = softer
+                return solves, updates
+
+    def settle(self, factor: float) -> int:
+        """Settle contact at a load factor; return how many updates of multipliers that took.
+
+        Raises
+        ------
+        Diverged
+            If there is no equilibrium with more points, or other multipliers.
+        SolveError
+            If penetration does not fall to what is asked for.
+        """
+        self._harden(factor)
+        for _ in range(TUNING.additions):
+            if not self._contact.see_better(self._displacement(factor), between=factor == 1.0):
+                break
+            try:
+                self._solver.advance(factor, factor)
+            except Diverged as problem:
+                raise Diverged(f"more points of contact: {problem}") from None
+        return self._at_points(factor, self._in_cells(factor))
+
+    def settle_in_the_end(self) -> int:
+        """Settle contact at the full load, where it must not fail; return how often multipliers were updated."""
+        try:
+            return self.settle(1.0)
+        except Diverged as problem:
+            raise SolveError(str(problem)) from None
+
+    def _displacement(self, factor: float) -> Array:
+        return self._solver.assembler.displacement(self._solver.x, factor)
+
+    def _harden(self, factor: float) -> None:
+        """Raise penalties that fell on the way to what they were, or as far as there is an equilibrium.
+
+        Multipliers of a penalty that is too soft take the patch for what that made of it.
+        """
+        if not self.is_soft:
+            return
+        contact = self._contact
+        rises = int(np.ceil(np.log(1.0 / contact.stiffness) / np.log(TUNING.stiffer)))
+        times = (1.0 / contact.stiffness) ** (1.0 / rises)
+        for _ in range(rises):
+            contact.stiffen(times)
+            try:
+                self._solver.advance(factor, factor)
+            except Diverged:
+                contact.stiffen(1.0 / times)
+                return
+
+    def _deepest(self, factor: float) -> tuple[float, str]:
+        """Return the largest penetration over its limit, and in words."""
+        return max(self._contact.excess(self._displacement(factor)), default=(0.0, ""))
+
+    def _update(self, factor: float, in_cells: bool) -> Diverged | None:
+        """Update multipliers and find the equilibrium; by half as much each time that fails, and then not at all."""
+        contact = self._contact
+        before = contact.packed.multipliers.copy()
+        contact.augment(self._displacement(factor), in_cells)
+        change = contact.packed.multipliers - before
+        for halvings in range(TUNING.halvings + 1):
+            contact.packed.multipliers[:] = before + 0.5**halvings * change
+            try:
+                self._solver.advance(factor, factor)
+            except Diverged as why:
+                problem = why
+            else:
+                return None
+        contact.packed.multipliers[:] = before
+        return problem
+
+    def _in_cells(self, factor: float) -> int:
+        """Update multipliers by cells until that does no more; return how many updates there are.
+
+        A small patch may be less deep than the limit, and give way all the same.
+        """
+        count, last = 0, np.inf
+        while count < TUNING.updates:
+            depth, _ = self._deepest(factor)
+            if depth > TUNING.stalled * last or depth <= 0.0:
+                break
+            problem = self._update(factor, in_cells=True)
+            if problem is not None and depth <= 1.0:
+                break
+            if problem is not None:
+                raise Diverged(f"augmented Lagrangian, update {count + 1}: {problem}")
+            count, last = count + 1, depth
+        return count
+
+    def _at_points(self, factor: float, count: int) -> int:
+        """Update multipliers at points until all is tight; return how many updates there are now."""
+        last, raised = np.inf, 0
+        while True:
+            depth, said = self._deepest(factor)
+            if depth <= 1.0:
+                return count
+            if count >= TUNING.updates:
+                raise SolveError(f"{said} after {TUNING.updates} updates of the multipliers; raise the penalty")
+            if depth > TUNING.stalled * last and raised < TUNING.stiffenings:
+                self._contact.stiffen(TUNING.stiffer)
+                raised += 1
+            problem = self._update(factor, in_cells=False)
+            if problem is not None:
+                raise Diverged(f"augmented Lagrangian, update {count + 1}: {problem}")
+            count, last = count + 1, depth
+
+
+def outcome(contact: "ContactOperator", displacement: Array) -> "list[ContactResult]":
+    """Return the outcome of each contact, and warn of what is not to be trusted.
+
+    Whoever gives penalty and points has said what the contact is.
+    """
+    results = contact.results(displacement, check=True)
+    for k, (asked, result) in enumerate(zip(contact.model.contacts, results, strict=True)):
+        doubt = result.doubt()
+        if doubt is not None and (asked.penalty is None or asked.points is None):
+            warnings.warn(f"contact {k}: {doubt}", stacklevel=5)
+    return results
