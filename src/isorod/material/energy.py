@@ -107,6 +107,8 @@ def pressure_at_rest(given: sp.Expr) -> sp.Expr:
 
 def _checked(given: sp.Expr, constants: Sequence[sp.Symbol]) -> sp.Expr:
     """Return an energy in which ``C`` is replaced by ``F``, if all its symbols are known."""
+    if callable(given):
+        raise InputError("energy: got a function, need an expression of SymPy")
     given = sp.sympify(given)
     if set(s.C) & given.free_symbols:
         product = s.F.T * s.F

@@ -179,7 +179,7 @@ class Shape(Material):
         from isorod.material.energy import Energy
 
         whole = self.law.stored
-        return Energy(whole.shape, whole.constants) if isinstance(whole, Energy) else whole
+        return Energy(whole.shape, whole.constants)
 
     @property
     def constants(self) -> Array:

@@ -10,8 +10,6 @@ import numpy as np
 from isorod.errors import InputError
 from isorod.material.fibre import Fibre
 from isorod.material.from_energy import FromEnergy
-from isorod.material.places import alone
-from isorod.material.points import at_points
 
 if TYPE_CHECKING:
     from isorod.material.energy import Energy
@@ -28,9 +26,7 @@ class Hyperelastic(FromEnergy):
     ----------
     definition
         A SymPy expression of the symbols in `isorod.material.symbols` and of constants: of ``I1``, ``I2``, ``J``,
-        principal stretches, fibre stretches, or components of ``F`` or ``C``.  Or a function that Numba compiles, of
-        ``F`` ``(3, 3)``, real or complex, of the constants ``(c,)`` and, where fibres are asked for, their direction
-        ``(3,)``: slower, and unknown to finite elements.
+        principal stretches, fibre stretches, or components of ``F`` or ``C``.
     parameters
         Value of each constant, by its symbol or name.
     bulk
@@ -74,11 +70,7 @@ class Hyperelastic(FromEnergy):
 
     @cached_property
     def stored(self) -> "Energy":
-        """Its energy as an expression, or what has one's place."""
-        if callable(self.definition):
-            from isorod.material.function_energy import FunctionEnergy
-
-            return FunctionEnergy(self.definition, self.bulk is not None)  # type: ignore[return-value]
+        """Its energy as an expression."""
         from isorod.material.energy import completed, whole
 
         return (whole if self.bulk is None else completed)(self.definition, self._symbols)
@@ -86,28 +78,14 @@ class Hyperelastic(FromEnergy):
     @cached_property
     def values(self) -> tuple[float, ...]:
         """The constants of the energy."""
-        own = tuple(float(value) for value in self.parameters.values())
-        if not callable(self.definition) or self.bulk is None:
-            return own
-        return *own, pressure_at_rest(self, own)
+        return tuple(float(value) for value in self.parameters.values())
 
     @cached_property
     def lame(self) -> float:
         """Factor of the volumetric energy ``bulk/2 theta^2``, force / area."""
         if self.bulk is not None:
             return self.bulk
-        if callable(self.definition):
-            return 0.0
         from isorod.material.energy import factor_of
 
         found = factor_of(self.stored, self.definition)
         return float(found.subs(dict(zip(self._symbols, self.values, strict=True))))
-
-
-def pressure_at_rest(law: Hyperelastic, constants: tuple[float, ...]) -> float:
-    """Return the pressure, positive in tension, of a law's function at rest, force / area."""
-    stress = np.empty((1, 3, 3))
-    fibres = law.placed(alone()).fibres((1,)).reshape(1, -1)
-    given = np.eye(3)[None], np.array([*constants, 0.0, 0.0]), fibres
-    at_points(law.compiled.point, *given, np.empty((1, 2)), stress)
-    return float(np.trace(stress[0])) / 3.0

@@ -19,16 +19,13 @@ from typing import Any
 from numba import config
 
 from isorod.material.energy import Energy
-from isorod.material.function_energy import FunctionEnergy
 from isorod.material.generate import source
 from isorod.material.points import Compiled
 
 
 @cache
-def compiled(energy: Energy | FunctionEnergy) -> Compiled:
+def compiled(energy: Energy) -> Compiled:
     """Return the compiled functions of an energy."""
-    if isinstance(energy, FunctionEnergy):
-        return energy.compiled
     module = _module(source(energy))
     return Compiled(module.point, module.block, module.tangent)
 
