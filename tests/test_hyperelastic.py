@@ -161,7 +161,7 @@ FAMILY = (
     + K / 2 * (s.J - 1) ** 2
     + sp.Symbol("slope") * s.I1
     + sp.Symbol("root") * sp.sqrt(s.I1 - sp.Symbol("limit"))
-    + sp.Symbol("large") * (sp.exp(1e-6 * (s.I1bar - 3)) - 1e-6 * s.I1bar)
+    + sp.Symbol("large") * (sp.log(s.I1 - 2) - (s.I1 - 3) + (s.I1 - 3) ** 2 / 2)
 )
 GOOD = {"mu": 1.0, "K": 9.0, "slope": 0.0, "root": 0.0, "limit": -1.0, "large": 0.0}
 
@@ -172,7 +172,7 @@ GOOD = {"mu": 1.0, "K": 9.0, "slope": 0.0, "root": 0.0, "limit": -1.0, "large": 
         ({"slope": 0.5}, r"not free of stress at rest, there is a pressure of -1;"),
         ({"mu": -1.0}, r"not elliptic at rest: the least modulus of plane waves is -1\.\d+"),
         ({"root": 1e-9, "limit": 3.0}, r"NaN at strains of 0\.08"),
-        ({"large": 1e12}, r"at strains of 1e-08 is off by [\d.]+ %: cancellation"),
+        ({"large": 1e3}, r"at strains of 1e-08 is off by [\d.]+ %: cancellation"),
     ],
 )
 def test_a_bad_law_is_told_which_check_fails_and_by_how_much(changed, message):
@@ -217,7 +217,7 @@ def test_compiled_code_is_kept_for_other_processes():
     law = Hyperelastic(NEO_HOOKE, MODULI).placed(alone())
     law.tangent(np.eye(3)[None])
     assert law.compiled._tangent.kept
-    assert law.compiled._point.kept
+    assert law.compiled._block.kept
 
 
 def test_a_law_is_told_from_others_by_its_energy():

@@ -98,7 +98,7 @@ class Region:
         one = law.compiled
         trace = not getattr(law, "logarithmic", True)
         fibres = law.fibres(self.shape) if law.families else _NO_FIBRES
-        functions = Functions(one.point, one.block, one.tangent if wanted else 0, law.constants)
+        functions = Functions(one.block, one.tangent if wanted else 0, law.constants)
         return functions, _steps(wanted, extrapolates, pressed, trace), fibres
 
     def _some(self, count: int) -> Iterator[tuple[int, int]]:

@@ -17,7 +17,7 @@ Symmetric tensors have six components, 00, 01, 02, 11, 12, 22, and so have trian
 from typing import Any
 
 import numpy as np
-from numba import b1, f8, i8, u8, void
+from numba import f8, i8, u8, void
 
 from isorod.arrays import Array
 from isorod.compiled import F1, F2, F3, F5, FAST, cofactors, njit
@@ -31,7 +31,6 @@ from isorod.material.points import (
     MODULI_WORK,
     POINTS,
     ROWS,
-    by_points,
     call_block,
     call_tangent,
     modulus_row,
@@ -62,17 +61,6 @@ def _pair(p: int, q: int) -> int:
     """Return which of 21 pairs of six components this is."""
     low, high = min(p, q), max(p, q)
     return low * (11 - low) // 2 + high
-
-
-@njit(void(u8, u8, F1, F1, b1, F2, F2, F1), **FAST)
-def _evaluate(
-    point: int, block: int, work: Array, constants: Array, wanted: bool, F: Array, stress: Array, fibre: Array
-) -> None:
-    """Fill the law's rows of stress, and of energies if wanted."""
-    if block:
-        call_block(block, (work, constants, 1.0, wanted))
-    else:
-        by_points(point, work, constants, 1.0, F, stress, fibre)
 
 
 @njit(void(F2, F1, f8), **FAST)
@@ -146,17 +134,15 @@ def _add_moduli(own: Array, work: Array, share: float) -> None:
                                     own[into, k] -= share * own[left, k] * own[right, k] * own[own_stress, k]
 
 
-@njit(f8(u8, u8, u8, F1, F1, F3, F1), **FAST)
-def _modulus(
-    point: int, block: int, tangent: int, work: Array, constants: Array, tensors: Array, fibre: Array
-) -> float:
+@njit(f8(u8, u8, F1, F1), **FAST)
+def _modulus(block: int, tangent: int, work: Array, constants: Array) -> float:
     """Return the largest of the moduli at rest, of the fibres of a block."""
     work[POINTS * GRADIENT : POINTS * DETERMINANT] = 0.0
     for k in range(_W):
         for a in range(np.uint64(3)):
             work[ROWS[GRADIENT] + a * ROWS[4] + k] = 1.0
         work[ROWS[DETERMINANT] + k] = 1.0
-    _evaluate(point, block, work, constants, False, tensors[0], tensors[1], fibre)
+    call_block(block, (work, constants, 1.0, False))
     work[POINTS * MODULI :] = 0.0
     call_tangent(tangent, (work, constants, 1.0))
     return float(np.abs(work[POINTS * MODULI :]).max())
@@ -239,9 +225,8 @@ def _finish(
                     moduli[m, a, A, b, B] = value
 
 
-@njit(void(u8, u8, u8, F3, F3, F1, F2, F3, F5), **FAST)
+@njit(void(u8, u8, F3, F3, F1, F2, F3, F5), **FAST)
 def discrete_gradient(
-    point: int,
     block: int,
     tangent: int,
     start: Array,
@@ -255,7 +240,7 @@ def discrete_gradient(
 
     Parameters
     ----------
-    point, block, tangent
+    block, tangent
         Addresses of the law's functions.
     start, change
         Deformation gradients and their changes, shape ``(points, 3, 3)``.
@@ -265,7 +250,7 @@ def discrete_gradient(
         ``P``, shape ``(points, 3, 3)``, and its derivatives by the end state, shape ``(points, 3, 3, 3, 3)`` or empty.
     """
     work, own = np.zeros(MODULI_WORK * POINTS), np.empty((_OWN, POINTS))
-    tensors, varied, fibre = np.empty((6, 3, 3)), np.empty((6, 9)), np.zeros(6)
+    tensors, varied = np.empty((6, 3, 3)), np.empty((6, 9))
     F, middle, scratch = tensors[0], tensors[1], tensors[2]
     bad = np.zeros(POINTS, dtype=np.bool_)
     count, wanted, modulus = start.shape[0], moduli.shape[0] > 0, 0.0
@@ -290,12 +275,12 @@ def discrete_gradient(
             for a in range(fibres.shape[1]):
                 work[ROWS[FIBRE] + np.uint64(POINTS * a) + k] = fibres[m, a]
         if begin == 0:
-            modulus = _modulus(point, block, tangent, work, constants, tensors, fibre)
+            modulus = _modulus(block, tangent, work, constants)
         own[_MEAN:_LAST] = 0.0
         for place in range(len(_PLACES)):
             t, share = _PLACES[place], _SHARES[place]
             _go(own, work, t)
-            _evaluate(point, block, work, constants, False, F, scratch, fibre)
+            call_block(block, (work, constants, 1.0, False))
             _add_stress(own, work, share)
             if wanted:
                 work[POINTS * MODULI :] = 0.0
@@ -310,7 +295,7 @@ def discrete_gradient(
                         F[a, A] = (1.0 if a == A else 0.0) if bad[k] else value
                         work[ROWS[GRADIENT] + np.uint64(POINTS * (3 * a + A)) + k] = F[a, A]
                 work[ROWS[DETERMINANT] + k] = cofactors(F, scratch)
-            _evaluate(point, block, work, constants, True, F, scratch, fibre)
+            call_block(block, (work, constants, 1.0, True))
             for k in range(_W):
                 own[_BEFORE + last, k] = work[ROWS[ENERGY] + k] + work[ROWS[ACTIVE] + k]
         for c in range(np.uint64(9)):

@@ -26,17 +26,17 @@ from math import erf
 
 import numpy as np
 
-from isorod.compiled import FAST, STRICT, njit
+from isorod.compiled import FAST, njit
 from isorod.material.functions import SPECTRAL, exp, log, power, principals
 from isorod.material.moduli_kernel import add_both, add_diagonal, add_rows, add_turned, combined, outer, scaled
-from isorod.material.points import BLOCK, POINT, POINTS, TANGENT, add_identity, add_products, add_square
+from isorod.material.points import BLOCK, POINTS, TANGENT, add_identity, add_products, add_square
 '''
 
 _COMPONENTS = [(a, A) for a in range(3) for A in range(3)]
 
 
 def source(energy: Energy) -> str:
-    """Return the source of a module with the functions `point`, `block` and `tangent` of a law.
+    """Return the source of a module with the functions `block` and `tangent` of a law.
 
     Raises
     ------
@@ -44,7 +44,7 @@ def source(energy: Energy) -> str:
         If the energy has a function that is not known here.
     """
     body = _Body(energy)
-    functions = [*body.point(), "", "", *body.block(), "", "", *body.tangent(), ""]
+    functions = [*body.block(), "", "", *body.tangent(), ""]
     rows = sorted({int(one) for line in functions for one in re.findall(r"\bROW(\d+)\b", line)})
     return "\n".join([_HEADER, *[f"ROW{one} = np.uint64({ROWS[one]})" for one in rows], "", "", *functions])
 
@@ -196,20 +196,7 @@ class _Body:
         found |= {one: f"outer(n{i}, v{i})" for i, one in enumerate(s.stretches)}
         return [f"d_{one} = {found[one]}" for one in self.scalars]
 
-    # The three functions.
-
-    def point(self) -> list[str]:
-        lines = ["@njit(POINT, **STRICT)", "def point(F, constants, fibre, activation, stress):", *self._constants()]
-        body = [f"f{a}{A} = F[{a}, {A}]" for a, A in _COMPONENTS]
-        body.append(
-            "det = (f00 * (f11 * f22 - f12 * f21) + f01 * (f12 * f20 - f10 * f22) + f02 * (f10 * f21 - f11 * f20))"
-        )
-        if spectral := self._spectral():
-            body += ["spectral = np.empty(SPECTRAL * POINTS)", "k = np.uint64(0)", *spectral, "principals(spectral, 1)"]
-        body += [*self._fibres(lambda k: f"fibre[{k}]"), *self._kinematics(), *self._slopes(), *self._stress()]
-        body += [f"stress[{a}, {A}] = p[{3 * a + A}]" for a, A in _COMPONENTS]
-        body += assignments(["rest", "active"], [self.rest, self.active])
-        return lines + ["    " + one for one in body] + ["    return valid * rest, valid * active"]
+    # The two functions.
 
     def _head(self, name: str, arguments: str) -> list[str]:
         lines = [f"@njit({name.upper()}, **FAST)", f"def {name}({arguments}):", *self._constants()]
@@ -234,6 +221,7 @@ class _Body:
         body += [f"work[{_row(component)} + k] = p[{component}]" for component in range(9)]
         lines = [*self._head("block", "work, constants, activation, wanted"), *self._loop(body)]
         energies = [*self._read(), *self._kinematics(), *assignments(["rest", "active"], [self.rest, self.active])]
+        energies += ["valid = 1.0 if det > 0.0 else np.nan", "rest = valid * rest", "active = valid * active"]
         energies = _needed(energies, ("rest", "active"))
         energies += [f"work[{_row(ENERGY)} + k] = rest", f"work[{_row(ACTIVE)} + k] = active"]
         return [*lines, "    if wanted:", *self._loop(energies, 2)]

@@ -1,4 +1,4 @@
-"""What a law is: its energy and stress from one compiled function of a point, its tangent, and what follows from them.
+"""What a law is: energy and stress from one compiled function, the tangent from another, and what follows from them.
 
 A new law is one file: a class with ``compiled`` and ``constants``.  Statics, modes and both integrators of dynamics
 then take it.
@@ -79,7 +79,7 @@ class Material(ABC):
         """Return ``dP/dF``, shape ``F.shape + (3, 3)``."""
         moduli, one = np.empty((*F.shape, 3, 3)), self.compiled
         given = flat(F), self.constants, self._flat_fibres(F.shape[:-2])
-        moduli_at_points(one.point, one.block, one.tangent, *given, moduli.reshape(-1, 3, 3, 3, 3))
+        moduli_at_points(one.block, one.tangent, *given, moduli.reshape(-1, 3, 3, 3, 3))
         return moduli
 
     def energy(self, F: Array) -> Array:
@@ -93,7 +93,7 @@ class Material(ABC):
     def _evaluate(self, F: Array) -> tuple[Array, Array]:
         energy, stress = np.empty((*F.shape[:-2], 2)), np.empty(F.shape)
         given = flat(F), self.constants, self._flat_fibres(F.shape[:-2])
-        at_points(self.compiled.point, *given, energy.reshape(-1, 2), stress.reshape(-1, 3, 3))
+        at_points(self.compiled.block, *given, energy.reshape(-1, 2), stress.reshape(-1, 3, 3))
         return energy, stress
 
     def _flat_fibres(self, shape: tuple[int, ...]) -> Array:
@@ -116,7 +116,7 @@ class Material(ABC):
         stress, moduli = np.empty(F.shape), np.empty((*F.shape, 3, 3) if wanted else (0, 3, 3, 3, 3))
         one, given = self.compiled, (flat(F), flat(change), self.constants, self._flat_fibres(F.shape[:-2]))
         found = stress.reshape(-1, 3, 3), moduli.reshape(-1, 3, 3, 3, 3)
-        discrete_gradient(one.point, one.block, one.tangent, *given, *found)
+        discrete_gradient(one.block, one.tangent, *given, *found)
         return stress, moduli if wanted else None
 
     def fibres(self, shape: tuple[int, ...]) -> Array:

@@ -7,13 +7,12 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from isorod.arrays import Array
-from isorod.compiled import FAST, STRICT, njit
+from isorod.compiled import FAST, njit
 from isorod.material.law import Isotropic
 from isorod.material.points import (
     BLOCK,
     ENERGY,
     GRADIENT,
-    POINT,
     POINTS,
     ROWS,
     SQUARES,
@@ -27,19 +26,6 @@ if TYPE_CHECKING:
     from isorod.material.energy import Energy
 
 _F = GRADIENT
-
-
-@njit(POINT, **STRICT)
-def _point(F: Array, constants: Array, fibre: Array, activation: float, stress: Array) -> tuple[float, float]:
-    mu, lame = constants[0], constants[1]
-    trace = F[0, 0] + F[1, 1] + F[2, 2] - 3.0
-    square = 0.0
-    for a in range(3):
-        for A in range(3):
-            strain = 0.5 * (F[a, A] + F[A, a]) - (1.0 if a == A else 0.0)
-            square += strain * strain
-            stress[a, A] = 2.0 * mu * strain + (lame * trace if a == A else 0.0)
-    return mu * square + 0.5 * lame * trace * trace, 0.0
 
 
 @njit(BLOCK, **FAST)
@@ -85,7 +71,7 @@ def _energy() -> "Energy":
 class LinearElastic(Isotropic):
     """Isotropic linear elasticity in small strains: ``W = mu e:e + lame/2 (tr e)^2``, ``e = sym(F) - 1``."""
 
-    compiled = Compiled(_point, _block, _tangent)
+    compiled = Compiled(_block, _tangent)
     objective: ClassVar[bool] = False
     linear: ClassVar[bool] = True
 

@@ -21,7 +21,6 @@ from isorod.material.points import (
     FREE,
     GRADIENT,
     MODULI,
-    POINT,
     POINTS,
     ROWS,
     SQUARES,
@@ -61,36 +60,6 @@ def fibre_tension(stretch: float, constants: Array, activation: float) -> tuple[
     return tension, slope
 
 
-@njit(POINT, **STRICT)
-def point(F: Array, constants: Array, fibre: Array, activation: float, stress: Array) -> tuple[float, float]:
-    """Fill in ``P = P_matrix + T(lambda) n f^T``, ``n = F f / lambda``, ``T = dW/dlambda``, and return the energies.
-
-    See `isorod.material.points.POINT`; of a law without active stress and ``m1`` the fibre is not read.
-    """
-    stored, _ = neo_hookean.point(F, constants, fibre, activation, stress)
-    sigma, m1, m2 = constants[2], constants[3], constants[4]
-    if not (sigma > 0.0 or m1 > 0.0):
-        return stored, 0.0
-    f0, f1, f2 = fibre[0], fibre[1], fibre[2]
-    n0 = F[0, 0] * f0 + F[0, 1] * f1 + F[0, 2] * f2
-    n1 = F[1, 0] * f0 + F[1, 1] * f1 + F[1, 2] * f2
-    n2 = F[2, 0] * f0 + F[2, 1] * f1 + F[2, 2] * f2
-    stretch = np.sqrt(n0 * n0 + n1 * n1 + n2 * n2)
-    tension, _ = fibre_tension(stretch, constants, activation)
-    n0 *= tension / stretch
-    n1 *= tension / stretch
-    n2 *= tension / stretch
-    for A in range(3):
-        stress[0, A] += n0 * fibre[A]
-        stress[1, A] += n1 * fibre[A]
-        stress[2, A] += n2 * fibre[A]
-    short = min(max(stretch - 1.0, -ACTIVE_RANGE), ACTIVE_RANGE)
-    squared = max(stretch, 1.0) ** 2 - 1.0
-    # m1/2 times the integral of exp(m2 x) - 1 over x.
-    growth = np.expm1(m2 * squared) / m2 if m2 > 0.0 else squared
-    return stored + 0.5 * m1 * (growth - squared), sigma * (short - 4.0 / 3.0 * short**3)
-
-
 @njit(void(F1, f8), **FAST)
 def _stretches(work: Array, m2: float) -> None:
     """Fill rows with ``n = F f``, its length, and ``exp(m2 (stretch^2 - 1)) - 1`` where that is stretched, else 0."""
@@ -128,7 +97,7 @@ def _stretches(work: Array, m2: float) -> None:
 
 @njit(BLOCK, **FAST)
 def block(work: Array, constants: Array, activation: float, wanted: bool) -> None:
-    """Do what `point` does at the points of a block (`isorod.material.points.BLOCK`)."""
+    """Fill in the stress at the points of a block (`isorod.material.points.BLOCK`)."""
     mu, lame, strongest, m1, m2 = constants[0], constants[1], constants[2], constants[3], constants[4]
     active = activation * strongest
     if not (active > 0.0 or m1 > 0.0 or (wanted and strongest > 0.0)):
@@ -217,7 +186,7 @@ class Muscle(OneFibre, NeoHookean):
         If a value is out of its range or not finite.
     """
 
-    compiled = Compiled(point, block, tangent)
+    compiled = Compiled(block, tangent)
     families: ClassVar[int] = 1
 
     sigma_max: float = 0.0

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from isorod.arrays import Array
-from isorod.compiled import FAST, STRICT, cofactors, flat, njit
+from isorod.compiled import FAST, flat, njit
 from isorod.material.law import Isotropic
 from isorod.material.logarithm_kernel import discrete
 from isorod.material.points import (
@@ -16,7 +16,6 @@ from isorod.material.points import (
     ENERGY,
     FREE,
     GRADIENT,
-    POINT,
     POINTS,
     ROWS,
     SQUARES,
@@ -33,21 +32,6 @@ _W = np.uint64(POINTS)
 _F, _LOG = GRADIENT, ROWS[FREE]
 
 
-@njit(POINT, **STRICT)
-def point(F: Array, constants: Array, fibre: Array, activation: float, stress: Array) -> tuple[float, float]:
-    """Fill in ``P = mu F + (lame ln J - mu) F^-T`` and return the energy (`isorod.material.points.POINT`)."""
-    mu, lame = constants[0], constants[1]
-    det = cofactors(F, stress)
-    log = np.log(det) if det > 0.0 else np.nan
-    factor = (lame * log - mu) / det
-    trace = 0.0
-    for a in range(3):
-        for A in range(3):
-            trace += F[a, A] * F[a, A]
-            stress[a, A] = mu * F[a, A] + factor * stress[a, A]
-    return 0.5 * mu * (trace - 2.0 * log - 3.0) + 0.5 * lame * log * log, 0.0
-
-
 @njit(**FAST)
 def logarithms(work: Array) -> None:
     """Fill a row with ``ln det F``: by a series that is exact to rounding in [1/2, 2], or anywhere by the library."""
@@ -58,7 +42,8 @@ def logarithms(work: Array) -> None:
         far += 0.0 if (det >= 0.5) & (det <= 2.0) else 1.0
     if far > 0.0:
         for k in range(_W):
-            work[_LOG + k] = np.log(work[ROWS[DETERMINANT] + k])
+            det = work[ROWS[DETERMINANT] + k]
+            work[_LOG + k] = np.log(det) if det > 0.0 else np.nan
         return
     for k in range(_W):
         det = work[ROWS[DETERMINANT] + k]
@@ -109,7 +94,7 @@ def energies_in_block(work: Array, mu: float, lame: float) -> None:
 
 @njit(BLOCK, **FAST)
 def block(work: Array, constants: Array, activation: float, wanted: bool) -> None:
-    """Do what `point` does at the points of a block (`isorod.material.points.BLOCK`)."""
+    """Fill in the stress at the points of a block (`isorod.material.points.BLOCK`)."""
     mu, lame = constants[0], constants[1]
     logarithms(work)
     for k in range(_W):
@@ -160,7 +145,7 @@ def matrix_energy() -> "Energy":
 class NeoHookean(Isotropic):
     """``W = mu/2 (I1 - 2 ln J - 3) + kappa/2 (ln J)^2``, ``kappa`` Lame's first parameter (Lu & Zhou 2011, eq. 15)."""
 
-    compiled = Compiled(point, block, tangent)
+    compiled = Compiled(block, tangent)
 
     # The bulk term's theta is ln J.
     logarithmic: ClassVar[bool] = True

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 
 from isorod.arrays import Array, Index
-from isorod.compiled import FAST, STRICT, njit
+from isorod.compiled import FAST, njit
 from isorod.errors import Checked, InputError, representable
 from isorod.material import fibre
 from isorod.material.fibre import Fibre, OneFibre
 from isorod.material.law import Material
 from isorod.material.moduli_kernel import add_both
 from isorod.material.places import Places
-from isorod.material.points import ACTIVE, BLOCK, ENERGY, FIBRE, GRADIENT, POINT, POINTS, ROWS, TANGENT, Compiled
+from isorod.material.points import ACTIVE, BLOCK, ENERGY, FIBRE, GRADIENT, POINTS, ROWS, TANGENT, Compiled
 
 if TYPE_CHECKING:
     from isorod.material.energy import Energy
@@ -75,29 +75,6 @@ def _stress(
         p[2] * u[2] + q[2] * v[2] + r[2] * w[2],
         0.5 * (x * sx + y * sy + z * sz) + xy * sxy + xz * sxz + yz * syz,
     )
-
-
-@njit(POINT, **STRICT)
-def _point(F: Array, constants: Array, fibre: Array, activation: float, stress: Array) -> tuple[float, float]:
-    k = constants
-    found = _stress(
-        (
-            F[0, 0] - 1.0,
-            0.5 * (F[0, 1] + F[1, 0]),
-            0.5 * (F[0, 2] + F[2, 0]),
-            F[1, 1] - 1.0,
-            0.5 * (F[1, 2] + F[2, 1]),
-            F[2, 2] - 1.0,
-        ),
-        (fibre[0], fibre[1], fibre[2]),
-        (fibre[3], fibre[4], fibre[5]),
-        (k[0], k[1], k[2], k[3], k[4], k[5]),
-        (k[6], k[7], k[8]),
-    )
-    stress[0, 0], stress[0, 1], stress[0, 2] = found[0], found[1], found[2]
-    stress[1, 0], stress[1, 1], stress[1, 2] = found[1], found[3], found[4]
-    stress[2, 0], stress[2, 1], stress[2, 2] = found[2], found[4], found[5]
-    return found[6], 0.0
 
 
 @njit(BLOCK, **FAST)
@@ -167,7 +144,7 @@ def _tangent(work: Array, constants: Array, activation: float) -> None:
 class Directed(Checked, Material):
     """A law whose stress is linear in small strains, with three planes of symmetry at right angles at each point."""
 
-    compiled = Compiled(_point, _block, _tangent)
+    compiled = Compiled(_block, _tangent)
     objective: ClassVar[bool] = False
     linear: ClassVar[bool] = True
     families: ClassVar[int] = 2

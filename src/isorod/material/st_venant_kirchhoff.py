@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from isorod.arrays import Array
-from isorod.compiled import FAST, STRICT, cofactors, njit
+from isorod.compiled import FAST, njit
 from isorod.material.law import Isotropic
 from isorod.material.points import (
     ACTIVE,
@@ -16,7 +16,6 @@ from isorod.material.points import (
     ENERGY,
     GRADIENT,
     MODULI,
-    POINT,
     POINTS,
     ROWS,
     SQUARES,
@@ -32,21 +31,9 @@ if TYPE_CHECKING:
 _F = GRADIENT
 
 
-@njit(POINT, **STRICT)
-def _point(F: Array, constants: Array, fibre: Array, activation: float, stress: Array) -> tuple[float, float]:
-    mu, lame = constants[0], constants[1]
-    strain = 0.5 * (F.T @ F - np.eye(3))
-    trace = strain[0, 0] + strain[1, 1] + strain[2, 2]
-    # NumPy's determinant would complain of NaN, which trial steps of Newton's bring, on standard error.
-    det = cofactors(F, stress)
-    valid = 1.0 if det > 0.0 else np.nan
-    stress[:] = valid * (F @ (2.0 * mu * strain + lame * trace * np.eye(3)))
-    return valid * (mu * np.sum(strain * strain) + 0.5 * lame * trace * trace), 0.0
-
-
 @njit(BLOCK, **FAST)
 def _block(work: Array, constants: Array, activation: float, wanted: bool) -> None:
-    """Do what `_point` does at the points of a block (`isorod.material.points.BLOCK`)."""
+    """Fill in the stress at the points of a block (`isorod.material.points.BLOCK`)."""
     mu, lame = constants[0], constants[1]
     for k in range(np.uint64(POINTS)):
         # NaN fails the comparison.
@@ -149,7 +136,7 @@ class StVenantKirchhoff(Isotropic):
     It softens in compression: a bar with ``nu = 0`` bears no more at the stretch ``1/sqrt 3``.
     """
 
-    compiled = Compiled(_point, _block, _tangent)
+    compiled = Compiled(_block, _tangent)
 
     @property
     def stored(self) -> "Energy":

@@ -27,7 +27,7 @@ from isorod.material.points import Compiled
 def compiled(energy: Energy) -> Compiled:
     """Return the compiled functions of an energy."""
     module = _module(source(energy))
-    return Compiled(module.point, module.block, module.tangent)
+    return Compiled(module.block, module.tangent)
 
 
 @cache
