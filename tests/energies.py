@@ -19,7 +19,7 @@ def by_complex_steps(law, F):
 def _energy(law):
     """Return the energy of deformation gradients ``(m, 3, 3)``, complex or not."""
     stored, fibres = law.stored, np.resize(np.append(law.fibres((1,))[0], np.zeros(6)), 6)
-    names = (*s.F, *s.a, *s.b, *s.INVARIANTS, s.activation, *stored.constants)
+    names = (*s.F, *s.STRAINS, *s.a, *s.b, *s.INVARIANTS, s.activation, *stored.constants)
     # NumPy's maximum takes no numbers beside arrays in a list.
     function = sp.lambdify(names, stored.expression.rewrite((sp.Max, sp.Min), sp.Piecewise), "numpy")
 
@@ -31,6 +31,8 @@ def _energy(law):
         along = [np.einsum("A,mAB,B->m", x, C, y) for x, y in ((a, a), (b, b), (a, b))]
         stretches = np.sqrt(np.linalg.eigvals(C)).T
         invariants = (first, second, np.linalg.det(F), *along, *stretches)
-        return np.broadcast_to(function(*F.reshape(-1, 9).T, *fibres, *invariants, 1.0, *law.constants), F.shape[:1])
+        strains = [C[:, A, B] for A in range(3) for B in range(A, 3)]
+        values = function(*F.reshape(-1, 9).T, *strains, *fibres, *invariants, 1.0, *law.constants)
+        return np.broadcast_to(values, F.shape[:1])
 
     return energy

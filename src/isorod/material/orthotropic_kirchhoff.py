@@ -15,9 +15,9 @@ if TYPE_CHECKING:
 def _energy() -> "Energy":
     from sympy import eye
 
-    from isorod.material.symbols import F
+    from isorod.material.symbols import C
 
-    return quadratic((F.T * F - eye(3)) / 2)
+    return quadratic((C - eye(3)) / 2)
 
 
 @dataclass(frozen=True, eq=False)

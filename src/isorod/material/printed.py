@@ -37,10 +37,10 @@ class _Printer(PythonCodePrinter):  # type: ignore[misc]
             text = text if base.is_Symbol else f"({text})"
             product = "(" + " * ".join([text] * abs(int(exponent))) + ")"
             return product if exponent > 0 else f"(1.0 / {product})"
-        if exponent == sp.Rational(1, 2):
-            return f"np.sqrt({text})"
-        if exponent == sp.Rational(-1, 2):
-            return f"(1.0 / np.sqrt({text}))"
+        if exponent.is_Rational and exponent.q == 2 and abs(exponent.p) <= 15:
+            factors = [f"({text})"] * ((abs(exponent.p) - 1) // 2)
+            product = " * ".join([*factors, f"np.sqrt({text})"])
+            return f"({product})" if exponent > 0 else f"(1.0 / ({product}))"
         return f"power({text}, {self._print(exponent)})"
 
     def _print_exp(self, expr: sp.Expr) -> str:
