@@ -7,7 +7,7 @@ then take it.
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
@@ -34,8 +34,8 @@ class Material(ABC):
 
     Attributes
     ----------
-    compiled
-        The addresses of its compiled functions (`isorod.material.points.Compiled`).
+    recipe
+        A function of a law's module that returns the energy, and what it is called with (`isorod.material.written`).
     objective
         Whether it has a second Piola-Kirchhoff stress that no rotation changes; without that dynamics does not take it.
     linear
@@ -44,10 +44,10 @@ class Material(ABC):
         How many directions its material has at a point, such as those of families of fibres: 0, 1 or 2 (`fibres`).
     """
 
-    compiled: ClassVar[Compiled]
     objective: ClassVar[bool] = True
     linear: ClassVar[bool] = False
     families: ClassVar[int] = 0
+    recipe: tuple[Any, ...]
 
     @property
     @abstractmethod
@@ -56,14 +56,16 @@ class Material(ABC):
 
     @property
     def stored(self) -> "Energy":
-        """Its energy as an expression, from which other programs make theirs.
+        """Its energy as an expression."""
+        make, *given = self.recipe
+        return make(*given)  # type: ignore[no-any-return]
 
-        Raises
-        ------
-        InputError
-            If it has none.
-        """
-        raise InputError(f"law {type(self).__name__}: its stored energy is not written down as an expression")
+    @property
+    def compiled(self) -> Compiled:
+        """The addresses of its compiled functions."""
+        from isorod.material.written import named
+
+        return named(*self.recipe)
 
     @property
     def splits(self) -> bool:
