@@ -8,7 +8,7 @@ from isorod.errors import InputError
 from isorod.material import NeoHookean
 from isorod.material import symbols as s
 from isorod.material.energy import pressure_at_rest, whole
-from isorod.material.functions import SPECTRAL, exp, log, principals
+from isorod.material.functions import SPECTRAL, exp, expm1, log, principals
 from isorod.material.hyperelastic import Hyperelastic
 from isorod.material.legendre import transform
 from isorod.material.places import alone
@@ -55,7 +55,9 @@ def test_functions_are_those_of_numpy():
     x = rng.uniform(-5.0, 5.0, 300)
     assert np.allclose([exp(one) for one in x], np.exp(x), rtol=1e-15, atol=0.0)
     assert np.isnan([log(-1.0), log(0.0), log(np.nan), exp(np.nan)]).all()
-    assert exp(1000.0) == np.inf
+    x *= 10.0 ** rng.uniform(-15, 0, 300)
+    assert np.allclose([expm1(one) for one in x], np.expm1(x), rtol=1e-15, atol=0.0)
+    assert exp(1000.0) == expm1(1000.0) == np.inf
     assert exp(-1000.0) < 1e-300
 
 

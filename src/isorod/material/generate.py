@@ -30,8 +30,9 @@ from math import erf
 import numpy as np
 
 from isorod.compiled import FAST, njit
-from isorod.material.functions import SPECTRAL, exp, log, power, principals
-from isorod.material.moduli_kernel import add_both, add_diagonal, add_rows, add_turned, combined, outer, scaled
+from isorod.material.functions import SPECTRAL, exp, expm1, log, power, principals
+from isorod.material.moduli_kernel import add_both, add_diagonal, add_dyad, add_rows, add_turned
+from isorod.material.moduli_kernel import combined, outer, scaled
 from isorod.material.points import BLOCK, POINTS, TANGENT, add_identity, add_products, add_square
 '''
 
@@ -342,7 +343,15 @@ class _Body:
         for fibre in (s.I4a, s.I4b):
             if fibre in has:
                 name = str(fibre)[-1]
-                lines += [f"add_square(work, k, {_row(SQUARES + 6 * a)}, 2.0 * w_{fibre}, {name})" for a in range(3)]
+                bend = self._w(fibre, fibre)
+                lines += [f"bend = 4.0 * {bend}"] if bend else []
+                for a in range(3):
+                    factor = f"2.0 * w_{fibre}" + (f" + bend * {name}n{a} * {name}n{a}" if bend else "")
+                    lines.append(f"add_square(work, k, {_row(SQUARES + 6 * a)}, {factor}, {name})")
+                for pair, (a, b) in enumerate(((0, 1), (0, 2), (1, 2))):
+                    if bend:
+                        row = _row(MODULI + 9 * pair)
+                        lines.append(f"add_dyad(work, k, {row}, bend * {name}n{a} * {name}n{b}, {name})")
         if s.I8 in has:
             lines.append(
                 "both = (2.0 * a0 * b0, a0 * b1 + a1 * b0, a0 * b2 + a2 * b0, "
@@ -355,7 +364,7 @@ class _Body:
         """Return lines that add ``W_st D_s D_t``, but for what a scalar has with itself and was added before."""
         lines = []
         for k, p in enumerate(self.scalars):
-            done = p in (s.I1, s.J)
+            done = p in (s.I1, s.J, s.I4a, s.I4b)
             terms = []
             for q in self.scalars[k:]:
                 w = self._w(p, q)

@@ -46,6 +46,9 @@ class _Printer(PythonCodePrinter):  # type: ignore[misc]
     def _print_exp(self, expr: sp.Expr) -> str:
         return f"exp({self._print(expr.args[0])})"
 
+    def _print_expm1(self, expr: sp.Expr) -> str:
+        return f"expm1({self._print(expr.args[0])})"
+
     def _print_log(self, expr: sp.Expr) -> str:
         return f"log({self._print(expr.args[0])})"
 
