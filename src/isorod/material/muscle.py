@@ -1,34 +1,19 @@
 """Skeletal muscle: a neo-Hookean matrix with active and passive fibres (Lu & Zhou 2011, eqs. 16-19)."""
 
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
 from numba import f8, types, void
 
 from isorod.arrays import Array
-from isorod.compiled import F1, F2, F3, F5, FAST, STRICT, flat, njit
+from isorod.compiled import F1, F2, F3, F5, STRICT, flat, njit
 from isorod.errors import InputError
-from isorod.material import fibre, neo_hookean
+from isorod.material import fibre
 from isorod.material.fibre import Fibre, OneFibre
 from isorod.material.logarithm_kernel import SERIES
 from isorod.material.neo_hookean import NeoHookean
-from isorod.material.points import (
-    ACTIVE,
-    BLOCK,
-    ENERGY,
-    FIBRE,
-    FREE,
-    GRADIENT,
-    MODULI,
-    POINTS,
-    ROWS,
-    SQUARES,
-    TANGENT,
-    Compiled,
-    add_pair,
-    add_square,
-)
 
 if TYPE_CHECKING:
     from isorod.material.energy import Energy
@@ -36,123 +21,12 @@ if TYPE_CHECKING:
 # Fibres shortened or stretched by more than this have no active force.
 ACTIVE_RANGE = 0.5
 
-_W = np.uint64(POINTS)
-_F = GRADIENT
-# Rows of a block that its fibres use: n = F f (3), its length (the stretch), and exp(m2 (stretch^2 - 1)) - 1.
-_N, _STRETCH, _GROWTH = ROWS[FREE + 1], ROWS[FREE + 4], ROWS[FREE + 5]
 
+@cache
+def _energy() -> "Energy":
+    from isorod.material.muscle_energy import of_the_parabola
 
-@njit(types.UniTuple(f8, 2)(f8, F1, f8), **STRICT)
-def fibre_tension(stretch: float, constants: Array, activation: float) -> tuple[float, float]:
-    """Return ``T = dW/dlambda`` of active and passive fibres (eqs. 18, 19) and ``dT/dlambda``."""
-    tension = 0.0
-    slope = 0.0
-    short = stretch - 1.0
-    if abs(short) < ACTIVE_RANGE:
-        active = activation * constants[2]
-        tension = active * (1.0 - 4.0 * short * short)
-        slope = -8.0 * active * short
-    if short > 0.0 and constants[3] > 0.0:
-        m1, m2 = constants[3], constants[4]
-        growth = np.expm1(m2 * (stretch * stretch - 1.0))
-        tension += m1 * stretch * growth
-        slope += m1 * (growth + 2.0 * m2 * stretch * stretch * (growth + 1.0))
-    return tension, slope
-
-
-@njit(void(F1, f8), **FAST)
-def _stretches(work: Array, m2: float) -> None:
-    """Fill rows with ``n = F f``, its length, and ``exp(m2 (stretch^2 - 1)) - 1`` where that is stretched, else 0."""
-    for k in range(_W):
-        f0, f1, f2 = work[ROWS[FIBRE] + k], work[ROWS[FIBRE + 1] + k], work[ROWS[FIBRE + 2] + k]
-        n0 = work[ROWS[_F] + k] * f0 + work[ROWS[_F + 1] + k] * f1 + work[ROWS[_F + 2] + k] * f2
-        n1 = work[ROWS[_F + 3] + k] * f0 + work[ROWS[_F + 4] + k] * f1 + work[ROWS[_F + 5] + k] * f2
-        n2 = work[ROWS[_F + 6] + k] * f0 + work[ROWS[_F + 7] + k] * f1 + work[ROWS[_F + 8] + k] * f2
-        square = n0 * n0 + n1 * n1 + n2 * n2
-        # Points that only fill up a block have no fibre.
-        square = square if square > 0.0 else 1.0
-        work[_N + k], work[_N + _W + k], work[_N + _W + _W + k] = n0, n1, n2
-        work[_STRETCH + k] = np.sqrt(square)
-        work[_GROWTH + k] = m2 * (square - 1.0 if square > 1.0 else 0.0)
-    large = 0.0
-    for k in range(_W):
-        large += 1.0 if work[_GROWTH + k] > 1.0 else 0.0
-    if large > 0.0:
-        for k in range(_W):
-            work[_GROWTH + k] = np.expm1(work[_GROWTH + k])
-        return
-    # The exponential series: to rounding up to 1.
-    for k in range(_W):
-        x = work[_GROWTH + k]
-        y = 1.0 + x * (1.0 / 17.0) * (1.0 + x * (1.0 / 18.0))
-        y = 1.0 + x * (1.0 / 15.0) * (1.0 + x * (1.0 / 16.0) * y)
-        y = 1.0 + x * (1.0 / 13.0) * (1.0 + x * (1.0 / 14.0) * y)
-        y = 1.0 + x * (1.0 / 11.0) * (1.0 + x * (1.0 / 12.0) * y)
-        y = 1.0 + x * (1.0 / 9.0) * (1.0 + x * (1.0 / 10.0) * y)
-        y = 1.0 + x * (1.0 / 7.0) * (1.0 + x * (1.0 / 8.0) * y)
-        y = 1.0 + x * (1.0 / 5.0) * (1.0 + x * (1.0 / 6.0) * y)
-        y = 1.0 + x * (1.0 / 3.0) * (1.0 + x * (1.0 / 4.0) * y)
-        work[_GROWTH + k] = x * (1.0 + x * 0.5 * y)
-
-
-@njit(BLOCK, **FAST)
-def block(work: Array, constants: Array, activation: float, wanted: bool) -> None:
-    """Fill in the stress at the points of a block (`isorod.material.points.BLOCK`)."""
-    mu, lame, strongest, m1, m2 = constants[0], constants[1], constants[2], constants[3], constants[4]
-    active = activation * strongest
-    if not (active > 0.0 or m1 > 0.0 or (wanted and strongest > 0.0)):
-        neo_hookean.block(work, constants, activation, wanted)
-        return
-    neo_hookean.logarithms(work)
-    _stretches(work, m2)
-    for k in range(_W):
-        p = neo_hookean.stress_in_block(work, mu, lame, k)
-        stretch = work[_STRETCH + k]
-        short = stretch - 1.0
-        level = 1.0 - 4.0 * short * short
-        level = level if level > 0.0 else 0.0
-        factor = active * level / stretch + m1 * work[_GROWTH + k]
-        x, y, z = factor * work[_N + k], factor * work[_N + _W + k], factor * work[_N + _W + _W + k]
-        f, g, h = work[ROWS[FIBRE] + k], work[ROWS[FIBRE + 1] + k], work[ROWS[FIBRE + 2] + k]
-        work[k], work[ROWS[1] + k], work[ROWS[2] + k] = p[0] + x * f, p[1] + x * g, p[2] + x * h
-        work[ROWS[3] + k], work[ROWS[4] + k], work[ROWS[5] + k] = p[3] + y * f, p[4] + y * g, p[5] + y * h
-        work[ROWS[6] + k], work[ROWS[7] + k], work[ROWS[8] + k] = p[6] + z * f, p[7] + z * g, p[8] + z * h
-    if not wanted:
-        return
-    neo_hookean.energies_in_block(work, mu, lame)
-    for k in range(_W):
-        stretch = work[_STRETCH + k]
-        short = min(max(stretch - 1.0, -ACTIVE_RANGE), ACTIVE_RANGE)
-        squared = max(stretch, 1.0) ** 2 - 1.0
-        growth = work[_GROWTH + k] / m2 if m2 > 0.0 else squared
-        work[ROWS[ENERGY] + k] += 0.5 * m1 * (growth - squared)
-        work[ROWS[ACTIVE] + k] = strongest * (short - 4.0 / 3.0 * short**3)
-
-
-@njit(TANGENT, **FAST)
-def tangent(work: Array, constants: Array, activation: float) -> None:
-    """Add ``A_matrix + (T' n_a n_b + T/lambda (d_ab - n_a n_b)) f_A f_B`` to the moduli."""
-    neo_hookean.tangent(work, constants, activation)
-    active, m1, m2 = activation * constants[2], constants[3], constants[4]
-    if not (active > 0.0 or m1 > 0.0):
-        return
-    for k in range(_W):
-        stretch = work[_STRETCH + k]
-        short = stretch - 1.0
-        level = 1.0 - 4.0 * short * short
-        growth = work[_GROWTH + k]
-        slope = -8.0 * active * short if level > 0.0 else 0.0
-        slope += m1 * (growth + 2.0 * m2 * stretch * stretch * (growth + 1.0)) if short > 0.0 else 0.0
-        across = active * (level if level > 0.0 else 0.0) / stretch + m1 * growth
-        along = (slope - across) / (stretch * stretch)
-        x, y, z = work[_N + k], work[_N + _W + k], work[_N + _W + _W + k]
-        f = (work[ROWS[FIBRE] + k], work[ROWS[FIBRE + 1] + k], work[ROWS[FIBRE + 2] + k])
-        add_pair(work, k, ROWS[MODULI], along * x * y, 0.0, f, f)
-        add_pair(work, k, ROWS[MODULI + 9], along * x * z, 0.0, f, f)
-        add_pair(work, k, ROWS[MODULI + 18], along * y * z, 0.0, f, f)
-        add_square(work, k, ROWS[SQUARES], along * x * x + across, f)
-        add_square(work, k, ROWS[SQUARES + 6], along * y * y + across, f)
-        add_square(work, k, ROWS[SQUARES + 12], along * z * z + across, f)
+    return of_the_parabola()
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,8 +60,8 @@ class Muscle(OneFibre, NeoHookean):
         If a value is out of its range or not finite.
     """
 
-    compiled = Compiled(block, tangent)
     families: ClassVar[int] = 1
+    recipe = (_energy,)
 
     sigma_max: float = 0.0
     m1: float = 0.0
@@ -206,16 +80,11 @@ class Muscle(OneFibre, NeoHookean):
         object.__setattr__(self, "fibre", fibre.checked(self.fibre))
 
     @property
-    def stored(self) -> "Energy":
-        """Its energy as an expression, its activation a constant times that of the step."""
-        from isorod.material.muscle_energy import of_the_parabola
-
-        return of_the_parabola()
-
-    @property
     def constants(self) -> Array:
         """``mu, lame``, active stress, ``m1, m2``."""
-        return np.array([self.mu, self.lame, self.activation * self.sigma_max, self.m1, self.m2])
+        # Without an exponent there is no passive stress.
+        passive = (self.m1, self.m2) if self.m2 > 0.0 else (0.0, 1.0)
+        return np.array([self.mu, self.lame, self.activation * self.sigma_max, *passive])
 
     @property
     def modulus(self) -> float:
