@@ -1,4 +1,4 @@
-"""Laws from their stored energy: against the laws compiled by hand, at repeated stretches, and what is refused."""
+"""Laws from their stored energy: against ready laws, at repeated stretches, and what is refused."""
 
 import numpy as np
 import pytest
@@ -76,7 +76,7 @@ def test_principal_directions_are_orthogonal_where_stretches_meet(apart):
     assert (np.abs(again - C).max(axis=(1, 2)) < 1e-14 * np.abs(C).max(axis=(1, 2))).all()
 
 
-def test_a_law_from_its_energy_is_the_one_compiled_by_hand():
+def test_a_law_from_its_energy_is_the_ready_one():
     law = Hyperelastic(NEO_HOOKE, MODULI)
     assert max(differ(BUILT_IN, law, gradients())) < 1e-14
     assert max(differ(BUILT_IN.shear, law.shear, gradients())) < 1e-14

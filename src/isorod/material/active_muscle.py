@@ -58,7 +58,7 @@ class ActiveMuscle(Muscle):
         return _energy(self.curve)
 
     @property
-    def compiled(self) -> Compiled:  # type: ignore[override]
+    def compiled(self) -> Compiled:
         """The addresses of its compiled functions."""
         from isorod.material.written import compiled
 

@@ -60,7 +60,7 @@ class FromEnergy(Split):
         return f"{type(self).__name__} {self.stored}"
 
     @property
-    def compiled(self) -> Compiled:  # type: ignore[override]
+    def compiled(self) -> Compiled:
         """The addresses of its compiled functions."""
         from isorod.material.written import compiled
 
@@ -187,7 +187,7 @@ class Shape(Material):
         return np.append(self.law.constants[:-1], 0.0)
 
     @property
-    def compiled(self) -> Compiled:  # type: ignore[override]
+    def compiled(self) -> Compiled:
         """The addresses of the law's functions."""
         return self.law.compiled
 
