@@ -8,9 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from isorod.arrays import Array
 from isorod.errors import InputError, numbers
-from isorod.material.law import Material
 from isorod.material.muscle import Muscle
 from isorod.material.points import Compiled
 
@@ -68,10 +66,6 @@ class ActiveMuscle(Muscle):
     def activation_work(self) -> float:
         """The work of active fibres over the whole range of their stretch, per volume."""
         return self.activation * self.sigma_max * _work(self.curve)
-
-    def discrete(self, F: Array, change: Array, wanted: bool = True) -> tuple[Array, Array | None]:
-        """Return a stress that does the work of the energy, and its moduli (`isorod.material.law`)."""
-        return Material.discrete(self, F, change, wanted)
 
 
 def _checked(curve: Any) -> tuple[tuple[float, float], ...]:

@@ -4,12 +4,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, ClassVar
 
-import numpy as np
-
-from isorod.arrays import Array
-from isorod.compiled import flat
 from isorod.material.law import Isotropic
-from isorod.material.logarithm_kernel import discrete
 
 if TYPE_CHECKING:
     from isorod.material.energy import Energy
@@ -34,14 +29,3 @@ class NeoHookean(Isotropic):
     # The bulk term's theta is ln J.
     logarithmic: ClassVar[bool] = True
     recipe = (matrix_energy,)
-
-    def discrete(self, F: Array, change: Array, wanted: bool = True) -> tuple[Array, Array | None]:
-        """Return a stress that does the work of the energy, without a division by ``|D|``, and its moduli.
-
-        See `isorod.material.logarithm_kernel`.
-        """
-        stress = np.empty(F.shape)
-        moduli = np.empty((*F.shape, 3, 3) if wanted else (0, 3, 3, 3, 3))
-        ends = flat(F), flat(change)
-        discrete(*ends, self.mu, self.lame, 0.0, stress.reshape(-1, 3, 3), moduli.reshape(-1, 3, 3, 3, 3))
-        return stress, moduli if wanted else None
