@@ -10,7 +10,6 @@ import numpy as np
 
 from isorod.errors import InputError, numbers
 from isorod.material.muscle import Muscle
-from isorod.material.points import Compiled
 
 if TYPE_CHECKING:
     import sympy as sp
@@ -42,25 +41,19 @@ class ActiveMuscle(Muscle):
 
     curve: Any = None
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _check(self) -> None:
+        super()._check()
         if self.curve is None:
             raise InputError("curve: need points (stretch, tension) or a SymPy expression of the stretch")
         if not hasattr(self.curve, "free_symbols"):
             object.__setattr__(self, "curve", _checked(self.curve))
+            return
         _ = self.stored
 
     @property
-    def stored(self) -> "Energy":
-        """Its energy as an expression, its activation a constant times that of the step."""
-        return _energy(self.curve)
-
-    @property
-    def compiled(self) -> Compiled:
-        """The addresses of its compiled functions."""
-        from isorod.material.written import compiled
-
-        return compiled(self.stored)
+    def recipe(self) -> tuple[Any, ...]:  # type: ignore[override]
+        """Its energy, of its curve."""
+        return _energy, self.curve
 
     @property
     def activation_work(self) -> float:

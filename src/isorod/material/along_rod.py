@@ -3,14 +3,14 @@
 from collections.abc import Sequence
 from functools import cache
 from itertools import groupby
-from typing import TYPE_CHECKING, NamedTuple, cast
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from isorod.arrays import Array, Index
 from isorod.compiled import flat
 from isorod.material.discrete_gradient_kernel import discrete_gradient
-from isorod.material.law import Material, Split
+from isorod.material.law import Material
 from isorod.material.places import Places
 from isorod.tensors import inverse
 
@@ -142,7 +142,7 @@ def _runs(laws: Sequence[Material]) -> list[Piece]:
 
 def shear_laws(laws: Laws) -> Laws:
     """Return the laws without their bulk terms."""
-    return Laws([piece._replace(law=cast(Split, piece.law).shear) for piece in laws.pieces])
+    return Laws([piece._replace(law=piece.law.shear) for piece in laws.pieces])
 
 
 def volume_change(laws: Laws, F: Array) -> tuple[Array, Array]:
@@ -150,7 +150,7 @@ def volume_change(laws: Laws, F: Array) -> tuple[Array, Array]:
     theta, slope = np.empty(F.shape[:-2]), np.empty(F.shape)
     for law, first, last, _ in laws.pieces:
         part = F[first:last]
-        if cast(Split, law).logarithmic:
+        if law.logarithmic:
             # Newton's iterations try states without volume, and go back.
             with np.errstate(divide="ignore", invalid="ignore"):
                 inverses, det = inverse(part)
@@ -163,8 +163,8 @@ def volume_change(laws: Laws, F: Array) -> tuple[Array, Array]:
 
 
 def complementary(laws: Laws, p: Array) -> tuple[Array, Array, Array]:
-    """Return `isorod.material.law.Split.complementary` of pressures ``(E, t, q)``, shapes of these."""
-    found = [cast(Split, law).complementary(p[first:last]) for law, first, last, _ in laws.pieces]
+    """Return `isorod.material.law.Material.complementary` of pressures ``(E, t, q)``, shapes of these."""
+    found = [law.complementary(p[first:last]) for law, first, last, _ in laws.pieces]
     first, second, third = zip(*found, strict=True)
     return np.concatenate(first), np.concatenate(second), np.concatenate(third)
 
@@ -195,7 +195,7 @@ def volume_between(laws: Laws, F: Array, change: Array, wanted: bool) -> tuple[A
     gradient = np.empty(F.shape)
     slope = np.zeros((*F.shape, 3, 3)) if wanted else None
     for law, first, last, _ in laws.pieces:
-        if cast(Split, law).logarithmic:
+        if law.logarithmic:
             one, nothing = named(_logarithm), np.empty((gradient[first:last].size // 9, 0))
             given = flat(F[first:last]), flat(change[first:last]), np.empty(0), nothing
             bend = np.empty((0, 3, 3, 3, 3)) if slope is None else slope[first:last].reshape(-1, 3, 3, 3, 3)

@@ -21,12 +21,10 @@ class Energy:
     shape
         What is stored besides ``bulk volume``: an expression of `isorod.material.symbols` and constants.
     constants
-        The symbols of the constants, in the order of a law's.
+        The symbols of the constants, in the order of a law's; where there is a volumetric energy ``bulk`` is the last.
     volume
         Volumetric energy of unit modulus at rest: an expression of ``J`` (of small strains: of the trace of ``F``), or
         None.
-    factor
-        Which of the constants is that modulus, ``bulk``; the last where not given.
     small
         Whether it is one of small strains: ``C`` stands for ``F + F^T - 1``.
     """
@@ -34,7 +32,6 @@ class Energy:
     shape: sp.Expr
     constants: tuple[sp.Symbol, ...]
     volume: sp.Expr | None = None
-    factor: sp.Symbol | None = None
     small: bool = False
 
     @cached_property
@@ -42,7 +39,7 @@ class Energy:
         """What is stored, with the volumetric energy."""
         if self.volume is None:
             return self.shape
-        return self.shape + (self.factor or self.constants[-1]) * self.volume
+        return self.shape + self.constants[-1] * self.volume
 
     @cached_property
     def expression(self) -> sp.Expr:

@@ -7,16 +7,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from isorod.arrays import Array
 from isorod.errors import InputError
 from isorod.material.fibre import Fibre
-from isorod.material.from_energy import FromEnergy
+from isorod.material.isochoric import Isochoric
+from isorod.material.law import Material
+from isorod.material.points import Compiled
 
 if TYPE_CHECKING:
     from isorod.material.energy import Energy
 
 
 @dataclass(frozen=True, eq=False)
-class Hyperelastic(FromEnergy):
+class Hyperelastic(Isochoric):
     """A law from its stored energy per reference volume.
 
     Stress, tangent, the split of the mixed formulation and the functions of explicit steps are made from that one
@@ -46,7 +49,7 @@ class Hyperelastic(FromEnergy):
 
     definition: Any
     parameters: Mapping[Any, float] = field(default_factory=dict)
-    bulk: float | None = None
+    bulk: float | None = None  # type: ignore[assignment]
     prestressed: bool = False
     fibre: Fibre | tuple[Fibre, Fibre] = "tangent"
 
@@ -58,8 +61,11 @@ class Hyperelastic(FromEnergy):
             raise InputError(f"bulk: got {self.bulk:g}, need a positive stress, infinite for an incompressible law")
         from isorod.material.proof import prove
 
-        self.check_fibres()
+        Material.__post_init__(self)
         prove(self, self.prestressed)
+
+    def _check(self) -> None:
+        """Raise nothing: constants are what the energy takes."""
 
     @cached_property
     def _symbols(self) -> tuple[Any, ...]:
@@ -74,6 +80,36 @@ class Hyperelastic(FromEnergy):
         from isorod.material.energy import completed, whole
 
         return (whole if self.bulk is None else completed)(self.definition, self._symbols)
+
+    @property
+    def families(self) -> int:  # type: ignore[override]
+        """How many directions its energy asks for."""
+        return self.stored.families
+
+    @property
+    def splits(self) -> bool:  # type: ignore[override]
+        """Whether it has a volumetric energy."""
+        return self.stored.volume is not None
+
+    @property
+    def compiled(self) -> Compiled:
+        """The addresses of its compiled functions."""
+        from isorod.material.written import compiled
+
+        return compiled(self.stored)
+
+    @property
+    def identity(self) -> str:
+        """Its name and energy."""
+        return f"{type(self).__name__} {self.stored}"
+
+    def complementary(self, p: Array) -> tuple[Array, Array, Array]:
+        """Return the volumetric energy's Legendre transform and its derivatives (`isorod.material.law.Material`)."""
+        if self.stored.quadratic or not np.isfinite(self.lame):
+            return super().complementary(p)
+        from isorod.material.legendre import transform
+
+        return transform(self.stored.volume, p / self.lame, self.lame)
 
     @cached_property
     def values(self) -> tuple[float, ...]:

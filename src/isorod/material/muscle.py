@@ -1,15 +1,13 @@
 """Skeletal muscle: a neo-Hookean matrix with active and passive fibres (Lu & Zhou 2011, eqs. 16-19)."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
 
-from isorod.arrays import Array
 from isorod.errors import InputError
-from isorod.material import fibre
-from isorod.material.fibre import Fibre, OneFibre
+from isorod.material.fibre import Fibre
 from isorod.material.neo_hookean import NeoHookean
 
 if TYPE_CHECKING:
@@ -24,7 +22,7 @@ def _energy() -> "Energy":
 
 
 @dataclass(frozen=True, eq=False)
-class Muscle(OneFibre, NeoHookean):
+class Muscle(NeoHookean):
     """``W = W_matrix + W_active(lambda) + W_passive(lambda)``, ``lambda = |F f|`` the stretch of a fibre along ``f``.
 
     ``dW_active/dlambda = activation sigma_max max(0, 1 - 4 (1 - lambda)^2)`` and ``dW_passive/dlambda = m1 lambda
@@ -63,22 +61,21 @@ class Muscle(OneFibre, NeoHookean):
     activation: float = 0.0
     fibre: Fibre = "tangent"
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _check(self) -> None:
+        super()._check()
         if not 0.0 <= self.activation <= 1.0:
             raise InputError(f"activation: got {self.activation:g}, need 0 (at rest) to 1 (fully active)")
         for name, what in (("sigma_max", "a stress"), ("m1", "a stress"), ("m2", "an exponent")):
             value = getattr(self, name)
             if not (np.isfinite(value) and value >= 0.0):
                 raise InputError(f"{name}: got {value:g}, need {what}, not negative")
-        object.__setattr__(self, "fibre", fibre.checked(self.fibre))
 
     @property
-    def constants(self) -> Array:
-        """``mu, lame``, active stress, ``m1, m2``."""
+    def values(self) -> tuple[float, ...]:
+        """``mu``, active stress, ``m1, m2``."""
         # Without an exponent there is no passive stress.
         passive = (self.m1, self.m2) if self.m2 > 0.0 else (0.0, 1.0)
-        return np.array([self.mu, self.lame, self.activation * self.sigma_max, *passive])
+        return self.mu, self.activation * self.sigma_max, *passive
 
     @property
     def modulus(self) -> float:
@@ -92,8 +89,4 @@ class Muscle(OneFibre, NeoHookean):
 
     def at(self, factor: float) -> Self:
         """Return the law at a load factor: ``factor`` times the activation."""
-        return replace(self, activation=factor * self.activation)
-
-    def fibres(self, shape: tuple[int, ...]) -> Array:
-        """Return the unit vectors along the fibres at points of some shape, shape ``(*shape, 3)``."""
-        return fibre.vectors(self.fibre, shape)
+        return self._with(activation=factor * self.activation)

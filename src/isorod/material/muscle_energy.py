@@ -27,8 +27,7 @@ def of_fibres(work: sp.Expr) -> Energy:
     squared = I4a - 1
     passive = sp.Piecewise((expm1(m2 * squared) / m2 - squared, squared > 0), (0, True))
     fibres = activation * active * work.subs(STRETCH, sp.sqrt(I4a)) + m1 / 2 * passive
-    constants = mu, lame, active, m1, m2
-    return replace(matrix, shape=matrix.shape + fibres, constants=constants, factor=lame)
+    return replace(matrix, shape=matrix.shape + fibres, constants=(mu, active, m1, m2, lame))
 
 
 @cache

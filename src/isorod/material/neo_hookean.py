@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 from isorod.material.law import Isotropic
 
@@ -26,6 +26,4 @@ def matrix_energy() -> "Energy":
 class NeoHookean(Isotropic):
     """``W = mu/2 (I1 - 2 ln J - 3) + kappa/2 (ln J)^2``, ``kappa`` Lame's first parameter (Lu & Zhou 2011, eq. 15)."""
 
-    # The bulk term's theta is ln J.
-    logarithmic: ClassVar[bool] = True
     recipe = (matrix_energy,)

@@ -1,19 +1,16 @@
 """Linear elasticity in small strains of material with directions: of wood, of laminates, of fibres in a matrix."""
 
-from abc import abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import cache, cached_property
-from typing import TYPE_CHECKING, ClassVar, Self
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from isorod.arrays import Array, Index
-from isorod.errors import Checked, InputError, representable
-from isorod.material import fibre
-from isorod.material.fibre import Fibre, OneFibre
+from isorod.arrays import Array
+from isorod.errors import InputError, representable
+from isorod.material.fibre import Fibre
 from isorod.material.law import Material
-from isorod.material.places import Places
 
 if TYPE_CHECKING:
     from isorod.material.energy import Energy
@@ -41,28 +38,8 @@ def quadratic(small: bool) -> "Energy":
     return Energy(whole, c, small=small)
 
 
-class Directed(Checked, Material):
-    """A law whose stress is linear in small strains, with three planes of symmetry at right angles at each point."""
-
-    objective: ClassVar[bool] = False
-    linear: ClassVar[bool] = True
-    families: ClassVar[int] = 2
-    recipe = (quadratic, True)
-
-    @property
-    @abstractmethod
-    def engineering(self) -> tuple[Sequence[float], Sequence[float], Sequence[float]]:
-        """``E_1, E_2, E_3``, ``nu_12, nu_13, nu_23`` and ``G_12, G_13, G_23``."""
-
-    @cached_property
-    def constants(self) -> Array:
-        """``C_11, C_12, C_13, C_22, C_23, C_33`` and ``G_12, G_13, G_23`` along the axes, force / area."""
-        stiffness = np.linalg.inv(_compliance(*self.engineering[:2]))
-        return np.append(stiffness[np.triu_indices(3)], self.engineering[2])
-
-
 @dataclass(frozen=True, eq=False)
-class Orthotropic(Directed):
+class Orthotropic(Material):
     """Linear elasticity in small strains with three axes: ``W = e:C e / 2``, ``e = sym(F) - 1``.
 
     Parameters
@@ -85,6 +62,13 @@ class Orthotropic(Directed):
         If a value is out of its range or not finite, or some strain would store negative energy.
     """
 
+    objective: ClassVar[bool] = False
+    linear: ClassVar[bool] = True
+    splits: ClassVar[bool] = False
+    families: ClassVar[int] = 2
+    recipe = (quadratic, True)
+    _NAMES = ("axis 1", "axis 2")
+
     E: tuple[float, float, float]
     nu: tuple[float, float, float]
     G: tuple[float, float, float]
@@ -92,15 +76,15 @@ class Orthotropic(Directed):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if not self.follows:
+            _second(*(np.asarray(one) for one in self.axes))
+
+    def _check(self) -> None:
         for name in ("E", "nu", "G"):
             object.__setattr__(self, name, tuple(float(one) for one in getattr(self, name)))
         _check(self.E, self.nu, self.G)
         if len(self.axes) != 2:
             raise InputError(f"{type(self).__name__}: axes: got {len(self.axes)} directions, need two")
-        axes = tuple(fibre.checked(one, f"axis {k}") for k, one in enumerate(self.axes, 1))
-        object.__setattr__(self, "axes", axes)
-        if not self.follows:
-            _second(*(np.asarray(one) for one in axes))
 
     @property
     def engineering(self) -> tuple[Sequence[float], Sequence[float], Sequence[float]]:
@@ -108,28 +92,24 @@ class Orthotropic(Directed):
         return self.E, self.nu, self.G
 
     @property
-    def follows(self) -> bool:
-        """Whether an axis is a direction of the rod."""
-        return any(fibre.follows(one) for one in self.axes)
+    def values(self) -> tuple[float, ...]:
+        """``C_11, C_12, C_13, C_22, C_23, C_33`` and ``G_12, G_13, G_23`` along the axes, force / area."""
+        return _stiffness(self.engineering)
 
-    def placed(self, places: Places) -> Self:
-        """Return the law with its axes at places of a rod."""
-        if not self.follows:
-            return self
-        return replace(self, axes=tuple(fibre.placed(one, places, f"axis {k}") for k, one in enumerate(self.axes, 1)))
+    def _fibres(self) -> tuple[Fibre, ...]:
+        return tuple(self.axes)
 
-    def some(self, places: Index) -> Self:
-        """Return the law with the axes of some places, if it has some of each."""
-        return replace(self, axes=tuple(fibre.some(one, places) for one in self.axes))
+    def _direct(self, found: list[Fibre]) -> None:
+        object.__setattr__(self, "axes", tuple(found))
 
     def fibres(self, shape: tuple[int, ...]) -> Array:
         """Return axes 1 and 2 at points of some shape, shape ``(*shape, 6)``."""
-        first, second = (fibre.vectors(one, shape, f"axis {k}") for k, one in enumerate(self.axes, 1))
-        return np.concatenate([first, _second(first, second)], axis=-1)
+        found = super().fibres(shape)
+        return np.concatenate([found[..., :3], _second(found[..., :3], found[..., 3:])], axis=-1)
 
 
 @dataclass(frozen=True, eq=False)
-class TransverselyIsotropic(OneFibre, Directed):
+class TransverselyIsotropic(Material):
     """Linear elasticity in small strains, the same in all directions across a fibre: ``W = e:C e / 2``.
 
     Parameters
@@ -152,6 +132,12 @@ class TransverselyIsotropic(OneFibre, Directed):
         If a value is out of its range or not finite, or some strain would store negative energy.
     """
 
+    objective: ClassVar[bool] = False
+    linear: ClassVar[bool] = True
+    splits: ClassVar[bool] = False
+    families: ClassVar[int] = 2
+    recipe = (quadratic, True)
+
     E: float
     E_across: float
     nu: float
@@ -159,12 +145,10 @@ class TransverselyIsotropic(OneFibre, Directed):
     G: float
     fibre: Fibre = "tangent"
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _check(self) -> None:
         if not -1.0 < self.nu_across < 1.0:
             raise InputError(f"nu_across: got {self.nu_across:g}, need -1 < nu_across < 1")
         _check(*self.engineering, ("E", "E_across", "E_across"), ("nu", "nu", "nu_across"), ("G", "G", "G across"))
-        object.__setattr__(self, "fibre", fibre.checked(self.fibre))
 
     @property
     def engineering(self) -> tuple[Sequence[float], Sequence[float], Sequence[float]]:
@@ -173,12 +157,26 @@ class TransverselyIsotropic(OneFibre, Directed):
         shear = across / (2.0 * (1.0 + self.nu_across))
         return (E, across, across), (self.nu, self.nu, self.nu_across), (self.G, self.G, shear)
 
+    @property
+    def values(self) -> tuple[float, ...]:
+        """Those of `Orthotropic`."""
+        return _stiffness(self.engineering)
+
+    def _fibres(self) -> tuple[Fibre, ...]:
+        return (self.fibre,)
+
     def fibres(self, shape: tuple[int, ...]) -> Array:
         """Return the fibre and a direction across it at points of some shape, shape ``(*shape, 6)``."""
-        along = fibre.vectors(self.fibre, shape)
+        along = super().fibres(shape)
         # The axis that it is farthest from.
         far = np.eye(3)[np.argmin(np.abs(along), axis=-1)]
         return np.concatenate([along, _second(along, far)], axis=-1)
+
+
+def _stiffness(engineering: tuple[Sequence[float], Sequence[float], Sequence[float]]) -> tuple[float, ...]:
+    """Return the stiffness of three axes, the upper triangle row by row, and the shear moduli."""
+    along = np.linalg.inv(_compliance(*engineering[:2]))
+    return *along[np.triu_indices(3)].tolist(), *engineering[2]
 
 
 def _compliance(E: Sequence[float], nu: Sequence[float]) -> Array:

@@ -1,6 +1,6 @@
 """Checks of a law when it is made: what fails is said in one line, with by how much."""
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -9,16 +9,13 @@ from isorod.errors import InputError
 from isorod.material.law import Material, plane_waves
 from isorod.material.places import alone
 
-if TYPE_CHECKING:
-    from isorod.material.from_energy import FromEnergy
-
 # Strains at which it is evaluated, and a strain so small that differences of large numbers would show.
 _STRAIN, _SMALL = 0.08, 1e-8
 
 _CHECKED: set[Any] = set()
 
 
-def prove(law: "FromEnergy", prestressed: bool) -> None:
+def prove(law: Material, prestressed: bool) -> None:
     """Check a law at rest and at strains of some percent.
 
     Raises
@@ -56,7 +53,7 @@ def _objective(law: Material, F: Array, scale: float) -> None:
         raise InputError(f"energy: not objective: a rotation changes it by {100.0 * change:.3g} %")
 
 
-def _free_at_rest(law: "FromEnergy", one: Material, scale: float) -> None:
+def _free_at_rest(law: Material, one: Material, scale: float) -> None:
     """Check that there is no stress at rest."""
     stress = one.stress(np.eye(3)[None])[0]
     size = float(np.abs(stress).max())

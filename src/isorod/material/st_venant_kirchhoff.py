@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from isorod.material.law import Isotropic
 
@@ -30,9 +30,11 @@ class StVenantKirchhoff(Isotropic):
     It softens in compression: a bar with ``nu = 0`` bears no more at the stretch ``1/sqrt 3``.
     """
 
+    # The trace of E is no change of volume.
+    splits: ClassVar[bool] = False
     recipe = (_energy,)
 
     @property
-    def splits(self) -> bool:
-        """Whether it is one for the mixed formulation: the trace of ``E`` is no change of volume."""
-        return False
+    def values(self) -> tuple[float, ...]:
+        """``mu, lame``."""
+        return self.mu, self.lame
