@@ -101,17 +101,6 @@ def test_importing_compiles_and_reads_nothing(python):
     assert python(script).stdout == "0\n"
 
 
-def test_laws_say_what_they_are_called_with():
-    from isorod.material.muscle import Muscle
-    from isorod.material.neo_hookean import NeoHookean
-    from isorod.material.st_venant_kirchhoff import StVenantKirchhoff
-
-    compiling.load_all()
-    for law in (Muscle, NeoHookean, StVenantKirchhoff):
-        functions = [law.compiled._point, law.compiled._block]
-        assert all(one is None or one in compiling.KERNELS for one in functions), law
-
-
 def test_after_compile_runs_compile_nothing(isorod, python):
     """Of the command's first run nothing is asked: the functions may have been there."""
     done = isorod("compile")

@@ -14,8 +14,7 @@ from comparisons.fem import compat
 from comparisons.fem.flags import FAST
 from comparisons.fem.stored import density, energy_of
 from isorod.errors import InputError
-from isorod.material import LinearElastic, Material, NeoHookean
-from isorod.material.hyperelastic import Hyperelastic
+from isorod.material import LinearElastic, NeoHookean
 from isorod.material.muscle import Muscle
 from isorod.material.st_venant_kirchhoff import StVenantKirchhoff
 from isorod.material.symbols import I1, I2, I8, C, F, I4a, I4b, J, a, activation, b, stretches
@@ -149,15 +148,6 @@ def test_what_cannot_be_told_is_refused(sample, expression, message):
         density(expression, sample.F, {}, sample.fibres[:1])
 
 
-def test_an_incompressible_law_and_one_without_an_expression_are_refused(sample):
+def test_an_incompressible_law_is_refused():
     with pytest.raises(InputError, match="incompressible"):
         energy_of(NeoHookean(1.0, 0.5))
-
-    class Own(NeoHookean):
-        stored = Material.stored
-
-    function = Hyperelastic(lambda F, c: c[0] * np.sum(F * F), {"c": 1.0}, bulk=10.0)
-    with pytest.raises(InputError, match="energy: a compiled function; finite elements need an expression"):
-        energy_of(function)
-    with pytest.raises(InputError, match="law Own: its stored energy is not written down"):
-        energy_of(Own(1.0, 0.3))

@@ -9,6 +9,7 @@ from isorod.errors import InputError
 from isorod.geometry.center_line import arc, helix, straight
 from isorod.geometry.section import circle, ellipse
 from isorod.material import fibre
+from isorod.material.holzapfel_gasser_ogden import HolzapfelGasserOgden
 from isorod.material.muscle import Muscle
 from isorod.material.places import Places, alone
 from isorod.model import Body
@@ -98,7 +99,8 @@ def test_directions_are_the_maps_derivatives():
         assert np.abs(getattr(each, name) - whole[[0, 2], [1, 2]]).max() < 1e-14
 
 
-def test_fibres_of_a_body_are_those_of_its_points_and_rings():
+@pytest.mark.parametrize("law", [MUSCLE, HolzapfelGasserOgden(3.0, 2.4, 0.8, 50.0)], ids=lambda law: type(law).__name__)
+def test_fibres_of_a_body_are_those_of_its_points_and_rings(law):
     """A core along the rod, and a sheath of which one half winds and the other has a function of all there is."""
 
     def slanted(places):
@@ -107,8 +109,8 @@ def test_fibres_of_a_body_are_those_of_its_points_and_rings():
 
     rod = helix(10.0, 4.0, 1).sweep(circle(8, 1.0)).with_rings((0.0, 0.5, 1.0))
     space = Space(rod, elements=8, section_degree=2)
-    winding, other = replace(MUSCLE, fibre=fibre.helix(35.0)), replace(MUSCLE, fibre=slanted)
-    body = Body(space, [[MUSCLE, winding]] * 4 + [[MUSCLE, other]] * 4)
+    winding, other = replace(law, fibre=fibre.helix(35.0)), replace(law, fibre=slanted)
+    body = Body(space, [[law, winding]] * 4 + [[law, other]] * 4)
     table = space.tabulate(2, 6)
     found = body.fibres(table)
     places = Places(rod, table.u[..., None], table.xi)

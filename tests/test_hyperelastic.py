@@ -1,4 +1,4 @@
-"""Laws from their stored energy: against the laws compiled by hand, at repeated stretches, and what is refused."""
+"""Laws from their stored energy: against ready laws, at repeated stretches, and what is refused."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from isorod.errors import InputError
 from isorod.material import NeoHookean
 from isorod.material import symbols as s
 from isorod.material.energy import pressure_at_rest, whole
-from isorod.material.functions import SPECTRAL, exp, log, principals
+from isorod.material.functions import SPECTRAL, exp, expm1, log, principals
 from isorod.material.hyperelastic import Hyperelastic
 from isorod.material.legendre import transform
 from isorod.material.places import alone
@@ -55,7 +55,9 @@ def test_functions_are_those_of_numpy():
     x = rng.uniform(-5.0, 5.0, 300)
     assert np.allclose([exp(one) for one in x], np.exp(x), rtol=1e-15, atol=0.0)
     assert np.isnan([log(-1.0), log(0.0), log(np.nan), exp(np.nan)]).all()
-    assert exp(1000.0) == np.inf
+    x *= 10.0 ** rng.uniform(-15, 0, 300)
+    assert np.allclose([expm1(one) for one in x], np.expm1(x), rtol=1e-15, atol=0.0)
+    assert exp(1000.0) == expm1(1000.0) == np.inf
     assert exp(-1000.0) < 1e-300
 
 
@@ -74,7 +76,7 @@ def test_principal_directions_are_orthogonal_where_stretches_meet(apart):
     assert (np.abs(again - C).max(axis=(1, 2)) < 1e-14 * np.abs(C).max(axis=(1, 2))).all()
 
 
-def test_a_law_from_its_energy_is_the_one_compiled_by_hand():
+def test_a_law_from_its_energy_is_the_ready_one():
     law = Hyperelastic(NEO_HOOKE, MODULI)
     assert max(differ(BUILT_IN, law, gradients())) < 1e-14
     assert max(differ(BUILT_IN.shear, law.shear, gradients())) < 1e-14
@@ -130,33 +132,6 @@ def test_tangents_with_all_that_an_energy_may_have():
     assert np.abs(differences(law, F) - law.tangent(F)).max() < 1e-7 * np.abs(law.tangent(F)).max()
 
 
-def test_functions_of_numba_are_laws_too():
-    def energy(F, constants):
-        square = 0.0 * F[0, 0]
-        for a in range(3):
-            for A in range(3):
-                square += F[a, A] * F[a, A]
-        return 0.5 * constants[0] * (square - 3.0)
-
-    law = Hyperelastic(energy, {"mu": BUILT_IN.mu}, bulk=BUILT_IN.lame)
-    energies, stresses, tangents = differ(BUILT_IN, law, gradients())
-    assert max(energies, stresses) < 1e-14
-    assert tangents < 1e-8
-    assert law.lame == BUILT_IN.lame
-    with pytest.raises(InputError, match="has no expression"):
-        _ = law.stored.expression
-
-    def compares(F, constants):
-        return F[0, 0] if F[0, 0] > 1.0 else F[1, 1]
-
-    def rectifies(F, constants):
-        return constants[0] * abs(F[0, 0]) ** 2
-
-    for bad, message in ((compares, r"there is no gt\(complex128"), (rectifies, "they differ from differences by")):
-        with pytest.raises(InputError, match="complex steps are impossible.*" + message):
-            Hyperelastic(bad, {"mu": 1.0})
-
-
 @pytest.mark.parametrize(
     "volume",
     [(s.J - 1) ** 2 / 2, (s.J**2 - 1 - 2 * sp.log(s.J)) / 4, (s.J**2 - 1) ** 2 / 8, sp.log(s.J) ** 2 / 2],
@@ -188,7 +163,7 @@ FAMILY = (
     + K / 2 * (s.J - 1) ** 2
     + sp.Symbol("slope") * s.I1
     + sp.Symbol("root") * sp.sqrt(s.I1 - sp.Symbol("limit"))
-    + sp.Symbol("large") * (sp.exp(1e-6 * (s.I1bar - 3)) - 1e-6 * s.I1bar)
+    + sp.Symbol("large") * (sp.log(s.I1 - 2) - (s.I1 - 3) + (s.I1 - 3) ** 2 / 2)
 )
 GOOD = {"mu": 1.0, "K": 9.0, "slope": 0.0, "root": 0.0, "limit": -1.0, "large": 0.0}
 
@@ -199,7 +174,7 @@ GOOD = {"mu": 1.0, "K": 9.0, "slope": 0.0, "root": 0.0, "limit": -1.0, "large": 
         ({"slope": 0.5}, r"not free of stress at rest, there is a pressure of -1;"),
         ({"mu": -1.0}, r"not elliptic at rest: the least modulus of plane waves is -1\.\d+"),
         ({"root": 1e-9, "limit": 3.0}, r"NaN at strains of 0\.08"),
-        ({"large": 1e12}, r"at strains of 1e-08 is off by [\d.]+ %: cancellation"),
+        ({"large": 1e3}, r"at strains of 1e-08 is off by [\d.]+ %: cancellation"),
     ],
 )
 def test_a_bad_law_is_told_which_check_fails_and_by_how_much(changed, message):
@@ -223,6 +198,7 @@ def test_rotations_that_change_an_energy_are_seen():
 @pytest.mark.parametrize(
     ("energy", "given", "message"),
     [
+        (lambda F: F[0, 0], {}, "energy: got a function, need an expression of SymPy"),
         (mu * s.I1 + sp.Symbol("q"), {"mu": 1.0}, "q is neither a constant that is given nor a symbol of"),
         (mu * (s.I1 - 3), {"mu": np.nan}, "constant mu: got nan"),
         (sp.gamma(s.J), {}, "is not one that laws are compiled with"),
@@ -243,7 +219,7 @@ def test_compiled_code_is_kept_for_other_processes():
     law = Hyperelastic(NEO_HOOKE, MODULI).placed(alone())
     law.tangent(np.eye(3)[None])
     assert law.compiled._tangent.kept
-    assert law.compiled._point.kept
+    assert law.compiled._block.kept
 
 
 def test_a_law_is_told_from_others_by_its_energy():

@@ -14,8 +14,7 @@ from isorod import dynamics, statics
 from isorod.dynamics.implicit import assembler
 from isorod.errors import InputError, SolveError
 from isorod.material import NeoHookean
-from isorod.material.law import Material
-from isorod.material.muscle import Muscle, fibre_quotient
+from isorod.material.muscle import Muscle
 from isorod.model import Body, Contact, Model, Plane, Support
 from isorod.output import checkpoint
 from isorod.space import Space
@@ -64,14 +63,7 @@ def states(seed=1, points=40):
     return first[good], (last - first)[good]
 
 
-class Plain(Muscle):
-    """The same law without formulas of its own for discrete stresses."""
-
-    def discrete(self, F, change, wanted=True):
-        return Material.discrete(self, F, change, wanted)
-
-
-LAWS = [NeoHookean(3.0, 0.4), MUSCLE, Plain(**{name: getattr(MUSCLE, name) for name in vars(MUSCLE)})]
+LAWS = [NeoHookean(3.0, 0.4), MUSCLE]
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -125,25 +117,6 @@ def test_without_a_change_it_is_the_law_itself(law):
     np.testing.assert_allclose(moduli, 0.5 * whole.tangent(F), atol=1e-12 * np.abs(moduli).max())
 
 
-@pytest.mark.parametrize("before", [0.1, 0.25, 0.8, 1.0, 1.2, 2.25, 3.0])
-@pytest.mark.parametrize("after", [0.1, 0.24, 0.8, 1.0, 1.2, 1.2 + 1e-9, 2.26, 3.0])
-def test_fibres_do_the_work_of_their_energy_across_the_ends_of_their_range(before, after):
-    """Stretches in, out of and across the active range, and from slack to taut."""
-    whole = MUSCLE.at(0.7)
-    quotient, slope = fibre_quotient(before, after - before, whole.constants)
-
-    def energy(squared):
-        matrix = NeoHookean(E, 0.3)
-        F = np.eye(3) + (np.sqrt(squared) - 1.0) * np.outer([0.0, 0.6, 0.8], [0.0, 0.6, 0.8])
-        return whole.energy(F) - matrix.energy(F)
-
-    assert quotient * (after - before) == pytest.approx(energy(after) - energy(before), abs=1e-13 * E)
-    ahead, behind = (fibre_quotient(before, after - before + h, whole.constants)[0] for h in (1e-6, -1e-6))
-    # The slope jumps where the range ends.
-    if after not in (1.0,):
-        assert slope == pytest.approx((ahead - behind) / 2e-6, rel=1e-5, abs=1e-5 * E)
-
-
 def test_second_order_in_the_time_step(cylinder):
     """Large, damped, activated motion: halving the step divides the difference from it by four."""
     law = Muscle(E, 0.3, sigma_max=40.0, m1=35.0, m2=0.5, activation=1.0, fibre=(0.0, 0.0, 1.0))
@@ -174,9 +147,9 @@ def test_energy_is_kept_whatever_the_step(steps, cylinder):
 
 
 @pytest.mark.parametrize("steps", [2, 20, 200])
-def test_a_law_without_discrete_formulas_keeps_energy_and_momentum(steps, cylinder):
+def test_a_law_with_fibres_keeps_energy_and_momentum(steps, cylinder):
     """Small strains and large ones: those whose way Gauss points are exact on, and those where they are not."""
-    model = bar(cylinder, law=LAWS[2], elements=2)
+    model = bar(cylinder, law=MUSCLE, elements=2)
     step = steps * critical(model)
     history = run(model, 20 * step, step, outputs=10, velocity=wild(model, 0.5))
     error = np.abs(history.energy_error).max()

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from conftest import as_array, straight
+from energies import by_complex_steps
 
 from comparisons.laws.torsion import ARTERY, CASES, STRETCHES, TRELOAR, taken, twisted
 from comparisons.measure.convergence import newton_orders
@@ -92,6 +93,15 @@ def test_stress_and_tangent_are_derivatives(name):
     np.testing.assert_allclose(stress, differences(law.energy, F), atol=1e-8 * np.abs(stress).max())
     np.testing.assert_allclose(tangent, differences(law.stress, F), atol=1e-8 * np.abs(tangent).max())
     assert np.isnan(law.stress(np.diag([1.0, 1.0, -1.0])[None])).any()
+
+
+@pytest.mark.parametrize("name", each(LAWS))
+def test_energy_and_stress_are_those_of_the_expression(name):
+    law, F = LAWS[name].placed(alone()), gradients()
+    for one, energy, stress in zip(F[:30], law.energy(F), law.stress(F), strict=False):
+        value, slope = by_complex_steps(law, one)
+        assert energy == pytest.approx(value, abs=1e-12 * law.modulus)
+        np.testing.assert_allclose(stress, slope, rtol=0.0, atol=1e-12 * law.modulus)
 
 
 @pytest.mark.parametrize("name", each(LAWS))

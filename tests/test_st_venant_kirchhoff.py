@@ -45,6 +45,17 @@ def test_at_rest_it_is_linear_elasticity_and_knows_no_rotation():
         assert np.isnan(found(np.diag([1.0, 1.0, -1.0])[None])).any()
 
 
+@pytest.mark.parametrize("size", [1e-3, 1e-6, 1e-9])
+def test_small_strains_keep_their_digits(size):
+    """The energy, of squares of strains, has as many as these have in ``F``."""
+    F = EYE + size * np.random.default_rng(0).uniform(-1, 1, (20, 3, 3))
+    change = F - EYE
+    strain = 0.5 * (change + change.swapaxes(1, 2) + change.swapaxes(1, 2) @ change)
+    trace = np.trace(strain, axis1=1, axis2=2)
+    energy = LAW.mu * np.sum(strain**2, axis=(1, 2)) + 0.5 * LAW.lame * trace**2
+    assert LAW.energy(F) == pytest.approx(energy, rel=3e-15 / size)
+
+
 def test_what_is_no_number_stays_none_without_a_word(python):
     done = python(
         "import numpy as np\nfrom isorod import StVenantKirchhoff\n"

@@ -1,8 +1,8 @@
 """Static equilibrium near and at incompressibility with dolfinx: Taylor-Hood elements.
 
 The displacement is of one degree more than the pressure.  Of a law ``W = psi + kappa/2 theta^2``, such as those of
-isorod's that split (`isorod.material.law.Split`), stationary point of ``integral of psi + p theta - p^2 / (2 kappa)``:
-for the pressure that is left, the law itself; ``kappa`` may be infinite.
+isorod's that split, stationary point of ``integral of psi + p theta - p^2 / (2 kappa)``: for the pressure that is left,
+the law itself; ``kappa`` may be infinite.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -22,8 +22,7 @@ from comparisons.fem.flags import FAST
 from comparisons.fem.statics import NEWTON, Held, Newton, Support, variations
 from comparisons.fem.stored import energy_of
 from isorod.errors import InputError
-from isorod.material.from_energy import FromEnergy
-from isorod.material.law import Split
+from isorod.material.law import Material
 from isorod.options import defaults
 from meshes.mesh import Array
 
@@ -84,7 +83,7 @@ class Equilibrium:
 
 def solve(
     domain: Domain,
-    law: Split,
+    law: Material,
     held: Sequence[Held | Guided],
     loads: Mapping[str, tuple[float, float, float]] | None = None,
     degree: int = 2,
@@ -175,9 +174,9 @@ def element(mesh: Any, degree: int) -> Any:
     return compat.mixed_element(parts)
 
 
-def stored(state: Any, law: Split, activation: Any = 1.0, fibres: tuple[Any, ...] = ()) -> Any:
+def stored(state: Any, law: Material, activation: Any = 1.0, fibres: tuple[Any, ...] = ()) -> Any:
     """Return the density whose stationary point is sought, of displacement and pressure."""
-    if np.isfinite(law.lame) and isinstance(law, FromEnergy) and not law.stored.quadratic:
+    if np.isfinite(law.lame) and law.logarithmic and not law.stored.quadratic:
         raise InputError(
             "law: its volumetric energy is no square of ln J; these elements take it as incompressible only"
         )

@@ -12,7 +12,6 @@ from sympy.codegen import cfunctions
 
 from isorod.errors import InputError
 from isorod.material import symbols
-from isorod.material.energy import Energy as SymbolicEnergy
 from isorod.material.law import Material
 
 Energy = Callable[[Any], Any]
@@ -98,23 +97,9 @@ def energy_of(law: Material, activation: Any = 0.0, fibres: tuple[Any, ...] = ()
     InputError
         If it is incompressible.
     """
-    stored, values = stored_of(law), constants_of(law)
+    stored, values = law.stored, constants_of(law)
     given = dict(zip(stored.constants, values, strict=True)) | {symbols.activation: activation}
     return lambda F: density(stored.expression, F, given, fibres)
-
-
-def stored_of(law: Material) -> SymbolicEnergy:
-    """Return the stored energy of a law as an expression.
-
-    Raises
-    ------
-    InputError
-        If there is none.
-    """
-    stored = law.stored
-    if not isinstance(stored, SymbolicEnergy):
-        raise InputError("energy: a compiled function; finite elements need an expression of SymPy")
-    return stored
 
 
 def constants_of(law: Material) -> list[float]:

@@ -24,7 +24,7 @@ from isorod.material.law import Material
 from isorod.material.mooney_rivlin import MooneyRivlin
 from isorod.material.muscle import Muscle
 from isorod.material.ogden import Ogden
-from isorod.material.orthotropic import Directed, Orthotropic, TransverselyIsotropic
+from isorod.material.orthotropic import Orthotropic, TransverselyIsotropic
 from isorod.material.st_venant_kirchhoff import StVenantKirchhoff
 from isorod.material.yeoh import Yeoh
 from isorod.model import Body, Model, Pressure, Support
@@ -160,7 +160,7 @@ class Scene:
         Its end sections have the shape that the section amid the rod takes on: were they held as they are, stress at
         their edges would grow without limit, and finite elements converge on no mesh as they do elsewhere.
         """
-        share = SMALL if isinstance(law, LinearElastic | Directed) else 1.0
+        share = SMALL if law.linear else 1.0
         loads = [Pressure(share * self.pressure, "inner", follows=True)] if self.pressure else []
         elements, degree, across = self.space
         space = Space(self.rod(), elements, degree, degree - 1, section_degree=across)

@@ -10,7 +10,7 @@ import ufl
 from comparisons.fem import compat, quadrature
 from comparisons.fem.rods.elements import Elements
 from comparisons.fem.rods.places import lagrange, on_rod
-from comparisons.fem.stored import constants_of, density, stored_of
+from comparisons.fem.stored import constants_of, density
 from isorod.material import symbols
 from isorod.material.law import Material
 from isorod.model.model import Model
@@ -47,7 +47,7 @@ class Laws:
     def __init__(self, elements: Elements, model: Model, rule: int) -> None:
         self.elements, self.rule = elements, rule
         self.place, self.laws, densities = _places(elements, model)
-        stored = [stored_of(law) for law in self.laws]
+        stored = [law.stored for law in self.laws]
         # In the order in which they come first.
         self._energies = list({one.expression: one for one in stored}.values())
         expressions = [one.expression for one in self._energies]

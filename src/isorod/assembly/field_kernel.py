@@ -14,7 +14,7 @@ from isorod.arrays import Array, Index
 from isorod.assembly.block_kernel import INVERSE, PRESSURE, SIZE, STEPS, WEIGHT, Steps
 from isorod.assembly.element_kernel import TABLE
 from isorod.compiled import F1, F2, FAST, I2, njit
-from isorod.material.points import ACTIVE, DETERMINANT, ENERGY, FIBRE, POINTS, by_points, call_block, call_step
+from isorod.material.points import ACTIVE, DETERMINANT, ENERGY, FIBRE, POINTS, call_block, call_step
 from isorod.material.points import ROWS as _R
 from isorod.space.space import Table
 
@@ -24,13 +24,12 @@ _W, _3 = np.uint64(POINTS), np.uint64(3)
 class Functions(NamedTuple):
     """A law's compiled functions, by their addresses (`isorod.material.points.Compiled`), and its constants."""
 
-    point: int
     block: int
     tangent: int
     constants: Array
 
 
-FUNCTIONS = types.NamedTuple([i8, i8, i8, F1], Functions)
+FUNCTIONS = types.NamedTuple([i8, i8, F1], Functions)
 FIBRES = types.Array(f8, 4, "A", readonly=True)
 # Gradients across and along.
 GRADIENTS = types.UniTuple(F2, 2)
@@ -186,15 +185,6 @@ def take_rows(
         place, q = after, next_q
 
 
-@njit(void(FUNCTIONS, F1, b1, F2, F2, F1), **FAST)
-def evaluate(law: Functions, work: Array, wanted: bool, F: Array, stress: Array, fibre: Array) -> None:
-    """Fill in the stress at the points of a block, and energies if wanted; the last three are work space."""
-    if law.block:
-        call_block(np.uint64(law.block), (work, law.constants, 1.0, wanted))
-    else:
-        by_points(np.uint64(law.point), work, law.constants, 1.0, F, stress, fibre)
-
-
 @njit(void(TABLE, i8, GRADIENTS, i8, F2), **FAST)
 def determinants(table: Table, deform: int, found: tuple[Array, Array], first: int, out: Array) -> None:
     """Fill in ``det F`` ``(e t, q)`` of gradients on disk x axis; ``deform`` and the others are those of `stresses`."""
@@ -241,7 +231,6 @@ def stresses(
     along, points = table.axial.shape[1], axis.shape[1]
     places = axis.shape[0] // 3
     work = np.zeros(SIZE)
-    F, stress, fibre = np.empty((3, 3)), np.empty((3, 3)), np.zeros(6)
     energy = 0.0
     place, q = 0, 0
     for begin in range(0, places * points, POINTS):
@@ -250,7 +239,7 @@ def stresses(
         if fibres.shape[0]:
             take_fibres(fibres, along, first, places, place, q, 0, points, work)
         call_step(np.uint64(steps.deform), (work,))
-        evaluate(law, work, wanted, F, stress, fibre)
+        call_block(np.uint64(law.block), (work, law.constants, 1.0, wanted))
         if steps.press:
             take_rows(pressure, first * along, places, place, q, 0, points, PRESSURE, work)
             call_step(np.uint64(steps.press), (work,))

@@ -96,9 +96,9 @@ class Region:
         """Return what compiled loops are told of the law; whether moduli are wanted, and with extrapolated stress."""
         law = self.piece.law.at(factor)
         one = law.compiled
-        trace = not getattr(law, "logarithmic", True)
+        trace = not law.logarithmic
         fibres = law.fibres(self.shape) if law.families else _NO_FIBRES
-        functions = Functions(one.point, one.block, one.tangent if wanted else 0, law.constants)
+        functions = Functions(one.block, one.tangent if wanted else 0, law.constants)
         return functions, _steps(wanted, extrapolates, pressed, trace), fibres
 
     def _some(self, count: int) -> Iterator[tuple[int, int]]:

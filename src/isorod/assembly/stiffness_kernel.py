@@ -19,7 +19,6 @@ from isorod.assembly.field_kernel import (
     FUNCTIONS,
     GRADIENTS,
     Functions,
-    evaluate,
     run,
     take_fibres,
     take_geometry,
@@ -28,7 +27,7 @@ from isorod.assembly.field_kernel import (
 )
 from isorod.assembly.pattern_kernel import BLOCKS, Blocks
 from isorod.compiled import F1, F2, FAST, njit
-from isorod.material.points import GRADIENT, MODULI, POINTS, call_step, call_tangent
+from isorod.material.points import GRADIENT, MODULI, POINTS, call_block, call_step, call_tangent
 from isorod.material.points import ROWS as _R
 from isorod.space.space import Table
 
@@ -168,7 +167,6 @@ def moduli(
     along, points = table.axial.shape[1], end - begin
     places, first_place = found[1].shape[0] // 3, first * along
     work = np.zeros(SIZE)
-    F, stress, fibre = np.empty((3, 3)), np.empty((3, 3)), np.zeros(6)
     place, q = 0, begin
     for _ in range(0, places * points, POINTS):
         take_geometry(table, first, places, place, q, begin, end, work)
@@ -193,7 +191,7 @@ def moduli(
                 continue
             for k in range(np.uint64(45 * POINTS)):
                 work[_R[MODULI] + k] = 0.0
-            evaluate(law, work, False, F, stress, fibre)
+            call_block(np.uint64(law.block), (work, law.constants, 1.0, False))
             call_tangent(np.uint64(law.tangent), (work, law.constants, 1.0))
             if steps.press:
                 call_step(np.uint64(steps.press), (work,))

@@ -20,10 +20,10 @@ def main() -> int:
 
     start = perf_counter()
     kernels = compiling.load_all()
-    wanted = [kernel for kernel in kernels if not kernel.kept]
-    refused = next((kernel for kernel in wanted if not kernel.lasting), None)
-    if refused is not None:
+    if any(not kernel.kept and not kernel.lasting for kernel in kernels):
         raise InputError(f"compile: {compiling.HINT}")
+    _make_laws()
+    wanted = [kernel for kernel in kernels if not kernel.kept]
     compiling.NOTICE.time = "about a minute"
     other = compiling.share()
     for kernel in wanted:
@@ -39,6 +39,17 @@ def main() -> int:
         f"kept in {compiling.place(kernels[0])}"
     )
     return 0
+
+
+def _make_laws() -> None:
+    """Make the functions of laws that have one energy whatever their constants, for `isorod.compiling.KERNELS`."""
+    from isorod.files.schema import LAWS
+    from isorod.material.written import named
+
+    for form in LAWS.values():
+        recipe = getattr(form.function, "recipe", None)
+        if isinstance(recipe, tuple):
+            named(*recipe)
 
 
 def _quietly(modules: Sequence[str]) -> int:

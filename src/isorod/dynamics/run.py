@@ -262,7 +262,7 @@ class Run(ABC):
         digest.update(" ".join(law.identity for body in system.model.bodies for law in body.laws).encode())
         for array in (
             *(body.densities for body in system.model.bodies),
-            *([getattr(law, "lame", 0.0) for law in body.laws] for body in mixed),
+            *([law.lame for law in body.laws] for body in mixed),
             system.state.held,
             displacement,
             velocity,

@@ -8,11 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from isorod.arrays import Array
 from isorod.errors import InputError, numbers
-from isorod.material.law import Material
 from isorod.material.muscle import Muscle
-from isorod.material.points import Compiled
 
 if TYPE_CHECKING:
     import sympy as sp
@@ -44,34 +41,24 @@ class ActiveMuscle(Muscle):
 
     curve: Any = None
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _check(self) -> None:
+        super()._check()
         if self.curve is None:
             raise InputError("curve: need points (stretch, tension) or a SymPy expression of the stretch")
         if not hasattr(self.curve, "free_symbols"):
             object.__setattr__(self, "curve", _checked(self.curve))
+            return
         _ = self.stored
 
     @property
-    def stored(self) -> "Energy":
-        """Its energy as an expression, its activation a constant times that of the step."""
-        return _energy(self.curve)
-
-    @property
-    def compiled(self) -> Compiled:  # type: ignore[override]
-        """The addresses of its compiled functions."""
-        from isorod.material.written import compiled
-
-        return compiled(self.stored)
+    def recipe(self) -> tuple[Any, ...]:  # type: ignore[override]
+        """Its energy, of its curve."""
+        return _energy, self.curve
 
     @property
     def activation_work(self) -> float:
         """The work of active fibres over the whole range of their stretch, per volume."""
         return self.activation * self.sigma_max * _work(self.curve)
-
-    def discrete(self, F: Array, change: Array, wanted: bool = True) -> tuple[Array, Array | None]:
-        """Return a stress that does the work of the energy, and its moduli (`isorod.material.law`)."""
-        return Material.discrete(self, F, change, wanted)
 
 
 def _checked(curve: Any) -> tuple[tuple[float, float], ...]:

@@ -1,17 +1,21 @@
 """The material laws along one body, and across it, evaluated at all its points at once."""
 
 from collections.abc import Sequence
+from functools import cache
 from itertools import groupby
-from typing import NamedTuple, cast
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from isorod.arrays import Array, Index
 from isorod.compiled import flat
-from isorod.material.law import Material, Split
-from isorod.material.logarithm_kernel import discrete
+from isorod.material.discrete_gradient_kernel import discrete_gradient
+from isorod.material.law import Material
 from isorod.material.places import Places
 from isorod.tensors import inverse
+
+if TYPE_CHECKING:
+    from isorod.material.energy import Energy
 
 
 class Piece(NamedTuple):
@@ -138,7 +142,7 @@ def _runs(laws: Sequence[Material]) -> list[Piece]:
 
 def shear_laws(laws: Laws) -> Laws:
     """Return the laws without their bulk terms."""
-    return Laws([piece._replace(law=cast(Split, piece.law).shear) for piece in laws.pieces])
+    return Laws([piece._replace(law=piece.law.shear) for piece in laws.pieces])
 
 
 def volume_change(laws: Laws, F: Array) -> tuple[Array, Array]:
@@ -146,7 +150,7 @@ def volume_change(laws: Laws, F: Array) -> tuple[Array, Array]:
     theta, slope = np.empty(F.shape[:-2]), np.empty(F.shape)
     for law, first, last, _ in laws.pieces:
         part = F[first:last]
-        if cast(Split, law).logarithmic:
+        if law.logarithmic:
             # Newton's iterations try states without volume, and go back.
             with np.errstate(divide="ignore", invalid="ignore"):
                 inverses, det = inverse(part)
@@ -159,10 +163,21 @@ def volume_change(laws: Laws, F: Array) -> tuple[Array, Array]:
 
 
 def complementary(laws: Laws, p: Array) -> tuple[Array, Array, Array]:
-    """Return `isorod.material.law.Split.complementary` of pressures ``(E, t, q)``, shapes of these."""
-    found = [cast(Split, law).complementary(p[first:last]) for law, first, last, _ in laws.pieces]
+    """Return `isorod.material.law.Material.complementary` of pressures ``(E, t, q)``, shapes of these."""
+    found = [law.complementary(p[first:last]) for law, first, last, _ in laws.pieces]
     first, second, third = zip(*found, strict=True)
     return np.concatenate(first), np.concatenate(second), np.concatenate(third)
+
+
+@cache
+def _logarithm() -> "Energy":
+    """Return ``theta = ln J``, in the place of an energy."""
+    from sympy import log
+
+    from isorod.material.energy import Energy
+    from isorod.material.symbols import J
+
+    return Energy(log(J), ())
 
 
 def volume_between(laws: Laws, F: Array, change: Array, wanted: bool) -> tuple[Array, Array | None]:
@@ -175,12 +190,17 @@ def volume_between(laws: Laws, F: Array, change: Array, wanted: bool) -> tuple[A
     F, change, wanted
         As for `Material.discrete`: of the energy ``theta``.
     """
+    from isorod.material.written import named
+
     gradient = np.empty(F.shape)
-    slope = np.empty((*F.shape, 3, 3) if wanted else (0, 3, 3, 3, 3))
-    rows = gradient.reshape(-1, 3, 3), slope.reshape(-1, 3, 3, 3, 3)
-    discrete(flat(F), flat(change), 0.0, 0.0, 1.0, *rows)
+    slope = np.zeros((*F.shape, 3, 3)) if wanted else None
     for law, first, last, _ in laws.pieces:
-        if not cast(Split, law).logarithmic:
+        if law.logarithmic:
+            one, nothing = named(_logarithm), np.empty((gradient[first:last].size // 9, 0))
+            given = flat(F[first:last]), flat(change[first:last]), np.empty(0), nothing
+            bend = np.empty((0, 3, 3, 3, 3)) if slope is None else slope[first:last].reshape(-1, 3, 3, 3, 3)
+            discrete_gradient(one.block, one.tangent, *given, gradient[first:last].reshape(-1, 3, 3), bend)
+        else:
             # Of the trace.
-            gradient[first:last], slope[first:last] = np.eye(3), 0.0
-    return gradient, slope if wanted else None
+            gradient[first:last] = np.eye(3)
+    return gradient, slope

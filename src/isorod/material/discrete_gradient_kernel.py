@@ -17,10 +17,10 @@ Symmetric tensors have six components, 00, 01, 02, 11, 12, 22, and so have trian
 from typing import Any
 
 import numpy as np
-from numba import b1, f8, i8, u8, void
+from numba import f8, i8, u8, void
 
 from isorod.arrays import Array
-from isorod.compiled import F1, F2, F3, F5, FAST, cofactors, njit
+from isorod.compiled import F1, F2, F3, F5, FAST, njit
 from isorod.material.points import (
     ACTIVE,
     DETERMINANT,
@@ -31,7 +31,6 @@ from isorod.material.points import (
     MODULI_WORK,
     POINTS,
     ROWS,
-    by_points,
     call_block,
     call_tangent,
     modulus_row,
@@ -45,9 +44,12 @@ _ROUNDING = 32.0 * float(np.finfo(float).eps)
 
 _W = np.uint64(POINTS)
 # Rows of the work space of a block besides the law's: C_0, D, U^-1, S at a place, its mean, the mean of t dS/dE (21 of
-# pairs of components, the first not behind the second), P_1, W_0, W_1.
+# pairs of components, the first not behind the second), P_1, W_0, W_1; F_0 and its change, det F_0 and det F_1, and
+# whether one of the states cannot be.
 _START, _CHANGE, _INVERSE, _HERE, _MEAN, _VARIED, _LAST, _BEFORE, _AFTER = 0, 6, 12, 18, 24, 30, 51, 60, 61
-_OWN = 62
+_FIRST, _MOVED, _DETERMINANTS, _BAD, _SIZE, _FACTOR, _RATE = 62, 71, 80, 82, 83, 84, 85
+_OWN = 86
+_1, _2, _9, _10, _11, _first = np.uint64(1), np.uint64(2), np.uint64(9), np.uint64(10), np.uint64(11), np.uint64(_FIRST)
 
 
 @njit(i8(i8, i8), **FAST)
@@ -64,15 +66,57 @@ def _pair(p: int, q: int) -> int:
     return low * (11 - low) // 2 + high
 
 
-@njit(void(u8, u8, F1, F1, b1, F2, F2, F1), **FAST)
-def _evaluate(
-    point: int, block: int, work: Array, constants: Array, wanted: bool, F: Array, stress: Array, fibre: Array
-) -> None:
-    """Fill the law's rows of stress, and of energies if wanted."""
-    if block:
-        call_block(block, (work, constants, 1.0, wanted))
-    else:
-        by_points(point, work, constants, 1.0, F, stress, fibre)
+@njit(f8(F2, i8, u8, f8), **FAST)
+def _determinant(own: Array, row: int, k: int, t: float) -> float:
+    """Return ``det(F_0 + t H)`` at one point."""
+    f00, f01, f02 = (
+        own[row, k] + t * own[row + 9, k],
+        own[row + 1, k] + t * own[row + 10, k],
+        own[row + 2, k] + t * own[row + 11, k],
+    )
+    f10, f11, f12 = (
+        own[row + 3, k] + t * own[row + 12, k],
+        own[row + 4, k] + t * own[row + 13, k],
+        own[row + 5, k] + t * own[row + 14, k],
+    )
+    f20, f21, f22 = (
+        own[row + 6, k] + t * own[row + 15, k],
+        own[row + 7, k] + t * own[row + 16, k],
+        own[row + 8, k] + t * own[row + 17, k],
+    )
+    return f00 * (f11 * f22 - f12 * f21) + f01 * (f12 * f20 - f10 * f22) + f02 * (f10 * f21 - f11 * f20)
+
+
+@njit(void(F2), **FAST)
+def _begin(own: Array) -> None:
+    """Fill in ``C_0``, ``D`` and what tells states that cannot be, whose points are taken at rest."""
+    for k in range(_W):
+        det0, det1 = _determinant(own, _FIRST, k, 0.0), _determinant(own, _FIRST, k, 1.0)
+        # States that cannot be have no stress, though the way may seem to pass them by.
+        bad = 0.0 if (det0 > 0.0) & (det1 > 0.0) else 1.0
+        own[_DETERMINANTS, k] = det0 if bad == 0.0 else 1.0
+        own[_DETERMINANTS + 1, k], own[_BAD, k] = det1 if bad == 0.0 else 1.0, bad
+    for c in range(np.uint64(9)):
+        for k in range(_W):
+            rest = 1.0 if c % np.uint64(4) == np.uint64(0) else 0.0
+            own[_first + c, k] = own[_first + c, k] if own[_BAD, k] == 0.0 else rest
+            own[_first + _9 + c, k] = own[_first + _9 + c, k] if own[_BAD, k] == 0.0 else 0.0
+    for A in range(3):
+        for B in range(A, 3):
+            p, q, r = np.uint64(_FIRST + A), np.uint64(_FIRST + B), np.uint64(_six(A, B))
+            for k in range(_W):
+                square = change = 0.0
+                for a in range(np.uint64(3)):
+                    s = np.uint64(3) * a
+                    f, g, h, j = (
+                        own[p + s, k],
+                        own[q + s, k],
+                        own[p + np.uint64(9) + s, k],
+                        own[q + np.uint64(9) + s, k],
+                    )
+                    square += f * g
+                    change += (f + 0.5 * h) * j + h * (g + 0.5 * j)
+                own[np.uint64(_START) + r, k], own[np.uint64(_CHANGE) + r, k] = square, change
 
 
 @njit(void(F2, F1, f8), **FAST)
@@ -146,60 +190,60 @@ def _add_moduli(own: Array, work: Array, share: float) -> None:
                                     own[into, k] -= share * own[left, k] * own[right, k] * own[own_stress, k]
 
 
-@njit(f8(u8, u8, u8, F1, F1, F3, F1), **FAST)
-def _modulus(
-    point: int, block: int, tangent: int, work: Array, constants: Array, tensors: Array, fibre: Array
-) -> float:
+@njit(f8(u8, u8, F1, F1), **FAST)
+def _modulus(block: int, tangent: int, work: Array, constants: Array) -> float:
     """Return the largest of the moduli at rest, of the fibres of a block."""
     work[POINTS * GRADIENT : POINTS * DETERMINANT] = 0.0
     for k in range(_W):
         for a in range(np.uint64(3)):
             work[ROWS[GRADIENT] + a * ROWS[4] + k] = 1.0
         work[ROWS[DETERMINANT] + k] = 1.0
-    _evaluate(point, block, work, constants, False, tensors[0], tensors[1], fibre)
+    call_block(block, (work, constants, 1.0, False))
     work[POINTS * MODULI :] = 0.0
     call_tangent(tangent, (work, constants, 1.0))
     return float(np.abs(work[POINTS * MODULI :]).max())
 
 
-@njit(void(F3, F3, F2, f8, i8, u8, F3, F2, F3, F5), **FAST)
-def _finish(
-    start: Array,
-    change: Array,
-    own: Array,
-    modulus: float,
-    m: int,
-    k: int,
-    tensors: Array,
-    varied: Array,
-    stress: Array,
-    moduli: Array,
-) -> None:
-    """Fill in stress and, if they have points, moduli of one point, ``k`` of its block."""
+@njit(void(F2, F1, f8), **FAST)
+def _finish(own: Array, work: Array, modulus: float) -> None:
+    """Fill in ``S`` with the last term, and the rows of stress with ``F_m S``."""
+    for k in range(_W):
+        d0, d1, d2 = own[_CHANGE, k], own[_CHANGE + 1, k], own[_CHANGE + 2, k]
+        d3, d4, d5 = own[_CHANGE + 3, k], own[_CHANGE + 4, k], own[_CHANGE + 5, k]
+        m0, m1, m2 = own[_MEAN, k], own[_MEAN + 1, k], own[_MEAN + 2, k]
+        m3, m4, m5 = own[_MEAN + 3, k], own[_MEAN + 4, k], own[_MEAN + 5, k]
+        size = d0 * d0 + d3 * d3 + d5 * d5 + 2.0 * (d1 * d1 + d2 * d2 + d4 * d4)
+        before, after = own[_BEFORE, k], own[_AFTER, k]
+        missed = 2.0 * (after - before) - (m0 * d0 + m3 * d3 + m5 * d5 + 2.0 * (m1 * d1 + m2 * d2 + m4 * d4))
+        allowed = _ROUNDING * (modulus + abs(before) + abs(after))
+        # No jump: what is beyond rounding comes in twice as fast until it is all there.  NaN is beyond.
+        far = abs(missed) >= 2.0 * allowed
+        beyond = missed if far else 2.0 * (missed - np.copysign(allowed, missed))
+        factor = 0.0 if abs(missed) <= allowed else beyond / size
+        own[_SIZE, k], own[_FACTOR, k], own[_RATE, k] = size, factor, 1.0 if far else 2.0
+        own[_HERE, k], own[_HERE + 1, k], own[_HERE + 2, k] = m0 + factor * d0, m1 + factor * d1, m2 + factor * d2
+        own[_HERE + 3, k], own[_HERE + 4, k], own[_HERE + 5, k] = m3 + factor * d3, m4 + factor * d4, m5 + factor * d5
+    for a in range(3):
+        f = np.uint64(_FIRST + 3 * a)
+        for A in range(3):
+            s0, s1, s2 = np.uint64(_HERE + A), np.uint64(_HERE + _six(1, A)), np.uint64(_HERE + _six(2, A))
+            for k in range(_W):
+                x, y = own[f, k] + 0.5 * own[f + _9, k], own[f + _1, k] + 0.5 * own[f + _10, k]
+                z = own[f + _2, k] + 0.5 * own[f + _11, k]
+                work[np.uint64(POINTS * (3 * a + A)) + k] = x * own[s0, k] + y * own[s1, k] + z * own[s2, k]
+
+
+@njit(void(F2, u8, F3, F2, i8, F5), **FAST)
+def _moduli(own: Array, k: int, tensors: Array, varied: Array, m: int, moduli: Array) -> None:
+    """Fill in the moduli of one point, ``k`` of its block."""
     D, mean, end, middle, S, bent = tensors[0], tensors[1], tensors[2], tensors[3], tensors[4], tensors[5]
-    size = missed = 0.0
+    size, factor, rate = own[_SIZE, k], own[_FACTOR, k], own[_RATE, k]
     for A in range(3):
         for B in range(3):
             D[A, B], mean[A, B] = own[_CHANGE + _six(A, B), k], own[_MEAN + _six(A, B), k]
-            end[A, B] = start[m, A, B] + change[m, A, B]
-            middle[A, B] = start[m, A, B] + 0.5 * change[m, A, B]
-            size += D[A, B] * D[A, B]
-            missed += mean[A, B] * D[A, B]
-    before, after = own[_BEFORE, k], own[_AFTER, k]
-    missed = 2.0 * (after - before) - missed
-    allowed = _ROUNDING * (modulus + abs(before) + abs(after))
-    # No jump: what is beyond rounding comes in twice as fast until it is all there.  NaN is beyond.
-    near, far = abs(missed) <= allowed, abs(missed) >= 2.0 * allowed
-    rate = 1.0 if far else 2.0
-    factor = 0.0 if near else (missed if far else 2.0 * (missed - np.copysign(allowed, missed))) / size
-    for A in range(3):
-        for B in range(3):
-            S[A, B] = mean[A, B] + factor * D[A, B]
-    for a in range(3):
-        for A in range(3):
-            stress[m, a, A] = middle[a, 0] * S[0, A] + middle[a, 1] * S[1, A] + middle[a, 2] * S[2, A]
-    if moduli.shape[0] == 0:
-        return
+            S[A, B], move = own[_HERE + _six(A, B), k], own[_MOVED + 3 * A + B, k]
+            end[A, B] = own[_FIRST + 3 * A + B, k] + move
+            middle[A, B] = end[A, B] - 0.5 * move
     # Derivatives of S, of six components each, first without those of the last term.
     for p in range(6):
         for b in range(3):
@@ -208,7 +252,7 @@ def _finish(
                 for L in range(3):
                     value += end[b, L] * own[_VARIED + _pair(p, _six(L, B)), k]
                 varied[p, 3 * b + B] = value
-    if not near:
+    if factor != 0.0:
         for b in range(3):
             for B in range(3):
                 value, grown = 2.0 * own[_LAST + 3 * b + B, k], 0.0
@@ -236,12 +280,11 @@ def _finish(
                     value = 0.5 * S[A, B] if a == b else 0.0
                     for p in range(3):
                         value += middle[a, p] * varied[_six(p, A), 3 * b + B]
-                    moduli[m, a, A, b, B] = value
+                    moduli[m, a, A, b, B] = value if own[_BAD, k] == 0.0 else np.nan
 
 
-@njit(void(u8, u8, u8, F3, F3, F1, F2, F3, F5), **FAST)
+@njit(void(u8, u8, F3, F3, F1, F2, F3, F5), **FAST)
 def discrete_gradient(
-    point: int,
     block: int,
     tangent: int,
     start: Array,
@@ -255,7 +298,7 @@ def discrete_gradient(
 
     Parameters
     ----------
-    point, block, tangent
+    block, tangent
         Addresses of the law's functions.
     start, change
         Deformation gradients and their changes, shape ``(points, 3, 3)``.
@@ -265,9 +308,7 @@ def discrete_gradient(
         ``P``, shape ``(points, 3, 3)``, and its derivatives by the end state, shape ``(points, 3, 3, 3, 3)`` or empty.
     """
     work, own = np.zeros(MODULI_WORK * POINTS), np.empty((_OWN, POINTS))
-    tensors, varied, fibre = np.empty((6, 3, 3)), np.empty((6, 9)), np.zeros(6)
-    F, middle, scratch = tensors[0], tensors[1], tensors[2]
-    bad = np.zeros(POINTS, dtype=np.bool_)
+    tensors, varied = np.empty((6, 3, 3)), np.empty((6, 9))
     count, wanted, modulus = start.shape[0], moduli.shape[0] > 0, 0.0
     for begin in range(0, count, POINTS):
         for k in range(_W):
@@ -275,52 +316,40 @@ def discrete_gradient(
             m: Any = min(begin + np.int64(k), count - 1)
             for a in range(3):
                 for A in range(3):
-                    F[a, A] = start[m, a, A] + change[m, a, A]
-                    middle[a, A] = start[m, a, A] + 0.5 * change[m, a, A]
-            # States that cannot be have no stress, though the way may seem to pass them by.
-            bad[k] = not (cofactors(start[m], scratch) > 0.0 and cofactors(F, scratch) > 0.0)
-            for A in range(3):
-                for B in range(A, 3):
-                    c, d = 0.0, 0.0
-                    for a in range(3):
-                        c += start[m, a, A] * start[m, a, B]
-                        d += middle[a, A] * change[m, a, B] + change[m, a, A] * middle[a, B]
-                    own[_START + _six(A, B), k] = (1.0 if A == B else 0.0) if bad[k] else c
-                    own[_CHANGE + _six(A, B), k] = 0.0 if bad[k] else d
+                    own[_FIRST + 3 * a + A, k], own[_MOVED + 3 * a + A, k] = start[m, a, A], change[m, a, A]
             for a in range(fibres.shape[1]):
                 work[ROWS[FIBRE] + np.uint64(POINTS * a) + k] = fibres[m, a]
+        _begin(own)
         if begin == 0:
-            modulus = _modulus(point, block, tangent, work, constants, tensors, fibre)
+            modulus = _modulus(block, tangent, work, constants)
         own[_MEAN:_LAST] = 0.0
         for place in range(len(_PLACES)):
             t, share = _PLACES[place], _SHARES[place]
             _go(own, work, t)
-            _evaluate(point, block, work, constants, False, F, scratch, fibre)
+            call_block(block, (work, constants, 1.0, False))
             _add_stress(own, work, share)
             if wanted:
                 work[POINTS * MODULI :] = 0.0
                 call_tangent(tangent, (work, constants, 1.0))
                 _add_moduli(own, work, t * share)
         for last in range(2):
+            for c in range(np.uint64(9)):
+                for k in range(_W):
+                    work[ROWS[GRADIENT] + c * _W + k] = own[_first + c, k] + float(last) * own[_first + _9 + c, k]
             for k in range(_W):
-                m = min(begin + np.int64(k), count - 1)
-                for a in range(3):
-                    for A in range(3):
-                        value = start[m, a, A] + (change[m, a, A] if last else 0.0)
-                        F[a, A] = (1.0 if a == A else 0.0) if bad[k] else value
-                        work[ROWS[GRADIENT] + np.uint64(POINTS * (3 * a + A)) + k] = F[a, A]
-                work[ROWS[DETERMINANT] + k] = cofactors(F, scratch)
-            _evaluate(point, block, work, constants, True, F, scratch, fibre)
+                work[ROWS[DETERMINANT] + k] = own[_DETERMINANTS + last, k]
+            call_block(block, (work, constants, 1.0, True))
             for k in range(_W):
                 own[_BEFORE + last, k] = work[ROWS[ENERGY] + k] + work[ROWS[ACTIVE] + k]
         for c in range(np.uint64(9)):
             for k in range(_W):
                 own[np.uint64(_LAST) + c, k] = work[ROWS[1] * c + k]
+        _finish(own, work, modulus)
         for k in range(np.uint64(min(POINTS, count - begin))):
             m = begin + np.int64(k)
-            if bad[k]:
-                stress[m] = np.nan
-                if wanted:
-                    moduli[m] = np.nan
-            else:
-                _finish(start, change, own, modulus, m, k, tensors, varied, stress, moduli)
+            valid = 1.0 if own[_BAD, k] == 0.0 else np.nan
+            for a in range(3):
+                for A in range(3):
+                    stress[m, a, A] = valid * work[np.uint64(POINTS * (3 * a + A)) + k]
+            if wanted:
+                _moduli(own, k, tensors, varied, m, moduli)

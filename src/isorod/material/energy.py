@@ -21,25 +21,33 @@ class Energy:
     shape
         What is stored besides ``bulk volume``: an expression of `isorod.material.symbols` and constants.
     constants
-        The symbols of the constants, in the order of a law's.
+        The symbols of the constants, in the order of a law's; where there is a volumetric energy ``bulk`` is the last.
     volume
         Volumetric energy of unit modulus at rest: an expression of ``J`` (of small strains: of the trace of ``F``), or
         None.
-    factor
-        Which of the constants is that modulus, ``bulk``; the last where not given.
+    small
+        Whether it is one of small strains: ``C`` stands for ``F + F^T - 1``.
     """
 
     shape: sp.Expr
     constants: tuple[sp.Symbol, ...]
     volume: sp.Expr | None = None
-    factor: sp.Symbol | None = None
+    small: bool = False
+
+    @cached_property
+    def whole(self) -> sp.Expr:
+        """What is stored, with the volumetric energy."""
+        if self.volume is None:
+            return self.shape
+        return self.shape + self.constants[-1] * self.volume
 
     @cached_property
     def expression(self) -> sp.Expr:
-        """The whole of it."""
-        if self.volume is None:
-            return self.shape
-        return self.shape + (self.factor or self.constants[-1]) * self.volume
+        """The same of ``F`` where strains are small."""
+        if not self.small:
+            return self.whole
+        linear = s.F + s.F.T - sp.eye(3)
+        return self.whole.xreplace({s.C[A, B]: linear[A, B] for A in range(3) for B in range(A, 3)})
 
     @property
     def quadratic(self) -> bool:
@@ -82,7 +90,7 @@ def whole(given: sp.Expr, constants: Sequence[sp.Symbol]) -> Energy:
 def completed(given: sp.Expr, constants: Sequence[sp.Symbol]) -> Energy:
     """Return an energy with ``- p ln J + bulk/2 (ln J)^2`` added, ``p`` such that it is free of pressure at rest."""
     given = _checked(given, constants)
-    if set(s.F) & given.free_symbols:
+    if {*s.F, *s.C} & given.free_symbols:
         raise InputError("energy: with a bulk modulus it takes invariants, stretches and fibres, no components of F")
     return Energy(given - pressure_at_rest(given) * sp.log(s.J), (*constants, s.bulk), LOGARITHMIC)
 
@@ -106,12 +114,14 @@ def pressure_at_rest(given: sp.Expr) -> sp.Expr:
 
 
 def _checked(given: sp.Expr, constants: Sequence[sp.Symbol]) -> sp.Expr:
-    """Return an energy in which ``C`` is replaced by ``F``, if all its symbols are known."""
+    """Return an energy, if all its symbols are known: of ``C`` alone, of ``F``, or of invariants."""
+    if callable(given):
+        raise InputError("energy: got a function, need an expression of SymPy")
     given = sp.sympify(given)
-    if set(s.C) & given.free_symbols:
+    if set(s.C) & given.free_symbols and {*s.F, *s.INVARIANTS} & given.free_symbols:
         product = s.F.T * s.F
         given = given.subs({s.C[A, B]: product[A, B] for A in range(3) for B in range(A, 3)})
-    known = {*s.INVARIANTS, *s.F, *s.a, *s.b, s.activation, *constants}
+    known = {*s.INVARIANTS, *s.F, *s.C, *s.a, *s.b, s.activation, *constants}
     unknown = sorted(str(one) for one in given.free_symbols - known)
     if unknown:
         raise InputError(

@@ -6,9 +6,7 @@ What a user gives is a word (`WORDS`), a vector ``(3,)`` of any length, one a po
 """
 
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
-from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -130,32 +128,3 @@ def vectors(fibre: Fibre, shape: tuple[int, ...], name: str = "fibre direction")
         what = repr(fibre) if isinstance(fibre, str) else "a function of places"
         raise InputError(f"{name} {what}: only a body knows its rod's places; give the law to one")
     return np.broadcast_to(np.asarray(fibre), (*shape, 3))
-
-
-class OneFibre:
-    """What laws answer (`isorod.material.law.Material`) that keep one direction, a field of a dataclass.
-
-    Attributes
-    ----------
-    fibre
-        The direction.
-    """
-
-    fibre: Fibre
-
-    @property
-    def follows(self) -> bool:
-        """Whether the direction is one of the rod."""
-        return follows(self.fibre)
-
-    def placed(self, places: Places) -> Self:
-        """Return the law with its direction at places of a rod."""
-        return self._directed(placed(self.fibre, places)) if self.follows else self
-
-    def some(self, places: Index) -> Self:
-        """Return the law with the directions of some places, if it has some of each."""
-        return self._directed(some(self.fibre, places))
-
-    def _directed(self, direction: Fibre) -> Self:
-        law: Any = self
-        return replace(law, fibre=direction)  # type: ignore[no-any-return]

@@ -7,7 +7,7 @@ two or three units in the last place.
 from typing import Any
 
 import numpy as np
-from numba import f8, i8, u8, void
+from numba import f8, i8, types, u8, void
 from numba.extending import intrinsic
 
 from isorod.arrays import Array
@@ -56,18 +56,32 @@ def log(x: float) -> float:
     return value if (x > 0.0) & (x < np.inf) else np.nan
 
 
-@njit(f8(f8), **FAST)
-def exp(x: float) -> float:
-    """Return the exponential, infinite above 709 and at least 1e-308."""
+@njit(types.UniTuple(f8, 2)(f8), **FAST)
+def _grown(x: float) -> tuple[float, float]:
+    """Return ``exp(r) - 1`` and a power of 2 of ``exp(x) = 2^n exp(r)``, ``r`` at most half of ln 2."""
     inside = min(max(x, -708.0), 709.0)
     n = np.floor(inside * (1.0 / _LN2) + 0.5)
     r = (inside - n * _LN2) - n * _LN2_LOW
     y = 1.0 / 39916800.0 + r * (1.0 / 479001600.0 + r * (1.0 / 6227020800.0))
     y = 1.0 / 40320.0 + r * (1.0 / 362880.0 + r * (1.0 / 3628800.0 + r * y))
     y = 1.0 / 120.0 + r * (1.0 / 720.0 + r * (1.0 / 5040.0 + r * y))
-    y = 1.0 + r * (1.0 + r * (0.5 + r * (1.0 / 6.0 + r * (1.0 / 24.0 + r * y))))
-    scale = _number(np.uint64(np.int32(n) + np.int32(1023)) << _SHIFT)
-    value = y * scale
+    grown = r * (1.0 + r * (0.5 + r * (1.0 / 6.0 + r * (1.0 / 24.0 + r * y))))
+    return grown, _number(np.uint64(np.int32(n) + np.int32(1023)) << _SHIFT)
+
+
+@njit(f8(f8), **FAST)
+def exp(x: float) -> float:
+    """Return the exponential, infinite above 709 and at least 1e-308."""
+    grown, scale = _grown(x)
+    value = grown * scale + scale
+    return value if x <= 709.0 else (np.inf if x > 709.0 else np.nan)
+
+
+@njit(f8(f8), **FAST)
+def expm1(x: float) -> float:
+    """Return the exponential less 1, which keeps the digits of a small ``x``."""
+    grown, scale = _grown(x)
+    value = grown * scale + (scale - 1.0)
     return value if x <= 709.0 else (np.inf if x > 709.0 else np.nan)
 
 

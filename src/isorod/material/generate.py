@@ -4,39 +4,42 @@ With the scalars ``s`` that an energy depends on and ``D_s = ds/dF``,
 
     P = sum_s W_s D_s,    dP/dF = sum_st W_st D_s D_t + sum_s W_s dD_s/dF,
 
-where SymPy finds ``W_s`` and ``W_st``, and what is left is the same for all laws.  Functions that vectorise stand in
-`isorod.material.functions`.
+where SymPy finds ``W_s`` and ``W_st``, and what is left is the same for all laws.  With the components of ``C``
+
+    P = F S,    dP_aA/dF_bB = d_ab S_AB + F_aC F_bD dS_CA/dE_DB,
+
+the second Piola-Kirchhoff stress ``S = 2 dW/dC`` and ``E = (C - 1)/2``; in small strains ``P = S`` and ``dS/dE`` alone.
+Functions that vectorise stand in `isorod.material.functions`.
 """
 
 import re
 from collections.abc import Callable, Iterable, Sequence
-from itertools import combinations
+from itertools import combinations, combinations_with_replacement
 
 import sympy as sp
 
-from isorod import __version__
 from isorod.material import symbols as s
 from isorod.material.energy import Energy
 from isorod.material.points import ACTIVE, DETERMINANT, ENERGY, FIBRE, GRADIENT, MODULI, ROWS, SQUARES
 from isorod.material.printed import assignments
 
-_HEADER = f'''"""Written by isorod {__version__} from the energy of a law."""
-
-from math import erf
-
-import numpy as np
-
-from isorod.compiled import FAST, STRICT, njit
-from isorod.material.functions import SPECTRAL, exp, log, power, principals
-from isorod.material.moduli_kernel import add_both, add_diagonal, add_rows, add_turned, combined, outer, scaled
-from isorod.material.points import BLOCK, POINT, POINTS, TANGENT, add_identity, add_products, add_square
-'''
+# What modules are made of: of each no more is imported than is used, which takes time in each process.
+_NAMES = {
+    "math": ("erf",),
+    "isorod.compiled": ("FAST", "njit"),
+    "isorod.material.functions": ("SPECTRAL", "exp", "expm1", "log", "power", "principals"),
+    "isorod.material.moduli_kernel": (
+        *("add_both", "add_diagonal", "add_dyad", "add_rows", "add_turned"),
+        *("combined", "outer", "scaled"),
+    ),
+    "isorod.material.points": ("BLOCK", "POINTS", "TANGENT", "add_identity", "add_products", "add_square"),
+}
 
 _COMPONENTS = [(a, A) for a in range(3) for A in range(3)]
 
 
 def source(energy: Energy) -> str:
-    """Return the source of a module with the functions `point`, `block` and `tangent` of a law.
+    """Return the source of a module with the functions `block` and `tangent` of a law.
 
     Raises
     ------
@@ -44,9 +47,15 @@ def source(energy: Energy) -> str:
         If the energy has a function that is not known here.
     """
     body = _Body(energy)
-    functions = [*body.point(), "", "", *body.block(), "", "", *body.tangent(), ""]
-    rows = sorted({int(one) for line in functions for one in re.findall(r"\bROW(\d+)\b", line)})
-    return "\n".join([_HEADER, *[f"ROW{one} = np.uint64({ROWS[one]})" for one in rows], "", "", *functions])
+    functions = [*body.block(), "", "", *body.tangent(), ""]
+    used = {word for line in functions for word in re.findall(r"\w+", line)}
+    lines = ['"""Written from the energy of a law."""', "", "import numpy as np"]
+    for module, names in _NAMES.items():
+        if own := [name for name in names if name in used]:
+            lines.append(f"from {module} import {', '.join(own)}")
+    rows = sorted(int(word[3:]) for word in used if re.fullmatch(r"ROW\d+", word))
+    lines += ["", *(f"ROW{row} = np.uint64({ROWS[row]})" for row in rows), "", ""]
+    return "\n".join([*lines, *functions])
 
 
 def _row(number: int) -> str:
@@ -78,6 +87,17 @@ _SQUARES = {(A, B): " + ".join(f"f{a}{A} * f{a}{B}" for a in range(3)) for A in 
 _TWICE = (s.I1, s.I2, s.I4a, s.I4b)
 
 
+def _modulus(a: int, A: int, b: int, B: int) -> str:
+    """Return the name of where the row of ``dP_aA/dF_bB`` begins, ``a <= b``, and ``A <= B`` if these are equal."""
+    return _row(SQUARES + 6 * a + (B if A == 0 else A + B + 1) if a == b else MODULI + 9 * (a + b - 1) + 3 * A + B)
+
+
+def _products(pairs: Iterable[tuple[str, str]]) -> str:
+    """Return a sum of products, of which those with an empty factor are none."""
+    given = [(x, y) for x, y in pairs if x and y]
+    return " + ".join(y if x == "1.0" else f"{x} * {y}" for x, y in given)
+
+
 def _nine(name: str) -> str:
     """Return a tuple of components."""
     return f"({', '.join(f'{name}{a}{A}' for a, A in _COMPONENTS)})"
@@ -104,13 +124,20 @@ class _Body:
         self.energy = energy
         # Names that no other has.
         self.names = {one: sp.Symbol(f"constant{k}", real=True) for k, one in enumerate(energy.constants)}
-        expression = energy.expression.xreplace(self.names)
-        self.plain = [one for one in s.F if one in expression.free_symbols]
-        self.scalars = list(s.F) if self.plain else [one for one in s.INVARIANTS if one in expression.free_symbols]
-        if not self.plain and set(s.stretches) & set(self.scalars):
+        expression = energy.whole.xreplace(self.names)
+        self.plain = bool(set(s.F) & expression.free_symbols)
+        self.strains = bool(set(s.STRAINS) & expression.free_symbols)
+        candidates = s.F if self.plain else s.STRAINS if self.strains else s.INVARIANTS
+        self.scalars = [one for one in candidates if self.plain or one in expression.free_symbols]
+        if set(s.stretches) & set(self.scalars):
             self.scalars = [one for one in self.scalars if one not in s.stretches] + list(s.stretches)
         self.first = {one: _slope(expression, one) for one in self.scalars}
         self.second = {(p, q): _slope(self.first[p], q) for k, p in enumerate(self.scalars) for q in self.scalars[k:]}
+        if self.strains:
+            # S and dS/dE: symbols beside the diagonal of C stand for two components.
+            twice = {one: 2 if one in s.C.diagonal() else 1 for one in s.STRAINS}
+            self.first = {one: twice[one] * value for one, value in self.first.items()}
+            self.second = {(p, q): twice[p] * twice[q] * value for (p, q), value in self.second.items()}
         self.used = expression.free_symbols
         self.rest = expression.subs(s.activation, 0)
         self.active = sp.diff(expression, s.activation)
@@ -128,6 +155,9 @@ class _Body:
         """Return lines that compute what energies are written of, from ``f00 .. f22`` and the fibres."""
         if self.plain:
             return [f"F{a}{A} = f{a}{A}" for a, A in _COMPONENTS]
+        if self.strains:
+            small = {(A, B): f"f{A}{B} + f{B}{A}" + (" - 1.0" if A == B else "") for A, B in _SQUARES}
+            return [f"C{A}{B} = {value}" for (A, B), value in (small if self.energy.small else _SQUARES).items()]
         has = set(self.scalars)
         lines = []
         if s.J in has:
@@ -180,13 +210,20 @@ class _Body:
             wanted = {pair: value for pair, value in self.second.items() if value != 0}
             names += [f"w_{p}_{q}" for p, q in wanted]
             values += list(wanted.values())
-        lines = [*assignments(names, values), "valid = 1.0 if det > 0.0 else np.nan"]
+        lines = assignments(names, values)
+        if self.energy.small:
+            return lines
+        lines.append("valid = 1.0 if det > 0.0 else np.nan")
         return lines + [f"w_{one} = valid * w_{one}" for one in self.scalars]
 
     def _stress(self) -> list[str]:
         """Return lines that compute ``p``, the nine components of the stress."""
         if self.plain:
             return [f"p = ({', '.join(f'w_F{a}{A}' for a, A in _COMPONENTS)})"]
+        if self.strains:
+            slopes = {(A, B): self._slope_by_strain(A, B) for A, B in _COMPONENTS}
+            found = [_products((self._f(a, B), slopes[A, B]) for B in range(3)) or "0.0" for a, A in _COMPONENTS]
+            return [f"p = ({', '.join(found)})"]
         return [*self._directions(), f"p = {_sum([(f'w_{one}', one) for one in self.scalars])}"]
 
     def _directions(self) -> list[str]:
@@ -196,20 +233,7 @@ class _Body:
         found |= {one: f"outer(n{i}, v{i})" for i, one in enumerate(s.stretches)}
         return [f"d_{one} = {found[one]}" for one in self.scalars]
 
-    # The three functions.
-
-    def point(self) -> list[str]:
-        lines = ["@njit(POINT, **STRICT)", "def point(F, constants, fibre, activation, stress):", *self._constants()]
-        body = [f"f{a}{A} = F[{a}, {A}]" for a, A in _COMPONENTS]
-        body.append(
-            "det = (f00 * (f11 * f22 - f12 * f21) + f01 * (f12 * f20 - f10 * f22) + f02 * (f10 * f21 - f11 * f20))"
-        )
-        if spectral := self._spectral():
-            body += ["spectral = np.empty(SPECTRAL * POINTS)", "k = np.uint64(0)", *spectral, "principals(spectral, 1)"]
-        body += [*self._fibres(lambda k: f"fibre[{k}]"), *self._kinematics(), *self._slopes(), *self._stress()]
-        body += [f"stress[{a}, {A}] = p[{3 * a + A}]" for a, A in _COMPONENTS]
-        body += assignments(["rest", "active"], [self.rest, self.active])
-        return lines + ["    " + one for one in body] + ["    return valid * rest, valid * active"]
+    # The two functions.
 
     def _head(self, name: str, arguments: str) -> list[str]:
         lines = [f"@njit({name.upper()}, **FAST)", f"def {name}({arguments}):", *self._constants()]
@@ -234,6 +258,7 @@ class _Body:
         body += [f"work[{_row(component)} + k] = p[{component}]" for component in range(9)]
         lines = [*self._head("block", "work, constants, activation, wanted"), *self._loop(body)]
         energies = [*self._read(), *self._kinematics(), *assignments(["rest", "active"], [self.rest, self.active])]
+        energies += ["valid = 1.0 if det > 0.0 else np.nan", "rest = valid * rest", "active = valid * active"]
         energies = _needed(energies, ("rest", "active"))
         energies += [f"work[{_row(ENERGY)} + k] = rest", f"work[{_row(ACTIVE)} + k] = active"]
         return [*lines, "    if wanted:", *self._loop(energies, 2)]
@@ -241,13 +266,13 @@ class _Body:
     def tangent(self) -> list[str]:
         """Return the function that adds the moduli."""
         body = [*self._read(), *self._kinematics(), *self._slopes(second=True)]
-        body += self._plain_moduli() if self.plain else self._moduli()
+        body += self._plain_moduli() if self.plain else self._strain_moduli() if self.strains else self._moduli()
         return [*self._head("tangent", "work, constants, activation"), *self._loop(body)]
 
     def _w(self, p: sp.Symbol, q: sp.Symbol) -> str:
         """Return the name of a second derivative, empty where it is zero."""
         pair = (p, q) if (p, q) in self.second else (q, p)
-        return "" if self.second[pair] == 0 else f"w_{pair[0]}_{pair[1]}"
+        return "" if self.second.get(pair, 0) == 0 else f"w_{pair[0]}_{pair[1]}"
 
     def _plain_moduli(self) -> list[str]:
         """Return lines that add the second derivatives by components of ``F``."""
@@ -255,12 +280,38 @@ class _Body:
         for (p, q), value in self.second.items():
             if value == 0:
                 continue
-            a, A, b, B = (int(x) for x in str(p)[1:] + str(q)[1:])
-            if a == b:
-                row = SQUARES + 6 * a + (B if A == 0 else A + B + 1)
-            else:
-                row = MODULI + 9 * (a + b - 1) + 3 * A + B
-            lines.append(f"work[{_row(row)} + k] += valid * w_{p}_{q}")
+            row = _modulus(*(int(x) for x in str(p)[1:] + str(q)[1:]))
+            lines.append(f"work[{row} + k] += valid * w_{p}_{q}")
+        return lines
+
+    def _f(self, a: int, A: int) -> str:
+        """Return the factor ``F_aA`` of second stresses and their slopes, empty where it is zero."""
+        if self.energy.small:
+            return "1.0" if a == A else ""
+        return f"f{a}{A}"
+
+    def _slope_by_strain(self, A: int, B: int) -> str:
+        """Return the name of ``S_AB``, empty where it is zero."""
+        return "" if self.first.get(s.C[A, B], 0) == 0 else f"w_{s.C[A, B]}"
+
+    def _strain_moduli(self) -> list[str]:
+        """Return lines that add ``d_ab S_AB + F_aC F_bD dS_CA/dE_DB``."""
+        lines, turned = [], {}
+        for a, A in _COMPONENTS:
+            for one in self.scalars:
+                text = _products((self._f(a, C), self._w(s.C[C, A], one)) for C in range(3))
+                if text and not self.energy.small:
+                    lines.append(f"t{a}{A}_{one} = {text}")
+                    text = f"t{a}{A}_{one}"
+                turned[a, A, one] = text
+        for (a, A), (b, B) in combinations_with_replacement(_COMPONENTS, 2):
+            if a == b and A > B:
+                continue
+            text = _products((self._f(b, D), turned.get((a, A, s.C[D, B]), "")) for D in range(3))
+            if a == b and not self.energy.small:
+                text = " + ".join(one for one in (text, self._slope_by_strain(A, B)) if one)
+            if text:
+                lines.append(f"work[{_modulus(a, A, b, B)} + k] += {text}")
         return lines
 
     def _moduli(self) -> list[str]:
@@ -297,7 +348,15 @@ class _Body:
         for fibre in (s.I4a, s.I4b):
             if fibre in has:
                 name = str(fibre)[-1]
-                lines += [f"add_square(work, k, {_row(SQUARES + 6 * a)}, 2.0 * w_{fibre}, {name})" for a in range(3)]
+                bend = self._w(fibre, fibre)
+                lines += [f"bend = 4.0 * {bend}"] if bend else []
+                for a in range(3):
+                    factor = f"2.0 * w_{fibre}" + (f" + bend * {name}n{a} * {name}n{a}" if bend else "")
+                    lines.append(f"add_square(work, k, {_row(SQUARES + 6 * a)}, {factor}, {name})")
+                for pair, (a, b) in enumerate(((0, 1), (0, 2), (1, 2))):
+                    if bend:
+                        row = _row(MODULI + 9 * pair)
+                        lines.append(f"add_dyad(work, k, {row}, bend * {name}n{a} * {name}n{b}, {name})")
         if s.I8 in has:
             lines.append(
                 "both = (2.0 * a0 * b0, a0 * b1 + a1 * b0, a0 * b2 + a2 * b0, "
@@ -310,7 +369,7 @@ class _Body:
         """Return lines that add ``W_st D_s D_t``, but for what a scalar has with itself and was added before."""
         lines = []
         for k, p in enumerate(self.scalars):
-            done = p in (s.I1, s.J)
+            done = p in (s.I1, s.J, s.I4a, s.I4b)
             terms = []
             for q in self.scalars[k:]:
                 w = self._w(p, q)

@@ -46,14 +46,11 @@ class Gent(Isochoric):
     limit: float
     bulk: float
 
+    recipe = (_energy,)
+
     def _check(self) -> None:
         positive("mu", self.mu)
         positive("limit", self.limit, "a positive number that I1bar - 3 does not reach")
-
-    @property
-    def stored(self) -> "Energy":
-        """Its energy as an expression."""
-        return _energy()
 
     @property
     def values(self) -> tuple[float, ...]:

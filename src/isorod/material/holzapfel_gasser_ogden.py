@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from isorod.errors import InputError
 from isorod.material.fibre import Fibre
@@ -70,7 +70,6 @@ class HolzapfelGasserOgden(Isochoric):
         positive("k2", self.k2, "a positive exponent")
         if not 0.0 <= self.dispersion <= 1.0 / 3.0:
             raise InputError(f"dispersion: got {self.dispersion:g}, need 0 (parallel fibres) to 1/3 (isotropic)")
-        self.check_fibres()
 
     @property
     def families(self) -> int:  # type: ignore[override]
@@ -78,9 +77,9 @@ class HolzapfelGasserOgden(Isochoric):
         return 2 if isinstance(self.fibre, tuple | list) and len(self.fibre) == 2 else 1
 
     @property
-    def stored(self) -> "Energy":
-        """Its energy as an expression."""
-        return _energy(self.families, self.dispersion > 0.0)
+    def recipe(self) -> tuple[Any, ...]:  # type: ignore[override]
+        """Its energy, of one family of fibres or two, parallel or not."""
+        return _energy, self.families, self.dispersion > 0.0
 
     @property
     def values(self) -> tuple[float, ...]:

@@ -7,18 +7,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from isorod.arrays import Array
 from isorod.errors import InputError
 from isorod.material.fibre import Fibre
-from isorod.material.from_energy import FromEnergy
-from isorod.material.places import alone
-from isorod.material.points import at_points
+from isorod.material.isochoric import Isochoric
+from isorod.material.law import Material
+from isorod.material.points import Compiled
 
 if TYPE_CHECKING:
     from isorod.material.energy import Energy
 
 
 @dataclass(frozen=True, eq=False)
-class Hyperelastic(FromEnergy):
+class Hyperelastic(Isochoric):
     """A law from its stored energy per reference volume.
 
     Stress, tangent, the split of the mixed formulation and the functions of explicit steps are made from that one
@@ -28,9 +29,7 @@ class Hyperelastic(FromEnergy):
     ----------
     definition
         A SymPy expression of the symbols in `isorod.material.symbols` and of constants: of ``I1``, ``I2``, ``J``,
-        principal stretches, fibre stretches, or components of ``F`` or ``C``.  Or a function that Numba compiles, of
-        ``F`` ``(3, 3)``, real or complex, of the constants ``(c,)`` and, where fibres are asked for, their direction
-        ``(3,)``: slower, and unknown to finite elements.
+        principal stretches, fibre stretches, or components of ``F`` or ``C``.
     parameters
         Value of each constant, by its symbol or name.
     bulk
@@ -50,7 +49,7 @@ class Hyperelastic(FromEnergy):
 
     definition: Any
     parameters: Mapping[Any, float] = field(default_factory=dict)
-    bulk: float | None = None
+    bulk: float | None = None  # type: ignore[assignment]
     prestressed: bool = False
     fibre: Fibre | tuple[Fibre, Fibre] = "tangent"
 
@@ -62,8 +61,11 @@ class Hyperelastic(FromEnergy):
             raise InputError(f"bulk: got {self.bulk:g}, need a positive stress, infinite for an incompressible law")
         from isorod.material.proof import prove
 
-        self.check_fibres()
+        Material.__post_init__(self)
         prove(self, self.prestressed)
+
+    def _check(self) -> None:
+        """Raise nothing: constants are what the energy takes."""
 
     @cached_property
     def _symbols(self) -> tuple[Any, ...]:
@@ -74,40 +76,52 @@ class Hyperelastic(FromEnergy):
 
     @cached_property
     def stored(self) -> "Energy":
-        """Its energy as an expression, or what has one's place."""
-        if callable(self.definition):
-            from isorod.material.function_energy import FunctionEnergy
-
-            return FunctionEnergy(self.definition, self.bulk is not None)  # type: ignore[return-value]
+        """Its energy as an expression."""
         from isorod.material.energy import completed, whole
 
         return (whole if self.bulk is None else completed)(self.definition, self._symbols)
 
+    @property
+    def families(self) -> int:  # type: ignore[override]
+        """How many directions its energy asks for."""
+        return self.stored.families
+
+    @property
+    def splits(self) -> bool:  # type: ignore[override]
+        """Whether it has a volumetric energy."""
+        return self.stored.volume is not None
+
+    @property
+    def compiled(self) -> Compiled:
+        """The addresses of its compiled functions."""
+        from isorod.material.written import compiled
+
+        return compiled(self.stored)
+
+    @property
+    def identity(self) -> str:
+        """Its name and energy."""
+        return f"{type(self).__name__} {self.stored}"
+
+    def complementary(self, p: Array) -> tuple[Array, Array, Array]:
+        """Return the volumetric energy's Legendre transform and its derivatives (`isorod.material.law.Material`)."""
+        if self.stored.quadratic or not np.isfinite(self.lame):
+            return super().complementary(p)
+        from isorod.material.legendre import transform
+
+        return transform(self.stored.volume, p / self.lame, self.lame)
+
     @cached_property
     def values(self) -> tuple[float, ...]:
         """The constants of the energy."""
-        own = tuple(float(value) for value in self.parameters.values())
-        if not callable(self.definition) or self.bulk is None:
-            return own
-        return *own, pressure_at_rest(self, own)
+        return tuple(float(value) for value in self.parameters.values())
 
     @cached_property
     def lame(self) -> float:
         """Factor of the volumetric energy ``bulk/2 theta^2``, force / area."""
         if self.bulk is not None:
             return self.bulk
-        if callable(self.definition):
-            return 0.0
         from isorod.material.energy import factor_of
 
         found = factor_of(self.stored, self.definition)
         return float(found.subs(dict(zip(self._symbols, self.values, strict=True))))
-
-
-def pressure_at_rest(law: Hyperelastic, constants: tuple[float, ...]) -> float:
-    """Return the pressure, positive in tension, of a law's function at rest, force / area."""
-    stress = np.empty((1, 3, 3))
-    fibres = law.placed(alone()).fibres((1,)).reshape(1, -1)
-    given = np.eye(3)[None], np.array([*constants, 0.0, 0.0]), fibres
-    at_points(law.compiled.point, *given, np.empty((1, 2)), stress)
-    return float(np.trace(stress[0])) / 3.0

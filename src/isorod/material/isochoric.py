@@ -1,12 +1,12 @@
 """What laws have in common that store what changes shape in invariants free of volume, and ``bulk/2 (ln J)^2``."""
 
 import math
-from abc import abstractmethod
 from collections.abc import Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING
 
-from isorod.errors import Checked, InputError, representable
-from isorod.material.from_energy import FromEnergy
+from isorod.errors import InputError, representable
+from isorod.material.law import Material
 
 if TYPE_CHECKING:
     import sympy as sp
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from isorod.material.energy import Energy
 
 
-class Isochoric(Checked, FromEnergy):
+class Isochoric(Material):
     """A law that stores ``bulk/2 (ln J)^2`` besides; ``bulk`` [force/area] may be infinite."""
 
     bulk: float
@@ -25,16 +25,17 @@ class Isochoric(Checked, FromEnergy):
             raise InputError(f"bulk: got {self.bulk:g}, need a positive stress, infinite for an incompressible law")
         if math.isfinite(self.bulk):
             representable("bulk", self.bulk)
-        self._check()
 
-    @abstractmethod
-    def _check(self) -> None:
-        """Raise `InputError` if a constant cannot be."""
-
-    @property
+    @cached_property
     def lame(self) -> float:
         """Factor of the volumetric energy: the bulk modulus at rest, force / area."""
         return self.bulk
+
+    @property
+    def nu(self) -> float:
+        """Poisson's ratio at rest, if isotropic; else that of the moduli of plane waves."""
+        ratio = self.shear_modulus / self.modulus
+        return 0.5 * (1.0 - 2.0 * ratio) / (1.0 - ratio)
 
 
 def with_volume(shape: "sp.Expr", constants: Sequence["sp.Symbol"]) -> "Energy":

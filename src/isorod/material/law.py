@@ -1,20 +1,24 @@
-"""What a law is: its energy and stress from one compiled function of a point, its tangent, and what follows from them.
+"""What a law is: its energy, stress and tangent from two compiled functions of that, and what follows from them.
 
-A new law is one file: a class with ``compiled`` and ``constants``.  Statics, modes and both integrators of dynamics
-then take it.
+A new law is one file: a class with the ``recipe`` of its energy and the ``values`` of its constants.  Statics, modes
+and both integrators of dynamics then take it.
 """
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, ClassVar, Self
+from copy import copy
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar, Self, cast
 
 import numpy as np
 
 from isorod.arrays import Array, Index
 from isorod.compiled import flat
 from isorod.errors import Checked, InputError, representable
+from isorod.material import fibre as directions
 from isorod.material.discrete_gradient_kernel import discrete_gradient
+from isorod.material.fibre import Fibre
 from isorod.material.places import Places, alone
 from isorod.material.points import Compiled, at_points, moduli_at_points
 
@@ -25,61 +29,108 @@ if TYPE_CHECKING:
 # Stretch less one at which fibres are taut, and a bulk modulus, in moduli of shape, that is as good as infinite.
 _TAUT, _STIFF = 1e-6, 1e3
 
+# Share by which a law is swollen that is asked for its moduli at rest: fibres that bear no compression are taut.
+_SWOLLEN = 1e-9
 
-class Material(ABC):
+
+class Material(Checked, ABC):
     """A law: arrays of deformation gradients ``F`` have any leading axes, the last two are ``(3, 3)``.
 
     The stress is the first Piola-Kirchhoff stress ``P = dW/dF``, the tangent ``A_aAbB = dP_aA/dF_bB``; where
-    ``det F <= 0`` a nonlinear law returns NaN.
+    ``det F <= 0`` a nonlinear law returns NaN.  The mixed formulation (`isorod.assembly.mixed`) takes laws that split,
+    ``W = psi + U(theta)``.
 
     Attributes
     ----------
-    compiled
-        The addresses of its compiled functions (`isorod.material.points.Compiled`).
+    recipe
+        A function of the law's module that returns the energy (`isorod.material.energy.Energy`), and what it is called
+        with.
     objective
         Whether it has a second Piola-Kirchhoff stress that no rotation changes; without that dynamics does not take it.
     linear
         Whether its stress is linear in the deformation gradient: a stiffness of its own, the same in all states.
     families
         How many directions its material has at a point, such as those of families of fibres: 0, 1 or 2 (`fibres`).
+    splits
+        Whether there is a ``U``: what changes the volume alone, or does in small strains.
+    logarithmic
+        Whether ``theta`` is ``ln J``; the trace of the strain if not.
+    fibre
+        Direction of its fibres (`isorod.material.fibre`), or those of two families in a tuple; only read where the
+        energy has fibres.
     """
 
-    compiled: ClassVar[Compiled]
+    recipe: tuple[Any, ...]
     objective: ClassVar[bool] = True
     linear: ClassVar[bool] = False
     families: ClassVar[int] = 0
+    splits: ClassVar[bool] = True
+    logarithmic: ClassVar[bool] = True
+    fibre: Fibre | tuple[Fibre, Fibre] = "tangent"
+
+    # What directions are called in errors.
+    _NAMES: ClassVar[tuple[str, ...]] = ("fibre direction", "fibre direction")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._check()
+        self._direct([directions.checked(*one) for one in self._named_fibres()])
+
+    @abstractmethod
+    def _check(self) -> None:
+        """Raise `InputError` if a constant cannot be."""
 
     @property
     @abstractmethod
+    def values(self) -> tuple[float, ...]:
+        """The constants of its energy but for the factor of the volumetric one."""
+
+    @cached_property
+    def lame(self) -> float:
+        """The modulus of ``U`` at rest, ``lame/2 theta^2`` if quadratic, force / area: may be infinite; 0 without."""
+        return 0.0
+
+    @cached_property
     def constants(self) -> Array:
-        """What the compiled functions take, any shape ``(c,)``."""
+        """The values of the symbols of its energy's constants, shape ``(c,)``."""
+        return np.array([*self.values, *([self.lame] if self.splits else [])], dtype=float)
 
     @property
     def stored(self) -> "Energy":
-        """Its energy as an expression, from which other programs make theirs.
-
-        Raises
-        ------
-        InputError
-            If it has none.
-        """
-        raise InputError(f"law {type(self).__name__}: its stored energy is not written down as an expression")
+        """Its energy as an expression."""
+        make, *given = self.recipe
+        return make(*given)  # type: ignore[no-any-return]
 
     @property
-    def splits(self) -> bool:
-        """Whether it is one for the mixed formulation (`Split`)."""
-        return False
+    def compiled(self) -> Compiled:
+        """The addresses of its compiled functions."""
+        from isorod.material.written import named
+
+        return named(*self.recipe)
 
     @property
     def identity(self) -> str:
         """What tells the law from others, but for its constants."""
-        return type(self).__name__
+        return f"{type(self).__name__}{self.recipe[1:]}"
+
+    @property
+    def shear(self) -> Self:
+        """The law ``psi``: without its volumetric energy."""
+        return self._with(lame=0.0) if self.splits else self
+
+    def complementary(self, p: Array) -> tuple[Array, Array, Array]:
+        """Return ``U*(p) = p theta - U``, Legendre's transform, and its first and second derivatives; shapes of ``p``.
+
+        The second is what changes ``theta``, so that it is the ``theta`` of a pressure ``p``.
+        """
+        each = np.full_like(p, 1.0 / self.lame)
+        return 0.5 * each * p**2, each * p, each
 
     def tangent(self, F: Array) -> Array:
         """Return ``dP/dF``, shape ``F.shape + (3, 3)``."""
         moduli, one = np.empty((*F.shape, 3, 3)), self.compiled
         given = flat(F), self.constants, self._flat_fibres(F.shape[:-2])
-        moduli_at_points(one.point, one.block, one.tangent, *given, moduli.reshape(-1, 3, 3, 3, 3))
+        moduli_at_points(one.block, one.tangent, *given, moduli.reshape(-1, 3, 3, 3, 3))
         return moduli
 
     def energy(self, F: Array) -> Array:
@@ -93,7 +144,7 @@ class Material(ABC):
     def _evaluate(self, F: Array) -> tuple[Array, Array]:
         energy, stress = np.empty((*F.shape[:-2], 2)), np.empty(F.shape)
         given = flat(F), self.constants, self._flat_fibres(F.shape[:-2])
-        at_points(self.compiled.point, *given, energy.reshape(-1, 2), stress.reshape(-1, 3, 3))
+        at_points(self.compiled.block, *given, energy.reshape(-1, 2), stress.reshape(-1, 3, 3))
         return energy, stress
 
     def _flat_fibres(self, shape: tuple[int, ...]) -> Array:
@@ -116,12 +167,8 @@ class Material(ABC):
         stress, moduli = np.empty(F.shape), np.empty((*F.shape, 3, 3) if wanted else (0, 3, 3, 3, 3))
         one, given = self.compiled, (flat(F), flat(change), self.constants, self._flat_fibres(F.shape[:-2]))
         found = stress.reshape(-1, 3, 3), moduli.reshape(-1, 3, 3, 3, 3)
-        discrete_gradient(one.point, one.block, one.tangent, *given, *found)
+        discrete_gradient(one.block, one.tangent, *given, *found)
         return stress, moduli if wanted else None
-
-    def fibres(self, shape: tuple[int, ...]) -> Array:
-        """Return the unit vectors along its fibres at points, family by family, shape ``(*shape, 3 families)``."""
-        return np.zeros((*shape, 0))
 
     def at(self, factor: float) -> Self:
         """Return the law at a load factor: itself, unless something grows with the load, as a muscle's activation."""
@@ -130,27 +177,67 @@ class Material(ABC):
     @property
     def follows(self) -> bool:
         """Whether the law depends on the rod's places and has not been told them (`placed`)."""
-        return False
-
-    def some(self, places: Index) -> Self:
-        """Return the law at some of the places, along the first axis, that it was told (`placed`)."""
-        return self
+        return any(directions.follows(one) for one in self._fibres())
 
     def placed(self, places: Places) -> Self:
         """Return the law at places of a rod; of an array of deformation gradients they are the leading axes."""
-        return self
+        if not self.follows:
+            return self
+        found = [(directions.placed(one, places, name), name) for one, name in self._named_fibres()]
+        return self._directed([directions.checked(*one) for one in found])
 
-    @property
-    def modulus(self) -> float:
-        """Modulus of pressure waves at rest, the largest in three directions and those between them, force / area."""
-        n = _directions()
-        moduli = self.placed(alone()).tangent(np.eye(3)[None])[0]
-        return float(np.einsum("aAbB,na,nA,nb,nB->n", moduli, n, n, n, n).max())
+    def some(self, places: Index) -> Self:
+        """Return the law at some of the places, along the first axis, that it was told (`placed`)."""
+        return self._directed([directions.some(one, places) for one in self._fibres()]) if self.families else self
+
+    def fibres(self, shape: tuple[int, ...]) -> Array:
+        """Return the unit vectors along its fibres at points, family by family, shape ``(*shape, 3 families)``."""
+        found = [directions.vectors(one, shape, name) for one, name in self._named_fibres()]
+        return np.concatenate([np.zeros((*shape, 0)), *found], axis=-1)
+
+    def _fibres(self) -> tuple[Fibre, ...]:
+        """Return what the directions of its material are given by."""
+        if self.families < 2:
+            return (cast(Fibre, self.fibre),)[: self.families]
+        if not (isinstance(self.fibre, tuple | list) and len(self.fibre) == 2):
+            raise InputError("fibre direction: the energy has two families of fibres, need a tuple of two directions")
+        return tuple(self.fibre)
+
+    def _named_fibres(self) -> list[tuple[Fibre, str]]:
+        return list(zip(self._fibres(), self._NAMES, strict=False))
+
+    def _directed(self, found: list[Fibre]) -> Self:
+        law = copy(self)
+        law._direct(found)
+        return law
+
+    def _direct(self, found: list[Fibre]) -> None:
+        if found:
+            object.__setattr__(self, "fibre", found[0] if len(found) == 1 else tuple(found))
+
+    def _with(self, **changed: Any) -> Self:
+        """Return the law with other values, which are not checked again."""
+        law = copy(self)
+        law.__dict__.pop("constants", None)
+        for name, value in changed.items():
+            object.__setattr__(law, name, value)
+        return law
+
+    @cached_property
+    def _waves(self) -> tuple[float, float]:
+        """The least and the largest modulus of plane waves at rest without the volumetric energy, force / area."""
+        taut = plane_waves(self.shear, 1.0 + _SWOLLEN) if self.families else plane_waves(self.shear)
+        return float(plane_waves(self.shear).min()), float(taut.max())
 
     @property
     def shear_modulus(self) -> float:
-        """The least modulus of plane waves at rest, force / area."""
-        return float(plane_waves(self).min())
+        """The least modulus of plane waves at rest, force / area: the shear modulus, if isotropic."""
+        return self._waves[0]
+
+    @property
+    def modulus(self) -> float:
+        """Modulus of pressure waves at rest, force / area; where there are fibres, when these are just taut."""
+        return self.lame + self._waves[1]
 
     @property
     def surface_modulus(self) -> float:
@@ -159,9 +246,7 @@ class Material(ABC):
         Of any law ``4 mu (1 - mu / M)``, ``mu`` and ``M`` its least and largest modulus of plane waves.  It stays
         finite near incompressibility, where ``M`` does not.
         """
-        waves = plane_waves(self)
-        least = float(waves.min())
-        return 4.0 * least * (1.0 - least / float(waves.max()))
+        return 4.0 * self.shear_modulus * (1.0 - self.shear_modulus / self.modulus)
 
     @property
     def activation_work(self) -> float:
@@ -201,7 +286,7 @@ def reach(law: Material, places: Places) -> float:
     n = np.broadcast_to(places.tangent, (*places.shape, 3))
     # Fibres may carry tension alone.
     F, placed = np.eye(3) + _TAUT * n[..., :, None] * n[..., None, :], law.placed(places)
-    if isinstance(placed, Split) and placed.splits:
+    if placed.splits:
         # Those without a change of volume, whose bulk modulus may be infinite.
         moduli = placed.shear.tangent(F)
         moduli = moduli + _STIFF * np.abs(moduli).max() * np.einsum("aA,bB->aAbB", np.eye(3), np.eye(3))
@@ -228,50 +313,14 @@ def _directions() -> Array:
     return np.asarray(n / np.linalg.norm(n, axis=1, keepdims=True))
 
 
-class Split(Material):
-    """What the mixed formulation (`isorod.assembly.mixed`) asks of a law besides: ``W = psi + U(theta)``.
-
-    Attributes
-    ----------
-    logarithmic
-        Whether ``theta`` is ``ln J``; the trace of the strain if not.
-    """
-
-    logarithmic: ClassVar[bool] = True
-
-    @property
-    def splits(self) -> bool:
-        """Whether there is a ``U``: what changes the volume alone, or does in small strains."""
-        return True
-
-    @property
-    @abstractmethod
-    def lame(self) -> float:
-        """The modulus of ``U`` at rest, ``lame/2 theta^2`` if quadratic, force / area; may be infinite."""
-
-    @property
-    @abstractmethod
-    def shear(self) -> Material:
-        """The law ``psi``."""
-
-    def complementary(self, p: Array) -> tuple[Array, Array, Array]:
-        """Return ``U*(p) = p theta - U``, Legendre's transform, and its first and second derivatives; shapes of ``p``.
-
-        The second is what changes ``theta``, so that it is the ``theta`` of a pressure ``p``.
-        """
-        each = np.full_like(p, 1.0 / self.lame)
-        return 0.5 * each * p**2, each * p, each
-
-
 @dataclass(frozen=True)
-class Isotropic(Checked, Split):
+class Isotropic(Material):
     """Young's modulus ``E`` [force/area] and Poisson's ratio ``nu`` of a law that has these at rest."""
 
     E: float
     nu: float
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _check(self) -> None:
         if not (np.isfinite(self.E) and self.E > 0.0):
             raise InputError(f"Young's modulus E: got {self.E:g}, need a positive stress")
         representable("Young's modulus E", self.E)
@@ -283,12 +332,7 @@ class Isotropic(Checked, Split):
         """Shear modulus, force / area."""
         return self.E / (2.0 * (1.0 + self.nu))
 
-    @property
-    def shear_modulus(self) -> float:
-        """Shear modulus, force / area."""
-        return self.mu
-
-    @property
+    @cached_property
     def lame(self) -> float:
         """Lame's first parameter, force / area (the paper's kappa); infinite where ``nu`` is 0.5."""
         if self.nu == 0.5:
@@ -296,9 +340,14 @@ class Isotropic(Checked, Split):
         return self.E * self.nu / ((1.0 + self.nu) * (1.0 - 2.0 * self.nu))
 
     @property
-    def constants(self) -> Array:
-        """``mu, lame``."""
-        return np.array([self.mu, self.lame])
+    def values(self) -> tuple[float, ...]:
+        """``mu``."""
+        return (self.mu,)
+
+    @property
+    def shear_modulus(self) -> float:
+        """Shear modulus, force / area."""
+        return self.mu
 
     @property
     def modulus(self) -> float:
@@ -309,8 +358,3 @@ class Isotropic(Checked, Split):
     def surface_modulus(self) -> float:
         """``E / (1 - nu^2)``, force / area."""
         return self.E / (1.0 - self.nu**2)
-
-    @property
-    def shear(self) -> Self:
-        """The law without its bulk term ``lame/2 theta^2``, for the mixed formulation (`isorod.assembly.mixed`)."""
-        return replace(self, E=2.0 * self.mu, nu=0.0)

@@ -17,6 +17,22 @@ def add_rows(work: Array, k: int, row: int, x: float, values: tuple[float, ...])
 
 
 @njit(**FAST)
+def add_dyad(work: Array, k: int, row: int, x: float, p: tuple[float, ...]) -> None:
+    """Add ``x p_A p_B`` to the nine rows of moduli that begin at a row's place, at one point."""
+    xx, xy, xz = x * p[0] * p[0], x * p[0] * p[1], x * p[0] * p[2]
+    yy, yz, zz = x * p[1] * p[1], x * p[1] * p[2], x * p[2] * p[2]
+    work[row + k] += xx
+    work[row + ROWS[1] + k] += xy
+    work[row + ROWS[2] + k] += xz
+    work[row + ROWS[3] + k] += xy
+    work[row + ROWS[4] + k] += yy
+    work[row + ROWS[5] + k] += yz
+    work[row + ROWS[6] + k] += xz
+    work[row + ROWS[7] + k] += yz
+    work[row + ROWS[8] + k] += zz
+
+
+@njit(**FAST)
 def add_diagonal(work: Array, k: int, row: int, x: float) -> None:
     """Add ``x d_AB`` to the nine rows of moduli that begin at a row's place, at one point."""
     work[row + k] += x
@@ -26,34 +42,49 @@ def add_diagonal(work: Array, k: int, row: int, x: float) -> None:
 
 @njit(**FAST)
 def _add_nine(
-    work: Array, k: int, row: int, x: float, d: tuple[float, ...], e: tuple[float, ...], a: int, b: int
+    work: Array,
+    k: int,
+    row: int,
+    p: tuple[float, ...],
+    q: tuple[float, ...],
+    u: tuple[float, ...],
+    v: tuple[float, ...],
 ) -> None:
-    for A in range(3):
-        for B in range(3):
-            work[row + ROWS[3 * A + B] + k] += x * (d[3 * a + A] * e[3 * b + B] + e[3 * a + A] * d[3 * b + B])
+    """Add ``p_A q_B + u_A v_B`` to the nine rows of moduli that begin at a row's place, at one point."""
+    # A loop over components would keep the one over points from being vectorised.
+    work[row + k] += p[0] * q[0] + u[0] * v[0]
+    work[row + ROWS[1] + k] += p[0] * q[1] + u[0] * v[1]
+    work[row + ROWS[2] + k] += p[0] * q[2] + u[0] * v[2]
+    work[row + ROWS[3] + k] += p[1] * q[0] + u[1] * v[0]
+    work[row + ROWS[4] + k] += p[1] * q[1] + u[1] * v[1]
+    work[row + ROWS[5] + k] += p[1] * q[2] + u[1] * v[2]
+    work[row + ROWS[6] + k] += p[2] * q[0] + u[2] * v[0]
+    work[row + ROWS[7] + k] += p[2] * q[1] + u[2] * v[1]
+    work[row + ROWS[8] + k] += p[2] * q[2] + u[2] * v[2]
 
 
 @njit(**FAST)
-def _add_six(work: Array, k: int, row: int, x: float, d: tuple[float, ...], e: tuple[float, ...], a: int) -> None:
-    d0, d1, d2 = x * d[3 * a], x * d[3 * a + 1], x * d[3 * a + 2]
-    e0, e1, e2 = e[3 * a], e[3 * a + 1], e[3 * a + 2]
-    work[row + k] += 2.0 * d0 * e0
-    work[row + ROWS[1] + k] += d0 * e1 + d1 * e0
-    work[row + ROWS[2] + k] += d0 * e2 + d2 * e0
-    work[row + ROWS[3] + k] += 2.0 * d1 * e1
-    work[row + ROWS[4] + k] += d1 * e2 + d2 * e1
-    work[row + ROWS[5] + k] += 2.0 * d2 * e2
+def _add_six(work: Array, k: int, row: int, p: tuple[float, ...], q: tuple[float, ...]) -> None:
+    """Add ``p_A q_B + q_A p_B`` to the six rows of moduli that begin at a row's place, at one point."""
+    work[row + k] += 2.0 * p[0] * q[0]
+    work[row + ROWS[1] + k] += p[0] * q[1] + p[1] * q[0]
+    work[row + ROWS[2] + k] += p[0] * q[2] + p[2] * q[0]
+    work[row + ROWS[3] + k] += 2.0 * p[1] * q[1]
+    work[row + ROWS[4] + k] += p[1] * q[2] + p[2] * q[1]
+    work[row + ROWS[5] + k] += 2.0 * p[2] * q[2]
 
 
 @njit(**FAST)
 def add_both(work: Array, k: int, x: float, d: tuple[float, ...], e: tuple[float, ...]) -> None:
     """Add ``x (d_aA e_bB + e_aA d_bB)`` to the moduli at one point."""
-    _add_nine(work, k, ROWS[MODULI], x, d, e, 0, 1)
-    _add_nine(work, k, ROWS[MODULI + 9], x, d, e, 0, 2)
-    _add_nine(work, k, ROWS[MODULI + 18], x, d, e, 1, 2)
-    _add_six(work, k, ROWS[SQUARES], x, d, e, 0)
-    _add_six(work, k, ROWS[SQUARES + 6], x, d, e, 1)
-    _add_six(work, k, ROWS[SQUARES + 12], x, d, e, 2)
+    p, q, r = (x * d[0], x * d[1], x * d[2]), (x * d[3], x * d[4], x * d[5]), (x * d[6], x * d[7], x * d[8])
+    u, v, w = (e[0], e[1], e[2]), (e[3], e[4], e[5]), (e[6], e[7], e[8])
+    _add_nine(work, k, ROWS[MODULI], p, v, u, q)
+    _add_nine(work, k, ROWS[MODULI + 9], p, w, u, r)
+    _add_nine(work, k, ROWS[MODULI + 18], q, w, v, r)
+    _add_six(work, k, ROWS[SQUARES], p, u)
+    _add_six(work, k, ROWS[SQUARES + 6], q, v)
+    _add_six(work, k, ROWS[SQUARES + 12], r, w)
 
 
 @njit(**FAST)

@@ -41,15 +41,12 @@ class MooneyRivlin(Isochoric):
     c01: float
     bulk: float
 
+    recipe = (_energy,)
+
     def _check(self) -> None:
         finite("c10", self.c10)
         finite("c01", self.c01)
         positive("c10 + c01", self.c10 + self.c01)
-
-    @property
-    def stored(self) -> "Energy":
-        """Its energy as an expression."""
-        return _energy()
 
     @property
     def values(self) -> tuple[float, ...]:

@@ -1,193 +1,28 @@
 """Skeletal muscle: a neo-Hookean matrix with active and passive fibres (Lu & Zhou 2011, eqs. 16-19)."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cache
 from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
-from numba import f8, types, void
 
-from isorod.arrays import Array
-from isorod.compiled import F1, F2, F3, F5, FAST, STRICT, flat, njit
 from isorod.errors import InputError
-from isorod.material import fibre, neo_hookean
-from isorod.material.fibre import Fibre, OneFibre
-from isorod.material.logarithm_kernel import SERIES
+from isorod.material.fibre import Fibre
 from isorod.material.neo_hookean import NeoHookean
-from isorod.material.points import (
-    ACTIVE,
-    BLOCK,
-    ENERGY,
-    FIBRE,
-    FREE,
-    GRADIENT,
-    MODULI,
-    POINT,
-    POINTS,
-    ROWS,
-    SQUARES,
-    TANGENT,
-    Compiled,
-    add_pair,
-    add_square,
-)
 
 if TYPE_CHECKING:
     from isorod.material.energy import Energy
 
-# Fibres shortened or stretched by more than this have no active force.
-ACTIVE_RANGE = 0.5
 
-_W = np.uint64(POINTS)
-_F = GRADIENT
-# Rows of a block that its fibres use: n = F f (3), its length (the stretch), and exp(m2 (stretch^2 - 1)) - 1.
-_N, _STRETCH, _GROWTH = ROWS[FREE + 1], ROWS[FREE + 4], ROWS[FREE + 5]
+@cache
+def _energy() -> "Energy":
+    from isorod.material.muscle_energy import of_the_parabola
 
-
-@njit(types.UniTuple(f8, 2)(f8, F1, f8), **STRICT)
-def fibre_tension(stretch: float, constants: Array, activation: float) -> tuple[float, float]:
-    """Return ``T = dW/dlambda`` of active and passive fibres (eqs. 18, 19) and ``dT/dlambda``."""
-    tension = 0.0
-    slope = 0.0
-    short = stretch - 1.0
-    if abs(short) < ACTIVE_RANGE:
-        active = activation * constants[2]
-        tension = active * (1.0 - 4.0 * short * short)
-        slope = -8.0 * active * short
-    if short > 0.0 and constants[3] > 0.0:
-        m1, m2 = constants[3], constants[4]
-        growth = np.expm1(m2 * (stretch * stretch - 1.0))
-        tension += m1 * stretch * growth
-        slope += m1 * (growth + 2.0 * m2 * stretch * stretch * (growth + 1.0))
-    return tension, slope
-
-
-@njit(POINT, **STRICT)
-def point(F: Array, constants: Array, fibre: Array, activation: float, stress: Array) -> tuple[float, float]:
-    """Fill in ``P = P_matrix + T(lambda) n f^T``, ``n = F f / lambda``, ``T = dW/dlambda``, and return the energies.
-
-    See `isorod.material.points.POINT`; of a law without active stress and ``m1`` the fibre is not read.
-    """
-    stored, _ = neo_hookean.point(F, constants, fibre, activation, stress)
-    sigma, m1, m2 = constants[2], constants[3], constants[4]
-    if not (sigma > 0.0 or m1 > 0.0):
-        return stored, 0.0
-    f0, f1, f2 = fibre[0], fibre[1], fibre[2]
-    n0 = F[0, 0] * f0 + F[0, 1] * f1 + F[0, 2] * f2
-    n1 = F[1, 0] * f0 + F[1, 1] * f1 + F[1, 2] * f2
-    n2 = F[2, 0] * f0 + F[2, 1] * f1 + F[2, 2] * f2
-    stretch = np.sqrt(n0 * n0 + n1 * n1 + n2 * n2)
-    tension, _ = fibre_tension(stretch, constants, activation)
-    n0 *= tension / stretch
-    n1 *= tension / stretch
-    n2 *= tension / stretch
-    for A in range(3):
-        stress[0, A] += n0 * fibre[A]
-        stress[1, A] += n1 * fibre[A]
-        stress[2, A] += n2 * fibre[A]
-    short = min(max(stretch - 1.0, -ACTIVE_RANGE), ACTIVE_RANGE)
-    squared = max(stretch, 1.0) ** 2 - 1.0
-    # m1/2 times the integral of exp(m2 x) - 1 over x.
-    growth = np.expm1(m2 * squared) / m2 if m2 > 0.0 else squared
-    return stored + 0.5 * m1 * (growth - squared), sigma * (short - 4.0 / 3.0 * short**3)
-
-
-@njit(void(F1, f8), **FAST)
-def _stretches(work: Array, m2: float) -> None:
-    """Fill rows with ``n = F f``, its length, and ``exp(m2 (stretch^2 - 1)) - 1`` where that is stretched, else 0."""
-    for k in range(_W):
-        f0, f1, f2 = work[ROWS[FIBRE] + k], work[ROWS[FIBRE + 1] + k], work[ROWS[FIBRE + 2] + k]
-        n0 = work[ROWS[_F] + k] * f0 + work[ROWS[_F + 1] + k] * f1 + work[ROWS[_F + 2] + k] * f2
-        n1 = work[ROWS[_F + 3] + k] * f0 + work[ROWS[_F + 4] + k] * f1 + work[ROWS[_F + 5] + k] * f2
-        n2 = work[ROWS[_F + 6] + k] * f0 + work[ROWS[_F + 7] + k] * f1 + work[ROWS[_F + 8] + k] * f2
-        square = n0 * n0 + n1 * n1 + n2 * n2
-        # Points that only fill up a block have no fibre.
-        square = square if square > 0.0 else 1.0
-        work[_N + k], work[_N + _W + k], work[_N + _W + _W + k] = n0, n1, n2
-        work[_STRETCH + k] = np.sqrt(square)
-        work[_GROWTH + k] = m2 * (square - 1.0 if square > 1.0 else 0.0)
-    large = 0.0
-    for k in range(_W):
-        large += 1.0 if work[_GROWTH + k] > 1.0 else 0.0
-    if large > 0.0:
-        for k in range(_W):
-            work[_GROWTH + k] = np.expm1(work[_GROWTH + k])
-        return
-    # The exponential series: to rounding up to 1.
-    for k in range(_W):
-        x = work[_GROWTH + k]
-        y = 1.0 + x * (1.0 / 17.0) * (1.0 + x * (1.0 / 18.0))
-        y = 1.0 + x * (1.0 / 15.0) * (1.0 + x * (1.0 / 16.0) * y)
-        y = 1.0 + x * (1.0 / 13.0) * (1.0 + x * (1.0 / 14.0) * y)
-        y = 1.0 + x * (1.0 / 11.0) * (1.0 + x * (1.0 / 12.0) * y)
-        y = 1.0 + x * (1.0 / 9.0) * (1.0 + x * (1.0 / 10.0) * y)
-        y = 1.0 + x * (1.0 / 7.0) * (1.0 + x * (1.0 / 8.0) * y)
-        y = 1.0 + x * (1.0 / 5.0) * (1.0 + x * (1.0 / 6.0) * y)
-        y = 1.0 + x * (1.0 / 3.0) * (1.0 + x * (1.0 / 4.0) * y)
-        work[_GROWTH + k] = x * (1.0 + x * 0.5 * y)
-
-
-@njit(BLOCK, **FAST)
-def block(work: Array, constants: Array, activation: float, wanted: bool) -> None:
-    """Do what `point` does at the points of a block (`isorod.material.points.BLOCK`)."""
-    mu, lame, strongest, m1, m2 = constants[0], constants[1], constants[2], constants[3], constants[4]
-    active = activation * strongest
-    if not (active > 0.0 or m1 > 0.0 or (wanted and strongest > 0.0)):
-        neo_hookean.block(work, constants, activation, wanted)
-        return
-    neo_hookean.logarithms(work)
-    _stretches(work, m2)
-    for k in range(_W):
-        p = neo_hookean.stress_in_block(work, mu, lame, k)
-        stretch = work[_STRETCH + k]
-        short = stretch - 1.0
-        level = 1.0 - 4.0 * short * short
-        level = level if level > 0.0 else 0.0
-        factor = active * level / stretch + m1 * work[_GROWTH + k]
-        x, y, z = factor * work[_N + k], factor * work[_N + _W + k], factor * work[_N + _W + _W + k]
-        f, g, h = work[ROWS[FIBRE] + k], work[ROWS[FIBRE + 1] + k], work[ROWS[FIBRE + 2] + k]
-        work[k], work[ROWS[1] + k], work[ROWS[2] + k] = p[0] + x * f, p[1] + x * g, p[2] + x * h
-        work[ROWS[3] + k], work[ROWS[4] + k], work[ROWS[5] + k] = p[3] + y * f, p[4] + y * g, p[5] + y * h
-        work[ROWS[6] + k], work[ROWS[7] + k], work[ROWS[8] + k] = p[6] + z * f, p[7] + z * g, p[8] + z * h
-    if not wanted:
-        return
-    neo_hookean.energies_in_block(work, mu, lame)
-    for k in range(_W):
-        stretch = work[_STRETCH + k]
-        short = min(max(stretch - 1.0, -ACTIVE_RANGE), ACTIVE_RANGE)
-        squared = max(stretch, 1.0) ** 2 - 1.0
-        growth = work[_GROWTH + k] / m2 if m2 > 0.0 else squared
-        work[ROWS[ENERGY] + k] += 0.5 * m1 * (growth - squared)
-        work[ROWS[ACTIVE] + k] = strongest * (short - 4.0 / 3.0 * short**3)
-
-
-@njit(TANGENT, **FAST)
-def tangent(work: Array, constants: Array, activation: float) -> None:
-    """Add ``A_matrix + (T' n_a n_b + T/lambda (d_ab - n_a n_b)) f_A f_B`` to the moduli."""
-    neo_hookean.tangent(work, constants, activation)
-    active, m1, m2 = activation * constants[2], constants[3], constants[4]
-    if not (active > 0.0 or m1 > 0.0):
-        return
-    for k in range(_W):
-        stretch = work[_STRETCH + k]
-        short = stretch - 1.0
-        level = 1.0 - 4.0 * short * short
-        growth = work[_GROWTH + k]
-        slope = -8.0 * active * short if level > 0.0 else 0.0
-        slope += m1 * (growth + 2.0 * m2 * stretch * stretch * (growth + 1.0)) if short > 0.0 else 0.0
-        across = active * (level if level > 0.0 else 0.0) / stretch + m1 * growth
-        along = (slope - across) / (stretch * stretch)
-        x, y, z = work[_N + k], work[_N + _W + k], work[_N + _W + _W + k]
-        f = (work[ROWS[FIBRE] + k], work[ROWS[FIBRE + 1] + k], work[ROWS[FIBRE + 2] + k])
-        add_pair(work, k, ROWS[MODULI], along * x * y, 0.0, f, f)
-        add_pair(work, k, ROWS[MODULI + 9], along * x * z, 0.0, f, f)
-        add_pair(work, k, ROWS[MODULI + 18], along * y * z, 0.0, f, f)
-        add_square(work, k, ROWS[SQUARES], along * x * x + across, f)
-        add_square(work, k, ROWS[SQUARES + 6], along * y * y + across, f)
-        add_square(work, k, ROWS[SQUARES + 12], along * z * z + across, f)
+    return of_the_parabola()
 
 
 @dataclass(frozen=True, eq=False)
-class Muscle(OneFibre, NeoHookean):
+class Muscle(NeoHookean):
     """``W = W_matrix + W_active(lambda) + W_passive(lambda)``, ``lambda = |F f|`` the stretch of a fibre along ``f``.
 
     ``dW_active/dlambda = activation sigma_max max(0, 1 - 4 (1 - lambda)^2)`` and ``dW_passive/dlambda = m1 lambda
@@ -217,8 +52,8 @@ class Muscle(OneFibre, NeoHookean):
         If a value is out of its range or not finite.
     """
 
-    compiled = Compiled(point, block, tangent)
     families: ClassVar[int] = 1
+    recipe = (_energy,)
 
     sigma_max: float = 0.0
     m1: float = 0.0
@@ -226,27 +61,21 @@ class Muscle(OneFibre, NeoHookean):
     activation: float = 0.0
     fibre: Fibre = "tangent"
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _check(self) -> None:
+        super()._check()
         if not 0.0 <= self.activation <= 1.0:
             raise InputError(f"activation: got {self.activation:g}, need 0 (at rest) to 1 (fully active)")
         for name, what in (("sigma_max", "a stress"), ("m1", "a stress"), ("m2", "an exponent")):
             value = getattr(self, name)
             if not (np.isfinite(value) and value >= 0.0):
                 raise InputError(f"{name}: got {value:g}, need {what}, not negative")
-        object.__setattr__(self, "fibre", fibre.checked(self.fibre))
 
     @property
-    def stored(self) -> "Energy":
-        """Its energy as an expression, its activation a constant times that of the step."""
-        from isorod.material.muscle_energy import of_the_parabola
-
-        return of_the_parabola()
-
-    @property
-    def constants(self) -> Array:
-        """``mu, lame``, active stress, ``m1, m2``."""
-        return np.array([self.mu, self.lame, self.activation * self.sigma_max, self.m1, self.m2])
+    def values(self) -> tuple[float, ...]:
+        """``mu``, active stress, ``m1, m2``."""
+        # Without an exponent there is no passive stress.
+        passive = (self.m1, self.m2) if self.m2 > 0.0 else (0.0, 1.0)
+        return self.mu, self.activation * self.sigma_max, *passive
 
     @property
     def modulus(self) -> float:
@@ -260,102 +89,4 @@ class Muscle(OneFibre, NeoHookean):
 
     def at(self, factor: float) -> Self:
         """Return the law at a load factor: ``factor`` times the activation."""
-        return replace(self, activation=factor * self.activation)
-
-    def fibres(self, shape: tuple[int, ...]) -> Array:
-        """Return the unit vectors along the fibres at points of some shape, shape ``(*shape, 3)``."""
-        return fibre.vectors(self.fibre, shape)
-
-    def discrete(self, F: Array, change: Array, wanted: bool = True) -> tuple[Array, Array | None]:
-        """Add ``2 (dw / d lambda^2) f f^T`` of the fibres, with a difference quotient, to the matrix's ``S``."""
-        stress, moduli = super().discrete(F, change, wanted)
-        fibres = self._flat_fibres(F.shape[:-2])
-        rows = np.empty((0, 3, 3, 3, 3)) if moduli is None else moduli.reshape(-1, 3, 3, 3, 3)
-        _add_discrete(flat(F), flat(change), self.constants, fibres, stress.reshape(-1, 3, 3), rows)
-        return stress, moduli
-
-
-@njit(types.UniTuple(f8, 2)(f8), **STRICT)
-def _exp_quotient(y: float) -> tuple[float, float]:
-    """Return ``(exp(y) - 1) / y`` and its derivative."""
-    if abs(y) < SERIES:
-        value = 1.0 + y * (1.0 / 2.0 + y * (1.0 / 6.0 + y * (1.0 / 24.0 + y / 120.0)))
-        return value, 1.0 / 2.0 + y * (1.0 / 3.0 + y * (1.0 / 8.0 + y * (1.0 / 30.0 + y / 144.0)))
-    value = np.expm1(y) / y
-    return value, (np.exp(y) - value) / y
-
-
-@njit(types.UniTuple(f8, 2)(f8, f8, F1), **STRICT)
-def fibre_quotient(before: float, change: float, constants: Array) -> tuple[float, float]:
-    """Return the fibre energy's difference quotient over ``c = lambda^2``, and its derivative by the ``c`` at the end.
-
-    Parameters
-    ----------
-    before, change
-        ``c`` at the start, and how much it grows.
-    constants
-        The law's.
-    """
-    after = before + change
-    first, last = np.sqrt(before), np.sqrt(after)
-    total = first + last
-    stretched = change / total
-    low, high = -ACTIVE_RANGE, ACTIVE_RANGE
-    s0, s1 = first - 1.0, last - 1.0
-    k0, k1 = min(max(s0, low), high), min(max(s1, low), high)
-    inside = 1.0 if k1 == s1 else 0.0
-    # Share of the way within the active range; the force's slope jumps at its ends.
-    share, turn = inside, 0.0
-    if (k0 != s0 or k1 != s1) and stretched != 0.0:
-        share = (k1 - k0) / stretched
-        turn = (inside - share) / stretched
-    mean = 1.0 - 4.0 / 3.0 * (k1 * k1 + k1 * k0 + k0 * k0)
-    active = constants[2]
-    value = active * share * mean / total
-    slope = active * (turn * mean - share * 4.0 / 3.0 * (2.0 * k1 + k0) * inside - share * mean / total) / total
-    slope *= 0.5 / last
-    m1, m2 = constants[3], constants[4]
-    if m1 > 0.0 and m2 > 0.0 and max(before, after) > 1.0:
-        q0, q1 = max(before - 1.0, 0.0), max(after - 1.0, 0.0)
-        inside = 1.0 if after > 1.0 else 0.0
-        share, turn = 1.0, 0.0
-        grown = change
-        if before < 1.0 or after < 1.0:
-            grown = q1 - q0
-            share = grown / change
-            turn = (inside - share) / change
-        phi, dphi = _exp_quotient(m2 * grown)
-        scale = np.exp(m2 * q0)
-        bracket = scale * phi - 1.0
-        value += 0.5 * m1 * share * bracket
-        slope += 0.5 * m1 * (turn * bracket + share * scale * dphi * m2 * inside)
-    return value, slope
-
-
-@njit(void(F3, F3, F1, F2, F3, F5), **STRICT)
-def _add_discrete(F: Array, change: Array, constants: Array, fibres: Array, stress: Array, moduli: Array) -> None:
-    """Add ``2 q (F_m f) f^T``, and to moduli, if they have points, its derivatives; ``q``: `fibre_quotient`."""
-    start, end = np.empty(3), np.empty(3)
-    for m in range(F.shape[0]):
-        f = fibres[m]
-        before = grown = 0.0
-        for a in range(3):
-            start[a] = F[m, a, 0] * f[0] + F[m, a, 1] * f[1] + F[m, a, 2] * f[2]
-            h = change[m, a, 0] * f[0] + change[m, a, 1] * f[1] + change[m, a, 2] * f[2]
-            end[a] = start[a] + h
-            before += start[a] * start[a]
-            grown += (start[a] + end[a]) * h
-        value, slope = fibre_quotient(before, grown, constants)
-        for a in range(3):
-            for A in range(3):
-                stress[m, a, A] += value * (start[a] + end[a]) * f[A]
-        if moduli.shape[0] == 0:
-            continue
-        for a in range(3):
-            for b in range(3):
-                x = 2.0 * slope * (start[a] + end[a]) * end[b]
-                if a == b:
-                    x += value
-                for A in range(3):
-                    for B in range(3):
-                        moduli[m, a, A, b, B] += x * f[A] * f[B]
+        return self._with(activation=factor * self.activation)

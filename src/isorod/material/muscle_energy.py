@@ -4,6 +4,7 @@ from dataclasses import replace
 from functools import cache
 
 import sympy as sp
+from sympy.codegen.cfunctions import expm1
 
 from isorod.material.energy import Energy
 from isorod.material.neo_hookean import matrix_energy
@@ -24,11 +25,9 @@ def of_fibres(work: sp.Expr) -> Energy:
     mu, lame = matrix.constants
     active, m1, m2 = sp.symbols("active m1 m2", nonnegative=True)
     squared = I4a - 1
-    passive = sp.Piecewise(((sp.exp(m2 * squared) - 1) / m2 - squared, squared > 0), (0, True))
-    passive = sp.Piecewise((passive, m2 > 0), (0, True))
+    passive = sp.Piecewise((expm1(m2 * squared) / m2 - squared, squared > 0), (0, True))
     fibres = activation * active * work.subs(STRETCH, sp.sqrt(I4a)) + m1 / 2 * passive
-    constants = mu, lame, active, m1, m2
-    return replace(matrix, shape=matrix.shape + fibres, constants=constants, factor=lame)
+    return replace(matrix, shape=matrix.shape + fibres, constants=(mu, active, m1, m2, lame))
 
 
 @cache

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from isorod.errors import InputError
 from isorod.material.isochoric import Isochoric, finite, positive, with_volume
@@ -64,9 +64,9 @@ class Ogden(Isochoric):
         positive("sum of mu alpha / 2", 0.5 * sum(m * a for m, a in zip(self.mu, self.alpha, strict=True)))
 
     @property
-    def stored(self) -> "Energy":
-        """Its energy as an expression."""
-        return _energy(len(self.mu))
+    def recipe(self) -> tuple[Any, ...]:  # type: ignore[override]
+        """Its energy, of as many terms as there are."""
+        return _energy, len(self.mu)
 
     @property
     def values(self) -> tuple[float, ...]:

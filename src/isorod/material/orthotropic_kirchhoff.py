@@ -1,23 +1,9 @@
 """St. Venant's and Kirchhoff's law with axes: material with directions in large rotations."""
 
 from dataclasses import dataclass
-from functools import cache, cached_property
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 from isorod.material.orthotropic import Orthotropic, quadratic
-from isorod.material.points import Compiled
-
-if TYPE_CHECKING:
-    from isorod.material.energy import Energy
-
-
-@cache
-def _energy() -> "Energy":
-    from sympy import eye
-
-    from isorod.material.symbols import F
-
-    return quadratic((F.T * F - eye(3)) / 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,15 +26,4 @@ class OrthotropicKirchhoff(Orthotropic):
 
     objective: ClassVar[bool] = True
     linear: ClassVar[bool] = False
-
-    @cached_property
-    def stored(self) -> "Energy":
-        """Its energy as an expression of ``C = F^T F`` and the first two axes."""
-        return _energy()
-
-    @property
-    def compiled(self) -> Compiled:  # type: ignore[override]
-        """The addresses of its compiled functions."""
-        from isorod.material.written import compiled
-
-        return compiled(self.stored)
+    recipe = (quadratic, False)

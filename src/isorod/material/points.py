@@ -1,8 +1,8 @@
 """A law's compiled functions: what they are given, how compiled loops call them, and the loops over points.
 
-A law has one compiled function of a point (``POINT``), may have one of a block of points (``BLOCK``), which does the
-same faster, and has one of the moduli of a block (``TANGENT``).  Loops that know no law find them by their addresses,
-which plain arrays can hold: such loops stay in Numba's cache on disk, whatever laws there are.
+A law has two compiled functions, of the stress and the energy at a block of points (``BLOCK``) and of the moduli there
+(``TANGENT``).  Loops that know no law find them by their addresses, which plain arrays can hold: such loops stay in
+Numba's cache on disk, whatever laws there are.
 """
 
 from collections.abc import Callable
@@ -16,7 +16,7 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 
 from isorod.arrays import Array
-from isorod.compiled import F1, F2, F3, F5, FAST, STRICT, cofactors, njit
+from isorod.compiled import F1, F2, F3, F5, FAST, cofactors, njit
 
 # Points in a block: half of those in a section of order 2 with 8 control points.  Measured: blocks of 16 or less are
 # unrolled before they are vectorised, and three times slower, those of 24 in part.
@@ -38,14 +38,10 @@ MODULI_WORK = SQUARES + 18
 # overlap.
 ROWS = tuple(np.uint64(POINTS * k) for k in range(2 * MODULI_WORK))
 
-POINT = types.UniTuple(f8, 2)(F2, F1, F1, f8, F2)
-"""``(F, constants, fibre, activation, stress)``: fills ``stress``, the first Piola-Kirchhoff one, shape ``(3, 3)`` as
-``F``, with NaN where ``F`` cannot be, and returns the energy per reference volume without activation and what full
-activation adds.  ``activation`` is the share of the law's own, and energy and stress are linear in it."""
-
 BLOCK = void(F1, F1, f8, b1)
-"""``(work, constants, activation, wanted)``: fills the rows of the stress, and of the energies if ``wanted``."""
-
+"""``(work, constants, activation, wanted)``: fills the rows of the first Piola-Kirchhoff stress, with NaN where ``F``
+cannot be, and if ``wanted`` those of the energy per reference volume without activation and of what full activation
+adds.  ``activation`` is the share of the law's own, and energy and stress are linear in it."""
 
 TANGENT = void(F1, F1, f8)
 """``(work, constants, activation)``: adds to the rows of the moduli of a block whose stress the law's ``BLOCK``
@@ -60,23 +56,18 @@ class Compiled:
 
     Parameters
     ----------
-    point, block, tangent
-        Functions that take what ``POINT``, ``BLOCK`` and ``TANGENT`` say; the second may be None.
+    block, tangent
+        Functions that take what ``BLOCK`` and ``TANGENT`` say.
     """
 
-    def __init__(self, point: Any, block: Any, tangent: Any) -> None:
+    def __init__(self, block: Any, tangent: Any) -> None:
         # The code lives as long as what holds it.
-        self._point, self._block, self._tangent = point, block, tangent
-
-    @cached_property
-    def point(self) -> int:
-        """Address of the function of a point."""
-        return address(self._point, POINT)
+        self._block, self._tangent = block, tangent
 
     @cached_property
     def block(self) -> int:
-        """Address of the function of a block, zero where there is none."""
-        return 0 if self._block is None else address(self._block, BLOCK)
+        """Address of the function of a block."""
+        return address(self._block, BLOCK)
 
     @cached_property
     def tangent(self) -> int:
@@ -108,87 +99,65 @@ def caller(signature: Any) -> Callable[..., Any]:
     return call  # type: ignore[no-any-return]
 
 
-call_point, call_block, call_tangent, call_step = (caller(kind) for kind in (POINT, BLOCK, TANGENT, STEP))
+call_block, call_tangent, call_step = (caller(kind) for kind in (BLOCK, TANGENT, STEP))
 
 
-@njit(void(u8, F3, F1, F2, F2, F3), **STRICT)
-def at_points(point: int, F: Array, constants: Array, fibres: Array, energy: Array, stress: Array) -> None:
+@njit(void(F3, F2, i8, F2, F1), **FAST)
+def _take(F: Array, fibres: Array, begin: int, scratch: Array, work: Array) -> None:
+    """Fill the rows of a block with what is given of the points from ``begin`` on; the last of all fills it up."""
+    for k in range(np.uint64(POINTS)):
+        m: Any = min(begin + np.int64(k), F.shape[0] - 1)
+        for a in range(3):
+            for A in range(3):
+                work[ROWS[GRADIENT] + np.uint64(POINTS * (3 * a + A)) + k] = F[m, a, A]
+        for a in range(fibres.shape[1]):
+            work[ROWS[FIBRE] + np.uint64(POINTS * a) + k] = fibres[m, a]
+        work[ROWS[DETERMINANT] + k] = cofactors(F[m], scratch)
+
+
+@njit(void(u8, F3, F1, F2, F2, F3), **FAST)
+def at_points(block: int, F: Array, constants: Array, fibres: Array, energy: Array, stress: Array) -> None:
     """Fill in energies ``(points, 2)`` and stresses ``(points, 3, 3)`` at full activation.
 
     Parameters
     ----------
-    point
+    block
         Address of the law's function.
     F, fibres
         Deformation gradients ``(points, 3, 3)`` and unit vectors ``(points, 3 families)``.
     constants
         The law's, any shape ``(c,)``.
     """
-    for m in range(F.shape[0]):
-        energy[m, 0], energy[m, 1] = call_point(point, (F[m], constants, fibres[m], 1.0, stress[m]))
+    work, scratch = np.zeros(WORK * POINTS), np.empty((3, 3))
+    count = F.shape[0]
+    for begin in range(0, count, POINTS):
+        _take(F, fibres, begin, scratch, work)
+        call_block(block, (work, constants, 1.0, True))
+        for k in range(np.uint64(min(POINTS, count - begin))):
+            m = begin + np.int64(k)
+            energy[m, 0], energy[m, 1] = work[ROWS[ENERGY] + k], work[ROWS[ACTIVE] + k]
+            for a in range(3):
+                for A in range(3):
+                    stress[m, a, A] = work[np.uint64(POINTS * (3 * a + A)) + k]
 
 
-@njit(void(u8, F1, F1, f8, F2, F2, F1), **FAST)
-def by_points(
-    point: int, work: Array, constants: Array, activation: float, F: Array, stress: Array, fibre: Array
-) -> None:
-    """Fill the rows of stress and energies of a block, point by point: for laws without a ``BLOCK`` function.
-
-    Parameters
-    ----------
-    point
-        Address of the law's ``POINT`` function.
-    work
-        Rows of the block, ``WORK`` of ``POINTS`` numbers.
-    constants, activation
-        Of the law, shape ``(c,)``; share of its own activation.
-    F, stress, fibre
-        Work space, shapes ``(3, 3)``, ``(3, 3)``, ``(6,)``.
-    """
-    for k in range(np.uint64(POINTS)):
-        for a in range(3):
-            fibre[a] = work[ROWS[FIBRE] + np.uint64(POINTS * a) + k]
-            fibre[a + 3] = work[ROWS[FIBRE + 3] + np.uint64(POINTS * a) + k]
-            for A in range(3):
-                F[a, A] = work[ROWS[GRADIENT] + np.uint64(POINTS * (3 * a + A)) + k]
-        rest, active = call_point(point, (F, constants, fibre, activation, stress))
-        work[ROWS[ENERGY] + k], work[ROWS[ACTIVE] + k] = rest, active
-        for a in range(3):
-            for A in range(3):
-                work[np.uint64(POINTS * (3 * a + A)) + k] = stress[a, A]
-
-
-@njit(void(u8, u8, u8, F3, F1, F2, F5), **FAST)
-def moduli_at_points(
-    point: int, block: int, tangent: int, F: Array, constants: Array, fibres: Array, moduli: Array
-) -> None:
+@njit(void(u8, u8, F3, F1, F2, F5), **FAST)
+def moduli_at_points(block: int, tangent: int, F: Array, constants: Array, fibres: Array, moduli: Array) -> None:
     """Fill in the moduli ``(points, 3, 3, 3, 3)`` at full activation.
 
     Parameters
     ----------
-    point, block, tangent
+    block, tangent
         Addresses of the law's functions.
     F, constants, fibres
         As those of `at_points`.
     """
-    work = np.zeros(MODULI_WORK * POINTS)
-    gradient, stress, fibre = np.empty((3, 3)), np.empty((3, 3)), np.zeros(6)
+    work, scratch = np.zeros(MODULI_WORK * POINTS), np.empty((3, 3))
     count = F.shape[0]
     for begin in range(0, count, POINTS):
-        for k in range(np.uint64(POINTS)):
-            # Behind the last point it fills up the block.
-            m: Any = min(begin + np.int64(k), count - 1)
-            for a in range(3):
-                for A in range(3):
-                    work[ROWS[GRADIENT] + np.uint64(POINTS * (3 * a + A)) + k] = F[m, a, A]
-            for a in range(fibres.shape[1]):
-                work[ROWS[FIBRE] + np.uint64(POINTS * a) + k] = fibres[m, a]
-            work[ROWS[DETERMINANT] + k] = cofactors(F[m], gradient)
+        _take(F, fibres, begin, scratch, work)
         work[POINTS * MODULI :] = 0.0
-        if block:
-            call_block(block, (work, constants, 1.0, False))
-        else:
-            by_points(point, work, constants, 1.0, gradient, stress, fibre)
+        call_block(block, (work, constants, 1.0, False))
         call_tangent(tangent, (work, constants, 1.0))
         for k in range(np.uint64(min(POINTS, count - begin))):
             m = begin + np.int64(k)

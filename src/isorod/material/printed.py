@@ -37,14 +37,17 @@ class _Printer(PythonCodePrinter):  # type: ignore[misc]
             text = text if base.is_Symbol else f"({text})"
             product = "(" + " * ".join([text] * abs(int(exponent))) + ")"
             return product if exponent > 0 else f"(1.0 / {product})"
-        if exponent == sp.Rational(1, 2):
-            return f"np.sqrt({text})"
-        if exponent == sp.Rational(-1, 2):
-            return f"(1.0 / np.sqrt({text}))"
+        if exponent.is_Rational and exponent.q == 2 and abs(exponent.p) <= 15:
+            factors = [f"({text})"] * ((abs(exponent.p) - 1) // 2)
+            product = " * ".join([*factors, f"np.sqrt({text})"])
+            return f"({product})" if exponent > 0 else f"(1.0 / ({product}))"
         return f"power({text}, {self._print(exponent)})"
 
     def _print_exp(self, expr: sp.Expr) -> str:
         return f"exp({self._print(expr.args[0])})"
+
+    def _print_expm1(self, expr: sp.Expr) -> str:
+        return f"expm1({self._print(expr.args[0])})"
 
     def _print_log(self, expr: sp.Expr) -> str:
         return f"log({self._print(expr.args[0])})"

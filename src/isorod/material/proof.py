@@ -1,18 +1,13 @@
 """Checks of a law when it is made: what fails is said in one line, with by how much."""
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from isorod.arrays import Array
 from isorod.errors import InputError
-from isorod.material.function_energy import FunctionEnergy
 from isorod.material.law import Material, plane_waves
 from isorod.material.places import alone
-
-if TYPE_CHECKING:
-    from isorod.material.from_energy import FromEnergy
 
 # Strains at which it is evaluated, and a strain so small that differences of large numbers would show.
 _STRAIN, _SMALL = 0.08, 1e-8
@@ -20,28 +15,22 @@ _STRAIN, _SMALL = 0.08, 1e-8
 _CHECKED: set[Any] = set()
 
 
-def prove(law: "FromEnergy", prestressed: bool) -> None:
+def prove(law: Material, prestressed: bool) -> None:
     """Check a law at rest and at strains of some percent.
 
     Raises
     ------
     InputError
-        If it has no value at rest or at strains of some percent; a rotation changes its energy; its stress is not what
-        complex steps of its energy say; it has a stress at rest that nobody named; a plane wave at rest has no
-        positive modulus; its stress at strains of 1e-8 is rounding.
+        If it has no value at rest or at strains of some percent; a rotation changes its energy; it has a stress at
+        rest that nobody named; a plane wave at rest has no positive modulus; its stress at strains of 1e-8 is rounding.
     """
     one = law.shear.placed(alone())
     key = law.stored, one.constants.tobytes(), prestressed
     if key in _CHECKED:
         return
     F = np.eye(3) + _STRAIN * np.random.default_rng(1).uniform(-1.0, 1.0, (8, 3, 3))
-    stress = one.stress(F)
-    if not (np.isfinite(stress).all() and np.isfinite(one.energy(F)).all()):
+    if not (np.isfinite(one.stress(F)).all() and np.isfinite(one.energy(F)).all()):
         raise InputError(f"energy: NaN at strains of {_STRAIN:g}")
-    if isinstance(law.stored, FunctionEnergy):
-        _by_differences(one, F, stress)
-    else:
-        _by_complex_steps(one, F, stress)
     scale = float(np.abs(one.tangent(np.eye(3)[None])).max())
     if not 0.0 < scale < np.inf:
         raise InputError(f"energy: its largest second derivative at rest is {scale:g}, need a finite one, not zero")
@@ -64,38 +53,7 @@ def _objective(law: Material, F: Array, scale: float) -> None:
         raise InputError(f"energy: not objective: a rotation changes it by {100.0 * change:.3g} %")
 
 
-def _by_differences(law: Material, F: Array, stress: Array) -> None:
-    """Check the stress, which complex steps find, against differences of the energy."""
-    found = np.empty(F.shape)
-    for a in range(3):
-        for A in range(3):
-            way = np.zeros((3, 3))
-            way[a, A] = 1e-5
-            found[:, a, A] = (law.energy(F + way) - law.energy(F - way)) / 2e-5
-    worst = float(np.abs(found - stress).max() / np.abs(found).max())
-    if not worst < 1e-6:
-        raise InputError(f"energy: complex steps are impossible: they differ from differences by {100.0 * worst:.3g} %")
-
-
-def _by_complex_steps(one: Material, F: Array, stress: Array) -> None:
-    """Check the stress against derivatives of the energy by complex steps."""
-    density = _density(one)
-    found = np.empty(F.shape)
-    for a in range(3):
-        for A in range(3):
-            moved = F.astype(complex)
-            moved[:, a, A] += 1e-30j
-            try:
-                values = np.broadcast_to(density(moved), F.shape[:1])
-            except TypeError as error:
-                raise InputError(f"energy: complex steps are impossible: {error}") from None
-            found[:, a, A] = np.imag(values) / 1e-30
-    worst = float(np.abs(found - stress).max() / np.abs(found).max())
-    if not worst < 1e-8:
-        raise InputError(f"energy: its stress differs from complex steps of it by {100.0 * worst:.3g} %")
-
-
-def _free_at_rest(law: "FromEnergy", one: Material, scale: float) -> None:
+def _free_at_rest(law: Material, one: Material, scale: float) -> None:
     """Check that there is no stress at rest."""
     stress = one.stress(np.eye(3)[None])[0]
     size = float(np.abs(stress).max())
@@ -126,28 +84,3 @@ def _rotation() -> Array:
     """Return a rotation about no particular axis."""
     found, _ = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))
     return np.asarray(found * np.linalg.det(found))
-
-
-def _density(law: Any) -> Callable[[Any], Any]:
-    """Return the energy of deformation gradients ``(m, 3, 3)``, complex ones too, computed by NumPy."""
-    import sympy as sp
-
-    from isorod.material import symbols as s
-
-    stored, fibres = law.stored, law.fibres((1,))[0]
-    a, b = (np.resize(fibres, 6)[:3], np.resize(fibres, 6)[3:]) if fibres.size else (np.zeros(3), np.zeros(3))
-    names = (*s.F, *s.a, *s.b, *s.INVARIANTS, s.activation, *stored.constants)
-    # NumPy's maximum takes no numbers beside arrays in a list.
-    function = sp.lambdify(names, stored.expression.rewrite((sp.Max, sp.Min), sp.Piecewise), "numpy")
-
-    def density(F: Any) -> Any:
-        C = np.swapaxes(F, -1, -2) @ F
-        first = np.trace(C, axis1=-2, axis2=-1)
-        second = 0.5 * (first**2 - np.trace(C @ C, axis1=-2, axis2=-1))
-        along = [np.einsum("A,mAB,B->m", x, C, y) for x, y in ((a, a), (b, b), (a, b))]
-        stretches = np.sqrt(np.linalg.eigvals(C)).T
-        invariants = (first, second, np.linalg.det(F), *along, *stretches)
-        given = (*F.reshape(-1, 9).T, *a, *b, *invariants, 1.0, *law.constants)
-        return function(*given)
-
-    return density

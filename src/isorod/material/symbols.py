@@ -22,5 +22,8 @@ bulk = Symbol("bulk", nonnegative=True)
 I1bar = J ** Rational(-2, 3) * I1
 I2bar = J ** Rational(-4, 3) * I2
 
+STRAINS = tuple(C[A, B] for A in range(3) for B in range(A, 3))
+"""The components of ``C``: 00, 01, 02, 11, 12, 22."""
+
 INVARIANTS = (I1, I2, J, I4a, I4b, I8, *stretches)
 """What an energy without components of tensors may depend on, and in what order derivatives by these stand."""

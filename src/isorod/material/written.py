@@ -1,7 +1,8 @@
-"""Where the modules of laws that are made from energies are kept, and what is read from them.
+"""Where the modules of laws' functions are kept, which are made from their energies, and what is read from them.
 
-Each stands in a file of its own, named by its text, in ``NUMBA_CACHE_DIR`` if that is set, else in the user's folder
-of caches: so that what Numba compiles it to is found by the next process.
+Each stands in a file of its own, so that what Numba compiles it to is found by the next process.  Like Numba's own
+these files stand in ``NUMBA_CACHE_DIR`` if that is set, else beside the laws, else, where that cannot be written to, in
+the user's folder of caches.
 """
 
 import atexit
@@ -9,59 +10,104 @@ import os
 import shutil
 import sys
 import tempfile
+from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
 from hashlib import sha256
-from importlib.util import module_from_spec, spec_from_file_location
+from importlib.machinery import SourceFileLoader
+from importlib.util import module_from_spec, spec_from_loader
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from numba import config
 
-from isorod.material.energy import Energy
-from isorod.material.function_energy import FunctionEnergy
-from isorod.material.generate import source
+from isorod import __version__
 from isorod.material.points import Compiled
 
+if TYPE_CHECKING:
+    from isorod.material.energy import Energy
+
+_OWN = Path(__file__).parent
+
 
 @cache
-def compiled(energy: Energy | FunctionEnergy) -> Compiled:
+def compiled(energy: "Energy") -> Compiled:
     """Return the compiled functions of an energy."""
-    if isinstance(energy, FunctionEnergy):
-        return energy.compiled
-    module = _module(source(energy))
-    return Compiled(module.point, module.block, module.tangent)
+    from isorod.material.generate import source
+
+    text = source(energy)
+    return _functions(_name(text), lambda: text)
 
 
 @cache
-def _module(text: str) -> Any:
-    """Return the module of a text, which is in a file from then on."""
-    name = f"law_{sha256(text.encode()).hexdigest()[:16]}"
-    path = _folder() / f"{name}.py"
-    if not path.is_file() or path.read_text() != text:
-        handle, draft = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
-        with os.fdopen(handle, "w") as file:
-            file.write(text)
-        # Other processes see the whole file or none.
-        Path(draft).replace(path)
-    spec = spec_from_file_location(f"isorod_{name}", path)
-    assert spec is not None and spec.loader is not None
+def named(make: Callable[..., "Energy"], *given: Any) -> Compiled:
+    """Return the compiled functions of the energy that a function returns; SymPy is loaded where none are kept.
+
+    Parameters
+    ----------
+    make
+        A function of a module of this folder, which is known by its name and the text of the folder.
+    given
+        What it is called with, known by their representations.
+    """
+
+    def text() -> str:
+        from isorod.material.generate import source
+
+        return source(make(*given))
+
+    return _functions(_name(f"{make.__module__}.{make.__qualname__}{given!r} {_texts()}"), text)
+
+
+def _name(text: str) -> str:
+    return f"law_{sha256(f'{__version__} {text}'.encode()).hexdigest()[:16]}"
+
+
+@cache
+def _texts() -> str:
+    """Return what energies and what writes their functions are made of, in short."""
+    return sha256(b"".join(file.read_bytes() for file in sorted(_OWN.glob("*.py")))).hexdigest()
+
+
+@cache
+def _functions(name: str, text: Callable[[], str]) -> Compiled:
+    """Return the functions of a module, which is kept from then on."""
+    path = next((path for one in _folders() if (path := one / f"{name}.law").is_file()), None) or _kept(name, text())
+    # Its name does not end as those do that are taken for files of the package.
+    loader = SourceFileLoader(f"isorod_{name}", str(path))
+    spec = spec_from_loader(loader.name, loader)
+    assert spec is not None
     module = module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
+    sys.modules[loader.name] = module
+    loader.exec_module(module)
+    return Compiled(module.block, module.tangent)
 
 
-@cache
-def _folder() -> Path:
-    """Return a folder that can be written to; where there is none, one that is gone with the process."""
+def _folders() -> list[Path]:
+    """Return where modules may be."""
     settings: Any = config
-    base = settings.CACHE_DIR or os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    with suppress(OSError):
-        found = Path(base) / "isorod-laws"
-        found.mkdir(parents=True, exist_ok=True)
-        if os.access(found, os.W_OK):
-            return found
-    found = Path(tempfile.mkdtemp(prefix="isorod-laws-"))
-    atexit.register(shutil.rmtree, found, ignore_errors=True)
-    return found
+    if settings.CACHE_DIR:
+        return [Path(settings.CACHE_DIR) / "isorod-laws"]
+    caches = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    return [_OWN / "__pycache__" / "isorod-laws", Path(caches) / "isorod-laws"]
+
+
+def _kept(name: str, text: str) -> Path:
+    """Return the file of a module, in the first folder that takes it."""
+    for folder in _folders():
+        with suppress(OSError):
+            folder.mkdir(parents=True, exist_ok=True)
+            return _write(folder / f"{name}.law", text)
+    # One that is gone with the process.
+    folder = Path(tempfile.mkdtemp(prefix="isorod-laws-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return _write(folder / f"{name}.law", text)
+
+
+def _write(path: Path, text: str) -> Path:
+    """Write a file that others may read; they see the whole of it or none."""
+    handle, draft = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
+    with os.fdopen(handle, "w") as file:
+        file.write(text)
+    os.chmod(draft, 0o644)
+    return Path(draft).replace(path)

@@ -45,15 +45,12 @@ class Yeoh(Isochoric):
     c30: float
     bulk: float
 
+    recipe = (_energy,)
+
     def _check(self) -> None:
         positive("c10", self.c10)
         finite("c20", self.c20)
         finite("c30", self.c30)
-
-    @property
-    def stored(self) -> "Energy":
-        """Its energy as an expression."""
-        return _energy()
 
     @property
     def values(self) -> tuple[float, ...]:

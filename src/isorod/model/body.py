@@ -4,7 +4,7 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,7 +13,7 @@ from isorod.arrays import Array
 from isorod.errors import Checked, InputError, representable
 from isorod.geometry.quadrature import ring_of
 from isorod.material.along_rod import Laws
-from isorod.material.law import Material, Split
+from isorod.material.law import Material
 from isorod.material.places import Places
 from isorod.space.space import CHOICES, Space, Table
 
@@ -109,7 +109,7 @@ class Body(Checked):
         if self.formulation not in FORMULATIONS:
             raise InputError(f"formulation: got {self.formulation!r}, need one of {', '.join(FORMULATIONS)}")
         for k, law in enumerate(self.laws):
-            if self.formulation == "displacement" and not np.isfinite(getattr(law, "lame", 0.0)):
+            if self.formulation == "displacement" and not np.isfinite(law.lame):
                 raise InputError(
                     f"material of element {k // rings}: incompressible (nu = 0.5, or a bulk modulus that is infinite); "
                     "that takes formulation 'mixed'"
@@ -156,7 +156,7 @@ class Body(Checked):
         from isorod.space.pressure import Pressures
 
         for e, law in enumerate(self.laws):
-            if not (isinstance(law, Split) and law.splits and law.lame > 0.0):
+            if not (law.splits and law.lame > 0.0):
                 raise InputError(
                     f"material of element {e}: the mixed formulation needs a law with an energy of volume change and "
                     f"nu > 0, {type(law).__name__} has none"
@@ -197,7 +197,7 @@ class Body(Checked):
 
     @property
     def _is_incompressible(self) -> bool:
-        return any(getattr(law, "lame", 0.0) == np.inf for law in self.laws)
+        return any(law.lame == np.inf for law in self.laws)
 
     def in_displacements(self) -> "Body":
         """Return the body for what knows no pressures: in displacements, unless the mixed formulation was asked for."""
@@ -295,7 +295,7 @@ class Body(Checked):
         """The laws of what displacements do alone: without their bulk terms in the mixed formulation."""
         if self.formulation == "displacement":
             return self.laws
-        made = {id(law): cast(Split, law).shear for law in self.laws}
+        made = {id(law): law.shear for law in self.laws}
         return tuple(made[id(law)] for law in self.laws)
 
     def laws_at(self, u: Array, xi: ArrayLike) -> Laws:

@@ -23,7 +23,6 @@ from isorod.material.points import (
     GRADIENT,
     POINTS,
     WORK,
-    by_points,
     call_block,
 )
 from isorod.material.points import ROWS as _R
@@ -253,7 +252,6 @@ def internal_forces(mesh: Mesh, u: Array, activation: float, wanted: bool, force
     coefficients = np.empty(np.int64(_6 * largest))
     resultants = np.empty(np.int64(_6 * largest))
     work = np.zeros(WORK * POINTS)
-    F, stress, fibre = np.empty((3, 3)), np.empty((3, 3)), np.zeros(6)
     forces[:] = 0.0
     inverted = stored = active = 0.0
     for e in range(np.uint64(mesh.elements.shape[0])):
@@ -272,10 +270,7 @@ def internal_forces(mesh: Mesh, u: Array, activation: float, wanted: bool, force
                 if directions:
                     f = element.fibres + (t * blocks + b) * directions
                     _take_fibres(mesh.fibres, f, directions, work)
-                if element.block:
-                    call_block(element.block, (work, constants, activation, wanted))
-                else:
-                    by_points(element.point, work, constants, activation, F, stress, fibre)
+                call_block(element.block, (work, constants, activation, wanted))
                 if wanted:
                     for k in range(_W):
                         stored += mesh.geometry[g + _R[9] + k] * work[_R[ENERGY] + k]

@@ -20,14 +20,14 @@ GEOMETRY = 10
 
 # Of an element: section functions, blocks in the section, points and functions along the axis; where its rows begin in
 # ``sections``, ``axial``, ``geometry`` and ``fibres``, and how many of these a block has; its law's constants and their
-# number; the addresses of its law's functions (`isorod.material.points`).
+# number; the address of its law's function (`isorod.material.points`).
 ELEMENT = np.dtype(
     [
         (name, np.uint64)
         for name in (
             *("functions", "blocks", "points", "along", "sections", "axial", "geometry"),
             *("fibres", "directions"),
-            *("constants", "count", "point", "block"),
+            *("constants", "count", "block"),
         )
     ]
 )
@@ -112,7 +112,7 @@ def pack(model: Model, ranks: Ranks | None = None) -> Mesh:
         rows["fibres"] = _size(fibres) + each * (points * blocks * 3 * body.families * POINTS)
         for e, law in enumerate(body.shear_laws[share.first : share.last]):
             rows["constants"][e], rows["count"][e] = _size(constants), law.constants.size
-            rows["point"][e], rows["block"][e] = law.compiled.point, law.compiled.block
+            rows["block"][e] = law.compiled.block
             constants.append(law.constants)
         elements.append(rows)
         layer = np.zeros((table.elements, longest), dtype=np.uint64)

@@ -48,7 +48,7 @@ class MixedStepPart(MixedPart, StepPart):
     def __init__(self, share: Share, exchange: Exchange) -> None:
         super().__init__(share, exchange)
         laws = share.body.laws if self.mixed else ()
-        rigid = [getattr(law, "lame", 0.0) == np.inf for law in laws]
+        rigid = [law.lame == np.inf for law in laws]
         self.rigid, self.soft = any(rigid), not all(rigid)
         self._before: Array | float = 0.0
 
