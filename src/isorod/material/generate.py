@@ -25,14 +25,11 @@ from isorod.material.printed import assignments
 
 # What modules are made of: of each no more is imported than is used, which takes time in each process.
 _NAMES = {
-    "math": ("erf",),
-    "isorod.compiled": ("FAST", "njit"),
-    "isorod.material.functions": ("SPECTRAL", "exp", "expm1", "log", "power", "principals"),
-    "isorod.material.moduli_kernel": (
-        *("add_both", "add_diagonal", "add_dyad", "add_rows", "add_turned"),
-        *("combined", "outer", "scaled"),
-    ),
-    "isorod.material.points": ("BLOCK", "POINTS", "TANGENT", "add_identity", "add_products", "add_square"),
+    "math": "erf",
+    "isorod.compiled": "FAST njit",
+    "isorod.material.functions": "SPECTRAL exp expm1 log power principals",
+    "isorod.material.moduli_kernel": "add_both add_diagonal add_dyad add_rows add_turned combined outer scaled",
+    "isorod.material.points": "BLOCK POINTS TANGENT add_identity add_products add_square",
 }
 
 _COMPONENTS = [(a, A) for a in range(3) for A in range(3)]
@@ -51,7 +48,7 @@ def source(energy: Energy) -> str:
     used = {word for line in functions for word in re.findall(r"\w+", line)}
     lines = ['"""Written from the energy of a law."""', "", "import numpy as np"]
     for module, names in _NAMES.items():
-        if own := [name for name in names if name in used]:
+        if own := [name for name in names.split() if name in used]:
             lines.append(f"from {module} import {', '.join(own)}")
     rows = sorted(int(word[3:]) for word in used if re.fullmatch(r"ROW\d+", word))
     lines += ["", *(f"ROW{row} = np.uint64({ROWS[row]})" for row in rows), "", ""]

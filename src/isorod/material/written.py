@@ -89,7 +89,9 @@ def _folders() -> list[Path]:
     if settings.CACHE_DIR:
         return [Path(settings.CACHE_DIR) / "isorod-laws"]
     caches = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
-    return [_OWN / "__pycache__" / "isorod-laws", Path(caches) / "isorod-laws"]
+    # Without a home it is no path from the root.
+    own = [Path(caches) / "isorod-laws"] if os.path.isabs(caches) else []
+    return [_OWN / "__pycache__" / "isorod-laws", *own]
 
 
 def _kept(name: str, text: str) -> Path:
