@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from isorod import modal, statics
+from isorod import dynamics, modal, statics
 from isorod.geometry import center_line
 from isorod.geometry.section import ellipse
+from isorod.material.neo_hookean import NeoHookean
 from isorod.material.orthotropic import Orthotropic
 from isorod.material.orthotropic_kirchhoff import OrthotropicKirchhoff
 from isorod.material.st_venant_kirchhoff import StVenantKirchhoff
@@ -85,3 +86,12 @@ def test_a_layer_without_a_place_is_not_asked(law):
     both = solution.stress(0, 0.5, at)
     for k, one in enumerate(at):
         np.testing.assert_allclose(solution.stress(0, 0.5, [one])[0], both[k], rtol=1e-9, atol=1e-12)
+
+
+def test_a_rod_of_wood_and_of_rubber_in_explicit_steps_keeps_its_energy():
+    """Poisson's ratios of one are three numbers, that of the other is one."""
+    space = Space(center_line.straight(10.0).sweep(ellipse(8, 1.0, 0.5)), elements=4, degree=3)
+    laws = [OrthotropicKirchhoff(*WOOD)] * 2 + [NeoHookean(2.0, NU)] * 2
+    ends = Support.end(space, "start"), Support.end(space, "end", displacement=(0.0, 0.01, 0.0))
+    history = dynamics.solve(Model([Body(space, laws, 1.0)], ends), 0.5, outputs=1)
+    assert np.abs(history.energy_error).max() < 1e-4 and history.stored[-1] > 0.0
