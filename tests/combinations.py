@@ -100,6 +100,6 @@ def refusal(code: int, out: str, err: str) -> str:
         return ""
     assert code == 2, f"exit code {code}: {err}"
     line = lines[-1].partition(": ")[2] if lines else ""
-    assert line and ("is not reached" in line or not out.strip()), f"an answer beside a refusal: {out}"
+    assert line and (" not reached: " in line or not out.strip()), f"an answer beside a refusal: {out}"
     # What is short then, memory or time, is another machine's.
-    return line.partition("; finer it fails")[0]
+    return line.partition("; the refined model fails")[0]

@@ -69,7 +69,7 @@ def test_what_is_not_reached_is_said_and_the_best_is_kept(monkeypatch):
     monkeypatch.setattr(adapt, "MAX_UNKNOWNS", 1000)
     reached = refine.refine(Spring(preset="paper", coils=1, elements_per_turn=4), {}, 1e-9)
     assert re.fullmatch(
-        f"tolerance 1e-09 is not reached: the estimate is {reached.error:.2g} after . refinements", reached.short
+        f"tolerance 1e-09 not reached: estimated error {reached.error:.2g} after . refinements", reached.short
     )
     assert 1e-9 < reached.error < min(error for *_, error in reached.history)
 
@@ -112,9 +112,9 @@ def test_a_refinement_that_fails_leaves_the_result_there_was(problem, why, monke
     out, err = capsys.readouterr()
     record = json.loads(out)
     assert len({error for *_, error in record["refinements"]}) == 1
-    said = f"tolerance 1e-09 is not reached: the estimate is {record['error_estimate']:.2g} after 1 refinements"
-    assert err == f"isorod: {said}; finer it fails: {why}\n"
-    assert record["short"] == f"{said}; finer it fails: {why}"
+    said = f"tolerance 1e-09 not reached: estimated error {record['error_estimate']:.2g} after 1 refinements"
+    assert err == f"isorod: {said}; the refined model fails: {why}\n"
+    assert record["short"] == f"{said}; the refined model fails: {why}"
     assert json.loads((tmp_path / "results.jsonl").read_text())["force"] == record["force"]
 
 

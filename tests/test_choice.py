@@ -75,7 +75,7 @@ def test_stiffness_may_jump_where_the_rod_has_a_knot():
     rod = straight(breaks=[0.0, 4.0, 10.0], degree=3).sweep(section.circle(8))
     space = Space(rod, continuity=0)
     assert space.axis.elements > 2
-    with pytest.warns(UserWarning, match="stiffness jumps by 1e\\+03 at u = 4, .* take continuity 0"):
+    with pytest.warns(UserWarning, match="stiffness jumps by 1e\\+03 at u = 4, .* use continuity 0"):
         Body(Space(rod), [LinearElastic(1000.0, 0.0), LinearElastic(1.0, 0.0)])
     body = Body(space, [LinearElastic(1000.0, 0.0), LinearElastic(1.0, 0.0)])
     ends = Support.end(space, "start"), Support.end(space, "end", displacement=(0.0, 0.0, 1e-3))

@@ -124,14 +124,13 @@ def test_bad_input_to_other_scenes_is_one_line(arguments, message, refused):
         (["--json", "run", "ring"], "option --json: it goes behind the command: isorod run SCENE --json"),
         (
             ["run", "--json", "rng"],
-            "no scene is named; there are: biceps, blade, clasp, coil, flower, knot, ring, rope, spring, strand; "
-            "put one first",
+            "scene missing; known: biceps, blade, clasp, coil, flower, knot, ring, rope, spring, strand; put it first",
         ),
-        (["run", "--radius", "2"], "no scene is named; .*put one first: isorod run SCENE --radius"),
-        (["run", "--output", "ring"], "no scene is named; "),
+        (["run", "--radius", "2"], "scene missing; .*put it first: isorod run SCENE --radius"),
+        (["run", "--output", "ring"], "scene missing; "),
         (
             ["run", "-snes_monitor", "spring"],
-            "no scene is named: spring was taken for the value of -snes_monitor; put it first: "
+            "scene missing: spring was read as the value of -snes_monitor; put it first: "
             "isorod run spring -snes_monitor",
         ),
         (["run", ""], "scene '' is not known"),
@@ -248,7 +247,7 @@ def test_json_line_of_the_papers_model(capsys):
     out, err = capsys.readouterr()
     # Its stiffness is 0.4 % off, and its force across the axis more.
     assert (out.count("\n"), err.count("\n")) == (1, 1)
-    assert err.startswith("isorod: warning: the error is about 1 %")
+    assert err.startswith("isorod: warning: estimated error 1 %")
     record = json.loads(out)
     assert record["scene"] == "spring"
     assert record["dofs"] == 1740

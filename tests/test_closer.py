@@ -158,7 +158,7 @@ def test_elements_and_arcs_are_short_at_a_patch_and_grow_with_the_distance():
             closer(rod, bad)
     with pytest.raises(InputError, match=r"patches: .* round the section, need 2048"):
         closer(rod, [patch._replace(size=1e-3)])
-    with pytest.raises(InputError, match="patches: the rod has a hole"):
+    with pytest.raises(InputError, match="patches: hollow and layered rods"):
         closer(rod.with_rings((0.5, 1.0)), [patch])
 
 
@@ -256,7 +256,7 @@ def test_what_was_found_is_kept_if_looking_closer_fails(monkeypatch, where):
         assert rounds(monkeypatch, analyse, scenes) == 1
     why = {"model": "patches: too many points", "analysis": "load factor 1: no equilibrium"}[where]
     assert [str(one.message) for one in said] == [
-        f"small patches were looked at closer in vain, and are as seen before: {why}",
+        f"local refinement of small contact patches failed, results are without it: {why}",
         "of 1",
     ]
     with pytest.raises(SolveError, match="no equilibrium"):

@@ -105,7 +105,7 @@ def test_after_compile_runs_compile_nothing(isorod, python):
     """Of the command's first run nothing is asked: the functions may have been there."""
     done = isorod("compile")
     assert done.returncode == 0, done.stderr
-    assert re.fullmatch(r"isorod: \d+ functions compiled in \d+ s, \d+ were there; kept in .+\n", done.stdout)
+    assert re.fullmatch(r"isorod: \d+ functions compiled in \d+ s, \d+ cached before; kept in .+\n", done.stdout)
     assert re.search(r"^isorod: 0 functions compiled", isorod("compile").stdout)
     done = python(COUNTED, *SHORT)
     assert done.stdout.splitlines()[-1] == "compiled 0 []", done.stdout[-500:] + done.stderr

@@ -84,7 +84,7 @@ def test_closed_coil_lies_flat_on_its_seats_and_leaves_its_tips_room():
 
 @pytest.mark.slow
 def test_laid_seats_are_warned_of_near_incompressibility():
-    with pytest.warns(UserWarning, match=r"^nu: got 0.499; laid seats .*; take ends clamped"):
+    with pytest.warns(UserWarning, match=r"^nu: got 0.499; end coils in laid seats .*; use ends clamped"):
         Coil(coils=1, push=5.0, nu=0.499).model()
     with warnings.catch_warnings():
         warnings.simplefilter("error")

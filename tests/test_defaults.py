@@ -48,7 +48,7 @@ def test_a_jump_of_stiffness_without_a_knot_is_told_of(monkeypatch):
     found = list(defaults.run("quick"))
     assert [record["value"] for record in found] == [100.0]
     assert found[0]["outcome"] == "told of"
-    assert "take continuity 0" in found[0]["warned"]
+    assert "use continuity 0" in found[0]["warned"]
 
 
 def contrast_points():

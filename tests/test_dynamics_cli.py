@@ -102,7 +102,7 @@ def test_a_finished_run_is_kept_and_goes_on_from_the_command_line(tmp_path, caps
     again = run(*keep, "--resume")
     assert (again["resumed"], again["end_force"], again["steps"]) == (0.004, first["end_force"], 104)
     later = "--end-time", "0.006"
-    assert "outputs are 0.0005 apart there, 0.00075 here; take 12 outputs to time 0.006" in run(
+    assert "output interval of the checkpoint is 0.0005, requested 0.00075; use 12 outputs to time 0.006" in run(
         *keep, "--resume", *later
     )
     assert file.read_bytes() == before
@@ -120,11 +120,11 @@ def test_text_shows_the_last_output(isorod):
 
 
 def test_one_line_errors(isorod):
-    assert "not stable, the critical step is" in refused(isorod(*SMALL, "--time-step", "1e-3"))
+    assert "unstable, the critical time step is" in refused(isorod(*SMALL, "--time-step", "1e-3"))
     # What was typed, and what was made of it.
     said = refused(isorod(*SMALL, "--time-step", "7e-3"))
-    assert "time step 0.007 (0.0005 taken, 1 to each of 8 outputs): not stable" in said
-    assert "resume: no checkpoint is named" in refused(isorod(*SMALL, "--resume"))
+    assert "time step 0.007 (0.0005 taken, 1 to each of 8 outputs): unstable" in said
+    assert "resume: got no checkpoint" in refused(isorod(*SMALL, "--resume"))
     assert "density" in refused(isorod(*SMALL, "--density", "0"))
 
 

@@ -75,11 +75,11 @@ def test_loads_are_part_of_what_a_checkpoint_is_of(tmp_path):
 @pytest.mark.parametrize(
     ("integrator", "load", "line"),
     [
-        ("explicit", weight, "loads: explicit steps take none yet; take integrator 'implicit'"),
+        ("explicit", weight, "loads: not supported by explicit steps; use integrator 'implicit'"),
         (
             "implicit",
             lambda space: isorod.Pressure(1.0, follows=True),
-            "loads: dynamics takes no pressure that follows the surface",
+            "loads: follower pressure is not supported in dynamics",
         ),
     ],
 )

@@ -224,7 +224,7 @@ def test_an_error_that_nobody_knows_with_friction_is_warned_of():
     inside = Support(2 * space.layer_nodes + np.arange(3), "xyz")
     floor = Contact(0, Plane((0.0, -3.0, 0.0), (0.0, 1.0, 0.0)), 1.0, friction=0.3)
     load = SectionLoad.end(space, "end", (0.0, 1e-3, 0.0))
-    with pytest.warns(UserWarning, match="the error is not known, as there is no finer space"):
+    with pytest.warns(UserWarning, match="no error estimate: no finer space is available"):
         found = solving.estimate(statics.solve(bar(space, inside, contacts=[floor], loads=[load])))
     assert found.keys() == {"estimate_seconds"}
 
@@ -285,7 +285,7 @@ def test_there_is_none_where_shapes_depend_on_each_other():
 def test_a_large_error_is_warned_of_and_a_small_one_said(capsys):
     assert cli.main("run blade --preset paper --json".split()) == 0
     out, err = capsys.readouterr()
-    assert err.startswith("isorod: warning: the error is about ")
+    assert err.startswith("isorod: warning: estimated error ")
     assert json.loads(out)["error_estimate"] > 0.01
     assert cli.main("run spring --coils 1".split()) == 0
     out, err = capsys.readouterr()

@@ -45,5 +45,5 @@ def test_both_programs_tell_the_same_stresses_section_forces_energies_and_stiffn
     assert record["carried"] == pytest.approx(own["carried"], abs=0.02 * np.abs(own["carried"]).max())
     assert record["places"]["section"]["u"] == 0.3
     file.write_text(file.read_text() + "slope = 'tangent'\n")
-    with pytest.raises(InputError, match="slope 'tangent' is told of isorod's own solutions alone, take 'secant'"):
+    with pytest.raises(InputError, match="slope 'tangent' is available for solutions of isorod only; use 'secant'"):
         run(Configuration(str(file)))

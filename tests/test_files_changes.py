@@ -57,7 +57,7 @@ def test_what_a_file_says_is_varied_by_its_path(capsys, tmp_path):
         ("rod.wire.law.NeoHookean.E.x=1", r"coil.toml:5: rod.wire.law.NeoHookean.E: it is 200000.0, in which there is"),
         ("rod.wire.law.NeoHookean.E=much", r"coil.toml:5: rod.wire.law.NeoHookean.E: got 'much', need a number"),
         ("rod.wire.law.NeoHookean.rho=1", r"coil.toml:5: .*rho"),
-        ("analysis.modal=3", "the file alone says"),
+        ("analysis.modal=3", "can be set in the file only"),
         ("support", "need a path in the file and a value"),
         ("=3", "need a path in the file and a value"),
     ],

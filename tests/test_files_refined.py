@@ -75,7 +75,7 @@ def test_the_error_is_told_and_a_large_one_warned_of(run):
     assert record["error_estimate"] < 0.005 and said == ""
     record, said = run(bar(COARSE))
     assert record["error_estimate"] > 0.01
-    assert said.startswith("isorod: warning: the error is about ")
+    assert said.startswith("isorod: warning: estimated error ")
     record, said = run(bar(COARSE), "--no-estimate")
     assert "error_estimate" not in record and said == ""
 
@@ -139,8 +139,8 @@ def test_in_contact_too_a_refinement_that_fails_leaves_the_result_there_was(at, 
         assert (out, err) == ("", "isorod: no way\n")
         return
     record = json.loads(out)
-    said = f"the estimate is {record['error_estimate']:.2g} after 0 refinements; finer it fails: no way"
-    assert err.endswith(f"isorod: tolerance 1e-09 is not reached: {said}\n")
+    said = f"estimated error {record['error_estimate']:.2g} after 0 refinements; the refined model fails: no way"
+    assert err.endswith(f"isorod: tolerance 1e-09 not reached: {said}\n")
 
 
 def test_a_rule_of_the_file_that_does_not_follow_is_refused(tmp_path, capsys):

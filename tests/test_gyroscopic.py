@@ -212,7 +212,7 @@ def test_a_whirl_is_shown_as_one(scene):
 
 def test_half_a_matrix_is_refused(scene):
     one = scene(ROD + HELD + SPIN, z=0.2, **SHAFT)
-    with pytest.raises(InputError, match="sbaij: Coriolis forces are antisymmetric; take aij"):
+    with pytest.raises(InputError, match="sbaij: the Coriolis matrix is antisymmetric; use aij"):
         modal.solve(one.model(), 2, petsc={"mat_type": "sbaij"})
 
 
@@ -226,7 +226,7 @@ def test_the_printout_says_how_it_stands(scene, capsys):
         said[share] = [line for line in lines if line.startswith(("critical", "unstable"))]
     assert said == {
         0.5: [],
-        1.2: ["critical            2 motions held by Coriolis forces alone, without damping"],
+        1.2: ["critical            2 motions gyroscopically stabilised, without damping"],
     }
 
 

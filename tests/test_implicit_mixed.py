@@ -313,7 +313,7 @@ def test_explicit_steps_say_that_they_take_displacements(cylinder):
     """Of a body whose pressures were chosen; at 0.49, where explicit steps may be, or with a law that says so, not."""
     space = Space.paper(cylinder(4, radius=RADIUS, height=LENGTH), degree=2, quadrature="auto", order=2)
     model = Model([Body(space, NeoHookean(E, 0.4999), DENSITY)])
-    with pytest.warns(UserWarning, match=r"^nu = 0.4999: explicit steps take displacements alone"):
+    with pytest.warns(UserWarning, match=r"^nu = 0.4999: explicit steps use the displacement formulation"):
         assert model.in_motion("explicit").bodies[0].formulation == "displacement"
     with warnings.catch_warnings():
         warnings.simplefilter("error")

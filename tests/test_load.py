@@ -149,8 +149,11 @@ def test_bad_input(cylinder):
         (lambda: Model([body], [Support.end(space, "end", tied="w", components="")]), "need some of 'xyz'"),
         (lambda: Model([body], [Support.end(space, "end", turn=(0.0, nan, 0.0))]), "turn"),
         (lambda: Model([body], [Support([0], arms=[[0.0, 1.0]])]), "arms"),
-        (lambda: Model([body], [start, Support.end(space, "start", turn=(0.0, 0.0, 1.0))]), "held elsewhere"),
-        (lambda: Model([body], [start, Support.end(space, "start", "", tied="x")]), "held elsewhere"),
+        (
+            lambda: Model([body], [start, Support.end(space, "start", turn=(0.0, 0.0, 1.0))]),
+            "prescribed by another support",
+        ),
+        (lambda: Model([body], [start, Support.end(space, "start", "", tied="x")]), "prescribed by another support"),
         (lambda: dynamics.solve(Model([body], [start], loads=[BodyForce((1.0, 0.0, 0.0))]), 1.0), "loads"),
         (lambda: dynamics.solve(Model([body], [Support.end(space, "end", "xy", tied="z")]), 1.0), "tied"),
     ]

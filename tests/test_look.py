@@ -229,15 +229,15 @@ BAD = {
         "--colour: got von_mises, a mode has displacement alone",
     ),
     "time": (["RESULTS", "--png", "a.png", "--time", "2"], "--time: got 2, need 0 to 1"),
-    "one time": (["RESULTS", "--run", "1", "--png", "a.png", "--time", "0"], "--time: rod has one state alone"),
-    "still": (["RESULTS", "--run", "1", "--gif", "a.gif"], "--gif: rod has one state alone, which does not move; .*"),
+    "one time": (["RESULTS", "--run", "1", "--png", "a.png", "--time", "0"], "--time: rod has a single state"),
+    "still": (["RESULTS", "--run", "1", "--gif", "a.gif"], "--gif: rod has a single state, nothing to animate; .*"),
     "both": (["RESULTS", "--png", "a.png", "--gif", "a.gif"], "--png and --gif: give one of them"),
     "scale": (["RESULTS", "--png", "a.png", "--scale", "much"], "--scale: got 'much', need a number or auto"),
     "folder": (
         ["RESULTS", "--gif", "nowhere/a.gif"],
         r"nowhere/a.gif: cannot be written \(there is no such folder\).*",
     ),
-    "no curves": (["RESULTS", "--curve", "--png", "a.png"], r"\S*: this run of rod has left no curves \(.csv\)"),
+    "no curves": (["RESULTS", "--curve", "--png", "a.png"], r"\S*: this run of rod wrote no curves \(.csv\)"),
     "curves move": (["MODES", "--curve", "--gif", "a.gif"], "--gif: curves have none; leave it out"),
 }
 
@@ -323,7 +323,7 @@ def test_solutions_that_move_write_animations(model, tmp_path):
     solution = statics.solve(loaded, load_steps=3, keep=True)
     solution.animate(str(tmp_path / "steps.gif"), view=view, size=size)
     assert len(frames(tmp_path / "steps.gif")) == len(solution.path)
-    with pytest.raises(InputError, match=r"^animate: there is one state alone; statics.solve\(..., keep=True\)"):
+    with pytest.raises(InputError, match=r"^animate: got a single state; statics.solve\(..., keep=True\)"):
         statics.solve(loaded).animate(tmp_path / "one.gif")
     with pytest.raises(InputError, match=r"^animate: got colour 'red', need 'von Mises' or 'displacement'$"):
         history.animate(tmp_path / "one.gif", "red")

@@ -353,7 +353,7 @@ def test_other_analyses_refuse_it():
     where = space()
     start = Support.end(where, "start")
     model = mixed(where, law(0.49), [start])
-    with pytest.raises(InputError, match="'mixed', which takes an assembler of pressures"):
+    with pytest.raises(InputError, match="'mixed', which needs the mixed assembler"):
         Assembler(model)
     with pytest.raises(InputError, match="body 0: formulation: got 'mixed', explicit steps take 'displacement' alone"):
         dynamics.solve(model, 1.0)

@@ -129,7 +129,7 @@ def test_pressures_too_poor_for_a_patch_are_warned_of():
 
     As many more waves as there are points for make the force 8 % too large, as it is of order 1 at ``nu`` 0.3.
     """
-    with pytest.warns(UserWarning, match=r"^contact 0: .* linear across the section of body 0 .*; take order 2"):
+    with pytest.warns(UserWarning, match=r"^contact 0: .* linear across the section of body 0; .*; use order 2"):
         model = crossing()
     with warnings.catch_warnings():
         warnings.simplefilter("error")

@@ -157,11 +157,11 @@ def test_the_estimate_sees_the_state(scene):
 @pytest.mark.parametrize(
     ("more", "law", "said"),
     [
-        ("", "LinearElastic", "rod wire is linear elastic, whose tangent knows no stress; take NeoHookean, or take"),
+        ("", "LinearElastic", "rod wire is linear elastic, without geometric stiffness; use NeoHookean, or use"),
         (
             "[load.blow]\npressure = {{pressure = 0.1, follows = true}}\n",
             "NeoHookean",
-            "follows rod wire adds .*; hold both",
+            "follower pressure on rod wire is symmetric .*; support both",
         ),
     ],
 )

@@ -227,7 +227,10 @@ def test_motion_says_where_small_strains_do_not_hold():
     space = Space(straight(2.0).sweep(circle(8, 0.4)), elements=1, degree=2, section_degree=2)
     model = Model([Body(space, WOOD, 1.0)], [Support.end(space, "start")])
     velocity = 0.3 * space.positions[:, 2:] * [1.0, 0.0, 0.0]
-    with pytest.warns(UserWarning, match="body 0 is turned or strained by 0.1.*, where Orthotropic is for less than"):
+    with pytest.warns(
+        UserWarning,
+        match="rotations or strains of body 0 reach 0.1.*, the small-strain law Orthotropic needs less than",
+    ):
         dynamics.solve(model, 0.5, velocity=velocity.ravel())
     with warnings.catch_warnings():
         warnings.simplefilter("error")

@@ -35,9 +35,9 @@ def thrown(penalty, friction=0.0):
         (
             "explicit",
             None,
-            "bodies in contact are half the smaller radius deep in each other and would go through; raise",
+            "penetration exceeds half the smaller radius .tunnelling.; increase",
         ),
-        ("implicit", 0.05, r"contact 0: a point is \S+ of the smaller radius deep; raise the penalty"),
+        ("implicit", 0.05, r"contact 0: a point is \S+ of the smaller radius deep; increase the penalty"),
     ],
 )
 @pytest.mark.parametrize("friction", [0.0, 0.3])

@@ -124,7 +124,7 @@ def test_modes_of_a_held_pipe_fall_under_pressure():
 def test_a_pressure_that_follows_is_refused_by_what_has_none():
     space = Space(straight(3.0).sweep(circle(8, 2.0)), order=2)
     model = Model([Body(space, LAW, formulation="mixed")], clamped(space), loads=[Pressure(1.0, follows=True)])
-    with pytest.raises(InputError, match="pressure that follows body 0: the mixed formulation takes none so far"):
+    with pytest.raises(InputError, match="follower pressure on body 0: not supported by the mixed formulation"):
         statics.solve(model)
 
 

@@ -83,14 +83,14 @@ def test_the_numbers_are_those_of_the_record(capsys):
     record = json.loads(printed(capsys, "biceps", "--json", *words_of(BICEPS))[0])
     assert ", ".join(f"{force:.6g}" for force in record["end_force"]) + " N" in whole
     force = record["contact_force"]
-    largest = f" in the end, largest {max(force):.6g}" if max(force) > force[-1] else ""
+    largest = f" at the end, largest {max(force):.6g}" if max(force) > force[-1] else ""
     assert f"contact force {force[-1]:.6g}{largest} N" in whole
     assert f"{record['unknowns']:,} unknowns ({record['dofs']:,} degrees of freedom)" in whole
     assert f"{record['steps']:,} time steps of {record['time_step']:.4g}; energy within" in whole
     assert "biceps, dynamics; end time 0.002, outputs 4" in whole
     record |= {"contact_force": np.array([0.0, 3.0, 2.0, 1.5, 1.0]), "times": np.arange(5.0)}
     said = printing.summary(record, scenes.find("biceps")(**BICEPS))
-    assert "contact force       1 in the end, largest 3 N" in said
+    assert "contact force       1 at the end, largest 3 N" in said
 
 
 def test_an_estimated_error_is_part_of_the_answer_with_a_word_that_once_asked_for_it_too(capsys):
@@ -153,9 +153,7 @@ def test_statics_say_how_far_they_are(talkative, capsys):
     statics.solve(Model([Body(space, NeoHookean(1.0, 0.3))], held, contacts=[below]), load_steps=2, progress=True)
     lines = capsys.readouterr().err.splitlines()
     number = r"-?[\d.]+(?:e[+-]\d+)?"
-    told = (
-        rf"isorod: load factor ({number}), iteration (\d+), force out of balance {number}, ([\d,]+) points in contact"
-    )
+    told = rf"isorod: load factor ({number}), iteration (\d+), residual force {number}, ([\d,]+) points in contact"
     found = [re.fullmatch(rf"{told}(, \d+ steps cut)?", line) for line in lines]
     assert found and all(found), lines
     assert {float(one[1]) for one in found} >= {0.5, 1.0}
@@ -228,8 +226,8 @@ def test_a_terminal_gets_a_bar_whose_line_is_ended(monkeypatch):
 @pytest.mark.parametrize(
     ("values", "words"),
     [
-        ([0.0, -2.0, -0.5], "-0.5 in the end, largest -2 length"),
-        ([0.0, 3.0, -0.5], "-0.5 in the end, largest 3 length"),
+        ([0.0, -2.0, -0.5], "-0.5 at the end, largest -2 length"),
+        ([0.0, 3.0, -0.5], "-0.5 at the end, largest 3 length"),
         ([0.0, -0.5], "-0.5 length"),
         ([0.0, 0.5], "0.5 length"),
     ],

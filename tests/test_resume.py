@@ -195,7 +195,8 @@ def test_going_on_with_outputs_elsewhere_is_refused_with_what_would_do(finished)
     for end, outputs, advice in ((1.5, 29, "300 outputs to time 1.5"), (0.2012, 41, "40 outputs to time 0.2")):
         with pytest.raises(
             InputError,
-            match=rf"^checkpoint .*state: outputs are 0\.005 apart there, {end / outputs:.6g} here; take {advice}$",
+            match=r"^checkpoint .*state: output interval of the checkpoint is 0\.005, "
+            rf"requested {end / outputs:.6g}; use {advice}$",
         ):
             run(finished, True, end_time=end, outputs=outputs)
     with pytest.raises(InputError, match=r"has reached time 0\.145, past the end time 0\.1; take a later one"):

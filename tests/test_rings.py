@@ -334,7 +334,7 @@ LAW = LinearElastic(E, NU)
 @pytest.mark.parametrize(
     "make, message",
     [
-        (lambda: Space(prism((0.5, 1.0)), order=1), "section degree: the rod has a hole or layers"),
+        (lambda: Space(prism((0.5, 1.0)), order=1), "section degree: got none, need one such as 4: hollow and layered"),
         (lambda: tube(13), "section degree: got 13, need an integer from 1 to 12"),
         (lambda: Pressure(np.nan), "pressure: got nan"),
         (lambda: Pressure(1.0, "top"), "pressure: got surface 'top', need 'outer' or 'inner'"),
@@ -354,7 +354,7 @@ LAW = LinearElastic(E, NU)
         ),
         (
             lambda: dynamics.solve(Model([Body(layered()[0], NeoHookean(E, NU), 1.0)]), 1.0),
-            "body 0: its rod has layers, which dynamics does not take",
+            "body 0: layered rods are not supported in dynamics",
         ),
     ],
 )

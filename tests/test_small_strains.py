@@ -45,4 +45,7 @@ def test_a_rotation_is_warned_of_before_it_takes_half_a_percent(law):
         assert said or abs(found / exact - 1.0) <= 0.005
         warned.append(bool(said))
     assert warned == [False, False, True, True, True]
-    assert f"body 0 is turned or strained by 1, where {type(law).__name__} is for less than 0.1" in said[0]
+    assert (
+        f"rotations or strains of body 0 reach 1, the small-strain law {type(law).__name__} needs less than 0.1"
+        in said[0]
+    )

@@ -180,7 +180,7 @@ def test_a_point_that_cannot_be_solved_is_a_row(sweep, tmp_path):
     code, out, err = sweep("spring", *COARSE, "--nu", "0.7,0.3,0.4", "--pull", "1,1e6", "--output", path)
     assert code == 2
     assert err.splitlines()[-1] == "isorod: 4 of 6 points could not be solved; the table says why"
-    assert re.fullmatch(r"isorod: warning: nu 0.3, pull 1: the error is about .*", err.splitlines()[0])
+    assert re.fullmatch(r"isorod: warning: nu 0.3, pull 1: estimated error .*", err.splitlines()[0])
     table = rows(path)
     told = [(row["nu"], row["pull"], row["status"].partition(":")[0], bool(row["force"])) for row in table]
     assert told == [
@@ -218,7 +218,7 @@ def test_a_point_that_cannot_be_solved_is_a_row(sweep, tmp_path):
         (["spring", "--nu", "0.3,0.4", "--output", "a.txt"], "the name of a sweep's table ends in .csv"),
         (["spring", "--nu", "0.3,0.4", "--refine"], "option --refine is not known"),
         (["ring", "--radius", "3,4"], "geometry only"),
-        (["--nu", "0.3,0.4"], "no scene is named"),
+        (["--nu", "0.3,0.4"], "scene missing"),
     ],
 )
 def test_bad_input_is_one_line(words, message, sweep, tmp_path, monkeypatch):

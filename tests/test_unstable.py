@@ -38,8 +38,8 @@ def negative(model, **options):
     assert len(texts) == bool(solution.negative_eigenvalues)
     assert solution.record()["negative_eigenvalues"] == solution.negative_eigenvalues
     if texts:
-        many = "a direction" if solution.negative_eigenvalues == 1 else f"{solution.negative_eigenvalues} directions"
-        assert many in texts[0]
+        many = f"has {solution.negative_eigenvalues} negative eigenvalue" + "s" * (solution.negative_eigenvalues > 1)
+        assert f"{many}, " in texts[0]
     return solution.negative_eigenvalues
 
 
@@ -155,4 +155,4 @@ def test_a_file_is_warned_of_on_any_number_of_ranks(tmp_path, capsys, mpirun):
     said, done = capsys.readouterr(), mpirun(2, *words)
     for out, err in ((said.out, said.err), (done.stdout, done.stderr)):
         assert json.loads(out)["negative_eigenvalues"] == 2
-        assert len(re.findall("warning: the equilibrium is unstable: .* in 2 directions", err)) == 1
+        assert len(re.findall("warning: the equilibrium is unstable: .* has 2 negative eigenvalues", err)) == 1

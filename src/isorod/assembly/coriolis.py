@@ -18,7 +18,7 @@ def coriolis(assembler: Assembler, lumped: bool = False) -> PETSc.Mat:
     """Return the antisymmetric matrix ``G`` of a model with a spin at load factor 1."""
     model = assembler.model
     if "sbaij" in PETSc.Options().getString("mat_type", ""):
-        raise InputError("-mat_type sbaij: Coriolis forces are antisymmetric; take aij, the default")
+        raise InputError("-mat_type sbaij: the Coriolis matrix is antisymmetric; use aij, the default")
     assert model.spin is not None
     x, y, z = model.spin.velocity
     across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])

@@ -49,7 +49,7 @@ class Pressing:
     def __init__(self, share: Share, loads: Sequence[Pressure]) -> None:
         space = share.body.space
         if loads and share.body.formulation != "displacement":
-            raise InputError(f"pressure that follows body {share.which}: the mixed formulation takes none so far")
+            raise InputError(f"follower pressure on body {share.which}: not supported by the mixed formulation")
         nodes = space.element_nodes[share.first : share.last]
         shape = (*share.layers.shape, space.layer_nodes, 3)
         self._positions = space.positions[nodes].reshape(shape)

@@ -41,7 +41,7 @@ class Unknowns:
         self.comm = PETSc.COMM_WORLD if comm is None else comm
         for b, body in enumerate(model.bodies):
             if body.formulation not in self.formulations:
-                raise InputError(f"body {b}: formulation {body.formulation!r}, which takes an assembler of pressures")
+                raise InputError(f"body {b}: formulation {body.formulation!r}, which needs the mixed assembler")
         # What supports prescribe to this rank at the last load factor.
         self._prescribed: tuple[float, Array] | None = None
         self._number()

@@ -96,11 +96,11 @@ def reach(
             solution = solve(spaces)
             across, along = (_error(solution, direction, stresses) for direction in DIRECTIONS)
             if across is None or along is None:
-                raise InputError("tolerance: this result has no estimate of its error")
+                raise InputError("tolerance: no error estimate is available for this result")
         except (InputError, SolveError, MemoryError) as problem:
             if not steps:
                 raise
-            return _best(kept, steps, tolerance, f"; finer it fails: {str(problem) or SHORT}")
+            return _best(kept, steps, tolerance, f"; the refined model fails: {str(problem) or SHORT}")
         steps.append(Step(changed, across + along))
         # All but the best would be memory for nothing.
         if steps[-1].error <= min(one.error for one in steps):
@@ -124,7 +124,7 @@ def _best(
 
 def short(tolerance: float, error: float, refinements: int, why: str = "") -> str:
     """Return in words that a tolerance is not reached, and how near a result is."""
-    return f"tolerance {tolerance:g} is not reached: the estimate is {error:.2g} after {refinements} refinements{why}"
+    return f"tolerance {tolerance:g} not reached: estimated error {error:.2g} after {refinements} refinements{why}"
 
 
 def _error(solution: Solution, direction: str, stresses: bool) -> float | None:

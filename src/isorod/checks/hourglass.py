@@ -75,7 +75,8 @@ def check_modes(
             ratio = np.sqrt(energy / max(abs(value), 1e-300))
             raise SolveError(
                 f"quadrature {_named(assembler.model, rules)}: {_joined(rules)} gives mode {k + 1} {ratio:.2g} times "
-                "the frequency; the rule does not see the energy of the mode: take more points, or 'auto'"
+                "the frequency; under-integrated: the rule misses the strain energy of the mode (hourglassing); use "
+                "more points, or 'auto'"
             )
 
 
@@ -99,7 +100,8 @@ def check_energy(assembler: Assembler, rules: Mapping[int, Rule], displacement: 
     if not good <= FACTOR * energy:
         seen = f"{good / energy:.2g} times the stored energy" if good > 0.0 and energy > 0.0 else "inverted points"
         raise SolveError(
-            f"quadrature {_named(assembler.model, rules)}: {_joined(rules)} sees {seen}; take more points, or 'auto'"
+            f"quadrature {_named(assembler.model, rules)}: {_joined(rules)} integrates {seen}; under-integrated "
+            "(hourglassing): use more points, or 'auto'"
         )
 
 

@@ -54,8 +54,8 @@ def check_balance(
     moved = float(np.abs(displacement).max())
     if model.prescribed(1.0).any() and moved < _VANISHES * model.size:
         raise SolveError(
-            f"displacements of {moved:.2g} vanish beside the size {model.size:.2g} in double precision; prescribe "
-            "larger ones: the response is linear there"
+            f"displacements of {moved:.2g} are at round-off level of the model size {model.size:.2g} in double precision; "
+            "prescribe larger ones: the response is linear there"
         )
     largest = float(np.linalg.norm(reactions, axis=1).max())
     # Where supports carry moments alone, their forces vanish.
@@ -75,20 +75,20 @@ def check_balance(
     if counts and max(largest, gap, out_of_balance) > _NOTHING * assembler.inside(x, 1.0):
         if lost:
             raise SolveError(
-                f"forces do not balance: {out_of_balance:.2g} is left over, supports carry {largest:.2g}: stiffness "
-                "differs too much along the model for double precision"
+                f"force balance violated: residual {out_of_balance:.2g}, support reactions {largest:.2g}: the "
+                "stiffness contrast along the model is too large for double precision"
             )
         raise SolveError(
-            f"support forces do not balance: {gap:.2g} is left over, the largest of them is {largest:.2g}: the "
-            "tolerances of SNES are loose, or displacements are too small, or stiffness differs too much along the "
-            "model, for double precision"
+            f"support reactions do not balance the loads: residual {gap:.2g}, largest reaction {largest:.2g}: SNES "
+            "tolerances are too loose, or displacements too small, or the stiffness contrast along the model too "
+            "large for double precision"
         )
     if model.loads:
         raise SolveError(
-            f"loads are no more than rounding of the stiffness: {gap:.2g} of them is left over, supports carry "
-            f"{largest:.2g}: the model is too slender, or too stiff for them, for double precision"
+            f"loads are at round-off level of the stiffness: residual {gap:.2g}, support reactions {largest:.2g}: the "
+            "model is too slender or too stiff for them in double precision"
         )
-    warnings.warn(f"support forces are no more than rounding: {largest:.2g}, known to {gap:.2g}", stacklevel=3)
+    warnings.warn(f"support reactions are at round-off level: {largest:.2g}, accurate to {gap:.2g}", stacklevel=3)
 
 
 def support_forces(model: Model, forces: Array) -> Array:

@@ -133,7 +133,9 @@ def _refuse(model: Model, loose: list[tuple[int, Array]]) -> None:
     if loose:
         body, motion = loose[0]
         how = describe(model.bodies[body].space, motion)
-        raise SolveError(f"supports: body {body} is free to {how}; hold it, in statics by a contact perhaps")
+        raise SolveError(
+            f"supports: body {body} is free to {how} (rigid-body mode); add a support, or a contact in statics"
+        )
 
 
 def describe(space: Space, motion: Array) -> str:
@@ -164,6 +166,6 @@ def refuse_thin(model: Model, loose: Sequence[tuple[int, Array]]) -> None:
         thin = float(np.ptp(places, axis=1).max() / np.ptp(places, axis=(0, 1)).max())
         if thin < _THIN:
             raise InputError(
-                f"modes: body {b} is free and its section {thin:.1g} of its length, below {_THIN:g}: what bends it "
-                "is lost in rounding; hold it, or take a thicker one"
+                f"modes: body {b} is unsupported and its section {thin:.1g} of its length, below {_THIN:g}: its "
+                "bending stiffness is lost in round-off; support it, or use a thicker section"
             )

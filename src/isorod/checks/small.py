@@ -35,7 +35,7 @@ def warn_of_large(model: Model, displacements: Array) -> None:
             largest = max(largest, float(np.abs(deformation_gradients(table, nodal) - np.eye(3)).max()))
         if largest > LARGE:
             warnings.warn(
-                f"body {b} is turned or strained by {largest:.2g}, where {type(small).__name__} is for less "
-                f"than {LARGE:g}; take a law for large rotations, as StVenantKirchhoff or OrthotropicKirchhoff",
+                f"rotations or strains of body {b} reach {largest:.2g}, the small-strain law {type(small).__name__} "
+                f"needs less than {LARGE:g}; use a finite-strain law such as StVenantKirchhoff or OrthotropicKirchhoff",
                 stacklevel=3,
             )

@@ -51,7 +51,7 @@ class Turning:
         turns = max((float(np.linalg.norm(one.turn)) for one in model.motions), default=0.0) / (2.0 * np.pi)
         if turns > _MOST:
             raise InputError(
-                f"support: turned by {turns:.4g} whole turns, need at most {_MOST}: a load step takes a quarter of one"
+                f"support: got a rotation of {turns:.4g} turns, need at most {_MOST}: a load step takes a quarter turn"
             )
 
     def longest_step(self, factor: float) -> float:
@@ -82,8 +82,8 @@ class Turning:
             turned = _rotations(*(self._arms(b, state) for state in (before, after)))
             if _angles(turned).max() > _LOST or _angles(_steps(turned)).max() > _APART:
                 return (
-                    f"sections of body {b} turn by half a turn however small the step: it jumps to another "
-                    "equilibrium, or a turn between its supports is lost"
+                    f"sections of body {b} rotate by half a turn at the minimum step size: snap-through to "
+                    "another equilibrium, or loss of a full turn between its supports"
                 )
         return None
 
@@ -141,8 +141,8 @@ def refuse_small(model: Model) -> None:
         small = next((law for law in model.bodies[support.body].laws if not law.objective), None)
         if small is not None and angle > LONGEST:
             raise InputError(
-                f"support {k}: it turns by {np.degrees(angle):.4g} degrees, and {type(small).__name__} is for small "
-                "strains and turns; take a law for large rotations, as StVenantKirchhoff"
+                f"support {k}: got a rotation of {np.degrees(angle):.4g} degrees, but {type(small).__name__} is a "
+                "small-strain law; use a finite-strain law such as StVenantKirchhoff"
             )
 
 

@@ -74,13 +74,11 @@ def find(command: str, ours: Sequence[str], theirs: Sequence[str], more: More) -
     taken = next((k for k in range(1, len(theirs)) if _is_scene(theirs[k])), None)
     if taken is not None:
         raise InputError(
-            f"no scene is named: {theirs[taken]} was taken for the value of {theirs[taken - 1]}; put it first: "
+            f"scene missing: {theirs[taken]} was read as the value of {theirs[taken - 1]}; put it first: "
             f"isorod {command} {theirs[taken]} {theirs[taken - 1]}"
         )
     names = ", ".join(scenes.SCENES)
-    raise InputError(
-        f"no scene is named; there are: {names}; put one first: isorod {command} SCENE {[*ours, *theirs][0]}"
-    )
+    raise InputError(f"scene missing; known: {names}; put it first: isorod {command} SCENE {[*ours, *theirs][0]}")
 
 
 def _told(scene: Any, found: argparse.Namespace) -> Any:
@@ -110,8 +108,8 @@ def _parser(command: str, name: str, scene: Any, more: More) -> Parser:
             action="append",
             dest="changes",
             metavar="PATH=VALUE",
-            help="put a value in the place of the file's: rod.NAME.law.NeoHookean.nu=0.3, "
-            "support.NAME.displacement.2=0.5 (as often as need be)",
+            help="override a value of the file: rod.NAME.law.NeoHookean.nu=0.3, support.NAME.displacement.2=0.5 "
+            "(may be repeated)",
         )
         # What is not typed is as the file says.
         known = {action.dest for action in parser._actions}
@@ -129,13 +127,15 @@ def with_analysis(parser: Parser, scene: Any) -> None:
     if "statics" in analyses:
         steps = getattr(scene, "load_steps", 1)
         parser.add_argument(
-            "--load-steps", type=int, default=steps, metavar="int", help=f"equal load steps to start with ({steps})"
+            "--load-steps", type=int, default=steps, metavar="int", help=f"initial number of equal load steps ({steps})"
         )
         parser.add_argument(
-            "--stable", action="store_true", help="go on from an unstable equilibrium to where the model would go"
+            "--stable", action="store_true", help="from an unstable equilibrium continue to a stable one"
         )
     if "modal" in analyses:
-        parser.add_argument("--modes", type=int, default=10, metavar="int", help="modes besides rigid ones (10)")
+        parser.add_argument(
+            "--modes", type=int, default=10, metavar="int", help="number of modes besides rigid-body modes (10)"
+        )
         parser.add_argument(
             "--mass",
             choices=("consistent", "lumped"),
@@ -145,17 +145,22 @@ def with_analysis(parser: Parser, scene: Any) -> None:
         # A scene of a class that has modes has no loads.
         if not isinstance(scene, type):
             parser.add_argument(
-                "--load-steps", type=int, metavar="int", help="equal load steps to the equilibrium to start with (1)"
+                "--load-steps",
+                type=int,
+                metavar="int",
+                help="initial number of equal load steps to the equilibrium (1)",
             )
             parser.add_argument(
-                "--at-rest", action="store_true", help="modes at rest, without loads, moved supports and spin"
+                "--at-rest",
+                action="store_true",
+                help="modes of the undeformed state: no loads, prescribed displacements or spin",
             )
     if "dynamics" in analyses:
         parser.add_argument(
             "--integrator",
             choices=("explicit", "implicit"),
             default="explicit",
-            help="steps in time (explicit); implicit ones may be of any length",
+            help="time integration (explicit); implicit is unconditionally stable",
         )
 
 

@@ -23,14 +23,14 @@ class Command(NamedTuple):
 
 # What takes a scene, and its options, after its own name.
 COMMANDS = {
-    "run": Command("run a scene, or a file that describes one", petsc=True),
+    "run": Command("solve a scene, or a scene file", petsc=True),
     "show": Command("show the rods of a scene with their control points, in a window or as a picture"),
-    "plot": Command("draw what a run has left: deformed and coloured, moving, or as curves"),
-    "sweep": Command("run a scene with every combination of values of options, into a table", petsc=True),
+    "plot": Command("plot results of a run: fields on the deformed shape, animations, or curves"),
+    "sweep": Command("parameter study: solve a scene for all combinations of option values, into a table", petsc=True),
     "matrices": Command("write the matrices of a scene or a file for other programs", petsc=True),
     "mesh": Command("write hexahedra of the rods of a scene or a file: .msh, .inp, .vtu"),
-    "section": Command("tell stiffness and mass per length of a rod's section, 6 x 6, for beam codes"),
-    "compare": Command("solve a scene by finite elements too, and tell errors and times"),
+    "section": Command("print stiffness and mass per length of a rod's cross-section, 6 x 6, for beam codes"),
+    "compare": Command("compare a scene with finite elements: errors and run times"),
 }
 
 
@@ -84,9 +84,9 @@ def _parser() -> Parser:
     for name, one in COMMANDS.items():
         commands.add_parser(name, help=one.help, add_help=False)
     commands.add_parser("list", help="list the scenes")
-    new = commands.add_parser("new", help="write a file to begin with")
+    new = commands.add_parser("new", help="write a starter scene file")
     new.add_argument("name", nargs="?", default="my.toml", metavar="NAME.toml", help="name of the file (my.toml)")
     new.add_argument("--from", default="starter", dest="origin", metavar="EXAMPLE", help="spring, ring ... (starter)")
-    commands.add_parser("compile", help="compile everything ahead, so that no run has to wait for it")
+    commands.add_parser("compile", help="compile all functions ahead of the first run")
     commands.add_parser("doctor", help="show versions, what is missing and how to get it")
     return parser

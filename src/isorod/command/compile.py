@@ -35,7 +35,7 @@ def main() -> int:
     seconds = perf_counter() - start
     there = len(kernels) - len(wanted)
     print(
-        f"isorod: {len(wanted)} functions compiled in {seconds:.0f} s, {there} were there; "
+        f"isorod: {len(wanted)} functions compiled in {seconds:.0f} s, {there} cached before; "
         f"kept in {compiling.place(kernels[0])}"
     )
     return 0

@@ -15,7 +15,11 @@ def add_options(parser: Parser) -> None:
     parser.add_argument("--png", metavar="FILE", help="write the picture into this file; without it a window opens")
     view = ",".join(f"{one:g}" for one in picture.VIEW)
     parser.add_argument(
-        "--view", type=_view, default=picture.VIEW, metavar="x,y,z", help=f"direction from which one looks ({view})"
+        "--view",
+        type=_view,
+        default=picture.VIEW,
+        metavar="x,y,z",
+        help=f"view direction, from the rod to the eye ({view})",
     )
     size = "x".join(map(str, picture.SIZE))
     parser.add_argument(

@@ -39,10 +39,12 @@ def _more(parser: Parser, scene: Any) -> None:
     if "statics" in scenes.analyses(scene) or (scene.analysis == "modal" and not isinstance(scene, type)):
         steps = getattr(scene, "load_steps", 1)
         parser.add_argument(
-            "--load-steps", type=int, default=steps, metavar="int", help=f"equal load steps to start with ({steps})"
+            "--load-steps", type=int, default=steps, metavar="int", help=f"initial number of equal load steps ({steps})"
         )
     parser.add_argument(
-        "--at-rest", action="store_true", help="at rest (about the equilibrium in statics and modes; motions: at rest)"
+        "--at-rest",
+        action="store_true",
+        help="linearise about the undeformed state (statics and modes: about the equilibrium; dynamics: undeformed)",
     )
     parser.add_argument(
         "--mass", choices=("consistent", "lumped"), default="consistent", help="mass matrix (consistent)"
@@ -71,8 +73,8 @@ def _matrices(scene: Any, found: argparse.Namespace) -> Any:
             return matrices(model, None, lumped)
         if model.contacts:
             raise InputError(
-                "matrices about a solution with contact: it does not keep what presses; --at-rest takes the bodies "
-                "before they touch"
+                "matrices about a solution with contact: the active contact set is not stored; use --at-rest for the "
+                "undeformed state"
             )
     solution, _ = solving.solve(scene, chosen.settings(scene, found))
     return solution.matrices(lumped)

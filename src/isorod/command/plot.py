@@ -42,9 +42,7 @@ def main(ours: Sequence[str], theirs: Sequence[str] = ()) -> int:
         return _curves(result, found)
     window = drawing.prepare("plot", found, ("png", "gif"))
     if not result.steps:
-        raise InputError(
-            f"{found.place}: this run of {result.name} has left no fields; geometry alone is shown by isorod show"
-        )
+        raise InputError(f"{found.place}: this run of {result.name} wrote no fields; isorod show draws geometry")
     chosen = _chosen(result, found)
     frames, scale, title = _frames(result, chosen, found)
     images = picture.draw(frames, title, scale, found.view, found.size, window=window, rest=True)
@@ -60,14 +58,12 @@ def main(ours: Sequence[str], theirs: Sequence[str] = ()) -> int:
 
 def _parser() -> Parser:
     parser = Parser(
-        prog="isorod plot", description="Draw what isorod run SCENE --output DIR has left.", allow_abbrev=False
+        prog="isorod plot", description="Plot the results of isorod run SCENE --output DIR.", allow_abbrev=False
     )
     parser.add_argument("place", metavar="DIR", help="a results folder, or a .vtu, .pvd or .csv file of it")
     parser.add_argument("--run", type=int, metavar="int", help="which of the folder's runs, from 1 (the last)")
     parser.add_argument("--colour", metavar="FIELD", help="field of the files, such as displacement (von_mises)")
-    parser.add_argument(
-        "--scale", metavar="float", help="by how much displacements are multiplied, or auto (1, of modes auto)"
-    )
+    parser.add_argument("--scale", metavar="float", help="deformation scale factor, or auto (1, of modes auto)")
     parser.add_argument("--mode", type=int, metavar="int", help="which mode, from 1 (the first)")
     parser.add_argument("--time", type=float, metavar="float", help="time, or load factor, of what is drawn (the last)")
     parser.add_argument("--gif", metavar="FILE", help="write an animation of all times or load steps, or of a mode")
@@ -87,13 +83,13 @@ def _chosen(result: reading.Result, found: argparse.Namespace) -> tuple[reading.
     steps = result.steps
     if found.gif is not None:
         if found.time is not None:
-            raise InputError("--time: an animation has them all; leave it out, or take --png")
+            raise InputError("--time: an animation has all times; leave it out, or use --png")
         return steps
     if found.time is None:
         return steps[-1:]
     times = np.array([step.time for step in steps])
     if len(steps) == 1:
-        raise InputError(f"--time: {result.name} has one state alone")
+        raise InputError(f"--time: {result.name} has a single state")
     if not times[0] <= found.time <= times[-1]:
         raise InputError(f"--time: got {found.time:g}, need {times[0]:g} to {times[-1]:g}")
     return (steps[int(np.argmin(np.abs(times - found.time)))],)
@@ -132,7 +128,7 @@ def _frames(
     frames = [picture.Frame(one, said, note=note) for one, said, note in zip(meshes, words, notes, strict=True)]
     if found.gif is not None and len(frames) == 1:
         if not modes:
-            raise InputError(f"--gif: {result.name} has one state alone, which does not move; take --png")
+            raise InputError(f"--gif: {result.name} has a single state, nothing to animate; use --png")
         frames = [picture.Frame(meshes[0], words[0], share) for share in animation.shares()]
     title = _TITLES["displacement"].partition("\n")[0] if modes else _TITLES.get(colour, colour.replace("_", " "))
     return frames, scale, title
@@ -226,7 +222,7 @@ def _curves(result: reading.Result, found: argparse.Namespace) -> int:
             raise InputError(f"--{name}: curves have none; leave it out")
     path = Path(found.curve) if found.curve else result.curves
     if path is None:
-        raise InputError(f"{found.place}: this run of {result.name} has left no curves (.csv)")
+        raise InputError(f"{found.place}: this run of {result.name} wrote no curves (.csv)")
     window = drawing.prepare("plot", found, curves=True)
     curves.draw(curves.read(path), result.name, found.size, None if window else Path(found.png))
     if not window:

@@ -86,7 +86,7 @@ def _answer(record: Mapping[str, Any], units: Mapping[str, str], stresses: Seque
         if moving and value.ndim == 1:
             # What swings to the other side has its largest there.
             peak = value[np.argmax(np.abs(value))]
-            text += f" in the end, largest {peak:.6g}" if abs(peak) > abs(value[-1]) else ""
+            text += f" at the end, largest {peak:.6g}" if abs(peak) > abs(value[-1]) else ""
         place = places.get(name)
         where = _place(place[-1] if isinstance(place, list) else place) if place else ""
         yield name.replace("_", " "), f"{text} {unit}".rstrip() + where
@@ -98,12 +98,12 @@ def _answer(record: Mapping[str, Any], units: Mapping[str, str], stresses: Seque
     if touching[_FEW:]:
         yield "contacts", f"{len(touching) - _FEW} more"
     if "estimate_seconds" in record and not {"error_estimate", "stress_error_estimate"} & record.keys():
-        yield "error", "no estimate: with supports within a rod, or no finer space that can be had"
+        yield "error", "no estimate: interior supports, or no finer space available"
     elif "error_estimate" in record:
         also = _stress_error(record, stresses)
         yield "error", f"about {percent(record['error_estimate'])}{also}, by a finer space"
     if record.get("time_error") is not None:
-        yield "error in time", f"about {record['time_error']:.1g} of the largest displacement, of steps so long"
+        yield "error in time", f"about {record['time_error']:.1g} of the largest displacement, by the time step"
 
 
 def _stress_error(record: Mapping[str, Any], stresses: Sequence[str]) -> str:
@@ -119,9 +119,9 @@ def _state(record: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         yield "about", record["about"]
     falling = sum(one < 0.0 for one in record["frequencies"][record["rigid"] :])
     if falling:
-        yield "unstable", f"{_count(falling, 'mode')} shown below zero, which grow: omega^2 is negative"
+        yield "unstable", f"{_count(falling, 'mode')} shown below zero, growing in time (omega^2 < 0)"
     elif record.get("falling"):
-        yield "critical", f"{_count(record['falling'], 'motion')} held by Coriolis forces alone, without damping"
+        yield "critical", f"{_count(record['falling'], 'motion')} gyroscopically stabilised, without damping"
 
 
 def _place(place: Mapping[str, float]) -> str:
@@ -175,13 +175,13 @@ def _convergence(record: Mapping[str, Any]) -> Iterator[str]:
     if "load_steps" in record:
         yield _count(record["load_steps"], "load step")
     if record.get("cuts"):
-        yield f"{_count(record['cuts'], 'step')} cut and tried again"
+        yield f"{_count(record['cuts'], 'cutback')} of the step size"
     if "residual_norms" in record:
-        yield f"force out of balance {record['residual_norms'][-1]:.1g}, at first {record['residual_norms'][0]:.3g}"
+        yield f"residual force {record['residual_norms'][-1]:.1g}, initially {record['residual_norms'][0]:.3g}"
     if "residuals" in record:
         yield f"{_count(record['iterations'], 'restart')} of the eigensolver"
         yield f"relative residuals within {np.max(record['residuals']):.1g}"
-        yield f"{_count(record['rigid'], 'rigid mode')}" if record["rigid"] else "no mode missed (Sturm count)"
+        yield f"{_count(record['rigid'], 'rigid-body mode')}" if record["rigid"] else "no mode missed (Sturm count)"
 
 
 def _element(found: Mapping[str, Any]) -> str:

@@ -47,13 +47,13 @@ def _more(parser: Parser, scene: Any) -> None:
     chosen.with_analysis(parser, scene)
     analyses = scenes.analyses(scene)
     if "dynamics" not in analyses:
-        motions = "motions alone ([analysis.dynamics]) have a state to go on from"
+        motions = "only dynamics ([analysis.dynamics]) can be restarted"
         parser.elsewhere |= dict.fromkeys(("--checkpoint", "--checkpoint-every", "--resume"), motions)
     if analyses == ("dynamics",):
-        error = "of a motion nothing estimates the error of the space; compare runs with other elements and orders"
+        error = "no error estimate in dynamics; compare runs with other elements and orders"
         parser.elsewhere |= dict.fromkeys(("--tolerance", "--no-estimate"), error)
     if "dynamics" in analyses:
-        parser.add_argument("--checkpoint", metavar="FILE", help="keep the state of the run in this file")
+        parser.add_argument("--checkpoint", metavar="FILE", help="write checkpoints of the run to this file")
         parser.add_argument(
             "--checkpoint-every",
             type=float,
@@ -64,7 +64,7 @@ def _more(parser: Parser, scene: Any) -> None:
         parser.add_argument(
             "--resume",
             action="store_true",
-            help="continue the run whose state is in the checkpoint, to a later end time too with more outputs",
+            help="restart from the checkpoint; a later end time takes more outputs",
         )
     if "statics" in analyses or "modal" in analyses:
         parser.add_argument("--refine", action="store_true", help=argparse.SUPPRESS)
@@ -72,10 +72,10 @@ def _more(parser: Parser, scene: Any) -> None:
             "--tolerance",
             type=float,
             metavar="float",
-            help="refine until the relative error is estimated to be below this",
+            help="refine until the estimated relative error is below this",
         )
         parser.add_argument(
-            "--no-estimate", action="store_true", help="leave out the estimate of the error, which takes as long again"
+            "--no-estimate", action="store_true", help="skip the error estimate, which takes about as long as the run"
         )
     parser.add_argument("--json", action="store_true", help="print the result as one line of JSON")
     parser.add_argument(
@@ -86,7 +86,7 @@ def _more(parser: Parser, scene: Any) -> None:
             "--cells",
             choices=CELLS,
             default="auto",
-            help="of these fields: rational Bezier cells, small linear ones, or what suits each body (auto)",
+            help="cells of these fields: rational Bezier, small linear ones, or chosen for each body (auto)",
         )
 
 

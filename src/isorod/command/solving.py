@@ -81,7 +81,7 @@ def _solve_closer(scene: Any, model: Any, analyse: Callable[..., Any], settings:
             solution, said = _heard(analyse, model, {**settings, "start": start})
         except (InputError, SolveError) as problem:
             warnings.warn(
-                f"small patches were looked at closer in vain, and are as seen before: {problem}",
+                f"local refinement of small contact patches failed, results are without it: {problem}",
                 stacklevel=3,
             )
             break
@@ -137,21 +137,18 @@ def estimate(solution: Any, stresses: bool = False) -> dict[str, Any]:
     found = {name: value for name, value in found.items() if value is not None}
     if error is None and any(one.friction for one in solution.model.contacts):
         warnings.warn(
-            "the error is not known, as there is no finer space to tell it on; look whether more elements change the "
-            "answer",
+            "no error estimate: no finer space is available; check convergence with more elements",
             stacklevel=2,
         )
     if stresses and stress is not None and stress > LARGE_STRESS:
         warnings.warn(
-            f"stresses err by about {100.0 * stress:.2g} % of the largest, farther from edges than the section is "
-            f"wide, as estimated on a finer space: --tolerance {LARGE_STRESS} finds one that is fine enough where a "
-            "file measures stresses",
+            f"estimated stress error {100.0 * stress:.2g} % of the largest, farther from edges than the section is "
+            f"wide: --tolerance {LARGE_STRESS} refines until it is met where a file measures stresses",
             stacklevel=2,
         )
     if error is not None and error > LARGE:
         warnings.warn(
-            f"the error is about {100.0 * error:.2g} %, as estimated on a finer space: --tolerance 5e-3 finds one that "
-            "is fine enough",
+            f"estimated error {100.0 * error:.2g} %: --tolerance 5e-3 refines until it is met",
             stacklevel=2,
         )
     return found | {"estimate_seconds": perf_counter() - start}

@@ -73,13 +73,11 @@ def _more(parser: Parser, scene: Any) -> None:
     chosen.with_analysis(parser, scene)
     if {"statics", "modal"} & {*scenes.analyses(scene)}:
         parser.add_argument(
-            "--no-estimate", action="store_true", help="leave out the estimates of errors, which take as long again"
+            "--no-estimate", action="store_true", help="skip error estimates, which take about as long as the runs"
         )
     parser.add_argument("--json", action="store_true", help="print each point as one line of JSON")
-    parser.add_argument(
-        "--output", metavar="FILE.csv", help="write the table into this file, and go on with one that is not complete"
-    )
-    parser.add_argument("--overwrite", action="store_true", help="begin anew, whatever is in the file")
+    parser.add_argument("--output", metavar="FILE.csv", help="write the table into this file, or complete it")
+    parser.add_argument("--overwrite", action="store_true", help="overwrite the file")
     parser.add_argument("--png", metavar="FILE", help="plot the table, as isorod plot FILE.csv does")
 
 

@@ -103,7 +103,7 @@ def solve(
     if displacement is None:
         _check_turns(model)
     if resume and checkpoint is None:
-        raise InputError("resume: no checkpoint is named; give the file the run was to keep its state in")
+        raise InputError("resume: got no checkpoint, need the file that the run wrote")
     with in_force(petsc):
         run = chosen(System(model, PETSc.COMM_WORLD if comm is None else comm), settings)
         ranks = run.system.ranks
@@ -159,8 +159,8 @@ def _warn_of_steps(run: Run) -> None:
     error = run.time_error
     if error is not None and error > _LARGE:
         warnings.warn(
-            f"time step {run.step:.4g}: displacements are off by about {100.0 * error:.2g} % of the largest, since in "
-            f"steps so long what moves swings too slowly; take {run.step * np.sqrt(0.5 * _LARGE / error):.2g} or less",
+            f"time step {run.step:.4g}: estimated displacement error {100.0 * error:.2g} % of the largest (period "
+            f"elongation); use {run.step * np.sqrt(0.5 * _LARGE / error):.2g} or less",
             stacklevel=3,
         )
 
@@ -249,12 +249,12 @@ def _check(model: Model, settings: Settings, every: float) -> None:
         if not (np.isfinite(value) and value >= 0.0):
             raise InputError(f"{name}: got {value:g}, need {what}, not negative")
     if model.spin is not None:
-        raise InputError("spin: dynamics in a rotating frame is not there; give the bodies a velocity instead")
+        raise InputError("spin: dynamics in a rotating frame is not supported; give the bodies an initial velocity")
     for k, motion in enumerate(model.motions):
         if motion.tied.any():
-            raise InputError(f"support {k}: dynamics takes no tied components")
+            raise InputError(f"support {k}: tied components are not supported in dynamics")
     if not model.unknowns:
-        raise InputError("supports: they hold everything, nothing is left to move")
+        raise InputError("supports: all degrees of freedom are constrained; leave one free")
     for b, body in enumerate(model.bodies):
         if not body.densities.min() > 0.0:
             raise InputError(
@@ -265,9 +265,9 @@ def _check(model: Model, settings: Settings, every: float) -> None:
 def _check_loads(model: Model, integrator: str) -> None:
     """Raise `InputError` if the model has loads that the steps do not know."""
     if model.loads and integrator == "explicit":
-        raise InputError("loads: explicit steps take none yet; take integrator 'implicit'")
+        raise InputError("loads: not supported by explicit steps; use integrator 'implicit'")
     if model.following:
-        raise InputError("loads: dynamics takes no pressure that follows the surface")
+        raise InputError("loads: follower pressure is not supported in dynamics")
 
 
 def _check_turns(model: Model) -> None:
@@ -276,8 +276,8 @@ def _check_turns(model: Model) -> None:
         turn = float(np.linalg.norm(motion.turn))
         if turn > LONGEST:
             raise InputError(
-                f"support {k}: it is turned at once by {np.degrees(turn):.4g} degrees, more than a quarter of a turn; "
-                "let statics turn it, and start from that displacement"
+                f"support {k}: got an instantaneous rotation of {np.degrees(turn):.4g} degrees, need at most 90; apply "
+                "it in statics, and start from that displacement"
             )
 
 

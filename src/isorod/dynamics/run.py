@@ -168,7 +168,7 @@ class Run(ABC):
         """Cut the interval in equal steps, none longer than the given one."""
         count = np.ceil(self.interval / longest - 1e-9)
         if not count * self.outputs < _MOST:
-            own = "" if longest == self.settings.time_step else ", which the critical one asks for"
+            own = "" if longest == self.settings.time_step else " (by the critical time step)"
             raise InputError(
                 f"time step {longest:.4g}{own}: {count * self.outputs:.3g} steps to the end at "
                 f"{self.interval * self.outputs:.4g}, at most {_MOST:.0e} can be taken"
@@ -324,8 +324,8 @@ class Run(ABC):
         if not abs(interval - self.interval) <= 1e-9 * interval:
             outputs = max(round(end / interval), 1)
             raise InputError(
-                f"outputs are {interval:.6g} apart there, {self.interval:.6g} here; "
-                f"take {outputs} outputs to time {outputs * interval:.6g}"
+                f"output interval of the checkpoint is {interval:.6g}, requested {self.interval:.6g}; "
+                f"use {outputs} outputs to time {outputs * interval:.6g}"
             )
         if reached > self.outputs:
             raise InputError(

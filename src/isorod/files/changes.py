@@ -32,7 +32,7 @@ def put(document: Document, changes: Sequence[str]) -> None:
                 f"--set {one:.80}: need a path in the file and a value, such as rod.NAME.law.NeoHookean.nu=0.3"
             )
         if keys[0] == "analysis" and (len(keys) < 3 or keys[1] not in _table(document.content["analysis"])):
-            raise (document.top / "analysis").error(f"--set {one}: which analysis it is the file alone says")
+            raise (document.top / "analysis").error(f"--set {one}: the type of analysis can be set in the file only")
         _put(document, keys, _value(value.strip()))
 
 

@@ -67,7 +67,7 @@ class Document:
             line = found[1] if found else text.rstrip().count("\n") + 1
             raise InputError(f"{path}:{line}: not TOML: {said}{column}") from None
         if not self.content:
-            raise InputError(f"{path}:1: nothing is in it; 'isorod new' writes a scene to begin with")
+            raise InputError(f"{path}:1: empty file; 'isorod new' writes a scene to begin with")
         self._lines = lines.lines(text)
 
     @property

@@ -46,7 +46,7 @@ def stress(
         return float(_values(state, rod, name, np.array([u]), np.array([xi]))[0, 0])
     found = _largest(state, rod, name, u, xi, away or 0.0)
     if not np.isfinite(found.value):
-        raise InputError(f"away: got {away:g}, and no place of the rod is so far from all that holds it")
+        raise InputError(f"away: got {away:g}, but no point of the rod is that far from all supports")
     angle, radius = np.degrees(np.arctan2(*found.xi[::-1])), np.hypot(*found.xi)
     value = _values(state, rod, name, np.array([found.u]), found.xi[None])[0, 0]
     return Peak(float(value), {"u": found.u, "angle": float(angle) % 360.0, "radius": float(radius)})
@@ -79,21 +79,21 @@ def warn(
         if found.value * (-1.0 if name == "min_principal" or found.value < 0.0 else 1.0) > _LARGER * beyond:
             known = f"; farther off than the section is wide (away = {width:.3g}) it is {beyond:.4g}"
             _say(
-                f"largest {_words(name)} {found.value:.4g} is {gap:.2g} from a held face or patch, at whose edge "
-                f"stresses grow without bound as spaces are refined{known if np.isfinite(beyond) else ''}"
+                f"largest {_words(name)} {found.value:.4g} is {gap:.2g} from the edge of a held face or patch, a "
+                f"stress singularity that grows without bound under refinement{known if np.isfinite(beyond) else ''}"
             )
             return
     elif gap < _NEAR * width and np.hypot(*disk) > 1.0 - _NEAR:
         _say(
-            f"{_words(name)} at u = {place:.4g}: there is the edge of a held face or patch, where stresses grow "
-            "without bound as spaces are refined"
+            f"{_words(name)} at u = {place:.4g}: edge of a held face or patch, a stress singularity that grows "
+            "without bound under refinement"
         )
         return
     wrong = balance.share(state, rod, place, disk) if isinstance(state, State) else 0.0
     if wrong > LARGE:
         _say(
-            f"{_words(name)} at u = {place:.4g}: the stress there is out of balance by {100.0 * wrong:.2g} %, and no "
-            "better than that; compare with more elements"
+            f"{_words(name)} at u = {place:.4g}: stress residual {100.0 * wrong:.2g} %, a lower bound of its error; "
+            "compare with more elements"
         )
 
 

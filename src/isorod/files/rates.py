@@ -38,9 +38,9 @@ def tangent(solution: Any, support: int) -> float:
     moved = _motion(solution, support)
     model = solution.model
     if not isinstance(solution, State):
-        raise InputError("stiffness: slope 'tangent' is told of isorod's own solutions alone, take 'secant'")
+        raise InputError("stiffness: slope 'tangent' is available for solutions of isorod only; use 'secant'")
     if model.contacts:
-        raise InputError("stiffness: with contact there is no slope 'tangent', take 'secant'")
+        raise InputError("stiffness: slope 'tangent' is not available with contact; use 'secant'")
     from scipy.sparse.linalg import splu
 
     others = [one for k, one in enumerate(model.supports) if k != support]

@@ -147,7 +147,7 @@ class FileScene(Scene):
                 ringed = next((one for one in self.plans if one in names and self.plans[one].ringed), None)
                 if ringed is not None:
                     raise (place / key).error(
-                        f"rod {ringed} has a hole or layers, and contact is on the functions of solid rods of one law: "
+                        f"contact needs solid rods of a single material, and rod {ringed} has a hole or layers; "
                         "leave out its rings, or this contact"
                     )
         only = next(iter(self.plans))
@@ -228,7 +228,7 @@ class FileScene(Scene):
         fitting = {word: form for word, form in schema.MEASURES.items() if kind in str(form.solution)}
         place = self._top / "measure"
         if "measure" in self.content and not fitting:
-            raise place.error(f"nothing else is measured in {self.analysis}: its results are told without")
+            raise place.error(f"no measures in {self.analysis}: its results are reported without")
         for name, at, table in self._named("measure"):
             if name in schema.RESERVED:
                 raise at.error("a result has something else of this name; choose another")

@@ -1,4 +1,4 @@
-"""Why a rod folds, in words."""
+"""Diagnosis of a rod map that is not injective (det J <= 0)."""
 
 from collections.abc import Callable
 

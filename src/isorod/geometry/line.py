@@ -109,7 +109,7 @@ class CenterLine:
         if not np.isfinite(twist):
             raise InputError(f"twist: got {twist}, need a finite number of degrees")
         if not tolerance > 0.0:
-            raise InputError(f"sweep: tolerance: got {tolerance:g}, need a positive share of the section's size")
+            raise InputError(f"sweep: tolerance: got {tolerance:g}, need a positive fraction of the section's size")
         frames, size, share = self.frames or self._frames, self._size(scale), Share(self.axis, self.centers)
 
         def arms(u: Array) -> Array:

@@ -68,7 +68,7 @@ class Rule:
         radial, angular, axial = numbers.groups()
         if int(radial) == 1:
             raise InputError(
-                f"quadrature: got {text!r}; one radial point sees half of the bending stiffness, need 2 or more"
+                f"quadrature: got {text!r}; one radial point integrates half the bending stiffness, need 2 or more"
             )
         return cls(int(radial), int(angular), degree + 1 if axial is None else int(axial))
 

@@ -346,7 +346,7 @@ def _wanted(pencil: Pencil, modes: int) -> int:
     most = pencil.size - pencil.rigid
     if not 1 <= modes <= most:
         less = ", less the pressures" if pencil.pressures else ""
-        raise InputError(f"modes: got {modes}, need 1 to {most} (the unknowns there are{less})")
+        raise InputError(f"modes: got {modes}, need 1 to {most} (number of unknowns{less})")
     return modes + pencil.rigid
 
 
@@ -375,8 +375,8 @@ def _shift(pencil: Pencil, model: Model, loose: Sequence[tuple[int, Array]]) -> 
         body, motion = loose[0]
         how = rigid_motions.describe(model.bodies[body].space, motion)
         raise SolveError(
-            f"modes: body {body} is free to {how}, as far as 1e-8 of its size tells, and no flexible mode was found to "
-            "place the shift by; hold it, or give a shift (-st_shift)"
+            f"modes: body {body} is free to {how} (rigid-body mode, to 1e-8 of its size), and no flexible mode "
+            "converged from which to choose the shift; add a support, or give a shift (-st_shift)"
         )
     return shift
 

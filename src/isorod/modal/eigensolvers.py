@@ -47,7 +47,9 @@ def typed(singular: bool) -> str:
     elif transformation != "sinvert":
         said, instead = f"-st_type {transformation}", "sinvert"
     if singular and said is not None:
-        raise InputError(f"{said}: pressures have no mass, and it needs one; take {instead}, the default")
+        raise InputError(
+            f"{said}: needs a definite mass matrix, the mixed formulation's is singular; use {instead}, the default"
+        )
     return str(kind)
 
 

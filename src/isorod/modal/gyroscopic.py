@@ -113,7 +113,7 @@ class Quadratic:
             iterations += more
             if len(pairs) < wanted:
                 raise SolveError(
-                    f"modes: SLEPc found {len(pairs)} of {wanted}; raise -pep_max_it or -pep_ncv, or loosen -eps_tol"
+                    f"modes: {len(pairs)} of {wanted} converged; raise -pep_max_it or -pep_ncv, or loosen -eps_tol"
                 )
             wrong = next((pair.wrong for pair in pairs[:wanted] if pair.wrong), "")
             if wrong:
@@ -126,9 +126,7 @@ class Quadratic:
                 break
             asked += 2 * abs(missing) + 2
         if missing:
-            raise SolveError(
-                f"modes: {abs(missing)} eigenvalues up to {last:.6g} were not found, or too many; raise -pep_ncv"
-            )
+            raise SolveError(f"modes: {abs(missing)} eigenvalues up to {last:.6g} missed or spurious; raise -pep_ncv")
         below = sum(pair.square <= _just_above(last) for pair in pairs)
         residuals = np.array([self._residual(pair, rough.eigenvalues) for pair in pairs[:wanted]])
         if not residuals.max() <= _BAD_RESIDUAL:
@@ -287,8 +285,8 @@ def _told(value: complex, change: float) -> str:
     """Return what is wrong with an eigenvalue that neither swings nor grows alone, of a vector of such a change."""
     swing, rate = abs(value.imag) / (2.0 * np.pi), abs(value.real)
     if change < _KNOWN:
-        return f"the equilibrium flutters: a motion of {swing:.6g} cycles per time grows at the rate {rate:.3g}"
-    return f"those about {swing:.6g} cycles per time are not told apart, as far beyond critical speeds; spin slower"
+        return f"flutter: the equilibrium is unstable, frequency {swing:.6g}, growth rate {rate:.3g}"
+    return f"modes of frequency {swing:.6g} cannot be separated, as far beyond critical speeds; reduce the spin"
 
 
 def _whole_rows(matrix: PETSc.Mat) -> csr_array:

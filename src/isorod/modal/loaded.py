@@ -69,7 +69,7 @@ def find(
     refuse(model)
     with warnings.catch_warnings():
         # Nobody asks for them.
-        warnings.filterwarnings("ignore", "support forces are no more than rounding")
+        warnings.filterwarnings("ignore", "support reactions are at round-off level")
         return analysis.solve(model, load_steps, comm, start=start)
 
 
@@ -79,17 +79,17 @@ def refuse(model: Model) -> None:
     It knows no stress of a linear elastic body, and of a pressure that follows it is made symmetric, which it is but
     for the edges of the surface at ends that are free.
     """
-    advice = "or take modes at rest (at_rest), which know no loads"
+    advice = "or use modes of the undeformed state (at_rest)"
     for b, body in enumerate(model.bodies):
         if any(law.linear for law in body.laws):
             raise InputError(
-                f"equilibrium: body {b} is linear elastic, whose tangent knows no stress; take NeoHookean, {advice}"
+                f"equilibrium: body {b} is linear elastic, without geometric stiffness; use NeoHookean, {advice}"
             )
     for load in model.following:
         if not _edges_held(model, load):
             raise InputError(
-                f"equilibrium: what pressure that follows body {load.body} adds to its stiffness is symmetric between "
-                f"held ends alone; hold both, leave out 'follows', {advice}"
+                f"equilibrium: the load stiffness of the follower pressure on body {load.body} is symmetric only if "
+                f"both ends are supported; support both, leave out 'follows', {advice}"
             )
 
 

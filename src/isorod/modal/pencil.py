@@ -314,11 +314,11 @@ class Pencil:
             missing = below - sum(value <= _just_above(last) for value, _ in pairs)
             if missing == 0:
                 return below, iterations
-            said = f"modes: {below} eigenvalues lie at or below {last:.6g}, but {below - missing} were found"
+            said = f"modes: {below} eigenvalues lie at or below {last:.6g}, but {below - missing} converged"
             if missing < 0:
                 raise SolveError(
-                    f"{said}: some are no modes; tighten -eps_tol, take the default -eps_type, or stiffness differs "
-                    "more along the model than double precision bears"
+                    f"{said}: some are spurious; tighten -eps_tol, use the default -eps_type, or the stiffness "
+                    "contrast along the model is too large for double precision"
                 )
             before = len(pairs)
             if before >= there:

@@ -153,15 +153,17 @@ def _sliding(
             if size < _HELD and (size > _SLIDES or _tilts(model, displacement, b, motion, normals) > _SLIDES):
                 how = rigid_motions.describe(model.bodies[b].space, motion)
                 raise InputError(
-                    f"equilibrium: body {b} may {how}, which the width of patches alone holds, as what rolls or tips: "
-                    "there are no modes of that; hold it by a support"
+                    f"equilibrium: body {b} is free to {how} but for the width of contact patches (rolling, tipping): "
+                    "such modes are not computed; add a support"
                 )
             if size <= _SLIDES:
                 found.append((b, motion))
     together = np.concatenate(everywhere, axis=1) if everywhere else np.zeros((1, 0))
     least = np.linalg.svd(together.T @ together, compute_uv=False) if together.size else np.empty(0)
     if int((least <= _SLIDES**2).sum()) > len(found):
-        raise InputError("equilibrium: bodies may move together, which neither supports nor contact hold; hold one")
+        raise InputError(
+            "equilibrium: bodies have a common rigid-body mode, constrained by no support or contact; support one"
+        )
     return found
 
 

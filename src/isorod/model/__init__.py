@@ -1,4 +1,4 @@
-"""What a user writes down: bodies, supports, loads and contacts."""
+"""Model definition: bodies, supports (boundary conditions), loads and contacts."""
 
 from isorod.model.body import Body
 from isorod.model.contact import Contact, Cylinder, Plane, Sphere

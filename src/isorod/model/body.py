@@ -1,4 +1,4 @@
-"""A body: a space with a law, a density and a formulation."""
+"""Bodies: approximation space, constitutive law, density and formulation."""
 
 import warnings
 from collections.abc import Sequence
@@ -242,8 +242,8 @@ class Body(Checked):
         nu = max(getattr(law, "nu", 0.0) for law in self.laws)
         if nu > _NEARLY:
             warnings.warn(
-                f"nu = {nu:.6g}: explicit steps take displacements alone, which lock there: forces are some per cent "
-                "too large; take integrator 'implicit', or nu up to 0.49",
+                f"nu = {nu:.6g}: explicit steps use the displacement formulation, which locks (forces some per cent "
+                "too large); use integrator 'implicit', or nu up to 0.49",
                 stacklevel=5,
             )
 
@@ -259,8 +259,8 @@ class Body(Checked):
         if smooth.any():
             k = int(np.argmax(np.where(smooth, jumps, 0.0)))
             warnings.warn(
-                f"stiffness jumps by {jumps[k]:.3g} at u = {axis.breaks[k + 1]:.4g}, where displacements are smooth: "
-                "errors of a tenth and more; take continuity 0, or a rod with that knot repeated (Rod.insert)",
+                f"stiffness jumps by {jumps[k]:.3g} at u = {axis.breaks[k + 1]:.4g}, where strains are continuous: "
+                "errors of a tenth and more; use continuity 0, or a rod with that knot repeated (Rod.insert)",
                 stacklevel=4,
             )
 

@@ -1,4 +1,4 @@
-"""What a user says of contact."""
+"""Contact definitions."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

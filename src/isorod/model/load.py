@@ -1,4 +1,4 @@
-"""Loads, which grow with the load factor: all but pressure keep direction and size while the rod moves."""
+"""Loads, proportional to the load factor: dead loads, and pressure that may follow the surface."""
 
 from dataclasses import dataclass, field
 from typing import Protocol

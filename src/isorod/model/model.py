@@ -1,4 +1,4 @@
-"""What every analysis takes: bodies (a space with a material) and supports."""
+"""Models: bodies, supports, loads and contact definitions, the input of every analysis."""
 
 import warnings
 from collections.abc import Sequence
@@ -83,9 +83,9 @@ class Model(Checked):
         for b, _ in contact.sides:
             if self.bodies[b].has_poor_pressures:
                 warnings.warn(
-                    f"contact {index}: the mixed formulation's pressures are linear across the section of body {b} and "
-                    "see no patch: largest pressures are up to three times too low, forces off by some per cent; take "
-                    "order 2 and at least 5 section points",
+                    f"contact {index}: contact patch under-resolved: the mixed formulation's pressures are linear "
+                    f"across the section of body {b}; peak pressures up to three times too low, forces off by some per "
+                    "cent; use order 2 and at least 5 section points",
                     stacklevel=4,
                 )
                 return

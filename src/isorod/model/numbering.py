@@ -52,8 +52,8 @@ def number(motions: Sequence[SupportMotion], dofs: int) -> Numbering:
             if clash.any():
                 dof = motion.dofs[np.argmax(clash)]
                 raise InputError(
-                    f"support {k}: node {dof // 3}, component {'xyz'[dof % 3]} is held elsewhere at another "
-                    "displacement"
+                    f"support {k}: node {dof // 3}, component {'xyz'[dof % 3]} is prescribed by another support "
+                    "with another displacement"
                 )
             values[:, motion.dofs] = wanted
         owner[motion.dofs] = k

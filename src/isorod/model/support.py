@@ -1,4 +1,4 @@
-"""Supports, and the motions they prescribe."""
+"""Supports: Dirichlet boundary conditions and prescribed motions."""
 
 from dataclasses import dataclass, field
 from typing import NamedTuple

@@ -1,4 +1,4 @@
-"""Rigid bodies bounded by triangles, from arrays or STL files."""
+"""Rigid obstacles bounded by closed triangle meshes, from arrays or STL files."""
 
 import re
 from dataclasses import dataclass

@@ -108,7 +108,7 @@ def matrices(model: Model, state: State | None = None, lumped: bool = False) -> 
     if state is not None and state.model is not model:
         raise InputError("matrices: the state is of another model; take its own")
     if state is not None and model.contacts:
-        raise InputError("matrices about a state with contact: it does not keep what presses; take those at rest")
+        raise InputError("matrices about a state with contact: the active contact set is not stored; use those at rest")
     if state is not None and state.factor != 1.0:
         raise InputError(
             f"matrices about a motion: muscles are active to {state.factor:.3g} of what they will be, where loads act "

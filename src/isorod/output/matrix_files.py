@@ -112,7 +112,7 @@ def _said(found: Matrices, about: Mapping[str, Any]) -> dict[str, Any]:
         "files": files
         | {
             "nodes.csv": "of each node its body, its number there, the coefficients x, y, z of the rod's own shape, "
-            "and whether it is a carrier: a translation moves each of these, and no other",
+            "and whether it is a control point of the partition of unity: a translation moves these, and no others",
             "unknowns.csv": "of each unknown, in order from 0, its body, node and component; of several that a support "
             "ties together the first; a pressure has none",
         },

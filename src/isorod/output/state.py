@@ -1,4 +1,4 @@
-"""What a solution answers: displacements, places, stresses and section forces of a body, wherever they are asked for.
+"""Post-processing of a solution: displacements, positions, stresses and section forces at any point of a body.
 
 A body is named by its number in the model, or by its `Rod`, its `Space` or the `Body` itself.  Its points are pairs of
 axis parameters ``u`` and disk points ``xi``: ``u`` is a number, ``"start"`` or ``"end"``, or an array of any shape;
@@ -243,7 +243,7 @@ class Animated:
 
         frames = self.frames()
         if len(frames) == 1:
-            raise InputError("animate: there is one state alone; statics.solve(..., keep=True) keeps those on the way")
+            raise InputError("animate: got a single state; statics.solve(..., keep=True) keeps those of the load path")
         told = written([time for time, _ in frames])
         return [Moment(state, f"{self._counted} {time:{told}}") for time, state in frames]
 

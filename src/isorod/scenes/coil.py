@@ -179,9 +179,9 @@ class Coil(Scene):
 
         if self.nu > _SQUEEZED:
             warnings.warn(
-                f"nu: got {self.nu:g}; laid seats keep their volume but roughly, which presses on the coils the more "
-                "the nearer nu is to 0.5: forces are up to 3 % too high, early on the way 6 %; take ends clamped, "
-                "or nu up to 0.49",
+                f"nu: got {self.nu:g}; end coils in laid seats are only approximately volume-preserving: spurious "
+                "contact forces, up to 3 % (early on the load path 6 %) towards nu = 0.5; use ends clamped, or nu up "
+                "to 0.49",
                 stacklevel=3,
             )
         axis = space.axis

@@ -61,7 +61,7 @@ def closer(rod: Rod, patches: Sequence[Patch]) -> Space:
     if not patches or min(min(one[2:5]) for one in patches) <= 0.0:
         raise InputError("patches: name one at least, with extents and a size that are positive")
     if rod.rings != WHOLE:
-        raise InputError("patches: the rod has a hole or layers, which functions of control points do not see")
+        raise InputError("patches: hollow and layered rods cannot be refined locally; use section_degree")
     degree = max(DEGREE, rod.axis.degree)
     # Where there is no patch the rod is seen as it is without one.
     parts = choice.axis(rod, None, degree, None)[0] // rod.axis.elements

@@ -62,7 +62,7 @@ class Graded(Checked):
             raise InputError(f"arcs: one crosses the end of one of the {self.n} arcs of the rod itself")
 
     def __str__(self) -> str:
-        return f"{self.family}, order {self.order} of {len(self.arcs)} control points, closer at a patch"
+        return f"{self.family}, order {self.order} of {len(self.arcs)} control points, refined at a patch"
 
     @property
     def family(self) -> str:

@@ -183,10 +183,7 @@ class Space(Checked):
 
             return Ringed(self.rod, self.section_degree)
         if self.rod.rings != WHOLE:
-            raise InputError(
-                "section degree: the rod has a hole or layers, which functions of control points do not see; give a "
-                "degree, such as 4"
-            )
+            raise InputError("section degree: got none, need one such as 4: hollow and layered rods take polynomials")
         return Polyharmonic(self.points_around, cast(int, self.order), self.turn)
 
     @cached_property

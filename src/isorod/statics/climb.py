@@ -42,7 +42,7 @@ def descend(solver: Newton, path: Path) -> int:
     if solver.policy is not None:
         updates = solver.policy.settle_in_the_end()
         if stability.negative_eigenvalues(solver):
-            raise SolveError("stable: no stable equilibrium is found: where contact is settled there is none")
+            raise SolveError("stable: no stable equilibrium: none is left at the final penetration")
     path.steps.pop()
     path.reached(solver.x, 1.0)
     return updates
@@ -82,7 +82,7 @@ def climb(solver: Newton, load_steps: int, path: Path, start: Array | None = Non
             solver.cuts += 1
             step = 0.5 * (target - factor)
             if step < min(1.0 / load_steps, longest) / 2**HALVINGS:
-                cure = "; without friction there may be an equilibrium" if rubs else ""
+                cure = "; an equilibrium without friction may exist" if rubs else ""
                 raise SolveError(f"load factor {target:.6g}: {problem}{cure}") from None
             continue
         factor = target
@@ -104,8 +104,8 @@ def climb(solver: Newton, load_steps: int, path: Path, start: Array | None = Non
                 step = min(step, 1.0 / load_steps)
     if loose:
         warnings.warn(
-            f"up to load factor {loose:.4g} contact does not hold what supports leave free: forces that hold it "
-            "meanwhile are among those of load steps on the way, not of the last",
+            f"up to load factor {loose:.4g} rigid-body modes are constrained by artificial stiffness, not yet by "
+            "contact: its forces are part of the intermediate load steps, not of the last",
             stacklevel=5,
         )
     return augmentations

@@ -319,7 +319,7 @@ class _Path:
             x.axpy(-1.0, back)
             x.axpy(-change, grown)
             factor += change
-        raise _Cut(worst_place(assembler, x, factor, f"no balance after {CORRECTIONS} corrections"))
+        raise _Cut(worst_place(assembler, x, factor, f"no convergence after {CORRECTIONS} corrector iterations"))
 
     def go_to_factor(self, factor: float) -> None:
         """Go to another load factor and set the tangent there."""

@@ -49,8 +49,8 @@ def descend(solver: Newton) -> None:
             if held is not None:
                 held.vanish(solver.again, solver.x)
     except SolveError as problem:
-        raise SolveError(f"stable: no stable equilibrium is found: {problem}") from None
-    raise SolveError(f"stable: no stable equilibrium is found past {_SADDLES} others")
+        raise SolveError(f"stable: no stable equilibrium: {problem}") from None
+    raise SolveError(f"stable: no stable equilibrium after {_SADDLES} unstable ones")
 
 
 def _lowest(solver: Newton, weight: PETSc.Vec) -> tuple[float, PETSc.Vec]:

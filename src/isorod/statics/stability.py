@@ -56,8 +56,8 @@ def refuse_untold(solver: Newton) -> None:
     """Raise `InputError` where it does not."""
     if not is_told(solver):
         raise InputError(
-            "stable: not told with friction, a pressure that follows a surface with free edges, laws of small strains "
-            "(take StVenantKirchhoff), or a solver without factors"
+            "stable: stability is unknown with friction, a follower pressure with free edges, small-strain laws (use "
+            "StVenantKirchhoff), or a solver without a factorisation"
         )
 
 
@@ -118,10 +118,10 @@ def _pressures(solver: Newton) -> int:
 def warn_of(negative: int | None) -> None:
     """Warn of an equilibrium that is not stable."""
     if negative:
-        many = "a direction" if negative == 1 else f"{negative} directions"
+        many = "1 negative eigenvalue" if negative == 1 else f"{negative} negative eigenvalues"
         warnings.warn(
-            f"the equilibrium is unstable: the model would leave it in {many} (negative eigenvalues of the tangent "
-            "stiffness), as past buckling or a limit point; --stable (stable=True) goes to where it would",
+            f"the equilibrium is unstable: the tangent stiffness has {many}, as past buckling or a limit point; "
+            "--stable (stable=True) continues to a stable one",
             stacklevel=3,
         )
 

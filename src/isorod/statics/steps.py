@@ -71,4 +71,4 @@ class Steps:
             passed = None if self.careful else self._passing.passed(*states)
             problem = self._passing.deep(contact.packed) or passed
             if problem is not None:
-                raise TooDeep(f"{problem} however small the step; raise the penalty, or let supports keep them apart")
+                raise TooDeep(f"{problem} at the minimum step size; increase the penalty, or add a support")

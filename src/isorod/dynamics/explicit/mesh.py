@@ -158,7 +158,7 @@ def digests(mesh: Mesh) -> list[bytes]:
 def _check_layers(body: Body, index: int) -> None:
     """Raise `InputError` if a body cannot move in time."""
     if len(body.space.rod.rings) > 2:
-        raise InputError(f"body {index}: its rod has layers, which dynamics does not take; statics and modes do")
+        raise InputError(f"body {index}: layered rods are not supported in dynamics; use statics or modes")
 
 
 def _size(parts: list[Array]) -> int:

@@ -24,8 +24,8 @@ _STEPS = 50
 _GROWTH = 10.0
 _OUTCOMES = {
     INVERTED: "an element inverts",
-    BLOWN: "there is more kinetic energy than there can be",
-    LOST: "a closest point in contact was not found",
+    BLOWN: "kinetic energy exceeds the total energy available: the time step is unstable",
+    LOST: "a closest-point projection in contact did not converge",
 }
 _SHORTER = 0.8
 _RETRIES = 15
@@ -101,8 +101,8 @@ class Run(run.Run):
         self.estimates[-1] = (0.0, critical)
         if self.step > critical:
             raise InputError(
-                f"time step {self._said_step()}: not stable, the critical step is {critical:.4g} with as much mass as "
-                f"may be added; take at most {_SAFE * critical:.3g}"
+                f"time step {self._said_step()}: unstable, the critical time step is {critical:.4g} with the largest "
+                f"mass scaling; use at most {_SAFE * critical:.3g}"
             )
 
     def _advance(self) -> float:
@@ -119,8 +119,8 @@ class Run(run.Run):
             seconds += spent
             if outcome == DEEP:
                 raise SolveError(
-                    f"step {self.taken + taken}, time {self.time + taken * self.step:.6g}: bodies in contact are half "
-                    "the smaller radius deep in each other and would go through; raise the penalty"
+                    f"step {self.taken + taken}, time {self.time + taken * self.step:.6g}: penetration "
+                    "exceeds half the smaller radius (tunnelling); increase the penalty"
                 )
             self.index += 1
             seen = self._measure()
@@ -129,9 +129,7 @@ class Run(run.Run):
                 problem = _OUTCOMES[INVERTED]
             elif outcome == DONE:
                 error = self._balance(seen)
-                problem = (
-                    "" if abs(error) <= IMBALANCE else f"the energy balance is off by {error:.2g} of the work done"
-                )
+                problem = "" if abs(error) <= IMBALANCE else f"energy balance error {error:.2g} of the work done"
             if not problem:
                 break
             self.index -= 1
@@ -263,8 +261,8 @@ class Run(run.Run):
             return
         if self.settings.time_step is not None:
             raise SolveError(
-                f"step {self.taken}, time {self.time:.6g}: the time step {self._said_step()} is no longer stable, "
-                f"the critical one is {critical:.4g} now; {self._advice(critical)}"
+                f"step {self.taken}, time {self.time:.6g}: the time step {self._said_step()} has become unstable, "
+                f"the critical time step is now {critical:.4g}; {self._advice(critical)}"
             )
         self._restep(_SAFE * critical)
 
@@ -283,18 +281,18 @@ class Run(run.Run):
         """Return what to do about a critical step that has fallen below the user's."""
         if self.system.mass.scaling > 0.0:
             # With a shorter one there is less mass added, and the critical step falls too.
-            return "give none (--time-step 0), for one that follows the critical step of the consistent mass"
-        return f"take at most {_SAFE * critical:.3g}"
+            return "leave it out (--time-step 0) to follow the critical time step of the consistent mass"
+        return f"use at most {_SAFE * critical:.3g}"
 
     def _blown(self, taken: int, last: Array, what: str) -> SolveError:
         """Return the error of a run that blew up some steps after the last output, at the displacement ``last``."""
         time = self.time + taken * self.step
         critical = self.system.critical_step(last, self.level(self.time))
-        advice = "try a smaller one, or a finer or thicker body where it happened"
+        advice = "use a smaller one, or refine or thicken the body there"
         if self.step > critical or self.system.mass.scaling > 0.0:
             advice = self._advice(critical)
         return SolveError(
             f"step {self.taken + taken}, time {time:.6g}: {what}; "
-            f"{self.system.worst(self.system.state.displacement)}; the time step is {self._said_step()}, the critical "
-            f"one was {critical:.4g} at the output before: {advice}"
+            f"{self.system.worst(self.system.state.displacement)}; time step {self._said_step()}, critical time "
+            f"step {critical:.4g} at the previous output: {advice}"
         )

@@ -121,8 +121,8 @@ class MixedInertia(Inertia):
                 displacement = displacement + lost(displacement, grown)
         else:
             raise InputError(
-                "initial displacement: no state near it keeps the volume of incompressible bodies; start from rest, or "
-                "from a solution of statics"
+                "initial displacement: its projection onto volume-preserving states did not converge (incompressible "
+                "bodies); start from rest, or from a solution of statics"
             )
         local, moving = assembler.local(displacement), assembler.local(velocity)
         grown = self._sums(lambda part, sums: part.add_rates(local, moving, sums), lambda part: part.rigid)

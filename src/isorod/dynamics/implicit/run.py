@@ -37,7 +37,7 @@ class Run(run.Run):
     def __init__(self, system: System, settings: Settings) -> None:
         if settings.time_step is None:
             raise InputError(
-                "time step: give one; implicit steps are stable whatever they are, no length is the natural one"
+                "time step: got none, need a positive time: implicit steps are unconditionally stable, none is chosen"
             )
         super().__init__(system, settings)
         self._longest = settings.time_step
@@ -104,8 +104,8 @@ class Run(run.Run):
         error = self._balance(seen)
         if not abs(error) <= IMBALANCE:
             raise SolveError(
-                f"step {self.taken}, time {self.time:.6g}: the energy balance is off by {error:.2g} of the work done; "
-                f"the time step is {self._said_step()}: try a smaller one"
+                f"step {self.taken}, time {self.time:.6g}: energy balance error {error:.2g} of the work done; "
+                f"time step {self._said_step()}: use a smaller one"
             )
         self._record(seen)
         return seconds
@@ -127,7 +127,7 @@ class Run(run.Run):
             through = self._passing.deep(self.assembler.contact.packed) or self._passing.passed(
                 displacement, displacement + change
             )
-            change, problem = (change, problem) if through is None else (None, f"{through}; raise the penalty:")
+            change, problem = (change, problem) if through is None else (None, f"{through}; increase the penalty:")
         if change is not None:
             self._shortest = min(self._shortest, dt)
             self._move(dt, level, change)
@@ -152,14 +152,14 @@ class Run(run.Run):
         """Return, at the start of the motion, what supports that are displaced do."""
         if self.taken > 0 or not np.any(self.rows["displacement"][0][self.system.model.held]):
             return ""
-        return "; supports that are displaced jump at time 0, in one element: displace them less, or use loads"
+        return "; prescribed displacements are applied instantaneously at time 0: reduce them, or use loads"
 
     def _given_up(self, problem: str, time: float, halvings: int) -> str:
         """Return why a step could not be taken, and what would be right."""
         place = f"step {self.taken + 1}, time {time:.6g}: {problem} in a time step of {self.step:.4g}"
-        how = " however often it was halved"
+        how = " and at the minimum step size"
         if halvings < _HALVINGS:
-            how = f", cut {_CUTS} times: try one of {self._shortest:.2g}"
+            how = f", cut {_CUTS} times: use {self._shortest:.2g}"
         return f"{place}{how}; {self.system.worst(self.system.state.displacement)}{self._jumped()}"
 
     def _move(self, dt: float, level: float, change: Array) -> None:
