@@ -172,5 +172,23 @@ def test_links_lead_somewhere(page):
         assert not place or place in anchors(target), link
 
 
+def test_the_readme_begins_with_ten_lines_of_python():
+    """On its first screen; `test_scripts_run_as_printed` runs them."""
+    head = "\n".join((ROOT / "README.md").read_text().splitlines()[:40])
+    ((script, printed),) = scripts(ROOT / "README.md")
+    assert script in head and printed in head
+    assert sum(bool(line.strip()) for line in script.splitlines()) <= 10
+
+
+def test_the_glossary_names_files_that_are_there_and_is_linked():
+    """From whoever contributes, and from each page of theory."""
+    glossary = ROOT / "docs" / "glossary.md"
+    files = [name for name in re.findall(r"`([^`]+)`", glossary.read_text()) if re.search(r"/$|\.py$", name)]
+    assert len(files) > 40
+    assert [name for name in files if not (ROOT / "src" / "isorod" / name).exists()] == []
+    for page in (ROOT / "CONTRIBUTING.md", ROOT / "docs" / "index.md", *(ROOT / "docs" / "theory").glob("*.md")):
+        assert glossary in {(page.parent / link.partition("#")[0]).resolve() for link in links(page)}, page
+
+
 def test_the_gallery_and_the_start_are_linked_from_where_people_begin():
     assert {"start.md", "gallery.md"} <= set(links(ROOT / "docs" / "index.md"))

@@ -54,8 +54,8 @@ def check_balance(
     moved = float(np.abs(displacement).max())
     if model.prescribed(1.0).any() and moved < _VANISHES * model.size:
         raise SolveError(
-            f"displacements of {moved:.2g} are at round-off level of the model size {model.size:.2g} in double precision; "
-            "prescribe larger ones: the response is linear there"
+            f"displacements of {moved:.2g} are at round-off level of the model size {model.size:.2g} in double "
+            "precision; prescribe larger ones: the response is linear there"
         )
     largest = float(np.linalg.norm(reactions, axis=1).max())
     # Where supports carry moments alone, their forces vanish.
