@@ -94,6 +94,6 @@ def outcome(seed):
     if min(abs(before[0]), abs(after[0])) > 0.3 * radius:
         assert before[0] * after[0] > 0.0, (seed, before, after)
     deep = overlap.deepest(model, found.displacement)
-    warned = any(str(one.message).startswith("overlap in the end: ") for one in said)
+    warned = any(str(one.message).startswith("final overlap: ") for one in said)
     assert warned or deep is None or deep.relative < 0.12, (seed, deep)
     return f"{'warned of' if warned else 'right'}: penetration {contact.relative_penetration:.2g}", seconds

@@ -284,7 +284,7 @@ def test_pitch_below_the_wires_diameter_warns_in_one_line_and_goes_on(pitch, cap
     assert cli.main(["run", "spring", "--coils", "2", *COARSE[:3], *COARSE[5:], f"--pitch={pitch}", "--json"]) == 0
     out, err = capsys.readouterr()
     # Pulled, the coils of the first pitch come apart.
-    still = "" if pitch == "1.9" else "isorod: warning: overlap in the end: body 0 .* deep in itself .*\n"
+    still = "" if pitch == "1.9" else "isorod: warning: final overlap: body 0 .* penetrates itself .*\n"
     assert re.fullmatch(rf"isorod: warning: pitch .* is less than the wire's diameter 2: .*\n{still}", err)
     assert json.loads(out)["scene"] == "spring"
 

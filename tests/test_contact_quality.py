@@ -133,12 +133,15 @@ def test_points_grow_until_the_patch_is_seen():
 
 def test_a_patch_that_control_points_do_not_see_is_warned_of():
     """Crossed cylinders on eight control points: the silent factor of 1.8."""
-    with pytest.warns(UserWarning, match=r"contact 0: the patch on body [01] at u = \S+ is 0\.\d+ control points wide"):
+    with pytest.warns(
+        UserWarning,
+        match=r"contact 0: contact patch under-resolved: 0\.\d+ control points wide on body [01] at u = \S+,",
+    ):
         solution = statics.solve(crossing())
     (result,) = solution.contacts
     assert result.cells_across < quality.CELLS
     assert result.peak_error > 0.2
-    with pytest.warns(UserWarning, match=r"the force changes by \d+ % .* raise points"):
+    with pytest.warns(UserWarning, match=r"contact force changes by \d+ % .* increase points"):
         statics.solve(strip(80, points=(1, 1)))
 
 
@@ -146,7 +149,11 @@ def test_each_doubt_says_what_and_where():
     (result,) = quiet(strip(80)).contacts
     assert result.doubt() is None
     found = replace(result, points_across=2.0).doubt()
-    assert re.fullmatch(r"\d+ points see the patch on body 0 at u = \S+, 2 across it; raise points, .*", found)
+    assert re.fullmatch(
+        r"contact patch under-resolved: \d+ active quadrature points on body 0 at u = \S+, 2 across; "
+        r"increase points .*",
+        found,
+    )
     assert "4 times as many section points" in replace(result, cells_across=0.1).doubt()
     assert replace(result, points_across=0.0).doubt() is None
 

@@ -138,7 +138,7 @@ def test_augmented_lagrangian_takes_penetration_away_and_agrees_with_a_high_pena
 def test_augmented_lagrangian_that_does_not_get_there_says_so(monkeypatch):
     monkeypatch.setattr(contact_policy, "TUNING", contact_policy.Tuning(updates=1))
     with pytest.raises(
-        SolveError, match=r"contact 0: penetration .* after 1 updates of the multipliers; raise the penalty"
+        SolveError, match=r"contact 0: penetration .* after 1 augmented Lagrangian updates; increase the penalty"
     ):
         statics.solve(crossing(penetration=1e-14), load_steps=4)
 

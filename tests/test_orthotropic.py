@@ -237,7 +237,7 @@ def test_motion_says_where_small_strains_do_not_hold():
         dynamics.solve(model, 0.5, velocity=0.5 * velocity.ravel())
 
 
-@pytest.mark.filterwarnings("ignore:contact 0. the patch")
+@pytest.mark.filterwarnings("ignore:contact 0. contact patch")
 def test_contact_takes_it():
     """A ring that a plane presses on: of material with directions that is isotropic, as that without them."""
     space = Space(arc(3.0, 120.0, phase=-60.0).sweep(circle(6, 0.4)), elements=4, degree=3, order=1)

@@ -88,11 +88,11 @@ def test_a_spring_beyond_its_bind_is_warned_of():
     scene = Spring(coils=2)
     bind = scene.coils * (scene.pitch - 2.0 * scene.wire_radius)
     with pytest.warns(
-        UserWarning, match=r"overlap in the end: body 0 at \S+ = \S+ is 0\.\d+ deep in itself at"
+        UserWarning, match=r"final overlap: body 0 at \S+ = \S+ penetrates itself at \S+ = \S+ by 0\.\d+"
     ) as said:
         statics.solve(replace(scene, pull=-2.0 * bind).model(), load_steps=2)
     assert len(said) == 1
-    assert re.search("nothing keeps them apart; declare a contact$", str(said[0].message))
+    assert re.search("no contact is defined between them; add one$", str(said[0].message))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         statics.solve(replace(scene, pull=-0.8 * bind).model(), load_steps=2)
@@ -101,7 +101,9 @@ def test_a_spring_beyond_its_bind_is_warned_of():
 def test_wires_that_overlap_at_rest_are_warned_of():
     model = rods((0.0, 1.9, 0.0), contacts=[Contact((0, 1), penalty=100.0)])
     ends = [Support.end(body.space, end, body=b) for b, body in enumerate(model.bodies) for end in ("start", "end")]
-    with pytest.warns(UserWarning, match=r"overlap at rest: body 0 .* 0\.1 deep in body 1 .* before there is any load"):
+    with pytest.warns(
+        UserWarning, match=r"initial overlap: body 0 .* penetrates body 1 .* by 0\.1, .* forces act before any load"
+    ):
         solution = statics.solve(replace(model, supports=ends))
     assert solution.contacts[0].force > 1.0
 
@@ -111,10 +113,10 @@ def test_wires_that_overlap_at_rest_are_warned_of():
 def test_contact_cannot_part_what_is_in_each_other_beyond_the_middle(offset, turn):
     contacts = [Contact((0, 1), penalty=100.0)]
     with pytest.raises(
-        InputError, match=r"overlap at rest: body 0 .* deep in body 1 .*: too deep for contact to part them"
+        InputError, match=r"initial overlap: body 0 .* penetrates body 1 .*: too deep for contact to separate them"
     ):
         overlap.warn_at_rest(rods(offset, turn=turn, contacts=contacts))
-    with pytest.warns(UserWarning, match="overlap at rest"):
+    with pytest.warns(UserWarning, match="initial overlap"):
         overlap.warn_at_rest(rods((0.0, 1.1, 0.0), turn=turn, contacts=contacts))
 
 

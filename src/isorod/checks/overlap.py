@@ -21,7 +21,7 @@ from isorod.space.space import Space
 _DEEP = 0.01
 _PRESSED = 0.1
 
-_UNDECLARED = "nothing keeps them apart; declare a contact"
+_UNDECLARED = "no contact is defined between them; add one"
 
 # Points round a section: for its sphere, for the distance of two sections, and for depths; by how much spheres are too
 # small for want of more points, and the part of a radius by which distances are too large.
@@ -87,9 +87,9 @@ def warn_at_rest(model: Model, displacement: Array | None = None) -> float:
     if found is None:
         return 0.0
     if found.declared and found.middle:
-        raise InputError(f"overlap at rest: {_said(found)}: too deep for contact to part them; move one of them")
-    what = "contact presses them apart before there is any load" if found.declared else _UNDECLARED
-    warnings.warn(f"overlap at rest: {_said(found)}: {what}", stacklevel=3)
+        raise InputError(f"initial overlap: {_said(found)}: too deep for contact to separate them; move one of them")
+    what = "contact forces act before any load" if found.declared else _UNDECLARED
+    warnings.warn(f"initial overlap: {_said(found)}: {what}", stacklevel=3)
     return found.depth
 
 
@@ -97,8 +97,8 @@ def warn_in_the_end(model: Model, displacement: Array, known: float) -> None:
     """Warn of the deepest overlap in the end, if it is deeper than what `warn_at_rest` told of."""
     found = deepest(model, displacement, _PRESSED)
     if found is not None and found.depth > 1.1 * known:
-        what = "contact has too few points there, or too low a penalty" if found.declared else _UNDECLARED
-        warnings.warn(f"overlap in the end: {_said(found)}: {what}", stacklevel=3)
+        what = "too few contact points there, or the penalty is too low" if found.declared else _UNDECLARED
+        warnings.warn(f"final overlap: {_said(found)}: {what}", stacklevel=3)
 
 
 def _said(found: Overlap) -> str:
@@ -106,8 +106,8 @@ def _said(found: Overlap) -> str:
     (one, other), (u, v) = found.bodies, found.u
     partner = "itself" if one == other else f"body {other}"
     return (
-        f"body {one} at u = {u:.4g} is {found.depth:.3g} deep in {partner} at u = {v:.4g}, {found.relative:.2g} of the "
-        "radius"
+        f"body {one} at u = {u:.4g} penetrates {partner} at u = {v:.4g} by {found.depth:.3g}, {found.relative:.2g} of "
+        "the radius"
     )
 
 

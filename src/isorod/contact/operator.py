@@ -299,7 +299,7 @@ class ContactOperator:
             limit, states = self._limit(contact), self.packed.states[points]
             if np.isfinite(limit):
                 depth = max(0.0, -float(states["gap"][states["pressure"] > 0.0].min(initial=0.0)))
-                found.append((depth / limit, f"contact {k}: penetration {depth:.3g}, wanted {limit:.3g},"))
+                found.append((depth / limit, f"contact {k}: penetration {depth:.3g}, need {limit:.3g} at most,"))
         return found
 
     def augment(self, displacement: Array, in_cells: bool) -> None:

@@ -90,7 +90,7 @@ class Passing:
         for k, (limit, (_, points)) in enumerate(zip(self._limits, slave_points(self._model, packed), strict=True)):
             depth = -float(gaps[points].min(initial=0.0))
             if depth > limit:
-                return f"contact {k}: a point is {DEEPEST * depth / limit:.2g} of the smaller radius deep"
+                return f"contact {k}: penetration is {DEEPEST * depth / limit:.2g} of the smaller radius"
         return None
 
     def passed(self, before: Array, after: Array) -> str | None:
@@ -134,7 +134,7 @@ class Passing:
         if k is None:
             return None
         one, other = sorted((int(first[k]), int(second[k])))
-        return f"{self._said(one)} would go through {self._said(other)}"
+        return f"tunnelling of {self._said(one)} through {self._said(other)}"
 
     def _obstacle(self, start: Array, way: Array, enters: bool = False) -> str | None:
         """Return in words which segment goes through a rigid cylinder or sphere, or enters it."""
@@ -154,7 +154,7 @@ class Passing:
             apart = _distance(rest, still)
             found = _nearer(apart, (ends, still), (ways, still), self._radius[mine], size, relative, enters)
             if found is not None:
-                return f"{self._said(int(mine[found]))} would go through the obstacle of contact {k}"
+                return f"tunnelling of {self._said(int(mine[found]))} through the obstacle of contact {k}"
         return None
 
     def _said(self, segment: int) -> str:

@@ -121,20 +121,21 @@ class ContactResult:
         where = f"body {self.body[k]} at u = {self.parameters[k, 0]:.4g}"
         if self.cells_across < quality.CELLS:
             return (
-                f"the patch on {where} is {self.cells_across:.2g} control points wide: the peak pressure is known to "
-                f"about {100.0 * (self.peak_error or 0.0):.0f} %, and it gives way too little; take "
+                f"contact patch under-resolved: {self.cells_across:.2g} control points wide on {where}, peak pressure "
+                f"accurate to about {100.0 * (self.peak_error or 0.0):.0f} %, contact too stiff; use "
                 f"{min(4.0, np.ceil(1.2 * quality.CELLS / self.cells_across)):.0f} times as many section points, or "
-                "elements as much shorter there, whichever are farther apart"
+                "elements as much shorter there, whichever spacing is larger"
             )
         if self.points_across < quality.POINTS:
             return (
-                f"{self.active} points see the patch on {where}, {self.points_across:.2g} across it; raise points, of "
-                f"which there may be {MAX_POINTS} an arc and an element, or take shorter elements there"
+                f"contact patch under-resolved: {self.active} active quadrature points on {where}, "
+                f"{self.points_across:.2g} across; increase points (at most {MAX_POINTS} an arc and an element), or "
+                "use shorter elements there"
             )
         if self.force_error is not None and self.force_error > quality.CHANGE:
             return (
-                f"the force changes by {100.0 * self.force_error:.0f} % when other points look at the patch on "
-                f"{where}; raise points"
+                f"contact force changes by {100.0 * self.force_error:.0f} % with other quadrature points on {where}; "
+                "increase points"
             )
         return None
 

@@ -141,7 +141,7 @@ class ContactPolicy:
                 solves = solver.advance(factor, target)
                 updates = self.settle(target)
                 if self.is_soft:
-                    raise Diverged("there is no equilibrium with penalties as high as they have to be")
+                    raise Diverged("no equilibrium at the required penalty")
             except Diverged as problem:
                 # Shorter steps, whose points stick where they have touched, bring it nearer.
                 start.copy(solver.x)
@@ -250,7 +250,7 @@ class ContactPolicy:
             if depth <= 1.0:
                 return count
             if count >= TUNING.updates:
-                raise SolveError(f"{said} after {TUNING.updates} updates of the multipliers; raise the penalty")
+                raise SolveError(f"{said} after {TUNING.updates} augmented Lagrangian updates; increase the penalty")
             if depth > TUNING.stalled * last and raised < TUNING.stiffenings:
                 self._contact.stiffen(TUNING.stiffer)
                 raised += 1

@@ -33,7 +33,7 @@ def squeezed(assembler: Assembler, before: list[Array], x: PETSc.Vec, factor: fl
     ratio = min((float(np.min(b / a)) for a, b in zip(before, after, strict=True)), default=1.0)
     if min(assembler.comm.tompi4py().allgather(ratio)) > SQUEEZE:
         return None
-    return worst_place(assembler, x, factor, "an element collapses")
+    return worst_place(assembler, x, factor, f"det F falls below {100.0 * SQUEEZE:g} % of its previous value")
 
 
 def worst_place(assembler: Assembler, x: PETSc.Vec, factor: float, problem: str) -> str:
@@ -41,7 +41,7 @@ def worst_place(assembler: Assembler, x: PETSc.Vec, factor: float, problem: str)
     det, body, element, u = assembler.smallest_jacobian(x, factor)
     said = problem if det > 0.0 else "an element inverts"
     at = f"element {element} of body {body}, axis position u = {u:.4g}: det F = {det:.3g}"
-    return f"{said} however small the step; worst place: {at}{hourglass.hint(assembler.model)}"
+    return f"{said} at the minimum step size; worst place: {at}{hourglass.hint(assembler.model)}"
 
 
 class Convergence:

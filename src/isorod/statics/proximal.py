@@ -136,4 +136,4 @@ class Proximal:
 
     def why(self, x: PETSc.Vec) -> str:
         """Return why they do not vanish."""
-        return "the model goes on and on" if self.is_away(x) else f"the model is not at rest after {self.rounds} steps"
+        return "the model moves without bound" if self.is_away(x) else f"no equilibrium after {self.rounds} steps"

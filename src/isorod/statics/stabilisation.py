@@ -86,6 +86,6 @@ class Stabilisation(Proximal):
         _, body, motion = max(found, key=lambda one: one[0])
         how = rigid_motions.describe(self._model.bodies[body].space, np.asarray(motion))
         return (
-            f"supports and contact: body {body} is free to {how}, and no contact holds it in the end; hold it, or let "
-            "loads press it against what holds it"
+            f"supports and contact: body {body} is free to {how} (rigid-body mode), no active contact at the end; "
+            "add a support, or loads that press it against its partner"
         )
