@@ -20,6 +20,7 @@ from isorod.geometry.quadrature import Rule, graded_points
 from isorod.geometry.rod import Rod
 from isorod.material import LinearElastic
 from isorod.model import Body, Contact, Cylinder, Model, Plane, Support
+from isorod.scenes import Scene
 from isorod.space.closer import Patch, closer
 from isorod.space.graded import Graded
 from isorod.space.polyharmonic import Polyharmonic
@@ -236,7 +237,7 @@ def test_a_scene_is_solved_again_where_its_patches_are_not_seen_and_says_what_th
     assert len(said) == 1
     assert begun == [None, *((k, k + 1) for k in range(solving.CLOSER))]
     with pytest.warns(UserWarning, match="of 0, 5"):
-        assert solving._solve_closer(SimpleNamespace(), 0, analyse, {"load_steps": 5}) == 0
+        assert solving._solve_closer(Scene(), 0, analyse, {"load_steps": 5}) == 0
 
 
 @pytest.mark.parametrize("where", ["model", "analysis"])

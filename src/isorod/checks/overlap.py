@@ -61,6 +61,10 @@ class Overlap(NamedTuple):
     middle: bool
 
 
+# Sections of which all pairs take less time, some milliseconds, than to load SciPy's trees takes.
+_FEW = 300
+
+
 class _Sections(NamedTuple):
     """Sections of all bodies: where they are, their centres ``(m, 3)``, and the radii of their spheres ``(m,)``."""
 
@@ -177,10 +181,13 @@ def _circled(points: Array) -> tuple[Array, Array, Array]:
 
 def _near(sections: _Sections) -> tuple[Index, Index]:
     """Return pairs of sections that may touch, whose surroundings overlap."""
-    from scipy.spatial import cKDTree
-
     stretches, centre, reach = sections
-    first, second = cKDTree(centre).query_pairs(2.0 * _WIDER * float(reach.max()), output_type="ndarray").T
+    if len(centre) <= _FEW:
+        first, second = np.triu_indices(len(centre), 1)
+    else:
+        from scipy.spatial import cKDTree
+
+        first, second = cKDTree(centre).query_pairs(2.0 * _WIDER * float(reach.max()), output_type="ndarray").T
     square = np.sum((centre[first] - centre[second]) ** 2, axis=1)
     near = square < (_WIDER * (reach[first] + reach[second])) ** 2
     first, second = first[near], second[near]
