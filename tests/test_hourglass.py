@@ -117,7 +117,7 @@ def test_energies_are_held_against_those_of_the_better_rule(monkeypatch):
     monkeypatch.setattr(hourglass, "FACTOR", (1.0 + 1e-9) * seen / energy)
     hourglass.check_energy(poor, rules, displacement, energy)
     monkeypatch.setattr(hourglass, "FACTOR", (1.0 - 1e-9) * seen / energy)
-    with pytest.raises(SolveError, match=r"quadrature 2x1x2: 3x2x4 sees .* times the stored energy"):
+    with pytest.raises(SolveError, match=r"quadrature 2x1x2: 3x2x4 integrates .* times the stored energy"):
         hourglass.check_energy(poor, rules, displacement, energy)
 
 

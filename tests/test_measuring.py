@@ -13,6 +13,7 @@ from comparisons.__main__ import main
 from comparisons.measure import rod, timing
 from isorod.command import solving
 from isorod.errors import SolveError
+from isorod.scenes import Scene
 from isorod.scenes.biceps import Biceps
 
 SMALL = {"coils": 1, "elements_per_turn": 4, "section_points": 4}
@@ -72,7 +73,8 @@ def test_the_checks_of_a_result_count_as_run_time_and_stay_a_part_of_their_own(m
     parts = {"setup": 1.0, "assembly": 2.0, "solve": 1.5, "check": 3.5}
     monkeypatch.setattr(solving, "import_module", lambda name: SimpleNamespace(solve=lambda model: solution))
     solution = SimpleNamespace(seconds=parts)
-    scene = SimpleNamespace(analysis="modal", model=lambda: None)
+    scene = Scene()
+    scene.analysis, scene.model = "modal", lambda: None
     assert solving.solve(scene, {}) == (solution, parts | {"setup": 2.0, "total": 9.0})
 
 

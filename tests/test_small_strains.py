@@ -10,6 +10,7 @@ from isorod.geometry import center_line
 from isorod.geometry.section import circle
 from isorod.material import LinearElastic
 from isorod.material.orthotropic import Orthotropic, TransverselyIsotropic
+from isorod.material.places import alone
 from isorod.material.st_venant_kirchhoff import StVenantKirchhoff
 from isorod.model import Body, Model, SectionLoad, Support
 from isorod.space import Space
@@ -20,6 +21,18 @@ SMALL = [
     Orthotropic((E,) * 3, (0.3,) * 3, (E / 2.6,) * 3),
     TransverselyIsotropic(E, E, 0.3, 0.3, E / 2.6),
 ]
+
+
+@pytest.mark.parametrize("law", SMALL, ids=lambda law: type(law).__name__)
+def test_energy_and_stress_are_linear_of_what_is_no_deformation_too(law):
+    """As a mode of vibration of any size."""
+    H = np.diag([-2.0, 0.3, 0.1]) + 0.2 * np.random.default_rng(7).standard_normal((1, 3, 3))
+    law = law.placed(alone())
+    assert np.linalg.det(np.eye(3) + H[0]) < 0.0
+    for scale in (1e-3, 1.0, 10.0):
+        stress = law.stress(np.eye(3) + scale * H)
+        np.testing.assert_allclose(stress, scale * law.stress(np.eye(3) + H), rtol=1e-9)
+        assert law.energy(np.eye(3) + scale * H) == pytest.approx(0.5 * scale * np.sum(stress * H), rel=1e-9)
 
 
 def bent(law, angle):

@@ -230,8 +230,6 @@ class _Body:
         found |= {one: f"outer(n{i}, v{i})" for i, one in enumerate(s.stretches)}
         return [f"d_{one} = {found[one]}" for one in self.scalars]
 
-    # The two functions.
-
     def _head(self, name: str, arguments: str) -> list[str]:
         lines = [f"@njit({name.upper()}, **FAST)", f"def {name}({arguments}):", *self._constants()]
         if spectral := self._spectral():
@@ -255,7 +253,9 @@ class _Body:
         body += [f"work[{_row(component)} + k] = p[{component}]" for component in range(9)]
         lines = [*self._head("block", "work, constants, activation, wanted"), *self._loop(body)]
         energies = [*self._read(), *self._kinematics(), *assignments(["rest", "active"], [self.rest, self.active])]
-        energies += ["valid = 1.0 if det > 0.0 else np.nan", "rest = valid * rest", "active = valid * active"]
+        # Laws of small strains are linear: of a mode of any size too, which is no deformation.
+        if not self.energy.small:
+            energies += ["valid = 1.0 if det > 0.0 else np.nan", "rest = valid * rest", "active = valid * active"]
         energies = _needed(energies, ("rest", "active"))
         energies += [f"work[{_row(ENERGY)} + k] = rest", f"work[{_row(ACTIVE)} + k] = active"]
         return [*lines, "    if wanted:", *self._loop(energies, 2)]
