@@ -246,7 +246,7 @@ sys.exit(main(["spring", "--coils", "1", "spring.inp"]))
         ("spring a.inp --coil-radius 0.4", "folds in element"),
         ("none.toml a.inp", "none.toml"),
         ("a.inp", "scene 'a.inp' is not known"),
-        ("--level 2", "no scene is named"),
+        ("--level 2", "scene missing; known: "),
     ],
 )
 def test_bad_input_is_one_line_and_writes_nothing(words, said, folder, capsys):

@@ -100,6 +100,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _main(arguments: Sequence[str]) -> int:
     ours, petsc = split(arguments)
+    # Before the modules of a scene, whose options the parser has, start MPI.
+    options.initialize(petsc)
     parser = _parser(ours[0] if ours else "")
     given = vars(parser.parse_args(ours))
     preset = given.pop("preset", None)
@@ -107,7 +109,6 @@ def _main(arguments: Sequence[str]) -> int:
         # Behind the scene's name and before what was typed, which then wins.
         given = vars(parser.parse_args([ours[0], *PRESETS[ours[0]][preset].split(), *ours[1:]]))
         del given["preset"]
-    options.initialize(petsc)
     record = _run(given)
     from mpi4py import MPI
 

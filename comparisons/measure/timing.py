@@ -69,7 +69,8 @@ def find_dolfinx(program: str) -> tuple[str, str]:
         raise InputError(f"--dolfinx {program}: no such program; name the Python of an environment that has dolfinx")
     # Not what links lead to: a virtual environment is known by the name it is started with.
     interpreter = os.path.abspath(interpreter)
-    script = "import comparisons.fem.published; print(comparisons.fem.compat.version)"
+    # Wheels of dolfinx find MPI where mpi4py has loaded it.
+    script = "import mpi4py.MPI, comparisons.fem.published; print(comparisons.fem.compat.version)"
     done = subprocess.run(
         [interpreter, "-c", script], capture_output=True, text=True, env=environment(interpreter), check=False
     )
