@@ -135,8 +135,7 @@ def _write(found: Matrices, folder: Path) -> None:
             _market(folder / f"{name}.mtx", matrix, "symmetric" if symmetric else "general")
             with open(folder / f"{name}.npz", "wb") as file:
                 save_npz(file, matrix)
-            places = (one.astype(PETSc.IntType) for one in (matrix.indptr, matrix.indices))
-            rows = *places, matrix.data
+            rows = matrix.indptr.astype(PETSc.IntType), matrix.indices.astype(PETSc.IntType), matrix.data
             _petsc(folder / f"{name}.bin", PETSc.Mat().createAIJ(matrix.shape, block, csr=rows, comm=PETSc.COMM_SELF))
     for name, vector in {"offset": found.offset, "force": found.force}.items():
         _market(folder / f"{name}.mtx", vector[:, None], "general")
