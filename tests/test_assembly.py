@@ -327,10 +327,7 @@ def test_a_folded_rod_is_refused_and_the_element_named():
         ([Support([3, 9999])], "support 0: node 9999"),
         ([Support([0], "xw")], "support 0: got components 'xw', need some of 'xyz'"),
         ([Support([0], "")], "got components ''"),
-        (
-            [Support([0], "x"), Support([1, 0], "xy", (1.0, 0, 0))],
-            "support 1: node 0, component x is prescribed by another support",
-        ),
+        ([Support([0], "x"), Support([1, 0], "xy", (1.0, 0, 0))], "support 1: node 0, component x is prescribed by"),
         ([Support([0], "x", (np.nan, 0, 0))], "not finite"),
     ],
 )

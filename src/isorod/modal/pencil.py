@@ -217,7 +217,7 @@ class Pencil:
         if not excess <= limit:
             raise SolveError(
                 f"modes: the residual of mode {worst + 1} is {found.residuals[worst]:.2g}: -eps_tol is loose, or "
-                "stiffness differs more along the model than double precision bears"
+                "the stiffness contrast along the model is too large for double precision"
             )
         return found
 
