@@ -2,6 +2,7 @@
 
 import json
 
+import combinations
 import numpy as np
 import pytest
 from petsc4py import PETSc
@@ -215,3 +216,14 @@ def test_cells_whose_reactions_cancel_are_no_doubt(monkeypatch):
     expected = 1.0 - springs.frequencies / modes.frequencies
     assert (reactions / modes.eigenvalues).max() > 2.0 > 1.0 > 3.0 * expected.max()
     assert found == pytest.approx((expected + 0.5 * within / modes.eigenvalues).max(), rel=1e-2)
+
+
+@pytest.mark.parametrize(("tolerance", "warned"), [(0.1, True), (0.9, False)])
+def test_a_tolerance_says_what_patches_of_contact_may_change_beside_it(tolerance, warned, tmp_path, capsys):
+    """No refinement of the spaces lowers that, so it is no part of the error that is reached."""
+    path = tmp_path / "wall.toml"
+    path.write_text(combinations.scene("modes", "contact"))
+    assert main(["run", str(path), "--tolerance", str(tolerance), "--json"]) == 0
+    out, err = capsys.readouterr()
+    assert 0.0 < json.loads(out)["error_estimate"] <= tolerance
+    assert ("patches may change frequencies by up to" in err) == warned

@@ -9,7 +9,7 @@ from petsc4py import PETSc
 from isorod.arrays import Array
 from isorod.assembly.assembler import Assembler
 from isorod.assembly.factorisation import factorisation, unscaled
-from isorod.checks.finer import Finer
+from isorod.checks.finer import DIRECTIONS, Finer
 from isorod.errors import InputError
 from isorod.model.model import Model
 from isorod.options import defaults
@@ -34,7 +34,7 @@ def total(
     none: list[float | None] = [None] * count
     if ranks != comm.getSize():
         return none
-    for direction in directions:
+    for direction in directions or DIRECTIONS:
         try:
             finer = Finer.of(model, direction)
         except InputError:

@@ -128,23 +128,23 @@ class Modes:
     def estimate(self, *directions: str) -> float | None:
         """Return an estimate of the frequencies' largest relative error (`isorod.checks.estimate_of_modes`).
 
-        None where there is none.  It takes about as long as the modes.  It is the sum of those of the approximation
-        across the ``"section"`` and along the ``"axis"``, unless one of them is asked for; without these words it
-        includes the bound on how much patches of contact give way, which refinement of a direction does not lower.
+        None where there is none.  It takes about as long as the modes.  It is the sum of those across the ``"section"``
+        and along the ``"axis"``, and of `contact_error`; of one direction alone where that is asked for.
         """
-        from isorod.checks import estimate_of_modes
-        from isorod.checks.finer import DIRECTIONS
+        from isorod.checks.estimate_of_modes import of_modes
 
-        above, asked = slice(self.rigid, None), directions or DIRECTIONS
-        values, shapes = self.eigenvalues[above], self.vectors[above]
-        rest = self.equilibrium, self.quarter, self.ranks
-        found = estimate_of_modes.of_modes(self.model, values, shapes, self.rigid > 0, self.lumped, asked, *rest)
-        if found is None or directions or self.equilibrium is None or not self.contacts:
-            return found
+        modes = self.eigenvalues[self.rigid :], self.vectors[self.rigid :], self.rigid > 0, self.lumped
+        found = of_modes(self.model, *modes, directions, self.equilibrium, self.quarter, self.ranks)
+        return found if found is None or directions else found + self.contact_error()
+
+    def contact_error(self) -> float:
+        """Return a bound on the frequencies' relative error by how much patches of contact give way; 0 without."""
+        if self.equilibrium is None or not self.contacts:
+            return 0.0
         from isorod.modal import touching
 
-        how = self.rigid > 0, self.lumped, self.quarter is not None
-        return found + touching.doubt(self.model, self.equilibrium, values, shapes, *how)
+        modes = self.eigenvalues[self.rigid :], self.vectors[self.rigid :], self.rigid > 0, self.lumped
+        return touching.doubt(self.model, self.equilibrium, *modes, self.quarter is not None)
 
     def matrices(self) -> "Matrices":
         """Return the stiffness and the mass whose modes they are (`isorod.output.matrices.matrices`)."""
