@@ -4,11 +4,13 @@
 SIGTERM.  A second signal ends at once.
 """
 
+import ctypes
 import errno
 import os
 import signal
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
@@ -48,7 +50,7 @@ def run(program: str, command: Callable[[], int], kept: str = "", at_once: bool 
         End in a signal at once, also within long calls of compiled libraries, and clean up nothing.  So it is always on
         several ranks: one that unwinds would wait for others that wait for it.
     """
-    at_once = at_once or any(int(os.environ.get(name, "1")) > 1 for name in _SIZE)
+    at_once = at_once or _launched()
     with _signals(program, kept, at_once) as came:
         try:
             try:
@@ -103,6 +105,11 @@ def rank() -> int:
     return int(told or (world.getRank() if world else 0))
 
 
+def _launched() -> bool:
+    """Return whether this is one of several ranks."""
+    return any(int(os.environ.get(name, "1")) > 1 for name in _SIZE)
+
+
 @contextmanager
 def _signals(program: str, kept: str, at_once: bool) -> Iterator[list[int]]:
     """Let SIGINT and SIGTERM unwind the stack or, at once, end the process; yield which has come, if one has.
@@ -152,11 +159,22 @@ def _watch(program: str, kept: str) -> int:
     def wait() -> None:
         while number := os.read(reading, 1):
             if number[0] in _WORDS:
-                os._exit(_stop(program, number[0], kept))
+                code = _stop(program, number[0], kept)
+                if _launched():
+                    _die(number[0])
+                os._exit(code)
         os.close(reading)
 
     threading.Thread(target=wait, daemon=True).start()
     return signal.set_wakeup_fd(writing)
+
+
+def _die(number: int) -> None:
+    """End by the signal itself: one time in twenty, MPICH's launcher leaves the others when a rank exits with a code."""
+    # Python sets handlers in its main thread only, which may be in a long call.
+    ctypes.CDLL(None).signal(number, signal.SIG_DFL)
+    os.kill(os.getpid(), number)
+    time.sleep(1.0)
 
 
 def _say(program: str, message: str) -> None:
