@@ -170,7 +170,7 @@ def _watch(program: str, kept: str) -> int:
 
 
 def _die(number: int) -> None:
-    """End by the signal itself: one time in twenty, MPICH's launcher leaves the others when a rank exits with a code."""
+    """End by the signal itself: MPICH's launcher may leave the other ranks when one exits with a code."""
     # Python sets handlers in its main thread only, which may be in a long call.
     ctypes.CDLL(None).signal(number, signal.SIG_DFL)
     os.kill(os.getpid(), number)
