@@ -3,7 +3,7 @@
 An inextensible, unshearable wire stays a helix of its own length, so that two numbers tell its shape.  Kept from
 turning about the axis, one is left: the lead.  Of a solid wire this leaves out what is of the order of (d/D)^2: the
 wire's own curvature in bending and twist, shear and extension, and the ends.  Source: A. E. H. Love, A Treatise on the
-Mathematical Theory of Elasticity (1927), articles 270-271; A. M. Wahl, Mechanical Springs (1963).
+Mathematical Theory of Elasticity (1927), articles 270-271.
 """
 
 from dataclasses import dataclass
@@ -93,12 +93,6 @@ class Coil:
         bend = self.bending * (np.cos(lead) - np.cos(self.lead)) * np.tan(lead)
         return float(turning**2 * (twist + bend))
 
-    def couple(self, shortening: float) -> float:
-        """Return the couple about the axis that keeps the ends from turning, positive where it winds the spring up."""
-        lead, turning = self.lead_at(shortening), np.cos(self.lead) / self.radius
-        bend = self.bending * (np.cos(lead) - np.cos(self.lead)) * np.cos(lead)
-        return float(turning * (bend + self.torsion * (np.sin(lead) - np.sin(self.lead)) * np.sin(lead)))
-
     def clearance(self, shortening: float) -> float:
         """Return the gap between one coil and the next, length; negative where they overlap."""
         radius, lead = self.radius_at(shortening), self.lead_at(shortening)
@@ -150,12 +144,3 @@ class Coil:
         """Return the force of the engineer's formula, ``G d^4 s / (8 D^3 n)``: small leads, small shortening."""
         shear = 0.5 * self.E / (1.0 + self.nu)
         return shear * self.wire**4 * shortening / (8.0 * (2.0 * self.radius) ** 3 * self.turns)
-
-    def peak_stress(self, force: float) -> float:
-        """Return the shear stress at the inside of the wire, Wahl's: ``k 8 F D / (pi d^3)``."""
-        return wahl(2.0 * self.radius / self.wire) * 16.0 * force * self.radius / (np.pi * self.wire**3)
-
-
-def wahl(index: float) -> float:
-    """Return Wahl's stress factor ``(4C - 1)/(4C - 4) + 0.615/C`` of the spring index ``C = D/d``."""
-    return (4.0 * index - 1.0) / (4.0 * index - 4.0) + 0.615 / index

@@ -1,15 +1,15 @@
-"""Hertz' theory: contact of elastic bodies at a point or along a line, and impact.
+"""Hertz' theory: contact of elastic bodies at a point or along a line.
 
 Both bodies are half spaces to the pressure: the contact must be small beside every radius of curvature, and beside the
-bodies.  No friction, small strains, isotropic.  Source: K. L. Johnson, Contact Mechanics (1985), sections 4.1, 4.2 and
-11.4; the integrals over the ellipse are Carlson's, in which neither the circle nor the order of the axes is special.
+bodies.  No friction, small strains, isotropic.  Source: K. L. Johnson, Contact Mechanics (1985), sections 4.1 and
+4.2; the integrals over the ellipse are Carlson's, in which neither the circle nor the order of the axes is special.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import brentq
-from scipy.special import beta, elliprd, elliprf
+from scipy.special import elliprd, elliprf
 
 from isorod.errors import InputError
 
@@ -133,33 +133,3 @@ def line_contact(line_load: float, modulus: float, radii: tuple[float, float]) -
     radius = 1.0 / (1.0 / radii[0] + 1.0 / radii[1])
     half_width = float(2.0 * np.sqrt(line_load * radius / (np.pi * modulus)))
     return LineContact(half_width, 2.0 * line_load / (np.pi * half_width))
-
-
-class Impact(NamedTuple):
-    """An elastic impact."""
-
-    duration: float  # time
-    deepest: float  # largest approach, length
-    peak_force: float  # force
-
-
-def impact(mass: float, speed: float, modulus: float, gap: Gap) -> Impact:
-    """Return duration, largest approach and force of two free bodies that meet at a point.
-
-    ``m d''/dt'' = -k d^(3/2)``: the contact is taken as quasi-static, and nothing is lost to waves or to bending of the
-    bodies.  ``deepest = (5 m v^2/(4 k))^(2/5)``, ``duration = 4/5 B(2/5, 1/2) deepest/v = 2.943 deepest/v``.
-
-    Parameters
-    ----------
-    mass
-        Of both bodies, ``1/m = 1/m1 + 1/m2``; where the other body is held, that of one.
-    speed
-        At which they approach each other.
-    modulus
-        Contact modulus, force/area.
-    gap
-        From `gap`.
-    """
-    stiffness = point_contact(1.0, modulus, gap).approach ** -1.5
-    deepest = (1.25 * mass * speed**2 / stiffness) ** 0.4
-    return Impact(float(0.8 * beta(0.4, 0.5)) * deepest / speed, deepest, stiffness * deepest**1.5)

@@ -15,14 +15,7 @@ of ``mu sqrt(R/radius)``.  The braid is solved in B. Audoly, N. Clauvelin, S. Ne
 99 (2007) 164301, and by the same, Matched asymptotic expansions for twisted elastic knots, arXiv:0812.2881.
 """
 
-import numpy as np
-
 
 def tension(bending: float, loop_radius: float) -> float:
     """Return the force that pulls the tails of a loose knot, ``B/(2 R^2)``; bending stiffness in force x length^2."""
     return bending / (2.0 * loop_radius**2)
-
-
-def shortening(bending: float, tension: float) -> float:
-    """Return what the knot takes from the distance of the rod's ends, length: ``2 pi R`` at a tension of its tails."""
-    return float(2.0 * np.pi * np.sqrt(bending / (2.0 * tension)))

@@ -3,7 +3,7 @@
 Each wire has the energy of extension, bending and torsion of a thin rod, in strains per length at rest (`Strand`), and
 all sections of a layer are alike.  What holds them together is geometry: each layer lies on the crests of the one
 within, and all wires contract by Poisson's ratio as they stretch.  The energy under that constraint has a symmetric
-stiffness, and its multipliers are the forces between layers.
+stiffness.
 
 Assumed: small strains; ends that turn with the end planes; wires of one layer do not touch each other; no flattening
 where wires touch, which makes a strand softer by a percent or less; loads between layers are spread evenly along and
@@ -19,7 +19,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from isorod.arrays import Array
 
@@ -47,14 +46,6 @@ class Layer(NamedTuple):
     pitch: float  # length of strand in which a wire goes round once; negative where it is left-handed
 
 
-class _Response(NamedTuple):
-    """Of a layer to the strand's strain and turn."""
-
-    strains: Array  # of its wires: extension, curvature and torsion, (3, 2)
-    pull: Array  # inwards, of its wires together, force per length of strand, (2,)
-    give: float  # what a wire's radius contracts by as the helix' grows, a ratio
-
-
 @dataclass(frozen=True)
 class Strand:
     """A core and layers from within to without.
@@ -78,41 +69,20 @@ class Strand:
         """Of the layers' wires to the axis [rad], positive where right-handed, shape (layers,)."""
         return np.arctan(2.0 * np.pi * self.helix_radii / np.array([layer.pitch for layer in self.layers]))
 
-    def clearances(self) -> Array:
-        """Return the gap at rest between neighbours in each layer, lengths, shape (layers,); negative: they overlap."""
-        gaps = []
-        for layer, radius in zip(self.layers, self.helix_radii, strict=True):
-            apart, rise = 2.0 * np.pi / layer.wires, layer.pitch / (2.0 * np.pi)
-
-            def square(turn: float, radius: float = radius, apart: float = apart, rise: float = rise) -> float:
-                return float(radius**2 * (2.0 - 2.0 * np.cos(apart - turn)) + (rise * turn) ** 2)
-
-            nearest = minimize_scalar(square, bounds=(0.0, apart), method="bounded", options={"xatol": 1e-10})
-            gaps.append(np.sqrt(nearest.fun) - 2.0 * layer.wire.radius)
-        return np.array(gaps)
-
-    def _responses(self) -> list[_Response]:
-        """Return what each layer does, from within: its radius follows from the wires that it lies on."""
-        found = []
-        # Contraction of all that is within, by strain and turn
-        within = np.array([self.core.nu * self.core.radius, 0.0])
-        for layer, radius, angle in zip(self.layers, self.helix_radii, self.lay_angles, strict=True):
-            wire, slopes = layer.wire, _slopes(radius, 2.0 * np.pi / layer.pitch)
-            poisson = wire.nu * wire.radius
-            give = poisson * slopes[0, 2]
-            growth = -(within + poisson * slopes[0, :2]) / (1.0 + give)
-            strains = slopes[:, :2] + np.outer(slopes[:, 2], growth)
-            pull = layer.wires / np.cos(angle) * (slopes[:, 2] * wire.stiffness) @ strains
-            found.append(_Response(strains, pull, give))
-            within = within + 2.0 * poisson * strains[0]
-        return found
-
     def strains(self) -> Array:
         """Return the wires' strains by the strand's, ``(layers, 3, 2)``.
 
         Extension, curvature and torsion [1/length] of a wire of each layer, by axial strain and by turn per length.
         """
-        return np.array([response.strains for response in self._responses()])
+        found = []
+        # Contraction of all that is within, by strain and turn: a layer's radius follows from the wires below it.
+        within = np.array([self.core.nu * self.core.radius, 0.0])
+        for layer, radius in zip(self.layers, self.helix_radii, strict=True):
+            poisson, slopes = layer.wire.nu * layer.wire.radius, _slopes(radius, 2.0 * np.pi / layer.pitch)
+            growth = -(within + poisson * slopes[0, :2]) / (1.0 + poisson * slopes[0, 2])
+            found.append(slopes[:, :2] + np.outer(slopes[:, 2], growth))
+            within = within + 2.0 * poisson * found[-1][0]
+        return np.array(found)
 
     def stiffness(self) -> Array:
         """Return the matrix that takes axial strain and turn per length to force and torque, shape (2, 2)."""
@@ -121,24 +91,6 @@ class Strand:
         for layer, strains, angle in zip(self.layers, self.strains(), self.lay_angles, strict=True):
             matrix = matrix + layer.wires / np.cos(angle) * strains.T @ (layer.wire.stiffness[:, None] * strains)
         return matrix
-
-    def free_stiffness(self) -> float:
-        """Return force by axial strain where the ends are free to turn."""
-        (axial, coupling), (_, torsional) = self.stiffness()
-        return float(axial - coupling**2 / torsional)
-
-    def line_loads(self) -> Array:
-        """Return the load with which each wire presses on what is within, by axial strain and turn, ``(layers, 2)``.
-
-        Force per length of that wire, by strain, and by turn per length.  Where strain and turn make it negative the
-        layer lifts off, and none of this holds.
-        """
-        loads, without = [], np.zeros(2)
-        for layer, response, angle in [*zip(self.layers, self._responses(), self.lay_angles, strict=True)][::-1]:
-            # A wire pressed on from without gives way as it is stretched by less.
-            without = (response.pull + without * (1.0 - response.give)) / (1.0 + response.give)
-            loads.append(without * np.cos(angle) / layer.wires)
-        return np.array(loads[::-1])
 
 
 def _slopes(radius: float, turn: float) -> Array:
