@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from comparisons.bench import biceps
-from comparisons.measure.records import Record, family, newest, part
+from comparisons.measure.records import Record, family, is_ours, newest, part
 from comparisons.measure.work import AS_RUN
 from comparisons.report import bench as report
 from comparisons.report import blade, precision, spring
@@ -74,7 +74,7 @@ def short(records: list[Record]) -> Record:
 
 def _one(record: Record, seconds: float, bare: float) -> Record:
     found = {"program": report.program(record), "unknowns": record["dofs"], "seconds": seconds, "bare": bare}
-    if not report.ours(record):
+    if not is_ours(record):
         return found
     return {**found, "program": "isorod", "how": report.how(record), "family": family(record)} | {
         "error": record["error"],

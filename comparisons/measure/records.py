@@ -48,6 +48,11 @@ def _refuse(name: str) -> float:
     raise ValueError(f"{name} is no result")
 
 
+def is_ours(record: Record) -> bool:
+    """Whether a run is isorod's."""
+    return bool(record["method"] == "cylindrical")
+
+
 def family(record: Record) -> str:
     """Return which family of elements a run of isorod was made with (`isorod.space.basis.FAMILIES`)."""
     return " and ".join(dict.fromkeys(one["family"] for one in record["discretisation"]))
@@ -55,7 +60,7 @@ def family(record: Record) -> str:
 
 def side(record: Record) -> str:
     """Return what a run was made with: isorod and its family of elements, or dolfinx and its version."""
-    return f"isorod, {family(record)}" if record["method"] == "cylindrical" else f"dolfinx {version(record)}"
+    return f"isorod, {family(record)}" if is_ours(record) else f"dolfinx {version(record)}"
 
 
 def version(record: Record) -> str:

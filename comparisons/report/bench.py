@@ -1,16 +1,24 @@
 """Isorod beside the fastest of every program: one table of ratios a scene, from records alone."""
 
+from collections.abc import Callable
+from functools import partial
+from operator import itemgetter
 from pathlib import Path
+from typing import Any
 
 from comparisons.bench import biceps
-from comparisons.measure.records import Record, family, part, version
+from comparisons.measure.records import Record, family, is_ours, part, version
 from comparisons.measure.work import AS_RUN
 from comparisons.report import precision
-from comparisons.report.html import fold, heading, milliseconds, table
+from comparisons.report.html import columns, fold, milliseconds, table
 from comparisons.report.html import markdown as markdown_table
+from comparisons.report.html import section as section_of
 from isorod.output.results import write_beside
 
 TABLE = "bench.md"
+
+# Head and rows of a table.
+Rows = tuple[tuple[str, ...], list[tuple[str, ...]]]
 
 RODS = {
     "spring": "force",
@@ -37,16 +45,6 @@ _ESTIMATE = f"Isorod {AS_RUN.label} has nothing chosen by hand, and the estimate
 # Isorod's side: a preset that was searched for, or nothing chosen.
 BY_HAND = "chosen by hand"
 
-HEAD = (
-    *("within", "program", "ms", "ms, no checks", "processor ms", "unknowns", "error"),
-    *("isorod's share", "no checks", "of processor time", f"share {AS_RUN.label}"),
-)
-
-
-def ours(record: Record) -> bool:
-    """Whether a run is isorod's."""
-    return bool(record["method"] == "cylindrical")
-
 
 def how(record: Record) -> str:
     """Return how the space of a run of isorod was chosen: by hand, or as ``isorod run`` has it."""
@@ -55,7 +53,7 @@ def how(record: Record) -> str:
 
 def program(record: Record) -> str:
     """Return the program of a run: isorod with its family of elements and how it was chosen, others with versions."""
-    if ours(record):
+    if is_ours(record):
         return f"isorod, {family(record)}, {how(record)}"
     if record["method"] == "fem":
         return f"dolfinx {version(record)}".strip()
@@ -83,68 +81,76 @@ def fastest(records: list[Record], target: float) -> list[Record]:
     held = [one for one in part(records, "confirm") if one["holds"] and one["target"] <= target]
     sides: dict[str, Record] = {}
     for one in sorted(held, key=lambda one: one["seconds"]["total"]):
-        sides.setdefault(how(one) if ours(one) else program(one), one)
+        sides.setdefault(how(one) if is_ours(one) else program(one), one)
     order = [BY_HAND, AS_RUN.label]
     return sorted(
-        sides.values(), key=lambda one: (order.index(how(one)) if ours(one) else len(order), one["seconds"]["total"])
+        sides.values(), key=lambda one: (order.index(how(one)) if is_ours(one) else len(order), one["seconds"]["total"])
     )
 
 
 def ratios(records: list[Record], target: float) -> list[tuple[Record, float, float]]:
     """Return isorod's runs, each with the time of the best of all opponents over its, with and without checks."""
     sides = fastest(records, target)
-    theirs = [one for one in sides if not ours(one)]
+    theirs = [one for one in sides if not is_ours(one)]
     if not theirs:
         return []
     with_checks, without = min(one["seconds"]["total"] for one in theirs), min(map(bare, theirs))
-    return [(one, with_checks / one["seconds"]["total"], without / bare(one)) for one in sides if ours(one)]
+    return [(one, with_checks / one["seconds"]["total"], without / bare(one)) for one in sides if is_ours(one)]
 
 
-def rows(records: list[Record]) -> list[tuple[str, ...]]:
-    """Return the rows of a scene's table."""
-    found: list[tuple[str, ...]] = []
-    for target in precision.targets(records):
-        sides = fastest(records, target)
-        mine = {how(one): one for one in sides if ours(one)}
-        tuned, plain = mine.get(BY_HAND), mine.get(AS_RUN.label)
-        for one in sides:
-            theirs = not ours(one)
-            found.append(
-                (
-                    f"{100 * target:g} %",
-                    program(one),
-                    milliseconds(one["seconds"]["total"]),
-                    milliseconds(bare(one)),
-                    milliseconds(one["seconds"]["processor"]),
-                    f"{one['dofs']:,}",
-                    f"{100 * one['error']:.2g} %",
-                    _share(one["seconds"]["total"] / tuned["seconds"]["total"]) if theirs and tuned else "",
-                    _share(bare(one) / bare(tuned)) if theirs and tuned else "",
-                    _share(one["seconds"]["processor"] / tuned["seconds"]["processor"]) if theirs and tuned else "",
-                    _share(one["seconds"]["total"] / plain["seconds"]["total"]) if theirs and plain else "",
-                )
-            )
-    return found
+def rows(records: list[Record]) -> Rows:
+    """Return head and rows of a scene's table."""
+    found = [
+        (target, one, {how(mine): mine for mine in sides if is_ours(mine)})
+        for target in precision.targets(records)
+        for sides in (fastest(records, target),)
+        for one in sides
+    ]
+
+    def of(time: Callable[[Record], float], which: str = BY_HAND) -> Callable[[Any], str]:
+        """Return the function that gives the share of isorod's time in that of another program."""
+
+        def share(row: Any) -> str:
+            _, one, mine = row
+            return precision.share(time(mine[which]), time(one)) if which in mine and not is_ours(one) else ""
+
+        return share
+
+    wall, processor = (partial(_seconds, name) for name in ("total", "processor"))
+    return columns(
+        found,
+        {
+            "within": lambda row: f"{100 * row[0]:g} %",
+            "program": lambda row: program(row[1]),
+            "ms": lambda row: milliseconds(wall(row[1])),
+            "ms, no checks": lambda row: milliseconds(bare(row[1])),
+            "processor ms": lambda row: milliseconds(processor(row[1])),
+            "unknowns": lambda row: precision.unknowns(row[1]),
+            "error": lambda row: precision.error(row[1]),
+            "isorod's share": of(wall),
+            "no checks": of(bare),
+            "of processor time": of(processor),
+            f"share {AS_RUN.label}": of(wall, AS_RUN.label),
+        },
+    )
 
 
-def _share(ratio: float) -> str:
-    return f"1/{ratio:.0f}" if ratio >= 1.5 else f"{1.0 / ratio:.1f}"
+def _seconds(name: str, record: Record) -> float:
+    return float(record["seconds"][name])
 
 
-def motions(records: list[Record]) -> list[tuple[str, ...]]:
-    """Return the rows of the biceps' table: each mesh, and along its curve the time at the target."""
-    found: list[tuple[str, ...]] = []
-    for record in part(records, "motion"):
-        found.append(
-            (
-                program(record) if ours(record) else record["curve"],
-                record["arguments"],
-                f"{record['dofs']:,}",
-                f"{100 * record['error']:.2g} %",
-                f"{record['seconds_motion']:,.1f}",
-            )
-        )
-    return found
+def motions(records: list[Record]) -> Rows:
+    """Return head and rows of the biceps' table: each mesh, and along its curve the time at the target."""
+    return columns(
+        part(records, "motion"),
+        {
+            "curve": lambda one: program(one) if is_ours(one) else one["curve"],
+            "arguments": itemgetter("arguments"),
+            "unknowns": precision.unknowns,
+            "error": precision.error,
+            "s": lambda one: f"{one['seconds_motion']:,.1f}",
+        },
+    )
 
 
 def motion(records: list[Record]) -> tuple[list[Record], str, float] | None:
@@ -155,10 +161,10 @@ def motion(records: list[Record]) -> tuple[list[Record], str, float] | None:
     every = part(records, "motion")
     held: dict[str, Record] = {}
     for one in sorted(every, key=lambda one: one["seconds_motion"]):
-        if ours(one) and one["error"] <= biceps.TARGET:
+        if is_ours(one) and one["error"] <= biceps.TARGET:
             held.setdefault(how(one), one)
     times = {}
-    for curve in dict.fromkeys(one["curve"] for one in every if not ours(one)):
+    for curve in dict.fromkeys(one["curve"] for one in every if not is_ours(one)):
         time = biceps.at([one for one in every if one["curve"] == curve], biceps.TARGET)
         if time is not None:
             times[curve] = time
@@ -204,60 +210,48 @@ def markdown(records: list[Record]) -> str:
         lines += [
             f"{scene}: {QUANTITIES[scene]}. Checks: {PROOFS[scene]}. {_ESTIMATE}",
             "",
-            markdown_table(HEAD, rows(of_scene(records, scene))),
+            markdown_table(*rows(of_scene(records, scene))),
             "",
         ]
     lines += [
         f"biceps: {QUANTITIES['biceps']}, explicit dynamics.",
         "",
-        markdown_table(_MOTION, motions(of_scene(records, "biceps"))),
+        markdown_table(*motions(of_scene(records, "biceps"))),
     ]
     return "\n".join([*lines, "", *(f"- {line}" for line in summary(records)), ""])
-
-
-_MOTION = ("curve", "arguments", "unknowns", "error", "s")
 
 
 def section(records: list[Record], folder: Path) -> list[str]:
     """Write the tables as Markdown, and return the study's HTML."""
     write_beside(folder / TABLE, lambda where: where.write_text(markdown(records)))
-    lines = [
-        heading(2, "Every program side by side"),
-        "<p>The fastest of each program within an error, of many meshes and elements of the very same geometry, "
-        f"measured in turn in one run. {_ESTIMATE} {precision.LUCK.removeprefix('<p>')}",
-    ]
+    parts: dict[str, list[str]] = {}
     for scene in scenes(records):
         mine = of_scene(records, scene)
-        lines += [
-            heading(3, f"Programs: {scene}, {QUANTITIES[scene]}"),
+        runs = table(*columns(part(mine, "work"), _RUNS), text=(0, 1, 5))
+        parts[f"{scene}, {QUANTITIES[scene]}"] = [
             f"<p>Checks: {PROOFS[scene]}.</p>",
-            table(HEAD, rows(mine), text=(0, 1)),
-            fold(
-                "Every run",
-                table(_RUNS, [_run(one) for one in part(mine, "work")], text=(0, 1, 5)),
-                *precision.refused(mine),
-            ),
+            table(*rows(mine), text=(0, 1)),
+            fold("Every run", runs, *precision.refused(mine)),
         ]
-    return [
-        *lines,
-        heading(3, f"Programs: biceps, {QUANTITIES['biceps']}"),
+    parts[f"biceps, {QUANTITIES['biceps']}"] = [
         "<p>Explicit dynamics to rest. The errors are those of the equilibrium that each mesh comes to; the finite "
         "elements' time is that of a measured step by the number of steps. NGSolve has no contracting fibres.</p>",
-        table(_MOTION, motions(of_scene(records, "biceps")), text=(0, 1)),
+        table(*motions(of_scene(records, "biceps")), text=(0, 1)),
         '<p>Every run is a line of JSON in <a href="bench.jsonl">bench.jsonl</a>; the same tables stand in '
         f'<a href="{TABLE}">{TABLE}</a>. Again: <code>make bench</code>.</p>',
     ]
-
-
-_RUNS = ("program", "curve", "ms", "error", "unknowns", "arguments")
-
-
-def _run(record: Record) -> tuple[str, ...]:
-    return (
-        program(record),
-        record["curve"],
-        milliseconds(record["seconds"]["total"]),
-        f"{100 * record['error']:.2g} %",
-        f"{record['dofs']:,}",
-        record["arguments"],
+    about = (
+        "<p>The fastest of each program within an error, of many meshes and elements of the very same geometry, "
+        f"measured in turn in one run. {_ESTIMATE} {precision.LUCK.removeprefix('<p>')}"
     )
+    return section_of("Every program side by side", about, parts, prefix="Programs")
+
+
+_RUNS: dict[str, Callable[[Any], object]] = {
+    "program": program,
+    "curve": itemgetter("curve"),
+    "ms": precision.total,
+    "error": precision.error,
+    "unknowns": precision.unknowns,
+    "arguments": itemgetter("arguments"),
+}

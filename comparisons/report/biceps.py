@@ -1,15 +1,18 @@
 """The biceps' part of the report page."""
 
 import html
+from collections.abc import Callable
+from operator import itemgetter
 from pathlib import Path
 
 import numpy as np
 
 from comparisons.biceps import AT_REST, BALANCE, END_TIME, QUANTITIES, SPEED, errors
-from comparisons.measure.records import Record, family, part, side
+from comparisons.measure.records import Record, family, is_ours, part, side
 from comparisons.report import biceps_plots
-from comparisons.report.html import figure, heading, percent, table
-from comparisons.report.precision import ratio, rerun
+from comparisons.report.html import columns, figure, percent, table
+from comparisons.report.html import section as section_of
+from comparisons.report.precision import ratio, rerun, unknowns
 
 
 def section(records: list[Record], folder: Path) -> list[str]:
@@ -20,61 +23,55 @@ def section(records: list[Record], folder: Path) -> list[str]:
     curves = [record for record in theirs if len(record["history"]["time"]) > 2]
     biceps_plots.courses(motions, curves, folder / "biceps-motion.png")
     biceps_plots.work(part(records, "work"), QUANTITIES, folder / "biceps-work.png")
-    ours, fem = picture["dofs"]
-    lines = [heading(2, "Biceps")]
-    lines.append(
+    mine, fem = picture["dofs"]
+    about = (
         "<p>Two muscles between common tendons are activated within "
         f"{1e3 * motions[0]['options']['ramp']:g} ms, swell, press on each other and swing to rest within "
         f"{1e3 * END_TIME:g} ms. Lengths are in cm, forces in N. What are the forces at the ends, how far does the "
         "belly bulge, how hard do the muscles press? Finite elements: dolfinx, with its own contact and the same "
         "law.</p>"
     )
-    lines.append(heading(3, "Biceps: what was asked and what was found"))
-    lines.append(_clauses(motions, limit, theirs))
-    lines.append(heading(3, "Biceps: von Mises stress"))
-    lines.append(
-        figure(
-            picture["file"],
-            "initial shape, and von Mises stress at 5, 10, 15 ms and at equilibrium",
-            f"Above isorod ({ours:,} unknowns), below 27-node bricks in dolfinx ({fem:,}), in one colour scale without "
-            "light or shade: the bellies swell towards each other, and both sides show the same stress at the same "
-            "time.",
-        )
+    return section_of(
+        "Biceps",
+        about,
+        {
+            "what was asked and what was found": _clauses(motions, limit, theirs),
+            "von Mises stress": [
+                figure(
+                    picture["file"],
+                    "initial shape, and von Mises stress at 5, 10, 15 ms and at equilibrium",
+                    f"Above isorod ({mine:,} unknowns), below 27-node bricks in dolfinx ({fem:,}), in one colour "
+                    "scale without light or shade: the bellies swell towards each other, and both sides show the same "
+                    "stress at the same time.",
+                ),
+                figure(
+                    picture["animation"],
+                    "both motions, animated",
+                    "The motion, left isorod, right dolfinx.",
+                    narrow=picture["animation"],
+                ),
+            ],
+            "the motion against time": figure(
+                "biceps-motion.png",
+                "bulge, end forces, contact force and area against time",
+                "Left the time that the finite elements were run for, right all of it. Dashed lines at the right: the "
+                "element's own equilibrium, found without following the motion; the motion has to end there.",
+            )
+            + _deviations(motions, curves)
+            + _added_mass(motions),
+            "what a step costs": _speed(motions, theirs),
+            "the equilibrium, error against run time": [
+                figure(
+                    "biceps-work.png",
+                    "error of three quantities against run time, log-log",
+                    "Lower is more accurate, further left is faster; the line is what was asked. The area in contact "
+                    "has no converged value to compare with.",
+                ),
+                _equilibria(records, limit),
+            ],
+            "raw data, running it again": rerun("biceps", records),
+        },
     )
-    lines.append(
-        figure(
-            picture["animation"],
-            "both motions, animated",
-            "The motion, left isorod, right dolfinx.",
-            narrow=picture["animation"],
-        )
-    )
-    lines.append(heading(3, "Biceps: the motion against time"))
-    lines.append(
-        figure(
-            "biceps-motion.png",
-            "bulge, end forces, contact force and area against time",
-            "Left the time that the finite elements were run for, right all of it. Dashed lines at the right: the "
-            "element's own equilibrium, found without following the motion; the motion has to end there.",
-        )
-        + _deviations(motions, curves)
-        + _added_mass(motions)
-    )
-    lines.append(heading(3, "Biceps: what a step costs"))
-    lines.append(_speed(motions, theirs))
-    lines.append(heading(3, "Biceps: the equilibrium, error against run time"))
-    lines.append(
-        figure(
-            "biceps-work.png",
-            "error of three quantities against run time, log-log",
-            "Lower is more accurate, further left is faster; the line is what was asked. The area in contact has no "
-            "converged value to compare with.",
-        )
-    )
-    lines.append(_equilibria(records, limit))
-    lines.append(heading(3, "Biceps: raw data, running it again"))
-    lines.append(rerun("biceps", records))
-    return lines
 
 
 def summary(records: list[Record]) -> list[str]:
@@ -151,97 +148,85 @@ def _clauses(motions: list[Record], limit: Record, theirs: list[Record]) -> str:
 
 
 def _deviations(motions: list[Record], theirs: list[Record]) -> str:
-    names = [fem for _, fem, _, _ in biceps_plots.COURSES]
-    rows = [
-        (
-            f"{record['label']} against {other['label']}, to {1e3 * _end(other):.0f} ms",
-            *(percent(deviation(record, other, name)) for name in names),
-        )
-        for other in theirs
-        for record in motions
-    ]
-    head = ("root mean square deviation of the courses", *(name.replace("_", " ") for name in names))
-    return table(head, rows)
+    def off(name: str) -> Callable[[tuple[Record, Record]], str]:
+        return lambda pair: percent(deviation(*pair, name))
+
+    shown: dict[str, Callable[[tuple[Record, Record]], object]] = {
+        "root mean square deviation of the courses": lambda pair: (
+            f"{pair[0]['label']} against {pair[1]['label']}, to {1e3 * _end(pair[1]):.0f} ms"
+        ),
+        **{fem.replace("_", " "): off(fem) for _, fem, _, _ in biceps_plots.COURSES},
+    }
+    return table(*columns(((record, other) for other in theirs for record in motions), shown))
+
+
+def _step(record: Record) -> str:
+    return f"{1e6 * record['time_step']:.3g}"
 
 
 def _added_mass(motions: list[Record]) -> str:
     """Return how much of the kinetic energy is in mass that was added for the time step."""
-    rows = []
-    for record in motions:
-        rows.append((record["label"], f"{1e6 * record['time_step']:.3g}", percent(record["added_kinetic_share"])))
-    head = ("mass added for the time step", "time step µs", "share of the kinetic energy, mean")
+    shown: dict[str, Callable[[Record], object]] = {
+        "mass added for the time step": itemgetter("label"),
+        "time step µs": _step,
+        "share of the kinetic energy, mean": lambda one: percent(one["added_kinetic_share"]),
+    }
     return (
         "<p>The mass is consistent; for steps longer than its critical one, some is added to fast waves. Courses then "
         "differ a little in "
-        "time, while the equilibrium they end in does not.</p>" + table(head, rows)
+        "time, while the equilibrium they end in does not.</p>" + table(*columns(motions, shown))
     )
 
 
 def _speed(motions: list[Record], theirs: list[Record]) -> str:
-    rows = []
-    for record in motions:
-        seconds = record["seconds"]["loop"]
-        rows.append(
-            (
-                f"{side(record)}, {record['label']}",
-                f"{record['dofs']:,}",
-                f"{1e6 * record['time_step']:.3g}",
-                f"{record['steps']:,}",
-                f"{record['microseconds_a_step']:.0f}",
-                f"{seconds:.2f}",
-                "",
-                *(f"1/{whole(other) / seconds:.0f}" for other in theirs),
-            )
-        )
-    for record in theirs:
-        step = record["seconds"]["step"]
-        rows.append(
-            (
-                f"dolfinx, {record['label']}",
-                f"{record['dofs']:,}",
-                f"{1e6 * record['time_step']:.3g}",
-                f"{END_TIME / record['time_step']:,.0f}",
-                f"{1e6 * step:,.0f}",
-                f"{whole(record):.0f}",
-                f"{record['steps']:,} steps, {1e3 * _end(record):.3g} ms",
-            )
-        )
-    head = (
-        "",
-        "unknowns",
-        "time step µs",
-        f"steps in {1e3 * END_TIME:g} ms",
-        "µs a step",
-        f"s for {1e3 * END_TIME:g} ms",
-        "measured over",
-        *(f"share of {record['label']}" for record in theirs),
-    )
-    rows = [row + ("",) * (len(head) - len(row)) for row in rows]
-    return table(head, rows, text=(0, 6)) + (
-        f"<p>The finite elements' {1e3 * END_TIME:g} ms are not run: they are the measured time of a step (forces, "
+    def fem(one: Record) -> bool:
+        return "history" in one
+
+    def share(other: Record) -> Callable[[Record], str]:
+        return lambda one: "" if fem(one) else f"1/{whole(other) / one['seconds']['loop']:.0f}"
+
+    span = f"{1e3 * END_TIME:g} ms"
+    shown: dict[str, Callable[[Record], object]] = {
+        "": lambda one: f"{'dolfinx' if fem(one) else side(one)}, {one['label']}",
+        "unknowns": unknowns,
+        "time step µs": _step,
+        f"steps in {span}": lambda one: f"{END_TIME / one['time_step'] if fem(one) else one['steps']:,.0f}",
+        "µs a step": lambda one: (
+            f"{1e6 * one['seconds']['step']:,.0f}" if fem(one) else f"{one['microseconds_a_step']:.0f}"
+        ),
+        f"s for {span}": lambda one: f"{whole(one):.0f}" if fem(one) else f"{one['seconds']['loop']:.2f}",
+        "measured over": lambda one: f"{one['steps']:,} steps, {1e3 * _end(one):.3g} ms" if fem(one) else "",
+        **{f"share of {other['label']}": share(other) for other in theirs},
+    }
+    return table(*columns([*motions, *theirs], shown), text=(0, 6)) + (
+        f"<p>The finite elements' {span} are not run: they are the measured time of a step (forces, "
         "contact and update; without samples and critical steps) by the number of steps at the last time step "
         "taken.</p>"
     )
 
 
 def _equilibria(records: list[Record], limit: Record) -> str:
-    marks = [f"±{percent(limit['limits'][name]['uncertainty'])}" for name in QUANTITIES]
-    rows = [("converged", "", "", *_values(limit), "", *marks, "")]
-    for record in part(records, "work"):
-        rows.append(
-            (
-                record["curve"] + " (dolfinx)" if record["method"] == "fem" else side(record),
-                # Said by the curve's name.
-                record["arguments"].removeprefix("--cells bricks --degree 2 "),
-                f"{record['dofs']:,}",
-                *_values(record),
-                f"{record['contact_area']:.3g}",
-                *(percent(record["error"][name]) for name in QUANTITIES),
-                f"{record['seconds']['total']:.3g}",
-            )
+    def off(name: str) -> Callable[[Record], str]:
+        return lambda one: (
+            f"±{percent(limit['limits'][name]['uncertainty'])}" if one is limit else percent(one["error"][name])
         )
-    quantities = "lower end N", "bulge cm", "contact N"
-    head = ("", "arguments", "unknowns", *quantities, "area cm²", "error: ends", "bulge", "contact", "s")
+
+    def of_runs(text: Callable[[Record], str]) -> Callable[[Record], str]:
+        return lambda one: "" if one is limit else text(one)
+
+    shown: dict[str, Callable[[Record], str]] = {
+        "": lambda one: "converged" if one is limit else side(one) if is_ours(one) else f"{one['curve']} (dolfinx)",
+        # What the curve's name says is left out.
+        "arguments": of_runs(lambda one: str(one["arguments"]).removeprefix("--cells bricks --degree 2 ")),
+        "unknowns": of_runs(unknowns),
+        "lower end N": lambda one: f"{one['end_force'][0]:.5g}",
+        "bulge cm": lambda one: f"{one['belly_bulge']:.4g}",
+        "contact N": lambda one: f"{one['contact_force']:.4g}",
+        "area cm²": of_runs(lambda one: f"{one['contact_area']:.3g}"),
+        **{title: off(name) for title, name in zip(("error: ends", "bulge", "contact"), QUANTITIES, strict=True)},
+        "s": of_runs(lambda one: f"{one['seconds']['total']:.3g}"),
+    }
+    head, rows = columns([limit, *part(records, "work")], shown)
     # Numbers stay with their units.
     kept = [(*row[:2], *(text.replace(" ", "\u00a0") for text in row[2:])) for row in rows]
     return table(head, kept, text=(0, 1)) + (
@@ -250,7 +235,3 @@ def _equilibria(records: list[Record], limit: Record) -> str:
         "bellies touch along a strip too narrow for the bricks as for the element's points of contact, and it does not "
         "settle.</p>"
     )
-
-
-def _values(record: Record) -> tuple[str, ...]:
-    return f"{record['end_force'][0]:.5g}", f"{record['belly_bulge']:.4g}", f"{record['contact_force']:.4g}"

@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from comparisons.measure import published
-from comparisons.measure.records import Record, part
+from comparisons.measure.records import Record, is_ours, part
 from comparisons.report import plots, precision
-from comparisons.report.html import figure, heading, percent, table
+from comparisons.report.html import figure, percent, table
+from comparisons.report.html import section as section_of
 from comparisons.report.work import Part
 
 MODES = tuple(f"mode {k}" for k in range(1, 11))
@@ -30,9 +31,8 @@ def section(records: list[Record], folder: Path) -> list[str]:
     (limit,), (picture,) = part(records, "converged"), part(records, "picture")
     entries, (mac,) = part(records, "table 2"), part(records, "mac")
     order = plots.convergence(entries, folder / "blade-convergence.png")
-    scene = next(one for one in part(records, "work") if one["method"] == "cylindrical")["options"]
-    lines = [heading(2, "Blade")]
-    lines.append(
+    scene = next(one for one in part(records, "work") if is_ours(one))["options"]
+    about = (
         f"<p>A thin airfoil section of chord {scene['chord']:g}, swept over a length of {scene['length']:g}, turned by "
         f"{scene['twist']:g}° and tapered to {scene['taper']:g} of its size at the tip; the root is clamped. What are "
         f"its ten lowest frequencies? Linear elastic, E = {scene['E']:g}, ν = {scene['nu']:g}, density "
@@ -40,47 +40,47 @@ def section(records: list[Record], folder: Path) -> list[str]:
         "of the ten. Converged frequencies: three uniformly refined meshes of dolfinx "
         f"(<code>{html.escape(limit['element'])}</code>), extrapolated mode by mode.</p>"
     )
-    lines += PART.errors(records, folder)
-    lines.append(heading(3, "Blade: how far the element is from the 3-D solution"))
-    lines.append(_elements(records, limit["frequencies"]))
-    lines.append(
-        "<p>The paper's element (K = 1) has harmonic functions of the section only; they cannot carry the shear "
-        "warping and the thickness strain of a flat section, so modes 5, 7 and 10, which twist, stay stiff however "
-        "fine the axis. That its numbers come near Table 2 says nothing about this. K = 2 removes it.</p>"
+    return section_of(
+        "Blade",
+        about,
+        {
+            **PART.errors(records, folder),
+            "how far the element is from the 3-D solution": [
+                _elements(records, limit["frequencies"]),
+                "<p>The paper's element (K = 1) has harmonic functions of the section only; they cannot carry the "
+                "shear warping and the thickness strain of a flat section, so modes 5, 7 and 10, which twist, stay "
+                "stiff however fine the axis. That its numbers come near Table 2 says nothing about this. K = 2 "
+                "removes it.</p>",
+            ],
+            "Table 2 of Lu & Zhou (2011)": [
+                "<p>The frequencies in Hz that the paper prints, and ours with its element.</p>",
+                _published(entries),
+            ],
+            "the converged frequencies": _reference(records),
+            "Fig. 13, convergence": figure(
+                "blade-convergence.png",
+                "error of three frequencies against the number of elements",
+                "The paper's element against its own model of 30 elements, first three frequencies: a straight line "
+                f"says that each doubling divides the error by the same factor. Common slope {order:.2f}; the paper "
+                "draws 3.",
+                narrow="blade-convergence.png",
+            ),
+            "Fig. 12, mode shapes": figure(
+                picture["file"],
+                "ten mode shapes",
+                "Ten mode shapes and their frequencies, over the blade at rest (black edges). Colour is the size of "
+                "the displacement, from none (dark) to each mode's largest (yellow).",
+                narrow=picture["narrow"],
+            ),
+            "the same modes": [
+                "<p>Modal assurance criterion: 1 if a mode of isorod has the shape of one of dolfinx, 0 if they have "
+                "nothing in common. Ones on the diagonal say that both found the same modes in the same order. "
+                f"{mac['dofs'][0]:,} unknowns of isorod, {mac['dofs'][1]:,} of dolfinx.</p>",
+                _assurance(mac["matrix"]),
+            ],
+            **PART.closing(records),
+        },
     )
-    lines.append(heading(3, "Blade: Table 2 of Lu & Zhou (2011)"))
-    lines.append("<p>The frequencies in Hz that the paper prints, and ours with its element.</p>")
-    lines.append(_published(entries))
-    lines.append(heading(3, "Blade: the converged frequencies"))
-    lines.append(_reference(records))
-    lines.append(heading(3, "Blade: Fig. 13, convergence"))
-    lines.append(
-        figure(
-            "blade-convergence.png",
-            "error of three frequencies against the number of elements",
-            "The paper's element against its own model of 30 elements, first three frequencies: a straight line says "
-            f"that each doubling divides the error by the same factor. Common slope {order:.2f}; the paper draws 3.",
-            narrow="blade-convergence.png",
-        )
-    )
-    lines.append(heading(3, "Blade: Fig. 12, mode shapes"))
-    lines.append(
-        figure(
-            picture["file"],
-            "ten mode shapes",
-            "Ten mode shapes and their frequencies, over the blade at rest (black edges). Colour is the size of the "
-            "displacement, from none (dark) to each mode's largest (yellow).",
-            narrow=picture["narrow"],
-        )
-    )
-    lines.append(heading(3, "Blade: the same modes"))
-    lines.append(
-        "<p>Modal assurance criterion: 1 if a mode of isorod has the shape of one of dolfinx, 0 if they have nothing "
-        "in common. Ones on the diagonal say that both found the same modes in the same order. "
-        f"{mac['dofs'][0]:,} unknowns of isorod, {mac['dofs'][1]:,} of dolfinx.</p>"
-    )
-    lines.append(_assurance(mac["matrix"]))
-    return lines + PART.closing(records)
 
 
 def _row(values: Sequence[float]) -> tuple[str, ...]:

@@ -2,18 +2,19 @@
 
 import html
 import shlex
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from comparisons.measure.quantities import FREQUENCIES, Converged
-from comparisons.measure.records import Record, family, part
+from comparisons.measure.records import Record, family, is_ours, part
 from comparisons.measure.variants import DEFAULT
 from comparisons.measure.work import MODULES
 from comparisons.report import plots, precision
-from comparisons.report.html import commands, figure, fold, heading, milliseconds, percent, table
+from comparisons.report.html import columns, commands, figure, fold, milliseconds, percent, table
+from comparisons.report.html import section as section_of
 
 # Of what is measured, and of stress, which has an error of its own: what a default is to be within, and the errors at
 # which run times are compared.
@@ -51,16 +52,12 @@ def answer(records: list[Record]) -> list[str]:
         f"<p>{_sentence(_of_default(records))} {_sentence(_stress_told(records))} "
         f"{_sentence(_beside(records, STRESS))} {_sentence(_fields_told(default))}</p>"
     ]
-    rows = []
-    for what, word in ((ERROR, ""), (STRESS, ", stress")):
-        for target, ours, theirs in _pairs(records, what):
-            share = precision.ratio(ours["seconds"]["total"], theirs["seconds"]["total"])
-            bare = share.removesuffix(" of").removesuffix(" times")
-            rows.append((f"{percent(target)}{word}", bare, *(_cost(one) for one in (ours, theirs))))
-    if not rows:
-        return lines
-    head = ("error within", "share of the time", "isorod", f"dolfinx {_version(records)}")
-    return [*lines, f"<div class=answer>{table(head, rows)}</div>"]
+    rows = [
+        (f"{percent(target)}{word}", ours, theirs, [theirs])
+        for what, word in ((ERROR, ""), (STRESS, ", stress"))
+        for target, ours, theirs in _pairs(records, what)
+    ]
+    return [*lines, precision.side_by_side(rows, precision.versions(records)[:1], _label)] if rows else lines
 
 
 def section(records: list[Record], folder: Path) -> list[str]:
@@ -69,11 +66,8 @@ def section(records: list[Record], folder: Path) -> list[str]:
     name = scene["name"]
     files = [f"{records[-1]['study']}-{which}.png" for which in ("errors", "errors-narrow")]
     plots.labelled(work, {what: told(records, what) for what in (ERROR, STRESS)}, *(folder / file for file in files))
-    lines = [
-        heading(2, name),
-        f"<p>{_sentence(html.escape(scene['title']))} {_what(records)}</p>",
-        heading(3, f"{name}: error against run time"),
-        figure(
+    parts = {
+        "error against run time": figure(
             files[0],
             f"{name}: errors against run time, both axes logarithmic",
             "Lower is more accurate, further left is faster. Each point is a run: of isorod <em>default</em>, and what "
@@ -85,16 +79,18 @@ def section(records: list[Record], folder: Path) -> list[str]:
             f"{'that limit and ' if _measured_stresses(records) else ''}the finest mesh, which has none itself.",
             narrow=files[1],
         ),
-        heading(3, f"{name}: what it measures"),
-        _measured(records),
-        heading(3, f"{name}: fields"),
-        _field_words(records),
-        _field_table(records),
-    ]
-    for picture in part(records, "picture"):
-        lines.append(figure(picture["file"], picture["alt"], picture["caption"], narrow=picture["narrow"]))
-    lines.append(heading(3, f"{name}: every run, raw data, running it again"))
-    return lines + _closing(records)
+        "what it measures": _measured(records),
+        "fields": [
+            _field_words(records),
+            _field_table(records),
+            *(
+                figure(one["file"], one["alt"], one["caption"], narrow=one["narrow"])
+                for one in part(records, "picture")
+            ),
+        ],
+        "every run, raw data, running it again": _closing(records),
+    }
+    return section_of(name, f"<p>{_sentence(html.escape(scene['title']))} {_what(records)}</p>", parts)
 
 
 def verdict(records: list[Record], what: str = ERROR) -> str:
@@ -171,10 +167,6 @@ def _measured_stresses(records: list[Record]) -> list[str]:
     """Return the names of the stresses that the scene measures, as far as they are not zero."""
     names = [name for one in part(records, "scene") for name in one.get("stresses", ())]
     return [one.name for one in _reference(records) if one.name in names and not one.vanishes]
-
-
-def _version(records: list[Record]) -> str:
-    return precision.versions(records)[0]
 
 
 def _pairs(records: list[Record], what: str = ERROR) -> list[tuple[float, Record, Record]]:
@@ -328,24 +320,22 @@ def _field_words(records: list[Record]) -> str:
 
 
 def _field_table(records: list[Record]) -> str:
-    work, rows = part(records, "work"), []
-    modal = [one for one in work if "shapes" in one["field"]]
-    if modal:
-        count = len(modal[0]["field"]["shapes"])
-        for one in modal:
-            field = one["field"]
-            rows.append((_named(one), f"{one['dofs']:,}", _share(field["shape"]), *map(_share, field["shapes"])))
-        return table(("run", "unknowns", "largest", *(f"mode {k + 1}" for k in range(count))), rows)
-    # What counts as the error of stress, where that is another.
-    measured = [("stress measured", [one.get(STRESS) for one in work])] if _measured_stresses(records) else []
-    fields = [(name, [one["field"].get(name) for one in work]) for name in ("displacement", "stress")]
-    columns = [*fields, *measured]
-    for k, one in enumerate(work):
-        peak = one["field"].get("peak")
-        cells = (_share(values[k]) for _, values in columns)
-        time = milliseconds(one["seconds"]["total"])
-        rows.append((_named(one), f"{one['dofs']:,}", time, *cells, "" if peak is None else f"{peak:.5g}"))
-    return table(("run", "unknowns", "ms", *(name for name, _ in columns), "largest stress"), rows)
+    work = part(records, "work")
+    shown: dict[str, Callable[[Record], object]] = {"run": _named, "unknowns": precision.unknowns}
+    if any("shapes" in one["field"] for one in work):
+        work = [one for one in work if "shapes" in one["field"]]
+        shown["largest"] = lambda one: _share(one["field"]["shape"])
+        for k in range(len(work[0]["field"]["shapes"])):
+            shown[f"mode {k + 1}"] = lambda one, k=k: _share(one["field"]["shapes"][k])  # type: ignore[misc]
+        return table(*columns(work, shown))
+    shown["ms"] = precision.total
+    for name in ("displacement", "stress"):
+        shown[name] = lambda one, name=name: _share(one["field"].get(name))  # type: ignore[misc]
+    if _measured_stresses(records):
+        # What counts as the error of stress, where that is another.
+        shown["stress measured"] = lambda one: _share(one.get(STRESS))
+    shown["largest stress"] = lambda one: f"{one['field']['peak']:.5g}" if "peak" in one["field"] else ""
+    return table(*columns(work, shown))
 
 
 def _closing(records: list[Record]) -> list[str]:
@@ -370,9 +360,8 @@ def _named(record: Record) -> str:
     )
 
 
-def _cost(record: Record) -> str:
-    named = f", {family(record)}" if record["method"] == "cylindrical" else ""
-    return f"{milliseconds(record['seconds']['total'])} ms\n{record['dofs']:,} unknowns\n{record['label']}{named}"
+def _label(record: Record) -> str:
+    return record["label"] + (f", {family(record)}" if is_ours(record) else "")
 
 
 def _share(value: Any) -> str:

@@ -1,10 +1,30 @@
-"""Pieces of the report page, and tables in Markdown."""
+"""The report page is built of sections with parts, and tables of columns; the same tables in Markdown."""
 
 import html
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
 
 _HEADING = re.compile(r"<h([23]) id=([\w-]+)>(.*?)</h\1>", re.DOTALL)
+
+
+def section(name: str, about: str, parts: Mapping[str, str | Sequence[str]], prefix: str | None = None) -> list[str]:
+    """Return a section: its heading, what it is about, and its parts, the HTML of each by its title.
+
+    Titles follow the name of the section, or a ``prefix`` in its place.
+    """
+    lines = [heading(2, name), about]
+    for title, body in parts.items():
+        lines += [heading(3, f"{prefix or name}: {title}"), *([body] if isinstance(body, str) else body)]
+    return lines
+
+
+def columns(
+    rows: Iterable[Any], shown: Mapping[str, Callable[[Any], object]]
+) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    """Return head and rows of a table: by the heading of each column what it shows of a row, nothing for None."""
+    values = ([of(row) for of in shown.values()] for row in rows)
+    return tuple(shown), [tuple("" if one is None else str(one) for one in row) for row in values]
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[object]], text: Sequence[int] = (0,)) -> str:

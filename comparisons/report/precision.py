@@ -1,11 +1,13 @@
 """Error against run time: what reaches an error fastest, in words and tables."""
 
 import html
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
+from operator import itemgetter
+from typing import Any
 
-from comparisons.measure.records import Record, family, part, side, version
+from comparisons.measure.records import Record, family, is_ours, part, side, version
 from comparisons.measure.work import MODULES, REPEAT
-from comparisons.report.html import commands, milliseconds, percent, table
+from comparisons.report.html import columns, commands, milliseconds, percent, table
 
 LUCK = (
     "<p>A run counts as reaching an error if it stays within when the axis alone, and the section alone, is refined "
@@ -90,120 +92,133 @@ def answer(study: str, quantity: str, records: list[Record]) -> list[str]:
     if not pairs(records):
         return [f"<p class=big>{study}: no error is reached by both sides.</p>"]
     known = versions(records)
-    lines = [
-        f"<p class=big><strong>{study}, {quantity}:</strong> to the same error, isorod takes "
-        f"{shares(records, 'time')} and {shares(records, 'unknowns')} of the fastest finite elements found.</p>"
+    rows = [
+        (percent(target), ours, theirs, [fastest(records, "fem", target, of=one) for one in known])
+        for target, ours, theirs in pairs(records)
     ]
-    rows = []
-    for target, ours, theirs in pairs(records):
-        best = (fastest(records, "fem", target, of=one) for one in known)
-        share = ratio(ours["seconds"]["total"], theirs["seconds"]["total"])
-        rows.append((percent(target), _bare(share), _cost(ours), *(_cost(one) if one else "none" for one in best)))
+    return [
+        f"<p class=big><strong>{study}, {quantity}:</strong> to the same error, isorod takes "
+        f"{shares(records, 'time')} and {shares(records, 'unknowns')} of the fastest finite elements found.</p>",
+        side_by_side(rows, known, lambda one: family(one) if is_ours(one) else ""),
+    ]
+
+
+def side_by_side(
+    rows: Iterable[tuple[str, Record, Record, Sequence[Record | None]]],
+    known: Sequence[str],
+    named: Callable[[Record], str],
+) -> str:
+    """Return the table of the fastest runs within errors.
+
+    Parameters
+    ----------
+    rows
+        Of each error: its label, isorod's run, the fastest of the others, and that of each version of dolfinx.
+    known
+        The versions.
+    named
+        What is told of a run beside its time and its unknowns; may be empty.
+    """
+
+    def cost(record: Record | None) -> str:
+        if record is None:
+            return "none"
+        return "\n".join(filter(None, (f"{total(record)} ms", f"{unknowns(record)} unknowns", named(record))))
+
     head = ("error within", "share of the time", "isorod", *(f"dolfinx {one}" for one in known))
-    return [*lines, f"<div class=answer>{table(head, rows)}</div>"]
+    cells = ((label, faster(ours, best), cost(ours), *map(cost, each)) for label, ours, best, each in rows)
+    return f"<div class=answer>{table(head, cells)}</div>"
 
 
-def _cost(record: Record) -> str:
-    named = f"\n{family(record)}" if record["method"] == "cylindrical" else ""
-    return f"{milliseconds(record['seconds']['total'])} ms\n{record['dofs']:,} unknowns{named}"
+def faster(ours: Record, theirs: Record) -> str:
+    """Return our time as a share of theirs, ``1/7`` or ``1.2``."""
+    return share(ours["seconds"]["total"], theirs["seconds"]["total"])
 
 
-def _bare(share: str) -> str:
-    return share.removesuffix(" of").removesuffix(" times")
+def share(ours: float, theirs: float) -> str:
+    """Return a share as `ratio` has it, without words."""
+    return ratio(ours, theirs).removesuffix(" of").removesuffix(" times")
 
 
 def reach(records: list[Record]) -> str:
     """Return the table of the fastest runs within each target, and of what only luck brings there sooner."""
-    known = versions(records)
-    rows = []
+    found: list[tuple[float, Record, str]] = []
     for target in targets(records):
         best = fastest(records, "fem", target)
-        for method, of in (("cylindrical", None), *(("fem", one) for one in known)):
+        for method, of in (("cylindrical", None), *(("fem", one) for one in versions(records))):
             held, lucky = (fastest(records, method, target, holds, of) for holds in (True, False))
-            if held and lucky and lucky["seconds"]["total"] >= held["seconds"]["total"]:
-                lucky = None
-            for record, holds in ((held, True), (lucky, False)):
-                if record is None:
-                    continue
-                seconds = record["seconds"]
-                share = ratio(seconds["total"], best["seconds"]["total"]) if best and method == "cylindrical" else ""
-                rows.append(
-                    (
-                        percent(target),
-                        side(record),
-                        milliseconds(seconds["total"]),
-                        _bare(share) if holds else "errors cancel",
-                        f"{record['dofs']:,}",
-                        record["curve"],
-                        percent(record["error"]),
-                        ", ".join(percent(near["error"]) for near in record["finer"]),
-                        milliseconds(seconds["check"]) if "check" in seconds else "",
-                        f"{record['peak_memory'] / 2**20:.0f}",
-                    )
-                )
-    head = (
-        "within",
-        "fastest",
-        "ms",
-        "our share",
-        "unknowns",
-        "curve",
-        "its error",
-        "one step finer",
-        "check ms",
-        "peak MiB",
-    )
-    return table(head, rows, text=(0, 1, 5))
+            if held:
+                found.append((target, held, faster(held, best) if best and is_ours(held) else ""))
+            if lucky and not (held and lucky["seconds"]["total"] >= held["seconds"]["total"]):
+                found.append((target, lucky, "errors cancel"))
+    shown: dict[str, Callable[[Any], object]] = {
+        "within": lambda row: percent(row[0]),
+        "fastest": lambda row: side(row[1]),
+        "ms": lambda row: total(row[1]),
+        "our share": lambda row: row[2],
+        "unknowns": lambda row: unknowns(row[1]),
+        "curve": lambda row: row[1]["curve"],
+        "its error": lambda row: error(row[1]),
+        "one step finer": lambda row: ", ".join(map(error, row[1]["finer"])),
+        "check ms": lambda row: timed("check")(row[1]),
+        "peak MiB": lambda row: f"{row[1]['peak_memory'] / 2**20:.0f}",
+    }
+    return table(*columns(found, shown), text=(0, 1, 5))
+
+
+def error(record: Record) -> str:
+    """Return the error of a run in percent."""
+    return percent(record["error"])
+
+
+def unknowns(record: Record) -> str:
+    """Return the number of degrees of freedom of a run."""
+    return f"{record['dofs']:,}"
+
+
+def timed(*parts: str) -> Callable[[Record], str]:
+    """Return the function that gives the milliseconds of parts of a run, nothing where it has none of them."""
+
+    def of(record: Record) -> str:
+        known = [record["seconds"][name] for name in parts if name in record["seconds"]]
+        return milliseconds(sum(known)) if known else ""
+
+    return of
+
+
+total = timed("total")
 
 
 def runs(work: Sequence[Record]) -> str:
     """Return the table of every run, with its options; error and time first."""
-    rows = []
-    for record in work:
-        seconds = record["seconds"]
-        options = record["petsc_options"]
-        text = (
-            options
-            if isinstance(options, str)
-            else " ".join(f"-{key} {value}" for key, value in options.items() if value)
-        )
-        solver = text or " ".join(f"{key} {value}" for key, value in record.get("solver", {}).items())
-        rows.append(
-            (
-                named(record),
-                family(record) if record["method"] == "cylindrical" else "",
-                percent(record["error"]),
-                milliseconds(seconds["total"]),
-                f"{record['dofs']:,}",
-                milliseconds(seconds["setup"] + seconds.get("forms", 0.0)),
-                milliseconds(seconds["assembly"]),
-                milliseconds(seconds["solve"]),
-                milliseconds(seconds["check"]) if "check" in seconds else "",
-                record.get("newton_iterations", record.get("iterations")),
-                record["arguments"],
-                solver,
-            )
-        )
-    head = (
-        "curve",
-        "element",
-        "error",
-        "total ms",
-        "unknowns",
-        "set-up",
-        "assembly",
-        "solve",
-        "check",
-        "iterations",
-        "arguments",
-        "solver",
-    )
-    return table(head, rows, text=(0, 1, 10, 11))
+    shown: dict[str, Callable[[Any], object]] = {
+        "curve": named,
+        "element": lambda one: family(one) if is_ours(one) else "",
+        "error": error,
+        "total ms": total,
+        "unknowns": unknowns,
+        "set-up": timed("setup", "forms"),
+        "assembly": timed("assembly"),
+        "solve": timed("solve"),
+        "check": timed("check"),
+        "iterations": lambda one: one.get("newton_iterations", one.get("iterations")),
+        "arguments": itemgetter("arguments"),
+        "solver": _solver,
+    }
+    return table(*columns(work, shown), text=(0, 1, 10, 11))
+
+
+def _solver(record: Record) -> str:
+    """Return PETSc's options of a run, or what solved it."""
+    options = record["petsc_options"]
+    if not isinstance(options, str):
+        options = " ".join(f"-{key} {value}" for key, value in options.items() if value)
+    return options or " ".join(f"{key} {value}" for key, value in record.get("solver", {}).items())
 
 
 def named(record: Record) -> str:
     """Return the name of a run's curve with its side, of dolfinx with the version."""
-    return f"{'isorod' if record['method'] == 'cylindrical' else side(record)}: {record['curve']}"
+    return f"{'isorod' if is_ours(record) else side(record)}: {record['curve']}"
 
 
 def rerun(study: str, records: list[Record]) -> str:

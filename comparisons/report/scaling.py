@@ -1,13 +1,16 @@
 """The scaling study's part of the report page."""
 
+from collections.abc import Callable
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
 from comparisons.measure.records import Record, part
-from comparisons.report.html import figure, heading, table
+from comparisons.report.html import columns, figure, table
+from comparisons.report.html import section as section_of
 from comparisons.report.plots import pyplot, save
-from comparisons.report.precision import rerun
-from comparisons.scaling.cost import CORES, LARGE, NODE, Cost, fitted
+from comparisons.report.precision import rerun, unknowns
+from comparisons.scaling.cost import CORES, LARGE, NODE, fitted
 from comparisons.stability.figure import COLOURS, MARKERS
 from isorod.space.basis import PAPER
 
@@ -15,27 +18,24 @@ from isorod.space.basis import PAPER
 def section(records: list[Record], folder: Path) -> list[str]:
     """Write the figure of a run of the study and return its HTML."""
     _draw(records, folder / "scaling.png")
-    lines = [heading(2, "Scaling")]
-    lines.append(
+    about = (
         "<p>A wire of the spring's make, in more and more coils: twelve elements a coil, as much pull on each however "
         "many there are. One thread a rank, each measurement in a process of its own, warm. Unknowns are those that no "
-        "support holds.</p>"
+        "support holds.</p>\n"
+    ) + figure(
+        "scaling.png",
+        "time and memory an unknown by the number of unknowns",
+        "Flat is what to look for: whatever the size, an unknown costs the same time (left) and memory (right).",
     )
-    lines.append(
-        figure(
-            "scaling.png",
-            "time and memory an unknown by the number of unknowns",
-            "Flat is what to look for: whatever the size, an unknown costs the same time (left) and memory (right).",
-        )
-    )
-    lines += [heading(3, "Scaling: one rank"), _sizes(records)]
-    lines += [heading(3, "Scaling: ranks"), _ranks(records)]
-    lines += [heading(3, "Scaling: tangents beside DGEMM"), _roofline(records)]
-    if part(records, "strand"):
-        lines += [heading(3, "Scaling: strands"), _strands(records)]
-    lines += [heading(3, "Scaling: a cluster, on paper"), *_cluster(records)]
-    lines += [heading(3, "Scaling: raw data, running it again"), rerun("scaling", records)]
-    return lines
+    parts = {
+        "one rank": _sizes(records),
+        "ranks": _ranks(records),
+        "tangents beside DGEMM": _roofline(records),
+        **({"strands": _strands(records)} if part(records, "strand") else {}),
+        "a cluster, on paper": _cluster(records),
+        "raw data, running it again": rerun("scaling", records),
+    }
+    return section_of("Scaling", about, parts)
 
 
 def summary(records: list[Record]) -> list[str]:
@@ -84,113 +84,113 @@ def _pairs(records: list[Record], ranks: int) -> list[tuple[str, Record, Record,
 
 
 def _sizes(records: list[Record]) -> str:
-    rows = []
-    for one in part(records, "wire"):
-        if one["ranks"] > 1:
-            continue
-        parts = (one["seconds"].get(name, 0.0) for name in ("setup", "assembly", "solve", "check"))
-        rows.append(
-            (
-                f"{one['analysis']}, {one['family']}",
-                f"{one['unknowns']:,}",
-                one["solves"],
-                f"{one['total']:.3g}",
-                *(f"{1e6 * seconds / one['unknowns']:.2f}" for seconds in parts),
-                f"{_microseconds(one):.1f}",
-                f"{1e6 * one['first'] / one['unknowns']:.1f}",
-                f"{_kilobytes(one):.2f}",
-            )
-        )
-    parts_of = ("set-up", "assembly", "solve", "check", "all", "all, first run")
-    head = ("", "unknowns", "solves or steps", "s", *parts_of, "kB an unknown")
+    def each(of: Callable[[Record], float], form: str) -> Callable[[Record], str]:
+        """Return the function that gives the microseconds of an unknown."""
+        return lambda one: f"{1e6 * of(one) / one['unknowns']:{form}}"
+
+    parts = {
+        title: each(lambda one, name=name: one["seconds"].get(name, 0.0), ".2f")  # type: ignore[misc]
+        for title, name in (("set-up", "setup"), ("assembly", "assembly"), ("solve", "solve"), ("check", "check"))
+    }
+    shown: dict[str, Callable[[Record], object]] = {
+        "": lambda one: f"{one['analysis']}, {one['family']}",
+        "unknowns": _unknowns,
+        "solves or steps": itemgetter("solves"),
+        "s": lambda one: f"{one['total']:.3g}",
+        **parts,
+        "all": each(itemgetter("total"), ".1f"),
+        "all, first run": each(itemgetter("first"), ".1f"),
+        "kB an unknown": lambda one: f"{_kilobytes(one):.2f}",
+    }
     text = (
         "<p>From set-up to all: µs an unknown, medians of three runs after the first of a process, which gets its "
         "memory from the system. Memory is the peak above what the process had before.</p>"
     )
-    return text + table(head, rows)
+    return text + table(*columns([one for one in part(records, "wire") if one["ranks"] == 1], shown))
+
+
+def _unknowns(record: Record) -> str:
+    return f"{record['unknowns']:,}"
 
 
 def _ranks(records: list[Record]) -> str:
-    rows = []
-    for ranks in sorted({one["ranks"] for one in part(records, "wire")} - {1}):
-        for name, alone, both, times, off in _pairs(records, ranks):
-            parts = (
-                f"{alone['seconds'][key] / both['seconds'][key]:.2f}" if both["seconds"].get(key) else ""
-                for key in ("assembly", "solve")
-            )
-            share = max(both["memory"]) / max(alone["memory"])
-            rows.append((name, f"{both['unknowns']:,}", ranks, *parts, f"{times:.2f}", f"{share:.2f}", f"{off:.0e}"))
-    head = ("", "unknowns", "ranks", "assembly", "solve", "all", "memory of a rank", "results differ by")
-    return "<p>How many times as fast as one rank; memory as a share of that of one.</p>" + table(head, rows)
+    counts = sorted({one["ranks"] for one in part(records, "wire")} - {1})
+
+    def faster(name: str) -> Callable[[Any], str]:
+        def of(row: Any) -> str:
+            _, alone, both, *_ = row
+            mine = both["seconds"].get(name)
+            return f"{alone['seconds'][name] / mine:.2f}" if mine else ""
+
+        return of
+
+    shown: dict[str, Callable[[Any], object]] = {
+        "": lambda row: row[0],
+        "unknowns": lambda row: _unknowns(row[2]),
+        "ranks": lambda row: row[2]["ranks"],
+        "assembly": faster("assembly"),
+        "solve": faster("solve"),
+        "all": lambda row: f"{row[3]:.2f}",
+        "memory of a rank": lambda row: f"{max(row[2]['memory']) / max(row[1]['memory']):.2f}",
+        "results differ by": lambda row: f"{row[4]:.0e}",
+    }
+    text = "<p>How many times as fast as one rank; memory as a share of that of one.</p>"
+    return text + table(*columns((pair for ranks in counts for pair in _pairs(records, ranks)), shown))
 
 
 def _roofline(records: list[Record]) -> str:
-    rows = [
-        (
-            one["family"],
-            f"{one['points'] / one['unknowns']:.1f}",
-            f"{1e6 * one['forces']:.2f}",
-            f"{1e6 * one['tangent']:.2f}",
-            f"{1e6 * one['extrapolated']:.2f}",
-            f"{1e-9 * one['rate']:.1f}",
-            f"{100 * one['share']:.0f} %",
-        )
-        for one in part(records, "roofline")
-    ]
-    dgemm = 1e-9 * part(records, "roofline")[0]["dgemm"]
+    found = part(records, "roofline")
+    shown: dict[str, Callable[[Record], object]] = {
+        "": itemgetter("family"),
+        "points an unknown": lambda one: f"{one['points'] / one['unknowns']:.1f}",
+        "forces": lambda one: f"{1e6 * one['forces']:.2f}",
+        "tangent": lambda one: f"{1e6 * one['tangent']:.2f}",
+        "extrapolated": lambda one: f"{1e6 * one['extrapolated']:.2f}",
+        "GFLOP/s": lambda one: f"{1e-9 * one['rate']:.1f}",
+        "of DGEMM": lambda one: f"{100 * one['share']:.0f} %",
+    }
     text = (
         f"<p>Processor time of the element loops, µs an unknown, and how many operations a second a tangent's products "
-        f"of matrices make of it, beside DGEMM's {dgemm:.1f} GFLOP/s on a thousand rows. What is lost goes to the law, "
-        "to moving moduli into place and to adding up entries.</p>"
+        f"of matrices make of it, beside DGEMM's {1e-9 * found[0]['dgemm']:.1f} GFLOP/s on a thousand rows. What is "
+        "lost goes to the law, to moving moduli into place and to adding up entries.</p>"
     )
-    head = ("", "points an unknown", "forces", "tangent", "extrapolated", "GFLOP/s", "of DGEMM")
-    return text + table(head, rows)
+    return text + table(*columns(found, shown))
 
 
 def _strands(records: list[Record]) -> str:
-    rows = [
-        (
-            one["wires"],
-            f"{one['dofs']:,}",
-            one["solves"],
-            f"{one['seconds']:.0f}",
-            f"{1e6 * one['seconds'] / one['dofs']:.0f}",
-            f"{1e-3 * one['memory'] / one['dofs']:.1f}",
-        )
-        for one in part(records, "strand")
-    ]
+    shown: dict[str, Callable[[Record], object]] = {
+        "wires": itemgetter("wires"),
+        "unknowns": unknowns,
+        "solves": itemgetter("solves"),
+        "s": lambda one: f"{one['seconds']:.0f}",
+        "µs an unknown": lambda one: f"{1e6 * one['seconds'] / one['dofs']:.0f}",
+        "kB an unknown": lambda one: f"{1e-3 * one['memory'] / one['dofs']:.1f}",
+    }
     text = "<p>Strands of wires with friction, pulled: contact, its search and its solves included.</p>"
-    return text + table(("wires", "unknowns", "solves", "s", "µs an unknown", "kB an unknown"), rows)
+    return text + table(*columns(part(records, "strand"), shown))
 
 
 def _cluster(records: list[Record]) -> list[str]:
     cost = fitted(_wires(records, "statics", PAPER)[-1])
     best = cost.best(LARGE)
-    counts = sorted({1, CORES, 16 * CORES, best})
-    rows = [
-        (
-            f"{ranks:,}",
-            f"{cost.seconds(LARGE, ranks):,.2g}",
-            f"{100 * cost.chain(ranks) / cost.seconds(LARGE, ranks):.0f} %",
-            f"{cost.memory(LARGE) / ranks * CORES / 2**30:,.3g}",
-        )
-        for ranks in counts
-    ]
+    shown: dict[str, Callable[[int], object]] = {
+        "ranks": lambda ranks: f"{ranks:,}",
+        "s": lambda ranks: f"{cost.seconds(LARGE, ranks):,.2g}",
+        "of that the chain": lambda ranks: f"{100 * cost.chain(ranks) / cost.seconds(LARGE, ranks):.0f} %",
+        f"GiB on a node of {CORES} cores": lambda ranks: f"{cost.memory(LARGE) / ranks * CORES / 2**30:,.3g}",
+    }
     return [
         f"<p>{LARGE:,} unknowns of the same wire, from the largest run above: an unknown takes "
         f"{1e6 * cost.unknown:.1f} µs and {1e-3 * cost.bytes:.1f} kB, whatever the number of ranks: each works on its "
         "own stretch of the axis. What does not divide is the chain of joints between ranks: they couple in a row, "
-        f"and one after the other takes {_operations(cost)} operations in each of {cost.solves} solves, at the rate at "
-        "which this machine factorises bands. Time on P ranks is N c / P + P d; it is least where both are equal.</p>",
-        table(("ranks", "s", "of that the chain", f"GiB on a node of {CORES} cores"), rows, text=()),
+        f"and one after the other takes {cost.joint / 1e6:.1f} million operations in each of {cost.solves} solves, at "
+        "the rate at which this machine factorises bands. Time on P ranks is N c / P + P d; it is least where both are "
+        "equal.</p>",
+        table(*columns(sorted({1, CORES, 16 * CORES, best}), shown), text=()),
         f"<p>So {best:,} ranks are the most that pay. Nodes of {NODE} GiB that memory asks for at least: "
         f"{cost.nodes(LARGE):,}. Beyond that the chain has to be cut in halves, again and again (cyclic reduction), "
         "whose length grows with the logarithm of the number of ranks.</p>",
     ]
-
-
-def _operations(cost: Cost) -> str:
-    return f"{cost.joint / 1e6:.1f} million"
 
 
 def _draw(records: list[Record], path: Path) -> None:

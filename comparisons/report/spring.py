@@ -4,9 +4,10 @@ import html
 from pathlib import Path
 
 from comparisons.measure import published
-from comparisons.measure.records import Record, part
+from comparisons.measure.records import Record, is_ours, part
 from comparisons.report import precision
-from comparisons.report.html import figure, fold, heading, table
+from comparisons.report.html import figure, fold, table
+from comparisons.report.html import section as section_of
 from comparisons.report.work import Part
 
 PAPER_ELEMENTS = {
@@ -30,9 +31,8 @@ def section(records: list[Record], folder: Path) -> list[str]:
     records = precision.settled(records)
     (limit,), (picture,) = part(records, "converged"), part(records, "picture")
     (force,) = limit["force"]
-    scene = next(one for one in part(records, "work") if one["method"] == "cylindrical")["options"]
-    lines = [heading(2, "Spring")]
-    lines.append(
+    scene = next(one for one in part(records, "work") if is_ours(one))["options"]
+    about = (
         f"<p>A round wire of radius {scene['wire_radius']:g}, wound in {scene['coils']} coils of radius "
         f"{scene['coil_radius']:g} that rise {scene['pitch']:g} a turn, clamped at its lower end. The upper end, kept "
         f"from turning, is pulled {scene['pull']:g} along the axis: how large is the force? The material is "
@@ -41,36 +41,36 @@ def section(records: list[Record], folder: Path) -> list[str]:
         f"bricks (<code>{html.escape(limit['element'])}</code>, observed order {_order(limit)}, finest mesh "
         f"{limit['uncertainty'] * force:.1g} away).</p>"
     )
-    lines += PART.errors(records, folder)
-    lines.append(heading(3, "Spring: von Mises stress"))
     peaks = " and ".join(f"{peak:.1f}" for peak in picture["largest_von_mises"])
-    lines.append(
-        figure(
-            picture["file"],
-            "von Mises stress of both models, pulled",
-            "The pulled spring, both sides in one colour scale, that of the paper's Fig. 8, without light or shade. "
-            "The wire is stressed most at the inside of the coils, and along its middle not at all, on both sides "
-            f"alike; the bricks' stress jumps a little between them. Largest values: {peaks} (isorod, dolfinx; at the "
-            "clamped edges, where the exact one is infinite).",
-            narrow=picture["narrow"],
-        )
-    )
-    lines.append(heading(3, "Spring: Table 1 of Lu & Zhou (2011)"))
-    lines.append(
-        "<p>The force that the paper prints, and ours with its element and the rule R x S x T = 2 x 1 x t.</p>"
-    )
     paper, *others = (_published(records, extra) for extra in published.SPRING_GAUSS_POINTS)
-    lines += [paper, fold("The same with more points along an element: t = p + 2, t = p + 4", *others)]
-    lines.append(
-        "<p>E = 2.014e4 is inferred (the paper does not print it). The column of 4 elements a turn hangs on the "
-        "quadrature along the axis: an element there spans 90° and its integrand is rational. t = p + 1 "
-        "under-integrates it and the spring comes 4 % soft, t = p + 2 overshoots by 0.8 %, and with t = p + 4, where "
-        "more points change nothing, it is 0.2 % above the printed values. From 8 elements a turn on, all three rules "
-        "agree with each other and with the paper.</p>"
+    return section_of(
+        "Spring",
+        about,
+        {
+            **PART.errors(records, folder),
+            "von Mises stress": figure(
+                picture["file"],
+                "von Mises stress of both models, pulled",
+                "The pulled spring, both sides in one colour scale, that of the paper's Fig. 8, without light or "
+                "shade. The wire is stressed most at the inside of the coils, and along its middle not at all, on "
+                f"both sides alike; the bricks' stress jumps a little between them. Largest values: {peaks} (isorod, "
+                "dolfinx; at the clamped edges, where the exact one is infinite).",
+                narrow=picture["narrow"],
+            ),
+            "Table 1 of Lu & Zhou (2011)": [
+                "<p>The force that the paper prints, and ours with its element and the rule R x S x T = 2 x 1 x t.</p>",
+                paper,
+                fold("The same with more points along an element: t = p + 2, t = p + 4", *others),
+                "<p>E = 2.014e4 is inferred (the paper does not print it). The column of 4 elements a turn hangs on "
+                "the quadrature along the axis: an element there spans 90° and its integrand is rational. t = p + 1 "
+                "under-integrates it and the spring comes 4 % soft, t = p + 2 overshoots by 0.8 %, and with t = p + "
+                "4, where more points change nothing, it is 0.2 % above the printed values. From 8 elements a turn "
+                "on, all three rules agree with each other and with the paper.</p>",
+            ],
+            "the converged force": _reference(records),
+            **PART.closing(records),
+        },
     )
-    lines.append(heading(3, "Spring: the converged force"))
-    lines.append(_reference(records))
-    return lines + PART.closing(records)
 
 
 def _published(records: list[Record], extra: int) -> str:

@@ -6,7 +6,8 @@ from typing import Any
 
 from comparisons import stability
 from comparisons.measure.records import Record, part
-from comparisons.report.html import figure, fold, heading, table
+from comparisons.report.html import figure, fold, table
+from comparisons.report.html import section as section_of
 from comparisons.report.precision import rerun
 from comparisons.stability import figure as figures
 from comparisons.stability.point import holds, sweeps
@@ -14,31 +15,27 @@ from comparisons.stability.point import holds, sweeps
 
 def section(records: list[Record], folder: Path) -> list[str]:
     """Write the figures of a run of the study and return its HTML."""
-    lines = [heading(2, "Stability")]
-    lines.append(
+    about = (
         "<p>How slender, thin, stiff or far from rest may it be? Each case is swept until it fails. A point "
         "<em>holds</em> within the tolerance beside it; what is <em>refused</em> ended with the one-line error shown, "
-        "exit code 2, and no number.</p>"
+        "exit code 2, and no number.</p>\n"
     )
-    lines.append(_overview(records))
+    parts: dict[str, str | list[str]] = {}
     for ended in part(records, "case"):
         points = _points(records, ended["case"])
         picture = f"stability-{ended['case']}.png"
-        case = stability.find(ended["case"])
         figures.draw(points, folder / picture)
-        lines.append(heading(3, f"Stability: {ended['title']}"))
-        lines.append("<ul>" + "".join(f"<li>{html.escape(text)}</li>" for text in ended["limits"]) + "</ul>")
-        lines.append(
+        parts[ended["title"]] = [
+            "<ul>" + "".join(f"<li>{html.escape(text)}</li>" for text in ended["limits"]) + "</ul>",
             figure(
                 picture,
                 f"{ended['title']}: error against the swept number",
                 "Error against what is swept; the line is the tolerance, a cross on the upper edge a refusal.",
-            )
-        )
-        lines.append(fold(f"All {len(points)} points", *_tables(points, getattr(case, "COLUMNS", {}))))
-    lines.append(heading(3, "Stability: raw data, running it again"))
-    lines.append(rerun("stability", records))
-    return lines
+            ),
+            fold(f"All {len(points)} points", *_tables(points, getattr(stability.find(ended["case"]), "COLUMNS", {}))),
+        ]
+    parts["raw data, running it again"] = rerun("stability", records)
+    return section_of("Stability", about + _overview(records), parts)
 
 
 def summary(records: list[Record]) -> list[str]:

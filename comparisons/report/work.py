@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from comparisons.measure.records import Record, part
 from comparisons.report import plots, precision
-from comparisons.report.html import figure, fold, heading
+from comparisons.report.html import figure, fold
 from comparisons.report.precision import LUCK, named, reach, refused, rerun, runs
 
 
@@ -42,40 +42,42 @@ class Part(NamedTuple):
         curves = plots.told(records, (*more, *self.ours), self.theirs)
         plots.story(records, curves, self.drawn, wide, narrow)
 
-    def errors(self, records: list[Record], folder: Path) -> list[str]:
-        """Write the plots and return the HTML: the story, all curves, the fastest within each error."""
+    def errors(self, records: list[Record], folder: Path) -> dict[str, list[str]]:
+        """Write the plots and return parts of the section: the story with all curves, the fastest within each error."""
         work = part(records, "work")
         files = [f"{self.study}-{name}.png" for name in ("work-precision", "work-precision-narrow", "every-curve")]
         wide, narrow, every = (folder / file for file in files)
         self.story(records, wide, narrow)
         plots.every(work, self.drawn, every)
         count = len({named(one) for one in work})
-        return [
-            heading(3, f"{self.study.title()}: error against run time"),
-            figure(
-                files[0],
-                f"error of the {self.drawn} against run time and against unknowns, both axes logarithmic",
-                "Lower is more accurate, further left is faster, or smaller. Solid lines in blue and green are isorod, "
-                "dashed ones in warm colours and black dolfinx. Rings mark the fastest within each error (dotted "
-                "lines) that stays there on finer meshes.",
-                narrow=files[1],
-            ),
-            fold(
-                f"All {count} curves",
+        return {
+            "error against run time": [
                 figure(
-                    files[2], f"error of the {self.drawn} against run time, all curves", "Left isorod, right dolfinx."
+                    files[0],
+                    f"error of the {self.drawn} against run time and against unknowns, both axes logarithmic",
+                    "Lower is more accurate, further left is faster, or smaller. Solid lines in blue and green are "
+                    "isorod, dashed ones in warm colours and black dolfinx. Rings mark the fastest within each error "
+                    "(dotted lines) that stays there on finer meshes.",
+                    narrow=files[1],
                 ),
-            ),
-            heading(3, f"{self.study.title()}: the fastest within each error"),
-            reach(records),
-            LUCK,
-        ]
+                fold(
+                    f"All {count} curves",
+                    figure(
+                        files[2],
+                        f"error of the {self.drawn} against run time, all curves",
+                        "Left isorod, right dolfinx.",
+                    ),
+                ),
+            ],
+            "the fastest within each error": [reach(records), LUCK],
+        }
 
-    def closing(self, records: list[Record]) -> list[str]:
-        """Return the HTML of every run, the raw data and how to run it again."""
+    def closing(self, records: list[Record]) -> dict[str, list[str]]:
+        """Return the last part of the section: every run, the raw data and how to run it again."""
         work = part(records, "work")
-        return [
-            heading(3, f"{self.study.title()}: every run, raw data, running it again"),
-            rerun(self.study, records),
-            fold(f"All {len(work)} runs", runs(work), *refused(records)),
-        ]
+        return {
+            "every run, raw data, running it again": [
+                rerun(self.study, records),
+                fold(f"All {len(work)} runs", runs(work), *refused(records)),
+            ]
+        }
