@@ -2,8 +2,8 @@
 
 A case is a module of this package, listed in `CASES`, with
 
-- ``NAME`` and ``TITLE``, one line;
-- ``LIMITS``, sentences that state the limits in numbers, or a function that makes them from the case's records;
+- ``TITLE``, one line;
+- ``LIMITS(records)``, sentences that state the limits in numbers;
 - ``run(level)``, an iterator of records, one a point of a sweep (`comparisons.stability.point`);
 - ``COLUMNS`` where its tables show more than a point has at least: heading by key of the records.
 """
@@ -12,21 +12,15 @@ from collections.abc import Sequence
 from importlib import import_module
 from typing import Any
 
-from comparisons.measure.records import Record
 from comparisons.measure.study import Run
 from isorod import options
 
-CASES = ("incompressible", "slender", "large", "contrast", "sections", "stepping", "defaults", "stresses")
+CASES = ("incompressible", "slender", "large", "contrast", "sections", "stepping", "stresses")
 
 
 def find(name: str) -> Any:
     """Return the module of a case."""
     return import_module(f"{__name__}.{name}")
-
-
-def limits(case: Any, records: list[Record]) -> list[str]:
-    """Return the sentences that state the limits of a case."""
-    return list(case.LIMITS(records) if callable(case.LIMITS) else case.LIMITS)
 
 
 def run(study: Run, names: Sequence[str] = ()) -> None:
@@ -38,4 +32,4 @@ def run(study: Run, names: Sequence[str] = ()) -> None:
             case = find(name)
             with steps.step(case.TITLE):
                 records = [study.record("point", {"case": name} | record) for record in case.run(study.level)]
-            study.record("case", {"case": name, "title": case.TITLE, "limits": limits(case, records)})
+            study.record("case", {"case": name, "title": case.TITLE, "limits": case.LIMITS(records)})

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from comparisons.measure.records import Record
-from comparisons.stability.point import Sweep, petsc, reached, sweeps
+from comparisons.stability.point import Sweep, petsc, stated, sweeps
 from isorod import dynamics, modal, statics
 from isorod.geometry.center_line import straight
 from isorod.geometry.section import circle
@@ -16,7 +16,6 @@ from isorod.material import LinearElastic, NeoHookean
 from isorod.model import Body, Model, Support
 from isorod.space import Space
 
-NAME = "contrast"
 TITLE = "stiffness and density contrast in one rod"
 COLUMNS = {
     "soft_end": "error at the soft end",
@@ -60,19 +59,14 @@ MOTION = {
 
 def LIMITS(records: list[Record]) -> list[str]:
     """Return the limits, from the records."""
-    found = sweeps(records)
-    lines = []
-    for sweep, curves in found.items():
-        tolerance = next(iter(curves.values()))[0]["tolerance"]
-        lines.append(f"{sweep}, error within {tolerance:g}: {reached(curves, '.0e')}.")
-    stretched = [one for one in found[STRETCHED.name]["banded LU (default)"] if "failure" not in one]
+    stretched = [one for one in sweeps(records)[STRETCHED.name]["banded LU (default)"] if "failure" not in one]
     lost = max(one["error"] / one["value"] for one in stretched if one["value"] >= 1e6)
     soft = max(one["soft_end"] for one in stretched)
-    lines.append(
+    return [
+        *stated(records, ".0e"),
         f"The force that the stiff end reports loses as many digits as the contrast has: its error is {lost:.0e} times "
-        f"the contrast. That of the soft end is right to {soft:.0e} throughout."
-    )
-    return lines
+        f"the contrast. That of the soft end is right to {soft:.0e} throughout.",
+    ]
 
 
 def run(level: str) -> Iterator[dict[str, Any]]:

@@ -20,7 +20,6 @@ from isorod.scenes.spring import Spring
 from isorod.space import Space
 from meshes.mesh import Array
 
-NAME = "incompressible"
 TITLE = "near incompressibility"
 COLUMNS = {
     "nu": "Poisson's ratio",

@@ -21,7 +21,6 @@ from isorod.model import Body, Model, SectionLoad, Support
 from isorod.space import Space
 from isorod.statics import continuation
 
-NAME = "large"
 TITLE = "large deformation: roll-up, stretch, twist, buckling, snap-through"
 COLUMNS = {
     "moment": "error of the moment",

@@ -1,6 +1,6 @@
 """Sweeps and their points: a value, PETSc options, what came out, and the one-line failure where nothing did."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from time import perf_counter
@@ -11,31 +11,6 @@ import numpy as np
 from isorod.errors import InputError, SolveError
 
 
-def measure(sweep: str, value: float | str, solve: Callable[[], Mapping[str, Any]], **more: Any) -> dict[str, Any]:
-    """Return the record of a point.
-
-    Parameters
-    ----------
-    sweep, value
-        Name of the swept number, and the number.
-    solve
-        Computes the point and returns what was found: ``error`` (relative, against the reference) and whatever else the
-        case reports. An `InputError` or `SolveError` becomes ``failure``, its one line; anything else is a defect and
-        passes through.
-    more
-        What is known beforehand: ``reference`` (words), ``tolerance`` (the largest error at which the point holds),
-        ``series`` (name of the curve where a sweep has several).
-    """
-    start = perf_counter()
-    try:
-        # What overflows is refused by the solvers; numpy need not say it too.
-        with np.errstate(all="ignore"):
-            found = dict(solve())
-    except (InputError, SolveError) as problem:
-        found = {"failure": str(problem)}
-    return {"sweep": sweep, "value": value, **more, **found, "seconds": perf_counter() - start}
-
-
 class Sweep(NamedTuple):
     """A swept number: its name, what results are compared with, and the largest error at which a point holds."""
 
@@ -44,8 +19,28 @@ class Sweep(NamedTuple):
     tolerance: float
 
     def point(self, value: float, solve: Callable[[], Mapping[str, Any]], **more: Any) -> dict[str, Any]:
-        """Return the record of a point (`measure`)."""
-        return measure(self.name, value, solve, reference=self.reference, tolerance=self.tolerance, **more)
+        """Return the record of a point.
+
+        Parameters
+        ----------
+        value
+            The swept number.
+        solve
+            Computes the point and returns what was found: ``error`` (relative, against the reference) and whatever else
+            the case reports. An `InputError` or `SolveError` becomes ``failure``, its one line; anything else is a
+            defect and passes through.
+        more
+            What is known beforehand, such as ``series``, the name of the curve where a sweep has several.
+        """
+        start = perf_counter()
+        try:
+            # What overflows is refused by the solvers; numpy need not say it too.
+            with np.errstate(all="ignore"):
+                found = dict(solve())
+        except (InputError, SolveError) as problem:
+            found = {"failure": str(problem)}
+        known = {"sweep": self.name, "value": value, "reference": self.reference, "tolerance": self.tolerance}
+        return known | more | found | {"seconds": perf_counter() - start}
 
     def over(
         self, values: Iterable[float], solve: Callable[..., Mapping[str, Any]], *given: Any, **more: Any
@@ -88,13 +83,19 @@ def reach(records: list[dict[str, Any]]) -> float | None:
     return last
 
 
-def reached(curves: Mapping[str, list[dict[str, Any]]], form: str, single: str = "") -> str:
-    """Return in words up to which value each series holds; ``single`` stands for an empty name."""
-    words = []
-    for series, curve in curves.items():
-        last = reach(curve)
-        words.append(f"{series or single} {'nowhere' if last is None else f'up to {last:{form}}'}")
-    return ", ".join(words)
+def stated(records: list[dict[str, Any]], form: str, without: Sequence[str] = ()) -> list[str]:
+    """Return in words up to which value each series of each sweep holds, a line a sweep; ``without`` are left out."""
+    lines = []
+    for sweep, curves in sweeps(records).items():
+        if sweep not in without:
+            held = {series: reach(curve) for series, curve in curves.items()}
+            words = [
+                f"{series or 'holds'} {'nowhere' if last is None else f'up to {last:{form}}'}"
+                for series, last in held.items()
+            ]
+            tolerance = next(iter(curves.values()))[0]["tolerance"]
+            lines.append(f"{sweep}, error within {tolerance:g}: {', '.join(words)}.")
+    return lines
 
 
 def sweeps(records: list[dict[str, Any]]) -> dict[str, dict[str, list[dict[str, Any]]]]:

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from comparisons.measure.records import Record
-from comparisons.stability.point import Sweep, holds, reached, sweeps
+from comparisons.stability.point import Sweep, holds, stated, sweeps
 from comparisons.stability.rods import STIFFNESSES, condition, stiffness
 from isorod import modal
 from isorod.geometry import section
@@ -22,7 +22,6 @@ from isorod.scenes.blade import Blade
 from isorod.scenes.flower import Flower
 from isorod.space import Space
 
-NAME = "sections"
 TITLE = "thin and distorted sections, short elements"
 COLUMNS = {
     "condition": "condition number",
@@ -62,11 +61,7 @@ LENGTHS = Sweep("ratio of element lengths", "exact (Saint-Venant), one element o
 def LIMITS(records: list[Record]) -> list[str]:
     """Return the limits, from the records."""
     found = sweeps(records)
-    lines = []
-    for sweep, curves in found.items():
-        if sweep not in (DEPTH.name, OFFSET.name):
-            tolerance = next(iter(curves.values()))[0]["tolerance"]
-            lines.append(f"{sweep}, error within {tolerance:g}: {reached(curves, 'g', 'holds')}.")
+    lines = stated(records, "g", (DEPTH.name, OFFSET.name))
     for sweep in (DEPTH.name, OFFSET.name):
         (curve,) = found[sweep].values()
         refused = [one["value"] for one in curve if "failure" in one]

@@ -19,7 +19,6 @@ from isorod.material import NeoHookean
 from isorod.model import Body, Model, Support
 from isorod.space import Space
 
-NAME = "stepping"
 TITLE = "steps in time, explicit and implicit"
 COLUMNS = {
     "drift": "energy drift",

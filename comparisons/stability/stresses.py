@@ -34,7 +34,6 @@ from isorod.output import held, results
 from isorod.output.stress import von_mises
 from isorod.space import Space
 
-NAME = "stresses"
 TITLE = "stresses of bars a diameter off their ends, nothing chosen"
 COLUMNS = {"estimate": "estimated", "unknowns": "unknowns", "solve": "solution, s", "outcome": "outcome"}
 
