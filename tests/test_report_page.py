@@ -193,7 +193,7 @@ def test_the_page_fits_narrow_screens(written):
 def test_every_file_that_is_linked_or_shown_exists(written):
     folder, text = written
     found = Page(text)
-    assert {"spring.jsonl", "blade.jsonl", "spring-work-precision.png", "blade-every-curve.png"} <= found.files
+    assert {"spring.jsonl", "blade.jsonl", "spring-work-precision.png", "blade-work-precision.png"} <= found.files
     assert [name for name in found.files if not (folder / name).is_file()] == []
 
 

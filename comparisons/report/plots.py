@@ -15,11 +15,9 @@ COLOURS = ("#0072B2", "#009E73", "#56B4E9")
 FEM_COLOURS = ("#D55E00", "#E69F00", "#CC79A7", "#000000")
 MARKERS = "oD^"
 FEM_MARKERS = "svPX"
-# Of many curves each is marked by its number.
 # What is compared with itself is a rounding error off.
 SHOWN = 1e-9
 FIELDS = {"displacement": "displacement field", "shape": "mode shapes"}
-MANY = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#000000")
 
 
 def pyplot() -> Any:
@@ -107,19 +105,23 @@ def story(records: list[Record], curves: Sequence[Record], quantity: str, wide: 
             **rings,
         )
         axes[1].plot([one["dofs"] for one in ringed], errors, **rings)
-        for axis, what in zip(axes, ("run time, one thread", "unknowns"), strict=True):
-            axis.set_xlabel(what, fontsize=12)
-            axis.tick_params(labelsize=11)
-            axis.grid(True, which="major", alpha=0.3)
-            axis.yaxis.set_major_formatter(_percent)
+        for axis, *labels in zip(axes, ("run time, one thread", "unknowns"), (_time, _count), strict=True):
+            _scaled(axis, *labels)
             for target in targets(records):
                 axis.axhline(target, color="black", linewidth=0.7, linestyle=":")
-        axes[0].xaxis.set_major_formatter(_time)
-        axes[1].xaxis.set_major_formatter(_count)
         for axis in axes[:1] if columns == 2 else axes:
             axis.set_ylabel(f"error of the {quantity}", fontsize=12)
         figure.legend(loc="outside lower center", ncols=3 if columns == 2 else 1, frameon=False, fontsize=11)
         save(figure, path, 130)
+
+
+def _scaled(axis: Any, what: str = "run time, one thread", form: Any = None) -> None:
+    """Label the axes of a plot of errors: against run time where nothing else is given."""
+    axis.set_xlabel(what, fontsize=12)
+    axis.tick_params(labelsize=11)
+    axis.grid(True, which="major", alpha=0.3)
+    axis.xaxis.set_major_formatter(form or _time)
+    axis.yaxis.set_major_formatter(_percent)
 
 
 def _percent(value: float, _: int) -> str:
@@ -132,38 +134,6 @@ def _count(value: float, _: int) -> str:
 
 def _time(value: float, _: int) -> str:
     return f"{1e3 * value:g} ms" if value < 1.0 else f"{value:g} s"
-
-
-def every(work: Sequence[Record], quantity: str, path: Path) -> None:
-    """Draw error against run time of all curves, ours left, theirs right, each with its number as its marker."""
-    curves: dict[str, list[Record]] = {}
-    for record in work:
-        curves.setdefault(named(record), []).append(record)
-    sides = [
-        {name: runs for name, runs in curves.items() if runs[0]["method"] == method}
-        for method in ("cylindrical", "fem")
-    ]
-    height = 5.5 + 0.27 * max(map(len, sides))
-    figure, axes = pyplot().subplots(1, 2, figsize=(13.0, height), sharex=True, sharey=True, layout="constrained")
-    for axis, side in zip(axes, sides, strict=True):
-        for k, (name, runs) in enumerate(side.items()):
-            axis.loglog(
-                [one["seconds"]["total"] for one in runs],
-                [one["error"] for one in runs],
-                color=MANY[k % len(MANY)],
-                linewidth=0.9,
-                marker=f"${k + 1}$",
-                markersize=8 if k < 9 else 12,
-                label=name,
-            )
-        axis.set_xlabel("run time, one thread", fontsize=12)
-        axis.tick_params(labelsize=11, labelleft=True)
-        axis.grid(True, which="major", alpha=0.3)
-        axis.xaxis.set_major_formatter(_time)
-        axis.yaxis.set_major_formatter(_percent)
-        axis.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), frameon=False, fontsize=11, ncols=1)
-    axes[0].set_ylabel(f"error of the {quantity}", fontsize=12)
-    save(figure, path, 110)
 
 
 def labelled(work: Sequence[Record], told: Mapping[str, float], wide: Path, narrow: Path) -> None:
@@ -253,12 +223,8 @@ def _points(axis: Any, runs: Sequence[tuple[Record, float]], what: str) -> list[
             label = (name if ours else f"{name}, dolfinx") if k == 0 else None
             axis.loglog([time], [error], color=colour, marker=marker, linestyle="", label=label)
             labels.append((one["label"], (time, error), colour))
-    axis.set_xlabel("run time, one thread", fontsize=12)
     axis.set_ylabel(what, fontsize=12)
-    axis.tick_params(labelsize=11)
-    axis.grid(True, which="major", alpha=0.3)
-    axis.xaxis.set_major_formatter(_time)
-    axis.yaxis.set_major_formatter(_percent)
+    _scaled(axis)
     # With room for the last label.
     axis.margins(0.2, 0.12)
     for scale in (axis.xaxis, axis.yaxis):

@@ -6,7 +6,7 @@ from typing import NamedTuple
 from comparisons.measure.records import Record, part
 from comparisons.report import plots, precision
 from comparisons.report.html import figure, fold
-from comparisons.report.precision import LUCK, named, reach, refused, rerun, runs
+from comparisons.report.precision import LUCK, reach, refused, rerun, runs
 
 
 class Part(NamedTuple):
@@ -43,13 +43,9 @@ class Part(NamedTuple):
         plots.story(records, curves, self.drawn, wide, narrow)
 
     def errors(self, records: list[Record], folder: Path) -> dict[str, list[str]]:
-        """Write the plots and return parts of the section: the story with all curves, the fastest within each error."""
-        work = part(records, "work")
-        files = [f"{self.study}-{name}.png" for name in ("work-precision", "work-precision-narrow", "every-curve")]
-        wide, narrow, every = (folder / file for file in files)
-        self.story(records, wide, narrow)
-        plots.every(work, self.drawn, every)
-        count = len({named(one) for one in work})
+        """Write the plots and return parts of the section: the story, the fastest within each error."""
+        files = [f"{self.study}-{name}.png" for name in ("work-precision", "work-precision-narrow")]
+        self.story(records, folder / files[0], folder / files[1])
         return {
             "error against run time": [
                 figure(
@@ -59,15 +55,7 @@ class Part(NamedTuple):
                     "isorod, dashed ones in warm colours and black dolfinx. Rings mark the fastest within each error "
                     "(dotted lines) that stays there on finer meshes.",
                     narrow=files[1],
-                ),
-                fold(
-                    f"All {count} curves",
-                    figure(
-                        files[2],
-                        f"error of the {self.drawn} against run time, all curves",
-                        "Left isorod, right dolfinx.",
-                    ),
-                ),
+                )
             ],
             "the fastest within each error": [reach(records), LUCK],
         }
