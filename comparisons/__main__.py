@@ -4,7 +4,7 @@ import sys
 from collections.abc import Sequence
 from importlib import import_module
 
-from comparisons import COMPARED, STUDIES, laws
+from comparisons import COMPARED, STUDIES
 from comparisons.measure import timing
 from comparisons.measure.study import LEVELS, Run
 from comparisons.stability import CASES
@@ -41,19 +41,12 @@ def _main(arguments: Sequence[str]) -> int:
         action="append",
         choices=CASES,
         default=[],
+        dest="cases",
         help="of the stability study, this case alone (repeat for more)",
     )
-    parser.add_argument(
-        "--law", action="append", choices=laws.LAWS, default=[], help="laws: this law alone (repeat for more)"
-    )
-    parser.add_argument(
-        "--scene",
-        action="append",
-        choices=laws.SCENES,
-        default=[],
-        dest="scenes",
-        help="laws: this scene alone (repeat for more)",
-    )
+    for word in ("law", "scene"):
+        about = f"laws: this {word} alone (repeat for more)"
+        parser.add_argument(f"--{word}", action="append", default=[], dest=f"{word}s", metavar="NAME", help=about)
     parser.add_argument(
         "--dolfinx",
         action="append",
@@ -63,11 +56,10 @@ def _main(arguments: Sequence[str]) -> int:
     )
     parser.add_argument("--results", default="results", metavar="DIR", help="folder of records and report (results)")
     found = parser.known(arguments)
-    if found.case and found.command != "stability":
-        parser.error(f"--case {found.case[0]}: only the stability study has cases")
-    for word, given in (("--law", found.law), ("--scene", found.scenes)):
-        if given and found.command != "laws":
-            parser.error(f"{word} {given[0]}: only the study laws has {word.strip('-')}s")
+    for word, study in (("case", "stability"), ("law", "laws"), ("scene", "laws")):
+        given = getattr(found, f"{word}s")
+        if given and found.command != study:
+            parser.error(f"--{word} {given[0]}: only the study {study} has {word}s")
     if found.dolfinx and found.command not in (*VERSIONS, "verify"):
         parser.error(f"--dolfinx {found.dolfinx[0]}: only {', '.join(VERSIONS)} compare versions of dolfinx")
     if found.command == COMPARED and found.scene is None:
@@ -84,7 +76,7 @@ def _main(arguments: Sequence[str]) -> int:
     for study in STUDIES:
         if found.command == study or (found.command == "verify" and study in VERIFIED):
             run = Run(study, level, folder)
-            chosen = (found.law, found.scenes) if study == "laws" else [one for one in (found.case or others,) if one]
+            chosen = (found.laws, found.scenes) if study == "laws" else [one for one in (found.cases or others,) if one]
             import_module(f"comparisons.{study}").run(run, *chosen)
             run.record("end", {})
     from comparisons.report import page

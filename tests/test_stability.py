@@ -108,7 +108,7 @@ def test_the_page_shows_limits_tables_and_failures(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["spring", "--case", "large"], "--case large: only the stability study has cases"),
+        (["spring", "--case", "large"], "--case large: only the study stability has cases"),
         (["stability", "--case", "larger"], "invalid choice: 'larger' (choose from"),
     ],
 )

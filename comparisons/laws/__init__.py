@@ -11,29 +11,6 @@ from isorod import options
 from isorod.errors import InputError, SolveError
 from isorod.output.results import write_beside
 
-# Of laws and scenes, as the command line names them (`comparisons.laws.scenes`).
-LAWS = (
-    "linear",
-    "neo-hookean",
-    "st-venant-kirchhoff",
-    "transversely-isotropic",
-    "orthotropic",
-    "muscle",
-    "active-muscle",
-    "mooney-rivlin",
-    "yeoh",
-    "gent",
-    "ogden",
-    "hgo",
-    "hgo-two",
-    "hgo-wound",
-    "own",
-    "incompressible-mooney-rivlin",
-    "incompressible-ogden",
-    "incompressible-hgo",
-)
-SCENES = ("cylinder", "arc", "spring", "tube")
-
 # Levels of the meshes (`comparisons.laws.scenes.Scene.mesh`) of bricks of 27 nodes, extrapolated where there are three.
 MESHES = {"quick": (2, 3), "full": (2, 3, 4)}
 
@@ -56,10 +33,20 @@ HEAD = (
 
 
 def run(study: Run, laws: Sequence[str] = (), scenes: Sequence[str] = ()) -> None:
-    """Solve scenes with laws (all where none is named) both ways; record each pair, and write the table too."""
-    options.initialize([])
-    from comparisons.laws.scenes import scenes_of
+    """Solve scenes with laws (all where none is named) both ways; record each pair, and write the table too.
 
+    Raises
+    ------
+    InputError
+        If a law or a scene is none of `comparisons.laws.scenes`, or the law has no such scene.
+    """
+    options.initialize([])
+    from comparisons.laws.scenes import LAWS, SCENES, scenes_of
+
+    for word, given, known in (("law", laws, LAWS), ("scene", scenes, SCENES)):
+        unknown = [name for name in given if name not in known]
+        if unknown:
+            raise InputError(f"--{word} {unknown[0]}: need {', '.join(known)}")
     pairs = []
     for law in laws or LAWS:
         taken = [scene for scene in scenes or SCENES if scene in scenes_of(law)]
