@@ -107,7 +107,7 @@ def test_the_newest_run_is_kept_once_and_its_table_is_written(tmp_path, monkeypa
     file.write_text("")
     monkeypatch.setattr(recorded, "PAGE", page)
     monkeypatch.setattr(recorded, "FILE", file)
-    monkeypatch.setattr(recorded, "draw", lambda records, folder: None)
+    monkeypatch.setattr(recorded, "draw", lambda records: None)
     run = Run("bench", "quick", tmp_path)
     run.record("opponents", {"here": [], "absent": {}, "load": 0.0})
     confirmed(run, "cylindrical", 0.01, "--order 1")

@@ -195,12 +195,12 @@ def write(page: Path, runs: Sequence[Record]) -> None:
     write_beside(page, lambda where: where.write_text(text))
 
 
-def draw(records: list[Record], folder: Path) -> None:
-    """Draw error against run time of spring and blade into the gallery, for narrow screens into a folder."""
+def draw(records: list[Record]) -> None:
+    """Draw error against run time of spring and blade into the gallery."""
     for drawn in (spring.PART, blade.PART):
-        mine, name = report.of_scene(records, drawn.study), f"{drawn.study}-work-precision"
+        mine = report.of_scene(records, drawn.study)
         if mine:
-            drawn.story(mine, _GALLERY / f"{name}.png", folder / f"{name}-narrow.png", AS_RUN.label)
+            drawn.story(mine, _GALLERY / f"{drawn.study}-work-precision.png", AS_RUN.label)
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -217,7 +217,7 @@ def _main(arguments: Sequence[str]) -> int:
         if not records:
             raise InputError(f"results {found.add}: no complete run of the bench; run make bench first")
         lines = [*FILE.read_text().splitlines(), json.dumps(short(records))]
-        draw(records, Path(found.add))
+        draw(records)
         write_beside(FILE, lambda where: where.write_text("\n".join(dict.fromkeys(lines)) + "\n"))
     write(PAGE, kept())
     print(table(kept()))

@@ -48,7 +48,7 @@ def section(records: list[Record], folder: Path) -> list[str]:
                     picture["animation"],
                     "both motions, animated",
                     "The motion, left isorod, right dolfinx.",
-                    narrow=picture["animation"],
+                    fits=True,
                 ),
             ],
             "the motion against time": figure(

@@ -63,14 +63,13 @@ def section(records: list[Record], folder: Path) -> list[str]:
                 "The paper's element against its own model of 30 elements, first three frequencies: a straight line "
                 f"says that each doubling divides the error by the same factor. Common slope {order:.2f}; the paper "
                 "draws 3.",
-                narrow="blade-convergence.png",
+                fits=True,
             ),
             "Fig. 12, mode shapes": figure(
                 picture["file"],
                 "ten mode shapes",
                 "Ten mode shapes and their frequencies, over the blade at rest (black edges). Colour is the size of "
                 "the displacement, from none (dark) to each mode's largest (yellow).",
-                narrow=picture["narrow"],
             ),
             "the same modes": [
                 "<p>Modal assurance criterion: 1 if a mode of isorod has the shape of one of dolfinx, 0 if they have "

@@ -64,11 +64,11 @@ def section(records: list[Record], folder: Path) -> list[str]:
     """Write the plots of a comparison and return its HTML."""
     scene, work = _scene(records), part(records, "work")
     name = scene["name"]
-    files = [f"{records[-1]['study']}-{which}.png" for which in ("errors", "errors-narrow")]
-    plots.labelled(work, {what: told(records, what) for what in (ERROR, STRESS)}, *(folder / file for file in files))
+    file = f"{records[-1]['study']}-errors.png"
+    plots.labelled(work, {what: told(records, what) for what in (ERROR, STRESS)}, folder / file)
     parts = {
         "error against run time": figure(
-            files[0],
+            file,
             f"{name}: errors against run time, both axes logarithmic",
             "Lower is more accurate, further left is faster. Each point is a run: of isorod <em>default</em>, and what "
             "is changed of it: N, the degree of polynomials across the section, K and n, order and number of control "
@@ -77,16 +77,12 @@ def section(records: list[Record], folder: Path) -> list[str]:
             "refined in all directions. First the largest error of what the scene measures, against the limit of three "
             f"meshes; then those of {'stress and of ' if STRESS in _default(records) else ''}the field, against "
             f"{'that limit and ' if _measured_stresses(records) else ''}the finest mesh, which has none itself.",
-            narrow=files[1],
         ),
         "what it measures": _measured(records),
         "fields": [
             _field_words(records),
             _field_table(records),
-            *(
-                figure(one["file"], one["alt"], one["caption"], narrow=one["narrow"])
-                for one in part(records, "picture")
-            ),
+            *(figure(one["file"], one["alt"], one["caption"]) for one in part(records, "picture")),
         ],
         "every run, raw data, running it again": _closing(records),
     }

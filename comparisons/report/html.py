@@ -67,16 +67,13 @@ def contents(body: str) -> str:
     return '<nav aria-label="Contents">' + "\n".join(blocks) + "</nav>"
 
 
-def figure(file: str, alt: str, caption: str, narrow: str | None = None) -> str:
-    """Return a picture with a caption that says what to see; ``narrow`` takes its place on narrow screens.
+def figure(file: str, alt: str, caption: str, fits: bool = False) -> str:
+    """Return a picture with a caption that says what to see.
 
-    Without one the picture scrolls in a box of its own there.
+    On narrow screens it scrolls in a box of its own, or ``fits`` them, shrunk.
     """
     image = f'<img src="{file}" alt="{html.escape(alt)}">'
-    if narrow is None:
-        shown = f"<div class=wide>{image}</div>"
-    else:
-        shown = f'<picture><source media="(max-width: 700px)" srcset="{narrow}">{image}</picture>'
+    shown = image if fits else f"<div class=wide>{image}</div>"
     return f"<figure>{shown}<figcaption>{caption}</figcaption></figure>"
 
 

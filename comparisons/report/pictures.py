@@ -16,7 +16,6 @@ from isorod.output.picture import add_flat, without_display
 from isorod.output.results import write_beside
 
 SIZE = (1600, 640)
-NARROW = (840, 1240)
 
 # The scale of stresses, at the right of a panel.
 BAR: dict[str, Any] = {
@@ -52,12 +51,11 @@ def spring(study: Run) -> None:
         (ours, f"isorod ({model.bodies[0].space.basis.family}), {model.dofs:,} unknowns"),
         (theirs, f"Q2 bricks (dolfinx), {record['dofs']:,} unknowns"),
     )
-    wide, narrow = (study.folder / name for name in ("spring-von-mises.png", "spring-von-mises-narrow.png"))
-    for path, stacked in ((wide, False), (narrow, True)):
-        write_beside(path, partial(_beside, panels, published.SPRING_STRESS_SCALE, stacked=stacked))
+    path = study.folder / "spring-von-mises.png"
+    write_beside(path, partial(_beside, panels, published.SPRING_STRESS_SCALE))
     peaks = [float(np.max(mesh.point_data["von_mises"])) for mesh, _ in panels]
     labels = [label for _, label in panels]
-    study.record("picture", {"file": wide.name, "narrow": narrow.name, "largest_von_mises": peaks, "labels": labels})
+    study.record("picture", {"file": path.name, "largest_von_mises": peaks, "labels": labels})
 
 
 def modes(study: Run, found: Modes, exaggeration: float = 0.12) -> None:
@@ -71,17 +69,16 @@ def modes(study: Run, found: Modes, exaggeration: float = 0.12) -> None:
     # Displacements do not jump: merged points leave no faces inside.
     mesh = vtk.grid(body, shapes, rings=3, around=48, slices=3).clean(tolerance=1e-6)
     names = [f"{k + 1}\n{frequency:.4g} Hz" for k, frequency in enumerate(found.frequencies)]
-    wide, narrow = (study.folder / name for name in ("blade-modes.png", "blade-modes-narrow.png"))
-    for path, rows, size in ((wide, 2, (1700, 1000)), (narrow, 4, (840, 1640))):
-        write_beside(path, partial(_modes, mesh, names, exaggeration, rows, size))
-    study.record("picture", {"file": wide.name, "narrow": narrow.name})
+    path = study.folder / "blade-modes.png"
+    write_beside(path, partial(_modes, mesh, names, exaggeration))
+    study.record("picture", {"file": path.name})
 
 
-def _modes(mesh: Any, names: list[str], exaggeration: float, rows: int, size: tuple[int, int], path: Path) -> None:
+def _modes(mesh: Any, names: list[str], exaggeration: float, path: Path) -> None:
     import pyvista
 
-    columns = -(-len(names) // rows)
-    plotter = pyvista.Plotter(shape=(rows, columns), off_screen=True, window_size=size, border=False)
+    columns = -(-len(names) // 2)
+    plotter = pyvista.Plotter(shape=(2, columns), off_screen=True, window_size=(1700, 1000), border=False)
     plotter.set_background("white")
     rest = mesh.extract_surface(algorithm="dataset_surface").extract_feature_edges(30.0)
     for k, name in enumerate(names):
@@ -103,17 +100,16 @@ def _modes(mesh: Any, names: list[str], exaggeration: float, rows: int, size: tu
     plotter.close()
 
 
-def _beside(panels: Any, scale: tuple[float, float], path: Path, stacked: bool = False) -> None:
-    """Draw panels side by side, or one below the other for narrow screens."""
+def _beside(panels: Any, scale: tuple[float, float], path: Path) -> None:
+    """Draw panels side by side."""
     import pyvista
 
     count = len(panels)
-    shape, size = ((count, 1), NARROW) if stacked else ((1, count), SIZE)
-    plotter = pyvista.Plotter(shape=shape, off_screen=True, window_size=size, border=False)
+    plotter = pyvista.Plotter(shape=(1, count), off_screen=True, window_size=SIZE, border=False)
     plotter.set_background("white")
     for k, (mesh, label) in enumerate(panels):
-        plotter.subplot(*((k, 0) if stacked else (0, k)))
-        add_flat(plotter, mesh, "von_mises", scale, "turbo", BAR if stacked or k == count - 1 else None)
+        plotter.subplot(0, k)
+        add_flat(plotter, mesh, "von_mises", scale, "turbo", BAR if k == count - 1 else None)
         plotter.add_text(label, position="upper_left", font_size=14, color="black")
         plotter.camera_position = "xz"
         plotter.camera.elevation = 25

@@ -75,8 +75,8 @@ def looks(curves: Sequence[Record]) -> dict[str, dict[str, str]]:
     return found
 
 
-def story(records: list[Record], curves: Sequence[Record], quantity: str, wide: Path, narrow: Path) -> None:
-    """Draw error against run time and against unknowns, for wide screens and, one below the other, for narrow ones.
+def story(records: list[Record], curves: Sequence[Record], quantity: str, path: Path) -> None:
+    """Draw error against run time and against unknowns.
 
     Parameters
     ----------
@@ -87,32 +87,32 @@ def story(records: list[Record], curves: Sequence[Record], quantity: str, wide: 
     quantity
         What the error is of.
     """
-    for path, rows, columns, size in ((wide, 1, 2, (12.0, 5.4)), (narrow, 2, 1, (4.6, 9.4))):
-        figure, axes = pyplot().subplots(rows, columns, figsize=size, sharey=True, layout="constrained")
-        for label, look in looks(curves).items():
-            points = [one for one in curves if named(one) == label]
-            errors = [one["error"] for one in points]
-            axes[0].loglog([one["seconds"]["total"] for one in points], errors, label=label, markersize=6, **look)
-            axes[1].loglog([one["dofs"] for one in points], errors, markersize=6, **look)
-        best = pairs(records)
-        ringed = [one for _, *both in best for one in both]
-        errors = [one["error"] for one in ringed]
-        rings = {"color": "black", "marker": "o", "markersize": 14, "markerfacecolor": "none", "linestyle": ""}
-        axes[0].plot(
-            [one["seconds"]["total"] for one in ringed],
-            errors,
-            label="fastest that stays within an error, refined",
-            **rings,
-        )
-        axes[1].plot([one["dofs"] for one in ringed], errors, **rings)
-        for axis, *labels in zip(axes, ("run time, one thread", "unknowns"), (_time, _count), strict=True):
-            _scaled(axis, *labels)
-            for target in targets(records):
-                axis.axhline(target, color="black", linewidth=0.7, linestyle=":")
-        for axis in axes[:1] if columns == 2 else axes:
-            axis.set_ylabel(f"error of the {quantity}", fontsize=12)
-        figure.legend(loc="outside lower center", ncols=3 if columns == 2 else 1, frameon=False, fontsize=11)
-        save(figure, path, 130)
+    figure, axes = pyplot().subplots(1, 2, figsize=(12.0, 5.4), sharey=True, layout="constrained")
+    best = [one for _, *both in pairs(records) for one in both]
+    rings: dict[str, Any] = {
+        "color": "black",
+        "marker": "o",
+        "markersize": 14,
+        "markerfacecolor": "none",
+        "linestyle": "",
+    }
+    drawn: list[tuple[str, Mapping[str, Any], list[Record]]] = [
+        (label, look, [one for one in curves if named(one) == label]) for label, look in looks(curves).items()
+    ]
+    drawn.append(("fastest that stays within an error, refined", rings, best))
+    for label, look, points in drawn:
+        errors = [one["error"] for one in points]
+        shown = {"markersize": 6, "label": label, **look}
+        axes[0].loglog([one["seconds"]["total"] for one in points], errors, **shown)
+        axes[1].loglog([one["dofs"] for one in points], errors, **shown)
+    for axis, what, form in zip(axes, ("run time, one thread", "unknowns"), (_time, _count), strict=True):
+        _scaled(axis, what, form)
+        for target in targets(records):
+            axis.axhline(target, color="black", linewidth=0.7, linestyle=":")
+    axes[0].set_ylabel(f"error of the {quantity}", fontsize=12)
+    handles = axes[0].get_legend_handles_labels()
+    figure.legend(*handles, loc="outside lower center", ncols=3, frameon=False, fontsize=11)
+    save(figure, path, 130)
 
 
 def _scaled(axis: Any, what: str = "run time, one thread", form: Any = None) -> None:
@@ -136,7 +136,7 @@ def _time(value: float, _: int) -> str:
     return f"{1e3 * value:g} ms" if value < 1.0 else f"{value:g} s"
 
 
-def labelled(work: Sequence[Record], told: Mapping[str, float], wide: Path, narrow: Path) -> None:
+def labelled(work: Sequence[Record], told: Mapping[str, float], path: Path) -> None:
     """Draw error against run time of a comparison, each run with its label: measured, of stress, and of the field.
 
     Parameters
@@ -145,40 +145,35 @@ def labelled(work: Sequence[Record], told: Mapping[str, float], wide: Path, narr
         Its runs: those of a ``sequence`` are joined, the others stand alone.
     told
         Errors below which finite elements do not tell one: ``error`` of what is measured, and ``stress``.
-    wide, narrow
-        Files of the plot, and of that for narrow screens, one panel below the other.
     """
     field = "shape" if any("shape" in one["field"] for one in work) else "displacement"
     panels = [("error", "error of what is measured", [one["error"] for one in work])]
     if any("stress" in one for one in work):
         panels.append(("stress", "error of stress", [one.get("stress", 0.0) for one in work]))
     panels.append((field, f"error of the {FIELDS[field]}", [one["field"].get(field, 0.0) for one in work]))
-    count = len(panels)
-    for path, columns, size in ((wide, 2, (12.0, 5.4 if count < 3 else 9.8)), (narrow, 1, (4.6, 4.7 * count))):
-        figure, grid = pyplot().subplots(-(-count // columns), columns, figsize=size, layout="constrained")
-        axes, labels = grid.ravel(), []
-        for axis, (name, what, errors) in zip(axes, panels, strict=False):
-            labels.append(_points(axis, list(zip(work, errors, strict=True)), what))
-            axis.tick_params(axis="x", labelsize=11 if columns == 2 else 9)
-            if told.get(name, 0.0) > 0.0:
-                low, high = axis.get_ylim()
-                low = min(low, 0.6 * told[name])
-                axis.axhspan(low, told[name], color="black", alpha=0.06, label="less than finite elements tell")
-                axis.set_ylim(low, max(high, 1.5 * told[name]))
-        found = {label: one for axis in axes for one, label in zip(*axis.get_legend_handles_labels(), strict=True)}
-        look: dict[str, Any] = {"frameon": False, "fontsize": 11}
-        if len(axes) > count:
-            # In the place that is left.
-            axes[-1].axis("off")
-            axes[-1].legend(found.values(), found.keys(), loc="center", **look)
-        else:
-            place = {"loc": "outside lower center", "ncols": 3 if columns == 2 else 1}
-            figure.legend(found.values(), found.keys(), **place, **look)
-        # Panels have their sizes then.
-        figure.draw_without_rendering()
-        for axis, those in zip(axes, labels, strict=False):
-            _label(axis, those)
-        save(figure, path, 130)
+    rows = -(-len(panels) // 2)
+    figure, grid = pyplot().subplots(rows, 2, figsize=(12.0, 5.4 if rows == 1 else 9.8), layout="constrained")
+    axes, labels = grid.ravel(), []
+    for axis, (name, what, errors) in zip(axes, panels, strict=False):
+        labels.append(_points(axis, list(zip(work, errors, strict=True)), what))
+        if told.get(name, 0.0) > 0.0:
+            low, high = axis.get_ylim()
+            low = min(low, 0.6 * told[name])
+            axis.axhspan(low, told[name], color="black", alpha=0.06, label="less than finite elements tell")
+            axis.set_ylim(low, max(high, 1.5 * told[name]))
+    found = {label: one for axis in axes for one, label in zip(*axis.get_legend_handles_labels(), strict=True)}
+    look: dict[str, Any] = {"frameon": False, "fontsize": 11}
+    if len(axes) > len(panels):
+        # In the place that is left.
+        axes[-1].axis("off")
+        axes[-1].legend(found.values(), found.keys(), loc="center", **look)
+    else:
+        figure.legend(found.values(), found.keys(), loc="outside lower center", ncols=3, **look)
+    # Panels have their sizes then.
+    figure.draw_without_rendering()
+    for axis, those in zip(axes, labels, strict=False):
+        _label(axis, those)
+    save(figure, path, 130)
 
 
 def _label(axis: Any, labels: Sequence[tuple[str, tuple[float, float], str]]) -> None:

@@ -18,7 +18,7 @@ from isorod.output.results import write_beside
 from isorod.output.words import STRESS_ERROR, stress_error
 from meshes.mesh import lexicographic
 
-# Width and height of a panel, pixels; beside each other, and for narrow screens one below the other.
+# Width and height of a panel, pixels.
 PANEL = (800, 560)
 
 # Modes that are shown, as many as rows.
@@ -70,13 +70,11 @@ def write(study: Run, solution: Any, records: Sequence[Record], sample: Sample) 
     labels = [f"{name}, {one['dofs']:,} unknowns" for name, one in zip(names, records, strict=True)]
     if not modal:
         labels[0] += f"\n{stress_error(records[0].get(STRESS_ERROR))}"
-    files = [f"{study.study}-{which}.png" for which in ("picture", "picture-narrow")]
-    for file, stacked in zip(files, (False, True), strict=True):
-        draw = partial(_draw, rows, lines, _captions(rows, labels, records), scale, modal, stacked)
-        write_beside(study.folder / file, draw)
+    file = f"{study.study}-picture.png"
+    write_beside(study.folder / file, partial(_draw, rows, lines, _captions(rows, labels, records), scale, modal))
     said = _MODES if modal else _EQUILIBRIUM
     alt = "mode shapes of both sides" if modal else "von Mises stress of both sides on the deformed rods"
-    study.record("picture", {"file": files[0], "narrow": files[1], "alt": alt, "caption": said})
+    study.record("picture", {"file": file, "alt": alt, "caption": said})
 
 
 def _at_rest(body: Any) -> Array:
@@ -185,14 +183,12 @@ def _draw(
     captions: Sequence[Sequence[str]],
     scale: tuple[float, float],
     modal: bool,
-    stacked: bool,
     path: Path,
 ) -> None:
     import pyvista
 
-    shape = (2 * len(rows), 1) if stacked else (len(rows), 2)
-    size = PANEL[0] * shape[1], PANEL[1] * shape[0]
-    plotter = pyvista.Plotter(shape=shape, off_screen=True, window_size=size, border=False)
+    size = 2 * PANEL[0], len(rows) * PANEL[1]
+    plotter = pyvista.Plotter(shape=(len(rows), 2), off_screen=True, window_size=size, border=False)
     try:
         plotter.set_background("white")
         moved = [mesh.points + mesh.point_data["motion"] for row in rows for mesh in row]
@@ -200,7 +196,7 @@ def _draw(
         view, up = _direction(everything)
         for k, row in enumerate(rows):
             for column, mesh in enumerate(row):
-                plotter.subplot(*((2 * k + column, 0) if stacked else (k, column)))
+                plotter.subplot(k, column)
                 bar = picture.bar("displacement" if modal else "von Mises", PANEL) if column else None
                 picture.add_flat(plotter, mesh, "colour", scale, "viridis" if modal else "turbo", bar, "motion")
                 for line in lines:

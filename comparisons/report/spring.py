@@ -55,7 +55,6 @@ def section(records: list[Record], folder: Path) -> list[str]:
                 "shade. The wire is stressed most at the inside of the coils, and along its middle not at all, on "
                 f"both sides alike; the bricks' stress jumps a little between them. Largest values: {peaks} (isorod, "
                 "dolfinx; at the clamped edges, where the exact one is infinite).",
-                narrow=picture["narrow"],
             ),
             "Table 1 of Lu & Zhou (2011)": [
                 "<p>The force that the paper prints, and ours with its element and the rule R x S x T = 2 x 1 x t.</p>",

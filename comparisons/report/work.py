@@ -37,24 +37,23 @@ class Part(NamedTuple):
         """Return the study's main findings as HTML."""
         return precision.answer(self.study.title(), self.asked, records)
 
-    def story(self, records: list[Record], wide: Path, narrow: Path, *more: str) -> None:
-        """Draw the curves that tell the story, for wide screens and for narrow ones; ``more`` are curves of ours."""
+    def story(self, records: list[Record], path: Path, *more: str) -> None:
+        """Draw the curves that tell the story; ``more`` are curves of ours."""
         curves = plots.told(records, (*more, *self.ours), self.theirs)
-        plots.story(records, curves, self.drawn, wide, narrow)
+        plots.story(records, curves, self.drawn, path)
 
     def errors(self, records: list[Record], folder: Path) -> dict[str, list[str]]:
         """Write the plots and return parts of the section: the story, the fastest within each error."""
-        files = [f"{self.study}-{name}.png" for name in ("work-precision", "work-precision-narrow")]
-        self.story(records, folder / files[0], folder / files[1])
+        file = f"{self.study}-work-precision.png"
+        self.story(records, folder / file)
         return {
             "error against run time": [
                 figure(
-                    files[0],
+                    file,
                     f"error of the {self.drawn} against run time and against unknowns, both axes logarithmic",
                     "Lower is more accurate, further left is faster, or smaller. Solid lines in blue and green are "
                     "isorod, dashed ones in warm colours and black dolfinx. Rings mark the fastest within each error "
                     "(dotted lines) that stays there on finer meshes.",
-                    narrow=files[1],
                 )
             ],
             "the fastest within each error": [reach(records), LUCK],
