@@ -10,6 +10,7 @@ import numpy as np
 from comparisons.biceps import END_TIME
 from comparisons.fem.presets import biceps as presets
 from comparisons.measure import timing
+from comparisons.measure.convergence import time_at
 from comparisons.measure.records import Record
 from comparisons.measure.study import Run, Steps
 from comparisons.measure.work import AS_RUN
@@ -98,17 +99,7 @@ def _error(forces: object, wanted: object) -> dict[str, float]:
 
 
 def at(records: list[Record], target: float) -> float | None:
-    """Return the time a curve takes to an error, along its line in logarithms of both; None where it does not reach it.
-
-    Meshes of one curve, coarse to fine; beyond the finest nothing is told.
-    """
-    for coarse, fine in zip([None, *records], records, strict=False):
-        if fine["error"] > target:
-            continue
-        if coarse is None or coarse["error"] <= target:
-            return float(fine["seconds_motion"])
-        errors = np.log([coarse["error"], fine["error"], target])
-        times = np.log([coarse["seconds_motion"], fine["seconds_motion"]])
-        share = (errors[2] - errors[0]) / (errors[1] - errors[0])
-        return float(np.exp(times[0] + share * (times[1] - times[0])))
-    return None
+    """Return the time that a curve takes to an error; None where it does not reach it."""
+    errors, times = ([one[name] for one in records] for name in ("error", "seconds_motion"))
+    time, how = time_at(errors, times, target)
+    return None if how == "more than" else time

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from comparisons.measure.convergence import time_at
 from comparisons.measure.quantities import FREQUENCIES, Converged
 from comparisons.measure.records import Record, family, is_ours, part
 from comparisons.measure.variants import DEFAULT
@@ -131,18 +132,7 @@ def at_equal_error(work: Sequence[Record], error: float, what: str = ERROR) -> t
     found = []
     for curve in dict.fromkeys(one["curve"] for one in work if one["method"] == "fem"):
         runs = sorted((one for one in work if one["curve"] == curve), key=lambda one: one["dofs"])
-        times = np.log([one["seconds"]["total"] for one in runs])
-        errors = np.log(np.maximum([one[what] for one in runs], 1e-16))
-        wanted = np.log(max(error, 1e-16))
-        if errors[0] <= wanted:
-            found.append((float(np.exp(times[0])), "at most"))
-            continue
-        k = next((k for k in range(1, len(runs)) if errors[k] <= wanted), None)
-        if k is None:
-            found.append((float(np.exp(times[-1])), "more than"))
-            continue
-        share = (wanted - errors[k - 1]) / (errors[k] - errors[k - 1])
-        found.append((float(np.exp(times[k - 1] + share * (times[k] - times[k - 1]))), ""))
+        found.append(time_at([one[what] for one in runs], [one["seconds"]["total"] for one in runs], error))
     reached = [one for one in found if one[1] != "more than"]
     return min(reached or found, default=None)
 
