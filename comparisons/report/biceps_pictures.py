@@ -11,7 +11,7 @@ from comparisons.report.pictures import BAR
 from isorod.model import Model
 from isorod.output import vtk
 from isorod.output.animation import save
-from isorod.output.picture import add_flat, without_display
+from isorod.output.picture import add_flat, stage, taken, without_display
 from isorod.output.results import write_beside
 from isorod.scenes.biceps import Biceps
 
@@ -123,44 +123,33 @@ def run(study: Run, scene: Biceps) -> None:
 
 
 def _picture(ours: _Ours, moving: _Theirs, still: _Theirs, path: Path) -> None:
-    import pyvista
-
     columns = 2 + len(TIMES)
-    # The last column is for the scale.
-    plotter = pyvista.Plotter(
-        shape=(2, columns + 1),
-        off_screen=True,
-        window_size=(1640, 1180),
-        border=False,
-        col_weights=[1.0] * columns + [0.45],
-    )
-    plotter.set_background("white")
     dofs = ours.model.dofs, 3 * len(still.arrays["points"])
     rest = ours.mesh(ours.equilibrium), still.at(0.0)
     sides: tuple[_Ours | _Theirs, ...] = (ours, moving)
-    for row, (side, name) in enumerate(zip(sides, _names(ours.model), strict=True)):
-        plotter.subplot(row, 0)
-        # Undeformed, as its displacement is not asked for.
-        plotter.add_mesh(
-            side.at(0.0).extract_surface(algorithm="dataset_surface"), color="#e9d8c8", smooth_shading=True
-        )
-        plotter.add_mesh(side.borders(), color="#333333", line_width=1)
-        if row == 0:
-            plotter.add_points(ours.net(), color="#b02020", point_size=5, render_points_as_spheres=True)
-        plotter.add_text(f"{name}\n{dofs[row]:,} unknowns", position="upper_left", font_size=10, color="black")
-        _look(plotter)
-        for column in range(1, columns):
-            plotter.subplot(row, column)
-            last = column == columns - 1
-            mesh = rest[row] if last else side.at(TIMES[column - 1])
-            add_flat(plotter, mesh, "von_mises", SCALE, "turbo", None)
-            text = "equilibrium" if last else f"{1e3 * TIMES[column - 1]:g} ms"
-            plotter.add_text(text, position="upper_left", font_size=11, color="black")
+    # The last column is for the scale.
+    with stage((1640, 1180), shape=(2, columns + 1), col_weights=[1.0] * columns + [0.45]) as plotter:
+        for row, (side, name) in enumerate(zip(sides, _names(ours.model), strict=True)):
+            plotter.subplot(row, 0)
+            # Undeformed, as its displacement is not asked for.
+            skin = side.at(0.0).extract_surface(algorithm="dataset_surface")
+            plotter.add_mesh(skin, color="#e9d8c8", smooth_shading=True)
+            plotter.add_mesh(side.borders(), color="#333333", line_width=1)
+            if row == 0:
+                plotter.add_points(ours.net(), color="#b02020", point_size=5, render_points_as_spheres=True)
+            plotter.add_text(f"{name}\n{dofs[row]:,} unknowns", position="upper_left", font_size=10, color="black")
             _look(plotter)
-        plotter.subplot(row, columns)
-    _scale(plotter, BAR | {"title": "von Mises\nN/cm²", "position_x": 0.38})
-    plotter.screenshot(str(path))
-    plotter.close()
+            for column in range(1, columns):
+                plotter.subplot(row, column)
+                last = column == columns - 1
+                mesh = rest[row] if last else side.at(TIMES[column - 1])
+                add_flat(plotter, mesh, "von_mises", SCALE, "turbo", None)
+                text = "equilibrium" if last else f"{1e3 * TIMES[column - 1]:g} ms"
+                plotter.add_text(text, position="upper_left", font_size=11, color="black")
+                _look(plotter)
+            plotter.subplot(row, columns)
+        _scale(plotter, BAR | {"title": "von Mises\nN/cm²", "position_x": 0.38})
+        plotter.screenshot(str(path))
 
 
 def _names(model: Model) -> tuple[str, str]:
@@ -179,28 +168,22 @@ def _scale(plotter: Any, bar: dict[str, Any]) -> None:
 
 def _animation(ours: _Ours, moving: _Theirs, path: Path) -> None:
     """Draw both motions beside each other at the finite elements' samples, as a GIF."""
-    import pyvista
-    from PIL import Image
-
     frames = []
     sides: tuple[_Ours | _Theirs, ...] = (ours, moving)
     for time in [0.0, *moving.times]:
-        plotter = pyvista.Plotter(shape=(1, 2), off_screen=True, window_size=_FRAME, border=False)
-        plotter.set_background("white")
-        for column, (side, name) in enumerate(zip(sides, _names(ours.model), strict=True)):
-            plotter.subplot(0, column)
-            mesh = side.at(time)
-            if time == 0.0:
-                mesh.point_data["displacement"][:] = 0.0
-                mesh.point_data["von_mises"][:] = 0.0
-            add_flat(plotter, mesh, "von_mises", SCALE, "turbo", None)
-            plotter.add_text(name, position="upper_left", font_size=10, color="black")
-            if column == 0:
-                plotter.add_text(f"{1e3 * time:.1f} ms", position="lower_left", font_size=12, color="black")
-            _look(plotter)
-        image = Image.fromarray(plotter.screenshot(return_img=True))
-        plotter.close()
-        frames.append(image)
+        with stage(_FRAME, shape=(1, 2)) as plotter:
+            for column, (side, name) in enumerate(zip(sides, _names(ours.model), strict=True)):
+                plotter.subplot(0, column)
+                mesh = side.at(time)
+                if time == 0.0:
+                    mesh.point_data["displacement"][:] = 0.0
+                    mesh.point_data["von_mises"][:] = 0.0
+                add_flat(plotter, mesh, "von_mises", SCALE, "turbo", None)
+                plotter.add_text(name, position="upper_left", font_size=10, color="black")
+                if column == 0:
+                    plotter.add_text(f"{1e3 * time:.1f} ms", position="lower_left", font_size=12, color="black")
+                _look(plotter)
+            frames.append(taken(plotter))
     save(frames, path)
 
 

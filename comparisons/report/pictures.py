@@ -12,7 +12,7 @@ from comparisons.measure.study import Run
 from isorod import scenes, statics
 from isorod.modal import Modes
 from isorod.output import vtk
-from isorod.output.picture import add_flat, without_display
+from isorod.output.picture import add_flat, stage, without_display
 from isorod.output.results import write_beside
 
 SIZE = (1600, 640)
@@ -75,48 +75,39 @@ def modes(study: Run, found: Modes, exaggeration: float = 0.12) -> None:
 
 
 def _modes(mesh: Any, names: list[str], exaggeration: float, path: Path) -> None:
-    import pyvista
-
     columns = -(-len(names) // 2)
-    plotter = pyvista.Plotter(shape=(2, columns), off_screen=True, window_size=(1700, 1000), border=False)
-    plotter.set_background("white")
     rest = mesh.extract_surface(algorithm="dataset_surface").extract_feature_edges(30.0)
-    for k, name in enumerate(names):
-        plotter.subplot(*divmod(k, columns))
-        moved = mesh.copy()
-        shape = moved.point_data[f"mode {k + 1}"]
-        length = np.linalg.norm(shape, axis=1)
-        moved.point_data["size"] = length / length.max()
-        moved.point_data["displacement"] = exaggeration * mesh.length / length.max() * shape
-        plotter.add_mesh(rest, color="black", line_width=1)
-        add_flat(plotter, moved, "size", (0.0, 1.0), "viridis", None)
-        plotter.add_text(name, position="upper_left", font_size=14, color="black")
-        plotter.camera_position = [(1.0, -1.4, 0.55), (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)]
-        plotter.reset_camera()
-        plotter.camera.zoom(1.35)
-        # To the right of its label.
-        plotter.camera.SetWindowCenter(-0.3, 0.0)
-    plotter.screenshot(str(path))
-    plotter.close()
+    with stage((1700, 1000), shape=(2, columns)) as plotter:
+        for k, name in enumerate(names):
+            plotter.subplot(*divmod(k, columns))
+            moved = mesh.copy()
+            shape = moved.point_data[f"mode {k + 1}"]
+            length = np.linalg.norm(shape, axis=1)
+            moved.point_data["size"] = length / length.max()
+            moved.point_data["displacement"] = exaggeration * mesh.length / length.max() * shape
+            plotter.add_mesh(rest, color="black", line_width=1)
+            add_flat(plotter, moved, "size", (0.0, 1.0), "viridis", None)
+            plotter.add_text(name, position="upper_left", font_size=14, color="black")
+            plotter.camera_position = [(1.0, -1.4, 0.55), (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)]
+            plotter.reset_camera()
+            plotter.camera.zoom(1.35)
+            # To the right of its label.
+            plotter.camera.SetWindowCenter(-0.3, 0.0)
+        plotter.screenshot(str(path))
 
 
 def _beside(panels: Any, scale: tuple[float, float], path: Path) -> None:
     """Draw panels side by side."""
-    import pyvista
-
-    count = len(panels)
-    plotter = pyvista.Plotter(shape=(1, count), off_screen=True, window_size=SIZE, border=False)
-    plotter.set_background("white")
-    for k, (mesh, label) in enumerate(panels):
-        plotter.subplot(0, k)
-        add_flat(plotter, mesh, "von_mises", scale, "turbo", BAR if k == count - 1 else None)
-        plotter.add_text(label, position="upper_left", font_size=14, color="black")
-        plotter.camera_position = "xz"
-        plotter.camera.elevation = 25
-        plotter.camera.azimuth = 20
-        plotter.reset_camera()
-        # Room for the scalar bar, the same in every panel.
-        plotter.camera.focal_point = (1.2, 0.0, plotter.camera.focal_point[2])
-        plotter.camera.zoom(1.3)
-    plotter.screenshot(str(path))
-    plotter.close()
+    with stage(SIZE, shape=(1, len(panels))) as plotter:
+        for k, (mesh, label) in enumerate(panels):
+            plotter.subplot(0, k)
+            add_flat(plotter, mesh, "von_mises", scale, "turbo", BAR if k == len(panels) - 1 else None)
+            plotter.add_text(label, position="upper_left", font_size=14, color="black")
+            plotter.camera_position = "xz"
+            plotter.camera.elevation = 25
+            plotter.camera.azimuth = 20
+            plotter.reset_camera()
+            # Room for the scalar bar, the same in every panel.
+            plotter.camera.focal_point = (1.2, 0.0, plotter.camera.focal_point[2])
+            plotter.camera.zoom(1.3)
+        plotter.screenshot(str(path))

@@ -187,13 +187,10 @@ def _draw(
 ) -> None:
     import pyvista
 
-    size = 2 * PANEL[0], len(rows) * PANEL[1]
-    plotter = pyvista.Plotter(shape=(len(rows), 2), off_screen=True, window_size=size, border=False)
-    try:
-        plotter.set_background("white")
-        moved = [mesh.points + mesh.point_data["motion"] for row in rows for mesh in row]
-        everything = np.concatenate([*moved, *lines])
-        view, up = _direction(everything)
+    moved = [mesh.points + mesh.point_data["motion"] for row in rows for mesh in row]
+    everything = np.concatenate([*moved, *lines])
+    view, up = _direction(everything)
+    with picture.stage((2 * PANEL[0], len(rows) * PANEL[1]), shape=(len(rows), 2)) as plotter:
         for k, row in enumerate(rows):
             for column, mesh in enumerate(row):
                 plotter.subplot(k, column)
@@ -204,8 +201,6 @@ def _draw(
                 plotter.add_text(captions[k][column], position="upper_left", font_size=12, color="black")
                 picture.look(plotter.camera, everything, view, PANEL, up)
         plotter.screenshot(str(path))
-    finally:
-        plotter.close()
 
 
 def _direction(points: Array) -> tuple[Array, Array]:

@@ -135,11 +135,11 @@ def draw(
 
 
 @contextmanager
-def stage(size: Sequence[int], window: bool = False) -> Iterator[Any]:
-    """Open an empty white picture, a pyvista plotter, and close it in the end."""
+def stage(size: Sequence[int], window: bool = False, **more: Any) -> Iterator[Any]:
+    """Open an empty white picture, a pyvista plotter, and close it in the end; ``more`` is for it, as its ``shape``."""
     import pyvista
 
-    plotter = pyvista.Plotter(off_screen=not window, window_size=list(size), border=False)
+    plotter = pyvista.Plotter(off_screen=not window, window_size=list(size), border=False, **more)
     try:
         plotter.set_background("white")
         yield plotter
