@@ -1,55 +1,41 @@
 """``python -m meshes.study spring --cells tetrahedra -o spring.msh``: write a mesh that a study is made with."""
 
 import argparse
+import inspect
 import sys
-from collections.abc import Sequence
+import types
+import typing
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 from isorod.command import ending
-from isorod.errors import InputError
+from isorod.command.parser import Parser
 from meshes import biceps, blade, files, gmsh_model, spring
 
 SCENES: dict[str, Any] = {"spring": spring, "blade": blade, "biceps": biceps}
 
 
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        raise InputError(message)
-
-
 def _parser() -> argparse.ArgumentParser:
-    parser = _Parser(prog="meshes.study", description="Finite element meshes of the studies, from the Rod's own map.")
+    parser = Parser(prog="meshes.study", description="Finite element meshes of the studies, from the Rod's own map.")
     several = parser.add_subparsers(dest="scene", required=True, metavar="SCENE", help=", ".join(SCENES))
-    it = several.add_parser("spring", help="the helical spring")
-    it.add_argument("--cells", choices=spring.CELLS, default="bricks")
-    it.add_argument("--around", type=int, default=8, metavar="N", help="cells round the wire (bricks: multiple of 4)")
-    it.add_argument("--layers", type=int, default=48, metavar="N", help="cells along the wire (multiple of 12)")
-    it.add_argument("--order", type=int, default=2, metavar="N", help="order of the geometry")
-    it.add_argument("--rings", type=int, default=1, metavar="N", help="bricks: rings round the core")
-    it.add_argument("--core", type=float, metavar="R", help="bricks: radius of the core's corners, between 0 and 1")
-    it.add_argument("-o", "--output", default="spring.msh", metavar="FILE.msh")
-    it = several.add_parser("blade", help="the wind turbine blade")
-    it.add_argument("--cells", choices=blade.CELLS, default="bricks")
-    it.add_argument("--along", type=int, default=6, metavar="N", help="cells along the chord")
-    it.add_argument("--across", type=int, default=1, metavar="N", help="cells across the thickness")
-    it.add_argument("--layers", type=int, default=12, metavar="N", help="cells from root to tip")
-    it.add_argument("--order", type=int, default=2, metavar="N", help="order of the geometry")
-    it.add_argument(
-        "--grading", type=float, default=1.0, metavar="G", help="layer k of N starts at (k / N)^G of the way"
-    )
-    it.add_argument("--clustering", type=float, default=1.0, metavar="C", help="0: cells equally long along the chord")
-    it.add_argument("-o", "--output", default="blade.msh", metavar="FILE.msh")
-    it = several.add_parser("biceps", help="both branches of the biceps")
-    it.add_argument("--cells", choices=biceps.CELLS, default="tetrahedra")
-    it.add_argument("--size", type=float, default=0.3325, metavar="H", help="tetrahedra: length of the edges [cm]")
-    it.add_argument("--around", type=int, default=8, metavar="N", help="bricks round a branch (multiple of 4)")
-    it.add_argument("--layers", type=int, default=6, metavar="N", help="bricks along each element of the axis")
-    it.add_argument("--order", type=int, default=1, metavar="N", help="order of the geometry")
-    it.add_argument("--rings", type=int, default=1, metavar="N", help="bricks: rings round the core")
-    it.add_argument("--cuts", type=int, default=1, metavar="N", help="bricks: cuts of the axis elements at held ends")
-    it.add_argument("-o", "--output", default="biceps.msh", metavar="FILE.msh")
+    for name, scene in SCENES.items():
+        form = argparse.RawDescriptionHelpFormatter
+        it = several.add_parser(name, help=name, description=inspect.getdoc(scene.build), formatter_class=form)
+        _add_options(it, scene.build)
+        it.add_argument("-o", "--output", default=f"{name}.msh", metavar="FILE.msh")
     return parser
+
+
+def _add_options(parser: argparse.ArgumentParser, build: Callable[..., Any]) -> None:
+    """Make each parameter that is a number or a word a ``--long-option``."""
+    for name, one in inspect.signature(build).parameters.items():
+        kind = one.annotation
+        if isinstance(kind, types.UnionType):
+            kind = typing.get_args(kind)[0]
+        if kind in (int, float, str):
+            shown = "" if one.default is None else f"({one.default})"
+            parser.add_argument(f"--{name}", type=kind, default=one.default, metavar=kind.__name__, help=shown)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -155,7 +155,7 @@ BAD = {
     "--rings -1": "0 or more",
     "--core 1.5": "less than 1",
     "--core nan": "less than 1",
-    "--cells cubes": "invalid choice",
+    "--cells cubes": "need one of bricks, tetrahedra, paper",
     "-o nowhere/spring.msh": "does not exist",
     "-o spring.stl": ".msh",
 }
