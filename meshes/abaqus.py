@@ -44,7 +44,7 @@ ELEMENTS = {
     "C3D10": Element(2, _with_edges(_SIMPLEX, _SIMPLEX_EDGES), _SIMPLEX_SIDES),
 }
 
-# Of bricks by the order of the mesh: that which is nearest at equal cost in comparisons/calculix.
+# Of bricks by the order of the mesh: that which was nearest at equal cost in CalculiX.
 BRICKS = {2: "C3D20R", 1: "C3D8I"}
 
 # The sets of all nodes and all elements.

@@ -6,14 +6,14 @@ import sys
 from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 from comparisons.fem import presets
 from comparisons.fem.arguments import add_options, positive
 from comparisons.fem.flags import FAST
 from isorod import options
 from isorod.command import ending
-from isorod.command.parser import split
+from isorod.command.parser import Parser, split
 from isorod.errors import InputError
 from isorod.output import results
 from isorod.scenes.biceps import Biceps
@@ -47,11 +47,6 @@ FIELDS = {
 BICEPS = ("activation", "nu", "penalty", "fibre", "ramp", "damping", "end_time", "outputs")
 
 
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        raise InputError(message)
-
-
 def _runner(scene: str) -> tuple[Any, Any]:
     """Return the module that runs a scene, and the class of its configuration."""
     place, _, kind = RUNS[scene].rpartition(".")
@@ -61,7 +56,7 @@ def _runner(scene: str) -> tuple[Any, Any]:
 
 def _parser(scene: str) -> argparse.ArgumentParser:
     """Return the parser with the options of one scene: only that scene's modules are loaded."""
-    parser = _Parser(
+    parser = Parser(
         prog="comparisons.fem",
         description="Finite element reference solutions with dolfinx. Options with a single dash go to PETSc.",
     )

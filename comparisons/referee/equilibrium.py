@@ -13,7 +13,7 @@ STEPS = 5
 
 
 def solve(scenario: Any, elements: int) -> list[tuple[Array, Array]]:
-    """Return nodes and directors (`isorod.comparisons.referee.rods.told`) of each rod, in equilibrium."""
+    """Return nodes and directors (`comparisons.referee.rods.told`) of each rod, in equilibrium."""
     return [_rod(rod, scenario.gravity, elements) for rod in scenario.rods]
 
 

@@ -14,7 +14,7 @@ from comparisons.fem.arguments import option, positive
 from comparisons.fem.biceps import dynamics, statics
 from comparisons.fem.biceps.branches import Branches
 from comparisons.fem.contact.facets import surface_points
-from comparisons.fem.contact.surfaces import Contact, Pressing
+from comparisons.fem.contact.surfaces import Contact
 from comparisons.fem.flags import FAST
 from comparisons.fem.statics import DIRECT, Element
 from isorod.errors import InputError
@@ -31,6 +31,10 @@ _MEASURED = 8
 
 # Small cells along a brick's edge in pictures.
 _SMALL = 3
+
+# What the record of a run has of an equilibrium, and of a motion.
+_AT_REST: tuple[str, ...] = ("steps", "cuts", "newton_iterations", "residual_norms")
+_MOVING: tuple[str, ...] = ("steps", "time_step", "critical_step")
 
 
 @dataclass(frozen=True)
@@ -182,34 +186,22 @@ def run(
         )
 
     found, record = runs.measured(once, repeat, comm, meshing)
+    last: statics.Rest | dynamics.Sample
+    more: dict[str, Any]
     if isinstance(found, statics.Rest):
-        specific = _state(mesh, found.positions, found.reactions, found.stored, found.contact) | {
-            "steps": found.steps,
-            "cuts": found.cuts,
-            "newton_iterations": found.newton_iterations,
-            "residual_norms": found.residual_norms,
-            "petsc_options": found.options,
-        }
-        positions = found.positions
+        last, kept, more = found, _AT_REST, {"petsc_options": found.options}
+        states = [(0.0, scene.activation, found.positions)]
     else:
-        last = found.samples[-1]
-        specific = _state(mesh, last.positions, last.reactions, last.stored, last.contact) | {
-            "steps": found.steps,
-            "time_step": found.time_step,
-            "critical_step": found.critical_step,
-            "history": _history(mesh, found.samples),
-        }
-        positions = last.positions
+        last, kept, more = found.samples[-1], _MOVING, {"history": _history(mesh, found.samples)}
+        states = [(one.time, one.activation, one.positions) for one in found.samples]
+    specific = _state(mesh, last) | {name: getattr(found, name) for name in kept} | more
     if file is not None:
-        states = [(0.0, scene.activation, positions)]
-        if isinstance(found, dynamics.Motion):
-            states = [(one.time, one.activation, one.positions) for one in found.samples]
-        _save(file, mesh, positions, Branches(scene, mesh, rule, configuration.compiler_flags), states)
+        _save(file, mesh, last.positions, Branches(scene, mesh, rule, configuration.compiler_flags), states)
     return {
         "scene": "biceps",
         "analysis": configuration.analysis,
         **specific,
-        "dofs": 3 * len(mesh.points) + (found.pressures if isinstance(found, statics.Rest) else 0),
+        "dofs": 3 * len(mesh.points) + getattr(found, "pressures", 0),
         "nodes": len(mesh.points),
         "cells": len(mesh.cells),
         "options": asdict(configuration)
@@ -218,35 +210,30 @@ def run(
     }
 
 
-def _state(mesh: Mesh, positions: Array, reactions: Array, stored: float, contact: Pressing) -> dict[str, Any]:
+def _state(mesh: Mesh, found: statics.Rest | dynamics.Sample) -> dict[str, Any]:
     """Return what `Biceps.measure` does, and energies."""
+    reactions, contact = found.reactions, found.contact
     return {
         "end_force": np.linalg.norm(reactions, axis=1),
         "end_force_x": reactions[:, 0],
         "end_force_y": reactions[:, 1],
-        "belly_bulge": belly_bulge(mesh, positions),
+        "belly_bulge": belly_bulge(mesh, found.positions),
         "contact_force": contact.normal_force,
         "contact_resultant": contact.force,
         "contact_area": contact.area,
         "penetration": max(0.0, -contact.gap),
-        "stored_energy": stored,
+        "stored_energy": found.stored,
         "contact_energy": contact.energy,
     }
 
 
 def _history(mesh: Mesh, samples: Sequence[dynamics.Sample]) -> dict[str, Any]:
     """Return the course of the motion, one entry a sample."""
-    return {
-        "time": [one.time for one in samples],
-        "activation": [one.activation for one in samples],
-        "end_force": [np.linalg.norm(one.reactions, axis=1) for one in samples],
-        "belly_bulge": [belly_bulge(mesh, one.positions) for one in samples],
-        "contact_force": [one.contact.normal_force for one in samples],
-        "contact_area": [one.contact.area for one in samples],
-        "kinetic_energy": [one.kinetic for one in samples],
-        "stored_energy": [one.stored for one in samples],
-        "contact_energy": [one.contact.energy for one in samples],
-        "dissipated_energy": [one.dissipated for one in samples],
+    states = [_state(mesh, one) for one in samples]
+    shared = ("end_force", "belly_bulge", "contact_force", "contact_area", "stored_energy", "contact_energy")
+    own = {"time": "time", "activation": "activation", "kinetic_energy": "kinetic", "dissipated_energy": "dissipated"}
+    return {name: [getattr(one, key) for one in samples] for name, key in own.items()} | {
+        name: [state[name] for state in states] for name in shared
     }
 
 

@@ -17,7 +17,6 @@ def solve(
     mesh: Mesh,
     analysis: str,
     modes: int = 10,
-    degree: int | None = None,
     options: Mapping[str, object] | None = None,
     flags: Sequence[str] = FAST,
     load_steps: int = 1,
@@ -35,8 +34,6 @@ def solve(
         ``"statics"``, or ``"modal"`` about the state of rest.
     modes
         Number of modes besides the rigid ones.
-    degree
-        Of the displacement: the mesh's order, and that where not given.
     options
         PETSc options that the user's own override; MUMPS if not given.
     flags
@@ -51,8 +48,6 @@ def solve(
     SolveError
         If the solution is not found.
     """
-    if degree not in (None, mesh.order):
-        raise InputError(f"degree: got {degree}, need the mesh's order {mesh.order}")
     rule = Element(mesh.order).rule(mesh.shape)
     assert isinstance(rule, int)
     if analysis == "statics":
