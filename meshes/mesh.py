@@ -67,7 +67,7 @@ class Mesh:
         That is the Jacobian determinant over the product of its columns' lengths: 1 where lines of a hexahedron cross
         at right angles.
         """
-        tangents = self._tangents(_rule(self.shape, 2 * self.order + 1)[0])
+        tangents = self._tangents(gauss(self.shape, 2 * self.order + 1)[0])
         scaled: Array = np.linalg.det(tangents) / np.linalg.norm(tangents, axis=-2).prod(axis=-1)
         return scaled.min(axis=1)
 
@@ -84,7 +84,7 @@ class Mesh:
         return np.asarray(np.bincount(self.cells.ravel(), shares, len(self.points)), dtype=float)
 
     def _cell_volumes(self) -> Array:
-        where, weights = _rule(self.shape, 3 * self.order)
+        where, weights = gauss(self.shape, 3 * self.order)
         return self.jacobians(where) @ weights
 
     def check(self) -> float:
@@ -95,7 +95,7 @@ class Mesh:
         InputError
             If it is not positive: the message names the cell and its position.
         """
-        inner, _ = _rule(self.shape, 2 * self.order + 1)
+        inner, _ = gauss(self.shape, 2 * self.order + 1)
         corners = self.reference[np.isin(self.reference, (0.0, 1.0)).all(axis=1)]
         det = self.jacobians(np.concatenate([inner, corners]))
         # A corner where two edges are tangent has determinant zero and hurts nobody: no quadrature point is there.
@@ -167,8 +167,11 @@ def gradients(shape: CellShape, order: int, nodes: Array, where: Array) -> Array
     return np.einsum("qka,kn->qna", slopes, inverse)
 
 
-def _rule(shape: CellShape, degree: int) -> tuple[Array, Array]:
-    """Return a Gauss rule of a degree on the unit cube, or collapsed onto the unit simplex."""
+def gauss(shape: CellShape, degree: int) -> tuple[Array, Array]:
+    """Return points ``(m, 3)`` and weights ``(m,)`` of the Gauss rule of a degree on a reference cell.
+
+    On the unit cube first coordinates vary slowest; onto the unit simplex the rule is collapsed.
+    """
     count = degree // 2 + (1 if shape == "hexahedron" else 2)
     x, w = np.polynomial.legendre.leggauss(count)
     x, w = 0.5 * (x + 1.0), 0.5 * w

@@ -9,13 +9,13 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from isorod.arrays import Array, Index
+from meshes.mesh import gauss
 
 # Parameters that differ by less are the same point.
 _SAME = 1e-6
 
 # The points of a brick where its stresses are.
-_TICKS = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)
-GAUSS = np.stack([one.ravel() for one in np.meshgrid(_TICKS, _TICKS, _TICKS, indexing="ij")], axis=1)
+GAUSS, _ = gauss("hexahedron", 3)
 
 # Frequencies that differ by a smaller share are told apart by neither side's shapes alone.
 CLOSE = 0.02

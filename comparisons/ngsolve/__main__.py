@@ -33,7 +33,6 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--degree", type=int, choices=(1, 2, 3, 4), default=2, help="of the displacement")
     parser.add_argument("--family", choices=("Lagrange", "S", "hollow"), default="Lagrange", help="of bricks")
     parser.add_argument("--quadrature", type=_rule, help="degree of the rule, or irons14")
-    parser.add_argument("--inverse", choices=("sparsecholesky", "umfpack"), default="sparsecholesky")
     parser.add_argument("--refinements", type=int, default=0, help="blade: corrections of each solve")
     parser.add_argument("--repeat", type=int, default=1, help="runs in this process, the first one cold")
     return parser
@@ -68,13 +67,14 @@ def _record(found: argparse.Namespace) -> dict[str, Any]:
     import ngsolve
 
     from comparisons.ngsolve import domain, modal, statics
+    from comparisons.ngsolve.space import INVERSE
 
     ngsolve.SetNumThreads(1)
     ngsolve.ngsglobals.msg_level = 0
     start = perf_counter()
     mesh = domain.build(_mesh(found))
     meshing = perf_counter() - start
-    element = found.degree, found.family, found.quadrature, found.inverse
+    element = found.degree, found.family, found.quadrature
     values: dict[str, Any]
     result: statics.Equilibrium | modal.Modes
     if found.scene == "spring":
@@ -105,7 +105,7 @@ def _record(found: argparse.Namespace) -> dict[str, Any]:
         "cells": mesh.ne,
         "iterations": result.iterations,
         "options": vars(found),
-        "petsc_options": found.inverse,
+        "petsc_options": INVERSE,
         "seconds": {"mesh": meshing} | timing.median(runs),
         "warm": found.repeat > 1,
         "runs": runs,

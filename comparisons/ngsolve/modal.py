@@ -9,7 +9,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
 from comparisons.measure.timing import Clock
-from comparisons.ngsolve.space import displacements, measure
+from comparisons.ngsolve.space import INVERSE, displacements, measure
 from isorod.errors import SolveError
 from isorod.material import LinearElastic
 from meshes.mesh import Array
@@ -48,7 +48,6 @@ def solve(
     degree: int,
     family: str,
     rule: int | str,
-    inverse: str = "sparsecholesky",
     refinements: int = 0,
 ) -> Modes:
     """Return the lowest modes of a linear elastic body whose ``start`` is clamped.
@@ -64,8 +63,6 @@ def solve(
         Number of modes.
     degree, family, rule
         See `comparisons.ngsolve.space`; the mass is integrated to twice the degree.
-    inverse
-        NGSolve's name of a direct solver.
     refinements
         Corrections of each solve by its residual: with Irons' points NGSolve's Cholesky factors solve to 4e-2 alone, to
         4e-5 with one, UMFPACK's to 4e-10.
@@ -89,7 +86,7 @@ def solve(
     mass.Assemble()
     clock.lap("assembly")
     nodes = space.FreeDofs()
-    factors = stiffness.mat.Inverse(nodes, inverse=inverse)
+    factors = stiffness.mat.Inverse(nodes, inverse=INVERSE)
     free = np.repeat(np.array(list(nodes), dtype=bool), 3)
     inertia = _Mass(mass.mat, free)
     applied = _Operator(stiffness.mat, free)

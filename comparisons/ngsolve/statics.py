@@ -12,7 +12,7 @@ import ngsolve
 import numpy as np
 
 from comparisons.measure.timing import Clock
-from comparisons.ngsolve.space import displacements, measure
+from comparisons.ngsolve.space import INVERSE, displacements, measure
 from isorod.errors import SolveError
 from isorod.material import NeoHookean
 from meshes.mesh import Array
@@ -56,7 +56,6 @@ def solve(
     degree: int,
     family: str,
     rule: int | str,
-    inverse: str = "sparsecholesky",
 ) -> Equilibrium:
     """Return the equilibrium of a neo-Hookean body whose ``start`` is clamped and ``end`` moved along z.
 
@@ -68,8 +67,6 @@ def solve(
         Displacement of the end.
     degree, family, rule
         See `comparisons.ngsolve.space`.
-    inverse
-        NGSolve's name of a direct solver.
     """
     clock = Clock()
     space = displacements(mesh, degree, family, "start|end")
@@ -82,7 +79,7 @@ def solve(
     state, moved = ngsolve.GridFunction(space), ngsolve.GridFunction(space)
     moved.Set(ngsolve.CF((0.0, 0.0, pull)), definedon=mesh.Boundaries("end"))
     clock.lap("setup")
-    newton = _Newton(form, state, clock, inverse)
+    newton = _Newton(form, state, clock)
     newton.run(moved.vec)
     reactions = np.array([_force(space, newton.residual, mesh.Boundaries(name)) for name in ("start", "end")])
     clock.lap("solve")
@@ -92,8 +89,8 @@ def solve(
 class _Newton:
     """Steps to a vanishing residual on the free unknowns; the first one lifts what the supports prescribe."""
 
-    def __init__(self, form: Any, state: Any, clock: Clock, inverse: str) -> None:
-        self.form, self.state, self.clock, self.name = form, state.vec, clock, inverse
+    def __init__(self, form: Any, state: Any, clock: Clock) -> None:
+        self.form, self.state, self.clock = form, state.vec, clock
         self.residual, self.step = state.vec.CreateVector(), state.vec.CreateVector()
         self.nodes = state.space.FreeDofs()
         self.free = np.repeat(np.array(list(self.nodes), dtype=bool), 3)
@@ -120,7 +117,7 @@ class _Newton:
         self.form.AssembleLinearization(self.state)
         self.clock.lap("assembly")
         if self.inverse is None:
-            self.inverse = self.form.mat.Inverse(self.nodes, inverse=self.name)
+            self.inverse = self.form.mat.Inverse(self.nodes, inverse=INVERSE)
         else:
             # The order of elimination stays.
             self.inverse.Update()

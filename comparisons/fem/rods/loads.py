@@ -15,6 +15,7 @@ from isorod.errors import InputError
 from isorod.model.load import BodyForce, Pressure, SectionLoad, Spin
 from isorod.model.model import Model
 from meshes.mesh import Array, Index, gradients
+from meshes.mesh import gauss as volume_rule
 
 _SURFACES = {"outer": "lateral", "inner": "inner"}
 
@@ -58,9 +59,7 @@ def _face(elements: Elements, load: Pressure) -> str:
 def _volumes(elements: Elements, cells: Index) -> Array:
     """Return the integrals of the nodes' functions over some cells, shape ``(nodes,)``."""
     source = elements.source
-    x, w = np.polynomial.legendre.leggauss(2 * source.order + 1)
-    where = np.stack([one.ravel() for one in np.meshgrid(*[0.5 * (x + 1.0)] * 3, indexing="ij")], axis=1)
-    weights = 0.125 * np.einsum("i,j,k->ijk", w, w, w).ravel()
+    where, weights = volume_rule("hexahedron", 4 * source.order)
     slopes = gradients("hexahedron", source.order, source.reference, where)
     values = lagrange(source.order, source.reference, where)
     det = np.linalg.det(np.einsum("qnb,cna->cqab", slopes, source.points[source.cells[cells]]))

@@ -16,7 +16,7 @@ from isorod.output.section_forces import SectionForces, centroids, frames, norma
 from isorod.output.state import Deformation, parameters
 from isorod.output.stress import von_mises
 from isorod.tensors import determinant
-from meshes.mesh import Array, Index, Mesh, gradients
+from meshes.mesh import Array, Index, Mesh, gauss, gradients
 
 # Points of cells at which gradients are wanted: the same of all, or one of each.
 _ALL, _EACH = "qnb,cna->cqab", "cnb,cna->cab"
@@ -129,9 +129,7 @@ class Solution:
 
     def energy(self, rod: int) -> float:
         """Return the energy stored in a rod."""
-        ticks, shares = np.polynomial.legendre.leggauss(self.mesh.order + 1)
-        where = 0.5 + 0.5 * np.stack([one.ravel() for one in np.meshgrid(ticks, ticks, ticks, indexing="ij")], axis=1)
-        weights = 0.125 * np.einsum("i,j,k->ijk", shares, shares, shares).ravel()
+        where, weights = gauss("hexahedron", 2 * self.mesh.order)
         cells = self.mesh.regions[f"rod {rod}"]
         F, jacobian = self._gradients(cells, where, _ALL)
         at = np.einsum("qn,cnp->cqp", self._functions(where), self.cell_parameters[cells])
@@ -226,8 +224,7 @@ class Solution:
     def _stress(self) -> dict[str, Array]:
         """Return the von Mises stress at Gauss points, and where these are."""
         mesh = self.mesh
-        ticks = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)
-        where = np.stack([one.ravel() for one in np.meshgrid(ticks, ticks, ticks, indexing="ij")], axis=1)
+        where, _ = gauss("hexahedron", 3)
         values = self._functions(where)
         every = np.arange(len(mesh.cells))
         F, _ = self._gradients(every, where, _ALL)
