@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from conftest import straight
+from disks import disk_points
 from touching import crossing
 
 from comparisons.contact import hertz
@@ -30,14 +31,8 @@ LAW = LinearElastic(1000.0, 0.3)
 ARCS = (4, 4, 2, 1, 1, 1, 1, 1, 1, 4, 4, 4, 4)  # of eight of the rod's, each in four
 
 
-def places(count=40):
-    rng = np.random.default_rng(3)
-    radius, angle = np.sqrt(rng.uniform(size=count)), rng.uniform(0.0, 2.0 * np.pi, count)
-    return 0.999 * np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
-
-
 def test_arcs_that_are_equal_are_those_of_evenly_spaced_control_points():
-    xi = places()
+    xi = disk_points(0.999, 40)
     for arcs, even in (((3,) * 8, Polyharmonic(8)), ((1,) * 24, Polyharmonic(24, turn=Graded(8, (1,) * 24).turn))):
         for found, expected in zip(Graded(8, arcs).functions(xi), even.functions(xi), strict=True):
             np.testing.assert_allclose(found[:, : len(arcs)], expected, atol=1e-12)
@@ -45,7 +40,7 @@ def test_arcs_that_are_equal_are_those_of_evenly_spaced_control_points():
 
 def test_graded_functions_are_among_those_of_the_fine_arcs_and_hold_those_of_the_rod():
     """They add up to one, their gradients are their derivatives, and the rod itself is in their space."""
-    basis, xi = Graded(8, ARCS), places()
+    basis, xi = Graded(8, ARCS), disk_points(0.999, 40)
     values, gradients = basis.functions(xi)
     np.testing.assert_allclose(values[:, basis.is_carrier].sum(axis=1), 1.0, rtol=1e-13)
     for k, step in enumerate(1e-6 * np.eye(2)):
@@ -144,6 +139,7 @@ def test_elements_and_arcs_are_short_at_a_patch_and_grow_with_the_distance():
     rod = straight(8, degree=2, height=8.0)
     patch = Patch(0.5, -0.5 * np.pi, 0.12, 0.12, 0.07)
     space = closer(rod, [patch])
+    xi = disk_points(0.999, 40)
     breaks, joints = 8.0 * space.axis.breaks, space.basis.joints
     for edges, middle in ((breaks, 4.0), (joints, 1.5 * np.pi)):
         lengths, way = np.diff(edges), np.abs(0.5 * (edges[1:] + edges[:-1]) - middle)
@@ -152,7 +148,7 @@ def test_elements_and_arcs_are_short_at_a_patch_and_grow_with_the_distance():
         assert lengths.max() > 0.3
         assert (lengths <= 0.07 + 0.5 * way + 1e-9).all()
     assert space.nodes < 0.1 * Space(rod, 128, 3, order=2, section_points=96).nodes
-    np.testing.assert_allclose(space.rod.grid(places(), [0.37])[0], rod.grid(places(), [0.37])[0], atol=1e-12)
+    np.testing.assert_allclose(space.rod.grid(xi, [0.37])[0], rod.grid(xi, [0.37])[0], atol=1e-12)
     # A closed rod's patch may lie across its seam.
     for bad in ([], [patch._replace(size=0.0)]):
         with pytest.raises(InputError, match="patches: name one"):

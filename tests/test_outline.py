@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from refused import refused
 
 from isorod.errors import InputError
 from isorod.geometry import outline
@@ -156,19 +157,13 @@ def test_bad_files(tmp_path, name, content, message):
     assert "\n" not in str(problem.value) and str(path) in str(problem.value)
 
 
-@pytest.mark.parametrize(
-    "make, message",
-    [
-        (lambda: from_file("nowhere.csv", 8), "nowhere.csv: No such file or directory"),
-        (lambda: from_file("nowhere.csv", 8, scale=0.0), "section scale: got 0, need a positive number"),
-        (lambda: from_points(circle(8), 4, near=(np.nan, 0.0)), "need two finite coordinates"),
-        (lambda: from_points(circle(8), 4, near=(1.0, 0.0), closer=0.5), "closer: got 0.5, need a factor of 1 or more"),
-        (lambda: rounded_rectangle(8, 0.0, 1.0, 0.1), "rectangle width: got 0, need a positive length"),
-        (lambda: rounded_rectangle(8, 1.0, np.nan, 0.1), "rectangle height: got nan"),
-        (lambda: rounded_rectangle(8, 1.0, 2.0, 0.6), "corner radius: got 0.6, need 0 to 0.5"),
-        (lambda: rounded_rectangle(8, 1.0, 2.0, np.nan), "corner radius: got nan"),
-    ],
+test_refusals = refused(
+    (lambda: from_file("nowhere.csv", 8), "nowhere.csv: No such file or directory"),
+    (lambda: from_file("nowhere.csv", 8, scale=0.0), "section scale: got 0, need a positive number"),
+    (lambda: from_points(circle(8), 4, near=(np.nan, 0.0)), "need two finite coordinates"),
+    (lambda: from_points(circle(8), 4, near=(1.0, 0.0), closer=0.5), "closer: got 0.5, need a factor of 1 or more"),
+    (lambda: rounded_rectangle(8, 0.0, 1.0, 0.1), "rectangle width: got 0, need a positive length"),
+    (lambda: rounded_rectangle(8, 1.0, np.nan, 0.1), "rectangle height: got nan"),
+    (lambda: rounded_rectangle(8, 1.0, 2.0, 0.6), "corner radius: got 0.6, need 0 to 0.5"),
+    (lambda: rounded_rectangle(8, 1.0, 2.0, np.nan), "corner radius: got nan"),
 )
-def test_refusals(make, message):
-    with pytest.raises(InputError, match=message):
-        make()

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from disks import derivative, disk_points
 
 from isorod.errors import InputError
 from isorod.geometry.disk import harmonic_functions
@@ -12,16 +13,8 @@ from isorod.space.polyharmonic import Polyharmonic
 ORDERS = [1, 2, 3, 4, 6]
 COUNTS = [3, 4, 8, 16]
 
+
 # Central differences of order 8: weights of f(x + k h) - f(x - k h), k = 1 .. 4.
-DIFFERENCE = np.array([4 / 5, -1 / 5, 4 / 105, -1 / 280])
-
-
-def disk_points(radius, count=60, seed=0):
-    random = np.random.default_rng(seed)
-    r, t = radius * np.sqrt(random.random(count)), 2 * np.pi * random.random(count)
-    return np.stack([r * np.cos(t), r * np.sin(t)], axis=1)
-
-
 def circle_points(n):
     """Points of the circle, joints and centres of the arcs among them."""
     t = np.concatenate([np.pi / n * np.arange(2 * n), np.linspace(0, 6, 40)])
@@ -75,18 +68,11 @@ def test_only_order_0_acts_on_the_circle(n, order):
 @pytest.mark.parametrize("turn", [0.0, 0.3])
 def test_gradient_is_the_derivative_of_the_value(n, turn):
     points = np.concatenate([disk_points(0.8), [[0.0, 0.0], [0.25, 0.0], [0.0, -0.25]]])
-    _, gradients = Polyharmonic(n, 4, turn).functions(points)
-    h = 2e-3
+    basis = Polyharmonic(n, 4, turn)
+    _, gradients = basis.functions(points)
     for a, direction in enumerate(np.eye(2)):
-        difference = sum(
-            w
-            * (
-                Polyharmonic(n, 4, turn).functions(points + k * h * direction)[0]
-                - Polyharmonic(n, 4, turn).functions(points - k * h * direction)[0]
-            )
-            for k, w in enumerate(DIFFERENCE, 1)
-        )
-        assert np.abs(difference / h - gradients[:, :, a]).max() < 1e-10 * np.abs(gradients).max()
+        difference = derivative(lambda x: basis.functions(x)[0], points, direction, 2e-3)
+        assert np.abs(difference - gradients[:, :, a]).max() < 1e-10 * np.abs(gradients).max()
 
 
 def laplacians(n, order, radius, modes):
@@ -132,17 +118,11 @@ def test_laplacian_applied_as_often_as_the_order_vanishes_and_not_earlier(n, ord
 @pytest.mark.parametrize("order", [2, 3, 4])
 def test_laplacian_by_differences_of_gradients(n, order, turn):
     """The Laplacian of ``g T`` is ``(4 s g'' + 4 g') T + 4 g' xi . grad T``: in the span of order ``K - 1``."""
-    points, h = disk_points(0.8, 40 * order), 2e-3
+    basis, points = Polyharmonic(n, order, turn), disk_points(0.8, 40 * order)
     laplacian = sum(
-        w
-        * (
-            Polyharmonic(n, order, turn).functions(points + k * h * direction)[1][:, :, a]
-            - Polyharmonic(n, order, turn).functions(points - k * h * direction)[1][:, :, a]
-        )
-        for k, w in enumerate(DIFFERENCE, 1)
+        derivative(lambda x, a=a: basis.functions(x)[1][:, :, a], points, direction, 2e-3)
         for a, direction in enumerate(np.eye(2))
     )
-    laplacian /= h
     assert np.abs(laplacian[:, :n]).max() < 1e-9
     assert np.abs(laplacian[:, n:]).max() > 1.0
     # T and xi . grad T are harmonic: with factors s^j, j < K - 1, they make whatever the Laplacian is

@@ -4,12 +4,13 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from disks import disk_points
 from reference import BLADE_FREQUENCIES, SPRING_FORCE
+from refused import refused
 
 from isorod import modal, statics
 from isorod.assembly.assembler import Assembler
 from isorod.checks import rigid_motions
-from isorod.errors import InputError
 from isorod.geometry.center_line import straight
 from isorod.geometry.quadrature import Rule, section_points
 from isorod.geometry.rod import Rod
@@ -33,12 +34,6 @@ def prism(a, b, n=8):
     return straight().sweep(ellipse(n, a, b))
 
 
-def disk(count):
-    random = np.random.default_rng(1)
-    r, t = np.sqrt(random.random(count)) * 0.98, 2 * np.pi * random.random(count)
-    return np.stack([r * np.cos(t), r * np.sin(t)], axis=1)
-
-
 @pytest.mark.parametrize("name", RODS)
 @pytest.mark.parametrize("degree", [1, 3, MAX_DEGREE])
 def test_the_first_is_one_and_all_are_orthogonal(name, degree):
@@ -54,7 +49,7 @@ def test_the_first_is_one_and_all_are_orthogonal(name, degree):
 
 
 def test_gradients_are_those_of_the_values():
-    functions, xi, h = Polynomials(RODS["blade"], 6), disk(30), 1e-6
+    functions, xi, h = Polynomials(RODS["blade"], 6), disk_points(0.98, 30), 1e-6
     _, gradients = functions.functions(xi)
     for b, step in enumerate(h * np.eye(2)):
         slope = (functions.functions(xi + step)[0] - functions.functions(xi - step)[0]) / (2 * h)
@@ -65,7 +60,7 @@ def test_gradients_are_those_of_the_values():
 def test_positions_are_the_rod_itself(name):
     rod = RODS[name]
     space = Space.paper(rod, 2 * rod.axis.elements, 3, section_degree=3)
-    xi, u = disk(20), np.linspace(rod.axis.breaks[0], rod.axis.breaks[-1], 9)
+    xi, u = disk_points(0.98, 20), np.linspace(rod.axis.breaks[0], rod.axis.breaks[-1], 9)
     values, _ = space.basis.functions(xi)
     first, axial, _ = space.axis.local(u)
     layers = (first[:, None] + np.arange(space.axis.degree + 1)) % space.layers
@@ -169,26 +164,6 @@ def test_spring_agrees_with_control_points():
     assert force == pytest.approx(SPRING_FORCE, rel=3e-4)
 
 
-@pytest.mark.parametrize("degree", [0, -1, MAX_DEGREE + 1, 2.5, float("nan")])
-def test_degrees_out_of_range_are_refused(degree):
-    with pytest.raises(InputError, match=r"section degree: got .*, need an integer from 1 to 8"):
-        Polynomials(RODS["blade"], degree)
-
-
-def test_sections_of_different_shape_are_refused():
-    rod = RODS["blade"]
-    points = rod.control_points.copy()
-    points[2, 3] += [0.0, 0.01, 0.0]
-    with pytest.raises(InputError, match=r"section degree: layer 2 .* is not an affine image"):
-        Polynomials(Rod(rod.axis, points), 2)
-
-
-@pytest.mark.parametrize("other", [{"order": 2}, {"section_points": 32}])
-def test_order_and_section_points_have_no_say(other):
-    with pytest.raises(InputError, match="section degree: polynomials take the place of order and section points"):
-        _ = Space.paper(RODS["blade"], section_degree=2, **other).layer_nodes
-
-
 def test_a_concave_section_is_no_matter():
     rod = Flower().rod()
     xi, area = section_points(rod.section_points, Rule(8, 6, 1))
@@ -198,11 +173,32 @@ def test_a_concave_section_is_no_matter():
     assert determinant(rod.grid(xi, [0.5])[1]).shape == (1, area.size)
 
 
-@pytest.mark.parametrize(
-    ("sizes", "message"),
-    [((1e300, 1.0), "section's extent: got"), ((1.0, 1e-300), "sections have no area"), ((5e-324, 5e-324), "extent")],
+def sheared():
+    """A blade of which one control point is not where the other sections have it."""
+    points = RODS["blade"].control_points.copy()
+    points[2, 3] += [0.0, 0.01, 0.0]
+    return Rod(RODS["blade"].axis, points)
+
+
+def sized(*sizes):
+    rod = prism(1.0, 1.0, 4)
+    return Polynomials(Rod(rod.axis, rod.control_points * [*sizes, 1.0]), 2)
+
+
+test_refuses_what_has_no_polynomials = refused(
+    *(
+        (lambda n=n: Polynomials(RODS["blade"], n), "section degree: got .*, need an integer from 1 to 8")
+        for n in (0, -1, MAX_DEGREE + 1, 2.5, float("nan"))
+    ),
+    (lambda: Polynomials(sheared(), 2), "section degree: layer 2 .* is not an affine image"),
+    *(
+        (
+            lambda other=other: Space.paper(RODS["blade"], section_degree=2, **other).layer_nodes,
+            "section degree: polynomials take the place of order and section points",
+        )
+        for other in ({"order": 2}, {"section_points": 32})
+    ),
+    (lambda: sized(1e300, 1.0), "section's extent: got"),
+    (lambda: sized(1.0, 1e-300), "sections have no area"),
+    (lambda: sized(5e-324, 5e-324), "extent"),
 )
-def test_sections_without_area_or_beyond_double_precision_are_refused(sizes, message, cylinder):
-    rod = cylinder()
-    with pytest.raises(InputError, match=message):
-        Polynomials(Rod(rod.axis, rod.control_points * [*sizes, 1.0]), 2)

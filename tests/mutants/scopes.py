@@ -16,7 +16,8 @@ class Scope:
     """A function with all within it, or a statement of a module or class outside of functions.
 
     ``names`` are those that others use it by and ``uses`` those that stand in it. ``hidden``: coverage sees not all the
-    tests that depend on it; ``inlined``: compiled code elsewhere may hold a copy. ``function``: its name, of one.
+    tests that depend on it; ``inlined``: compiled code elsewhere may hold a copy. ``function``: its name, of one
+    or of a test that is a table.
     """
 
     path: str
@@ -80,7 +81,9 @@ class Code:
                 yield Scope(path, first, last, start, names, uses, hidden, compiled, node.name)
             elif not isinstance(node, ast.Import | ast.ImportFrom):
                 names = mine if owner else frozenset((path, name) for name in _made(node))
-                yield Scope(path, first, last, first, names, self._uses(path, [node], set()), True, True)
+                # A table that is a test, by `refused`.
+                test = next((name for _, name in sorted(names) if name.startswith("test_")), "")
+                yield Scope(path, first, last, first, names, self._uses(path, [node], set()), True, True, test)
 
     def _uses(self, path: str, nodes: list[ast.AST], own: set[str]) -> frozenset[Name]:
         found: set[Name | None] = set()
