@@ -5,15 +5,8 @@ from time import perf_counter
 
 import numpy as np
 
-from isorod import statics
+from isorod import Body, Contact, Model, NeoHookean, Rod, SolveError, Space, Support, circle, ellipse, statics, straight
 from isorod.checks import overlap
-from isorod.errors import SolveError
-from isorod.geometry.center_line import straight
-from isorod.geometry.rod import Rod
-from isorod.geometry.section import circle, ellipse
-from isorod.material import NeoHookean
-from isorod.model import Body, Contact, Model, Support
-from isorod.space import Space
 
 LAW = NeoHookean(1000.0, 0.3)
 ACROSS = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])  # z to x

@@ -1,14 +1,12 @@
 """What is chosen where nothing is given: right by default, recorded, and never in the place of what is given."""
 
 import dataclasses
-import json
 
 import numpy as np
 import pytest
 from reference import BLADE_FREQUENCIES, SPRING_FORCE
 
 from isorod import dynamics, modal, statics
-from isorod.command import cli
 from isorod.errors import InputError
 from isorod.geometry import section
 from isorod.geometry.center_line import helix, straight
@@ -107,7 +105,7 @@ def test_section_functions_follow_the_section():
     assert functions(section.airfoil()) == 4
     assert functions(section.flower()) == (2, 32)
     assert [Space(straight(2.0 * n).sweep(section.circle(4))).section_degree for n in (1, 3.9, 4.1, 9, 11)] == [
-        *(5, 5, 4, 4, 3),
+        *(5, 5, 4, 4, 3)
     ]
 
 
@@ -201,13 +199,6 @@ def test_a_free_rod_moves_with_all_its_mass(integrator):
     assert found.displacement[-1] == pytest.approx(0.1 * velocity, abs=1e-8)
 
 
-def test_contact_without_control_points_is_refused():
-    space = Space(straight(4.0).sweep(section.circle(8)))
-    body = Body(space, NeoHookean(1.0, 0.3))
-    with pytest.raises(InputError, match="contact"):
-        Model([body], contacts=[Contact(0, Plane((0.0, -1.5, 0.0), (0.0, 1.0, 0.0)), 1.0)])
-
-
 def test_a_preset_fills_what_is_not_given():
     assert Spring(preset="paper") == Spring(
         order=1, degree=3, continuity=2, elements_per_turn=8, formulation="displacement", quadrature="auto",
@@ -219,14 +210,11 @@ def test_a_preset_fills_what_is_not_given():
         Spring(preset="book")
 
 
-def test_a_record_says_what_was_chosen(capsys):
-    assert cli.main(["run", "blade", "--modes", "3", "--degree", "4", "--json"]) == 0
-    (found,) = json.loads(capsys.readouterr().out)["discretisation"]
+def test_a_record_says_what_was_chosen(command):
+    (found,) = command.record("run", "blade", "--modes", "3", "--degree", "4")["discretisation"]
     assert (found["degree"], found["section_degree"], found["formulation"]) == (4, 4, "displacement")
     assert found["chosen"] == ["section_degree", "elements", "continuity", "knots", "quadrature"]
-    assert cli.main(["run", "flower", "--json"]) == 0
-    assert cli.main(["run", "blade", "--modes", "3"]) == 0
-    text = " ".join(capsys.readouterr().out.split())
+    text = " ".join(command.prints("run", "blade", "--modes", "3").split())
     assert (
         "element polynomials, section degree 4; 7 elements of degree 5, C2, 2 of them short; quadrature 4x2x6 (chosen: "
         "section" in text

@@ -11,21 +11,17 @@ from disks import disk_points
 from touching import crossing
 
 from comparisons.contact import hertz
-from isorod import statics
+from isorod import InputError, LinearElastic, Rod, SolveError, Space, statics
 from isorod.command import solving
 from isorod.contact.operator import ContactOperator
 from isorod.contact.patches import ENOUGH, patches
-from isorod.errors import InputError, SolveError
 from isorod.files.scene import FileScene
 from isorod.geometry.quadrature import Rule, graded_points
-from isorod.geometry.rod import Rod
-from isorod.material import LinearElastic
 from isorod.model import Body, Contact, Cylinder, Model, Plane, Support
 from isorod.scenes import Scene
 from isorod.space.closer import Patch, closer
 from isorod.space.graded import Graded
 from isorod.space.polyharmonic import Polyharmonic
-from isorod.space.space import Space
 
 LAW = LinearElastic(1000.0, 0.3)
 ARCS = (4, 4, 2, 1, 1, 1, 1, 1, 1, 4, 4, 4, 4)  # of eight of the rod's, each in four

@@ -8,16 +8,12 @@ from conftest import straight
 from touching import crossing
 
 from comparisons.contact import hertz
-from isorod import statics
+from isorod import Body, Contact, LinearElastic, Model, NeoHookean, Plane, Rod, Space, Support, statics
 from isorod.command import solving
 from isorod.contact.operator import ContactOperator
 from isorod.contact.patches import ENOUGH
 from isorod.files.scene import FileScene
-from isorod.geometry.rod import Rod
-from isorod.material import LinearElastic, NeoHookean
-from isorod.model import Body, Contact, Model, Plane, Support
 from isorod.space.closer import Patch, closer
-from isorod.space.space import Space
 from isorod.space.transfer import transfer
 
 # Of unit force.

@@ -6,13 +6,8 @@ from conftest import straight
 from motions import momenta
 from touching import ACROSS, moved
 
-from isorod import dynamics, statics
-from isorod.geometry.center_line import helix
-from isorod.geometry.section import circle
-from isorod.material import NeoHookean
-from isorod.model import Body, Contact, Model, Support
+from isorod import Body, Contact, Model, NeoHookean, Space, Support, circle, dynamics, helix, statics
 from isorod.output import checkpoint
-from isorod.space import Space
 
 LAW = NeoHookean(100.0, 0.3)
 
@@ -36,20 +31,21 @@ def test_a_helix_pressed_flat_lies_on_itself():
     assert solution.reactions[0, 2] > 1.05 * free.reactions[0, 2]
 
 
-def thrown(speed=2.0):
+def thrown(friction=0.0, speed=2.0):
     """Three crossing rods above each other that nothing holds; the upper and the lower fly at the middle one."""
     rod = straight(6, breaks=(0.0, 1.0, 2.0), height=6.0)
     ways = [(0.0, -2.05, -3.0), (-3.0, 0.0, 0.0), (0.3, 2.05, -2.5)]
     spaces = [Space.paper(moved(rod, way, ACROSS if k == 1 else None), quadrature="auto") for k, way in enumerate(ways)]
-    model = Model([Body(space, LAW, 2.0) for space in spaces], contacts=[Contact(range(3), None, 300.0, points=(3, 4))])
+    contact = Contact(range(3), None, 300.0, points=(3, 4), friction=friction)
+    model = Model([Body(space, LAW, 2.0) for space in spaces], contacts=[contact])
     velocity = np.zeros((model.dofs // 3, 3))
     body = np.searchsorted(model.first_node, np.arange(model.dofs // 3), side="right") - 1
     velocity[:, 1] = speed * np.array([1.0, 0.0, -1.0])[body] * model.is_carrier
     return model, velocity.ravel()
 
 
-def fly(integrator, **settings):
-    model, velocity = thrown()
+def fly(integrator, friction=0.0, **settings):
+    model, velocity = thrown(friction)
     step = {} if integrator == "explicit" else {"time_step": 0.01}
     return dynamics.solve(
         model, 0.3, **step, integrator=integrator, outputs=settings.pop("outputs", 6), velocity=velocity, **settings
@@ -77,8 +73,8 @@ def test_rods_that_meet_keep_momentum(integrator):
 
 @pytest.mark.parametrize("integrator", ["explicit", "implicit"])
 def test_a_run_of_a_group_goes_on_to_the_last_bit(integrator, tmp_path, monkeypatch):
-    """Stopped while three bodies touch."""
-    whole, file = fly(integrator), tmp_path / "state"
+    """Stopped while three bodies touch and rub."""
+    whole, file = fly(integrator, 0.3), tmp_path / "state"
     true, written = checkpoint.write, []
 
     def write(*arguments):
@@ -90,11 +86,11 @@ def test_a_run_of_a_group_goes_on_to_the_last_bit(integrator, tmp_path, monkeypa
     with monkeypatch.context() as patch:
         patch.setattr(checkpoint, "write", write)
         with pytest.raises(KeyboardInterrupt):
-            fly(integrator, checkpoint=file, every=0.0)
-    again = fly(integrator, checkpoint=file, every=0.0, resume=True)
+            fly(integrator, 0.3, checkpoint=file, every=0.0)
+    again = fly(integrator, 0.3, checkpoint=file, every=0.0, resume=True)
     assert again.resumed > 0.0
-    assert whole.contact_force[4] > 0.0
-    for name in ("times", "displacement", "velocity", "contact_force", "contact_area", "energy_error"):
+    assert whole.contact_force[4] > 0.0 < whole.dissipated[-1]
+    for name in ("times", "displacement", "velocity", "contact_force", "contact_area", "dissipated", "energy_error"):
         np.testing.assert_array_equal(getattr(again, name), getattr(whole, name), err_msg=name)
 
 

@@ -6,16 +6,13 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from petsc4py import PETSc
-from touching import ACROSS, LAW, RADIUS, RING, add_forces, forces_at, moved, pair, reference, shaken
+from touching import LAW, RADIUS, RING, across, add_forces, among, forces_at, pair, reference, shaken
 
+from isorod import Body, Contact, Cylinder, Model, Plane, Space, circle, helix
 from isorod.contact.operator import ContactOperator
 from isorod.contact.packed import START
 from isorod.contact.surface_kernel import EDGE, END, FREE, closest, new_foot, surface_gap
 from isorod.contact.tables import pack
-from isorod.geometry.center_line import helix
-from isorod.geometry.section import circle
-from isorod.model import Body, Contact, Cylinder, Model, Plane
-from isorod.space import Space
 
 OFFSET = np.array([0.0, 2.9, 3.0])  # of the crossing rods' middles
 
@@ -85,13 +82,9 @@ def test_start_values_change_nothing_but_time():
 
 
 @pytest.fixture
-def crossing(cylinder):
+def crossing():
     """A rod, a thinner one across it, and a motion of both, from afar to a touch and on."""
-    rod = cylinder(8, breaks=(0.0, 1.0, 2.0, 3.0), height=6.0)
-    thin = moved(cylinder(6, radius=0.5, height=4.0), (-2.0, 0.0, 0.0), ACROSS)
-    model = Model(
-        [Body(Space.paper(rod), LAW), Body(Space.paper(thin), LAW)], contacts=[Contact(0, 1, 10.0, points=(3, 3))]
-    )
+    model = across((-2.0, 0.0, 0.0))
     first = np.arange(model.dofs // 3)[:, None] < model.first_node[1]
     way = [np.array([0.2 * np.sin(3.0 * t), 0.8 * np.cos(t), np.sin(t)]) for t in np.linspace(0.0, 2.0 * np.pi, 300)]
     return model, [reference(model) + np.where(first, -w, w + OFFSET) for w in way]
@@ -134,32 +127,6 @@ def test_searches_left_out_change_nothing(crossing):
     assert searches[0] < 0.7 * searches[1]
 
 
-def test_a_sequence_of_steps_gives_what_fresh_searches_give(cylinder):
-    """A rod comes from afar, presses on another and leaves on its other side; most searches are left out."""
-    rod = cylinder(8, breaks=(0.0, 1.0, 2.0, 3.0), height=6.0)
-    thin = moved(cylinder(6, radius=0.5, height=4.0), (-2.0, 0.0, 0.0), ACROSS)
-    model = Model(
-        [Body(Space.paper(rod), LAW), Body(Space.paper(thin), LAW)], contacts=[Contact(0, 1, 10.0, points=(3, 3))]
-    )
-    base, packed = reference(model), pack(model)
-    mobile = np.arange(base.shape[0]) >= model.first_node[1]
-    searches = np.zeros(2, dtype=int)
-    touched = 0
-    for t in np.linspace(0.0, 2.0 * np.pi, 500):
-        x, kept, fresh = base.copy(), np.zeros_like(base), np.zeros_like(base)
-        x[mobile] += [0.0, 2.2 + 0.8 * np.cos(t), 3.0 + 2.0 * np.sin(t)]
-        until = packed.clear.copy()
-        outcome = add_forces(packed, x, kept)
-        searches += [(until <= packed.travel[0]).sum(), until.size]
-        new = pack(model)
-        np.testing.assert_allclose(outcome, add_forces(new, x, fresh), rtol=1e-10, atol=1e-13)
-        np.testing.assert_allclose(kept, fresh, atol=1e-10 * (1.0 + np.abs(fresh).max()))
-        touched += outcome[1] > 0.0
-    assert 20 < touched < 480
-    print(searches)
-    assert searches[0] < 0.5 * searches[1]
-
-
 @pytest.mark.parametrize(
     "obstacle",
     [Plane((-4.0, 0.0, 0.0), (1.0, 0.0, 0.0), travel=2.5), Cylinder((-4.0, 0.0, 3.0), (0.0, 1.0, 0.0), 2.0)],
@@ -168,7 +135,7 @@ def test_a_sequence_of_steps_gives_what_fresh_searches_give(cylinder):
 def test_a_rod_that_nears_an_obstacle_is_not_looked_at_before(cylinder, obstacle):
     """It comes and goes, and so does the plate: forces as where all points are sought, which few are."""
     rod = cylinder(8, breaks=(0.0, 1.0, 2.0, 3.0), height=6.0)
-    model = Model([Body(Space.paper(rod), LAW)], contacts=[Contact(0, obstacle, 10.0, points=(3, 3))])
+    model = among([Space.paper(rod)], Contact(0, obstacle, 10.0, points=(3, 3)))
     zero = np.zeros(model.dofs)
     lazy, thorough = ContactOperator(model), ContactOperator(model)
     touched, sought = 0, []
@@ -190,13 +157,9 @@ def test_a_rod_that_nears_an_obstacle_is_not_looked_at_before(cylinder, obstacle
     assert np.mean(sought) < 0.5
 
 
-def test_work_along_a_path_is_the_change_of_energy(cylinder):
+def test_work_along_a_path_is_the_change_of_energy():
     """A rod slides across arcs and elements of another: nothing is lost, nothing jumps."""
-    rod = cylinder(8, breaks=(0.0, 1.0, 2.0, 3.0), height=6.0)
-    thin = moved(cylinder(6, radius=0.5, height=4.0), (-2.0, 1.4, 0.0), ACROSS)
-    model = Model(
-        [Body(Space.paper(rod), LAW), Body(Space.paper(thin), LAW)], contacts=[Contact(0, 1, 10.0, points=(4, 8))]
-    )
+    model = across((-2.0, 1.4, 0.0), (4, 8))
     base, packed = reference(model), pack(model)
     mobile = np.arange(base.shape[0]) >= model.first_node[1]
 

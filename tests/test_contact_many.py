@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from comparisons.contact import many
-from isorod import statics
-from isorod.errors import InputError
+from isorod import InputError, statics
 from isorod.scenes.strand import Strand
 
 

@@ -8,49 +8,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from conftest import straight
+from touching import bars, strip
 
-from isorod import statics
+from isorod import LinearElastic, Material, Muscle, NeoHookean, Space, StVenantKirchhoff, statics
 from isorod.command import printing
 from isorod.contact import cells, quality
 from isorod.contact.operator import ContactOperator
 from isorod.contact.tables import pack, penalty
-from isorod.geometry.rod import Rod
-from isorod.material import LinearElastic, NeoHookean
-from isorod.material.law import Material
-from isorod.material.muscle import Muscle
-from isorod.material.st_venant_kirchhoff import StVenantKirchhoff
-from isorod.model import Body, Contact, Cylinder, Model, Plane, Support
 from isorod.output import vtk
-from isorod.space import Space
 
 E, NU = 1.0, 0.3
-LAW = NeoHookean(1000.0, 0.3)
-ACROSS = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])  # z to x
-
-
-def strip(n=64, law=None, radial="8x1x1", press=0.02, **contact):
-    """A cylinder of radius 1 in plane strain that is pressed on a rigid plane by its back; half width about 0.1."""
-    space = Space.paper(straight(8, degree=1), degree=1, order=2, section_points=n, quadrature=radial)
-    angle = space.turn + 2.0 * np.pi / n * np.arange(n)
-    top = np.flatnonzero(np.cos(angle - 0.5 * np.pi) > np.cos(1.2))
-    back = np.concatenate([top, space.layer_nodes + top])
-    supports = [Support(np.arange(space.nodes), "z"), Support(back, "xy", (0.0, -press, 0.0))]
-    plane = Plane((0.0, -1.0, 0.0), (0.0, 1.0, 0.0))
-    law = LinearElastic(E, NU) if law is None else law
-    return Model([Body(space, law)], supports, contacts=[Contact(0, plane, **contact)])
-
-
-def crossing(press=0.3, n=8, **contact):
-    """Two crossing bars of radius 1 and length 8, clamped; the ends of the second are pressed down on the first."""
-    rod = straight(8, breaks=(0.0, 1.0, 2.0, 3.0, 4.0), height=8.0)
-    points = rod.control_points - [0.0, 0.0, 4.0]
-    low, high = (
-        Space.paper(Rod(rod.axis, one), degree=3, order=2, quadrature="auto", section_points=n)
-        for one in (points, points @ ACROSS.T + [0.0, 2.0, 0.0])
-    )
-    supports = [Support.end(low, "start"), Support.end(low, "end")]
-    supports += [Support.end(high, end, displacement=(0.0, -press, 0.0), body=1) for end in ("start", "end")]
-    return Model([Body(low, LAW), Body(high, LAW)], supports, contacts=[Contact(0, 1, **contact)])
 
 
 def quiet(model, **options):
@@ -123,7 +90,7 @@ def test_multipliers_in_cells_do_not_sharpen_the_pressure_with_each_update():
 def test_points_grow_until_the_patch_is_seen():
     """Three points an arc and four an element saw two or three points of this patch."""
     few, best, own = (
-        quiet(crossing(penalty=2e3, **points)).contacts[0] for points in ({"points": (3, 4)}, {"points": (16, 24)}, {})
+        quiet(bars(0.3, penalty=2e3, **points)).contacts[0] for points in ({"points": (3, 4)}, {"points": (16, 24)}, {})
     )
     assert few.points_across < quality.POINTS
     assert own.points_across >= quality.FEWEST
@@ -137,7 +104,7 @@ def test_a_patch_that_control_points_do_not_see_is_warned_of():
         UserWarning,
         match=r"contact 0: contact patch under-resolved: 0\.\d+ control points wide on body [01] at u = \S+,",
     ):
-        solution = statics.solve(crossing())
+        solution = statics.solve(bars(0.3))
     (result,) = solution.contacts
     assert result.cells_across < quality.CELLS
     assert result.peak_error > 0.2
@@ -165,7 +132,7 @@ def test_what_is_seen_well_is_not_warned_of():
 
 
 def test_results_of_a_contact_are_in_the_record():
-    solution = quiet(crossing())
+    solution = quiet(bars(0.3))
     (result,) = solution.contacts
     record = solution.record()
     (kept,) = record["contacts"]
@@ -190,16 +157,6 @@ def test_contact_is_one_line_of_the_summary():
     assert len(line) <= 80
 
 
-def test_resultant_on_a_cylinder_is_what_the_ends_give():
-    rod = straight(8, breaks=tuple(np.linspace(0.0, 6.0, 7)), radius=0.5, height=12.0)
-    space = Space.paper(Rod(rod.axis, rod.control_points - [0.0, 0.0, 6.0]), order=2, quadrature="auto", degree=3)
-    ends = [Support.end(space, end, displacement=(0.0, -0.4, 0.0)) for end in ("start", "end")]
-    contact = Contact(0, Cylinder((0.0, -1.5, 0.0), (1.0, 0.0, 0.0), 1.0))
-    solution = quiet(Model([Body(space, LAW)], ends, contacts=[contact]), load_steps=2)
-    held = solution.reactions.sum(axis=0)
-    np.testing.assert_allclose(solution.contacts[0].resultant, -held, atol=1e-6 * np.abs(held).max())
-
-
 def test_runs_of_points():
     rows = np.array([[1, 1, 0, 1, 0, 1], [0, 0, 0, 0, 0, 0], [1, 1, 1, 1, 1, 1]], dtype=bool)
     np.testing.assert_array_equal(quality._runs(rows, False)[0], [2, 2, 0, 1, 0, 1])
@@ -209,7 +166,7 @@ def test_runs_of_points():
 
 
 def test_cells_hold_means_and_points_are_where_they_say():
-    model = crossing(points=(4, 5))
+    model = bars(0.3, points=(4, 5))
     operator = ContactOperator(model)
     packed = operator.packed
     values = np.maximum(0.0, np.random.default_rng(1).standard_normal(packed.areas.size))
@@ -236,7 +193,7 @@ def test_cells_hold_means_and_points_are_where_they_say():
 
 def test_pressure_of_contact_is_in_the_vtk_file(tmp_path):
     pyvista = pytest.importorskip("pyvista")
-    solution = quiet(crossing(penalty=2e3))
+    solution = quiet(bars(0.3, penalty=2e3))
     (result,) = solution.contacts
     fields = solution.fields(1)
     vtk.write(solution.model.bodies[1], fields, tmp_path / "high.vtu")

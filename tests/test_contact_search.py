@@ -2,32 +2,25 @@
 
 import numpy as np
 import pytest
+import test_contact_groups as groups
 from conftest import straight
-from touching import add_forces
+from test_contact_mesh import ball, on
+from touching import LAW, across, add_forces, assert_as_fresh, reference
 
+from isorod import Body, Contact, Model, Rod, Space
+from isorod.contact import tables
 from isorod.contact.tables import pack
-from isorod.geometry.rod import Rod
-from isorod.material import NeoHookean
-from isorod.model import Body, Contact, Model
 from isorod.model.support import rotation
-from isorod.space import Space
-
-LAW = NeoHookean(1.0, 0.3)
 
 
-def crossing(gap):
+def crossing(gap=0.4):
     """A rod along z and a thin one along x, this far from it."""
-    thick = straight(8, breaks=(0.0, 1.0, 2.0, 3.0), height=6.0)
-    thin = straight(6, radius=0.5, height=4.0)
-    across = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-    points = thin.control_points @ across.T + np.array([-2.0, 1.5 + gap, 3.0])
-    spaces = Space.paper(thick), Space.paper(Rod(thin.axis, points))
-    return Model([Body(space, LAW) for space in spaces], contacts=[Contact(0, 1, 10.0, points=(5, 6))])
+    return across((-2.0, 1.5 + gap, 3.0), (5, 6))
 
 
 def approached(model, way):
     """Positions of the nodes when each body has gone a way towards the other."""
-    x = np.concatenate([body.space.positions for body in model.bodies])
+    x = reference(model)
     first = np.arange(x.shape[0]) < model.first_node[1]
     x[:, 1] += way * np.where(first, 1.0, -1.0) * model.is_carrier
     return x
@@ -52,28 +45,44 @@ def test_rods_that_approach_each_other_are_not_missed(gap, share):
         assert force > 0.0 and -depth <= deepest < 0.0
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_two_rods_that_wander_touch_as_fresh_searches_say(seed):
-    """Both move at random, in steps of all sizes, near and far: no touch is missed."""
-    model, rng = crossing(0.4), np.random.default_rng(seed)
+def on_mesh():
+    return on(ball(np.array([0.2, 2.6, 2.7]), 1.5, 2))
+
+
+def wandering(model, halves, seed, steps, scale=1.0):
+    """Positions of bodies, or of a body's halves, that go about at random, in steps of all sizes."""
+    start, rng = reference(model), np.random.default_rng(seed)
+    number = np.arange(start.shape[0])
+    parts = number >= number.size // 2 if halves else np.searchsorted(model.first_node, number, side="right") - 1
+    ways = np.zeros((parts.max() + 1, 3))
+    for _ in range(steps):
+        ways += rng.exponential(0.1) * rng.uniform(-1.0, 1.0, ways.shape) * scale - 0.05 * ways
+        yield start + ways[parts.astype(int)] * model.is_carrier[:, None]
+
+
+SELF = groups.pin, groups.spring
+WANDERING = [
+    *((scene, seed, room) for scene in (groups.group, *SELF) for seed in range(3) for room in (tables.NEAR, 2)),
+    *((crossing, seed, tables.NEAR) for seed in range(4)),
+    (on_mesh, 6, tables.NEAR),
+]
+
+
+@pytest.mark.parametrize(("scene", "seed", "room"), WANDERING)
+def test_bodies_that_wander_touch_as_fresh_searches_say(scene, seed, room, monkeypatch):
+    """Searches left out, lists kept, and lists that overflow change nothing."""
+    model = scene()
+    fresh = pack(model)
+    monkeypatch.setattr(tables, "NEAR", room)
     packed = pack(model)
-    first = np.arange(model.dofs // 3) < model.first_node[1]
-    start = approached(model, 0.0)
-    ways = np.zeros((2, 3))
-    touched = missed = 0
-    for _ in range(150):
-        ways += rng.exponential(0.1) * rng.uniform(-1.0, 1.0, (2, 3)) * [1.0, 1.5, 1.0] - 0.05 * ways
-        x = start + np.where(first[:, None], ways[0], ways[1]) * model.is_carrier[:, None]
-        kept, fresh = np.zeros_like(x), np.zeros_like(x)
-        found, expected = add_forces(packed, x, kept), add_forces(pack(model), x, fresh)
-        # Where rods are deep in each other a point may have two closest points.
-        if not -0.25 < expected[3]:
-            continue
-        touched += expected[1] > 0.0
-        missed += found[2] != pytest.approx(expected[2], rel=1e-9)
-        np.testing.assert_allclose(kept, fresh, atol=1e-10 * (1.0 + np.abs(fresh).max()))
-    assert missed == 0
+    steps = {groups.spring: 30, crossing: 150, on_mesh: 80}.get(scene, 60)
+    within = {crossing: {"deepest": -0.25}, on_mesh: {"rtol": 1e-12}}.get(scene, {"deepest": -0.3})
+    states = wandering(model, scene in SELF, seed, steps, [1.0, 1.5, 1.0] if scene is crossing else 1.0)
+    touched, left = sum(assert_as_fresh(packed, fresh, x, **within) for x in states)
     assert touched > 5
+    assert left > packed.areas.size
+    if room == 2:
+        assert packed.counts.max() > 2
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -2,27 +2,19 @@
 
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
 from conftest import straight
-from scipy.sparse import coo_matrix
-from touching import ACROSS, LAW, add_forces, crease, moved, pair, reference, shaken
+from refused import refused
+from touching import ACROSS, LAW, STIFF, add_forces, assert_tangent, crease, moved, pair, reference, shaken, stiffness
 
-from isorod import dynamics, statics
+from isorod import Body, BodyForce, Contact, Model, Plane, Space, Sphere, Support, TriangleMesh, dynamics, statics
 from isorod.contact.friction import pack as pack_friction
 from isorod.contact.friction_kernel import add_friction
 from isorod.contact.operator import ContactOperator
 from isorod.contact.tables import pack
 from isorod.dynamics.explicit.mass import Mass
-from isorod.errors import InputError
-from isorod.material import NeoHookean
-from isorod.model import Body, BodyForce, Contact, Model, Plane, Sphere, Support, TriangleMesh
-from isorod.space import Space
-
-STIFF = NeoHookean(1000.0, 0.3)
-
 
 TETRAHEDRON = TriangleMesh(np.eye(4, 3), np.array([(0, 1, 2), (0, 2, 3), (0, 3, 1), (1, 3, 2)]))
 
@@ -48,22 +40,13 @@ def begun(model, size=0.004):
 @pytest.mark.parametrize("scene", [pair, crease, on_sphere])
 @pytest.mark.parametrize("friction", [100.0, 0.005], ids=["stick", "slip"])
 def test_tangent_is_the_derivative_of_the_forces(scene, friction):
-    model = rubbing(scene(), friction)
-    operator, displacement = begun(model)
-    K = coo_matrix(
-        (operator.tangent(displacement), (operator.rows, operator.columns)), shape=(model.dofs, model.dofs)
-    ).tocsr()
+    operator, displacement = begun(rubbing(scene(), friction))
+    K = stiffness(operator, displacement)
     told = operator.results(displacement)
     stuck, slid = (sum(getattr(one, name) for one in told) for name in ("sticking", "slipping"))
     assert stuck > 20 * max(slid, 1) if friction > 1.0 else slid > 5 * max(stuck, 4)
     assert abs(K - K.T).max() > 1e-3 * abs(K).max()
-    rng, step = np.random.default_rng(5), 1e-7
-    for _ in range(5):
-        v = rng.standard_normal(model.dofs)
-        change = operator.forces(displacement - step * v)[0] - operator.forces(displacement + step * v)[0]
-        change /= 2.0 * step
-        assert np.abs(K @ v - change).max() < 1e-6 * np.abs(change).max()
-        np.testing.assert_allclose(operator.product(v), K @ v, atol=1e-12 * np.abs(change).max())
+    assert_tangent(operator, displacement, 1e-7, 5, 1e-6, symmetric=False)
 
 
 @pytest.mark.parametrize("scene", [pair, crease])
@@ -313,52 +296,14 @@ def test_rods_that_strike_and_rub_keep_the_balance():
     assert history.momentum_error.max() < 1e-12
 
 
-@pytest.mark.parametrize(("integrator", "step"), [("explicit", None), ("implicit", 1e-3)])
-def test_a_run_goes_on_to_the_last_bit(tmp_path, integrator, step):
-    model, velocity = squeezed(0.3)
-    given = {"time_step": step, "velocity": velocity, "integrator": integrator}
-    whole = dynamics.solve(model, 0.02, outputs=4, **given)
-    file = tmp_path / "kept"
-    dynamics.solve(model, 0.01, outputs=2, checkpoint=file, **given)
-    resumed = dynamics.solve(model, 0.02, outputs=4, checkpoint=file, resume=True, **given)
-    for name in ("displacement", "velocity", "dissipated", "energy_error", "contact_energy"):
-        assert np.array_equal(getattr(whole, name), getattr(resumed, name)), name
-    with pytest.raises(InputError, match="belongs to another model"):
-        dynamics.solve(squeezed(0.31)[0], 0.02, outputs=4, checkpoint=file, resume=True, **given)
-
-
-@pytest.mark.parametrize(
-    ("make", "message"),
-    [
-        (lambda: Contact(0, 1, friction=-0.1), "friction -0.1, need a coefficient, not negative"),
-        (lambda: Contact(0, 1, friction=float("nan")), "friction nan, need"),
-        (lambda: Contact(0, 1, across=1.0), "contact: got 1 control points across a patch, need 2 to 12"),
-        (lambda: Contact(0, TETRAHEDRON, friction=0.1), "meshes of triangles have none"),
-        (lambda: Contact(0, 1, friction="rough"), "friction: got 'rough'"),
-        (lambda: Contact(0, Plane((0, 0, 0), (0, 0, 1)), faces=["end"]), "end faces touch nothing"),
-    ],
+test_bad_numbers_get_one_line = refused(
+    (lambda: Contact(0, 1, friction=-0.1), "friction -0.1, need a coefficient, not negative"),
+    (lambda: Contact(0, 1, friction=float("nan")), "friction nan, need"),
+    (lambda: Contact(0, 1, across=1.0), "contact: got 1 control points across a patch, need 2 to 12"),
+    (lambda: Contact(0, TETRAHEDRON, friction=0.1), "meshes of triangles have none"),
+    (lambda: Contact(0, 1, friction="rough"), "friction: got 'rough'"),
+    (lambda: Contact(0, Plane((0, 0, 0), (0, 0, 1)), faces=["end"]), "end faces touch nothing"),
 )
-def test_bad_numbers_get_one_line(make, message):
-    with pytest.raises(InputError, match=message) as error:
-        make()
-    assert "\n" not in str(error.value)
-
-
-def test_contact_without_friction_does_not_load_it(python):
-    script = f"""
-import sys
-sys.path.insert(0, {str(Path(__file__).parent)!r})
-from isorod import options
-options.initialize([])
-from touching import pair
-from isorod.contact.operator import ContactOperator
-from isorod.dynamics.explicit.system import System
-import numpy as np
-model = pair()
-ContactOperator(model).tangent(np.zeros(model.dofs))
-print([name for name in sys.modules if "friction" in name and name.startswith("isorod")])
-"""
-    assert python(script).stdout.strip() == "[]"
 
 
 @pytest.mark.slow

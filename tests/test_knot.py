@@ -7,7 +7,6 @@ from scipy.spatial.distance import cdist
 from comparisons.contact.knot import tension
 from isorod import dynamics
 from isorod.dynamics.history import Instant
-from isorod.errors import InputError
 from isorod.scenes.knot import Knot
 
 
@@ -75,17 +74,3 @@ def test_the_knots_tension_is_what_the_bending_of_its_loop_says():
     assert crossings(line).size == 6 and closest(line) > 1.98
     # A rod that is thick beside its loop needs more than a thin one, by about 15 r / R: 2.19 here, 1.69 for twice R.
     assert 2.0 < found["tension"] / tension(scene.bending, found["loop_radius"]) < 2.4
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"loop": 5.0}, "loop: got 5, need 6 rod radii and more"),
-        ({"radius": -1.0}, "radius: got -1, need a positive number"),
-        ({"time_step": 0.0}, "time step: got 0, need a positive number"),
-        ({"elements": 0}, "elements: got 0, need an integer from 1 to"),
-    ],
-)
-def test_knot_refuses(options, message):
-    with pytest.raises(InputError, match=message):
-        Knot(**options).model()

@@ -77,6 +77,9 @@ def inner(x):
 @njit
 def outer(x):
     return inner(x) + 1.0
+
+
+WORD = "a"
 '''
 USER = '''"""Not compiled."""
 
@@ -92,7 +95,7 @@ def other(x=0):
 '''
 TESTS = '''"""Tests."""
 
-from isorod import kernel
+from isorod import Offered, kernel
 
 
 @pytest.fixture
@@ -106,6 +109,13 @@ def test_it(table):
 
 def test_other(TABLE):
     return TABLE.outer
+
+
+def test_offered():
+    assert Offered
+
+
+test_listed = refused((lambda: Offered, "no"))
 '''
 
 
@@ -116,13 +126,13 @@ def reach(tmp_path):
     (place / "kernel.py").write_text(KERNEL)
     (place / "user.py").write_text(USER)
     (place / "face.py").write_text("from isorod.kernel import outer\n")
+    (place / "__init__.pyi").write_text("from isorod.kernel import WORD as Offered\n")
     (tmp_path / "tests").mkdir()
     (tmp_path / "tests/test_kernel.py").write_text(TESTS)
     (place / "stranger.py").write_text("def outer(x):\n    return x\n")
     seen = {"src/isorod/user.py": {7: {"applies"}, 11: {"others"}}, "src/isorod/stranger.py": {2: {"strange"}}}
-    seconds = dict.fromkeys(
-        (f"tests/test_kernel.py::{test}" for test in ("test_it[1]", "test_it[2]", "test_other")), 1.0
-    )
+    tests = "test_it[1] test_it[2] test_other test_offered test_listed[no]".split()
+    seconds = {f"tests/test_kernel.py::{test}": 1.0 for test in tests}
     return Reach(tmp_path, covered.Covered(seconds, {}, {}, seen, []))
 
 
@@ -135,6 +145,11 @@ def reach(tmp_path):
         ("kernel.py", 9, {"applies"}),  # through another compiled one
         ("kernel.py", 3, {"applies"}),  # a constant: through the compiled functions that hold it
         ("kernel.py", 4, {"tests/test_kernel.py::test_it[1]", "tests/test_kernel.py::test_it[2]"}),  # through a fixture
+        (
+            "kernel.py",
+            17,
+            {f"tests/test_kernel.py::{test}" for test in ("test_offered", "test_listed[no]")},
+        ),  # by the package
         ("stranger.py", 2, {"strange"}),
     ],
 )

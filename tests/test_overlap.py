@@ -9,16 +9,11 @@ import pytest
 from conftest import straight
 from pushed import ACROSS, LAW, ROD, rods
 
-from isorod import statics
+from isorod import Body, Contact, InputError, Model, Space, Support, circle, helix, statics
 from isorod.checks import overlap
-from isorod.errors import InputError
 from isorod.geometry import boxes
-from isorod.geometry.center_line import helix
-from isorod.geometry.section import circle
-from isorod.model import Body, Contact, Model, Support
 from isorod.scenes.biceps import Biceps
 from isorod.scenes.spring import Spring
-from isorod.space import Space
 
 
 @pytest.mark.parametrize("depth", [0.015, 0.1, 0.5])

@@ -9,15 +9,9 @@ from push_pairs import BAD, judged
 from pushed import ACROSS, LAW, outcome, rods
 
 from comparisons.contact.capstan import Capstan
-from isorod import dynamics, statics
+from isorod import NeoHookean, Rod, SolveError, Space, circle, dynamics, helix, statics
 from isorod.contact.passing import Passing
-from isorod.errors import SolveError
-from isorod.geometry.center_line import helix
-from isorod.geometry.rod import Rod
-from isorod.geometry.section import circle
-from isorod.material import NeoHookean
 from isorod.model import Body, Contact, Cylinder, Model, SectionLoad, Sphere, Support
-from isorod.space import Space
 
 
 def thrown(penalty, friction=0.0):
@@ -32,11 +26,7 @@ def thrown(penalty, friction=0.0):
 @pytest.mark.parametrize(
     ("integrator", "step", "said"),
     [
-        (
-            "explicit",
-            None,
-            "penetration exceeds half the smaller radius .tunnelling.; increase",
-        ),
+        ("explicit", None, "penetration exceeds half the smaller radius .tunnelling.; increase"),
         ("implicit", 0.05, r"contact 0: penetration is \S+ of the smaller radius; increase the penalty"),
     ],
 )

@@ -4,41 +4,29 @@ import numpy as np
 import pytest
 from conftest import straight
 from scipy.linalg import eigh
+from touching import STIFF, bar
 
-from isorod import dynamics, statics
+from isorod import Body, Contact, InputError, Model, Plane, Space, Support, dynamics, statics
 from isorod.assembly.formulation import assembler_for
 from isorod.checks import rigid_motions
 from isorod.contact.operator import ContactOperator
-from isorod.errors import InputError
-from isorod.geometry.rod import Rod
-from isorod.material import NeoHookean
-from isorod.model import Body, Contact, Model, Plane, Support
-from isorod.space import Space
 from isorod.statics.newton import Newton
 
-LAW = NeoHookean(1000.0, 0.3)
 WAY = 0.08
 HOW = {"penalty": 1e3, "points": (6, 4)}
-
-
-def bar():
-    """Of radius 1, along z from -2 to 2."""
-    rod = straight(8, breaks=(0.0, 1.0, 2.0), height=4.0)
-    middle = Rod(rod.axis, rod.control_points - [0.0, 0.0, 2.0])
-    return Space.paper(middle, degree=2, order=2, quadrature="auto")
 
 
 def held(space, travel=0.0, way=0.0, gap=0.02, **how):
     """A bar whose ends are held, or moved down, above a plane that may come up."""
     supports = [Support.end(space, end, displacement=(0.0, -way, 0.0)) for end in ("start", "end")]
     plane = Plane((0.0, -1.0 - gap, 0.0), (0.0, 3.0, 0.0), travel)
-    return Model([Body(space, LAW, density=1.0)], supports, contacts=[Contact(0, plane, **HOW, **how)])
+    return Model([Body(space, STIFF, density=1.0)], supports, contacts=[Contact(0, plane, **HOW, **how)])
 
 
 @pytest.mark.parametrize("how", [{}, {"friction": 0.3}])
 def test_a_plane_that_moves_presses_as_one_that_a_rod_is_moved_onto(how):
     """By steps, so that the way of the plane is also what steps begin with."""
-    models = held(bar(), WAY, **how), held(bar(), 0.0, WAY, **how)
+    models = held(bar(4.0), WAY, **how), held(bar(4.0), 0.0, WAY, **how)
     (one, other) = (statics.solve(model, load_steps=3) for model in models)
     (moving,), (fixed,) = one.contacts, other.contacts
     assert fixed.force > 5.0
@@ -51,19 +39,19 @@ def test_a_plane_that_moves_presses_as_one_that_a_rod_is_moved_onto(how):
 
 def test_points_begin_to_stick_where_the_gap_closes():
     """A bar moved onto a plane and along it: a quarter of the way it is clear, and what sticks is not drawn by that."""
-    space = bar()
+    space = bar(4.0)
     supports = [Support.end(space, end, displacement=(0.0, -WAY, 0.02)) for end in ("start", "end")]
     plane = Plane((0.0, -1.02, 0.0), (0.0, 1.0, 0.0))
-    model = Model([Body(space, LAW)], supports, contacts=[Contact(0, plane, **HOW, friction=10.0)])
+    model = Model([Body(space, STIFF)], supports, contacts=[Contact(0, plane, **HOW, friction=10.0)])
     once, often = (statics.solve(model, load_steps=steps).contacts[0].friction[2] for steps in (1, 16))
     assert abs(often) > 0.1
     assert once == pytest.approx(often, rel=0.1)
 
 
 def test_a_bar_between_two_plates_is_held_by_them():
-    space = bar()
+    space = bar(4.0)
     plates = Plane((0.0, -1.0, 0.0), (0.0, 1.0, 0.0)), Plane((0.0, 1.0, 0.0), (0.0, -1.0, 0.0), WAY)
-    model = Model([Body(space, LAW, density=1.0)], contacts=[Contact(0, plate, **HOW) for plate in plates])
+    model = Model([Body(space, STIFF, density=1.0)], contacts=[Contact(0, plate, **HOW) for plate in plates])
     solution = statics.solve(model)
     below, above = solution.contacts
     assert above.force > 20.0
@@ -75,7 +63,7 @@ def test_a_bar_between_two_plates_is_held_by_them():
 
 
 def test_the_way_of_a_plane_changes_forces_as_is_said():
-    operator = ContactOperator(held(bar(), WAY, gap=-0.01))
+    operator = ContactOperator(held(bar(4.0), WAY, gap=-0.01))
     displacement = 1e-3 * np.random.default_rng(3).normal(size=operator.model.dofs)
 
     def forces(factor):
@@ -94,7 +82,7 @@ def test_the_way_of_a_plane_changes_forces_as_is_said():
 
 
 def test_planes_do_not_move_in_motions():
-    model = held(bar(), WAY)
+    model = held(bar(4.0), WAY)
     for integrator in ("explicit", "implicit"):
         with pytest.raises(InputError, match="contact 0: a plane that moves, by its travel, is for statics alone"):
             dynamics.solve(model, end_time=1e-3, integrator=integrator)
@@ -107,7 +95,7 @@ def test_what_holds_a_body_on_the_way_is_softer_than_the_body():
     rod = straight(4, breaks=(0.0, 1.0, 2.0, 3.0, 4.0), height=160.0)
     space = Space.paper(rod, degree=3, order=2, quadrature="auto")
     far = Plane((0.0, -5.0, 0.0), (0.0, 1.0, 0.0), 1.0)
-    model = Model([Body(space, LAW)], contacts=[Contact(0, far, **HOW)])
+    model = Model([Body(space, STIFF)], contacts=[Contact(0, far, **HOW)])
     assembler = assembler_for(model)
     solver = Newton(assembler, rigid_motions.left_to_contact(model))
     matrix = assembler.matrix()

@@ -1,4 +1,4 @@
-"""Bodies that touch: a rod and a ring with obstacles, a rod in the crease of a bent one, and what contact says."""
+"""Bodies that touch, what contact says of them, and that searches left out change nothing of it."""
 
 from typing import NamedTuple
 
@@ -6,17 +6,13 @@ import numpy as np
 from conftest import straight
 from scipy.sparse import coo_matrix
 
+from isorod import Axis, LinearElastic, NeoHookean, Rod, Space, circle, helix
 from isorod.contact import force_kernel
 from isorod.contact.tables import pack
-from isorod.geometry.axis import Axis
-from isorod.geometry.center_line import helix
-from isorod.geometry.rod import Rod
-from isorod.geometry.section import circle
-from isorod.material import NeoHookean
-from isorod.model import Body, Contact, Cylinder, Model, Plane
-from isorod.space import Space
+from isorod.model import Body, Contact, Cylinder, Model, Plane, Support
 
 LAW = NeoHookean(1.0, 0.3)
+STIFF = NeoHookean(1000.0, 0.3)
 RADIUS = 0.8  # of the ring's wire
 RING = 4.0  # of the ring
 
@@ -54,7 +50,7 @@ def pair():
         Contact(0, Plane((0.0, 0.95, 0.0), (0.0, -2.0, 0.0)), 50.0),
         Contact(1, Cylinder((-9.0, 0.0, 3.0), (0.0, 1.0, 0.0), 0.5), 70.0),
     ]
-    return Model([Body(first, LAW), Body(second, LAW)], contacts=contacts)
+    return among([first, second], *contacts)
 
 
 def crease():
@@ -62,9 +58,53 @@ def crease():
     # An arc, and a point, in the middle below.
     rod = straight(4, radius=0.4, height=2.0)
     thin = moved(rod, (-1.0, 1.3, 0.0), ACROSS)
-    return Model(
-        [Body(Space.paper(thin), LAW), Body(Space.paper(bent()), LAW)], contacts=[Contact(0, 1, 10.0, points=(5, 12))]
+    return among([Space.paper(thin), Space.paper(bent())], Contact(0, 1, 10.0, points=(5, 12)))
+
+
+def among(spaces, *contacts):
+    return Model([Body(space, LAW) for space in spaces], contacts=list(contacts))
+
+
+def across(shift, points=(3, 3)):
+    """A rod along z, and a thin one along x."""
+    rod = straight(8, breaks=(0.0, 1.0, 2.0, 3.0), height=6.0)
+    thin = moved(straight(6, radius=0.5, height=4.0), shift, ACROSS)
+    return among([Space.paper(rod), Space.paper(thin)], Contact(0, 1, 10.0, points=points))
+
+
+def bar(length, turn=None, lift=0.0):
+    """A bar of radius 1 about the origin, along z or turned."""
+    rod = straight(8, breaks=(0.0, 1.0, 2.0), height=length)
+    centered = moved(moved(rod, (0.0, 0.0, -0.5 * length)), (0.0, lift, 0.0), turn)
+    return Space.paper(centered, degree=2, order=2, quadrature="auto")
+
+
+def bars(press, gap=0.0, section_points=None, **contact):
+    """Two crossing bars of radius 1 and length 8, clamped; the ends of the second are pressed down on the first."""
+    rod = moved(straight(8, breaks=(0.0, 1.0, 2.0, 3.0, 4.0), height=8.0), (0.0, 0.0, -4.0))
+    low, high = (
+        Space.paper(one, degree=3, order=2, quadrature="auto", section_points=section_points)
+        for one in (rod, moved(rod, (0.0, 2.0 + gap, 0.0), ACROSS))
     )
+    supports = [Support.end(low, "start"), Support.end(low, "end")]
+    supports += [Support.end(high, end, displacement=(0.0, -press, 0.0), body=1) for end in ("start", "end")]
+    return Model([Body(low, STIFF), Body(high, STIFF)], supports, contacts=[Contact(0, 1, **contact)])
+
+
+def strip(n=64, law=None, radial="8x1x1", press=0.02, **contact):
+    """A cylinder of radius 1 in plane strain that is pressed on a rigid plane by its back; half width about 0.1.
+
+    One element of degree 1 along the axis, all axial displacements held: sections move in their plane and stay alike.
+    The surface nodes within 1.2 rad of the top are pressed down, far from the contact.
+    """
+    space = Space.paper(straight(8, degree=1), degree=1, order=2, section_points=n, quadrature=radial)
+    angle = space.turn + 2.0 * np.pi / n * np.arange(n)
+    top = np.flatnonzero(np.cos(angle - 0.5 * np.pi) > np.cos(1.2))
+    back = np.concatenate([top, space.layer_nodes + top])
+    supports = [Support(np.arange(space.nodes), "z"), Support(back, "xy", (0.0, -press, 0.0))]
+    plane = Plane((0.0, -1.0, 0.0), (0.0, 1.0, 0.0))
+    law = LinearElastic(1.0, 0.3) if law is None else law
+    return Model([Body(space, law)], supports, contacts=[Contact(0, plane, **contact)])
 
 
 def reference(model):
@@ -96,18 +136,39 @@ def forces_at(model, displacement):
     return packed, outcome, forces
 
 
-def assert_tangent(operator, displacement, dofs, step, count, error):
-    """Its tangent at a displacement is symmetric, and the derivative of its forces in some random directions."""
-    values = operator.tangent(displacement)
-    K = coo_matrix((values, (operator.rows, operator.columns)), shape=(dofs, dofs)).tocsr()
-    assert abs(K - K.T).max() < 1e-13 * abs(K).max()
+def stiffness(operator, displacement):
+    """Return its tangent at a displacement as a matrix."""
+    values, dofs = operator.tangent(displacement), operator.model.dofs
+    return coo_matrix((values, (operator.rows, operator.columns)), shape=(dofs, dofs)).tocsr()
+
+
+def assert_tangent(operator, displacement, step, count, error, symmetric=True):
+    """Its tangent is the derivative of its forces in some random directions, and symmetric."""
+    K = stiffness(operator, displacement)
+    assert bool(abs(K - K.T).max() < 1e-13 * abs(K).max()) is symmetric
     rng = np.random.default_rng(5)
     for _ in range(count):
-        v = rng.standard_normal(dofs)
-        change = (operator.forces(displacement - step * v)[0] - operator.forces(displacement + step * v)[0]) / (
-            2.0 * step
-        )
+        v = rng.standard_normal(displacement.size)
+        sides = [operator.forces(displacement + side * step * v)[0] for side in (-1.0, 1.0)]
+        change = (sides[0] - sides[1]) / (2.0 * step)
         assert np.abs(K @ v - change).max() < error * np.abs(change).max()
+        np.testing.assert_allclose(operator.product(v), K @ v, atol=1e-12 * np.abs(change).max())
+
+
+def assert_as_fresh(packed, fresh, x, deepest=-np.inf, rtol=1e-9):
+    """What is found with searches left out is what all searches find, but where bodies are deep in each other.
+
+    There a point may have two closest points.  Returns whether they touch, and how many searches were left out.
+    """
+    kept, expected = np.zeros_like(x), np.zeros_like(x)
+    fresh.forget()
+    fresh.clear[:] = fresh.listed[1] = -np.inf
+    until = packed.clear.copy()
+    found, known = add_forces(packed, x, kept), add_forces(fresh, x, expected)
+    if known.deepest > deepest:
+        np.testing.assert_allclose(found, known, rtol=rtol, atol=1e-12)
+        np.testing.assert_allclose(kept, expected, atol=0.1 * rtol * (1.0 + np.abs(expected).max()))
+    return np.array([known.deepest > deepest and known.force > 0.0, (until > packed.travel[0]).sum()])
 
 
 def crossing(told=""):

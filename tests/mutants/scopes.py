@@ -38,6 +38,7 @@ class Code:
         files = [file for part in (*trees.CODE, "tests") for file in (tree / part).rglob("*.py")]
         self.parsed = {str(file.relative_to(tree)): ast.parse(file.read_text()) for file in files}
         self._paths = {trees.module(path): path for path in self.parsed}
+        self._offered = _offered(tree / "src/isorod/__init__.pyi")
         self._imported = {path: self._imports(parsed) for path, parsed in self.parsed.items()}
         self._made = {path: set().union(*map(_made, parsed.body)) for path, parsed in self.parsed.items()}
         self.scopes = {path: list(self._scopes(path, parsed.body, "")) for path, parsed in self.parsed.items()}
@@ -51,7 +52,8 @@ class Code:
             if isinstance(node, ast.ImportFrom) and node.module:
                 for one in node.names:
                     inner = f"{node.module}.{one.name}"
-                    found[one.asname or one.name] = (inner, "") if inner in self._paths else (node.module, one.name)
+                    place = self._offered.get(inner, (node.module, one.name))
+                    found[one.asname or one.name] = (inner, "") if inner in self._paths else place
         return found
 
     def _trace(self, path: str, name: str) -> Name | None:
@@ -104,6 +106,13 @@ class Code:
         names = {one.arg for one in node.args.args}
         places = (path, "tests/conftest.py")
         return frozenset((place, name) for place in places for name in names & self._made.get(place, set()))
+
+
+def _offered(file: Path) -> dict[str, tuple[str, str]]:
+    """Return the module of each name that the package itself offers, and its name there."""
+    nodes = ast.parse(file.read_text()).body if file.exists() else []
+    imports = [node for node in nodes if isinstance(node, ast.ImportFrom) and node.module]
+    return {f"isorod.{one.asname}": (node.module or "", one.name) for node in imports for one in node.names}
 
 
 def _made(node: ast.AST) -> set[str]:
