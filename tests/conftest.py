@@ -1,6 +1,7 @@
 """What several test files share: small rods, PETSc options for one test, and runs in fresh processes."""
 
 import contextlib
+import json
 import os
 import re
 import resource
@@ -114,6 +115,42 @@ def _run(command: list[str], **keywords: object) -> subprocess.CompletedProcess[
     return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False, **keywords)  # type: ignore
 
 
+class Command:
+    """The `isorod` command in this process; its words may be paths and numbers."""
+
+    def __init__(self, capsys: pytest.CaptureFixture[str]) -> None:
+        self._capsys = capsys
+
+    def prints(self, *words: object) -> str:
+        """Return what it prints."""
+        code, out, err = self._run(words)
+        assert code == 0, err
+        return out
+
+    def record(self, *words: object) -> dict:
+        """Return its record, in a line of JSON."""
+        return json.loads(self.prints(*words, "--json"))
+
+    def refuses(self, *words: object) -> str:
+        """Return the only line that it says where it refuses its words."""
+        code, out, err = self._run(words)
+        assert (code, out) == (2, ""), out
+        assert re.fullmatch(r"isorod: .+\n", err), err
+        return err.removeprefix("isorod: ").rstrip("\n")
+
+    def _run(self, words: tuple) -> tuple[int, str, str]:
+        from isorod.command import cli
+
+        self._capsys.readouterr()
+        return cli.main([str(word) for word in words]), *self._capsys.readouterr()
+
+
+@pytest.fixture
+def command(capsys: pytest.CaptureFixture[str]) -> Command:
+    """Run the `isorod` command in this process."""
+    return Command(capsys)
+
+
 @pytest.fixture(scope="session")
 def isorod() -> Callable[..., subprocess.CompletedProcess[str]]:
     """Run the `isorod` command in a fresh process."""
@@ -124,6 +161,24 @@ def isorod() -> Callable[..., subprocess.CompletedProcess[str]]:
 def python() -> Callable[..., subprocess.CompletedProcess[str]]:
     """Run a script in a fresh interpreter."""
     return lambda script, *arguments, **keywords: _run([sys.executable, "-c", script, *arguments], **keywords)
+
+
+@pytest.fixture(scope="session")
+def modules(python) -> Callable[..., set[str]]:
+    """Run the command with some words, or a script, in a fresh process; return the modules it has loaded in the end."""
+
+    def loaded(*words: str, script: str | None = None, **keywords: object) -> set[str]:
+        script = script or f"from isorod.command import cli\nassert cli.main({list(words)!r}) == 0"
+        done = python(f"import sys\nsys.argv[:] = ['isorod']\n{script}\nprint(*sorted(sys.modules))", **keywords)
+        assert done.returncode == 0, done.stderr
+        return {*done.stdout.splitlines()[-1].split()}
+
+    return loaded
+
+
+def packages(modules: set[str]) -> set[str]:
+    """Return the packages that modules are of."""
+    return {name.partition(".")[0] for name in modules}
 
 
 @pytest.fixture(scope="session")

@@ -15,16 +15,12 @@ from unittest import mock
 import numpy as np
 import pytest
 
-from isorod import model
+from isorod import Axis, LinearElastic, NeoHookean, Rod, Space, helix, model
 from isorod.command import cli
 from isorod.geometry import section
-from isorod.geometry.axis import Axis
-from isorod.geometry.center_line import helix
-from isorod.geometry.rod import Rod
-from isorod.material import LinearElastic, NeoHookean, muscle
+from isorod.material import muscle
 from isorod.model import Body, BodyForce, Model, SectionLoad, Spin, Support
 from isorod.output import progress
-from isorod.space import Space
 
 # Seconds that no input may take; most take hundredths of one.
 LIMIT = 30.0

@@ -6,8 +6,8 @@ import sys
 import numpy as np
 import pytest
 
+from isorod import InputError
 from isorod.command import cli
-from isorod.errors import InputError
 from isorod.output import curves
 
 pytest.importorskip("matplotlib")
@@ -49,11 +49,7 @@ def test_what_is_of_one_kind_shares_a_panel():
 
 
 def test_a_motion_has_displacements_over_time():
-    table = {
-        "time": [0.0, 1.0],
-        "support 0 displacement x": [0.0, 1.0],
-        "support 0 force x": [0.0, 1.0],
-    }
+    table = {"time": [0.0, 1.0], "support 0 displacement x": [0.0, 1.0], "support 0 force x": [0.0, 1.0]}
     assert [panel.curves for panel in curves.panels(columns(table))] == [
         [("time", "support 0 displacement x")],
         [("time", "support 0 force x")],

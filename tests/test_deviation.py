@@ -1,17 +1,15 @@
 """Geometry is what was written, or says how far it is from that: outlines and lines beside exact ones."""
 
-import json
 import warnings
 
 import numpy as np
 import pytest
 
+from isorod import InputError, circle, ellipse, helix, naca, polyline, rounded_rectangle, straight
 from isorod.command.cli import main
-from isorod.errors import InputError
 from isorod.geometry import reading
-from isorod.geometry.center_line import helix, polyline, straight
 from isorod.geometry.disk import boundary_functions
-from isorod.geometry.section import circle, ellipse, from_file, from_points, naca, rounded_rectangle
+from isorod.geometry.section import from_file, from_points
 
 SQUARE = np.array([[1.0, 0.0], [1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
 SHAPES = {
@@ -325,16 +323,14 @@ component = "z"
 """
 
 
-def test_a_frame_bends_as_two_beams_and_an_arc(tmp_path, capsys):
+def test_a_frame_bends_as_two_beams_and_an_arc(tmp_path, command, silent):
     (tmp_path / "frame.toml").write_text(SCENE.replace("CORNER", "fillet = 3.0"))
-    assert main(["run", str(tmp_path / "frame.toml"), "--json"]) == 0
-    said = capsys.readouterr()
-    found = json.loads(said.out)
+    found = command.record("run", tmp_path / "frame.toml")
     # Of the squared moment along the fillet.
     bent = 3.0 * (37.0**2 * np.pi / 2.0 + 6.0 * 37.0 + 9.0 * np.pi / 4.0)
     theory = 0.001 * (37.0 * 40.0**2 + bent + 37.0**3 / 3.0) / (1000.0 * np.pi / 4.0)
     assert found["tip"] == pytest.approx(theory, rel=5e-3)
-    assert found["deviation"][0]["relative"] < 1e-12 and not said.err
+    assert found["deviation"][0]["relative"] < 1e-12
 
 
 def test_a_run_says_how_far_its_rods_are_from_what_was_written(tmp_path, capsys):

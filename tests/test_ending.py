@@ -13,7 +13,7 @@ import pytest
 from test_resume import SETTINGS, assert_same, model, run
 
 from isorod import dynamics, files
-from isorod.command import cli, ending
+from isorod.command import ending
 from isorod.dynamics.explicit import run as explicit
 from isorod.dynamics.explicit.system import System
 from isorod.dynamics.implicit.newton import Newton
@@ -326,13 +326,11 @@ def pipes(tmp_path):
         "section {bar} --output {pipe}.csv",
     ],
 )
-def test_a_pipe_is_neither_waited_for_nor_overwritten(words, pipes, capsys):
+def test_a_pipe_is_neither_waited_for_nor_overwritten(words, pipes, command):
     bar = Path(files.__file__).parent / "examples" / "bar.toml"
-    assert cli.main(words.format(pipe=pipes, bar=bar).split()) == 2
-    out, err = capsys.readouterr()
-    assert (out, err.count("\n"), "is no plain file" in err) == ("", 1, True)
+    assert "is no plain file" in command.refuses(*words.format(pipe=pipes, bar=bar).split())
 
 
-def test_a_picture_where_nothing_can_be_written_is_refused_before_it_is_drawn(capsys):
-    assert cli.main(["show", "ring", "--png", "/proc/a.png"]) == 2
-    assert re.fullmatch(r"isorod: /proc/a.png: cannot be written \(.*\); name another\n", capsys.readouterr().err)
+def test_a_picture_where_nothing_can_be_written_is_refused_before_it_is_drawn(command):
+    said = command.refuses("show", "ring", "--png", "/proc/a.png")
+    assert re.fullmatch(r"/proc/a.png: cannot be written \(.*\); name another", said)

@@ -1,23 +1,20 @@
 """Scenes from files: the same results as from Python, records that hold what is needed to get them again."""
 
 import copy
-import json
 import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from isorod import files, modal, statics
-from isorod.command import cli, new, solving
-from isorod.errors import InputError
+from isorod import InputError, Pressure, files, modal, statics
+from isorod.command import new, solving
 from isorod.files import schema
 from isorod.files.form import Form
 from isorod.files.lines import lines
 from isorod.files.scene import FileScene
 from isorod.files.schema import RESERVED
 from isorod.geometry import center_line, section
-from isorod.model.load import Pressure
 from isorod.scenes.flower import Flower
 from isorod.scenes.ring import Ring
 from isorod.scenes.spring import Spring
@@ -38,11 +35,6 @@ def written(tmp_path):
         return str(path)
 
     return write
-
-
-def record_of(capsys, *words):
-    assert cli.main(["run", *words, "--json"]) == 0, capsys.readouterr().err
-    return json.loads(capsys.readouterr().out)
 
 
 def test_the_spring_of_a_file_is_the_scene():
@@ -97,13 +89,12 @@ SLOW = dict.fromkeys(("crossing", "wing", "cable"), pytest.mark.slow)
 
 
 @pytest.mark.parametrize("name", [pytest.param(name, marks=SLOW.get(name, ())) for name in new.EXAMPLES])
-def test_an_example_is_written_and_runs_at_once(name, tmp_path, monkeypatch, capsys):
+def test_an_example_is_written_and_runs_at_once(name, tmp_path, monkeypatch, command):
     monkeypatch.chdir(tmp_path)
     words = [] if name == new.STARTER else ["own.toml", "--from", name]
     file = words[0] if words else "my.toml"
-    assert cli.main(["new", *words]) == 0
-    assert f"now: isorod run {file}" in capsys.readouterr().out
-    assert cli.main(["run", file]) == 0, capsys.readouterr().err
+    assert f"now: isorod run {file}" in command.prints("new", *words)
+    command.prints("run", file)
     assert Path(file).read_bytes() == (EXAMPLES / f"{name}.toml").read_bytes()
 
 
@@ -151,44 +142,36 @@ def test_what_is_chosen_for_an_example_is_within_half_a_percent(name):
         (["no/a.toml"], None, "no/a.toml: cannot be written"),
     ],
 )
-def test_new_overwrites_nothing_and_leaves_nothing_half_done(words, there, said, tmp_path, monkeypatch, capsys):
+def test_new_overwrites_nothing_and_leaves_nothing_half_done(words, there, said, tmp_path, monkeypatch, command):
     monkeypatch.chdir(tmp_path)
     if there:
         Path(there).write_text("mine")
-    assert cli.main(["new", *words]) == 2
-    out, err = capsys.readouterr()
-    assert (out, err.count("\n")) == ("", 1)
-    assert err.startswith(f"isorod: {said.split('.*')[0]}")
+    assert command.refuses("new", *words).startswith(said.split(".*")[0])
     assert [one.name for one in tmp_path.iterdir()] == ([there] if there else [])
     assert not there or Path(there).read_text() == "mine"
 
 
 @pytest.mark.parametrize("name", VALID)
-def test_a_record_holds_what_gives_the_same_result_again(name, written, capsys):
-    first = record_of(capsys, written(VALID[name], outline_csv=OUTLINE, line_csv=LINE))
-    again = record_of(capsys, written(first["options"]))
+def test_a_record_holds_what_gives_the_same_result_again(name, written, command):
+    first = command.record("run", written(VALID[name], outline_csv=OUTLINE, line_csv=LINE))
+    again = command.record("run", written(first["options"]))
     assert first["options"] == VALID[name]
     assert again["options"] == first["options"]
+    # No measure can have a name of the record.
+    assert first.keys() - {*VALID[name].get("measure", ()), "frequencies"} <= RESERVED
     measured = {*VALID[name].get("measure", ()), "frequencies", "volume"} & first.keys()
     assert measured
     for key in measured:
         np.testing.assert_allclose(again[key], first[key], rtol=1e-9, atol=1e-15)
 
 
-def test_a_record_has_the_sums_of_its_data(written, capsys):
+def test_a_record_has_the_sums_of_its_data(written, command):
     path = written(RING, outline_csv=OUTLINE)
-    sums = [record_of(capsys, path)["data"] for _ in range(2)]
+    sums = [command.record("run", path)["data"] for _ in range(2)]
     assert sums[0] == sums[1]
     assert list(sums[0]) == ["outline.csv"]
     Path(path).with_name("outline.csv").write_text(OUTLINE.replace("1.0", "1.01"))
-    assert record_of(capsys, path)["data"] != sums[0]
-
-
-@pytest.mark.parametrize("name", VALID)
-def test_no_measure_can_have_a_name_of_the_record(name, written, capsys):
-    record = record_of(capsys, written(VALID[name], outline_csv=OUTLINE, line_csv=LINE))
-    own = {*VALID[name].get("measure", ()), "frequencies"}
-    assert record.keys() - own <= RESERVED, record.keys() - own - RESERVED
+    assert command.record("run", path)["data"] != sums[0]
 
 
 def test_what_is_measured_is_what_python_says(written):
@@ -203,38 +186,37 @@ def test_what_is_measured_is_what_python_says(written):
     assert scene.units == {"tip": "mm", "force": "", "moment": ""}
 
 
-def test_a_motion_is_measured_at_each_output(written, capsys):
-    record = record_of(capsys, written(MOTION))
+def test_a_motion_is_measured_at_each_output(written, command):
+    record = command.record("run", written(MOTION))
     assert np.shape(record["tip"]) == (3, 3)
     assert np.ptp(record["tip"]) > 0.0
 
 
-def test_without_measures_the_forces_of_the_supports_are_told(written, capsys):
+def test_without_measures_the_forces_of_the_supports_are_told(written, command):
     table = {key: value for key, value in BEAM.items() if key != "measure"}
-    assert cli.main(["run", written(table)]) == 0
-    out = capsys.readouterr().out
+    out = command.prints("run", written(table))
     assert all(f"reaction {name}" in out for name in table["support"])
     assert "scene               my, statics; beam\n" in out
 
 
-def test_what_is_typed_wins_over_the_file(written, capsys):
+def test_what_is_typed_wins_over_the_file(written, command):
     path = written(MODES)
-    assert len(record_of(capsys, path)["frequencies"]) == 3
-    assert len(record_of(capsys, path, "--modes", "2")["frequencies"]) == 2
-    lumped = record_of(capsys, path, "--mass", "lumped")
+    assert len(command.record("run", path)["frequencies"]) == 3
+    assert len(command.record("run", path, "--modes", "2")["frequencies"]) == 2
+    lumped = command.record("run", path, "--mass", "lumped")
     assert lumped["settings"]["lumped"] is True
     assert lumped["settings"]["modes"] == 3
-    assert record_of(capsys, written(BEAM), "--load-steps", "2")["settings"] == {"load_steps": 2}
+    assert command.record("run", written(BEAM), "--load-steps", "2")["settings"] == {"load_steps": 2}
 
 
-def test_spaces_may_be_typed_and_are_in_the_record(written, capsys):
+def test_spaces_may_be_typed_and_are_in_the_record(written, command):
     path = written(PAIR)
-    record = record_of(capsys, path, "--elements", "8", "--degree", "3")
+    record = command.record("run", path, "--elements", "8", "--degree", "3")
     spaces = [rod["space"] for rod in record["options"]["rod"].values()]
     assert spaces == [{"elements": 8, "degree": 3}] * 2
-    again = record_of(capsys, written(record["options"]))
+    again = command.record("run", written(record["options"]))
     assert (again["dofs"], again["touch"]) == (record["dofs"], record["touch"])
-    assert record["dofs"] != record_of(capsys, written(PAIR))["dofs"]
+    assert record["dofs"] != command.record("run", written(PAIR))["dofs"]
 
 
 @pytest.mark.parametrize(
@@ -246,9 +228,8 @@ def test_spaces_may_be_typed_and_are_in_the_record(written, capsys):
         (BEAM, ["--degre", "3"], r"option --degre is not known; did you mean --degree\?"),
     ],
 )
-def test_what_is_typed_wrongly_is_refused(table, words, said, written, capsys):
-    assert cli.main(["run", written(table, outline_csv=OUTLINE), *words]) == 2
-    assert re.search(said, capsys.readouterr().err)
+def test_what_is_typed_wrongly_is_refused(table, words, said, written, command):
+    assert re.search(said, command.refuses("run", written(table, outline_csv=OUTLINE), *words))
 
 
 def test_a_scene_says_what_its_spaces_have_in_common(written):
@@ -257,9 +238,8 @@ def test_a_scene_says_what_its_spaces_have_in_common(written):
     assert FileScene(scene.path, elements=8).content["rod"]["high"]["space"] == {"degree": 2, "elements": 8}
 
 
-def test_results_are_written_under_the_name_of_the_file(written, tmp_path, capsys):
-    path = written(MODES)
-    assert cli.main(["run", path, "--output", str(tmp_path / "results")]) == 0
+def test_results_are_written_under_the_name_of_the_file(written, tmp_path, command):
+    command.prints("run", written(MODES), "--output", tmp_path / "results")
     assert {one.name for one in (tmp_path / "results").iterdir()} == {"results.jsonl", "my-0.vtu", "my.csv"}
 
 

@@ -1,12 +1,11 @@
 """Values in the place of a scene file's own, of runs and sweeps."""
 
-import json
 import re
 
 import pytest
 from test_sweep import rows
 
-from isorod.command import cli, sheet
+from isorod.command import sheet
 
 COIL = """
 [rod.wire]
@@ -25,25 +24,22 @@ reaction = "upper"
 """
 
 
-def test_what_a_file_says_is_varied_by_its_path(capsys, tmp_path):
+def test_what_a_file_says_is_varied_by_its_path(command, tmp_path):
     file, path, lift = tmp_path / "coil.toml", tmp_path / "out.csv", "support.upper.displacement.2"
     file.write_text(COIL)
     words = ["sweep", str(file), "--set", f"{lift}=0:4:9", "--output", str(path), "--png", str(tmp_path / "out.svg")]
-    assert cli.main(words) == 0
+    command.prints(*words)
     assert "<svg" in (tmp_path / "out.svg").read_text()
-    capsys.readouterr()
     table = rows(path)
     assert [row[lift] for row in table] == ["0", "0.5", "1", "1.5", "2", "2.5", "3", "3.5", "4"]
     for row in table[::3]:
-        assert cli.main(["run", str(file), "--set", f"{lift}={row[lift]}", "--json"]) == 0
-        alone = json.loads(capsys.readouterr().out)
+        alone = command.record("run", file, "--set", f"{lift}={row[lift]}")
         assert [row[f"force[{k}]"] for k in range(3)] == sheet.cells(alone["force"])
         assert alone["options"]["support"]["upper"]["displacement"][2] == float(row[lift])
         assert row["error_estimate"] == (sheet.error(alone["error_estimate"]) if "error_estimate" in alone else "")
     # Another file under the same name is another sweep.
     file.write_text(COIL.replace("nu = 0.3", "nu = 0.2"))
-    assert cli.main(words) == 2
-    assert "is of another sweep (file: " in capsys.readouterr().err
+    assert "is of another sweep (file: " in command.refuses(*words)
 
 
 @pytest.mark.parametrize(
@@ -62,22 +58,18 @@ def test_what_a_file_says_is_varied_by_its_path(capsys, tmp_path):
         ("=3", "need a path in the file and a value"),
     ],
 )
-def test_a_change_that_leads_nowhere_is_one_line(change, message, capsys, tmp_path):
+def test_a_change_that_leads_nowhere_is_one_line(change, message, command, tmp_path):
     (tmp_path / "coil.toml").write_text(COIL)
-    assert cli.main(["run", str(tmp_path / "coil.toml"), "--set", change]) == 2
-    out, err = capsys.readouterr()
-    assert out == "" and re.fullmatch(r"isorod: .+\n", err) and re.search(message, err), err
+    assert re.search(message, command.refuses("run", tmp_path / "coil.toml", "--set", change))
 
 
-def test_a_number_that_is_noise_is_that_of_a_single_run_too(capsys, tmp_path):
+def test_a_number_that_is_noise_is_that_of_a_single_run_too(command, tmp_path):
     """What a straight bar does sideways as it is pulled is rounding, and no neighbour says which."""
     file, path, pull = tmp_path / "bar.toml", tmp_path / "bar.csv", "support.upper.displacement.2"
     straight = re.sub(r"curve = .*", "curve = {straight = 50.0}", COIL)
     file.write_text(straight.replace("degree = 4", "degree = 2") + 'component = "x"\n')
-    assert cli.main(["sweep", str(file), "--set", f"{pull}=0.5:4:8", "--no-estimate", "--output", str(path)]) == 0
+    command.prints("sweep", file, "--set", f"{pull}=0.5:4:8", "--no-estimate", "--output", path)
     for row in rows(path)[3::2]:
-        capsys.readouterr()
-        assert cli.main(["run", str(file), "--set", f"{pull}={row[pull]}", "--no-estimate", "--json"]) == 0
-        alone = json.loads(capsys.readouterr().out)
+        alone = command.record("run", file, "--set", f"{pull}={row[pull]}", "--no-estimate")
         assert abs(alone["force"]) < 1e-6
         assert row["force"] == sheet.cells([alone["force"]])[0]

@@ -2,11 +2,12 @@
 
 import locale
 import os
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from isorod.errors import InputError
+from isorod import InputError
 from isorod.files import document
 from isorod.files.scene import FileScene
 from isorod.geometry import center_line, section
@@ -87,6 +88,16 @@ def polydata(pieces, name="Radius"):
     return mesh
 
 
+def write(file, pieces):
+    from vtkmodules.vtkIOLegacy import vtkPolyDataWriter
+    from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
+
+    writer = vtkPolyDataWriter() if file.suffix == ".vtk" else vtkXMLPolyDataWriter()
+    writer.SetFileName(str(file))
+    writer.SetInputData(polydata(pieces))
+    assert writer.Write()
+
+
 WHOLE = [list(range(9))]
 SEGMENTS = [[k, k + 1] for k in (3, 0, 1, 2)] + [[8, 7], [7, 6]] + [[4, 5], [5, 6]]
 
@@ -95,13 +106,7 @@ SEGMENTS = [[k, k + 1] for k in (3, 0, 1, 2)] + [[8, 7], [7, 6]] + [[4, 5], [5, 
 @pytest.mark.parametrize("ending", ["vtk", "vtp"])
 def test_a_polyline_of_vtk_is_read_with_its_radius(pieces, ending, tmp_path, own_locale):
     pytest.importorskip("vtkmodules")
-    from vtkmodules.vtkIOLegacy import vtkPolyDataWriter
-    from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
-
-    writer = vtkPolyDataWriter() if ending == "vtk" else vtkXMLPolyDataWriter()
-    writer.SetFileName(str(tmp_path / f"line.{ending}"))
-    writer.SetInputData(polydata(pieces))
-    assert writer.Write()
+    write(tmp_path / f"line.{ending}", pieces)
     locale.setlocale(locale.LC_ALL, own_locale)
     (rod,) = scene(tmp_path, f"line.{ending}").rods()
     assert locale.setlocale(locale.LC_ALL) == own_locale
@@ -123,19 +128,12 @@ def test_what_vtk_cannot_read_is_one_line(content, ending, tmp_path, capfd):
 
 def test_lines_that_do_not_meet_are_refused(tmp_path):
     pytest.importorskip("vtkmodules")
-    from vtkmodules.vtkIOLegacy import vtkPolyDataWriter
-
-    writer = vtkPolyDataWriter()
-    writer.SetFileName(str(tmp_path / "line.vtk"))
-    writer.SetInputData(polydata([[0, 1, 2], [4, 5], [7, 8]]))
-    writer.Write()
+    write(tmp_path / "line.vtk", [[0, 1, 2], [4, 5], [7, 8]])
     with pytest.raises(InputError, match=r"line.vtk: 3 lines that do not meet, need one polyline"):
         scene(tmp_path, "line.vtk")
 
 
 def test_control_points_of_nurbs_may_come_from_a_file(tmp_path):
-    from types import SimpleNamespace
-
     (tmp_path / "line.csv").write_text(rows(LINE))
     path = tmp_path / "my.toml"
     path.write_text(

@@ -2,7 +2,7 @@
 
 import re
 
-from isorod.command import cli, new
+from isorod.command import new
 from tests.files_page import BEGIN, PAGE, tables
 
 
@@ -11,11 +11,10 @@ def test_the_tables_are_those_of_the_schema():
     assert f"{BEGIN}\n{tables()}\n" in PAGE.read_text()
 
 
-def test_the_example_runs(tmp_path, capsys):
+def test_the_example_runs(tmp_path, command):
     (content,) = re.findall(r"```toml\n(.*?)```", PAGE.read_text(), re.DOTALL)
     (tmp_path / "my.toml").write_text(content)
-    assert cli.main(["run", str(tmp_path / "my.toml")]) == 0, capsys.readouterr().err
-    assert capsys.readouterr().out.startswith("tip ")
+    assert command.prints("run", tmp_path / "my.toml").startswith("tip ")
 
 
 def test_the_examples_are_named():

@@ -4,8 +4,8 @@ import json
 
 import pytest
 
+from isorod import SolveError
 from isorod.command import cli, solving
-from isorod.errors import SolveError
 
 BAR = """
 title = "a bar with a force at its end"

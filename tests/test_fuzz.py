@@ -24,10 +24,8 @@ from fuzzing import EDGES, Hang, Maker, is_finite, judge, limited
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from isorod import dynamics, options, scenes, statics
-from isorod.errors import InputError, SolveError
+from isorod import InputError, SolveError, Space, dynamics, options, scenes, statics
 from isorod.output import checkpoint, results
-from isorod.space import Space
 
 # Quick and full number of examples of each family.
 SHARES = {
@@ -45,14 +43,8 @@ SHARES = {
 SMALL = {
     "spring": {"coils": 1, "elements_per_turn": 4, "section_points": 4, "degree": 2},
     "blade": {"elements": 2, "section_points": 16},
-    "biceps": {
-        "elements": 5,
-        "section_points": 4,
-        "end_elements": 0,
-        "end_time": 5e-5,
-        "outputs": 2,
-        "activation": 0.1,
-    },
+    "biceps": {"elements": 5, "section_points": 4, "end_elements": 0}
+    | {"end_time": 5e-5, "outputs": 2, "activation": 0.1},
     "flower": {},
     "ring": {},
 }
@@ -130,6 +122,11 @@ def values_of(field, name: str):
     return st.one_of(own, own, own, own, own, own, TEXTS)
 
 
+def options_of(name, more=()):
+    """Return the words that make a scene small, and others."""
+    return [f"--{key.replace('_', '-')}={value}" for key, value in (SMALL[name] | dict(more)).items()]
+
+
 @st.composite
 def scene_words(draw, name: str | None = None):
     """Return the words of a scene with some of its fields and of the command's own options changed."""
@@ -138,9 +135,7 @@ def scene_words(draw, name: str | None = None):
     scene = scenes.find(name)
     fields = [field for field in dataclasses.fields(scene) if field.type is not bool]
     chosen = draw(st.lists(st.sampled_from(fields), max_size=4, unique_by=lambda field: field.name))
-    given_ = {key: str(value) for key, value in SMALL[name].items()}
-    given_ |= {field.name: draw(values_of(field, name)) for field in chosen}
-    words = [f"--{key.replace('_', '-')}={value}" for key, value in given_.items()]
+    words = options_of(name, {field.name: draw(values_of(field, name)) for field in chosen})
     words += ["--statics"] if name == "biceps" and draw(st.booleans()) else []
     own = {"spring": ["--load-steps"], "blade": ["--modes"], "biceps": ["--load-steps"]}.get(name, [])
     for word in own:
@@ -204,8 +199,7 @@ def test_garbled_command_lines(count):
 def test_petsc_options(count):
     @generated(count, SEEDS, st.sampled_from(["spring", "blade"]))
     def run(seed, name):
-        words = [f"--{k.replace('_', '-')}={v}" for k, v in SMALL[name].items()]
-        judge(["run", name, *words, "--json", *Maker(seed).petsc(name)])
+        judge(["run", name, *options_of(name), "--json", *Maker(seed).petsc(name)])
 
 
 @examples("python")
@@ -258,10 +252,7 @@ def damaged(draw, data: bytes) -> bytes:
 
 @examples("checkpoint")
 def test_damaged_checkpoints(count, tmp_path):
-    path, words = (
-        tmp_path / "state",
-        ["run", "biceps", *[f"--{k.replace('_', '-')}={v}" for k, v in SMALL["biceps"].items()], "--json"],
-    )
+    path, words = tmp_path / "state", ["run", "biceps", *options_of("biceps"), "--json"]
     judge([*words, f"--checkpoint={path}"])
     whole = path.read_bytes()
     head, _, body = whole.partition(b"\n")
@@ -303,21 +294,7 @@ def test_damaged_results(count, tmp_path):
                 assert all(record["run"] == records[0]["run"] for record in records)
 
 
-WORDS = [
-    "part",
-    "case",
-    "sweep",
-    "value",
-    "error",
-    "reference",
-    "seconds",
-    "force",
-    "versions",
-    "commit",
-    "time",
-    "machine",
-    "label",
-]
+WORDS = "part case sweep value error reference seconds force versions commit time machine label".split()
 JSON = st.recursive(
     st.one_of(st.none(), st.booleans(), st.floats(0.0, 10.0), st.integers(-2, 99), st.sampled_from(WORDS)),
     lambda inner: st.one_of(st.lists(inner, max_size=3), st.dictionaries(st.sampled_from(WORDS), inner, max_size=4)),

@@ -9,15 +9,10 @@ import sys
 import numpy as np
 import pytest
 
-from isorod import statics
+from isorod import Body, InputError, LinearElastic, Model, Space, StVenantKirchhoff, Support, statics
 from isorod.command import beside, cli
-from isorod.errors import InputError
 from isorod.geometry import center_line, section
-from isorod.material import LinearElastic
-from isorod.material.st_venant_kirchhoff import StVenantKirchhoff
-from isorod.model import Body, Model, Support
 from isorod.scenes.spring import Spring
-from isorod.space import Space
 from meshes import abaqus, files, rods
 from meshes.__main__ import main
 from meshes.mesh import Mesh, match

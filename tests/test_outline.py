@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 from refused import refused
 
-from isorod.errors import InputError
+from isorod import InputError, circle, naca, rounded_rectangle, straight
 from isorod.geometry import outline
-from isorod.geometry.center_line import straight
 from isorod.geometry.disk import boundary_functions
-from isorod.geometry.section import circle, from_file, from_points, naca, rounded_rectangle
+from isorod.geometry.section import from_file, from_points
 
 THETA = 2.0 * np.pi * np.arange(2000) / 2000
 

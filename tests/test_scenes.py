@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 
 import pytest
+from conftest import packages
 
 import isorod
 from isorod import scenes
@@ -29,23 +30,10 @@ STATICS = [name for name in SOLVED if scenes.find(name)().analysis == "statics" 
 FOREIGN = "dolfinx ufl basix gmsh pyvista vtkmodules slepc4py matplotlib rich hypothesis pytest sympy".split()
 HEAVY = ["petsc4py", "mpi4py", "numba", *FOREIGN]
 
-LOADED = """
-import json, sys
-sys.argv[:] = ["isorod"]
-{}
-print(json.dumps(sorted({{name.split(".")[0] for name in sys.modules}})))
-"""
-
 
 def short(name):
     """Return the words that make a run short."""
     return [word for key, value in SHORT.get(name, {}).items() for word in ("--" + key.replace("_", "-"), str(value))]
-
-
-def loaded(python, script):
-    done = python(LOADED.format(script))
-    assert done.returncode == 0, done.stderr
-    return set(json.loads(done.stdout.splitlines()[-1]))
 
 
 @pytest.mark.parametrize("name", scenes.SCENES)
@@ -94,38 +82,27 @@ def test_statics_builds_the_tangent_and_nothing_else(name, capsys):
     "name",
     [pytest.param(one, marks=pytest.mark.slow) if one in ("strand", "biceps", "rope") else one for one in SOLVED],
 )
-def test_solved_scene_loads_no_foreign_package(name, python):
-    foreign = set(FOREIGN) - ({"slepc4py"} if scenes.find(name)().analysis == "modal" else set())
-    words = ["run", name, *short(name), "--json"]
-    assert not loaded(python, f"from isorod.command import cli; assert cli.main({words!r}) == 0") & foreign
+def test_solved_scene_loads_what_it_needs(name, modules):
+    """One passive body takes no muscle, contact or dynamics; clasped rods no friction."""
+    found = modules("run", name, *short(name), "--json")
+    modal = scenes.find(name)().analysis == "modal"
+    assert not packages(found) & (set(FOREIGN) - ({"slepc4py"} if modal else set()))
+    unused = {"clasp": ("isorod.contact.friction",)}
+    unused |= dict.fromkeys(STATICS, ("isorod.material.muscle", "isorod.contact", "isorod.dynamics"))
+    assert not [one for one in found if one.startswith(unused.get(name, ()))]
 
 
-@pytest.mark.parametrize("name", STATICS)
-def test_scene_of_one_passive_body_loads_no_muscle_contact_or_dynamics(name, python):
-    done = python(
-        f"import sys; from isorod.command import cli\nassert cli.main(['run', {name!r}, '--json']) == 0\nprint([m for "
-        "m in sys.modules if m.startswith(('isorod.material.muscle', 'isorod.contact', 'isorod.dynamics'))])"
-    )
-    assert done.stdout.splitlines()[-1] == "[]", done.stderr
+@pytest.mark.parametrize("words", [*(["run", name, "--json"] for name in GEOMETRY), ["list"]], ids=" ".join)
+def test_geometry_and_lists_need_numpy_and_scipy_alone(words, modules):
+    assert not packages(modules(*words)) & set(HEAVY)
 
 
-@pytest.mark.parametrize("name", GEOMETRY)
-def test_geometry_scene_needs_numpy_and_scipy_alone(name, python):
-    assert not loaded(
-        python, f"from isorod.command import cli; assert cli.main(['run', {name!r}, '--json']) == 0"
-    ) & set(HEAVY)
-
-
-def test_geometry_modules_need_numpy_and_scipy_alone(python):
+def test_geometry_modules_need_numpy_and_scipy_alone(modules):
     files = (Path(isorod.__file__).parent / "geometry").glob("*.py")
-    modules = [f"isorod.geometry.{file.stem}" for file in files if not file.stem.endswith("_kernel")]
-    assert len(modules) >= 7
-    modules += ["isorod.space", "isorod.errors", "isorod.tensors", "isorod.scenes.spring"]
-    assert not loaded(python, f"import {', '.join(modules)}") & set(HEAVY)
-
-
-def test_listing_the_scenes_loads_nothing_heavy(python):
-    assert not loaded(python, "from isorod.command import cli; assert cli.main(['list']) == 0") & set(HEAVY)
+    names = [f"isorod.geometry.{file.stem}" for file in files if not file.stem.endswith("_kernel")]
+    assert len(names) >= 7
+    names += ["isorod.space", "isorod.errors", "isorod.tensors", "isorod.scenes.spring"]
+    assert not packages(modules(script=f"import {', '.join(names)}")) & set(HEAVY)
 
 
 @pytest.mark.parametrize("name", ["", "Spring", "spring ", "coils", "__init__"])

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from refused import refused
 
+from isorod import circle, ellipse, flower
 from isorod.geometry.disk import boundary_functions
-from isorod.geometry.section import circle, ellipse, flower, from_points
+from isorod.geometry.section import from_points
 
 THETA = np.linspace(0, 2 * np.pi, 97)
 

@@ -1,13 +1,11 @@
 """``isorod section``: what it prints and writes, and what it answers in one line."""
 
 import csv
-import json
 
 import numpy as np
 import pytest
 
 import isorod
-from isorod.command import cli
 
 LAYERED = """
 analysis = "statics"
@@ -37,10 +35,8 @@ def file(tmp_path, monkeypatch):
     return tmp_path / "two.toml"
 
 
-def test_words(capsys):
-    assert cli.main(["section", "blade", "--u", "end"]) == 0
-    out, err = capsys.readouterr()
-    assert err == ""
+def test_words(command):
+    out = command.prints("section", "blade", "--u", "end")
     assert max(map(len, out.splitlines())) <= 80
     body = isorod.scenes.find("blade")().model().bodies[0]
     found = isorod.section_properties(body, "end")
@@ -51,25 +47,21 @@ def test_words(capsys):
     assert "estimated error     0.014 %, on polynomials of degree 8" in out
 
 
-def test_rods_of_a_file(file, capsys):
+def test_rods_of_a_file(file, command):
     """The first one where none is named; by its name, and by its number."""
-    assert cli.main(["section", "two.toml", "--json"]) == 0
-    record = json.loads(capsys.readouterr().out)
+    record = command.record("section", "two.toml")
     assert (record["scene"], record["rod"], record["order"]) == ("two", "cable", ["N", "Q1", "Q2", "T", "M1", "M2"])
     assert record["EA"] == pytest.approx(np.pi * (10 + 40 * 3), rel=1e-8)
     assert record["mass"][0][0] == pytest.approx(np.pi * (3 + 1 * 3), rel=1e-12)
     assert {"versions", "commit", "time"} <= set(record)
-    assert cli.main(["section", "two.toml", "--rod", "rubber", "--u", "0.5"]) == 0
-    named = capsys.readouterr().out
+    named = command.prints("section", "two.toml", "--rod", "rubber", "--u", "0.5")
     assert named.startswith("section of two, rod rubber, at u = 0.5 of 0 to 1; area 1.5708\n")
     assert "no mass: the rod has no density" in named
-    assert cli.main(["section", "two.toml", "--rod", "1", "--u", "0.5"]) == 0
-    assert capsys.readouterr().out == named
+    assert command.prints("section", "two.toml", "--rod", "1", "--u", "0.5") == named
 
 
-def test_table(file, capsys):
-    assert cli.main(["section", "two.toml", "--output", "cable.csv", "--json"]) == 0
-    record = json.loads(capsys.readouterr().out)
+def test_table(file, command):
+    record = command.record("section", "two.toml", "--output", "cable.csv")
     head, *rows = csv.reader((file.parent / "cable.csv").open())
     assert head == ["matrix", "row", *record["order"]]
     for name in ("stiffness", "mass"):
@@ -93,15 +85,10 @@ def test_table(file, capsys):
         ("spring --nu 0.5", "section properties: an incompressible law"),
     ],
 )
-def test_bad_words(words, said, file, capsys):
-    assert cli.main(["section", *words.split()]) == 2
-    out, err = capsys.readouterr()
-    assert out == ""
-    assert said in err
-    assert err.count("\n") == 1
+def test_bad_words(words, said, file, command):
+    assert said in command.refuses("section", *words.split())
     assert [one.name for one in file.parent.iterdir()] == ["two.toml"]
 
 
-def test_help(capsys):
-    assert cli.main(["section", "--help"]) == 0
-    assert capsys.readouterr().out.startswith("usage: isorod section SCENE")
+def test_help(command):
+    assert command.prints("section", "--help").startswith("usage: isorod section SCENE")

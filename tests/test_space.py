@@ -1,6 +1,5 @@
 """The displacement space: refinements nest and leave the rod; stiffness has six zeros, bounded condition; bad input."""
 
-import re
 from itertools import pairwise
 
 import numpy as np
@@ -9,7 +8,6 @@ from scipy.sparse import csr_matrix
 
 from isorod import modal, statics
 from isorod.assembly.assembler import Assembler
-from isorod.command import cli
 from isorod.errors import InputError
 from isorod.geometry.rod import Rod
 from isorod.geometry.section import flower, refine, refinement_turn
@@ -22,11 +20,7 @@ from isorod.space import Space
 from isorod.space.basis import FAMILIES, PAPER, POLYHARMONIC, POLYNOMIALS
 from isorod.space.graded import Graded
 
-RODS = {
-    "blade": Blade().rod(),
-    "spring": Spring(coils=1, section_points=5).rod(),
-    "ring": Ring().rod(),
-}
+RODS = {"blade": Blade().rod(), "spring": Spring(coils=1, section_points=5).rod(), "ring": Ring().rod()}
 
 REFINEMENTS = {
     "n x 2": {"section": 2},
@@ -299,27 +293,13 @@ def test_a_space_that_cannot_be_is_refused_in_one_line(values, message):
     ("arguments", "message"),
     [
         ("blade --section-points 24", "section points: got 24, need a multiple of the 16 of the rod itself"),
-        ("blade --section-points 8", "section points: got 8, need a multiple of the 16 of the rod itself"),
-        ("blade --section-points 2080", "section control points: got 2080, need an integer from 3 to 2048"),
-        ("blade --order 0", "polyharmonic order: got 0, need an integer from 1 to 6"),
-        ("blade --order -2", "polyharmonic order: got -2, need an integer from 1 to 6"),
-        ("blade --order 7", "polyharmonic order: got 7, need an integer from 1 to 6"),
         ("blade --order two", "--order: invalid int value: 'two'"),
-        ("blade --degree 7", "axis degree: got 7, need an integer from 2 to 6"),
-        ("blade --degree 3 --continuity 3", "continuity: got 3, need an integer from 0 to 2"),
-        ("blade --continuity 2", "continuity: got 2, need an integer from 0 to 1"),
-        ("spring --order 0", "polyharmonic order: got 0, need an integer from 1 to 6"),
-        ("spring --degree 7", "axis degree: got 7, need an integer from 2 to 6"),
         ("spring --degree 5 --continuity 5", "continuity: got 5, need an integer from 0 to 4"),
         ("spring --section-points 2", "section control points: got 2, need an integer from 3 to 2048"),
     ],
 )
-def test_the_command_line_refuses_it_in_one_line(arguments, message, capsys):
-    assert cli.main(["run", *arguments.split(), "--preset", "paper", "--no-estimate"]) == 2
-    out, err = capsys.readouterr()
-    assert out == ""
-    assert re.fullmatch(r"isorod: .+\n", err), err
-    assert message in err
+def test_the_command_line_refuses_it_in_one_line(arguments, message, command):
+    assert message in command.refuses("run", *arguments.split(), "--preset", "paper", "--no-estimate")
 
 
 def test_more_points_than_memory_holds_are_refused_before_they_are_made(cylinder):
@@ -333,11 +313,7 @@ def test_a_space_and_its_record_begin_with_the_family_of_its_functions():
     rod = RODS["ring"]
     tube, n = rod.with_rings([0.5, 1]), rod.section_points
     made = {
-        PAPER: [
-            Space.paper(rod),
-            Space(rod, order=1),
-            Space(rod, section_basis=Graded(n, (1,) * 8, 1)),
-        ],
+        PAPER: [Space.paper(rod), Space(rod, order=1), Space(rod, section_basis=Graded(n, (1,) * 8, 1))],
         POLYHARMONIC: [Space.paper(rod, order=2), Space(rod, section_basis=Graded(n, (1,) * 8))],
         POLYNOMIALS: [Space(rod), Space.paper(rod, section_degree=2), Space(tube)],
     }
