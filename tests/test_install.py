@@ -15,6 +15,7 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).resolve().parent.parent
+APT_NAMES = [name for name in (ROOT / "docker/apt.txt").read_text().splitlines() if not name.startswith("#")]
 TOOLS = (
     "bash sh env dirname basename realpath readlink cat sha256sum grep sed sort comm ls mkdir rm "
     "mktemp tail head flock cp chmod id"
@@ -127,8 +128,7 @@ def test_second_run_does_nothing(stage):
 
 
 def test_only_what_is_absent_is_asked_of_apt(stage):
-    names = [name for name in (ROOT / "docker/apt.txt").read_text().splitlines() if not name.startswith("#")]
-    (stage.folder / "installed").write_text("\n".join(set(names) - {"python3-gmsh"}))
+    (stage.folder / "installed").write_text("\n".join(set(APT_NAMES) - {"python3-gmsh"}))
     install = next(call for call in stage.run().calls if " install " in call)
     assert install.endswith("--no-install-recommends python3-gmsh")
 
@@ -191,29 +191,11 @@ def test_a_moved_checkout_gets_a_venv_of_its_own(stage):
     assert not (stage.root / ".venv/left-over").exists()
 
 
-def test_a_folder_it_did_not_make_is_refused_and_kept(stage):
-    stage.venv.mkdir()
-    (stage.venv / "precious").touch()
-    done = stage.run()
-    assert done.returncode == 2
-    assert "was not made by this script" in done.stderr
-    assert (stage.venv / "precious").exists()
-    assert done.calls == []
-
-
 def test_the_venv_may_lie_elsewhere(stage):
     place = stage.folder / "else where"
     assert stage.run(str(place)).returncode == 0
     assert (place / ".isorod-installed").exists()
     assert not stage.venv.exists()
-
-
-def test_neither_root_nor_sudo(stage):
-    stage.tool("id", "#!/bin/sh\necho 1000\n")
-    done = stage.run(GROUND="apt")
-    assert done.returncode == 2
-    assert "not root and no sudo" in done.stderr
-    assert "python3-dolfinx" in done.stderr
 
 
 def test_sudo_where_not_root(stage):
@@ -251,11 +233,48 @@ def test_wheels_where_apt_cannot_be(stage, place):
 
 def test_apt_without_root_where_nothing_is_missing(stage):
     stage.tool("id", "#!/bin/sh\necho 1000\n")
-    names = [name for name in (ROOT / "docker/apt.txt").read_text().splitlines() if not name.startswith("#")]
-    (stage.folder / "installed").write_text("\n".join(names))
+    (stage.folder / "installed").write_text("\n".join(APT_NAMES))
     done = stage.run()
     assert done.returncode == 0, done.stderr
     assert done.calls[0].startswith("python -m venv --system-site-packages")
+
+
+def mine(stage):
+    stage.venv.mkdir()
+    (stage.venv / "precious").touch()
+
+
+def no_root(stage):
+    stage.tool("id", "#!/bin/sh\necho 1000\n")
+
+
+def no_apt(stage):
+    (stage.tools / "apt-get").unlink()
+
+
+def old(stage):
+    stage.tool("python3", "#!/bin/sh\nexit 1\n")
+
+
+@pytest.mark.parametrize(
+    ("changed", "ground", "said"),
+    [
+        (mine, None, "was not made by this script"),
+        (no_root, "apt", "not root and no sudo.*python3-dolfinx"),
+        (old, "wheels", "no Python 3.12 to 3.14"),
+        (no_apt, "apt", "wheels"),
+        (no_apt, "rpm", "wheels"),
+    ],
+)
+def test_what_cannot_be_is_refused_and_nothing_touched(stage, changed, ground, said):
+    changed(stage)
+    there = stage.venv.exists()
+    done = stage.run(**{"GROUND": ground} if ground else {})
+    assert done.returncode == 2
+    assert re.fullmatch(f"docker/install: .*{said}.*\n", done.stderr), done.stderr
+    assert done.calls == []
+    assert changed is no_root or stage.venv.exists() is there
+    assert changed is not mine or (stage.venv / "precious").exists()
 
 
 def test_wheels_for_the_asking_and_they_stay(stage):
@@ -267,25 +286,6 @@ def test_wheels_for_the_asking_and_they_stay(stage):
     assert done.returncode == 0, done.stderr
     assert any(call.startswith("apt ") and " install " in call for call in done.calls)
     assert not (stage.venv / "left-over").exists()
-
-
-def test_an_interpreter_too_old_for_wheels(stage):
-    stage.tool("python3", "#!/bin/sh\nexit 1\n")
-    done = stage.run(GROUND="wheels")
-    assert done.returncode == 2
-    assert done.stderr.startswith("docker/install: no Python 3.12 to 3.14")
-    assert len(done.stderr.splitlines()) == 1
-    assert not stage.venv.exists()
-
-
-@pytest.mark.parametrize("ground", ["apt", "rpm"])
-def test_a_ground_that_cannot_be_had(stage, ground):
-    (stage.tools / "apt-get").unlink()
-    done = stage.run(GROUND=ground)
-    assert done.returncode == 2
-    assert len(done.stderr.splitlines()) == 1
-    assert "wheels" in done.stderr
-    assert done.calls == []
 
 
 # The installation these tests run in, where docker/install made it.

@@ -16,13 +16,8 @@ import time
 import numpy as np
 import pytest
 
-from isorod import dynamics
-from isorod.errors import InputError
-from isorod.material import NeoHookean
-from isorod.material.muscle import Muscle
-from isorod.model import Body, Contact, Model, Plane, Support
+from isorod import Body, Contact, InputError, Model, Muscle, NeoHookean, Plane, Space, Support, dynamics
 from isorod.output import checkpoint
-from isorod.space import Space
 
 # A muscle that shortens, touches a plane and then another rod, with friction, and with a step that is the run's own
 # choice: all there is of state.
@@ -38,7 +33,7 @@ SHORT = {"end_time": 0.145, "outputs": 29}
 SIXTY = {"end_time": 0.3, "outputs": 60}
 
 
-def model(penalty=200.0):
+def model(penalty=200.0, friction=0.3):
     from conftest import straight
 
     law = Muscle(100.0, 0.3, sigma_max=80.0, m1=35.0, m2=0.5, activation=1.0, fibre=(0.0, 0.0, 1.0))
@@ -48,11 +43,11 @@ def model(penalty=200.0):
     other = Space.paper(rod, elements=2, quadrature="paper")
     supports = [Support.end(muscle, "start"), Support.end(other, "start", body=1)]
     plane = Plane((-1.02, 0.0, 0.0), (1.0, 0.0, 0.0))
-    contacts = [Contact(0, 1, penalty, friction=0.3), Contact(0, plane, penalty, friction=0.3)]
+    contacts = [Contact(0, other, penalty, friction=friction) for other in (1, plane)]
     return Model([Body(muscle, law, 2.0), Body(other, NeoHookean(50.0, 0.3), 2.0)], supports, contacts=contacts)
 
 
-def run(file, resume, **changed):
+def run(file, resume=True, **changed):
     return dynamics.solve(
         changed.pop("model", None) or model(), checkpoint=file, every=0.0, resume=resume, **(SETTINGS | changed)
     )
@@ -132,37 +127,29 @@ def stop_after(outputs, monkeypatch):
     monkeypatch.setattr(checkpoint, "write", write)
 
 
-@pytest.fixture
-def finished(tmp_path):
-    """A checkpoint of a run that has ended before its activation is complete."""
-    file = tmp_path / "state"
-    assert run(file, False, **SHORT).times[-1] < SETTINGS["ramp"]
-    return file
-
-
-@pytest.fixture
-def stopped(tmp_path, monkeypatch):
-    """A checkpoint of a run that was stopped."""
-    file = tmp_path / "state"
-    with monkeypatch.context() as patch:
+@pytest.fixture(scope="module")
+def states(tmp_path_factory):
+    """Checkpoints of a run that has ended before its activation is complete, and of one that was stopped after it."""
+    files = [tmp_path_factory.mktemp("states") / name for name in ("finished", "stopped")]
+    assert run(files[0], False, **SHORT).times[-1] < SETTINGS["ramp"]
+    with pytest.MonkeyPatch.context() as patch:
         # After the ramp, where the critical step is not estimated at each output.
         stop_after(100, patch)
         with pytest.raises(KeyboardInterrupt):
-            run(file, False)
-    return file
+            run(files[1], False)
+    return {file.name: file.read_bytes() for file in files}
 
 
-def test_an_unfinished_run_is_not_overwritten(stopped, whole):
-    with pytest.raises(InputError, match="is of an unfinished run; continue it with --resume, or remove it"):
-        run(stopped, False)
-    assert_same(run(stopped, True), whole)
+@pytest.fixture
+def finished(states, tmp_path):
+    (tmp_path / "state").write_bytes(states["finished"])
+    return tmp_path / "state"
 
 
-def test_a_finished_run_is_not_overwritten(finished):
-    before = finished.read_bytes()
-    with pytest.raises(InputError, match=r"is of a finished run; remove it, name another file, or go on .* --resume"):
-        run(finished, False, **SHORT)
-    assert finished.read_bytes() == before
+@pytest.fixture
+def stopped(states, tmp_path):
+    (tmp_path / "state").write_bytes(states["stopped"])
+    return tmp_path / "state"
 
 
 def test_a_finished_run_goes_on_to_a_later_end_as_if_it_had_not_stopped(finished, whole, tmp_path):
@@ -182,54 +169,47 @@ def test_a_finished_run_goes_on_to_a_later_end_as_if_it_had_not_stopped(finished
 
 
 def test_an_unfinished_run_may_end_earlier_or_later(stopped, whole):
-    # It has 99 outputs.
-    with pytest.raises(InputError, match=r"has reached time 0\.5, past the end time 0\.4; take a later one"):
-        run(stopped, True, end_time=0.4, outputs=80)
     early = run(stopped, True, end_time=0.55, outputs=110)
     assert np.array_equal(early.displacement, whole.displacement[:111])
     assert_same(run(stopped, True), whole)
 
 
-def test_going_on_with_outputs_elsewhere_is_refused_with_what_would_do(finished):
-    before = finished.read_bytes()
-    for end, outputs, advice in ((1.5, 29, "300 outputs to time 1.5"), (0.2012, 41, "40 outputs to time 0.2")):
-        with pytest.raises(
-            InputError,
-            match=r"^checkpoint .*state: output interval of the checkpoint is 0\.005, "
-            rf"requested {end / outputs:.6g}; use {advice}$",
-        ):
-            run(finished, True, end_time=end, outputs=outputs)
-    with pytest.raises(InputError, match=r"has reached time 0\.145, past the end time 0\.1; take a later one"):
-        run(finished, True, end_time=0.1, outputs=20)
-    with pytest.raises(InputError, match=r"belongs to another run: ramp 0\.3 there, 0\.6 here"):
-        run(finished, True, ramp=0.6)
-    assert finished.read_bytes() == before
-
-
-def test_a_foreign_checkpoint_is_refused(stopped):
-    with pytest.raises(InputError, match=r"belongs to another run: damping 0\.5 there, 0\.6 here"):
-        run(stopped, True, damping=0.6)
-    with pytest.raises(InputError, match=r"belongs to another run: time step None there, 0\.001 here"):
-        run(stopped, True, time_step=0.001)
-    with pytest.raises(InputError, match="belongs to another model"):
-        run(stopped, True, model=model(penalty=201.0))
-    with pytest.raises(InputError, match="belongs to another model"):
-        run(stopped, True, velocity=np.full(model().dofs, 1e-3))
-
-
-def test_a_checkpoint_of_other_densities_is_refused(stopped):
-    """All else is the same: the shape, the laws, the supports."""
+def denser(body, density):
     other = model()
-    for body, density in ((0, 2.1), (1, 2.1), (0, [2.0, 2.0, 2.0, 2.1]), (1, [2.1, 2.0])):
-        bodies = list(other.bodies)
-        bodies[body] = dataclasses.replace(bodies[body], density=density)
-        with pytest.raises(InputError, match="belongs to another model"):
-            run(stopped, True, model=dataclasses.replace(other, bodies=bodies))
+    bodies = list(other.bodies)
+    bodies[body] = dataclasses.replace(bodies[body], density=density)
+    return dataclasses.replace(other, bodies=bodies)
 
 
-def test_a_missing_checkpoint_is_named(tmp_path):
-    with pytest.raises(InputError, match=r"state: there is none; start without --resume"):
-        run(tmp_path / "state", True)
+OTHERS = [
+    *({"model": model(penalty=201.0)}, {"model": model(friction=0.31)}, {"velocity": np.full(model().dofs, 1e-3)}),
+    *({"model": denser(*one)} for one in ((0, 2.1), (1, 2.1), (0, [2.0, 2.0, 2.0, 2.1]), (1, [2.1, 2.0]))),
+]
+UNLIKE = "^checkpoint .*state: output interval of the checkpoint is 0.005, requested "
+
+
+@pytest.mark.parametrize(
+    ("state", "changed", "message"),
+    [
+        ("stopped", {"resume": False}, "is of an unfinished run; continue it with --resume, or remove it"),
+        ("finished", SHORT | {"resume": False}, "is of a finished run; remove it, name another file, or go on "),
+        # It has 99 outputs.
+        ("stopped", {"end_time": 0.4, "outputs": 80}, "has reached time 0.5, past the end time 0.4; take a later"),
+        ("finished", {"end_time": 0.1, "outputs": 20}, "has reached time 0.145, past the end time 0.1; take a later"),
+        ("finished", {"end_time": 1.5, "outputs": 29}, f"{UNLIKE}{1.5 / 29:.6g}; use 300 outputs to time 1.5$"),
+        ("finished", {"end_time": 0.2012, "outputs": 41}, f"{UNLIKE}{0.2012 / 41:.6g}; use 40 outputs to time 0.2$"),
+        ("finished", {"ramp": 0.6}, "belongs to another run: ramp 0.3 there, 0.6 here"),
+        ("stopped", {"damping": 0.6}, "belongs to another run: damping 0.5 there, 0.6 here"),
+        ("stopped", {"time_step": 0.001}, "belongs to another run: time step None there, 0.001 here"),
+        *(("stopped", changed, "belongs to another model") for changed in OTHERS),
+    ],
+)
+def test_what_does_not_fit_a_checkpoint_is_refused(state, changed, message, request):
+    file = request.getfixturevalue(state)
+    before = file.read_bytes()
+    with pytest.raises(InputError, match=message):
+        run(file, **changed)
+    assert file.read_bytes() == before
 
 
 def test_a_damaged_checkpoint_is_refused(stopped):
@@ -249,20 +229,20 @@ def test_a_damaged_checkpoint_is_refused(stopped):
             run(stopped, False)
 
 
-def test_a_place_that_cannot_be_written_to_is_known_before_the_first_step(tmp_path):
-    with pytest.raises(
-        InputError, match=r"checkpoint .*/nowhere/state: cannot be written \(No such file or directory\); name another"
-    ):
-        run(tmp_path / "nowhere" / "state", False)
-    with pytest.raises(InputError, match=r"checkpoint .*: cannot be written \(File name too long\); name another"):
-        run(tmp_path / ("x" * 300), False)
-    with pytest.raises(InputError, match=r"checkpoint .*: cannot be read \(File name too long\)"):
-        run(tmp_path / ("x" * 300), True)
-    # A device would be read for ever.
-    for place in (tmp_path, "/dev/full"):
-        for resume in (False, True):
-            with pytest.raises(InputError, match="is no file; name another"):
-                run(place, resume)
+@pytest.mark.parametrize(
+    ("place", "resume", "message"),
+    [
+        ("state", True, "state: there is none; start without --resume"),
+        ("nowhere/state", False, r"/nowhere/state: cannot be written \(No such file or directory\); name another"),
+        ("x" * 300, False, r"cannot be written \(File name too long\); name another"),
+        ("x" * 300, True, r"cannot be read \(File name too long\)"),
+        # A device would be read for ever.
+        *((place, resume, "is no file; name another") for place in (".", "/dev/full") for resume in (False, True)),
+    ],
+)
+def test_a_place_that_will_not_do_is_known_before_the_first_step(place, resume, message, tmp_path):
+    with pytest.raises(InputError, match=f"^checkpoint .*{message}"):
+        run(tmp_path / place, resume)
 
 
 def test_a_full_disk_leaves_the_last_checkpoint(tmp_path, monkeypatch, whole):
