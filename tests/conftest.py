@@ -8,6 +8,7 @@ import resource
 import shutil
 import subprocess
 import sys
+import warnings
 from collections.abc import Callable, Iterator
 
 import pytest
@@ -90,6 +91,13 @@ def compiled() -> None:
 def cylinder() -> Callable[..., Rod]:
     """`straight` as a fixture."""
     return straight
+
+
+@pytest.fixture
+def silent() -> Iterator[None]:
+    """Make a warning an error."""
+    with warnings.catch_warnings(action="error"):
+        yield
 
 
 @pytest.fixture

@@ -70,8 +70,7 @@ def outcome(seed):
     model, steps, radius = pair(seed)
     start = perf_counter()
     try:
-        with warnings.catch_warnings(record=True) as said:
-            warnings.simplefilter("always")
+        with warnings.catch_warnings(record=True, action="always") as said:
             found = statics.solve(model, load_steps=steps)
     except SolveError as problem:
         assert "\n" not in str(problem), seed

@@ -165,8 +165,7 @@ def of_file(path, text, told="error"):
     """Return the contact of a scene as the command solves it; what it warns of fails, if it is not to be ignored."""
     path.write_text(text)
     scene = FileScene(str(path))
-    with warnings.catch_warnings():
-        warnings.simplefilter(told)
+    with warnings.catch_warnings(action=told):
         solution, _ = solving.solve(scene, scene.settings())
     return solution.contacts[0]
 

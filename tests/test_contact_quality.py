@@ -21,8 +21,7 @@ E, NU = 1.0, 0.3
 
 
 def quiet(model, **options):
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+    with warnings.catch_warnings(action="ignore"):
         return statics.solve(model, **options)
 
 
@@ -126,8 +125,7 @@ def test_each_doubt_says_what_and_where():
 
 
 def test_what_is_seen_well_is_not_warned_of():
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with warnings.catch_warnings(action="error"):
         statics.solve(strip(80))
 
 

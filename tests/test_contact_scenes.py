@@ -85,8 +85,7 @@ def test_closed_coil_lies_flat_on_its_seats_and_leaves_its_tips_room():
 def test_laid_seats_are_warned_of_near_incompressibility():
     with pytest.warns(UserWarning, match=r"^nu: got 0.499; end coils in laid seats .*; use ends clamped"):
         Coil(coils=1, push=5.0, nu=0.499).model()
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with warnings.catch_warnings(action="error"):
         Coil(coils=1, push=5.0, nu=0.49).model()
         Coil(coils=1, push=5.0, nu=0.499, ends="clamped").model()
 

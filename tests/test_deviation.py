@@ -34,13 +34,6 @@ def around(count, a=1.0, b=1.0):
     return np.stack([a * np.cos(theta), b * np.sin(theta)], axis=1)
 
 
-@pytest.fixture
-def silent():
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        yield
-
-
 # Outlines
 
 
@@ -69,8 +62,7 @@ def test_a_square_of_sixteen_points_does_not_bulge():
 
 
 def test_the_deviation_of_a_corner_falls_with_the_distance_of_control_points():
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+    with warnings.catch_warnings(action="ignore"):
         found = [from_points(SQUARE, n) for n in (16, 32, 64, 128)]
     told = [one.deviation for one in found]
     # The corner itself is what is farthest, the half diagonal the half diameter.
@@ -166,8 +158,7 @@ def test_a_chamfer_is_straight_beyond_doubt_where_its_sides_have_points():
     with pytest.warns(UserWarning, match="turn of 45 degrees at point 1 is taken for a sharp corner"):
         found = from_points(vertices)
     assert reading.moments(ring(found))[0] == pytest.approx(8.5, rel=1e-3)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with warnings.catch_warnings(action="error"):
         sides = np.stack([vertices, 0.5 * (vertices + np.roll(vertices, -1, axis=0))], axis=1).reshape(-1, 2)
         assert reading.moments(ring(from_points(sides)))[0] == pytest.approx(8.5, rel=1e-3)
 

@@ -53,14 +53,7 @@ def measured(tmp_path):
     return run
 
 
-@pytest.fixture
-def quiet():
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        yield
-
-
-def test_tension(measured, quiet):
+def test_tension(measured, silent):
     """``sigma = E e``, ``N = E A e``, ``k = E A / L``, ``U = N d / 2``, the same everywhere."""
     pull = 1e-3
     alike = ("von_mises", "max_principal", "zz", "along")
@@ -80,7 +73,7 @@ def test_tension(measured, quiet):
     assert found["all"] == pytest.approx([rate * pull, 0.0, 0.0, 0.0, 0.0, 0.0], abs=1e-9 * rate * pull)
 
 
-def test_torsion(measured, quiet):
+def test_torsion(measured, silent):
     """``tau = G r theta'``, largest on the surface, ``T = G J theta'``; pull and push of that size at 45 degrees."""
     # What a turn moves inwards is of second order.
     turn = 1e-7
@@ -104,7 +97,7 @@ def test_torsion(measured, quiet):
     assert [found["k"], found["slope"]] == pytest.approx([rate, rate], rel=1e-6)
 
 
-def test_bending(measured, quiet):
+def test_bending(measured, silent):
     """``sigma = E kappa y``: of either sign at the top and below, told with the sign it has; ``M = E I kappa``."""
     turn = 1e-6
     asked = {"size": {"stress": "bar", "component": "zz"}, "pull": {"stress": "bar", "component": "max_principal"}}
@@ -139,8 +132,7 @@ def test_a_turned_scene_has_the_same_stresses_energies_and_rates(measured):
     K = np.cross(np.eye(3), across)
     turn = np.eye(3) + np.sin(angle) * K + (1.0 - np.cos(angle)) * K @ K
     moved = np.array([0.3, -0.2, 0.5])
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+    with warnings.catch_warnings(action="ignore"):
         one, _ = measured(bar({"displacement": moved.tolist()}, NU, "NeoHookean", **asked))
         curve = {"end": (LENGTH * axis).tolist()}
         table = bar({"displacement": (turn @ moved).tolist()}, NU, "NeoHookean", {}, **asked)
@@ -156,8 +148,7 @@ def test_a_turned_scene_has_the_same_stresses_energies_and_rates(measured):
 def test_the_largest_is_that_of_a_dense_grid_and_stands_where_it_is_said(measured):
     table = bar({"displacement": [0.5, 0.3, 0.2], "turn": [0.0, 0.4, 1.0]}, NU, "NeoHookean")
     table["measure"] = {"peak": {"stress": "bar", "away": 1.0}}
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+    with warnings.catch_warnings(action="ignore"):
         found, solution = measured(table)
     u = np.linspace(0.25, 0.75, 101)
     angle = np.linspace(0.0, 2.0 * np.pi, 181)
@@ -258,8 +249,7 @@ def test_a_largest_at_a_held_edge_is_said_to_be_one(measured):
 def test_a_place_at_a_held_edge_is_warned_of(measured):
     with pytest.warns(UserWarning, match="von Mises stress at u = 0: edge of a held face"):
         measured(clamped(edge={"stress": "bar", "u": 0.0, "xi": [1.0, 0.0]}))
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with warnings.catch_warnings(action="error"):
         measured(clamped(middle={"stress": "bar", "u": 0.5, "xi": [1.0, 0.0]}))
 
 
@@ -310,8 +300,7 @@ def test_modes_have_no_stress_and_motions_have_one_an_output(tmp_path, command):
     path = tmp_path / "my.toml"
     path.write_text(text(table))
     scene = FileScene(str(path))
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+    with warnings.catch_warnings(action="ignore"):
         history = dynamics.solve(scene.model(), **scene.settings())
         found = scene.measure(history)
     assert len(found["peak"]) == len(found["places"]["peak"]) == len(found["at"]) == len(history)
@@ -350,7 +339,6 @@ def test_the_tangent_with_contact_is_refused(measured):
 @pytest.mark.parametrize(("stress", "warned"), [(0.009, False), (0.011, True), (None, False)])
 def test_stresses_are_warned_of_from_a_percent_on(stress, warned):
     solution = SimpleNamespace(estimate=None, errors=lambda: (1e-4, stress), model=SimpleNamespace(contacts=()))
-    with warnings.catch_warnings(record=True) as said:
-        warnings.simplefilter("always")
+    with warnings.catch_warnings(record=True, action="always") as said:
         solving.estimate(solution, True)
     assert [str(one.message).startswith("estimated stress error 1.1 %") for one in said] == [True] * warned

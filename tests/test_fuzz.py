@@ -207,8 +207,7 @@ def test_models_from_python(count):
     @generated(count, SEEDS)
     def run(seed):
         make = Maker(seed)
-        with limited(), warnings.catch_warnings(), np.errstate(all="ignore"):
-            warnings.simplefilter("ignore")
+        with limited(), warnings.catch_warnings(action="ignore"), np.errstate(all="ignore"):
             try:
                 model = make.model()
                 if make.rng.random() < 0.2:
@@ -284,8 +283,7 @@ def test_damaged_results(count, tmp_path):
     @generated(count, st.data())
     def run(data):
         (tmp_path / "s.jsonl").write_bytes(damaged(data.draw, whole))
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
+        with warnings.catch_warnings(action="ignore"):
             try:
                 records = newest(tmp_path, "s")
             except InputError as problem:

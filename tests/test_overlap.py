@@ -88,8 +88,7 @@ def test_a_spring_beyond_its_bind_is_warned_of():
         statics.solve(replace(scene, pull=-2.0 * bind).model(), load_steps=2)
     assert len(said) == 1
     assert re.search("no contact is defined between them; add one$", str(said[0].message))
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with warnings.catch_warnings(action="error"):
         statics.solve(replace(scene, pull=-0.8 * bind).model(), load_steps=2)
 
 
