@@ -35,31 +35,87 @@ SIZE = POINTS * (BEFORE + 1)
 _M, _Q, _G = MODULI, SQUARES, INVERSE
 
 
+@njit(**FAST)
+def deform_point(geometry: Array, at: int, work: Array, k: int) -> None:
+    """Fill in ``F`` and its determinant at a point from the gradient on disk x axis in the rows of the stress.
+
+    Its inverse Jacobian, and the weight behind that, are rows of ``geometry``, of which ``at`` is the first.
+    """
+    i00, i01, i02 = geometry[at], geometry[at + _R[1]], geometry[at + _R[2]]
+    i10, i11, i12 = geometry[at + _R[3]], geometry[at + _R[4]], geometry[at + _R[5]]
+    i20, i21, i22 = geometry[at + _R[6]], geometry[at + _R[7]], geometry[at + _R[8]]
+    h0, h1, h2 = work[k], work[_R[1] + k], work[_R[2] + k]
+    f00 = 1.0 + (h0 * i00 + h1 * i10 + h2 * i20)
+    f01 = h0 * i01 + h1 * i11 + h2 * i21
+    f02 = h0 * i02 + h1 * i12 + h2 * i22
+    h0, h1, h2 = work[_R[3] + k], work[_R[4] + k], work[_R[5] + k]
+    f10 = h0 * i00 + h1 * i10 + h2 * i20
+    f11 = 1.0 + (h0 * i01 + h1 * i11 + h2 * i21)
+    f12 = h0 * i02 + h1 * i12 + h2 * i22
+    h0, h1, h2 = work[_R[6] + k], work[_R[7] + k], work[_R[8] + k]
+    f20 = h0 * i00 + h1 * i10 + h2 * i20
+    f21 = h0 * i01 + h1 * i11 + h2 * i21
+    f22 = 1.0 + (h0 * i02 + h1 * i12 + h2 * i22)
+    work[_R[9] + k], work[_R[10] + k], work[_R[11] + k] = f00, f01, f02
+    work[_R[12] + k], work[_R[13] + k], work[_R[14] + k] = f10, f11, f12
+    work[_R[15] + k], work[_R[16] + k], work[_R[17] + k] = f20, f21, f22
+    work[_R[DETERMINANT] + k] = (
+        f00 * (f11 * f22 - f12 * f21) + f01 * (f12 * f20 - f10 * f22) + f02 * (f10 * f21 - f11 * f20)
+    )
+
+
+@njit(**FAST)
+def pull_back_point(geometry: Array, at: int, work: Array, k: int) -> None:
+    """Replace ``P`` at a point by that times the volume on disk x axis, ``w P_aA dxi_d/dx_A`` (`deform_point`)."""
+    m = geometry[at + _R[9]]
+    i00, i01, i02 = geometry[at], geometry[at + _R[1]], geometry[at + _R[2]]
+    i10, i11, i12 = geometry[at + _R[3]], geometry[at + _R[4]], geometry[at + _R[5]]
+    i20, i21, i22 = geometry[at + _R[6]], geometry[at + _R[7]], geometry[at + _R[8]]
+    p0, p1, p2 = m * work[k], m * work[_R[1] + k], m * work[_R[2] + k]
+    work[k] = p0 * i00 + p1 * i01 + p2 * i02
+    work[_R[1] + k] = p0 * i10 + p1 * i11 + p2 * i12
+    work[_R[2] + k] = p0 * i20 + p1 * i21 + p2 * i22
+    p0, p1, p2 = m * work[_R[3] + k], m * work[_R[4] + k], m * work[_R[5] + k]
+    work[_R[3] + k] = p0 * i00 + p1 * i01 + p2 * i02
+    work[_R[4] + k] = p0 * i10 + p1 * i11 + p2 * i12
+    work[_R[5] + k] = p0 * i20 + p1 * i21 + p2 * i22
+    p0, p1, p2 = m * work[_R[6] + k], m * work[_R[7] + k], m * work[_R[8] + k]
+    work[_R[6] + k] = p0 * i00 + p1 * i01 + p2 * i02
+    work[_R[7] + k] = p0 * i10 + p1 * i11 + p2 * i12
+    work[_R[8] + k] = p0 * i20 + p1 * i21 + p2 * i22
+
+
 @njit(STEP, **FAST)
 def deform(work: Array) -> None:
-    """Fill in ``F`` and its determinant from the gradients on disk x axis, which are in the rows of the stress."""
+    """Fill in ``F`` and its determinant from the gradients on disk x axis."""
     for k in range(_W):
-        i00, i01, i02 = work[_R[_G] + k], work[_R[_G + 1] + k], work[_R[_G + 2] + k]
-        i10, i11, i12 = work[_R[_G + 3] + k], work[_R[_G + 4] + k], work[_R[_G + 5] + k]
-        i20, i21, i22 = work[_R[_G + 6] + k], work[_R[_G + 7] + k], work[_R[_G + 8] + k]
-        h0, h1, h2 = work[k], work[_R[1] + k], work[_R[2] + k]
-        f00 = 1.0 + (h0 * i00 + h1 * i10 + h2 * i20)
-        f01 = h0 * i01 + h1 * i11 + h2 * i21
-        f02 = h0 * i02 + h1 * i12 + h2 * i22
-        h0, h1, h2 = work[_R[3] + k], work[_R[4] + k], work[_R[5] + k]
-        f10 = h0 * i00 + h1 * i10 + h2 * i20
-        f11 = 1.0 + (h0 * i01 + h1 * i11 + h2 * i21)
-        f12 = h0 * i02 + h1 * i12 + h2 * i22
-        h0, h1, h2 = work[_R[6] + k], work[_R[7] + k], work[_R[8] + k]
-        f20 = h0 * i00 + h1 * i10 + h2 * i20
-        f21 = h0 * i01 + h1 * i11 + h2 * i21
-        f22 = 1.0 + (h0 * i02 + h1 * i12 + h2 * i22)
-        work[_R[9] + k], work[_R[10] + k], work[_R[11] + k] = f00, f01, f02
-        work[_R[12] + k], work[_R[13] + k], work[_R[14] + k] = f10, f11, f12
-        work[_R[15] + k], work[_R[16] + k], work[_R[17] + k] = f20, f21, f22
-        work[_R[DETERMINANT] + k] = (
-            f00 * (f11 * f22 - f12 * f21) + f01 * (f12 * f20 - f10 * f22) + f02 * (f10 * f21 - f11 * f20)
-        )
+        deform_point(work, _R[INVERSE] + k, work, k)
+
+
+@njit(STEP, **FAST)
+def pull_back_stress(work: Array) -> None:
+    """Replace ``P`` by that times the volume on disk x axis."""
+    for k in range(_W):
+        pull_back_point(work, _R[INVERSE] + k, work, k)
+
+
+@njit(**FAST)
+def _cofactors(work: Array, k: int) -> tuple[float, ...]:
+    """Return the cofactors of ``F``, ``det F F^-T``, at a point: 00, 01, 02, 10, 11, 12, 20, 21, 22."""
+    f00, f01, f02 = work[_R[9] + k], work[_R[10] + k], work[_R[11] + k]
+    f10, f11, f12 = work[_R[12] + k], work[_R[13] + k], work[_R[14] + k]
+    f20, f21, f22 = work[_R[15] + k], work[_R[16] + k], work[_R[17] + k]
+    return (
+        f11 * f22 - f12 * f21,
+        f12 * f20 - f10 * f22,
+        f10 * f21 - f11 * f20,
+        f21 * f02 - f22 * f01,
+        f22 * f00 - f20 * f02,
+        f20 * f01 - f21 * f00,
+        f01 * f12 - f02 * f11,
+        f02 * f10 - f00 * f12,
+        f00 * f11 - f01 * f10,
+    )
 
 
 @njit(STEP, **FAST)
@@ -75,61 +131,27 @@ def press_trace(work: Array) -> None:
 def press(work: Array) -> None:
     """Add the stress ``p F^-T`` of the mixed formulation's pressure where ``theta`` is ``ln J``."""
     for k in range(_W):
-        f00, f01, f02 = work[_R[9] + k], work[_R[10] + k], work[_R[11] + k]
-        f10, f11, f12 = work[_R[12] + k], work[_R[13] + k], work[_R[14] + k]
-        f20, f21, f22 = work[_R[15] + k], work[_R[16] + k], work[_R[17] + k]
+        c00, c01, c02, c10, c11, c12, c20, c21, c22 = _cofactors(work, k)
         q = work[_R[PRESSURE] + k] / work[_R[DETERMINANT] + k]
-        work[k] += q * (f11 * f22 - f12 * f21)
-        work[_R[1] + k] += q * (f12 * f20 - f10 * f22)
-        work[_R[2] + k] += q * (f10 * f21 - f11 * f20)
-        work[_R[3] + k] += q * (f21 * f02 - f22 * f01)
-        work[_R[4] + k] += q * (f22 * f00 - f20 * f02)
-        work[_R[5] + k] += q * (f20 * f01 - f21 * f00)
-        work[_R[6] + k] += q * (f01 * f12 - f02 * f11)
-        work[_R[7] + k] += q * (f02 * f10 - f00 * f12)
-        work[_R[8] + k] += q * (f00 * f11 - f01 * f10)
+        work[k] += q * c00
+        work[_R[1] + k] += q * c01
+        work[_R[2] + k] += q * c02
+        work[_R[3] + k] += q * c10
+        work[_R[4] + k] += q * c11
+        work[_R[5] + k] += q * c12
+        work[_R[6] + k] += q * c20
+        work[_R[7] + k] += q * c21
+        work[_R[8] + k] += q * c22
 
 
 @njit(STEP, **FAST)
 def press_moduli(work: Array) -> None:
     """Add ``-p G_aB G_bA``, ``G = F^-T``, to the moduli: those of the pressure where ``theta`` is ``ln J``."""
     for k in range(_W):
-        f00, f01, f02 = work[_R[9] + k], work[_R[10] + k], work[_R[11] + k]
-        f10, f11, f12 = work[_R[12] + k], work[_R[13] + k], work[_R[14] + k]
-        f20, f21, f22 = work[_R[15] + k], work[_R[16] + k], work[_R[17] + k]
+        c00, c01, c02, c10, c11, c12, c20, c21, c22 = _cofactors(work, k)
         det = work[_R[DETERMINANT] + k]
         q = -work[_R[PRESSURE] + k] / (det * det)
-        add_products(
-            work,
-            k,
-            0.0,
-            q,
-            (f11 * f22 - f12 * f21, f12 * f20 - f10 * f22, f10 * f21 - f11 * f20),
-            (f21 * f02 - f22 * f01, f22 * f00 - f20 * f02, f20 * f01 - f21 * f00),
-            (f01 * f12 - f02 * f11, f02 * f10 - f00 * f12, f00 * f11 - f01 * f10),
-        )
-
-
-@njit(STEP, **FAST)
-def pull_back_stress(work: Array) -> None:
-    """Replace ``P`` by that times the volume on disk x axis: ``w P_aA dxi_d/dx_A``."""
-    for k in range(_W):
-        m = work[_R[WEIGHT] + k]
-        i00, i01, i02 = work[_R[_G] + k], work[_R[_G + 1] + k], work[_R[_G + 2] + k]
-        i10, i11, i12 = work[_R[_G + 3] + k], work[_R[_G + 4] + k], work[_R[_G + 5] + k]
-        i20, i21, i22 = work[_R[_G + 6] + k], work[_R[_G + 7] + k], work[_R[_G + 8] + k]
-        p0, p1, p2 = m * work[k], m * work[_R[1] + k], m * work[_R[2] + k]
-        work[k] = p0 * i00 + p1 * i01 + p2 * i02
-        work[_R[1] + k] = p0 * i10 + p1 * i11 + p2 * i12
-        work[_R[2] + k] = p0 * i20 + p1 * i21 + p2 * i22
-        p0, p1, p2 = m * work[_R[3] + k], m * work[_R[4] + k], m * work[_R[5] + k]
-        work[_R[3] + k] = p0 * i00 + p1 * i01 + p2 * i02
-        work[_R[4] + k] = p0 * i10 + p1 * i11 + p2 * i12
-        work[_R[5] + k] = p0 * i20 + p1 * i21 + p2 * i22
-        p0, p1, p2 = m * work[_R[6] + k], m * work[_R[7] + k], m * work[_R[8] + k]
-        work[_R[6] + k] = p0 * i00 + p1 * i01 + p2 * i02
-        work[_R[7] + k] = p0 * i10 + p1 * i11 + p2 * i12
-        work[_R[8] + k] = p0 * i20 + p1 * i21 + p2 * i22
+        add_products(work, k, 0.0, q, (c00, c01, c02), (c10, c11, c12), (c20, c21, c22))
 
 
 @njit(STEP, **FAST)
@@ -197,16 +219,11 @@ def _pull_back_square(work: Array, k: int, row: int) -> None:
 @njit(**FAST)
 def _pulled(work: Array, k: int) -> tuple[float, ...]:
     """Return ``S = F^-1 P``, symmetric, at a point: 00, 01, 02, 11, 12, 22."""
-    f00, f01, f02 = work[_R[9] + k], work[_R[10] + k], work[_R[11] + k]
-    f10, f11, f12 = work[_R[12] + k], work[_R[13] + k], work[_R[14] + k]
-    f20, f21, f22 = work[_R[15] + k], work[_R[16] + k], work[_R[17] + k]
+    c00, c01, c02, c10, c11, c12, c20, c21, c22 = _cofactors(work, k)
     d = 1.0 / work[_R[DETERMINANT] + k]
     p00, p01, p02 = d * work[k], d * work[_R[1] + k], d * work[_R[2] + k]
     p10, p11, p12 = d * work[_R[3] + k], d * work[_R[4] + k], d * work[_R[5] + k]
     p20, p21, p22 = d * work[_R[6] + k], d * work[_R[7] + k], d * work[_R[8] + k]
-    c00, c10, c20 = f11 * f22 - f12 * f21, f21 * f02 - f22 * f01, f01 * f12 - f02 * f11
-    c01, c11, c21 = f12 * f20 - f10 * f22, f22 * f00 - f20 * f02, f02 * f10 - f00 * f12
-    c02, c12, c22 = f10 * f21 - f11 * f20, f20 * f01 - f21 * f00, f00 * f11 - f01 * f10
     return (
         c00 * p00 + c10 * p10 + c20 * p20,
         0.5 * (c00 * p01 + c10 * p11 + c20 * p21 + c01 * p00 + c11 * p10 + c21 * p20),
@@ -292,14 +309,9 @@ def _of_pair(work: Array, k: int, row: int, p: tuple[float, ...], q: tuple[float
 def press_on(work: Array) -> None:
     """Add the change of pressure since the start of the step, times ``F0^-1 F0^-T``, to what is foreseen."""
     for k in range(_W):
-        f00, f01, f02 = work[_R[9] + k], work[_R[10] + k], work[_R[11] + k]
-        f10, f11, f12 = work[_R[12] + k], work[_R[13] + k], work[_R[14] + k]
-        f20, f21, f22 = work[_R[15] + k], work[_R[16] + k], work[_R[17] + k]
+        c00, c01, c02, c10, c11, c12, c20, c21, c22 = _cofactors(work, k)
         det = work[_R[DETERMINANT] + k]
         x = (work[_R[PRESSURE] + k] - work[_R[BEFORE] + k]) / (det * det)
-        c00, c10, c20 = f11 * f22 - f12 * f21, f21 * f02 - f22 * f01, f01 * f12 - f02 * f11
-        c01, c11, c21 = f12 * f20 - f10 * f22, f22 * f00 - f20 * f02, f02 * f10 - f00 * f12
-        c02, c12, c22 = f10 * f21 - f11 * f20, f20 * f01 - f21 * f00, f00 * f11 - f01 * f10
         work[_R[TARGET] + k] += x * (c00 * c00 + c10 * c10 + c20 * c20)
         work[_R[TARGET + 1] + k] += x * (c00 * c01 + c10 * c11 + c20 * c21)
         work[_R[TARGET + 2] + k] += x * (c00 * c02 + c10 * c12 + c20 * c22)

@@ -13,6 +13,7 @@ from numba import b1, f8, types, void
 from numba import u8 as _u
 
 from isorod.arrays import Array
+from isorod.assembly.block_kernel import deform_point, pull_back_point
 from isorod.compiled import F1, FAST, njit
 from isorod.dynamics.explicit.mesh import GEOMETRY, MESH, Mesh
 from isorod.material.points import (
@@ -20,7 +21,6 @@ from isorod.material.points import (
     DETERMINANT,
     ENERGY,
     FIBRE,
-    GRADIENT,
     POINTS,
     WORK,
     call_block,
@@ -76,28 +76,7 @@ def _gradients(sections: Array, start: int, coefficients: Array, n: int, work: A
 def _deform(geometry: Array, g: int, work: Array) -> float:
     """Fill in ``F`` and ``det F``; return the number of points where ``det F`` is not positive."""
     for k in range(_W):
-        at = g + k
-        i00, i01, i02 = geometry[at], geometry[at + _R[1]], geometry[at + _R[2]]
-        i10, i11, i12 = geometry[at + _R[3]], geometry[at + _R[4]], geometry[at + _R[5]]
-        i20, i21, i22 = geometry[at + _R[6]], geometry[at + _R[7]], geometry[at + _R[8]]
-        h0, h1, h2 = work[k], work[_R[1] + k], work[_R[2] + k]
-        f00 = 1.0 + (h0 * i00 + h1 * i10 + h2 * i20)
-        f01 = h0 * i01 + h1 * i11 + h2 * i21
-        f02 = h0 * i02 + h1 * i12 + h2 * i22
-        h0, h1, h2 = work[_R[3] + k], work[_R[4] + k], work[_R[5] + k]
-        f10 = h0 * i00 + h1 * i10 + h2 * i20
-        f11 = 1.0 + (h0 * i01 + h1 * i11 + h2 * i21)
-        f12 = h0 * i02 + h1 * i12 + h2 * i22
-        h0, h1, h2 = work[_R[6] + k], work[_R[7] + k], work[_R[8] + k]
-        f20 = h0 * i00 + h1 * i10 + h2 * i20
-        f21 = h0 * i01 + h1 * i11 + h2 * i21
-        f22 = 1.0 + (h0 * i02 + h1 * i12 + h2 * i22)
-        work[_R[GRADIENT] + k], work[_R[GRADIENT + 1] + k], work[_R[GRADIENT + 2] + k] = f00, f01, f02
-        work[_R[GRADIENT + 3] + k], work[_R[GRADIENT + 4] + k], work[_R[GRADIENT + 5] + k] = f10, f11, f12
-        work[_R[GRADIENT + 6] + k], work[_R[GRADIENT + 7] + k], work[_R[GRADIENT + 8] + k] = f20, f21, f22
-        work[_R[DETERMINANT] + k] = (
-            f00 * (f11 * f22 - f12 * f21) + f01 * (f12 * f20 - f10 * f22) + f02 * (f10 * f21 - f11 * f20)
-        )
+        deform_point(geometry, g + k, work, k)
     inverted = 0.0
     for k in range(_W):
         det = work[_R[DETERMINANT] + k]
@@ -115,32 +94,15 @@ def _take_fibres(fibres: Array, begin: int, size: int, work: Array) -> None:
 
 @njit(void(F1, _u, F1), **FAST)
 def _pull_back(geometry: Array, g: int, work: Array) -> None:
-    """Replace ``P`` by that times the volume on disk x axis: ``w P J^-T``."""
+    """Replace ``P`` by that times the volume on disk x axis."""
     for k in range(_W):
-        at = g + k
-        m = geometry[at + _R[9]]
-        i00, i01, i02 = geometry[at], geometry[at + _R[1]], geometry[at + _R[2]]
-        i10, i11, i12 = geometry[at + _R[3]], geometry[at + _R[4]], geometry[at + _R[5]]
-        i20, i21, i22 = geometry[at + _R[6]], geometry[at + _R[7]], geometry[at + _R[8]]
-        p0, p1, p2 = m * work[k], m * work[_R[1] + k], m * work[_R[2] + k]
-        work[k] = p0 * i00 + p1 * i01 + p2 * i02
-        work[_R[1] + k] = p0 * i10 + p1 * i11 + p2 * i12
-        work[_R[2] + k] = p0 * i20 + p1 * i21 + p2 * i22
-        p0, p1, p2 = m * work[_R[3] + k], m * work[_R[4] + k], m * work[_R[5] + k]
-        work[_R[3] + k] = p0 * i00 + p1 * i01 + p2 * i02
-        work[_R[4] + k] = p0 * i10 + p1 * i11 + p2 * i12
-        work[_R[5] + k] = p0 * i20 + p1 * i21 + p2 * i22
-        p0, p1, p2 = m * work[_R[6] + k], m * work[_R[7] + k], m * work[_R[8] + k]
-        work[_R[6] + k] = p0 * i00 + p1 * i01 + p2 * i02
-        work[_R[7] + k] = p0 * i10 + p1 * i11 + p2 * i12
-        work[_R[8] + k] = p0 * i20 + p1 * i21 + p2 * i22
+        pull_back_point(geometry, g + k, work, k)
 
 
-@njit(void(F1, _u, _u, f8, f8, f8, f8, f8, f8), **FAST)
-def _add_to(
-    resultants: Array, i: int, n: int, x0: float, x1: float, x2: float, y0: float, y1: float, y2: float
-) -> None:
+@njit(void(F1, _u, _u, types.UniTuple(f8, 6)), **FAST)
+def _add_to(resultants: Array, i: int, n: int, sums: tuple[float, ...]) -> None:
     """Add to the resultants of function ``i`` those of the section, then those along the axis."""
+    x0, x1, x2, y0, y1, y2 = sums
     n3 = _3 * n
     resultants[i] += x0
     resultants[n + i] += x1
@@ -178,8 +140,8 @@ def _add_resultants(sections: Array, start: int, work: Array, n: int, resultants
             u2 += p * a + q * b
             y2 += r * h
             v2 += r * c
-        _add_to(resultants, i, n, x0, x1, x2, y0, y1, y2)
-        _add_to(resultants, i + _1, n, u0, u1, u2, v0, v1, v2)
+        _add_to(resultants, i, n, (x0, x1, x2, y0, y1, y2))
+        _add_to(resultants, i + _1, n, (u0, u1, u2, v0, v1, v2))
         i += _2
     while i < n:
         s = start + i * _R[3]
@@ -192,7 +154,7 @@ def _add_resultants(sections: Array, start: int, work: Array, n: int, resultants
             y0 += work[_R[2] + k] * h
             y1 += work[_R[5] + k] * h
             y2 += work[_R[8] + k] * h
-        _add_to(resultants, i, n, x0, x1, x2, y0, y1, y2)
+        _add_to(resultants, i, n, (x0, x1, x2, y0, y1, y2))
         i += _1
 
 
