@@ -10,7 +10,7 @@ from isorod.arrays import Array, Index
 from isorod.assembly import block_kernel
 from isorod.assembly.block_kernel import Steps
 from isorod.assembly.extrapolation import Last
-from isorod.assembly.field_kernel import Functions, add_resultants, coefficients, determinants, stresses
+from isorod.assembly.field_kernel import Field, Functions, add_resultants, coefficients, determinants, stresses
 from isorod.assembly.pattern_kernel import Blocks
 from isorod.assembly.stiffness_kernel import add_blocks, moduli, multiply
 from isorod.material.along_rod import Laws, Piece
@@ -18,7 +18,6 @@ from isorod.material.points import STEP, address
 from isorod.space.space import Table
 
 NONE = np.empty((0, 0))
-_NO_FIBRES = np.empty((0, 0, 0, 0))
 
 # Points whose stresses are there at a time, and numbers that moduli and section matrices may take together: what stays
 # in the processor's cache, and is enough for few calls from Python.  Measured: twice or half as many are no better.
@@ -67,9 +66,19 @@ class Region:
 
     def at_points(self, values: Array) -> Array:
         """Return what arrays ``(E, t, q)`` hold at these of the part's points, ``(E t, q)``; an empty one as it is."""
-        if not values.size:
-            return values
-        return np.ascontiguousarray(self.own(values)[:, :, self.piece.points]).reshape(-1, self.shape[2])
+        return _rows(self.own(values)[:, :, self.piece.points, None]) if values.size else values
+
+    @cached_property
+    def _known(self) -> Array:
+        """What does not change at the points (`isorod.assembly.field_kernel.take_known`)."""
+        table, law = self.table, self.piece.law
+        known = [table.inverse.reshape(*self.shape, 9), table.weights[..., None]]
+        return _rows(np.concatenate([*known, law.fibres(self.shape)] if law.families else known, axis=-1))
+
+    def _of(self, values: Array, first: int, last: int) -> Array:
+        """Return what rows of all elements, as many of each, hold of some."""
+        each = values.shape[0] // self.shape[0]
+        return values[first * each : last * each]
 
     @cached_property
     def _section(self) -> tuple[Array, Array]:
@@ -92,14 +101,13 @@ class Region:
 
     def _law(
         self, factor: float, pressed: bool, wanted: bool = False, extrapolates: bool = False
-    ) -> tuple[Functions, Steps, Array]:
+    ) -> tuple[Functions, Steps]:
         """Return what compiled loops are told of the law; whether moduli are wanted, and with extrapolated stress."""
         law = self.piece.law.at(factor)
         one = law.compiled
         trace = not law.logarithmic
-        fibres = law.fibres(self.shape) if law.families else _NO_FIBRES
         functions = Functions(one.block, one.tangent if wanted else 0, law.constants)
-        return functions, _steps(wanted, extrapolates, pressed, trace), fibres
+        return functions, _steps(wanted, extrapolates, pressed, trace)
 
     def _some(self, count: int) -> Iterator[tuple[int, int]]:
         """Yield the bounds of so many elements at a time, or one."""
@@ -107,11 +115,12 @@ class Region:
         for first in range(0, elements, step):
             yield first, min(first + step, elements)
 
-    def _gradients(self, local: Array, starts: Index, first: int, last: int) -> tuple[Array, Array]:
-        """Return the gradients of displacements on disk x axis (`isorod.assembly.field_kernel.stresses`)."""
+    def _field(self, local: Array, starts: Index, pressures: Array, first: int, last: int) -> Field:
+        """Return gradients of displacements on disk x axis, and pressures, at the points of some elements."""
         values, slopes = coefficients(self.table, local, starts, first, last)
         across, whole = self._section
-        return values @ across, slopes @ whole
+        gradients = (values @ across).reshape(-1, self.shape[2])
+        return Field(gradients, slopes @ whole, self._of(pressures, first, last))
 
     def add_forces(
         self,
@@ -146,10 +155,11 @@ class Region:
         across, whole = self._section
         energy = 0.0
         for first, last in self._some(_POINTS // (along * points)):
-            found = self._gradients(local, starts, first, last)
-            energy += stresses(self.table, *law, pressures, found, first, wanted)
+            field = self._field(local, starts, pressures, first, last)
+            energy += stresses(*law, self._of(self._known, first, last), field, wanted)
             if forces.size:
-                add_resultants(self.table, found[0] @ across.T, found[1] @ whole.T, first, last, starts, forces)
+                sums = field.across.reshape(-1, 2 * points) @ across.T, field.along @ whole.T
+                add_resultants(self.table, *sums, first, last, starts, forces)
         return energy
 
     def set_jacobians(self, local: Array, starts: Index, out: Array) -> None:
@@ -158,8 +168,8 @@ class Region:
         deform, starts = _deform(), self.own(starts)
         result = np.empty((self.shape[0] * along, points))
         for first, last in self._some(_POINTS // (along * points)):
-            found = self._gradients(local, starts, first, last)
-            determinants(self.table, deform, found, first, result[first * along : last * along])
+            field = self._field(local, starts, NONE, first, last)
+            determinants(deform, self._of(self._known, first, last), field, self._of(result, first, last))
         self.own(out)[:, :, self.piece.points] = result.reshape(self.shape)
 
     def add_stiffness(
@@ -198,12 +208,13 @@ class Region:
         sums, more = (_Four((3, 1), (3, 1), (9, 1), (6, 1), size=count * along * squared) for _ in range(2))
         for k, some in enumerate(self._some(count) if volumes is None else [(0, 1)]):
             places = (some[1] - some[0]) * along
-            found = self._gradients(local, starts, *some)
-            old = found if last is None else self._gradients(last.local, starts, *some)
+            now = self._field(local, starts, pressures, *some)
+            old = now if last is None else self._field(last.local, starts, before, *some)
+            known = self._of(self._known, *some)
             for begin in range(0, points, tile):
                 end = min(begin + tile, points)
                 left, right = pulled.of(places, end - begin), products.of(end - begin, squared)
-                moduli(self.table, *law, pressures, before, found, old, some[0], begin, end, pulled.room)
+                moduli(*law, known, now, old, (begin, end), pulled.room)
                 if k == 0 or tile < points:
                     multiply(self.table, begin, end, right)
                 for into, one, other in zip((more if begin else sums).of(places, squared), left, right, strict=True):
@@ -218,6 +229,11 @@ class Region:
             for first, end in self._some(count):
                 many = tuple(volumes[first * along : end * along, None] * one[0] for one in rows)
                 add_blocks(self.table, first, end, many, there, entries)
+
+
+def _rows(values: Array) -> Array:
+    """Return values ``(E, t, q, m)`` at points as rows of each place one behind the other, ``(E t m, q)``."""
+    return np.ascontiguousarray(values.swapaxes(2, 3)).reshape(-1, values.shape[2])
 
 
 class _Four:

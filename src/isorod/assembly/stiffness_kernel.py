@@ -15,16 +15,18 @@ from isorod.arrays import Array
 from isorod.assembly.block_kernel import BEFORE, PRESSURE, SIZE, STATE, STEPS, Steps
 from isorod.assembly.element_kernel import TABLE
 from isorod.assembly.field_kernel import (
-    FIBRES,
+    FIELD,
     FUNCTIONS,
-    GRADIENTS,
+    PRESSURES,
+    PRESSURES_BEFORE,
+    Field,
     Functions,
-    run,
-    take_fibres,
-    take_geometry,
+    fill_runs,
+    take,
     take_gradients,
-    take_rows,
+    take_known,
 )
+from isorod.assembly.moduli_rows import moduli_rows
 from isorod.assembly.pattern_kernel import BLOCKS, Blocks
 from isorod.compiled import F1, F2, FAST, njit
 from isorod.material.points import GRADIENT, MODULI, POINTS, call_block, call_step, call_tangent
@@ -39,58 +41,7 @@ FOUR = types.UniTuple(F2, 4)
 # Of the nine pairs of components ``3 a + b``: which of the six (01, 02, 12, 00, 11, 22) it or its mirror image is.
 _PAIR = np.array([3, 0, 1, 0, 4, 2, 1, 2, 5])
 
-# Which of the four matrices has each of a block's 45 rows of moduli, nine of each of three pairs of components and six
-# of each component alone, and as which of its rows at a place; a matrix's rows are counted direction by direction.
-_MATRIX = np.array([0, 0, 2, 0, 0, 2, 2, 2, 3] * 3 + [1, 1, 2, 1, 2, 3] * 3)
-_ROW = np.array(
-    [
-        0,
-        1,
-        2,
-        2,
-        3,
-        3,
-        6,
-        7,
-        0,
-        4,
-        5,
-        4,
-        6,
-        7,
-        5,
-        12,
-        13,
-        1,
-        8,
-        9,
-        10,
-        10,
-        11,
-        11,
-        14,
-        15,
-        2,
-        0,
-        1,
-        0,
-        2,
-        1,
-        3,
-        3,
-        4,
-        8,
-        5,
-        9,
-        4,
-        6,
-        7,
-        16,
-        8,
-        17,
-        5,
-    ],
-)
+_MATRIX, _ROW = moduli_rows()
 # Of each matrix, rows a place, and those of the matrices before it.
 _ROWS, _BEFORE = np.array([12, 9, 18, 6]), np.array([0, 12, 21, 39])
 
@@ -129,61 +80,42 @@ def _outer(first: Array, second: Array, products: Array) -> None:
             products[at + k] = x * second[k]
 
 
-@njit(void(TABLE, FUNCTIONS, STEPS, FIBRES, F2, F2, GRADIENTS, GRADIENTS, i8, i8, i8, F1), **FAST)
+@njit(void(FUNCTIONS, STEPS, F2, FIELD, FIELD, types.UniTuple(i8, 2), F1), **FAST)
 def moduli(
-    table: Table,
-    law: Functions,
-    steps: Steps,
-    fibres: Array,
-    pressure: Array,
-    before: Array,
-    found: tuple[Array, Array],
-    last: tuple[Array, Array],
-    first: int,
-    begin: int,
-    end: int,
-    pulled: Array,
+    law: Functions, steps: Steps, known: Array, now: Field, last: Field, span: tuple[int, int], pulled: Array
 ) -> None:
     """Fill in the moduli on disk x axis, ordered as the products of section functions are (`multiply`).
 
     Parameters
     ----------
-    table
-        Elements and points that obey one law.
-    law, steps, fibres
-        The law, what happens besides, and fibres ``(E, t, q, 3 families)``, without elements if the law has none.
-    pressure
-        Of the mixed formulation, ``(E t, q)``, or without rows.
-    found
-        Gradients, from those of the element ``first`` on (`isorod.assembly.field_kernel.stresses`).
-    last, before
-        Gradients and pressure at the last tangent, if the stress is extrapolated from it.
-    begin, end
-        The points are those of the section from ``begin`` to before ``end``.
+    law, steps, known
+        As for `isorod.assembly.field_kernel.stresses`.
+    now, last
+        The field, and that at the last tangent if the stress is extrapolated from it.
+    span
+        The points are those of the section from the first to before the second.
     pulled
         To be filled with four matrices (`FOUR`), one behind the other.  Rows: place by place, of the pairs 01, 02, 12,
         of 00, 11, 22, of all nine, of the former six.
     """
-    along, points = table.axial.shape[1], end - begin
-    places, first_place = found[1].shape[0] // 3, first * along
-    work = np.zeros(SIZE)
-    place, q = 0, begin
-    for _ in range(0, places * points, POINTS):
-        take_geometry(table, first, places, place, q, begin, end, work)
-        if fibres.shape[0]:
-            take_fibres(fibres, along, first, places, place, q, begin, end, work)
+    begin, end = span
+    points, places = end - begin, now.along.shape[0] // 3
+    work, runs = np.zeros(SIZE), np.empty((POINTS, 4), np.int64)
+    for block in range(-(-places * points // POINTS)):
+        these = runs[: fill_runs(block, places, begin, end, runs)]
+        take_known(known, places, these, work)
         if steps.press:
-            take_rows(pressure, first_place, places, place, q, begin, end, PRESSURE, work)
+            take(now.pressure, PRESSURES, these, work)
         # The last state, if the stress is extrapolated, between two looks at the present one.
         for look in range(0 if steps.foresee else 2, 3):
             if look == 1:
                 # Present and last pressure change places, and do so again.
                 if steps.press:
-                    take_rows(before, first_place, places, place, q, begin, end, BEFORE, work)
+                    take(last.pressure, PRESSURES_BEFORE, these, work)
                     _swap(work)
-                take_gradients(last, place, q, begin, end, work)
+                take_gradients(last, these, work)
             else:
-                take_gradients(found, place, q, begin, end, work)
+                take_gradients(now, these, work)
             call_step(np.uint64(steps.deform), (work,))
             if look == 0:
                 for k in range(np.uint64(10 * POINTS)):
@@ -205,13 +137,11 @@ def moduli(
             elif steps.exceed:
                 call_step(np.uint64(steps.exceed), (work,))
         call_step(np.uint64(steps.pull_back), (work,))
-        k, length = 0, 1
-        while k < POINTS and length:
-            at, row, p = k, place, q - begin
-            k, place, q, length = run(place, q, begin, end, places, k)
+        for i in range(these.shape[0]):
+            place, p, at, length = these[i, 0], these[i, 1] - begin, these[i, 2], these[i, 3]
             for r in range(45):
                 matrix = _MATRIX[r]
-                to = (_BEFORE[matrix] * places + _ROWS[matrix] * row + _ROW[r]) * points + p
+                to = (_BEFORE[matrix] * places + _ROWS[matrix] * place + _ROW[r]) * points + p
                 _copy(work, (MODULI + r) * POINTS + at, pulled, to, length)
 
 
