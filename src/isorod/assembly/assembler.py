@@ -12,7 +12,7 @@ from petsc4py import PETSc
 from isorod import memory
 from isorod.arrays import Array, Index
 from isorod.assembly.extrapolation import pays
-from isorod.assembly.mass import consistent_mass, lumped_mass
+from isorod.assembly.mass import masses
 from isorod.assembly.part import Part
 from isorod.assembly.pattern import Pattern, add
 from isorod.assembly.unknowns import Unknowns
@@ -361,9 +361,9 @@ class Assembler(Unknowns):
 
     def _mass(self, lumped: bool, numbers: Sequence[Index]) -> PETSc.Mat:
         """Return the mass matrix of the components of which each node's numbers are given, all three or one."""
-        found = lumped_mass(self.parts, numbers) if lumped else consistent_mass(self.parts, numbers, self._ranks(3))
+        found = masses(self.parts, numbers, lumped, self._ranks(3))
         matrix = keep_symmetric(self._matrix(found.indices, found.pattern, 3 // len(numbers)))
-        set_values(matrix, found.entries)
+        set_values(matrix, np.tile(found.entries, len(numbers)))
         self.note("lumped mass" if lumped else "mass")
         return matrix
 

@@ -1,4 +1,4 @@
-"""Entries of mass matrices, of all components of a node or, where these are alike, of one."""
+"""Entries of mass matrices, of one component of nodes, and where they are for each."""
 
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
@@ -12,33 +12,50 @@ from isorod.assembly.pattern import Pattern, add, joined
 
 
 class Masses(NamedTuple):
-    """Entries of a mass matrix, where they are, and their pattern if it has a layout."""
+    """Entries of the mass matrix of one component.
+
+    Attributes
+    ----------
+    entries
+        Their values.
+    places
+        Returns rows and columns of the entries, for each component.
+    pattern
+        Their pattern, if it has a layout.
+    """
 
     entries: Array
-    indices: Callable[[], tuple[Index, Index]]
+    places: Callable[[], list[tuple[Index, Index]]]
     pattern: Pattern | None
 
-
-def lumped_mass(parts: Sequence[Part], numbers: Sequence[Index]) -> Masses:
-    """Return the entries of lumped masses; of some components each node's numbers are given."""
-    nodes = joined([part.nodes for part in parts], int)
-    places = joined([number[nodes] for number in numbers], int)
-    entries = joined([part.lumped_mass() for part in parts], float)
-    return Masses(np.tile(entries, len(numbers)), lambda: (places, places), None)
+    def indices(self) -> tuple[Index, Index]:
+        """Return rows and columns of the entries of all components, one behind the other."""
+        rows, columns = zip(*self.places(), strict=True)
+        return np.concatenate(rows), np.concatenate(columns)
 
 
-def consistent_mass(parts: Sequence[Part], numbers: Sequence[Index], rows: tuple[PETSc.Comm, int] | None) -> Masses:
-    """Return the entries of the consistent mass; rows are a pattern's of one component."""
+def masses(
+    parts: Sequence[Part], numbers: Sequence[Index], lumped: bool, ranks: tuple[PETSc.Comm, int] | None = None
+) -> Masses:
+    """Return the entries of lumped or consistent masses.
+
+    Parameters
+    ----------
+    parts
+        The elements of this rank.
+    numbers
+        The nodes' numbers, of each component.
+    ranks
+        What a pattern of one component is told of ranks, if the matrix may have its layout.
+    """
+    if lumped:
+        nodes = joined([part.nodes for part in parts], int)
+        entries = joined([part.lumped_mass() for part in parts], float)
+        return Masses(entries, lambda: [(number[nodes], number[nodes]) for number in numbers], None)
     alone = len(numbers) == 1
     # A layer is held if all components are.
-    number = numbers[0] if alone else np.max(numbers, axis=0)
-    pattern = Pattern([part.of_nodes for part in parts], number, rows if alone else None)
+    pattern = Pattern([part.of_nodes for part in parts], np.max(numbers, axis=0), ranks if alone else None)
     entries = np.zeros(pattern.total)
     for part, blocks in zip(parts, pattern.blocks, strict=True):
         add(part.mass, blocks, entries)
-
-    def indices() -> tuple[Index, Index]:
-        found = [pattern.indices(number) for number in numbers]
-        return joined([row for row, _ in found], int), joined([column for _, column in found], int)
-
-    return Masses(entries if alone else np.tile(entries, len(numbers)), indices, pattern if alone else None)
+    return Masses(entries, lambda: [pattern.indices(number) for number in numbers], pattern if alone else None)
