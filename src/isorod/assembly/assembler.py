@@ -15,6 +15,7 @@ from isorod.assembly.extrapolation import pays
 from isorod.assembly.mass import masses
 from isorod.assembly.part import Part
 from isorod.assembly.pattern import Pattern, add
+from isorod.assembly.split import Share
 from isorod.assembly.unknowns import Unknowns
 from isorod.geometry.quadrature import Rule
 from isorod.model.model import Model
@@ -46,9 +47,6 @@ class Assembler(Unknowns):
         The elements of each body on this rank.
     """
 
-    # What a subclass may add to.
-    part: type[Part] = Part
-
     def __init__(self, model: Model, comm: PETSc.Comm | None = None) -> None:
         self.seconds = 0.0
         self.built: list[str] = []
@@ -62,9 +60,13 @@ class Assembler(Unknowns):
         with self._timed():
             super().__init__(model, comm)
             memory.ask(_TO_AN_ENTRY * sum(one.couplings for one in self.shares), "the tangent with its factor")
-            self.parts = [self.part(share, self._exchange) for share in self.shares]
+            self.parts = [self._part(share) for share in self.shares]
             self.contact = self._contact()
             self._pressing = self._followers()
+
+    def _part(self, share: Share) -> Part:
+        """Return the elements of a body that this rank has."""
+        return Part(share, self._exchange)
 
     @contextmanager
     def _timed(self) -> Iterator[None]:
@@ -112,12 +114,9 @@ class Assembler(Unknowns):
         if not self._pressing:
             return self._external
         followed = zip(self.parts, self._pressing, strict=True)
-        return self._external + self._sums(self._pressed(*one, local) for one in followed)
-
-    @staticmethod
-    def _pressed(part: Part, pressing: "Pressing", local: Array) -> Array:
-        """Return what pressure that follows a part adds to the forces, shape of its ``dofs``."""
-        return pressing.forces(part.nodal(local)).reshape(part.dofs.shape)
+        return self._external + self._sums(
+            pressing.forces(part.nodal(local)).reshape(part.dofs.shape) for part, pressing in followed
+        )
 
     @property
     def symmetric(self) -> bool:

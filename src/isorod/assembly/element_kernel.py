@@ -5,58 +5,54 @@ axis functions; an element's nodes run layer by layer.  The sums are factorised:
 """
 
 import numpy as np
-from numba import i8, types
+from numba import i8, types, void
 
 from isorod.arrays import Array
-from isorod.compiled import F2, F3, F4, F5, FAST, R2, njit
+from isorod.compiled import F2, F3, F5, FAST, R2, njit
 from isorod.space.space import Table
 
 # In the order of the table's fields; points in the section are kept ones.
 TABLE = types.NamedTuple([i8, F2, R2, F3, F3, F3, F5, F3], Table)
 
 
-@njit(F5(TABLE, F4), **FAST)
-def deformation_gradients(table: Table, nodal: Array) -> Array:
-    """Return ``F`` ``(E, t, q, 3, 3)`` of the nodal displacements ``(E, l, n, 3)``."""
-    section, axial, slopes, inverse = table.section, table.axial, table.slopes, table.inverse
-    elements, along, functions = axial.shape
-    points, _, n = section.shape
-    result = np.empty((elements, along, points, 3, 3))
-    plane = np.empty((3, n))
-    axis = np.empty((3, n))
-    h = np.empty((3, 3))
-    for e in range(elements):
-        for t in range(along):
-            for i in range(n):
-                for a in range(3):
-                    value = 0.0
-                    slope = 0.0
-                    for j in range(functions):
-                        value += axial[e, t, j] * nodal[e, j, i, a]
-                        slope += slopes[e, t, j] * nodal[e, j, i, a]
-                    plane[a, i] = value
-                    axis[a, i] = slope
+@njit(void(F2, F3, F3, F3), **FAST)
+def push_forward(inverse: Array, across: Array, along: Array, out: Array) -> None:
+    """Fill in gradients in space, ``out`` ``(points of all places, 3, 3)``, from those on disk x axis.
+
+    Parameters
+    ----------
+    inverse
+        Inverse Jacobian of each point, shape ``(places points, 9)``.
+    across, along
+        Derivatives by both coordinates of the disk and by the axis': shapes ``(places, 3, 2 points)``, one coordinate
+        behind the other, and ``(places, 3, points)``.
+    """
+    places, _, points = along.shape
+    for p in range(places):
+        for a in range(3):
             for q in range(points):
-                for a in range(3):
-                    h0 = 0.0
-                    h1 = 0.0
-                    h2 = 0.0
-                    for i in range(n):
-                        h0 += plane[a, i] * section[q, 0, i]
-                        h1 += plane[a, i] * section[q, 1, i]
-                        h2 += axis[a, i] * section[q, 2, i]
-                    h[a, 0] = h0
-                    h[a, 1] = h1
-                    h[a, 2] = h2
-                for a in range(3):
-                    for b in range(3):
-                        result[e, t, q, a, b] = (
-                            h[a, 0] * inverse[e, t, q, 0, b]
-                            + h[a, 1] * inverse[e, t, q, 1, b]
-                            + h[a, 2] * inverse[e, t, q, 2, b]
-                        )
-                    result[e, t, q, a, a] += 1.0
-    return result
+                m = p * points + q
+                x, y, z = across[p, a, q], across[p, a, points + q], along[p, a, q]
+                for A in range(3):
+                    out[m, a, A] = inverse[m, A] * x + inverse[m, 3 + A] * y + inverse[m, 6 + A] * z
+
+
+@njit(void(F2, F2, F3, F3, F3), **FAST)
+def pull_stress(weights: Array, inverse: Array, stress: Array, across: Array, along: Array) -> None:
+    """Fill in weighted stresses on disk x axis, in the order of `push_forward`; ``weights`` is ``(places, points)``."""
+    places, _, points = along.shape
+    for p in range(places):
+        for a in range(3):
+            for q in range(points):
+                m = p * points + q
+                x, y, z = (
+                    weights[p, q] * stress[m, a, 0],
+                    weights[p, q] * stress[m, a, 1],
+                    weights[p, q] * stress[m, a, 2],
+                )
+                across[p, a, q] = inverse[m, 0] * x + inverse[m, 1] * y + inverse[m, 2] * z
+                across[p, a, points + q] = inverse[m, 3] * x + inverse[m, 4] * y + inverse[m, 5] * z
+                along[p, a, q] = inverse[m, 6] * x + inverse[m, 7] * y + inverse[m, 8] * z
 
 
 @njit(F5(F3, F3, F3), **FAST)

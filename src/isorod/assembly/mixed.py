@@ -13,9 +13,10 @@ import numpy as np
 from petsc4py import PETSc
 
 from isorod.arrays import Array, Index
-from isorod.assembly import element_kernel, mixed_kernel
+from isorod.assembly import element_kernel
 from isorod.assembly.assembler import Assembler
 from isorod.assembly.exchange import Exchange
+from isorod.assembly.gradients import deformation_gradients, pulled_stress
 from isorod.assembly.part import Part, separate
 from isorod.assembly.pattern import add
 from isorod.assembly.pattern_kernel import Blocks
@@ -24,35 +25,31 @@ from isorod.assembly.split import Share
 from isorod.material.along_rod import complementary, shear_laws, volume_change
 from isorod.model.body import Body
 from isorod.model.load import Spin
+from isorod.space.space import Table
 
 # Elements whose matrices of pressures are there at a time.
 _SOME = 64
 
 
 class MixedPart(Part):
-    """The elements of one body; a layer of a mixed one holds its displacements, then its pressures."""
+    """The elements of one mixed body; a layer holds its displacements, then its pressures."""
 
     def __init__(self, share: Share, exchange: Exchange) -> None:
         super().__init__(share, exchange)
         body = share.body
+        assert body.pressures is not None
         self.moves = 3 * body.space.layer_nodes
-        self.mixed = body.pressures is not None
-        if body.pressures is not None:
-            self.across, self.along = body.pressures.tabulate(self.table)
-            self.across *= body.pressure_unit
-            self.volumes, self.laws = self.laws, shear_laws(self.laws)
+        self.across, self.along = body.pressures.tabulate(self.table)
+        self.across *= body.pressure_unit
+        self.volumes, self.laws = self.laws, shear_laws(self.laws)
 
     def pressure(self, local: Array) -> Array:
-        """Return the pressure at the quadrature points, shape ``(E, t, q)``; empty where the body has none."""
-        if not self.mixed:
-            return super().pressure(local)
+        """Return the pressure at the quadrature points, shape ``(E, t, q)``."""
         near = local[self.slots].reshape(*self.layers.shape, -1)[:, :-1, self.moves :]
         return np.ascontiguousarray(np.einsum("etj,ejk->etk", self.along, near) @ self.across.T)
 
     def energy(self, local: Array, factor: float) -> float:
         """Return the value of the functional: at a solution, the stored energy."""
-        if not self.mixed:
-            return super().energy(local, factor)
         F, p = self.gradients(local), self.pressure(local)
         density = self.laws.at(factor).energy(F) + p * volume_change(self.volumes, F)[0]
         density -= complementary(self.volumes, p)[0]
@@ -60,9 +57,6 @@ class MixedPart(Part):
 
     def add_forces(self, local: Array, factor: float, forces: Array) -> None:
         """Add the derivatives by displacements and pressures."""
-        if not self.mixed:
-            super().add_forces(local, factor, forces)
-            return
         p = self.pressure(local)
         for region in self.regions:
             region.add_forces(local, self.starts, factor, forces, p)
@@ -78,8 +72,6 @@ class MixedPart(Part):
 
     def matrices(self, local: Array, factor: float, which: Index | None = None) -> Array:
         """Return the second derivatives, shape ``(E, l width, l width)``, or those of some elements."""
-        if not self.mixed:
-            return super().matrices(local, factor, which)
         which = np.arange(self.layers.shape[0]) if which is None else which
         table, laws, starts = self._some(which)
         p = self.pressure(local)[which]
@@ -91,9 +83,6 @@ class MixedPart(Part):
 
     def add_entries(self, local: Array, factor: float, blocks: Blocks, entries: Array) -> None:
         """Add the second derivatives to entries of a pattern."""
-        if not self.mixed:
-            super().add_entries(local, factor, blocks, entries)
-            return
         nodal, p = self.nodal(local), self.pressure(local)
         self._add_stiffness(local, factor, blocks, entries, p)
         for first in range(0, nodal.shape[0], _SOME):
@@ -103,8 +92,8 @@ class MixedPart(Part):
     def _coupling(self, which: Index, nodal: Array, p: Array) -> Array:
         """Return the second derivatives of some elements but for those by displacements alone."""
         t, laws = self.table.part(which, slice(None)), self.volumes.some(which)
-        slope = volume_change(laws, element_kernel.deformation_gradients(t, nodal))[1]
-        both = mixed_kernel.coupling(t, slope, self.across, self.along[which])
+        slope = volume_change(laws, deformation_gradients(t, nodal))[1]
+        both = coupling(t, slope, self.across, self.along[which])
         elements, layers = nodal.shape[0], self.layers.shape[1]
         result = np.zeros((elements, layers, self.width, layers, self.width))
         self.set_coupling(result, both, both, self.own(which, complementary(laws, p)[2]))
@@ -118,7 +107,7 @@ class MixedPart(Part):
     def set_coupling(self, result: Array, right: Array, below: Array, own: Array) -> None:
         """Set what matrices ``(e, l, width, l, width)`` have in columns of pressures, in rows of these, and in both.
 
-        The first two are as `isorod.assembly.mixed_kernel.coupling` returns them.
+        The first two are as `coupling` returns them.
         """
         elements, layers, moves = result.shape[0], result.shape[1], self.moves
         shape = elements, layers, moves, layers - 1, self.width - moves
@@ -148,11 +137,33 @@ class MixedPart(Part):
         return result
 
 
+def coupling(table: Table, slope: Array, across: Array, along: Array) -> Array:
+    """Return the matrices ``(E, l, n, 3, l - 1, m)`` of displacements and pressures.
+
+    ``slope`` ``(E, t, q, 3, 3)`` is ``d theta / dF``; ``across`` ``(q, m)`` and ``along`` ``(E, t, l - 1)`` are the
+    pressure functions.
+    """
+    elements, places, functions = table.axial.shape
+    n, pressures = table.section.shape[2], across.shape[1]
+    # Of both directions across and of the axis, products of section functions with those of pressures.
+    products = [table.section[:, d, :, None] * across[:, None] for d in range(3)]
+    products = [np.concatenate(products[:2]), products[2]]
+    result = np.zeros((elements, functions * (functions - 1), 3 * n * pressures))
+    for values, stress, one in zip((table.axial, table.slopes), pulled_stress(table, slope), products, strict=True):
+        pairs = np.einsum("etj,etm->ejmt", values, along).reshape(elements, -1, places)
+        result += pairs @ (stress @ one.reshape(len(one), -1)).reshape(elements, places, -1)
+    whole = result.reshape(elements, functions, functions - 1, 3, n, pressures)
+    return np.ascontiguousarray(whole.transpose(0, 1, 4, 3, 2, 5))
+
+
 class MixedAssembler(Assembler):
     """Assembles a model some of whose bodies have the mixed formulation: their tangent is indefinite."""
 
-    part = MixedPart
     formulations = ("displacement", "mixed")
+
+    def _part(self, share: Share) -> Part:
+        kind = Part if share.body.pressures is None else MixedPart
+        return kind(share, self._exchange)
 
     @staticmethod
     def layer_dofs(body: Body) -> int:

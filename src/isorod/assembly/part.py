@@ -9,6 +9,7 @@ from isorod.arrays import Array, Index
 from isorod.assembly import element_kernel
 from isorod.assembly.exchange import Exchange
 from isorod.assembly.extrapolation import Last
+from isorod.assembly.gradients import deformation_gradients, displacement_gradients
 from isorod.assembly.pattern import Layers
 from isorod.assembly.pattern_kernel import Blocks
 from isorod.assembly.region import NONE, Region, regions
@@ -129,7 +130,11 @@ class Part:
 
     def gradients(self, local: Array) -> Array:
         """Return the deformation gradients, shape ``(E, t, q, 3, 3)``."""
-        return element_kernel.deformation_gradients(self.table, self.nodal(local))
+        return deformation_gradients(self.table, self.nodal(local))
+
+    def changes(self, local: Array) -> Array:
+        """Return the displacement gradients, shape ``(E, t, q, 3, 3)``."""
+        return displacement_gradients(self.table, self.nodal(local))
 
     def jacobians(self, local: Array) -> Array:
         """Return ``det F`` at the quadrature points, shape ``(E, t, q)``."""

@@ -5,7 +5,7 @@ import warnings
 import numpy as np
 
 from isorod.arrays import Array
-from isorod.assembly.element_kernel import deformation_gradients
+from isorod.assembly.gradients import displacement_gradients
 from isorod.model import Model
 
 # Largest component of the displacement's gradient: a rotation of so many radians is taken for a strain of half a
@@ -32,7 +32,7 @@ def warn_of_large(model: Model, displacements: Array) -> None:
         largest = 0.0
         for row in displacements:
             nodal = model.nodal(row, b)[body.space.element_nodes].reshape(shape)
-            largest = max(largest, float(np.abs(deformation_gradients(table, nodal) - np.eye(3)).max()))
+            largest = max(largest, float(np.abs(displacement_gradients(table, nodal)).max()))
         if largest > LARGE:
             warnings.warn(
                 f"rotations or strains of body {b} reach {largest:.2g}, the small-strain law {type(small).__name__} "

@@ -7,6 +7,7 @@ from scipy.sparse import csr_matrix
 
 from isorod.arrays import Array, Index
 from isorod.assembly import element_kernel
+from isorod.assembly.gradients import deformation_gradients
 from isorod.assembly.pattern import Layers, Pattern, add
 from isorod.assembly.region import regions
 from isorod.assembly.split import Share
@@ -70,7 +71,7 @@ class Elements:
         """
         table, pattern, share = self._table, self._whole, self._share
         nodal = self._nodal(displacement).reshape(*share.layers.shape, -1, 3)
-        F = element_kernel.deformation_gradients(table, nodal)
+        F = deformation_gradients(table, nodal)
         moved = table._replace(inverse=np.ascontiguousarray(table.inverse @ inverse(F)[0]))
         entries, still = np.zeros(pattern.total), np.zeros(3 * self._space.nodes)
         for region in regions(moved, share.body.laws_at(table.u, table.xi)):

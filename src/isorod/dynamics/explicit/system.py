@@ -10,7 +10,7 @@ from petsc4py import PETSc
 from scipy.linalg import eigh_tridiagonal
 
 from isorod.arrays import Array
-from isorod.assembly import element_kernel
+from isorod.assembly.gradients import deformation_gradients
 from isorod.dynamics.explicit import step_kernel
 from isorod.dynamics.explicit.element_kernel import internal_forces
 from isorod.dynamics.explicit.exchange_kernel import all_sums, divide, eliminate
@@ -206,8 +206,7 @@ class System:
             table = body.space.tabulate(share.first, share.last)
             shape = (table.elements, body.space.axis.degree + 1, body.space.layer_nodes, 3)
             nodal = model.nodal(everywhere, b)[body.space.element_nodes[share.first : share.last]].reshape(shape)
-            F = element_kernel.deformation_gradients(table, nodal)
-            det = determinant(F)
+            det = determinant(deformation_gradients(table, nodal))
             det = np.where(np.isfinite(det), det, -np.inf)
             e, t, _ = np.unravel_index(int(np.argmin(det)), det.shape)
             where = f"element {share.first + e} of body {b} at u = {table.u[e, t]:.4g}"

@@ -31,27 +31,28 @@ if TYPE_CHECKING:
 
 
 class StepPart(Part):
-    """The elements of one body during a step."""
+    """The elements of one body during a step.
+
+    Attributes
+    ----------
+    start
+        Deformation gradients at the start of the step, shape ``(E, t, q, 3, 3)``.
+    """
 
     def __init__(self, share: Share, exchange: Exchange) -> None:
         super().__init__(share, exchange)
         t = self.table
         self._contraction = Contraction(t)
-        self._start = np.empty((*t.weights.shape, 3, 3))
+        self.start = np.empty((*t.weights.shape, 3, 3))
         self.inertia = self.largest = 0.0
 
     def begin(self, displacement: Array) -> None:
         """Set the state a step starts from, of this rank's degrees of freedom."""
-        self._start[:] = self._changes(displacement)
-        self._start += np.eye(3)
-
-    def _changes(self, local: Array) -> Array:
-        """Return the displacement gradients, shape ``(E, t, q, 3, 3)``."""
-        return self._contraction.gradients(self.nodal(local))
+        self.start = self.gradients(displacement)
 
     def add_forces(self, local: Array, factor: float, forces: Array) -> None:
         """Add the internal forces of the change ``local`` of the displacement."""
-        self._add_stress(self.laws.at(factor).discrete(self._start, self._changes(local), False)[0], forces)
+        self._add_stress(self.laws.at(factor).discrete(self.start, self.changes(local), False)[0], forces)
 
     def _add_stress(self, stress: Array, forces: Array) -> None:
         """Add the forces of a stress at the points."""
@@ -64,7 +65,7 @@ class StepPart(Part):
         add(matrices, blocks, entries)
 
     def _matrices(self, local: Array, factor: float) -> Array:
-        _, moduli = self.laws.at(factor).discrete(self._start, self._changes(local), True)
+        _, moduli = self.laws.at(factor).discrete(self.start, self.changes(local), True)
         return self._contracted(moduli)
 
     def _contracted(self, moduli: Array) -> Array:
@@ -74,10 +75,10 @@ class StepPart(Part):
             result[:, :, a, :, a] += self.inertia * self.mass
         return result.reshape(len(result), 3 * result.shape[1], -1)
 
-    @property
-    def start(self) -> Array:
-        """Deformation gradients at the start of the step, shape ``(E, t, q, 3, 3)``."""
-        return self._start
+    def mass_matrices(self) -> Array:
+        """Return the element mass matrices of all components, shape ``(E, l n 3, l n 3)``."""
+        size = 3 * self.mass.shape[1]
+        return np.einsum("eij,ab->eiajb", self.mass, np.eye(3)).reshape(-1, size, size)
 
     def masses(self, local: Array) -> Array:
         """Return the mass matrix times a vector of this rank's degrees of freedom, shape of ``dofs``."""
@@ -101,7 +102,6 @@ class StepAssembler(Assembler):
         All coefficients of the pressures of mixed bodies in the middle of the last step, force per area, ``(p,)``.
     """
 
-    part = StepPart
     parts: list[StepPart]  # type: ignore[assignment]
     contact: "MidpointContact | None"
 
@@ -111,6 +111,9 @@ class StepAssembler(Assembler):
         self.pressure = np.empty(0)
         self._rates = 0.0, 0.0
         self._velocity = np.zeros(self._exchange.size)
+
+    def _part(self, share: Share) -> Part:
+        return StepPart(share, self._exchange)
 
     @property
     def symmetric(self) -> bool:

@@ -3,7 +3,7 @@
 from numba import void
 
 from isorod.arrays import Array
-from isorod.compiled import F2, F3, F4, F5, FAST, njit
+from isorod.compiled import F2, F4, F5, FAST, njit
 
 
 @njit(void(F2, F5, F4, F4, F4, F4), **FAST)
@@ -45,43 +45,3 @@ def pull_back(inverse: Array, moduli: Array, across: Array, mixed: Array, turned
                                 turned[p, c, k, q] = value
                             else:
                                 along[p, c, 0, q] = value
-
-
-@njit(void(F2, F3, F3, F3), **FAST)
-def push_forward(inverse: Array, across: Array, along: Array, out: Array) -> None:
-    """Fill in gradients in space, ``out`` ``(points of all places, 3, 3)``, from those on disk x axis.
-
-    Parameters
-    ----------
-    inverse
-        Inverse Jacobian of each point, shape ``(places points, 9)``.
-    across, along
-        Derivatives by both coordinates of the disk and by the axis': shapes ``(places, 3, 2 points)``, one coordinate
-        behind the other, and ``(places, 3, points)``.
-    """
-    places, _, points = along.shape
-    for p in range(places):
-        for a in range(3):
-            for q in range(points):
-                m = p * points + q
-                x, y, z = across[p, a, q], across[p, a, points + q], along[p, a, q]
-                for A in range(3):
-                    out[m, a, A] = inverse[m, A] * x + inverse[m, 3 + A] * y + inverse[m, 6 + A] * z
-
-
-@njit(void(F2, F2, F3, F3, F3), **FAST)
-def pull_stress(weights: Array, inverse: Array, stress: Array, across: Array, along: Array) -> None:
-    """Fill in weighted stresses on disk x axis, in the order of `push_forward`; ``weights`` is ``(places, points)``."""
-    places, _, points = along.shape
-    for p in range(places):
-        for a in range(3):
-            for q in range(points):
-                m = p * points + q
-                x, y, z = (
-                    weights[p, q] * stress[m, a, 0],
-                    weights[p, q] * stress[m, a, 1],
-                    weights[p, q] * stress[m, a, 2],
-                )
-                across[p, a, q] = inverse[m, 0] * x + inverse[m, 1] * y + inverse[m, 2] * z
-                across[p, a, points + q] = inverse[m, 3] * x + inverse[m, 4] * y + inverse[m, 5] * z
-                along[p, a, q] = inverse[m, 6] * x + inverse[m, 7] * y + inverse[m, 8] * z

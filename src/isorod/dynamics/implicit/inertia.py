@@ -84,7 +84,7 @@ class MixedInertia(Inertia):
         super().__init__(assembler)
         # A saddle needs pivots.
         self._ksp.getPC().setFactorSolverType("mumps")
-        found = [(part.rigid, part.soft) for part in assembler.parts]
+        found = [(part.rigid, part.soft) for part in assembler.mixed_parts]
         self._rigid, self._soft = np.any(sum(assembler.comm.tompi4py().allgather(found), [(False, False)]), axis=0)
 
     def _made(self) -> PETSc.Mat:
@@ -167,7 +167,9 @@ class MixedInertia(Inertia):
 
         x = self._iterated(solved, 1.0)
         p = assembler.pressures_of(x)
-        own = sum(float(np.sum(part.table.weights * part.complement(p)[0])) for part in assembler.parts if part.soft)
+        own = sum(
+            float(np.sum(part.table.weights * part.complement(p)[0])) for part in assembler.mixed_parts if part.soft
+        )
         return -float(grown.dot(x)) - float(assembler.comm.tompi4py().allreduce(own))
 
     def _iterated(self, solved: Callable[[Array], PETSc.Vec], scale: float) -> PETSc.Vec:
@@ -190,8 +192,8 @@ class MixedInertia(Inertia):
     ) -> PETSc.Vec:
         """Return what mixed parts, or some of these, integrate."""
         total, out = self.assembler.local(np.zeros(self.assembler.model.dofs)), self.assembler.vector()
-        for part in self.assembler.parts:
-            if part.mixed and (which is None or which(part)):
+        for part in self.assembler.mixed_parts:
+            if which is None or which(part):
                 integrate(part, total)
         self.assembler.gather(total, out)
         return out

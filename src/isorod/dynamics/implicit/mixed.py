@@ -17,9 +17,9 @@ import numpy as np
 from petsc4py import PETSc
 
 from isorod.arrays import Array
-from isorod.assembly import mixed_kernel
 from isorod.assembly.exchange import Exchange
-from isorod.assembly.mixed import MixedAssembler, MixedPart
+from isorod.assembly.mixed import MixedAssembler, MixedPart, coupling
+from isorod.assembly.part import Part
 from isorod.assembly.pattern import Pattern, add
 from isorod.assembly.pattern_kernel import Blocks
 from isorod.assembly.split import Share
@@ -37,18 +37,17 @@ _LEAST = 1e-9
 
 
 class MixedStepPart(MixedPart, StepPart):
-    """The elements of one body during a step.
+    """The elements of one mixed body during a step.
 
     Attributes
     ----------
     rigid, soft
-        Whether it is mixed, and incompressible somewhere, or compressible somewhere.
+        Whether it is incompressible somewhere, or compressible somewhere.
     """
 
     def __init__(self, share: Share, exchange: Exchange) -> None:
         super().__init__(share, exchange)
-        laws = share.body.laws if self.mixed else ()
-        rigid = [law.lame == np.inf for law in laws]
+        rigid = [law.lame == np.inf for law in share.body.laws]
         self.rigid, self.soft = any(rigid), not all(rigid)
         self._before: Array | float = 0.0
 
@@ -60,10 +59,7 @@ class MixedStepPart(MixedPart, StepPart):
 
     def add_forces(self, local: Array, factor: float, forces: Array) -> None:
         """Add the internal forces of the change of the displacement and the pressure in ``local``, and the gaps."""
-        if not self.mixed:
-            super().add_forces(local, factor, forces)
-            return
-        change, p = self._changes(local), self.pressure(local)
+        change, p = self.changes(local), self.pressure(local)
         stress, _ = self.laws.at(factor).discrete(self.start, change, False)
         stress += p[..., None, None] * volume_between(self.volumes, self.start, change, False)[0]
         self._add_stress(stress, forces)
@@ -75,22 +71,20 @@ class MixedStepPart(MixedPart, StepPart):
         StepPart.add_entries(self, local, factor, blocks, entries)
 
     def _matrices(self, local: Array, factor: float) -> Array:
-        if not self.mixed:
-            return super()._matrices(local, factor)
-        change, p = self._changes(local), self.pressure(local)
+        change, p = self.changes(local), self.pressure(local)
         _, moduli = self.laws.at(factor).discrete(self.start, change, True)
         gradient, slope = volume_between(self.volumes, self.start, change, True)
         assert slope is not None
         moduli += p[..., None, None, None, None] * slope
         result = self._padded_matrices(self._contracted(moduli))
-        right = mixed_kernel.coupling(self.table, gradient, self.across, self.along)
+        right = coupling(self.table, gradient, self.across, self.along)
         own = self.own(slice(None), 2.0 * complementary(self.volumes, p)[2])
         self.set_coupling(result, right, self._slopes(self.start + change), own)
         return result.reshape(*self.dofs.shape, -1)
 
     def _slopes(self, F: Array) -> Array:
-        """Return the derivatives of the integrals of ``theta`` (`isorod.assembly.mixed_kernel.coupling`)."""
-        return mixed_kernel.coupling(self.table, volume_change(self.volumes, F)[1], self.across, self.along)
+        """Return the derivatives of the integrals of ``theta`` (`isorod.assembly.mixed.coupling`)."""
+        return coupling(self.table, volume_change(self.volumes, F)[1], self.across, self.along)
 
     def saddle(self, local: Array, share: float, compliance: Array) -> Array:
         """Return matrices of mass, ``share`` times the derivatives of the integrals of ``theta``, and compliance.
@@ -102,22 +96,14 @@ class MixedStepPart(MixedPart, StepPart):
         share, compliance
             The latter has shape ``(E, t, q)``.
         """
-        elements, functions = self.mass.shape[:2]
-        masses = np.zeros((elements, functions, 3, functions, 3))
-        for a in range(3):
-            masses[:, :, a, :, a] = self.mass
-        result = self._padded_matrices(masses.reshape(elements, 3 * functions, -1))
-        if self.mixed:
-            both = share * self._slopes(self._gradients(local))
-            self.set_coupling(result, both, both, self.own(slice(None), compliance))
+        result = self._padded_matrices(self.mass_matrices())
+        both = share * self._slopes(self.gradients(local))
+        self.set_coupling(result, both, both, self.own(slice(None), compliance))
         return result.reshape(*self.dofs.shape, -1)
-
-    def _gradients(self, local: Array) -> Array:
-        return np.eye(3) + self._changes(local)
 
     def add_integrals(self, local: Array, volumes: Array) -> None:
         """Add the integrals of ``theta`` in a state."""
-        self.add_volumes(volume_change(self.volumes, self._gradients(local))[0], volumes)
+        self.add_volumes(volume_change(self.volumes, self.gradients(local))[0], volumes)
 
     def complement(self, p: Array) -> tuple[Array, Array, Array]:
         """Return ``U*`` of the pressures in ``p`` and its derivatives, shapes ``(E, t, q)``.
@@ -131,29 +117,35 @@ class MixedStepPart(MixedPart, StepPart):
 
     def add_rates(self, local: Array, velocity: Array, volumes: Array) -> None:
         """Add the rates of the integrals of ``theta``."""
-        slope = volume_change(self.volumes, self._gradients(local))[1]
-        self.add_volumes(np.sum(slope * self._changes(velocity), axis=(-2, -1)), volumes)
+        slope = volume_change(self.volumes, self.gradients(local))[1]
+        self.add_volumes(np.sum(slope * self.changes(velocity), axis=(-2, -1)), volumes)
 
     def add_bends(self, local: Array, velocity: Array, volumes: Array) -> None:
         """Add what the second rates of the integrals of ``theta = ln J`` are where nothing accelerates."""
-        rate = self._changes(velocity) @ inverse(self._gradients(local))[0]
+        rate = self.changes(velocity) @ inverse(self.gradients(local))[0]
         self.add_volumes(-np.einsum("...ab,...ba->...", rate, rate), volumes)
 
     def add_pressure(self, local: Array, p: Array, forces: Array) -> None:
         """Add the forces of the pressures in ``p`` in a state."""
-        slope = volume_change(self.volumes, self._gradients(local))[1]
+        slope = volume_change(self.volumes, self.gradients(local))[1]
         self._add_stress(self.pressure(p)[..., None, None] * slope, forces)
 
 
 class MixedStepAssembler(MixedAssembler, StepAssembler):
     """Assembles the balance of a step; unknowns are the changes of the displacement and the pressures in the middle."""
 
-    part = MixedStepPart
-    parts: list[MixedStepPart]  # type: ignore[assignment]
-
     def __init__(self, model: Model, comm: PETSc.Comm | None = None) -> None:
         super().__init__(model, comm)
         self.pressure = np.zeros(sum(body.pressures.size for body in model.bodies if body.pressures is not None))
+
+    def _part(self, share: Share) -> Part:
+        kind = StepPart if share.body.pressures is None else MixedStepPart
+        return kind(share, self._exchange)
+
+    @property
+    def mixed_parts(self) -> list[MixedStepPart]:
+        """The elements of mixed bodies on this rank."""
+        return [part for part in self.parts if isinstance(part, MixedStepPart)]
 
     def guess(self, change: Array) -> PETSc.Vec:
         """Return the unknowns from which a step's iterations begin: the last pressure is the next."""
@@ -178,8 +170,10 @@ class MixedStepAssembler(MixedAssembler, StepAssembler):
             pattern: Pattern = out.getAttr(_PATTERN)
             local, entries = self.local(displacement), zeros(out, pattern.total)
             for part, blocks in zip(self.parts, pattern.blocks, strict=True):
-                share, compliance = how(part) if part.mixed else (0.0, np.zeros(0))
-                add(part.saddle(local, share, compliance), blocks, entries)
+                if isinstance(part, MixedStepPart):
+                    add(part.saddle(local, *how(part)), blocks, entries)
+                else:
+                    add(part.mass_matrices(), blocks, entries)
             set_values(out, entries)
 
     def gather(self, local: Array, out: PETSc.Vec) -> None:
@@ -189,9 +183,8 @@ class MixedStepAssembler(MixedAssembler, StepAssembler):
     def pressed_by(self, displacement: Array, x: PETSc.Vec) -> Array:
         """Return the forces of the pressures in ``x`` in a state, of all degrees of freedom."""
         local, p, forces = self.local(displacement), self._state(x, 0.0), np.zeros(self._exchange.size)
-        for part in self.parts:
-            if part.mixed:
-                part.add_pressure(local, p, forces)
+        for part in self.mixed_parts:
+            part.add_pressure(local, p, forces)
         return self._whole(forces)
 
     def pressures_of(self, x: PETSc.Vec) -> Array:
