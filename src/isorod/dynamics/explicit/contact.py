@@ -38,8 +38,8 @@ class StepContact(NamedTuple):
     mine
         Which nodes are this rank's, ``(nodes,)``.
     call, own, all
-        What ranks tell each other: how (`isorod.dynamics.explicit.exchange_kernel.Exchange`), three components of the
-        carriers' displacements or forces and `NUMBERS` behind, of this rank and the sums.
+        What ranks tell each other: how (`isorod.dynamics.explicit.exchange_kernel.MassFactors`), three components of
+        the carriers' displacements or forces and `NUMBERS` behind, of this rank and the sums.
     """
 
     packed: Packed

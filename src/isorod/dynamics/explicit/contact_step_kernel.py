@@ -6,7 +6,6 @@ from isorod.arrays import Array
 from isorod.compiled import F1, STRICT, njit
 from isorod.contact.force_kernel import add_forces
 from isorod.contact.friction_kernel import add_friction
-from isorod.dynamics.explicit.cholesky import FACTORS, Factors
 from isorod.dynamics.explicit.contact import (
     AREA,
     CONTACT_ENERGY,
@@ -18,21 +17,19 @@ from isorod.dynamics.explicit.contact import (
 )
 from isorod.dynamics.explicit.exchange_kernel import (
     ENERGY,
-    EXCHANGE,
     INVERTED_POINTS,
-    Exchange,
+    MASS_FACTORS,
+    MassFactors,
     all_sums,
     eliminate,
 )
 from isorod.dynamics.explicit.exchange_kernel import NUMBERS as MASS_NUMBERS
 from isorod.dynamics.explicit.mesh import MESH, Mesh
 from isorod.dynamics.explicit.step_kernel import (
-    BLOWN,
     COURSE,
     DEEP,
     DISSIPATED,
     DONE,
-    INVERTED,
     LOST,
     PUSHED,
     STATE,
@@ -41,6 +38,7 @@ from isorod.dynamics.explicit.step_kernel import (
     end,
     evaluate,
     move,
+    outcome_of,
     push,
 )
 
@@ -158,23 +156,21 @@ def subtract(contact: StepContact, displacement: Array, keep: bool, forces: Arra
     return energy, force, area, deepest, x, y, z, dissipated
 
 
-@njit(i8(MESH, STATE, FACTORS, COURSE, EXCHANGE, STEP_CONTACT, STEP_PRESSING), **STRICT)
+@njit(i8(MESH, STATE, COURSE, MASS_FACTORS, STEP_CONTACT, STEP_PRESSING), **STRICT)
 def finish(
     mesh: Mesh,
     state: State,
-    factors: Factors,
     course: Course,
-    exchange: Exchange,
+    mass: MassFactors,
     contact: StepContact,
     pressing: StepPressing,
 ) -> int:
     """Move on by one step under forces of which those of contact are told; return the outcome."""
     energy, _, _, _, x, y, z, dissipated = pressing
     numbers = contact.all[contact.all.size - NUMBERS :]
-    if not 0.5 * numbers[ENERGY] <= course.limit:
-        return BLOWN
-    if numbers[INVERTED_POINTS] > 0.0:
-        return INVERTED
+    outcome = outcome_of(course, numbers)
+    if outcome != DONE:
+        return outcome
     if not energy >= 0.0:
         return LOST
     if numbers[TOO_DEEP] > 0.0:
@@ -183,21 +179,20 @@ def finish(
     state.sums[PUSHED + 1] += course.step * y
     state.sums[PUSHED + 2] += course.step * z
     state.sums[DISSIPATED] += dissipated
-    push(mesh, state, course, exchange, 0.0)
-    eliminate(factors, exchange, state.momenta)
-    if exchange.left.size:
-        all_sums(exchange.call, exchange.own, exchange.all)
-    move(mesh, state, factors, course, exchange)
+    push(mesh, state, course, mass, 0.0)
+    eliminate(mass, state.momenta)
+    if mass.left.size:
+        all_sums(mass.call, mass.own, mass.all)
+    move(mesh, state, course, mass)
     return DONE
 
 
-@njit(types.UniTuple(i8, 2)(MESH, STATE, FACTORS, COURSE, EXCHANGE, i8, i8, STEP_CONTACT), **STRICT)
+@njit(types.UniTuple(i8, 2)(MESH, STATE, COURSE, MASS_FACTORS, i8, i8, STEP_CONTACT), **STRICT)
 def advance(
     mesh: Mesh,
     state: State,
-    factors: Factors,
     course: Course,
-    exchange: Exchange,
+    mass: MassFactors,
     first: int,
     last: int,
     contact: StepContact,
@@ -206,20 +201,20 @@ def advance(
 
     Parameters
     ----------
-    mesh, state, factors, course, exchange, first, last
+    mesh, state, course, mass, first, last
         As for `isorod.dynamics.explicit.step_kernel.advance`.
     contact
         From `isorod.dynamics.explicit.contact.pack`.
     """
-    exchange.own[:] = 0.0
+    mass.own[:] = 0.0
     behind = contact.own.size - NUMBERS
     for k in range(first, last):
         inverted = evaluate(mesh, state, course, k)
         meet(contact, state.displacement)
         contact.own[behind + INVERTED_POINTS] = inverted
-        contact.own[behind + ENERGY] = exchange.own[exchange.own.size - MASS_NUMBERS + ENERGY]
+        contact.own[behind + ENERGY] = mass.own[mass.own.size - MASS_NUMBERS + ENERGY]
         pressing = subtract(contact, state.displacement, True, state.forces)
-        outcome = finish(mesh, state, factors, course, exchange, contact, pressing)
+        outcome = finish(mesh, state, course, mass, contact, pressing)
         if outcome != DONE:
             return k, outcome
-    return last, end(course, exchange)
+    return last, end(course, mass)

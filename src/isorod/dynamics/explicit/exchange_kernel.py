@@ -22,11 +22,13 @@ _call = caller(i4(u8, u8, i4, u8, u8, u8))
 INVERTED_POINTS, ENERGY, NUMBERS = 0, 1, 2
 
 
-class Exchange(NamedTuple):
-    """What is exchanged for the mass.
+class MassFactors(NamedTuple):
+    """Factors of the mass, and what ranks exchange to divide by it.
 
     Attributes
     ----------
+    inside
+        Factors of this rank's rows.
     call
         Address of MPI's ``MPI_Allreduce``, zero where this rank is alone, and its handles of double, sum and the
         communicator; shape ``(4,)``.
@@ -40,6 +42,7 @@ class Exchange(NamedTuple):
         Three components of the ``G`` rows and ``NUMBERS`` behind: what this rank gives, and the sums.
     """
 
+    inside: Factors
     call: NDArray[np.uint64]
     edges: Factors
     rows: NDArray[np.uint64]
@@ -50,7 +53,7 @@ class Exchange(NamedTuple):
     all: Array
 
 
-EXCHANGE = types.NamedTuple([U1, FACTORS, U1, U1, F2, F2, F1, F1], Exchange)
+MASS_FACTORS = types.NamedTuple([FACTORS, U1, FACTORS, U1, U1, F2, F2, F1, F1], MassFactors)
 
 
 @njit(void(U1, F1, F1), **STRICT)
@@ -62,25 +65,25 @@ def all_sums(call: NDArray[np.uint64], own: Array, sums: Array) -> None:
     _call(call[0], (own.ctypes.data, sums.ctypes.data, np.int32(own.size), call[1], call[2], call[3]))
 
 
-@njit(void(FACTORS, EXCHANGE, F1), **FAST)
-def eliminate(factors: Factors, exchange: Exchange, momenta: Array) -> None:
+@njit(void(MASS_FACTORS, F1), **FAST)
+def eliminate(mass: MassFactors, momenta: Array) -> None:
     """Eliminate what is inside this rank's part, of its momenta, a state vector, and say what is left to add up."""
-    reduce(factors, momenta, exchange.reduced)
-    rows, places, edges = exchange.rows, exchange.places, 3 * exchange.left.shape[1]
-    exchange.own[:edges] = 0.0
+    reduce(mass.inside, momenta, mass.reduced)
+    rows, places, edges = mass.rows, mass.places, 3 * mass.left.shape[1]
+    mass.own[:edges] = 0.0
     for k in range(rows.size):
         for c in range(3):
-            exchange.own[3 * places[k] + np.uint64(c)] = exchange.reduced[c, rows[k]]
+            mass.own[3 * places[k] + np.uint64(c)] = mass.reduced[c, rows[k]]
 
 
-@njit(void(FACTORS, EXCHANGE, F1), **FAST)
-def divide(factors: Factors, exchange: Exchange, velocity: Array) -> None:
+@njit(void(MASS_FACTORS, F1), **FAST)
+def divide(mass: MassFactors, velocity: Array) -> None:
     """Fill this rank's part of a velocity, a state vector, from what `eliminate` left and was added up."""
-    rows, places = exchange.rows, exchange.places
-    if exchange.left.size:
-        reduce(exchange.edges, exchange.all, exchange.left)
-        substitute(exchange.edges, exchange.left, exchange.all)
+    rows, places = mass.rows, mass.places
+    if mass.left.size:
+        reduce(mass.edges, mass.all, mass.left)
+        substitute(mass.edges, mass.left, mass.all)
         for k in range(rows.size):
             for c in range(3):
-                exchange.reduced[c, rows[k]] = exchange.all[3 * places[k] + np.uint64(c)]
-    substitute(factors, exchange.reduced, velocity)
+                mass.reduced[c, rows[k]] = mass.all[3 * places[k] + np.uint64(c)]
+    substitute(mass.inside, mass.reduced, velocity)

@@ -37,7 +37,7 @@ from isorod.arrays import Array, Index
 from isorod.checks.rigid_motions import free_motions
 from isorod.dynamics.explicit.added import Elements
 from isorod.dynamics.explicit.cholesky import Factor, Factors, factorise
-from isorod.dynamics.explicit.exchange_kernel import NUMBERS, Exchange
+from isorod.dynamics.explicit.exchange_kernel import NUMBERS, MassFactors
 from isorod.dynamics.explicit.ranks import Ranks
 from isorod.errors import InputError
 from isorod.model.model import Model
@@ -151,7 +151,7 @@ class Mass:
                 result[nodes] += self.scaling * more.reshape(-1, 3)
         return result.ravel()
 
-    def factors(self) -> tuple[Factors, Exchange]:
+    def factors(self) -> MassFactors:
         """Return the factors of what is free of this rank's part of the mass matrices, and what is left on its edges.
 
         Raises
@@ -183,7 +183,8 @@ class Mass:
                     at = 3 * (edges.count + np.arange(common.size)) + np.arange(3)[:, None]
                     edges.add(left, 0, at, components)
         size = 3 * edges.count + NUMBERS
-        return own.factors(), Exchange(
+        return MassFactors(
+            inside=own.factors(),
             call=self._ranks.call(),
             edges=edges.factors(),
             rows=np.concatenate([np.empty(0, np.uint64), *rows]).astype(np.uint64),

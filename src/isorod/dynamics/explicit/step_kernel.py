@@ -15,14 +15,13 @@ from numpy.typing import NDArray
 
 from isorod.arrays import Array
 from isorod.compiled import F1, STRICT, njit
-from isorod.dynamics.explicit.cholesky import FACTORS, Factors
 from isorod.dynamics.explicit.element_kernel import internal_forces
 from isorod.dynamics.explicit.exchange_kernel import (
     ENERGY,
-    EXCHANGE,
     INVERTED_POINTS,
+    MASS_FACTORS,
     NUMBERS,
-    Exchange,
+    MassFactors,
     all_sums,
     divide,
     eliminate,
@@ -111,8 +110,8 @@ def evaluate(mesh: Mesh, state: State, course: Course, k: int) -> float:
     return inverted
 
 
-@njit(void(MESH, STATE, COURSE, EXCHANGE, f8), **STRICT)
-def push(mesh: Mesh, state: State, course: Course, exchange: Exchange, inverted: float) -> None:
+@njit(void(MESH, STATE, COURSE, MASS_FACTORS, f8), **STRICT)
+def push(mesh: Mesh, state: State, course: Course, mass: MassFactors, inverted: float) -> None:
     """Let the forces evaluated act on the momenta for one step, and say how many points were inverted."""
     v, p, dt, spans = state.velocity, state.momenta, course.step, mesh.spans
     for h in range(state.held.size):
@@ -129,14 +128,14 @@ def push(mesh: Mesh, state: State, course: Course, exchange: Exchange, inverted:
             p[d] = keep * p[d] - share * state.forces[d]
             mixed += v[d] * p[d]
     state.sums[DISSIPATED] += dt * course.damping * 0.25 * (before + 2.0 * mixed)
-    exchange.own[exchange.own.size - NUMBERS + INVERTED_POINTS] = inverted
+    mass.own[mass.own.size - NUMBERS + INVERTED_POINTS] = inverted
 
 
-@njit(void(MESH, STATE, FACTORS, COURSE, EXCHANGE), **STRICT)
-def move(mesh: Mesh, state: State, factors: Factors, course: Course, exchange: Exchange) -> None:
+@njit(void(MESH, STATE, COURSE, MASS_FACTORS), **STRICT)
+def move(mesh: Mesh, state: State, course: Course, mass: MassFactors) -> None:
     """Move on by one step with the momenta that were added up, and say what the kinetic energy is then."""
     u, v, p, dt, spans = state.displacement, state.velocity, state.momenta, course.step, mesh.spans
-    divide(factors, exchange, v)
+    divide(mass, v)
     # Twice the kinetic energy.
     after = 0.0
     for s in range(spans.shape[0]):
@@ -144,48 +143,45 @@ def move(mesh: Mesh, state: State, factors: Factors, course: Course, exchange: E
             after += v[d] * p[d]
             u[d] += dt * v[d]
     state.sums[DISSIPATED] += dt * course.damping * 0.25 * after
-    exchange.own[exchange.own.size - NUMBERS + ENERGY] = after
+    mass.own[mass.own.size - NUMBERS + ENERGY] = after
 
 
-@njit(i8(COURSE, EXCHANGE), **STRICT)
-def outcome_of(course: Course, exchange: Exchange) -> int:
-    """Return what the numbers that were added up last say: of the step before this one, then of the forces."""
-    numbers = exchange.all[exchange.all.size - NUMBERS :]
+@njit(i8(COURSE, F1), **STRICT)
+def outcome_of(course: Course, numbers: Array) -> int:
+    """Return what numbers that were added up say: of the step before this one, then of the forces."""
     if not 0.5 * numbers[ENERGY] <= course.limit:
         return BLOWN
     return INVERTED if numbers[INVERTED_POINTS] > 0.0 else DONE
 
 
-@njit(i8(COURSE, EXCHANGE), **STRICT)
-def end(course: Course, exchange: Exchange) -> int:
+@njit(i8(COURSE, MASS_FACTORS), **STRICT)
+def end(course: Course, mass: MassFactors) -> int:
     """Return the outcome of the last step."""
-    exchange.own[exchange.own.size - NUMBERS + INVERTED_POINTS] = 0.0
-    all_sums(exchange.call, exchange.own, exchange.all)
-    return outcome_of(course, exchange)
+    mass.own[mass.own.size - NUMBERS + INVERTED_POINTS] = 0.0
+    all_sums(mass.call, mass.own, mass.all)
+    return outcome_of(course, mass.all[mass.all.size - NUMBERS :])
 
 
-@njit(types.UniTuple(i8, 2)(MESH, STATE, FACTORS, COURSE, EXCHANGE, i8, i8), **STRICT)
-def advance(
-    mesh: Mesh, state: State, factors: Factors, course: Course, exchange: Exchange, first: int, last: int
-) -> tuple[int, int]:
+@njit(types.UniTuple(i8, 2)(MESH, STATE, COURSE, MASS_FACTORS, i8, i8), **STRICT)
+def advance(mesh: Mesh, state: State, course: Course, mass: MassFactors, first: int, last: int) -> tuple[int, int]:
     """Take steps ``first`` to ``last - 1`` without contact; return how many of all were taken, and the outcome.
 
     Parameters
     ----------
-    mesh, state, factors
-        Elements, state vectors (changed) and the factors of the mass.
+    mesh, state
+        Elements, and state vectors (changed).
     course, first, last
         When step 0 begins, how long steps are and what they are told; which are wanted.
-    exchange
-        What ranks tell each other.
+    mass
+        Its factors, and what ranks tell each other.
     """
-    exchange.own[:] = 0.0
+    mass.own[:] = 0.0
     for k in range(first, last):
-        push(mesh, state, course, exchange, evaluate(mesh, state, course, k))
-        eliminate(factors, exchange, state.momenta)
-        all_sums(exchange.call, exchange.own, exchange.all)
-        outcome = outcome_of(course, exchange)
+        push(mesh, state, course, mass, evaluate(mesh, state, course, k))
+        eliminate(mass, state.momenta)
+        all_sums(mass.call, mass.own, mass.all)
+        outcome = outcome_of(course, mass.all[mass.all.size - NUMBERS :])
         if outcome != DONE:
             return k, outcome
-        move(mesh, state, factors, course, exchange)
-    return last, end(course, exchange)
+        move(mesh, state, course, mass)
+    return last, end(course, mass)

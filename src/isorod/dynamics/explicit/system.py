@@ -45,7 +45,7 @@ class System:
     ----------
     ranks
         Which part is this rank's.
-    mass, factors, exchange
+    mass, factors
         The mass, and what steps divide by it; see `scale`.
     """
 
@@ -58,7 +58,7 @@ class System:
         # Those that are this rank's, among these.
         self._mine = np.flatnonzero(self.ranks.owned[model.free >= 0])
         self.mass = Mass(model, self.order, self.ranks)
-        self.factors, self.exchange = self.mass.factors()
+        self.factors = self.mass.factors()
         self.state = State(
             displacement=np.zeros(model.dofs),
             velocity=np.zeros(model.dofs),
@@ -138,7 +138,7 @@ class System:
 
         Of several ranks each has its part (`parted`).
         """
-        given = self.mesh, self.state, self.factors, course, self.exchange, first, last
+        given = self.mesh, self.state, course, self.factors, first, last
         if self.contact is None:
             return step_kernel.advance(*given)
         from isorod.dynamics.explicit import contact_step_kernel
@@ -150,13 +150,13 @@ class System:
         if scaling == self.mass.scaling and not self.mass.follows:
             return
         self.mass.scaling = scaling
-        self.factors, self.exchange = self.mass.factors()
+        self.factors = self.mass.factors()
 
     def place(self, displacement: Array) -> None:
         """Let what is added to the mass be that about a displacement, a state vector."""
         self.mass.place(displacement[self.order])
         if self.mass.scaling > 0.0:
-            self.factors, self.exchange = self.mass.factors()
+            self.factors = self.mass.factors()
 
     def momenta(self, velocity: Array) -> Array:
         """Return mass times velocity, held degrees of freedom included, both state vectors."""
@@ -168,9 +168,9 @@ class System:
         """Return the velocity that belongs to momenta, both state vectors; zero where held."""
         result, own = np.zeros_like(momenta), momenta.copy()
         own[self.ranks.others] = 0.0
-        eliminate(self.factors, self.exchange, own)
-        all_sums(self.exchange.call, self.exchange.own, self.exchange.all)
-        divide(self.factors, self.exchange, result)
+        eliminate(self.factors, own)
+        all_sums(self.factors.call, self.factors.own, self.factors.all)
+        divide(self.factors, result)
         return self.ranks.whole(result)
 
     def forces(self, displacement: Array, activation: float) -> tuple[Array, tuple[float, ...]]:
