@@ -16,7 +16,7 @@ from petsc4py import PETSc
 from isorod.arrays import Array
 from isorod.assembly.formulation import assembler_for
 from isorod.checks import correction, stresses
-from isorod.checks.finer import DIRECTIONS, Finer
+from isorod.checks.finer import Finer
 from isorod.checks.reactions import support_forces, support_moments
 from isorod.model.model import Model
 from isorod.output import held
@@ -55,7 +55,7 @@ def of_equilibrium(
     displacement: Array,
     work: float,
     pressures: Sequence[Array | None] = (),
-    directions: Sequence[str] = DIRECTIONS,
+    directions: Sequence[str] = (),
     ranks: int = 1,
     contacts: "Sequence[ContactResult]" = (),
     carried: tuple[Array, Array] | None = None,
@@ -75,7 +75,7 @@ def of_equilibrium(
     pressures
         Coefficients of mixed bodies.
     directions
-        Which of `isorod.checks.finer.DIRECTIONS` count.
+        Which of `isorod.checks.finer.DIRECTIONS` count, all if empty.
     ranks
         Number of those that solved it: this one alone, or all, which then call this together.
     contacts

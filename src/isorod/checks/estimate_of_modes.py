@@ -11,7 +11,7 @@ from isorod.assembly.assembler import Assembler
 from isorod.assembly.coriolis import coriolis
 from isorod.assembly.formulation import assembler_for
 from isorod.checks import correction
-from isorod.checks.finer import DIRECTIONS, Finer
+from isorod.checks.finer import Finer
 from isorod.model.model import Model
 from isorod.output.state import State
 
@@ -25,7 +25,7 @@ def of_modes(
     vectors: Array,
     free: bool = False,
     lumped: bool = False,
-    directions: Sequence[str] = DIRECTIONS,
+    directions: Sequence[str] = (),
     about: State | None = None,
     quarter: Array | None = None,
     ranks: int = 1,

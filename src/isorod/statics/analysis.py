@@ -129,13 +129,12 @@ class Equilibrium(State, Animated):
     def _estimated(self, directions: Sequence[str]) -> "Error":
         from isorod.checks import estimate
 
-        asked = directions or estimate.DIRECTIONS
         found = estimate.of_equilibrium(
             self.model,
             self.displacement,
             self.work,
             self.pressures,
-            asked,
+            directions,
             self.ranks,
             self.contacts,
             (self.reactions, self.moments),
