@@ -17,10 +17,9 @@ from isorod.assembly import element_kernel
 from isorod.assembly.assembler import Assembler
 from isorod.assembly.exchange import Exchange
 from isorod.assembly.gradients import deformation_gradients, pulled_stress
-from isorod.assembly.part import Part, separate
+from isorod.assembly.part import Part
 from isorod.assembly.pattern import add
 from isorod.assembly.pattern_kernel import Blocks
-from isorod.assembly.region import regions
 from isorod.assembly.split import Share
 from isorod.material.along_rod import complementary, shear_laws, volume_change
 from isorod.model.body import Body
@@ -57,12 +56,9 @@ class MixedPart(Part):
 
     def add_forces(self, local: Array, factor: float, forces: Array) -> None:
         """Add the derivatives by displacements and pressures."""
-        p = self.pressure(local)
-        for region in self.regions:
-            region.add_forces(local, self.starts, factor, forces, p)
-        self.add_volumes(
-            volume_change(self.volumes, self.gradients(local))[0] - complementary(self.volumes, p)[1], forces
-        )
+        super().add_forces(local, factor, forces)
+        theta = volume_change(self.volumes, self.gradients(local))[0]
+        self.add_volumes(theta - complementary(self.volumes, self.pressure(local))[1], forces)
 
     def add_volumes(self, values: Array, forces: Array) -> None:
         """Add the integrals of values at the points ``(E, t, q)`` times the functions of the pressures."""
@@ -72,19 +68,15 @@ class MixedPart(Part):
 
     def matrices(self, local: Array, factor: float, which: Index | None = None) -> Array:
         """Return the second derivatives, shape ``(E, l width, l width)``, or those of some elements."""
-        which = np.arange(self.layers.shape[0]) if which is None else which
-        table, laws, starts = self._some(which)
-        p = self.pressure(local)[which]
-        result = self._coupling(which, self.nodal(local)[which], p)
-        blocks = separate(starts.shape[0], starts.shape[1], self.width)
-        for region in regions(table, laws):
-            region.add_stiffness(local, starts, factor, blocks, result.ravel(), p)
+        some = np.arange(self.layers.shape[0]) if which is None else which
+        result = self._coupling(some, self.nodal(local)[some], self.pressure(local)[some])
+        result += super().matrices(local, factor, which)
         return result
 
     def add_entries(self, local: Array, factor: float, blocks: Blocks, entries: Array) -> None:
         """Add the second derivatives to entries of a pattern."""
+        super().add_entries(local, factor, blocks, entries)
         nodal, p = self.nodal(local), self.pressure(local)
-        self._add_stiffness(local, factor, blocks, entries, p)
         for first in range(0, nodal.shape[0], _SOME):
             some = np.arange(first, min(first + _SOME, nodal.shape[0]))
             add(self._coupling(some, nodal[some], p[some]), blocks, entries, some)

@@ -15,9 +15,7 @@ from isorod.assembly.pattern_kernel import Blocks
 from isorod.assembly.region import NONE, Region, regions
 from isorod.assembly.split import Share
 from isorod.geometry.quadrature import Rule
-from isorod.material.along_rod import Laws
 from isorod.model.load import Spin
-from isorod.space.space import Table
 
 
 class Part:
@@ -163,8 +161,9 @@ class Part:
 
     def add_forces(self, local: Array, factor: float, forces: Array) -> None:
         """Add the internal forces to those on this rank's degrees of freedom."""
+        pressure = self.pressure(local)
         for region in self.regions:
-            region.add_forces(local, self.starts, factor, forces)
+            region.add_forces(local, self.starts, factor, forces, pressure)
 
     def pressure(self, local: Array) -> Array:
         """Return the pressure of the mixed formulation at the quadrature points ``(E, t, q)``; empty without one."""
@@ -174,9 +173,9 @@ class Part:
         """Return the forces that each element has on its own displacements, one element after the other."""
         elements, functions = self.starts.shape
         starts = self.width * np.arange(elements * functions).reshape(elements, functions)
-        forces = np.zeros(starts.size * self.width)
+        forces, pressure = np.zeros(starts.size * self.width), self.pressure(local)
         for region in self.regions:
-            region.add_forces(local[self.slots].ravel(), starts, factor, forces, self.pressure(local))
+            region.add_forces(local[self.slots].ravel(), starts, factor, forces, pressure)
         return forces
 
     def add_activation(self, local: Array, step: float, forces: Array) -> None:
@@ -193,19 +192,16 @@ class Part:
 
     def matrices(self, local: Array, factor: float, which: Index | None = None) -> Array:
         """Return the element tangents, shape ``(E, l n 3, l n 3)``, or those of some elements."""
-        table, laws, starts = self._some(which)
+        pressure, starts, there = self.pressure(local), self.starts, self.regions
+        if which is not None:
+            pressure, starts = pressure[which] if pressure.size else pressure, starts[which]
+            there = regions(self.table.part(which, slice(None)), self.laws.some(which))
         elements, functions = starts.shape
         blocks = separate(elements, functions, self.width)
         entries = np.zeros(blocks.total)
-        for region in regions(table, laws):
-            region.add_stiffness(local, starts, factor, blocks, entries)
+        for region in there:
+            region.add_stiffness(local, starts, factor, blocks, entries, pressure)
         return entries.reshape(elements, functions * self.width, -1)
-
-    def _some(self, which: Index | None) -> tuple[Table, Laws, Index]:
-        """Return table, laws and ``starts`` of some elements, which ascend, or of all."""
-        if which is None:
-            return self.table, self.laws, self.starts
-        return self.table.part(which, slice(None)), self.laws.some(which), self.starts[which]
 
     def extrapolate(self, wanted: bool) -> None:
         """Let the next tangent be exact; those after it extrapolate the stress, if that is wanted."""
@@ -213,9 +209,7 @@ class Part:
 
     def add_entries(self, local: Array, factor: float, blocks: Blocks, entries: Array) -> None:
         """Add the element tangents, whose sum is much smaller than these, to entries of a pattern."""
-        self._add_stiffness(local, factor, blocks, entries, NONE)
-
-    def _add_stiffness(self, local: Array, factor: float, blocks: Blocks, entries: Array, pressure: Array) -> None:
+        pressure = self.pressure(local)
         for region in self.regions:
             region.add_stiffness(local, self.starts, factor, blocks, entries, pressure, self._last)
         self._last = Last(local, pressure) if self._extrapolates else None
