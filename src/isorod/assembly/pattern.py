@@ -14,7 +14,7 @@ from petsc4py import PETSc
 
 from isorod.arrays import Array, Index
 from isorod.assembly import pattern_kernel
-from isorod.assembly.pattern_kernel import Blocks, Coupling
+from isorod.assembly.pattern_kernel import Blocks, CompressedRows, Coupling, Pairs
 from isorod.petsc.layout import Layout, Rows, Squares, rows_alone
 
 # Pairs of layers: in this rank's rows and at its columns, or at those of others; in others' rows.
@@ -136,8 +136,8 @@ class Pattern:
         start, column = np.empty(high - low + 1, dtype=PETSc.IntType), np.empty(total, dtype=PETSc.IntType)
         entries = np.empty(0 if whole else total, dtype=np.int64)
         near = np.empty(int(widths.max(initial=0)), dtype=np.int64)
-        arrays = entries, start, column, near
-        count = pattern_kernel.pattern_rows(coupling, self._number, low, high, inside, begin, *arrays)
+        out = CompressedRows(entries, start, column, near)
+        count = pattern_kernel.pattern_rows(coupling, self._number, low, high, inside, begin, out)
         if count < 0 or begin + total > np.iinfo(PETSc.IntType).max:
             return None
         return Rows(slice(begin, begin + total) if whole else entries[:count], start, column[:count])
@@ -190,8 +190,8 @@ class _Pairs:
         """Give those of a kind room, row by row; return how they couple and where the room ends."""
         rows, sizes, first, columns = np.empty((4, self.key.size + 1), dtype=np.int64)
         room = Coupling(rows, sizes, first, columns)
-        given = self.row, self.column, self.size, self.kind
-        count, pairs, end = pattern_kernel.row_by_row(*given, kind, begin, self.start, self.width, room)
+        given = Pairs(self.row, self.column, self.size, self.kind, self.start, self.width)
+        count, pairs, end = pattern_kernel.row_by_row(given, kind, begin, room)
         return Coupling(rows[:count], sizes[:count], first[: count + 1], columns[:pairs]), end
 
     def block_by_block(self, which: Index, begin: int) -> int:

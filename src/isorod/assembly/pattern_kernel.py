@@ -33,6 +33,48 @@ class Blocks(NamedTuple):
     total: int
 
 
+class Pairs(NamedTuple):
+    """Pairs of layers, by ascending rows.
+
+    Attributes
+    ----------
+    row, column
+        Places of each pair's layers.
+    size, kind
+        Numbers of these layers, and whose row and column it is.
+    start, width
+        Where blocks begin and how far their rows are apart.
+    """
+
+    row: Index
+    column: Index
+    size: Index
+    kind: Index
+    start: Index
+    width: Index
+
+
+class CompressedRows(NamedTuple):
+    """Room for compressed rows.
+
+    Attributes
+    ----------
+    entries
+        Which entries of a pattern they hold, if there is room: there need not be where these are all.
+    start, column
+        The first entry of each row, and the columns.
+    near
+        Work space for the entries of one row.
+    """
+
+    entries: Index
+    start: Any
+    column: Any
+    near: Index
+
+
+PAIRS = types.NamedUniTuple(I1, 6, Pairs)
+COMPRESSED_ROWS = types.NamedTuple([I1, P1, P1, I1], CompressedRows)
 COUPLING = types.NamedUniTuple(I1, 4, Coupling)
 BLOCKS = types.NamedTuple([I3, I3, i8], Blocks)
 
@@ -54,30 +96,14 @@ def first_numbers(places: Index, sizes: Index, number: Index, first: Index) -> b
     return whole
 
 
-@njit(types.UniTuple(i8, 3)(I1, I1, I1, I1, i8, i8, I1, I1, COUPLING), **FAST)
-def row_by_row(
-    row: Index,
-    column: Index,
-    size: Index,
-    kind: Index,
-    wanted: int,
-    begin: int,
-    start: Index,
-    width: Index,
-    coupling: Coupling,
-) -> tuple[int, int, int]:
+@njit(types.UniTuple(i8, 3)(PAIRS, i8, i8, COUPLING), **FAST)
+def row_by_row(pairs_of: Pairs, wanted: int, begin: int, coupling: Coupling) -> tuple[int, int, int]:
     """Give pairs of layers of one kind room for their blocks, row by row, from one entry on.
 
     Returns the numbers of rows and of pairs in the coupling, which has room for as many of each as there are, and
     where the room ends.
-
-    Parameters
-    ----------
-    row, column
-        Places of each pair's layers, by ascending rows.
-    start, width
-        To be filled with where blocks begin and how far their rows are apart.
     """
+    row, column, size, kind, start, width = pairs_of
     rows, sizes, first, columns = coupling
     count = pairs = k = 0
     place = begin
@@ -117,18 +143,9 @@ def pattern_indices(coupling: Coupling, number: Index, row: Index, column: Index
                     place += 1
 
 
-@njit(i8(COUPLING, I1, i8, i8, b1, i8, I1, P1, P1, I1), **FAST)
+@njit(i8(COUPLING, I1, i8, i8, b1, i8, COMPRESSED_ROWS), **FAST)
 def pattern_rows(
-    coupling: Coupling,
-    number: Index,
-    low: int,
-    high: int,
-    inside: bool,
-    place: int,
-    entries: Index,
-    start: Any,
-    column: Any,
-    near: Index,
+    coupling: Coupling, number: Index, low: int, high: int, inside: bool, place: int, out: CompressedRows
 ) -> int:
     """Fill in the compressed rows ``low .. high - 1`` of the entries of a pattern that have a number.
 
@@ -144,13 +161,8 @@ def pattern_rows(
         Whether columns are within these rows, and counted from the first of them; if not, none is.
     place
         Of the first entry.
-    entries
-        To be filled with which entries they are, if it has room: it need not where all are.
-    start, column
-        To be filled with the first entry of each row and the columns.
-    near
-        Work space for the entries of one row.
     """
+    entries, start, column, near = out
     rows, sizes, first, columns = coupling
     total = 0
     row = low - 1

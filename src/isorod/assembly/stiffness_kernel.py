@@ -41,6 +41,7 @@ FOUR = types.UniTuple(F2, 4)
 # Of the nine pairs of components ``3 a + b``: which of the six (01, 02, 12, 00, 11, 22) it or its mirror image is.
 _PAIR = np.array([3, 0, 1, 0, 4, 2, 1, 2, 5])
 
+# Which of the four matrices has each of a block's rows of moduli, and as which of its rows at a place.
 _MATRIX, _ROW = moduli_rows()
 # Of each matrix, rows a place, and those of the matrices before it.
 _ROWS, _BEFORE = np.array([12, 9, 18, 6]), np.array([0, 12, 21, 39])
@@ -204,7 +205,7 @@ def add_blocks(
                 for turn in range(2 if m > j else 1):
                     row, column = (m, j) if turn else (j, m)
                     start, width = blocks.start[e, row, column], blocks.width[e, row, column]
-                    _scatter(both[p], one[jm], one[mj], n, start, width, turn == 1, entries)
+                    _scatter((both[p], one[jm], one[mj]), n, start, width, turn == 1, entries)
                 p += 1
 
 
@@ -232,20 +233,18 @@ def _combine(factors: Array, rows: Array, first: int, sums: Array, column: int) 
 
 
 @njit(**FAST)
-def _scatter(
-    both: Array, second: Array, first: Array, n: int, start: int, width: int, transposed: bool, entries: Array
-) -> None:
+def _scatter(sums: tuple[Array, ...], n: int, start: int, width: int, transposed: bool, entries: Array) -> None:
     """Add a block of an element matrix, or its transpose, to the entries from ``start`` on, if it is not negative.
 
     Parameters
     ----------
-    both
-        Of the six pairs of components, what has the derivatives of both alike, shape ``(6 n n,)``.
-    second, first
-        Of all nine, what has the second's derivative along the axis; the same of the block with places changed.
+    sums
+        Of the six pairs of components, what has the derivatives of both alike, shape ``(6 n n,)``; of all nine, what
+        has the second's derivative along the axis; the same of the block with places changed.
     """
     if start < 0:
         return
+    both, second, first = sums
     count, rows, begin = np.uint64(n), np.uint64(width), np.uint64(start)
     nn = count * count
     for a in range(_3):
