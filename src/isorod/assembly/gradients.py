@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from isorod.arrays import Array
+from isorod.arrays import Array, Index
 from isorod.assembly.element_kernel import pull_stress, push_forward
+from isorod.assembly.field_kernel import add_resultants
 from isorod.space.space import Table
 
 
@@ -43,3 +44,11 @@ def pulled_stress(table: Table, stress: Array) -> tuple[Array, Array]:
     across, along = np.empty((places, 3, 2 * points)), np.empty((places, 3, points))
     pull_stress(weights, inverse, np.ascontiguousarray(stress).reshape(-1, 3, 3), across, along)
     return across.reshape(3 * places, -1), along.reshape(3 * places, -1)
+
+
+def add_stress(table: Table, stress: Array, starts: Index, forces: Array) -> None:
+    """Add the nodal forces of stresses ``(E, t, q, 3, 3)`` to those of layers that begin at ``starts`` ``(E, l)``."""
+    across, along = pulled_stress(table, stress)
+    functions = np.concatenate([table.section[:, 0], table.section[:, 1]])
+    sums = across @ functions, along @ np.ascontiguousarray(table.section[:, 2])
+    add_resultants(table, *sums, 0, table.elements, starts, forces)

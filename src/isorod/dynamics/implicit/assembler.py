@@ -19,11 +19,12 @@ from petsc4py import PETSc
 from isorod.arrays import Array
 from isorod.assembly.assembler import Assembler
 from isorod.assembly.exchange import Exchange
+from isorod.assembly.gradients import add_stress
 from isorod.assembly.part import ROUNDING, Part
 from isorod.assembly.pattern import add
 from isorod.assembly.pattern_kernel import Blocks
 from isorod.assembly.split import Share
-from isorod.dynamics.implicit.contraction import Contraction
+from isorod.dynamics.implicit.contraction import element_matrices
 from isorod.model.model import Model
 
 if TYPE_CHECKING:
@@ -41,9 +42,7 @@ class StepPart(Part):
 
     def __init__(self, share: Share, exchange: Exchange) -> None:
         super().__init__(share, exchange)
-        t = self.table
-        self._contraction = Contraction(t)
-        self.start = np.empty((*t.weights.shape, 3, 3))
+        self.start = np.empty((*self.table.weights.shape, 3, 3))
         self.inertia = self.largest = 0.0
 
     def begin(self, displacement: Array) -> None:
@@ -56,7 +55,7 @@ class StepPart(Part):
 
     def _add_stress(self, stress: Array, forces: Array) -> None:
         """Add the forces of a stress at the points."""
-        self.add(self._padded(self._contraction.forces(stress)), forces)
+        add_stress(self.table, stress, self.starts, forces)
 
     def add_entries(self, local: Array, factor: float, blocks: Blocks, entries: Array) -> None:
         """Add the derivatives of internal and inertial forces to entries of a pattern; they are not symmetric."""
@@ -70,7 +69,7 @@ class StepPart(Part):
 
     def _contracted(self, moduli: Array) -> Array:
         """Return the element matrices of moduli at the points, and of inertia, shape ``(E, l n 3, l n 3)``."""
-        result = self._contraction.matrices(moduli)
+        result = element_matrices(self.table, moduli)
         for a in range(3):
             result[:, :, a, :, a] += self.inertia * self.mass
         return result.reshape(len(result), 3 * result.shape[1], -1)
