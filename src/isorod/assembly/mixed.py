@@ -23,7 +23,6 @@ from isorod.assembly.pattern_kernel import Blocks
 from isorod.assembly.split import Share
 from isorod.material.along_rod import complementary, shear_laws, volume_change
 from isorod.model.body import Body
-from isorod.model.load import Spin
 from isorod.space.space import Table
 
 # Elements whose matrices of pressures are there at a time.
@@ -107,19 +106,10 @@ class MixedPart(Part):
         result[:, :-1, moves:, :, :moves] = below.reshape(shape).transpose(0, 3, 4, 1, 2)
         result[:, :-1, moves:, :-1, moves:] = own
 
-    def centrifugal(self, local: Array, spin: Spin) -> Array:
-        """Return the centrifugal forces, shape of ``dofs``."""
-        return self._padded(super().centrifugal(local, spin)).reshape(self.dofs.shape)
-
-    def softening(self, spin: Spin) -> Array:
-        """Return the derivatives of the centrifugal forces, shape of ``matrices``."""
-        return self._padded_matrices(super().softening(spin)).reshape(*self.dofs.shape, -1)
-
-    def _padded(self, forces: Array) -> Array:
-        """Return nodal forces with room for pressures, shape ``(E, l, width)``."""
+    def _padded(self, nodal: Array) -> Array:
         result = np.zeros((*self.layers.shape, self.width))
-        result[:, :, : self.moves] = forces.reshape(*self.layers.shape, -1)
-        return result
+        result[:, :, : self.moves] = nodal.reshape(*self.layers.shape, -1)
+        return result.reshape(self.dofs.shape)
 
     def _padded_matrices(self, matrices: Array) -> Array:
         """Return matrices of displacements with room for pressures, shape ``(E, l, width, l, width)``."""

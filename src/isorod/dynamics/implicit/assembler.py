@@ -74,18 +74,9 @@ class StepPart(Part):
             result[:, :, a, :, a] += self.inertia * self.mass
         return result.reshape(len(result), 3 * result.shape[1], -1)
 
-    def mass_matrices(self) -> Array:
-        """Return the element mass matrices of all components, shape ``(E, l n 3, l n 3)``."""
-        size = 3 * self.mass.shape[1]
-        return np.einsum("eij,ab->eiajb", self.mass, np.eye(3)).reshape(-1, size, size)
-
     def masses(self, local: Array) -> Array:
         """Return the mass matrix times a vector of this rank's degrees of freedom, shape of ``dofs``."""
         return self._padded(self.mass @ self.nodal(local).reshape(self.shape[0], -1, 3))
-
-    def _padded(self, nodal: Array) -> Array:
-        """Return nodal forces ``(E, l n, 3)`` in the shape of ``dofs``."""
-        return nodal.reshape(self.dofs.shape)
 
 
 class StepAssembler(Assembler):

@@ -96,7 +96,8 @@ class MixedStepPart(MixedPart, StepPart):
         share, compliance
             The latter has shape ``(E, t, q)``.
         """
-        result = self._padded_matrices(self.mass_matrices())
+        layers, width = self.layers.shape[1], self.width
+        result = self.masses_of(np.eye(3)).reshape(-1, layers, width, layers, width)
         both = share * self._slopes(self.gradients(local))
         self.set_coupling(result, both, both, self.own(slice(None), compliance))
         return result.reshape(*self.dofs.shape, -1)
@@ -173,7 +174,7 @@ class MixedStepAssembler(MixedAssembler, StepAssembler):
                 if isinstance(part, MixedStepPart):
                     add(part.saddle(local, *how(part)), blocks, entries)
                 else:
-                    add(part.mass_matrices(), blocks, entries)
+                    add(part.masses_of(np.eye(3)), blocks, entries)
             set_values(out, entries)
 
     def gather(self, local: Array, out: PETSc.Vec) -> None:
