@@ -54,40 +54,6 @@ PRESSURES, PRESSURES_BEFORE, _DETERMINANT = np.array([PRESSURE]), np.array([BEFO
 _KNOWN = np.concatenate([INVERSE + np.arange(10), FIBRE + np.arange(6)])
 
 
-@njit(types.UniTuple(F2, 2)(TABLE, F1, I2, i8, i8), **FAST)
-def coefficients(table: Table, local: Array, starts: Index, first: int, last: int) -> tuple[Array, Array]:
-    """Return the section coefficients of displacements, and their derivatives along the axis.
-
-    They are those of the elements ``first .. last - 1``, shape ``(3 e t, n)``: rows place by place, and of each place
-    component by component.
-
-    Parameters
-    ----------
-    local, starts
-        Degrees of freedom, and where those of each element's layers begin, shape ``(E, l)``.
-    """
-    along, functions = table.axial.shape[1:]
-    n = table.section.shape[2]
-    values, slopes = np.empty(((last - first) * along * 3, n)), np.empty(((last - first) * along * 3, n))
-    near = np.empty((functions, 3 * n))
-    row = 0
-    for e in range(first, last):
-        for j in range(functions):
-            for i in range(3 * n):
-                near[j, i] = local[starts[e, j] + i]
-        for t in range(along):
-            for i in range(n):
-                for a in range(3):
-                    value = slope = 0.0
-                    for j in range(functions):
-                        value += table.axial[e, t, j] * near[j, 3 * i + a]
-                        slope += table.slopes[e, t, j] * near[j, 3 * i + a]
-                    values[row + a, i] = value
-                    slopes[row + a, i] = slope
-            row += 3
-    return values, slopes
-
-
 @njit(i8(i8, i8, i8, i8, I2), **FAST)
 def fill_runs(block: int, places: int, begin: int, end: int, runs: Index) -> int:
     """Fill in the runs of points side by side that a block takes, a row each; return their number.
@@ -201,7 +167,7 @@ def stresses(law: Functions, steps: Steps, known: Array, field: Field, wanted: b
 def add_resultants(
     table: Table, values: Array, slopes: Array, first: int, last: int, starts: Index, forces: Array
 ) -> None:
-    """Add what integrals of stress against section functions make of nodal forces; rows, places as `coefficients`."""
+    """Add what integrals of stress against section functions make of nodal forces, rows by component and place."""
     along, functions = table.axial.shape[1:]
     n = values.shape[1]
     row = 0

@@ -8,18 +8,28 @@ from isorod.assembly.field_kernel import add_resultants
 from isorod.space.space import Table
 
 
+def coefficients(axial: Array, slopes: Array, nodal: Array) -> tuple[Array, Array]:
+    """Return the section coefficients of nodal displacements ``(E, l, n, 3)``, and their derivatives along the axis.
+
+    Shapes are ``(3 E t, n)``, component by component of each place; functions along the axis and their derivatives have
+    shapes ``(E, t, l)``.
+    """
+    elements, _, n, _ = nodal.shape
+    values = np.ascontiguousarray(np.swapaxes(nodal, 2, 3)).reshape(elements, -1, 3 * n)
+    return (axial @ values).reshape(-1, n), (slopes @ values).reshape(-1, n)
+
+
 def displacement_gradients(table: Table, nodal: Array) -> Array:
     """Return ``du/dx``, shape ``(E, t, q, 3, 3)``, of nodal displacements ``(E, l, n, 3)``.
 
     The sums are factorised: along the axis first, for each section function, then over these.
     """
     elements, along, points = table.weights.shape
-    n, places = table.section.shape[2], elements * along
-    values = np.ascontiguousarray(np.swapaxes(nodal, 2, 3)).reshape(elements, -1, 3 * n)
+    places = elements * along
+    values, slopes = coefficients(table.axial, table.slopes, nodal)
     # Derivatives by both coordinates of the disk, one behind the other, and by the axis'.
     across = np.concatenate([table.section[:, 0], table.section[:, 1]])
-    plane = (table.axial @ values).reshape(-1, n) @ across.T
-    axis = (table.slopes @ values).reshape(-1, n) @ np.ascontiguousarray(table.section[:, 2]).T
+    plane, axis = values @ across.T, slopes @ np.ascontiguousarray(table.section[:, 2]).T
     out = np.empty((places * points, 3, 3))
     inverse = np.ascontiguousarray(table.inverse).reshape(-1, 9)
     push_forward(inverse, plane.reshape(places, 3, -1), axis.reshape(places, 3, -1), out)

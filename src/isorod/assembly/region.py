@@ -10,7 +10,8 @@ from isorod.arrays import Array, Index
 from isorod.assembly import block_kernel
 from isorod.assembly.block_kernel import Steps
 from isorod.assembly.extrapolation import Last
-from isorod.assembly.field_kernel import Field, Functions, add_resultants, coefficients, determinants, stresses
+from isorod.assembly.field_kernel import Field, Functions, add_resultants, determinants, stresses
+from isorod.assembly.gradients import coefficients
 from isorod.assembly.pattern_kernel import Blocks
 from isorod.assembly.stiffness_kernel import add_blocks, moduli, multiply
 from isorod.material.along_rod import Laws, Piece
@@ -115,12 +116,17 @@ class Region:
         for first in range(0, elements, step):
             yield first, min(first + step, elements)
 
-    def _field(self, local: Array, starts: Index, pressures: Array, first: int, last: int) -> Field:
+    def _coefficients(self, local: Array, starts: Index) -> tuple[Array, Array]:
+        """Return the section coefficients of displacements at all places (`isorod.assembly.gradients.coefficients`)."""
+        n = self.table.section.shape[2]
+        nodal = local[starts[:, :, None] + np.arange(3 * n)].reshape(*starts.shape, n, 3)
+        return coefficients(self.table.axial, self.table.slopes, nodal)
+
+    def _field(self, moves: tuple[Array, Array], pressures: Array, first: int, last: int) -> Field:
         """Return gradients of displacements on disk x axis, and pressures, at the points of some elements."""
-        values, slopes = coefficients(self.table, local, starts, first, last)
         across, whole = self._section
-        gradients = (values @ across).reshape(-1, self.shape[2])
-        return Field(gradients, slopes @ whole, self._of(pressures, first, last))
+        values, slopes, pressures = (self._of(one, first, last) for one in (*moves, pressures))
+        return Field((values @ across).reshape(-1, self.shape[2]), slopes @ whole, pressures)
 
     def add_forces(
         self,
@@ -153,9 +159,9 @@ class Region:
         law = self._law(factor, pressure.size > 0)
         pressures, starts = self.at_points(pressure), self.own(starts)
         across, whole = self._section
-        energy = 0.0
+        energy, moves = 0.0, self._coefficients(local, starts)
         for first, last in self._some(_POINTS // (along * points)):
-            field = self._field(local, starts, pressures, first, last)
+            field = self._field(moves, pressures, first, last)
             energy += stresses(*law, self._of(self._known, first, last), field, wanted)
             if forces.size:
                 sums = field.across.reshape(-1, 2 * points) @ across.T, field.along @ whole.T
@@ -165,10 +171,10 @@ class Region:
     def set_jacobians(self, local: Array, starts: Index, out: Array) -> None:
         """Fill in ``det F`` at these of the part's points ``(E, t, q)``."""
         _, along, points = self.shape
-        deform, starts = _deform(), self.own(starts)
+        deform, moves = _deform(), self._coefficients(local, self.own(starts))
         result = np.empty((self.shape[0] * along, points))
         for first, last in self._some(_POINTS // (along * points)):
-            field = self._field(local, starts, NONE, first, last)
+            field = self._field(moves, NONE, first, last)
             determinants(deform, self._of(self._known, first, last), field, self._of(result, first, last))
         self.own(out)[:, :, self.piece.points] = result.reshape(self.shape)
 
@@ -201,15 +207,16 @@ class Region:
         squared = self.table.section.shape[2] ** 2
         tile = min(points, max(16, _PRODUCTS // (10 * squared)))
         count = min(elements, max(-(-_PLACES // along), _NUMBERS // ((45 * tile + 21 * squared) * along)))
-        volumes = self._volumes
+        volumes, moves = self._volumes, self._coefficients(local, starts)
+        past = None if last is None else self._coefficients(last.local, starts)
         # Made once: memory that the system gives anew is slow.
         pulled = _Four((3, 4), (3, 3), (9, 2), (6, 1), size=count * along * tile)
         products = _Four((4, 1), (3, 1), (2, 1), (1, 1), size=tile * squared)
         sums, more = (_Four((3, 1), (3, 1), (9, 1), (6, 1), size=count * along * squared) for _ in range(2))
         for k, some in enumerate(self._some(count) if volumes is None else [(0, 1)]):
             places = (some[1] - some[0]) * along
-            now = self._field(local, starts, pressures, *some)
-            old = now if last is None else self._field(last.local, starts, before, *some)
+            now = self._field(moves, pressures, *some)
+            old = now if past is None else self._field(past, before, *some)
             known = self._of(self._known, *some)
             for begin in range(0, points, tile):
                 end = min(begin + tile, points)
