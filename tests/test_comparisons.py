@@ -76,12 +76,6 @@ def test_a_damaged_line_is_named(tmp_path):
             records.newest(tmp_path, "spring")
 
 
-def test_a_torn_last_line_is_left_out_with_a_word(tmp_path):
-    (tmp_path / "spring.jsonl").write_text('{"run": 1, "part": "end"}\n{"run": 1, "pa')
-    with pytest.warns(UserWarning, match="last line is torn"):
-        assert records.newest(tmp_path, "spring") == [{"run": 1, "part": "end"}]
-
-
 FINER = (("--elements", 4), ("--points", 2))
 
 

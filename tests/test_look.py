@@ -273,14 +273,12 @@ def test_files_that_are_damaged_or_gone_are_one_line(model, tmp_path, capfd):
     assert re.fullmatch(r"isorod: \S*bad.pvd: cannot be read .*\n", capfd.readouterr().err)
 
 
-def test_a_last_record_that_is_torn_is_left_out(tmp_path):
-    records = [{"scene": "a", "files": []}, {"scene": "b", "files": []}]
-    whole = "\n".join(map(json.dumps, records))
-    (tmp_path / folder.RECORDS).write_text(whole + '\n{"scene": "c", "fi')
-    assert reading.find(str(tmp_path)).name == "b"
-    assert reading.find(str(tmp_path), 1).name == "a"
-    (tmp_path / folder.RECORDS).write_text('{"scene": "c", "fi\n' + whole)
-    with pytest.raises(InputError, match=r"results.jsonl:1: is no record of a run$"):
+def test_a_line_that_is_no_record_is_named(tmp_path):
+    records = [json.dumps({"scene": name, "files": []}) for name in "ab"]
+    (tmp_path / folder.RECORDS).write_text("\n".join(records))
+    assert [reading.find(str(tmp_path), run).name for run in (None, 1)] == ["b", "a"]
+    (tmp_path / folder.RECORDS).write_text("\n".join(['{"scene": "c", "fi', *records]))
+    with pytest.raises(InputError, match=r"results.jsonl:1: is no record of a run; remove the line$"):
         reading.find(str(tmp_path))
 
 

@@ -1,12 +1,10 @@
 """Reading results back: the newest run of a study."""
 
 import json
-import warnings
 from pathlib import Path
 from typing import Any
 
 from isorod.errors import InputError
-from isorod.output import results
 
 Record = dict[str, Any]
 
@@ -16,23 +14,17 @@ def newest(folder: Path, study: str) -> list[Record]:
 
     A run is complete when it has its closing record (part ``"end"``).
 
-    Warns of a last line that is torn, as of a run that was killed, and leaves it out.
-
     Raises
     ------
     InputError
-        If the file cannot be read, or another line is no record of a study.
+        If the file cannot be read, or a line is no record of a study.
     """
     path = folder / f"{study}.jsonl"
     records: list[Record] = []
     try:
-        *lines, last = path.read_bytes().split(b"\n")
+        lines = path.read_bytes().splitlines()
     except OSError as problem:
         raise InputError(f"results {path}: cannot be read ({problem.strerror})") from None
-    if last and results.is_torn(last):
-        warnings.warn(f"results {path}: the last line is torn, as of a run that was killed; left out", stacklevel=2)
-    elif last:
-        lines.append(last)
     for number, text in enumerate(lines, 1):
         try:
             record = json.loads(text, parse_constant=_refuse)

@@ -15,47 +15,15 @@ MOST = 100_000
 _RANGE = re.compile(r"([^:]*):([^:]*):([^:]*)")
 
 
-class Swept(NamedTuple):
-    """What is varied: its name, as in a table, its values as they would be typed, and the words they stand in.
+class Point(NamedTuple):
+    """A point of a sweep: the words of the run that it is, and the values of what is varied by name, as typed."""
 
-    ``words`` say where in the command line: the place of the word, and what of it comes before the value.
-    """
-
-    name: str
-    values: tuple[str, ...]
-    place: int
-    before: str
+    words: list[str]
+    values: dict[str, str]
 
 
-class Grid(NamedTuple):
-    """All words of a sweep, and what is varied, the last one fastest."""
-
-    words: tuple[str, ...]
-    swept: tuple[Swept, ...]
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """How many values each has that is varied."""
-        return tuple(len(one.values) for one in self.swept)
-
-    def indices(self) -> list[tuple[int, ...]]:
-        """Return of each point which value of each it has."""
-        return [*product(*map(range, self.shape))]
-
-    def values(self, index: Sequence[int]) -> dict[str, str]:
-        """Return the values of a point by name, as they would be typed."""
-        return {one.name: one.values[k] for one, k in zip(self.swept, index, strict=True)}
-
-    def at(self, index: Sequence[int]) -> list[str]:
-        """Return the words of a point: those of the run that it is."""
-        words = [*self.words]
-        for one, k in zip(self.swept, index, strict=True):
-            words[one.place] = one.before + one.values[k]
-        return words
-
-
-def read(words: Sequence[str], left: Sequence[str] = ()) -> Grid:
-    """Find what is varied: each option whose value is ``a:b:n`` or ``a,b,c``.
+def read(words: Sequence[str], left: Sequence[str] = ()) -> list[Point]:
+    """Return all combinations, the last option varied fastest, of options whose value is ``a:b:n`` or ``a,b,c``.
 
     Parameters
     ----------
@@ -69,37 +37,38 @@ def read(words: Sequence[str], left: Sequence[str] = ()) -> Grid:
     InputError
         If nothing is varied, or something twice, or a range is none.
     """
-    swept: list[Swept] = []
+    # Of each word what it may be: the name and the value of what is varied, and the word itself.
+    choices: list[list[tuple[str, str, str]]] = []
     for place, word in enumerate(words):
+        choices.append([("", "", word)])
         option, inside, value = word.partition("=")
-        if option.startswith("--") and inside:
-            before = option + inside
-        elif place and words[place - 1].startswith("--") and "=" not in words[place - 1]:
+        before = option + inside
+        if place and words[place - 1].startswith("--") and "=" not in words[place - 1] and word[:2] != "--":
             option, before, value = words[place - 1], "", word
-        else:
-            continue
-        if option in left:
+        elif not option.startswith("--") or not inside:
             continue
         name = option[2:].replace("-", "_")
         if option == "--set":
             # Its value is a path in the file and what is there.
             path, inside, value = value.partition("=")
             name, before = path.strip(), before + path + inside
-        values = _values(name, value)
+        values = None if option in left else _values(name, value)
         if values is None:
             continue
-        if any(one.name == name for one in swept):
+        if any(each[0][0] == name for each in choices):
             raise InputError(f"{name}: varied twice; name all its values at once, as a,b,c")
-        swept.append(Swept(name, values, place, before))
-    grid = Grid(tuple(words), tuple(swept))
-    if not swept:
+        choices[-1] = [(name, one, before + one) for one in values]
+    points = prod(map(len, choices))
+    if points == 1:
         raise InputError(
             "nothing is varied; give an option several values: --pull 0:10:21 (from, to, how many) or --nu 0.3,0.4"
         )
-    points = prod(grid.shape)
     if points > MOST:
         raise InputError(f"{points:,} points; a sweep has at most {MOST:,}")
-    return grid
+    return [
+        Point([word for _, _, word in chosen], {name: value for name, value, _ in chosen if name})
+        for chosen in product(*choices)
+    ]
 
 
 def _values(name: str, value: str) -> tuple[str, ...] | None:

@@ -24,20 +24,9 @@ Records = dict[int, dict[str, Any]]
 def cells(values: Sequence[float]) -> list[str]:
     """Return numbers as they stand in a table: with `DIGITS` digits, of several as many places as the largest has."""
     largest = max(map(abs, values), default=0.0)
-    return [_cell(one, DIGITS - _exponent(largest) + _exponent(one)) if one else "0" for one in values]
-
-
-def _cell(value: float, digits: int) -> str:
-    return f"{value:.{digits}g}" if digits > 0 else "0"
-
-
-def _exponent(value: float) -> int:
-    return math.floor(math.log10(abs(value)))
-
-
-def error(value: float) -> str:
-    """Return an estimate of an error as it stands in a table."""
-    return f"{value if value >= NO_ERROR else 0.0:.2g}"
+    places = DIGITS - 1 - math.floor(math.log10(largest)) if largest else 0
+    # Zeros without a sign.
+    return [f"{round(value, places) + 0.0:.{DIGITS}g}" for value in values]
 
 
 def columns(record: Mapping[str, Any]) -> dict[str, str]:
@@ -53,7 +42,8 @@ def columns(record: Mapping[str, Any]) -> dict[str, str]:
             names = [name] if single else [f"{name}[{k}]" for k in range(len(values))]
             found |= zip(names, cells(values), strict=True)
     if sweep.get("estimated"):
-        found["error_estimate"] = error(record["error_estimate"]) if "error_estimate" in record else ""
+        error = record.get("error_estimate")
+        found["error_estimate"] = "" if error is None else f"{error if error >= NO_ERROR else 0.0:.2g}"
     return found | {"unknowns": str(record.get("unknowns", "")), "status": sweep["status"]}
 
 

@@ -3,6 +3,7 @@
 import argparse
 import hashlib
 import json
+import re
 import shlex
 import sys
 import warnings
@@ -39,7 +40,8 @@ def main(ours: Sequence[str], theirs: Sequence[str]) -> int:
     if {"-h", "--help"} & {*ours}:
         chosen.find("sweep", ours, theirs, _more)[2].print_help()
         return 0
-    points = grid.read(_without_old(ours), _VALUED)
+    words = _without_old(ours)
+    points = grid.read(words, _VALUED)
     scene, found = _understood(points, theirs)
     if scenes.analyses(scene) == ("geometry",):
         raise InputError("sweep: this scene is geometry only, and has no numbers to solve for")
@@ -49,7 +51,7 @@ def main(ours: Sequence[str], theirs: Sequence[str]) -> int:
         curves.check(Path(found.png))
     options.initialize(theirs)
     with np.errstate(all="ignore"):
-        return _run(points, scene, found, theirs)
+        return _run(points, _identity(words, scene, theirs), scene, found, theirs)
 
 
 def _without_old(ours: Sequence[str]) -> list[str]:
@@ -81,19 +83,20 @@ def _more(parser: Parser, scene: Any) -> None:
     parser.add_argument("--png", metavar="FILE", help="plot the table, as isorod plot FILE.csv does")
 
 
-def _understood(points: grid.Grid, theirs: Sequence[str]) -> tuple[Any, argparse.Namespace]:
+def _understood(points: Sequence[grid.Point], theirs: Sequence[str]) -> tuple[Any, argparse.Namespace]:
     """Return scene and options of the first point, having made sure that each value is one of its option's kind."""
-    corner = [0] * len(points.shape)
-    words = points.at(corner)
-    place, scene, parser = chosen.find("sweep", words, theirs, _more)
-    for d, one in enumerate(points.swept):
-        for k in range(1, len(one.values)):
-            beside = points.at([*corner[:d], k, *corner[d + 1 :]])
-            parser.known([*beside[:place], *beside[place + 1 :]])
-    return scene, parser.known([*words[:place], *words[place + 1 :]])
+    first = points[0]
+    place, scene, parser = chosen.find("sweep", first.words, theirs, _more)
+    for point in points:
+        # All values are among those of what differs in one of them.
+        if len(point.values.items() - first.values.items()) <= 1:
+            parser.known([*point.words[:place], *point.words[place + 1 :]])
+    return scene, parser.known([*first.words[:place], *first.words[place + 1 :]])
 
 
-def _run(points: grid.Grid, scene: Any, found: argparse.Namespace, theirs: Sequence[str]) -> int:
+def _run(
+    points: Sequence[grid.Point], identity: dict[str, Any], scene: Any, found: argparse.Namespace, theirs: Sequence[str]
+) -> int:
     """Solve all points whose records are not there yet, and print all."""
     from petsc4py import PETSc
 
@@ -102,7 +105,6 @@ def _run(points: grid.Grid, scene: Any, found: argparse.Namespace, theirs: Seque
     from isorod.output.progress import Progress
 
     start, first = perf_counter(), ending.rank() == 0
-    identity = _identity(points.words, scene, theirs)
     head = [identity["command"], *(f"{name}: {unit}" for name, unit in scene.units.items() if unit)]
     # Of several ranks the first has the files.
     path = found.output if first else None
@@ -110,8 +112,7 @@ def _run(points: grid.Grid, scene: Any, found: argparse.Namespace, theirs: Seque
     _warn_of_commits(there)
     records = PETSc.COMM_WORLD.tompi4py().bcast(there)
     known = {*records}
-    indices = points.indices()
-    total = len(indices)
+    total = len(points)
 
     def add(record: dict[str, Any]) -> None:
         line = results.line(record)
@@ -129,11 +130,11 @@ def _run(points: grid.Grid, scene: Any, found: argparse.Namespace, theirs: Seque
     refused: list[dict[str, Any]] = []
     solved = False
     try:
-        for number, index in enumerate(indices):
+        for number, point in enumerate(points):
             if number in known:
                 continue
             with printing.apart() if found.json else nullcontext():
-                record = _solve(number, points, index, theirs)
+                record = _solve(number, point, theirs)
             record["sweep"] |= {name: one for name, one in identity.items() if name not in record}
             if not solved and record["sweep"]["status"] == sheet.SOLVED:
                 solved = True
@@ -170,17 +171,17 @@ def _run(points: grid.Grid, scene: Any, found: argparse.Namespace, theirs: Seque
     return ending.fail("isorod", f"{failed} of {total} points could not be solved; the table says why") if failed else 0
 
 
-def _solve(number: int, points: grid.Grid, index: Sequence[int], theirs: Sequence[str]) -> dict[str, Any]:
+def _solve(number: int, point: grid.Point, theirs: Sequence[str]) -> dict[str, Any]:
     """Run a point as `isorod run` does; return its record, which says of one that cannot be solved why."""
     from isorod.command import sheet, solving
     from isorod.output import results
 
-    about: dict[str, Any] = {"point": number, "values": points.values(index)}
+    about: dict[str, Any] = {"point": number, "values": point.values}
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
         try:
             with options.petsc_errors():
-                scene, found, _ = chosen.choose("sweep", points.at(index), theirs, _more)
+                scene, found, _ = chosen.choose("sweep", point.words, theirs, _more)
                 estimated = scene.analysis != "dynamics" and not found.no_estimate
                 about |= {"units": dict(scene.units), "estimated": estimated, "status": sheet.SOLVED}
                 settings = chosen.settings(scene, found)
@@ -251,25 +252,23 @@ def _table(records: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     rows = []
     for record in records:
         row = sheet.columns(record)
-        many = [name for name in row if name.endswith("]") and int(name.rpartition("[")[2][:-1]) >= _ENTRIES]
-        row = {name: value for name, value in row.items() if name not in [*many, "unknowns", "status"]}
-        row = {
-            name: f"{float(value):.6g}" if name not in record["sweep"]["values"] and value else value
-            for name, value in row.items()
-        }
+        status = row.pop("status")
+        row = {name: value for name, value in row.items() if _shown(name)}
         if record.get("newton_iterations"):
             row["Newton"] = str(record["newton_iterations"])
-        if record["sweep"]["status"] != sheet.SOLVED:
-            row["status"] = record["sweep"]["status"]
-        rows.append(row)
+        rows.append(row | ({} if status == sheet.SOLVED else {"status": status}))
     names = list(dict.fromkeys(name for row in sorted(rows, key=len, reverse=True) for name in row if name != "status"))
-    names += ["status"] if any("status" in row for row in rows) else []
     widths = {name: max(len(name), *(len(row.get(name, "")) for row in rows)) for name in names}
-    yield "  ".join(name.replace("_", " ").rjust(widths[name]) for name in names).rstrip()
-    for row in rows:
-        yield "  ".join(
-            row.get(name, "").rjust(widths[name]) if name != "status" else row.get(name, "") for name in names
-        ).rstrip()
+    head = {name: name.replace("_", " ") for name in names}
+    for row in [head | ({"status": "status"} if any("status" in row for row in rows) else {}), *rows]:
+        cells = (row.get(name, "").rjust(width) for name, width in widths.items())
+        yield "  ".join([*cells, row.get("status", "")]).rstrip()
+
+
+def _shown(name: str) -> bool:
+    """Return whether people are shown a column: of a list only the first few entries."""
+    entry = re.search(r"\[(\d+)\]$", name)
+    return name != "unknowns" and not (entry and int(entry[1]) >= _ENTRIES)
 
 
 def _summary(records: Mapping[int, Mapping[str, Any]], seconds: float, before: int) -> str:

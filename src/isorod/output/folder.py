@@ -2,6 +2,8 @@
 
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from itertools import chain, count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 from xml.sax.saxutils import quoteattr
@@ -87,52 +89,35 @@ def add(
         If the record has a number that is not finite; nothing is written.
     """
     results.line(record)
-    made = _Written(folder)
-    # Whoever has the records also has the choice of names.
-    with results.locked(folder / RECORDS) as file:
-        try:
-            file.seek(0)
-            run = _free_name(folder, file.readall(), str(record["scene"]), len(bodies))
-            entries = []
-            for b, body in enumerate(bodies):
-                grids = _contents(body, states, b, cells, record.get(STRESS_ERROR))
-                for k, (state, content) in enumerate(zip(states, grids, strict=True)):
-                    name = f"{run}-{b}.vtu" if len(states) == 1 else f"{run}-frames/{b}-{k:04d}.vtu"
-                    made.write(name, content)
-                    entries.append((state.time, b, name))
-            if len(entries) > 1:
-                made.write(f"{run}.pvd", _collection(sorted(entries)))
-            if curves:
-                made.write(f"{run}.csv", _table(curves))
-            whole = {**record, "files": made.names}
-            results.add(file, results.line(whole))
-        except BaseException:
-            made.undo()
-            raise
-    return whole
+    names: list[str] = []
+    # Whoever has the lock also has the choice of names.
+    with results.locked(folder), ExitStack() as undo:
 
+        def write(name: str, content: bytes) -> None:
+            path = folder / name
+            if not path.parent.exists():
+                results.make_folder(str(path.parent))
+                undo.callback(path.parent.rmdir)
+            undo.callback(path.unlink, missing_ok=True)
+            results.write_whole(path, content)
+            names.append(name)
 
-class _Written:
-    """Files written into a folder, and how to take them away."""
-
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
-        self._folders: list[Path] = []
-        self.names: list[str] = []
-
-    def write(self, name: str, content: bytes) -> None:
-        path = self._folder / name
-        if not path.parent.exists():
-            self._folders.append(path.parent)
-            results.make_folder(str(path.parent))
-        self.names.append(name)
-        results.write_whole(path, content)
-
-    def undo(self) -> None:
-        for name in self.names:
-            (self._folder / name).unlink(missing_ok=True)
-        for folder in self._folders:
-            folder.rmdir()
+        run = _free_name(folder, str(record["scene"]), len(bodies))
+        entries = []
+        for b, body in enumerate(bodies):
+            grids = _contents(body, states, b, cells, record.get(STRESS_ERROR))
+            for k, (state, content) in enumerate(zip(states, grids, strict=True)):
+                name = f"{run}-{b}.vtu" if len(states) == 1 else f"{run}-frames/{b}-{k:04d}.vtu"
+                write(name, content)
+                entries.append((state.time, b, name))
+        if len(entries) > 1:
+            write(f"{run}.pvd", _collection(sorted(entries)))
+        if curves:
+            write(f"{run}.csv", _table(curves))
+        kept = {**record, "files": names}
+        results.add(folder / RECORDS, results.line(kept))
+        undo.pop_all()
+    return kept
 
 
 def _contents(
@@ -187,14 +172,13 @@ def _table(curves: Mapping[str, Array]) -> bytes:
     return b"".join([results.row(list(curves)), *(results.row([repr(one) for one in row]) for row in rows)])
 
 
-def _free_name(folder: Path, records: bytes, scene: str, bodies: int) -> str:
+def _free_name(folder: Path, scene: str, bodies: int) -> str:
     """Return a name for the files of a run that begins no name of the folder's, nor of a record's."""
     taken = {path.name for path in folder.iterdir()}
-    number = 0
-    while True:
-        number += 1
-        run = f"{scene}-run{number}" if number > 1 else scene
-        mine = [f"{run}-frames", f"{run}.pvd", f"{run}.csv", *(f"{run}-{b}.vtu" for b in range(bodies))]
-        # A file that was moved elsewhere is still the one that its record names.
-        if not any(name in taken or f'"{name}'.encode() in records for name in mine):
-            return run
+    records = (folder / RECORDS).read_text() if RECORDS in taken else ""
+    for run in chain([scene], (f"{scene}-run{number}" for number in count(2))):
+        names = [f"{run}-frames", f"{run}.pvd", f"{run}.csv", *(f"{run}-{b}.vtu" for b in range(bodies))]
+        # A file that was moved elsewhere still has the name that its record says.
+        if not any(name in taken or f'"{name}' in records for name in names):
+            break
+    return run

@@ -5,11 +5,9 @@ A folder is there with all of its files, or not at all.
 
 import csv
 import json
-import os
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -63,16 +61,7 @@ def write(found: Matrices, folder: str, about: Mapping[str, Any]) -> dict[str, A
     results.make_folder(str(place.parent))
     said = _said(found, about)
     try:
-        with TemporaryDirectory(dir=place.parent, prefix=f".{place.name}-", ignore_cleanup_errors=True) as name:
-            beside = Path(name)
-            _write(found, beside)
-            (beside / "README.json").write_text(json.dumps(said, indent=2, default=str) + "\n")
-            for path in beside.iterdir():
-                results.settle(path)
-            results.open_to_all(beside, 0o777)
-            os.replace(beside, place)
-    except OSError as problem:
-        raise results.refusal(f"folder {folder}: cannot be written", problem) from None
+        results.write_beside(place, lambda beside: _write(found, beside, said))
     except PETSc.Error:
         raise InputError(f"folder {folder}: PETSc cannot write all of it; make room there, or name another") from None
     return said
@@ -124,8 +113,10 @@ def _said(found: Matrices, about: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _write(found: Matrices, folder: Path) -> None:
-    """Write all files but ``README.json``; raises `OSError`, or PETSc's error."""
+def _write(found: Matrices, folder: Path, said: Mapping[str, Any]) -> None:
+    """Make the folder with all files; raises `OSError`, or PETSc's error."""
+    folder.mkdir()
+    (folder / "README.json").write_text(json.dumps(said, indent=2, default=str) + "\n")
     # That the components of a node stand together is what PETSc's multigrid wants to know.
     block = 3 if found.model.whole_nodes and found.force.size == found.model.unknowns else 1
     for name in (*_KINDS, "expansion"):

@@ -8,18 +8,17 @@ import json
 import math
 import os
 import platform
+import shutil
 import subprocess
 import sys
 import tempfile
-import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from functools import cache
-from io import FileIO
-from mmap import ACCESS_READ, mmap
 from pathlib import Path
 from typing import Any
+from uuid import uuid4
 
 import numpy as np
 
@@ -63,102 +62,60 @@ def line(record: Mapping[str, Any]) -> str:
 def append(path: Path, record: Mapping[str, Any]) -> None:
     """Append the record to a file of JSON lines, as a whole even when several processes do, or not at all.
 
-    What a process killed while it wrote has left of a line is taken off first, with a warning; whole lines stay.
-    """
-    data = line(record)
-    with locked(path) as file:
-        add(file, data)
-
-
-@contextmanager
-def locked(path: Path) -> Iterator[FileIO]:
-    """Open a file of JSON lines for `add`, by one process at a time; what is added stays only if the block ends well.
-
     Raises
     ------
     InputError
-        If the file cannot be written; it has then the lines that it had before.
+        If the file cannot be written; it then has the lines that it had before.
     """
-    try:
-        with _alone(path) as file:
-            size, whole = _mend(file, path)
-            try:
-                if not whole:
-                    add(file, "")
-                yield file
-                os.fsync(file.fileno())
-            except BaseException:
-                # Half a line, of a disk that is full, would be taken for one of a run that was killed.
-                file.truncate(size)
-                if size == 0:
-                    path.unlink()
-                raise
-        _settle_names(path.parent)
-    except OSError as problem:
-        raise refusal(f"{path}: cannot be written", problem) from None
-
-
-def add(file: FileIO, text: str) -> None:
-    """Add a line to a file that `locked` has opened."""
-    data = text.encode() + b"\n"
-    while data:
-        # A disk takes what there is room for, and refuses the rest.
-        data = data[file.write(data) :]
+    text = line(record)
+    with locked(path.parent):
+        add(path, text)
 
 
 @contextmanager
-def _alone(path: Path) -> Iterator[FileIO]:
-    """Open a file for appending and lock it."""
-    while True:
-        with open(path, "a+b", buffering=0) as file:
-            fcntl.flock(file, fcntl.LOCK_EX)
-            # Who had the lock before may have taken an empty file away.
-            if path.exists() and os.path.samestat(os.stat(path), os.fstat(file.fileno())):
-                yield file
-                return
+def locked(folder: Path) -> Iterator[None]:
+    """Keep other processes that ask for the same from a folder, until the block or this process ends."""
+    try:
+        handle = os.open(folder, os.O_RDONLY)
+    except OSError as problem:
+        raise refusal(f"{folder}: cannot be written", problem) from None
+    try:
+        # Not every file system has locks.
+        with suppress(OSError):
+            fcntl.flock(handle, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(handle)
+
+
+def add(path: Path, text: str) -> None:
+    """Add a line to a file in a folder that is `locked`: written anew, then renamed, so that no line is ever torn."""
+    try:
+        before = path.read_bytes()
+    except FileNotFoundError:
+        before = b""
+    except OSError as problem:
+        raise refusal(f"{path}: cannot be written", problem) from None
+    separator = b"" if before.endswith(b"\n") or not before else b"\n"
+    write_whole(path, before + separator + text.encode() + b"\n")
 
 
 def read(path: Path) -> list[dict[str, Any]]:
-    """Return the records of a file of JSON lines; a last line that is torn is left out.
-
-    Raises
-    ------
-    InputError
-        If it cannot be read, or a line is no record.
-    """
+    """Return the records of a file of JSON lines; raises `InputError` if it cannot be read or has anything else."""
     try:
         lines = path.read_bytes().splitlines()
     except OSError as problem:
         raise InputError(f"{path}: cannot be read ({problem.strerror})") from None
-    found = []
+    records = []
     for number, text in enumerate(lines, 1):
-        if not is_torn(text):
-            found.append(json.loads(text))
-        elif number < len(lines):
-            raise InputError(f"{path}:{number}: is no record of a run")
-    return found
-
-
-def is_torn(text: bytes) -> bool:
-    """Return whether a last line without its end of line is but the beginning of a record."""
-    try:
-        return not isinstance(json.loads(text), dict)
-    except (ValueError, RecursionError):
-        return True
-
-
-def _mend(file: FileIO, path: Path) -> tuple[int, bool]:
-    """Cut a torn last line off a file that is locked; return the size that is left, and whether its last line ends."""
-    size = file.seek(0, os.SEEK_END)
-    if size == 0:
-        return 0, True
-    with mmap(file.fileno(), 0, access=ACCESS_READ) as text:
-        start = text.rfind(b"\n") + 1
-        if start == size or not is_torn(text[start:]):
-            return size, start == size
-    warnings.warn(f"{path}: the last line is torn, as of a run that was killed; it is removed", stacklevel=5)
-    file.truncate(start)
-    return start, True
+        try:
+            record = json.loads(text)
+        except (ValueError, RecursionError):
+            record = None
+        if not isinstance(record, dict):
+            raise InputError(f"{path}:{number}: is no record of a run; remove the line")
+        records.append(record)
+    return records
 
 
 def check_folder(path: str, told: str = "") -> None:
@@ -201,30 +158,31 @@ def folder(path: str) -> Iterator[Path]:
 
 
 def write_beside(path: Path, write: Callable[[Path], object]) -> None:
-    """Let ``write`` make a file beside ``path``, then rename it: the name never shows a half-written file.
+    """Let ``write`` make a file or folder beside ``path``, then rename it: nothing half-written ever has the name.
 
     Raises
     ------
     InputError
-        If the file cannot be written; what had its name before is then as it was, and nothing is left beside it.
+        If it cannot be written; what had its name before is then as it was, and nothing is left beside it.
     """
-    name = ""
+    beside = path.with_name(f".{uuid4().hex}{path.suffix}")
     try:
         # A device or a pipe would be no more.
-        if os.path.exists(path) and not os.path.isfile(path):
+        if os.path.exists(path) and not (os.path.isfile(path) or os.path.isdir(path)):
             raise OSError(errno.EINVAL, "it is no plain file")
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix)
-        os.close(handle)
-        write(Path(name))
-        open_to_all(Path(name), 0o666)
-        settle(Path(name))
-        os.replace(name, path)
-        _settle_names(path.parent)
+        write(beside)
+        for each in (beside, *beside.glob("*")):
+            handle = os.open(each, os.O_RDONLY)
+            # What a full disk did not take of a file may be known only now.
+            os.fsync(handle)
+            os.close(handle)
+        os.replace(beside, path)
     except OSError as problem:
         raise refusal(f"{path}: cannot be written", problem) from None
     finally:
-        if name:
-            Path(name).unlink(missing_ok=True)
+        with suppress(OSError):
+            beside.unlink()
+        shutil.rmtree(beside, ignore_errors=True)
 
 
 def write_whole(path: Path, content: bytes) -> None:
@@ -245,33 +203,6 @@ def refusal(what: str, problem: OSError) -> InputError:
     full = problem.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
     advice = "make room there, or name another" if full else "name another"
     return InputError(f"{what} ({problem.strerror or problem}); {advice}")
-
-
-def _settle_names(folder: Path) -> None:
-    """Have the disk take the names of files in a folder."""
-    handle = os.open(folder, os.O_RDONLY)
-    # Not every file system can, and the files themselves are there.
-    with suppress(OSError):
-        os.fsync(handle)
-    os.close(handle)
-
-
-def settle(path: Path) -> None:
-    """Have the disk take what was written to a file; raises `OSError` if it is full, even if the writer was silent."""
-    with open(path, "r+b") as file:
-        size = file.seek(0, os.SEEK_END)
-        # Some writers do not say that they came to the end of the disk, but there is then no room for another page.
-        file.write(bytes(_PAGE))
-        file.flush()
-        file.truncate(size)
-        os.fsync(file.fileno())
-
-
-def open_to_all(path: Path, mode: int) -> None:
-    """Give a file or folder made for its owner alone the mode that others have by the process's mask."""
-    mask = os.umask(0)
-    os.umask(mask)
-    os.chmod(path, mode & ~mask)
 
 
 def _plain(value: Any) -> Any:
