@@ -36,9 +36,7 @@ def test_what_a_file_says_is_varied_by_its_path(command, tmp_path):
         alone = command.record("run", file, "--set", f"{lift}={row[lift]}")
         assert [row[f"force[{k}]"] for k in range(3)] == sheet.cells(alone["force"])
         assert alone["options"]["support"]["upper"]["displacement"][2] == float(row[lift])
-        assert row["error_estimate"] == (
-            f"{alone['error_estimate']:.2g}" if "error_estimate" in alone else ""
-        )
+        assert row["error_estimate"] == (f"{alone['error_estimate']:.2g}" if "error_estimate" in alone else "")
     # Another file under the same name is another sweep.
     file.write_text(COIL.replace("nu = 0.3", "nu = 0.2"))
     assert "is of another sweep (file: " in command.refuses(*words)

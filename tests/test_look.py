@@ -114,7 +114,7 @@ def reach(image):
     return (high.mean() - low.mean()) / np.ptp(low)
 
 
-@pytest.mark.parametrize("cells", ["bezier", "linear"])
+@pytest.mark.parametrize("cells", ["curved", "linear"])
 def test_the_last_run_is_drawn_deformed(cells, model, tmp_path, capsys):
     kept(tmp_path / "results", model, [2.0], "statics", cells)
     file = tmp_path / "rod.png"

@@ -7,7 +7,7 @@ from conftest import straight
 from isorod import arc, circle
 from isorod.material import LinearElastic, NeoHookean
 from isorod.model import Body
-from isorod.output import bezier, skin, vtk
+from isorod.output import skin, vtk
 from isorod.space import Space
 
 pytest.importorskip("pyvista")
@@ -16,16 +16,16 @@ RADIUS, HEIGHT, ELEMENTS = 0.5, 6.0, 3
 
 
 def meshes(rod, law, **space):
-    """Return a rod at rest in small linear cells, and in those of Bezier cells."""
+    """Return a rod at rest in small linear cells, and in those of curved ones."""
     body = Body(Space(rod, elements=ELEMENTS, degree=3, **space), law)
     fields = {"displacement": np.zeros((body.space.nodes, 3))}
     return {
         "linear": vtk.grid(body, fields, around=64),
-        "bezier": bezier.in_small_cells(bezier.Cells(body, [fields]).grid(fields), 8),
+        "curved": vtk.small_cells(vtk.grid(body, fields, curved=True)),
     }
 
 
-@pytest.mark.parametrize("cells", ["linear", "bezier"])
+@pytest.mark.parametrize("cells", ["linear", "curved"])
 def test_a_rod_has_the_area_of_its_outside(cells):
     """Of a cylinder, with both its ends; what is between elements, and between the cells of one, is left out."""
     mesh = meshes(straight(4, radius=RADIUS, height=HEIGHT), NeoHookean(1.0, 0.3), section_degree=2)[cells]
@@ -37,7 +37,7 @@ def test_a_rod_has_the_area_of_its_outside(cells):
     assert found.whole.n_open_edges == 0
 
 
-@pytest.mark.parametrize("cells", ["linear", "bezier"])
+@pytest.mark.parametrize("cells", ["linear", "curved"])
 def test_a_tube_of_two_layers_has_an_inside(cells):
     rod = straight(4, radius=RADIUS, height=HEIGHT).with_rings([0.5, 0.8, 1.0])
     laws = [LinearElastic(1.0, 0.3), LinearElastic(2.0, 0.3)]
@@ -47,7 +47,7 @@ def test_a_tube_of_two_layers_has_an_inside(cells):
     assert found.faces.area == pytest.approx(exact, rel=5e-3)
 
 
-@pytest.mark.parametrize("cells", ["linear", "bezier"])
+@pytest.mark.parametrize("cells", ["linear", "curved"])
 def test_lines_are_where_elements_end(cells):
     """Of a straight rod at equal heights, all of them on its surface."""
     mesh = meshes(straight(4, radius=RADIUS, height=HEIGHT), NeoHookean(1.0, 0.3), section_degree=2)[cells]

@@ -84,10 +84,19 @@ def _more(parser: Parser, scene: Any) -> None:
     if analyses != ("geometry",):
         parser.add_argument(
             "--cells",
+            type=_cells,
             choices=CELLS,
             default="auto",
-            help="cells of these fields: rational Bezier, small linear ones, or chosen for each body (auto)",
+            help="cells of these fields: curved, small linear ones, or chosen for each body (auto)",
         )
+
+
+def _cells(text: str) -> str:
+    """Return the kind of cells by its name, which was another one for curved ones."""
+    if text == "bezier":
+        warnings.warn("--cells bezier: say curved, which they are", FutureWarning, stacklevel=2)
+        return "curved"
+    return text
 
 
 def _geometry(scene: Any, theirs: Sequence[str], found: argparse.Namespace) -> tuple[dict[str, Any], None]:

@@ -39,8 +39,6 @@ def written(times: ArrayLike) -> str:
 def save(pictures: "Iterable[Image]", path: Path) -> int:
     """Write pictures as an animation that begins anew at its end, and return their number.
 
-    All have the colours of the first one, whose scale has them all, so that they do not flicker.
-
     Raises
     ------
     InputError
@@ -48,11 +46,24 @@ def save(pictures: "Iterable[Image]", path: Path) -> int:
     """
     from PIL.Image import Dither
 
-    first, *others = (picture.convert("RGB") for picture in pictures)
-    palette = first.quantize(256)
-    frames = [picture.quantize(palette=palette, dither=Dither.NONE) for picture in others]
-    options: dict[str, Any] = {"duration": 1000 // A_SECOND, "loop": 0, "optimize": True}
-    write_beside(
-        path, lambda beside: palette.save(beside, format="GIF", save_all=True, append_images=frames, **options)
-    )
-    return 1 + len(frames)
+    palette = _palette()
+    first, *others = [one.convert("RGB").quantize(palette=palette, dither=Dither.NONE) for one in pictures]
+    told: dict[str, Any] = {"duration": 1000 // A_SECOND, "loop": 0, "optimize": True}
+    write_beside(path, lambda where: first.save(where, format="GIF", save_all=True, append_images=others, **told))
+    return 1 + len(others)
+
+
+def _palette() -> "Image":
+    """Return an image with one palette for all frames, so that colours do not flicker.
+
+    The scale's, also darker as lines upon it make them, and greys.
+    """
+    from matplotlib import colormaps
+    from PIL import Image
+
+    scale = colormaps["turbo"](np.linspace(0.0, 1.0, 44))[:, :3]
+    shades = np.concatenate([scale * shade for shade in (1.0, 0.87, 0.72, 0.55, 0.35)])
+    greys = np.linspace(0.0, 1.0, 36)[:, None] * np.ones(3)
+    image = Image.new("P", (1, 1))
+    image.putpalette(np.round(255.0 * np.concatenate([shades, greys])).astype(np.uint8).tobytes())
+    return image

@@ -1,11 +1,10 @@
 """A results folder: the records of its runs, and the files they name."""
 
-import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from itertools import chain, count
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
@@ -14,9 +13,6 @@ from isorod.arrays import Array
 from isorod.model.body import Body
 from isorod.output import results, vtk
 from isorod.output.words import STRESS_ERROR
-
-if TYPE_CHECKING:
-    from isorod.output.bezier import Cells
 
 RECORDS = "results.jsonl"
 
@@ -74,8 +70,8 @@ def add(
     curves
         Numbers by their names, a row each.
     cells
-        One of `isorod.output.words.CELLS`; ``"auto"`` are Bezier cells where functions across the section are
-        polynomials that few patches show, and nothing touches the body, else linear ones.
+        One of `isorod.output.words.CELLS`; ``"auto"`` are linear cells where there is contact pressure, else curved
+        ones.
 
     Returns
     -------
@@ -124,29 +120,13 @@ def _contents(
     body: Body, states: Sequence[Frame], number: int, cells: str, stress_error: float | None
 ) -> Iterator[bytes]:
     """Yield the ``.vtu`` file of a body in each state."""
-    fields = [state.fields[number] for state in states]
-    bezier = _bezier(body, fields, cells)
-    for state, one in zip(states, fields, strict=True):
-        mesh = vtk.grid(body, one, factor=state.factor) if bezier is None else bezier.grid(one, state.factor)
+    touched = any("contact_pressure" in state.fields[number] for state in states)
+    curved = cells == "curved" or (cells == "auto" and not touched)
+    for state in states:
+        mesh = vtk.grid(body, state.fields[number], factor=state.factor, curved=curved)
         if stress_error is not None and state is states[-1]:
             mesh.field_data[STRESS_ERROR] = [stress_error]
         yield vtk.content(mesh)
-
-
-def _bezier(body: Body, fields: Sequence[Mapping[str, Array]], cells: str) -> "Cells | None":
-    """Return the Bezier cells of a body with all its fields, None where linear ones are asked for or suit better."""
-    from isorod.output.bezier import MOST, Cells
-    from isorod.space.polynomial import Polynomials
-
-    if cells != "auto":
-        return Cells(body, fields) if cells == "bezier" else None
-    if not isinstance(body.space.basis, Polynomials) or any("contact_pressure" in one for one in fields):
-        return None
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        # One more than are wanted says that there are too many.
-        found = Cells(body, fields, MOST + 1)
-    return found if len(found.patches.patches) <= MOST else None
 
 
 def _collection(entries: Sequence[tuple[float, int, str]]) -> bytes:
@@ -175,10 +155,10 @@ def _table(curves: Mapping[str, Array]) -> bytes:
 def _free_name(folder: Path, scene: str, bodies: int) -> str:
     """Return a name for the files of a run that begins no name of the folder's, nor of a record's."""
     taken = {path.name for path in folder.iterdir()}
-    records = (folder / RECORDS).read_text() if RECORDS in taken else ""
+    records = results.content(folder / RECORDS)
     for run in chain([scene], (f"{scene}-run{number}" for number in count(2))):
         names = [f"{run}-frames", f"{run}.pvd", f"{run}.csv", *(f"{run}-{b}.vtu" for b in range(bodies))]
         # A file that was moved elsewhere still has the name that its record says.
-        if not any(name in taken or f'"{name}' in records for name in names):
+        if not any(name in taken or f'"{name}'.encode() in records for name in names):
             break
     return run

@@ -8,14 +8,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
-import numpy as np
-
 from isorod.errors import InputError
-from isorod.output import bezier, results
+from isorod.output import results, vtk
 from isorod.output.folder import RECORDS
-
-# Small cells in which curved ones of a body are shown, about.
-_CELLS = 100_000
 
 
 class Step(NamedTuple):
@@ -152,8 +147,7 @@ def mesh(path: Path) -> Any:
     found = pyvista.wrap(reader.GetOutput())
     if not found.n_cells:
         raise InputError(f"{path}: no cells can be read from it; need a .vtu file of isorod's")
-    parts = int(np.clip((_CELLS / found.n_cells) ** (1.0 / 3.0), 2, 8))
-    return bezier.in_small_cells(found, parts)
+    return vtk.small_cells(found)
 
 
 @contextmanager

@@ -88,14 +88,19 @@ def locked(folder: Path) -> Iterator[None]:
         os.close(handle)
 
 
-def add(path: Path, text: str) -> None:
-    """Add a line to a file in a folder that is `locked`: written anew, then renamed, so that no line is ever torn."""
+def content(path: Path) -> bytes:
+    """Return what is in a file that is to be written anew, nothing where there is none; raises `InputError`."""
     try:
-        before = path.read_bytes()
+        return path.read_bytes()
     except FileNotFoundError:
-        before = b""
+        return b""
     except OSError as problem:
         raise refusal(f"{path}: cannot be written", problem) from None
+
+
+def add(path: Path, text: str) -> None:
+    """Add a line to a file in a folder that is `locked`: written anew, then renamed, so that no line is ever torn."""
+    before = content(path)
     separator = b"" if before.endswith(b"\n") or not before else b"\n"
     write_whole(path, before + separator + text.encode() + b"\n")
 

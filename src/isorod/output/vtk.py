@@ -1,19 +1,21 @@
 """Fields on a rod as VTK files."""
 
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from importlib.util import find_spec
 from itertools import pairwise
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from isorod import memory
-from isorod.arrays import Array
+from isorod.arrays import Array, Index
 from isorod.errors import InputError
 from isorod.model.body import Body
 from isorod.output import stress
-from isorod.output.results import write_whole
+from isorod.space.graded import Graded
+from isorod.space.polyharmonic import Polyharmonic
 
 if TYPE_CHECKING:
     import pyvista
@@ -21,6 +23,9 @@ if TYPE_CHECKING:
 
 # Lines that contact may add round the section, and along an element, at most.
 _MOST = 100
+
+# Degree of curved cells in each direction, how many are along an element, and round the section at least.
+_DEGREE, _ALONG, _ROUND = 4, 2, 8
 
 # Memory for a point with its stress, bytes.
 _BYTES = 900.0
@@ -36,7 +41,13 @@ def require(what: str = "VTK files") -> None:
 
 
 def grid(
-    body: Body, fields: Mapping[str, Array], rings: int = 4, around: int = 32, slices: int = 6, factor: float = 1.0
+    body: Body,
+    fields: Mapping[str, Array],
+    rings: int = 4,
+    around: int = 32,
+    slices: int = 6,
+    factor: float = 1.0,
+    curved: bool = False,
 ) -> "pyvista.UnstructuredGrid":
     """Return the undeformed rod as small cells, vector fields as point data, ``von_mises`` beside ``displacement``.
 
@@ -55,6 +66,10 @@ def grid(
         Cells along the radius (one a ring at least), round the section and along an element.
     factor
         Load factor of the stress, which a muscle's activation follows.
+    curved
+        Make fewer cells that interpolate by polynomials of degree 4 (VTK's Lagrange hexahedra; Cauchy's stress with
+        them, ``cauchy``, six components in VTK's order): two along an element, one a ring, and round the section eight
+        or more, with edges where the outline's arcs meet.
 
     Raises
     ------
@@ -64,15 +79,22 @@ def grid(
     require()
     import pyvista
 
+    degree = _DEGREE if curved else 1
     touched = fields.get("contact_pressure", np.empty((0, 4)))
-    angles = _with(np.linspace(0.0, 2.0 * np.pi, around, endpoint=False), _touched(touched, 1) % (2.0 * np.pi))
-    xi, cells = _disk(body.space.rod.rings, rings, angles)
+    if curved:
+        angles, slices = _curved_angles(body), _ALONG * degree
+    else:
+        angles = _with(np.linspace(0.0, 2.0 * np.pi, around, endpoint=False), _touched(touched, 1) % (2.0 * np.pi))
+    bounds = body.space.rod.rings
+    xi, numbers = _disk(bounds, [degree if curved else max(1, round(rings * w)) for w in np.diff(bounds)], angles)
     axis = body.space.axis
     lines = []
     for low, high in pairwise(axis.breaks):
-        places = _touched(touched, 0)
-        inside = np.abs(places - 0.5 * (low + high)) < (0.5 - _CLOSE) * (high - low)
-        line = _with(np.linspace(low, high, slices + 1), places[inside])
+        line = np.linspace(low, high, slices + 1)
+        if not curved:
+            places = _touched(touched, 0)
+            inside = np.abs(places - 0.5 * (low + high)) < (0.5 - _CLOSE) * (high - low)
+            line = _with(line, places[inside])
         # Stay inside the element: at a knot the next one would be meant.
         line[-1] -= 1e-9 * (high - low)
         lines.append(line)
@@ -80,10 +102,11 @@ def grid(
     memory.ask((_BYTES + 24.0 * len(fields)) * u.size * len(xi), f"a .vtu file of {u.size * len(xi):,} points")
     points, _ = body.space.rod.grid(xi, u)
 
-    below = np.delete(np.arange(u.size), np.cumsum([line.size for line in lines]) - 1)
-    lower = cells[None, :, :] + xi.shape[0] * below.reshape(-1, 1, 1)
-    corners = np.concatenate([lower, lower + xi.shape[0]], axis=2).reshape(-1, 8)
-    mesh = pyvista.UnstructuredGrid({pyvista.CellType.HEXAHEDRON: corners}, points.reshape(-1, 3))
+    cells = _cells(numbers, [line.size for line in lines], len(xi), degree)
+    kind = pyvista.CellType.LAGRANGE_HEXAHEDRON if curved else pyvista.CellType.HEXAHEDRON
+    mesh = pyvista.UnstructuredGrid(
+        np.insert(cells, 0, cells.shape[1], axis=1).ravel(), np.full(len(cells), kind), points.reshape(-1, 3)
+    )
     pressure = fields.get("pressure")
     for name, nodal in fields.items():
         if name == "contact_pressure":
@@ -95,9 +118,71 @@ def grid(
         if name == "displacement":
             cauchy = stress.cauchy(body, nodal, xi, u, factor, pressure)
             mesh.point_data["von_mises"] = stress.von_mises(cauchy).ravel()
+            if curved:
+                mesh.point_data["cauchy"] = cauchy[..., [0, 1, 2, 0, 1, 0], [0, 1, 2, 1, 2, 2]].reshape(-1, 6)
             if pressure is not None:
                 mesh.point_data["mean_stress"] = np.trace(cauchy, axis1=-2, axis2=-1).ravel() / 3.0
     return mesh
+
+
+def small_cells(mesh: "pyvista.UnstructuredGrid") -> "pyvista.UnstructuredGrid":
+    """Return Lagrange hexahedra of one degree as the linear ones between their points; other cells as they are."""
+    import pyvista
+
+    if not mesh.n_cells or (mesh.celltypes != pyvista.CellType.LAGRANGE_HEXAHEDRON).any():
+        return mesh
+    cells = mesh.cell_connectivity.reshape(mesh.n_cells, -1)
+    degree = round(cells.shape[1] ** (1.0 / 3.0)) - 1
+    lattice = np.empty(cells.shape[1], dtype=np.int64)
+    lattice[_order(degree)] = np.arange(lattice.size)
+    small = _windows(lattice.reshape(3 * (degree + 1,)), 1).reshape(-1, 8)[:, _order(1)]
+    found = pyvista.UnstructuredGrid({pyvista.CellType.HEXAHEDRON: cells[:, small].reshape(-1, 8)}, mesh.points)
+    for kept, given in ((found.point_data, mesh.point_data), (found.field_data, mesh.field_data)):
+        for name, values in given.items():
+            kept[name] = values
+    return found
+
+
+def _curved_angles(body: Body) -> Array:
+    """Return angles of points of curved cells, whose edges are where arcs of the outline or of functions meet."""
+    space = body.space
+    if isinstance(space.basis, Graded):
+        joints = space.basis.joints
+    else:
+        several = isinstance(space.basis, Polyharmonic)
+        n, turn = (space.points_around, space.turn) if several else (space.rod.section_points, 0.0)
+        joints = turn + 2.0 * np.pi / n * (np.arange(n + 1) - 0.5)
+    parts = _DEGREE * -(-_ROUND // (len(joints) - 1))
+    return np.concatenate([np.linspace(low, high, parts, endpoint=False) for low, high in pairwise(joints)])
+
+
+def _windows(lattice: Index, degree: int) -> Index:
+    """Return the numbers ``(cells, degree + 1, ...)`` of points of cells in a lattice of numbers of any dimension."""
+    shape = (degree + 1,) * lattice.ndim
+    steps = (slice(None, None, degree),) * lattice.ndim
+    return sliding_window_view(lattice, shape)[steps].reshape(-1, *shape)
+
+
+@lru_cache
+def _order(degree: int) -> Index:
+    """Return which point of the lattice ``(i, j, k)`` of a hexahedron each of VTK's is."""
+    from vtkmodules.vtkCommonDataModel import vtkHigherOrderHexahedron
+
+    order = 3 * [degree]
+    lattice = np.ndindex(degree + 1, degree + 1, degree + 1)
+    return np.argsort([vtkHigherOrderHexahedron.PointIndexFromIJK(i, j, k, order) for i, j, k in lattice])
+
+
+def _cells(numbers: Sequence[Index], sizes: Sequence[int], count: int, degree: int) -> Index:
+    """Return the points of all cells: of each ring of the section, between slices of each element."""
+    around = [np.concatenate([ring, ring[:, :1]], axis=1) for ring in numbers]
+    section = np.concatenate([_windows(ring, degree) for ring in around])
+    below = np.concatenate([np.arange(0, m - 1, degree) for m in sizes]) + np.repeat(
+        np.cumsum([0, *sizes[:-1]]), [(m - 1) // degree for m in sizes]
+    )
+    layers = below[:, None] + np.arange(degree + 1)
+    cells = section[None, ..., None] + count * layers[:, None, None, None, :]
+    return np.asarray(cells.reshape(-1, (degree + 1) ** 3)[:, _order(degree)])
 
 
 def _touched(points: Array, which: int) -> Array:
@@ -146,11 +231,6 @@ def _contact_pressure(points: Array, xi: Array, u: Array) -> Array:
     return found
 
 
-def write(body: Body, fields: Mapping[str, Array], path: Path) -> None:
-    """Write the fields of `grid` to a ``.vtu`` file; raises `InputError` if it cannot be written."""
-    write_whole(path, content(grid(body, fields)))
-
-
 def content(mesh: "pyvista.UnstructuredGrid") -> bytes:
     """Return what the ``.vtu`` file of a mesh holds."""
     from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
@@ -163,26 +243,18 @@ def content(mesh: "pyvista.UnstructuredGrid") -> bytes:
     return str(writer.GetOutputString()).encode()
 
 
-def _disk(bounds: Sequence[float], rings: int, angle: Array) -> tuple[Array, np.ndarray]:
-    """Return points and quadrilaterals of the rings of the disk; those at its centre have one corner twice."""
-    around = angle.size
+def _disk(bounds: Sequence[float], parts: Sequence[int], angle: Array) -> tuple[Array, list[Index]]:
+    """Return points of the rings of the disk, and their numbers ``(radii, angles)`` ring by ring; one is its centre."""
     circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    here = np.arange(around)
-    following = (here + 1) % around
     points: list[Array] = []
-    cells = []
+    numbers = []
     count = 0
-    for inner, outer in pairwise(bounds):
+    for (inner, outer), n in zip(pairwise(bounds), parts, strict=True):
         # Stay inside the ring: where two meet the outer one would be meant.
-        last = outer if outer == bounds[-1] else outer * (1.0 - 1e-9)
-        radius = np.linspace(inner, last, max(1, round(rings * (outer - inner))) + 1)
-        if inner == 0.0:
-            points.append(np.zeros((1, 2)))
-            cells.append(np.stack([np.zeros_like(here), 1 + here, 1 + following, np.zeros_like(here)], axis=1))
-            radius, count = radius[1:], 1
-        points.append((radius[:, None, None] * circle).reshape(-1, 2))
-        for k in range(radius.size - 1):
-            low = count + k * around
-            cells.append(np.stack([low + here, low + around + here, low + around + following, low + following], axis=1))
-        count += radius.size * around
-    return np.concatenate(points), np.concatenate(cells)
+        radius = np.linspace(inner, outer if outer == bounds[-1] else outer * (1.0 - 1e-9), n + 1)
+        centre = [np.zeros((1, 2))] if inner == 0.0 else []
+        points += [*centre, (radius[len(centre) :, None, None] * circle).reshape(-1, 2)]
+        rows = count + len(centre) + np.arange((n + 1 - len(centre)) * angle.size).reshape(-1, angle.size)
+        numbers.append(np.concatenate([np.full((len(centre), angle.size), count), rows]))
+        count = int(rows[-1, -1]) + 1
+    return np.concatenate(points), numbers

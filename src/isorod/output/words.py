@@ -2,8 +2,8 @@
 
 from typing import Literal
 
-# Kinds of cells in files: what suits a body, rational Bezier cells (`isorod.output.bezier`), many small linear ones.
-CELLS = "auto", "bezier", "linear"
+# Kinds of cells in files: what suits a body, those of degree 4 (`isorod.output.vtk.grid`), many small linear ones.
+CELLS = "auto", "curved", "linear"
 
 # Of Cauchy's stress: von Mises, the largest and the smallest principal stress, components in space, and through the
 # section: normal to it, and the size of the shear in it.
