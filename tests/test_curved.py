@@ -72,10 +72,10 @@ def read(body, mesh):
         cell, place, weights = mesh.GetCell(number), [0.0] * 3, [0.0] * 125
         cell.EvaluateLocation(reference(0), at, place, weights)
         ids = [cell.GetPointId(k) for k in range(125)]
-        half, across = divmod(number, round_it * (len(rings) - 1))
+        third, across = divmod(number, round_it * (len(rings) - 1))
         ring, k = divmod(across, round_it)
-        element, side = divmod(half, 2)
-        u = breaks[element] + 0.5 * (side + at[2]) * (breaks[element + 1] - breaks[element])
+        element, side = divmod(third, 3)
+        u = breaks[element] + (side + at[2]) / 3.0 * (breaks[element + 1] - breaks[element])
         angle = angles[4 * k] + at[1] * (angles[4 * k + 4] - angles[4 * k])
         radius = rings[ring] + at[0] * (rings[ring + 1] - rings[ring])
         xi = radius * np.array([[np.cos(angle), np.sin(angle)]])
@@ -133,7 +133,7 @@ def test_a_closed_rod_ends_where_it_begins():
     space, nodal = closed()
     mesh = vtk.grid(Body(space, LinearElastic(1.0, 0.3)), {"motion": nodal}, curved=True)
     for values in (mesh.points, mesh.point_data["motion"]):
-        layers = np.reshape(values, (8 * 9, -1, 3))
+        layers = np.reshape(values, (8 * 13, -1, 3))
         assert np.abs(layers[0] - layers[-1]).max() < 1e-6
 
 

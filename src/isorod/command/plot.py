@@ -178,9 +178,6 @@ def _prepare(mesh: Any, motion: str, colour: str) -> None:
     """Give a mesh its ``motion`` and the ``colour``, and nothing else; not a number where it has none."""
     fields = {name: np.asarray(values, dtype=float) for name, values in mesh.point_data.items()}
     values = fields.get(colour, np.full(mesh.n_points, np.nan))
-    if colour == "von_mises":
-        # Polynomials of the files may go below.
-        values = np.maximum(values, 0.0)
     if motion.startswith("mode_"):
         # Of a mode about an equilibrium that is what moves.
         mesh.points += fields.get("displacement", 0.0)

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 _MOST = 100
 
 # Degree of curved cells in each direction, how many are along an element, and round the section at least.
-_DEGREE, _ALONG, _ROUND = 4, 2, 8
+_DEGREE, _ALONG, _ROUND = 4, 3, 8
 
 # Memory for a point with its stress, bytes.
 _BYTES = 900.0
@@ -68,7 +68,7 @@ def grid(
         Load factor of the stress, which a muscle's activation follows.
     curved
         Make fewer cells that interpolate by polynomials of degree 4 (VTK's Lagrange hexahedra; Cauchy's stress with
-        them, ``cauchy``, six components in VTK's order): two along an element, one a ring, and round the section eight
+        them, ``cauchy``, six components in VTK's order): three along an element, one a ring, and round the section eight
         or more, with edges where the outline's arcs meet.
 
     Raises
