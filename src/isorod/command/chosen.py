@@ -46,7 +46,7 @@ def choose(command: str, ours: Sequence[str], theirs: Sequence[str], more: More)
     place, scene, parser = find(command, ours, theirs, more)
     words = [*ours[:place], *ours[place + 1 :]]
     found = parser.known(words)
-    return Chosen(_told(scene, found), found, words)
+    return Chosen(_typed(scene, found), found, words)
 
 
 def usage(command: str, ours: Sequence[str], theirs: Sequence[str]) -> bool:
@@ -81,7 +81,7 @@ def find(command: str, ours: Sequence[str], theirs: Sequence[str], more: More) -
     raise InputError(f"scene missing; known: {names}; put it first: isorod {command} SCENE {[*ours, *theirs][0]}")
 
 
-def _told(scene: Any, found: argparse.Namespace) -> Any:
+def _typed(scene: Any, found: argparse.Namespace) -> Any:
     """Return the scene of a class, or that of a file, with the options that were typed."""
     if isinstance(scene, type):
         return scene(**field_values(found, scene))
@@ -96,9 +96,9 @@ def _is_scene(word: str) -> bool:
 
 def _parser(command: str, name: str, scene: Any, more: More) -> Parser:
     """Return the parser of the fields of a scene class, or of a file's scene, and of a command's own options."""
-    said = first_line(scene) if isinstance(scene, type) else scene.title
+    description = first_line(scene) if isinstance(scene, type) else scene.title
     about = None if command in _ALONE else PETSC
-    parser = Parser(prog=f"isorod {command} {name}", description=said, epilog=about, allow_abbrev=False)
+    parser = Parser(prog=f"isorod {command} {name}", description=description, epilog=about, allow_abbrev=False)
     if isinstance(scene, type) or scene.analysis != "geometry":
         add_fields(parser, scene)
     more(parser, scene)

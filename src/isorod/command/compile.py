@@ -23,19 +23,19 @@ def main() -> int:
     if any(not kernel.kept and not kernel.lasting for kernel in kernels):
         raise InputError(f"compile: {compiling.HINT}")
     _make_laws()
-    wanted = [kernel for kernel in kernels if not kernel.kept]
+    missing = [kernel for kernel in kernels if not kernel.kept]
     compiling.NOTICE.time = "about a minute"
     other = compiling.share()
-    for kernel in wanted:
+    for kernel in missing:
         # The other process comes from the end.
         if not kernel.kept:
             kernel.ready()
     if other is not None:
         other.wait()
     seconds = perf_counter() - start
-    there = len(kernels) - len(wanted)
+    there = len(kernels) - len(missing)
     print(
-        f"isorod: {len(wanted)} functions compiled in {seconds:.0f} s, {there} cached before; "
+        f"isorod: {len(missing)} functions compiled in {seconds:.0f} s, {there} cached before; "
         f"kept in {compiling.place(kernels[0])}"
     )
     return 0

@@ -28,12 +28,12 @@ def add_options(parser: Parser) -> None:
 
 
 def prepare(command: str, found: argparse.Namespace, files: tuple[str, ...] = ("png",), curves: bool = False) -> bool:
-    """Return whether a window is wanted; raise `InputError` where nothing can be drawn, before anything is computed.
+    """Return whether a window opens, as no file is named; raise `InputError` where nothing can be drawn.
 
     ``files`` are the options that name one in its place; ``curves`` are drawn without pyvista.
     """
-    wanted = [name for name in files if getattr(found, name) is not None]
-    for name in wanted:
+    named = [name for name in files if getattr(found, name) is not None]
+    for name in named:
         path = Path(getattr(found, name))
         if not os.path.isdir(path.absolute().parent) or (os.path.exists(path) and not os.path.isfile(path)):
             reason = "it is no plain file" if os.path.exists(path) else "there is no such folder"
@@ -43,9 +43,9 @@ def prepare(command: str, found: argparse.Namespace, files: tuple[str, ...] = ("
         picture.check_size(found.size, command)
     else:
         picture.check(found.view, found.size, command)
-    if not wanted:
+    if not named:
         picture.need_display("--png FILE")
-    return not wanted
+    return not named
 
 
 def _view(text: str) -> tuple[float, ...]:

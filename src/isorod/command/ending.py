@@ -100,9 +100,9 @@ def fail(program: str, message: str) -> int:
 
 def rank() -> int:
     """Return the number of this rank, also before MPI has started."""
-    told = next((os.environ[name] for name in _RANK if name in os.environ), None)
+    number = next((os.environ[name] for name in _RANK if name in os.environ), None)
     world = getattr(sys.modules.get("petsc4py.PETSc"), "COMM_WORLD", None)
-    return int(told or (world.getRank() if world else 0))
+    return int(number or (world.getRank() if world else 0))
 
 
 def _launched() -> bool:
@@ -179,9 +179,9 @@ def _die(number: int) -> None:
 
 def _say(program: str, message: str) -> None:
     # What is quoted of the input may have line ends, or be of any length; and nobody may listen.
-    said = " ".join(one if len(one) <= _LONGEST else f"{one[: _LONGEST // 2]}..." for one in message.split())
+    text = " ".join(one if len(one) <= _LONGEST else f"{one[: _LONGEST // 2]}..." for one in message.split())
     with suppress(OSError):
-        print(f"{program}: {said}", file=sys.stderr, flush=True)
+        print(f"{program}: {text}", file=sys.stderr, flush=True)
 
 
 def _discard_output() -> None:

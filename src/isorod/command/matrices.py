@@ -28,9 +28,9 @@ def main(ours: Sequence[str], theirs: Sequence[str]) -> int:
         matrices = _matrices(scene, found)
         refuse_unused()
         if ending.rank() == 0:
-            said = matrix_files.write(matrices, found.output, origin(scene))
+            readme = matrix_files.write(matrices, found.output, origin(scene))
             notes.show()
-            print(_summary(said, found.output))
+            print(_summary(readme, found.output))
     return 0
 
 
@@ -58,16 +58,16 @@ def _matrices(scene: Any, found: argparse.Namespace) -> Any:
     from isorod.output.matrices import matrices
 
     # What a file says of its analysis is read before anything is solved.
-    said = scene.settings()
-    lumped = found.mass == "lumped" or (found.mass is None and bool(said.get("lumped")))
+    settings = scene.settings()
+    lumped = found.mass == "lumped" or (found.mass is None and bool(settings.get("lumped")))
     with scene.told():
         model = scene.model()
         if scene.analysis == "dynamics":
-            model = model.in_motion(said.get("integrator", "explicit"))
-        if scene.analysis == "modal" and not (found.at_rest or said.get("at_rest")):
+            model = model.in_motion(settings.get("integrator", "explicit"))
+        if scene.analysis == "modal" and not (found.at_rest or settings.get("at_rest")):
             from isorod.modal import loaded
 
-            steps = getattr(found, "load_steps", None) or said.get("load_steps", 1)
+            steps = getattr(found, "load_steps", None) or settings.get("load_steps", 1)
             return matrices(model, loaded.find(model, steps), lumped)
         if scene.analysis != "statics" or found.at_rest:
             return matrices(model, None, lumped)
@@ -80,13 +80,13 @@ def _matrices(scene: Any, found: argparse.Namespace) -> Any:
     return solution.matrices(lumped)
 
 
-def _summary(said: dict[str, Any], folder: str) -> str:
+def _summary(readme: dict[str, Any], folder: str) -> str:
     """Return in words what was written."""
-    entries = "; ".join(f"{name} of {count:,} entries" for name, count in said["entries"].items())
-    mass = "" if "mass" in said["entries"] else f"; mass {said['mass']}"
-    names = ", ".join(name for name in said["files"] if not name.endswith(".csv"))
+    entries = "; ".join(f"{name} of {count:,} entries" for name, count in readme["entries"].items())
+    mass = "" if "mass" in readme["entries"] else f"; mass {readme['mass']}"
+    names = ", ".join(name for name in readme["files"] if not name.endswith(".csv"))
     return (
-        f"{said['unknowns']:,} unknowns ({said['degrees_of_freedom']:,} degrees of freedom), about {said['about']}; "
-        f"{entries}{mass}\n"
+        f"{readme['unknowns']:,} unknowns ({readme['degrees_of_freedom']:,} degrees of freedom), "
+        f"about {readme['about']}; {entries}{mass}\n"
         f"written to {folder}: {names}, each as .mtx, .bin and .npz or .npy; README.json says what they are"
     )

@@ -27,14 +27,14 @@ def main(name: str, origin: str) -> int:
     path = Path(name)
     if path.suffix != ".toml" or path.stem.startswith("-"):
         raise InputError(f"{name}: need a name that ends in .toml")
-    wanted = {path: _FOLDER / f"{origin}.toml"}
-    wanted |= {path.parent / file.name: file for file in _FOLDER.glob(f"{origin}.*") if file.suffix != ".toml"}
-    there = next((one for one in wanted if os.path.lexists(one)), None)
+    copies = {path: _FOLDER / f"{origin}.toml"}
+    copies |= {path.parent / file.name: file for file in _FOLDER.glob(f"{origin}.*") if file.suffix != ".toml"}
+    there = next((one for one in copies if os.path.lexists(one)), None)
     if there is not None:
         raise InputError(f"{there}: is there already, and is not overwritten; name another")
     written: list[Path] = []
     try:
-        for one, file in wanted.items():
+        for one, file in copies.items():
             with open(one, "xb") as handle:
                 written.append(one)
                 handle.write(file.read_bytes())
@@ -42,5 +42,5 @@ def main(name: str, origin: str) -> int:
         for one in written:
             one.unlink()
         raise refusal(f"{path}: cannot be written", problem) from None
-    print(f"{' and '.join(map(str, wanted))} written; now: isorod run {path}")
+    print(f"{' and '.join(map(str, copies))} written; now: isorod run {path}")
     return 0

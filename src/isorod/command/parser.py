@@ -67,7 +67,7 @@ class Parser(argparse.ArgumentParser):
 
 def add_fields(parser: argparse.ArgumentParser, scene_type: Any) -> None:
     """Make each field of a scene a ``--long-option``; true or false ones (false where not given) take no value."""
-    for field in _told(scene_type):
+    for field in _options(scene_type):
         kind: Any = field.type
         if isinstance(kind, types.UnionType):
             kind = typing.get_args(kind)[0]
@@ -81,10 +81,10 @@ def add_fields(parser: argparse.ArgumentParser, scene_type: Any) -> None:
 
 def field_values(found: argparse.Namespace, scene_type: Any) -> dict[str, Any]:
     """Return a scene's fields as parsed."""
-    return {field.name: getattr(found, field.name) for field in _told(scene_type)}
+    return {field.name: getattr(found, field.name) for field in _options(scene_type)}
 
 
-def _told(scene_type: Any) -> list[dataclasses.Field[Any]]:
+def _options(scene_type: Any) -> list[dataclasses.Field[Any]]:
     """Return those fields of a scene, or of its class, that are options."""
     return [field for field in dataclasses.fields(scene_type) if "help" in field.metadata]
 

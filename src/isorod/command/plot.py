@@ -113,8 +113,8 @@ def _frames(
         words = [f"{result.name}\nmode {number}{_frequency(result, number)}"] * len(steps)
     elif len(result.steps) > 1:
         what = "load factor" if result.analysis == "statics" else "time"
-        told = animation.written([step.time for step in result.steps])
-        words = [f"{result.name}\n{what} {step.time:{told}}" for step in steps]
+        digits = animation.written([step.time for step in result.steps])
+        words = [f"{result.name}\n{what} {step.time:{digits}}" for step in steps]
     if modes and found.gif and motion.replace("mode", "quarter") in meshes[-1][0].point_data:
         meshes = [[_whirled(mesh, motion, *shares) for mesh in meshes[-1]] for shares in animation.quarters()]
         words = words[-1:] * len(meshes)
@@ -125,7 +125,7 @@ def _frames(
     scale = _scale(found.scale, meshes, bool(modes))
     if scale != 1.0 and not modes:
         words = [f"{one}\ndisplacements x {scale:.3g}" for one in words]
-    frames = [picture.Frame(one, said, note=note) for one, said, note in zip(meshes, words, notes, strict=True)]
+    frames = [picture.Frame(one, text, note=note) for one, text, note in zip(meshes, words, notes, strict=True)]
     if found.gif is not None and len(frames) == 1:
         if not modes:
             raise InputError(f"--gif: {result.name} has a single state, nothing to animate; use --png")

@@ -70,7 +70,7 @@ def _more(parser: Parser, scene: Any) -> None:
     parser.add_argument("--output", metavar="FILE.csv", help="write both matrices into this file")
 
 
-def _rod(scene: Any, wanted: str | None) -> "tuple[str, Body]":
+def _rod(scene: Any, requested: str | None) -> "tuple[str, Body]":
     """Return the name and the body of the rod that is meant."""
     if scene.analysis == "geometry":
         raise InputError("section: this scene is geometry alone, without the laws that a stiffness needs")
@@ -78,13 +78,13 @@ def _rod(scene: Any, wanted: str | None) -> "tuple[str, Body]":
     with scene.told():
         bodies = scene.model().bodies
     names = scene.rod_names() or [str(k) for k in range(len(bodies))]
-    if wanted is None:
+    if requested is None:
         return names[0], bodies[0]
-    if wanted in names:
-        return wanted, bodies[names.index(wanted)]
-    if wanted.isdecimal() and int(wanted) < len(bodies):
-        return names[int(wanted)], bodies[int(wanted)]
-    raise InputError(f"--rod: got {wanted!r}, need one of {', '.join(names)}")
+    if requested in names:
+        return requested, bodies[names.index(requested)]
+    if requested.isdecimal() and int(requested) < len(bodies):
+        return names[int(requested)], bodies[int(requested)]
+    raise InputError(f"--rod: got {requested!r}, need one of {', '.join(names)}")
 
 
 def _parameter(text: str) -> str | float:

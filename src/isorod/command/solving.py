@@ -70,7 +70,7 @@ def _solve_closer(scene: Any, model: Any, analyse: Callable[..., Any], settings:
     Each begins where the one before ended.  Warnings are those of the solution that is returned: of the last but one,
     and one more, where the last fails.
     """
-    solution, said = _heard(analyse, model, settings)
+    solution, warned = _heard(analyse, model, settings)
     for _ in range(CLOSER):
         try:
             closer = scene.closer(solution)
@@ -78,23 +78,23 @@ def _solve_closer(scene: Any, model: Any, analyse: Callable[..., Any], settings:
                 break
             model = closer.model()
             start = start_at(solution, model)
-            solution, said = _heard(analyse, model, {**settings, "start": start})
+            solution, warned = _heard(analyse, model, {**settings, "start": start})
         except (InputError, SolveError) as problem:
             warnings.warn(
                 f"local refinement of small contact patches failed, results are without it: {problem}",
                 stacklevel=3,
             )
             break
-    for one in said:
+    for one in warned:
         warnings.warn(str(one.message), one.category, stacklevel=3)
     return solution
 
 
 def _heard(analyse: Callable[..., Any], model: Any, settings: Mapping[str, Any]) -> tuple[Any, list[Any]]:
     """Return a solution and what it warns of."""
-    with warnings.catch_warnings(record=True) as said:
+    with warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("always")
-        return analyse(model, **settings), said
+        return analyse(model, **settings), warned
 
 
 def start_at(solution: Any, model: Any) -> Any:

@@ -177,7 +177,7 @@ def _solve(number: int, point: grid.Point, theirs: Sequence[str]) -> dict[str, A
     from isorod.output import results
 
     about: dict[str, Any] = {"point": number, "values": point.values}
-    with warnings.catch_warnings(record=True) as said:
+    with warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("always")
         try:
             with options.petsc_errors():
@@ -193,7 +193,7 @@ def _solve(number: int, point: grid.Point, theirs: Sequence[str]) -> dict[str, A
             kind = "refused" if isinstance(problem, InputError) else "failed"
             about["status"] = f"{kind}: {' '.join(str(problem).split())}"
             record = {**results.provenance(), "petsc_options": " ".join(theirs)}
-    about["warnings"] = list(dict.fromkeys(" ".join(str(one.message).split()) for one in said))
+    about["warnings"] = list(dict.fromkeys(" ".join(str(one.message).split()) for one in warned))
     return record | {"sweep": about}
 
 
@@ -230,19 +230,19 @@ def _warn_of_commits(records: Mapping[int, Mapping[str, Any]]) -> None:
 
 
 def _print(records: Mapping[int, Mapping[str, Any]], found: argparse.Namespace, seconds: float, before: int) -> None:
-    """Print the table, unless JSON was asked for, and say what is to be said beside it."""
+    """Print the table, unless JSON was asked for, and warnings."""
     if not found.json:
         for line in _table([records[k] for k in sorted(records)]):
             print(line)
         print(_summary(records, seconds, before))
         sys.stdout.flush()
     notes.show()
-    said = [(text, one["sweep"]["values"]) for one in records.values() for text in one["sweep"]["warnings"]]
-    for text, values in said[:_WARNINGS]:
+    warned = [(text, one["sweep"]["values"]) for one in records.values() for text in one["sweep"]["warnings"]]
+    for text, values in warned[:_WARNINGS]:
         at = ", ".join(f"{name} {value}" for name, value in values.items())
         print(f"isorod: warning: {at}: {text}", file=sys.stderr)
-    if said[_WARNINGS:]:
-        print(f"isorod: warning: {len(said) - _WARNINGS} more warnings are in the records", file=sys.stderr)
+    if warned[_WARNINGS:]:
+        print(f"isorod: warning: {len(warned) - _WARNINGS} more warnings are in the records", file=sys.stderr)
 
 
 def _table(records: Sequence[Mapping[str, Any]]) -> Iterator[str]:

@@ -48,8 +48,8 @@ def save(pictures: "Iterable[Image]", path: Path) -> int:
 
     palette = _palette()
     first, *others = [one.convert("RGB").quantize(palette=palette, dither=Dither.NONE) for one in pictures]
-    told: dict[str, Any] = {"duration": 1000 // A_SECOND, "loop": 0, "optimize": True}
-    write_beside(path, lambda where: first.save(where, format="GIF", save_all=True, append_images=others, **told))
+    options: dict[str, Any] = {"duration": 1000 // A_SECOND, "loop": 0, "optimize": True}
+    write_beside(path, lambda where: first.save(where, format="GIF", save_all=True, append_images=others, **options))
     return 1 + len(others)
 
 

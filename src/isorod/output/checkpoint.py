@@ -59,16 +59,16 @@ def read(path: Path, identity: Mapping[str, Any]) -> dict[str, Array]:
         differ.
     """
     found, arrays = _load(path)
-    wanted = {"format": _FORMAT} | dict(identity)
-    for name in wanted:
-        if found.get(name) != wanted[name]:
+    expected = {"format": _FORMAT} | dict(identity)
+    for name in expected:
+        if found.get(name) != expected[name]:
             what = name.replace("_", " ")
             if name == "model":
                 raise InputError(
                     f"checkpoint {path}: belongs to another model; give the same scene options, or another file"
                 )
             raise InputError(
-                f"checkpoint {path}: belongs to another run: {what} {found.get(name)} there, {wanted[name]} here"
+                f"checkpoint {path}: belongs to another run: {what} {found.get(name)} there, {expected[name]} here"
             )
     return arrays
 

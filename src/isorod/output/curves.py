@@ -128,7 +128,7 @@ def panels(columns: dict[str, Array]) -> list[Panel]:
     moved = {name for curves in found.values() for name, _ in curves}
     for name in [one for one in seen if one not in over | moved] or ([] if found else others[:1]):
         found.setdefault((label(first), label(name)), []).append((first, name))
-    return [Panel(*said, curves) for said, curves in found.items()]
+    return [Panel(*labels, curves) for labels, curves in found.items()]
 
 
 def label(name: str) -> str:

@@ -59,15 +59,15 @@ def write(found: Matrices, folder: str, about: Mapping[str, Any]) -> dict[str, A
     check_folder(folder)
     place = Path(folder).absolute()
     results.make_folder(str(place.parent))
-    said = _said(found, about)
+    readme = _readme(found, about)
     try:
-        results.write_beside(place, lambda beside: _write(found, beside, said))
+        results.write_beside(place, lambda beside: _write(found, beside, readme))
     except PETSc.Error:
         raise InputError(f"folder {folder}: PETSc cannot write all of it; make room there, or name another") from None
-    return said
+    return readme
 
 
-def _said(found: Matrices, about: Mapping[str, Any]) -> dict[str, Any]:
+def _readme(found: Matrices, about: Mapping[str, Any]) -> dict[str, Any]:
     """Return what ``README.json`` says."""
     mass = "none: a body has no density" if found.mass is None else "lumped" if found.lumped else "consistent"
     one_step = "the linear answer to supports and loads" if found.state is None else "a step of Newton's on"
@@ -113,10 +113,10 @@ def _said(found: Matrices, about: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _write(found: Matrices, folder: Path, said: Mapping[str, Any]) -> None:
+def _write(found: Matrices, folder: Path, readme: Mapping[str, Any]) -> None:
     """Make the folder with all files; raises `OSError`, or PETSc's error."""
     folder.mkdir()
-    (folder / "README.json").write_text(json.dumps(said, indent=2, default=str) + "\n")
+    (folder / "README.json").write_text(json.dumps(readme, indent=2, default=str) + "\n")
     # That the components of a node stand together is what PETSc's multigrid wants to know.
     block = 3 if found.model.whole_nodes and found.force.size == found.model.unknowns else 1
     for name in (*_KINDS, "expansion"):

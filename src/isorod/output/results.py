@@ -123,8 +123,8 @@ def read(path: Path) -> list[dict[str, Any]]:
     return records
 
 
-def check_folder(path: str, told: str = "") -> None:
-    """Raise `InputError`, as it is ``told``, if a folder of that name cannot be made or written to; makes nothing."""
+def check_folder(path: str, what: str = "") -> None:
+    """Raise `InputError`, which says ``what``, if a folder of that name cannot be made or written to; makes nothing."""
     if not path:
         raise InputError("results folder: got an empty name")
     place = Path(path).absolute()
@@ -135,7 +135,7 @@ def check_folder(path: str, told: str = "") -> None:
         with tempfile.TemporaryFile(dir=place, buffering=0) as file:
             file.write(bytes(_PAGE))
     except OSError as problem:
-        raise refusal(told or f"results folder {path}: cannot write there", problem) from None
+        raise refusal(what or f"results folder {path}: cannot write there", problem) from None
 
 
 def make_folder(path: str) -> Path:

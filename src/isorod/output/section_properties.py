@@ -221,8 +221,8 @@ def section_properties(
         raise InputError(f"axis parameter u: got {where.size} of them, need one")
     where = where.reshape(1)
     prism, centroid, frame = _prism(body, where)
-    with closing(Teller()) as told:
-        stiffness, error, functions = _stiffness(prism, told if progress else lambda line: None)
+    with closing(Teller()) as report:
+        stiffness, error, functions = _stiffness(prism, report if progress else lambda line: None)
     if not error <= _WARN:
         warnings.warn(
             f"section at u = {where[0]:.4g}: the stiffness is uncertain by {100.0 * error:.2g} %, by which the energy "
@@ -300,7 +300,7 @@ def _samples(rings: Sequence[float]) -> Array:
     return np.asarray((radius * np.stack([np.cos(angles), np.sin(angles)], axis=1)).reshape(-1, 2))
 
 
-def _stiffness(prism: Prism, tell: Callable[[Callable[[], str]], None]) -> tuple[Array, float, str]:
+def _stiffness(prism: Prism, report: Callable[[Callable[[], str]], None]) -> tuple[Array, float, str]:
     """Return the stiffness, its estimated error, and the section functions it is from in words.
 
     Finer and finer functions, each among the next ones, are taken until they agree.
@@ -308,7 +308,7 @@ def _stiffness(prism: Prism, tell: Callable[[Callable[[], str]], None]) -> tuple
     before: Array | None = None
     error = np.inf
     for basis, name in _finer(prism):
-        tell(partial(_line, name, error))
+        report(partial(_line, name, error))
         found = prism.stiffness(basis())
         if before is not None:
             error = apart(before, found)

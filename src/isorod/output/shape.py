@@ -100,7 +100,7 @@ def draw(
         if start is not None:
             legend["as it begins"] = _LAID
             seen += _laid(plotter, model, start)
-    words = "\n".join(filter(None, [title, _said(rods)]))
+    words = "\n".join(filter(None, [title, _counts(rods)]))
     picture.write(plotter, words, (10, 8))
     picture.write(plotter, _extents(everything), (10, -8), 9)
     for k, (name, colour) in enumerate(legend.items()):
@@ -129,7 +129,7 @@ def _rods(what: Any) -> Iterator[Rod]:
         raise InputError(f"show: got {type(what).__name__}, need a Rod, several, or a Model")
 
 
-def _said(rods: Sequence[Rod]) -> str:
+def _counts(rods: Sequence[Rod]) -> str:
     """Return in words of what rods are made."""
     count = sum(rod.distinct_control_points for rod in rods)
     several = f"{len(rods)} rods, " if len(rods) > 1 else ""
@@ -222,10 +222,10 @@ def _marks(plotter: Any, model: Model, extent: float) -> Iterator[tuple[str, str
         else:
             plotter.add_points(space.positions[held], color=_HELD, point_size=11, render_points_as_spheres=True)
             yield "held control points", _HELD, space.positions[held]
-        way = np.atleast_2d(np.asarray(support.displacement, dtype=float)).mean(axis=0)
-        way = way * [letter in support.components for letter in "xyz"]
-        if np.linalg.norm(way) > 1e-9 * extent:
-            arrow = _arrow(place, way, max(_ARROW * extent, _OUT * _radius(space.positions[held])))
+        direction = np.atleast_2d(np.asarray(support.displacement, dtype=float)).mean(axis=0)
+        direction = direction * [letter in support.components for letter in "xyz"]
+        if np.linalg.norm(direction) > 1e-9 * extent:
+            arrow = _arrow(place, direction, max(_ARROW * extent, _OUT * _radius(space.positions[held])))
             plotter.add_mesh(arrow, color=_MOVED)
             yield "prescribed motion", _MOVED, arrow.points
     for load in model.loads:
@@ -244,10 +244,10 @@ def _radius(points: Array) -> float:
     return float(np.linalg.norm(points - points.mean(axis=0), axis=1).max())
 
 
-def _arrow(place: Array, way: Array, length: float) -> Any:
+def _arrow(place: Array, direction: Array, length: float) -> Any:
     import pyvista
 
-    return pyvista.Arrow(start=place, direction=way, scale=length, shaft_radius=0.03, tip_radius=0.08)
+    return pyvista.Arrow(start=place, direction=direction, scale=length, shaft_radius=0.03, tip_radius=0.08)
 
 
 def _obstacles(plotter: Any, model: Model, rods: Array) -> Iterator[tuple[str, str, Array]]:

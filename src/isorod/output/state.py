@@ -244,8 +244,8 @@ class Animated:
         frames = self.frames()
         if len(frames) == 1:
             raise InputError("animate: got a single state; statics.solve(..., keep=True) keeps those of the load path")
-        told = written([time for time, _ in frames])
-        return [Moment(state, f"{self._counted} {time:{told}}") for time, state in frames]
+        digits = written([time for time, _ in frames])
+        return [Moment(state, f"{self._counted} {time:{digits}}") for time, state in frames]
 
 
 def _pictures(

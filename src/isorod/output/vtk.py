@@ -68,8 +68,8 @@ def grid(
         Load factor of the stress, which a muscle's activation follows.
     curved
         Make fewer cells that interpolate by polynomials of degree 4 (VTK's Lagrange hexahedra; Cauchy's stress with
-        them, ``cauchy``, six components in VTK's order): three along an element, one a ring, and round the section eight
-        or more, with edges where the outline's arcs meet.
+        them, ``cauchy``, six components in VTK's order): three along an element, one a ring, and eight or more round
+        the section, with edges where the outline's arcs meet.
 
     Raises
     ------
