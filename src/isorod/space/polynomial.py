@@ -111,10 +111,6 @@ class Polynomials:
         """Control points of the section in its own coordinates: principal ones from its centroid, ``(n, 2)``."""
         return self._polygon
 
-    def at(self, places: Array) -> Array:
-        """Return values ``(m, count)`` at points ``(m, 2)`` in the section's own coordinates (`polygon`)."""
-        return self._monomials(np.ascontiguousarray(places.T))[0].T @ self._mix
-
     def functions(self, xi: ArrayLike) -> tuple[Array, Array]:
         """Return values ``(m, count)`` and gradients ``(m, count, 2)`` at disk points ``(m, 2)``, to be read alone."""
         points = np.ascontiguousarray(xi, dtype=float).reshape(-1, 2)
