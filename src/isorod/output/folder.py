@@ -155,7 +155,7 @@ def _table(curves: Mapping[str, Array]) -> bytes:
 def _free_name(folder: Path, scene: str, bodies: int) -> str:
     """Return a name for the files of a run that begins no name of the folder's, nor of a record's."""
     taken = {path.name for path in folder.iterdir()}
-    records = results.content(folder / RECORDS)
+    records = (folder / RECORDS).read_bytes() if (folder / RECORDS).is_file() else b""
     for run in chain([scene], (f"{scene}-run{number}" for number in count(2))):
         names = [f"{run}-frames", f"{run}.pvd", f"{run}.csv", *(f"{run}-{b}.vtu" for b in range(bodies))]
         # A file that was moved elsewhere still has the name that its record says.

@@ -12,6 +12,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
@@ -88,39 +89,54 @@ def locked(folder: Path) -> Iterator[None]:
         os.close(handle)
 
 
-def content(path: Path) -> bytes:
-    """Return what is in a file that is to be written anew, nothing where there is none; raises `InputError`."""
+def add(path: Path, text: str) -> None:
+    """Add a line to a file in a folder that is `locked`, all of it or nothing; raises `InputError`."""
     try:
-        return path.read_bytes()
-    except FileNotFoundError:
-        return b""
+        with open(path, "a+b", buffering=0) as file:
+            size = file.seek(0, os.SEEK_END)
+            file.seek(max(0, size - 1))
+            # A process that was killed while it wrote leaves a line without its end.
+            data = (b"\n" if file.read() not in (b"", b"\n") else b"") + text.encode() + b"\n"
+            try:
+                while data:
+                    # A disk takes what there is room for, and refuses the rest.
+                    data = data[file.write(data) :]
+                os.fsync(file.fileno())
+            except BaseException:
+                file.truncate(size)
+                if size == 0:
+                    path.unlink()
+                raise
     except OSError as problem:
         raise refusal(f"{path}: cannot be written", problem) from None
 
 
-def add(path: Path, text: str) -> None:
-    """Add a line to a file in a folder that is `locked`: written anew, then renamed, so that no line is ever torn."""
-    before = content(path)
-    separator = b"" if before.endswith(b"\n") or not before else b"\n"
-    write_whole(path, before + separator + text.encode() + b"\n")
-
-
 def read(path: Path) -> list[dict[str, Any]]:
-    """Return the records of a file of JSON lines; raises `InputError` if it cannot be read or has anything else."""
+    """Return the records of a file of JSON lines; what else is there, as of a run that was killed, is warned of.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read.
+    """
     try:
         lines = path.read_bytes().splitlines()
     except OSError as problem:
         raise InputError(f"{path}: cannot be read ({problem.strerror})") from None
-    records = []
-    for number, text in enumerate(lines, 1):
-        try:
-            record = json.loads(text)
-        except (ValueError, RecursionError):
-            record = None
-        if not isinstance(record, dict):
-            raise InputError(f"{path}:{number}: is no record of a run; remove the line")
-        records.append(record)
-    return records
+    records = [_record(text) for text in lines]
+    bad = [number for number, record in enumerate(records, 1) if record is None]
+    if bad:
+        warnings.warn(f"{path}:{bad[0]}: is no record of a run, and left out ({len(bad)} such lines)", stacklevel=2)
+    return [record for record in records if record is not None]
+
+
+def _record(text: bytes) -> dict[str, Any] | None:
+    """Return the record in a line, None if there is none."""
+    try:
+        record = json.loads(text)
+    except (ValueError, RecursionError):
+        return None
+    return record if isinstance(record, dict) else None
 
 
 def check_folder(path: str, what: str = "") -> None:
