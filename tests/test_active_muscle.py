@@ -5,10 +5,10 @@ import pytest
 import sympy
 from scipy.integrate import quad
 from scipy.interpolate import PchipInterpolator
+from test_laws import LAWS, F, across, close
 
-from isorod.errors import InputError
+from isorod import InputError, Muscle
 from isorod.material.active_muscle import ActiveMuscle, _stored
-from isorod.material.muscle import Muscle
 from isorod.material.muscle_energy import STRETCH
 
 POINTS = ((0.5, 0.0), (0.75, 0.4), (0.95, 1.0), (1.05, 1.0), (1.3, 0.5), (1.6, 0.0))
@@ -59,6 +59,20 @@ def test_fibres_bear_the_tension_of_the_curve(name):
         assert law.at(0.5).stress(F)[0, 2, 2] - passive.stress(F)[0, 2, 2] == pytest.approx(
             6.0 * tension(stretch), abs=1e-11
         )
+
+
+@pytest.mark.slow
+def test_muscle_of_the_parabola_is_muscle_to_rounding():
+    law = LAWS["Muscle"]
+    given = law.E, law.nu, law.sigma_max, law.m1, law.m2, law.activation, law.fibre
+    other = ActiveMuscle(*given, CURVES["parabola"][0])
+    for one, same in ((law, other), (law.at(0.25), other.at(0.25)), (law.shear, other.shear)):
+        for name in ("energy", "stress", "tangent"):
+            close(getattr(same, name)(F), getattr(one, name)(F), 2e-15)
+    assert other.activation_work == pytest.approx(law.activation_work, rel=1e-5)
+    F0, H = across(0.05)
+    work = np.sum(other.discrete(F0, H, False)[0] * H, axis=(1, 2))
+    np.testing.assert_allclose(work, other.energy(F0 + H) - other.energy(F0), atol=1e-10)
 
 
 @pytest.mark.parametrize(
