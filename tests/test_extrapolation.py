@@ -4,14 +4,11 @@ import numpy as np
 import pytest
 from petsc4py import PETSc
 
+from isorod import Body, Model, Muscle, NeoHookean, Space
 from isorod.assembly.assembler import Assembler
 from isorod.assembly.mixed import MixedAssembler
 from isorod.assembly.pattern import Pattern, add
-from isorod.material import NeoHookean
-from isorod.material.muscle import Muscle
-from isorod.model import Body, Model
 from isorod.scenes.spring import Spring
-from isorod.space import Space
 
 LAWS = {
     "neo-Hooke": NeoHookean(80.0, 0.3),

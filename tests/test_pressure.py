@@ -2,29 +2,14 @@
 
 import numpy as np
 import pytest
+from models import bend
 from scipy.optimize import brentq
 
-from isorod import modal, statics
-from isorod.assembly.assembler import Assembler
-from isorod.errors import InputError
-from isorod.geometry.axis import Axis
-from isorod.geometry.center_line import straight
-from isorod.geometry.rod import Rod
-from isorod.geometry.section import circle
-from isorod.material import LinearElastic, NeoHookean
+from isorod import InputError, LinearElastic, NeoHookean, Space, circle, modal, statics, straight
 from isorod.model import Body, Model, Pressure, Support
-from isorod.model.support import rotation
-from isorod.space import Space
 
 LAW = NeoHookean(1.0, 0.3)
 THETA = 2.0 * np.pi * np.arange(400) / 400
-
-
-def bent(rings=(0.6, 1.0)):
-    """A quarter of a bend, its sections turned with it."""
-    axis = Axis(2, np.repeat([0.0, 1.0], 3), np.ones(3))
-    turns = [rotation((0.0, angle, 0.0)) for angle in (0.0, 0.3, 0.6)]
-    return Rod.sweep(circle(8, 1.0), axis, [(0.0, 0.0, 0.0), (0.0, 0.0, 3.0), (1.5, 0.0, 5.0)], turns).with_rings(rings)
 
 
 def clamped(space):
@@ -54,28 +39,6 @@ def test_pressure_round_a_rod_of_rubber(follows, order):
     assert gradient == pytest.approx(np.broadcast_to(np.diag([exact, exact, 1.0]), gradient.shape), abs=1e-8)
 
 
-@pytest.mark.parametrize("loads", [[(0.02, "inner")], [(0.3, "outer"), (-0.1, "inner")]])
-def test_the_tangent_is_the_derivative_of_the_residual(loads):
-    """Where the ends are held it is symmetric."""
-    space = Space(bent(), degree=2, section_degree=2, quadrature="auto", elements=2)
-    pressures = [Pressure(p, surface, follows=True) for p, surface in loads]
-    model = Model([Body(space, LAW)], clamped(space), loads=pressures)
-    assembler = Assembler(model)
-    random = np.random.default_rng(7)
-    x, out, move, tangent = assembler.vector(), assembler.vector(), assembler.vector(), assembler.matrix()
-    x.array_w[:] = 1e-3 * random.standard_normal(model.unknowns)
-    move.array_w[:] = random.standard_normal(model.unknowns)
-    assembler.tangent(x, 0.7, tangent)
-    tangent.mult(move, out)
-    sides = []
-    for h in (1e-6, -1e-6):
-        near = assembler.vector()
-        assembler.residual(x + h * move, 0.7, near)
-        sides.append(near.array_r.copy())
-    difference = (sides[0] - sides[1]) / 2e-6
-    assert out.array_r == pytest.approx(difference, abs=1e-7 * np.abs(difference).max())
-
-
 def opening(space, displacement, u, radius):
     """Return the area vector of a circle of the disk at ``u`` where it is now."""
     xi = radius * np.stack([np.cos(THETA), np.sin(THETA)], axis=1)
@@ -85,7 +48,7 @@ def opening(space, displacement, u, radius):
 
 def test_a_bent_pipe_carries_the_thrust_of_its_openings():
     """Pressure on a closed surface has no resultant, so its supports carry ``p A`` of both openings."""
-    space = Space(bent(), elements=2, degree=3, section_degree=3)
+    space = Space(bend(), elements=2, degree=3, section_degree=3)
     start = Support.end(space, "start")
     for follows in (False, True):
         model = Model([Body(space, LAW)], [start], loads=[Pressure(0.02, "inner", follows=follows)])
@@ -131,7 +94,7 @@ def test_a_pressure_that_follows_is_refused_by_what_has_none():
 def test_small_pressures_are_one_whether_they_follow_or_not():
     found = []
     for follows in (False, True):
-        space = Space(bent(), section_degree=3, degree=2)
+        space = Space(bend(), section_degree=3, degree=2)
         model = Model(
             [Body(space, LinearElastic(1e6, 0.3))], clamped(space), loads=[Pressure(1.0, "inner", 0, follows)]
         )

@@ -5,38 +5,21 @@ import pytest
 from prisms import LAW, SPACES, line, prism, slender
 from scipy.optimize import brentq
 
-from isorod import statics
+from isorod import Body, InputError, Model, NeoHookean, SolveError, Space, Support, ellipse, statics
 from isorod.assembly.assembler import Assembler
 from isorod.checks import rigid_motions
-from isorod.errors import InputError, SolveError
 from isorod.geometry import center_line, section
-from isorod.geometry.section import ellipse
-from isorod.material import NeoHookean
-from isorod.model import Body, Model, Support
 from isorod.model.support import rotation
-from isorod.space import Space
 
 
-def test_tangent_of_tied_supports_is_the_derivative_of_the_residual():
+def test_unknowns_of_tied_supports_are_two_and_come_back():
     space = prism(6.0, elements=2, degree=2)
     supports = [Support.end(space, "start"), Support.end(space, "end", "x", turn=(0.0, 0.4, 0.0), tied="yz")]
     model = Model([Body(space, LAW)], supports)
     assembler = Assembler(model)
     assert model.unknowns == 3 * space.nodes - model.bound.size + 2
-    random = np.random.default_rng(2)
-    state, way = (0.02 * random.standard_normal(model.unknowns) for _ in range(2))
-    x, d, image, matrix = assembler.vector(), assembler.vector(), assembler.vector(), assembler.matrix()
-    x.array[:], d.array[:] = state, way
-    assembler.tangent(x, 0.5, matrix)
-    matrix.mult(d, image)
-    assert matrix.isSymmetric(1e-10)
-    h, sides = 1e-5, []
-    for sign in (-1.0, 1.0):
-        x.array[:] = state + sign * h * way
-        out = assembler.vector()
-        assembler.residual(x, 0.5, out)
-        sides.append(out.array_r.copy())
-    assert image.array_r == pytest.approx((sides[1] - sides[0]) / (2 * h), rel=1e-6, abs=1e-9)
+    x = assembler.vector()
+    x.array[:] = np.random.default_rng(2).standard_normal(model.unknowns)
     back = assembler.state(assembler.displacement(x, 0.5))
     assert np.abs(back.array_r - x.array_r).max() < 1e-15
 
@@ -171,21 +154,6 @@ def test_uniaxial_stretch_is_exact(stretch):
     assert solution.reactions[1, 2] == pytest.approx(stress * space.rod.volume() / 10.0, rel=1e-9)
     exact = space.positions * (np.array([across, across, stretch]) - 1.0)
     assert np.abs(solution.model.nodal(solution.displacement) - exact).max() < 1e-8
-
-
-def test_incompressible_cylinder_twisted_once_is_rivlins():
-    """T = pi mu tau R^4 / 2 and N = -pi mu tau^2 R^4 / 4, ends held at their distance."""
-    space = prism(20.0, elements=12, degree=3, section_degree=3, quadrature="auto")
-    law = NeoHookean(3.0, 0.499999)
-    supports = [
-        Support.end(space, "start"),
-        Support(line(space), "xy"),
-        Support.end(space, "end", turn=(0.0, 0.0, 2.0 * np.pi)),
-    ]
-    solution = statics.solve(Model([Body(space, law, formulation="mixed")], supports), 4)
-    twist = 2.0 * np.pi / 20.0
-    assert solution.moments[2, 2] == pytest.approx(0.5 * np.pi * law.mu * twist, rel=2e-5)
-    assert solution.reactions[2, 2] == pytest.approx(-0.25 * np.pi * law.mu * twist**2, rel=2e-4)
 
 
 def test_free_motions_under_ties(cylinder):
