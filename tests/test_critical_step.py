@@ -2,17 +2,12 @@
 
 import numpy as np
 import pytest
-from motions import DENSITY, LENGTH, E, bar, field, velocities
+from motions import DENSITY, LENGTH, E, bar, field, thrown, velocities
 
-from isorod import dynamics, modal
+from isorod import Body, InputError, Model, Muscle, NeoHookean, SolveError, Space, Support, dynamics, modal
 from isorod.dynamics.explicit import mesh, run
 from isorod.dynamics.explicit.mass import SAFETY, Mass
-from isorod.errors import InputError, SolveError
-from isorod.material import NeoHookean
-from isorod.material.muscle import Muscle
-from isorod.model import Body, Model, Support
 from isorod.model.support import rotation
-from isorod.space import Space
 
 
 def at_share_of_critical(monkeypatch, model, share):
@@ -23,25 +18,25 @@ def at_share_of_critical(monkeypatch, model, share):
     return dynamics.solve(model, 3000 * share * made, share * made, outputs=10, velocity=velocities(model, size=1e-3))
 
 
-def test_stable_just_below_the_critical_step(cylinder, monkeypatch):
-    history = at_share_of_critical(monkeypatch, bar(cylinder), 0.99)
+def test_stable_just_below_the_critical_step(monkeypatch):
+    history = at_share_of_critical(monkeypatch, bar(), 0.99)
     assert history.steps == 3000
     assert np.abs(history.energy_error).max() < 1e-2
 
 
-def test_blow_up_just_above_the_critical_step_is_reported(cylinder, monkeypatch):
+def test_blow_up_just_above_the_critical_step_is_reported(monkeypatch):
     with pytest.raises(
         SolveError, match=r"^step \d+, time .*element \d of body 0 at u = .*time step .*critical time step [^\n]*$"
     ) as error:
-        at_share_of_critical(monkeypatch, bar(cylinder), 1.01)
+        at_share_of_critical(monkeypatch, bar(), 1.01)
     print(error.value)
     # Within the interval: 300 steps.
     assert int(str(error.value).split()[1].strip(",")) <= 300
 
 
-def test_an_element_that_inverts_is_named(cylinder):
+def test_an_element_that_inverts_is_named():
     """Stable as it is at rest, thrown too hard: the body goes through itself."""
-    model = bar(cylinder)
+    model = bar()
     squash = field(model, lambda x: np.stack([0.0 * x[:, 0], 0.0 * x[:, 0], -40.0 * x[:, 2]], axis=1))
     with pytest.raises(
         SolveError, match=r"^step \d+, time 0\.\d+: an element inverts; smallest det F = -\S+ in element \d of body 0"
@@ -49,21 +44,21 @@ def test_an_element_that_inverts_is_named(cylinder):
         dynamics.solve(model, 1.0, 0.05, outputs=1, velocity=squash)
 
 
-def test_an_unstable_step_is_refused_and_the_critical_one_named(cylinder):
+def test_an_unstable_step_is_refused_and_the_critical_one_named():
     with pytest.raises(
         InputError,
         match=r"time step 1: unstable, the critical time step is 0.3\d+ with the largest mass scaling; use at most",
     ):
-        dynamics.solve(bar(cylinder), 1.0, 1.0, outputs=1)
+        dynamics.solve(bar(), 1.0, 1.0, outputs=1)
 
 
-def test_the_step_follows_a_muscle_that_stiffens(cylinder):
+def test_the_step_follows_a_muscle_that_stiffens():
     """Passive fibres stiffen exponentially when the bar is thrown.
 
     The default step is cut, one of the user's refused.
     """
     law = Muscle(20.0, 0.3, m1=50.0, m2=1.0, fibre=(0.0, 0.0, 1.0))
-    model = bar(cylinder, law=law)
+    model = bar(law=law)
     throw = field(model, lambda x: np.stack([0.0 * x[:, 0], 0.0 * x[:, 0], 0.8 * x[:, 2]], axis=1))
     history = dynamics.solve(model, 8.0, outputs=40, velocity=throw)
     print("critical steps", history.estimates[:, 1], "energy", np.abs(history.energy_error).max())
@@ -79,9 +74,9 @@ def test_the_step_follows_a_muscle_that_stiffens(cylinder):
         dynamics.solve(model, 120.0 * longer, longer, outputs=40, velocity=throw)
 
 
-def test_a_step_beyond_the_critical_one_keeps_energy_and_momenta(cylinder):
+def test_a_step_beyond_the_critical_one_keeps_energy_and_momenta():
     """With the mass that is added for it; without supports, so that angular momentum is the mass's own."""
-    model = bar(cylinder, held="", elements=8)
+    model = bar(held="", elements=8)
     space = model.bodies[0].space
     critical = dynamics.solve(model, 1e-9, outputs=1).critical_step
     tumble = field(model, lambda x: np.cross([0.1, 0.7, 0.2], x) + 0.1 * x)
@@ -102,11 +97,11 @@ def test_a_step_beyond_the_critical_one_keeps_energy_and_momenta(cylinder):
     assert np.abs(history.momentum_error).max() < 1e-12
 
 
-def test_mass_is_added_for_the_step_taken_not_for_the_one_allowed(cylinder):
+def test_mass_is_added_for_the_step_taken_not_for_the_one_allowed():
     """Outputs closer than the critical step need none, however long a step is given."""
-    model = bar(cylinder, held="")
+    model = bar(held="")
     critical = dynamics.solve(model, 1e-9, outputs=1).critical_step
-    drift = field(model, lambda x: np.broadcast_to([0.0, 0.0, 1.0], x.shape))
+    drift = thrown(model, [0.0, 0.0, 1.0])
     history = dynamics.solve(model, 5.0 * critical, 3.0 * critical, outputs=10, velocity=drift)
     assert history.time_step == pytest.approx(0.5 * critical)
     assert history.added_kinetic_share == 0.0

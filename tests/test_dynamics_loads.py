@@ -59,19 +59,6 @@ def test_a_state_of_rest_under_loads_stays_and_is_held_by_its_supports():
     assert history.reactions[-1] == pytest.approx(rest.reactions, abs=1e-8)
 
 
-def test_loads_are_part_of_what_a_checkpoint_is_of(tmp_path):
-    file = tmp_path / "kept.npz"
-    whole = isorod.dynamics.solve(bar([weight]), 2.0, 0.25, outputs=4, integrator="implicit")
-    isorod.dynamics.solve(bar([weight]), 1.0, 0.25, outputs=2, integrator="implicit", checkpoint=file)
-    with pytest.raises(isorod.InputError, match="model"):
-        isorod.dynamics.solve(bar([]), 2.0, 0.25, outputs=4, integrator="implicit", checkpoint=file, resume=True)
-    resumed = isorod.dynamics.solve(
-        bar([weight]), 2.0, 0.25, outputs=4, integrator="implicit", checkpoint=file, resume=True
-    )
-    assert (resumed.displacement == whole.displacement).all() and (resumed.load_work == whole.load_work).all()
-    assert (resumed.energy_error == whole.energy_error).all() and resumed.momentum_error[-1] < 1e-12
-
-
 @pytest.mark.parametrize(
     ("integrator", "load", "line"),
     [

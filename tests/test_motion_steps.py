@@ -1,33 +1,24 @@
 """Steps of a motion: those that are halved, those that contact shortens, and the mass that is added for long ones."""
 
+from functools import partial
+
+import motions
 import numpy as np
 import pytest
 from conftest import straight
+from models import gradients_of_functions
+from motions import muscle, thrown
 
-from isorod import dynamics
+from isorod import Axis, NeoHookean, Rod, SolveError, Space, dynamics, ellipse
 from isorod.assembly.gradients import add_stress, displacement_gradients
 from isorod.dynamics.explicit import mesh
 from isorod.dynamics.explicit.mass import Mass
 from isorod.dynamics.implicit.assembler import StepAssembler
 from isorod.dynamics.implicit.contraction import element_matrices
 from isorod.dynamics.implicit.newton import Newton
-from isorod.errors import SolveError
-from isorod.geometry.axis import Axis
-from isorod.geometry.rod import Rod
-from isorod.geometry.section import ellipse
-from isorod.material import NeoHookean
-from isorod.material.muscle import Muscle
 from isorod.model import Body, Contact, Cylinder, Model, Plane, Support
-from isorod.space import Space
 
-MUSCLE = Muscle(100.0, 0.3, sigma_max=40.0, m1=35.0, m2=0.5, activation=1.0, fibre=(0.0, 0.6, 0.8))
-
-
-def bar(held="xyz", law=None, contacts=(), elements=2):
-    space = Space.paper(straight(4, height=4.0), elements=elements, degree=2, quadrature="auto")
-    supports = [Support.end(space, "start", held)] if held else []
-    return Model([Body(space, law or NeoHookean(100.0, 0.3), 2.0)], supports, contacts=contacts)
-
+MUSCLE, bar = muscle(fibre=(0.0, 0.6, 0.8)), partial(motions.bar, elements=2)
 
 # Implicit steps
 
@@ -102,10 +93,7 @@ def test_the_tangent_is_the_sum_over_points_of_moduli_that_are_not_symmetric():
     """Section by section as function by function; forces and gradients too."""
     part = StepAssembler(bar(held="")).parts[0]
     t = part.table
-    plane = np.einsum("etj,qdi->etqdji", t.axial, t.section[:, :2])
-    axis = np.einsum("etj,qi->etqji", t.slopes, t.section[:, 2])[:, :, :, None]
-    functions = np.concatenate([plane, axis], axis=3).reshape(*t.weights.shape, 3, -1)
-    gradient = np.einsum("etqIA,etqIn->etqAn", t.inverse, functions)
+    gradient = gradients_of_functions(t)
     random = np.random.default_rng(4)
     moduli = random.standard_normal((*t.weights.shape, 3, 3, 3, 3))
     expected = np.einsum("etq,etqAm,etqaAbB,etqBn->emanb", t.weights, gradient, moduli, gradient, optimize=True)
@@ -126,11 +114,6 @@ def test_the_tangent_is_the_sum_over_points_of_moduli_that_are_not_symmetric():
 
 
 # Explicit steps
-
-
-def thrown(model, velocity):
-    space = model.bodies[0].space
-    return (np.broadcast_to(velocity, space.positions.shape) * space.is_carrier[:, None]).ravel()
 
 
 def test_the_critical_step_is_estimated_again_where_contact_begins():

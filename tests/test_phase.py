@@ -4,7 +4,7 @@ import warnings
 
 import numpy as np
 import pytest
-from test_implicit_mixed import bar, swing
+from motions import mixed, swing
 
 from isorod import dynamics
 from isorod.dynamics.implicit.phase import Phase
@@ -37,7 +37,7 @@ def test_uniform_motion_has_none():
 
 def moved(steps, **settings):
     """A bar that swings to one side and back."""
-    model = bar(nu=0.3, length=4.0)
+    model = mixed(nu=0.3, length=4.0)
     return dynamics.solve(model, 4.0, 4.0 / steps, velocity=swing(model, 0.05), integrator="implicit", **settings)
 
 
@@ -56,7 +56,7 @@ def test_long_steps_are_warned_of_and_short_ones_are_not():
 
 def test_a_run_that_is_continued_knows_its_steps(tmp_path):
     whole, file = moved(12, outputs=6), tmp_path / "kept.npz"
-    model = bar(nu=0.3, length=4.0)
+    model = mixed(nu=0.3, length=4.0)
     for end, resume in ((2.0, False), (4.0, True)):
         found = dynamics.solve(
             model,
