@@ -207,6 +207,18 @@ def mpirun() -> Callable[..., subprocess.CompletedProcess[str]]:
     return run
 
 
+@pytest.fixture(scope="session")
+def on_ranks(mpirun: Callable[..., subprocess.CompletedProcess[str]]) -> Callable[..., None]:
+    """Call a function of a test file on several ranks: ``on_ranks(2, "test_matrix.add_up()")``."""
+
+    def run(ranks: int, call: str, *arguments: str) -> None:
+        here, module = os.path.dirname(__file__), call.partition(".")[0]
+        done = mpirun(ranks, *arguments, script=f"import sys; sys.path[:0] = [{here!r}]; import {module}; {call}")
+        assert done.returncode == 0, done.stderr
+
+    return run
+
+
 def as_array(matrix):
     """Return a PETSc matrix of one rank as a dense array of its own."""
     first, column, values = matrix.getValuesCSR()

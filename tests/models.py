@@ -77,6 +77,14 @@ MODELS = {
 }
 
 
+def gradients_of_functions(table):
+    """Gradients of the functions of elements at their points, by place, ``(elements, t, q, 3, functions)``."""
+    plane = np.einsum("etj,qdi->etqdji", table.axial, table.section[:, :2])
+    axis = np.einsum("etj,qi->etqji", table.slopes, table.section[:, 2])[:, :, :, None]
+    slopes = np.concatenate([plane, axis], axis=3).reshape(*table.weights.shape, 3, -1)
+    return np.swapaxes(table.inverse, -1, -2) @ slopes
+
+
 def bend(rings=(0.6, 1.0)):
     """A quarter of a bend, its sections turned with it."""
     axis = Axis(2, np.repeat([0.0, 1.0], 3), np.ones(3))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from conftest import as_array
-from models import ring, spring, tendon_and_muscle, two_bodies
+from models import gradients_of_functions, ring, spring, tendon_and_muscle, two_bodies
 from petsc4py import PETSc
 
 from isorod import Axis, Body, InputError, Model, NeoHookean, Rod, Space, StVenantKirchhoff, Support, circle, statics
@@ -50,10 +50,7 @@ def test_element_matrices_are_integrals_of_the_moduli(space):
     (part,) = Assembler(Model([Body(space, laws)]), PETSc.COMM_SELF).parts
     local = 0.05 * np.random.default_rng(2).uniform(-1, 1, space.nodes * 3)
     t = part.table
-    plane = np.einsum("etj,qdi->etqdji", t.axial, t.section[:, :2])
-    axis = np.einsum("etj,qi->etqji", t.slopes, t.section[:, 2])[:, :, :, None]
-    slopes = np.concatenate([plane, axis], axis=3).reshape(*t.weights.shape, 3, -1)
-    slopes = np.swapaxes(t.inverse, -1, -2) @ slopes
+    slopes = gradients_of_functions(t)
     moduli = part.laws.tangent(part.gradients(local))
     expected = np.einsum("etq,etqAi,etqaAbB,etqBk->eiakb", t.weights, slopes, moduli, slopes, optimize=True)
     found = part.matrices(local, 0.0)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from models import gradients_of_functions
 from petsc4py import PETSc
 
 from isorod import Body, Model, Muscle, NeoHookean, Space
@@ -24,10 +25,7 @@ def states(dofs):
 def geometric(part, excess):
     """Element matrices of ``delta_ab excess_AB``."""
     t = part.table
-    plane = np.einsum("etj,qdi->etqdji", t.axial, t.section[:, :2])
-    axis = np.einsum("etj,qi->etqji", t.slopes, t.section[:, 2])[:, :, :, None]
-    slopes = np.concatenate([plane, axis], axis=3).reshape(*t.weights.shape, 3, -1)
-    slopes = np.swapaxes(t.inverse, -1, -2) @ slopes
+    slopes = gradients_of_functions(t)
     one = np.einsum("etq,etqAi,etqAB,etqBk->eik", t.weights, slopes, excess, slopes, optimize=True)
     size = 3 * one.shape[1]
     return np.einsum("eik,ab->eiakb", one, np.eye(3)).reshape(-1, size, size)

@@ -4,13 +4,9 @@ import numpy as np
 import pytest
 from prisms import LAW, SPACES, prism, slender, tip
 
-from isorod import dynamics, statics
+from isorod import InputError, LinearElastic, NeoHookean, SolveError, Space, circle, dynamics, statics
 from isorod.assembly.assembler import Assembler
-from isorod.errors import InputError, SolveError
-from isorod.geometry.section import circle
-from isorod.material import LinearElastic, NeoHookean
 from isorod.model import Body, BodyForce, Model, SectionLoad, Support
-from isorod.space import Space
 
 # Planar elastica under a dead tip load P L^2 / EI: deflection and shortening over L (elliptic integrals).
 ELASTICA = {1.0: (0.30172077, 0.05643324), 3.0: (0.60325344, 0.25442018), 10.0: (0.81060902, 0.55499560)}
@@ -55,25 +51,10 @@ def test_bar_under_end_load_and_weight_is_stretched_as_in_one_dimension():
     assert solution.reactions[0] == pytest.approx([0.0, 0.0, -(0.02 + 0.04) * area], rel=1e-10, abs=1e-12)
 
 
-def test_predictor_is_the_derivative_by_the_load_factor():
-    """Loads, turning and tied supports together."""
-    space = prism(6.0, elements=3, degree=3)
-    supports = [
-        Support.end(space, "start"),
-        Support.end(space, "end", "y", (0.0, 0.2, 0.0), turn=(0.3, 0.5, -0.2), tied="xz"),
-    ]
-    model = Model([Body(space, LAW)], supports, loads=[BodyForce((0.01, 0.02, 0.03))])
-    assembler = Assembler(model)
-    x = assembler.vector()
-    x.array[:] = 0.02 * np.random.default_rng(1).standard_normal(model.unknowns)
-    out = assembler.vector()
-    h = 1e-5
-    values = []
-    for factor in (0.6 - h, 0.6 + h):
-        assembler.residual(x, factor, out)
-        values.append(out.array_r.copy())
-    assembler.load_forces(x, 0.6, 1e-7, out)
-    assert out.array_r * 1e7 == pytest.approx((values[1] - values[0]) / (2 * h), rel=1e-5, abs=1e-7)
+def cantilever(space, force):
+    """One without Poisson's ratio, a force across its end."""
+    load = SectionLoad.end(space, "end", (force, 0.0, 0.0))
+    return Model([Body(space, NeoHookean(1.0, 0.0))], [Support.end(space, "start")], loads=[load])
 
 
 @pytest.mark.parametrize("load", ELASTICA)
@@ -82,11 +63,7 @@ def test_cantilever_is_the_elastica_with_an_error_of_thickness_squared(load):
     for length in (100.0, 400.0):
         space = slender(length, degree=4)
         force = load * 0.25 * np.pi / length**2
-        model = Model(
-            [Body(space, NeoHookean(1.0, 0.0))],
-            [Support.end(space, "start")],
-            loads=[SectionLoad.end(space, "end", (force, 0.0, 0.0))],
-        )
+        model = cantilever(space, force)
         solution = statics.solve(model)
         found = tip(space, solution) / length
         errors = np.array([found[0], -found[2]]) / ELASTICA[load] - 1.0
@@ -100,11 +77,7 @@ def test_cantilever_is_the_elastica_with_an_error_of_thickness_squared(load):
 def test_slender_cantilever_neither_locks_nor_stops_early(length):
     """A tolerance relative to the largest stiffness, or to the predictor's forces, would accept the predictor here."""
     space = slender(length, degree=4)
-    model = Model(
-        [Body(space, NeoHookean(1.0, 0.0))],
-        [Support.end(space, "start")],
-        loads=[SectionLoad.end(space, "end", (0.25 * np.pi / length**2, 0.0, 0.0))],
-    )
+    model = cantilever(space, 0.25 * np.pi / length**2)
     found = tip(space, statics.solve(model)) / length
     assert abs(found[0] / ELASTICA[1.0][0] - 1.0) < 5e-7 + 2.1 / length**2
     assert abs(-found[2] / ELASTICA[1.0][1] - 1.0) < 5e-7 + 2.1 / length**2
@@ -112,11 +85,7 @@ def test_slender_cantilever_neither_locks_nor_stops_early(length):
 
 def test_too_slender_a_rod_is_an_error():
     space = slender(1e7)
-    model = Model(
-        [Body(space, NeoHookean(1.0, 0.0))],
-        [Support.end(space, "start")],
-        loads=[SectionLoad.end(space, "end", (0.25e-14 * np.pi, 0.0, 0.0))],
-    )
+    model = cantilever(space, 0.25e-14 * np.pi)
     with pytest.raises(SolveError, match="load factor"):
         statics.solve(model)
 
@@ -125,11 +94,7 @@ def test_too_slender_a_rod_is_an_error():
 def test_a_load_below_rounding_is_an_error(length):
     """Control points carry the length itself: strains of a section are known to 1e-16 L / r only."""
     space = prism(length, circle(8), elements=8, degree=4, continuity=0, order=2, quadrature="4x2x4")
-    model = Model(
-        [Body(space, NeoHookean(1.0, 0.0))],
-        [Support.end(space, "start")],
-        loads=[SectionLoad.end(space, "end", (0.25 * np.pi / length**2, 0.0, 0.0))],
-    )
+    model = cantilever(space, 0.25 * np.pi / length**2)
     with pytest.raises(SolveError):
         statics.solve(model)
 
@@ -173,43 +138,9 @@ def test_a_load_no_equilibrium_bears_is_an_error_that_names_the_place():
     assert "\n" not in str(caught.value)
 
 
-RANKS = """
-from isorod import options
-options.initialize([])
-import numpy as np
-from petsc4py import PETSc
-from isorod import statics
-from isorod.model import BodyForce, SectionLoad
-from isorod.material import NeoHookean
-from isorod.model import Body, Model, Support
-from isorod.scenes.spring import Spring
-from isorod.space import Space
-space = Space.paper(Spring(coils=1, section_points=4).rod())
-supports = [Support.end(space, "start"), Support.end(space, "end", "y", turn=(0.0, 0.2, 0.0), tied="xz")]
-loads = [BodyForce((0.0, 0.0, 1e-2)), SectionLoad((0.0, 0.1, 0.2), u=0.3)]
-s = statics.solve(Model([Body(space, NeoHookean(100.0, 0.3))], supports, loads=loads))
-if PETSc.COMM_WORLD.rank == 0:
-    print("found", *s.moments.ravel(), *s.reactions.ravel(), np.linalg.norm(s.displacement))
-"""
-
-
-def test_loads_and_ties_do_not_depend_on_the_ranks(mpirun):
-    found = []
-    for ranks in (1, 3):
-        done = mpirun(ranks, script=RANKS)
-        assert done.returncode == 0, done.stderr
-        text = next(text for text in done.stdout.splitlines() if text.startswith("found"))
-        found.append([float(word) for word in text.split()[1:]])
-    assert found[1] == pytest.approx(found[0], rel=1e-6, abs=1e-6)
-
-
 def test_extrapolated_stress_halves_the_iterations_and_changes_no_result(monkeypatch):
     space = slender(1000.0)
-    model = Model(
-        [Body(space, NeoHookean(1.0, 0.0))],
-        [Support.end(space, "start")],
-        loads=[SectionLoad.end(space, "end", (0.25e-6 * np.pi, 0.0, 0.0))],
-    )
+    model = cantilever(space, 0.25e-6 * np.pi)
     with_it = statics.solve(model)
     monkeypatch.setattr(Assembler, "extrapolate", lambda self: None)
     without = statics.solve(model)

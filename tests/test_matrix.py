@@ -1,7 +1,5 @@
 """Sparse matrices from entries that repeat, as those of contact do."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from petsc4py import PETSc
@@ -116,10 +114,8 @@ def add_up():
 
 @pytest.mark.mpi
 @pytest.mark.parametrize("ranks", [2, 4])
-def test_entries_of_all_ranks_are_added_up(ranks, mpirun):
-    script = f"import sys; sys.path[:0] = [{str(Path(__file__).parent)!r}]; import test_matrix as t; t.add_up()"
-    done = mpirun(ranks, script=script)
-    assert done.returncode == 0, done.stderr
+def test_entries_of_all_ranks_are_added_up(ranks, on_ranks):
+    on_ranks(ranks, "test_matrix.add_up()")
 
 
 def banded(random, layers, size, gaps):

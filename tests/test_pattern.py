@@ -1,7 +1,6 @@
 """Where blocks of element matrices go, on one rank and over several: against sums of dense matrices."""
 
 import warnings
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,17 +8,13 @@ from conftest import as_array, straight
 from petsc4py import PETSc
 from scipy.sparse import csr_matrix
 
+from isorod import Body, Model, NeoHookean, Space, Support, arc, circle
 from isorod.assembly.assembler import Assembler
 from isorod.assembly.formulation import assembler_for
 from isorod.assembly.pattern import Layers, Pattern, add
-from isorod.geometry.center_line import arc
-from isorod.geometry.section import circle
-from isorod.material import NeoHookean
-from isorod.model import Body, Model, Support
 from isorod.petsc.matrix import add_componentwise, create_matrix, set_values, zeros
 from isorod.petsc.options import in_force
 from isorod.petsc.rows import local_rows
-from isorod.space import Space
 
 STIFF = NeoHookean(100.0, 0.3)
 
@@ -216,8 +211,6 @@ def same_on_ranks(typed):
 
 @pytest.mark.mpi
 @pytest.mark.parametrize(("ranks", "typed"), [(2, ""), (3, ""), (4, ""), (2, "mpiaij")])
-def test_matrices_do_not_depend_on_the_number_of_ranks(ranks, typed, mpirun):
+def test_matrices_do_not_depend_on_the_number_of_ranks(ranks, typed, on_ranks):
     """More ranks than elements of a body, too; and of a type of the user's, which knows no layout."""
-    script = f"import sys; sys.path[:0] = [{str(Path(__file__).parent)!r}]; import test_pattern as t"
-    done = mpirun(ranks, script=f"{script}; t.same_on_ranks({typed!r})")
-    assert done.returncode == 0, done.stderr
+    on_ranks(ranks, f"test_pattern.same_on_ranks({typed!r})")

@@ -2,23 +2,18 @@
 
 import gc
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 from petsc4py import PETSc
 from scipy.sparse import csr_matrix
 
-from isorod import modal, statics
-from isorod.material import NeoHookean
-from isorod.model import Body, Model, Support
+from isorod import Body, Model, NeoHookean, Space, Support
 from isorod.petsc import banded, inertia
 from isorod.petsc.band import Factors, Ordered
 from isorod.petsc.rows import Compressed, local_rows
 from isorod.petsc.shared_band import SharedFactors
-from isorod.scenes.blade import Blade
 from isorod.scenes.spring import Spring
-from isorod.space import Space
 from isorod.statics import continuation
 
 
@@ -209,62 +204,14 @@ def compare():
     assert factors.factorise(matrix)
 
 
-RUN = f"import sys; sys.path[:0] = [{str(Path(__file__).parent)!r}]; import test_shared_band as t; "
-
-
 def test_solves_to_rounding_on_one_rank():
     compare()
 
 
 @pytest.mark.mpi
 @pytest.mark.parametrize("ranks", [2, *[pytest.param(one, marks=pytest.mark.slow) for one in (3, 4)]])
-def test_solves_to_rounding_on_ranks(ranks, mpirun):
-    done = mpirun(ranks, script=f"{RUN}t.compare()")
-    assert done.returncode == 0, done.stderr
-
-
-def analyse(path):
-    """Save what analyses find (called under mpirun)."""
-    spring = Spring(order=1, degree=3, section_points=6, elements_per_turn=8, coils=2, formulation="displacement")
-    pulled = statics.solve(spring.model())
-    assert pulled.solver["pc"] == "banded"
-    found = {"displacement": pulled.displacement, "reactions": pulled.reactions}
-    blade = Blade(preset="paper", section_degree=2, degree=3, elements=9).model()
-    options = PETSc.Options()
-    for shift in (None, 30.0):
-        if shift is not None:
-            options["st_shift"] = shift
-        modes = modal.solve(blade, 6)
-        assert modes.solver["pc"] == "banded" and modes.below == 6
-        found[f"frequencies {shift}"] = modes.frequencies
-    options.delValue("st_shift")
-    space = Space.paper(Blade().rod(), elements=8, degree=3)
-    free = modal.solve(Model([Body(space, NeoHookean(1.0, 0.3), density=1.0)], []), 4)
-    found["free"] = free.frequencies[6:]
-    bodies = [Body(Space.paper(spring.rod(), elements=8, degree=3), NeoHookean(1.0, 0.3))] * 2
-    held = [Support.end(one.space, "start", body=b) for b, one in enumerate(bodies)]
-    pulls = [Support.end(one.space, "end", displacement=(0, 0, 0.5 + b), body=b) for b, one in enumerate(bodies)]
-    found["two bodies"] = statics.solve(Model(bodies, held + pulls)).reactions
-    if PETSc.COMM_WORLD.getRank() == 0:
-        np.savez(path, **found)
-
-
-@pytest.fixture(scope="module")
-def on_one_rank(tmp_path_factory, mpirun):
-    path = tmp_path_factory.mktemp("ranks") / "1.npz"
-    done = mpirun(1, str(path), script=f"{RUN}t.analyse(sys.argv[1])")
-    assert done.returncode == 0, done.stderr
-    return np.load(path)
-
-
-@pytest.mark.mpi
-@pytest.mark.parametrize("ranks", [2, *[pytest.param(one, marks=pytest.mark.slow) for one in (3, 4)]])
-def test_analyses_agree_on_ranks(ranks, on_one_rank, mpirun, tmp_path):
-    done = mpirun(ranks, str(tmp_path / "found.npz"), script=f"{RUN}t.analyse(sys.argv[1])")
-    assert done.returncode == 0, done.stderr
-    found = np.load(tmp_path / "found.npz")
-    for name, expected in on_one_rank.items():
-        assert np.abs(found[name] - expected).max() < 1e-9 * np.abs(expected).max(), name
+def test_solves_to_rounding_on_ranks(ranks, on_ranks):
+    on_ranks(ranks, "test_shared_band.compare()")
 
 
 def test_critical_loads_take_the_band_and_agree_with_mumps(petsc_options):
