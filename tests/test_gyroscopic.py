@@ -1,25 +1,18 @@
 """Modes with Coriolis forces: SciPy's dense solution, whirling shafts by Timoshenko's theory, blades in their plane."""
 
-import json
 from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
-from numpy.polynomial import Polynomial
-from numpy.polynomial.legendre import Legendre, leggauss
-from scipy.linalg import eig, eigh
+from scipy.linalg import eigh
 from test_modal_loaded import ROD, solved
+from vibrations import quadratic, ritz
 
-from isorod import files, modal, statics
+from isorod import InputError, NeoHookean, Space, circle, files, modal, statics, straight
 from isorod.command.cli import main
-from isorod.errors import InputError
-from isorod.geometry.center_line import straight
-from isorod.geometry.section import circle
-from isorod.material import NeoHookean
 from isorod.model import Body, Model, SectionLoad, Spin, Support
 from isorod.scenes.spring import Spring
-from isorod.space import Space
 
 HELD = '[support.end]\nend = "end"\n'
 SPIN = "[spin]\nvelocity = [{x}, 0.0, {z}]\n"
@@ -72,8 +65,7 @@ def test_it_is_the_dense_solution(lumped):
     if not lumped:
         expected = E.T @ coriolis_by_points(model) @ E
         assert np.abs(G - expected).max() < 1e-10 * np.abs(G).max()
-    n = len(K)
-    rates = eig(np.block([[np.zeros((n, n)), np.eye(n)], [-K, -G]]), np.block([[np.eye(n), 0 * K], [0 * K, M]]))[0]
+    rates = quadratic(K, G, M)
     exact = np.sort(rates.imag[rates.imag > 0.0])[:8]
     assert 2.0 * np.pi * modes.frequencies == pytest.approx(exact, rel=1e-7)
     assert modes.below == 8 and modes.falling == 0
@@ -113,13 +105,6 @@ def test_twins_are_all_found():
     assert both.frequencies == pytest.approx(np.repeat(alone.frequencies, 2), rel=1e-8)
 
 
-def test_ranks_find_the_same(mpirun, scene):
-    one = scene(ROD + HELD + SPIN, z=0.25, **SHAFT)
-    done = mpirun(2, "run", one.path, "--json", "--no-estimate")
-    assert done.returncode == 0, done.stderr
-    assert json.loads(done.stdout)["frequencies"] == pytest.approx(solved(one).frequencies, rel=1e-8)
-
-
 # Shafts
 
 
@@ -132,11 +117,8 @@ def whirl(spin, count=12, modes=3):
     """
     L, r = SHAFT["length"], SHAFT["radius"]
     area, inertia, shear = np.pi * r**2, np.pi * r**4 / 4, 0.5 * 6.0 / 7.0
-    x, weight = leggauss(40)
-    x, weight = 0.5 * L * (x + 1.0), 0.5 * L * weight
-    edge = Polynomial([0.0, L, -1.0])
-    basis = [edge * Legendre.basis(j, domain=[0.0, L]).convert(kind=Polynomial) for j in range(count)]
-    f, df = (np.array([one.deriv(k)(x) if k else one(x) for one in basis]) for k in (0, 1))
+    _, weight, table = ritz(count, [0.0, L, -1.0], L)
+    f, df = table(0), table(1)
     inner = {(a, b): (p * weight) @ q.T for a, p in (("f", f), ("d", df)) for b, q in (("f", f), ("d", df))}
     K = np.block(
         [
@@ -148,8 +130,7 @@ def whirl(spin, count=12, modes=3):
     M = np.block([[area * inner["f", "f"], zero], [zero, inertia * inner["f", "f"]]])
     G = np.block([[zero, zero], [zero, 2.0 * inertia * spin * inner["f", "f"]]])
     # K - omega^2 M + omega G.
-    n = 2 * count
-    omega = eig(np.block([[np.zeros((n, n)), np.eye(n)], [K, G]]), np.block([[np.eye(n), 0 * K], [0 * K, M]]))[0].real
+    omega = quadratic(-K, -G, M).real
     return np.sort(omega[omega > 0.0])[:modes], np.sort(-omega[omega < 0.0])[:modes]
 
 
@@ -247,15 +228,8 @@ def lagging(speed, ratio, count=12):
     Ritz, in the unit of ``sqrt(E I / rho A L^4)``; ``ratio`` is ``E A L^2 / E I``.  Lag ``v`` and stretch ``u``:
     ``v'''' - (T v')' - speed^2 v + v.. + 2 speed u. = 0``, ``-ratio u'' - speed^2 u + u.. - 2 speed v. = 0``.
     """
-    x, weight = leggauss(40)
-    x, weight = 0.5 * (x + 1.0), 0.5 * weight
-    legendre = [Legendre.basis(j, domain=[0.0, 1.0]).convert(kind=Polynomial) for j in range(count)]
-
-    def table(power, k):
-        basis = [Polynomial([0.0] * power + [1.0]) * one for one in legendre]
-        return np.array([one.deriv(k)(x) if k else one(x) for one in basis])
-
-    v, dv, ddv, u, du = table(2, 0), table(2, 1), table(2, 2), table(1, 0), table(1, 1)
+    (x, weight, across), (*_, along) = ritz(count, [0.0, 0.0, 1.0]), ritz(count, [0.0, 1.0])
+    v, dv, ddv, u, du = *(across(k) for k in range(3)), along(0), along(1)
     pull = speed**2 * (1.0 - x**2) / 2.0
     of = {"v": (v * weight) @ v.T, "u": (u * weight) @ u.T, "vu": (v * weight) @ u.T}
     bend = (ddv * weight) @ ddv.T + (dv * weight * pull) @ dv.T - speed**2 * of["v"]
@@ -263,8 +237,7 @@ def lagging(speed, ratio, count=12):
     K = np.block([[bend, zero], [zero, ratio * (du * weight) @ du.T - speed**2 * of["u"]]])
     M = np.block([[of["v"], zero], [zero, of["u"]]])
     G = 2.0 * speed * np.block([[zero, of["vu"]], [-of["vu"].T, zero]])
-    n = 2 * count
-    rates = eig(np.block([[np.zeros((n, n)), np.eye(n)], [-K, -G]]), np.block([[np.eye(n), 0 * K], [0 * K, M]]))[0]
+    rates = quadratic(K, G, M)
     return np.sort(rates.imag[rates.imag > 1e-6])[0], np.sqrt(eigh(bend, of["v"], eigvals_only=True)[0])
 
 

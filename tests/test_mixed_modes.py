@@ -1,7 +1,5 @@
 """Vibration modes of the mixed formulation: exact solutions, the dense pencil, states with stress, what refuses it."""
 
-import re
-
 import numpy as np
 import pytest
 from conftest import straight
@@ -9,18 +7,12 @@ from reference import BLADE_FREQUENCIES
 from scipy.linalg import eigh, null_space
 from scipy.optimize import brentq
 from scipy.special import iv, jv
-from vibrations import stretching, turning
+from vibrations import clamped, sliding, stretching, turning
 
-from isorod import files, modal, statics
-from isorod.assembly.assembler import Assembler
+from isorod import Body, InputError, LinearElastic, Model, NeoHookean, Space, Support, matrices, modal, statics
 from isorod.assembly.mixed import MixedAssembler
 from isorod.command.cli import main
-from isorod.errors import InputError
-from isorod.material import LinearElastic, NeoHookean
-from isorod.model import Body, Model, Support
-from isorod.output.matrices import matrices
 from isorod.scenes.blade import Blade
-from isorod.space import Space
 
 MU = 1.0
 NEARLY = [0.3, 0.4999, 0.499999, 0.5]
@@ -33,14 +25,6 @@ def law(nu, kind=LinearElastic):
 def bar(nu, held=lambda space: [], length=6.0, density=1.0, kind=LinearElastic, **space):
     where = Space.paper(straight(n=8, height=length), **({"elements": 4, "degree": 5} | space))
     return Model([Body(where, law(nu, kind), density, "mixed")], held(where))
-
-
-def clamped(space):
-    return [Support.end(space, "start")]
-
-
-def sliding(space):
-    return [Support.end(space, end, "z") for end in ("start", "end")]
 
 
 # Exact solutions
@@ -216,30 +200,6 @@ def test_a_compressible_blade_loads_nothing_of_it(python):
     assert loaded == "[]"
 
 
-FILE = """analysis = "modal"
-[rod.bar]
-curve = {straight = 6.0}
-section = {circle = 1.0}
-law = {LinearElastic = {E = 3.0, nu = 0.5}}
-density = 1.0
-space = {section_degree = 2, elements = 2, degree = 4}
-[support.wall]
-end = "start"
-"""
-
-
-@pytest.mark.mpi
-def test_a_file_runs_on_two_ranks(mpirun, tmp_path):
-    path = tmp_path / "bar.toml"
-    path.write_text(FILE)
-    expected = modal.solve(files.find(str(path)).model(), 4).frequencies
-    assert min(np.abs(expected - 1.0 / 24.0)) < 1e-6
-    done = mpirun(2, "run", str(path), "--modes", "4", "--json", "--no-estimate")
-    assert done.returncode == 0, done.stderr
-    found = np.array(re.search(r'"frequencies": \[([^]]*)\]', done.stdout)[1].split(","), dtype=float)
-    assert found == pytest.approx(expected, rel=1e-9)
-
-
 # What refuses it
 
 
@@ -255,14 +215,6 @@ def test_eigensolvers_that_need_a_definite_mass_are_refused(typed, instead):
         match=f"-{name} {said}: needs a definite mass matrix, the mixed formulation's is singular; use {instead}",
     ):
         modal.solve(bar(0.5, clamped, **SMALL), 2, petsc=typed)
-
-
-def test_what_knows_no_pressures_says_so():
-    with pytest.raises(InputError, match="'mixed', which needs the mixed assembler"):
-        Assembler(bar(0.5))
-    with pytest.raises(InputError, match="body 0 is linear elastic, without geometric stiffness"):
-        model = bar(0.5, clamped, **SMALL)
-        modal.solve(model, 2, state=statics.solve(model))
 
 
 def test_an_unknown_state_has_no_pressure():

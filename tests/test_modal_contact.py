@@ -6,22 +6,20 @@ import combinations
 import numpy as np
 import pytest
 from petsc4py import PETSc
-from scipy.optimize import brentq
+from vibrations import fixed, pinned, wave
 
-from isorod import modal
+from isorod import InputError, NeoHookean, Space, modal, straight
 from isorod.command.cli import main
 from isorod.contact.frozen import Frozen
-from isorod.errors import InputError
 from isorod.geometry import section
-from isorod.geometry.center_line import straight
-from isorod.material import NeoHookean
 from isorod.modal import touching
 from isorod.model import Body, BodyForce, Contact, Cylinder, Model, Plane, Support
-from isorod.space import Space
 
 E = 1000.0
 LAW = NeoHookean(E, 0.3)
 FLOOR = Plane((0.0, -1.0, 0.0), (0.0, 1.0, 0.0))
+# Bending stiffness and mass per length.
+BEAM = E * np.pi / 4.0, np.pi
 UNSEEN = "ignore:contact 0. contact patch under-resolved. .* on body 0"
 
 
@@ -29,28 +27,6 @@ def bar(length, elements, degree=4, outline=None):
     outline = section.circle(8) if outline is None else outline
     rod = straight(length).sweep(outline)
     return Space(rod, elements=elements, degree=degree, order=2, section_points=len(outline), continuity=1)
-
-
-def wave(force, length, missed, low, high):
-    """Return the frequency of a beam of radius 1 and density 1 under tension between two multiples of pi / length."""
-    bending, area = E * np.pi / 4.0, np.pi
-
-    def edges(k):
-        return np.sqrt(k * k + force / bending)
-
-    k = brentq(lambda k: missed(k * length, edges(k) * length), low * np.pi / length, high * np.pi / length)
-    return np.sqrt((bending * k**4 + force * k**2) / area) / (2.0 * np.pi)
-
-
-def pinned(force, length):
-    """Return the lowest frequency of a beam that is clamped at one end and pinned at the other."""
-    return wave(force, length, lambda k, w: w * np.sin(k) - k * np.cos(k) * np.tanh(w), 1.001, 1.499)
-
-
-def clamped(force, length):
-    """Return the lowest frequency of a beam that is clamped at both ends."""
-    missed = lambda k, w: k * np.sin(0.5 * k) + w * np.tanh(0.5 * w) * np.cos(0.5 * k)  # noqa: E731
-    return wave(force, length, missed, 1.001, 1.999)
 
 
 @pytest.mark.filterwarnings(UNSEEN)
@@ -67,7 +43,7 @@ def test_a_post_under_the_end_of_a_clamped_bar_is_a_support_whatever_the_penalty
     sideways, up, _ = found[0].frequencies
     free = (1.8751040687 / length) ** 2 * np.sqrt(E / 4.0) / (2.0 * np.pi)
     assert sideways == pytest.approx(free, rel=5e-3)
-    assert up / sideways == pytest.approx(pinned(0.0, touched) / free, rel=2e-3)
+    assert up / sideways == pytest.approx(pinned(0.0, touched, *BEAM) / free, rel=2e-3)
     for other in found[1:]:
         assert other.frequencies == pytest.approx(found[0].frequencies, rel=1e-3)
     assert found[0].about == "the equilibrium under 1 contact with 2 points in contact"
@@ -88,7 +64,7 @@ def rolled(force, length):
         a, b = two[1], -one[1]
         return bending * (a * one[2] + b * two[2]) - spring * (a * one[0] + b * two[0])
 
-    return wave(force, length, missed, 0.55, 0.999)
+    return wave(missed, force, length, *BEAM, 0.55, 0.999)
 
 
 @pytest.mark.filterwarnings(UNSEEN)
@@ -105,8 +81,8 @@ def test_a_string_over_a_cylinder(friction):
     force = modes.equilibrium.reactions[1, 2]
     # Of its mass more length has as much.
     lighter = np.sqrt(longer / length)
-    halves = lighter * pinned(force, 0.5 * longer), lighter * clamped(force, 0.5 * longer)
-    whole = lighter * clamped(force, longer)
+    halves = [lighter * end(force, 0.5 * longer, *BEAM) for end in (pinned, fixed)]
+    whole = lighter * fixed(force, longer, *BEAM)
     free = [whole, halves[0], halves[0], halves[1]]
     rough = [lighter * rolled(force, 0.5 * longer), halves[0], halves[0], halves[1]]
     # Stretched by 4 % it is thinner, and twists more easily.

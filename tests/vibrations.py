@@ -2,16 +2,18 @@
 
 import numpy as np
 from conftest import as_array
+from numpy.polynomial import Polynomial
+from numpy.polynomial.legendre import Legendre, leggauss
 from petsc4py import PETSc
+from scipy.linalg import eig
+from scipy.optimize import brentq
 
+from isorod import Body, LinearElastic, Model, Space, Support
 from isorod.assembly.assembler import Assembler
-from isorod.material import LinearElastic
-from isorod.model import Body, Model, Support
 from isorod.scenes.blade import Blade
 from isorod.scenes.flower import Flower
 from isorod.scenes.ring import Ring
 from isorod.scenes.spring import Spring
-from isorod.space import Space
 
 E, RHO = 200.0, 2.0
 SPEED = np.sqrt(E / RHO)
@@ -84,6 +86,46 @@ def bending(modes):
     return omega[:, 0]
 
 
+def ritz(count, edge, length=1.0):
+    """Return points and weights along a beam, and a table of derivatives of polynomials times ``edge``."""
+    x, weight = leggauss(40)
+    x, weight = 0.5 * length * (x + 1.0), 0.5 * length * weight
+    domain = [0.0, length]
+    basis = [Polynomial(edge) * Legendre.basis(j, domain=domain).convert(kind=Polynomial) for j in range(count)]
+    return x, weight, lambda k: np.array([one.deriv(k)(x) if k else one(x) for one in basis])
+
+
+def quadratic(K, G, M):
+    """Return all ``s`` of ``K + s G + s^2 M``."""
+    one, zero = np.eye(len(K)), np.zeros_like(K)
+    return eig(np.block([[zero, one], [-K, -G]]), np.block([[one, zero], [zero, M]]))[0]
+
+
+def wave(missed, force, length, bending, mass, low, high):
+    """Return the frequency of a beam under tension between two multiples of pi / length, by what its ends miss.
+
+    Of bending, EI times the fourth derivative of w, and tension: k^2 is the wave's, k^2 + T / EI the edges'.
+    """
+
+    def edges(k):
+        return np.sqrt(k * k + force / bending)
+
+    k = brentq(lambda k: missed(k * length, edges(k) * length), low * np.pi / length, high * np.pi / length)
+    return np.sqrt((bending * k**4 + force * k**2) / mass) / (2.0 * np.pi)
+
+
+def pinned(force, length, bending, mass, n=1):
+    """Clamped at one end and pinned at the other: k1 tan(k2 l) = k2 tanh(k1 l)."""
+    missed = lambda k, w: w * np.sin(k) - k * np.cos(k) * np.tanh(w)  # noqa: E731
+    return wave(missed, force, length, bending, mass, n + 0.001, n + 0.499)
+
+
+def fixed(force, length, bending, mass):
+    """Clamped at both ends."""
+    missed = lambda k, w: k * np.sin(0.5 * k) + w * np.tanh(0.5 * w) * np.cos(0.5 * k)  # noqa: E731
+    return wave(missed, force, length, bending, mass, 1.001, 1.999)
+
+
 def free_model(rod, **refinement):
     return Model([Body(Space.paper(rod, **refinement), LinearElastic(E, 0.3), RHO)])
 
@@ -92,6 +134,7 @@ FREE = {
     "straight": lambda bar: bar(6.0, degree=3),
     "slender": lambda bar: bar(60.0),
     "order 2": lambda bar: bar(6.0, order=2, elements=4),
+    "polynomials": lambda bar: bar(6.0, section_degree=4, elements=4),
     "helix": lambda bar: free_model(Spring(section_points=4).rod(), elements=12, degree=3),
     "slender helix": lambda bar: free_model(Spring(section_points=4, wire_radius=0.1).rod(), elements=24, degree=3),
     "ring": lambda bar: free_model(Ring(section_points=6).rod(), elements=8, degree=3),
