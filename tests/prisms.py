@@ -2,11 +2,8 @@
 
 import numpy as np
 
-from isorod.geometry.center_line import straight
-from isorod.geometry.section import circle
-from isorod.material import NeoHookean
+from isorod import NeoHookean, Space, circle, straight
 from isorod.scenes.spring import Spring
-from isorod.space import Space
 
 LAW = NeoHookean(1.0, 0.3)
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from refused import refused
 
+from isorod import airfoil, naca
 from isorod.geometry.disk import boundary_functions
-from isorod.geometry.section import airfoil, naca
 from isorod.scenes.blade import Blade
 
 # Lu & Zhou, CMAME 200 (2011) 233-241, appendix A: control points of the root section; the minus signs that print lost

@@ -5,16 +5,11 @@ import pytest
 from conftest import straight
 from petsc4py import PETSc
 
-from isorod import statics
+from isorod import Body, Contact, Model, Muscle, NeoHookean, Plane, SolveError, Space, Support, statics
 from isorod.assembly.assembler import Assembler
 from isorod.assembly.mixed import MixedAssembler
 from isorod.assembly.part import ROUNDING
 from isorod.checks.reactions import check_balance, support_forces, support_moments
-from isorod.errors import SolveError
-from isorod.material import NeoHookean
-from isorod.material.muscle import Muscle
-from isorod.model import Body, Contact, Model, Plane, Support
-from isorod.space import Space
 from isorod.statics.convergence import Convergence
 
 

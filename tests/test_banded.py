@@ -6,16 +6,13 @@ from conftest import as_array
 from petsc4py import PETSc
 from scipy.sparse import csr_matrix
 
-from isorod import modal, statics
+from isorod import Body, Model, NeoHookean, Space, Support, modal, statics
 from isorod.assembly import factorisation
 from isorod.assembly.assembler import Assembler
-from isorod.material import NeoHookean
-from isorod.model import Body, Model, Support
 from isorod.petsc import banded
 from isorod.scenes.blade import Blade
 from isorod.scenes.ring import Ring
 from isorod.scenes.spring import Spring
-from isorod.space import Space
 
 MUMPS = {"pc_type": "cholesky", "pc_factor_mat_solver_type": "mumps"}
 

@@ -6,13 +6,9 @@ import numpy as np
 import pytest
 from conftest import straight
 
-from isorod import dynamics, modal, statics
-from isorod.errors import InputError
+from isorod import Body, Contact, InputError, Model, NeoHookean, Plane, Space, Support, dynamics, modal, statics
 from isorod.geometry.disk import harmonic_functions
 from isorod.geometry.quadrature import Rule
-from isorod.material import NeoHookean
-from isorod.model import Body, Contact, Model, Plane, Support
-from isorod.space import Space
 from isorod.space.polyharmonic import Polyharmonic
 from isorod.space.polynomial import Polynomials
 

@@ -9,12 +9,8 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
-from isorod import dynamics, statics
+from isorod import Contact, InputError, Model, Muscle, NeoHookean, Plane, Support, dynamics, statics
 from isorod.command import cli, solving
-from isorod.errors import InputError
-from isorod.material import NeoHookean
-from isorod.material.muscle import Muscle
-from isorod.model import Contact, Model, Plane, Support
 from isorod.scenes.biceps import Biceps
 
 THETA = 2 * np.pi * np.arange(128) / 128

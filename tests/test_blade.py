@@ -8,11 +8,11 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from vibrations import mac
 
 from comparisons.measure import published
 from isorod import modal, scenes
 from isorod.command import cli
-from isorod.model import Model
 from isorod.scenes.blade import Blade
 
 TABLE_2 = published.BLADE_FREQUENCIES
@@ -65,23 +65,14 @@ def test_order_of_figure_13(frequencies):
     assert np.abs(found - slopes(lambda n: TABLE_2[n])).max() < 0.02
 
 
-CHANGES = {
-    "Young's modulus": ({"E": 1.2e7}, 2.0),
-    "density": ({"density": 160.0}, 0.5),
-    "size": ({"length": 16.6, "chord": 4.0}, 0.5),
-    "all": ({"E": 3.0e6 / 16, "density": 10.0, "length": 8.3 / 1024, "chord": 2.0 / 1024}, 512.0),
-}
-
-
-@pytest.mark.parametrize("change", CHANGES)
 @pytest.mark.parametrize("foil", ["paper", "2412"])
-def test_frequencies_scale_with_wave_speed_over_length(change, foil):
-    values, factor = CHANGES[change]
+def test_frequencies_scale_with_wave_speed_over_length(foil):
+    scaled = {"E": 3.0e6 / 16, "density": 10.0, "length": 8.3 / 1024, "chord": 2.0 / 1024}
     one, other = (
         modal.solve(Blade(preset="paper", elements=6, airfoil=foil, **more).model()).frequencies
-        for more in ({}, values)
+        for more in ({}, scaled)
     )
-    assert np.abs(other / one / factor - 1.0).max() < 1e-9
+    assert np.abs(other / one / 512.0 - 1.0).max() < 1e-9
 
 
 def test_opposite_twists_of_a_symmetric_foil_sound_the_same():
@@ -127,11 +118,6 @@ def shapes(model, vectors):
     return np.array([space.displacement(model.nodal(vector), xi, u)[0].ravel() for vector in vectors])
 
 
-def mac(a, b):
-    """Return the modal assurance criterion of the rows of two arrays."""
-    return (a @ b.T) ** 2 / np.outer((a * a).sum(axis=1), (b * b).sum(axis=1))
-
-
 @pytest.mark.parametrize("finer", [{"elements": 40}, {"elements": 15, "degree": 3}, {"elements": 10, "degree": 4}])
 def test_mode_shapes_converge(finer):
     found = [
@@ -141,15 +127,6 @@ def test_mode_shapes_converge(finer):
     print(np.diag(table))
     assert np.diag(table).min() > 0.998
     assert np.array_equal(table.argmax(axis=0), np.arange(10))
-
-
-def test_free_blade_has_six_rigid_modes_and_higher_frequencies():
-    model = Blade(preset="paper", elements=8).model()
-    free, held = modal.solve(Model(model.bodies)), modal.solve(model)
-    assert (free.rigid, held.rigid) == (6, 0)
-    assert np.all(free.frequencies[:6] < 1e-4 * free.frequencies[6])
-    # A constraint lifts every eigenvalue.
-    assert np.all(free.eigenvalues[:10] < held.eigenvalues)
 
 
 ISSUE = "--section-points 16 --elements 30 --modes 10 --quadrature paper --json".split()

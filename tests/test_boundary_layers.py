@@ -5,13 +5,9 @@ import warnings
 import numpy as np
 import pytest
 
-from isorod import statics
-from isorod.errors import InputError
+from isorod import Body, InputError, LinearElastic, Model, NeoHookean, Pressure, Support, helix, statics, straight
 from isorod.files.scene import FileScene
 from isorod.geometry import section
-from isorod.geometry.center_line import helix, straight
-from isorod.material import LinearElastic, NeoHookean
-from isorod.model import Body, Model, Pressure, Support
 from isorod.space import Space, choice
 
 E, NU = 200.0, 0.3

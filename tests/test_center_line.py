@@ -7,10 +7,9 @@ import pytest
 from lines import RIM, TREFOIL, along, random_curve, sections
 from refused import refused
 
-from isorod.errors import FoldedRodError
+from isorod import FoldedRodError, circle, flower
 from isorod.geometry.center_line import CenterLine, arc, helix, nurbs, polyline, straight
 from isorod.geometry.fitting import evaluate
-from isorod.geometry.section import circle, flower
 from isorod.scenes.spring import Spring
 
 # Straight lines

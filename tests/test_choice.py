@@ -6,11 +6,8 @@ import numpy as np
 import pytest
 from reference import BLADE_FREQUENCIES, SPRING_FORCE
 
-from isorod import dynamics, modal, statics
-from isorod.errors import InputError
+from isorod import InputError, LinearElastic, NeoHookean, dynamics, helix, modal, statics, straight
 from isorod.geometry import section
-from isorod.geometry.center_line import helix, straight
-from isorod.material import LinearElastic, NeoHookean
 from isorod.model import Body, Contact, Model, Plane, Pressure, SectionLoad, Support
 from isorod.scenes.blade import Blade
 from isorod.scenes.flower import Flower

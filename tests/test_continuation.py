@@ -5,16 +5,9 @@ import pytest
 from scipy.optimize import brentq
 from scipy.special import ellipe, ellipk
 
-from isorod import statics
+from isorod import Axis, InputError, NeoHookean, Rod, SolveError, Space, circle, statics, straight
 from isorod.assembly.assembler import Assembler
-from isorod.errors import InputError, SolveError
-from isorod.geometry.axis import Axis
-from isorod.geometry.center_line import straight
-from isorod.geometry.rod import Rod
-from isorod.geometry.section import circle
-from isorod.material import NeoHookean
 from isorod.model import Body, Model, SectionLoad, Support
-from isorod.space import Space
 from isorod.statics import continuation
 
 

@@ -10,20 +10,16 @@ from scipy.sparse import csr_matrix
 from test_contact_statics import crossing
 
 from comparisons.stability import cost, estimates
-from isorod import modal, statics
+from isorod import InputError, LinearElastic, NeoHookean, Space, modal, statics, straight
 from isorod.assembly.formulation import assembler_for
 from isorod.checks import adapt, estimate_of_modes
 from isorod.checks.finer import Finer
 from isorod.command import cli, refine, solving
 from isorod.contact.frozen import Frozen
-from isorod.errors import InputError
 from isorod.geometry import axis, section
-from isorod.geometry.center_line import straight
-from isorod.material import LinearElastic, NeoHookean
 from isorod.model import Body, Contact, Cylinder, Model, Plane, SectionLoad, Support
 from isorod.scenes.blade import Blade
 from isorod.scenes.spring import Spring
-from isorod.space import Space
 from isorod.space.closer import Patch, closer
 
 

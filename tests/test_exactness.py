@@ -10,14 +10,9 @@ nothing is approximated.
 import numpy as np
 import pytest
 
-from isorod import statics
+from isorod import Body, LinearElastic, Model, Space, Support, airfoil, ellipse, statics, straight
 from isorod.assembly.assembler import Assembler
-from isorod.geometry.center_line import straight
 from isorod.geometry.quadrature import Rule, section_points
-from isorod.geometry.section import airfoil, ellipse
-from isorod.material import LinearElastic
-from isorod.model import Body, Model, Support
-from isorod.space import Space
 
 LENGTH = 2.0
 

@@ -5,15 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from isorod.errors import InputError
-from isorod.geometry.center_line import arc, helix, straight
-from isorod.geometry.section import circle, ellipse
+from isorod import Body, HolzapfelGasserOgden, InputError, Muscle, Space, arc, circle, ellipse, helix, straight
 from isorod.material import fibre
-from isorod.material.holzapfel_gasser_ogden import HolzapfelGasserOgden
-from isorod.material.muscle import Muscle
 from isorod.material.places import Places, alone
-from isorod.model import Body
-from isorod.space import Space
 
 XI = np.array([[0.9, 0.0], [0.1, 0.2], [0.0, -0.5], [-0.3, 0.4], [0.0, 0.0]])
 ANGLE = np.array([0.0, np.arctan2(0.2, 0.1), -0.5 * np.pi, np.arctan2(0.4, -0.3), 0.0])

@@ -7,17 +7,11 @@ import pytest
 from conftest import straight
 from petsc4py import PETSc
 
+from isorod import Axis, Body, LinearElastic, Model, NeoHookean, Rod, SolveError, Space, circle
 from isorod.assembly.assembler import Assembler
 from isorod.checks import hourglass
-from isorod.errors import SolveError
-from isorod.geometry.axis import Axis
 from isorod.geometry.quadrature import Rule
-from isorod.geometry.rod import Rod
-from isorod.geometry.section import circle
-from isorod.material import LinearElastic, NeoHookean
-from isorod.model import Body, Model
 from isorod.petsc import inertia
-from isorod.space import Space
 
 SPACES = {
     "control points": {"degree": 2},

@@ -2,12 +2,8 @@
 
 import pytest
 
-from isorod import options
-
-options.initialize([])
-
-from comparisons.stability import incompressible  # noqa: E402
-from comparisons.stability.point import holds, sweeps  # noqa: E402
+from comparisons.stability import incompressible
+from comparisons.stability.point import holds, sweeps
 
 CASES = (incompressible.SPRING, incompressible.BENT, incompressible.PINCHED)
 

@@ -12,16 +12,11 @@ from scipy.sparse import load_npz
 from scipy.sparse.linalg import eigsh, spsolve
 
 import isorod as offered
-from isorod import dynamics, modal, statics
+from isorod import InputError, LinearElastic, Muscle, NeoHookean, Space, dynamics, matrices, modal, statics
 from isorod.command import cli
-from isorod.errors import InputError
-from isorod.material import LinearElastic, NeoHookean
-from isorod.material.muscle import Muscle
 from isorod.model import Body, Contact, Model, Plane, SectionLoad, Support
 from isorod.output import matrix_files
-from isorod.output.matrices import matrices
 from isorod.scenes.blade import Blade
-from isorod.space import Space
 
 # Nothing of isorod: what SLEPc's example 7 does with its options -f1 and -f2.
 EXAMPLE_7 = """

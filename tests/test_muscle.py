@@ -7,7 +7,7 @@ from scipy.integrate import quad
 from scipy.optimize import brentq
 from test_laws import FIBRE, F
 
-from isorod import Body, InputError, LinearElastic, Model, Muscle, NeoHookean, Space, Support, circle, helix, statics
+from isorod import Body, InputError, Model, Muscle, NeoHookean, Space, Support, circle, helix, statics
 from isorod.model.support import rotation
 from isorod.output.stress import cauchy
 
@@ -134,19 +134,6 @@ def test_passive_bar_at_rest_stays_at_rest():
     solution = statics.solve(bar(Muscle(**PAPER), held="z"))
     assert not solution.displacement.any()
     assert not solution.reactions.any()
-
-
-def test_laws_in_a_row_share_the_force():
-    """Bars in series, nu = 0, small strain: force = displacement / sum(length / (E area)).
-
-    The axis has a kink between them.
-    """
-    space = Space.paper(straight(degree=1, breaks=(0.0, 1.0, 3.0, 4.0), radius=0.5, height=4.0))
-    laws = [LinearElastic(5.0, 0.0), LinearElastic(1.0, 0.0), LinearElastic(20.0, 0.0)]
-    supports = [Support.end(space, "start"), Support.end(space, "end", displacement=(0.0, 0.0, 0.1))]
-    solution = statics.solve(Model([Body(space, laws)], supports))
-    force = 0.1 / ((1 / 5 + 2 / 1 + 1 / 20) / (np.pi * 0.25))
-    assert solution.reactions[1, 2] == pytest.approx(force, rel=1e-12)
 
 
 def test_one_law_and_the_same_law_for_each_element_are_the_same():

@@ -231,22 +231,6 @@ def test_files_have_them(tmp_path):
     assert np.array_equal(second.constants, CARBON.constants) and second.fibre.args == (90.0,)
 
 
-def test_a_winding_fibre_twists_a_bar_that_is_pulled():
-    """Against the sense in which it winds, nothing if it runs along or around."""
-    space = Space(straight(4.0).sweep(circle(8, 0.5)), elements=2, degree=2, section_degree=4)
-
-    def turn(angle):
-        law = replace(CARBON, fibre=fibre.helix(angle))
-        pulled = Support.end(space, "end", "z", (0.0, 0.0, 0.01))
-        solution = statics.solve(Model([Body(space, law)], [*held(space), pulled]))
-        moved = solution.at(0, "end", [[1.0, 0.0], [-1.0, 0.0]])
-        return float(moved[0, 1] - moved[1, 1])
-
-    one, other = turn(30.0), turn(-30.0)
-    assert one == pytest.approx(-other, rel=1e-9) and one < -1e-3
-    assert abs(turn(0.0)) < 1e-9
-
-
 def test_pressures_are_refused():
     space = Space(straight(1.0).sweep(circle(4, 1.0)))
     with pytest.raises(InputError, match="needs a law with an energy of volume change"):

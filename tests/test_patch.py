@@ -3,11 +3,8 @@
 import numpy as np
 import pytest
 
-from isorod import statics
-from isorod.errors import InputError
+from isorod import Body, InputError, LinearElastic, Model, Support, statics
 from isorod.geometry import center_line, section
-from isorod.material import LinearElastic
-from isorod.model import Body, Model, Support
 from isorod.model.support import rotation
 from isorod.space.space import Space
 

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 from disks import derivative, disk_points
 
-from isorod.errors import InputError
+from isorod import InputError, Space
 from isorod.geometry.disk import harmonic_functions
 from isorod.geometry.quadrature import Rule, section_points
-from isorod.space import Space
 from isorod.space.polyharmonic import Polyharmonic
 
 ORDERS = [1, 2, 3, 4, 6]
@@ -75,70 +74,10 @@ def test_gradient_is_the_derivative_of_the_value(n, turn):
         assert np.abs(difference - gradients[:, :, a]).max() < 1e-10 * np.abs(gradients).max()
 
 
-def laplacians(n, order, radius, modes):
-    """Iterated Laplacians ``0 .. order`` of every function at ``radius``, mode by mode.
-
-    On a circle ``f = sum_m f_m(r) exp(i m theta)``; ``g_k T_i`` being a polynomial of degree ``K - 1`` in ``r^2`` times
-    a harmonic function, ``f_m`` is ``r^|m|`` times such a polynomial.  It is fitted at more radii than it has
-    coefficients and the residual returned too, so that nothing else passes.
-    """
-    t = 2 * np.pi * np.arange(256) / 256
-    radii = np.linspace(0.15, 0.85, 2 * order + 5)
-    points = (radii[:, None, None] * np.stack([np.cos(t), np.sin(t)], axis=1)).reshape(-1, 2)
-    values = Polyharmonic(n, order).functions(points)[0].reshape(radii.size, t.size, -1)
-    waves = np.fft.fft(values, axis=1)[:, :modes] / t.size
-    found, misfit = [], 0.0
-    for m in range(modes):
-        # two powers more than there should be: their coefficients must come out zero
-        powers = m + 2 * np.arange(order + 2)
-        basis = radii[:, None] ** powers
-        fit, *_ = np.linalg.lstsq(basis, waves[:, m], rcond=None)
-        misfit = max(misfit, np.abs(basis @ fit - waves[:, m]).max())
-        iterated = [fit]
-        for _ in range(order):
-            # Laplacian of r^p exp(i m theta) is (p^2 - m^2) r^(p - 2) exp(i m theta)
-            step = (powers**2 - m**2)[:, None] * iterated[-1]
-            iterated.append(np.concatenate([step[1:], 0 * step[:1]]))
-        found.append([np.abs(radius**powers @ fit) for fit in iterated])
-    return np.array(found), misfit
-
-
-@pytest.mark.parametrize("n", [3, 5, 8])
-@pytest.mark.parametrize("order", [1, 2, 3, 4])
-def test_laplacian_applied_as_often_as_the_order_vanishes_and_not_earlier(n, order):
-    found, misfit = laplacians(n, order, 0.5, 4)
-    assert misfit < 1e-14
-    size = found[:, order - 1].max()
-    assert size > 0.1 * found[:, 0].max()
-    assert found[:, order].max() < 1e-8 * size
-
-
-@pytest.mark.parametrize("n", COUNTS)
-@pytest.mark.parametrize("turn", [0.0, 0.3])
-@pytest.mark.parametrize("order", [2, 3, 4])
-def test_laplacian_by_differences_of_gradients(n, order, turn):
-    """The Laplacian of ``g T`` is ``(4 s g'' + 4 g') T + 4 g' xi . grad T``: in the span of order ``K - 1``."""
-    basis, points = Polyharmonic(n, order, turn), disk_points(0.8, 40 * order)
-    laplacian = sum(
-        derivative(lambda x, a=a: basis.functions(x)[1][:, :, a], points, direction, 2e-3)
-        for a, direction in enumerate(np.eye(2))
-    )
-    assert np.abs(laplacian[:, :n]).max() < 1e-9
-    assert np.abs(laplacian[:, n:]).max() > 1.0
-    # T and xi . grad T are harmonic: with factors s^j, j < K - 1, they make whatever the Laplacian is
-    values, gradients = Polyharmonic(n, 1, turn).functions(points)
-    dilated = np.einsum("qib,qb->qi", gradients, points)
-    s = np.sum(points**2, axis=1)[:, None]
-    span = np.concatenate([s**j * f for j in range(order - 1) for f in (values, dilated)], axis=1)
-    assert distance(span, laplacian) < 1e-8
-    if order > 2:
-        less = np.concatenate([s**j * f for j in range(order - 2) for f in (values, dilated)], axis=1)
-        assert distance(less, laplacian) > 1e-3
-
-
 @pytest.mark.parametrize("n", COUNTS)
 @pytest.mark.parametrize("order", ORDERS)
 def test_spans_what_powers_of_the_distance_to_the_circle_do(n, order):
+    """They are all polyharmonic functions (Almansi's theorem)."""
     points = disk_points(1.0, 20 * n)
     harmonic, _ = harmonic_functions(n, points)
     gap = 1 - np.sum(points**2, axis=1)[:, None]

@@ -4,11 +4,9 @@ import numpy as np
 import pytest
 from lines import KNOT, RIM, TREFOIL, distances, parameters, random_curve, sections
 
-from isorod.errors import InputError
-from isorod.geometry.center_line import helix, polyline, straight
+from isorod import InputError, circle, ellipse, helix, polyline, straight
 from isorod.geometry.fitting import evaluate
 from isorod.geometry.frames import Frames
-from isorod.geometry.section import circle, ellipse
 
 # Polylines
 

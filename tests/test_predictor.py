@@ -4,10 +4,7 @@ import numpy as np
 import pytest
 from conftest import straight
 
-from isorod import statics
-from isorod.material import NeoHookean
-from isorod.model import Body, Model, Support
-from isorod.space import Space
+from isorod import Body, Model, NeoHookean, Space, Support, statics
 
 
 def bent(size, turn):

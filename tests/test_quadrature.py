@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from refused import refused
 
-from isorod.geometry.axis import Axis
+from isorod import Axis
 from isorod.geometry.quadrature import Rule, axis_points, section_points
 
 RULES = [Rule(2, 1, 3), Rule(1, 1, 1), Rule(3, 2, 3), Rule(4, 4, 3), Rule(6, 3, 3)]

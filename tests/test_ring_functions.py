@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from isorod.geometry.center_line import straight
+from isorod import Space, circle, naca, straight
 from isorod.geometry.disk import harmonic_functions
-from isorod.geometry.section import circle, naca
-from isorod.space import Space
 
 
 def prism(rings, section=None):

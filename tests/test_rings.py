@@ -4,16 +4,11 @@ import numpy as np
 import pytest
 from refused import refused
 
-from isorod import dynamics, modal, statics
-from isorod.geometry.center_line import helix, straight
-from isorod.geometry.rod import Rod
-from isorod.geometry.section import airfoil, circle, ellipse
+from isorod import Muscle, Rod, Space, airfoil, circle, dynamics, ellipse, helix, modal, statics, straight
 from isorod.material import LinearElastic, NeoHookean
-from isorod.material.muscle import Muscle
 from isorod.material.places import Places
 from isorod.model import Body, BodyForce, Contact, Model, Plane, Pressure, SectionLoad, Support
 from isorod.output import vtk
-from isorod.space import Space
 
 A, B, LENGTH = 0.8, 2.0, 3.0
 E, NU = 200.0, 0.3

@@ -7,11 +7,7 @@ import pytest
 from disks import derivative, disk_points
 from refused import refused
 
-from isorod.errors import FoldedRodError, InputError
-from isorod.geometry.axis import Axis
-from isorod.geometry.center_line import helix, straight
-from isorod.geometry.rod import Rod
-from isorod.geometry.section import circle, flower
+from isorod import Axis, FoldedRodError, InputError, Rod, circle, flower, helix, straight
 from isorod.scenes.flower import Flower
 from isorod.scenes.ring import Ring
 from isorod.scenes.spring import Spring
@@ -120,14 +116,6 @@ def test_grid_and_points_agree(rod):
     table = rod.grid(xi, u)[0]
     pairs = rod.points(np.tile(xi, (u.size, 1)), np.repeat(u, len(xi)))
     assert np.abs(table.reshape(-1, 3) - pairs).max() < 1e-13
-
-
-def test_moving_control_points_affinely_moves_the_rod(rod):
-    A, b = np.array([[1.0, 0.3, -0.2], [0.1, 0.8, 0.4], [0.0, -0.5, 1.2]]), np.array([3.0, -1.0, 2.0])
-    moved = Rod(rod.axis, rod.control_points @ A.T + b)
-    xi, u = edge_points(), axis_parameters(rod)
-    assert np.abs(moved.grid(xi, u)[0] - (rod.grid(xi, u)[0] @ A.T + b)).max() < 1e-13 * 20
-    assert moved.volume() == pytest.approx(np.linalg.det(A) * rod.volume(), rel=1e-13)
 
 
 def test_check_returns_a_positive_determinant(rod, cylinder):

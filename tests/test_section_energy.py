@@ -6,15 +6,12 @@ import numpy as np
 import pytest
 
 import isorod
-from isorod import statics
+from isorod import Body, LinearElastic, Model, SectionLoad, Space, Support, statics
 from isorod.geometry.quadrature import Rule, section_points
 from isorod.geometry.section import airfoil, circle, ellipse, flower, rounded_rectangle
-from isorod.material import LinearElastic
-from isorod.model import Body, Model, SectionLoad, Support
 from isorod.output.prism import Prism
 from isorod.output.section_properties import apart, section_properties
 from isorod.output.state import State
-from isorod.space import Space
 from isorod.space.polynomial import polynomials
 from isorod.space.waves import Waves
 from isorod.tensors import determinant

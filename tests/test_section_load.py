@@ -3,12 +3,8 @@
 import numpy as np
 import pytest
 
-from isorod.geometry.axis import Axis
-from isorod.geometry.rod import Rod
-from isorod.geometry.section import airfoil, ellipse, flower, naca
-from isorod.model import SectionLoad
+from isorod import Axis, Rod, SectionLoad, Space, airfoil, ellipse, flower, naca
 from isorod.model.support import rotation
-from isorod.space import Space
 
 FORCE = np.array([0.3, -0.7, 1.1])
 SECTIONS = {

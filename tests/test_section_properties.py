@@ -5,12 +5,10 @@ import pytest
 from refused import refused
 
 import isorod
+from isorod import Body, LinearElastic, NeoHookean, Space
 from isorod.geometry.section import airfoil, circle, ellipse, naca, rounded_rectangle
-from isorod.material import LinearElastic, NeoHookean
-from isorod.model import Body
 from isorod.output.prism import Prism
 from isorod.output.section_properties import SectionProperties, apart, section_properties
-from isorod.space import Space
 from isorod.space.polynomial import polynomials
 from isorod.space.waves import Waves
 

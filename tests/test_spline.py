@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from refused import refused
 
-from isorod.geometry.axis import Axis
+from isorod import Axis
 
 
 def cox_de_boor(knots, p, j, u):

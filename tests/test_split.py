@@ -3,12 +3,10 @@
 import numpy as np
 import pytest
 
+from isorod import Body, Model, NeoHookean, Space
 from isorod.assembly.split import Split
 from isorod.assembly.unknowns import Unknowns
-from isorod.material import NeoHookean
-from isorod.model import Body, Model
 from isorod.scenes.ring import Ring
-from isorod.space import Space
 
 
 @pytest.fixture

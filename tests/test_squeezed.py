@@ -6,11 +6,8 @@ import numpy as np
 import pytest
 from conftest import straight
 
-from isorod import statics
+from isorod import Body, Model, NeoHookean, Space, Support, statics
 from isorod.assembly.assembler import Assembler
-from isorod.material import NeoHookean
-from isorod.model import Body, Model, Support
-from isorod.space import Space
 from isorod.statics.convergence import squeezed
 
 

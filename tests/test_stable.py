@@ -10,12 +10,8 @@ from scipy.special import ellipe, ellipk
 from test_continuation import column, elastica
 from test_unstable import SCENE, E, bar, pipe, pressed
 
-from isorod import statics
+from isorod import Contact, InputError, LinearElastic, Model, Plane, SolveError, Support, ellipse, statics
 from isorod.command import cli
-from isorod.errors import InputError, SolveError
-from isorod.geometry.section import ellipse
-from isorod.material import LinearElastic
-from isorod.model import Contact, Model, Plane, Support
 from isorod.statics import descent
 
 

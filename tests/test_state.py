@@ -4,17 +4,12 @@ import numpy as np
 import pytest
 from conftest import straight
 
-from isorod import dynamics, modal, statics
-from isorod.errors import InputError
-from isorod.geometry.center_line import helix
-from isorod.geometry.section import circle
-from isorod.material import LinearElastic, NeoHookean
-from isorod.material.muscle import Muscle
+from isorod import InputError, LinearElastic, Muscle, NeoHookean, Space, circle, dynamics, helix, modal, statics
 from isorod.model import Body, Model, SectionLoad, Support
+from isorod.model.support import rotation
 from isorod.output.state import State
 from isorod.output.stress import cauchy, von_mises
 from isorod.scenes.biceps import Biceps
-from isorod.space import Space
 
 LAW = NeoHookean(2.0, 0.3)
 STRETCHES = np.array([0.9, 1.1, 1.3])
@@ -52,6 +47,18 @@ def test_answers_at_points_of_an_affine_deformation(number, model):
     first = J * stress @ np.linalg.inv(F).T
     assert state.stress(rod, u, XI, kind="pk1") == pytest.approx(np.broadcast_to(first, (3, 3, 3, 3)), abs=1e-12)
     assert state.stress(rod, u, XI, kind="von Mises") == pytest.approx(np.full((3, 3), von_mises(stress)), abs=1e-12)
+
+
+def test_von_mises_of_known_states():
+    assert von_mises(np.diag([0.0, 0.0, -7.0])) == pytest.approx(7.0)
+    assert von_mises(5.0 * np.eye(3)) == pytest.approx(0.0, abs=1e-14)
+    shear = np.zeros((2, 3, 3))
+    shear[:, 0, 1] = shear[:, 1, 0] = 2.0
+    assert von_mises(shear) == pytest.approx([2 * np.sqrt(3)] * 2)
+    s1, s2, s3 = 3.0, -1.0, 0.5
+    expected = np.sqrt(((s1 - s2) ** 2 + (s2 - s3) ** 2 + (s3 - s1) ** 2) / 2)
+    Q = rotation((0.0, 0.7, 0.0))
+    assert von_mises(Q @ np.diag([s1, s2, s3]) @ Q.T) == pytest.approx(expected)
 
 
 def test_shape_is_that_of_u_then_that_of_xi(model):
@@ -136,21 +143,6 @@ def test_tip_displacement_of_a_cantilever_in_one_expression():
     exact = 1e-4 * 27.0 / (3.0 * 2.0 * 0.25 * np.pi * 0.2**4)
     assert solution.at(0, "end")[0] == pytest.approx(exact, rel=5e-3)
     assert np.array_equal(solution.at(0, "start"), np.zeros(3))
-
-
-def test_stress_of_the_mixed_formulation_has_its_pressure():
-    """An incompressible bar under uniaxial stress: ``mu (s^2 - 1/s)`` along it, and nothing across."""
-    stretch = 1.3
-    space = Space(straight(6, height=3.0), elements=2, degree=3, order=2)
-    gradient = np.diag([stretch**-0.5, stretch**-0.5, stretch])
-    ends = []
-    for which in ("start", "end"):
-        nodes = Support.end(space, which).nodes
-        ends.append(Support(nodes, "xyz", space.positions[nodes] @ (gradient - np.eye(3))))
-    law = NeoHookean(3.0, 0.5)
-    solution = statics.solve(Model([Body(space, law, formulation="mixed")], ends))
-    wanted = np.diag([0.0, 0.0, stretch**2 - 1.0 / stretch])
-    assert solution.stress(0, [0.2, 0.9], XI) == pytest.approx(np.broadcast_to(wanted, (2, 3, 3, 3)), abs=1e-6)
 
 
 def test_modes_answer_one_by_one():

@@ -6,13 +6,9 @@ import numpy as np
 import pytest
 from petsc4py import PETSc
 
-from isorod import statics
+from isorod import Body, LinearElastic, Model, NeoHookean, SolveError, Space, Support, statics
 from isorod.assembly.assembler import Assembler
-from isorod.errors import SolveError
-from isorod.material import LinearElastic, NeoHookean
-from isorod.model import Body, Model, Support
 from isorod.scenes.spring import Spring
-from isorod.space import Space
 
 LAW = NeoHookean(1.0, 0.3)
 
@@ -113,54 +109,25 @@ def test_a_failed_solve_leaves_nothing_that_disturbs_the_next(bar):
     assert not [name for name in PETSc.Options().getAll() if name.startswith(("snes", "ksp", "pc"))]
 
 
-FREE = {
-    "slides": lambda space: [Support.end(space, "start", "z"), Support.end(space, "end", "z", (0.0, 0.0, 0.5))],
-    "spins": lambda space: [
-        Support.end(space, "start", "z"),
-        Support.end(space, "end", "z", (0.0, 0.0, 0.5)),
-        Support([0], "xy"),
-    ],
-    "turns about two points": lambda space: [
-        Support([0], "xyz"),
-        Support([space.nodes - 1], "xyz", (0.0, 0.0, 0.5)),
-    ],
-    "turns about one point": lambda space: [Support([0], "xyz", (0.0, 0.0, 0.5))],
-    "not held": lambda space: [],
-}
-
-
-@pytest.mark.parametrize("free", FREE)
-@pytest.mark.parametrize(("n", "elements", "p", "E"), [(3, 4, 2, 1.0), (8, 12, 3, 1.0), (16, 40, 2, 1e6)])
-def test_a_free_rigid_motion_is_refused(n, elements, p, E, free, cylinder):
-    straight = Space.paper(cylinder(n, height=4.0), elements=elements, degree=p)
-    curved = Space.paper(Spring(section_points=n, coils=1).rod(), elements=4 * elements, degree=p)
-    for space in (straight, curved):
-        with pytest.raises(SolveError, match=r"body \d is free to (turn about|move along) \(") as caught:
-            statics.solve(Model([Body(space, NeoHookean(E, 0.3))], FREE[free](space)))
-        assert "\n" not in str(caught.value)
-
-
 @pytest.mark.parametrize(
     ("supports", "motion"),
     [
-        ("z", r"move along \(|turn about \(0, 0, -?1\)"),
-        ("spin", r"turn about \(0, 0, -?1\)"),
-        ("xy", r"move along \(0, 0, -?1\)"),
+        (
+            lambda space: [Support.end(space, end, "z") for end in ("start", "end")],
+            r"move along \(|turn about \(0, 0, -?1\)",
+        ),
+        (lambda space: [Support.end(space, "end", "z"), Support([0], "xyz")], r"turn about \(0, 0, -?1\)"),
+        (lambda space: [Support.end(space, end, "xy") for end in ("start", "end")], r"move along \(0, 0, -?1\)"),
+        (lambda space: [Support([0], "xyz"), Support([space.nodes - 1], "xyz", (0.0, 0.0, 0.5))], r"turn about \("),
+        (lambda space: [], r"(turn about|move along) \("),
     ],
 )
-def test_the_free_motion_is_named(supports, motion, cylinder):
-    space = Space.paper(cylinder(4, height=4.0), elements=3)
-    held = [Support.end(space, end, supports.replace("spin", "z")) for end in ("start", "end")]
-    if supports == "spin":
-        held += [Support([0], "x"), Support([1], "y")]
-    with pytest.raises(SolveError, match=rf"body 0 is free to ({motion})"):
-        statics.solve(Model([Body(space, LAW)], held))
-
-
-def test_a_second_body_that_is_free_is_refused(bar):
-    held = bar((0.1, 0.0, 0.0))
-    with pytest.raises(SolveError, match=r"body \d is free to (turn about|move along) \("):
-        statics.solve(Model([*held.bodies, *held.bodies], held.supports))
+@pytest.mark.parametrize(("n", "elements", "degree", "E"), [(3, 4, 2, 1.0), (16, 40, 2, 1e6)])
+def test_a_free_rigid_motion_is_refused_and_named(n, elements, degree, E, supports, motion, cylinder):
+    space = Space.paper(cylinder(n, height=4.0), elements=elements, degree=degree)
+    with pytest.raises(SolveError, match=rf"body 0 is free to ({motion})") as caught:
+        statics.solve(Model([Body(space, NeoHookean(E, 0.3))], supports(space)))
+    assert "\n" not in str(caught.value)
 
 
 def test_nothing_moves_where_nothing_is_displaced(bar):
@@ -174,22 +141,6 @@ def test_a_model_held_everywhere_has_its_displacements(cylinder):
     supports = [Support([k], "xyz", (0.1 * k, 0.0, 0.0)) for k in range(space.nodes)]
     solution = statics.solve(Model([Body(space, LinearElastic(1.0, 0.3))], supports))
     assert np.array_equal(solution.displacement.reshape(-1, 3)[:, 0], 0.1 * np.arange(12))
-
-
-def test_forces_and_moments_of_the_supports_balance(bar):
-    model = bar((1.5, 0.7, -0.5))
-    solution = statics.solve(model)
-    scale = np.abs(solution.reactions).max()
-    assert np.abs(solution.reactions.sum(axis=0)).max() < 1e-9 * scale
-    space = model.bodies[0].space
-    rest = space.rod.axis.transfer(space.axis, space.rod.control_points).reshape(-1, 3)
-    place = rest + model.nodal(solution.displacement)
-    assembler = Assembler(model)
-    x = assembler.vector()
-    x.array[:] = solution.displacement[model.free >= 0]
-    forces = np.zeros(model.dofs)
-    forces[model.held] = assembler.reactions(x, 1.0)
-    assert np.abs(np.cross(place, forces.reshape(-1, 3)).sum(axis=0)).max() < 1e-8 * scale
 
 
 def test_reaction_is_the_derivative_of_the_energy_by_the_displacement():
@@ -214,11 +165,6 @@ def test_linear_law_needs_no_newton_step_after_the_predictor(bar):
     one, two = (statics.solve(bar((0.1 * k, 0.0, 0.2 * k), LinearElastic(1.0, 0.3))) for k in (1, 2))
     assert one.residual_norms[1] < 1e-12 * one.residual_norms[0]
     assert np.abs(two.displacement - 2 * one.displacement).max() < 1e-13
-
-
-def test_small_displacements_make_both_laws_agree(bar):
-    a, b = (statics.solve(bar((1e-6, 0.0, 2e-6), law)) for law in (LAW, LinearElastic(LAW.E, LAW.nu)))
-    assert np.abs(a.reactions - b.reactions).max() < 1e-5 * np.abs(b.reactions).max()
 
 
 def test_the_last_iteration_takes_the_tangent_of_the_one_before(bar, monkeypatch, petsc_options):

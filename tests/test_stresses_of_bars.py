@@ -5,12 +5,9 @@ import pytest
 
 from comparisons.stability import stresses
 from comparisons.stability.stresses import Bar, finer, off, places
-from isorod import statics
+from isorod import HolzapfelGasserOgden, LinearElastic, TransverselyIsotropic, statics
 from isorod.files.scene import FileScene
-from isorod.material import LinearElastic
-from isorod.material.holzapfel_gasser_ogden import HolzapfelGasserOgden
 from isorod.material.law import reach
-from isorod.material.orthotropic import TransverselyIsotropic
 from isorod.material.places import alone
 
 BARS = [

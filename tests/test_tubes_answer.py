@@ -4,12 +4,8 @@ import numpy as np
 import pytest
 from conftest import straight
 
-from isorod import statics
-from isorod.errors import InputError
-from isorod.material import LinearElastic, NeoHookean
-from isorod.model import Body, Model, SectionLoad, Support
+from isorod import Body, InputError, LinearElastic, Model, NeoHookean, SectionLoad, Space, Support, statics
 from isorod.output.state import State
-from isorod.space import Space
 
 RUBBER = NeoHookean(20.0, 0.3)
 STIFF = NeoHookean(200.0, 0.3)

@@ -3,25 +3,11 @@
 import numpy as np
 import pytest
 
-from isorod import (
-    Body,
-    Contact,
-    InputError,
-    Model,
-    Pressure,
-    Space,
-    Sphere,
-    Support,
-    circle,
-    dynamics,
-    statics,
-    straight,
-)
+from isorod import InputError, LinearElastic, NeoHookean, Space, circle, dynamics, statics, straight
 from isorod.checks.turning import LONGEST, Turning
 from isorod.command import cli, solving
 from isorod.files.scene import FileScene
-from isorod.material.linear_elastic import LinearElastic
-from isorod.material.neo_hookean import NeoHookean
+from isorod.model import Body, Contact, Model, Pressure, Sphere, Support
 from isorod.model.support import rotation
 from isorod.statics import continuation
 
@@ -67,23 +53,37 @@ def bending(angle, radius=0.5):
     return E * 0.25 * np.pi * radius**4 * angle / LENGTH
 
 
-@pytest.mark.parametrize(("angle", "elements"), [(6.0, 4), (-13.0, 4), (25.0, 8)])
-def test_torque_grows_with_the_turn(angle, elements):
+THIN = 0.5 * (1.0 - (1.0 + NU) * (1.0 - 2.0 * NU) * 500.0 / E)
+TURNED = [
     # Of slender rods what large twist adds is as its square: 3 (r theta / L)^2 at most.
-    found = statics.solve(rod((0.0, 0.0, angle), radius=0.25, elements=elements))
-    assert found.moments[1, 2] == pytest.approx(torsion(angle, 0.25), rel=2e-3)
-    assert found.work == pytest.approx(found.moments[1, 2] * angle, rel=1e-6)
+    *[(angle, {"radius": 0.25, "elements": elements}, {"radius": 0.25}) for angle, elements in ((6.0, 4), (-13.0, 4))],
+    (25.0, {"radius": 0.25, "elements": 8}, {"radius": 0.25}),
+    (1.5 * TURN, {"radius": 0.25, "rings": (0.5, 1.0)}, {"radius": 0.25, "hole": 0.125}),
+    (2.0 * TURN, {"nu": 0.5}, {"nu": 0.5}),
+    # Its ends hold its length: it is thinner by (1 + nu) (1 - 2 nu) p / E.
+    (1.5 * TURN, {"loads": [Pressure(500.0, follows=True)]}, {"radius": THIN}),
+]
 
 
-def test_a_hollow_rod_is_turned():
-    found = statics.solve(rod((0.0, 0.0, 1.5 * TURN), radius=0.25, rings=(0.5, 1.0)))
-    assert found.moments[1, 2] == pytest.approx(torsion(1.5 * TURN, 0.25, 0.125), rel=5e-3)
+@pytest.mark.parametrize(("angle", "changes", "expected"), TURNED, ids=str)
+def test_torque_grows_with_the_turn(angle, changes, expected):
+    changes = dict(changes)
+    loads = changes.pop("loads", ())
+    model = rod((0.0, 0.0, angle), **changes)
+    found = statics.solve(Model(model.bodies, model.supports, loads=loads))
+    assert found.moments[1, 2] == pytest.approx(torsion(angle, **expected), rel=2e-3 if "elements" in changes else 5e-3)
+    assert bool(found.pressures) == ("nu" in changes)
+    assert loads or found.work == pytest.approx(found.moments[1, 2] * angle, rel=1e-6)
 
 
-def test_an_incompressible_rod_is_turned_twice():
-    found = statics.solve(rod((0.0, 0.0, 2.0 * TURN), nu=0.5))
-    assert found.pressures[0] is not None
-    assert found.moments[1, 2] == pytest.approx(torsion(2.0 * TURN, nu=0.5), rel=5e-3)
+def test_a_rod_that_touches_is_turned():
+    on = Space(straight(LENGTH).sweep(circle(8, 0.5)), elements=6, degree=3, order=1)
+    ends = Support.end(on, "start"), Support.end(on, "end", turn=(0.0, 0.0, 0.6 * TURN))
+    ball = Sphere(center=(0.0, -2.4, 0.5 * LENGTH), radius=2.0)
+    with pytest.warns(UserWarning, match="control points wide"):
+        found = statics.solve(Model([Body(on, NeoHookean(E, NU))], ends, contacts=[Contact(0, ball)]))
+    assert found.reactions[:2, 1].max() < 0.0
+    assert found.moments[1, 2] == pytest.approx(torsion(0.6 * TURN), rel=2e-2)
 
 
 @pytest.mark.parametrize(("turns", "space"), [(1, {}), (2, {"elements": 16, "continuity": None})])
@@ -169,24 +169,6 @@ def test_a_free_end_turns_with_the_rod():
         found = statics.solve(model)
     assert found.load_steps >= 10
     assert found.position(0, 1.0) == pytest.approx([0.0, 0.0, -LENGTH], abs=1e-6)
-
-
-def test_a_pressed_rod_is_turned():
-    free = rod((0.0, 0.0, 1.5 * TURN))
-    pressed = statics.solve(Model(free.bodies, free.supports, loads=[Pressure(500.0, follows=True)]))
-    # Its ends hold its length: it is thinner by (1 + nu) (1 - 2 nu) p / E.
-    thinner = (1.0 + NU) * (1.0 - 2.0 * NU) * 500.0 / E
-    assert pressed.moments[1, 2] == pytest.approx(torsion(1.5 * TURN, 0.5 * (1.0 - thinner)), rel=5e-3)
-
-
-def test_a_rod_that_touches_is_turned():
-    on = Space(straight(LENGTH).sweep(circle(8, 0.5)), elements=6, degree=3, order=1)
-    ends = Support.end(on, "start"), Support.end(on, "end", turn=(0.0, 0.0, 0.6 * TURN))
-    ball = Sphere(center=(0.0, -2.4, 0.5 * LENGTH), radius=2.0)
-    with pytest.warns(UserWarning, match="control points wide"):
-        found = statics.solve(Model([Body(on, NeoHookean(E, NU))], ends, contacts=[Contact(0, ball)]))
-    assert found.reactions[:2, 1].max() < 0.0
-    assert found.moments[1, 2] == pytest.approx(torsion(0.6 * TURN), rel=2e-2)
 
 
 def test_twist_at_which_a_rod_buckles():

@@ -9,13 +9,10 @@ import numpy as np
 import pytest
 from conftest import straight
 
-from isorod import statics
+from isorod import LinearElastic, NeoHookean, Space, circle, ellipse, statics
 from isorod.command import cli
 from isorod.geometry import center_line
-from isorod.geometry.section import circle, ellipse
-from isorod.material import LinearElastic, NeoHookean
 from isorod.model import Body, Contact, Model, Plane, Pressure, SectionLoad, Support
-from isorod.space import Space
 
 E, LENGTH = 2.1e5, 60.0
 
