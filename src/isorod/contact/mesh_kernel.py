@@ -32,40 +32,33 @@ def _away(node: Row, x: Array) -> float:
 
 @njit(i8(F2, F1, F1), **FAST)
 def nearest(corners: Array, x: Array, y: Array) -> int:
-    """Fill ``y`` with the point of a triangle nearest to ``x``; return where on it that is.
-
-    After Ericson, Real-Time Collision Detection (2005), section 5.1.5.
-    """
-    a, b, c = corners[0], corners[1], corners[2]
-    ab, ac, ax = b - a, c - a, x - a
-    d1, d2 = dot(ab, ax), dot(ac, ax)
-    if d1 <= 0.0 and d2 <= 0.0:
-        y[:] = a
-        return CORNERS
-    bx = x - b
-    d3, d4 = dot(ab, bx), dot(ac, bx)
-    if d3 >= 0.0 and d4 <= d3:
-        y[:] = b
-        return CORNERS + 1
-    vc = d1 * d4 - d3 * d2
-    if vc <= 0.0 and d1 >= 0.0 and d3 <= 0.0:
-        y[:] = a + d1 / (d1 - d3) * ab
-        return EDGES
-    cx = x - c
-    d5, d6 = dot(ab, cx), dot(ac, cx)
-    if d6 >= 0.0 and d5 <= d6:
-        y[:] = c
-        return CORNERS + 2
-    vb = d5 * d2 - d1 * d6
-    if vb <= 0.0 and d2 >= 0.0 and d6 <= 0.0:
-        y[:] = a + d2 / (d2 - d6) * ac
-        return EDGES + 2
-    va = d3 * d6 - d5 * d4
-    if va <= 0.0 and d4 - d3 >= 0.0 and d5 - d6 >= 0.0:
-        y[:] = b + (d4 - d3) / (d4 - d3 + d5 - d6) * (c - b)
-        return EDGES + 1
-    y[:] = a + (vb * ab + vc * ac) / (va + vb + vc)
-    return FACE
+    """Fill ``y`` with the point of a triangle nearest to ``x``; return where on it that is."""
+    a, ab, ac, ax = corners[0], corners[1] - corners[0], corners[2] - corners[0], x - corners[0]
+    aa, bb, mixed, right1, right2 = dot(ab, ab), dot(ac, ac), dot(ab, ac), dot(ab, ax), dot(ac, ax)
+    det = aa * bb - mixed * mixed
+    v, w = (bb * right1 - mixed * right2) / det, (aa * right2 - mixed * right1) / det
+    if v > 0.0 and w > 0.0 and v + w < 1.0:
+        for i in range(3):
+            y[i] = a[i] + v * ab[i] + w * ac[i]
+        return FACE
+    least, at, edge = np.inf, 0.0, 0
+    for k in range(3):
+        start, end = corners[k], corners[(k + 1) % 3]
+        above = below = 0.0
+        for i in range(3):
+            above += (x[i] - start[i]) * (end[i] - start[i])
+            below += (end[i] - start[i]) ** 2
+        t, square = min(max(above / below, 0.0), 1.0), 0.0
+        for i in range(3):
+            square += (x[i] - start[i] - t * (end[i] - start[i])) ** 2
+        if square < least:
+            least, at, edge = square, t, k
+    start, end = corners[edge], corners[(edge + 1) % 3]
+    for i in range(3):
+        y[i] = start[i] + at * (end[i] - start[i])
+    if at == 0.0:
+        return CORNERS + edge
+    return CORNERS + (edge + 1) % 3 if at == 1.0 else EDGES + edge
 
 
 @njit(**FAST)
