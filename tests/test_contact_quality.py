@@ -169,10 +169,10 @@ def test_cells_hold_means_and_points_are_where_they_say():
     packed = operator.packed
     values = np.maximum(0.0, np.random.default_rng(1).standard_normal(packed.areas.size))
     packed.states["pressure"] = values
-    means = cells.means(model, packed, values)
+    means = cells.means(packed, values)
     assert packed.areas @ means == pytest.approx(packed.areas @ values, rel=1e-12)
     np.testing.assert_array_equal(means > 0.0, values > 0.0)
-    np.testing.assert_allclose(cells.means(model, packed, means), means, rtol=1e-12)
+    np.testing.assert_allclose(cells.means(packed, means), means, rtol=1e-12)
     # Along the axis there are as many cells as functions: of smooth axes one an element.
     rod = straight(8, degree=1)
     assert [cells.functions(Space(rod, 4, 3, continuity)) for continuity in (0, 1, 2)] == [3, 2, 1]

@@ -64,7 +64,7 @@ def test_action_equals_reaction(scene):
     (result,) = operator.results(displacement)
     x = reference(model) + displacement.reshape(-1, 3)
     moment = np.linalg.norm(np.cross(x, rubbed).sum(axis=0))
-    loads = result.areas @ np.linalg.norm(operator.friction._friction.tractions, axis=1)
+    loads = result.areas @ np.linalg.norm(operator.friction.tables.tractions, axis=1)
     assert moment < result.penetration * loads
     np.testing.assert_allclose(result.friction, rubbed[: model.first_node[1]].sum(axis=0), atol=1e-12 * scale)
 
@@ -112,7 +112,7 @@ def sliding(breaks, second=None, friction=0.3):
         displacement[mobile & model.is_carrier] = [0.05 * np.sin(4.0 * t), 0.0, 2.5 + t]
         operator.accept(displacement.ravel())
         operator.forces(displacement.ravel())
-        seen.append(operator.friction._friction.tractions[operator.packed.passes["first_point"][0] :][:192].copy())
+        seen.append(operator.friction.tables.tractions[operator.packed.passes["first_point"][0] :][:192].copy())
     return np.array(seen)
 
 

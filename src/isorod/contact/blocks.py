@@ -5,7 +5,6 @@ from collections.abc import Callable
 import numpy as np
 
 from isorod.arrays import Array, Index
-from isorod.contact.blocks_kernel import merge
 from isorod.contact.packed import Row, Table
 
 
@@ -31,9 +30,8 @@ class Blocks:
         self._patches = np.empty(0, kind)
         self._last = self._patches
         self._begin = np.zeros(1, dtype=np.int64)
-        # Nodes that are a block's rows and columns, and which pair of nodes each pair of a block is.
-        self._shapes = np.empty((0, 2), dtype=np.int64)
-        self._pairs = np.empty(0, dtype=np.int64)
+        # Which entry each value of the blocks adds to.
+        self._entry = np.empty(0, dtype=np.int64)
         self.rows = self.columns = np.empty(0, dtype=np.int64)
         self.version = 0
 
@@ -61,21 +59,27 @@ class Blocks:
 
     def merge(self, blocks: Array) -> Array:
         """Return the entries ``(len(rows),)`` of the sum of blocks ``(room,)``."""
-        entries = np.zeros(self.rows.size)
-        merge(self._shapes, self._pairs, blocks, entries)
-        return entries
+        return np.bincount(self._entry, blocks, self.rows.size).astype(np.float64, copy=False)
 
     def _renew(self, patches: Table, nodes_of: Callable[[Row], tuple[Index, Index]]) -> None:
         """Make the pattern anew, of these patches, sorted."""
         self._patches = patches
         self.version += 1
         nodes = [nodes_of(patch) for patch in patches]
-        self._shapes = np.array([(down.size, across.size) for down, across in nodes])
+        shapes = [(down.size, across.size) for down, across in nodes]
         many = 1 + max(int(across.max()) for _, across in nodes)
         keys = np.concatenate([(many * down[:, None] + across).ravel() for down, across in nodes])
-        pairs, self._pairs = np.unique(keys, return_inverse=True)
+        pairs, number = np.unique(keys, return_inverse=True)
         down, across = (3 * one[:, None, None] for one in np.divmod(pairs, many))
         shape = pairs.size, 3, 3
         self.rows = np.broadcast_to(down + np.arange(3)[:, None], shape).ravel()
         self.columns = np.broadcast_to(across + np.arange(3), shape).ravel()
-        self._begin = np.append(0, np.cumsum(9 * self._shapes.prod(axis=1)))
+        ends = np.cumsum([rows * columns for rows, columns in shapes])
+        # A block has three rows and columns a node, row by row.
+        three = np.arange(3)[:, None, None], np.arange(3)
+        within = [
+            (9 * one.reshape(rows, 1, columns, 1) + 3 * three[0] + three[1]).ravel()
+            for one, (rows, columns) in zip(np.split(number, ends[:-1]), shapes, strict=True)
+        ]
+        self._entry = np.concatenate(within)
+        self._begin = np.append(0, 9 * ends)

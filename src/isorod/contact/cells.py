@@ -15,7 +15,6 @@ from isorod.arrays import Array, Index
 from isorod.contact.packed import Packed
 
 if TYPE_CHECKING:
-    from isorod.model.model import Model
     from isorod.space.space import Space
 
 
@@ -34,42 +33,23 @@ def functions(space: "Space") -> int:
     return round(float(inner.mean())) if inner.size else space.axis.degree
 
 
-def spaces(model: "Model") -> list["Space"]:
-    """Return the space of each side of all contacts, in the order of the passes."""
-    return [model.bodies[body].space for contact in model.contacts for body, _ in contact.sides]
-
-
-def _parts(space: "Space", along: int) -> tuple[Index, int]:
-    """Return the part of an element that each of so many points along it is in, and how many parts there are."""
-    parts = min(functions(space), along)
-    return np.arange(along) * parts // along, parts
-
-
-def numbers(model: "Model", packed: Packed) -> Index:
+def numbers(packed: Packed) -> Index:
     """Return the number of the cell of each point, ``(Q,)``."""
     found, count = np.zeros(packed.areas.size, dtype=np.int64), 0
-    for space, number in zip(spaces(model), grids(packed, found), strict=True):
+    for slave, number in zip(packed.passes["slave"], grids(packed, found), strict=True):
         elements, along, arcs, _ = number.shape
-        part, parts = _parts(space, along)
-        places = (np.arange(elements)[:, None] * parts + part)[..., None] * arcs + np.arange(arcs)
-        number[:] = count + places[..., None]
+        parts = min(int(packed.surfaces["cells"][slave]), along)
+        rows = np.arange(elements)[:, None] * parts + np.arange(along) * parts // along
+        number[:] = count + rows[..., None, None] * arcs + np.arange(arcs)[:, None]
         count += elements * parts * arcs
     return found
 
 
-def means(model: "Model", packed: Packed, values: Array) -> Array:
+def means(packed: Packed, values: Array) -> Array:
     """Return, at points under pressure, the mean of values over those of the cell; zero at others, ``(Q,)``."""
-    found = np.zeros(packed.areas.size)
-    touching = packed.states["pressure"] > 0.0
-    grid = (grids(packed, one) for one in (values, packed.areas * touching, found))
-    for space, value, area, mean in zip(spaces(model), *grid, strict=True):
-        part, parts = _parts(space, value.shape[1])
-        starts = np.searchsorted(part, np.arange(parts))
-        loads, areas = (
-            np.add.reduceat(one.sum(axis=3), starts, axis=1)[:, part, :, None] for one in (value * area, area)
-        )
-        mean[:] = np.where(area > 0.0, loads / np.where(areas > 0.0, areas, 1.0), 0.0)
-    return found
+    number, areas = numbers(packed), packed.areas * (packed.states["pressure"] > 0.0)
+    loads, sizes = (np.bincount(number, one, packed.areas.size) for one in (areas * values, areas))
+    return np.where(areas > 0.0, (loads / np.where(sizes > 0.0, sizes, 1.0))[number], 0.0)
 
 
 def moved(old: Packed, values: Array, new: Packed) -> Array:
@@ -83,18 +63,15 @@ def moved(old: Packed, values: Array, new: Packed) -> Array:
     return found
 
 
-def parameters(model: "Model", packed: Packed) -> Array:
+def parameters(packed: Packed) -> Array:
     """Return axis parameter and angle of all points, ``(Q, 2)``."""
     found = np.empty((packed.areas.size, 2))
-    chosen = [elements for contact in model.contacts for _, elements in contact.sides]
-    u, angle = (list(grids(packed, found[:, k])) for k in range(2))
-    for k, (space, elements) in enumerate(zip(spaces(model), chosen, strict=True)):
-        breaks = space.axis.breaks
-        here = np.arange(breaks.size - 1) if elements is None else np.unique(np.asarray(elements, dtype=np.int64))
-        _, along, n, across = u[k].shape
-        arcs = packed.surfaces["arcs"][packed.passes["slave"][k], :n]
-        t, x = (np.polynomial.legendre.leggauss(count)[0] for count in (along, across))
-        middles, halves = 0.5 * (breaks[1:] + breaks[:-1])[here], 0.5 * np.diff(breaks)[here]
-        u[k][:] = (middles[:, None] + halves[:, None] * t)[:, :, None, None]
-        angle[k][:] = arcs[:, :1] + np.pi * arcs[:, 6:] * x
+    for one, u, angle in zip(packed.passes, *(grids(packed, column) for column in found.T), strict=True):
+        surface = packed.surfaces[one["slave"]]
+        _, along, arcs, across = u.shape
+        low, high = packed.elements["u"][surface["first_element"] :][: surface["elements"], :, None].swapaxes(0, 1)
+        u[:] = (low + (high - low) * packed.shares[one["first_along"] :][:along])[..., None, None]
+        x = np.polynomial.legendre.leggauss(across)[0]
+        angle[:] = surface["arcs"][:arcs, :1] + np.pi * surface["arcs"][:arcs, 6:] * x
+
     return found

@@ -8,7 +8,7 @@ from numba import b1, f8, i8, types, void
 from isorod.arrays import Array
 from isorod.compiled import F1, F2, FAST, njit
 from isorod.contact.mesh_kernel import mesh_gap
-from isorod.contact.packed import ELEMENT_ROW, MESH, PACKED, PASS_ROW, PLANE, SURFACE_ROW, Packed, Row
+from isorod.contact.packed import ANCHOR_ROW, ELEMENT_ROW, MESH, PACKED, PASS_ROW, PLANE, SURFACE_ROW, Packed, Row
 from isorod.contact.search_kernel import (
     add_travel,
     angle_at,
@@ -73,6 +73,29 @@ def project(packed: Packed, one: Row, point: int, positions: Array, foot: Foot) 
     for a in range(3):
         foot.d[a] = x[a] - foot.y[0, a]
     return surface_gap(foot, packed.states[point].edge)
+
+
+@njit(void(PACKED, PASS_ROW, ANCHOR_ROW, F2, FOOT), **FAST)
+def place_of(packed: Packed, one: Row, anchor: Row, positions: Array, foot: Foot) -> None:
+    """Fill a foot at an anchor of friction, on an obstacle the first row of its ``y`` alone."""
+    if one.master < 0:
+        for a in range(3):
+            foot.y[0, a] = anchor.place[a]
+        return
+    element = packed.elements[anchor.element]
+    evaluate(packed.surfaces[element.surface], element, anchor.theta, anchor.s, positions, foot)
+
+
+@njit(f8(PACKED, i8, FOOT, FOOT, F1), **FAST)
+def stretch_of(packed: Packed, point: int, foot: Foot, there: Foot, s: Array) -> float:
+    """Fill ``s``, how far a point is from its anchor along its master, and return its length."""
+    along = 0.0
+    for a in range(3):
+        s[a] = packed.points[point, a] - there.y[0, a]
+        along += s[a] * foot.normal[a]
+    for a in range(3):
+        s[a] -= along * foot.normal[a]
+    return np.sqrt(dot(s, s))
 
 
 class Work(NamedTuple):
@@ -248,6 +271,8 @@ def add_forces(packed: Packed, positions: Array, forces: Array) -> tuple[float, 
                 # Another part of the surface may be nearer next time.
                 starts[point].element = -1
                 continue
+            for a in range(3):
+                state.normal[a] = foot.normal[a]
             weight = packed.areas[point]
             energy += 0.5 * weight * (pressure**2 - multiplier**2) / one.penalty
             force += weight * pressure

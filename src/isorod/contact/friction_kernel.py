@@ -15,85 +15,33 @@ differences, and of steps that take forces at their middle, is then the change o
 dissipated.
 """
 
-from typing import NamedTuple
-
 import numpy as np
-from numba import b1, f8, from_dtype, i8, types, void
+from numba import b1, f8, i8, types, void
 
 from isorod.arrays import Array
 from isorod.compiled import F1, F2, FAST, njit
-from isorod.contact.force_kernel import end_of, press, project, rigid_gap, site
-from isorod.contact.packed import CYLINDER, PACKED, PASS_ROW, PLANE, STARTS, Packed, Row, Table
-from isorod.contact.surface_kernel import FOOT, LOST, Foot, closest, dot, evaluate, new_foot, surface_gap
-
-# What a point keeps: element (0 of an obstacle, -1: no anchor), angle and ``s`` of its anchor, or the anchor's place on
-# an obstacle, and the traction it had.
-ANCHOR = np.dtype(
-    [
-        ("element", np.int64),
-        ("theta", np.float64),
-        ("s", np.float64),
-        ("place", np.float64, 3),
-        ("traction", np.float64, 3),
-    ]
+from isorod.contact.force_kernel import end_of, place_of, press, project, rigid_gap, site, stretch_of
+from isorod.contact.packed import (
+    ANCHOR_ROW,
+    ANCHORS,
+    CYLINDER,
+    FRICTION,
+    PACKED,
+    PASS_ROW,
+    PLANE,
+    STARTS,
+    Friction,
+    Packed,
+    Row,
+    Table,
 )
-NO_ANCHOR = np.array((-1, 0.0, 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), ANCHOR)
-_ANCHOR_ROW = from_dtype(ANCHOR)
-ANCHORS = types.Array(_ANCHOR_ROW, 1, "C")
+from isorod.contact.surface_kernel import FOOT, LOST, Foot, closest, dot, new_foot, surface_gap
 
 # A point slips where its traction is as large as it may be but for this part.
 _NEARLY = 1e-9
 
 
-class Friction(NamedTuple):
-    """Friction of all contacts of a model, for the ``Q`` slave points of its `Packed`.
-
-    Attributes
-    ----------
-    coefficients
-        Of each pass.
-    anchors
-        Rows of `ANCHOR`, ``(Q,)``: the history, all that there is.
-    tractions, slipping
-        What the last call found: tractions on the points, ``(Q, 3)``, and which slip.
-    start
-        Work space, one row of `isorod.contact.packed.START`.
-    """
-
-    coefficients: Array
-    anchors: Table
-    tractions: Array
-    slipping: Table
-    start: Table
-
-
-FRICTION = types.NamedTuple((F1, ANCHORS, F2, types.Array(b1, 1, "C"), STARTS), Friction)
-
-
-@njit(void(PACKED, PASS_ROW, _ANCHOR_ROW, F2, FOOT), **FAST)
-def place_of(packed: Packed, one: Row, anchor: Row, positions: Array, foot: Foot) -> None:
-    """Fill a foot at an anchor, on an obstacle the first row of its ``y`` alone."""
-    if one.master < 0:
-        for a in range(3):
-            foot.y[0, a] = anchor.place[a]
-        return
-    element = packed.elements[anchor.element]
-    evaluate(packed.surfaces[element.surface], element, anchor.theta, anchor.s, positions, foot)
-
-
-@njit(f8(PACKED, i8, FOOT, FOOT, F1), **FAST)
-def stretch_of(packed: Packed, point: int, foot: Foot, there: Foot, s: Array) -> float:
-    """Fill ``s``, how far a point is from its anchor along its master, and return its length."""
-    along = 0.0
-    for a in range(3):
-        s[a] = packed.points[point, a] - there.y[0, a]
-        along += s[a] * foot.normal[a]
-    for a in range(3):
-        s[a] -= along * foot.normal[a]
-    return np.sqrt(dot(s, s))
-
-
-@njit(void(PACKED, PASS_ROW, i8, F1, F2, STARTS, FOOT, _ANCHOR_ROW), **FAST)
+@njit(void(PACKED, PASS_ROW, i8, F1, F2, STARTS, FOOT, ANCHOR_ROW), **FAST)
 def _put(
     packed: Packed, one: Row, point: int, x: Array, positions: Array, start: Table, foot: Foot, anchor: Row
 ) -> None:
@@ -132,7 +80,7 @@ def _slave_at(packed: Packed, one: Row, point: int, positions: Array, x: Array) 
                 x[a] += axial[j] * phi[c] * positions[layers[j] + (at.arc + c - 1) % slave.around, a]
 
 
-@njit(f8(PACKED, PASS_ROW, i8, F1, F2, STARTS, FOOT, _ANCHOR_ROW), **FAST)
+@njit(f8(PACKED, PASS_ROW, i8, F1, F2, STARTS, FOOT, ANCHOR_ROW), **FAST)
 def _near(
     packed: Packed, one: Row, point: int, x: Array, positions: Array, start: Table, foot: Foot, anchor: Row
 ) -> float:

@@ -14,9 +14,9 @@ from isorod.arrays import Array, Index
 from isorod.contact import cells, quality
 from isorod.contact.blocks import Blocks
 from isorod.contact.force_kernel import add_forces
-from isorod.contact.packed import Packed, Row
+from isorod.contact.packed import Friction, Packed, Row
 from isorod.contact.ranks import Ranks
-from isorod.contact.result import ContactResult, measure, sides_of, slave_points
+from isorod.contact.result import ContactResult, measure, of_contacts
 from isorod.contact.tables import pack, points_of, smallest_radius
 from isorod.contact.tangent_kernel import NODES, PATCH, add_blocks, find_patches, patch_nodes
 from isorod.model.contact import MAX_POINTS, Contact
@@ -70,12 +70,13 @@ class ContactOperator:
         self.packed = self._fresh()
         self._stage = PETSc.Log.Stage("contact")
         self._base = np.concatenate([body.space.positions for body in model.bodies])
-        moving = [(self.packed.passes[k], contact.travel) for contact, own in sides_of(model) for k in own]
-        self._places = np.array([one["point"] for one, _ in moving])
-        self._ways = np.array([travel * one["direction"] for one, travel in moving])
+        self._places = self.packed.passes["point"].copy()
+        travel = [contact.travel for contact in model.contacts for _ in contact.sides]
+        self._ways = np.array(travel)[:, None] * self.packed.passes["direction"]
         self._blocks = Blocks(PATCH)
         self.values = np.empty(0)
         self.stiffness = 1.0
+        self._frictionless = Friction.of(np.zeros(self.packed.passes.size), 0)
         self.friction: FrictionOperator | None = None
         if any(contact.friction for contact in model.contacts):
             from isorod.contact import friction
@@ -85,24 +86,27 @@ class ContactOperator:
     @property
     def rows(self) -> Index:
         """Rows of the last tangent's entries."""
-        rows = self._blocks.rows
-        return rows if self.friction is None else np.concatenate([rows, self.friction.blocks.rows])
+        return self._blocks.rows
 
     @property
     def columns(self) -> Index:
         """Their columns."""
-        columns = self._blocks.columns
-        return columns if self.friction is None else np.concatenate([columns, self.friction.blocks.columns])
+        return self._blocks.columns
 
     @property
     def version(self) -> int:
         """How often the pattern of this rank's entries has changed."""
-        return self._blocks.version + (0 if self.friction is None else self.friction.blocks.version)
+        return self._blocks.version
+
+    @property
+    def _friction(self) -> Friction:
+        """What compiled loops take, of no point where there is no friction."""
+        return self._frictionless if self.friction is None else self.friction.tables
 
     def _nodes(self, patch: Row) -> tuple[Index, Index]:
         nodes = np.empty(NODES, dtype=np.int64)
-        nodes = nodes[: patch_nodes(self.packed, patch, nodes)]
-        return nodes, nodes
+        forced, count = patch_nodes(self.packed, patch, nodes)
+        return nodes[:forced], nodes[:count]
 
     def place(self, factor: float) -> None:
         """Put obstacles that move where they are at a load factor; all that follows is there."""
@@ -164,16 +168,12 @@ class ContactOperator:
         active = np.flatnonzero(packed.own & (packed.states["pressure"] > 0.0))
         patches = np.empty(active.size, PATCH)
         patches["number"] = packed.passes_of(active)
-        find_patches(packed, active, patches)
+        find_patches(packed, self._friction, active, patches)
         begin = self._blocks.begin(patches, self._nodes)
         blocks = np.zeros(self._blocks.room)
         with self._stage:
-            add_blocks(packed, positions, active, patches, begin, blocks)
-            if self.friction is None:
-                self.values = self._blocks.merge(blocks)
-            else:
-                others = self.friction.add_blocks(positions, active, patches, begin, blocks)
-                self.values = np.concatenate([self._blocks.merge(blocks), others])
+            add_blocks(packed, self._friction, positions, active, patches, begin, blocks)
+            self.values = self._blocks.merge(blocks)
         return self.values
 
     def product(self, move: Array) -> Array:
@@ -209,8 +209,9 @@ class ContactOperator:
         self.packed.look_everywhere()
         self.forces(displacement)
         self.ranks.gather(self.packed, self.packed.points, self.packed.starts)
-        results = measure(self.model, self.packed, self._positions(displacement), others)
-        return results if self.friction is None else self.friction.tell(results)
+        if self.friction is not None:
+            self.ranks.gather(self.packed, self._friction.tractions, self._friction.slipping)
+        return measure(self.model, self.packed, self._friction, others)
 
     def _otherwise(self, displacement: Array) -> list[tuple[float, float] | None]:
         """Return force and largest pressure of each contact as half as many points again see them, if they can."""
@@ -219,7 +220,7 @@ class ContactOperator:
         positions = self._positions(displacement)
         self._find(packed, positions, np.zeros_like(positions))
         found: list[tuple[float, float] | None] = []
-        for (_, passes), (_, chosen) in zip(sides_of(self.model), slave_points(self.model, packed), strict=True):
+        for _, passes, chosen in of_contacts(self.model, packed):
             pressure = packed.states["pressure"][chosen]
             same = all(finer[k] == self.points[k] for k in passes)
             found.append(None if same else (float(packed.areas[chosen] @ pressure), float(pressure.max(initial=0.0))))
@@ -228,7 +229,7 @@ class ContactOperator:
     def _fresh(self) -> Packed:
         """Return tables without history."""
         packed = self.ranks.split(pack(self.model, self.points))
-        for contact, passes in sides_of(self.model):
+        for contact, passes, _ in of_contacts(self.model, packed):
             if contact.penalty is None and self._graded.intersection(body for body, _ in contact.sides):
                 packed.passes["penalty"][passes.start : passes.stop] *= _CLOSER / contact.across
         return packed
@@ -260,7 +261,7 @@ class ContactOperator:
             np.minimum(self.packed.clear, self.packed.travel[0], out=self.packed.clear)
             self.forces(displacement)
         points = list(self.points)
-        for contact, passes in sides_of(self.model):
+        for contact, passes, _ in of_contacts(self.model, self.packed):
             if contact.points is None:
                 for k, pair in quality.more(self.packed, passes, self.points, between).items():
                     points[k] = pair
@@ -295,7 +296,7 @@ class ContactOperator:
         """Return, of each contact whose penetration is limited, that over the limit, and both in words."""
         self.forces(displacement)
         found = []
-        for k, (contact, points) in enumerate(slave_points(self.model, self.packed)):
+        for k, (contact, _, points) in enumerate(of_contacts(self.model, self.packed)):
             limit, states = self._limit(contact), self.packed.states[points]
             if np.isfinite(limit):
                 depth = max(0.0, -float(states["gap"][states["pressure"] > 0.0].min(initial=0.0)))
@@ -310,14 +311,14 @@ class ContactOperator:
             # The first ones are as they come; what is added to them has no shape within a cell.
             former = np.where(pressure > 0.0, self.packed.multipliers, 0.0)
             if former.any():
-                pressure = np.maximum(0.0, former + cells.means(self.model, self.packed, pressure - former))
-        for contact, points in slave_points(self.model, self.packed):
+                pressure = np.maximum(0.0, former + cells.means(self.packed, pressure - former))
+        for contact, _, points in of_contacts(self.model, self.packed):
             if np.isfinite(self._limit(contact)):
                 self.packed.multipliers[points] = pressure[points]
 
     def stiffen(self, times: float) -> None:
         """Raise penalties that nobody gave."""
-        for contact, passes in sides_of(self.model):
+        for contact, passes, _ in of_contacts(self.model, self.packed):
             if contact.penalty is None:
                 self.packed.passes["penalty"][passes.start : passes.stop] *= times
         self.stiffness *= times

@@ -50,15 +50,15 @@ Table = NDArray[Any]
 Row = Any
 
 # A surface: its body, control points round its section, axis functions of an element, its elements, the pass in which
-# it is slave (its points start searches for closest points on it), and the number of equal fine arcs round its section,
-# of which each arc has some; the angle of the middle of the first of these, and the length of the whole axis where that
-# is closed, else infinity; of each fine arc the arc; and of each arc its middle angle, of the half of it ``cos``,
-# ``cos / sin^2`` and ``1 / sin``, the shares of the control point before at its beginning and of that after at its end,
-# and its part of the circle.
+# it is slave (its points start searches for closest points on it), the number of equal fine arcs round its section,
+# of which each arc has some, and the cells along an element (`isorod.contact.cells`); the angle of the middle of the
+# first of these, and the length of the whole axis where that is closed, else infinity; of each fine arc the arc; and of
+# each arc its middle angle, of the half of it ``cos``, ``cos / sin^2`` and ``1 / sin``, the shares of the control point
+# before at its beginning and of that after at its end, and its part of the circle.
 SURFACE = np.dtype(
     [
         *((name, np.int64) for name in ("body", "around", "functions", "first_element", "elements", "own_pass")),
-        ("fine", np.int64),
+        *((name, np.int64) for name in ("fine", "cells")),
         *((name, np.float64) for name in ("turn", "period")),
         ("arc_of", np.int64, MAX_COUNT),
         ("arcs", np.float64, (MAX_COUNT, 7)),
@@ -68,7 +68,7 @@ SURFACE = np.dtype(
 # An element of a surface's axis: its surface, the node (of the model) at which each layer begins, the weighted axis
 # functions in powers of ``s`` in [-1, 1], the elements before and after, -1 at an end of the surface; of the undeformed
 # rod, how far along the axis it begins and ends, the largest distance of its surface from the axis, and how far what
-# belongs to one of its rungs may be from that; the first of its rungs, and their number.
+# belongs to one of its rungs may be from that; the first of its rungs, and their number; axis parameters of both ends.
 ELEMENT = np.dtype(
     [
         ("surface", np.int64),
@@ -81,6 +81,7 @@ ELEMENT = np.dtype(
         ("reach", np.float64),
         ("first_rung", np.int64),
         ("rungs", np.int64),
+        ("u", np.float64, 2),
     ]
 )
 
@@ -107,9 +108,24 @@ NODE = np.dtype([("low", np.float64, 3), ("high", np.float64, 3), ("first", np.i
 START = np.dtype([("element", np.int64), ("theta", np.float64), ("s", np.float64)])
 NOWHERE = np.array((-1, 0.0, 0.0), START)
 
-# What a call found for a point: gap (NaN where no projection was needed), pressure, and whether the closest point is on
-# a knot with a kink.
-STATE = np.dtype([("gap", np.float64), ("pressure", np.float64), ("edge", np.bool_)], align=True)
+# The result of a call at a point: gap (NaN where no projection was needed), pressure, where that is positive the unit
+# normal along which it acts, and whether the closest point is on a knot with a kink.
+STATE = np.dtype(
+    [("gap", np.float64), ("pressure", np.float64), ("normal", np.float64, 3), ("edge", np.bool_)], align=True
+)
+
+# Friction at a point: element (0 of an obstacle, -1: no anchor), angle and ``s`` of its anchor, or the anchor's place
+# on an obstacle, and the traction it had.
+ANCHOR = np.dtype(
+    [
+        ("element", np.int64),
+        ("theta", np.float64),
+        ("s", np.float64),
+        ("place", np.float64, 3),
+        ("traction", np.float64, 3),
+    ]
+)
+NO_ANCHOR = np.array((-1, 0.0, 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), ANCHOR)
 
 
 class Packed(NamedTuple):
@@ -200,6 +216,34 @@ class Packed(NamedTuple):
         self.clear[:] = -np.inf
 
 
+class Friction(NamedTuple):
+    """Friction of all contacts of a model, for the ``Q`` slave points of its `Packed`.
+
+    Attributes
+    ----------
+    coefficients
+        Of each pass.
+    anchors
+        Rows of `ANCHOR`, ``(Q,)``: the history, all that there is.
+    tractions, slipping
+        Results of the last call: tractions on the points, ``(Q, 3)``, and which slip.
+    start
+        Work space, one row of `START`.
+    """
+
+    coefficients: Array
+    anchors: Table
+    tractions: Array
+    slipping: Table
+    start: Table
+
+    @classmethod
+    def of(cls, coefficients: Array, points: int) -> "Friction":
+        """Return that of some passes with so many points, without history."""
+        vectors, flags = np.zeros((points, 3)), np.zeros(points, dtype=bool)
+        return cls(coefficients, np.full(points, NO_ANCHOR), vectors, flags, np.zeros(1, START))
+
+
 # Numba's types of rows, and of the whole.
 SURFACE_ROW, ELEMENT_ROW, PASS_ROW, START_ROW, STATE_ROW = map(from_dtype, (SURFACE, ELEMENT, PASS, START, STATE))
 NODE_ROW = from_dtype(NODE)
@@ -209,3 +253,6 @@ SURFACES, ELEMENTS, PASSES, STARTS, STATES, NODES = (
 _FIXED = (SURFACES, ELEMENTS, PASSES, F2, F2, F1, F2, F1, F3, F3, NODES, I1)
 _LEFT = (F1, STATES, F2, STARTS, F2, F1, F1, F3, F2, I2, I1, F1, types.Array(b1, 1, "C"))
 PACKED = types.NamedTuple(_FIXED + _LEFT, Packed)
+ANCHOR_ROW = from_dtype(ANCHOR)
+ANCHORS = types.Array(ANCHOR_ROW, 1, "C")
+FRICTION = types.NamedTuple((F1, ANCHORS, F2, types.Array(b1, 1, "C"), STARTS), Friction)

@@ -13,7 +13,7 @@ from scipy.sparse import csr_matrix
 
 from isorod.arrays import Array, Index
 from isorod.contact.packed import Packed
-from isorod.contact.result import slave_points
+from isorod.contact.result import of_contacts
 from isorod.contact.tables import smallest_radius
 from isorod.geometry import boxes
 from isorod.model.contact import Cylinder, Plane, Sphere
@@ -87,7 +87,7 @@ class Passing:
         gaps = np.where(packed.states["pressure"] > 0.0, packed.states["gap"], 0.0)
         if gaps.min(initial=0.0) >= -min(self._limits):
             return None
-        for k, (limit, (_, points)) in enumerate(zip(self._limits, slave_points(self._model, packed), strict=True)):
+        for k, (limit, (*_, points)) in enumerate(zip(self._limits, of_contacts(self._model, packed), strict=True)):
             depth = -float(gaps[points].min(initial=0.0))
             if depth > limit:
                 return f"contact {k}: penetration is {DEEPEST * depth / limit:.2g} of the smaller radius"

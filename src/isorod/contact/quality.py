@@ -6,18 +6,15 @@ less than a tenth of what the one with most does are left out.
 """
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from isorod.arrays import Array
-from isorod.contact.cells import functions, grids
+from isorod.contact.cells import grids
 from isorod.contact.packed import Packed
 from isorod.model.contact import MAX_POINTS
-
-if TYPE_CHECKING:
-    from isorod.space.space import Space
 
 # Points across the patch below which more are taken, as many as are then looked for, and those of an element at most:
 # each search begins at all points of an element.  What is gained must be worth another solution.
@@ -87,7 +84,7 @@ def carrying(found: Sequence[Width]) -> list[int]:
     return [k for k, one in enumerate(found) if one.load > _LITTLE * most]
 
 
-def across(packed: Packed, spaces: Sequence["Space"], chosen: Sequence[int]) -> tuple[float, float]:
+def across(packed: Packed, chosen: Sequence[int]) -> tuple[float, float]:
     """Return the width of the patch of some passes in points and in cells, the least; 0 where it has none."""
     found = widths(packed)
     own = [chosen[k] for k in carrying([found[k] for k in chosen])]
@@ -96,7 +93,7 @@ def across(packed: Packed, spaces: Sequence["Space"], chosen: Sequence[int]) -> 
     points = min(min(found[k].along, found[k].around) for k in own)
     cells = [
         min(
-            found[k].along / packed.passes[k]["along"] * functions(spaces[k]),
+            found[k].along / packed.passes[k]["along"] * packed.surfaces["cells"][packed.passes["slave"][k]],
             found[k].around / packed.passes[k]["across"],
         )
         for k in own

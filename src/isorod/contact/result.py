@@ -1,7 +1,7 @@
 """What comes out of a contact: forces, area, penetration, the pressure at each point, how well the patch is seen."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from isorod.arrays import Array, Index
 from isorod.contact import cells, quality
-from isorod.contact.normal_kernel import normals
-from isorod.contact.packed import Packed
+from isorod.contact.packed import Friction, Packed
 from isorod.contact.tables import smallest_radius
 from isorod.model.contact import MAX_POINTS, Contact
 from isorod.model.model import Model
@@ -95,9 +94,9 @@ class ContactResult:
     cells: Index
     tractions: Array
     slips: NDArray[Any]
-    friction: Array = field(default_factory=lambda: np.zeros(3))
-    sticking: int = 0
-    slipping: int = 0
+    friction: Array
+    sticking: int
+    slipping: int
 
     @property
     def stretched(self) -> float:
@@ -140,55 +139,47 @@ class ContactResult:
         return None
 
 
-def sides_of(model: Model) -> Iterator[tuple[Contact, range]]:
-    """Yield each contact of a model with the numbers of its passes."""
-    k = 0
+def of_contacts(model: Model, packed: Packed) -> Iterator[tuple[Contact, range, slice]]:
+    """Yield each contact of a model with the numbers of its passes, and where its slave points are."""
+    first, end = [*packed.passes["first_point"], packed.areas.size], 0
     for contact in model.contacts:
-        begin, k = k, k + len(contact.sides)
-        yield contact, range(begin, k)
-
-
-def slave_points(model: Model, packed: Packed) -> Iterator[tuple[Contact, Index]]:
-    """Yield each contact of a model with the numbers of its slave points."""
-    first = [*packed.passes["first_point"], packed.areas.size]
-    for contact, passes in sides_of(model):
-        yield contact, np.arange(first[passes.start], first[passes.stop])
+        begin, end = end, end + len(contact.sides)
+        yield contact, range(begin, end), slice(first[begin], first[end])
 
 
 def measure(
-    model: Model, packed: Packed, positions: Array, others: Sequence[tuple[float, float] | None] = ()
+    model: Model, packed: Packed, friction: Friction, others: Sequence[tuple[float, float] | None] = ()
 ) -> list[ContactResult]:
     """Return the outcome of each contact of a model, as the last forces left it (`isorod.contact.packed`).
 
     Parameters
     ----------
-    model, packed, positions
-        What the forces were of.
+    model, packed, friction
+        Those of the forces.
     others
         Of each contact force and largest pressure that other points find at the same displacement, if these are known.
     """
     results = []
     pressures = packed.states["pressure"]
-    sides = [body for contact in model.contacts for body, _ in contact.sides]
+    sides = packed.surfaces["body"][packed.passes["slave"]]
     bodies = np.repeat(sides, np.diff([*packed.passes["first_point"], packed.areas.size]))
-    parameters = cells.parameters(model, packed)
-    means = cells.means(model, packed, pressures)
-    numbers = cells.numbers(model, packed)
-    active = np.flatnonzero(pressures > 0.0)
-    pushes = np.empty((active.size, 3))
-    normals(packed, positions, active, packed.passes_of(active), pushes)
-    directions, (partners, feet) = np.zeros((bodies.size, 3)), _feet(model, packed, active)
-    directions[active] = pushes
-    pushes *= (packed.areas * pressures)[active, None]
-    for (contact, chosen), (_, passes), other in zip(
-        slave_points(model, packed), sides_of(model), others or [None] * len(model.contacts), strict=True
-    ):
-        gap, pressure = packed.states["gap"][chosen], pressures[chosen]
-        areas = packed.areas[chosen]
+    parameters, means, numbers = cells.parameters(packed), cells.means(packed, pressures), cells.numbers(packed)
+    normals = np.where(pressures[:, None] > 0.0, packed.states["normal"], 0.0)
+    partners, feet = _feet(packed, np.flatnonzero(pressures > 0.0))
+    known = others or [None] * len(model.contacts)
+    for (contact, passes, chosen), other in zip(of_contacts(model, packed), known, strict=True):
+        gap, pressure, areas = packed.states["gap"][chosen], pressures[chosen], packed.areas[chosen]
         touching = pressure > 0.0
+        tractions, slips = np.zeros((areas.size, 3)), np.zeros(areas.size, dtype=bool)
+        if contact.friction:
+            tractions[:], slips[:] = friction.tractions[chosen], friction.slipping[chosen]
+        # Forces on the first side, and the reactions to those on the second.
+        sign = np.where(np.isin(bodies[chosen], contact.groups[0]), 1.0, -1.0)
+        if contact.obstacle is None and len(contact.groups) == 1:
+            sign[:] = 0.0
         depth = float(max(0.0, -gap[touching].min(initial=0.0)))
         force, peak = float(areas @ pressure), float(pressure.max(initial=0.0))
-        points, wide = quality.across(packed, cells.spaces(model), passes)
+        points, wide = quality.across(packed, passes)
         changes = [quality.PEAK / wide] if wide else []
         if peak:
             changes.append(1.0 - float(means[chosen].max()) / peak)
@@ -196,7 +187,7 @@ def measure(
         results.append(
             ContactResult(
                 force=force,
-                resultant=_resultant(contact, bodies[active], pushes, (active >= chosen[0]) & (active <= chosen[-1])),
+                resultant=(sign * areas * pressure) @ normals[chosen],
                 area=float(areas[touching].sum()),
                 peak=peak,
                 penetration=depth,
@@ -212,37 +203,27 @@ def measure(
                 positions=packed.points[chosen].copy(),
                 pressure=pressure.copy(),
                 areas=areas.copy(),
-                normals=directions[chosen],
+                normals=normals[chosen],
                 partners=partners[chosen],
                 feet=feet[chosen],
                 cells=numbers[chosen],
-                tractions=np.zeros((chosen.size, 3)),
-                slips=np.zeros(chosen.size, dtype=bool),
+                tractions=tractions,
+                slips=slips,
+                friction=(sign * areas) @ tractions,
+                sticking=int((touching & ~slips).sum()) if contact.friction else 0,
+                slipping=int(slips.sum()),
             )
         )
     return results
 
 
-def _feet(model: Model, packed: Packed, active: Index) -> tuple[Index, Array]:
-    """Return, of all points, body of the foot, -1 where it is an obstacle or there is none, and its place on it."""
+def _feet(packed: Packed, active: Index) -> tuple[Index, Array]:
+    """Return, of all points, the body pressed on, -1 an obstacle or none, and parameter and angle of the projection."""
     partners, feet = np.full(packed.areas.size, -1), np.zeros((packed.areas.size, 2))
-    sides = [side for contact in model.contacts for side in contact.sides]
     touching = active[packed.passes["master"][packed.passes_of(active)] >= 0]
     starts = packed.starts[touching]
-    surfaces = packed.elements["surface"][starts["element"]]
-    for k in np.unique(surfaces):
-        body, some = sides[k]
-        here, breaks = surfaces == k, model.bodies[body].space.axis.breaks
-        chosen = np.arange(breaks.size - 1) if some is None else np.unique(np.asarray(some, dtype=np.int64))
-        e = chosen[starts["element"][here] - packed.surfaces["first_element"][k]]
-        u = 0.5 * (breaks[e] + breaks[e + 1] + starts["s"][here] * (breaks[e + 1] - breaks[e]))
-        partners[touching[here]], feet[touching[here]] = body, np.stack([u, starts["theta"][here]], axis=1)
+    elements = packed.elements[starts["element"]]
+    low, high = elements["u"].T
+    partners[touching] = packed.surfaces["body"][elements["surface"]]
+    feet[touching] = np.stack([0.5 * (low + high + starts["s"] * (high - low)), starts["theta"]], axis=1)
     return partners, feet
-
-
-def _resultant(contact: Contact, bodies: Index, pushes: Array, own: Array) -> Array:
-    """Return the force on the first side of a contact: of its points, and the reaction on the masters of others."""
-    if contact.obstacle is None and len(contact.groups) == 1:
-        return np.zeros(3)
-    first = np.isin(bodies[own], contact.groups[0])
-    return np.asarray(np.where(first[:, None], pushes[own], -pushes[own]).sum(axis=0))

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from isorod.arrays import Array, Index
+from isorod.contact.cells import functions
 from isorod.contact.packed import (
     CYLINDER,
     ELEMENT,
@@ -91,9 +92,9 @@ class _Tables:
         rows = {e: first + k for k, e in enumerate(chosen)}
         along = np.concatenate([[0.0], np.cumsum(_lengths(space))])
         period = along[-1] if space.rod.closed else np.inf
-        numbers = (body, n, axis.degree + 1, first, len(rows), len(self.passes), len(arc_of))
+        counts = axis.degree + 1, first, len(rows), len(self.passes), len(arc_of), functions(space)
         padded = np.pad(arc_of, (0, MAX_COUNT - len(arc_of))), np.pad(arcs, ((0, MAX_COUNT - n), (0, 0)))
-        self.surfaces.append((*numbers, space.turn, period, *padded))
+        self.surfaces.append((body, n, *counts, space.turn, period, *padded))
         for e in chosen:
             layers = np.zeros(FUNCTIONS, dtype=np.int64)
             layers[: axis.degree + 1] = first_node + space.element_layers[e] * space.layer_nodes
@@ -102,7 +103,7 @@ class _Tables:
             neighbours = [rows.get(other, -1) for other in beside]
             sizes = (along[e], along[e + 1], radii(space, [e])[1])
             rungs, reach = _rungs(space, e, sizes)
-            ladder = (reach, len(self.rungs), len(rungs))
+            ladder = (reach, len(self.rungs), len(rungs), axis.breaks[e : e + 2])
             self.rungs.extend(rungs)
             self.elements.append((len(self.surfaces) - 1, layers, _polynomials(axis, e), neighbours, *sizes, *ladder))
 

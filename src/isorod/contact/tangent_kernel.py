@@ -1,151 +1,215 @@
-"""Second variations of contact, compiled."""
+"""Compiled: minus the derivatives of the forces of contact by the nodes.
+
+A slave point ``x`` has the traction ``T = p n + t``, per reference area, ``t`` that of friction.  With ``D`` the
+derivative of ``x - y`` by the nodes at a fixed place ``y`` of the master, its forces are ``D^T T``, and their
+derivatives ``D^T dT + (D_a dxi_a)^T T``, ``xi`` the parameters of the projection.  With ``t_a = D^T y_a``,
+``b_a = D_a^T n``, ``k_ab = n . y_ab`` and ``H = a - g k`` (P. Wriggers, Computational Contact Mechanics (2006),
+chapter 4) these follow by ``dxi = H^-1 (t - g b)``, the normal by ``dn = -y_a a^-1 (k dxi - b)``, and ``dp = -eps n^T
+D``.  On an edge ``s`` is held, and the normal is ``(x - y) / g``.  Without friction the sum is symmetric, the second
+derivatives of the energy.
+"""
 
 import numpy as np
 from numba import b1, f8, from_dtype, i8, types, void
 
 from isorod.arrays import Array, Index
 from isorod.compiled import F1, F2, I1, STRICT, njit
-from isorod.contact.force_kernel import project
-from isorod.contact.mesh_kernel import aside, cross
-from isorod.contact.packed import FUNCTIONS, MESH, PACKED, PLANE, SPHERE, Packed, Row, Table
+from isorod.contact.force_kernel import place_of, project, stretch_of
+from isorod.contact.packed import FRICTION, FUNCTIONS, MESH, PACKED, PASS_ROW, PLANE, Friction, Packed, Row, Table
 from isorod.contact.search_kernel import site
 from isorod.contact.surface_kernel import FOOT, Foot, arc_of, dot, new_foot
 
-# A point couples at most this many nodes: three control points round each of two sections.
-NODES = 6 * FUNCTIONS
+# A point couples at most this many nodes: three control points round each of three sections.
+NODES = 9 * FUNCTIONS
 
-# Where two sides touch: pass, element and arc of the slave, element and arc of the master (-1 where it is rigid).
-PATCH = np.dtype([(name, np.int64) for name in ("number", "element", "arc", "master_element", "master_arc")])
+# Where two sides touch: pass, element and arc of the slave, of the master (-1 where it is rigid), and of the anchor of
+# friction where that is elsewhere on a master, else -1.
+PATCH = np.dtype(
+    [
+        *((name, np.int64) for name in ("number", "element", "arc", "master_element", "master_arc")),
+        *((name, np.int64) for name in ("anchor_element", "anchor_arc")),
+    ]
+)
 _PATCH_ROW = from_dtype(PATCH)
 _PATCHES = types.Array(_PATCH_ROW, 1, "C")
 
 
-@njit(void(PACKED, I1, _PATCHES), **STRICT)
-def find_patches(packed: Packed, active: Index, patches: Table) -> None:
+@njit(b1(FRICTION, i8, i8), **STRICT)
+def _hangs(friction: Friction, number: int, point: int) -> bool:
+    """Return whether a point of a pass has an anchor."""
+    return friction.coefficients[number] > 0.0 and friction.anchors[point].element >= 0
+
+
+@njit(i8(PACKED, i8, f8), **STRICT)
+def _arc_on(packed: Packed, element: int, theta: float) -> int:
+    """Return the arc of an angle on the surface of an element."""
+    return arc_of(packed.surfaces[packed.elements[element].surface], theta)
+
+
+@njit(void(PACKED, FRICTION, I1, _PATCHES), **STRICT)
+def find_patches(packed: Packed, friction: Friction, active: Index, patches: Table) -> None:
     """Fill ``patches``, which know their passes, with those of active slave points."""
     for m in range(active.size):
         point, patch = active[m], patches[m]
         one = packed.passes[patch.number]
         at = site(one, packed.surfaces[one.slave], point)
         patch.element, patch.arc = at.element, at.arc
-        patch.master_element = patch.master_arc = -1
-        if one.master >= 0:
-            patch.master_element = packed.starts[point].element
-            master = packed.surfaces[packed.elements[patch.master_element].surface]
-            patch.master_arc = arc_of(master, packed.starts[point].theta)
+        patch.master_element = patch.master_arc = patch.anchor_element = patch.anchor_arc = -1
+        if one.master < 0:
+            continue
+        start = packed.starts[point]
+        patch.master_element, patch.master_arc = start.element, _arc_on(packed, start.element, start.theta)
+        if _hangs(friction, patch.number, point):
+            anchor = friction.anchors[point]
+            arc = _arc_on(packed, anchor.element, anchor.theta)
+            if anchor.element != patch.master_element or arc != patch.master_arc:
+                patch.anchor_element, patch.anchor_arc = anchor.element, arc
 
 
-@njit(i8(PACKED, i8, i8, i8, I1), **STRICT)
-def add_nodes(packed: Packed, surface: int, element: int, arc: int, nodes: Index) -> int:
-    """Fill ``nodes`` with the control points round an arc by the layers of an element; return how many."""
-    own, layers = packed.surfaces[surface], packed.elements[element].layers
+@njit(i8(PACKED, i8, i8, I1), **STRICT)
+def _add_nodes(packed: Packed, element: int, arc: int, nodes: Index) -> int:
+    """Fill ``nodes`` with the control points round an arc by the layers of an element, if any; return how many."""
+    if element < 0:
+        return 0
+    layers = packed.elements[element].layers
+    own = packed.surfaces[packed.elements[element].surface]
     for j in range(own.functions):
         for c in range(3):
             nodes[3 * j + c] = layers[j] + (arc + c - 1) % own.around
     return 3 * own.functions
 
 
-@njit(i8(PACKED, _PATCH_ROW, I1), **STRICT)
-def patch_nodes(packed: Packed, patch: Row, nodes: Index) -> int:
-    """Fill ``nodes`` with those of the slave's side, then those of the master's; return how many."""
-    one = packed.passes[patch.number]
-    count = add_nodes(packed, one.slave, patch.element, patch.arc, nodes)
-    if one.master >= 0:
-        master = packed.elements[patch.master_element].surface
-        count += add_nodes(packed, master, patch.master_element, patch.master_arc, nodes[count:])
-    return count
+@njit(types.UniTuple(i8, 2)(PACKED, _PATCH_ROW, I1), **STRICT)
+def patch_nodes(packed: Packed, patch: Row, nodes: Index) -> tuple[int, int]:
+    """Fill ``nodes`` with those of slave, master and anchor; return how many get forces (the first two), and all."""
+    count = _add_nodes(packed, patch.element, patch.arc, nodes)
+    count += _add_nodes(packed, patch.master_element, patch.master_arc, nodes[count:])
+    return count, count + _add_nodes(packed, patch.anchor_element, patch.anchor_arc, nodes[count:])
 
 
-@njit(void(FOOT, f8, b1, F2), **STRICT)
-def _curvature(foot: Foot, gap: float, edge: bool, c: Array) -> None:
-    """Fill ``c`` (see `_variations`) where the master is a surface."""
-    y, normal = foot.y, foot.normal
+@njit(void(PASS_ROW, FOOT, f8, F2), **STRICT)
+def _bend(one: Row, foot: Foot, gap: float, bend: Array) -> None:
+    """Fill the derivatives of an obstacle's normal by the point ``(3, 3)``."""
+    bend[:] = 0.0
+    if one.master == PLANE or (one.master == MESH and gap == 0.0):
+        return
+    y, normal, axis = foot.y, foot.normal, one.direction
+    for c in range(3):
+        for a in range(3):
+            if one.master == MESH:
+                bend[c, a] = (y[1, c] * y[1, a] + y[2, c] * y[2, a]) / gap
+            else:
+                # A sphere has no axis: zeros.
+                fixed = (1.0 if c == a else 0.0) - normal[c] * normal[a] - axis[c] * axis[a]
+                bend[c, a] = fixed / (gap + one.radius)
+
+
+@njit(void(FOOT, f8, b1, i8, F1, F2, F2), **STRICT)
+def _vary(foot: Foot, gap: float, edge: bool, mine: int, shares: Array, xi: Array, turn: Array) -> None:
+    """Fill variations by the nodes: of a projection's parameters ``xi`` ``(2, dofs)``, and of its normal ``(3, dofs)``.
+
+    ``shares`` is ``D``, of the slave's nodes the first ``mine``.
+    """
+    y, normal, phi, axial = foot.y, foot.normal, foot.phi, foot.axial
     a11, a12, a22 = dot(y[1], y[1]), dot(y[1], y[2]), dot(y[2], y[2])
     k11, k12, k22 = dot(normal, y[3]), dot(normal, y[4]), dot(normal, y[5])
     h11, h12, h22 = a11 - gap * k11, a12 - gap * k12, a22 - gap * k22
-    if edge:
-        c[1, 1] = -k11 / (a11 * h11)
-        c[1, 3] = c[3, 1] = 1.0 / h11
-        c[3, 3] = -gap / h11
-        c[2, 2] = 1.0 / (gap * a11)
-        return
-    det = h11 * h22 - h12 * h12
-    i11, i12, i22 = h22 / det, -h12 / det, h11 / det
-    det = a11 * a22 - a12 * a12
-    # k H^-1, then a^-1 k H^-1.
-    p11, p12 = k11 * i11 + k12 * i12, k11 * i12 + k12 * i22
-    p21, p22 = k12 * i11 + k22 * i12, k12 * i12 + k22 * i22
-    c[1, 1] = -(a22 * p11 - a12 * p21) / det
-    c[1, 2] = c[2, 1] = -(a22 * p12 - a12 * p22) / det
-    c[2, 2] = -(a11 * p22 - a12 * p12) / det
-    c[1, 3] = c[3, 1] = i11
-    c[1, 4] = c[4, 1] = c[2, 3] = c[3, 2] = i12
-    c[2, 4] = c[4, 2] = i22
-    c[3, 3], c[4, 4] = -gap * i11, -gap * i22
-    c[3, 4] = c[4, 3] = -gap * i12
-
-
-@njit(i8(PACKED, F2, _PATCH_ROW, i8, F2, F2), **STRICT)
-def _variations(packed: Packed, positions: Array, patch: Row, point: int, v: Array, c: Array) -> int:
-    """Fill vectors ``v`` ``(6, dofs)`` and symmetric ``c`` ``(6, 6)``; return how many vectors there are.
-
-    The gap's first variation is ``v[0]``, its second ``v^T c v``, by the nodes of a patch.  With ``d = x - y`` along
-    the normal and ``D`` its derivative by the nodes at a fixed place, ``t_a = D^T y_a``, ``b_a = D_a^T n``,
-    ``k_ab = n . y_ab`` and ``H = a - g k``: ``d2g = -t a^-1 k H^-1 t + t H^-1 b + b H^-1 t - g b H^-1 b``.  On an edge
-    only theta varies, and ``(D^T m)^2 / g`` is added, ``m`` normal to both.
-    """
-    v[:] = 0.0
-    c[:] = 0.0
-    one = packed.passes[patch.number]
-    slave = packed.surfaces[one.slave]
-    at = site(one, slave, point)
-    mine, foot = 3 * slave.functions, new_foot()
-    # D at each node, and the directions that it is multiplied by.
-    shares, directions = np.empty(v.shape[1] // 3), np.zeros((3, 3))
-    for m in range(mine):
-        shares[m] = packed.along[at.along, m // 3] * packed.around[at.around, m % 3]
-    gap = project(packed, one, point, positions, foot)
-    if one.master == MESH:
-        directions[1:] = foot.y[1:3]
-        if gap != 0.0:
-            c[1, 1] = c[2, 2] = 1.0 / gap
-    elif one.master < 0:
-        if one.master == SPHERE:
-            aside(foot.normal, directions[1])
-            cross(foot.normal, directions[1], directions[2])
-            c[2, 2] = 1.0 / (gap + one.radius)
-        else:
-            cross(one.direction, foot.normal, directions[1])
-        if one.master != PLANE:
-            c[1, 1] = 1.0 / (gap + one.radius)
-    else:
-        edge, phi, axial = packed.states[point].edge, foot.phi, foot.axial
-        _curvature(foot, gap, edge, c)
-        directions[1:] = foot.y[1:3]
-        if edge:
-            cross(foot.normal, foot.y[1], directions[2])
-        for m in range(mine, shares.size):
+    h, metric = h11 * h22 - h12 * h12, a11 * a22 - a12 * a12
+    for m in range(shares.size):
+        slope1 = slope2 = 0.0
+        if m >= mine:
             j, i = divmod(m - mine, 3)
-            shares[m] = -axial[0, j] * phi[0, i]
-            for a in range(3):
-                v[3, 3 * m + a] = -axial[0, j] * phi[1, i] * foot.normal[a]
-                v[4, 3 * m + a] = -axial[1, j] * phi[0, i] * foot.normal[a]
-    directions[0] = foot.normal
-    for q in range(3):
-        for m in range(shares.size):
-            for a in range(3):
-                v[q, 3 * m + a] = shares[m] * directions[q, a]
-    return 5 if one.master >= 0 else 3
+            slope1, slope2 = -axial[0, j] * phi[1, i], -axial[1, j] * phi[0, i]
+        for a in range(3):
+            d = 3 * m + a
+            beside1, beside2 = slope1 * normal[a], slope2 * normal[a]
+            right1 = shares[m] * y[1, a] - gap * beside1
+            right2 = shares[m] * y[2, a] - gap * beside2
+            if edge:
+                xi[0, d], xi[1, d] = right1 / h11, 0.0
+                tilt1 = k11 * xi[0, d] - beside1
+                rate = shares[m] / gap if gap != 0.0 else 0.0
+                for c in range(3):
+                    fixed = (1.0 if c == a else 0.0) - normal[c] * normal[a] - y[1, c] * y[1, a] / a11
+                    turn[c, d] = rate * fixed - y[1, c] * tilt1 / a11
+                continue
+            xi[0, d] = (h22 * right1 - h12 * right2) / h
+            xi[1, d] = (h11 * right2 - h12 * right1) / h
+            tilt1 = k11 * xi[0, d] + k12 * xi[1, d] - beside1
+            tilt2 = k12 * xi[0, d] + k22 * xi[1, d] - beside2
+            for c in range(3):
+                turn[c, d] = -(y[1, c] * (a22 * tilt1 - a12 * tilt2) + y[2, c] * (a11 * tilt2 - a12 * tilt1)) / metric
 
 
-@njit(void(PACKED, F2, I1, _PATCHES, I1, F1), **STRICT)
-def add_blocks(packed: Packed, positions: Array, active: Index, patches: Table, begin: Index, values: Array) -> None:
-    """Add the second derivatives of the energy to dense blocks.
+@njit(void(PACKED, FRICTION, F2, _PATCH_ROW, i8, FOOT, F1, F2, F2), **STRICT)
+def _add_friction(
+    packed: Packed,
+    friction: Friction,
+    positions: Array,
+    patch: Row,
+    point: int,
+    foot: Foot,
+    shares: Array,
+    turn: Array,
+    change: Array,
+) -> None:
+    """Add the variation of the traction of friction to ``change`` ``(3, dofs)``; the others as in `add_blocks`."""
+    there, s, spring = new_foot(), np.empty(3), np.empty((3, 3))
+    anchor, one, mu = friction.anchors[point], packed.passes[patch.number], friction.coefficients[patch.number]
+    mine, normal, slips = 3 * packed.surfaces[one.slave].functions, foot.normal, friction.slipping[point]
+    place_of(packed, one, anchor, positions, there)
+    length = stretch_of(packed, point, foot, there, s)
+    n_d = 0.0
+    for c in range(3):
+        n_d += normal[c] * (packed.points[point, c] - there.y[0, c])
+    # Traction per stretch, and the directions in which a change of the stretch changes nothing.
+    stiffness = mu * packed.states[point].pressure / length if slips else one.penalty
+    for c in range(3):
+        for a in range(3):
+            spring[c, a] = stiffness * ((1.0 if c == a else 0.0) - normal[c] * normal[a])
+            if slips:
+                spring[c, a] -= stiffness * s[c] * s[a] / length**2
+    for m in range(shares.size):
+        for a in range(3):
+            d = 3 * m + a
+            n_turn = 0.0
+            for c in range(3):
+                n_turn += turn[c, d] * (packed.points[point, c] - there.y[0, c])
+            for c in range(3):
+                value = stiffness * normal[c] * n_turn
+                if m < mine:
+                    value -= spring[c, a] * shares[m]
+                for e in range(3):
+                    value += spring[c, e] * turn[e, d] * n_d
+                if slips:
+                    value += mu * one.penalty * s[c] / length * normal[a] * shares[m]
+                change[c, d] += value
+    if one.master < 0:
+        return
+    first = mine if patch.anchor_element < 0 else shares.size
+    for m in range(3 * packed.surfaces[packed.elements[anchor.element].surface].functions):
+        part = there.axial[0, m // 3] * there.phi[0, m % 3]
+        for c in range(3):
+            for a in range(3):
+                change[c, 3 * (first + m) + a] += part * spring[c, a]
+
+
+@njit(void(PACKED, FRICTION, F2, I1, _PATCHES, I1, F1), **STRICT)
+def add_blocks(
+    packed: Packed,
+    friction: Friction,
+    positions: Array,
+    active: Index,
+    patches: Table,
+    begin: Index,
+    values: Array,
+) -> None:
+    """Add minus the derivatives of the forces of contact to dense blocks.
 
     Parameters
     ----------
-    packed
-        As the last forces left it.
+    packed, friction
+        As the last forces left them.
     positions
         Those of the last forces, ``(nodes, 3)``.
     active, patches, begin
@@ -153,22 +217,46 @@ def add_blocks(packed: Packed, positions: Array, active: Index, patches: Table, 
     values
         Blocks of the degrees of freedom of a patch's nodes (see `patch_nodes`), one after the other; are added to.
     """
+    foot, bend, traction = new_foot(), np.empty((3, 3)), np.empty(3)
     nodes = np.empty(NODES, dtype=np.int64)
-    c = np.empty((6, 6))
-    for m in range(active.size):
-        point = active[m]
-        size = 3 * patch_nodes(packed, patches[m], nodes)
-        v = np.empty((6, size))
-        vectors = _variations(packed, positions, patches[m], point, v, c)
-        weight = packed.areas[point]
-        c *= -weight * packed.states[point].pressure
-        c[0, 0] = weight * packed.passes[patches[m].number].penalty
-        block = values[begin[m] : begin[m] + size * size].reshape(size, size)
+    for point_of in range(active.size):
+        point, patch = active[point_of], patches[point_of]
+        one, state, weight = packed.passes[patch.number], packed.states[point], packed.areas[point]
+        slave = packed.surfaces[one.slave]
+        count, columns = patch_nodes(packed, patch, nodes)
+        mine, size, width = 3 * slave.functions, 3 * count, 3 * columns
+        gap = project(packed, one, point, positions, foot)
+        at, shares = site(one, slave, point), np.empty(count)
+        for m in range(mine):
+            shares[m] = packed.along[at.along, m // 3] * packed.around[at.around, m % 3]
+        for m in range(mine, count):
+            j, i = divmod(m - mine, 3)
+            shares[m] = -foot.axial[0, j] * foot.phi[0, i]
+        xi, turn, change = np.zeros((2, size)), np.empty((3, size)), np.zeros((3, width))
+        if one.master >= 0:
+            _vary(foot, gap, state.edge, mine, shares, xi, turn)
+        else:
+            _bend(one, foot, gap, bend)
+            for d in range(size):
+                for c in range(3):
+                    turn[c, d] = shares[d // 3] * bend[c, d % 3]
+        normal = foot.normal
+        for c in range(3):
+            traction[c] = state.pressure * normal[c]
+            for d in range(size):
+                change[c, d] = state.pressure * turn[c, d] - one.penalty * normal[c] * normal[d % 3] * shares[d // 3]
+        if _hangs(friction, patch.number, point):
+            _add_friction(packed, friction, positions, patch, point, foot, shares, turn, change)
+            for c in range(3):
+                traction[c] += friction.tractions[point, c]
         for row in range(size):
-            for i in range(vectors):
-                value = 0.0
-                for j in range(vectors):
-                    value += c[j, i] * v[j, row]
-                if value != 0.0:
-                    for column in range(size):
-                        block[row, column] += value * v[i, column]
+            m, c = divmod(row, 3)
+            first, share = begin[point_of] + row * width, weight * shares[m]
+            for d in range(width):
+                values[first + d] -= share * change[c, d]
+            if m >= mine:
+                j, i = divmod(m - mine, 3)
+                by1 = weight * foot.axial[0, j] * foot.phi[1, i] * traction[c]
+                by2 = weight * foot.axial[1, j] * foot.phi[0, i] * traction[c]
+                for d in range(size):
+                    values[first + d] += by1 * xi[0, d] + by2 * xi[1, d]

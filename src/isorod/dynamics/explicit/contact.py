@@ -10,8 +10,7 @@ from isorod.arrays import Array, Index
 from isorod.compiled import F1, F2, U1
 from isorod.contact import friction, tables
 from isorod.contact import ranks as dealt
-from isorod.contact.friction_kernel import FRICTION, Friction
-from isorod.contact.packed import PACKED, Packed
+from isorod.contact.packed import FRICTION, PACKED, Friction, Packed
 from isorod.contact.passing import limits
 from isorod.dynamics.explicit.ranks import Ranks
 from isorod.model.contact import refuse_in_motion

@@ -10,7 +10,7 @@ from isorod.model.contact import refuse_in_motion
 from isorod.model.model import Model
 
 if TYPE_CHECKING:
-    from isorod.contact.friction_kernel import Friction
+    from isorod.contact.packed import Friction
 
 
 class MidpointContact(ContactOperator):
