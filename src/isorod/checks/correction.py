@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from petsc4py import PETSc
+from scipy.linalg import eigh
 
 from isorod.arrays import Array
 from isorod.assembly.assembler import Assembler
@@ -74,6 +75,32 @@ def corrected(
         if not size > _DONE * max(sizes):
             break
     return sizes, gained, first
+
+
+def reduced(mass: PETSc.Mat, forces: Sequence[PETSc.Vec], motions: Sequence[PETSc.Vec]) -> tuple[Array, Array]:
+    """Return a stiffness on a basis of motions of unit mass (Rayleigh-Ritz), and the basis.
+
+    Parameters
+    ----------
+    mass
+        Matrix to multiply with.
+    forces, motions
+        The stiffness times each motion, and the motions, ``m`` of each.
+
+    Returns
+    -------
+    stiffness : (k, k)
+    basis : (m, k)
+        Fewer than there are motions where these depend on each other but for rounding, as many modes on few unknowns.
+    """
+    heavy = [mass * one for one in motions]
+    above, below = (np.array([[a.dot(b) for b in motions] for a in images]) for images in (forces, heavy))
+    scale = 1.0 / np.sqrt(np.diag(below))
+    above, below = (0.5 * (one + one.T) * scale * scale[:, None] for one in (above, below))
+    sizes, basis = eigh(below)
+    kept = sizes > sizes.size * np.finfo(float).eps * sizes[-1]
+    basis = basis[:, kept] / np.sqrt(sizes[kept])
+    return basis.T @ above @ basis, scale[:, None] * basis
 
 
 def touching(

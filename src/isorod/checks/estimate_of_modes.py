@@ -101,26 +101,17 @@ def _modes(
             pushed = _whirled(assembler, mass, whirl, eigenvalues, shapes, later)
         if finer.wider and not free:
             pushed += [mass * assembler.state(shape) for shape in _turns(finer.model)]
-        found, heavy = ([assembler.vector() for _ in pushed] for _ in range(2))
-        for force, better, image in zip(pushed, found, heavy, strict=True):
+        found = [assembler.vector() for _ in pushed]
+        for force, better in zip(pushed, found, strict=True):
             ksp.solve(force, better)
-            mass.mult(better, image)
-        # The shifted stiffness times a shape is the force.
-        above, below = (np.array([[a.dot(b) for b in found] for a in images]) for images in (pushed, heavy))
-        scale = 1.0 / np.sqrt(np.diag(below))
-        above, below = (0.5 * (one + one.T) * scale * scale[:, None] for one in (above, below))
-        # Of many modes on few unknowns the shapes may depend on each other, but for rounding.
-        sizes, basis = eigh(below)
-        kept = sizes > sizes.size * np.finfo(float).eps * sizes[-1]
-        basis = basis[:, kept] / np.sqrt(sizes[kept])
+        above, basis = correction.reduced(mass, pushed, found)
         if basis.shape[1] < eigenvalues.size:
             return None
-        above = basis.T @ above @ basis
         if whirl is None:
             values = eigh(above, eigvals_only=True)[: eigenvalues.size] - shift
         else:
             turned = np.array([[(whirl * a).dot(b) for a in found] for b in found])
-            values = _squares(above, basis.T @ (turned * scale * scale[:, None]) @ basis)[: eigenvalues.size]
+            values = _squares(above, basis.T @ turned @ basis)[: eigenvalues.size]
         frequencies, better = (np.sign(one) * np.sqrt(np.abs(one)) for one in (eigenvalues, values))
     finally:
         for one in (ksp, matrix, mass, whirl):

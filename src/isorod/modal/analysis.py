@@ -18,7 +18,7 @@ from isorod.errors import InputError, SolveError, expect, whole_number
 from isorod.modal import loaded
 from isorod.modal.eigensolvers import only_multiplies
 from isorod.modal.mode import Mode
-from isorod.modal.pencil import Pencil
+from isorod.modal.pencil import Found, Pencil
 from isorod.model.model import Model
 from isorod.output.progress import Teller
 from isorod.petsc.options import in_force
@@ -26,7 +26,6 @@ from isorod.statics.analysis import Equilibrium
 
 if TYPE_CHECKING:
     from isorod.contact.result import ContactResult
-    from isorod.modal.gyroscopic import Found as Whirling
     from isorod.output.matrices import Matrices
 
 
@@ -277,12 +276,13 @@ def _solve(
     assembler.tangent(x, 0.0 if state is None else 1.0, pencil.stiffness)
     assembly = assembler.seconds
     try:
-        found: Any = _whirling(assembler, pencil, wanted, lumped) if turns else None
-        if found is None:
+        if turns:
+            found = _whirling(assembler, pencil, wanted, lumped)
+        else:
             found = pencil.solve(wanted, _shift(pencil, model, loose))
     except SolveError as problem:
         raise SolveError(f"{problem}{hourglass.hint(model)}") from None
-    vectors, quarter = _shapes(assembler, found.vectors, found.later if turns else ())
+    vectors, quarter = _shapes(assembler, found.vectors, found.later)
     begin = perf_counter()
     rules = hourglass.better_rules(model)
     if rules:
@@ -314,12 +314,12 @@ def _solve(
         equilibrium=state,
         about=loaded.told(model, state),
         quarter=quarter if turns else None,
-        falling=found.falling if turns else 0,
+        falling=found.falling,
         lumped=lumped,
     )
 
 
-def _whirling(assembler: Assembler, pencil: Pencil, wanted: int, lumped: bool) -> "Whirling":
+def _whirling(assembler: Assembler, pencil: Pencil, wanted: int, lumped: bool) -> Found:
     """Return the modes of what turns, with Coriolis forces."""
     from isorod.assembly.coriolis import coriolis
     from isorod.modal.gyroscopic import Quadratic

@@ -17,14 +17,11 @@ from slepc4py import SLEPc
 
 from isorod.arrays import Array
 from isorod.errors import SolveError
-from isorod.modal.pencil import Pencil
+from isorod.modal.pencil import BAD_RESIDUAL, Found, Pencil, just_above
 from isorod.options import defaults
 from isorod.petsc.inertia import negative_eigenvalues
 from isorod.petsc.library import pc_name
 from isorod.petsc.rows import local_rows
-
-# The count is taken this far (relative) above the last frequency returned.
-_ABOVE = 1e-6
 
 # A change of a vector from which on a flutter is none.
 _KNOWN = 1e-4
@@ -32,42 +29,11 @@ _KNOWN = 1e-4
 # Steps of inverse iteration that purify vectors.
 _PURIFIED = 2
 
-# Attempts, each for more eigenpairs, until none is missing; the residual above which a mode is refused.
+# Attempts, each for more eigenpairs, until none is missing.
 _ROUNDS = 3
-_BAD_RESIDUAL = 1e-5
 
 # Of an eigenvalue's size what of it is rounding.
 _ROUNDING = 1e-6
-
-
-class Found(NamedTuple):
-    """The lowest eigenpairs, ascending by ``omega^2``.
-
-    Attributes
-    ----------
-    eigenvalues
-        ``omega^2``, negative where a mode grows, shape ``(m,)``.
-    vectors, later
-        Shapes of the unknowns, and a quarter of a period later: ``x cos(omega t) + y sin(omega t)``.
-    residuals
-        ``|K x + i omega G x - omega^2 M x| / (omega^2 |M x|)``, shape ``(m,)``.
-    below
-        Eigenvalues up to just above the last one, by the count.
-    falling
-        Number of negative eigenvalues of the stiffness.
-    iterations, solver, shift
-        Restarts, what was used, and the shift of the spectral transformation.
-    """
-
-    eigenvalues: Array
-    vectors: list[PETSc.Vec]
-    later: list[PETSc.Vec]
-    residuals: Array
-    below: int
-    iterations: int
-    solver: dict[str, str]
-    falling: int
-    shift: float = 0.0
 
 
 class _Pair(NamedTuple):
@@ -120,25 +86,33 @@ class Quadratic:
                 raise SolveError(f"modes: {wrong}")
             last = pairs[wanted - 1].square
             counted = self._count(last)
-            known = sum(pair.sign for pair in pairs if 0.0 < pair.square <= _just_above(last))
+            known = sum(pair.sign for pair in pairs if 0.0 < pair.square <= just_above(last))
             missing = counted - unstable - known
             if missing == 0:
                 break
             asked += 2 * abs(missing) + 2
         if missing:
             raise SolveError(f"modes: {abs(missing)} eigenvalues up to {last:.6g} missed or spurious; raise -pep_ncv")
-        below = sum(pair.square <= _just_above(last) for pair in pairs)
+        below = sum(pair.square <= just_above(last) for pair in pairs)
         residuals = np.array([self._residual(pair, rough.eigenvalues) for pair in pairs[:wanted]])
-        if not residuals.max() <= _BAD_RESIDUAL:
+        if not residuals.max() <= BAD_RESIDUAL:
             worst = int(np.argmax(residuals))
             raise SolveError(f"modes: the residual of mode {worst + 1} is {residuals[worst]:.2g}: -eps_tol is loose")
         kept = pairs[:wanted]
         for pair in kept:
             # Re(x exp(i omega t)) a quarter of a period later is minus the imaginary part.
             pair.imaginary.scale(-1.0)
-        squares = np.array([pair.square for pair in kept])
-        vectors, later = [pair.real for pair in kept], [pair.imaginary for pair in kept]
-        return Found(squares, vectors, later, residuals, below, rough.iterations + iterations, types, unstable)
+        return rough._replace(
+            eigenvalues=np.array([pair.square for pair in kept]),
+            vectors=[pair.real for pair in kept],
+            later=[pair.imaginary for pair in kept],
+            residuals=residuals,
+            below=below,
+            iterations=rough.iterations + iterations,
+            shift=0.0,
+            solver=types,
+            falling=unstable,
+        )
 
     def _find(self, wanted: int, scale: float) -> tuple[list[_Pair], int, dict[str, str]]:
         """Solve once; return what has converged, ascending, restarts and what was used."""
@@ -252,7 +226,7 @@ class Quadratic:
         start = perf_counter()
         if square <= 0.0:
             return self.pencil.count_below(0.0)
-        matrix = self._hermitian(np.sqrt(_just_above(square)))
+        matrix = self._hermitian(np.sqrt(just_above(square)))
         found = negative_eigenvalues(matrix) // 2 - self.pencil.pressures
         matrix.destroy()
         self.pencil.check_seconds += perf_counter() - start
@@ -260,7 +234,7 @@ class Quadratic:
 
     def _hermitian(self, omega: float) -> PETSc.Mat:
         """Return ``K - omega^2 M`` and ``omega G`` as one symmetric matrix of twice as many rows."""
-        even, odd = (_whole_rows(one) for one in (self._shifted(omega), self.coriolis))
+        even, odd = (_whole_rows(one) for one in (self.pencil.shifted(omega**2), self.coriolis))
         whole = csr_array(kron(even, np.eye(2)) + kron(omega * odd, np.array([[0.0, -1.0], [1.0, 0.0]])))
         whole.sort_indices()
         rows, size = even.shape
@@ -274,11 +248,6 @@ class Quadratic:
             matrix.setOption(option, True)
         matrix.setOption(PETSc.Mat.Option.SPD, False)
         return matrix
-
-    def _shifted(self, omega: float) -> PETSc.Mat:
-        shifted = self.pencil.stiffness.copy()
-        shifted.axpy(-(omega**2), self.pencil.mass, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
-        return shifted
 
 
 def _told(value: complex, change: float) -> str:
@@ -299,7 +268,3 @@ def _whole_rows(matrix: PETSc.Mat) -> csr_array:
         return own
     others = found.others
     return own + csr_array((others.values, found.columns[others.column], others.start), shape=shape)
-
-
-def _just_above(square: float) -> float:
-    return square + _ABOVE * abs(square)

@@ -1,6 +1,6 @@
 """The pencil ``K - lambda M``: its lowest eigenpairs by SLEPc, and the count that proves none is missing."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from time import perf_counter
 from typing import Any, NamedTuple
@@ -25,7 +25,7 @@ _ABOVE = 1e-6
 
 # Rounds of deflation until no eigenvalue is missing, and the residual above which a mode is refused.
 _ROUNDS = 12
-_BAD_RESIDUAL = 1e-5
+BAD_RESIDUAL = 1e-5
 
 # Residuals of long rods are rounding: of the stiffness times a mode, ``eps |K| |x|``, with a margin of ten, it may be
 # so much.  Of the eigenvalue it makes no more than ``eps |x|^T |K| |x|``, of which this share is allowed.
@@ -56,10 +56,11 @@ class Found(NamedTuple):
         Of the eigensolver, those of all its rounds.
     tolerance, shift
         Of the eigensolver, and of its spectral transformation.
-    solver
-        Types of EPS, ST, KSP and PC.
-    options
-        All PETSc options in force.
+    solver, options
+        Types of EPS, ST, KSP and PC, and all PETSc options in force.
+    later, falling
+        Of a spinning body, ``y`` of its motions ``x cos(omega t) + y sin(omega t)``, ``x`` in ``vectors``, and the
+        number of negative eigenvalues of the stiffness.
     """
 
     eigenvalues: Array
@@ -71,6 +72,8 @@ class Found(NamedTuple):
     shift: float
     solver: dict[str, str]
     options: dict[str, str]
+    later: Sequence[PETSc.Vec] = ()
+    falling: int = 0
 
 
 @dataclass(eq=False)
@@ -205,7 +208,7 @@ class Pencil:
         """
         self._said("assembled")
         found = self._find(wanted, shift, count)
-        limit = max(_BAD_RESIDUAL, 100.0 * found.tolerance)
+        limit = max(BAD_RESIDUAL, 100.0 * found.tolerance)
         if not self._excess(found, limit)[1] <= limit:
             # The last copy of a multiple eigenvalue, which rounding brings in, may pass the test of convergence early.
             # Purification mends its vector; it costs a tenth, so the first round goes without.
@@ -311,7 +314,7 @@ class Pencil:
         for _ in range(_ROUNDS):
             last = pairs[wanted - 1][0]
             below = self.count_below(last)
-            missing = below - sum(value <= _just_above(last) for value, _ in pairs)
+            missing = below - sum(value <= just_above(last) for value, _ in pairs)
             if missing == 0:
                 return below, iterations
             said = f"modes: {below} eigenvalues lie at or below {last:.6g}, but {below - missing} converged"
@@ -355,7 +358,7 @@ class Pencil:
     def count_below(self, eigenvalue: float) -> int:
         """Return the number of eigenvalues up to just above the given one, by Sylvester's law of inertia."""
         start = perf_counter()
-        shift = _just_above(eigenvalue)
+        shift = just_above(eigenvalue)
         rows = upper_rows(self.stiffness, shift, self.mass)
         negative = None if rows is None else negative_of_rows(rows)
         if negative is None:
@@ -363,14 +366,19 @@ class Pencil:
         self.check_seconds += perf_counter() - start
         return negative - self.pressures
 
-    def _count_below(self, shift: float) -> int:
-        """Return the number of eigenvalues below a shift, of matrices of any type."""
+    def shifted(self, shift: float) -> PETSc.Mat:
+        """Return the stiffness less so many times the mass."""
         shifted = self.stiffness.copy()
         if not add_componentwise(shifted, -shift, self.mass):
             mass = self.mass if self.entries is None else self.entries()
             shifted.axpy(-shift, mass, self.structure)
             if mass is not self.mass:
                 mass.destroy()
+        return shifted
+
+    def _count_below(self, shift: float) -> int:
+        """Return the number of eigenvalues below a shift, of matrices of any type."""
+        shifted = self.shifted(shift)
         shifted.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         shifted.setOption(PETSc.Mat.Option.SPD, False)
         negative = negative_eigenvalues(shifted)
@@ -378,7 +386,8 @@ class Pencil:
         return negative
 
 
-def _just_above(eigenvalue: float) -> float:
+def just_above(eigenvalue: float) -> float:
+    """Return where eigenvalues up to one of them are counted."""
     return eigenvalue + _ABOVE * abs(eigenvalue)
 
 

@@ -120,10 +120,7 @@ def _softer(model: Model, state: Equilibrium, eigenvalues: Array, vectors: Array
             pushed = [mass * one for one in found]
             for force, one in zip(pushed, found, strict=True):
                 ksp.solve(force, one)
-        heavy = [mass * one for one in found]
-        # The shifted stiffness times a shape is the force.
-        above, below = (np.array([[a.dot(b) for b in found] for a in images]) for images in (pushed, heavy))
-        values = eigh(0.5 * (above + above.T), 0.5 * (below + below.T), eigvals_only=True) - shift
+        values = eigh(correction.reduced(mass, pushed, found)[0], eigvals_only=True) - shift
     finally:
         for held in (ksp, matrix, mass):
             held.destroy()
