@@ -11,6 +11,7 @@ from petsc4py import PETSc
 
 from isorod.assembly.assembler import Assembler
 from isorod.errors import SolveError
+from isorod.petsc.softest import soften
 from isorod.statics import stability
 from isorod.statics.newton import Newton
 from isorod.statics.proximal import FEWER, LEAST, LEFT, MORE, Proximal
@@ -64,15 +65,10 @@ def _lowest(solver: Newton, weight: PETSc.Vec) -> tuple[float, PETSc.Vec]:
         share, before = _COARSE * share, share
     ksp = solver.snes.getKSP()
     ksp.setOperators(matrix)
-    way, push = _waves(assembler), assembler.vector()
-    value = 0.0
-    for _ in range(_ITERATIONS):
-        way.scale(1.0 / np.sqrt(way.dot(weight * way)))
-        push.pointwiseMult(weight, way)
-        ksp.solve(push, way)
-        value = 1.0 / push.dot(way) - share
+    way = _waves(assembler)
+    value, _ = soften(ksp, weight, way, _ITERATIONS)
     way.pointwiseMult(way, assembler.state(np.ones(assembler.model.dofs)))
-    return value, way
+    return value - share, way
 
 
 def _waves(assembler: Assembler) -> PETSc.Vec:

@@ -16,6 +16,7 @@ from isorod.assembly.assembler import Assembler
 from isorod.assembly.factorisation import SPARSE
 from isorod.checks import rigid_motions
 from isorod.petsc.direct import direct
+from isorod.petsc.softest import noise, soften
 from isorod.statics.proximal import LEAST, Proximal
 
 # The share ``a`` of load steps: what a slender rod of twenty radii resists its bending with, and, where a body is
@@ -48,31 +49,23 @@ class Stabilisation(Proximal):
         """Return about the least share of ``D`` with which what is loose resists a deformation: that of a spring."""
         weight, rigid = self._stiffness, list[PETSc.Vec]()
 
-        def deform(shape: PETSc.Vec) -> None:
-            """Take the rigid motions out of a shape, and scale it."""
+        def purge(shape: PETSc.Vec) -> None:
+            """Take the rigid motions out of a shape."""
             for motion in rigid:
                 shape.axpy(-motion.dot(weight * shape), motion)
-            shape.scale(1.0 / np.sqrt(shape.dot(weight * shape)))
 
         for motion in rigid_motions.on_unknowns(assembler, self._loose):
-            deform(motion)
+            purge(motion)
+            motion.scale(1.0 / np.sqrt(motion.dot(weight * motion)))
             rigid.append(motion)
         shifted = matrix.copy()
         shifted.setDiagonal(LEAST * weight, PETSc.InsertMode.ADD_VALUES)
         kind = SPARSE | {"pc_type": "cholesky" if assembler.symmetric else "lu"}
         ksp = direct(shifted, {f"{_PREFIX}{name}": value for name, value in kind.items()}, _PREFIX)
-        shape, push = assembler.vector(), assembler.vector()
-        # The same on any number of ranks.
-        shape.array_w[:] = np.random.default_rng(0).normal(size=shape.getSize())[slice(*shape.getOwnershipRange())]
-        softness = 0.0
-        for _ in range(_ITERATIONS):
-            deform(shape)
-            push.pointwiseMult(weight, shape)
-            ksp.solve(push, shape)
-            softness = 1.0 / push.dot(shape) - LEAST
+        softness, _ = soften(ksp, weight, noise(assembler.vector()), _ITERATIONS, purge)
         for one in (ksp, shifted):
             one.destroy()
-        return softness
+        return softness - LEAST
 
     def why(self, x: PETSc.Vec) -> str:
         """Return which free motion goes on."""

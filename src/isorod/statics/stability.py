@@ -9,16 +9,14 @@ by a difference of forces; where they count some, cannot tell, or were wrong, th
 """
 
 import warnings
-from functools import lru_cache
 
 import numpy as np
 from petsc4py import PETSc
 
-from isorod.arrays import Array
-from isorod.assembly.assembler import Assembler
 from isorod.errors import InputError
 from isorod.model.model import Model
 from isorod.petsc import inertia
+from isorod.petsc.softest import noise, soften
 from isorod.statics.newton import Newton
 
 # Inverse iterations with the last factors towards what is softest: from all motions alike, whose stiffnesses differ by
@@ -97,19 +95,6 @@ def stiffness(solver: Newton) -> PETSc.Vec:
     return diagonal
 
 
-def noise(assembler: Assembler) -> PETSc.Vec:
-    """Return random unknowns, the same on any number of ranks."""
-    found = assembler.vector()
-    found.array_w[:] = _normal(found.getSize())[slice(*found.getOwnershipRange())]
-    return found
-
-
-@lru_cache(maxsize=1)
-def _normal(size: int) -> Array:
-    """Return so many random numbers; of models of a sweep the same."""
-    return np.random.default_rng(0).normal(size=size)
-
-
 def _pressures(solver: Newton) -> int:
     """Return the number of pressures of the mixed formulation: so many eigenvalues are negative at any rate."""
     return solver.assembler.unknowns - solver.assembler.model.unknowns
@@ -148,14 +133,10 @@ def _pressed_by_potential(model: Model) -> bool:
 def _holds(solver: Newton) -> bool:
     """Return whether the equilibrium is about as stiff in the direction in which the last factors are softest."""
     assembler = solver.assembler
-    way = noise(assembler)
-    push = way.duplicate()
+    way = noise(assembler.vector())
     # Pressures are not pushed at: those of the answer are what the displacements make of them.
     moves = assembler.state(np.ones(assembler.model.dofs))
-    for _ in range(_ITERATIONS):
-        push.pointwiseMult(way, moves)
-        push.normalize()
-        solver.snes.getKSP().solve(push, way)
+    _, push = soften(solver.snes.getKSP(), moves, way, _ITERATIONS)
     moves.pointwiseMult(way, moves)
     least = min(body.space.rod.radius for body in assembler.model.bodies)
     length = _STEP * least / moves.norm(PETSc.NormType.NORM_INFINITY)
