@@ -252,11 +252,14 @@ def add_blocks(
         for row in range(size):
             m, c = divmod(row, 3)
             first, share = begin[point_of] + row * width, weight * shares[m]
-            for d in range(width):
+            if m < mine:
+                for d in range(width):
+                    values[first + d] -= share * change[c, d]
+                continue
+            j, i = divmod(m - mine, 3)
+            by1 = weight * foot.axial[0, j] * foot.phi[1, i] * traction[c]
+            by2 = weight * foot.axial[1, j] * foot.phi[0, i] * traction[c]
+            for d in range(size):
+                values[first + d] += by1 * xi[0, d] + by2 * xi[1, d] - share * change[c, d]
+            for d in range(size, width):
                 values[first + d] -= share * change[c, d]
-            if m >= mine:
-                j, i = divmod(m - mine, 3)
-                by1 = weight * foot.axial[0, j] * foot.phi[1, i] * traction[c]
-                by2 = weight * foot.axial[1, j] * foot.phi[0, i] * traction[c]
-                for d in range(size):
-                    values[first + d] += by1 * xi[0, d] + by2 * xi[1, d]
