@@ -75,17 +75,15 @@ def _modes(
         state = finer.displacement(about.displacement)
         assembler.contact = correction.touching(finer, getattr(about, "contacts", ()), state, comm, True)  # type: ignore[assignment]
     matrix, mass = assembler.matrix(), assembler.mass(lumped) if free else assembler.mass_operator(lumped)
-    if about is None:
-        assembler.tangent(assembler.vector(), 0.0, matrix)
     # Definite, of a free body too, but for pressures.
     shift = float(eigenvalues[0]) if free else 0.0
     shapes = [finer.displacement(vector) for vector in vectors]
     whirl = None if quarter is None else coriolis(assembler, lumped)
-    if free:
-        matrix.axpy(shift, mass, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
     ksp = correction.solver(assembler, matrix)
     try:
-        if about is not None:
+        if about is None:
+            assembler.tangent(assembler.vector(), 0.0, matrix)
+        else:
             x = assembler.state(state, finer.pressures(about.pressures) if about.pressures else ())
             sizes, *_ = correction.corrected(assembler, x, matrix, ksp)
             if not sizes[-1] <= max(correction.QUICK * sizes[0], _SETTLED * x.norm()):
@@ -93,7 +91,9 @@ def _modes(
                 return 1.0
             assembler.extrapolate()
             assembler.tangent(x, 1.0, matrix)
-            ksp.setOperators(matrix)
+        if free:
+            matrix.axpy(shift, mass, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
+        ksp.setOperators(matrix)
         if whirl is None or quarter is None:
             pushed = [mass * assembler.state(shape) for shape in shapes]
         else:
