@@ -173,7 +173,7 @@ class ContactPolicy:
                 self._solver.advance(factor, factor)
             except Diverged as problem:
                 raise Diverged(f"more points of contact: {problem}") from None
-        return self._at_points(factor, self._in_cells(factor))
+        return self._tighten(factor)
 
     def settle_in_the_end(self) -> int:
         """Settle contact at the full load, where it must not fail; return how often multipliers were updated."""
@@ -224,38 +224,31 @@ class ContactPolicy:
         contact.packed.multipliers[:] = before
         return problem
 
-    def _in_cells(self, factor: float) -> int:
-        """Update multipliers by cells until that does no more; return how many updates there are.
+    def _tighten(self, factor: float) -> int:
+        """Update multipliers by cells until that does no more, then at points until penetration is below its limit.
 
-        A small patch may be less deep than the limit, and give way all the same.
+        A small patch may be less deep than the limit, and give way all the same.  Return how many updates there are.
         """
-        count, last = 0, np.inf
-        while count < TUNING.updates:
-            depth, _ = self._deepest(factor)
-            if depth > TUNING.stalled * last or depth <= 0.0:
-                break
-            problem = self._update(factor, in_cells=True)
-            if problem is not None and depth <= 1.0:
-                break
-            if problem is not None:
-                raise Diverged(f"augmented Lagrangian, update {count + 1}: {problem}")
-            count, last = count + 1, depth
-        return count
-
-    def _at_points(self, factor: float, count: int) -> int:
-        """Update multipliers at points until all is tight; return how many updates there are now."""
-        last, raised = np.inf, 0
+        count, raised, last, in_cells = 0, 0, np.inf, True
         while True:
             depth, said = self._deepest(factor)
-            if depth <= 1.0:
-                return count
-            if count >= TUNING.updates:
-                raise SolveError(f"{said} after {TUNING.updates} augmented Lagrangian updates; increase the penalty")
-            if depth > TUNING.stalled * last and raised < TUNING.stiffenings:
-                self._contact.stiffen(TUNING.stiffer)
-                raised += 1
-            problem = self._update(factor, in_cells=False)
+            stalls = depth > TUNING.stalled * last
+            if in_cells and (stalls or depth <= 0.0 or count >= TUNING.updates):
+                in_cells, stalls = False, False
+            if not in_cells:
+                if depth <= 1.0:
+                    return count
+                if count >= TUNING.updates:
+                    raise SolveError(
+                        f"{said} after {TUNING.updates} augmented Lagrangian updates; increase the penalty"
+                    )
+                if stalls and raised < TUNING.stiffenings:
+                    self._contact.stiffen(TUNING.stiffer)
+                    raised += 1
+            problem = self._update(factor, in_cells)
             if problem is not None:
+                if in_cells and depth <= 1.0:
+                    return count
                 raise Diverged(f"augmented Lagrangian, update {count + 1}: {problem}")
             count, last = count + 1, depth
 
