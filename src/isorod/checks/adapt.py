@@ -9,9 +9,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 
-from isorod.checks.finer import DIRECTIONS
+from isorod.checks.finer import DIRECTIONS, more_along
 from isorod.errors import InputError, SolveError
-from isorod.geometry.axis import MAX_DEGREE
 from isorod.geometry.disk import MAX_COUNT
 from isorod.geometry.rod import Rod
 from isorod.memory import SHORT
@@ -163,7 +162,7 @@ def _changes(spaces: Sequence[Space], across: bool, along: bool) -> list[dict[st
     if along or not any(found):
         least = min(space.axis.degree for space in spaces)
         found = [
-            changed | (_along(one) if one.axis.degree == least else {})
+            changed | (more_along(one) if one.axis.degree == least else {})
             for changed, one in zip(found, spaces, strict=True)
         ]
     return found
@@ -175,9 +174,3 @@ def _across(space: Space) -> dict[str, Any]:
     if space.order is not None and space.order < _ORDER:
         return {"order": space.order + 1}
     return {"section_points": 2 * space.points_around} if 2 * space.points_around <= MAX_COUNT else {}
-
-
-def _along(space: Space) -> dict[str, Any]:
-    if space.axis.degree < MAX_DEGREE:
-        return {"degree": space.axis.degree + 1}
-    return choice.halved(space)

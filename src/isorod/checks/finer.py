@@ -124,14 +124,17 @@ def _finer(body: Body, direction: str) -> Space:
     along: dict[str, Any] = {"elements": space.elements, "degree": space.axis.degree, "knots": space.knots}
     if direction == "section":
         across |= _more_across(body)
-    elif space.axis.degree < MAX_DEGREE:
-        along["degree"] += 1
     else:
-        along |= choice.halved(space)
+        along |= more_along(space)
     made = Space(space.rod, continuity=space.continuity, quadrature="auto", **along, **across)
     rule, wanted = space.rule, choice.rule(made)
     points = (max(pair) for pair in zip((rule.radial, rule.angular, rule.axial), vars(wanted).values(), strict=True))
     return replace(made, quadrature=str(Rule(*points)))
+
+
+def more_along(space: Space) -> dict[str, Any]:
+    """Return the change of a space that refines it along the axis: a degree more, or twice the elements."""
+    return {"degree": space.axis.degree + 1} if space.axis.degree < MAX_DEGREE else choice.halved(space)
 
 
 def _across_as_is(space: Space) -> dict[str, Any]:

@@ -55,8 +55,10 @@ class ContactOperator:
         Friction of the contacts that have some, or None.
     stiffness
         Share of their defaults that penalties have which nobody gave.
-    values
-        The last tangent, at ``rows`` and ``columns``: repeated entries add up, and those of all ranks.
+    values, rows, columns
+        The last tangent: entries, those of all ranks add up, and their places.
+    version
+        How often the pattern of this rank's entries has changed.
     """
 
     # Whether points may slide far in the step in which they come into contact: then friction asks where they were.
@@ -74,6 +76,7 @@ class ContactOperator:
         travel = [contact.travel for contact in model.contacts for _ in contact.sides]
         self._ways = np.array(travel)[:, None] * self.packed.passes["direction"]
         self._blocks = Blocks(PATCH)
+        self.rows, self.columns, self.version = self._blocks.rows, self._blocks.columns, self._blocks.version
         self.values = np.empty(0)
         self.stiffness = 1.0
         self._frictionless = Friction.of(np.zeros(self.packed.passes.size), 0)
@@ -82,21 +85,6 @@ class ContactOperator:
             from isorod.contact import friction
 
             self.friction = friction.FrictionOperator(model, self.packed, self.ranks)
-
-    @property
-    def rows(self) -> Index:
-        """Rows of the last tangent's entries."""
-        return self._blocks.rows
-
-    @property
-    def columns(self) -> Index:
-        """Their columns."""
-        return self._blocks.columns
-
-    @property
-    def version(self) -> int:
-        """How often the pattern of this rank's entries has changed."""
-        return self._blocks.version
 
     @property
     def _friction(self) -> Friction:
@@ -170,6 +158,7 @@ class ContactOperator:
         patches["number"] = packed.passes_of(active)
         find_patches(packed, self._friction, active, patches)
         begin = self._blocks.begin(patches, self._nodes)
+        self.rows, self.columns, self.version = self._blocks.rows, self._blocks.columns, self._blocks.version
         blocks = np.zeros(self._blocks.room)
         with self._stage:
             add_blocks(packed, self._friction, positions, active, patches, begin, blocks)
