@@ -13,6 +13,7 @@ from isorod import Body, Contact, Cylinder, LinearElastic, Model, Plane, Rod, So
 from isorod.assembly.assembler import Assembler
 from isorod.contact.operator import ContactOperator
 from isorod.statics import contact_policy
+from isorod.statics.tuning import StepControl
 
 
 def crossing(press=0.5, penalty=1e4, gap=0.05, **contact):
@@ -115,7 +116,7 @@ def test_augmented_lagrangian_takes_penetration_away_and_agrees_with_a_high_pena
 
 
 def test_augmented_lagrangian_that_does_not_get_there_says_so(monkeypatch):
-    monkeypatch.setattr(contact_policy, "TUNING", contact_policy.Tuning(updates=1))
+    monkeypatch.setattr(contact_policy, "CONTROL", StepControl(updates=1))
     with pytest.raises(
         SolveError, match=r"contact 0: penetration .* after 1 augmented Lagrangian updates; increase the penalty"
     ):

@@ -9,15 +9,7 @@ from isorod.statics.newton import Newton
 from isorod.statics.path import Path
 from isorod.statics.proximal import NEARLY
 from isorod.statics.steps import Diverged
-
-# A load step is halved at most this many times.
-HALVINGS = 10
-
-# A step doubles after one of at most so many linear solves; where points come into contact more are usual.
-_QUICK, _QUICK_TOUCHING = 4, 6
-
-# With contact, where steps that fail cost most, it takes as many of them more as steps were cut, at most so many.
-_WARY = 4
+from isorod.statics.tuning import CONTROL
 
 
 def begin(solver: Newton, start: Array | None, path: Path) -> int | None:
@@ -81,7 +73,7 @@ def climb(solver: Newton, load_steps: int, path: Path, start: Array | None = Non
                 continue
             solver.cuts += 1
             step = 0.5 * (target - factor)
-            if step < min(1.0 / load_steps, longest) / 2**HALVINGS:
+            if step < min(1.0 / load_steps, longest) / 2**CONTROL.halvings:
                 cure = "; an equilibrium without friction may exist" if rubs else ""
                 raise SolveError(f"load factor {target:.6g}: {problem}{cure}") from None
             continue
@@ -94,10 +86,10 @@ def climb(solver: Newton, load_steps: int, path: Path, start: Array | None = Non
                 updates += policy.settle_in_the_end()
         augmentations += updates
         loose = loose if _note(solver, path, factor) else factor
-        quick = quick + 1 if solves <= (_QUICK if policy is None else _QUICK_TOUCHING) else 0
+        quick = quick + 1 if solves <= (CONTROL.quick if policy is None else CONTROL.quick_touching) else 0
         if factor == end:
             step, quick = 1.0 / load_steps, 0
-        elif quick > (0 if policy is None else min(solver.cuts, _WARY)):
+        elif quick > (0 if policy is None else min(solver.cuts, CONTROL.wary)):
             step, quick = 2.0 * step, 0
             if rubs:
                 # Whoever asks for more steps, since friction depends on the path, gets them.

@@ -16,7 +16,6 @@ these stall a stiffer penalty.
 """
 
 import warnings
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -26,42 +25,11 @@ from isorod.arrays import Array
 from isorod.assembly.assembler import Assembler
 from isorod.errors import SolveError
 from isorod.statics.steps import Diverged, Steps, TooDeep
+from isorod.statics.tuning import CONTROL
 
 if TYPE_CHECKING:
     from isorod.contact.operator import ContactOperator
     from isorod.contact.result import ContactResult
-
-
-@dataclass(frozen=True)
-class Tuning:
-    """By how much and how often a `ContactPolicy` changes what.
-
-    Attributes
-    ----------
-    softer, softest
-        Factor on penalties after a load step that failed, and the share of their defaults below which they do not fall.
-    stiffer, stiffenings
-        Factor on penalties where updates of multipliers stall, or, at most, where penalties rise again, and how often
-        they rise above their defaults at most.
-    stalled
-        Share of the penetration that updates leave where they stall.
-    updates, halvings
-        Updates of the multipliers at most, and how often one that fails is halved.
-    additions
-        How often points are added at most.
-    """
-
-    softer: float = 0.03
-    softest: float = 2e-3
-    stiffer: float = 4.0
-    stiffenings: int = 3
-    stalled: float = 0.5
-    updates: int = 50
-    halvings: int = 3
-    additions: int = 3
-
-
-TUNING = Tuning()
 
 
 class Solver(Protocol):
@@ -108,16 +76,16 @@ class ContactPolicy:
     @property
     def may_soften(self) -> bool:
         """Whether penalties that nobody typed may be lower than they are."""
-        return self._contact.stiffness > TUNING.softest and self._contact.has_defaults
+        return self._contact.stiffness > CONTROL.softest and self._contact.has_defaults
 
     def failed(self, problem: Diverged) -> bool:
         """Change penalties after a load step that failed; return whether the same step is to be tried again."""
         deep = isinstance(problem, TooDeep)
         if not self.rubs and not deep and self.may_soften:
-            self._contact.stiffen(TUNING.softer)
+            self._contact.stiffen(CONTROL.softer)
             return True
         if deep and self.is_soft:
-            self._contact.stiffen(1.0 / TUNING.softer)
+            self._contact.stiffen(1.0 / CONTROL.softer)
         return False
 
     def step(self, factor: float, target: float) -> tuple[int, int]:
@@ -150,7 +118,7 @@ class ContactPolicy:
                 solver.forget_path()
                 if not again:
                     raise
-                softer *= TUNING.softer
+                softer *= CONTROL.softer
             else:
                 self._begins = softer
                 return solves, updates
@@ -166,7 +134,7 @@ class ContactPolicy:
             If penetration does not fall to what is asked for.
         """
         self._harden(factor)
-        for _ in range(TUNING.additions):
+        for _ in range(CONTROL.additions):
             if not self._contact.see_better(self._displacement(factor), between=factor == 1.0):
                 break
             try:
@@ -193,7 +161,7 @@ class ContactPolicy:
         if not self.is_soft:
             return
         contact = self._contact
-        rises = int(np.ceil(np.log(1.0 / contact.stiffness) / np.log(TUNING.stiffer)))
+        rises = int(np.ceil(np.log(1.0 / contact.stiffness) / np.log(CONTROL.stiffer)))
         times = (1.0 / contact.stiffness) ** (1.0 / rises)
         for _ in range(rises):
             contact.stiffen(times)
@@ -213,7 +181,7 @@ class ContactPolicy:
         before = contact.packed.multipliers.copy()
         contact.augment(self._displacement(factor), in_cells)
         change = contact.packed.multipliers - before
-        for halvings in range(TUNING.halvings + 1):
+        for halvings in range(CONTROL.update_halvings + 1):
             contact.packed.multipliers[:] = before + 0.5**halvings * change
             try:
                 self._solver.advance(factor, factor)
@@ -232,18 +200,18 @@ class ContactPolicy:
         count, raised, last, in_cells = 0, 0, np.inf, True
         while True:
             depth, said = self._deepest(factor)
-            stalls = depth > TUNING.stalled * last
-            if in_cells and (stalls or depth <= 0.0 or count >= TUNING.updates):
+            stalls = depth > CONTROL.stalled * last
+            if in_cells and (stalls or depth <= 0.0 or count >= CONTROL.updates):
                 in_cells, stalls = False, False
             if not in_cells:
                 if depth <= 1.0:
                     return count
-                if count >= TUNING.updates:
+                if count >= CONTROL.updates:
                     raise SolveError(
-                        f"{said} after {TUNING.updates} augmented Lagrangian updates; increase the penalty"
+                        f"{said} after {CONTROL.updates} augmented Lagrangian updates; increase the penalty"
                     )
-                if stalls and raised < TUNING.stiffenings:
-                    self._contact.stiffen(TUNING.stiffer)
+                if stalls and raised < CONTROL.stiffenings:
+                    self._contact.stiffen(CONTROL.stiffer)
                     raised += 1
             problem = self._update(factor, in_cells)
             if problem is not None:

@@ -5,12 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from petsc4py import PETSc
 
-# A full step stays where it brings the work down to this share; else the zero is bracketed until so little is left.
-_KEPT, _LEFT = 0.8, 0.1
-_EVALUATIONS = 30
-
-# Less of a step is hardly one.
-_SHORT = 0.01
+from isorod.statics.tuning import CONTROL
 
 
 def step_length(work: Callable[[float], float], start: float) -> float:
@@ -31,17 +26,17 @@ def step_length(work: Callable[[float], float], start: float) -> float:
     low, high, at_low, at_high = 0.0, 1.0, start, work(1.0)
     if not start > 0.0:
         # The tangent is not definite, and the step may be right all the same.
-        while high > _SHORT and not np.isfinite(at_high):
+        while high > CONTROL.short and not np.isfinite(at_high):
             high *= 0.5
             at_high = work(high)
         return high
-    if at_high >= -_KEPT * start:
+    if at_high >= -CONTROL.kept * start:
         return 1.0
     halve = not np.isfinite(at_high)
-    for _ in range(_EVALUATIONS):
+    for _ in range(CONTROL.evaluations):
         share = 0.5 * (low + high) if halve else low + (high - low) * at_low / (at_low - at_high)
         found = work(share)
-        if abs(found) <= _LEFT * start:
+        if abs(found) <= CONTROL.left * start:
             return share
         width = high - low
         if found > 0.0:
@@ -103,7 +98,7 @@ class LineSearch:
         y.scale(free)
         way.scale(free)
         share = step_length(work, float(start.dot(way)))
-        self.short += share < _SHORT
+        self.short += share < CONTROL.short
         self.share = share * free
         y.scale(share)
         for one in (force, trial, way):
