@@ -50,7 +50,7 @@ class StepControl:
     softer: float = 0.03
     # 1e-3, 4e-3: no change.
     softest: float = 2e-3
-    # 2: `rope` 97 and largest pressure 94.8, `pair7` 60.
+    # 2: `pair20` is not settled after 50 updates, `rope` 97; 8: 90 and 81, largest pressure of `rope` 107.5.
     stiffer: float = 4.0
     stiffenings: int = 3
     # 0.25: largest pressure of `rope` 140, since penetration is left to the points; 0.9: `pair20` 153, `pair7` 62.
