@@ -9,7 +9,6 @@ import sys
 from functools import cache
 from importlib import import_module, util
 from importlib.abc import MetaPathFinder
-from os.path import exists
 from pathlib import Path
 from typing import Any
 
@@ -51,22 +50,5 @@ class _MpiFirst(MetaPathFinder):
             import_module("mpi4py.MPI")
 
 
-class _NumbaAlone(MetaPathFinder):
-    """Keeps Numba from loading what it can do without, which takes as long as all the rest of it.
-
-    That is `coverage`, unless it is at work, and `yaml`, unless there is a file of settings to be read with it.
-    """
-
-    def find_spec(self, fullname: str, *_: Any) -> None:
-        """Find nothing, and raise `ModuleNotFoundError` where it is Numba that asks."""
-        if fullname == "numba.core.registry":
-            sys.meta_path.remove(self)
-        elif "numba" in sys.modules and (fullname == "coverage" or (fullname == "yaml" and not exists(_SETTINGS))):
-            raise ModuleNotFoundError(f"{fullname}: Numba does without", name=fullname)
-
-
-_SETTINGS = ".numba_config.yaml"
-if "numba" not in sys.modules:
-    sys.meta_path.insert(0, _NumbaAlone())
 if util.find_spec("dolfinx_solver"):
     sys.meta_path.insert(0, _MpiFirst())

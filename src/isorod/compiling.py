@@ -1,12 +1,7 @@
-"""When functions are compiled, and where what they are compiled to is kept.
-
-Numba keeps it in the folder ``NUMBA_CACHE_DIR`` if that is set, else beside the source, else, where that cannot be
-written to, in the user's folder for such things.  Here it may also be read beside the source without being written
-there, as where an administrator has installed and compiled everything, and where nothing can be written nothing is
-kept.
-"""
+"""When functions are compiled: when they are first called, by Numba, which keeps them (`isorod.keeping`)."""
 
 import atexit
+import functools
 import os
 import subprocess
 import sys
@@ -16,14 +11,11 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from numba import config
+import numba
 from numba.core import event
-from numba.core.registry import CPUDispatcher
+from numba.extending import typeof_impl
 
-from isorod.keeping import Cache, ReadOnlyCache, beside
-
-# Numba's own, whose types are known at run time alone.
-_Dispatcher: Any = CPUDispatcher
+from isorod import keeping
 
 # All functions with a signature, in the order in which their modules were imported.
 KERNELS: list["Kernel"] = []
@@ -40,81 +32,61 @@ _LONGEST = tuple(
 _MANY = 5
 
 
-class Kernel(_Dispatcher):
+class Kernel:
     """A function of `njit`: compiled, or read from the disk, when it is first called from Python or compiled code.
 
     Attributes
     ----------
+    py_func
+        The function itself.
     declared
-        The one signature it is compiled for; None if for any it is called with.
+        The one signature it is compiled for; None if for any that compiled code calls it with.
     """
 
-    declared: Any = None
+    def __init__(self, function: Callable[..., Any], declared: Any, options: dict[str, Any]) -> None:
+        self.py_func, self.declared, self._options = function, declared, options
+        functools.update_wrapper(self, function)
 
-    def ready(self) -> None:
-        """Have it compiled for the declared signature."""
-        if self.declared is not None and self._can_compile:
-            self.compile(self.declared)
-            self.disable_compile()
+    def __call__(self, *arguments: Any) -> Any:
+        """Call the compiled function."""
+        return self.compiled(*arguments)
+
+    @functools.cached_property
+    def compiled(self) -> Any:
+        """Numba's dispatcher, compiled for the declared signature."""
+        with keeping.cache_in(self._folder, self._name):
+            # Reading damaged files raises anything: they are removed, and are not replaced if that cannot be.
+            for cached in (True, True, False):
+                try:
+                    return numba.njit(self.declared, cache=cached, **self._options)(self.py_func)
+                except Exception:
+                    if not cached:
+                        raise
+                    for file in self._files():
+                        with suppress(OSError):
+                            file.unlink()
 
     @property
     def kept(self) -> bool:
         """Whether the code of the declared signature is on the disk, and of the present source."""
-        cache = self._find_cache()
-        if cache is None:
-            return False
-        key = cache._index_key(self.declared, self.targetctx.codegen())
-        return key in cache.index()
+        return bool(self._files())
 
     @property
-    def folder(self) -> str | None:
-        """Where its code is kept, or None."""
-        cache = self._find_cache()
-        return None if cache is None else str(cache.cache_path)
+    def _folder(self) -> Path:
+        return keeping.folder(self.py_func.__code__.co_filename)
 
     @property
-    def lasting(self) -> bool:
-        """Whether what is compiled now can be kept."""
-        cache = self._find_cache()
-        return cache is not None and os.access(cache.cache_path, os.W_OK)
+    def _name(self) -> str:
+        return f"{Path(self.py_func.__code__.co_filename).stem}.{self.py_func.__qualname__}"
 
-    def compile(self, sig: Any) -> Any:
-        """Compile for a signature, or read what was compiled before."""
-        cache = self._find_cache()
-        if cache is None:
-            return super().compile(sig)
-        self._cache = cache
-        try:
-            return super().compile(sig)
-        finally:
-            cache.give_up()
+    def _files(self) -> list[Path]:
+        return [*self._folder.glob(f"*/{self._name}-*.nb?")]
 
-    def get_call_template(self, args: Any, kws: Any) -> Any:
-        """Return what a call in compiled code is compiled to."""
-        self.ready()
-        return super().get_call_template(args, kws)
 
-    def _compile_for_args(self, *args: Any, **kws: Any) -> Any:
-        if self.declared is None:
-            return super()._compile_for_args(*args, **kws)
-        # What is returned is called with the arguments, and no longer compiles but converts or refuses them.
-        self.ready()
-        return self
-
-    def _find_cache(self) -> Cache | None:
-        """Return the cache that Numba would write to, but that beside the source where that alone has the code."""
-        if isinstance(self._cache, Cache):
-            return self._cache
-        found = None
-        for kind in (Cache, ReadOnlyCache):
-            # Without a folder to write to, or to read from, there is none of the kind.
-            with suppress(RuntimeError):
-                cache = kind(self.py_func)
-                if found is None or (cache.index() and not found.index()):
-                    found = cache
-            if found is not None and (config.CACHE_DIR or found.cache_path == beside(self.py_func)):
-                break
-        return found
+@typeof_impl.register(Kernel)
+def _type(kernel: Kernel, _: Any) -> Any:
+    """Return the type of a kernel in compiled code that calls it: that of Numba's dispatcher."""
+    return numba.typeof(kernel.compiled)
 
 
 def njit(signature: Any = None, **options: Any) -> Callable[[Callable[..., Any]], Any]:
@@ -130,9 +102,8 @@ def njit(signature: Any = None, **options: Any) -> Callable[[Callable[..., Any]]
     """
 
     def decorate(function: Callable[..., Any]) -> Kernel:
-        kernel = Kernel(function, targetoptions={"nopython": True, "boundscheck": None, "forceinline": True} | options)
+        kernel = Kernel(function, signature, {"boundscheck": None, "forceinline": True} | options)
         if signature is not None:
-            kernel.declared = signature
             KERNELS.append(kernel)
         return kernel
 
@@ -154,7 +125,7 @@ def share() -> subprocess.Popen[bytes] | None:
     so the other one begins with that.  None where there is little to compile, one processor, or nothing can be kept.
     It is ended when this process ends.
     """
-    if len(os.sched_getaffinity(0)) < 2 or rank() or not KERNELS or not KERNELS[0].lasting:
+    if len(os.sched_getaffinity(0)) < 2 or rank() or not keeping.lasting():
         return None
     # Those of laws that are made from energies no other process can import by their names.
     names = (kernel.py_func.__module__ for kernel in reversed(KERNELS) if not kernel.kept)
@@ -171,14 +142,6 @@ def share() -> subprocess.Popen[bytes] | None:
 def rank() -> int:
     """Return this process's number among those of MPI, before that is started."""
     return int(os.environ.get("OMPI_COMM_WORLD_RANK", os.environ.get("PMI_RANK", "0")))
-
-
-def place(kernel: Kernel) -> str:
-    """Return where compiled code is kept, in words: the package's folders or the one round all of them."""
-    folder = kernel.folder
-    if folder is None:
-        return ""
-    return f"{_PACKAGE}/**/__pycache__" if folder == beside(kernel.py_func) else os.path.dirname(folder)
 
 
 class Notice(event.Listener):  # type: ignore[misc]
@@ -199,22 +162,21 @@ class Notice(event.Listener):  # type: ignore[misc]
 
     def on_start(self, found: Any) -> None:
         """Say it."""
-        kernel = found.data["dispatcher"]
-        if self.said or not isinstance(kernel, Kernel):
+        if self.said or not found.data["dispatcher"].py_func.__module__.startswith("isorod"):
             return
         self.said = True
         if rank():
             return
-        print(f"isorod: compiling ({self._how(kernel)})", file=sys.stderr, flush=True)
+        print(f"isorod: compiling ({self._how()})", file=sys.stderr, flush=True)
         if self.shares:
             share()
 
     def on_end(self, found: Any) -> None:
         """Say nothing."""
 
-    def _how(self, kernel: Kernel) -> str:
-        if kernel.lasting:
-            return f"once, {self.time}; kept in {place(kernel)}"
+    def _how(self) -> str:
+        if keeping.lasting():
+            return f"once, {self.time}; kept in {keeping.room()}"
         return f"{self.time}, each time: {HINT}"
 
 

@@ -1,198 +1,110 @@
-"""Numba's cache of compiled functions: read fast, also where it cannot be written to, and by one process at a time."""
+"""Where compiled code is kept: folders for Numba's cache, each for one state of the sources.
 
+Numba notices a change of the file that a function stands in, but not of the functions and numbers that it takes from
+other files.  Therefore the code of each file has a folder whose name is a hash of the file and of those that it
+imports.
+
+All of these folders stand in ``NUMBA_CACHE_DIR`` if that is set, else beside the package, else, where that cannot be
+written to, in the user's folder of caches, or in a temporary one.  Numba reads only where it can write: links lead from
+there to what is compiled beside the package, as where an administrator has installed it.
+"""
+
+import atexit
 import fcntl
 import os
+import re
+import shutil
 import sys
-import zlib
+import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from functools import cache
+from hashlib import sha256
+from pathlib import Path
 from typing import Any
 
-from llvmlite import binding
-from numba.core import environment
-from numba.core.caching import CompileResultCacheImpl, FunctionCache
-from numba.core.runtime import nrt
+import numba
+from llvmlite.binding import get_host_cpu_name
+
+_PACKAGE = Path(__file__).parent
+_BESIDE = _PACKAGE / "__pycache__" / "isorod"
+_IMPORT = re.compile(r"^from (isorod[\w.]*) import", re.MULTILINE)
+
+_CONFIG: Any = numba.config
+_TYPED = _CONFIG.CACHE_DIR
 
 
-class Cache(FunctionCache):  # type: ignore[misc]
-    """Numba's cache of a function, whose files may be unreadable, damaged or on a full disk: then it is compiled."""
+def places() -> list[Path]:
+    """Return the folders that last and may have what is kept, in the order in which they are asked for room."""
+    if _TYPED:
+        return [Path(_TYPED)]
+    caches = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    # Without a home it is no path from the root.
+    return [_BESIDE, *([Path(caches) / "isorod"] if os.path.isabs(caches) else [])]
 
-    # The file that is locked while it is this process that compiles the function.
-    _lock: int | None = None
 
-    def index(self) -> Any:
-        """Return what is there, by signature and processor."""
-        with suppress(Exception):
-            return self._cache_file._load_index()
-        return {}
-
-    def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Return what is there for a signature, or None.
-
-        Numba's own would first load all that it can compile, which takes longer than everything else at start.  Where
-        there is none, other processes wait until it is compiled here, or it is waited for.
-        """
-        found = self._kept(sig, target_context)
-        if found is None and self._claim():
-            found = self._kept(sig, target_context)
-        return found
-
-    def _claim(self) -> bool:
-        """Wait until no other process compiles the function, if that can be known, and let none do so until `give_up`.
-
-        Locks end with their process, so that none is left behind.
-        """
+@cache
+def room() -> Path:
+    """Return the folder that is written to: the first that takes files, or a temporary one."""
+    for folder in places():
         with suppress(OSError):
-            self._lock = _lock_file(str(self.cache_path))
-            fcntl.lockf(self._lock, fcntl.LOCK_EX, 1, self._byte)
-            return True
-        return False
+            folder.mkdir(parents=True, exist_ok=True)
+            tempfile.TemporaryFile(dir=folder).close()
+            return folder
+    with suppress(OSError):
+        folder = Path(tempfile.mkdtemp(prefix="isorod-"))
+        atexit.register(shutil.rmtree, folder, ignore_errors=True)
+        return folder
+    # Without even that, Numba refuses to keep anything.
+    return _BESIDE
 
-    def give_up(self) -> None:
-        """Let other processes compile the function, if it is this one's turn."""
-        if self._lock is not None:
+
+def lasting() -> bool:
+    """Return whether what is compiled now can be kept."""
+    return room() in places() and os.access(room(), os.W_OK)
+
+
+@cache
+def folder(file: str) -> Path:
+    """Return the folder for what is compiled of a file, with links to what is there already beside the package."""
+    system = numba.__version__, sys.implementation.cache_tag, get_host_cpu_name()
+    text = b"".join(one.read_bytes() for one in sorted(_sources(Path(file))))
+    name = sha256(repr(system).encode() + text).hexdigest()[:16]
+    result = room() / name
+    if not _TYPED and room() != _BESIDE:
+        for one in (_BESIDE / name).glob("*/*.nb?"):
+            link = result / one.relative_to(_BESIDE / name)
             with suppress(OSError):
-                fcntl.lockf(self._lock, fcntl.LOCK_UN, 1, self._byte)
-            self._lock = None
-
-    @property
-    def _byte(self) -> int:
-        """Which byte of the folder's lock is the function's."""
-        return zlib.crc32(f"{self._py_func.__module__}.{self._py_func.__qualname__}".encode())
-
-    def _kept(self, sig: Any, target_context: Any) -> Any:
-        with suppress(Exception), self._guard_against_spurious_io_errors():
-            _provide_memory(target_context)
-            with _numba_at_rest(target_context.codegen()._engine):
-                return self._load_overload(sig, target_context)
-        return None
-
-    def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep it if that can be, in the place of what is damaged."""
-        with suppress(OSError):
-            try:
-                super().save_overload(sig, data)
-            # Reading damaged pickles raises anything.
-            except Exception:
-                self.flush()
-                super().save_overload(sig, data)
+                link.parent.mkdir(parents=True, exist_ok=True)
+                link.symlink_to(one)
+    return result
 
 
 @cache
-def _lock_file(folder: str) -> int:
-    """Return a file of a folder that stays open: to close it ends all locks on it."""
-    os.makedirs(folder, exist_ok=True)
-    return os.open(os.path.join(folder, "isorod.lock"), os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
-
-
-@cache
-def _provide_memory(target_context: Any) -> None:
-    """Let kept code find Numba's own functions for memory, without compiling what code yet to be compiled needs."""
-    helpers = getattr(getattr(nrt, "_nrt", None), "c_helpers", None)
-    if helpers is None:
-        target_context.refresh()
-        return
-    for name, address in helpers.items():
-        binding.add_symbol(name if name.startswith("_") else f"NRT_{name}", address)
-
-
-class _Unread:
-    """A module of kept code, of which what others would compile into theirs is read only when they do."""
-
-    # What Numba would look for symbols in.
-    functions = global_variables = ()
-
-    def __init__(self, code: bytes) -> None:
-        self._code = code
-
-    def names(self, symbol: str) -> bool:
-        """Return whether a symbol is named in it: the names stand there as they are."""
-        return symbol.encode() in self._code
-
-    def clone(self) -> Any:
-        """Return the module itself, to be linked into another one."""
-        return _PARSE(self._code)
-
-    def as_bitcode(self) -> bytes:
-        """Return what it is read from."""
-        return self._code
-
-
-_PARSE = binding.parse_bitcode
-
-
-class _Symbols(set[str]):
-    """Symbols that are known, and those named in modules that have not been read."""
-
-    def __init__(self, known: set[str]) -> None:
-        super().__init__(known)
-        self.unread: list[_Unread] = []
-
-    def __contains__(self, symbol: object) -> bool:
-        if super().__contains__(symbol):
-            return True
-        # Asked for are those of what was read last, and some again and again.
-        found = any(one.names(str(symbol)) for one in reversed(self.unread))
-        if found:
-            self.add(str(symbol))
-        return found
+def _sources(file: Path) -> frozenset[Path]:
+    """Return a file with functions to compile and the files that it imports, theirs too if they have such functions."""
+    text, result = file.read_text(encoding="utf-8"), {file}
+    if "njit(" in text:
+        for module in _IMPORT.findall(text):
+            imported = _PACKAGE.parent.joinpath(*module.split(".")).with_suffix(".py")
+            if imported.is_file():
+                result |= _sources(imported)
+    return frozenset(result)
 
 
 @contextmanager
-def _numba_at_rest(engine: Any) -> Iterator[None]:
-    """Read kept code, but neither Numba's modules that some of it was compiled from nor what is there to be compiled.
+def cache_in(folder: Path, name: str) -> Iterator[None]:
+    """Let Numba keep there what it is asked to, while other processes that need the same function wait.
 
-    Code that is compiled asks nothing of them, and they take longer than all else that is read.
+    Locks end with their process, so that none is left behind.
     """
-    rebuild, symbols = environment._rebuild_env, engine._defined_symbols
-    if not isinstance(symbols, _Symbols):
-        symbols = engine._defined_symbols = _Symbols(symbols)
-
-    def light(module: str, constants: list[Any], name: str) -> Any:
-        if module in sys.modules or not module.startswith("numba."):
-            return rebuild(module, constants, name)
-        found = environment.lookup_environment(name)
-        if found is None:
-            found = environment.Environment({"__name__": module})
-            found.consts[:] = constants
-            found.env_name = name
-            environment.Environment._memo[name] = found
-        return found
-
-    def later(code: bytes, _: Any = None) -> _Unread:
-        symbols.unread.append(_Unread(code))
-        return symbols.unread[-1]
-
-    environment._rebuild_env, binding.parse_bitcode = light, later
-    try:
-        yield
-    finally:
-        environment._rebuild_env, binding.parse_bitcode = rebuild, _PARSE
-
-
-def beside(function: Any) -> str:
-    """Return the folder beside the source of a function in which its code may be kept."""
-    return os.path.join(os.path.dirname(function.__code__.co_filename), "__pycache__")
-
-
-# Its name differs between versions of Numba.
-_InTree: Any = next(one for one in CompileResultCacheImpl._locator_classes if "InTree" in one.__name__)
-
-
-class _ReadOnlyLocator(_InTree):
-    """The folder beside the source, whether it can be written to or not."""
-
-    def ensure_cache_path(self) -> None:
-        if not os.path.isdir(self.get_cache_path()):
-            raise OSError
-
-
-class _ReadOnlyImpl(CompileResultCacheImpl):  # type: ignore[misc]
-    _locator_classes: Any = (_ReadOnlyLocator,)
-
-
-class ReadOnlyCache(Cache):
-    """The same beside the source, where that can be read and not written to."""
-
-    _impl_class: Any = _ReadOnlyImpl
+    before = _CONFIG.CACHE_DIR
+    with ExitStack() as stack:
+        with suppress(OSError):
+            folder.mkdir(parents=True, exist_ok=True)
+            fcntl.flock(stack.enter_context(open(folder / f"{name}.lock", "w")), fcntl.LOCK_EX)
+        _CONFIG.CACHE_DIR = str(folder)
+        try:
+            yield
+        finally:
+            _CONFIG.CACHE_DIR = before

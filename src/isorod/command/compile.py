@@ -16,11 +16,11 @@ def main() -> int:
     InputError
         If it could not be kept, before anything is compiled.
     """
-    from isorod import compiling
+    from isorod import compiling, keeping
 
     start = perf_counter()
     kernels = compiling.load_all()
-    if any(not kernel.kept and not kernel.lasting for kernel in kernels):
+    if not keeping.lasting():
         raise InputError(f"compile: {compiling.HINT}")
     _make_laws()
     missing = [kernel for kernel in kernels if not kernel.kept]
@@ -29,14 +29,13 @@ def main() -> int:
     for kernel in missing:
         # The other process comes from the end.
         if not kernel.kept:
-            kernel.ready()
+            _ = kernel.compiled
     if other is not None:
         other.wait()
     seconds = perf_counter() - start
     there = len(kernels) - len(missing)
     print(
-        f"isorod: {len(missing)} functions compiled in {seconds:.0f} s, {there} cached before; "
-        f"kept in {compiling.place(kernels[0])}"
+        f"isorod: {len(missing)} functions compiled in {seconds:.0f} s, {there} cached before; kept in {keeping.room()}"
     )
     return 0
 
@@ -61,7 +60,7 @@ def _quietly(modules: Sequence[str]) -> int:
         import_module(name)
         for kernel in reversed(compiling.KERNELS):
             if kernel.py_func.__module__ == name and not kernel.kept:
-                kernel.ready()
+                _ = kernel.compiled
     return 0
 
 

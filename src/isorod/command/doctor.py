@@ -130,15 +130,13 @@ def _threads() -> Check:
 def _compiled() -> Check:
     """Return where compiled code is kept, whether that can be written to, and how much of it is there."""
     try:
-        from isorod import compiling
+        from isorod import compiling, keeping
 
         kernels = compiling.load_all()
     except Exception:  # what is missing has a line of its own
         return Check("compiled code", "unknown")
-    count = sum(kernel.kept for kernel in kernels)
-    lasting = all(kernel.lasting for kernel in kernels)
-    place = next((path for kernel in kernels if (path := compiling.place(kernel))), "nowhere")
-    value = f"{count} of {len(kernels)} functions, in {place}" + ("" if lasting else " (read-only)")
+    count, lasting = sum(kernel.kept for kernel in kernels), keeping.lasting()
+    value = f"{count} of {len(kernels)} functions, in {keeping.room() if lasting else 'no folder that lasts'}"
     if count == len(kernels):
         return Check("compiled code", value)
     return Check("compiled code", value, lasting, "'isorod compile' compiles all" if lasting else compiling.HINT)

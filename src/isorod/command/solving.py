@@ -47,7 +47,7 @@ def solve(
         ) from None
     compiling.NOTICE.shares = True
     # Numba takes half a second before the first function, whichever that is.
-    cofactors.ready()
+    _ = cofactors.compiled
     # The scene of a file says where in it errors come from.
     with scene.told():
         started = perf_counter()

@@ -17,6 +17,7 @@ from numba.extending import intrinsic
 
 from isorod.arrays import Array
 from isorod.compiled import F1, F2, F3, F5, FAST, cofactors, njit
+from isorod.compiling import Kernel
 
 # Points in a block: half of those in a section of order 2 with 8 control points.  Measured: blocks of 16 or less are
 # unrolled before they are vectorised, and three times slower, those of 24 in part.
@@ -75,11 +76,12 @@ class Compiled:
         return address(self._tangent, TANGENT)
 
 
-def address(function: Any, signature: Any) -> int:
+def address(function: Kernel, signature: Any) -> int:
     """Return where compiled code is that other compiled code may call (`call_step`)."""
-    if tuple(signature.args) not in function.overloads:
-        function.compile(signature)
-    result = function.get_compile_result(signature)
+    dispatcher = function.compiled
+    if tuple(signature.args) not in dispatcher.overloads:
+        dispatcher.compile(signature)
+    result = dispatcher.get_compile_result(signature)
     return int(result.library.get_pointer_to_function(result.fndesc.llvm_cfunc_wrapper_name))
 
 

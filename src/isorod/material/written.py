@@ -1,17 +1,13 @@
 """Where the modules of laws' functions are kept, which are made from their energies, and what is read from them.
 
-Each stands in a file of its own, so that what Numba compiles it to is found by the next process.  Like Numba's own
-these files stand in ``NUMBA_CACHE_DIR`` if that is set, else beside the laws, else, where that cannot be written to, in
-the user's folder of caches.
+Each stands in a file of its own, so that what Numba compiles it to is found by the next process, in the folders of
+`isorod.keeping`.
 """
 
-import atexit
 import os
-import shutil
 import sys
 import tempfile
 from collections.abc import Callable
-from contextlib import suppress
 from functools import cache
 from hashlib import sha256
 from importlib.machinery import SourceFileLoader
@@ -19,9 +15,7 @@ from importlib.util import module_from_spec, spec_from_loader
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from numba import config
-
-from isorod import __version__
+from isorod import __version__, keeping
 from isorod.material.points import Compiled
 
 if TYPE_CHECKING:
@@ -72,7 +66,9 @@ def _texts() -> str:
 @cache
 def _functions(name: str, text: Callable[[], str]) -> Compiled:
     """Return the functions of a module, which is kept from then on."""
-    path = next((path for one in _folders() if (path := one / f"{name}.law").is_file()), None) or _kept(name, text())
+    folders = [folder / "isorod-laws" for folder in (*keeping.places(), keeping.room())]
+    path = next((path for folder in folders if (path := folder / f"{name}.law").is_file()), None)
+    path = path or _write(folders[-1] / f"{name}.law", text())
     # Its name does not end as those do that are taken for files of the package.
     loader = SourceFileLoader(f"isorod_{name}", str(path))
     spec = spec_from_loader(loader.name, loader)
@@ -83,31 +79,9 @@ def _functions(name: str, text: Callable[[], str]) -> Compiled:
     return Compiled(module.block, module.tangent)
 
 
-def _folders() -> list[Path]:
-    """Return where modules may be."""
-    settings: Any = config
-    if settings.CACHE_DIR:
-        return [Path(settings.CACHE_DIR) / "isorod-laws"]
-    caches = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
-    # Without a home it is no path from the root.
-    own = [Path(caches) / "isorod-laws"] if os.path.isabs(caches) else []
-    return [_OWN / "__pycache__" / "isorod-laws", *own]
-
-
-def _kept(name: str, text: str) -> Path:
-    """Return the file of a module, in the first folder that takes it."""
-    for folder in _folders():
-        with suppress(OSError):
-            folder.mkdir(parents=True, exist_ok=True)
-            return _write(folder / f"{name}.law", text)
-    # One that is gone with the process.
-    folder = Path(tempfile.mkdtemp(prefix="isorod-laws-"))
-    atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    return _write(folder / f"{name}.law", text)
-
-
 def _write(path: Path, text: str) -> Path:
     """Write a file that others may read; they see the whole of it or none."""
+    path.parent.mkdir(parents=True, exist_ok=True)
     handle, draft = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
     with os.fdopen(handle, "w") as file:
         file.write(text)
