@@ -10,7 +10,8 @@ from scipy.sparse import csr_matrix
 
 from isorod import Body, Model, NeoHookean, Space, Support
 from isorod.petsc import banded, inertia
-from isorod.petsc.band import Factors, Ordered
+from isorod.petsc.band import Factors
+from isorod.petsc.band_kernel import Ordered
 from isorod.petsc.rows import Compressed, local_rows
 from isorod.petsc.shared_band import SharedFactors
 from isorod.scenes.spring import Spring

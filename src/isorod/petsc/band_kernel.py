@@ -8,49 +8,123 @@ calls, and no entries but those in the band's envelope.
 Only the first columns need be eliminated: what is left in the others is the Schur complement.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from numba import b1, f8, i8, types, void
+from numba import b1, f8, from_dtype, i8, types, void
 
-from isorod.arrays import Array
+from isorod.arrays import Array, Index
 from isorod.compiled import F1, F2, F3, FAST, I1, STRICT, njit
-from isorod.petsc.blas import dgemm, dpotrf, dsyrk, dtrsm
-from isorod.petsc.rows import P1
+from isorod.petsc.blas import add_product, add_square, divide, factorise
+from isorod.petsc.rows import P1, Compressed
 
 # Columns that reach differently far are one panel up to so many, and those that reach equally far are cut after so
 # many (measured: widths from 40 to 300).
 _LEAST, MOST = 8, 64
 
-BYTES, NUMBERS = types.Array(types.uint8, 1, "C"), types.Array(types.int32, 1, "C")
-WORD, UNIT = np.array([*b"LRTN"], dtype=np.uint8), np.array([1.0, -1.0])
-
-# What `eliminate` keeps of how far it is: the next panel; the first columns in the band and in the border's buffer;
-# the columns that were cleared, and those that were filled, so far; of the entries given apart, the next; the number of
-# panels, and of negative pivots.
-PANEL, BASE, BORDER_BASE, CLEARED, FILLED, APART, COUNT, NEGATIVE = range(8)
-
 # A negative pivot is taken where it adds no more than this many times the largest entry on the diagonal to it.
 _GROWTH = 10.0
 
+_NOTHING = np.empty(0, dtype=np.int64)
 
-@njit(i8(P1, P1, i8, i8, b1, I1), **STRICT)
-def reaches(start: Any, column: Any, first: int, own: int, backward: bool, reach: Any) -> int:
-    """Raise how far down columns reach, ``(n,)``, to where rows have entries and to where columns before them reach.
 
-    Column ``j`` of ``own`` is row ``first + j``, or backward ``first + own - 1 - j``, of compressed rows; entries at
-    columns before ``first`` come, backward, after those.
+class Ordered(NamedTuple):
+    """A symmetric matrix, and a border of ``s`` more unknowns, in the order of elimination.
+
+    Attributes
+    ----------
+    rows, first, own, backward
+        Column ``j`` of ``own`` is row ``first + j``, or backward ``first + own - 1 - j``, of compressed rows; entries
+        at columns before ``first`` come, backward, after those.
+    apart
+        Columns, ascending, rows and values of more entries below the diagonal.
+    after
+        Number of unknowns that come behind and have no rows here.
+    border, corner : (own, s), (s, s)
+        What couples the border to the first columns, and its own block.
     """
-    last = 0
+
+    rows: Compressed
+    first: int
+    own: int
+    backward: bool = False
+    apart: tuple[Index, Index, Array] = (_NOTHING, _NOTHING, np.empty(0))
+    after: int = 0
+    border: Array = np.empty((1, 0))
+    corner: Array = np.empty((0, 0))
+
+
+# How far `eliminate` is.
+PROGRESS = np.dtype(
+    [
+        # The next panel, the number of panels, and of negative pivots so far.
+        ("panel", np.int64),
+        ("panels", np.int64),
+        ("negative", np.int64),
+        # The first columns in the band and in the border.
+        ("band", np.int64),
+        ("border", np.int64),
+        # Columns that were cleared, and those that have their entries; of the entries given apart, the next.
+        ("cleared", np.int64),
+        ("filled", np.int64),
+        ("apart", np.int64),
+        # The largest entry on the matrix' diagonal.
+        ("scale", np.float64),
+    ]
+)
+
+
+class Elimination(NamedTuple):
+    """What `eliminate` works on.
+
+    Attributes
+    ----------
+    cut, end
+        `panels`, with room for one a column.
+    band : (columns, W + 1)
+        Becomes the factors; if it has room for less than all columns, each is forgotten when room is needed.
+    border, corner : (columns, s), (s, s)
+        Those of the matrix, the first with zeros behind.  They become the border's Schur complement, the corner in the
+        upper triangle, the border what couples it to the columns that are left.
+    block : (MOST, MOST)
+        Receives the diagonal block of the panel that cannot be eliminated.
+    progress : (1,)
+        `PROGRESS`.
+    """
+
+    cut: Index
+    end: Index
+    band: Array
+    border: Array
+    corner: Array
+    block: Array
+    progress: Any
+
+
+_COMPRESSED = types.NamedTuple([P1, P1, F1], Compressed)
+_ORDERED = types.NamedTuple([_COMPRESSED, i8, i8, b1, types.Tuple([I1, I1, F1]), i8, F2, F2], Ordered)
+_ELIMINATION = types.NamedTuple([I1, I1, F2, F2, F2, F2, types.Array(from_dtype(PROGRESS), 1, "C")], Elimination)
+
+
+@njit(i8(_ORDERED, I1), **STRICT)
+def reaches(matrix: Ordered, reach: Any) -> int:
+    """Raise how far down columns reach, ``(n,)``, to where rows have entries and to where columns before them reach."""
+    start, column, last = matrix.rows.start, matrix.rows.column, 0
     for j in range(reach.size):
-        if j < own:
-            i = first + own - 1 - j if backward else first + j
+        if j < matrix.own:
+            i = _row(matrix, j)
             if start[i + 1] > start[i]:
-                farthest = i - column[start[i]] if backward else column[start[i + 1] - 1] - i
+                farthest = i - column[start[i]] if matrix.backward else column[start[i + 1] - 1] - i
                 reach[j] = max(reach[j], j + farthest + 1)
         last = max(last, reach[j], j + 1)
         reach[j] = last
     return last
+
+
+@njit(**STRICT)
+def _row(matrix: Ordered, j: int) -> int:
+    """Return the row of a column in the order of elimination."""
+    return matrix.first + matrix.own - 1 - j if matrix.backward else matrix.first + j
 
 
 @njit(i8(I1, I1, I1), **STRICT)
@@ -69,175 +143,131 @@ def panels(reach: Any, cut: Any, end: Any) -> int:
     return count
 
 
-@njit(i8(P1, P1, F1, i8, i8, i8, b1, I1, I1, F1, I1, I1, F1, i8, F1, F2, F2, I1, F1, BYTES, NUMBERS, F1), **STRICT)
-def eliminate(
-    start: Any,
-    column: Any,
-    values: Any,
-    first: int,
-    own: int,
-    total: int,
-    backward: bool,
-    apart_column: Any,
-    apart_row: Any,
-    apart: Any,
-    cut: Any,
-    end: Any,
-    a: Any,
-    width: int,
-    edge: Any,
-    corner: Any,
-    block: Any,
-    state: Any,
-    scale: Any,
-    word: Any,
-    number: Any,
-    unit: Any,
-) -> int:
-    """Eliminate panels, from where the state says; return their number, or which one cannot be as it is.
+@njit(i8(_ORDERED, _ELIMINATION), **STRICT)
+def eliminate(matrix: Ordered, work: Elimination) -> int:
+    """Eliminate panels, from the next one on; return their number, or which one cannot be eliminated as it is.
 
     A panel is cut before and after the first pivot that is not positive.  That one, where little is lost by it, is a
     panel by itself, with a negative entry on the diagonal of ``L``: its sign is that of ``J``.
-
-    Parameters
-    ----------
-    start, column, values, first, own, backward
-        The matrix, as `reaches` takes it.
-    total
-        Number of columns, those included that have no rows here.
-    apart_column, apart_row, apart
-        More entries below the diagonal, by ascending columns.
-    cut, end
-        `panels`, as many as the state says, with room for one a column.
-    a, width : (columns (W + 1),), W
-        The band becomes the factors; if it has room for less than all columns, each is forgotten when room is needed.
-    edge, corner : (rows s,), (s, s)
-        A border of more unknowns, coupled to the first columns, row by row, and their own block: it becomes their
-        Schur complement, in the upper triangle, and the border, its last rows, what couples them to the columns that
-        are left.
-    block : (MOST, MOST)
-        Receives the diagonal block of the panel that cannot be eliminated.
-    state : (8,)
-    scale : (1,)
-        Raised to the largest entry on the matrix' diagonal so far.
-    word, number, unit
-        `WORD`, room for five integers, and `UNIT`, to be given to Fortran.
     """
-    sides = corner.shape[0]
-    size, rows = a.size // (width + 1), 0
-    if sides:
-        rows = edge.size // sides
-    lower, right, transposed, plain = word[0:].ctypes, word[1:].ctypes, word[2:].ctypes, word[3:].ctypes
-    number[2], number[3] = width, sides
-    order, height, lead = number[0:].ctypes, number[1:].ctypes, number[2:].ctypes
-    beside, result = number[3:].ctypes, number[4:].ctypes
-    one, minus = unit[0:].ctypes, unit[1:].ctypes
-    k = state[PANEL]
-    while True:
-        last = k == state[COUNT]
-        c, c1 = cut[k], own if last else cut[k + 1]
-        bottom = total if last else end[k]
-        if bottom - state[BASE] > size:
-            gone = (c - state[BASE]) * (width + 1)
-            for e in range((state[CLEARED] - c) * (width + 1)):
-                a[e] = a[gone + e]
-            state[BASE] = c
-        if sides and bottom - state[BORDER_BASE] > rows:
-            gone = (c - state[BORDER_BASE]) * sides
-            for e in range(edge.size):
-                edge[e] = edge[gone + e] if gone + e < edge.size else 0.0
-            state[BORDER_BASE] = c
-        for e in range((state[CLEARED] - state[BASE]) * (width + 1), (bottom - state[BASE]) * (width + 1)):
-            a[e] = 0.0
-        state[CLEARED] = max(state[CLEARED], bottom)
-        for j in range(state[FILLED], c1 if c1 < own else own):
-            i = first + own - 1 - j if backward else first + j
-            low, high = start[i], start[i + 1]
-            at = (j - state[BASE]) * (width + 1)
-            if high > low and column[low] <= i <= column[high - 1] == column[low] + high - 1 - low:
-                # Nothing is left out, as in nearly all rows: the entries lie side by side.
-                here = low + i - column[low]
-                scale[0] = max(scale[0], abs(values[here]))
-                if backward:
-                    for e in range(here - low + 1):
-                        a[at + e] += values[here - e]
-                else:
-                    for e in range(high - here):
-                        a[at + e] += values[here + e]
-                continue
-            for e in range(low, high):
-                if column[e] == i:
-                    scale[0] = max(scale[0], abs(values[e]))
-                if (column[e] <= i) if backward else (column[e] >= i):
-                    a[at + abs(column[e] - i)] += values[e]
-        state[FILLED] = max(state[FILLED], c1)
-        while state[APART] < apart.size and apart_column[state[APART]] < c1:
-            j, i = apart_column[state[APART]], apart_row[state[APART]]
-            a[(j - state[BASE]) * (width + 1) + i - j] += apart[state[APART]]
-            state[APART] += 1
-        if last:
-            break
-        n, h = c1 - c, end[k] - c1
-        number[0], number[1] = n, h
-        o = (c - state[BASE]) * (width + 1)
+    cut, end, now = work.cut, work.end, work.progress[0]
+    flat, width, sides = work.band.reshape(-1), work.band.shape[1] - 1, work.border.shape[1]
+    corner = work.corner.reshape(-1)
+    k = now.panel
+    while k < now.panels:
+        c, c1, bottom = cut[k], cut[k + 1], end[k]
+        _make_room(work, c, bottom)
+        _fill(matrix, work, c1)
+        n, h = c1 - c, bottom - c1
+        panel = work.band[c - now.band :]
+        diagonal = flat[(c - now.band) * (width + 1) :]
         for j in range(n):
             for i in range(j, n):
-                block[j, i] = a[o + j * width + i]
-        diagonal = a[o:].ctypes
-        dpotrf(lower, order, diagonal, lead, result)
-        sign, positive = minus, number[4] == 0
-        if not positive:
+                work.block[j, i] = panel[j, i - j]
+        failed = factorise(diagonal, width, n)
+        if failed:
             for j in range(n):
                 for i in range(j, n):
-                    a[o + j * width + i] = block[j, i]
-            if number[4] > 1:
+                    panel[j, i - j] = work.block[j, i]
+            if failed > 1:
                 # What comes before the pivot that is not positive is a panel.
-                _divide(cut, end, k, c + number[4] - 1, state)
+                _cut_panel(work, k, c + failed - 1)
                 continue
-            if not _is_mild(a[o : o + bottom - c], scale[0]):
-                state[PANEL] = k
-                return k
+            if not _is_mild(panel[0, : bottom - c], now.scale):
+                break
             if n > 1:
-                _divide(cut, end, k, c + 1, state)
+                _cut_panel(work, k, c + 1)
                 n, h = 1, bottom - c - 1
-                number[0], number[1] = n, h
-            root = np.sqrt(-a[o])
-            a[o] = -root
-            for e in range(o + 1, o + bottom - c):
-                a[e] /= root
-            state[NEGATIVE] += 1
-            sign = one
-        below = a[o + n :].ctypes
+            root = np.sqrt(-panel[0, 0])
+            panel[0, 0] = -root
+            for e in range(1, bottom - c):
+                panel[0, e] /= root
+            now.negative += 1
+        sign = 1.0 if failed else -1.0
+        below = diagonal[n:]
         if h:
-            if positive:
-                dtrsm(right, lower, transposed, plain, height, order, one, diagonal, lead, below, lead)
-            rest = a[o + n * (width + 1) :].ctypes
-            dsyrk(lower, plain, height, order, sign, below, lead, one, rest, lead)
+            if not failed:
+                divide(below, width, h, n, diagonal, width)
+            add_square(diagonal[n * (width + 1) :], width, h, n, sign, below, width)
         if sides:
-            q = (c - state[BORDER_BASE]) * sides
-            mine = edge[q:].ctypes
-            if positive:
-                dtrsm(right, lower, transposed, plain, beside, order, one, diagonal, lead, mine, beside)
+            border = work.border[c - now.border :]
+            mine = border.reshape(-1)
+            if failed:
+                for e in range(sides):
+                    border[0, e] /= root
             else:
-                for e in range(q, q + sides):
-                    edge[e] /= -a[o]
-            dsyrk(lower, plain, beside, order, sign, mine, beside, one, corner.ctypes, beside)
+                divide(mine, sides, sides, n, diagonal, width)
+            add_square(corner, sides, sides, n, sign, mine, sides)
             if h:
-                others = edge[q + n * sides :].ctypes
-                dgemm(plain, transposed, beside, height, order, sign, mine, beside, below, lead, one, others, beside)
+                add_product(border[n:].reshape(-1), sides, h, n, sign, mine, below, width)
         k += 1
-    state[PANEL] = k
+    now.panel = k
+    if k == now.panels:
+        total = matrix.own + matrix.after
+        _make_room(work, cut[k], total)
+        _fill(matrix, work, matrix.own)
     return k
 
 
 @njit(**STRICT)
-def _divide(cut: Any, end: Any, k: int, column: int, state: Any) -> None:
-    """Divide a panel before one of its columns."""
-    for m in range(state[COUNT], k, -1):
+def _make_room(work: Elimination, c: int, bottom: int) -> None:
+    """Forget columns before ``c`` where there is no room for those before ``bottom``, and clear what is new."""
+    now, band, border = work.progress[0], work.band, work.border
+    if bottom - now.band > band.shape[0]:
+        for j in range(now.cleared - c):
+            band[j] = band[c - now.band + j]
+        now.band = c
+    if border.size and bottom - now.border > border.shape[0]:
+        left = max(border.shape[0] - (c - now.border), 0)
+        for j in range(left):
+            border[j] = border[c - now.border + j]
+        border[left:] = 0.0
+        now.border = c
+    for j in range(now.cleared, bottom):
+        band[j - now.band] = 0.0
+    now.cleared = max(now.cleared, bottom)
+
+
+@njit(**STRICT)
+def _fill(matrix: Ordered, work: Elimination, c1: int) -> None:
+    """Add the matrix' entries to the columns before ``c1`` that have not got them."""
+    now, start, column, values = work.progress[0], matrix.rows.start, matrix.rows.column, matrix.rows.values
+    for j in range(now.filled, min(c1, matrix.own)):
+        i, into = _row(matrix, j), work.band[j - now.band]
+        low, high = start[i], start[i + 1]
+        if high > low and column[low] <= i <= column[high - 1] == column[low] + high - 1 - low:
+            # Nothing is left out, as in nearly all rows: the entries lie side by side.
+            here = low + i - column[low]
+            now.scale = max(now.scale, abs(values[here]))
+            if matrix.backward:
+                for e in range(here - low + 1):
+                    into[e] += values[here - e]
+            else:
+                for e in range(high - here):
+                    into[e] += values[here + e]
+            continue
+        for e in range(low, high):
+            if column[e] == i:
+                now.scale = max(now.scale, abs(values[e]))
+            if (column[e] <= i) if matrix.backward else (column[e] >= i):
+                into[abs(column[e] - i)] += values[e]
+    now.filled = max(now.filled, c1)
+    columns, rows, more = matrix.apart
+    while now.apart < more.size and columns[now.apart] < c1:
+        j = columns[now.apart]
+        work.band[j - now.band, rows[now.apart] - j] += more[now.apart]
+        now.apart += 1
+
+
+@njit(**STRICT)
+def _cut_panel(work: Elimination, k: int, column: int) -> None:
+    """Cut a panel before one of its columns."""
+    cut, end, now = work.cut, work.end, work.progress[0]
+    for m in range(now.panels, k, -1):
         cut[m + 1] = cut[m]
         end[m] = end[m - 1]
     cut[k + 1] = column
-    state[COUNT] += 1
+    now.panels += 1
 
 
 @njit(**STRICT)

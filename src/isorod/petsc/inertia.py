@@ -4,7 +4,8 @@ import numpy as np
 from petsc4py import PETSc
 from scipy.linalg import lapack
 
-from isorod.petsc.band import Factors, Ordered
+from isorod.petsc.band import Factors
+from isorod.petsc.band_kernel import Ordered
 from isorod.petsc.banded import is_banded
 from isorod.petsc.rows import Compressed, local_rows
 from isorod.petsc.shared_band import SharedFactors

@@ -19,7 +19,8 @@ from scipy.linalg import lapack
 
 from isorod.arrays import Array, Index
 from isorod.compiled import F1, F2, STRICT, njit
-from isorod.petsc.band import Factors, Ordered
+from isorod.petsc.band import Factors
+from isorod.petsc.band_kernel import Ordered
 from isorod.petsc.rows import P1, Compressed, LocalRows, local_rows
 
 
