@@ -14,7 +14,7 @@ from petsc4py import PETSc
 
 from isorod.arrays import Array, Index
 from isorod.compiled import F1, I1, STRICT, njit
-from isorod.petsc.library import POINTER, function
+from isorod.petsc.library import POINTER, adopted, function
 from isorod.petsc.rows import INTEGER, Compressed
 
 # Of messages with entries.
@@ -152,10 +152,7 @@ def split_matrix(comm: PETSc.Comm, sizes: tuple[int, int], own: Compressed, othe
     kinds = (kind, *(INTEGER,) * 4, *(POINTER,) * 7)
     call = function("MatCreateMPIAIJWithSplitArrays", *kinds)
     call(handle, rows, rows, total, total, *arrays, ctypes.byref(made))
-    result = PETSc.Mat().create(comm)
-    # petsc4py takes no foreign handle, but its own may become the matrix.
-    function("MatHeaderReplace", POINTER, ctypes.POINTER(POINTER))(result.handle, ctypes.byref(made))
-    return result
+    return adopted(made, comm)
 
 
 @njit(void(F1, I1, I1, I1, F1), **STRICT)

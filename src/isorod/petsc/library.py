@@ -28,6 +28,13 @@ def function(name: str, *kinds: Any) -> Callable[..., None]:
     return call
 
 
+def adopted(handle: Any, comm: PETSc.Comm) -> PETSc.Mat:
+    """Return a matrix of a handle of PETSc's: petsc4py takes no foreign one, but its own may become the matrix."""
+    result = PETSc.Mat().create(comm)
+    function("MatHeaderReplace", POINTER, ctypes.POINTER(POINTER))(result.handle, ctypes.byref(handle))
+    return result
+
+
 def set_singular(pc: PETSc.PC, singular: bool) -> None:
     """Say whether a preconditioner met a zero pivot: linear solves with it then fail."""
     # PC_FACTOR_NUMERIC_ZEROPIVOT, PC_NOERROR.

@@ -11,8 +11,8 @@ from petsc4py import PETSc
 
 from isorod.compiled import F1, FAST, I1, STRICT, njit
 from isorod.petsc.layout import Arrays, Layout
-from isorod.petsc.library import POINTER, function
-from isorod.petsc.placement import Placement
+from isorod.petsc.library import POINTER, adopted, function
+from isorod.petsc.placement import Placement, gather
 from isorod.petsc.rows import P1, component_rows, local_rows
 
 # Attribute of a matrix whose arrays were made here: these, which know where the given entries go.
@@ -86,7 +86,7 @@ def preallocate(matrix: PETSc.Mat, rows: NDArray[Any], columns: NDArray[Any]) ->
         rows, columns = np.ascontiguousarray(rows, dtype=np.int64), np.ascontiguousarray(columns, dtype=np.int64)
         start = np.zeros(matrix.getSize()[0] + 1, dtype=PETSc.IntType)
         column, places = np.empty(rows.size, dtype=PETSc.IntType), np.empty(rows.size, dtype=PETSc.IntType)
-        total = _gather(rows, columns, start, column, places)
+        total = gather(rows, columns, start.size - 1, start, column, places)
         matrix.setPreallocationCSR((start, column[:total]))
         matrix.setAttr(_PLACES, (places, int(total)))
         return
@@ -141,48 +141,6 @@ def _find(rows: Any, columns: Any, start: Any, column: Any, places: Any) -> bool
             return False
         places[k] = low
     return True
-
-
-@njit(i8(I1, I1, P1, P1, P1), **STRICT)
-def _gather(rows: Any, columns: Any, start: Any, column: Any, places: Any) -> int:
-    """Fill compressed rows, each entry once, and where each of those given comes, -1 if an index is negative.
-
-    Entries are counted into columns, then into rows, which leaves the columns of each row in order.
-    """
-    size = start.size - 1
-    first = np.zeros(size + 1, dtype=np.int64)
-    for k in range(rows.size):
-        places[k] = -1
-        if rows[k] >= 0 and columns[k] >= 0:
-            first[columns[k] + 1] += 1
-            start[rows[k] + 1] += 1
-    for i in range(size):
-        first[i + 1] += first[i]
-        start[i + 1] += start[i]
-    by_column = np.empty(first[size], dtype=np.int64)
-    for k in range(rows.size):
-        if rows[k] >= 0 and columns[k] >= 0:
-            by_column[first[columns[k]]] = k
-            first[columns[k]] += 1
-    order = np.empty_like(by_column)
-    first[:] = start
-    for k in by_column:
-        order[first[rows[k]]] = k
-        first[rows[k]] += 1
-    total = at = 0
-    for i in range(size):
-        last, end = -1, start[i + 1]
-        start[i] = total
-        while at < end:
-            k = order[at]
-            if columns[k] != last:
-                last = columns[k]
-                column[total] = last
-                total += 1
-            places[k] = total - 1
-            at += 1
-    start[size] = total
-    return total
 
 
 @njit(void(F1, P1, F1), **STRICT)
@@ -269,11 +227,9 @@ def componentwise(matrix: PETSc.Mat, components: int) -> PETSc.Mat:
 
     It stores one entry where a matrix of blocks would store ``components^2``.
     """
-    made, where = POINTER(), ctypes.POINTER(POINTER)
-    function("MatCreateMAIJ", POINTER, ctypes.c_int, where)(matrix.handle, components, ctypes.byref(made))
-    result = PETSc.Mat().create(matrix.getComm())
-    # petsc4py takes no foreign handle, but its own may become the matrix.
-    function("MatHeaderReplace", POINTER, where)(result.handle, ctypes.byref(made))
+    made, kinds = POINTER(), (POINTER, ctypes.c_int, ctypes.POINTER(POINTER))
+    function("MatCreateMAIJ", *kinds)(matrix.handle, components, ctypes.byref(made))
+    result = adopted(made, matrix.getComm())
     result.setAttr(_COMPONENTS, components)
     return result
 

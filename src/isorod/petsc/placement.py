@@ -41,23 +41,30 @@ class Placement:
         outbox = [self._sent.get(rank) for rank in range(self._comm.size)]
         inbox = self._comm.alltoall([None if one is None else (rows[one], columns[one]) for one in outbox])
         found = {rank: pair for rank, pair in enumerate(inbox) if pair is not None}
-        more = [np.concatenate([np.empty(0, np.int64), *(pair[k] for pair in found.values())]) for k in range(2)]
-        count = rows.size + more[0].size
-        start, other_start = (np.zeros(own + 1, dtype=PETSc.IntType) for _ in range(2))
-        column, other_column = (np.empty(count, dtype=PETSc.IntType) for _ in range(2))
-        places, received = (np.full(n, -1, dtype=PETSc.IntType) for n in (rows.size, more[0].size))
-        arrays = np.ascontiguousarray(rows), np.ascontiguousarray(columns), *more
-        _place(*arrays, int(low), start, column, other_start, other_column, places, received)
-        self._own, self._others = (
-            Compressed(first, across[: first[-1]].copy(), np.zeros(first[-1], dtype=PETSc.ScalarType))
-            for first, across in ((start, column), (other_start, other_column))
+        lengths = [rows.size, *(pair[0].size for pair in found.values())]
+        rows, columns = (
+            np.concatenate([given, *(pair[k] for pair in found.values())]) for k, given in enumerate((rows, columns))
         )
-        self._runs = _runs(places, int(start[-1]))
-        ends = np.cumsum([pair[0].size for pair in found.values()], dtype=np.int64)
-        self._received = {
-            rank: (part.size, _runs(part, int(start[-1])))
-            for rank, part in (zip(found, np.split(received, ends[:-1]), strict=True) if found else ())
-        }
+        # Columns that are numbers of these rows come first in a row, counted from the first of them.
+        behind = np.where(columns < low, columns + own, columns)
+        turned = np.where((columns >= low) & (columns < high), columns - low, behind)
+        here = np.where((rows >= low) & (rows < high) & (columns >= 0), rows - low, -1)
+        start, column, places = (np.zeros(n, dtype=PETSc.IntType) for n in (own + 1, rows.size, rows.size))
+        column = column[: gather(here, turned, int(bounds[-1]), start, column, places)]
+        inside = column < own
+        before = np.concatenate([[0], np.cumsum(inside)]).astype(PETSc.IntType)
+        others = column[~inside]
+        others[others < own + low] -= own
+        self._own, self._others = (
+            Compressed(first, across, np.zeros(across.size, dtype=PETSc.ScalarType))
+            for first, across in ((before[start], column[inside]), (start - before[start], others))
+        )
+        count = int(before[-1])
+        order = np.where(inside, before[:-1], count + np.arange(column.size) - before[:-1])
+        places = np.where(places < 0, -1, order[places] if order.size else -1)
+        runs = [_runs(part, count) for part in np.split(places, np.cumsum(lengths[:-1]))]
+        self._runs = runs[0]
+        self._received = dict(zip(found, zip(lengths[1:], runs[1:], strict=True), strict=True))
 
     def matrix(self, sizes: tuple[int, int]) -> PETSc.Mat:
         """Return a new matrix of so many rows here and in all, whose arrays are these: keep it no longer than this."""
@@ -103,80 +110,45 @@ def _add(values: Any, begins: Any, lengths: Any, places: Any, own: Any, others: 
                 others[p - own.size + e] += values[b + e]
 
 
-@njit(void(I1, I1, I1, I1, i8, P1, P1, P1, P1, P1, P1), **STRICT)
-def _place(
-    rows: Any,
-    columns: Any,
-    more_rows: Any,
-    more_columns: Any,
-    low: int,
-    start: Any,
-    column: Any,
-    other_start: Any,
-    other_column: Any,
-    places: Any,
-    more: Any,
-) -> None:
-    """Fill compressed rows, each entry once, and where each of those given, and of more, is.
+@njit(i8(I1, I1, i8, P1, P1, P1), **STRICT)
+def gather(rows: Any, columns: Any, width: int, start: Any, column: Any, places: Any) -> int:
+    """Fill compressed rows, each entry once, and where each of those given comes, -1 if an index is negative.
 
-    Columns that are numbers of these rows are counted from the first of them, and the entries there come first in the
-    places; the others come behind.
+    Entries are counted into ``width`` columns, then into rows, which leaves the columns of each row in order.  Returns
+    the number of entries.
     """
-    own = start.size - 1
-    # The entries of each row, in the order given.
-    first = np.zeros(own + 1, dtype=np.int64)
-    for k in range(rows.size + more.size):
-        i = (rows[k] if k < rows.size else more_rows[k - rows.size]) - low
-        j = columns[k] if k < rows.size else more_columns[k - rows.size]
-        if 0 <= i < own and j >= 0:
-            first[i + 1] += 1
-    for i in range(own):
+    size = start.size - 1
+    first = np.zeros(max(size, width) + 1, dtype=np.int64)
+    for k in range(rows.size):
+        places[k] = -1
+        if rows[k] >= 0 and columns[k] >= 0:
+            first[columns[k] + 1] += 1
+            start[rows[k] + 1] += 1
+    for i in range(width):
         first[i + 1] += first[i]
-    order = np.empty(first[own], dtype=places.dtype)
-    for k in range(rows.size + more.size):
-        i = (rows[k] if k < rows.size else more_rows[k - rows.size]) - low
-        j = columns[k] if k < rows.size else more_columns[k - rows.size]
-        if 0 <= i < own and j >= 0:
-            order[first[i]] = k
-            first[i] += 1
-    inside = outside = begin = 0
-    for i in range(own):
-        for e in range(begin, first[i]):
-            # By ascending columns: nearly all rows come so.
-            k = order[e]
-            j = columns[k] if k < rows.size else more_columns[k - rows.size]
-            at = e
-            while at > begin:
-                before = order[at - 1]
-                if (columns[before] if before < rows.size else more_columns[before - rows.size]) <= j:
-                    break
-                order[at] = before
-                at -= 1
-            order[at] = k
-        last = -1
-        for e in range(begin, first[i]):
-            k = order[e]
-            j = columns[k] if k < rows.size else more_columns[k - rows.size]
-            mine = low <= j < low + own
-            if j != last:
-                last = j
-                if mine:
-                    column[inside] = j - low
-                    inside += 1
-                else:
-                    other_column[outside] = j
-                    outside += 1
-            # Those of others are counted from the end, until the number of these is known.
-            place = inside - 1 if mine else -1 - outside
-            if k < rows.size:
-                places[k] = place
-            else:
-                more[k - rows.size] = place
-        begin = first[i]
-        start[i + 1], other_start[i + 1] = inside, outside
-    for k in range(places.size):
-        if places[k] < -1:
-            places[k] = inside - 2 - places[k]
-    for k in range(more.size):
-        if more[k] < -1:
-            more[k] = inside - 2 - more[k]
+    for i in range(size):
+        start[i + 1] += start[i]
+    by_column = np.empty(start[size], dtype=np.int64)
+    for k in range(rows.size):
+        if rows[k] >= 0 and columns[k] >= 0:
+            by_column[first[columns[k]]] = k
+            first[columns[k]] += 1
+    order = np.empty_like(by_column)
+    first[: size + 1] = start
+    for k in by_column:
+        order[first[rows[k]]] = k
+        first[rows[k]] += 1
+    total = at = 0
+    for i in range(size):
+        last, end = -1, start[i + 1]
+        start[i] = total
+        while at < end:
+            k = order[at]
+            if columns[k] != last:
+                last = columns[k]
+                column[total] = last
+                total += 1
+            places[k] = total - 1
+            at += 1
+    start[size] = total
+    return total
