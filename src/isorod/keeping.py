@@ -67,9 +67,8 @@ def lasting() -> bool:
 @cache
 def folder(file: str) -> Path:
     """Return the folder for what is compiled of a file, with links to what is there already beside the package."""
-    system = numba.__version__, sys.implementation.cache_tag, get_host_cpu_name()
     text = b"".join(one.read_bytes() for one in sorted(_sources(Path(file))))
-    name = sha256(repr(system).encode() + text).hexdigest()[:16]
+    name = sha256(_system().encode() + text).hexdigest()[:16]
     result = room() / name
     if not _TYPED and room() != _BESIDE:
         for one in (_BESIDE / name).glob("*/*.nb?"):
@@ -78,6 +77,11 @@ def folder(file: str) -> Path:
                 link.parent.mkdir(parents=True, exist_ok=True)
                 link.symlink_to(one)
     return result
+
+
+@cache
+def _system() -> str:
+    return f"{numba.__version__} {sys.implementation.cache_tag} {get_host_cpu_name()}"
 
 
 @cache
