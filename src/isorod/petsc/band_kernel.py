@@ -159,29 +159,28 @@ def eliminate(matrix: Ordered, work: Elimination) -> int:
         _make_room(work, c, bottom)
         _fill(matrix, work, c1)
         n, h = c1 - c, bottom - c1
-        panel = work.band[c - now.band :]
         diagonal = flat[(c - now.band) * (width + 1) :]
         for j in range(n):
             for i in range(j, n):
-                work.block[j, i] = panel[j, i - j]
+                work.block[j, i] = diagonal[j * width + i]
         failed = factorise(diagonal, width, n)
         if failed:
             for j in range(n):
                 for i in range(j, n):
-                    panel[j, i - j] = work.block[j, i]
+                    diagonal[j * width + i] = work.block[j, i]
             if failed > 1:
                 # What comes before the pivot that is not positive is a panel.
                 _cut_panel(work, k, c + failed - 1)
                 continue
-            if not _is_mild(panel[0, : bottom - c], now.scale):
+            if not _is_mild(diagonal[: bottom - c], now.scale):
                 break
             if n > 1:
                 _cut_panel(work, k, c + 1)
                 n, h = 1, bottom - c - 1
-            root = np.sqrt(-panel[0, 0])
-            panel[0, 0] = -root
+            root = np.sqrt(-diagonal[0])
+            diagonal[0] = -root
             for e in range(1, bottom - c):
-                panel[0, e] /= root
+                diagonal[e] /= root
             now.negative += 1
         sign = 1.0 if failed else -1.0
         below = diagonal[n:]
