@@ -86,7 +86,7 @@ def test_planes_do_not_move_in_motions():
     for integrator in ("explicit", "implicit"):
         with pytest.raises(InputError, match="contact 0: a plane that moves, by its travel, is for statics alone"):
             dynamics.solve(model, end_time=1e-3, integrator=integrator)
-    with pytest.raises(InputError, match="plane: got travel inf, need a finite length"):
+    with pytest.raises(InputError, match="plane: travel: got inf, need a finite length"):
         Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), np.inf)
 
 

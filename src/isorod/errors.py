@@ -8,6 +8,7 @@ import types
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from functools import cache
+from math import inf, isfinite
 from numbers import Real
 from typing import TYPE_CHECKING, Any, Literal, Union, get_args, get_origin
 
@@ -79,6 +80,18 @@ def whole_number(name: str, value: float, low: int, high: int) -> int:
     if not fits(value, float) or not low <= value <= high or int(value) != value:
         raise InputError(f"{name}: got {value!s:.40}, need an integer from {low} to {high}")
     return int(value)
+
+
+def positive(name: str, value: float, need: str = "a positive length") -> None:
+    """Raise `InputError` if a number is not positive and finite."""
+    if not 0.0 < value < inf:
+        raise InputError(f"{name}: got {value:g}, need {need}")
+
+
+def finite(name: str, values: Any, need: str = "finite numbers") -> None:
+    """Raise `InputError` if a number, or one of several, is not finite."""
+    if not all(map(isfinite, values if hasattr(values, "__len__") else [values])):
+        raise InputError(f"{name}: got {values}, need {need}")
 
 
 def representable(name: str, value: float) -> None:

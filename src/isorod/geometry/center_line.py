@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from isorod.arrays import Array, Numbers
-from isorod.errors import InputError, expect, numbers, representable, whole_number
+from isorod.errors import InputError, expect, numbers, positive, representable, whole_number
 from isorod.geometry import bspline, fillets, reading
 from isorod.geometry import polyline as near_points
 from isorod.geometry.axis import MAX_ELEMENTS, Axis
@@ -53,8 +53,8 @@ def straight(
         Points ``(3,)``: the origin, and ``length`` above it, where not given.  A section's x and y are those of space
         turned as z is turned to the line on the shortest way.
     """
-    if length is not None and not (np.isfinite(length) and length > 0.0):
-        raise InputError(f"length: got {length:g}, need a positive length")
+    if length is not None:
+        positive("length", length)
     if len(breaks) < 2:
         raise InputError(f"straight line: got {len(breaks)} breaks, need at least 2")
     smooth = degree - 1 if continuity is None else whole_number("continuity", continuity, 0, degree - 1)
@@ -352,8 +352,7 @@ def _framed(axis: Axis, centers: Array, normal: Numbers | None, closed: bool, st
 
 
 def _positive(name: str, value: float) -> None:
-    if not (np.isfinite(value) and value > 0.0):
-        raise InputError(f"{name}: got {value:g}, need a positive length")
+    positive(name, value)
     representable(name, value)
 
 

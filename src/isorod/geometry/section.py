@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from isorod.arrays import Array, Numbers
-from isorod.errors import InputError, whole_number
+from isorod.errors import InputError, positive, whole_number
 from isorod.geometry import fitted, reading
 from isorod.geometry.disk import MAX_COUNT, boundary_functions, check_count, control_points
 
@@ -25,16 +25,14 @@ _MORE = "take more control points (n)"
 
 def circle(n: int, radius: float = 1.0) -> Array:
     """Return the ``(n, 2)`` control points of a circle, exact for any ``n >= 3``; ``radius`` in units of length."""
-    if not (np.isfinite(radius) and radius > 0.0):
-        raise InputError(f"section radius: got {radius:g}, need a positive length")
+    positive("section radius", radius)
     return ellipse(n, radius, radius)
 
 
 def ellipse(n: int, a: float, b: float) -> Array:
     """Return the ``(n, 2)`` control points of an ellipse with half axes ``a`` and ``b``, exact for any ``n >= 3``."""
     for name, value in (("a", a), ("b", b)):
-        if not (np.isfinite(value) and value > 0.0):
-            raise InputError(f"section half axis {name}: got {value:g}, need a positive length")
+        positive(f"section half axis {name}", value)
     return control_points(n) * np.array([a, b])
 
 
@@ -91,8 +89,7 @@ def naca(digits: str, n: int | None = None, chord: float = 1.0) -> Array:
         or (digits[0] != "0") != (digits[1] != "0")
     ):
         raise InputError(f"airfoil: got {digits!r}, need a NACA 4-digit number such as 2412 or 0012")
-    if not (np.isfinite(chord) and chord > 0.0):
-        raise InputError(f"chord: got {chord:g}, need a positive length")
+    positive("chord", chord)
     camber, place, thickness = int(digits[0]) / 100.0, int(digits[1]) / 10.0, int(digits[2:]) / 100.0
 
     def outline(theta: Array) -> Array:
@@ -135,9 +132,8 @@ def rounded_rectangle(n: int | None, width: float, height: float, corner_radius:
     InputError
         If a length is not positive, or the radius of the corners is not between 0 and half of the shorter side.
     """
-    for name, value in (("width", width), ("height", height)):
-        if not (np.isfinite(value) and value > 0.0):
-            raise InputError(f"rectangle {name}: got {value:g}, need a positive length")
+    positive("rectangle width", width)
+    positive("rectangle height", height)
     sides = np.array([width, height])
     if not 0.0 <= corner_radius <= 0.5 * sides.min():
         raise InputError(
@@ -183,8 +179,7 @@ def from_file(
     # What reads files is loaded where one is read.
     from isorod.geometry import outline
 
-    if not (np.isfinite(scale) and scale > 0.0):
-        raise InputError(f"section scale: got {scale:g}, need a positive number")
+    positive("section scale", scale, "a positive number")
     points = outline.read(path)
     extent = np.ptp(points, axis=0)
     if not extent.min() > 0.0:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from isorod.errors import Checked, InputError, whole_number
+from isorod.errors import Checked, InputError, finite, positive, whole_number
 from isorod.model.triangle_mesh import TriangleMesh
 
 if TYPE_CHECKING:
@@ -36,10 +36,9 @@ class Plane(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _check_vector("plane: point", self.point, False)
-        _check_vector("plane: normal", self.normal, True)
-        if not np.isfinite(self.travel):
-            raise InputError(f"plane: got travel {self.travel:g}, need a finite length")
+        finite("plane: point", self.point)
+        _direction("plane: normal", self.normal)
+        finite("plane: travel", self.travel, "a finite length")
 
 
 @dataclass(frozen=True)
@@ -52,10 +51,9 @@ class Cylinder(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _check_vector("cylinder: point", self.point, False)
-        _check_vector("cylinder: axis", self.axis, True)
-        if not (np.isfinite(self.radius) and self.radius > 0.0):
-            raise InputError(f"cylinder: got radius {self.radius:g}, need a positive length")
+        finite("cylinder: point", self.point)
+        _direction("cylinder: axis", self.axis)
+        positive("cylinder: radius", self.radius)
 
 
 @dataclass(frozen=True)
@@ -67,9 +65,8 @@ class Sphere(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _check_vector("sphere: center", self.center, False)
-        if not (np.isfinite(self.radius) and self.radius > 0.0):
-            raise InputError(f"sphere: got radius {self.radius:g}, need a positive length")
+        finite("sphere: center", self.center)
+        positive("sphere: radius", self.radius)
 
 
 Obstacle = Plane | Cylinder | Sphere | TriangleMesh
@@ -128,13 +125,13 @@ class Contact(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.penalty is not None and not (np.isfinite(self.penalty) and self.penalty > 0.0):
-            raise InputError(f"contact: got penalty {self.penalty:g}, need a positive pressure per length")
+        if self.penalty is not None:
+            positive("contact: penalty", self.penalty, "a positive pressure per length")
         if self.points is not None:
             for name, count in zip(("round an arc", "along an element"), self.points, strict=True):
                 whole_number(f"contact: points {name}", count, 1, MAX_POINTS)
-        if self.penetration is not None and not (np.isfinite(self.penetration) and self.penetration > 0.0):
-            raise InputError(f"contact: got penetration {self.penetration:g}, need a positive length")
+        if self.penetration is not None:
+            positive("contact: penetration", self.penetration)
         if self.faces:
             raise InputError("contact: faces are given, but end faces touch nothing; leave faces out and add a support")
         if not (np.isfinite(self.friction) and self.friction >= 0.0):
@@ -234,9 +231,7 @@ def _is_index(value: object, count: int) -> bool:
     return isinstance(value, int | np.integer) and not isinstance(value, bool) and 0 <= int(value) < count
 
 
-def _check_vector(name: str, vector: Vector, direction: bool) -> None:
-    values = np.asarray(vector, dtype=float)
-    if not np.isfinite(values).all():
-        raise InputError(f"{name}: got {vector}, need finite numbers")
-    if direction and not values.any():
+def _direction(name: str, vector: Vector) -> None:
+    finite(name, vector)
+    if not np.any(vector):
         raise InputError(f"{name}: got {vector}, need a direction")

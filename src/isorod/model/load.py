@@ -6,7 +6,7 @@ from typing import Protocol
 import numpy as np
 
 from isorod.arrays import Array
-from isorod.errors import Checked, InputError
+from isorod.errors import Checked, InputError, finite
 from isorod.geometry.quadrature import axis_points, circle_points
 from isorod.space.space import Space
 
@@ -49,7 +49,7 @@ class SectionLoad(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _check("section load: force", self.force)
+        finite("section load: force", self.force, "finite components")
 
     @classmethod
     def end(cls, space: Space, which: str, force: tuple[float, float, float], body: int = 0) -> "SectionLoad":
@@ -107,8 +107,7 @@ class Pressure(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not np.isfinite(self.pressure):
-            raise InputError(f"pressure: got {self.pressure:g}, need a finite force per area")
+        finite("pressure", self.pressure, "a finite force per area")
         if self.surface not in ("outer", "inner"):
             raise InputError(f"pressure: got surface {self.surface!r}, need 'outer' or 'inner'")
 
@@ -157,7 +156,7 @@ class BodyForce(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _check("body force: density", self.density)
+        finite("body force: density", self.density, "finite components")
 
     def nodal(self, space: Space) -> Array:
         """Return the nodal forces, shape ``(nodes, 3)``."""
@@ -165,11 +164,6 @@ class BodyForce(Checked):
         volumes = np.einsum("etj,etq,qn->ejn", table.axial, table.weights, table.section[:, 2])
         total = np.bincount(space.element_nodes.ravel(), volumes.ravel(), space.nodes)
         return total[:, None] * np.array(self.density)
-
-
-def _check(name: str, vector: tuple[float, float, float]) -> None:
-    if not np.isfinite(np.asarray(vector, dtype=float)).all():
-        raise InputError(f"{name}: got {vector}, need finite components")
 
 
 @dataclass(frozen=True)
@@ -189,8 +183,8 @@ class Spin(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not np.isfinite([*self.velocity, *self.center]).all():
-            raise InputError(f"spin: velocity {self.velocity}, center {self.center}: both must be finite")
+        finite("spin: velocity", self.velocity)
+        finite("spin: center", self.center)
 
     @property
     def field(self) -> Array:

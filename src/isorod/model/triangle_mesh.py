@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from isorod.arrays import Array, Index
-from isorod.errors import InputError, numbers
+from isorod.errors import InputError, numbers, positive
 
 _BINARY = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 _HEADER = 84
@@ -73,8 +73,7 @@ class TriangleMesh:
         InputError
             If the file cannot be read or what is in it is no closed surface: the message names the file.
         """
-        if not (np.isfinite(scale) and scale > 0.0):
-            raise InputError(f"triangle mesh: scale: got {scale:g}, need a positive number")
+        positive("triangle mesh: scale", scale, "a positive number")
         try:
             content = Path(path).read_bytes()
         except OSError as problem:
