@@ -7,9 +7,9 @@ from conftest import straight
 
 from isorod import Axis, LinearElastic, Muscle, NeoHookean, Rod, Space, circle
 from isorod.model import Body, BodyForce, Model, Pressure, SectionLoad, Spin, Support
-from isorod.model.support import rotation
 from isorod.scenes.ring import Ring
 from isorod.scenes.spring import Spring
+from isorod.tensors import rotation
 
 
 def spring(rule="full"):

@@ -10,7 +10,7 @@ from touching import LAW, across, add_forces, assert_as_fresh, reference
 from isorod import Body, Contact, Model, Rod, Space
 from isorod.contact import tables
 from isorod.contact.tables import pack
-from isorod.model.support import rotation
+from isorod.tensors import rotation
 
 
 def crossing(gap=0.4):

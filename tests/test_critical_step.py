@@ -7,7 +7,7 @@ from motions import DENSITY, LENGTH, E, bar, field, thrown, velocities
 from isorod import Body, InputError, Model, Muscle, NeoHookean, SolveError, Space, Support, dynamics, modal
 from isorod.dynamics.explicit import mesh, run
 from isorod.dynamics.explicit.mass import SAFETY, Mass
-from isorod.model.support import rotation
+from isorod.tensors import rotation
 
 
 def at_share_of_critical(monkeypatch, model, share):

@@ -14,7 +14,7 @@ from isorod.dynamics.explicit.mesh import order as order_in_state
 from isorod.dynamics.explicit.mesh import pack
 from isorod.dynamics.explicit.system import System
 from isorod.material import NeoHookean, fibre
-from isorod.model.support import rotation
+from isorod.tensors import rotation
 
 ELASTIC = NeoHookean(20.0, 0.3)
 MUSCLE = Muscle(30.0, 0.45, sigma_max=30.0, m1=35.0, m2=0.5, activation=0.8, fibre=(0.2, -0.3, 1.0))

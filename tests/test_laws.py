@@ -14,7 +14,7 @@ from isorod.material.orthotropic import Orthotropic, TransverselyIsotropic
 from isorod.material.orthotropic_kirchhoff import OrthotropicKirchhoff
 from isorod.material.places import alone
 from isorod.material.proof import prove
-from isorod.model.support import rotation
+from isorod.tensors import rotation
 
 EYE = np.eye(3)
 FIBRE, OTHER = np.array([0.0, 0.6, 0.8]), np.array([0.8, 0.0, -0.6])

@@ -8,8 +8,8 @@ from scipy.optimize import brentq
 from test_laws import FIBRE, F
 
 from isorod import Body, InputError, Model, Muscle, NeoHookean, Space, Support, circle, helix, statics
-from isorod.model.support import rotation
 from isorod.output.stress import cauchy
+from isorod.tensors import rotation
 
 EYE = np.eye(3)
 WEIGHTS = (4 / 5, -1 / 5, 4 / 105, -1 / 280)

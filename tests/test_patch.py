@@ -5,8 +5,8 @@ import pytest
 
 from isorod import Body, InputError, LinearElastic, Model, Support, statics
 from isorod.geometry import center_line, section
-from isorod.model.support import rotation
 from isorod.space.space import Space
+from isorod.tensors import rotation
 
 AROUND, ALONG = (-30.0, 40.0), (4.0, 6.0)
 

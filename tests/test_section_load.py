@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from isorod import Axis, Rod, SectionLoad, Space, airfoil, ellipse, flower, naca
-from isorod.model.support import rotation
+from isorod.tensors import rotation
 
 FORCE = np.array([0.3, -0.7, 1.1])
 SECTIONS = {

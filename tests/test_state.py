@@ -6,10 +6,10 @@ from conftest import straight
 
 from isorod import InputError, LinearElastic, Muscle, NeoHookean, Space, circle, dynamics, helix, modal, statics
 from isorod.model import Body, Model, SectionLoad, Support
-from isorod.model.support import rotation
 from isorod.output.state import State
 from isorod.output.stress import cauchy, von_mises
 from isorod.scenes.biceps import Biceps
+from isorod.tensors import rotation
 
 LAW = NeoHookean(2.0, 0.3)
 STRETCHES = np.array([0.9, 1.1, 1.3])

@@ -9,7 +9,7 @@ from isorod import Body, InputError, Model, NeoHookean, SolveError, Space, Suppo
 from isorod.assembly.assembler import Assembler
 from isorod.checks import rigid_motions
 from isorod.geometry import center_line, section
-from isorod.model.support import rotation
+from isorod.tensors import rotation
 
 
 def test_unknowns_of_tied_supports_are_two_and_come_back():

@@ -8,8 +8,8 @@ from isorod.checks.turning import LONGEST, Turning
 from isorod.command import cli, solving
 from isorod.files.scene import FileScene
 from isorod.model import Body, Contact, Model, Pressure, Sphere, Support
-from isorod.model.support import rotation
 from isorod.statics import continuation
+from isorod.tensors import rotation
 
 E, NU, LENGTH = 2.1e5, 0.3, 50.0
 TURN = 2.0 * np.pi

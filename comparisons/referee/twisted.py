@@ -14,7 +14,7 @@ import isorod
 from comparisons.referee.motion import damping, step
 from comparisons.referee.rods import CLAMPED, Placed, held, interpolation, loads, place, told
 from isorod.arrays import Array
-from isorod.model.support import rotation
+from isorod.tensors import rotation
 
 # The most that a load step turns a clamp, radians.
 _TURN = 1.0

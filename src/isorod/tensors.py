@@ -1,8 +1,32 @@
-"""Determinant and inverse of many 3 x 3 matrices at once; LAPACK's, one by one, takes ten times as long."""
+"""Rotations; determinants and inverses of many 3 x 3 matrices: LAPACK's, one by one, take ten times as long."""
 
 import numpy as np
 
-from isorod.arrays import Array
+from isorod.arrays import Array, Numbers
+
+
+def cross(vector: Numbers) -> Array:
+    """Return the matrix ``(3, 3)`` of the cross product with a vector on its left."""
+    x, y, z = np.asarray(vector, dtype=float)
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def rotation(vector: Numbers) -> Array:
+    """Return the matrix ``(3, 3)`` of the rotation about ``vector`` by its length, radians (Rodrigues).
+
+    Its entries for directions in the axis are exact: a rotation about ``y`` leaves ``y`` components as they are.
+    """
+    return np.eye(3) + turning(vector)
+
+
+def turning(vector: Numbers) -> Array:
+    """Return `rotation` less the identity, accurate for small angles too."""
+    x, y, z = np.asarray(vector, dtype=float)
+    angle = float(np.sqrt(x * x + y * y + z * z))
+    if angle == 0.0:
+        return np.zeros((3, 3))
+    axial = cross(vector) / angle
+    return np.sin(angle) * axial + 2.0 * np.sin(0.5 * angle) ** 2 * (axial @ axial)
 
 
 def cofactors(matrices: Array) -> Array:

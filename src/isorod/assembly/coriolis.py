@@ -1,6 +1,5 @@
 """Coriolis forces in the frame that turns with a spin: ``G v``, ``G_jl,km = 2 int rho S_l R_j [w] S_m R_k dV``."""
 
-import numpy as np
 from petsc4py import PETSc
 
 from isorod.arrays import Index
@@ -9,6 +8,7 @@ from isorod.assembly.mass import masses
 from isorod.assembly.pattern import joined
 from isorod.errors import InputError
 from isorod.petsc.matrix import create_matrix, set_values
+from isorod.tensors import cross
 
 # Pairs of components that they couple.
 _PAIRS = [(a, b) for a in range(3) for b in range(3) if a != b]
@@ -20,8 +20,7 @@ def coriolis(assembler: Assembler, lumped: bool = False) -> PETSc.Mat:
     if "sbaij" in PETSc.Options().getString("mat_type", ""):
         raise InputError("-mat_type sbaij: the Coriolis matrix is antisymmetric; use aij, the default")
     assert model.spin is not None
-    x, y, z = model.spin.velocity
-    across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    across = cross(model.spin.velocity)
     mass = masses(assembler.parts, [assembler.unknown_of[a::3] for a in range(3)], lumped)
 
     def indices() -> tuple[Index, Index]:

@@ -11,7 +11,7 @@ from isorod.arrays import Array
 from isorod.checks.outlines import outlines
 from isorod.errors import InputError
 from isorod.model.model import Model
-from isorod.model.support import rotation
+from isorod.tensors import rotation
 
 # Largest turn in a load step, radians, of a support, or of one against another of its body.
 LONGEST = 0.5 * np.pi

@@ -90,7 +90,7 @@ class _Tables:
         n = len(arcs)
         first = len(self.elements)
         rows = {e: first + k for k, e in enumerate(chosen)}
-        along = np.concatenate([[0.0], np.cumsum(_lengths(space))])
+        along = space.rod.arc_length(axis.breaks)
         period = along[-1] if space.rod.closed else np.inf
         counts = axis.degree + 1, first, len(rows), len(self.passes), len(arc_of), functions(space)
         padded = np.pad(arc_of, (0, MAX_COUNT - len(arc_of))), np.pad(arcs, ((0, MAX_COUNT - n), (0, 0)))
@@ -269,17 +269,6 @@ def points_of(model: "Model", even: bool = False) -> list[tuple[int, int]]:
                 )
             found.append(contact.points or own)
     return found
-
-
-def _lengths(space: "Space") -> Array:
-    """Return the length of each element of a rod's centre line."""
-    t, v = np.polynomial.legendre.leggauss(8)
-    lengths = []
-    for e in range(space.axis.elements):
-        middle, half = _span(space.axis, e)
-        _, jacobian = space.rod.grid(np.zeros((1, 2)), middle + half * t)
-        lengths.append(half * v @ np.linalg.norm(jacobian[:, 0, :, 2], axis=1))
-    return np.array(lengths)
 
 
 def _obstacle(contact: Contact) -> tuple[Array, Array, float]:

@@ -7,7 +7,8 @@ import numpy as np
 
 from isorod.arrays import Array
 from isorod.errors import InputError
-from isorod.model.support import Support, rotation
+from isorod.model.support import Support
+from isorod.tensors import rotation
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array

@@ -8,6 +8,7 @@ from isorod.arrays import Array
 from isorod.errors import InputError
 from isorod.geometry.axis import Axis
 from isorod.geometry.reading import turns
+from isorod.tensors import rotation
 
 # Turns below this, radians, need no fillet; pieces below this share of the longest chord are none.
 _STRAIGHT = 1e-9
@@ -111,18 +112,10 @@ def tensors(pieces: list[Piece], first: Array) -> tuple[Array, Array]:
     """
     rotations, stretches = [first], [np.eye(3)]
     for piece in pieces:
-        half = _turn(piece.about, 0.5 * piece.angle) @ rotations[-1]
+        half = rotation(0.5 * piece.angle * piece.about) @ rotations[-1]
         # Across the axis of the arc, a section's vectors go as its control points do.
         axial = np.outer(piece.about, piece.about)
         spread = axial + (np.eye(3) - axial) / np.cos(0.5 * piece.angle)
-        rotations += [half, _turn(piece.about, piece.angle) @ rotations[-1]]
+        rotations += [half, rotation(piece.angle * piece.about) @ rotations[-1]]
         stretches += [half.T @ spread @ half, np.eye(3)]
     return np.array(rotations), np.array(stretches)
-
-
-def _turn(about: Array, angle: float) -> Array:
-    """Return the rotation about a unit vector (Rodrigues)."""
-    x, y, z = about
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    result: Array = np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
-    return result

@@ -45,7 +45,7 @@ class Frames:
         where, tangent = self._along(u)
         first = _reflected(places[k], where, tangents[k], tangent, carried[k])
         second = np.cross(tangent, first)
-        angle = (bend * self.share(u))[:, None]
+        angle = (bend / self.length.total * self.length(u))[:, None]
         turned = np.cos(angle) * first + np.sin(angle) * second
         return np.stack([turned, np.cross(tangent, turned)], axis=2)
 
@@ -69,9 +69,9 @@ class Frames:
             )
 
     @cached_property
-    def share(self) -> "Share":
-        """The arc length up to a parameter, as a share of the whole."""
-        return Share(self.axis, self.centers)
+    def length(self) -> "ArcLength":
+        """The arc length up to a parameter."""
+        return ArcLength(self.axis, self.centers)
 
     @cached_property
     def _carried(self) -> tuple[Array, Array, Array, Array, float]:
@@ -93,7 +93,7 @@ class Frames:
         """Return places and unit tangents ``(t, 3)``."""
         where, slope = evaluate(self.axis, self.centers, u)
         speed = np.linalg.norm(slope, axis=1)
-        if not speed.min() > 1e-6 * self.share.pace:
+        if not speed.min() > 1e-6 * self.length.pace:
             raise InputError(
                 f"centre line: it stands still at u = {u[np.argmin(speed)]:.4g} and has no direction there"
             )
@@ -114,8 +114,8 @@ class Frames:
         return result
 
 
-class Share:
-    """The arc length of a curve up to parameters, as a share of the whole, between 0 and 1."""
+class ArcLength:
+    """The arc length of a curve, control points ``(axis.count, 3)``, from its start up to parameters."""
 
     def __init__(self, axis: Axis, centers: Array) -> None:
         self.u = _samples(axis)
@@ -124,18 +124,19 @@ class Share:
         self.speed, between = (np.linalg.norm(evaluate(axis, centers, u)[1], axis=1) for u in (self.u, middle))
         step = np.diff(self.u) / 6.0 * (self.speed[:-1] + 4.0 * between + self.speed[1:])
         self.length = np.concatenate([[0.0], np.cumsum(step)])
+        self.total = float(self.length[-1])
         # Length for each unit of the parameter, in the mean.
-        self.pace = float(self.length[-1] / (self.u[-1] - self.u[0]))
+        self.pace = self.total / float(self.u[-1] - self.u[0])
 
     def __call__(self, u: Array) -> Array:
-        """Return the shares ``(t,)`` at parameters ``(t,)``."""
+        """Return the lengths ``(t,)`` at parameters ``(t,)``."""
         k = np.clip(np.searchsorted(self.u, u, side="right") - 1, 0, self.u.size - 2)
         h = self.u[k + 1] - self.u[k]
         s = (u - self.u[k]) / h
         # Hermite's cubic.
         low, high, rise = h * self.speed[k], h * self.speed[k + 1], self.length[k + 1] - self.length[k]
         found: Array = self.length[k] + s * (low + s * (3.0 * rise - 2.0 * low - high + s * (low + high - 2.0 * rise)))
-        return found / self.length[-1]
+        return found
 
 
 def _samples(axis: Axis) -> Array:

@@ -12,7 +12,7 @@ from isorod.errors import InputError, expect, numbers
 from isorod.geometry.axis import Axis
 from isorod.geometry.fitted import radius
 from isorod.geometry.fitting import Field, evaluate, resolve
-from isorod.geometry.frames import Share
+from isorod.geometry.frames import ArcLength
 from isorod.geometry.reading import LARGE, Deviation
 from isorod.geometry.rod import Rod, closing
 
@@ -110,14 +110,14 @@ class CenterLine:
             raise InputError(f"twist: got {twist}, need a finite number of degrees")
         if not tolerance > 0.0:
             raise InputError(f"sweep: tolerance: got {tolerance:g}, need a positive fraction of the section's size")
-        frames, size, share = self.frames or self._frames, self._size(scale), Share(self.axis, self.centers)
+        frames, size, length = self.frames or self._frames, self._size(scale), ArcLength(self.axis, self.centers)
 
         def arms(u: Array) -> Array:
-            way = share(u)
-            angle = np.radians(twist) * way
+            share = length(u) / length.total
+            angle = np.radians(twist) * share
             turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
             turned = size(u)[:, None, None] * np.einsum("tak,klt->tal", frames(u), turn)
-            polygons = first + way[:, None, None] * (last - first)
+            polygons = first + share[:, None, None] * (last - first)
             result: Array = polygons @ turned.swapaxes(1, 2)
             return result
 

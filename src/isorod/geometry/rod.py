@@ -3,7 +3,7 @@
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,6 +13,7 @@ from isorod.errors import Checked, FoldedRodError, InputError, numbers
 from isorod.geometry import fold
 from isorod.geometry.axis import Axis
 from isorod.geometry.disk import check_count, harmonic_functions
+from isorod.geometry.frames import ArcLength
 from isorod.geometry.quadrature import WHOLE, Rule, axis_points, section_points
 from isorod.geometry.reading import EXACT, Deviation
 from isorod.tensors import determinant
@@ -218,6 +219,12 @@ class Rod(Checked):
         columns = gradients[:, :, 0] @ polygons, gradients[:, :, 1] @ polygons, values @ slopes
         jacobian_kernel.inverse_jacobians(*columns, inverse, det)
         return inverse, det
+
+    @cached_property
+    def arc_length(self) -> ArcLength:
+        """The length of the centre line, the image of the disk's centre, up to axis parameters."""
+        # At the centre every harmonic function is 1 / n.
+        return ArcLength(self.axis, self.control_points.mean(axis=1))
 
     def tangents(self, u: ArrayLike) -> Array:
         """Return the unit tangents ``(len(u), 3)`` of the centre line, the image of the disk's centre."""

@@ -2,13 +2,12 @@
 
 import numpy as np
 
-from isorod.arrays import Array, Index
+from isorod.arrays import Index
 from isorod.errors import InputError
-from isorod.geometry.rod import Rod
 from isorod.space.space import Space
 
-# Parts of an element in which its length is measured, and places round an arc at which functions are looked at.
-_PARTS, _PLACES = 16, 64
+# Places round an arc at which functions are looked at.
+_PLACES = 64
 # Rounding of a function that vanishes, and, as a share of the whole, of lengths as they are written down.
 _SMALL, _ROUNDED = 1e-9, 1e-6
 
@@ -31,23 +30,10 @@ def patch_nodes(space: Space, around: tuple[float, float], along: tuple[float, f
 
 def _elements(space: Space, along: tuple[float, float]) -> Index:
     """Return the elements between two lengths along the centre line."""
-    u, lengths = _lengths(space.rod)
-    whole = float(lengths[-1])
+    length, breaks = space.rod.arc_length, space.axis.breaks
+    whole = length.total
     low, high = (float(length) for length in along)
     if not -_ROUNDED * whole <= low < high <= (1.0 + _ROUNDED) * whole:
         raise InputError(f"patch: along is from {low:g} to {high:g}, need lengths from 0 to {whole:g}, ascending")
-    start, end = np.interp([low + _ROUNDED * whole, high - _ROUNDED * whole], lengths, u)
-    breaks = space.axis.breaks
-    return np.flatnonzero((breaks[:-1] < end) & (breaks[1:] > start))
-
-
-def _lengths(rod: Rod) -> tuple[Array, Array]:
-    """Return axis parameters and the lengths of the centre line up to there, both ``(m,)``."""
-    breaks = rod.axis.breaks
-    u = np.append((breaks[:-1, None] + np.diff(breaks)[:, None] * np.arange(_PARTS) / _PARTS).ravel(), breaks[-1])
-    points, weights = np.polynomial.legendre.leggauss(4)
-    half = 0.5 * np.diff(u)
-    at = (u[:-1, None] + half[:, None] * (1.0 + points)).ravel()
-    along = rod.grid([[0.0, 0.0]], at)[1][:, 0, :, 2]
-    steps = half * (np.linalg.norm(along, axis=1).reshape(-1, points.size) @ weights)
-    return u, np.concatenate([[0.0], np.cumsum(steps)])
+    ends = length(breaks)
+    return np.flatnonzero((ends[:-1] < high - _ROUNDED * whole) & (ends[1:] > low + _ROUNDED * whole))

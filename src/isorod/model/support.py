@@ -1,7 +1,7 @@
 """Supports: Dirichlet boundary conditions and prescribed motions."""
 
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +10,7 @@ from isorod.arrays import Array, Index, Numbers
 from isorod.errors import Checked, InputError
 from isorod.model.patch import patch_nodes
 from isorod.space.space import Space
+from isorod.tensors import cross, rotation, turning
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +108,8 @@ class Support(Checked):
         if which not in layers:
             raise InputError(f"support: got end {which!r}, need 'start' or 'end'")
         nodes = layers[which] * space.layer_nodes + np.arange(space.layer_nodes)
-        return cls._of(nodes, space, components, displacement, body, turn, center, tied, during)
+        rest = {"components": components, "body": body, "tied": tied, "during": during}
+        return cls._rigid(nodes, space, displacement, turn, center, **rest)
 
     @classmethod
     def patch(
@@ -144,31 +146,22 @@ class Support(Checked):
             If an angle or a length is out of range, or the section functions have no control points on the surface.
         """
         nodes = patch_nodes(space, around, along)
-        return cls._of(nodes, space, components, displacement, body, turn, center, tied, during)
+        rest = {"components": components, "body": body, "tied": tied, "during": during}
+        return cls._rigid(nodes, space, displacement, turn, center, **rest)
 
     @classmethod
-    def _of(
-        cls,
-        nodes: Index,
-        space: Space,
-        components: str,
-        displacement: tuple[float, float, float],
-        body: int,
-        turn: tuple[float, float, float],
-        center: tuple[float, float, float] | None,
-        tied: str,
-        during: tuple[float, float],
+    def _rigid(
+        cls, nodes: Index, space: Space, displacement: Numbers, turn: Numbers, center: Numbers | None, **rest: Any
     ) -> "Support":
-        """Return a support of nodes that move as a rigid body does."""
+        """Return a support of nodes that move as a rigid body does; ``rest`` are its other fields."""
         is_carrier = space.is_carrier[nodes, None]
         arms = None
         if np.any(turn):
             arms = space.positions[nodes]
             middle = arms[is_carrier[:, 0]].mean(axis=0) if center is None else np.array(center, dtype=float)
             arms = arms - is_carrier * middle
-        return cls(
-            nodes, components, is_carrier * np.array(displacement, dtype=float), body, turn, arms, tied, space, during
-        )
+        moved = is_carrier * np.array(displacement, dtype=float)
+        return cls(nodes, displacement=moved, turn=turn, arms=arms, space=space, **rest)
 
     def motion(self, space: Space, first_node: int) -> "SupportMotion":
         """Return what the support does with degrees of freedom of a space that starts with node ``first_node``.
@@ -256,8 +249,7 @@ class SupportMotion(NamedTuple):
         rates = (len(self.path) - 1) * (self.path[-1] - self.path[-2])
         if not self.turn.any():
             return rates
-        x, y, z = self.turn
-        spin = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]) @ rotation(self.turn)
+        spin = cross(self.turn) @ rotation(self.turn)
         return np.asarray(rates + np.einsum("ma,ma->m", spin[self.dofs % 3], self.arms))
 
     def at(self, factor: float) -> Array:
@@ -272,21 +264,3 @@ class SupportMotion(NamedTuple):
             rows = turning(factor * self.turn)[self.dofs % 3]
             result = result + np.einsum("ma,ma->m", rows, self.arms)
         return result
-
-
-def rotation(vector: Numbers) -> Array:
-    """Return the matrix ``(3, 3)`` of the rotation about ``vector`` by its length, radians (Rodrigues).
-
-    Its entries for directions in the axis are exact: a rotation about ``y`` leaves ``y`` components as they are.
-    """
-    return np.eye(3) + turning(vector)
-
-
-def turning(vector: Numbers) -> Array:
-    """Return `rotation` less the identity, accurate for small angles too."""
-    x, y, z = np.asarray(vector, dtype=float)
-    angle = float(np.sqrt(x * x + y * y + z * z))
-    if angle == 0.0:
-        return np.zeros((3, 3))
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]) / angle
-    return np.sin(angle) * cross + 2.0 * np.sin(0.5 * angle) ** 2 * (cross @ cross)

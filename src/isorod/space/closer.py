@@ -23,9 +23,6 @@ _GROWTH = 1.0
 # The longest arcs: so many make a circle.
 _FEWEST = 16
 
-# Places of the centre line by which lengths along it are known.
-_PLACES = 2_001
-
 
 class Patch(NamedTuple):
     """Where something presses on a surface.
@@ -66,12 +63,10 @@ def closer(rod: Rod, patches: Sequence[Patch]) -> Space:
     # Where there is no patch the rod is seen as it is without one.
     parts = choice.axis(rod, None, degree, None)[0] // rod.axis.elements
     made = rod.refine(parts, degree, degree - 1)
-    u = np.linspace(rod.axis.breaks[0], rod.axis.breaks[-1], _PLACES)
-    line = rod.grid(np.zeros((1, 2)), u)[0][:, 0]
-    way = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1)))
-    stretches = [(float(np.interp(one.u, u, way)), one.along, one.size) for one in patches]
-    breaks, period = made.axis.breaks, float(way[-1]) if rod.closed else np.inf
-    ends = np.interp(breaks, u, way)
+    length, breaks = rod.arc_length, made.axis.breaks
+    middles = length(np.array([one.u for one in patches])).tolist()
+    stretches = [(middle, one.along, one.size) for middle, one in zip(middles, patches, strict=True)]
+    ends, period = length(breaks), length.total if rod.closed else np.inf
     for k in range(breaks.size - 1):
         count = _evenly(ends[k + 1] - ends[k], stretches)
         cuts = np.cumsum(_cut(ends[k], ends[k + 1], count, stretches, period))[:-1] / count
