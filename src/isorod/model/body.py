@@ -80,30 +80,23 @@ class Body(Checked):
     def __post_init__(self) -> None:
         super().__post_init__()
         object.__setattr__(self, "chosen", self.formulation is None)
-        for name in ("material", "density"):
-            object.__setattr__(self, name, self._on_elements(getattr(self, name)))
         elements, rings = self.space.axis.elements, self._rings
-        try:
-            given = np.asarray(self.density, dtype=float)
-        except ValueError:
-            raise InputError(
-                "density: got rows of different lengths, need as many densities for each element"
-            ) from None
-        if given.shape not in ((), *self._shapes):
+        if self._on_places(self.density) is None:
             several = f"each of the {elements} elements" if rings == 1 else f"each of the {rings} rings"
-            raise InputError(f"density: got shape {given.shape}, need one or one for {several}")
-        bad = ~(np.isfinite(given) & (given >= 0.0))
+            shape = np.array(self.density, dtype=object).shape
+            raise InputError(f"density: got shape {shape}, need one or one for {several}, in rows of one length")
+        bad = ~(np.isfinite(self.densities) & (self.densities >= 0.0))
         if bad.any():
-            raise InputError(f"density: got {given[bad].flat[0]:g}, need a finite mass per volume, not negative")
-        if given.any():
-            representable("density", float(given[given > 0.0].min()))
-            representable("density", float(given.max()))
-        if isinstance(self.material, Sequence) and not self._fits(self.material):
-            count = f"{len(self.material)} laws for {elements} elements, need one law or one an element"
-            if rings > 1:
-                count = f"{len(self.material)} laws for {rings} rings, need one law, one a ring, or such for elements"
-            raise InputError(f"material: got {count}")
-
+            raise InputError(f"density: got {self.densities[bad][0]:g}, need a finite mass per volume, not negative")
+        for value in np.unique(self.densities[self.densities > 0.0]):
+            representable("density", float(value))
+        if self._on_places(self.material) is None:
+            given = len(self.material) if isinstance(self.material, Sequence) else 0
+            raise InputError(
+                f"material: got {given} laws for {elements} elements, need one law or one an element"
+                if rings == 1
+                else f"material: got {given} laws for {rings} rings, need one law, one a ring, or such for elements"
+            )
         if self.formulation is None:
             object.__setattr__(self, "formulation", "mixed" if self._nearly_incompressible() else "displacement")
         if self.formulation not in FORMULATIONS:
@@ -120,18 +113,22 @@ class Body(Checked):
     def _rings(self) -> int:
         return len(self.space.rod.rings) - 1
 
-    @property
-    def _shapes(self) -> tuple[tuple[int, ...], ...]:
-        """Shapes of what is given for several places of the rod."""
-        elements, rings = self.space.axis.elements, self._rings
-        return ((elements,),) if rings == 1 else ((rings,), (elements, rings))
+    def _on_places(self, given: Any) -> "np.ndarray[Any, np.dtype[Any]] | None":
+        """Return what is given for all, some or each of the places as a table ``(elements, rings)``.
 
-    def _fits(self, laws: Sequence[Material] | Sequence[Sequence[Material]]) -> bool:
-        """Whether several laws are as many as there are places."""
-        rows = [law for law in laws if isinstance(law, Sequence)]
-        if not rows:
-            return (len(laws),) == self._shapes[0]
-        return len(rows) == len(laws) and all((len(rows), len(row)) in self._shapes for row in rows)
+        None if it is of another shape.
+        """
+        table, elements, rings = np.array(given, dtype=object), self.space.axis.elements, self._rings
+        if any(isinstance(one, Sequence) for one in table.flat):
+            return None
+        if table.shape in ((), (rings,)) and (rings > 1 or not table.shape):
+            return np.broadcast_to(table, (elements, rings))
+        if table.ndim != (1 if rings == 1 else 2):
+            return None
+        if len(table) == self.space.rod.axis.elements:
+            table = table[self.space.own_elements]
+        table = table[:, None] if rings == 1 else table
+        return table if table.shape == (elements, rings) else None
 
     @property
     def discretisation(self) -> dict[str, Any]:
@@ -172,15 +169,6 @@ class Body(Checked):
     def pressure_unit(self) -> float:
         """What the unknown pressures of the mixed formulation are counted in: the middle shear modulus, force/area."""
         return float(np.median([law.shear_modulus for law in self.laws]))
-
-    def _on_elements(self, given: Any) -> Any:
-        """Return what is given for each element of the rod for each of the space's."""
-        own, several = self.space.rod.axis.elements, (Sequence, np.ndarray)
-        if own == self.space.axis.elements or not isinstance(given, several) or len(given) != own:
-            return given
-        if all(isinstance(row, several) for row in given) != (self._rings > 1):
-            return given
-        return [given[e] for e in self.space.own_elements]
 
     def _nearly_incompressible(self) -> bool:
         """Return whether the mixed formulation pays: where it can be taken, and displacements alone may lock."""
@@ -249,8 +237,6 @@ class Body(Checked):
 
     def _warn_of_smooth_joints(self) -> None:
         """Warn where stiffness jumps at a knot at which displacements are smooth: strains cannot follow."""
-        if not isinstance(self.material, Sequence):
-            return
         axis = self.space.axis
         moduli = np.array([np.max(getattr(law, "E", np.nan)) for law in self.laws]).reshape(-1, self._rings)
         jumps = np.exp(np.abs(np.diff(np.log(moduli), axis=0)).max(axis=1)) * (1.0 - 1e-9)
@@ -267,10 +253,7 @@ class Body(Checked):
     @cached_property
     def densities(self) -> Array:
         """The mass per reference volume of each element, and of each of its rings, shape ``(elements rings,)``."""
-        given = np.asarray(self.density, dtype=float)
-        if self._rings == 1:
-            return np.broadcast_to(given, (self.space.axis.elements,))
-        return np.broadcast_to(given, (self.space.axis.elements, self._rings)).ravel()
+        return np.asarray(self._on_places(self.density), dtype=float).ravel()
 
     def densities_at(self, table: Table) -> Array:
         """Return the mass per reference volume at quadrature points, ``(E, 1, q)``, or 1 for ``q`` if all have it."""
@@ -280,13 +263,7 @@ class Body(Checked):
     @cached_property
     def laws(self) -> tuple[Material, ...]:
         """The law of each element, and of each of its rings, shape ``(elements rings,)``."""
-        if not isinstance(self.material, Sequence):
-            return (self.material,) * (self.space.axis.elements * self._rings)
-        found: list[Material] = []
-        for one in self.material:
-            found += one if isinstance(one, Sequence) else [one]
-        # One a ring stands for all elements.
-        return tuple(found) if len(found) == self.densities.size else tuple(found) * self.space.axis.elements
+        return tuple(np.asarray(self._on_places(self.material)).flat)
 
     @cached_property
     def linear(self) -> bool:
