@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 # Where a key stands: the names of tables and keys, and the places in arrays, that lead to it.
 Path = tuple[str | int, ...]
@@ -25,89 +26,74 @@ def longest_key(text: str) -> tuple[int, int]:
 
 def lines(text: str) -> dict[Path, int]:
     """Return the line, counted from 1, of each table and key of a valid TOML text, by what leads to it."""
-    return _Scanner(text).found
+    found: dict[Path, int] = {}
+    begun: dict[Path, int] = {}
+    key: list[str] = []
+    start, brackets = 0, 0
+    frames = [_Frame(())]
+    for kind, word, line in _tokens(text):
+        frame = frames[-1]
+        if frame.entry is not None:
+            # An array, whose entries are between commas.
+            if word == "]":
+                frames.pop()
+            elif word == ",":
+                frame.entry += 1
+            elif word != "\n":
+                _note(found, entry := (*frame.path, frame.entry), line)
+                frames += _opened(entry, word)
+        elif frame.value is not None:
+            frames += _opened(frame.value, word)
+            if word in (",", "\n"):
+                frame.value = None
+            elif word == "}":
+                frames.pop()
+        elif kind != "mark":
+            start = start if key else line
+            key += [word[1:-1]] if kind == "text" else [part for part in word.split(".") if part]
+        elif word == "=":
+            frame.value = (*frame.path, *key)
+            _note(found, frame.value, start)
+            key = []
+        elif word == "}":
+            frames.pop()
+        elif word == "]" and key:
+            frame.path = _header(key, brackets == 2, begun)
+            _note(found, frame.path, start)
+            key = []
+        elif word in ("[", "\n"):
+            brackets = brackets + 1 if word == "[" else 0
+    return found
 
 
-class _Scanner:
-    """Goes once through the tokens of a text."""
+@dataclass
+class _Frame:
+    """A table, or an array with the number of its entry, that is open; in a table the key whose value is read."""
 
-    def __init__(self, text: str) -> None:
-        self.found: dict[Path, int] = {}
-        self._tokens = _tokens(text)
-        self._step()
-        # How often each array of tables has been begun.
-        self._begun: dict[Path, int] = {}
-        table: Path = ()
-        while self._kind:
-            if self._word == "\n":
-                self._step()
-            elif self._kind == "mark" and self._word == "[":
-                table = self._header()
-            else:
-                self._pair(table)
+    path: Path
+    entry: int | None = None
+    value: Path | None = None
 
-    def _step(self) -> str:
-        word = getattr(self, "_word", "")
-        self._kind, self._word, self._line = next(self._tokens, ("", "", 0))
-        return word
 
-    def _key(self) -> list[str]:
-        """Take a key, dotted or not, up to the mark behind it."""
-        parts = []
-        while self._kind in ("bare", "text"):
-            kind, word = self._kind, self._step()
-            parts += [word[1:-1]] if kind == "text" else [part for part in word.split(".") if part]
-        return parts
+def _opened(path: Path, word: str) -> list[_Frame]:
+    return [_Frame(path, 0 if word == "[" else None)] if word in ("[", "{") else []
 
-    def _note(self, path: Path, line: int) -> None:
-        for end in range(1, len(path) + 1):
-            self.found.setdefault(path[:end], line)
 
-    def _header(self) -> Path:
-        line = self._line
-        opened = 0
-        while self._word == "[":
-            opened += 1
-            self._step()
-        keys = self._key()
-        path: Path = ()
-        for k, key in enumerate(keys):
-            path += (key,)
-            if k == len(keys) - 1 and opened == 2:
-                self._begun[path] = self._begun.get(path, -1) + 1
-            if path in self._begun:
-                path += (self._begun[path],)
-        while self._word == "]":
-            self._step()
-        self._note(path, line)
-        return path
+def _note(found: dict[Path, int], path: Path, line: int) -> None:
+    for end in range(1, len(path) + 1):
+        found.setdefault(path[:end], line)
 
-    def _pair(self, table: Path) -> None:
-        line = self._line
-        path = (*table, *self._key())
-        self._note(path, line)
-        # The equals sign.
-        self._step()
-        self._value(path)
 
-    def _value(self, path: Path) -> None:
-        if self._kind != "mark":
-            # A date may have a space in it.
-            while self._kind in ("bare", "text"):
-                self._step()
-            return
-        ends = {"[": "]", "{": "}"}.get(self._step())
-        place = 0
-        while self._kind and self._word != ends:
-            if self._kind == "mark" and self._word in ",\n":
-                self._step()
-            elif ends == "}":
-                self._pair(path)
-            else:
-                self._note((*path, place), self._line)
-                self._value((*path, place))
-                place += 1
-        self._step()
+def _header(keys: list[str], several: bool, begun: dict[Path, int]) -> Path:
+    """Return the path of a table's header; ``begun`` counts the tables of each array of tables."""
+    path: Path = ()
+    for k, key in enumerate(keys):
+        path += (key,)
+        if several and k == len(keys) - 1:
+            begun[path] = begun.get(path, -1) + 1
+        if path in begun:
+            path += (begun[path],)
+    return path
 
 
 def _tokens(text: str) -> Iterator[tuple[str, str, int]]:
