@@ -33,8 +33,5 @@ def _vector(place: Place, value: Any) -> tuple[float, ...]:
     return values.value_of(place, value, tuple[float, float, float])  # type: ignore[no-any-return]
 
 
-# What a parameter of each kind is made by, and what it may be in words.
-KINDS = {
-    "degrees": (degrees, "3 numbers, degrees"),
-    "radians": (radians, "3 numbers, radians"),
-}
+DEGREES = values.Kind(degrees, "3 numbers, degrees")
+RADIANS = values.Kind(radians, "3 numbers, radians")

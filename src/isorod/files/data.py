@@ -1,8 +1,6 @@
 """Points that a scene file takes from a file beside it: CSV, or polylines of VTK."""
 
 import locale
-import math
-import re
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,6 +11,7 @@ from isorod.arrays import Array, Numbers
 from isorod.errors import InputError
 from isorod.files import values
 from isorod.files.document import Place
+from isorod.geometry import table
 
 if TYPE_CHECKING:
     from vtkmodules.vtkCommonDataModel import vtkPolyData
@@ -62,65 +61,53 @@ def points(place: Place, value: Any) -> Points:
         found = _vtk(place, value, path)
     else:
         found = _csv(place, value, content)
-    table = found.array if found.radius is None else np.column_stack([found.array, found.radius])
-    if not np.isfinite(table).all():
-        raise place.error(f"{value}: point {np.argmin(np.isfinite(table).all(axis=1))} is not finite")
+    finite = np.isfinite(found.array if found.radius is None else np.column_stack([found.array, found.radius]))
+    if not finite.all():
+        raise place.error(f"{value}: point {np.argmin(finite.all(axis=1))} is not finite")
     if found.radius is not None and not found.radius.min() > 0.0:
         k = int(np.argmin(found.radius))
         raise place.error(f"{value}: the radius of point {k} is {found.radius[k]:g}, need a positive length")
     return found
 
 
+POINTS = values.Kind(points, "points in lists, or the name of a file beside this one")
+
+
 def _csv(place: Place, name: str, content: bytes) -> Points:
     try:
-        text = content.decode("utf-8-sig")
+        columns, rows = table.read(content)
     except UnicodeDecodeError as problem:
         line = content.count(b"\n", 0, problem.start) + 1
         raise place.error(f"{name}:{line}: byte {content[problem.start]:#04x} is not UTF-8") from None
-    columns: list[str] | None = None
-    rows: list[list[float]] = []
-    for number, whole in enumerate(text.splitlines(), 1):
-        words = [word for word in re.split(r"\s*[,;]\s*|\s+", whole.partition("#")[0].strip()) if word]
-        if not words:
-            continue
-        if not rows and columns is None and not any(map(_is_number, words)):
-            columns = [word.strip("\"'").lower() for word in words]
-            continue
-        wrong = [k for k, word in enumerate(words, 1) if not _is_number(word) or not math.isfinite(float(word))]
-        if wrong:
-            raise place.error(f"{name}:{number}: value {wrong[0]} is no finite number")
-        if rows and len(words) != len(rows[0]):
-            raise place.error(f"{name}:{number}: {len(words)} numbers where the lines above have {len(rows[0])}")
-        rows.append([float(word) for word in words])
+    for row in rows:
+        if row.wrong:
+            raise place.error(f"{name}:{row.line}: value {row.wrong} is no finite number")
+        if len(row.values) != len(rows[0].values):
+            raise place.error(
+                f"{name}:{row.line}: {len(row.values)} numbers where the lines above have {len(rows[0].values)}"
+            )
     if not rows:
         raise place.error(f"{name}: no points are in it")
-    table = np.array(rows)
-    return _named(place, name, table, columns) if columns else _counted(place, name, table)
+    found = np.array([row.values for row in rows])
+    names = [word.strip("\"'").lower() for word in columns]
+    return _named(place, name, found, names) if names else _counted(place, name, found)
 
 
-def _is_number(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return "_" not in word
-
-
-def _counted(place: Place, name: str, table: Array) -> Points:
-    count = table.shape[1]
+def _counted(place: Place, name: str, rows: Array) -> Points:
+    count = rows.shape[1]
     if count not in (2, 3, 4):
         raise place.error(f"{name}: {count} numbers a line, need x, y[, z][, radius]")
-    return Points(table[:, :3], table[:, 3] if count == 4 else None)
+    return Points(rows[:, :3], rows[:, 3] if count == 4 else None)
 
 
-def _named(place: Place, name: str, table: Array, columns: list[str]) -> Points:
-    if len(columns) != table.shape[1]:
-        raise place.error(f"{name}: {len(columns)} names of columns for {table.shape[1]} numbers a line")
+def _named(place: Place, name: str, rows: Array, columns: list[str]) -> Points:
+    if len(columns) != rows.shape[1]:
+        raise place.error(f"{name}: {len(columns)} names of columns for {rows.shape[1]} numbers a line")
     axes = [columns.index(axis) for axis in _AXES if axis in columns]
     if len(axes) < 2 or [columns[k] for k in axes] != list(_AXES[: len(axes)]):
         raise place.error(f"{name}: its first line names other columns, need x, y[, z][, radius]")
-    radius = next((table[:, columns.index(one)] for one in _RADIUS if one in columns), None)
-    return Points(table[:, axes], radius)
+    radius = next((rows[:, columns.index(one)] for one in _RADIUS if one in columns), None)
+    return Points(rows[:, axes], radius)
 
 
 def _vtk(place: Place, name: str, path: Path) -> Points:

@@ -9,32 +9,42 @@ from importlib import import_module
 from typing import Any, NamedTuple
 
 from isorod.errors import evaluated
-from isorod.files import angles, material, values
-from isorod.files.data import Points, points
+from isorod.files.data import Points
 from isorod.files.document import Place, shown
-
-# What a parameter may be beside a value: the name of something, or points that a file may hold.
-ROD, SUPPORT, CONTACT, PARTNER = "rod", "support", "contact", "rod or obstacle"
-POINTS = "points"
-
-_NAMES = (ROD, SUPPORT, CONTACT, PARTNER)
+from isorod.files.values import Kind, value_of, words
 
 
-# Those of laws.
-BULK, FIBRE, CONSTANTS = "bulk", "fibre", "constants"
-# Those of supports.
-DEGREES, RADIANS = "degrees", "radians"
-_KINDS = material.KINDS | angles.KINDS
+class Name(NamedTuple):
+    """The name of a rod, a support, an obstacle or a contact, and where it stands."""
+
+    place: Place
+    name: str
+
+    def among(self, known: Mapping[str, Any]) -> Any:
+        """Return what it names; raises `InputError` with the nearest of the names there are."""
+        if self.name not in known:
+            raise self.place.unknown(self.name, known)
+        return known[self.name]
 
 
-def _special(kind: Any) -> bool:
-    return isinstance(kind, str) and kind in _KINDS
+def _named(kind: str) -> Kind:
+    """Return the kind of names of something."""
+
+    def make(place: Place, value: Any) -> Name:
+        if not isinstance(value, str):
+            raise place.error(f"got {shown(value)}, need the name of a {kind}")
+        return Name(place, value)
+
+    return Kind(make, f"the name of a {kind}", kind)
+
+
+ROD, SUPPORT, CONTACT, PARTNER = map(_named, ("rod", "support", "contact", "rod or obstacle"))
 
 
 class Parameter(NamedTuple):
     """A key of a scene file: the function's name for it, its kind, its default.
 
-    The kind is an annotation, a word above, or the words of which one is called to make the value.
+    The kind is an annotation, a `Kind`, or the words of which one is called to make the value.
     """
 
     name: str
@@ -49,13 +59,7 @@ class Parameter(NamedTuple):
     @property
     def words(self) -> str:
         """What its value may be."""
-        if isinstance(self.kind, dict):
-            return f"one of {', '.join(self.kind)}"
-        if self.kind == POINTS:
-            return "points in lists, or the name of a file beside this one"
-        if self.kind in _NAMES:
-            return f"the name of a {self.kind}"
-        return _KINDS[self.kind][1] if _special(self.kind) else values.words(self.kind)
+        return f"one of {', '.join(self.kind)}" if isinstance(self.kind, dict) else words(self.kind)
 
 
 @dataclass(frozen=True)
@@ -121,19 +125,6 @@ class Form:
         return self.main or next(iter([*required, *told]), None)
 
 
-class Name(NamedTuple):
-    """The name of a rod, a support, an obstacle or a contact, and where it is said."""
-
-    place: Place
-    name: str
-
-    def among(self, known: Mapping[str, Any]) -> Any:
-        """Return what it names; raises `InputError` with the nearest of the names there are."""
-        if self.name not in known:
-            raise self.place.unknown(self.name, known)
-        return known[self.name]
-
-
 class Call:
     """A call that a file asks for, its arguments held to the parameters of the form.
 
@@ -172,7 +163,8 @@ class Call:
             )
             if other is not None:
                 raise at.error(f"given twice, by {other} too")
-            self.arguments[one.name] = _argument(at, value, one.kind)
+            made = choice(at, one.kind, value) if isinstance(one.kind, dict) else value_of(at, value, one.kind)
+            self.arguments[one.name] = made
         for key, one in form.parameters.items():
             if one.required and key not in given:
                 raise place.error(f"{key} is missing: {one.words}")
@@ -191,23 +183,23 @@ def call(place: Place, form: Form, table: Mapping[str, Any]) -> Call:
     return Call(place, form, {key: (value, place / key) for key, value in table.items()})
 
 
-def choice(place: Place, words: Mapping[str, Form], value: Any) -> Call:
+def choice(place: Place, forms: Mapping[str, Form], value: Any) -> Call:
     """Return the call that one of several words asks for.
 
     Three ways to write it are the same: ``{circle = {radius = 2.0, n = 8}}``, ``{circle = 2.0, n = 8}``, and, of what
     needs no more, the word alone.
     """
     if isinstance(value, str):
-        if value not in words:
-            raise place.unknown(value, words)
-        return call(place, words[value], {})
+        if value not in forms:
+            raise place.unknown(value, forms)
+        return call(place, forms[value], {})
     table = place.table(value)
-    said = [key for key in table if key in words]
+    said = [key for key in table if key in forms]
     if not said:
         raise (
-            (place / next(iter(table))).unknown_key(words) if table else place.error(f"need one of {', '.join(words)}")
+            (place / next(iter(table))).unknown_key(forms) if table else place.error(f"need one of {', '.join(forms)}")
         )
-    word, form, at = said[0], words[said[0]], place / said[0]
+    word, form, at = said[0], forms[said[0]], place / said[0]
     inner, beside = table[word], {key: (one, place / key) for key, one in table.items() if key != word}
     second = next((key for key in said[1:] if key not in form.parameters), None)
     if second is not None:
@@ -223,16 +215,3 @@ def choice(place: Place, words: Mapping[str, Form], value: Any) -> Call:
     if twice is not None:
         raise (place / twice).error(f"given twice, by {at} too")
     return Call(at, form, given | beside)
-
-
-def _argument(place: Place, value: Any, kind: Any) -> Any:
-    """Return the value of a key as its parameter takes it."""
-    if isinstance(kind, dict):
-        return choice(place, kind, value)
-    if kind == POINTS:
-        return points(place, value)
-    if kind in _NAMES:
-        if not isinstance(value, str):
-            raise place.error(f"got {shown(value)}, need the name of a {kind}")
-        return Name(place, value)
-    return _KINDS[kind][0](place, value) if _special(kind) else values.value_of(place, value, kind)

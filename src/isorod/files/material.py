@@ -50,12 +50,9 @@ def constants(place: Place, value: Any) -> dict[str, float]:
     return {key: float(values.value_of(place / key, one, float)) for key, one in place.table(value).items()}
 
 
-# What a parameter of each kind is made by, and what it may be in words.
-KINDS = {
-    "bulk": (bulk, "a number, or inf"),
-    "fibre": (fibre, f"{_DIRECTION}, or a list of two of these"),
-    "constants": (constants, "a table of numbers"),
-}
+BULK = values.Kind(bulk, "a number, or inf")
+FIBRE = values.Kind(fibre, f"{_DIRECTION}, or a list of two of these")
+CONSTANTS = values.Kind(constants, "a table of numbers")
 
 
 def hyperelastic(

@@ -103,11 +103,12 @@ def stress(
     """
     from isorod.files import peaks
 
-    found = _each(solution, lambda state: peaks.stress(state, rod, component, u, xi, away))
+    sought = peaks.Sought(rod, component, u, xi, away)
+    found = _each(solution, sought.find)
     # Of a motion that in the end.
     state: Any = solution
     last, there = (state, found) if hasattr(state, "at") else (state[-1], found[-1])
-    peaks.warn(last, rod, component, u, xi, away, there)
+    sought.warn(last, there)
     return found
 
 

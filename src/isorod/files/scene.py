@@ -15,6 +15,7 @@ from isorod.files import changes, schema
 from isorod.files.document import KEYS, Document, Place, as_json, shown
 from isorod.files.form import Call, Form, Name, call, choice
 from isorod.files.rod import RodPlan
+from isorod.files.values import Kind
 from isorod.scenes import GEOMETRY_UNITS, Scene, option
 
 if TYPE_CHECKING:
@@ -258,11 +259,11 @@ class FileScene(Scene):
         }
         found = {}
         for parameter in one.form.parameters.values():
-            if not isinstance(parameter.kind, str) or parameter.kind not in known:
+            if not isinstance(parameter.kind, Kind) or not parameter.kind.name:
                 continue
             said = one.arguments.get(parameter.name)
             if isinstance(said, Name):
-                found[parameter.name] = said.among(known[parameter.kind])
+                found[parameter.name] = said.among(known[parameter.kind.name])
             elif len(rods) > 1:
                 raise one.place.error(f"rod is missing: which of {', '.join(rods)}?")
         return found

@@ -6,7 +6,11 @@ are those of its signature, what they mean is in its docstring.
 
 from dataclasses import replace
 
-from isorod.files.form import BULK, CONSTANTS, CONTACT, DEGREES, FIBRE, PARTNER, POINTS, RADIANS, ROD, SUPPORT, Form
+from isorod.files.angles import DEGREES, RADIANS
+from isorod.files.data import POINTS
+from isorod.files.form import CONTACT, PARTNER, ROD, SUPPORT, Form
+from isorod.files.material import BULK, CONSTANTS, FIBRE
+from isorod.files.values import Kind
 
 CURVES = {
     "straight": Form("isorod.geometry.center_line:straight"),
@@ -58,7 +62,7 @@ SPACE = Form("isorod.space.space:Space", left=("rod", "section_basis"))
 
 
 def _on_rod(target: str, main: str | None = None) -> Form:
-    return Form(target, main, kinds={"body": ROD}, keys={"body": ROD, "which": "end"}, left=("space",))
+    return Form(target, main, kinds={"body": ROD}, keys={"body": "rod", "which": "end"}, left=("space",))
 
 
 def _support(target: str) -> Form:
@@ -97,7 +101,7 @@ ANALYSES = {
 }
 
 
-def _measure(name: str, **kinds: str) -> Form:
+def _measure(name: str, **kinds: Kind) -> Form:
     # The unit is a word for people.
     return Form(f"isorod.files.measures:{name}", kinds=kinds, left=("solution",), more={"unit": str})
 

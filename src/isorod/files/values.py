@@ -1,14 +1,27 @@
 """Values of a scene file, held to what the annotation of a parameter says."""
 
 import re
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Literal, get_args, get_origin
+from typing import Any, Literal, NamedTuple, get_args, get_origin
 
 import numpy as np
 
 from isorod.arrays import Array, Numbers
 from isorod.errors import PLAIN, alternatives, described, fits
 from isorod.files.document import Place, shown
+
+
+class Kind(NamedTuple):
+    """What a value may be that no annotation says: what makes it, of its place and its value, and what it is in words.
+
+    ``name`` is that of what a file knows by names, such as ``"rod"``.
+    """
+
+    make: Callable[[Place, Any], Any]
+    words: str
+    name: str = ""
+
 
 _ARRAYS = (Numbers, Array, Any, object)
 _PLAIN = PLAIN | {
@@ -20,7 +33,7 @@ _UNIT = re.compile(r"\s*[-+]?[\d.]+([eE][-+]?\d+)?\s*[^\d\s].*")
 
 
 def value_of(place: Place, value: Any, kind: Any) -> Any:
-    """Return a value of TOML as one of a kind.
+    """Return a value of TOML as one of a kind: an annotation, or a `Kind`.
 
     Numbers must be finite, lists of the length that the kind has, whole numbers may be written ``8.0``; the name of a
     file is one of a file that is there, beside the scene's.
@@ -30,6 +43,8 @@ def value_of(place: Place, value: Any, kind: Any) -> Any:
     InputError
         If it is none of that kind.
     """
+    if isinstance(kind, Kind):
+        return kind.make(place, value)
     for one in _parts(kind):
         if _is(value, one):
             _refuse_infinite(place, value)
@@ -45,6 +60,8 @@ def value_of(place: Place, value: Any, kind: Any) -> Any:
 
 def words(kind: Any) -> str:
     """Return what a kind is in words."""
+    if isinstance(kind, Kind):
+        return kind.words
     return described(_parts(kind), _PLAIN)
 
 
