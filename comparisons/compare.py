@@ -18,7 +18,7 @@ import numpy as np
 from comparisons import COMPARED
 from comparisons.measure import distance, quantities, timing
 from comparisons.measure.records import Record
-from comparisons.measure.rod import find, settings_of, solve
+from comparisons.measure.rod import find, solve
 from comparisons.measure.sampled import Sample
 from comparisons.measure.study import Run, Steps
 from comparisons.measure.variants import DEFAULT, Variant, variants
@@ -141,9 +141,9 @@ class Comparison:
         found = [quantities.values(one.record, names) for one in meshes]
         reference = quantities.converged([1.0 / one.level for one in meshes], found)
         scene = self.what.scene
-        stresses = list(getattr(scene, "stresses", ()))
+        stresses = list(scene.stresses)
         judge = distance.Judge(reference, finest.sample, names, stresses)
-        said = {"word": self.what.word, "title": getattr(scene, "title", ""), "units": scene.units}
+        said = {"word": self.what.word, "title": scene.title, "units": scene.units}
         self._record("scene", said | {"name": scene_name(self.what), "analysis": scene.analysis, "stresses": stresses})
         self._record("converged", {"quantities": [vars(one) for one in reference], "degree": DEGREE})
         for one in meshes:
@@ -152,7 +152,7 @@ class Comparison:
         self._more(judge, finest)
         default = self._ours(judge)
         with self.steps.step("pictures"):
-            solution, _ = solve(scene, settings_of(scene), 1)
+            solution, _ = solve(scene, scene.settings(), 1)
             rod_pictures.write(self.study, solution, (default, finest.record), finest.sample)
         self._record("end", {})
 

@@ -26,11 +26,11 @@ def _main(words: Sequence[str]) -> int:
         )
         return 0
     scene, found, _ = chosen.choose("mesh", words, (), _more)
-    paths = [Path(name) for name in found.files or [f"{_name(scene)}.msh"]]
+    paths = [Path(name) for name in found.files or [f"{scene.name}.msh"]]
     for path in paths:
         files.check(path)
     order = _order(found.cell_order, found.element, paths)
-    bodies = scene.rods() if hasattr(scene, "rods") else [scene.rod()]
+    bodies = scene.rods()
     mesh = rods.build(bodies, found.level, order)
     exact = sum(rod.volume() for rod in bodies)
     for path in paths:
@@ -68,10 +68,6 @@ def _order(given: int | None, element: str | None, paths: Sequence[Path]) -> int
     if deck and order > max(abaqus.BRICKS):
         raise InputError(f"mesh file {deck}: got cells of order {order}, need 1 or 2; .msh and .vtu take others")
     return order
-
-
-def _name(scene: Any) -> str:
-    return str(scene.name) if hasattr(scene, "content") else type(scene).__name__.lower()
 
 
 if __name__ == "__main__":

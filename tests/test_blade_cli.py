@@ -114,7 +114,6 @@ def refused(blade, tmp_path):
         ("-eps_nev 337", "modes: got 337, need 1 to 336"),
         ("-eps_nev four", "four has no integer value"),
         ("--mass heavy", "--mass: invalid choice: 'heavy'"),
-        ("--load-steps 2", "option --load-steps is not known"),
         ("-eps_max_it 1 -eps_ncv 13", r"SLEPc found \d of 10 in 1 iterations .*raise -eps_max_it"),
         ("-eps_ncv 5", "value of ncv must be at least nev"),
         ("-st_type shift", r"SLEPc found \d of 10 in \d+ iterations"),

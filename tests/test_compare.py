@@ -49,7 +49,7 @@ def fem(arguments):
     """Stand for finite elements: isorod's own solution, off by some quarter of the square of the cells' size."""
     word, level, file = arguments[1], int(arguments[3]), Path(arguments[-1])
     scene = rod.find(word, {})
-    settings = rod.settings_of(scene)
+    settings = scene.settings()
     solution, runs = rod.solve(scene, settings, 1)
     mesh = rods.build([body.space.rod for body in solution.model.bodies], level)
     off = 1.0 + 0.04 / level**2
@@ -376,7 +376,7 @@ def test_a_scene_of_the_package_counts_its_elements_in_its_own_way(tmp_path):
     assert isinstance(blade, Blade) and (blade.elements, blade.degree) == (3, None)
     (tmp_path / "bar.toml").write_text(FILE)
     bar = rod.find(str(tmp_path / "bar.toml"), {"degree": 4})
-    assert isinstance(bar, FileScene) and bar.degree == 4 and rod.settings_of(bar) == {}
+    assert isinstance(bar, FileScene) and bar.degree == 4 and bar.settings() == {}
 
 
 @pytest.mark.slow

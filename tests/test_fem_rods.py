@@ -210,7 +210,7 @@ def test_energies_are_those_of_isorods_laws(name):
 
 
 def test_the_spring_is_that_of_the_other_path_on_the_same_mesh():
-    scene = files.find("spring")()
+    scene = files.find("spring")
     model = scene.model()
     mesh = mesh_of(model)
     one = solve(model, mesh, "statics")
@@ -221,7 +221,7 @@ def test_the_spring_is_that_of_the_other_path_on_the_same_mesh():
 
 
 def test_modes_are_those_of_the_other_path_on_the_same_mesh():
-    scene = files.find("blade")()
+    scene = files.find("blade")
     model = scene.model()
     mesh = mesh_of(model)
     one = solve(model, mesh, "modal", modes=6)
@@ -249,7 +249,7 @@ def test_rigid_modes_are_those_the_supports_leave(components, rigid):
 def test_the_command_answers_what_the_file_asks_for(tmp_path):
     file = tmp_path / "fields.npz"
     record = run(Configuration("spring"), fields=file)
-    scene = files.find("spring")()
+    scene = files.find("spring")
     assert record["force"] == pytest.approx(scene.measure(statics.solve(scene.model()))["force"], rel=0.01)
     arrays = np.load(file)
     assert arrays["displacement"].shape == arrays["points"].shape == arrays["parameters"].shape

@@ -338,7 +338,7 @@ def test_a_muscle_may_be_slack_or_told_its_fibres(written):
 
 
 def test_find_gives_scenes_and_files(written):
-    assert files.find("spring") is Spring
+    assert files.find("spring") == Spring()
     assert isinstance(files.find(written(RING, outline_csv=OUTLINE)), FileScene)
 
 

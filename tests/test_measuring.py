@@ -37,8 +37,8 @@ def clocked(monkeypatch):
 
 
 def test_a_motion_is_measured_with_its_own_settings_and_its_equilibrium_with_none():
-    assert rod.settings_of(Biceps(end_time=0.25))["end_time"] == 0.25
-    assert rod.settings_of(Biceps(statics=True)) == {}
+    assert Biceps(end_time=0.25).settings()["end_time"] == 0.25
+    assert Biceps(statics=True).settings() == {}
 
 
 def test_the_time_is_the_median_of_the_warm_runs(clocked):

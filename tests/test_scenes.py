@@ -68,7 +68,7 @@ def test_scene_says_what_it_is_and_its_fields_have_help(name):
 @pytest.mark.parametrize("name", scenes.SCENES)
 def test_rod_of_a_scene_does_not_fold(name):
     scene = scenes.find(name)()
-    for rod in scene.rods() if hasattr(scene, "rods") else [scene.rod()]:
+    for rod in scene.rods():
         assert rod.check() > 0
 
 

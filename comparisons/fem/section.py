@@ -242,7 +242,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = parser.parse_args(arguments)
     try:
         scene: Any = files.find(given.scene)
-        scene = scene() if isinstance(scene, type) else scene
         if scene.analysis == "geometry":
             raise InputError(f"{given.scene}: geometry alone, without laws")
         bodies = scene.model().bodies

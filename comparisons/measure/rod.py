@@ -5,7 +5,6 @@
 Prints one JSON line.  The first run is cold; the others, in the same process, are warm.
 """
 
-import dataclasses
 import json
 import sys
 from collections.abc import Mapping, Sequence
@@ -25,16 +24,7 @@ WHOLE = "--whole"
 
 def find(name: str, values: Mapping[str, Any]) -> Any:
     """Return a scene of the package, or that of a file, with those of its fields that are not None."""
-    scene = files.find(name)
-    given = {key: value for key, value in values.items() if value is not None}
-    if isinstance(scene, type):
-        return scene(**given)
-    return dataclasses.replace(scene, **given) if given else scene
-
-
-def settings_of(scene: Any) -> dict[str, Any]:
-    """Return the keyword arguments of a scene's analysis: what its file says, or those of its motion."""
-    return scene.settings() if hasattr(scene, "content") or scene.analysis == "dynamics" else {}
+    return files.find(name).with_options(**values)
 
 
 def solve(
@@ -115,7 +105,7 @@ def _main(arguments: Sequence[str]) -> int:
     found = parser.known(ours[1:])
     scene = find(name, field_values(found, known) | {"spaces": found.spaces})
     options.initialize(theirs)
-    settings = settings_of(scene)
+    settings = scene.settings()
     solution, runs = solve(scene, settings, found.repeat, found.whole)
     values = record(scene, solution, runs, settings, theirs)
     if found.estimate:

@@ -92,7 +92,7 @@ def _label(base: Mapping[str, int], changed: Mapping[str, int]) -> str:
 
 def _words(scene: Any, model: Any, base: Mapping[str, int], changed: Mapping[str, int]) -> tuple[str, ...]:
     """Return options of the command line: of a file the spaces of its rods, with the short elements that they have."""
-    if model is not None and hasattr(scene, "content"):
+    if model is not None and scene.content is not None:
         spaces = [_changed(body.space, changed, base.get("elements")) for body in model.bodies]
         return "--spaces", json.dumps(scene.on(spaces).spaces)
     names = {field.name for field in dataclasses.fields(scene)}

@@ -37,8 +37,8 @@ def bar() -> Any:
 def best() -> Blade:
     """Return the blade on the best discretisation known by hand."""
     parser = Parser()
-    add_fields(parser, Blade)
-    return Blade(**field_values(parser.parse_args(BEST[TOLERANCE][0].split()), Blade))
+    add_fields(parser, Blade())
+    return Blade(**field_values(parser.parse_args(BEST[TOLERANCE][0].split()), Blade()))
 
 
 def measure(turns: int) -> dict[str, float]:

@@ -1,7 +1,6 @@
 """A scene of isorod's, built in or from a file, in dolfinx: the mesh of its rods, the solution, and the record."""
 
 from collections.abc import Mapping
-from contextlib import nullcontext
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from time import perf_counter
@@ -120,16 +119,15 @@ def run(
     """
     if comm.size > 1:
         raise InputError("rods: only on one rank")
-    found = files.find(configuration.name)
-    scene: Any = found() if isinstance(found, type) else found
+    scene: Any = files.find(configuration.name)
     if scene.analysis not in _SETTINGS:
         raise InputError(
             f"{configuration.name}: got {scene.analysis}; the finite element side has statics and modes only"
             + ("; biceps has a study of its own" if scene.analysis == "dynamics" else "")
         )
-    given = scene.settings() if hasattr(scene, "settings") else {}
+    given = scene.settings()
     settings = {name: given[name] for name in _SETTINGS[scene.analysis] if name in given}
-    with getattr(scene, "told", nullcontext)():
+    with scene.told():
         model = scene.model()
         if scene.analysis == "modal":
             _refuse_loaded(configuration.name, model, given)
@@ -147,7 +145,7 @@ def run(
         write_arrays(fields, **solution.fields())
     kept = ("residuals", "rigid", "below") if scene.analysis == "modal" else ("residual_norms", "reactions", "moments")
     return {
-        "scene": getattr(scene, "name", configuration.name),
+        "scene": scene.name,
         "analysis": scene.analysis,
         **scene.measure(solution),
         **{name: getattr(solution, name) for name in kept},
@@ -159,7 +157,7 @@ def run(
         "formulation": "displacement",
         "units": scene.units,
         "options": asdict(configuration) | {"quadrature": Element(configuration.degree).rule(mesh.shape)},
-        "scene_options": scene.content if hasattr(scene, "content") else asdict(scene),
+        "scene_options": scene.options["options"],
         "settings": settings,
         "petsc_options": solution.options,
         **record,

@@ -1,7 +1,6 @@
 """The scene that words of a command line choose, with its options and those of its analysis."""
 
 import argparse
-import dataclasses
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
@@ -14,7 +13,7 @@ PETSC = "Options with a single dash go to PETSc untouched (-snes_monitor, -ksp_t
 # Commands that solve nothing, and take none of PETSc's options.
 _ALONE = ("show",)
 
-# Adds the options of a command to a parser, of a scene's class or of the scene of a file.
+# Adds the options of a command to a parser of a scene's.
 More = Callable[[Parser, Any], None]
 
 
@@ -46,7 +45,7 @@ def choose(command: str, ours: Sequence[str], theirs: Sequence[str], more: More)
     place, scene, parser = find(command, ours, theirs, more)
     words = [*ours[:place], *ours[place + 1 :]]
     found = parser.known(words)
-    return Chosen(_typed(scene, found), found, words)
+    return Chosen(scene.with_options(**field_values(found, scene)), found, words)
 
 
 def usage(command: str, ours: Sequence[str], theirs: Sequence[str]) -> bool:
@@ -61,7 +60,7 @@ def usage(command: str, ours: Sequence[str], theirs: Sequence[str]) -> bool:
 
 
 def find(command: str, ours: Sequence[str], theirs: Sequence[str], more: More) -> tuple[int, Any, Parser]:
-    """Return where the scene's name stands, also behind options, its class or the scene of a file, and its parser.
+    """Return where the scene's name stands, also behind options, the scene without options, and its parser.
 
     A name that is the value of an option before it is not meant.
     """
@@ -81,85 +80,52 @@ def find(command: str, ours: Sequence[str], theirs: Sequence[str], more: More) -
     raise InputError(f"scene missing; known: {names}; put it first: isorod {command} SCENE {[*ours, *theirs][0]}")
 
 
-def _typed(scene: Any, found: argparse.Namespace) -> Any:
-    """Return the scene of a class, or that of a file, with the options that were typed."""
-    if isinstance(scene, type):
-        return scene(**field_values(found, scene))
-    names = {field.name for field in dataclasses.fields(scene)}
-    typed = {name: value for name, value in vars(found).items() if name in names and value is not None}
-    return dataclasses.replace(scene, **typed) if typed else scene
-
-
 def _is_scene(word: str) -> bool:
     return word in scenes.SCENES or (word.endswith(".toml") and not word.startswith("-"))
 
 
 def _parser(command: str, name: str, scene: Any, more: More) -> Parser:
-    """Return the parser of the fields of a scene class, or of a file's scene, and of a command's own options."""
-    description = first_line(scene) if isinstance(scene, type) else scene.title
+    """Return the parser of a scene's options, and of a command's own."""
     about = None if command in _ALONE else PETSC
-    parser = Parser(prog=f"isorod {command} {name}", description=description, epilog=about, allow_abbrev=False)
-    if isinstance(scene, type) or scene.analysis != "geometry":
-        add_fields(parser, scene)
+    parser = Parser(prog=f"isorod {command} {name}", description=scene.title, epilog=about, allow_abbrev=False)
+    add_fields(parser, scene)
     more(parser, scene)
-    if not isinstance(scene, type):
-        parser.add_argument(
-            "--set",
-            action="append",
-            dest="changes",
-            metavar="PATH=VALUE",
-            help="override a value of the file: rod.NAME.law.NeoHookean.nu=0.3, support.NAME.displacement.2=0.5 "
-            "(may be repeated)",
-        )
-        # What is not typed is as the file says.
-        known = {action.dest for action in parser._actions}
-        parser.set_defaults(**{name: None for name in _FROM_FILE if name in known})
     return parser
 
 
-# Options of analyses that files too give.
-_FROM_FILE = "load_steps", "at_rest", "modes", "mass", "integrator"
+def with_load_steps(parser: Parser, scene: Any) -> None:
+    """Add the option of load steps; what is not typed is as the scene says."""
+    parser.add_argument(
+        "--load-steps", type=int, metavar="int", help=f"initial number of equal load steps ({scene.load_steps})"
+    )
 
 
 def with_analysis(parser: Parser, scene: Any) -> None:
-    """Add what the analyses of a scene can be told, but for what keeps and refines them."""
+    """Add the options of a scene's analyses, but for what keeps and refines them; None is as the scene says."""
     analyses = scenes.analyses(scene)
+    if {"statics", "modal"} & {*analyses}:
+        with_load_steps(parser, scene)
     if "statics" in analyses:
-        steps = getattr(scene, "load_steps", 1)
-        parser.add_argument(
-            "--load-steps", type=int, default=steps, metavar="int", help=f"initial number of equal load steps ({steps})"
-        )
         parser.add_argument(
             "--stable", action="store_true", help="from an unstable equilibrium continue to a stable one"
         )
     if "modal" in analyses:
-        parser.add_argument(
-            "--modes", type=int, default=10, metavar="int", help="number of modes besides rigid-body modes (10)"
-        )
+        parser.add_argument("--modes", type=int, metavar="int", help="number of modes besides rigid-body modes (10)")
         parser.add_argument(
             "--mass",
             choices=("consistent", "lumped"),
-            default="consistent",
             help="mass matrix (consistent); lumped is right for bending, not for torsion",
         )
-        # A scene of a class that has modes has no loads.
-        if not isinstance(scene, type):
-            parser.add_argument(
-                "--load-steps",
-                type=int,
-                metavar="int",
-                help="initial number of equal load steps to the equilibrium (1)",
-            )
-            parser.add_argument(
-                "--at-rest",
-                action="store_true",
-                help="modes of the undeformed state: no loads, prescribed displacements or spin",
-            )
+        parser.add_argument(
+            "--at-rest",
+            action="store_const",
+            const=True,
+            help="modes of the undeformed state: no loads, prescribed displacements or spin",
+        )
     if "dynamics" in analyses:
         parser.add_argument(
             "--integrator",
             choices=("explicit", "implicit"),
-            default="explicit",
             help="time integration (explicit); implicit is unconditionally stable",
         )
 
@@ -178,8 +144,3 @@ def settings(scene: Any, found: argparse.Namespace) -> dict[str, Any]:
             raise InputError(f"load steps: got {found.load_steps}, need at least 1")
         typed = {"load_steps": found.load_steps, "stable": getattr(found, "stable", None) or None}
     return own | {name: value for name, value in typed.items() if value is not None}
-
-
-def first_line(scene_type: Any) -> str:
-    """Return the first line of what a scene's class says of itself."""
-    return (scene_type.__doc__ or "").strip().splitlines()[0]

@@ -6,7 +6,7 @@ from importlib import import_module
 from typing import NamedTuple
 
 from isorod import __version__, memory, scenes
-from isorod.command import chosen, ending, notes
+from isorod.command import ending, notes
 from isorod.command.parser import Parser, split
 from isorod.errors import InputError
 
@@ -58,7 +58,7 @@ def command(arguments: Sequence[str]) -> int:
     if found.command == "list":
         for name in scenes.SCENES:
             scene = scenes.find(name)
-            print(f"{name:10s} {scenes.analyses(scene)[0]:10s} {chosen.first_line(scene)}")
+            print(f"{name:10s} {scenes.analyses(scene)[0]:10s} {scene.title}")
         return 0
     if found.command == "new":
         from isorod.command import new as starter

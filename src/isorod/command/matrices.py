@@ -35,20 +35,14 @@ def main(ours: Sequence[str], theirs: Sequence[str]) -> int:
 
 
 def _more(parser: Parser, scene: Any) -> None:
-    # A scene of a class that has modes has no loads.
-    if "statics" in scenes.analyses(scene) or (scene.analysis == "modal" and not isinstance(scene, type)):
-        steps = getattr(scene, "load_steps", 1)
-        parser.add_argument(
-            "--load-steps", type=int, default=steps, metavar="int", help=f"initial number of equal load steps ({steps})"
-        )
+    if {"statics", "modal"} & {*scenes.analyses(scene)}:
+        chosen.with_load_steps(parser, scene)
     parser.add_argument(
         "--at-rest",
         action="store_true",
         help="linearise about the undeformed state (statics and modes: about the equilibrium; dynamics: undeformed)",
     )
-    parser.add_argument(
-        "--mass", choices=("consistent", "lumped"), default="consistent", help="mass matrix (consistent)"
-    )
+    parser.add_argument("--mass", choices=("consistent", "lumped"), help="mass matrix (consistent)")
     parser.add_argument("--output", metavar="DIR", required=True, help="write into this folder, a new or an empty one")
 
 

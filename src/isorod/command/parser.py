@@ -1,7 +1,6 @@
 """The command line: our options and PETSc's told apart, scenes' fields as options."""
 
 import argparse
-import dataclasses
 import difflib
 import re
 import types
@@ -65,28 +64,30 @@ class Parser(argparse.ArgumentParser):
         return action is not None and action.nargs != 0
 
 
-def add_fields(parser: argparse.ArgumentParser, scene_type: Any) -> None:
-    """Make each field of a scene a ``--long-option``; true or false ones (false where not given) take no value."""
-    for field in _options(scene_type):
+def add_fields(parser: argparse.ArgumentParser, scene: Any) -> None:
+    """Make each option of a scene a ``--long-option``.
+
+    True or false ones (false where not given) take no value, sequences may be repeated.
+    """
+    for field in scene.option_fields:
         kind: Any = field.type
         if isinstance(kind, types.UnionType):
             kind = typing.get_args(kind)[0]
+        flag = field.metadata.get("flag", "--" + field.name.replace("_", "-"))
+        if typing.get_origin(kind) is Sequence:
+            more = {name: field.metadata[name] for name in ("help", "metavar")}
+            parser.add_argument(flag, dest=field.name, action="append", **more)
+            continue
         shown = field.metadata["help"] + ("" if field.default is None else f" ({field.default})")
-        flag = "--" + field.name.replace("_", "-")
         if kind is bool:
             parser.add_argument(flag, dest=field.name, action="store_true", help=field.metadata["help"])
             continue
         parser.add_argument(flag, dest=field.name, type=kind, default=field.default, metavar=kind.__name__, help=shown)
 
 
-def field_values(found: argparse.Namespace, scene_type: Any) -> dict[str, Any]:
-    """Return a scene's fields as parsed."""
-    return {field.name: getattr(found, field.name) for field in _options(scene_type)}
-
-
-def _options(scene_type: Any) -> list[dataclasses.Field[Any]]:
-    """Return those fields of a scene, or of its class, that are options."""
-    return [field for field in dataclasses.fields(scene_type) if "help" in field.metadata]
+def field_values(found: argparse.Namespace, scene: Any) -> dict[str, Any]:
+    """Return a scene's options as parsed."""
+    return {field.name: getattr(found, field.name) for field in scene.option_fields}
 
 
 def split(arguments: Sequence[str]) -> tuple[list[str], list[str]]:

@@ -11,7 +11,7 @@ from isorod import scenes
 
 
 def find(name: str) -> Any:
-    """Return the scene of a file, whose name ends in ``.toml``, or the scene class of that name.
+    """Return the scene of a file, whose name ends in ``.toml``, or the ready one of that name, as it is by default.
 
     Raises
     ------
@@ -19,7 +19,7 @@ def find(name: str) -> Any:
         If there is none, or the file cannot be used: with line and place.
     """
     if not name.endswith(".toml"):
-        return scenes.find(name)
+        return scenes.find(name)()
     from isorod.files.scene import FileScene
 
     return FileScene(name)

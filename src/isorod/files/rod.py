@@ -2,7 +2,7 @@
 
 import warnings
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -20,6 +20,36 @@ if TYPE_CHECKING:
 _LOOKS, _OFF_CENTRE = 16, np.array([[0.5, 0.0]])
 
 
+class Use(NamedTuple):
+    """What a scene does with a rod, by which its space is chosen where nothing is given.
+
+    Attributes
+    ----------
+    touching
+        Whether it is in contact, in statics or modes.
+    surface
+        Whether section functions have to be those of control points on the surface.
+    stressed
+        Whether stresses are wanted.
+    explicit
+        Whether steps in time are explicit, so that the shortest element sets their length.
+    loaded
+        Axis parameters of sections on which loads act.
+    angle
+        By which supports turn it in all, radians.
+    patches
+        Where something small presses on it.
+    """
+
+    touching: bool
+    surface: bool
+    stressed: bool
+    explicit: bool
+    loaded: list[float]
+    angle: float
+    patches: "Sequence[Patch]"
+
+
 class RodPlan:
     """What a file says of a rod.
 
@@ -32,11 +62,7 @@ class RodPlan:
     KEYS = ("curve", "section", "law", "space")
 
     def __init__(self, place: Place, table: Mapping[str, Any]) -> None:
-        self.place, self._touches, self._carries = place, False, False
-        self.patches: Sequence[Patch] = ()
-        # Axis parameters of sections on which loads act; by which angle supports turn it in all, radians.
-        self.loaded: list[float] = []
-        self.angle = 0.0
+        self.place = place
         sweep = {key: one for key, one in table.items() if key in schema.SWEEP.parameters}
         self._sweep = call(place, schema.SWEEP, sweep)
         rings = {key: one for key, one in table.items() if key in schema.RINGS.parameters}
@@ -66,22 +92,6 @@ class RodPlan:
         self.ringed = self._rings is not None
         self.free = not self.space.arguments and len(self.laws) == 1 and self._rings is None
 
-    def take_surface_points(self) -> None:
-        """Let the section functions be those of control points, if nothing is told of them."""
-        from isorod.space.choice import ORDER
-
-        if not {"order", "section_points", "section_degree"} & set(self.space.arguments):
-            self.space.arguments["order"] = ORDER
-
-    def touch(self) -> None:
-        """Let the rod be one that suits contact: as `take_surface_points`, and without kinks between elements."""
-        self.take_surface_points()
-        self._touches = True
-
-    def carry(self) -> None:
-        """Let the section functions be such that stresses are right, if nothing is told of them."""
-        self._carries = not {"order", "section_points", "section_degree"} & set(self.space.arguments)
-
     def _section(self, table: Mapping[str, Any], scaled: bool) -> Call:
         """Return the section: of a curve with radii the unit circle where it is not given."""
         if "section" in table or scaled:
@@ -108,7 +118,7 @@ class RodPlan:
             warnings.warn(f"{self.place}: {one.message}", one.category, stacklevel=2)
         return rod if self._rings is None else self._rings.make(self=rod)
 
-    def _along(self, rod: "Rod") -> dict[str, Any]:
+    def _along(self, rod: "Rod", use: Use) -> dict[str, Any]:
         """Return what a space is told of the axis where that is not given and more is known than the rod's shape.
 
         It touches others, supports turn it, loads act on sections, or laws differ between elements of the curve, so
@@ -119,34 +129,40 @@ class RodPlan:
         given = self.space.arguments
         elements, degree, continuity = (given.get(key) for key in ("elements", "degree", "continuity"))
         found: dict[str, Any] = {}
-        if self._touches:
-            found = chosen.touching(rod, elements, degree, continuity, self.angle)
+        if use.touching:
+            found = chosen.touching(rod, elements, degree, continuity, use.angle)
         elif elements is None:
-            if self.angle:
-                found = chosen.turned(rod, self.angle, degree, continuity)
+            if use.angle:
+                found = chosen.turned(rod, use.angle, degree, continuity)
             first, last = rod.axis.breaks[[0, -1]]
-            places = [u for u in self.loaded if first < u < last and not rod.closed]
+            places = [u for u in use.loaded if first < u < last and not rod.closed]
             if len(self.laws) > 1 and len(rod.rings) == 2:
                 places += rod.axis.breaks[1:-1].tolist()
                 found["continuity"] = 0
             if places:
-                found["knots"] = chosen.boundary_layers(rod, degree, places, self.angle)
+                found["knots"] = chosen.boundary_layers(rod, degree, places, use.angle)
+        if use.explicit:
+            found["knots"] = ()
         return {name: value for name, value in found.items() if name not in given}
 
-    def _across(self, rod: "Rod", laws: Sequence[Any]) -> dict[str, int]:
-        """Return section functions with which stresses are right, if these are others than a space chooses."""
+    def _across(self, rod: "Rod", laws: Sequence[Any], use: Use) -> dict[str, int]:
+        """Return section functions that suit the rod's use, if none are given and these are others than are chosen."""
         from isorod.material.law import reach
         from isorod.material.places import Places
         from isorod.space import choice as chosen
 
-        if self._touches or not self._carries:
+        if {"order", "section_points", "section_degree"} & set(self.space.arguments):
+            return {}
+        if use.surface:
+            return {"order": chosen.ORDER}
+        if not use.stressed:
             return {}
         breaks = rod.axis.breaks[:: -(-rod.axis.elements // _LOOKS)]
         places = Places(rod, 0.5 * (breaks[:-1] + breaks[1:])[:, None], _OFF_CENTRE)
         found = chosen.stressed(rod, max((reach(law, places) for law in laws if law.families), default=0.0))
         return {} if found == chosen.section(rod) else found
 
-    def body(self) -> "Body":
+    def body(self, use: Use) -> "Body":
         """Return the body."""
         if not self.laws:
             raise self.place.error(f"law is missing: one of {', '.join(schema.LAWS)}")
@@ -157,12 +173,12 @@ class RodPlan:
         if len(laws) not in (1, places):
             each = f"the {own} elements of the curve" if rings == 1 else f"the {rings} rings of the section"
             raise (self.place / "law").error(f"got {len(laws)} laws for {each}, need one, or one for each")
-        if self.patches:
+        if use.patches:
             from isorod.space.closer import closer
-        if self.patches:
-            space = closer(rod, self.patches)
+
+            space = closer(rod, use.patches)
         else:
-            space = self.space.make(rod=rod, **self._along(rod), **self._across(rod, laws))
+            space = self.space.make(rod=rod, **self._along(rod, use), **self._across(rod, laws, use))
         material = laws[0] if len(laws) == 1 else laws
         told = self._body or call(self.place, schema.BODY, {})
         body: Body = told.make(space=space, material=material)

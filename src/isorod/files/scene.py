@@ -4,7 +4,7 @@ import inspect
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import Field, dataclass, field, replace
 from functools import partial
 from math import dist
 from pathlib import Path
@@ -14,7 +14,7 @@ from isorod.errors import InputError, SolveError
 from isorod.files import changes, schema
 from isorod.files.document import KEYS, Document, Place, as_json, shown
 from isorod.files.form import Call, Form, Name, call, choice
-from isorod.files.rod import RodPlan
+from isorod.files.rod import RodPlan, Use
 from isorod.files.values import Kind
 from isorod.scenes import GEOMETRY_UNITS, Scene, option
 
@@ -26,6 +26,11 @@ if TYPE_CHECKING:
 
 # Of each analysis the class of its solutions.
 _SOLUTIONS = {"statics": "Equilibrium", "modal": "Modes", "dynamics": "History"}
+
+# Options of all spaces.
+_SPACE = ("elements", "order", "section_points", "section_degree", "degree", "continuity", "quadrature")
+
+_SET = "override a value of the file: rod.NAME.law.NeoHookean.nu=0.3, support.NAME.displacement.2=0.5 (may be repeated)"
 
 _FORCE = "(of force: the unit of E times that of length squared)"
 
@@ -85,7 +90,7 @@ class FileScene(Scene):
     quadrature: str | None = _space("quadrature rule: auto, full, paper, RxS or RxSxT such as 2x1x4")
     spaces: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     patches: "Mapping[int, Sequence[Patch]]" = field(default_factory=dict)
-    changes: Sequence[str] = ()
+    changes: Sequence[str] = option((), _SET, flag="--set", metavar="PATH=VALUE")
 
     def __post_init__(self) -> None:
         document = Document(self.path)
@@ -105,9 +110,6 @@ class FileScene(Scene):
         self.plans = {name: RodPlan(place, table) for name, place, table in self._named("rod", RodPlan.KEYS)}
         if not self.plans:
             raise top.error("no rod is in it: [rod.NAME]")
-        for plan, patches in ((list(self.plans.values())[k], found) for k, found in self.patches.items()):
-            plan.patches = patches
-        self._suit_spaces()
         self._supports = self._choices("support", schema.SUPPORTS)
         self._loads = self._choices("load", schema.LOADS)
         self._obstacles = self._choices("obstacle", schema.OBSTACLES)
@@ -116,65 +118,57 @@ class FileScene(Scene):
         if "spin" in self.content:
             self._spin = call(top / "spin", schema.SPIN, (top / "spin").table(self.content["spin"]))
         self._check_names()
-        self._burden_rods()
         self.units: dict[str, str] = {}
         self.stresses: list[str] = []
         self._measures = dict(self._asked())
+
+    @property
+    def option_fields(self) -> list[Field[Any]]:
+        """The fields that are options: of geometry alone none that spaces have."""
+        return [one for one in super().option_fields if self.analysis != "geometry" or one.name not in _SPACE]
 
     def _tell_spaces(self) -> None:
         """Let what was given for the spaces of all rods, and what the file says of them, be the same."""
         named = {name: table for name, _, table in self._named("rod", RodPlan.KEYS)}
         rods = [*named.values()]
-        for name in (one.name for one in fields(self) if one.metadata):
+        for name in _SPACE:
             given = getattr(self, name)
             for table in rods if given is not None else ():
                 if isinstance(space := table.setdefault("space", {}), dict):
                     space[name] = given
         for rod, space in self.spaces.items():
             named[rod]["space"] = dict(space)
-        for name in (one.name for one in fields(self) if one.metadata):
+        for name in _SPACE:
             spaces = [table.get("space", {}) for table in rods]
             said = [space.get(name) for space in spaces if isinstance(space, dict)]
             setattr(self, name, said[0] if said and all(one == said[0] for one in said) else None)
 
-    def _suit_spaces(self) -> None:
-        """Let spaces of which nothing else is told suit the scene: surfaces that touch or are held, explicit steps."""
-        touching: list[Any] = []
-        for _, place, table in self._named("contact"):
-            for key in ("first", "second"):
-                said = table.get(key)
-                names = said if isinstance(said, list) else [said]
-                touching += names
-                ringed = next((one for one in self.plans if one in names and self.plans[one].ringed), None)
-                if ringed is not None:
-                    raise (place / key).error(
-                        f"contact needs solid rods of a single material, and rod {ringed} has a hole or layers; "
-                        "leave out its rings, or this contact"
-                    )
-        only = next(iter(self.plans))
-        held = [table.get("rod", only) for _, _, table in self._named("support") if "patch" in table]
-        for name, plan in self.plans.items():
+    def _use(self, number: int) -> Use:
+        """Return what the scene does with a rod."""
+        supports, loads = (
+            [one for one in group.values() if self._names(one).get("body", 0) == number]
+            for group in (self._supports, self._loads)
+        )
+        turns = [one.arguments.get("turn", (0.0, 0.0, 0.0)) for one in supports]
+        touching = [*self.plans][number] in [name for _, name in self._touching()]
+        held = any(one.form is schema.SUPPORTS["patch"] for one in supports)
+        return Use(
             # A motion seeks contact at each of many steps, the shorter the smaller the elements are.
-            if name in touching and self.analysis in ("statics", "modal"):
-                plan.touch()
-            elif name in touching or name in held:
-                plan.take_surface_points()
-            elif self.analysis == "statics":
-                plan.carry()
-            if self._is_explicit():
-                # The shortest element sets the time step.
-                plan.space.arguments.setdefault("knots", ())
+            touching=touching and self.analysis in ("statics", "modal"),
+            surface=touching or held,
+            stressed=self.analysis == "statics",
+            explicit=self._is_explicit(),
+            loaded=[float(u) for one in loads if isinstance(u := one.arguments.get("u"), float | int)],
+            angle=max((dist(one, other) for one in turns for other in turns), default=0.0),
+            patches=self.patches.get(number, ()),
+        )
 
-    def _burden_rods(self) -> None:
-        """Tell rods where loads act on their sections, and by how much their supports turn, one against another."""
-        for k, plan in enumerate(self.plans.values()):
-            loads, own = (
-                [one.arguments for one in group.values() if self._names(one).get("body", 0) == k]
-                for group in (self._loads, self._supports)
-            )
-            plan.loaded = [float(one["u"]) for one in loads if isinstance(one.get("u"), float | int)]
-            turns = [one.get("turn", (0.0, 0.0, 0.0)) for one in own]
-            plan.angle = max(dist(one, other) for one in turns for other in turns) if turns else 0.0
+    def _touching(self) -> Iterator[tuple[Place, str]]:
+        """Yield the names of what touches, and where they stand."""
+        for one in self._contacts.values():
+            for key in ("first", "second"):
+                if isinstance(said := one.arguments.get(key), Name):
+                    yield said
 
     def _is_explicit(self) -> bool:
         """Return whether the analysis is of explicit steps; what it is told is checked when it is read (`settings`)."""
@@ -219,6 +213,12 @@ class FileScene(Scene):
         """Raise `InputError` if a rod, an obstacle or a contact is named that is not there, or which is not said."""
         for one in [*self._supports.values(), *self._loads.values(), *self._contacts.values()]:
             self._names(one)
+        for place, name in self._touching():
+            if name in self.plans and self.plans[name].ringed:
+                raise place.error(
+                    f"contact needs solid rods of a single material, and rod {name} has a hole or layers; leave out "
+                    "its rings, or this contact"
+                )
         both = next((name for name in self._obstacles if name in self.plans), None)
         if both is not None:
             raise (self._top / "obstacle" / both).error("a rod has this name; choose another")
@@ -288,10 +288,10 @@ class FileScene(Scene):
 
     def on(self, spaces: "Sequence[Space]") -> "FileScene":
         """Return the same scene with its rods on these spaces, one a rod."""
-        told, keys = {}, [one.name for one in fields(self) if one.metadata]
-        rest: dict[str, Any] = dict.fromkeys(keys)
+        told: dict[str, dict[str, Any]] = {}
+        rest: dict[str, Any] = dict.fromkeys(_SPACE)
         for name, space in zip(self.plans, spaces, strict=True):
-            told[name] = {key: getattr(space, key) for key in keys if getattr(space, key) is not None}
+            told[name] = {key: getattr(space, key) for key in _SPACE if getattr(space, key) is not None}
             if space.knots:
                 told[name]["knots"] = list(space.knots)
             if space.section_degree is None:
@@ -315,7 +315,7 @@ class FileScene(Scene):
         """Return the model; raises `InputError` with file, line and place."""
         from isorod.model.model import Model
 
-        bodies = [plan.body() for plan in self.plans.values()]
+        bodies = [plan.body(self._use(k)) for k, plan in enumerate(self.plans.values())]
 
         def placed(one: Call) -> Any:
             names = self._names(one)

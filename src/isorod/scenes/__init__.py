@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 # Names on the command line: those of the files here.  Each is imported only when it is asked for.
 SCENES = tuple(sorted(module.name for module in iter_modules(__path__)))
 
+# Fields that a space has as well.
+_ELEMENT = ("order", "section_degree", "degree", "continuity", "quadrature")
 
 # Those of a scene that is geometry only.
 GEOMETRY_UNITS = {
@@ -34,20 +36,25 @@ GEOMETRY_UNITS = {
 }
 
 
-def option(default: Any, text: str) -> Any:
-    """Return a dataclass field that is a command line option; ``text`` says what it is and in which unit."""
-    return dataclasses.field(default=default, metadata={"help": text})
+def option(default: Any, text: str, **more: str) -> Any:
+    """Return a dataclass field that is a command line option; ``text`` says what it is and in which unit.
+
+    ``more`` may have a ``flag`` in the place of the field's name, and a ``metavar``.
+    """
+    return dataclasses.field(default=default, metadata={"help": text, **more})
 
 
 class Scene(Checked):
-    """What commands ask of any scene, as far as it is the same for all that are classes.
+    """The protocol of scenes, which is all that commands ask; what is here is the same for all Python scenes.
 
     Attributes
     ----------
     name, title
         What it is called, and what it is in a line.
     stresses
-        The names of those that are stresses.
+        The names of those results that are stresses.
+    load_steps
+        Initial number of equal load steps of statics.
     content
         All that the scene's file says; None where there is none.
     """
@@ -56,13 +63,24 @@ class Scene(Checked):
     title: Any = ""
     stresses: Sequence[str] = ()
     content: Any = None
+    load_steps: ClassVar[int] = 1
 
     def __init_subclass__(cls) -> None:
-        cls.name = cls.title = cls.__name__.lower()
+        cls.name, cls.title = cls.__name__.lower(), (cls.__doc__ or "").strip().partition("\n")[0]
+
+    @property
+    def option_fields(self) -> "list[dataclasses.Field[Any]]":
+        """The fields that are options of the command line."""
+        return [field for field in _fields(self) if "help" in field.metadata]
+
+    def with_options(self, **options: Any) -> Any:
+        """Return the scene with options; those that are None stay as they are."""
+        given = {name: value for name, value in options.items() if value is not None}
+        return dataclasses.replace(cast(Any, self), **given) if given else self
 
     def settings(self) -> dict[str, Any]:
         """Return the keyword arguments of the analysis."""
-        return {}
+        return {} if self.load_steps == 1 else {"load_steps": self.load_steps}
 
     def rod(self) -> "Rod":
         """Return the only rod, as first built."""
@@ -87,6 +105,21 @@ class Scene(Checked):
         ]
         return ", ".join(changed) or "options as they are by default"
 
+    def space_of(self, rod: "Rod", **changed: Any) -> "Space":
+        """Return the space of a rod that does not fold, by the scene's fields of the names of its parameters.
+
+        A scene without ``continuity`` has splines as smooth as their degree allows; ``changed`` takes the place of
+        fields.
+        """
+        from isorod.space.space import Space
+
+        rod.check()
+        names = {field.name for field in _fields(self)} & {"elements", *_ELEMENT}
+        given = {name: getattr(self, name) for name in names} | changed
+        if "continuity" not in given:
+            given["continuity"] = given["degree"] - 1
+        return Space(rod, **given)
+
     def rod_names(self) -> list[str]:
         """Return the names of the rods, where they have names."""
         return []
@@ -107,8 +140,7 @@ class Scene(Checked):
         """Return the scene on these spaces of its rods; a scene of a class has the same for all of them."""
         space = spaces[0]
         names = {field.name for field in _fields(self)}
-        kept = ("order", "section_degree", "degree", "continuity", "quadrature")
-        changed = {name: getattr(space, name) for name in kept if name in names}
+        changed = {name: getattr(space, name) for name in _ELEMENT if name in names}
         if space.section_degree is None:
             changed["section_points"] = space.points_around
         scene, elements = cast(Any, self), cast(int, space.elements)
@@ -135,6 +167,10 @@ class Preset(Scene):
     """What is taken without a preset where the rod's shape does not choose it."""
 
     preset: str | None
+
+    def with_options(self, **options: Any) -> Any:
+        """Return the scene with options in the place of all, so that what was chosen does not count as given."""
+        return type(self)(**{name: value for name, value in options.items() if value is not None})
 
     @property
     def suits(self) -> Mapping[str, Any]:

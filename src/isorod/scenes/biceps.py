@@ -2,21 +2,17 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, cast
+from typing import Any, ClassVar, cast
 
 import numpy as np
 
+import isorod
 from isorod.arrays import Array
-from isorod.errors import InputError, whole_number
+from isorod.errors import InputError, positive, whole_number
 from isorod.geometry import section
 from isorod.geometry.axis import Axis
 from isorod.geometry.rod import Rod
 from isorod.scenes import Preset, option, preset
-
-if TYPE_CHECKING:
-    from isorod.dynamics.history import History
-    from isorod.model.model import Model
-    from isorod.statics.analysis import Equilibrium
 
 # Elements of a branch as first built: tendon, three of muscle, tendon.
 ELEMENTS = 5
@@ -155,9 +151,7 @@ class Biceps(Preset):
     def rods(self) -> tuple[Rod, Rod]:
         """Return the branches at ``x < 0`` and ``x > 0`` as first built: five quadratic elements, seven layers."""
         for name in LENGTHS:
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value > 0.0):
-                raise InputError(f"{name.replace('_', ' ')}: got {value:g}, need a positive length in cm")
+            positive(name.replace("_", " "), getattr(self, name), "a positive length in cm")
         if self.tendon_radius > self.belly_radius:
             raise InputError(
                 f"tendon radius: got {self.tendon_radius:g}, "
@@ -201,54 +195,38 @@ class Biceps(Preset):
         stretches = self._radii()[:, None, None] * np.eye(3)
         return Rod.sweep(section.circle(cast(int, self.section_points)), axis, centers, rotations, stretches)
 
-    def model(self) -> "Model":
+    def model(self) -> "isorod.Model":
         """Return the model: tendons neo-Hookean, muscle with fibres, all ends held, bellies in contact.
 
         Bodies are the branches at ``x < 0`` and ``x > 0``; supports the lower and the upper end of the one, then of the
         other.
         """
-        from isorod.material.muscle import Muscle
-        from isorod.material.neo_hookean import NeoHookean
-        from isorod.model.body import Body
-        from isorod.model.contact import Contact
-        from isorod.model.model import Model
-        from isorod.model.support import Support
-        from isorod.space.space import Space
-
         if self.fibre not in ("y", "tangent"):
             raise InputError(f"fibre: got {self.fibre!r}, need 'y' or 'tangent'")
-        if not (np.isfinite(self.tendon_factor) and self.tendon_factor > 0.0):
-            raise InputError(f"tendon factor: got {self.tendon_factor:g}, need a positive number")
+        positive("tendon factor", self.tendon_factor, "a positive number")
         fibre = "tangent" if self.fibre == "tangent" else (0.0, 1.0, 0.0)
         elements = cast(int, self.elements)
         if elements < ELEMENTS or elements % ELEMENTS:
             raise InputError(f"elements: got {elements}, need a multiple of {ELEMENTS}")
-        tendon = NeoHookean(self.tendon_factor * self.E, self.nu)
-        muscle = Muscle(self.E, self.nu, self.sigma_max, self.m1, self.m2, self.activation, fibre)
+        smooth = cast(int, self.degree) - 1 if self.continuity is None else self.continuity
+        tendon = isorod.NeoHookean(self.tendon_factor * self.E, self.nu)
+        muscle = isorod.Muscle(self.E, self.nu, self.sigma_max, self.m1, self.m2, self.activation, fibre)
         bodies, supports, bellies = [], [], []
         for branch, rod in enumerate(self.rods()):
-            rod.check()
             for u in self._end_knots():
                 rod = rod.insert(u)
-            space = Space(
-                rod,
-                elements=elements // ELEMENTS * rod.axis.elements,
-                degree=self.degree,
-                continuity=cast(int, self.degree) - 1 if self.continuity is None else self.continuity,
-                quadrature=self.quadrature,
-                order=self.order,
-            )
+            space = self.space_of(rod, elements=elements // ELEMENTS * rod.axis.elements, continuity=smooth)
             middle = 0.5 * (space.axis.breaks[1:] + space.axis.breaks[:-1]) - self.tendon_length
             in_belly = (middle > 0.0) & (middle < self.belly_length)
             laws = [muscle if inside else tendon for inside in in_belly]
-            bodies.append(Body(space, laws, self.density, self.formulation))
-            supports += [Support.end(space, end, body=branch) for end in ("start", "end")]
+            bodies.append(isorod.Body(space, laws, self.density, self.formulation))
+            supports += [isorod.Support.end(space, end, body=branch) for end in ("start", "end")]
             bellies.append(np.flatnonzero(in_belly).tolist())
         one, other = bellies
-        contact = Contact(0, 1, self.penalty, one, other, points=(3, space.axis.degree + 1))
-        return Model(bodies, supports, contacts=[contact])
+        contact = isorod.Contact(0, 1, self.penalty, one, other, points=(3, space.axis.degree + 1))
+        return isorod.Model(bodies, supports, contacts=[contact])
 
-    def measure(self, solution: "Equilibrium | History") -> dict[str, object]:
+    def measure(self, solution: "isorod.Equilibrium | isorod.History") -> dict[str, object]:
         """Return, at full load or at the last time, what holds the ends and how the bellies swell.
 
         ``end_force`` is the size of the support's force at each end [N], ``(4,)`` in the order of `model`'s supports,
@@ -268,10 +246,10 @@ class Biceps(Preset):
         }
         if not still:
             return found | {"belly_bulge_history": bulges}
-        (contact,) = cast("Equilibrium", solution).contacts
+        (contact,) = cast("isorod.Equilibrium", solution).contacts
         return found | {"contact_force": contact.force}
 
-    def _bulges(self, model: "Model", displacements: Array) -> Array:
+    def _bulges(self, model: "isorod.Model", displacements: Array) -> Array:
         """Return half the growth of the bellies' extent in z, the larger of both branches, shape ``(states,)``."""
         theta = 2.0 * np.pi * np.arange(AROUND) / AROUND
         circle = np.stack([np.cos(theta), np.sin(theta)], axis=1)

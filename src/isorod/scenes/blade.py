@@ -2,19 +2,16 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
-from isorod.errors import InputError
+import isorod
+from isorod.errors import InputError, positive
 from isorod.geometry import section
 from isorod.geometry.axis import Axis
 from isorod.geometry.rod import Rod
 from isorod.scenes import Preset, option, preset
-
-if TYPE_CHECKING:
-    from isorod.modal.analysis import Modes
-    from isorod.model.model import Model
 
 # Control points round the section as first built.
 POINTS = 16
@@ -60,9 +57,7 @@ class Blade(Preset):
         Twist and scale are 0, 1/2, 1 of the way at its control points.
         """
         for name in ("length", "taper"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value > 0.0):
-                raise InputError(f"{name}: got {value:g}, need a positive number")
+            positive(name, getattr(self, name), "a positive number")
         if not abs(self.twist) <= 90.0:
             raise InputError(f"twist: got {self.twist:g} degrees, the one element of the blade carries -90 to 90")
         way = np.array([0.0, 0.5, 1.0])
@@ -78,35 +73,18 @@ class Blade(Preset):
 
     def _outline(self) -> Any:
         if self.airfoil == "paper":
-            if not (np.isfinite(self.chord) and self.chord > 0.0):
-                raise InputError(f"chord: got {self.chord:g}, need a positive length")
+            positive("chord", self.chord)
             return 0.5 * self.chord * section.airfoil()
         return section.naca(self.airfoil, self.section_points or POINTS, self.chord)
 
-    def model(self) -> "Model":
+    def model(self) -> "isorod.Model":
         """Return the model: linear elastic, root clamped."""
-        from isorod.material.linear_elastic import LinearElastic
-        from isorod.model.body import Body
-        from isorod.model.model import Model
-        from isorod.model.support import Support
-        from isorod.space.space import Space
+        # Those of another section than the paper's are what its outline is fitted with.
+        points = self.section_points if self.airfoil == "paper" else None
+        space = self.space_of(self.rod(), section_points=points)
+        body = isorod.Body(space, isorod.LinearElastic(self.E, self.nu), self.density)
+        return isorod.Model([body], [isorod.Support.end(space, "start")])
 
-        rod = self.rod()
-        rod.check()
-        space = Space(
-            rod,
-            elements=self.elements,
-            degree=self.degree,
-            continuity=self.continuity,
-            quadrature=self.quadrature,
-            order=self.order,
-            section_degree=self.section_degree,
-            # Those of another section than the paper's are what its outline is fitted with.
-            section_points=self.section_points if self.airfoil == "paper" else None,
-        )
-        body = Body(space, LinearElastic(self.E, self.nu), self.density)
-        return Model([body], [Support.end(space, "start")])
-
-    def measure(self, solution: "Modes") -> dict[str, object]:
+    def measure(self, solution: "isorod.Modes") -> dict[str, object]:
         """Return the frequencies [cycles per time]."""
         return {"frequencies": solution.frequencies}

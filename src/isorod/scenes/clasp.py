@@ -1,19 +1,16 @@
 """Two rods in half turns, hooked into each other at right angles and drawn apart: the orthogonal clasp."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
-from isorod.errors import InputError, whole_number
+import isorod
+from isorod.errors import InputError, positive
 from isorod.geometry import section
 from isorod.geometry.center_line import helix
 from isorod.geometry.rod import Rod
 from isorod.scenes import Scene, option
-
-if TYPE_CHECKING:
-    from isorod.model.model import Model
-    from isorod.statics.analysis import Equilibrium
 
 # Rows: where x, y and z of a half turn from x over y to -x point in the clasp.
 _UPPER = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
@@ -53,9 +50,7 @@ class Clasp(Scene):
     def rods(self) -> list[Rod]:
         """Return the upper rod, which hangs, and the lower one, which stands."""
         for name in ("radius", "bend"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value > 0.0):
-                raise InputError(f"{name}: got {value:g}, need a positive length")
+            positive(name, getattr(self, name))
         if not self.bend > 2.0 * self.radius:
             raise InputError(f"bend: got {self.bend:g}, need more than twice the radius, {self.radius:g}")
         turn = helix(self.bend, 0.0, 0.5).sweep(section.circle(self.section_points, self.radius))
@@ -66,33 +61,17 @@ class Clasp(Scene):
             Rod(turn.axis, turn.control_points @ _LOWER - up, fitted=True),
         ]
 
-    def model(self) -> "Model":
+    def model(self) -> "isorod.Model":
         """Return the model: neo-Hookean rods, both ends of the lower one held, those of the upper one drawn up."""
-        from isorod.material.neo_hookean import NeoHookean
-        from isorod.model.body import Body
-        from isorod.model.contact import Contact
-        from isorod.model.model import Model
-        from isorod.model.support import Support
-        from isorod.space.space import Space
-
-        elements = whole_number("elements", self.elements, 1, 100_000)
-        law, bodies, supports = NeoHookean(self.E, self.nu), [], []
+        law, bodies, supports = isorod.NeoHookean(self.E, self.nu), [], []
         for k, rod in enumerate(self.rods()):
-            rod.check()
-            space = Space(
-                rod,
-                elements=elements,
-                degree=self.degree,
-                continuity=self.degree - 1,
-                quadrature=self.quadrature,
-                order=self.order,
-            )
-            bodies.append(Body(space, law))
-            way = (0.0, 0.0, self.pull if k == 0 else 0.0)
-            supports += [Support.end(space, end, displacement=way, body=k) for end in ("start", "end")]
-        return Model(bodies, supports, contacts=[Contact(0, 1, friction=self.friction)])
+            space = self.space_of(rod)
+            bodies.append(isorod.Body(space, law))
+            moved = (0.0, 0.0, self.pull if k == 0 else 0.0)
+            supports += [isorod.Support.end(space, end, displacement=moved, body=k) for end in ("start", "end")]
+        return isorod.Model(bodies, supports, contacts=[isorod.Contact(0, 1, friction=self.friction)])
 
-    def measure(self, solution: "Equilibrium") -> dict[str, object]:
+    def measure(self, solution: "isorod.Equilibrium") -> dict[str, object]:
         """Return the force that draws them apart, and how they press on each other."""
         (contact,) = solution.contacts
         return {

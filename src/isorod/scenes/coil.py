@@ -2,23 +2,18 @@
 
 import warnings
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
+import isorod
 from isorod.arrays import Array
-from isorod.errors import InputError
+from isorod.errors import InputError, positive
 from isorod.geometry import bspline, section
 from isorod.geometry.center_line import HELIX_ELEMENTS, CenterLine, helix
 from isorod.geometry.fitting import evaluate
 from isorod.geometry.rod import Rod
 from isorod.scenes import Scene, option
-
-if TYPE_CHECKING:
-    from isorod.model.model import Model
-    from isorod.model.support import Support
-    from isorod.space.space import Space
-    from isorod.statics.analysis import Equilibrium
 
 LENGTHS = "coil_radius", "wire_radius"
 ENDS = "laid", "clamped", "closed"
@@ -96,9 +91,7 @@ class Coil(Scene):
     def rod(self) -> Rod:
         """Return the wire as first built, a quartic spline that climbs evenly."""
         for name in LENGTHS:
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value > 0.0):
-                raise InputError(f"{name.replace('_', ' ')}: got {value:g}, need a positive length")
+            positive(name.replace("_", " "), getattr(self, name))
         if not 0.0 < self.lead < 90.0:
             raise InputError(f"lead: got {self.lead:g} degrees, need an angle between 0 and 90")
         pitch, room = self.height / max(self.coils, 1), 2.0 * (1.0 + _CLEAR) * self.wire_radius
@@ -132,51 +125,39 @@ class Coil(Scene):
 
         return CenterLine(axis, centers, frames=frames)
 
-    def model(self) -> "Model":
+    def model(self) -> "isorod.Model":
         """Return the model: neo-Hookean, both ends held or between plates, one moved to the other by ``push``."""
-        from isorod.material.neo_hookean import NeoHookean
-        from isorod.model.body import Body
-        from isorod.model.contact import Contact, Plane
-        from isorod.model.model import Model
-        from isorod.space.space import Space
-
         rod = self.rod()
-        rod.check()
         each = self.elements_per_turn
         if each < HELIX_ELEMENTS or each % HELIX_ELEMENTS:
             raise InputError(f"elements a turn: got {each}, need a multiple of {HELIX_ELEMENTS}")
-        elements = rod.axis.elements * each // HELIX_ELEMENTS
-        space = Space(rod, elements, self.degree, self.degree - 1, self.quadrature, self.order)
-        body = Body(space, NeoHookean(self.E, self.nu))
+        space = self.space_of(rod, elements=rod.axis.elements * each // HELIX_ELEMENTS)
         # Lines of contact, narrower than points are apart, run along control points: in the middle of an arc's three.
         points = 3, self.degree + 1
-        others: list[Plane | None] = [None]
+        others: list[isorod.Plane | None] = [None]
         if self.ends == "closed":
             # Plates that touch at rest, if only just, take the wire along from the first step.
             low, high = (float(z) for z in rod.grid([[0.0, 0.0]], rod.axis.breaks[[0, -1]])[0][:, 0, 2])
-            others.append(Plane((0.0, 0.0, low - _SEAT * self.wire_radius), (0.0, 0.0, 1.0)))
-            others.append(Plane((0.0, 0.0, high + _SEAT * self.wire_radius), (0.0, 0.0, -1.0), travel=self.way))
+            others.append(isorod.Plane((0.0, 0.0, low - _SEAT * self.wire_radius), (0.0, 0.0, 1.0)))
+            others.append(isorod.Plane((0.0, 0.0, high + _SEAT * self.wire_radius), (0.0, 0.0, -1.0), travel=self.way))
         usual = 0.0 if self.ends == "closed" else _FRICTION
         friction = usual if self.friction is None else self.friction
-        contacts = [Contact(0, other, points=points, friction=friction) for other in others]
-        return Model([body], self._supports(space), contacts=contacts)
+        contacts = [isorod.Contact(0, other, points=points, friction=friction) for other in others]
+        body = isorod.Body(space, isorod.NeoHookean(self.E, self.nu))
+        return isorod.Model([body], self._supports(space), contacts=contacts)
 
-    def _supports(self, space: "Space") -> "list[Support]":
-        from isorod.model.support import Support
-
+    def _supports(self, space: "isorod.Space") -> "list[isorod.Support]":
         if self.ends not in ENDS:
             raise InputError(f"ends: got {self.ends!r}, need {' or '.join(ENDS)}")
         if self.ends == "closed":
-            return [Support.end(space, "start", "xy"), Support.end(space, "end", "xy")]
+            return [isorod.Support.end(space, end, "xy") for end in ("start", "end")]
         if self.ends == "clamped":
             down = (0.0, 0.0, -self.way)
-            return [Support.end(space, "start"), Support.end(space, "end", displacement=down)]
+            return [isorod.Support.end(space, "start"), isorod.Support.end(space, "end", displacement=down)]
         return self._laid(space)
 
-    def _laid(self, space: "Space") -> "list[Support]":
+    def _laid(self, space: "isorod.Space") -> "list[isorod.Support]":
         """Return supports of the turns beyond the active ones, which move as Love's helix does."""
-        from isorod.model.support import Support
-
         if self.nu > _SQUEEZED:
             warnings.warn(
                 f"nu: got {self.nu:g}; end coils in laid seats are only approximately volume-preserving: spurious "
@@ -190,9 +171,9 @@ class Coil(Scene):
         nodes = np.arange(space.nodes).reshape(space.layers, -1)
         ends = nodes[places < first + turn + 1e-9].ravel(), nodes[places > last - turn - 1e-9].ravel()
         way = np.array([self._helix(space, share) for share in np.linspace(0.0, 1.0, _LEGS + 1)[1:]])
-        return [Support(end, displacement=way[-1, end], space=space, waypoints=way[:-1, end]) for end in ends]
+        return [isorod.Support(end, displacement=way[-1, end], space=space, waypoints=way[:-1, end]) for end in ends]
 
-    def _helix(self, space: "Space", share: float) -> Array:
+    def _helix(self, space: "isorod.Space", share: float) -> Array:
         """Return the displacements of all nodes ``(nodes, 3)`` to Love's helix after a share of the way."""
         rod, down = space.rod, share * self.way / self.coils
         sine = (self.height - share * self.way) / self._length
@@ -211,7 +192,7 @@ class Coil(Scene):
         """Of the wire."""
         return self.height / float(np.sin(np.radians(self.lead)))
 
-    def measure(self, solution: "Equilibrium") -> dict[str, object]:
+    def measure(self, solution: "isorod.Equilibrium") -> dict[str, object]:
         """Return the force that pushes the end, now and on the way, and the force of the coils on each other."""
         contact, *plates = solution.contacts
         pushed = plates[-1].resultant if plates else solution.reactions[1]

@@ -2,23 +2,19 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
+import isorod
 from isorod.arrays import Array
-from isorod.errors import InputError, whole_number, within
+from isorod.errors import InputError, positive, within
 from isorod.geometry import bspline, section
 from isorod.geometry.center_line import straight
 from isorod.geometry.fitting import nearest
 from isorod.geometry.frames import Frames
 from isorod.geometry.rod import Rod
 from isorod.scenes import Scene, option
-
-if TYPE_CHECKING:
-    from isorod.dynamics.history import History
-    from isorod.model.model import Model
-    from isorod.space.space import Space
 
 POSITIVE = "radius", "tail", "E", "density", "settling", "time_step"
 
@@ -105,9 +101,7 @@ class Knot(Scene):
         The loop is a circle that begins and ends where the tails do; there each strand is both a tail and a part of it.
         """
         for name in POSITIVE:
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value > 0.0):
-                raise InputError(f"{name.replace('_', ' ')}: got {value:g}, need a positive number")
+            positive(name.replace("_", " "), getattr(self, name), "a positive number")
         # Squares of squares of it are computed.
         within("radius", self.radius, 1e-50, 1e50)
         within("tail", self.tail, 0.0, _LONG)
@@ -149,20 +143,9 @@ class Knot(Scene):
         return line.sweep(section.circle(self.section_points, self.radius))
 
     @cached_property
-    def space(self) -> "Space":
+    def space(self) -> "isorod.Space":
         """The rod's space."""
-        from isorod.space.space import Space
-
-        rod = self.rod()
-        rod.check()
-        return Space(
-            rod,
-            elements=whole_number("elements", self.elements, 1, 100_000),
-            degree=self.degree,
-            continuity=self.degree - 1,
-            quadrature=self.quadrature,
-            order=self.order,
-        )
+        return self.space_of(self.rod())
 
     @cached_property
     def laid(self) -> Array:
@@ -180,23 +163,14 @@ class Knot(Scene):
         result: Array = np.where(space.basis.is_carrier[:, None], places - rest, 0.0).reshape(-1, 3)
         return result
 
-    def model(self) -> "Model":
+    def model(self) -> "isorod.Model":
         """Return the model: neo-Hookean, both end faces held as laid."""
-        from isorod.material.neo_hookean import NeoHookean
-        from isorod.model.body import Body
-        from isorod.model.contact import Contact
-        from isorod.model.model import Model
-        from isorod.model.support import Support
+        body = isorod.Body(self.space, isorod.NeoHookean(self.E, self.nu), self.density, "displacement")
+        layers = np.arange(self.space.nodes).reshape(self.space.layers, -1)
+        supports = [isorod.Support(nodes, "xyz", self.laid[nodes]) for nodes in layers[[0, -1]]]
+        return isorod.Model([body], supports, contacts=[isorod.Contact(0, friction=self.friction)])
 
-        space = self.space
-        body = Body(space, NeoHookean(self.E, self.nu), self.density, "displacement")
-        supports = [
-            Support(nodes, "xyz", self.laid[nodes])
-            for nodes in (np.arange(space.layer_nodes), space.nodes - space.layer_nodes + np.arange(space.layer_nodes))
-        ]
-        return Model([body], supports, contacts=[Contact(0, friction=self.friction)])
-
-    def measure(self, solution: "History") -> dict[str, object]:
+    def measure(self, solution: "isorod.History") -> dict[str, object]:
         """Return what pulls the tails, and how the loop is bent, at the end."""
         last = solution[-1]
         breaks = self.space.axis.breaks

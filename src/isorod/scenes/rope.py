@@ -1,20 +1,17 @@
 """A rod laid over a rigid cylinder under end tension: an elastica round a capstan, with or without friction."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
+import isorod
 from isorod.arrays import Array
-from isorod.errors import InputError, whole_number, within
+from isorod.errors import InputError, positive, within
 from isorod.geometry import section
 from isorod.geometry.center_line import straight
 from isorod.geometry.rod import Rod
 from isorod.scenes import Scene, option
-
-if TYPE_CHECKING:
-    from isorod.model.model import Model
-    from isorod.statics.analysis import Equilibrium
 
 POSITIVE = "radius", "ratio", "tension", "tail", "E"
 
@@ -98,9 +95,7 @@ class Rope(Scene):
     def rod(self) -> Rod:
         """Return the rod at rest, straight along x, its middle over the cylinder."""
         for name in POSITIVE:
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value > 0.0):
-                raise InputError(f"{name}: got {value:g}, need a positive number")
+            positive(name, getattr(self, name), "a positive number")
         # Fourth powers of it are computed.
         within("radius", self.radius, 1e-50, 1e50)
         within("ratio", self.ratio, 0.0, 1e6)
@@ -111,41 +106,25 @@ class Rope(Scene):
         line = straight(start=(-self.half, 0.0, 0.0), end=(self.half, 0.0, 0.0))
         return line.sweep(section.circle(self.section_points, self.radius))
 
-    def model(self) -> "Model":
+    def model(self) -> "isorod.Model":
         """Return the model: neo-Hookean, start pulled and free to follow, end moved; both faces turned."""
-        from isorod.material.neo_hookean import NeoHookean
-        from isorod.model.body import Body
-        from isorod.model.contact import Contact, Cylinder
-        from isorod.model.load import SectionLoad
-        from isorod.model.model import Model
-        from isorod.model.support import Support
-        from isorod.space.space import Space
-
-        rod = self.rod()
-        rod.check()
-        space = Space(
-            rod,
-            elements=whole_number("elements", self.elements, 1, 100_000),
-            degree=self.degree,
-            continuity=self.degree - 1,
-            quadrature=self.quadrature,
-            order=self.order,
-        )
+        space = self.space_of(self.rod())
         half = 0.5 * float(np.radians(self.wrap))
         pull = np.array([np.cos(half), -np.sin(half)])
         x, y = self.tail_of(self.tension) + self.haul * self.bend * pull - [self.half, 0.0]
         supports = [
-            Support.end(space, "start", "z", turn=(0.0, 0.0, half), tied="xy"),
-            Support.end(space, "end", displacement=(float(x), float(y), 0.0), turn=(0.0, 0.0, -half)),
+            isorod.Support.end(space, "start", "z", turn=(0.0, 0.0, half), tied="xy"),
+            isorod.Support.end(space, "end", displacement=(float(x), float(y), 0.0), turn=(0.0, 0.0, -half)),
         ]
         force = self.force * pull
-        load = SectionLoad.end(space, "start", (-float(force[0]), float(force[1]), 0.0))
+        load = isorod.SectionLoad.end(space, "start", (-float(force[0]), float(force[1]), 0.0))
         x, y, z = (float(value) for value in self.cylinder)
-        cylinder = Cylinder((x, y, z), (0.0, 0.0, 1.0), self.bend - self.radius)
-        body = Body(space, NeoHookean(self.E, self.nu))
-        return Model([body], supports, loads=[load], contacts=[Contact(0, cylinder, friction=self.friction)])
+        cylinder = isorod.Cylinder((x, y, z), (0.0, 0.0, 1.0), self.bend - self.radius)
+        body = isorod.Body(space, isorod.NeoHookean(self.E, self.nu))
+        contact = isorod.Contact(0, cylinder, friction=self.friction)
+        return isorod.Model([body], supports, loads=[load], contacts=[contact])
 
-    def measure(self, solution: "Equilibrium") -> dict[str, object]:
+    def measure(self, solution: "isorod.Equilibrium") -> dict[str, object]:
         """Return the forces along the pull at both ends, and how the rod lies on the cylinder."""
         half = 0.5 * np.radians(self.wrap)
         (contact,) = solution.contacts

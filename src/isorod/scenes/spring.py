@@ -3,17 +3,14 @@
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
+import isorod
 from isorod.errors import InputError
 from isorod.geometry import section
 from isorod.geometry.center_line import HELIX_ELEMENTS, helix
 from isorod.geometry.rod import Rod
 from isorod.scenes import Preset, option, preset
-
-if TYPE_CHECKING:
-    from isorod.model.model import Model
-    from isorod.statics.analysis import Equilibrium
 
 ARCS_PER_TURN = 4
 
@@ -74,40 +71,26 @@ class Spring(Preset):
         outline = section.circle(self.section_points, self.wire_radius)
         return line.sweep(outline)
 
-    def model(self) -> "Model":
+    def model(self) -> "isorod.Model":
         """Return the model: neo-Hookean, start clamped, end clamped and displaced by ``(0, 0, pull)``.
 
         Warns where neighbouring coils overlap.
         """
-        from isorod.material.neo_hookean import NeoHookean
-        from isorod.model.body import Body
-        from isorod.model.model import Model
-        from isorod.model.support import Support
-        from isorod.space.space import Space
-
         rod = self.rod()
         own, each = _PER_TURN[self.helix], self.elements_per_turn
         if each is not None and (each < own or each % own):
             raise InputError(f"elements a turn: got {each}, need a multiple of {own}")
-        rod.check()
+        space = self.space_of(rod, elements=None if each is None else self.coils * each)
         if self.coils > 1 and abs(self.pitch) < 2.0 * self.wire_radius:
             warnings.warn(
                 f"pitch {self.pitch:g} is less than the wire's diameter {2.0 * self.wire_radius:g}: "
                 "neighbouring coils overlap and nothing keeps them apart",
                 stacklevel=2,
             )
-        space = Space(
-            rod,
-            elements=None if each is None else self.coils * each,
-            degree=self.degree,
-            continuity=self.continuity,
-            quadrature=self.quadrature,
-            order=self.order,
-            section_degree=self.section_degree,
-        )
-        ends = Support.end(space, "start"), Support.end(space, "end", displacement=(0.0, 0.0, self.pull))
-        return Model([Body(space, NeoHookean(self.E, self.nu), formulation=self.formulation)], ends)
+        pulled = isorod.Support.end(space, "end", displacement=(0.0, 0.0, self.pull))
+        body = isorod.Body(space, isorod.NeoHookean(self.E, self.nu), formulation=self.formulation)
+        return isorod.Model([body], [isorod.Support.end(space, "start"), pulled])
 
-    def measure(self, solution: "Equilibrium") -> dict[str, object]:
+    def measure(self, solution: "isorod.Equilibrium") -> dict[str, object]:
         """Return the axial force that holds the upper end [force]."""
         return {"force": float(solution.reactions[1, 2])}

@@ -1,21 +1,17 @@
 """A strand of wires, a core and layers wound round it, pulled and twisted (Costello, Theory of Wire Rope)."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
-from isorod.errors import InputError, whole_number, within
+import isorod
+from isorod.errors import InputError, positive, whole_number, within
 from isorod.geometry import section
 from isorod.geometry.axis import MAX_ELEMENTS
 from isorod.geometry.center_line import HELIX_ELEMENTS, helix, straight
 from isorod.geometry.rod import Rod
 from isorod.scenes import Scene, option
-
-if TYPE_CHECKING:
-    from isorod.model.contact import Contact
-    from isorod.model.model import Model
-    from isorod.statics.analysis import Equilibrium
 
 LENGTHS = "core_radius", "wire_radius", "pitch", "length"
 
@@ -79,9 +75,7 @@ class Strand(Scene):
         layer's: there a point of contact is in the middle of an arc.
         """
         for name in LENGTHS:
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value > 0.0):
-                raise InputError(f"{name.replace('_', ' ')}: got {value:g}, need a positive length")
+            positive(name.replace("_", " "), getattr(self, name))
         layers = whole_number("layers", self.layers, 0, 100)
         points = whole_number("section points", self.section_points, SIX, 10_000)
         if points % SIX:
@@ -101,32 +95,18 @@ class Strand(Scene):
                 rods.append(line.sweep(outline))
         return rods
 
-    def model(self) -> "Model":
+    def model(self) -> "isorod.Model":
         """Return the model: neo-Hookean wires, their start faces held, their end faces moved as one rigid plane."""
-        from isorod.material.neo_hookean import NeoHookean
-        from isorod.model.body import Body
-        from isorod.model.model import Model
-        from isorod.model.support import Support
-        from isorod.space.space import Space
-
-        law, bodies, supports = NeoHookean(self.E, self.nu), [], []
+        law, bodies, supports = isorod.NeoHookean(self.E, self.nu), [], []
         rods, parts = self.rods(), whole_number("parts", self.parts, 1, 1_000)
         for k, rod in enumerate(rods):
-            rod.check()
             # Elements are about as long in all layers; those of the outer ones have longer pitches.
             own = rod.axis.elements
-            space = Space(
-                rod,
-                elements=own * -(-parts * rods[0].axis.elements // own),
-                degree=self.degree,
-                continuity=self.degree - 1,
-                quadrature=self.quadrature,
-                order=self.order,
-            )
-            bodies.append(Body(space, law))
+            space = self.space_of(rod, elements=own * -(-parts * rods[0].axis.elements // own))
+            bodies.append(isorod.Body(space, law))
             supports += [
-                Support.end(space, "start", body=k),
-                Support.end(
+                isorod.Support.end(space, "start", body=k),
+                isorod.Support.end(
                     space,
                     "end",
                     displacement=(0.0, 0.0, self.strain * self.length),
@@ -136,22 +116,22 @@ class Strand(Scene):
                 ),
             ]
         fewest = min(body.space.axis.elements for body in bodies)
-        return Model(bodies, supports, contacts=[self._contact(len(rods), fewest)])
+        return isorod.Model(bodies, supports, contacts=[self._contact(len(rods), fewest)])
 
-    def _contact(self, wires: int, elements: int) -> "Contact":
+    def _contact(self, wires: int, elements: int) -> "isorod.Contact":
         """Return the contact of all wires, none of which has fewer elements."""
-        from isorod.model.contact import MAX_POINTS, Contact
+        from isorod.model.contact import MAX_POINTS
 
         # Lines of contact, narrower than points are apart, run along control points: in the middle of an arc's three.
         points = 3, self.degree + 1
         if self.layers < 2:
-            return Contact(range(wires), points=points, friction=self.friction)
+            return isorod.Contact(range(wires), points=points, friction=self.friction)
         # Layers cross at places, which must not lie between points.  They press on the middle of an arc: one point
         # there says as much as three, and is found in a third of the time.  Before they are drawn together little
         # holds wires, which stiff penalties then throw back and forth.
         longest = self.length / np.cos(self.lay_angle) / elements
         smallest = min(self.core_radius, self.wire_radius)
-        return Contact(
+        return isorod.Contact(
             range(wires),
             penalty=_SOFT * self.E / smallest,
             penetration=_DEEP * smallest,
@@ -159,7 +139,7 @@ class Strand(Scene):
             friction=self.friction,
         )
 
-    def measure(self, solution: "Equilibrium") -> dict[str, object]:
+    def measure(self, solution: "isorod.Equilibrium") -> dict[str, object]:
         """Return force and torque about the axis on the end that moves, and what wires press on each other with."""
         force = torque = 0.0
         for k in range(len(solution.model.bodies)):
