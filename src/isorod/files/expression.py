@@ -3,6 +3,7 @@
 import ast
 import difflib
 import math
+import operator
 from collections.abc import Collection
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +19,13 @@ _LONGEST, _DEEPEST, _HIGHEST = 2000, 60, 32
 _MOST = 5000
 
 _CHAINED = ast.Add | ast.Sub | ast.Mult | ast.Div
+_OPERATIONS: dict[type[ast.operator], Any] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.Pow: operator.pow,
+}
 
 _FUNCTIONS = ("log", "exp", "sqrt", "sin", "cos", "tanh", "Max", "Min")
 
@@ -37,14 +45,17 @@ def parsed(text: str, constants: Collection[str]) -> "sp.Expr":
     except (SyntaxError, ValueError, RecursionError, MemoryError) as problem:
         column = f", column {problem.offset}" if isinstance(problem, SyntaxError) and problem.offset else ""
         raise InputError(f"energy: got {text!r:.60}, which is no expression{column}") from None
+    import sympy as sp
+
+    from isorod.material import symbols as s
+
     names = _names()
-    taken = {*names, *_FUNCTIONS, *_own_names()}
+    # Laws add symbols themselves.
+    taken = {*names, *_FUNCTIONS, *map(str, (s.activation, s.bulk, *s.a, *s.b))}
     for one in constants:
         if one in taken or not one.isidentifier():
             raise InputError(f"constants: got the name {one!r}, need one that is not taken, of letters and digits")
-    found = _Reader(names | _constants(constants)).read(tree, 0)
-    import sympy as sp
-
+    found = _read(tree, names | {one: sp.Symbol(one, real=True) for one in constants}, 0)
     if found.has(sp.zoo, sp.nan, sp.oo):
         raise InputError(f"energy: got {text!r:.60}, which divides by zero or is not finite")
     if found.has(sp.I):
@@ -82,78 +93,53 @@ def _names() -> dict[str, Any]:
     return found | {"I1bar": s.I1bar, "I2bar": s.I2bar}
 
 
-def _own_names() -> set[str]:
-    """Return the names of symbols that laws add themselves."""
-    from isorod.material import symbols as s
+def _read(node: ast.AST, names: dict[str, Any], depth: int) -> Any:
+    """Return the expression of a node; raises `InputError` at what is not known."""
+    import sympy as sp
 
-    return {str(one) for one in (s.activation, s.bulk, *s.a, *s.b)}
+    if depth > _DEEPEST:
+        raise InputError(f"energy: brackets within brackets deeper than {_DEEPEST}")
+    if isinstance(node, ast.Constant):
+        if type(node.value) is int and abs(node.value) < 10**15:
+            return sp.Integer(node.value)
+        if type(node.value) is float and math.isfinite(node.value):
+            return sp.Float(node.value)
+    elif isinstance(node, ast.Name):
+        if node.id in names:
+            return names[node.id]
+        raise _unknown(node, node.id, [*names, *_FUNCTIONS])
+    elif isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub | ast.UAdd):
+        value = _read(node.operand, names, depth + 1)
+        return -value if isinstance(node.op, ast.USub) else value
+    elif isinstance(node, ast.BinOp) and type(node.op) in _OPERATIONS:
+        # Terms of a sum, or factors, are no brackets: the grammar has each on the left of the next.
+        chain = [node]
+        while isinstance(left := chain[-1].left, ast.BinOp) and isinstance(left.op, _CHAINED):
+            chain.append(left)
+        found = _read(chain[-1].left, names, depth + 1)
+        for one in reversed(chain):
+            found = _combined(one, found, _read(one.right, names, depth + 1))
+        return found
+    elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and not node.keywords:
+        if node.func.id not in _FUNCTIONS:
+            raise _unknown(node, node.func.id, _FUNCTIONS)
+        given = [_read(one, names, depth + 1) for one in node.args]
+        if (len(given) == 1) == (node.func.id in ("Max", "Min")):
+            raise InputError(f"energy: column {node.col_offset + 1}: {node.func.id} of {len(given)} values")
+        return getattr(sp, node.func.id)(*given)
+    raise InputError(
+        f"energy: column {getattr(node, 'col_offset', 0) + 1}: need numbers, names, + - * / ** and functions "
+        f"({', '.join(_FUNCTIONS)})"
+    )
 
 
-def _constants(names: Collection[str]) -> dict[str, Any]:
-    from sympy import Symbol
+def _combined(node: ast.BinOp, left: Any, right: Any) -> Any:
+    if isinstance(node.op, ast.Pow) and right.is_number and abs(right) > _HIGHEST:
+        raise InputError(f"energy: column {node.col_offset + 1}: an exponent of {right}, need at most {_HIGHEST}")
+    return _OPERATIONS[type(node.op)](left, right)
 
-    return {one: Symbol(one, real=True) for one in names}
 
-
-class _Reader:
-    """Makes expressions of what Python's grammar finds."""
-
-    def __init__(self, names: dict[str, Any]) -> None:
-        self.names = names
-
-    def read(self, node: ast.AST, depth: int) -> Any:
-        """Return the expression of a node; raises `InputError` at what is not known."""
-        import sympy as sp
-
-        if depth > _DEEPEST:
-            raise InputError(f"energy: brackets within brackets deeper than {_DEEPEST}")
-        if isinstance(node, ast.Constant):
-            if type(node.value) is int and abs(node.value) < 10**15:
-                return sp.Integer(node.value)
-            if type(node.value) is float and math.isfinite(node.value):
-                return sp.Float(node.value)
-        elif isinstance(node, ast.Name):
-            if node.id in self.names:
-                return self.names[node.id]
-            raise self._unknown(node, node.id, [*self.names, *_FUNCTIONS])
-        elif isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub | ast.UAdd):
-            value = self.read(node.operand, depth + 1)
-            return -value if isinstance(node.op, ast.USub) else value
-        elif isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add | ast.Sub | ast.Mult | ast.Div | ast.Pow):
-            # Terms of a sum, or factors, are no brackets: the grammar has each on the left of the next.
-            chain = [node]
-            while isinstance(left := chain[-1].left, ast.BinOp) and isinstance(left.op, _CHAINED):
-                chain.append(left)
-            found = self.read(chain[-1].left, depth + 1)
-            for one in reversed(chain):
-                found = self._combined(one, found, self.read(one.right, depth + 1))
-            return found
-        elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and not node.keywords:
-            if node.func.id not in _FUNCTIONS:
-                raise self._unknown(node, node.func.id, _FUNCTIONS)
-            given = [self.read(one, depth + 1) for one in node.args]
-            if (len(given) == 1) == (node.func.id in ("Max", "Min")):
-                raise InputError(f"energy: column {node.col_offset + 1}: {node.func.id} of {len(given)} values")
-            return getattr(sp, node.func.id)(*given)
-        raise InputError(
-            f"energy: column {getattr(node, 'col_offset', 0) + 1}: need numbers, names, + - * / ** and functions "
-            f"({', '.join(_FUNCTIONS)})"
-        )
-
-    def _combined(self, node: ast.BinOp, left: Any, right: Any) -> Any:
-        kind = type(node.op)
-        if kind is ast.Pow:
-            if right.is_number and abs(right) > _HIGHEST:
-                raise InputError(
-                    f"energy: column {node.col_offset + 1}: an exponent of {right}, need at most {_HIGHEST}"
-                )
-            return left**right
-        if kind is ast.Div:
-            return left / right
-        return left + right if kind is ast.Add else left - right if kind is ast.Sub else left * right
-
-    @staticmethod
-    def _unknown(node: ast.expr, word: str, known: Collection[str]) -> InputError:
-        near = difflib.get_close_matches(word, known, 1)
-        hint = f"did you mean {near[0]}?" if near else "need a constant that is given or a symbol of energies"
-        return InputError(f"energy: column {node.col_offset + 1}: {word!r} is not known; {hint}")
+def _unknown(node: ast.expr, word: str, known: Collection[str]) -> InputError:
+    near = difflib.get_close_matches(word, known, 1)
+    hint = f"did you mean {near[0]}?" if near else "need a constant that is given or a symbol of energies"
+    return InputError(f"energy: column {node.col_offset + 1}: {word!r} is not known; {hint}")
