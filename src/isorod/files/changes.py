@@ -39,17 +39,16 @@ def put(document: Document, changes: Sequence[str]) -> None:
 def _put(document: Document, keys: Sequence[str], value: Any) -> None:
     at: Any = document.content
     place = document.top
-    for number, key in enumerate(keys):
-        last = number == len(keys) - 1
-        step = _step(place, at, key, last)
+    for key in keys[:-1]:
+        step = _step(place, at, key)
         place /= step
-        if last:
-            at[step] = value
-        else:
-            at = at[step]
+        if isinstance(at, dict) and step not in at:
+            raise place.unknown_key(at)
+        at = at[step]
+    at[_step(place, at, keys[-1])] = value
 
 
-def _step(place: Place, at: Any, key: str, last: bool) -> str | int:
+def _step(place: Place, at: Any, key: str) -> str | int:
     """Return the key, or the place in an array, by which a path goes on from what is there."""
     if isinstance(at, list):
         if not key.isdecimal() or int(key) >= len(at):
@@ -57,8 +56,6 @@ def _step(place: Place, at: Any, key: str, last: bool) -> str | int:
         return int(key)
     if not isinstance(at, dict):
         raise place.error(f"it is {shown(at)}, in which there is no {key}")
-    if key not in at and not last:
-        raise (place / key).unknown_key(at)
     return key
 
 

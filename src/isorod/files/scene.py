@@ -105,7 +105,7 @@ class FileScene(Scene):
             raise (top / "title").error(f"got {shown(self.title)}, need a text")
         if "analysis" not in self.content:
             raise top.error(f"analysis is missing: analysis = {' or '.join(map(repr, schema.ANALYSES))}")
-        self.analysis = self._analysis()
+        self.analysis, self._explicit = self._analysis()
         self._tell_spaces()
         self.plans = {name: RodPlan(place, table) for name, place, table in self._named("rod", RodPlan.KEYS)}
         if not self.plans:
@@ -157,7 +157,7 @@ class FileScene(Scene):
             touching=touching and self.analysis in ("statics", "modal"),
             surface=touching or held,
             stressed=self.analysis == "statics",
-            explicit=self._is_explicit(),
+            explicit=self._explicit,
             loaded=[float(u) for one in loads if isinstance(u := one.arguments.get("u"), float | int)],
             angle=max((dist(one, other) for one in turns for other in turns), default=0.0),
             patches=self.patches.get(number, ()),
@@ -170,25 +170,20 @@ class FileScene(Scene):
                 if isinstance(said := one.arguments.get(key), Name):
                     yield said
 
-    def _is_explicit(self) -> bool:
-        """Return whether the analysis is of explicit steps; what it is told is checked when it is read (`settings`)."""
-        said = self.content["analysis"]
-        told = said.get("dynamics") if isinstance(said, dict) else None
-        return self.analysis == "dynamics" and not (isinstance(told, dict) and told.get("integrator") == "implicit")
-
-    def _analysis(self) -> str:
-        """Return the word of the analysis; what it is told is read when it is there (`settings`)."""
+    def _analysis(self) -> tuple[str, bool]:
+        """Return the word of the analysis, and whether it is of explicit steps; its keys are read by `settings`."""
         place, said = self._top / "analysis", self.content["analysis"]
         if isinstance(said, str):
             if said not in schema.ANALYSES:
                 raise place.unknown(said, schema.ANALYSES)
-            return said
+            return said, said == "dynamics"
         strange = next((word for word in place.table(said) if word not in schema.ANALYSES), None)
         if strange is not None:
             raise (place / strange).unknown_key(schema.ANALYSES)
         if len(said) != 1:
             raise place.error(f"need one of {', '.join(schema.ANALYSES)}")
-        return str(*said)
+        ((word, keys),) = said.items()
+        return word, word == "dynamics" and not (isinstance(keys, dict) and keys.get("integrator") == "implicit")
 
     def settings(self) -> dict[str, Any]:
         """Return the keyword arguments of the analysis."""
