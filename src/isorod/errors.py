@@ -45,7 +45,12 @@ class Checked:
                 continue
             expect(f"{owner.__name__}: {name}", value, kind)
             if type(value) is not int and fits(value, float) and not fits(0.5, kind):
-                object.__setattr__(self, name, int(value))
+                self._set(**{name: int(value)})
+
+    def _set(self, **values: object) -> None:
+        """Set fields while it is made."""
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
 
 
 def expect(name: str, value: object, kind: Any) -> None:

@@ -52,8 +52,7 @@ class Axis(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        object.__setattr__(self, "knots", np.array(self.knots, dtype=float).ravel())
-        object.__setattr__(self, "weights", np.array(self.weights, dtype=float).ravel())
+        self._set(**{name: np.array(getattr(self, name), dtype=float).ravel() for name in ("knots", "weights")})
         p, knots, weights = self.degree, self.knots, self.weights
         whole_number("axis degree", p, 1, MAX_DEGREE)
         _check_finite("knot", knots)
@@ -69,8 +68,7 @@ class Axis(Checked):
             raise InputError(f"weight {k} is {weights[k]:g}; weights must be positive")
         heads = np.concatenate([[0], np.flatnonzero(rise) + 1, [knots.size]])
         values, counts = knots[heads[:-1]], np.diff(heads)
-        object.__setattr__(self, "breaks", values)
-        object.__setattr__(self, "multiplicities", counts)
+        self._set(breaks=values, multiplicities=counts)
         if values.size < 2 or counts[0] != p + 1 or counts[-1] != p + 1:
             raise InputError(f"the first and the last knot must each stand {p + 1} times (degree {p}, clamped ends)")
         if (counts[1:-1] > p).any():
@@ -90,6 +88,14 @@ class Axis(Checked):
     def elements(self) -> int:
         """Number of non-empty knot spans."""
         return self.breaks.size - 1
+
+    def within(self, shares: ArrayLike) -> Array:
+        """Return the parameters at shares ``(count,)`` of each element, shape ``(elements, count)``."""
+        return self.breaks[:-1, None] + np.diff(self.breaks)[:, None] * np.asarray(shares)
+
+    def evenly(self, parts: int) -> Array:
+        """Return the parameters that cut each element in equal parts, both ends included, ``(elements parts + 1,)``."""
+        return np.append(self.within(np.arange(parts) / parts).ravel(), self.breaks[-1])
 
     @cached_property
     def first_function(self) -> Index:

@@ -42,8 +42,13 @@ def check_count(n: int) -> int:
 
 def control_points(n: int) -> Array:
     """Return the control points ``Q_i`` of the unit circle ``(n, 2)``: where tangents of neighbouring joints meet."""
-    theta = 2.0 * np.pi * np.arange(check_count(n)) / n
-    return np.stack([np.cos(theta), np.sin(theta)], axis=1) / np.cos(np.pi / n)
+    return circle(check_count(n)) / np.cos(np.pi / n)
+
+
+def circle(count: int) -> Array:
+    """Return so many points evenly round the unit circle, from ``(1, 0)`` on, shape ``(count, 2)``."""
+    theta = 2.0 * np.pi * np.arange(count) / count
+    return np.stack([np.cos(theta), np.sin(theta)], axis=1)
 
 
 def boundary_functions(n: int, theta: ArrayLike) -> Array:

@@ -71,7 +71,7 @@ def crowded(ring: Array, sharp: Index, extent: Array, n: int, share: float = 1.0
     share
         How sharp the corners are, from 0 to 1.
     """
-    way = np.concatenate([[0.0], np.cumsum(np.hypot(*(np.diff(ring, axis=0) / extent).T))])
+    way = reading.chord_lengths(ring / extent)
     way /= way[-1]
     u = np.linspace(0.0, 1.0, 2 * _DENSE + 1)
     places = np.unique(way[sharp])

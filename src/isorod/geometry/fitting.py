@@ -26,8 +26,7 @@ def evaluate(axis: Axis, coefficients: Array, u: Array) -> tuple[Array, Array]:
 
 def inside(axis: Axis, count: int) -> Array:
     """Return ``count`` evenly spaced parameters of every element, its ends left out, shape ``(elements, count)``."""
-    share = np.arange(1.0, count + 1.0) / (count + 1.0)
-    return axis.breaks[:-1, None] + np.diff(axis.breaks)[:, None] * share
+    return axis.within(np.arange(1.0, count + 1.0) / (count + 1.0))
 
 
 def interpolate(axis: Axis, field: Field) -> Array:

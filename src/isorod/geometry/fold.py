@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from isorod.arrays import Array
-from isorod.geometry.disk import harmonic_functions
+from isorod.geometry.disk import circle, harmonic_functions
 
 # Sections and their derivatives by the parameter, (t, n, 3) each, at parameters (t,).
 Sections = Callable[[Array], tuple[Array, Array]]
@@ -52,9 +52,7 @@ def reason(sections: Sections, u: Array, t: int, xi: Array) -> str:
     bend = (directions[1] - directions[0]) / np.linalg.norm(near[1] - near[0])
     if values[0] @ arms[t] @ bend >= _NEARLY:
         curvature = float(np.linalg.norm(bend))
-        angle = 2.0 * np.pi * np.arange(64) / 64
-        circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        reach = float((harmonic_functions(polygons.shape[1], circle)[0] @ arms[t] @ bend).max()) / curvature
+        reach = float((harmonic_functions(polygons.shape[1], circle(64))[0] @ arms[t] @ bend).max()) / curvature
         return (
             f"the line bends too sharply: its radius of curvature is {1.0 / curvature:.4g} there, and the section "
             f"reaches {reach:.4g} from it towards the inside"

@@ -51,7 +51,7 @@ class Frames:
 
     def check(self) -> None:
         """Raise `InputError` if the curve stands still, has a corner, or closed does not come back as it left."""
-        self._along(_samples(self.axis))
+        self._along(self.axis.evenly(_SAMPLES))
         breaks, nudge = self.axis.breaks, 1e-9 * np.diff(self.axis.breaks)
         before, after = self._along(breaks[1:] - nudge)[1], self._along(breaks[:-1] + nudge)[1]
         turn = np.linalg.norm(np.roll(after, -1, axis=0) - before, axis=1)
@@ -76,7 +76,7 @@ class Frames:
     @cached_property
     def _carried(self) -> tuple[Array, Array, Array, Array, float]:
         """Return samples' parameters, places, tangents and first directions, and the angle that closes the curve."""
-        samples = _samples(self.axis)
+        samples = self.axis.evenly(_SAMPLES)
         places, tangents = self._along(samples)
         # Each step's turn against directions of no meaning; their sum is the frame.
         aside = _aside(tangents)
@@ -118,7 +118,7 @@ class ArcLength:
     """The arc length of a curve, control points ``(axis.count, 3)``, from its start up to parameters."""
 
     def __init__(self, axis: Axis, centers: Array) -> None:
-        self.u = _samples(axis)
+        self.u = axis.evenly(_SAMPLES)
         # Simpson's rule between samples.
         middle = 0.5 * (self.u[1:] + self.u[:-1])
         self.speed, between = (np.linalg.norm(evaluate(axis, centers, u)[1], axis=1) for u in (self.u, middle))
@@ -137,12 +137,6 @@ class ArcLength:
         low, high, rise = h * self.speed[k], h * self.speed[k + 1], self.length[k + 1] - self.length[k]
         found: Array = self.length[k] + s * (low + s * (3.0 * rise - 2.0 * low - high + s * (low + high - 2.0 * rise)))
         return found
-
-
-def _samples(axis: Axis) -> Array:
-    share = np.arange(_SAMPLES) / _SAMPLES
-    inner = axis.breaks[:-1, None] + np.diff(axis.breaks)[:, None] * share
-    return np.append(inner.ravel(), axis.breaks[-1])
 
 
 def _reflected(start: Array, end: Array, tangent: Array, last: Array, vector: Array) -> Array:

@@ -8,6 +8,7 @@ from isorod.arrays import Array, Index
 from isorod.geometry import bspline
 from isorod.geometry.axis import Axis
 from isorod.geometry.fitting import evaluate, interpolate, least_squares, nearest
+from isorod.geometry.reading import chord_lengths
 
 DEGREE = 3
 
@@ -63,13 +64,9 @@ def through(points: Array, tolerance: float, closed: bool) -> Curve:
     return Curve(axis, best.axis.transfer(axis, best.centers), best.parameters)
 
 
-def _chord_lengths(points: Array) -> Array:
-    return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
-
-
 def _near(points: Array, tolerance: float, elements: int, degree: int, closed: bool) -> Curve | None:
     """Return the curve of so many elements, None if points are farther from it than the tolerance."""
-    chords = _chord_lengths(points)
+    chords = chord_lengths(points)
     breaks = np.interp(np.linspace(0.0, len(points) - 1.0, elements + 1), np.arange(len(points)), chords)
     t = chords.copy()
     for _ in range(_PROJECTIONS):
@@ -106,7 +103,7 @@ def _interpolating(points: Array, closed: bool) -> Curve:
     # Loaded where a polyline is that rough.
     from scipy.interpolate import CubicSpline
 
-    t = _chord_lengths(points)
+    t = chord_lengths(points)
     spline = CubicSpline(t, points, bc_type="periodic" if closed else "natural")
     axis = _axis(t, DEGREE)
     centers = interpolate(axis, spline)

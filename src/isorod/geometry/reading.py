@@ -55,6 +55,11 @@ def turns(points: Array, closed: bool) -> Array:
     return found if closed else np.pad(found, 1)
 
 
+def chord_lengths(points: Array) -> Array:
+    """Return the lengths of a polyline up to its points, ``(m,)``."""
+    return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+
+
 def corners(points: Array, closed: bool) -> Index:
     """Return which points are sharp corners, and no samples of a smooth curve.
 
@@ -117,9 +122,8 @@ def between(points: Array, sharp: Index, closed: bool) -> tuple[Array, Index]:
     start = int(sharp[0]) if closed and sharp.size else 0
     ring = np.roll(points, -start, axis=0)
     ring = np.concatenate([ring, ring[:1]]) if closed else ring
-    lengths = np.linalg.norm(np.diff(ring, axis=0), axis=1)
-    way = np.concatenate([[0.0], np.cumsum(lengths)])
-    parts = np.maximum(1, np.ceil(_DENSE * lengths / way[-1])).astype(int)
+    way = chord_lengths(ring)
+    parts = np.maximum(1, np.ceil(_DENSE * np.diff(way) / way[-1])).astype(int)
     ends = np.unique(np.concatenate([[0], sharp - start, [len(ring) - 1]]))
     smooth = "periodic" if closed and not sharp.size else "not-a-knot"
     which = np.concatenate([[0], np.cumsum(parts)])
@@ -138,7 +142,7 @@ def between(points: Array, sharp: Index, closed: bool) -> tuple[Array, Index]:
 
 def filled(ring: Array) -> Array:
     """Return many places of a polyline, all its points and those in between, ``(k, d)``."""
-    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(ring, axis=0), axis=1))])
+    way = chord_lengths(ring)
     place = np.union1d(way, np.linspace(0.0, way[-1], _DENSE))
     return np.stack([np.interp(place, way, column) for column in ring.T], axis=1)
 

@@ -12,7 +12,8 @@ from isorod.arrays import Array
 from isorod.errors import Checked, FoldedRodError, InputError, numbers
 from isorod.geometry import fold
 from isorod.geometry.axis import Axis
-from isorod.geometry.disk import check_count, harmonic_functions
+from isorod.geometry.disk import check_count, circle, harmonic_functions
+from isorod.geometry.fitting import evaluate
 from isorod.geometry.frames import ArcLength
 from isorod.geometry.quadrature import WHOLE, Rule, axis_points, section_points
 from isorod.geometry.reading import EXACT, Deviation
@@ -67,7 +68,7 @@ class Rod(Checked):
     def __post_init__(self) -> None:
         super().__post_init__()
         points = np.array(self.control_points, dtype=float)
-        object.__setattr__(self, "control_points", points)
+        self._set(control_points=points, rings=tuple(float(radius) for radius in self.rings))
         if points.ndim != 3 or points.shape[0] != self.axis.count or points.shape[2] != 3:
             raise InputError(
                 f"rod control points: got shape {points.shape}, need ({self.axis.count}, n, 3) for this axis"
@@ -79,7 +80,6 @@ class Rod(Checked):
             raise InputError(f"rod control point {i} of layer {j} is not finite")
         if self.closed and not np.array_equal(points[0], points[-1]):
             raise InputError("closed rod: the last layer of control points must repeat the first")
-        object.__setattr__(self, "rings", tuple(float(radius) for radius in self.rings))
         thinnest = np.diff(self.rings).min(initial=np.inf if len(self.rings) > 1 else 0.0)
         innermost = min((radius for radius in self.rings if radius != 0.0), default=0.0)
         if not (thinnest >= _THINNEST and innermost >= _INNERMOST and self.rings[-1] == 1.0):
@@ -112,8 +112,7 @@ class Rod(Checked):
 
     def radii(self, u: ArrayLike, points: int) -> tuple[Array, Array]:
         """Return mean and largest distance of so many points of the outline from their centre, ``(t,)`` each."""
-        theta = 2.0 * np.pi * np.arange(points) / points
-        outline = self.grid(np.stack([np.cos(theta), np.sin(theta)], axis=1), u)[0]
+        outline = self.grid(circle(points), u)[0]
         spokes = np.linalg.norm(outline - outline.mean(axis=1, keepdims=True), axis=2)
         return spokes.mean(axis=1), spokes.max(axis=1)
 
@@ -234,9 +233,7 @@ class Rod(Checked):
 
     def _sections(self, u: ArrayLike) -> tuple[Array, Array]:
         """Return the control polygons ``(len(u), n, 3)`` of the sections at ``u``, and their derivatives."""
-        first, values, slopes = self.axis.local(u)
-        near = self.control_points[first[:, None] + np.arange(self.axis.degree + 1)]
-        return np.einsum("tj,tjia->tia", values, near), np.einsum("tj,tjia->tia", slopes, near)
+        return evaluate(self.axis, self.control_points, np.asarray(u))
 
     def volume(self) -> float:
         """Return the volume (length cubed), by a full quadrature rule."""
@@ -260,7 +257,7 @@ class Rod(Checked):
         inside = np.arange(axis.degree + 3) / (axis.degree + 2)
         # Both sides of every knot: the axis may have a kink there.
         inside[0], inside[-1] = 1e-9, 1.0 - 1e-9
-        u = axis.breaks[:-1, None] + np.diff(axis.breaks)[:, None] * inside
+        u = axis.within(inside)
         section, along = self._sections(u.ravel())
         # Component by component: no array of Jacobian matrices is needed.
         polygons, turns = (np.ascontiguousarray(np.moveaxis(one, 2, 0)) for one in (section, along))
@@ -314,9 +311,7 @@ def closing(points: Array) -> Array:
 def _dense_grid(n: int) -> tuple[Array, Array, tuple[Array, Array]]:
     """Return points of the disk ``(m, 2)``, circle included, the harmonic functions and their slopes ``(n, m)``."""
     radii = np.array([0.25, 0.5, 0.75, 0.9, 1.0])
-    angles = 2.0 * np.pi * np.arange(8 * n) / (8 * n)
-    ring = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    xi = np.concatenate([[[0.0, 0.0]], (radii[:, None, None] * ring).reshape(-1, 2)])
+    xi = np.concatenate([[[0.0, 0.0]], (radii[:, None, None] * circle(8 * n)).reshape(-1, 2)])
     values, gradients = harmonic_functions(n, xi)
     first, second = (np.ascontiguousarray(gradients[:, :, k].T) for k in range(2))
     return xi, np.ascontiguousarray(values.T), (first, second)

@@ -79,7 +79,7 @@ class Body(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        object.__setattr__(self, "chosen", self.formulation is None)
+        self._set(chosen=self.formulation is None)
         elements, rings = self.space.axis.elements, self._rings
         if self._on_places(self.density) is None:
             several = f"each of the {elements} elements" if rings == 1 else f"each of the {rings} rings"
@@ -98,7 +98,7 @@ class Body(Checked):
                 else f"material: got {given} laws for {rings} rings, need one law, one a ring, or such for elements"
             )
         if self.formulation is None:
-            object.__setattr__(self, "formulation", "mixed" if self._nearly_incompressible() else "displacement")
+            self._set(formulation="mixed" if self._nearly_incompressible() else "displacement")
         if self.formulation not in FORMULATIONS:
             raise InputError(f"formulation: got {self.formulation!r}, need one of {', '.join(FORMULATIONS)}")
         for k, law in enumerate(self.laws):

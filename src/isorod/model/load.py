@@ -54,12 +54,7 @@ class SectionLoad(Checked):
     @classmethod
     def end(cls, space: Space, which: str, force: tuple[float, float, float], body: int = 0) -> "SectionLoad":
         """Return a load on the whole ``"start"`` or ``"end"`` face."""
-        if space.rod.closed:
-            raise InputError("load on an end: a closed rod has none")
-        ends = {"start": 0, "end": -1}
-        if which not in ends:
-            raise InputError(f"load: got end {which!r}, need 'start' or 'end'")
-        return cls(force, float(space.axis.breaks[ends[which]]), body, space)
+        return cls(force, float(space.axis.breaks[space.end(which)]), body, space)
 
     def nodal(self, space: Space) -> Array:
         """Return the nodal forces, shape ``(nodes, 3)``."""

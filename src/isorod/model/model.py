@@ -73,8 +73,7 @@ class Model(Checked):
             except InputError as problem:
                 raise InputError(f"support {k}: {problem}") from None
         numbering = number(motions, 3 * int(first_node[-1]))
-        for name, value in (("first_node", first_node), ("motions", tuple(motions)), *numbering._asdict().items()):
-            object.__setattr__(self, name, value)
+        self._set(first_node=first_node, motions=tuple(motions), **numbering._asdict())
         for k, load in enumerate(self.loads):
             self._space(f"load {k}", load)
 

@@ -102,12 +102,7 @@ class Support(Checked):
         InputError
             If the rod is closed, or the end is none.
         """
-        if space.rod.closed:
-            raise InputError("support of an end: a closed rod has none")
-        layers = {"start": 0, "end": space.layers - 1}
-        if which not in layers:
-            raise InputError(f"support: got end {which!r}, need 'start' or 'end'")
-        nodes = layers[which] * space.layer_nodes + np.arange(space.layer_nodes)
+        nodes = np.arange(space.nodes).reshape(space.layers, -1)[space.end(which)]
         rest = {"components": components, "body": body, "tied": tied, "during": during}
         return cls._rigid(nodes, space, displacement, turn, center, **rest)
 

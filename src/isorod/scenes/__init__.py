@@ -184,9 +184,9 @@ class Preset(Scene):
         polynomials = getattr(self, "section_degree", None) is not None
         for name, value in (self.PAPER if self.preset else self.suits).items():
             if getattr(self, name) is None and not (polynomials and name == "order"):
-                object.__setattr__(self, name, value)
+                self._set(**{name: value})
         if self.preset and getattr(self, "continuity", 0) is None:
-            object.__setattr__(self, "continuity", getattr(self, "degree", 1) - 1)
+            self._set(continuity=getattr(self, "degree", 1) - 1)
 
 
 def preset(text: str) -> Any:

@@ -9,7 +9,7 @@ import numpy as np
 import isorod
 from isorod.arrays import Array
 from isorod.errors import InputError, positive, whole_number
-from isorod.geometry import section
+from isorod.geometry import disk, section
 from isorod.geometry.axis import Axis
 from isorod.geometry.rod import Rod
 from isorod.scenes import Preset, option, preset
@@ -251,8 +251,7 @@ class Biceps(Preset):
 
     def _bulges(self, model: "isorod.Model", displacements: Array) -> Array:
         """Return half the growth of the bellies' extent in z, the larger of both branches, shape ``(states,)``."""
-        theta = 2.0 * np.pi * np.arange(AROUND) / AROUND
-        circle = np.stack([np.cos(theta), np.sin(theta)], axis=1)
+        circle = disk.circle(AROUND)
         u = self.tendon_length + np.linspace(0.0, self.belly_length, (ELEMENTS - 2) * ALONG + 1)
         result = np.zeros((len(model.bodies), len(displacements)))
         for b, body in enumerate(model.bodies):

@@ -12,6 +12,7 @@ from isorod.geometry import section
 from isorod.geometry.axis import Axis
 from isorod.geometry.rod import Rod
 from isorod.scenes import Preset, option, preset
+from isorod.tensors import rotation
 
 # Control points round the section as first built.
 POINTS = 16
@@ -54,21 +55,16 @@ class Blade(Preset):
     def rod(self) -> Rod:
         """Return the blade as first built: 16 points round the paper's section, one quadratic element along.
 
-        Twist and scale are 0, 1/2, 1 of the way at its control points.
+        Twist and scale go linearly from root to tip over its three layers of control points.
         """
         for name in ("length", "taper"):
             positive(name, getattr(self, name), "a positive number")
         if not abs(self.twist) <= 90.0:
             raise InputError(f"twist: got {self.twist:g} degrees, the one element of the blade carries -90 to 90")
-        way = np.array([0.0, 0.5, 1.0])
-        angle = np.radians(self.twist) * way
-        rotations = np.zeros((3, 3, 3))
-        rotations[:, 0, 0] = rotations[:, 1, 1] = np.cos(angle)
-        rotations[:, 1, 0] = np.sin(angle)
-        rotations[:, 0, 1] = -np.sin(angle)
-        rotations[:, 2, 2] = 1.0
-        stretches = (1.0 + (self.taper - 1.0) * way)[:, None, None] * np.eye(3)
-        centers = way[:, None] * np.array([0.0, 0.0, self.length])
+        share = np.array([0.0, 0.5, 1.0])
+        rotations = np.array([rotation((0.0, 0.0, angle)) for angle in np.radians(self.twist) * share])
+        stretches = (1.0 + (self.taper - 1.0) * share)[:, None, None] * np.eye(3)
+        centers = share[:, None] * np.array([0.0, 0.0, self.length])
         return Rod.sweep(self._outline(), _AXIS, centers, rotations, stretches)
 
     def _outline(self) -> Any:

@@ -13,6 +13,7 @@ from isorod.geometry import bspline, section
 from isorod.geometry.center_line import straight
 from isorod.geometry.fitting import nearest
 from isorod.geometry.frames import Frames
+from isorod.geometry.reading import chord_lengths
 from isorod.geometry.rod import Rod
 from isorod.scenes import Scene, option
 
@@ -133,8 +134,7 @@ class Knot(Scene):
     @cached_property
     def _lengths(self) -> Array:
         """Length of the line up to each of its points [length]."""
-        chords = np.linalg.norm(np.diff(self.line, axis=0), axis=1)
-        return self.radius * np.concatenate([[0.0], np.cumsum(chords)])
+        return self.radius * chord_lengths(self.line)
 
     def rod(self) -> Rod:
         """Return the rod at rest, straight along x from where it begins when laid."""

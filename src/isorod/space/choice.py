@@ -14,6 +14,7 @@ import numpy as np
 from isorod.arrays import Array
 from isorod.errors import InputError
 from isorod.geometry.axis import MAX_DEGREE
+from isorod.geometry.disk import circle
 from isorod.geometry.quadrature import WHOLE, Rule
 from isorod.geometry.rod import Rod
 from isorod.geometry.section import refinement_turn
@@ -194,9 +195,7 @@ def _boundary_layers(rod: Rod, parts: int, shape: Shape, places: Sequence[float]
     """Return knots that, with the rod's elements cut in so many parts, resolve boundary layers."""
     if shape.slenderness > _SLENDEREST:
         return ()
-    breaks, share = rod.axis.breaks, np.arange(parts) / parts
-    cuts = np.append((breaks[:-1, None] + np.diff(breaks)[:, None] * share).ravel(), breaks[-1])
-    there = np.interp(cuts, shape.u, shape.way)
+    there = np.interp(rod.axis.evenly(parts), shape.u, shape.way)
     ends = [] if rod.closed else [0.0, shape.way[-1]]
     middles = np.unique([*ends, *np.interp(places, shape.u, shape.way)])
     found: list[float] = []
@@ -347,11 +346,9 @@ def rule(space: Any) -> Rule:
 def _shape(rod: Rod) -> Shape:
     """Return what the choices go by."""
     breaks = rod.axis.breaks
-    steps = (np.arange(_LOOKS) + 0.5) / _LOOKS
     count = min(rod.axis.elements, _MANY)
-    u = (breaks[:-1, None] + np.diff(breaks)[:, None] * steps)[:count].ravel()
-    ring = np.array([[np.cos(t), np.sin(t)] for t in 2.0 * np.pi * np.arange(8) / 8])
-    position, jacobian = rod.grid([[0.0, 0.0], *ring], u)
+    u = rod.axis.within((np.arange(_LOOKS) + 0.5) / _LOOKS)[:count].ravel()
+    position, jacobian = rod.grid([[0.0, 0.0], *circle(8)], u)
     frames = np.linalg.qr(jacobian[:, 0, :, [2, 0, 1]].transpose(1, 2, 0))[0]
     # Columns that point as the derivatives do.
     frames = frames * np.sign(np.einsum("tab,bta->tb", frames, jacobian[:, 0, :, [2, 0, 1]]))[:, None, :]

@@ -104,10 +104,6 @@ class Space(Checked):
         # What they refuse is refused now, not when an analysis first asks for them.
         self.basis, self.axis, self.rule  # noqa: B018
 
-    def _set(self, **values: object) -> None:
-        for name, value in values.items():
-            object.__setattr__(self, name, value)
-
     def _choose_section(self) -> None:
         """Choose section functions, if none are given, or the order of those that are."""
         if self.section_basis is not None or self.section_degree is not None:
@@ -271,6 +267,20 @@ class Space(Checked):
         """Nodes of each element, layer by layer, shape ``(elements, (p + 1) count)``."""
         nodes = self.element_layers[:, :, None] * self.layer_nodes + np.arange(self.layer_nodes)
         return nodes.reshape(self.axis.elements, -1)
+
+    def end(self, which: str) -> int:
+        """Return the index of the ``"start"`` or ``"end"`` among what goes along the axis: 0 or -1.
+
+        Raises
+        ------
+        InputError
+            If the rod is closed, or it is neither.
+        """
+        if self.rod.closed:
+            raise InputError(f"end: got {which!r}, but a closed rod has none")
+        if which not in ("start", "end"):
+            raise InputError(f"end: got {which!r}, need 'start' or 'end'")
+        return 0 if which == "start" else -1
 
     def section_rule(self, rule: Rule) -> tuple[Array, Array]:
         """Return points and weights of a rule across the section (`isorod.geometry.quadrature.section_points`)."""
