@@ -339,7 +339,7 @@ def test_damped_motion_ends_in_the_equilibrium():
             ", support reactions 1.9e+02: the stiffness contrast along the model is too large",
         ),
         (["--sigma-max", "-1"], "sigma_max: got -1, need a stress, not negative"),
-        (["--penalty", "0"], "penalty 0, need a positive"),
+        (["--penalty", "0"], "penalty: got 0, need a positive"),
         (["--statics", "yes"], "unrecognized arguments: yes|option yes is not known"),
     ],
 )

@@ -302,7 +302,7 @@ def test_what_is_no_analysis_here_is_refused(name, message):
 
 
 def test_points_of_a_closed_rod_are_found_beyond_its_joint_too():
-    rod = files.find("ring")().rod()
+    rod = files.find("ring").rod()
     mesh = rods.build([rod], 1, 2)
     held = Elements(mesh, [rod])
     low, high = rod.axis.breaks[[0, -1]]

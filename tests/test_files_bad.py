@@ -64,7 +64,10 @@ def test_a_change_is_refused_where_it_is(part, refused):
 
 
 ROD = "[rod.bar]\ncurve = {straight = 1.0}\nsection = {circle = 0.2}\nlaw = {NeoHookean = {E = 1.0, nu = 0.3}}\n"
-TOUCHING = "[obstacle.floor]\nPlane = {point = [0.0, -0.2, 0.0]}\n[contact.floor]\nsecond = 'floor'\nfirst = 'bar'\n"
+TOUCHING = (
+    "[obstacle.floor]\nPlane = {point = [0.0, -0.2, 0.0], normal = [0.0, 1.0, 0.0]}\n"
+    "[contact.floor]\nsecond = 'floor'\nfirst = 'bar'\n"
+)
 HOLLOW = r"\d+: contact.floor.first: contact needs .* rod bar has a hole or layers; leave out its rings, or this"
 ENDS = "[support.low]\nend = 'start'\n[support.high]\nend = 'end'\n"
 BAR = f"analysis = 'statics'\n{ROD}"
