@@ -51,7 +51,7 @@ def test_the_biceps_opens_frame_by_frame(tmp_path, capsys, python):
     history = dynamics.solve(scene.model(), **scene.settings())
     for instant, (_, bodies) in zip(history, frames, strict=True):
         for b, seen in enumerate(bodies):
-            mesh = vtk.grid(history.model.bodies[b], instant.fields(b), factor=instant.factor)
+            mesh = vtk.grid(history.model.bodies[b], instant.fields(b), factor=instant.factor, curved=True)
             largest = [mesh.point_data[name].max() for name in ("displacement", "velocity", "von_mises")]
             assert seen == pytest.approx([mesh.n_points, *largest], rel=1e-9)
     assert frames[0][1][0][1] == 0.0 < frames[-1][1][0][1]

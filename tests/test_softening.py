@@ -4,8 +4,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from isorod.statics.contact_policy import TUNING, ContactPolicy
+from isorod.statics.contact_policy import ContactPolicy
 from isorod.statics.steps import Diverged
+from isorod.statics.tuning import CONTROL
 
 
 class Contact:
@@ -57,7 +58,7 @@ def test_a_step_that_fails_is_taken_with_softer_penalties_and_the_next_begins_wi
     policy.settle = settle
     assert policy.step(0.0, 0.5) == policy.step(0.5, 1.0) == (3, 2)
     assert contact.stiffness == 1.0
-    assert begun == [TUNING.softer, TUNING.softer]
+    assert begun == [CONTROL.softer, CONTROL.softer]
 
 
 def test_a_step_whose_penalties_stay_soft_is_none(solver, contact):

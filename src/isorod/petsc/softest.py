@@ -47,7 +47,7 @@ def soften(
     Returns
     -------
     value, push
-        Estimate of ``l``, and the force ``K v``.
+        Estimate of ``l``, infinite where the solve underflows, and the force ``K v``.
     """
     push, value = shape.duplicate(), 0.0
     for _ in range(iterations):
@@ -55,5 +55,6 @@ def soften(
         shape.scale(1.0 / np.sqrt(shape.dot(weight * shape)))
         push.pointwiseMult(weight, shape)
         ksp.solve(push, shape)
-        value = 1.0 / push.dot(shape)
+        work = push.dot(shape)
+        value = 1.0 / work if work else np.inf
     return value, push

@@ -139,6 +139,10 @@ def _holds(solver: Newton) -> bool:
     _, push = soften(solver.snes.getKSP(), moves, way, _ITERATIONS)
     moves.pointwiseMult(way, moves)
     least = min(body.space.rod.radius for body in assembler.model.bodies)
-    length = _STEP * least / moves.norm(PETSc.NormType.NORM_INFINITY)
+    moved = moves.norm(PETSc.NormType.NORM_INFINITY)
+    # A stiffness near the largest numbers there are.
+    if not moved:
+        return False
+    length = _STEP * least / moved
     way.scale(length)
     return bool(solver.resistance(way).dot(way) >= _FALLEN * length * push.dot(way))
