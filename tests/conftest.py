@@ -190,19 +190,25 @@ def packages(modules: set[str]) -> set[str]:
 
 
 @pytest.fixture(scope="session")
-def mpirun() -> Callable[..., subprocess.CompletedProcess[str]]:
-    """Run a Python script, or the `isorod` command where there is none, on several ranks."""
+def launcher() -> list[str]:
+    """Return the words that start ranks, but for their number."""
     # MPI may come with Python's packages: what is beside the interpreter is of the same implementation.
     program = shutil.which("mpirun", path=os.path.dirname(sys.executable)) or shutil.which("mpirun")
     if program is None:
         pytest.skip("mpirun is not installed")
     # Other implementations put more ranks than cores on a machine without being told.
     more = ["--oversubscribe"] if "Open MPI" in _run([program, "--version"]).stdout else []
+    return [program, *more, "-n"]
+
+
+@pytest.fixture(scope="session")
+def mpirun(launcher) -> Callable[..., subprocess.CompletedProcess[str]]:
+    """Run a Python script, or the `isorod` command where there is none, on several ranks."""
 
     def run(ranks: int, *arguments: str, script: str | None = None) -> subprocess.CompletedProcess[str]:
         # First: what the wheels' PETSc asks for before it is imported.
         words = COMMAND if script is None else [sys.executable, "-c", f"import isorod\n{script}"]
-        return _run([program, *more, "-n", str(ranks), *words, *arguments])
+        return _run([*launcher, str(ranks), *words, *arguments])
 
     return run
 
