@@ -11,7 +11,7 @@ from touching import LAW, RADIUS, RING, across, add_forces, among, forces_at, pa
 from isorod import Body, Contact, Cylinder, Model, Plane, Space, circle, helix
 from isorod.contact.operator import ContactOperator
 from isorod.contact.packed import START
-from isorod.contact.surface_kernel import EDGE, END, FREE, closest, new_foot, surface_gap
+from isorod.contact.surface_kernel import EDGE, END, FREE, closest, new_projection, surface_gap
 from isorod.contact.tables import pack
 
 OFFSET = np.array([0.0, 2.9, 3.0])  # of the crossing rods' middles
@@ -19,11 +19,11 @@ OFFSET = np.array([0.0, 2.9, 3.0])  # of the crossing rods' middles
 
 def project(packed, surface, x, start, positions):
     """Return outcome, gap, foot and where it is (element, theta, s)."""
-    foot, where = new_foot(), np.array([tuple(start)], START)
-    outcome = closest(packed.surfaces[surface], packed.elements, x, where[0], positions, foot)
-    gap = surface_gap(foot, outcome == EDGE)
-    assert abs(foot.d @ foot.y[1]) < 1e-11
-    return outcome, gap, foot.y[0].copy(), where[0]
+    projection, where = new_projection(), np.array([tuple(start)], START)
+    outcome = closest(packed.surfaces[surface], packed.elements, x, where[0], positions, projection)
+    gap = surface_gap(projection, outcome == EDGE)
+    assert abs(projection.d @ projection.y[1]) < 1e-11
+    return outcome, gap, projection.y[0].copy(), where[0]
 
 
 def test_projection_on_a_torus_is_exact_from_any_start():
@@ -39,11 +39,11 @@ def test_projection_on_a_torus_is_exact_from_any_start():
         # A start one element away along the axis and an eighth of a turn round the section.
         row = int(around % (2.0 * np.pi) / (2.0 * np.pi) * rows)
         start = [first + (row + rng.integers(-1, 2)) % rows, -phi + rng.uniform(-0.8, 0.8), rng.uniform(-1.0, 1.0)]
-        outcome, gap, foot, _ = project(packed, 1, x, start, positions)
+        outcome, gap, projection, _ = project(packed, 1, x, start, positions)
         assert outcome == FREE
         assert abs(gap - depth) < 1e-12
         np.testing.assert_allclose(
-            x - foot,
+            x - projection,
             depth / (RADIUS + depth) * (x - center - RING * np.array([np.cos(around), np.sin(around), 0.0])),
             atol=1e-10,
         )
@@ -57,9 +57,9 @@ def test_projection_on_a_cylinder_and_beyond_its_ends():
         height, phi, depth = rng.uniform(-1.0, 7.0), rng.uniform(-np.pi, np.pi), rng.uniform(-0.6, 1.0)
         x = np.array([(1.0 + depth) * np.cos(phi), (1.0 + depth) * np.sin(phi), height])
         start = [rng.integers(0, 3), phi + rng.uniform(-1.0, 1.0), rng.uniform(-1.0, 1.0)]
-        outcome, gap, foot, where = project(packed, 0, x, start, positions)
+        outcome, gap, projection, where = project(packed, 0, x, start, positions)
         assert outcome == (FREE if 0.0 <= height <= 6.0 else END)
-        np.testing.assert_allclose(foot, [np.cos(phi), np.sin(phi), np.clip(height, 0.0, 6.0)], atol=1e-11)
+        np.testing.assert_allclose(projection, [np.cos(phi), np.sin(phi), np.clip(height, 0.0, 6.0)], atol=1e-11)
         if outcome == FREE:
             assert abs(gap - depth) < 1e-12
             assert abs(where["element"] + 0.5 + 0.5 * where["s"] - 0.5 * height) < 1e-11

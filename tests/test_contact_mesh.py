@@ -14,7 +14,7 @@ from touching import among, assert_tangent, forces_at, moved, shaken
 from isorod import Contact, InputError, Plane, Space, Sphere, TriangleMesh
 from isorod.contact.mesh_kernel import mesh_gap
 from isorod.contact.operator import ContactOperator
-from isorod.contact.surface_kernel import new_foot
+from isorod.contact.surface_kernel import new_projection
 from isorod.contact.tables import pack
 
 PENALTY = 10.0
@@ -70,9 +70,9 @@ def on(obstacle, space=None, **more):
 
 
 def gap(packed, x, number=0):
-    foot = new_foot()
-    distance = mesh_gap(packed, packed.passes[number], np.array(x, dtype=float), foot)
-    return distance, foot.normal.copy()
+    projection = new_projection()
+    distance = mesh_gap(packed, packed.passes[number], np.array(x, dtype=float), projection)
+    return distance, projection.normal.copy()
 
 
 def test_distances_from_a_cube_are_exact():

@@ -116,7 +116,7 @@ def sliding(breaks, second=None, friction=0.3):
     return np.array(seen)
 
 
-def test_history_survives_where_feet_cross_elements_and_rods():
+def test_history_survives_where_projections_cross_elements_and_rods():
     whole = sliding((0.0, 3.0))
     assert np.abs(whole).max() > 0.01
     cut = sliding((0.0, 1.5, 1.7, 3.0))

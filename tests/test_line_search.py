@@ -14,37 +14,37 @@ from isorod.statics.newton import Newton
 ZERO = 1e-3
 
 
-def kinked(share):
+def kinked(fraction):
     """Work of a soft spring that meets a stiff one at ``ZERO``, before and behind which it is linear."""
-    return 1.0 - share - 1e4 * max(0.0, share - ZERO)
+    return 1.0 - fraction - 1e4 * max(0.0, fraction - ZERO)
 
 
 def test_a_step_beyond_a_kink_ends_where_its_work_vanishes():
     calls = []
 
-    def work(share):
-        calls.append(share)
-        return kinked(share)
+    def work(fraction):
+        calls.append(fraction)
+        return kinked(fraction)
 
-    share = step_length(work, kinked(0.0))
-    assert abs(kinked(share)) <= 0.1
-    assert share == pytest.approx(ZERO, rel=0.2)
+    fraction = step_length(work, kinked(0.0))
+    assert abs(kinked(fraction)) <= 0.1
+    assert fraction == pytest.approx(ZERO, rel=0.2)
     assert len(calls) <= 25
 
 
 @pytest.mark.parametrize("end", [0.9, 0.0, -0.8])
 def test_a_full_step_that_does_stays(end):
-    assert step_length(lambda share: 1.0 + share * (end - 1.0), 1.0) == 1.0
+    assert step_length(lambda fraction: 1.0 + fraction * (end - 1.0), 1.0) == 1.0
 
 
 def test_a_step_ends_before_states_that_have_no_forces():
-    share = step_length(lambda share: 1.0 - share if share < 0.3 else np.nan, 1.0)
-    assert 0.25 < share < 0.3
+    fraction = step_length(lambda fraction: 1.0 - fraction if fraction < 0.3 else np.nan, 1.0)
+    assert 0.25 < fraction < 0.3
 
 
 def test_a_step_up_the_energy_is_taken_as_far_as_there_are_forces():
-    assert step_length(lambda share: -5.0 * share, -1.0) == 1.0
-    assert step_length(lambda share: -1.0 if share < 0.3 else np.nan, -1.0) == 0.25
+    assert step_length(lambda fraction: -5.0 * fraction, -1.0) == 1.0
+    assert step_length(lambda fraction: -1.0 if fraction < 0.3 else np.nan, -1.0) == 0.25
 
 
 def near_a_wall():
@@ -64,13 +64,13 @@ def test_with_contact_mumps_does_not_scale_unless_it_is_asked_to(typed):
 
 
 @pytest.mark.parametrize(("length", "share", "ends"), [(1e-9, 1.0, True), (1e-3, 1e-6, False), (1e-3, 0.0, False)])
-def test_a_step_that_was_made_short_is_no_sign_of_equilibrium(length, share, ends):
+def test_a_step_that_was_made_short_is_no_sign_of_equilibrium(length, fraction, ends):
     """Whatever is out of balance: how far a full step would have gone is what counts."""
     solver = near_a_wall()
     solver.snes.setUp()
     solver.snes.getFunction()[0].set(1.0)
-    solver._line_search.share = share
-    reason = solver._test(solver.snes, 1, (1.0, length * share, 1.0))
+    solver._line_search.fraction = fraction
+    reason = solver._test(solver.snes, 1, (1.0, length * fraction, 1.0))
     reasons = PETSc.SNES.ConvergedReason
     assert reason == (reasons.CONVERGED_SNORM_RELATIVE if ends else reasons.CONVERGED_ITERATING)
 
@@ -91,5 +91,5 @@ def test_how_much_of_a_step_was_taken_is_kept(free):
     solver = Solver()
     search = LineSearch(solver, lambda trial, out: out.set(kinked(-trial.array_r[0])), None, lambda x, end: free)
     assert solver.check(x, way)
-    assert search.share == way.array_r[0] == pytest.approx(ZERO, rel=0.2)
+    assert search.fraction == way.array_r[0] == pytest.approx(ZERO, rel=0.2)
     assert search.short == 1

@@ -104,6 +104,6 @@ def test_what_holds_a_body_on_the_way_is_softer_than_the_body():
     softest = eigh(stiffness, np.diag(np.diag(stiffness)), eigvals_only=True, subset_by_index=[0, 6])
     assert abs(softest[5]) < 1e-4 * softest[6]
     assert softest[6] < 1e-4
-    share = solver.stabilisation.share
-    assert softest[6] < 100.0 * share < 2.0 * softest[6]
+    fraction = solver.stabilisation.fraction
+    assert softest[6] < 100.0 * fraction < 2.0 * softest[6]
     solver.destroy()

@@ -30,7 +30,7 @@ from isorod.contact.surface_kernel import (
     closest,
     dot,
     evaluate,
-    new_foot,
+    new_projection,
     surface_gap,
 )
 
@@ -57,44 +57,44 @@ def rigid_gap(one: Row, x: Array, normal: Array) -> float:
 
 
 @njit(f8(PACKED, PASS_ROW, i8, F2, FOOT), **FAST)
-def project(packed: Packed, one: Row, point: int, positions: Array, foot: Foot) -> float:
+def project(packed: Packed, one: Row, point: int, positions: Array, projection: Foot) -> float:
     """Return the gap of a pressed point, and fill its projection: that which the last forces have found."""
     x = packed.points[point]
     if one.master == MESH:
-        return mesh_gap(packed, one, x, foot)
+        return mesh_gap(packed, one, x, projection)
     if one.master < 0:
-        gap = rigid_gap(one, x, foot.normal)
+        gap = rigid_gap(one, x, projection.normal)
         for a in range(3):
-            foot.y[0, a] = x[a] - gap * foot.normal[a]
+            projection.y[0, a] = x[a] - gap * projection.normal[a]
         return gap
     start = packed.starts[point]
     element = packed.elements[start.element]
-    evaluate(packed.surfaces[element.surface], element, start.theta, start.s, positions, foot)
+    evaluate(packed.surfaces[element.surface], element, start.theta, start.s, positions, projection)
     for a in range(3):
-        foot.d[a] = x[a] - foot.y[0, a]
-    return surface_gap(foot, packed.states[point].edge)
+        projection.d[a] = x[a] - projection.y[0, a]
+    return surface_gap(projection, packed.states[point].edge)
 
 
 @njit(void(PACKED, PASS_ROW, ANCHOR_ROW, F2, FOOT), **FAST)
-def place_of(packed: Packed, one: Row, anchor: Row, positions: Array, foot: Foot) -> None:
-    """Fill a foot at an anchor of friction, on an obstacle the first row of its ``y`` alone."""
+def place_of(packed: Packed, one: Row, anchor: Row, positions: Array, projection: Foot) -> None:
+    """Fill a projection at an anchor of friction, on an obstacle the first row of its ``y`` alone."""
     if one.master < 0:
         for a in range(3):
-            foot.y[0, a] = anchor.place[a]
+            projection.y[0, a] = anchor.place[a]
         return
     element = packed.elements[anchor.element]
-    evaluate(packed.surfaces[element.surface], element, anchor.theta, anchor.s, positions, foot)
+    evaluate(packed.surfaces[element.surface], element, anchor.theta, anchor.s, positions, projection)
 
 
 @njit(f8(PACKED, i8, FOOT, FOOT, F1), **FAST)
-def stretch_of(packed: Packed, point: int, foot: Foot, there: Foot, s: Array) -> float:
+def stretch_of(packed: Packed, point: int, projection: Foot, there: Foot, s: Array) -> float:
     """Fill ``s``, how far a point is from its anchor along its master, and return its length."""
     along = 0.0
     for a in range(3):
         s[a] = packed.points[point, a] - there.y[0, a]
-        along += s[a] * foot.normal[a]
+        along += s[a] * projection.normal[a]
     for a in range(3):
-        s[a] -= along * foot.normal[a]
+        s[a] -= along * projection.normal[a]
     return np.sqrt(dot(s, s))
 
 
@@ -141,18 +141,18 @@ def _start(packed: Packed, point: int, positions: Array, work: Work, count: int)
 
 
 @njit(f8(PACKED, PASS_ROW, i8, F2, FOOT, _WORK), **FAST)
-def _gap(packed: Packed, one: Row, point: int, positions: Array, foot: Foot, work: Work) -> float:
-    """Return the gap of a slave point and fill the foot on its master; say until when it need not be sought again.
+def _gap(packed: Packed, one: Row, point: int, positions: Array, projection: Foot, work: Work) -> float:
+    """Return the gap of a slave point, fill its projection; say until when that need not be sought again.
 
     Infinite where the point is clear of the master or beyond its end, NaN if no closest point was found.
     """
     x = packed.points[point]
     if one.master == MESH:
-        gap = mesh_gap(packed, one, x, foot)
+        gap = mesh_gap(packed, one, x, projection)
         packed.clear[point] = packed.travel[0] + 0.5 * (gap - packed.multipliers[point] / one.penalty)
         return gap
     if one.master < 0:
-        gap = rigid_gap(one, x, foot.normal)
+        gap = rigid_gap(one, x, projection.normal)
         # An obstacle's own way is in the travel.
         packed.clear[point] = packed.travel[0] + gap - packed.multipliers[point] / one.penalty
         return gap
@@ -171,7 +171,7 @@ def _gap(packed: Packed, one: Row, point: int, positions: Array, foot: Foot, wor
                 return nearest
             count -= 1
         master = packed.surfaces[packed.elements[start.element].surface]
-        outcome = closest(master, packed.elements, x, start, positions, foot)
+        outcome = closest(master, packed.elements, x, start, positions, projection)
         # What the ball does not hold is not in contact; a search that ends deep inside has gone to the far side.
         outside = count >= 0 and work.away[0] > limit
         if outcome == LOST and count >= 0 and not outside:
@@ -181,7 +181,7 @@ def _gap(packed: Packed, one: Row, point: int, positions: Array, foot: Foot, wor
             # Its own neighbourhood a point does not touch.
             share, there = packed.shares[at.along], 0.5 * (start.s + 1.0)
             if may_touch(packed, at.element, share, start.element, there):
-                gap = surface_gap(foot, outcome == EDGE)
+                gap = surface_gap(projection, outcome == EDGE)
         if outside and (gap < limit or outcome == LOST):
             gap = work.away[0]
         if gap < limit:
@@ -206,7 +206,7 @@ def spread(surface: Row, element: Row, arc: int, phi: Array, axial: Array, push:
 
 
 @njit(void(PACKED, PASS_ROW, i8, FOOT, F1, F2), **FAST)
-def press(packed: Packed, one: Row, point: int, foot: Foot, push: Array, forces: Array) -> None:
+def press(packed: Packed, one: Row, point: int, projection: Foot, push: Array, forces: Array) -> None:
     """Add a force ``push`` at a slave point, and its reaction on the master, to the forces of the nodes."""
     slave = packed.surfaces[one.slave]
     at = site(one, slave, point)
@@ -215,7 +215,7 @@ def press(packed: Packed, one: Row, point: int, foot: Foot, push: Array, forces:
         start = packed.starts[point]
         element = packed.elements[start.element]
         master = packed.surfaces[element.surface]
-        spread(master, element, arc_of(master, start.theta), foot.phi[0], foot.axial[0], -push, forces)
+        spread(master, element, arc_of(master, start.theta), projection.phi[0], projection.axial[0], -push, forces)
 
 
 @njit(PRESSING(PACKED, F2, F2), **FAST)
@@ -250,7 +250,7 @@ def add_forces(packed: Packed, positions: Array, forces: Array) -> tuple[float, 
     if 2.0 * (packed.travel[0] - packed.listed[1]) > packed.listed[0]:
         list_near(packed)
     energy = force = area = deepest = 0.0
-    foot, work = new_foot(), _new_work(packed)
+    projection, work = new_projection(), _new_work(packed)
     # Where all are clear, references to the tables would take most of the time.
     states, starts, multipliers, clear = packed.states, packed.starts, packed.multipliers, packed.clear
     own, travel = packed.own, packed.travel[0]
@@ -263,7 +263,7 @@ def add_forces(packed: Packed, positions: Array, forces: Array) -> tuple[float, 
             state.edge = False
             gap = np.inf
             if needs_search(multiplier, clear[point], travel):
-                gap = _gap(packed, one, point, positions, foot, work)
+                gap = _gap(packed, one, point, positions, projection, work)
             pressure = multiplier - one.penalty * gap
             state.gap = gap if gap < np.inf else np.nan
             state.pressure = max(pressure, 0.0)
@@ -272,13 +272,13 @@ def add_forces(packed: Packed, positions: Array, forces: Array) -> tuple[float, 
                 starts[point].element = -1
                 continue
             for a in range(3):
-                state.normal[a] = foot.normal[a]
+                state.normal[a] = projection.normal[a]
             weight = packed.areas[point]
             energy += 0.5 * weight * (pressure**2 - multiplier**2) / one.penalty
             force += weight * pressure
             area += weight
             deepest = min(deepest, gap)
-            press(packed, one, point, foot, weight * pressure * foot.normal, forces)
+            press(packed, one, point, projection, weight * pressure * projection.normal, forces)
     if not np.isfinite(energy):
         forces[:] = np.nan
         return np.nan, np.nan, np.nan, np.nan

@@ -1,13 +1,13 @@
 """Compiled: Coulomb friction with stick, of the points that `isorod.contact.force_kernel.add_forces` has left pressed.
 
-Such a point ``x`` hangs on its anchor ``a``, a material point of its master (of an obstacle a point in space), by a
-spring of the penalty's stiffness ``eps``: with the normal ``n`` at its present foot the traction, force per reference
-area, is ``-eps s``, ``s = (I - n n^T) (x - a)``, shortened to ``mu p`` where it would be longer.  Its reaction is on
-the master at the present foot.
+It is a return mapping: a tangential spring of the penalty's stiffness ``eps`` from the stick point (anchor) ``a`` of
+the point ``x``, a material point of its master (of an obstacle a point in space), gives the trial traction, force per
+reference area, ``-eps s``, ``s = (I - n n^T) (x - a)``, with the normal ``n`` at the present projection; it is limited
+to ``mu p``.  Its reaction is on the master at the present projection.
 
 The anchor stays where it is while a state is sought.  Once that is found, it stays where the point sticks, follows
 where it slips, so that ``s`` is as long as Coulomb's law allows, and is given up where the point is no longer pressed.
-Being a material point it turns with its rod, and may be anywhere on it: feet cross elements as they like.  Where
+Being a material point it turns with its rod, and may be anywhere on it: projections cross elements as they like.  Where
 another rod is now the nearest, the anchor is put there, with the same ``s``.
 
 What a step dissipates is the work of the mean of its first and last traction on the slip.  The work of central
@@ -35,7 +35,7 @@ from isorod.contact.packed import (
     Row,
     Table,
 )
-from isorod.contact.surface_kernel import FOOT, LOST, Foot, closest, dot, new_foot, surface_gap
+from isorod.contact.surface_kernel import FOOT, LOST, Foot, closest, dot, new_projection, surface_gap
 
 # A point slips where its traction is as large as it may be but for this part.
 _NEARLY = 1e-9
@@ -43,19 +43,19 @@ _NEARLY = 1e-9
 
 @njit(void(PACKED, PASS_ROW, i8, F1, F2, STARTS, FOOT, ANCHOR_ROW), **FAST)
 def _put(
-    packed: Packed, one: Row, point: int, x: Array, positions: Array, start: Table, foot: Foot, anchor: Row
+    packed: Packed, one: Row, point: int, x: Array, positions: Array, start: Table, projection: Foot, anchor: Row
 ) -> None:
-    """Put an anchor where the master of a point's foot is nearest to ``x``."""
+    """Put an anchor where the master of a point's projection is nearest to ``x``."""
     if one.master < 0:
-        gap = rigid_gap(one, x, foot.normal)
+        gap = rigid_gap(one, x, projection.normal)
         anchor.element = 0
         for a in range(3):
-            anchor.place[a] = x[a] - gap * foot.normal[a]
+            anchor.place[a] = x[a] - gap * projection.normal[a]
         return
     at, where = packed.starts[point], start[0]
     where.element, where.theta, where.s = at.element, at.theta, at.s
     surface = packed.surfaces[packed.elements[at.element].surface]
-    if closest(surface, packed.elements, x, where, positions, foot) == LOST:
+    if closest(surface, packed.elements, x, where, positions, projection) == LOST:
         anchor.element, anchor.theta, anchor.s = at.element, at.theta, at.s
         return
     anchor.element, anchor.theta, anchor.s = where.element, where.theta, where.s
@@ -82,16 +82,16 @@ def _slave_at(packed: Packed, one: Row, point: int, positions: Array, x: Array) 
 
 @njit(f8(PACKED, PASS_ROW, i8, F1, F2, STARTS, FOOT, ANCHOR_ROW), **FAST)
 def _near(
-    packed: Packed, one: Row, point: int, x: Array, positions: Array, start: Table, foot: Foot, anchor: Row
+    packed: Packed, one: Row, point: int, x: Array, positions: Array, start: Table, projection: Foot, anchor: Row
 ) -> float:
-    """Put an anchor where the master of a point's foot is nearest to ``x``, and return the gap there."""
-    _put(packed, one, point, x, positions, start, foot, anchor)
+    """Put an anchor where the master of a point's projection is nearest to ``x``, and return the gap there."""
+    _put(packed, one, point, x, positions, start, projection, anchor)
     if one.master < 0:
-        return rigid_gap(one, x, foot.normal)
-    place_of(packed, one, anchor, positions, foot)
+        return rigid_gap(one, x, projection.normal)
+    place_of(packed, one, anchor, positions, projection)
     for a in range(3):
-        foot.d[a] = x[a] - foot.y[0, a]
-    return surface_gap(foot, packed.states[point].edge)
+        projection.d[a] = x[a] - projection.y[0, a]
+    return surface_gap(projection, packed.states[point].edge)
 
 
 @njit(void(PACKED, FRICTION, F1, F2, F2, ANCHORS), **FAST)
@@ -113,7 +113,7 @@ def catch(packed: Packed, friction: Friction, moved: Array, before: Array, ahead
     caught
         Anchors that points were given so far, rows of `ANCHOR`: those on the same master are good again.
     """
-    foot, x, y = new_foot(), np.empty(3), np.empty(3)
+    projection, x, y = new_projection(), np.empty(3), np.empty(3)
     for k in range(packed.passes.size):
         one = packed.passes[k]
         if friction.coefficients[k] == 0.0:
@@ -129,17 +129,17 @@ def catch(packed: Packed, friction: Friction, moved: Array, before: Array, ahead
                 friction.anchors[point] = caught[point]
                 continue
             _slave_at(packed, one, point, ahead, x)
-            then = _near(packed, one, point, x, ahead, friction.start, foot, anchor)
-            place_of(packed, one, anchor, before, foot)
-            y[:] = foot.y[0]
+            then = _near(packed, one, point, x, ahead, friction.start, projection, anchor)
+            place_of(packed, one, anchor, before, projection)
+            y[:] = projection.y[0]
             _slave_at(packed, one, point, before, x)
-            gap = _near(packed, one, point, x, before, friction.start, foot, anchor) + moved[k]
+            gap = _near(packed, one, point, x, before, friction.start, projection, anchor) + moved[k]
             share = max(0.0, gap) / (gap - then) if gap > then else 0.0
             if share > 0.0:
-                place_of(packed, one, anchor, before, foot)
+                place_of(packed, one, anchor, before, projection)
                 for a in range(3):
-                    y[a] = foot.y[0, a] + min(1.0, share) * (y[a] - foot.y[0, a])
-                _put(packed, one, point, y, before, friction.start, foot, anchor)
+                    y[a] = projection.y[0, a] + min(1.0, share) * (y[a] - projection.y[0, a])
+                _put(packed, one, point, y, before, friction.start, projection, anchor)
             caught[point] = friction.anchors[point]
 
 
@@ -156,7 +156,7 @@ def hang(packed: Packed, friction: Friction, positions: Array, tractions: Array)
     tractions
         Of the points, ``(Q, 3)``; NaN where there is to be no anchor.
     """
-    foot, there, x = new_foot(), new_foot(), np.empty(3)
+    projection, there, x = new_projection(), new_projection(), np.empty(3)
     for k in range(packed.passes.size):
         one = packed.passes[k]
         for point in range(one.first_point, end_of(one, packed.surfaces[one.slave])):
@@ -164,21 +164,21 @@ def hang(packed: Packed, friction: Friction, positions: Array, tractions: Array)
                 continue
             if not (packed.states[point].pressure > 0.0 and np.isfinite(tractions[point, 0])):
                 continue
-            project(packed, one, point, positions, foot)
-            along = dot(tractions[point], foot.normal)
+            project(packed, one, point, positions, projection)
+            along = dot(tractions[point], projection.normal)
             anchor = friction.anchors[point]
             for a in range(3):
-                anchor.traction[a] = tractions[point, a] - along * foot.normal[a]
-                x[a] = foot.y[0, a] + anchor.traction[a] / one.penalty
+                anchor.traction[a] = tractions[point, a] - along * projection.normal[a]
+                x[a] = projection.y[0, a] + anchor.traction[a] / one.penalty
             _put(packed, one, point, x, positions, friction.start, there, anchor)
 
 
 @njit(f8(PASS_ROW, FOOT, f8, b1, F1, F1), **FAST)
-def _work(one: Row, foot: Foot, gap: float, edge: bool, t: Array, slip: Array) -> float:
-    """Return the work of a traction on the way of a point whose foot slips.
+def _work(one: Row, projection: Foot, gap: float, edge: bool, t: Array, slip: Array) -> float:
+    """Return the work of a traction on the way of a point whose projection slips.
 
     With ``H`` of `isorod.contact.tangent_kernel` it is ``t^a H_ab slip^b``: off a curved surface, by the gap, the way
-    is not as long as the foot's.
+    is not as long as the projection's.
     """
     work = dot(t, slip)
     if one.master == PLANE or edge:
@@ -190,7 +190,7 @@ def _work(one: Row, foot: Foot, gap: float, edge: bool, t: Array, slip: Array) -
                 for b in range(3):
                     round_it -= t[a] * one.direction[a] * slip[b] * one.direction[b]
         return work + gap / one.radius * round_it
-    y, normal = foot.y, foot.normal
+    y, normal = projection.y, projection.normal
     a11, a12, a22 = dot(y[1], y[1]), dot(y[1], y[2]), dot(y[2], y[2])
     t1, t2, s1, s2 = dot(t, y[1]), dot(t, y[2]), dot(slip, y[1]), dot(slip, y[2])
     # With upper indices.
@@ -226,7 +226,7 @@ def add_friction(
     energy = dissipated = 0.0
     if not friction.coefficients.any():
         return energy, dissipated
-    foot, there = new_foot(), new_foot()
+    projection, there = new_projection(), new_projection()
     s, t, mean = np.empty(3), np.empty(3), np.empty(3)
     for k in range(packed.passes.size):
         mu, one = friction.coefficients[k], packed.passes[k]
@@ -252,12 +252,12 @@ def add_friction(
                 if keep:
                     anchor.element = -1
                 continue
-            gap = project(packed, one, point, positions, foot)
+            gap = project(packed, one, point, positions, projection)
             if not hangs:
                 if keep:
-                    _put(packed, one, point, foot.y[0], positions, friction.start, there, anchor)
+                    _put(packed, one, point, projection.y[0], positions, friction.start, there, anchor)
                 continue
-            length = stretch_of(packed, point, foot, there, s)
+            length = stretch_of(packed, point, projection, there, s)
             limit, share = mu * pressure, 1.0
             if one.penalty * length > limit:
                 share = limit / (one.penalty * length)
@@ -268,16 +268,16 @@ def add_friction(
                 square += t[a] * t[a]
                 mean[a] = 0.5 * (anchor.traction[a] + t[a])
                 friction.tractions[point, a] = t[a]
-            dissipated -= weight * (1.0 - share) * _work(one, foot, gap, packed.states[point].edge, mean, s)
+            dissipated -= weight * (1.0 - share) * _work(one, projection, gap, packed.states[point].edge, mean, s)
             energy += 0.5 * weight * square / one.penalty
             friction.slipping[point] = slips
-            press(packed, one, point, foot, weight * t, forces)
+            press(packed, one, point, projection, weight * t, forces)
             if not keep:
                 continue
             other = one.master >= 0 and not _same_surface(packed, anchor.element, packed.starts[point].element)
             if share < 1.0 or other:
                 for a in range(3):
-                    s[a] = foot.y[0, a] - share * s[a]
+                    s[a] = projection.y[0, a] - share * s[a]
                 _put(packed, one, point, s, positions, friction.start, there, anchor)
             for a in range(3):
                 anchor.traction[a] = t[a]

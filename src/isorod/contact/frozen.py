@@ -201,7 +201,7 @@ def _bent(
     ``sliding`` has their displacements less those of their partners, rows over all nodes.
     """
     here = one.pressure > 0.0
-    normals, bodies, feet = one.normals[here], one.partners[here], one.feet[here]
+    normals, bodies, projections = one.normals[here], one.partners[here], one.projections[here]
     obstacle = contact.obstacle
     if isinstance(obstacle, Cylinder | Sphere):
         ways = [np.cross(normals, _axis(obstacle, normals))]
@@ -212,9 +212,9 @@ def _bent(
     if obstacle is not None:
         return csr_matrix((model.dofs, model.dofs))
     places = np.concatenate([body.space.positions for body in model.bodies]) + displacement.reshape(-1, 3)
-    slopes = [_functions(model, bodies, feet, k) for k in range(2)]
+    slopes = [_functions(model, bodies, projections, k) for k in range(2)]
     y = np.stack([one @ places for one in slopes], axis=1)
-    second = np.stack([_slope_change(model, bodies, feet, k, places) for k in range(2)], axis=1)
+    second = np.stack([_slope_change(model, bodies, projections, k, places) for k in range(2)], axis=1)
     bend = np.einsum("mabi,mi->mab", 0.5 * (second + second.swapaxes(1, 2)), normals)
     dual = np.einsum("mab,mbi->mai", np.linalg.inv(np.einsum("mai,mbi->mab", y, y)), y)
     moves = [_along(sliding, dual[:, k]) for k in range(2)]
@@ -235,14 +235,14 @@ def _axis(obstacle: Cylinder | Sphere, normals: Array) -> Array:
     return np.eye(3)[np.abs(normals).argmin(axis=1)]
 
 
-def _slope_change(model: Model, bodies: Index, feet: Array, which: int, places: Array) -> Array:
+def _slope_change(model: Model, bodies: Index, projections: Array, which: int, places: Array) -> Array:
     """Return derivatives of both slopes of surfaces by axis parameter (0) or angle (1), shape ``(m, 2, 3)``."""
     ends = np.zeros((2, bodies.size, 2))
     for b, body in enumerate(model.bodies):
         here, breaks = bodies == b, body.space.axis.breaks
         step = _STEP * (np.diff(breaks).min() if which == 0 else 1.0)
         for side, end in zip((-1.0, 1.0), ends, strict=True):
-            end[here] = feet[here]
+            end[here] = projections[here]
             end[here, which] += side * step
             end[here, 0] = np.clip(end[here, 0], breaks[0], breaks[-1])
     found = [np.stack([_functions(model, bodies, end, k) @ places for k in range(2)], axis=1) for end in ends]
@@ -254,7 +254,7 @@ def _sliding(model: Model, one: ContactResult) -> csr_matrix:
     """Return how pressed points move less their partners do, rows over all nodes, the same for each component."""
     here = one.pressure > 0.0
     own = _functions(model, one.body[here], one.parameters[here])
-    return csr_matrix(own - _functions(model, one.partners[here], one.feet[here]))
+    return csr_matrix(own - _functions(model, one.partners[here], one.projections[here]))
 
 
 def _along(functions: csr_matrix, directions: Array) -> csr_matrix:

@@ -79,7 +79,7 @@ def aside(normal: Array, out: Array) -> None:
 
 
 @njit(f8(PACKED, PASS_ROW, F1, FOOT), **FAST)
-def mesh_gap(packed: Packed, one: Row, x: Array, foot: Foot) -> float:
+def mesh_gap(packed: Packed, one: Row, x: Array, projection: Foot) -> float:
     """Return the distance of a point from the mesh of a pass, negative inside, and fill its normal.
 
     Parameters
@@ -88,13 +88,13 @@ def mesh_gap(packed: Packed, one: Row, x: Array, foot: Foot) -> float:
         All contacts, and the pass.
     x
         The point, ``(3,)``.
-    foot
+    projection
         Gets ``d`` and ``normal``, and in ``y[1:3]`` the directions in which the normal turns as the point moves, by
         its way over the gap: none, across an edge, or two about a corner.
     """
     best, place, found, size = np.inf, FACE, one.masters, 1
     stack = np.empty(_LEVELS, dtype=np.int64)
-    y, d, normal, turning = foot.y[0], foot.d, foot.normal, foot.y
+    y, d, normal, turning = projection.y[0], projection.d, projection.normal, projection.y
     stack[0] = one.masters
     while size > 0:
         size -= 1

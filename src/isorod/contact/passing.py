@@ -2,8 +2,9 @@
 
 Contact knows one state at a time.  Of a step that takes a rod from one side of another to the other, or so deep that
 points are nearer to its far side, nothing is left to be seen in forces.  So centre lines, as polygons, are followed on
-the straight way of the step: where two come nearer than half of what their radii add up to, and nearer than they were
-made, the step is refused, and so is a state in which a point is deeper than half of the smaller radius.
+the straight displacement increment of the step: where two come nearer than half of what their radii add up to, and
+nearer than they were made, the step is refused, and so is a state in which a point is deeper than half of the smaller
+radius.
 """
 
 from typing import TYPE_CHECKING
@@ -25,12 +26,12 @@ if TYPE_CHECKING:
 # Depth, in smaller radii, from which a point is about to come out at the far side.
 DEEPEST = 0.5
 
-# Share of the sum of two radii to which centre lines may come near each other on the way, and by how much, in smaller
-# radii, that must be nearer than at rest: bodies that are made to cross may.
+# Fraction of the sum of two radii to which centre lines may come near each other in an increment, and by how much, in
+# smaller radii, that must be nearer than at rest: bodies that are made to cross may.
 _NEAREST = 0.5
 _APPROACH = 0.1
 
-# Depth, in smaller radii, to which bodies may enter each other on a way, or enter farther; the least share of a way.
+# Depth, in smaller radii, to which bodies may enter each other in an increment, or enter farther; its least fraction.
 _ENTERS, _STILL, _LEAST = 0.2, 0.02, 1e-9
 
 # Segments of an element's centre line.
@@ -96,30 +97,30 @@ class Passing:
     def passed(self, before: Array, after: Array) -> str | None:
         """Return in words which bodies go through each other between two displacements ``(dofs,)``, if some do."""
         start = self._ends(before)
-        way = self._ends(after) - start
-        if not way.any():
+        increment = self._ends(after) - start
+        if not increment.any():
             return None
-        return self._each_other(start, way) or self._obstacle(start, way)
+        return self._each_other(start, increment) or self._obstacle(start, increment)
 
     def free(self, before: Array, after: Array) -> float:
-        """Return the share of the way between two displacements ``(dofs,)`` on which none enter each other."""
+        """Return the fraction of the increment between two displacements ``(dofs,)`` on which none enter each other."""
         start = self._ends(before)
-        way, share = self._ends(after) - start, 1.0
-        while self._each_other(start, share * way, True) or self._obstacle(start, share * way, True):
-            share *= 0.5
-            if share < _LEAST:
+        increment, fraction = self._ends(after) - start, 1.0
+        while self._each_other(start, fraction * increment, True) or self._obstacle(start, fraction * increment, True):
+            fraction *= 0.5
+            if fraction < _LEAST:
                 return 0.0
-        return share
+        return fraction
 
     def _ends(self, displacement: Array) -> Array:
         """Return where the ends of the segments are, ``(m, 2, 3)``."""
         line = self._lines @ (self._reference + displacement.reshape(-1, 3))
         return np.stack([line[self._at], line[self._at + 1]], axis=1)
 
-    def _each_other(self, start: Array, way: Array, enters: bool = False) -> str | None:
+    def _each_other(self, start: Array, increment: Array, enters: bool = False) -> str | None:
         """Return in words which two segments go through each other, or enter each other."""
         reach = (1.0 if enters else _NEAREST) * self._radius[:, None]
-        end = start + way
+        end = start + increment
         low, high = np.minimum(start, end).min(axis=1) - reach, np.maximum(start, end).max(axis=1) + reach
         first, second = boxes.pairs(low, high)
         meet = self._stretches.may_touch(first, second)
@@ -127,16 +128,20 @@ class Passing:
         meet, _ = self._stretches.declared(self._model.contacts, first, second)
         first, second = first[meet], second[meet]
         # What two segments move by relative to each other, at most.
-        relative = np.linalg.norm(np.abs(way[first][:, :, None] - way[second][:, None]).max(axis=(1, 2)), axis=1)
+        relative = np.linalg.norm(
+            np.abs(increment[first][:, :, None] - increment[second][:, None]).max(axis=(1, 2)), axis=1
+        )
         rest = _distance(self._rest[first], self._rest[second])
         sizes = self._radius[first], self._radius[second]
-        k = _nearer(rest, (start[first], start[second]), (way[first], way[second]), *sizes, relative, enters)
+        k = _nearer(
+            rest, (start[first], start[second]), (increment[first], increment[second]), *sizes, relative, enters
+        )
         if k is None:
             return None
         one, other = sorted((int(first[k]), int(second[k])))
         return f"tunnelling of {self._said(one)} through {self._said(other)}"
 
-    def _obstacle(self, start: Array, way: Array, enters: bool = False) -> str | None:
+    def _obstacle(self, start: Array, increment: Array, enters: bool = False) -> str | None:
         """Return in words which segment goes through a rigid cylinder or sphere, or enters it."""
         for k, contact in enumerate(self._model.contacts):
             other = contact.obstacle
@@ -144,15 +149,15 @@ class Passing:
                 continue
             mine = np.flatnonzero(self._stretches.sides(contact)[1])
             middle = np.array(other.center if isinstance(other, Sphere) else other.point)
-            rest, ends, ways = self._rest[mine] - middle, start[mine] - middle, way[mine]
+            rest, ends, increments = self._rest[mine] - middle, start[mine] - middle, increment[mine]
             if isinstance(other, Cylinder):
                 # What counts is the distance from the axis.
                 axis = np.array(other.axis) / np.linalg.norm(other.axis)
-                rest, ends, ways = (one - (one @ axis)[..., None] * axis for one in (rest, ends, ways))
+                rest, ends, increments = (one - (one @ axis)[..., None] * axis for one in (rest, ends, increments))
             size, still = np.full(mine.size, float(other.radius)), np.zeros_like(ends)
-            relative = np.linalg.norm(ways, axis=2).max(axis=1)
+            relative = np.linalg.norm(increments, axis=2).max(axis=1)
             apart = _distance(rest, still)
-            found = _nearer(apart, (ends, still), (ways, still), self._radius[mine], size, relative, enters)
+            found = _nearer(apart, (ends, still), (increments, still), self._radius[mine], size, relative, enters)
             if found is not None:
                 return f"tunnelling of {self._said(int(mine[found]))} through the obstacle of contact {k}"
         return None
@@ -174,20 +179,20 @@ def limits(model: "Model") -> list[float]:
 def _nearer(
     rest: Array,
     start: tuple[Array, Array],
-    way: tuple[Array, Array],
+    increment: tuple[Array, Array],
     one: Array,
     other: Array,
     relative: Array,
     enters: bool,
 ) -> int | None:
-    """Return which pair of segments comes too near on the way, if one does.
+    """Return which pair of segments comes too near in an increment, if one does.
 
     Parameters
     ----------
     rest
         Distances at rest, ``(m,)``.
-    start, way
-        Ends of both segments of each pair, and their way, ``(m, 2, 3)``.
+    start, increment
+        Ends of both segments of each pair, and their increments, ``(m, 2, 3)``.
     one, other, relative
         Radii of both, and how far they move relative to each other at most, ``(m,)``.
     enters
@@ -200,7 +205,7 @@ def _nearer(
     pair, time, shortest = np.arange(relative.size), np.zeros(relative.size), 0.5 * limit
     while pair.size:
         now = time[pair, None, None]
-        there = _distance(*(at[pair] + now * along[pair] for at, along in zip(start, way, strict=True)))
+        there = _distance(*(at[pair] + now * along[pair] for at, along in zip(start, increment, strict=True)))
         through = (there < (limit if enters else np.minimum(limit, rest - approach))[pair]) & (time[pair] > 0.0)
         if through.any():
             return int(pair[np.argmax(through)])

@@ -1,5 +1,6 @@
 """What comes out of a contact: forces, area, penetration, the pressure at each point, how well the patch is seen."""
 
+import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -58,9 +59,9 @@ class ContactResult:
         Pressure at the points, force per reference area, zero out of contact, shape ``(q,)``.
     areas
         Reference areas of the points; where both bodies have points, each half counted, shape ``(q,)``.
-    normals, partners, feet
+    normals, partners, projections
         Of the points under pressure the direction of the force on them, the body that presses on them, -1 an obstacle,
-        and the axis parameter and angle of their foot on it, shapes ``(q, 3)``, ``(q,)`` and ``(q, 2)``.
+        and the axis parameter and angle of their projection on it, shapes ``(q, 3)``, ``(q,)`` and ``(q, 2)``.
     cells
         Numbers of the cells of the points (`isorod.contact.cells`), shape ``(q,)``.
     tractions, slips
@@ -90,13 +91,19 @@ class ContactResult:
     areas: Array
     normals: Array
     partners: Index
-    feet: Array
+    projections: Array
     cells: Index
     tractions: Array
     slips: NDArray[Any]
     friction: Array
     sticking: int
     slipping: int
+
+    @property
+    def feet(self) -> Array:
+        """`projections`, as they were called before."""
+        warnings.warn("feet: they are called projections", FutureWarning, stacklevel=2)
+        return self.projections
 
     @property
     def stretched(self) -> float:
@@ -165,7 +172,7 @@ def measure(
     bodies = np.repeat(sides, np.diff([*packed.passes["first_point"], packed.areas.size]))
     parameters, means, numbers = cells.parameters(packed), cells.means(packed, pressures), cells.numbers(packed)
     normals = np.where(pressures[:, None] > 0.0, packed.states["normal"], 0.0)
-    partners, feet = _feet(packed, np.flatnonzero(pressures > 0.0))
+    partners, projections = _projections(packed, np.flatnonzero(pressures > 0.0))
     known = others or [None] * len(model.contacts)
     for (contact, passes, chosen), other in zip(of_contacts(model, packed), known, strict=True):
         gap, pressure, areas = packed.states["gap"][chosen], pressures[chosen], packed.areas[chosen]
@@ -205,7 +212,7 @@ def measure(
                 areas=areas.copy(),
                 normals=normals[chosen],
                 partners=partners[chosen],
-                feet=feet[chosen],
+                projections=projections[chosen],
                 cells=numbers[chosen],
                 tractions=tractions,
                 slips=slips,
@@ -217,13 +224,13 @@ def measure(
     return results
 
 
-def _feet(packed: Packed, active: Index) -> tuple[Index, Array]:
+def _projections(packed: Packed, active: Index) -> tuple[Index, Array]:
     """Return, of all points, the body pressed on, -1 an obstacle or none, and parameter and angle of the projection."""
-    partners, feet = np.full(packed.areas.size, -1), np.zeros((packed.areas.size, 2))
+    partners, projections = np.full(packed.areas.size, -1), np.zeros((packed.areas.size, 2))
     touching = active[packed.passes["master"][packed.passes_of(active)] >= 0]
     starts = packed.starts[touching]
     elements = packed.elements[starts["element"]]
     low, high = elements["u"].T
     partners[touching] = packed.surfaces["body"][elements["surface"]]
-    feet[touching] = np.stack([0.5 * (low + high + starts["s"] * (high - low)), starts["theta"]], axis=1)
-    return partners, feet
+    projections[touching] = np.stack([0.5 * (low + high + starts["s"] * (high - low)), starts["theta"]], axis=1)
+    return partners, projections

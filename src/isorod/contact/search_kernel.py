@@ -9,8 +9,8 @@ a rigid obstacle, whose own way is added to ``w``, the whole of ``D`` counts.
 ``Packed.travel`` grows by the longest way of each call, in all by no less than ``w``; ``Packed.clear`` is its value at
 which ``D / 2`` is used up.  ``D`` is how far the point is from balls about sections of the masters, which hold what is
 between these as well, and from boxes about the balls of an element; after a search, by how much the gap exceeds that of
-zero pressure, the feet found taken for the nearest.  The same lemma keeps the lists of elements near an element: those
-made with a margin ``M`` between boxes leave out no element nearer than ``M - 2 w``.
+zero pressure, the projections found taken for the nearest.  The same lemma keeps the lists of elements near an element:
+those made with a margin ``M`` between boxes leave out no element nearer than ``M - 2 w``.
 
 A search starts at sections whose balls hold the point, one in each piece of a rod that comes near and goes away again:
 others are not in contact, whatever searches from there end at.  Of the pieces, nearest first, the first that presses

@@ -69,8 +69,8 @@ SLOPES = types.NamedUniTuple(f8, 5, Slopes)
 
 
 @njit(FOOT(), **FAST)
-def new_foot() -> Foot:
-    """Return a foot to be filled."""
+def new_projection() -> Foot:
+    """Return a projection to be filled."""
     return Foot(np.empty((3, 3)), np.empty((3, FUNCTIONS)), np.empty((6, 3)), np.empty(3), np.empty(3))
 
 
@@ -145,8 +145,8 @@ def axis_functions(element: Row, count: int, s: float, axial: Array) -> None:
 
 
 @njit(void(SURFACE_ROW, ELEMENT_ROW, f8, f8, F2, FOOT), **FAST)
-def evaluate(surface: Row, element: Row, theta: float, s: float, positions: Array, foot: Foot) -> None:
-    """Fill ``phi``, ``axial`` and ``y`` of a foot.
+def evaluate(surface: Row, element: Row, theta: float, s: float, positions: Array, projection: Foot) -> None:
+    """Fill ``phi``, ``axial`` and ``y`` of a projection.
 
     Parameters
     ----------
@@ -156,11 +156,11 @@ def evaluate(surface: Row, element: Row, theta: float, s: float, positions: Arra
         Parameters of the point: round the section, radians, and along the element, in ``[-1, 1]``.
     positions
         Of the nodes, shape ``(nodes, 3)``.
-    foot
+    projection
         What is filled.
     """
     n, count = surface.around, surface.functions
-    phi, axial, y = foot.phi, foot.axial, foot.y
+    phi, axial, y = projection.phi, projection.axial, projection.y
     arc = section_functions(surface, theta, phi)
     axis_functions(element, count, s, axial)
     layers = element.layers
@@ -183,22 +183,22 @@ def evaluate(surface: Row, element: Row, theta: float, s: float, positions: Arra
 
 
 @njit(SLOPES(FOOT, F1), **FAST)
-def _slopes(foot: Foot, x: Array) -> Slopes:
-    """Fill ``d`` of a foot, seen from which a point ``x`` is, and return the slopes of their distance."""
-    y, d = foot.y, foot.d
+def _slopes(projection: Foot, x: Array) -> Slopes:
+    """Fill ``d`` of a projection, seen from which a point ``x`` is, and return the slopes of their distance."""
+    y, d = projection.y, projection.d
     for a in range(3):
         d[a] = x[a] - y[0, a]
     return Slopes(-dot(d, y[1]), -dot(d, y[2]), dot(y[1], y[1]), dot(y[1], y[2]), dot(y[2], y[2]))
 
 
 @njit(types.UniTuple(f8, 2)(FOOT, SLOPES, f8, b1, b1), **FAST)
-def _newton_step(foot: Foot, at: Slopes, s: float, held: bool, round_first: bool) -> tuple[float, float]:
+def _newton_step(projection: Foot, at: Slopes, s: float, held: bool, round_first: bool) -> tuple[float, float]:
     """Return Newton's step of (theta, s), with the metric in the place of a Hessian that is not positive.
 
     ``held`` keeps ``s``; where the step leaves the element although the gradient does not, one parameter moves at a
     time, theta if ``round_first``.
     """
-    y, d = foot.y, foot.d
+    y, d = projection.y, projection.d
     h11, h12, h22 = at.a11 - dot(d, y[3]), at.a12 - dot(d, y[4]), at.a22 - dot(d, y[5])
     if held:
         return -at.g1 / (h11 if h11 > 1e-3 * at.a11 else at.a11), 0.0
@@ -234,8 +234,8 @@ def _cut(step_theta: float, step_s: float, s: float, longest: float) -> tuple[fl
 
 
 @njit(i8(SURFACE_ROW, ELEMENTS, F1, START_ROW, F2, FOOT), **FAST)
-def closest(surface: Row, elements: Table, x: Array, start: Row, positions: Array, foot: Foot) -> int:
-    """Find the point of a surface nearest to ``x``, move ``start`` there, and fill ``foot`` but its normal.
+def closest(surface: Row, elements: Table, x: Array, start: Row, positions: Array, projection: Foot) -> int:
+    """Find the point of a surface nearest to ``x``, move ``start`` there, and fill ``projection`` but its normal.
 
     Newton on half the squared distance, with steps halved until that falls, and elements left through their ends one
     at a time.
@@ -250,7 +250,7 @@ def closest(surface: Row, elements: Table, x: Array, start: Row, positions: Arra
         Where the search starts; where it ended.
     positions
         Of the nodes, shape ``(nodes, 3)``.
-    foot
+    projection
         What is filled.
 
     Returns
@@ -269,9 +269,9 @@ def closest(surface: Row, elements: Table, x: Array, start: Row, positions: Arra
     outcome = LOST
     for iteration in range(_ITERATIONS):
         element = elements[row]
-        evaluate(surface, element, theta, s, positions, foot)
-        at = _slopes(foot, x)
-        square = 0.5 * dot(foot.d, foot.d)
+        evaluate(surface, element, theta, s, positions, projection)
+        at = _slopes(projection, x)
+        square = 0.5 * dot(projection.d, projection.d)
         # The coordinates' rounding is in the distance, however small the steps.
         noise = 1e-14 * (at.a11 + square) + _ROUNDING * size * np.sqrt(2.0 * square)
         if square > last + noise and halvings < _HALVINGS:
@@ -296,7 +296,7 @@ def closest(surface: Row, elements: Table, x: Array, start: Row, positions: Arra
             outcome = FREE if along_done else EDGE if switched else END
             break
         old_theta, old_s, last, halvings, switched = theta, s, square, 0, False
-        step_theta, step_s = _newton_step(foot, at, s, blocked, not round_done)
+        step_theta, step_s = _newton_step(projection, at, s, blocked, not round_done)
         step_theta, step_s, s = _cut(step_theta, step_s, s, longest)
         theta += step_theta
     start.element, start.theta, start.s = row, theta, s
@@ -304,9 +304,9 @@ def closest(surface: Row, elements: Table, x: Array, start: Row, positions: Arra
 
 
 @njit(f8(FOOT, b1), **FAST)
-def surface_gap(foot: Foot, edge: bool) -> float:
+def surface_gap(projection: Foot, edge: bool) -> float:
     """Return the gap at a closest point (see `closest`) and fill its normal; on an edge it is along ``d``."""
-    y, d, normal = foot.y, foot.d, foot.normal
+    y, d, normal = projection.y, projection.d, projection.normal
     for a in range(3):
         b, c = (a + 1) % 3, (a + 2) % 3
         normal[a] = y[1, b] * y[2, c] - y[1, c] * y[2, b]

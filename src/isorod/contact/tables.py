@@ -7,9 +7,9 @@ neither is preferred (Lu, CMAME 200 (2011) 726-741, on the paper's surface).  Fo
 Of several masters a point meets that to which it is nearest.  A point whose closest point lies on the open end of its
 master, or on the border of its named elements, is not in contact: it is beyond the surface.
 
-The energy has a continuous gradient, and a Hessian that jumps where points come and go and where feet cross joints of
-arcs.  Newton's method converges quadratically once that has settled; a load step in which it does not settle runs out
-of iterations and is cut (see `isorod.statics`).
+The energy has a continuous gradient, and a Hessian that jumps where points come and go and where projections cross
+joints of arcs.  Newton's method converges quadratically once that has settled; a load step in which it does not settle
+runs out of iterations and is cut (see `isorod.statics`).
 """
 
 from collections.abc import Sequence

@@ -17,7 +17,7 @@ from isorod.compiled import F1, F2, I1, STRICT, njit
 from isorod.contact.force_kernel import place_of, project, stretch_of
 from isorod.contact.packed import FRICTION, FUNCTIONS, MESH, PACKED, PASS_ROW, PLANE, Friction, Packed, Row, Table
 from isorod.contact.search_kernel import site
-from isorod.contact.surface_kernel import FOOT, Foot, arc_of, dot, new_foot
+from isorod.contact.surface_kernel import FOOT, Foot, arc_of, dot, new_projection
 
 # A point couples at most this many nodes: three control points round each of three sections.
 NODES = 9 * FUNCTIONS
@@ -88,12 +88,12 @@ def patch_nodes(packed: Packed, patch: Row, nodes: Index) -> tuple[int, int]:
 
 
 @njit(void(PASS_ROW, FOOT, f8, F2), **STRICT)
-def _bend(one: Row, foot: Foot, gap: float, bend: Array) -> None:
+def _bend(one: Row, projection: Foot, gap: float, bend: Array) -> None:
     """Fill the derivatives of an obstacle's normal by the point ``(3, 3)``."""
     bend[:] = 0.0
     if one.master == PLANE or (one.master == MESH and gap == 0.0):
         return
-    y, normal, axis = foot.y, foot.normal, one.direction
+    y, normal, axis = projection.y, projection.normal, one.direction
     for c in range(3):
         for a in range(3):
             if one.master == MESH:
@@ -105,12 +105,12 @@ def _bend(one: Row, foot: Foot, gap: float, bend: Array) -> None:
 
 
 @njit(void(FOOT, f8, b1, i8, F1, F2, F2), **STRICT)
-def _vary(foot: Foot, gap: float, edge: bool, mine: int, shares: Array, xi: Array, turn: Array) -> None:
+def _vary(projection: Foot, gap: float, edge: bool, mine: int, shares: Array, xi: Array, turn: Array) -> None:
     """Fill variations by the nodes: of a projection's parameters ``xi`` ``(2, dofs)``, and of its normal ``(3, dofs)``.
 
     ``shares`` is ``D``, of the slave's nodes the first ``mine``.
     """
-    y, normal, phi, axial = foot.y, foot.normal, foot.phi, foot.axial
+    y, normal, phi, axial = projection.y, projection.normal, projection.phi, projection.axial
     a11, a12, a22 = dot(y[1], y[1]), dot(y[1], y[2]), dot(y[2], y[2])
     k11, k12, k22 = dot(normal, y[3]), dot(normal, y[4]), dot(normal, y[5])
     h11, h12, h22 = a11 - gap * k11, a12 - gap * k12, a22 - gap * k22
@@ -148,17 +148,17 @@ def _add_friction(
     positions: Array,
     patch: Row,
     point: int,
-    foot: Foot,
+    projection: Foot,
     shares: Array,
     turn: Array,
     change: Array,
 ) -> None:
     """Add the variation of the traction of friction to ``change`` ``(3, dofs)``; the others as in `add_blocks`."""
-    there, s, spring = new_foot(), np.empty(3), np.empty((3, 3))
+    there, s, spring = new_projection(), np.empty(3), np.empty((3, 3))
     anchor, one, mu = friction.anchors[point], packed.passes[patch.number], friction.coefficients[patch.number]
-    mine, normal, slips = 3 * packed.surfaces[one.slave].functions, foot.normal, friction.slipping[point]
+    mine, normal, slips = 3 * packed.surfaces[one.slave].functions, projection.normal, friction.slipping[point]
     place_of(packed, one, anchor, positions, there)
-    length = stretch_of(packed, point, foot, there, s)
+    length = stretch_of(packed, point, projection, there, s)
     n_d = 0.0
     for c in range(3):
         n_d += normal[c] * (packed.points[point, c] - there.y[0, c])
@@ -217,7 +217,7 @@ def add_blocks(
     values
         Blocks of the degrees of freedom of a patch's nodes (see `patch_nodes`), one after the other; are added to.
     """
-    foot, bend, traction = new_foot(), np.empty((3, 3)), np.empty(3)
+    projection, bend, traction = new_projection(), np.empty((3, 3)), np.empty(3)
     nodes = np.empty(NODES, dtype=np.int64)
     for point_of in range(active.size):
         point, patch = active[point_of], patches[point_of]
@@ -225,28 +225,28 @@ def add_blocks(
         slave = packed.surfaces[one.slave]
         count, columns = patch_nodes(packed, patch, nodes)
         mine, size, width = 3 * slave.functions, 3 * count, 3 * columns
-        gap = project(packed, one, point, positions, foot)
+        gap = project(packed, one, point, positions, projection)
         at, shares = site(one, slave, point), np.empty(count)
         for m in range(mine):
             shares[m] = packed.along[at.along, m // 3] * packed.around[at.around, m % 3]
         for m in range(mine, count):
             j, i = divmod(m - mine, 3)
-            shares[m] = -foot.axial[0, j] * foot.phi[0, i]
+            shares[m] = -projection.axial[0, j] * projection.phi[0, i]
         xi, turn, change = np.zeros((2, size)), np.empty((3, size)), np.zeros((3, width))
         if one.master >= 0:
-            _vary(foot, gap, state.edge, mine, shares, xi, turn)
+            _vary(projection, gap, state.edge, mine, shares, xi, turn)
         else:
-            _bend(one, foot, gap, bend)
+            _bend(one, projection, gap, bend)
             for d in range(size):
                 for c in range(3):
                     turn[c, d] = shares[d // 3] * bend[c, d % 3]
-        normal = foot.normal
+        normal = projection.normal
         for c in range(3):
             traction[c] = state.pressure * normal[c]
             for d in range(size):
                 change[c, d] = state.pressure * turn[c, d] - one.penalty * normal[c] * normal[d % 3] * shares[d // 3]
         if _hangs(friction, patch.number, point):
-            _add_friction(packed, friction, positions, patch, point, foot, shares, turn, change)
+            _add_friction(packed, friction, positions, patch, point, projection, shares, turn, change)
             for c in range(3):
                 traction[c] += friction.tractions[point, c]
         for row in range(size):
@@ -257,8 +257,8 @@ def add_blocks(
                     values[first + d] -= share * change[c, d]
                 continue
             j, i = divmod(m - mine, 3)
-            by1 = weight * foot.axial[0, j] * foot.phi[1, i] * traction[c]
-            by2 = weight * foot.axial[1, j] * foot.phi[0, i] * traction[c]
+            by1 = weight * projection.axial[0, j] * projection.phi[1, i] * traction[c]
+            by2 = weight * projection.axial[1, j] * projection.phi[0, i] * traction[c]
             for d in range(size):
                 values[first + d] += by1 * xi[0, d] + by2 * xi[1, d] - share * change[c, d]
             for d in range(size, width):

@@ -194,10 +194,10 @@ def critical(model: Model, step: float, highest: float = 1.0, comm: PETSc.Comm |
         path.factorise(point.x, point.factor)
         values.append(path.lowest())
     (stable, mode), (unstable, _) = values
-    share = stable / (stable - unstable) if stable > 0.0 > unstable else 0.5
+    fraction = stable / (stable - unstable) if stable > 0.0 > unstable else 0.5
     path.go_to_point(low)
-    path.x.axpby(share, 1.0 - share, high.x)
-    path.factor += share * (high.factor - low.factor)
+    path.x.axpby(fraction, 1.0 - fraction, high.x)
+    path.factor += fraction * (high.factor - low.factor)
     factor, displacement, _ = path.row()
     shape = path.assembler.displacement(mode, 0.0)
     return Critical(factor, displacement, shape / shape[np.argmax(np.abs(shape))])

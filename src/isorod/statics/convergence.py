@@ -19,11 +19,11 @@ from isorod.petsc.matrix import absolute_product, has_whole_rows
 # that leave like this may come back to another equilibrium.
 GROWTH = 3.0
 
-# Newton's iterations end where they change less than this share of the state, or than -snes_stol says.
+# Newton's iterations end where they change less than this fraction of the state, or than -snes_stol says.
 STEP = 1e-8
 
-# A step that leaves less than this share of the volume anywhere is too large: Newton's method then finds equilibria of
-# no meaning.
+# A step that leaves less than this fraction of the volume anywhere is too large: Newton's method then finds equilibria
+# of no meaning.
 SQUEEZE = 0.2
 
 
@@ -45,7 +45,7 @@ def worst_place(assembler: Assembler, x: PETSc.Vec, factor: float, problem: str)
 
 
 class Convergence:
-    """Convergence test of Newton's iterations: forces balance to a share of those carried, or to rounding.
+    """Convergence test of Newton's iterations: forces balance to a fraction of those carried, or to rounding.
 
     Parameters
     ----------

@@ -1,9 +1,9 @@
 """From an equilibrium that is not stable to one that is: the way that the model would go, without its inertia.
 
 A small push along the lowest eigenvector of ``K v = l D v``, ``D`` the diagonal of the tangent ``K``, takes the model
-off its saddle.  Steps of the proximal point method (`isorod.statics.proximal`) then go down the energy: with a share of
-``2 |l|`` the first of them double the push, and each has an equilibrium near.  The share falls where the tangent with
-the rest of it is definite too, and the forces vanish.  Where that is a saddle too, all begins again.
+off its saddle.  Steps of the proximal point method (`isorod.statics.proximal`) then go down the energy: with a fraction
+of ``2 |l|`` the first of them double the push, and each has an equilibrium near.  The fraction falls where the tangent
+with the rest of it is definite too, and the forces vanish.  Where that is a saddle too, all begins again.
 """
 
 import numpy as np
@@ -57,18 +57,18 @@ def descend(solver: Newton) -> None:
 def _lowest(solver: Newton, weight: PETSc.Vec) -> tuple[float, PETSc.Vec]:
     """Return the lowest eigenvalue of ``K v = l D v``, and its vector, of displacements alone."""
     assembler = solver.assembler
-    matrix, share, before = solver.own_tangent(), LEAST, 0.0
+    matrix, fraction, before = solver.own_tangent(), LEAST, 0.0
     while True:
-        matrix.setDiagonal((share - before) * weight, PETSc.InsertMode.ADD_VALUES)
+        matrix.setDiagonal((fraction - before) * weight, PETSc.InsertMode.ADD_VALUES)
         if stability.count(solver, matrix) == 0:
             break
-        share, before = _COARSE * share, share
+        fraction, before = _COARSE * fraction, fraction
     ksp = solver.snes.getKSP()
     ksp.setOperators(matrix)
-    way = _waves(assembler)
-    value, _ = soften(ksp, weight, way, _ITERATIONS)
-    way.pointwiseMult(way, assembler.state(np.ones(assembler.model.dofs)))
-    return value - share, way
+    direction = _waves(assembler)
+    value, _ = soften(ksp, weight, direction, _ITERATIONS)
+    direction.pointwiseMult(direction, assembler.state(np.ones(assembler.model.dofs)))
+    return value - fraction, direction
 
 
 def _waves(assembler: Assembler) -> PETSc.Vec:
@@ -83,23 +83,23 @@ def _waves(assembler: Assembler) -> PETSc.Vec:
 def _leave(solver: Newton) -> None:
     """Go from a saddle to another equilibrium."""
     weight = stability.stiffness(solver)
-    lowest, way = _lowest(solver, weight)
+    lowest, direction = _lowest(solver, weight)
     least = min(body.space.rod.radius for body in solver.assembler.model.bodies)
-    way.scale(_ASIDE * least / way.norm(PETSc.NormType.NORM_INFINITY))
+    direction.scale(_ASIDE * least / direction.norm(PETSc.NormType.NORM_INFINITY))
     solver.forget_path()
-    solver.x.axpy(1.0, way)
+    solver.x.axpy(1.0, direction)
     forces = Proximal(solver.assembler, weight, 2.0 * abs(lowest))
     while forces.left > LEFT:
         if forces.rounds == _STEPS:
             raise SolveError(forces.why(solver.x))
-        share, solver.stabilisation = forces.share, None
+        fraction, solver.stabilisation = forces.fraction, None
         matrix = solver.own_tangent()
-        matrix.setDiagonal(FEWER * share * weight, PETSc.InsertMode.ADD_VALUES)
+        matrix.setDiagonal(FEWER * fraction * weight, PETSc.InsertMode.ADD_VALUES)
         if stability.count(solver, matrix) == 0:
-            forces.share = max(FEWER * share, LEAST)
+            forces.fraction = max(FEWER * fraction, LEAST)
         solver.stabilisation = forces
         if not forces.step(solver.again, solver.x):
-            forces.share = MORE * share
+            forces.fraction = MORE * fraction
         if forces.is_away(solver.x):
             raise SolveError(forces.why(solver.x))
     # What is left then is small, but a bar that turns freely about its axis has no stiffness to measure it by.

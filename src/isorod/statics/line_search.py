@@ -9,7 +9,7 @@ from isorod.statics.tuning import CONTROL
 
 
 def step_length(work: Callable[[float], float], start: float) -> float:
-    """Return the share of a step at whose end no work is left along it, roughly.
+    """Return the fraction of a step at whose end no work is left along it, roughly.
 
     Where points come into contact, or slip, the force is no smooth function of the state and full Newton steps go back
     and forth.  Its work along a step is continuous.  It falls from the start as long as the tangent is definite; where
@@ -19,9 +19,9 @@ def step_length(work: Callable[[float], float], start: float) -> float:
     Parameters
     ----------
     work
-        ``work(share)`` is the work at a share of the step, which need not be finite.
+        ``work(fraction)`` is the work at a fraction of the step, which need not be finite.
     start
-        That at none of it, where the way that lowers the energy makes it positive.
+        That at none of it, where a descent direction makes it positive.
     """
     low, high, at_low, at_high = 0.0, 1.0, start, work(1.0)
     if not start > 0.0:
@@ -34,15 +34,15 @@ def step_length(work: Callable[[float], float], start: float) -> float:
         return 1.0
     halve = not np.isfinite(at_high)
     for _ in range(CONTROL.evaluations):
-        share = 0.5 * (low + high) if halve else low + (high - low) * at_low / (at_low - at_high)
-        found = work(share)
+        fraction = 0.5 * (low + high) if halve else low + (high - low) * at_low / (at_low - at_high)
+        found = work(fraction)
         if abs(found) <= CONTROL.left * start:
-            return share
+            return fraction
         width = high - low
         if found > 0.0:
-            low, at_low = share, found
+            low, at_low = fraction, found
         else:
-            high, at_high = share, found
+            high, at_high = fraction, found
         # A chord of which one end is far off hardly moves the other.
         halve = not np.isfinite(at_high) or (not halve and high - low > 0.5 * width)
     return low
@@ -60,13 +60,13 @@ class LineSearch:
         formulation: what falls along a step to a saddle is the work with these signs, and the tangent with them is
         definite.  None: 1 everywhere.
     free
-        Returns the share of the way between two states on which bodies do not go through each other.
+        Returns the fraction of the increment between two states on which bodies do not go through each other.
 
     Attributes
     ----------
     short
         How many steps were hardly any, since this was last set.
-    share
+    fraction
         How much of the last step was taken.
     """
 
@@ -77,30 +77,30 @@ class LineSearch:
         signs: PETSc.Vec | None,
         free: Callable[[PETSc.Vec, PETSc.Vec], float],
     ) -> None:
-        self.short, self.share, self._free = 0, 1.0, free
+        self.short, self.fraction, self._free = 0, 1.0, free
         self._snes, self._residual, self._signs = snes, residual, signs
         snes.setLineSearchPreCheck(self._shorten)
 
     def _shorten(self, x: PETSc.Vec, y: PETSc.Vec) -> bool:
         """Scale the step ``y`` that is to be taken from ``x``; return whether that changes it."""
         start = self._snes.getFunction()[0]
-        force, trial, way = start.duplicate(), x.duplicate(), y.copy()
+        force, trial, direction = start.duplicate(), x.duplicate(), y.copy()
         if self._signs is not None:
-            way.pointwiseMult(way, self._signs)
+            direction.pointwiseMult(direction, self._signs)
 
-        def work(share: float) -> float:
-            trial.waxpy(-share, y, x)
+        def work(fraction: float) -> float:
+            trial.waxpy(-fraction, y, x)
             self._residual(trial, force)
-            return float(force.dot(way))
+            return float(force.dot(direction))
 
         trial.waxpy(-1.0, y, x)
         free = self._free(x, trial)
         y.scale(free)
-        way.scale(free)
-        share = step_length(work, float(start.dot(way)))
-        self.short += share < CONTROL.short
-        self.share = share * free
-        y.scale(share)
-        for one in (force, trial, way):
+        direction.scale(free)
+        fraction = step_length(work, float(start.dot(direction)))
+        self.short += fraction < CONTROL.short
+        self.fraction = fraction * free
+        y.scale(fraction)
+        for one in (force, trial, direction):
             one.destroy()
-        return self.share < 1.0
+        return self.fraction < 1.0

@@ -42,8 +42,8 @@ TOUCHING, RUBBING = {"snes_max_it": 20}, {"snes_max_it": 40}
 _STUCK = 3
 
 
-# While contact settles, the elements' part of the tangent is kept as long as each iteration leaves less than this share
-# of the force out of balance.
+# While contact settles, the elements' part of the tangent is kept as long as each iteration leaves less than this
+# fraction of the force out of balance.
 _LAGS = 0.2
 
 # With contact, the path is taken for smooth after a step of at most so many linear solves.
@@ -169,9 +169,9 @@ class Newton:
         if search is not None and search.short >= _STUCK and policy is not None and policy.may_soften:
             return PETSc.SNES.ConvergedReason.DIVERGED_LINE_SEARCH
         state, change, force = norms
-        if search is not None and search.share < 1.0:
+        if search is not None and search.fraction < 1.0:
             # A step that was made short says nothing of how far the equilibrium is.
-            change = change / search.share if search.share > 0.0 else np.inf
+            change = change / search.fraction if search.fraction > 0.0 else np.inf
         return self._convergence.test(snes, iteration, (state, change, force))
 
     def _residual(self, x: PETSc.Vec, out: PETSc.Vec) -> None:
@@ -217,8 +217,8 @@ class Newton:
                 self._settles = self.assembler.contact is not None and target == factor
                 scale, rate = self._predict(factor, target - factor)
                 self._factor = target
-                share = self.steps.free(self.x, self._trial, factor, target)
-                self._trial.axpby(1.0 - share, share, self.x)
+                fraction = self.steps.free(self.x, self._trial, factor, target)
+                self._trial.axpby(1.0 - fraction, fraction, self.x)
                 self.steps.refuse_squeezed(before, self._trial, target)
                 solves = self._correct(scale)
             self.steps.refuse_squeezed(before, self._trial, target)
@@ -259,10 +259,10 @@ class Newton:
         """Take the path for one that does not go on as it came."""
         self._history = None
 
-    def resistance(self, way: PETSc.Vec) -> PETSc.Vec:
-        """Return by how much the out-of-balance force grows on a short way from the last equilibrium."""
-        change = way.duplicate()
-        self._residual(self.x + way, change)
+    def resistance(self, direction: PETSc.Vec) -> PETSc.Vec:
+        """Return by how much the out-of-balance force grows over a short increment from the last equilibrium."""
+        change = direction.duplicate()
+        self._residual(self.x + direction, change)
         change.axpy(-1.0, self.snes.getFunction()[0])
         return change
 
@@ -323,9 +323,9 @@ class Newton:
             self.x.copy(self._trial)
             return None, assembler.vector()
         # A cubic predictor takes the path's slope, the first step the whole way of supports that turn.
-        share = 1.0 if self._history is None else _DELTA
-        assembler.load_forces(self.x, factor, share * step, self._force)
-        self._force.scale(1.0 / share)
+        fraction = 1.0 if self._history is None else _DELTA
+        assembler.load_forces(self.x, factor, fraction * step, self._force)
+        self._force.scale(1.0 / fraction)
         self._solve_linear(factor)
         rate = self._change.copy()
         rate.scale(-1.0 / step if step else 0.0)
@@ -365,10 +365,10 @@ class Newton:
         gap.axpy(length, rate)
         turn = slope - rate
         turn.scale(length)
-        share = step / length
+        fraction = step / length
         # x + v t + a t^2 + b t^3 with the values and slopes of both ends.
-        gap.scale(3.0 * share**2 + 2.0 * share**3)
-        gap.axpy(share**2 + share**3, turn)
+        gap.scale(3.0 * fraction**2 + 2.0 * fraction**3)
+        gap.axpy(fraction**2 + fraction**3, turn)
         if not gap.norm() <= self._change.norm():
             return False
         self._trial.axpy(1.0, gap)

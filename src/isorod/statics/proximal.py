@@ -14,7 +14,7 @@ from isorod.arrays import Array
 from isorod.assembly.assembler import Assembler
 from isorod.errors import SolveError
 
-# By what the share is multiplied after a solution, and after none; below the least one rounding tells no motion.
+# By what the fraction is multiplied after a solution, and after none; below the least one rounding tells no motion.
 FEWER, MORE = 0.1, 4.0
 LEAST = 1e-10
 
@@ -38,7 +38,7 @@ class Proximal:
         Of the model.
     stiffness
         The diagonal ``D``, zero for what is not held.
-    share
+    fraction
         The factor ``a``.
 
     Attributes
@@ -50,13 +50,13 @@ class Proximal:
         Solutions at the full load in which they were let vanish.
     """
 
-    def __init__(self, assembler: Assembler, stiffness: PETSc.Vec, share: float) -> None:
+    def __init__(self, assembler: Assembler, stiffness: PETSc.Vec, fraction: float) -> None:
         self._model = assembler.model
         self._displacement: Callable[[PETSc.Vec], Array] = lambda x: assembler.displacement(x, 1.0)
         self._stiffness = stiffness
         self._start = assembler.vector()
         self._forces = assembler.vector()
-        self.share = max(LEAST, share)
+        self.fraction = max(LEAST, fraction)
         self.left = np.inf
         self.rounds = 0
 
@@ -72,7 +72,7 @@ class Proximal:
         """Add what is to vanish to the out-of-balance forces; ``carried`` is the norm of what supports and loads do."""
         self._forces.waxpy(-1.0, self._start, x)
         self._forces.pointwiseMult(self._forces, self._stiffness)
-        self._forces.scale(self.share)
+        self._forces.scale(self.fraction)
         # No sum over n entries is larger than sqrt(n) times their norm.
         size = np.sqrt(self._model.unknowns) * out.norm()
         self.left = size / carried if carried > 0.0 else float(size > 0.0)
@@ -81,7 +81,7 @@ class Proximal:
     def add_stiffness(self, out: PETSc.Mat) -> None:
         """Add its derivative to the tangent."""
         diagonal = self._stiffness.copy()
-        diagonal.scale(self.share)
+        diagonal.scale(self.fraction)
         out.setDiagonal(diagonal, PETSc.InsertMode.ADD_VALUES)
 
     def step(self, again: Callable[[], bool], x: PETSc.Vec) -> bool:
@@ -95,11 +95,11 @@ class Proximal:
 
     def keep(self) -> Callable[[], None]:
         """Return what takes these forces back to what they are now."""
-        start, share, left, rounds = self._start.copy(), self.share, self.left, self.rounds
+        start, fraction, left, rounds = self._start.copy(), self.fraction, self.left, self.rounds
 
         def back() -> None:
             start.copy(self._start)
-            self.share, self.left, self.rounds = share, left, rounds
+            self.fraction, self.left, self.rounds = fraction, left, rounds
 
         return back
 
@@ -123,11 +123,11 @@ class Proximal:
         while self.left > left:
             if self.rounds >= rounds:
                 raise SolveError(self.why(x))
-            share = self.share
-            self.share = max(FEWER * share, LEAST)
+            fraction = self.fraction
+            self.fraction = max(FEWER * fraction, LEAST)
             if not self.step(again, x):
                 # It flew too far in one solution: steps are made shorter than they were.
-                self.share = MORE * share
+                self.fraction = MORE * fraction
             elif not self._forces.norm() > 0.0:
                 # It stays where it is: what is left is rounding.
                 return

@@ -2,7 +2,7 @@
 
 Where supports leave a rigid motion free, the stiffness is singular until contact resists.  Such a body is held by
 forces ``-a D (x - x0)`` (`isorod.statics.proximal`), ``D`` the diagonal of the stiffness at rest.  Load steps climb
-with ``x0`` at rest, so that the way of a step shrinks with the step.  At the full load these forces vanish, with a
+with ``x0`` at rest, so that the increment shrinks with the step.  At the full load these forces vanish, with a
 smaller ``a`` in each step.
 """
 
@@ -19,7 +19,7 @@ from isorod.petsc.direct import direct
 from isorod.petsc.softest import noise, soften
 from isorod.statics.proximal import LEAST, Proximal
 
-# The share ``a`` of load steps: what a slender rod of twenty radii resists its bending with, and, where a body is
+# The fraction ``a`` of load steps: what a slender rod of twenty radii resists its bending with, and, where a body is
 # softer, this part of what its softest deformation resists with (found by so many inverse iterations).
 _SHARE = 1e-4
 _SOFT = 0.01
@@ -43,10 +43,10 @@ class Stabilisation(Proximal):
         stiffness.pointwiseMult(stiffness, assembler.state(mine))
         super().__init__(assembler, stiffness, LEAST)
         self.left = 0.0
-        self.share = max(LEAST, min(_SHARE, _SOFT * self._softness(assembler, matrix)))
+        self.fraction = max(LEAST, min(_SHARE, _SOFT * self._softness(assembler, matrix)))
 
     def _softness(self, assembler: Assembler, matrix: PETSc.Mat) -> float:
-        """Return about the least share of ``D`` with which what is loose resists a deformation: that of a spring."""
+        """Return about the least fraction of ``D`` with which what is loose resists a deformation: that of a spring."""
         weight, rigid = self._stiffness, list[PETSc.Vec]()
 
         def purge(shape: PETSc.Vec) -> None:

@@ -31,10 +31,10 @@ _STEP = 1e-3
 # most slender rods are ten thousand times larger.
 _NEUTRAL = 1e-12
 
-# An edge lies in a plane if it is out of it by no more than this share of the model's size.
+# An edge lies in a plane if it is out of it by no more than this fraction of the model's size.
 _FLAT = 1e-9
 
-# Last factors are believed where the stiffness in their softest direction has not fallen below this share of theirs.
+# Last factors are believed where the stiffness in their softest direction has not fallen below this fraction of theirs.
 _FALLEN = 0.5
 
 
@@ -120,10 +120,10 @@ def _pressed_by_potential(model: Model) -> bool:
     for load in model.following:
         space = model.bodies[load.body].space
         held = model.free.reshape(-1, 3)[model.first_node[load.body] :][: space.nodes] < 0
-        way = model.nodal(model.prescribed(1.0), load.body)
+        direction = model.nodal(model.prescribed(1.0), load.body)
         for layer in () if space.rod.closed else (0, space.layers - 1):
             edge = slice(layer * space.layer_nodes, (layer + 1) * space.layer_nodes)
-            places = (space.positions + way)[edge][space.is_carrier[edge]]
+            places = (space.positions + direction)[edge][space.is_carrier[edge]]
             flat = np.ptp(places, axis=0) <= _FLAT * model.size
             if not held[edge].all() and not (held[edge].all(axis=0) & flat).any():
                 return False
@@ -133,16 +133,16 @@ def _pressed_by_potential(model: Model) -> bool:
 def _holds(solver: Newton) -> bool:
     """Return whether the equilibrium is about as stiff in the direction in which the last factors are softest."""
     assembler = solver.assembler
-    way = noise(assembler.vector())
+    direction = noise(assembler.vector())
     # Pressures are not pushed at: those of the answer are what the displacements make of them.
     moves = assembler.state(np.ones(assembler.model.dofs))
-    _, push = soften(solver.snes.getKSP(), moves, way, _ITERATIONS)
-    moves.pointwiseMult(way, moves)
+    _, push = soften(solver.snes.getKSP(), moves, direction, _ITERATIONS)
+    moves.pointwiseMult(direction, moves)
     least = min(body.space.rod.radius for body in assembler.model.bodies)
     moved = moves.norm(PETSc.NormType.NORM_INFINITY)
     # A stiffness near the largest numbers there are.
     if not moved:
         return False
     length = _STEP * least / moved
-    way.scale(length)
-    return bool(solver.resistance(way).dot(way) >= _FALLEN * length * push.dot(way))
+    direction.scale(length)
+    return bool(solver.resistance(direction).dot(direction) >= _FALLEN * length * push.dot(direction))

@@ -1,4 +1,4 @@
-"""What a load step must not do, and how much of a way bodies may go."""
+"""What a load step must not do, and what fraction of an increment bodies may go."""
 
 from typing import TYPE_CHECKING
 
@@ -45,7 +45,7 @@ class Steps:
             self._passing = passing.Passing(assembler.model)
 
     def free(self, start: PETSc.Vec, end: PETSc.Vec, before: float, factor: float) -> float:
-        """Return the share of a way on which no bodies go through each other: all of it where nobody is careful."""
+        """Return the fraction of an increment on which no bodies go through each other: all where nobody is careful."""
         if self._passing is None or not self.careful:
             return 1.0
         state = self._assembler.displacement
