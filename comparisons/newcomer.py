@@ -87,4 +87,4 @@ def _compared(study: Run, word: str) -> dict[str, Any]:
         return {"failure": str(problem)}
     records = newest(study.folder, name)
     (default,) = (one for one in part(records, "work") if one.get("label") == DEFAULT)
-    return {"error": default["error"], "errors": default["errors"], "told": compared.told(records)}
+    return {"error": default["error"], "errors": default["errors"], "told": compared.uncertainty(records)}

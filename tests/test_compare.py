@@ -291,11 +291,11 @@ def canned_stress(error, finer, before, measured=()):
 )
 def test_the_verdict_on_stress_is_against_both_references(error, finer, before, said):
     records = canned_stress(error, finer, before)
-    assert report.verdict(records, "stress") == said and report.told(records, "stress") == before
+    assert report.verdict(records, "stress") == said and report.uncertainty(records, "stress") == before
     assert report.verdict(records) == "yes"
     # What a file measures is judged by the limit of the meshes, and is no part of the other error.
     measured = canned_stress(error, finer, before, ["peak"])
-    assert (report.told(measured, "stress"), report.told(measured)) == pytest.approx((1e-3, 1e-5))
+    assert (report.uncertainty(measured, "stress"), report.uncertainty(measured)) == pytest.approx((1e-3, 1e-5))
 
 
 def test_run_times_to_an_error_of_stress_leave_the_reference_out():

@@ -63,7 +63,7 @@ def test_with_contact_mumps_does_not_scale_unless_it_is_asked_to(typed):
     assert not PETSc.Options().hasName("mat_mumps_icntl_8")
 
 
-@pytest.mark.parametrize(("length", "share", "ends"), [(1e-9, 1.0, True), (1e-3, 1e-6, False), (1e-3, 0.0, False)])
+@pytest.mark.parametrize(("length", "fraction", "ends"), [(1e-9, 1.0, True), (1e-3, 1e-6, False), (1e-3, 0.0, False)])
 def test_a_step_that_was_made_short_is_no_sign_of_equilibrium(length, fraction, ends):
     """Whatever is out of balance: how far a full step would have gone is what counts."""
     solver = near_a_wall()

@@ -81,7 +81,7 @@ def test_a_body_starts_along_the_curve_its_sections_square_to_it(touching_too):
     placed = rods.place(given, 12, touching_too)
     model = isorod.Model([placed.body])
     state = isorod.output.state.Deformation(model, placed.initial.ravel())
-    nodes, directors = rods.told(placed, state, 0, 12)
+    nodes, directors = rods.configuration(placed, state, 0, 12)
     assert nodes == pytest.approx(given.nodes(12), abs=1e-4)
     assert directors == pytest.approx(given.directors(12), abs=1e-9)
     # A point of the surface is a radius away from the middle, at right angles to the line.

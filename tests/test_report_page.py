@@ -213,7 +213,7 @@ def test_letters_and_words_of_all_curves_are_explained(written):
 
 def test_the_story_has_few_curves_and_no_two_look_alike(written):
     found = result_files.newest(written[0], "spring")
-    curves = plots.told(found, ("paper, n = 4",), ("P2 tetrahedra", "Q2 bricks"))
+    curves = plots.curves(found, ("paper, n = 4",), ("P2 tetrahedra", "Q2 bricks"))
     looks = plots.looks(curves)
     assert list(looks) == [
         "isorod: paper, n = 4",
@@ -228,7 +228,7 @@ def test_the_story_has_few_curves_and_no_two_look_alike(written):
         run_of("spring", m, str(k), 0, 1.0, 1.0) | {"part": "work"} for m in ("cylindrical", "fem") for k in range(10)
     ]
     names = [str(k) for k in range(10)]
-    crowd = plots.looks(plots.told(many, names, names))
+    crowd = plots.looks(plots.curves(many, names, names))
     assert len(crowd) == 7
     assert len({look["color"] for look in crowd.values()}) == len({look["marker"] for look in crowd.values()}) == 7
 
@@ -239,7 +239,7 @@ def test_the_fastest_within_the_largest_and_the_smallest_error_are_drawn(monkeyp
     ]
     best = [(0.1**k, *both) for k, both in enumerate(zip(*runs, strict=True))]
     monkeypatch.setattr(plots, "pairs", lambda _: best)
-    drawn = set(map(precision.named, plots.told([*runs[0], *runs[1]], (), ())))
+    drawn = set(map(precision.named, plots.curves([*runs[0], *runs[1]], (), ())))
     assert {precision.named(one) for _, *both in (best[0], best[-1]) for one in both} <= drawn
 
 
@@ -291,14 +291,14 @@ def test_versions_of_dolfinx_stand_beside_each_other_and_the_fastest_counts(tmp_
     assert [cell.split()[0] for cell in cells] == ["1", "1/5", "14.0", "140", "70.0"]
     assert "best dolfinx (0.11) 70 ms (4,000; 0.5.2 140 ms): 1/5 of the time" in page.summary(tmp_path)[0]
     # In the plot of the story a curve is one version's, and the fastest of any version is there.
-    assert list(plots.looks(plots.told(found, (), ("Q2 bricks",))))[1:] == [
+    assert list(plots.looks(plots.curves(found, (), ("Q2 bricks",))))[1:] == [
         "dolfinx 0.11: S3 bricks",
         "dolfinx 0.11: Q2 bricks",
     ]
     mixed = [
         one for one in found if one["part"] != "confirm" or (one["target"], result_files.version(one)) != (1e-3, "0.11")
     ]
-    assert list(plots.looks(plots.told(mixed, (), ("Q2 bricks",))))[1:] == [
+    assert list(plots.looks(plots.curves(mixed, (), ("Q2 bricks",))))[1:] == [
         "dolfinx 0.5.2: S3 bricks",
         "dolfinx 0.11: S3 bricks",
         "dolfinx 0.5.2: Q2 bricks",

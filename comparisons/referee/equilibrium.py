@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 import isorod
-from comparisons.referee.rods import CLAMPED, PINNED, Placed, arms, held, loads, place, told
+from comparisons.referee.rods import CLAMPED, PINNED, Placed, arms, configuration, held, loads, place
 from isorod.arrays import Array
 
 # The equal steps to start with; those that fail are cut, quick ones doubled.
@@ -13,14 +13,14 @@ STEPS = 5
 
 
 def solve(scenario: Any, elements: int) -> list[tuple[Array, Array]]:
-    """Return nodes and directors (`comparisons.referee.rods.told`) of each rod, in equilibrium."""
+    """Return nodes and directors (`comparisons.referee.rods.configuration`) of each rod, in equilibrium."""
     return [_rod(rod, scenario.gravity, elements) for rod in scenario.rods]
 
 
 def _rod(given: Any, gravity: Any, elements: int) -> tuple[Array, Array]:
     placed = place(given, elements, most=0.5)
     model = isorod.Model([placed.body], _supports(placed, gravity), loads=loads(placed, gravity, 0))
-    nodes, directors = told(placed, isorod.statics.solve(model, STEPS), 0, elements)
+    nodes, directors = configuration(placed, isorod.statics.solve(model, STEPS), 0, elements)
     down = np.asarray(gravity, dtype=float)
     if len(placed.ends()) == 2 and (nodes.mean(axis=0) - nodes[[0, -1]].mean(axis=0)) @ down < 0.0:
         raise isorod.SolveError("statics came to the arch above the supports, which is not stable")

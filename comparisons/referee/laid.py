@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 import isorod
-from comparisons.referee.rods import PINNED, Placed, held, loads, place, told
+from comparisons.referee.rods import PINNED, Placed, configuration, held, loads, place
 from comparisons.referee.touching import near, pairs
 from isorod.arrays import Array
 
@@ -36,7 +36,7 @@ def takes(scenario: Any, elements: int) -> bool:
 
 
 def solve(scenario: Any, elements: int) -> list[tuple[Array, Array]]:
-    """Return nodes and directors (`comparisons.referee.rods.told`) of each rope, in equilibrium.
+    """Return nodes and directors (`comparisons.referee.rods.configuration`) of each rope, in equilibrium.
 
     A pin holds two points of a section's outline, which gives way round them; so it is solved twice, the second time
     with these where the section's mean is right.
@@ -58,7 +58,7 @@ def solve(scenario: Any, elements: int) -> list[tuple[Array, Array]]:
             # Peak pressures, which the contact warns of, are not looked at.
             warnings.filterwarnings("ignore", message="contact 0: ")
             state = isorod.statics.solve(model, STEPS, start=start)
-        last = [told(one, state, k, elements) for k, one in enumerate(placed)]
+        last = [configuration(one, state, k, elements) for k, one in enumerate(placed)]
         off += [rod.nodes(1) - nodes[[0, -1]] for rod, (nodes, _) in zip(scenario.rods, last, strict=True)]
         start = state.displacement
     return last

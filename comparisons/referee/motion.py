@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 import isorod
-from comparisons.referee.rods import loads, place, supports, told
+from comparisons.referee.rods import configuration, loads, place, supports
 from comparisons.referee.touching import contacts
 from isorod.arrays import Array
 
@@ -25,7 +25,7 @@ def damping(scenario: Any) -> float:
 
 
 def solve(scenario: Any, elements: int, frames: int, touching: bool, scale: float) -> list[list[tuple[Array, Array]]]:
-    """Return nodes and directors (`comparisons.referee.rods.told`) of each rod at each frame."""
+    """Return nodes and directors (`comparisons.referee.rods.configuration`) of each rod at each frame."""
     placed = [place(rod, elements, touching) for rod in scenario.rods]
     model = isorod.Model(
         [one.body for one in placed],
@@ -42,4 +42,4 @@ def solve(scenario: Any, elements: int, frames: int, touching: bool, scale: floa
         displacement=np.concatenate([one.initial for one in placed]).ravel(),
         integrator="implicit",
     )
-    return [[told(one, state, k, elements) for state in history] for k, one in enumerate(placed)]
+    return [[configuration(one, state, k, elements) for state in history] for k, one in enumerate(placed)]

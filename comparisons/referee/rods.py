@@ -201,7 +201,7 @@ def loads(placed: Placed, gravity: Any, body: int) -> list[Any]:
     return found
 
 
-def told(placed: Placed, state: Any, body: int, elements: int) -> tuple[Array, Array]:
+def configuration(placed: Placed, state: Any, body: int, elements: int) -> tuple[Array, Array]:
     """Return what the package asks of a state: nodes ``(elements + 1, 3)`` and directors ``(elements, 3)``."""
     rod = placed.space.rod
     _, jacobian = rod.grid([(0.0, 0.0)], [0.0])

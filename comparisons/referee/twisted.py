@@ -12,7 +12,7 @@ import numpy as np
 
 import isorod
 from comparisons.referee.motion import damping, step
-from comparisons.referee.rods import CLAMPED, Placed, held, interpolation, loads, place, told
+from comparisons.referee.rods import CLAMPED, Placed, configuration, held, interpolation, loads, place
 from isorod.arrays import Array
 from isorod.tensors import rotation
 
@@ -26,7 +26,7 @@ _WATCHED, _FAR = 20, 0.1
 
 
 def solve(scenario: Any, elements: int, frames: int, scale: float) -> list[list[tuple[Array, Array]]]:
-    """Return nodes and directors (`comparisons.referee.rods.told`) of each rod at each frame."""
+    """Return nodes and directors (`comparisons.referee.rods.configuration`) of each rod at each frame."""
     return [_rod(scenario, rod, elements, frames, scale) for rod in scenario.rods]
 
 
@@ -52,7 +52,7 @@ def _rod(scenario: Any, given: Any, elements: int, frames: int, scale: float) ->
             velocity=velocity,
             integrator="implicit",
         )
-        found[-1:] = [told(placed, state, 0, elements) for state in history]
+        found[-1:] = [configuration(placed, state, 0, elements) for state in history]
         displacement, velocity = history.displacement[-1], history.velocity[-1]
         if _strayed(placed, found[-1][0]) > _FAR * given.length:
             found += [found[-1]] * (frames - len(found))

@@ -66,7 +66,7 @@ def section(records: list[Record], folder: Path) -> list[str]:
     scene, work = _scene(records), part(records, "work")
     name = scene["name"]
     file = f"{records[-1]['study']}-errors.png"
-    plots.labelled(work, {what: told(records, what) for what in (ERROR, STRESS)}, folder / file)
+    plots.labelled(work, {what: uncertainty(records, what) for what in (ERROR, STRESS)}, folder / file)
     parts = {
         "error against run time": figure(
             file,
@@ -96,7 +96,7 @@ def verdict(records: list[Record], what: str = ERROR) -> str:
     That of stress is the larger one of those against finite elements and against isorod's own finest space.
     """
     finer = [one["stress"] for one in part(records, "finer") if what == STRESS]
-    error, wanted, doubt = max([_default(records)[what], *finer]), WANTED[what], told(records, what)
+    error, wanted, doubt = max([_default(records)[what], *finer]), WANTED[what], uncertainty(records, what)
     word = "yes" if error <= wanted else "no"
     if abs(error - wanted) < doubt:
         word += f", but finite elements tell to {_share(doubt)} only"
@@ -110,7 +110,7 @@ def _stress_verdict(records: list[Record], style: str = "{}") -> str:
     return f", stress within {100 * WANTED[STRESS]:g} %: {style.format(verdict(records, STRESS))}"
 
 
-def told(records: list[Record], what: str = ERROR) -> float:
+def uncertainty(records: list[Record], what: str = ERROR) -> float:
     """Return the largest relative uncertainty of the finite elements' limits, of what is measured or of stress.
 
     Of stress at surfaces that is how far the mesh before the finest is from that.
@@ -168,14 +168,14 @@ def _pairs(records: list[Record], what: str = ERROR) -> list[tuple[float, Record
             )
             for method in MODULES
         ]
-        if target >= told(records, what) and best[0] and best[1]:
+        if target >= uncertainty(records, what) and best[0] and best[1]:
             found.append((target, best[0], best[1]))
     return found
 
 
 def _of_default(records: list[Record]) -> str:
     """Return the default's errors in words, its own estimate beside them."""
-    default, doubt = _default(records), told(records)
+    default, doubt = _default(records), uncertainty(records)
     errors = ", ".join(f"{name.replace('_', ' ')} {_share(error)}" for name, error in default["errors"].items())
     own = f"; isorod's own estimate {_share(default['error_estimate'])}" if "error_estimate" in default else ""
     return f"error of {errors or 'nothing measured'}; finite elements tell to {_share(doubt)}{own}"
@@ -191,7 +191,7 @@ def _by(default: Record) -> str:
 
 def _beside(records: list[Record], what: str = ERROR) -> str:
     """Return the ratio of run times at the default's error."""
-    default, doubt = _default(records), told(records, what)
+    default, doubt = _default(records), uncertainty(records, what)
     if what not in default:
         return ""
     found = at_equal_error(part(records, "work"), max(default[what], doubt), what)
@@ -222,7 +222,7 @@ def _stress_told(records: list[Record]) -> str:
     names = ", ".join(name.replace("_", " ") for name in measured)
     what = f"stress ({names})" if measured else "von Mises stress at surfaces, a diameter and more from edges,"
     against = "the limit of dolfinx' meshes" if measured else "dolfinx' finest mesh"
-    words = f"{what} {_share(default[STRESS])} from {against}, which tells to {_share(told(records, STRESS))}"
+    words = f"{what} {_share(default[STRESS])} from {against}, which tells to {_share(uncertainty(records, STRESS))}"
     for one in part(records, "finer"):
         words += f", and {_share(one['stress'])} from isorod's finest space ({one['label']})"
     if "stress_error_estimate" in default:

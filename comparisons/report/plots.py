@@ -36,7 +36,7 @@ def save(figure: Any, path: Path, dpi: int) -> None:
     pyplot().close(figure)
 
 
-def told(records: list[Record], ours: Sequence[str], theirs: Sequence[str]) -> list[Record]:
+def curves(records: list[Record], ours: Sequence[str], theirs: Sequence[str]) -> list[Record]:
     """Return the runs of the few curves that tell the story, as many as there are colours.
 
     Those that are fastest within an error, the smallest and the largest first, and the named ones, of dolfinx in the

@@ -39,7 +39,7 @@ class Part(NamedTuple):
 
     def story(self, records: list[Record], path: Path, *more: str) -> None:
         """Draw the curves that tell the story; ``more`` are curves of ours."""
-        curves = plots.told(records, (*more, *self.ours), self.theirs)
+        curves = plots.curves(records, (*more, *self.ours), self.theirs)
         plots.story(records, curves, self.drawn, path)
 
     def errors(self, records: list[Record], folder: Path) -> dict[str, list[str]]:

@@ -127,7 +127,7 @@ def run(
         )
     given = scene.settings()
     settings = {name: given[name] for name in _SETTINGS[scene.analysis] if name in given}
-    with scene.told():
+    with scene.locating():
         model = scene.model()
         if scene.analysis == "modal":
             _refuse_loaded(configuration.name, model, given)

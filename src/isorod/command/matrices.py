@@ -54,7 +54,7 @@ def _matrices(scene: Any, found: argparse.Namespace) -> Any:
     # What a file says of its analysis is read before anything is solved.
     settings = scene.settings()
     lumped = found.mass == "lumped" or (found.mass is None and bool(settings.get("lumped")))
-    with scene.told():
+    with scene.locating():
         model = scene.model()
         if scene.analysis == "dynamics":
             model = model.in_motion(settings.get("integrator", "explicit"))

@@ -75,7 +75,7 @@ def _rod(scene: Any, requested: str | None) -> "tuple[str, Body]":
     if scene.analysis == "geometry":
         raise InputError("section: this scene is geometry alone, without the laws that a stiffness needs")
     # The scene of a file says where in it errors come from.
-    with scene.told():
+    with scene.locating():
         bodies = scene.model().bodies
     names = scene.rod_names() or [str(k) for k in range(len(bodies))]
     if requested is None:

@@ -49,14 +49,14 @@ def solve(
     # Numba takes half a second before the first function, whichever that is.
     _ = cofactors.compiled
     # The scene of a file says where in it errors come from.
-    with scene.told():
+    with scene.locating():
         started = perf_counter()
         model = scene.model()
         built = perf_counter()
         start = None if begin is None else begin(model)
         if start is not None:
             settings = {**settings, "start": start}
-        solution = _solve_closer(scene, model, analysis.solve, settings)
+        solution = _solve_refined(scene, model, analysis.solve, settings)
     seconds = dict(solution.seconds)
     seconds["setup"] += built - started
     # With ``check``: what proves a result is a part of getting it.
@@ -64,13 +64,13 @@ def solve(
     return solution, seconds
 
 
-def _solve_closer(scene: Any, model: Any, analyse: Callable[..., Any], settings: Mapping[str, Any]) -> Any:
+def _solve_refined(scene: Any, model: Any, analyse: Callable[..., Any], settings: Mapping[str, Any]) -> Any:
     """Return the solution of a model, or of its scene on spaces that see where small patches of contact press.
 
     Each begins where the one before ended.  Warnings are those of the solution that is returned: of the last but one,
     and one more, where the last fails.
     """
-    solution, warned = _heard(analyse, model, settings)
+    solution, warned = _solve_and_record_warnings(analyse, model, settings)
     for _ in range(CLOSER):
         try:
             closer = scene.closer(solution)
@@ -78,7 +78,7 @@ def _solve_closer(scene: Any, model: Any, analyse: Callable[..., Any], settings:
                 break
             model = closer.model()
             start = start_at(solution, model)
-            solution, warned = _heard(analyse, model, {**settings, "start": start})
+            solution, warned = _solve_and_record_warnings(analyse, model, {**settings, "start": start})
         except (InputError, SolveError) as problem:
             warnings.warn(
                 f"local refinement of small contact patches failed, results are without it: {problem}",
@@ -90,7 +90,9 @@ def _solve_closer(scene: Any, model: Any, analyse: Callable[..., Any], settings:
     return solution
 
 
-def _heard(analyse: Callable[..., Any], model: Any, settings: Mapping[str, Any]) -> tuple[Any, list[Any]]:
+def _solve_and_record_warnings(
+    analyse: Callable[..., Any], model: Any, settings: Mapping[str, Any]
+) -> tuple[Any, list[Any]]:
     """Return a solution and what it warns of."""
     with warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("always")

@@ -151,7 +151,7 @@ class Place:
         return content
 
     @contextmanager
-    def told(self, keys: "Mapping[str, Place] | None" = None) -> Iterator[None]:
+    def locating(self, keys: "Mapping[str, Place] | None" = None) -> Iterator[None]:
         """Let errors raised within be errors of this place, or of that of the key that the message speaks of."""
         try:
             yield

@@ -120,9 +120,9 @@ class Form:
     @property
     def principal(self) -> str | None:
         """The main key, if it has any."""
-        told = [key for key, one in self.parameters.items() if one.name not in self.defaults]
-        required = [key for key in told if self.parameters[key].required]
-        return self.main or next(iter([*required, *told]), None)
+        settable = [key for key, one in self.parameters.items() if one.name not in self.defaults]
+        required = [key for key in settable if self.parameters[key].required]
+        return self.main or next(iter([*required, *settable]), None)
 
 
 class Call:
@@ -171,7 +171,7 @@ class Call:
 
     def make(self, /, **more: Any) -> Any:
         """Call the function; what it refuses is an error of this place, or of the key that the message speaks of."""
-        with self.place.told(self.keys):
+        with self.place.locating(self.keys):
             given = {
                 name: one.make() if isinstance(one, Call | Points) else one for name, one in self.arguments.items()
             }

@@ -111,7 +111,7 @@ class RodPlan:
         with warnings.catch_warnings(record=True) as said:
             warnings.simplefilter("always")
             line, outline = self.curve.make(), self.section.make()
-            with self.place.told():
+            with self.place.locating():
                 rod: Rod = self._sweep.make(self=line, section=outline)
                 rod.check()
         for one in said:
@@ -180,6 +180,6 @@ class RodPlan:
         else:
             space = self.space.make(rod=rod, **self._along(rod, use), **self._across(rod, laws, use))
         material = laws[0] if len(laws) == 1 else laws
-        told = self._body or call(self.place, schema.BODY, {})
-        body: Body = told.make(space=space, material=material)
+        chosen = self._body or call(self.place, schema.BODY, {})
+        body: Body = chosen.make(space=space, material=material)
         return body

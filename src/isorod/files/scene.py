@@ -283,15 +283,15 @@ class FileScene(Scene):
 
     def on(self, spaces: "Sequence[Space]") -> "FileScene":
         """Return the same scene with its rods on these spaces, one a rod."""
-        told: dict[str, dict[str, Any]] = {}
+        chosen: dict[str, dict[str, Any]] = {}
         rest: dict[str, Any] = dict.fromkeys(_SPACE)
         for name, space in zip(self.plans, spaces, strict=True):
-            told[name] = {key: getattr(space, key) for key in _SPACE if getattr(space, key) is not None}
+            chosen[name] = {key: getattr(space, key) for key in _SPACE if getattr(space, key) is not None}
             if space.knots:
-                told[name]["knots"] = list(space.knots)
+                chosen[name]["knots"] = list(space.knots)
             if space.section_degree is None:
-                told[name]["section_points"] = space.points_around
-        return replace(self, spaces=told, **rest)
+                chosen[name]["section_points"] = space.points_around
+        return replace(self, spaces=chosen, **rest)
 
     def closer(self, solution: Any) -> "FileScene | None":
         """Return the same scene on spaces that see the patches of a solution's contacts; None where these are seen.
@@ -328,14 +328,14 @@ class FileScene(Scene):
         loads = [placed(one) for one in self._loads.values()]
         contacts = [contact(one) for one in self._contacts.values()]
         spin = None if self._spin is None else self._spin.make()
-        with self.told("rod"):
+        with self.locating("rod"):
             model = Model(bodies, supports, spin, contacts, loads)
         try:
             # What is wrong with a load is found when its forces are.
             model.external  # noqa: B018
         except InputError:
             for one, load in zip(self._loads.values(), loads, strict=True):
-                with one.place.told(one.keys):
+                with one.place.locating(one.keys):
                     load.nodal(bodies[load.body].space)
             raise
         return model
@@ -373,7 +373,7 @@ class FileScene(Scene):
         return re.sub(r"\b(support|load|contact|body) (\d+)\b(?!: )", name, text)
 
     @contextmanager
-    def told(self, kind: str = "analysis") -> Iterator[None]:
+    def locating(self, kind: str = "analysis") -> Iterator[None]:
         """Let errors of the model and its analysis be errors of the file, in its own names."""
         places = self._numbered
         try:

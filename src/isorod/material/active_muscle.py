@@ -105,8 +105,8 @@ def _stored(curve: Any) -> "sp.Expr":
         return _integral_of_points(curve, STRETCH)
     free = sorted(curve.free_symbols, key=str)
     if len(free) != 1:
-        told = ", ".join(map(str, free)) or "nothing"
-        raise InputError(f"curve: got an expression of {told}, need one of the stretch")
+        names = ", ".join(map(str, free)) or "nothing"
+        raise InputError(f"curve: got an expression of {names}, need one of the stretch")
     tension = curve.subs(free[0], STRETCH).rewrite((sp.Max, sp.Min, sp.Abs), sp.Piecewise)
     found = sp.integrate(sp.piecewise_fold(tension), STRETCH)
     if found.has(sp.Integral) or not _holds(found, tension, STRETCH):

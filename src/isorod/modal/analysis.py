@@ -312,7 +312,7 @@ def _solve(
         solver=found.solver,
         ranks=assembler.comm.getSize(),
         equilibrium=state,
-        about=loaded.told(model, state),
+        about=loaded.state_of(model, state),
         quarter=quarter if turns else None,
         falling=found.falling,
         lumped=lumped,

@@ -36,7 +36,7 @@ def spins(model: Model) -> bool:
     return model.spin is not None and any(model.spin.velocity)
 
 
-def told(model: Model, state: Equilibrium | None) -> str:
+def state_of(model: Model, state: Equilibrium | None) -> str:
     """Return in words what modes are about."""
     under = burdens(model)
     if state is None:

@@ -128,7 +128,7 @@ class Scene(Checked):
         """Return a text with the scene's own names in the place of numbers."""
         return text
 
-    def told(self) -> AbstractContextManager[None]:
+    def locating(self) -> AbstractContextManager[None]:
         """Let errors of the model and its analysis say where in the scene they come from."""
         return nullcontext()
 
