@@ -48,9 +48,16 @@ def total(
 
 
 def corrected(
-    assembler: Assembler, x: PETSc.Vec, matrix: PETSc.Mat, ksp: PETSc.KSP
+    assembler: Assembler,
+    x: PETSc.Vec,
+    matrix: PETSc.Mat,
+    ksp: PETSc.KSP,
+    added: tuple[float, PETSc.Mat] | None = None,
 ) -> tuple[list[float], float, Array]:
-    """Take a state to the equilibrium nearby; return the steps' sizes, and of the first its work and where it leads."""
+    """Take a state to the equilibrium nearby; return the steps' sizes, and of the first its work and where it leads.
+
+    ``added`` is a factor and a matrix that make the tangent of a body with rigid-body modes definite.
+    """
     force, change = assembler.vector(), assembler.vector()
     sizes: list[float] = []
     # What is rolled up turns by straight steps.
@@ -64,6 +71,8 @@ def corrected(
         # One tangent does, unless what slender rods turn by a straight step stretches them.
         if not sizes or not size < QUICK * sizes[-1]:
             assembler.tangent(x, 1.0, matrix)
+            if added:
+                matrix.axpy(*added, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
             ksp.setOperators(matrix)
             with defaults(unscaled(assembler, _PREFIX)):
                 ksp.solve(force, change)

@@ -15,8 +15,12 @@ from isorod.checks.finer import Finer
 from isorod.model.model import Model
 from isorod.output.state import State
 
-# Changes of a smaller share of a state are rounding.
+# Changes of a smaller fraction of a state are rounding.
 _SETTLED = 1e-8
+
+# Shift, in first eigenvalues, with which the tangent of a free body corrects its equilibrium: rigid motions stay within
+# rounding over it, and the rest converges as fast as without.
+_SLIGHT = 1e-6
 
 
 def of_modes(
@@ -85,7 +89,8 @@ def _modes(
             assembler.tangent(assembler.vector(), 0.0, matrix)
         else:
             x = assembler.state(state, finer.pressures(about.pressures) if about.pressures else ())
-            sizes, *_ = correction.corrected(assembler, x, matrix, ksp)
+            added = (_SLIGHT * shift, mass) if free else None
+            sizes, *_ = correction.corrected(assembler, x, matrix, ksp, added)
             if not sizes[-1] <= max(correction.QUICK * sizes[0], _SETTLED * x.norm()):
                 # There is none nearby.
                 return 1.0
