@@ -27,6 +27,10 @@ _WORDS = {signal.SIGINT: "interrupted", signal.SIGTERM: "ended by SIGTERM"}
 # A file that takes no more: full, over its quota or the largest size, or its device fails.
 _FULL = errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO
 
+# Seconds that other ranks wait before they end with an error: launchers end all at the first that does, and rank 0 may
+# not have said it yet.  Where it has, they are ended at once.
+_PATIENCE = 3.0
+
 # Longer words of an error are cut: nothing but input that is wrong has them.
 _LONGEST = 1000
 
@@ -95,6 +99,8 @@ def fail(program: str, message: str) -> int:
     """Say an error, once for all ranks; return the exit code."""
     if rank() == 0:
         _say(program, message)
+    elif _launched():
+        time.sleep(_PATIENCE)
     return 2
 
 

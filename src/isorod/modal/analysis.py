@@ -18,7 +18,7 @@ from isorod.errors import InputError, SolveError, expect, whole_number
 from isorod.modal import loaded
 from isorod.modal.eigensolvers import only_multiplies
 from isorod.modal.mode import Mode
-from isorod.modal.pencil import Found, Pencil
+from isorod.modal.pencil import SPARE, Found, Pencil
 from isorod.model.model import Model
 from isorod.output.progress import Teller
 from isorod.petsc.options import in_force
@@ -345,7 +345,7 @@ def _wanted(pencil: Pencil, modes: int) -> int:
     modes = PETSc.Options().getInt("eps_nev", modes)
     most = pencil.size - pencil.rigid
     if not 1 <= modes <= most:
-        less = ", less the pressures" if pencil.pressures else ""
+        less = f", less the pressures and {SPARE}" if pencil.pressures else ""
         raise InputError(f"modes: got {modes}, need 1 to {most} (number of unknowns{less})")
     return modes + pencil.rigid
 

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 
 from petsc4py import PETSc
+from slepc4py import SLEPc
 
 from isorod.errors import InputError
 
@@ -67,3 +68,12 @@ def only_multiplies() -> bool:
     """Return whether the eigensolver takes the mass only to multiply with, as the default with a shift of zero does."""
     typed = (name for name in PETSc.Options().getAll() if name.startswith(("eps_", "st_")))
     return all(name.startswith(_HARMLESS) for name in typed)
+
+
+def solve(eps: SLEPc.EPS) -> None:
+    """Solve; what an error leaves half-done is given up, not destroyed, at which newer SLEPc would fail once more."""
+    try:
+        eps.solve()
+    except Exception:
+        eps.incRef()
+        raise
