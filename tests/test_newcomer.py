@@ -29,7 +29,7 @@ def study(tmp_path, monkeypatch):
         return "compare-arc"
 
     monkeypatch.setattr(newcomer.compare, "main", compared)
-    monkeypatch.setattr(newcomer.compared, "told", lambda records: 2e-3)
+    monkeypatch.setattr(newcomer.compared, "uncertainty", lambda records: 2e-3)
     run = Run("newcomer", "quick", tmp_path)
     newcomer.run(run)
     run.record("end", {})
