@@ -28,7 +28,7 @@ _WORDS = {signal.SIGINT: "interrupted", signal.SIGTERM: "ended by SIGTERM"}
 _FULL = errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO
 
 # Seconds that other ranks wait before they end with an error: launchers end all at the first that does, and rank 0 may
-# not have said it yet.  Where it has, they are ended at once.
+# not have said it yet.  Where it has, Open MPI ends them at once; MPICH's may wait until they end.
 _PATIENCE = 3.0
 
 # Longer words of an error are cut: nothing but input that is wrong has them.
