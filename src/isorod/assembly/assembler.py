@@ -152,6 +152,14 @@ class Assembler(Unknowns):
 
     def matrix(self) -> PETSc.Mat:
         """Return a new matrix with room for the tangent: AIJ, or what ``-mat_type`` says."""
+        rods = self._own_matrix()
+        if self.coupling is None:
+            return rods
+        with self._timed():
+            return self.coupling.matrix(rods, self.coupling.tangents(self.vector(), 0.0), self.symmetric)
+
+    def _own_matrix(self) -> PETSc.Mat:
+        """Return a new matrix with room for the rods' tangent."""
         with self._timed():
             ranks = self._ranks() if self.contact is None else None
             pattern = Pattern([part.of_dofs for part in self.parts], self.free, ranks)
@@ -212,8 +220,12 @@ class Assembler(Unknowns):
         with self._timed():
             local = self._state(x, factor)
             forces = self._forces(local, factor)
-            self._exchange.store(forces, out)
+            self._store(forces, out)
             own = float(np.sum(forces[self._exchange.bound[1]] ** 2) + np.sum((factor * self._loads(local)) ** 2))
+            if self.coupling is not None:
+                solids = self.coupling.solid_forces(x, factor)
+                self.coupling.add(solids, out)
+                own += self.coupling.carried(solids, factor)
             return float(np.sqrt(self.comm.tompi4py().allreduce(own) + self._push() ** 2))
 
     def _push(self) -> float:
@@ -227,7 +239,8 @@ class Assembler(Unknowns):
     def carried(self, x: PETSc.Vec) -> float:
         """Return the norm of the nodal forces of the loads at load factor 1, and of the push of moving obstacles."""
         own = self._loads(self._state(x, 1.0)) if self.model.loads else np.zeros(1)
-        return float(np.sqrt(self.comm.tompi4py().allreduce(float(own @ own)) + self._push() ** 2))
+        solids = sum(float(np.sum(solid.external() ** 2)) for solid in self.model.solids)
+        return float(np.sqrt(self.comm.tompi4py().allreduce(float(own @ own) + solids) + self._push() ** 2))
 
     def imbalance(self, x: PETSc.Vec, factor: float) -> Array:
         """Return the resultant ``(3,)`` of the forces on what no support holds."""
@@ -235,7 +248,10 @@ class Assembler(Unknowns):
             moved, slots = self._exchange.moved
             loose = self.model.is_carrier[moved // 3] & ~np.isin(moved, self.model.bound)
             total = self._forces(self._state(x, factor), factor)[slots]
-            return np.asarray(self.comm.tompi4py().allreduce(np.bincount(moved[loose] % 3, total[loose], 3)))
+            own = np.bincount(moved[loose] % 3, total[loose], 3)
+            if self.coupling is not None:
+                own += self.coupling.unheld(self.coupling.solid_forces(x, factor))
+            return np.asarray(self.comm.tompi4py().allreduce(own))
 
     def inside(self, x: PETSc.Vec, factor: float) -> float:
         """Return the norm of the nodal forces that elements pass on to each other and to supports."""
@@ -262,6 +278,7 @@ class Assembler(Unknowns):
         """Fill ``out`` with the tangent stiffness; where it lags, with the elements' last one and the contact's own."""
         with self._timed():
             local = np.zeros(self._exchange.size) if self._constant else self._state(x, factor)
+            system, out = out, out if self.coupling is None else self.coupling.of_rods(out)
             pattern: Pattern = out.getAttr(_PATTERN)
             # Contact changes all the time.
             lags = lags or (self._linear and self.model.spin is None and not self.model.following)
@@ -277,6 +294,8 @@ class Assembler(Unknowns):
                         preallocate(out, *self._indices(pattern))
                     out.setAttr("contact_version", self.contact.version)
             set_values(out, entries)
+            if self.coupling is not None:
+                self.coupling.fill(system, self.coupling.tangents(x, factor))
 
     def _add_stiffness(self, pattern: Pattern, local: Array, factor: float, entries: Array) -> None:
         """Add the parts' tangents to the entries of a pattern."""
@@ -310,7 +329,7 @@ class Assembler(Unknowns):
         """
         with self._timed():
             local = self._state(x, factor)
-            way = self.model.prescribed(factor + step) - self.model.prescribed(factor)
+            way = self.prescribed(factor + step) - self.prescribed(factor)
             move = self.local(way)
             total = -step * self._loads(local)
             for k in range(len(self.parts)):
@@ -318,7 +337,9 @@ class Assembler(Unknowns):
             if self.contact is not None:
                 total += self._once(self.contact.product(way))
                 total -= self._once(self.contact.carried_along(self._everywhere, factor, step))
-            self._exchange.store(total, out)
+            self._store(total, out)
+            if self.coupling is not None:
+                self.coupling.add_load_forces(x, factor, step, out)
 
     def _add_change(self, k: int, local: Array, factor: float, move: Array, step: float, total: Array) -> None:
         """Add a part's to `load_forces`: supports ``move`` its nodes."""
@@ -343,7 +364,10 @@ class Assembler(Unknowns):
         the others get their diagonal entries.  Pressures of the mixed formulation have none.
         """
         with self._timed():
-            return self._mass(lumped, [self.unknown_of[a::3] for a in range(3)])
+            rods = self._mass(lumped, [self.unknown_of[a::3] for a in range(3)])
+            if self.coupling is None:
+                return rods
+            return self.coupling.matrix(rods, [solid.mass() for solid in self.model.solids], True)
 
     def mass_operator(self, lumped: bool = False) -> PETSc.Mat:
         """Return the mass matrix to multiply with.
@@ -371,6 +395,8 @@ class Assembler(Unknowns):
         with self._timed():
             local = self._state(x, factor)
             energy = self.comm.tompi4py().allreduce(sum(part.energy(local, factor) for part in self.parts))
+            for solid, moved in zip(self.model.solids, self.solids(x, factor), strict=True):
+                energy += solid.energy(moved, factor)
             return float(energy if self.contact is None else energy + self.contact.forces(self._everywhere)[1])
 
     def by_other_rules(self, rules: Mapping[int, Rule]) -> list[tuple[Part, Part]]:

@@ -42,7 +42,7 @@ def factorisation(assembler: Assembler, prefix: str = "", symmetric: bool = True
         return {}
     width = max(3 * body.space.element_nodes.shape[1] for body in assembler.model.bodies)
     # Contact couples bodies, which are far from each other in the numbering.
-    plain, alone = assembler.contact is None, assembler.comm.getSize() == 1
+    plain, alone = assembler.contact is None and assembler.coupling is None, assembler.comm.getSize() == 1
     # The mixed formulation's tangent is indefinite and may need row exchanges: `banded` makes them on one rank.
     mixed = is_mixed(assembler.model)
     if plain and (alone or not mixed) and symmetric and not own and suits(assembler.model):

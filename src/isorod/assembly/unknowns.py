@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from petsc4py import PETSc
@@ -13,6 +13,9 @@ from isorod.assembly.split import Split
 from isorod.errors import InputError
 from isorod.model.body import Body
 from isorod.model.model import Model
+
+if TYPE_CHECKING:
+    from isorod.assembly.coupling import Coupling
 
 
 class Unknowns:
@@ -31,6 +34,9 @@ class Unknowns:
         Number of unknowns of this rank, and how many make a block.
     shares
         The elements of this rank.
+    coupling
+        What ties and solids make of these unknowns (`isorod.assembly.coupling.Coupling`), None without.  Vectors and
+        matrices are then those of the whole system.
     """
 
     # What a subclass may add to.
@@ -46,6 +52,7 @@ class Unknowns:
         self._prescribed: tuple[float, Array] | None = None
         self._number()
         self._split()
+        self.coupling = self._coupled()
 
     @staticmethod
     def layer_dofs(body: Body) -> int:
@@ -57,7 +64,7 @@ class Unknowns:
         model = self.model
         self.free, self.unknowns = model.free, model.unknowns
         self.first = 3 * model.first_node
-        self.block = 3 if model.whole_nodes else 1
+        self.block = 3 if model.whole_nodes and not (model.ties or model.solids) else 1
 
     def _split(self) -> None:
         """Take this rank's elements and rows."""
@@ -72,11 +79,22 @@ class Unknowns:
             self.rows = np.unique(self.free[(self.free >= 0) & self._owned]).size
             dofs = [share.dofs.ravel() for share in self.shares]
             window = np.unique(np.concatenate([np.empty(0, np.int64), *dofs]))
-        vector = self.vector() if size > 1 else None
+        vector = self._own_vector() if size > 1 else None
         self._exchange = Exchange(vector, self.free, window, split.numbers(), self.model.bound)
+
+    def _coupled(self) -> "Coupling | None":
+        if not (self.model.ties or self.model.solids):
+            return None
+        from isorod.assembly.coupling import Coupling
+
+        return Coupling(self.model, self.comm, self.unknown_of, self.rows, self.unknowns)
 
     def vector(self) -> PETSc.Vec:
         """Return a new zero vector of unknowns."""
+        return self._own_vector() if self.coupling is None else self.coupling.vector()
+
+    def _own_vector(self) -> PETSc.Vec:
+        """Return a new zero vector of the rods' unknowns."""
         vector = PETSc.Vec().create(self.comm)
         vector.setSizes((self.rows, self.unknowns))
         vector.setBlockSize(self.block)
@@ -87,10 +105,23 @@ class Unknowns:
     def _state(self, x: PETSc.Vec, factor: float) -> Array:
         """Return this rank's degrees of freedom at a load factor: what supports prescribe and the unknowns."""
         if self._prescribed is None or self._prescribed[0] != factor:
-            self._prescribed = factor, self.local(self.model.prescribed(factor))
+            self._prescribed = factor, self.local(self.prescribed(factor))
         local = self._prescribed[1].copy()
-        self._exchange.add_unknowns(x, local)
+        self._exchange.add_unknowns(x if self.coupling is None else self.coupling.to_rods(x), local)
         return local
+
+    def prescribed(self, factor: float) -> Array:
+        """Return what supports prescribe at a load factor, of masters of ties to their slaves too, ``(dofs,)``."""
+        if self.coupling is None:
+            return self.model.prescribed(factor)
+        return self.coupling.given(factor)[: self.model.dofs]
+
+    def _store(self, local: Array, out: PETSc.Vec) -> None:
+        """Fill a vector of unknowns with the sums of what is in the slots of their degrees of freedom."""
+        if self.coupling is None:
+            self._exchange.store(local, out)
+        else:
+            self.coupling.from_rods(lambda own: self._exchange.store(local, own), out)
 
     def local(self, displacement: Array) -> Array:
         """Return this rank's degrees of freedom of all degrees of freedom, shape ``(dofs,)``."""
@@ -116,7 +147,9 @@ class Unknowns:
         everywhere[bound] = local[slots]
         return np.asarray(self.comm.tompi4py().allreduce(everywhere))
 
-    def state(self, displacement: Array, pressures: Sequence[Array | None] = ()) -> PETSc.Vec:
+    def state(
+        self, displacement: Array, pressures: Sequence[Array | None] = (), solids: Sequence[Array] | float = 0.0
+    ) -> PETSc.Vec:
         """Return the unknowns of a vector of all degrees of freedom.
 
         Parameters
@@ -125,10 +158,15 @@ class Unknowns:
             Shape ``(dofs,)``.
         pressures
             Coefficients of mixed bodies (`isorod.assembly.mixed`), force per area; where not given, zero.
+        solids
+            Displacements of each solid's degrees of freedom on this rank, or one value for all.
         """
+        unknowns = self._unknowns(displacement, pressures)
+        if self.coupling is not None:
+            return self.coupling.state(unknowns, solids)
         x = self.vector()
         first, last = x.getOwnershipRange()
-        x.array_w[:] = self._unknowns(displacement, pressures)[first:last]
+        x.array_w[:] = unknowns[first:last]
         return x
 
     def _unknowns(self, displacement: Array, pressures: Sequence[Array | None]) -> Array:
@@ -148,8 +186,12 @@ class Unknowns:
         return found
 
     def all_unknowns(self, x: PETSc.Vec) -> Array:
-        """Return all unknowns of a vector, on every rank."""
-        return self._exchange.all_unknowns(x)
+        """Return all unknowns of the rods of a vector, on every rank."""
+        return self._exchange.all_unknowns(x if self.coupling is None else self.coupling.to_rods(x))
+
+    def solids(self, x: PETSc.Vec, factor: float) -> list[Array]:
+        """Return the displacement of each solid's degrees of freedom on this rank."""
+        return [] if self.coupling is None else self.coupling.solids(x, factor)
 
     def shapes(self, unknowns: Array) -> Array:
         """Return all degrees of freedom ``(m, dofs)`` of motions ``(m, unknowns)`` that move no support."""
@@ -160,7 +202,7 @@ class Unknowns:
 
     def displacement(self, x: PETSc.Vec, factor: float) -> Array:
         """Return all degrees of freedom, shape ``(dofs,)``, on every rank."""
-        result = self.model.prescribed(factor)
+        result = self.prescribed(factor)
         is_free = self.model.free >= 0
         result[is_free] += self._displacements(self.all_unknowns(x))[self.model.free[is_free]]
         return result

@@ -64,9 +64,16 @@ def _clamped(space: Space, free: Index) -> bool:
 def free_motions(model: Model, displacement: Array | None = None) -> list[tuple[int, Array]]:
     """Return the rigid motions that the supports leave free: body, and displacements of its nodes ``(nodes, 3)``.
 
-    They are those about a ``displacement`` ``(dofs,)``, or at rest.
+    They are those about a ``displacement`` ``(dofs,)``, or at rest.  What ties weld together moves as one; its motions
+    are told by those of its first rod.
     """
-    found = []
+    found: list[tuple[int, Array]] = []
+    if model.ties or model.solids:
+        from isorod.checks import tied_motions
+
+        for group in tied_motions.groups(model):
+            found += tied_motions.free_motions(model, group, displacement)
+        return found
     for b, body in enumerate(model.bodies):
         free = model.free[3 * model.first_node[b] : 3 * model.first_node[b + 1]]
         if _clamped(body.space, free):
@@ -92,6 +99,12 @@ def free_motions(model: Model, displacement: Array | None = None) -> list[tuple[
 def on_unknowns(assembler: Assembler, moved: Iterable[tuple[int, Array]]) -> Iterator[PETSc.Vec]:
     """Yield motions of bodies (body, and displacements of its nodes ``(nodes, 3)``) as vectors of unknowns."""
     for body, motion in moved:
+        if assembler.coupling is not None:
+            from isorod.checks import tied_motions
+
+            rods, solids = tied_motions.spread(assembler.model, body, motion)
+            yield assembler.state(rods, (), solids)
+            continue
         everywhere = np.zeros(assembler.model.dofs)
         assembler.model.nodal(everywhere, body)[:] = motion
         yield assembler.state(everywhere)

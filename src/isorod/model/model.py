@@ -18,15 +18,23 @@ from isorod.model.support import Support, SupportMotion
 from isorod.space.space import Space
 
 if TYPE_CHECKING:
+    from isorod.fenics.solid import Solid
     from isorod.model.contact import Contact
+    from isorod.model.tie import Tie
+
+# What a model is made of, each several times.
+_PARTS = ("bodies", "solids", "supports", "loads", "contacts", "ties")
 
 
 @dataclass(frozen=True, eq=False)
 class Model(Checked):
-    """Bodies, supports, loads and contacts; degrees of freedom are numbered body by body, node by node, ``x, y, z``.
+    """Bodies, supports, loads, contacts and ties; degrees of freedom are numbered body by body, node by node, ``x, y, z``.
 
     Attributes
     ----------
+    ties, solids
+        Welded surfaces (`isorod.model.tie.Tie`), and finite element bodies beside the rods
+        (`isorod.fenics.solid.Solid`), which have supports and loads of their own.
     held
         Degrees of freedom that supports hold.
     bound, support_of
@@ -46,6 +54,8 @@ class Model(Checked):
     spin: Spin | None = None
     contacts: "Sequence[Contact]" = ()
     loads: Sequence[Load] = ()
+    ties: "Sequence[Tie]" = ()
+    solids: "Sequence[Solid]" = ()
     first_node: Index = field(init=False)
     held: Index = field(init=False)
     free: Index = field(init=False)
@@ -76,6 +86,8 @@ class Model(Checked):
         self._set(first_node=first_node, motions=tuple(motions), **numbering._asdict())
         for k, load in enumerate(self.loads):
             self._space(f"load {k}", load)
+        for k, tie in enumerate(self.ties):
+            tie.check(k, len(self.bodies), len(self.solids))
 
     def _warn_of_poor_pressures(self, index: int, contact: "Contact") -> None:
         """Warn of pressures too poor for a contact: they see no patch, where a body is too soft."""
@@ -90,7 +102,7 @@ class Model(Checked):
                 return
 
     def __repr__(self) -> str:
-        counts = {name: len(getattr(self, name)) for name in ("bodies", "supports", "loads", "contacts")}
+        counts = {name: len(getattr(self, name)) for name in _PARTS}
         parts = ", ".join(f"{name} {count}" for name, count in counts.items() if count)
         spin = "" if self.spin is None else ", spin"
         return f"Model({parts}{spin}; {self.dofs} degrees of freedom, {self.unknowns} unknowns)"

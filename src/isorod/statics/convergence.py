@@ -68,7 +68,7 @@ class Convergence:
         self._forces_alone = assembler.unknowns == assembler.model.unknowns
         self.plain = assembler.contact is None and self._forces_alone
         # One for each displacement, zero for what is none; None where all are.
-        self._moves = None if self._forces_alone else assembler.state(np.ones(assembler.model.dofs))
+        self._moves = None if self._forces_alone else assembler.state(np.ones(assembler.model.dofs), solids=1.0)
         self._sizes: Array | None = None
         # Of each unknown of this rank, of which there may be none; None where one floor is that of all.
         self._rounding: Array | None = None
@@ -102,7 +102,7 @@ class Convergence:
             others = np.abs(space.positions[~space.is_carrier])
             sizes.append(np.where(space.is_carrier, self.size, others.max(initial=0.0)))
         everywhere = np.repeat(np.concatenate(sizes), 3)
-        state = self.assembler.state(everywhere)
+        state = self.assembler.state(everywhere, solids=self.size)
         found = np.array(state.array_r)
         state.destroy()
         return found

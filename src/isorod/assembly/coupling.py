@@ -1,0 +1,223 @@
+"""A model with ties and finite element bodies as one system: vectors and matrices of what ties leave free.
+
+The rods' assembler and the solids keep unknowns of their own, of which those of tied surfaces depend on others.  With
+``y = T x + g`` residuals are ``T^T r`` and tangents ``T^T K T``: symmetric, and definite where those of the parts are.
+"""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from petsc4py import PETSc
+from scipy.sparse import csr_array
+
+from isorod.arrays import Array, Index
+from isorod.assembly.constraints import Constraints
+from isorod.model.model import Model
+from isorod.petsc.matrix import keep_symmetric
+
+# Attributes of a matrix of the system: the rods' own, and what rods and solids add to it.
+_RODS, _ADDED = "isorod_rods", "isorod_added"
+
+_SUBSET = PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN
+
+
+class Coupling:
+    """What ties make of the unknowns of a model's rods and solids.
+
+    Parameters
+    ----------
+    model, comm
+        The model, over a communicator.
+    unknown_of
+        Unknown of the rods' assembler of each degree of freedom of theirs, -1 where it is held, shape ``(dofs,)``.
+    rows, unknowns
+        Number of these on this rank and in all.
+
+    Attributes
+    ----------
+    constraints
+        The ties.
+    rows, unknowns
+        Number of unknowns of the system, on this rank and in all.
+    """
+
+    def __init__(self, model: Model, comm: PETSc.Comm, unknown_of: Index, rows: int, unknowns: int) -> None:
+        self._model, self._comm = model, comm
+        self.constraints = constraints = Constraints(model)
+        count, slaves = unknown_of.size, constraints.slaves
+        owned = np.array(comm.tompi4py().allgather(rows))
+        # Which unknowns of the rods and degrees of freedom of the solids are unknowns of the system.
+        rods = np.ones(unknowns, dtype=bool)
+        rods[unknown_of[slaves[slaves < count]]] = False
+        solids = ~constraints.held[count:]
+        solids[slaves[slaves >= count] - count] = False
+        ranks = np.arange(owned.size)
+        rank = np.concatenate(
+            [np.repeat(ranks, owned)[rods], np.concatenate([ranks[:0], *constraints.ranks_of_solids])[solids]]
+        )
+        # Of each rank first those of rods, then of solids.
+        number = np.empty(rank.size, dtype=np.int64)
+        number[np.argsort(rank, kind="stable")] = np.arange(rank.size)
+        self.unknowns, self.rows = rank.size, int(np.count_nonzero(rank == comm.getRank()))
+        self._of_rods, of_solids = np.full(unknowns, -1), np.full(solids.size, -1)
+        self._of_rods[rods], of_solids[solids] = np.split(number, [np.count_nonzero(rods)])
+        of_dofs = np.concatenate([np.where(unknown_of >= 0, self._of_rods[unknown_of], -1), of_solids])
+        dependent = _renumbered(constraints.rows, of_dofs, self.unknowns)
+        mine = np.arange(rows) + owned[: comm.getRank()].sum()
+        slave_of = np.full(unknowns, -1)
+        slave_of[unknown_of[slaves[slaves < count]]] = np.flatnonzero(slaves < count)
+        self._rods = self._transformation(self._of_rods[mine], slave_of[mine], dependent)
+        self._inner = self._rods.createVecLeft()
+        slave_of = np.full(of_dofs.size, -1)
+        slave_of[slaves] = np.arange(slaves.size)
+        self._own_dofs = [
+            3 * first + np.arange(3 * solid.owned[0], 3 * solid.owned[1])
+            for first, solid in zip(constraints.first_node[len(model.bodies) :], model.solids, strict=False)
+        ]
+        self._solids = [self._transformation(of_dofs[own], slave_of[own], dependent) for own in self._own_dofs]
+
+    def _transformation(self, number: Index, slave: Index, dependent: csr_array) -> PETSc.Mat:
+        """Return this rank's rows of ``T``: one entry at a ``number``, or the row of a ``slave``, or none."""
+        plain = np.flatnonzero(number >= 0)
+        free = csr_array((np.ones(plain.size), (plain, number[plain])), shape=(number.size, self.unknowns))
+        some = np.flatnonzero(slave >= 0)
+        place = csr_array((np.ones(some.size), (some, slave[some])), shape=(number.size, dependent.shape[0]))
+        whole = csr_array(free + place @ dependent)
+        whole.sort_indices()
+        arrays = whole.indptr.astype(PETSc.IntType), whole.indices.astype(PETSc.IntType), whole.data
+        sizes = (number.size, None), (self.rows, self.unknowns)
+        made = PETSc.Mat().createAIJ(sizes, csr=arrays, comm=self._comm)
+        made.assemble()
+        return made
+
+    def vector(self) -> PETSc.Vec:
+        """Return a new zero vector of the system."""
+        vector = PETSc.Vec().create(self._comm)
+        vector.setSizes((self.rows, self.unknowns))
+        vector.setFromOptions()
+        vector.zeroEntries()
+        return vector
+
+    def to_rods(self, x: PETSc.Vec) -> PETSc.Vec:
+        """Return ``T x`` of the rods, until this is called again."""
+        self._rods.mult(x, self._inner)
+        return self._inner
+
+    def from_rods(self, fill: Callable[[PETSc.Vec], None], out: PETSc.Vec) -> None:
+        """Set ``out`` to ``T^T r`` of the rods' ``r``, which ``fill`` fills in."""
+        fill(self._inner)
+        self._rods.multTranspose(self._inner, out)
+
+    def given(self, factor: float) -> Array:
+        """Return ``g`` of all degrees of freedom, those of solids behind those of rods."""
+        result = factor * self.constraints.values
+        own = self._model.prescribed(factor)
+        result[: own.size] = own
+        result[self.constraints.slaves] = self.constraints.rows @ result
+        return result
+
+    def solids(self, x: PETSc.Vec, factor: float) -> list[Array]:
+        """Return the displacement of each solid's degrees of freedom on this rank."""
+        if not self._solids:
+            return []
+        found, given = [], self.given(factor)
+        for own, transformation in zip(self._own_dofs, self._solids, strict=True):
+            moved = transformation.createVecLeft()
+            transformation.mult(x, moved)
+            found.append(given[own] + moved.array_r)
+        return found
+
+    def solid_forces(self, x: PETSc.Vec, factor: float) -> list[Array]:
+        """Return the internal less the external forces of each solid's degrees of freedom on this rank."""
+        return [
+            solid.residual(moved, factor)
+            for solid, moved in zip(self._model.solids, self.solids(x, factor), strict=True)
+        ]
+
+    def add(self, forces: Sequence[Array], out: PETSc.Vec) -> None:
+        """Add ``T^T r`` of the solids' ``r``, of each on this rank."""
+        for force, transformation in zip(forces, self._solids, strict=True):
+            row = transformation.createVecLeft()
+            row.array_w[:] = force
+            transformation.multTransposeAdd(row, out, out)
+
+    def carried(self, forces: Sequence[Array], factor: float) -> float:
+        """Return the sum of the squares of the solids' loads, and of the forces where they are held, on this rank."""
+        held = (force[self.constraints.held[own]] for own, force in zip(self._own_dofs, forces, strict=True))
+        loads = (factor * solid.external() for solid in self._model.solids)
+        return float(sum(np.sum(one**2) for one in (*held, *loads)))
+
+    def unheld(self, forces: Sequence[Array]) -> Array:
+        """Return the resultant ``(3,)`` of the solids' forces on this rank where nothing holds them."""
+        result = np.zeros(3)
+        for own, force in zip(self._own_dofs, forces, strict=True):
+            result += np.where(self.constraints.held[own], 0.0, force).reshape(-1, 3).sum(axis=0)
+        return result
+
+    def add_load_forces(self, x: PETSc.Vec, factor: float, step: float, out: PETSc.Vec) -> None:
+        """Add the linearised change of the solids' residuals when the load factor grows by ``step`` at ``x``."""
+        if not self._solids:
+            return
+        change, forces = self.given(factor + step) - self.given(factor), []
+        for own, solid, tangent in zip(self._own_dofs, self._model.solids, self.tangents(x, factor), strict=True):
+            move, force = tangent.createVecs()
+            move.array_w[:] = change[own]
+            tangent.mult(move, force)
+            forces.append(force.array_r - step * solid.external())
+        self.add(forces, out)
+
+    def tangents(self, x: PETSc.Vec, factor: float) -> list[PETSc.Mat]:
+        """Return the solids' own tangents."""
+        return [
+            solid.tangent(moved, factor) for solid, moved in zip(self._model.solids, self.solids(x, factor), strict=True)
+        ]
+
+    def state(self, rods: Array, solids: Sequence[Array] | float) -> PETSc.Vec:
+        """Return the vector of the system of the rods' unknowns ``(unknowns,)`` and the solids' degrees of freedom.
+
+        Those of solids are of each on this rank, or one value for all.
+        """
+        x = self.vector()
+        known = self._of_rods >= 0
+        first, last = x.getOwnershipRange()
+        here = known & (self._of_rods >= first) & (self._of_rods < last)
+        x.array_w[self._of_rods[here] - first] = rods[here]
+        values = [solids] * len(self._solids) if isinstance(solids, int | float) else solids
+        for value, transformation in zip(values, self._solids, strict=True):
+            start, column, _ = transformation.getValuesCSR()
+            single = np.flatnonzero(np.diff(start) == 1)
+            mine = column[start[single]] - first
+            there = (mine >= 0) & (mine < self.rows)
+            x.array_w[mine[there]] = np.broadcast_to(value, start.size - 1)[single][there]
+        return x
+
+    def matrix(self, rods: PETSc.Mat, solids: Sequence[PETSc.Mat], symmetric: bool) -> PETSc.Mat:
+        """Return a new matrix of the system with room for the products of these."""
+        pairs = zip((rods, *solids), (self._rods, *self._solids), strict=True)
+        added = [one.PtAP(transformation, fill=2.0) for one, transformation in pairs]
+        made = added[0].copy()
+        for one in added[1:]:
+            made.axpy(1.0, one, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+        made.setAttr(_RODS, rods)
+        made.setAttr(_ADDED, added)
+        return keep_symmetric(made) if symmetric else made
+
+    @staticmethod
+    def of_rods(matrix: PETSc.Mat) -> PETSc.Mat:
+        """Return the rods' own matrix of one of the system."""
+        return matrix.getAttr(_RODS)
+
+    def fill(self, matrix: PETSc.Mat, solids: Sequence[PETSc.Mat]) -> None:
+        """Fill a matrix of the system from the rods' own, which is filled, and the solids'."""
+        matrix.zeroEntries()
+        pairs = zip((self.of_rods(matrix), *solids), (self._rods, *self._solids), matrix.getAttr(_ADDED), strict=True)
+        for one, transformation, added in pairs:
+            one.PtAP(transformation, result=added)
+            matrix.axpy(1.0, added, _SUBSET)
+    
+
+def _renumbered(rows: csr_array, number: Index, count: int) -> csr_array:
+    """Return rows with columns at a ``number`` of each, those that have none left out, ``(s, count)``."""
+    kept = number[rows.indices] >= 0
+    row = np.repeat(np.arange(rows.shape[0]), np.diff(rows.indptr))[kept]
+    return csr_array((rows.data[kept], (row, number[rows.indices[kept]])), shape=(rows.shape[0], count))

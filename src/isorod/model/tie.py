@@ -1,0 +1,137 @@
+"""Ties: surfaces of two bodies, with meshes of their own, that are welded together."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from isorod.errors import Checked, InputError, finite, positive, whole_number
+
+
+@dataclass(frozen=True)
+class EndFace(Checked):
+    """The face at the ``"start"`` or ``"end"`` of a rod, by its index in the model."""
+
+    body: int
+    which: str
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        whole_number("end face: body", self.body, 0, 10**9)
+        if self.which not in ("start", "end"):
+            raise InputError(f"end face: got {self.which!r}, need 'start' or 'end'")
+
+    def __str__(self) -> str:
+        return f"{self.which} of body {self.body}"
+
+
+@dataclass(frozen=True)
+class LateralSurface(Checked):
+    """The lateral surface of a rod, by its index in the model, or a length of it.
+
+    Parameters
+    ----------
+    along
+        Lengths along the centre line, from the start, the first below the second; the whole rod where not given.  Both
+        must be at joints of elements where the space is continuous alone (`isorod.space.space.Space`, ``knots``): what
+        is tied then ends there.
+    surface
+        ``"outer"``, or ``"inner"``: that of the hole of a rod that has one.
+    """
+
+    body: int
+    along: tuple[float, float] | None = None
+    surface: str = "outer"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        whole_number("lateral surface: body", self.body, 0, 10**9)
+        if self.along is not None:
+            finite("lateral surface: along", self.along, "two lengths")
+            if not self.along[0] < self.along[1]:
+                raise InputError(f"lateral surface: along is from {self.along[0]:g} to {self.along[1]:g}, must ascend")
+        if self.surface not in ("outer", "inner"):
+            raise InputError(f"lateral surface: got surface {self.surface!r}, need 'outer' or 'inner'")
+
+    def __str__(self) -> str:
+        return f"lateral surface of body {self.body}"
+
+
+@dataclass(frozen=True, eq=False)
+class SolidSurface(Checked):
+    """Exterior facets of a finite element body, by its index among the model's solids.
+
+    Parameters
+    ----------
+    facets
+        Numbers of facets on this rank, ``(f,)``, as `dolfinx.mesh.MeshTags.find` gives; all of them where not given,
+        of which those take part that are near.
+    """
+
+    solid: int
+    facets: Any = field(default=None, repr=False)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        whole_number("solid surface: solid", self.solid, 0, 10**9)
+        if self.facets is not None:
+            self._set(facets=np.asarray(self.facets, dtype=np.int32).ravel())
+
+    def __str__(self) -> str:
+        return f"facets of solid {self.solid}"
+
+
+Surface = EndFace | LateralSurface | SolidSurface
+
+
+@dataclass(frozen=True, eq=False)
+class Tie(Checked):
+    """A weld of two surfaces, whose meshes need not match.
+
+    The displacement of the ``slave`` is the projection in L2, on the traces of its own functions, of the displacement
+    of the ``master``: a mortar method whose multipliers are those traces, condensed, so that matrices stay symmetric
+    and definite (Wohlmuth, SIAM J. Numer. Anal. 38 (2000) 989-1012).  Where the surfaces do not coincide the master's
+    displacement is extrapolated linearly to the slave's points: rigid motions and linear fields pass any gap exactly.
+
+    Parameters
+    ----------
+    slave, master
+        The two surfaces.  The finer one, or the one that is covered by the other wholly, is the slave; of a rod's
+        surface and the facets of a solid that reach beyond it, the rod's.  Of a master that is a rod, all of the rod
+        takes part.
+    gap
+        The largest distance between the two at rest that is no mistake, units of length; where not given a tenth of
+        the slave's size, the root of its area over pi.
+
+    Raises
+    ------
+    InputError
+        If a surface is none, or both are of one body.
+    """
+
+    slave: Surface
+    master: Surface
+    gap: float | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.gap is not None:
+            positive("tie: gap", self.gap)
+        first, second = (
+            ("solid", one.solid) if isinstance(one, SolidSurface) else ("body", one.body)
+            for one in (self.slave, self.master)
+        )
+        if first == second:
+            raise InputError(f"tie: {first[0]} {first[1]} with itself; name two bodies")
+
+    def __str__(self) -> str:
+        return f"{self.slave} to {self.master}"
+
+    def check(self, index: int, bodies: int, solids: int) -> None:
+        """Raise `InputError` if a body or a solid is not among so many of a model, whose tie is ``index``."""
+        for one in (self.slave, self.master):
+            kind, number, count = ("body", getattr(one, "body", 0), bodies)
+            if isinstance(one, SolidSurface):
+                kind, number, count = "solid", one.solid, solids
+            if number >= count:
+                raise InputError(f"tie {index}: {kind} {number} is not one of the model's {count}")

@@ -1,0 +1,196 @@
+"""A rod's functions on its surface, and at any points in space: what ties ask of a space."""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import qr
+from scipy.spatial import cKDTree
+
+from isorod.arrays import Array, Index
+from isorod.errors import InputError
+from isorod.geometry.disk import circle, harmonic_functions
+from isorod.geometry.fitting import evaluate
+from isorod.geometry.quadrature import axis_points, circle_points
+from isorod.space.space import Space
+
+# Points where the search for the nearest one begins: so far apart along the rod, in radii, and so many in a section.
+_APART, _MOST_SECTIONS = 0.5, 40_000
+_AROUND = 16
+
+# Steps of Newton's method to the nearest point; parameters are exact to this share of an element or of the disk.
+_STEPS, _EXACT = 50, 1e-13
+
+# A function whose trace is this small beside those of the others, or such a combination of them, has none of its own.
+_NEW = 1e-7
+
+# Two lengths along a rod are the same to this share of it.
+_ROUNDED = 1e-6
+
+
+class Trace(NamedTuple):
+    """Functions on a surface, at its quadrature points.
+
+    Attributes
+    ----------
+    points, normals : (q, 3)
+        In the undeformed state; normals point out of the body.
+    weights : (q,)
+        Areas.
+    nodes, values : (q, m)
+        Nodes whose functions do not vanish there, and their values.
+    independent : (k,)
+        Nodes whose traces are a basis of all traces.
+    """
+
+    points: Array
+    normals: Array
+    weights: Array
+    nodes: Index
+    values: Array
+    independent: Index
+
+
+class Rows(NamedTuple):
+    """Functions of a body at points in space.
+
+    They are extrapolated linearly from the nearest point of the body, so that they have every linear field exactly,
+    also across a gap.
+
+    Attributes
+    ----------
+    nodes, values : (q, m)
+        Nodes, and values of their functions.
+    gap : (q,)
+        Distance from the body, 0 within, units of length.
+    """
+
+    nodes: Index
+    values: Array
+    gap: Array
+
+
+def end_trace(space: Space, which: str) -> Trace:
+    """Return the functions on the face at the ``"start"`` or ``"end"``."""
+    layer = space.end(which) % space.layers
+    u = space.axis.breaks[space.end(which)]
+    xi, area = space.section_rule(space.basis.full(space.axis.degree))
+    position, jacobian = space.rod.grid(xi, [u])
+    normal = np.cross(jacobian[0, :, :, 0], jacobian[0, :, :, 1]) * (1.0 if which == "end" else -1.0)
+    size = np.linalg.norm(normal, axis=1)
+    nodes = layer * space.layer_nodes + np.arange(space.layer_nodes)
+    values = space.basis.functions(xi)[0]
+    return Trace(position[0], normal / size[:, None], area * size, np.tile(nodes, (len(xi), 1)), values, nodes)
+
+
+def lateral_trace(space: Space, along: tuple[float, float] | None, surface: str) -> Trace:
+    """Return the functions on the lateral surface (`isorod.model.tie.LateralSurface`)."""
+    radius = space.rod.rings[0 if surface == "inner" else -1]
+    if radius == 0.0:
+        raise InputError("inner surface: the rod has no hole")
+    chosen = _elements(space, along)
+    rule = space.basis.full(space.axis.degree)
+    xi, angle = circle_points(space.points_around, rule.angular + 1, radius, space.turn)
+    u, length = (one[chosen] for one in axis_points(space.axis, rule.axial))
+    position, jacobian = space.rod.grid(xi, u.ravel())
+    around = jacobian[..., 1] * xi[:, :1] - jacobian[..., 0] * xi[:, 1:]
+    normal = np.cross(around, jacobian[..., 2]) * (1.0 if surface == "outer" else -1.0)
+    size = np.linalg.norm(normal, axis=-1)
+    across = space.basis.functions(xi)[0]
+    # Of functions of control points those of higher order vanish there; polynomials depend on each other.
+    triangle, order = qr(across, mode="r", pivoting=True)
+    pivots = np.abs(np.diag(triangle))
+    own = np.sort(order[: int(np.count_nonzero(pivots > _NEW * pivots[0]))])
+    seen = np.flatnonzero(np.abs(across).max(axis=0) > _NEW * np.abs(across).max())
+    axial = space.axis.local(u.ravel())[1]
+    layers = np.repeat(space.element_layers[chosen], u.shape[1], axis=0)
+    values = np.einsum("tj,ql->tqjl", axial, across[:, seen])
+    nodes = (layers[:, :, None] * space.layer_nodes + seen).reshape(len(axial), 1, -1)
+    count = values.shape[0] * values.shape[1]
+    independent = (np.unique(space.element_layers[chosen])[:, None] * space.layer_nodes + own).ravel()
+    return Trace(
+        position.reshape(-1, 3),
+        (normal / size[..., None]).reshape(-1, 3),
+        (length.reshape(-1, 1) * angle * size).ravel(),
+        np.broadcast_to(nodes, (len(axial), len(xi), nodes.shape[2])).reshape(count, -1),
+        values.reshape(count, -1),
+        independent,
+    )
+
+
+def _elements(space: Space, along: tuple[float, float] | None) -> Index:
+    """Return the elements between two lengths, which must be joints where the space is continuous alone."""
+    everything = np.arange(space.axis.elements)
+    if along is None:
+        return everything
+    length, axis = space.rod.arc_length, space.axis
+    ends = length(axis.breaks)
+    for value in along:
+        k = int(np.argmin(np.abs(ends - value)))
+        inner = 0 < k < axis.elements
+        if abs(ends[k] - value) > _ROUNDED * length.total or (inner and axis.multiplicities[k] < axis.degree):
+            raise InputError(
+                f"lateral surface: {value:g} along the rod is no joint of elements where the space is continuous alone; "
+                f"give it the knot {np.interp(value, length.length, length.u):.9g} twice"
+            )
+    low, high = along
+    middles = 0.5 * (ends[1:] + ends[:-1])
+    return everything[(middles > low) & (middles < high)]
+
+
+def rows_at(space: Space, points: Array) -> Rows:
+    """Return the functions of a rod at points ``(q, 3)`` in or near it."""
+    xi, u = _nearest(space, points)
+    position, jacobian = _map(space, xi, u)
+    rest = points - position
+    step = np.linalg.solve(jacobian, rest[..., None])[..., 0]
+    across, slopes = space.basis.functions(xi)
+    first, axial, along = space.axis.local(u)
+    grown = across + np.einsum("qld,qd->ql", slopes, step[:, :2])
+    values = np.einsum("qj,ql->qjl", axial, grown) + np.einsum("qj,ql->qjl", along * step[:, 2:], across)
+    layers = (first[:, None] + np.arange(space.axis.degree + 1)) % space.layers
+    nodes = layers[:, :, None] * space.layer_nodes + np.arange(space.layer_nodes)
+    return Rows(nodes.reshape(len(u), -1), values.reshape(len(u), -1), np.linalg.norm(rest, axis=1))
+
+
+def _map(space: Space, xi: Array, u: Array) -> tuple[Array, Array]:
+    """Return position ``(q, 3)`` and Jacobian ``(q, 3, 3)`` at pairs of disk points and axis parameters."""
+    rod = space.rod
+    values, gradients = harmonic_functions(rod.section_points, xi)
+    section, slopes = evaluate(rod.axis, rod.control_points, u)
+    jacobian = np.empty((len(u), 3, 3))
+    jacobian[:, :, :2] = np.einsum("qid,qia->qad", gradients, section)
+    jacobian[:, :, 2] = np.einsum("qi,qia->qa", values, slopes)
+    return np.einsum("qi,qia->qa", values, section), jacobian
+
+
+def _nearest(space: Space, points: Array) -> tuple[Array, Array]:
+    """Return the disk points ``(q, 2)`` and axis parameters ``(q,)`` of the nearest points of a rod, nearly.
+
+    Within the rod they are exact; outside of it they lie straight below in the rod's own coordinates.
+    """
+    rod, axis = space.rod, space.rod.axis
+    low, high = axis.breaks[[0, -1]]
+    hole = rod.rings[0]
+    sections = int(np.clip(rod.arc_length.total / (_APART * rod.radius), 4 * axis.elements, _MOST_SECTIONS))
+    stations = np.linspace(low, high, sections + 1)
+    radii = np.linspace(hole, 1.0, 3)
+    disk = (radii[:, None, None] * circle(_AROUND)).reshape(-1, 2)
+    start = np.unique(disk.round(12), axis=0)
+    cloud = rod.grid(start, stations)[0].reshape(-1, 3)
+    near = cKDTree(cloud).query(points)[1]
+    xi, u = start[near % len(start)].copy(), stations[near // len(start)].copy()
+    for _ in range(_STEPS):
+        position, jacobian = _map(space, xi, u)
+        step = np.linalg.solve(jacobian, (points - position)[..., None])[..., 0]
+        after, along = xi + step[:, :2], u + step[:, 2]
+        if rod.closed:
+            along = low + np.mod(along - low, high - low)
+        along = np.clip(along, low, high)
+        radius = np.linalg.norm(after, axis=1)
+        held = np.clip(radius, hole, 1.0)
+        after *= np.divide(held, radius, out=np.ones_like(radius), where=radius > 0.0)[:, None]
+        change = max(np.abs(after - xi).max(initial=0.0), np.abs(along - u).max(initial=0.0) / (high - low))
+        xi, u = after, along
+        if change < _EXACT:
+            break
+    return xi, u
