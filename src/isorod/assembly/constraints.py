@@ -7,7 +7,6 @@ functions that no support holds, is solved for the slave's coefficients (`isorod
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from scipy.linalg import LinAlgError, cho_factor, cho_solve
 from scipy.sparse import csr_array, diags, vstack
 
 from isorod.arrays import Array, Index
@@ -18,6 +17,16 @@ from isorod.space.trace import Rows, Trace, end_trace, lateral_trace, rows_at
 
 # Coefficients of this share of the largest are rounding: they decay exponentially along the surface.
 _DROPPED = 1e-13
+
+# Condition of the slave's functions on its surface from which they count as dependent.
+_SINGULAR = 1e10
+
+# Points of the slave for each node of a solid that is the master, at least, and by how much they are brought closer at
+# most.
+_TO_A_NODE, _FINEST = 6, 8
+
+# Two faces are the same if areas and moments are to this share.
+_SAME = 1e-9
 
 # The largest gap by default, in sizes of the slave.
 _GAP = 0.1
@@ -116,13 +125,13 @@ class Constraints:
         bodies = len(self._model.bodies)
         return int(self.first_node[bodies + surface.solid if isinstance(surface, SolidSurface) else surface.body])
 
-    def _trace(self, surface: Surface) -> Trace:
+    def _trace(self, surface: Surface, finer: int = 1) -> Trace:
         if isinstance(surface, SolidSurface):
             return self._model.solids[surface.solid].trace(surface.facets)
         space = self._model.bodies[surface.body].space
         if isinstance(surface, EndFace):
-            return end_trace(space, surface.which)
-        return lateral_trace(space, surface.along, surface.surface)
+            return end_trace(space, surface.which, finer)
+        return lateral_trace(space, surface.along, surface.surface, finer)
 
     def _rows(self, surface: Surface, points: Array) -> Rows:
         if isinstance(surface, SolidSurface):
@@ -138,8 +147,43 @@ class Constraints:
 
     def _tied(self, tie: Tie) -> tuple[Tied, csr_array]:
         """Return a tie on the nodes, and its slaves in terms of other degrees of freedom."""
-        trace = self._trace(tie.slave)
-        near = self._rows(tie.master, trace.points)
+        trace, near = self._met(tie)
+        self._refuse_gap(tie, trace, near)
+        own = self._on_nodes(tie.slave, trace.nodes, trace.values)
+        other = self._on_nodes(tie.master, near.nodes, near.values)
+        jump = csr_array(other - own)
+        candidates = self._first(tie.slave) + trace.independent
+        tests, balanced = self._tests(tie, trace, own, other, candidates)
+        slaves, rows, known = [], [], {}
+        for a in range(3):
+            free = ~self._taken[3 * candidates + a]
+            mine = candidates[free]
+            key = mine.tobytes()
+            if mine.size and key not in known:
+                known[key] = _projection(own, jump, mine, tests[:, free], balanced)
+            if mine.size:
+                slaves.append(3 * mine + a)
+                rows.append(_of_component(known[key], a))
+        if not slaves:
+            raise InputError(f"supports or other ties hold all of the {tie.slave}; leave one of them out")
+        found = np.concatenate(slaves)
+        self._taken[found] = True
+        return Tied(trace, found, jump, float(near.gap.max())), csr_array(vstack(rows, format="csr"))
+
+    def _met(self, tie: Tie) -> tuple[Trace, Rows]:
+        """Return the slave's functions, at points close enough for the master's, and those of the master there."""
+        finer = 1
+        while True:
+            trace = self._trace(tie.slave, finer)
+            near = self._rows(tie.master, trace.points)
+            if isinstance(tie.slave, SolidSurface) or finer == _FINEST:
+                return trace, near
+            if len(trace.points) >= _TO_A_NODE * np.unique(near.nodes).size or not isinstance(tie.master, SolidSurface):
+                return trace, near
+            finer *= 2
+
+    def _refuse_gap(self, tie: Tie, trace: Trace, near: Rows) -> None:
+        """Raise `InputError` where the surfaces are farther apart than they may be."""
         size = float(np.sqrt(trace.weights.sum() / np.pi))
         gap, most = float(near.gap.max()), _GAP * size if tie.gap is None else tie.gap
         if gap > most:
@@ -148,24 +192,55 @@ class Constraints:
                 f"the surfaces are {gap:.3g} apart at ({where}), more than {most:.3g}; move the bodies together, name "
                 "other surfaces, or give a larger gap"
             )
-        own = self._on_nodes(tie.slave, trace.nodes, trace.values)
-        jump = csr_array(self._on_nodes(tie.master, near.nodes, near.values) - own)
-        candidates = self._first(tie.slave) + trace.independent
-        weights = csr_array(diags(trace.weights))
-        slaves, rows, known = [], [], {}
-        for a in range(3):
-            mine = candidates[~self._taken[3 * candidates + a]]
-            key = mine.tobytes()
-            if mine.size and key not in known:
-                known[key] = _projection(own, jump, mine, weights)
-            if mine.size:
-                slaves.append(3 * mine + a)
-                rows.append(_of_component(known[key], a))
-        if not slaves:
-            raise InputError(f"supports or other ties hold all of the {tie.slave}; leave one of them out")
-        found = np.concatenate(slaves)
-        self._taken[found] = True
-        return Tied(trace, found, jump, gap), csr_array(vstack(rows, format="csr"))
+
+    def _tests(
+        self, tie: Tie, trace: Trace, own: csr_array, other: csr_array, candidates: Index
+    ) -> tuple[Array, csr_array | None]:
+        """Return the multipliers, times weights, at the points ``(q, k)``, and what is to be added to the master's part.
+
+        They are the traces and, of end faces, as much of linear fields as makes their moments those of the rule of
+        the elements.  The other, on nodes, does so for the master's: of the slave's coefficients ``c`` of linear fields
+        and the master's moments ``m`` it is ``D c (c^T D c)^+ (m - c^T M)``.  So stresses that are linear across the
+        section pass two faces that coincide exactly, whatever their functions and rules.
+        """
+        weights = trace.weights[:, None]
+        tests = own[:, candidates].toarray()
+        if not isinstance(tie.slave, EndFace):
+            return weights * tests, None
+        origin = trace.points.mean(axis=0)
+        linear = self._linear(tie.slave, origin)
+        fields = np.asarray(own @ linear)
+        gram = fields.T @ (weights * fields)
+        inverse = np.linalg.pinv(gram, rcond=_SAME)
+        gap = self._moments(tie.slave, linear)[candidates] - tests.T @ (weights * fields)
+        tests = weights * (tests + fields @ inverse @ gap.T)
+        if not isinstance(tie.master, EndFace):
+            return tests, None
+        theirs = self._linear(tie.master, origin)
+        rest = self._moments(tie.master, theirs) - other.T @ (weights * fields)
+        if np.abs(rest.T @ theirs).max() > _SAME * np.abs(gram).max():
+            # They do not coincide.
+            return tests, None
+        left = np.zeros((self._nodes, 4))
+        left[candidates] = self._moments(tie.slave, linear)[candidates]
+        some = np.flatnonzero(np.abs(rest).max(axis=1))
+        product = left[candidates] @ inverse @ rest[some].T
+        row, column = np.repeat(candidates, some.size), np.tile(some, candidates.size)
+        return tests, csr_array((product.ravel(), (row, column)), shape=(self._nodes, self._nodes))
+
+    def _moments(self, surface: EndFace, fields: Array) -> Array:
+        """Return the integrals of a rod's functions times fields, on all nodes, by the rule of its elements."""
+        trace = end_trace(self._model.bodies[surface.body].space, surface.which, own=True)
+        values = self._on_nodes(surface, trace.nodes, trace.values)
+        return np.asarray(values.T @ (trace.weights[:, None] * (values @ fields)))
+
+    def _linear(self, surface: EndFace, origin: Array) -> Array:
+        """Return coefficients of 1 and the coordinates from an origin of a rod on all nodes, shape ``(nodes, 4)``."""
+        space, first = self._model.bodies[surface.body].space, self._first(surface)
+        result = np.zeros((self._nodes, 4))
+        arms = space.positions - space.is_carrier[:, None] * origin
+        result[first : first + space.nodes] = np.column_stack([space.is_carrier, arms])
+        return result
 
     def _resolved(self, rows: csr_array) -> csr_array:
         """Return the slaves' rows with slaves of other ties replaced by what these are of others."""
@@ -180,23 +255,24 @@ class Constraints:
         raise InputError("ties: they go round in a circle, each slave the master of another; turn one round")
 
 
-def _projection(own: csr_array, jump: csr_array, mine: Index, weights: csr_array) -> csr_array:
+def _projection(own: csr_array, jump: csr_array, mine: Index, tests: Array, balanced: csr_array | None) -> csr_array:
     """Return the coefficients of some of the slave's nodes in terms of all nodes ``(m, nodes)``."""
-    traces = own[:, mine]
-    left = (traces.T @ weights @ traces).toarray()
+    left = np.asarray((own[:, mine].T @ tests).T)
     # What is left when the functions that are solved for are taken out of the jump.
     drop = np.ones(jump.shape[1])
     drop[mine] = 0.0
-    right = csr_array(traces.T @ weights @ jump @ csr_array(diags(drop)))
-    columns = np.unique(right.indices)
-    scale = 1.0 / np.sqrt(np.diag(left))
-    try:
-        factor = cho_factor(left * scale * scale[:, None])
-    except LinAlgError:
+    others = csr_array(jump @ csr_array(diags(drop)))
+    columns = np.unique(others.indices if balanced is None else np.append(others.indices, balanced.indices))
+    right = np.asarray((others[:, columns].T @ tests).T)
+    if balanced is not None:
+        right += balanced[mine][:, columns].toarray()
+    scale = 1.0 / np.sqrt(np.abs(np.diag(left)))
+    scaled = left * scale * scale[:, None]
+    if not np.linalg.cond(scaled) < _SINGULAR:
         raise InputError(
             "the slave's functions are not independent on its surface; take the whole surface, or the other as slave"
-        ) from None
-    found = scale[:, None] * cho_solve(factor, scale[:, None] * right[:, columns].toarray())
+        )
+    found = scale[:, None] * np.linalg.solve(scaled, scale[:, None] * right)
     found[np.abs(found) < _DROPPED * np.abs(found).max(initial=0.0)] = 0.0
     small = csr_array(found)
     return csr_array((small.data, columns[small.indices], small.indptr), shape=(mine.size, jump.shape[1]))

@@ -10,7 +10,7 @@ from isorod.arrays import Array, Index
 from isorod.errors import InputError
 from isorod.geometry.disk import circle, harmonic_functions
 from isorod.geometry.fitting import evaluate
-from isorod.geometry.quadrature import axis_points, circle_points
+from isorod.geometry.quadrature import Rule, axis_points, circle_points
 from isorod.space.space import Space
 
 # Points where the search for the nearest one begins: so far apart along the rod, in radii, and so many in a section.
@@ -22,6 +22,9 @@ _STEPS, _EXACT = 50, 1e-13
 
 # A function whose trace is this small beside those of the others, or such a combination of them, has none of its own.
 _NEW = 1e-7
+
+# Gauss points in a slice of the disk or along an element, at most.
+_MOST_POINTS = 64
 
 # Two lengths along a rod are the same to this share of it.
 _ROUNDED = 1e-6
@@ -69,11 +72,16 @@ class Rows(NamedTuple):
     gap: Array
 
 
-def end_trace(space: Space, which: str) -> Trace:
-    """Return the functions on the face at the ``"start"`` or ``"end"``."""
+def end_trace(space: Space, which: str, finer: int = 1, own: bool = False) -> Trace:
+    """Return the functions on the face at the ``"start"`` or ``"end"``.
+
+    The points are so many times as close as those of a full rule, or where ``own`` those of the elements: what constant
+    stresses do to the nodes is then balanced on the face exactly.
+    """
     layer = space.end(which) % space.layers
     u = space.axis.breaks[space.end(which)]
-    xi, area = space.section_rule(space.basis.full(space.axis.degree))
+    rule = space.rule if own else _closer(space.basis.full(space.axis.degree), finer)
+    xi, area = space.section_rule(rule)
     position, jacobian = space.rod.grid(xi, [u])
     normal = np.cross(jacobian[0, :, :, 0], jacobian[0, :, :, 1]) * (1.0 if which == "end" else -1.0)
     size = np.linalg.norm(normal, axis=1)
@@ -82,13 +90,13 @@ def end_trace(space: Space, which: str) -> Trace:
     return Trace(position[0], normal / size[:, None], area * size, np.tile(nodes, (len(xi), 1)), values, nodes)
 
 
-def lateral_trace(space: Space, along: tuple[float, float] | None, surface: str) -> Trace:
-    """Return the functions on the lateral surface (`isorod.model.tie.LateralSurface`)."""
+def lateral_trace(space: Space, along: tuple[float, float] | None, surface: str, finer: int = 1) -> Trace:
+    """Return the functions on the lateral surface (`isorod.model.tie.LateralSurface`); points as for `end_trace`."""
     radius = space.rod.rings[0 if surface == "inner" else -1]
     if radius == 0.0:
         raise InputError("inner surface: the rod has no hole")
     chosen = _elements(space, along)
-    rule = space.basis.full(space.axis.degree)
+    rule = _closer(space.basis.full(space.axis.degree), finer)
     xi, angle = circle_points(space.points_around, rule.angular + 1, radius, space.turn)
     u, length = (one[chosen] for one in axis_points(space.axis, rule.axial))
     position, jacobian = space.rod.grid(xi, u.ravel())
@@ -115,6 +123,11 @@ def lateral_trace(space: Space, along: tuple[float, float] | None, surface: str)
         values.reshape(count, -1),
         independent,
     )
+
+
+def _closer(rule: Rule, finer: int) -> Rule:
+    """Return a rule with so many times as many points in each direction."""
+    return Rule(*(min(finer * count, _MOST_POINTS) for count in (rule.radial, rule.angular, rule.axial)))
 
 
 def _elements(space: Space, along: tuple[float, float] | None) -> Index:
