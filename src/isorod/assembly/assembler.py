@@ -236,6 +236,13 @@ class Assembler(Unknowns):
         with self._timed():
             return self._bound(self._forces(self._state(x, factor), factor))
 
+    def system_forces(self, x: PETSc.Vec, factor: float) -> Array:
+        """Return the internal less the external forces on all degrees of freedom, of rods and of solids, on every rank."""
+        assert self.coupling is not None
+        with self._timed():
+            rods = self.everywhere(self._forces(self._state(x, factor), factor))
+            return np.append(rods, self.coupling.everywhere(self.coupling.solid_forces(x, factor)))
+
     def carried(self, x: PETSc.Vec) -> float:
         """Return the norm of the nodal forces of the loads at load factor 1, and of the push of moving obstacles."""
         own = self._loads(self._state(x, 1.0)) if self.model.loads else np.zeros(1)

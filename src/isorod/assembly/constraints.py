@@ -51,8 +51,11 @@ class Tied(NamedTuple):
     ----------
     trace
         The slave's functions on its surface.
-    slaves
-        Degrees of freedom that the tie determines.
+    slaves, rows
+        Degrees of freedom that the tie determines, ``(s,)``, and what they are of others, slaves of other ties among
+        them, ``(s, dofs)``.
+    own : (q, nodes)
+        The slave's functions at the points of the trace, on all nodes.
     jump : (q, nodes)
         The master's less the slave's functions at the points of the trace, on all nodes.
     gap
@@ -61,6 +64,8 @@ class Tied(NamedTuple):
 
     trace: Trace
     slaves: Index
+    rows: csr_array
+    own: csr_array
     jump: csr_array
     gap: float
 
@@ -80,8 +85,8 @@ class Constraints:
         Whether a degree of freedom is held, and of solids where to at load factor 1.
     ranks_of_solids
         Rank of each degree of freedom of each solid.
-    ties
-        Each tie as it is on the nodes.
+    ties, order
+        Each tie as it is on the nodes, and an order in which none is the master of what comes later.
 
     Raises
     ------
@@ -106,20 +111,17 @@ class Constraints:
         self._taken = self.held.copy()
         self._taken[model.bound] = True
         self.ties: list[Tied] = []
-        slaves, rows = [np.empty(0, dtype=np.int64)], []
         for k, tie in enumerate(model.ties):
             try:
-                tied, row = self._tied(tie)
+                self.ties.append(self._tied(tie))
             except InputError as problem:
                 raise InputError(f"tie {k}: {problem}") from None
-            self.ties.append(tied)
-            slaves.append(tied.slaves)
-            rows.append(row)
-        found = np.concatenate(slaves)
+        found = np.concatenate([np.empty(0, dtype=np.int64), *(tied.slaves for tied in self.ties)])
         order = np.argsort(found)
         self.slaves = found[order]
-        stacked = vstack(rows, format="csr") if rows else csr_array((0, 3 * self._nodes))
-        self.rows = self._resolved(csr_array(stacked)[order])
+        rows = [csr_array((0, 3 * self._nodes)), *(tied.rows for tied in self.ties)]
+        self.order = self._ordered()
+        self.rows = self._resolved(csr_array(vstack(rows, format="csr"))[order])
 
     def _first(self, surface: Surface) -> int:
         bodies = len(self._model.bodies)
@@ -145,8 +147,8 @@ class Constraints:
         columns = self._first(surface) + nodes.ravel()
         return csr_array((values.ravel(), columns, start), shape=(points, self._nodes))
 
-    def _tied(self, tie: Tie) -> tuple[Tied, csr_array]:
-        """Return a tie on the nodes, and its slaves in terms of other degrees of freedom."""
+    def _tied(self, tie: Tie) -> Tied:
+        """Return a tie on the nodes."""
         trace, near = self._met(tie)
         self._refuse_gap(tie, trace, near)
         own = self._on_nodes(tie.slave, trace.nodes, trace.values)
@@ -168,7 +170,7 @@ class Constraints:
             raise InputError(f"supports or other ties hold all of the {tie.slave}; leave one of them out")
         found = np.concatenate(slaves)
         self._taken[found] = True
-        return Tied(trace, found, jump, float(near.gap.max())), csr_array(vstack(rows, format="csr"))
+        return Tied(trace, found, csr_array(vstack(rows, format="csr")), own, jump, float(near.gap.max()))
 
     def _met(self, tie: Tie) -> tuple[Trace, Rows]:
         """Return the slave's functions, at points close enough for the master's, and those of the master there."""
@@ -242,17 +244,25 @@ class Constraints:
         result[first : first + space.nodes] = np.column_stack([space.is_carrier, arms])
         return result
 
+    def _ordered(self) -> list[int]:
+        """Return the ties in an order in which none is the master of what comes later."""
+        masters = [set(np.unique(tied.rows.indices).tolist()) for tied in self.ties]
+        left, found = list(range(len(self.ties))), []
+        while left:
+            last = [k for k in left if not any(masters[j].intersection(self.ties[k].slaves) for j in left if j != k)]
+            if not last:
+                raise InputError("ties: they go round in a circle, each slave the master of another; turn one round")
+            found.append(last[0])
+            left.remove(last[0])
+        return found
+
     def _resolved(self, rows: csr_array) -> csr_array:
         """Return the slaves' rows with slaves of other ties replaced by what these are of others."""
-        for _ in range(len(self.ties) + 1):
-            inner = csr_array(rows[:, self.slaves])
-            if not inner.nnz:
-                return rows
-            keep = np.ones(rows.shape[1])
-            keep[self.slaves] = 0.0
+        keep = np.ones(rows.shape[1])
+        keep[self.slaves] = 0.0
+        while (inner := csr_array(rows[:, self.slaves])).count_nonzero():
             rows = csr_array(rows @ csr_array(diags(keep)) + inner @ rows)
-            rows.eliminate_zeros()
-        raise InputError("ties: they go round in a circle, each slave the master of another; turn one round")
+        return rows
 
 
 def _projection(own: csr_array, jump: csr_array, mine: Index, tests: Array, balanced: csr_array | None) -> csr_array:

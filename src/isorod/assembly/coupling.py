@@ -127,6 +127,11 @@ class Coupling:
             found.append(given[own] + moved.array_r)
         return found
 
+    def everywhere(self, own: Sequence[Array]) -> Array:
+        """Return what each solid has on this rank, on every rank, one solid behind the other."""
+        found = [np.concatenate(self._comm.tompi4py().allgather(one)) for one in own]
+        return np.concatenate([np.empty(0), *found])
+
     def solid_forces(self, x: PETSc.Vec, factor: float) -> list[Array]:
         """Return the internal less the external forces of each solid's degrees of freedom on this rank."""
         return [

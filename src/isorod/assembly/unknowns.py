@@ -189,6 +189,18 @@ class Unknowns:
         """Return all unknowns of the rods of a vector, on every rank."""
         return self._exchange.all_unknowns(x if self.coupling is None else self.coupling.to_rods(x))
 
+    def everywhere(self, local: Array) -> Array:
+        """Return the sums over all ranks of what is in their slots, of all the model's degrees of freedom."""
+        moved, slots = self._exchange.moved
+        own = np.zeros(self.model.dofs)
+        own[moved] = local[slots]
+        return own if self.comm.getSize() == 1 else np.asarray(self.comm.tompi4py().allreduce(own))
+
+    def system_displacement(self, x: PETSc.Vec, factor: float) -> Array:
+        """Return all degrees of freedom, of rods and of solids, on every rank."""
+        assert self.coupling is not None
+        return np.append(self.displacement(x, factor), self.coupling.everywhere(self.coupling.solids(x, factor)))
+
     def solids(self, x: PETSc.Vec, factor: float) -> list[Array]:
         """Return the displacement of each solid's degrees of freedom on this rank."""
         return [] if self.coupling is None else self.coupling.solids(x, factor)

@@ -270,7 +270,7 @@ def _solve(
     pencil = _pencil(assembler, lumped, loose, turns)
     pencil.tell = told if assembler.comm.getRank() == 0 else None
     wanted = _wanted(pencil, modes)
-    x = assembler.vector() if state is None else assembler.state(state.displacement, state.pressures)
+    x = assembler.vector() if state is None else assembler.state(state.displacement, state.pressures, state.solids)
     setup = perf_counter() - start
     assembler.seconds = 0.0
     assembler.tangent(x, 0.0 if state is None else 1.0, pencil.stiffness)

@@ -57,7 +57,7 @@ def hold(assembler: Assembler, state: Equilibrium) -> list[tuple[int, Array]]:
     if not slides:
         return []
     matrix = assembler.matrix()
-    assembler.tangent(assembler.state(state.displacement, state.pressures), 1.0, matrix)
+    assembler.tangent(assembler.state(state.displacement, state.pressures, state.solids), 1.0, matrix)
     vectors = list(rigid_motions.on_unknowns(assembler, slides))
     sizes = matrix.getDiagonal()
     found = []
@@ -109,7 +109,7 @@ def _softer(model: Model, state: Equilibrium, eigenvalues: Array, vectors: Array
     contact = Frozen(model, model.contacts, state.contacts, state.displacement, PETSc.COMM_SELF)
     assembler.contact = contact  # type: ignore[assignment]
     matrix, mass = assembler.matrix(), assembler.mass(lumped) if free else assembler.mass_operator(lumped)
-    assembler.tangent(assembler.state(state.displacement, state.pressures), 1.0, matrix)
+    assembler.tangent(assembler.state(state.displacement, state.pressures, state.solids), 1.0, matrix)
     shift = float(np.abs(eigenvalues[0])) if free else 0.0
     if free:
         matrix.axpy(shift, mass, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)

@@ -117,7 +117,7 @@ def matrices(model: Model, state: State | None = None, lumped: bool = False) -> 
     # Every rank has all of it: the whole is what is wanted.
     assembler = assembler_for(model, PETSc.COMM_SELF)
     factor = 0.0 if state is None else 1.0
-    x = assembler.vector() if state is None else assembler.state(state.displacement, state.pressures)
+    x = assembler.vector() if state is None else assembler.state(state.displacement, state.pressures, state.solids)
     tangent, force = assembler.matrix(), assembler.vector()
     assembler.tangent(x, factor, tangent)
     if state is None:

@@ -25,6 +25,7 @@ from isorod.statics.climb import begin, climb, descend
 from isorod.statics.contact_policy import outcome
 from isorod.statics.newton import Newton
 from isorod.statics.path import Path, Step
+from isorod.statics.tie_result import TieResult, results
 
 if TYPE_CHECKING:
     from isorod.checks.estimate import Error
@@ -76,6 +77,10 @@ class Equilibrium(State, Animated):
     negative_eigenvalues
         Of the tangent stiffness: in so many directions the equilibrium is unstable; None where that is not told, as
         with friction (`isorod.statics.stability`).
+    ties
+        What each tie of the model carries.
+    solids
+        Displacement of each solid's degrees of freedom on this rank.
     """
 
     reactions: Array
@@ -95,6 +100,8 @@ class Equilibrium(State, Animated):
     stabilisation: "tuple[float, int] | None" = None
     path: Sequence[Step] = ()
     negative_eigenvalues: int | None = None
+    ties: Sequence[TieResult] = ()
+    solids: Sequence[Array] = ()
     _counted: ClassVar[str] = "load factor"
 
     def __repr__(self) -> str:
@@ -174,6 +181,8 @@ class Equilibrium(State, Animated):
             found["penetration"] = max(one.penetration for one in self.contacts)
             found["augmentations"] = self.augmentations
             found["contacts"] = [one.record() for one in self.contacts]
+        if self.ties:
+            found["ties"] = [one.record() for one in self.ties]
         if self.stabilisation is not None:
             found["stabilisation"], found["stabilisation_rounds"] = self.stabilisation
         return found
@@ -353,6 +362,8 @@ def _solve(
             stabilisation=stabilisation,
             path=path.steps if keep or assembler.contact is not None else (),
             negative_eigenvalues=negative,
+            ties=results(assembler, solver.x, 1.0),
+            solids=assembler.solids(solver.x, 1.0),
         )
     finally:
         told.close()

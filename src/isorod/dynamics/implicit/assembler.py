@@ -141,18 +141,11 @@ class StepAssembler(Assembler):
             internal -= self._once(self.contact.forces(self._everywhere)[0])
         change, past = self._rates
         inertial = self._momenta(change * local - past * self._velocity)
-        self.amount = sum(float(np.linalg.norm(self._whole(one))) for one in (inertial, internal, self._external))
+        self.amount = sum(float(np.linalg.norm(self.everywhere(one))) for one in (inertial, internal, self._external))
         return inertial + internal - self._external
 
     def _momenta(self, velocity: Array) -> Array:
         return self._sums(part.masses(velocity) for part in self.parts)
-
-    def _whole(self, local: Array) -> Array:
-        """Return the sums over all ranks, of all the model's degrees of freedom."""
-        moved, slots = self._exchange.moved
-        own = np.zeros(self.model.dofs)
-        own[moved] = local[slots]
-        return own if self.comm.getSize() == 1 else np.asarray(self.comm.tompi4py().allreduce(own))
 
     def change(self, x: PETSc.Vec) -> Array:
         """Return unknowns as a change of all degrees of freedom, on every rank: supports move none."""
@@ -167,7 +160,7 @@ class StepAssembler(Assembler):
 
     def momenta(self, velocity: Array) -> Array:
         """Return the consistent mass matrix times a vector, both of all degrees of freedom."""
-        return self._whole(self._momenta(self.local(velocity)))
+        return self.everywhere(self._momenta(self.local(velocity)))
 
     def tangent(self, x: PETSc.Vec, factor: float, out: PETSc.Mat, lags: bool = False) -> None:
         """Fill ``out`` with the derivative of the residual."""

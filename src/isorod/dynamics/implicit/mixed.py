@@ -179,14 +179,14 @@ class MixedStepAssembler(MixedAssembler, StepAssembler):
 
     def gather(self, local: Array, out: PETSc.Vec) -> None:
         """Fill a vector with the sums over all ranks of what is in this rank's slots."""
-        self._exchange.store(local, out)
+        self._store(local, out)
 
     def pressed_by(self, displacement: Array, x: PETSc.Vec) -> Array:
         """Return the forces of the pressures in ``x`` in a state, of all degrees of freedom."""
         local, p, forces = self.local(displacement), self._state(x, 0.0), np.zeros(self._exchange.size)
         for part in self.mixed_parts:
             part.add_pressure(local, p, forces)
-        return self._whole(forces)
+        return self.everywhere(forces)
 
     def pressures_of(self, x: PETSc.Vec) -> Array:
         """Return a vector's degrees of freedom of this rank, of which parts take pressures."""

@@ -1,0 +1,94 @@
+"""What ties carry: force, moment, traction on the surface, and how far the displacements of both sides are apart."""
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from isorod.arrays import Array
+from isorod.model.tie import Tie
+
+if TYPE_CHECKING:
+    from petsc4py import PETSc
+
+    from isorod.assembly.assembler import Assembler
+
+
+@dataclass(frozen=True, eq=False)
+class TieResult:
+    """What a tie carries.
+
+    Attributes
+    ----------
+    tie
+        The tie.
+    force, moment
+        Resultant of the tractions on the slave, shape ``(3,)``, and their moment about ``center``.
+    center
+        Mean of the surface at rest, shape ``(3,)``.
+    jump
+        Largest distance, at a point, between the displacements of both sides, units of length.
+    gap
+        Largest distance of the surfaces at rest, units of length.
+    area
+        Of the slave's surface.
+    points, normals, traction
+        Quadrature points of the slave's surface and its normals there, at rest, and the traction on it, force per
+        reference area, shape ``(q, 3)`` each.  Where the surface ends at an edge of the other body it is singular.
+    """
+
+    tie: Tie
+    force: Array
+    moment: Array
+    center: Array
+    jump: float
+    gap: float
+    area: float
+    points: Array = field(repr=False)
+    normals: Array = field(repr=False)
+    traction: Array = field(repr=False)
+
+    def record(self) -> dict[str, Any]:
+        """Return what a record keeps of it."""
+        return {name: getattr(self, name) for name in ("force", "moment", "jump", "gap", "area")}
+
+
+def results(assembler: "Assembler", x: "PETSc.Vec", factor: float) -> list[TieResult]:
+    """Return what each tie carries in an equilibrium, on every rank."""
+    if assembler.coupling is None:
+        return []
+    constraints = assembler.coupling.constraints
+    forces, moved = assembler.system_forces(x, factor), assembler.system_displacement(x, factor).reshape(-1, 3)
+    # Of solids all functions add up to one, of rods those of carriers.
+    carriers = np.ones(len(moved))
+    carriers[: assembler.model.dofs // 3] = assembler.model.is_carrier
+    found: list[TieResult | None] = [None] * len(constraints.ties)
+    for k in constraints.order:
+        tied, tie = constraints.ties[k], assembler.model.ties[k]
+        carried = forces[tied.slaves]
+        # What holds the slave pulls at the master.
+        forces[tied.slaves] = 0.0
+        forces += tied.rows.T @ carried
+        nodal = np.zeros(moved.shape)
+        nodal.ravel()[tied.slaves] = carried
+        trace, own = tied.trace, tied.own
+        nodes = np.unique(tied.slaves // 3)
+        values = own[:, nodes].toarray()
+        weighted = trace.weights[:, None] * values
+        coefficients = np.linalg.lstsq(values.T @ weighted, nodal[nodes], rcond=None)[0]
+        traction = values @ coefficients
+        center = trace.weights @ trace.points / trace.weights.sum()
+        arms = trace.points - center
+        found[k] = TieResult(
+            tie=tie,
+            force=carriers[nodes] @ nodal[nodes],
+            moment=trace.weights @ np.cross(arms, traction),
+            center=center,
+            jump=float(np.linalg.norm(tied.jump @ moved, axis=1).max()),
+            gap=tied.gap,
+            area=float(trace.weights.sum()),
+            points=trace.points,
+            normals=trace.normals,
+            traction=traction,
+        )
+    return [one for one in found if one is not None]
